@@ -1,0 +1,16 @@
+# rtsg_library(NAME DEPENDS ... LIBRARIES ...): target rtsg_NAME, alias rtsg::NAME, from src/ and include/ of the
+# current folder. A folder sees only the headers of what it DEPENDS on: that is how the arrows are enforced.
+function(rtsg_library name)
+  cmake_parse_arguments(ARG "" "" "DEPENDS;LIBRARIES;PRIVATE_LIBRARIES" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS src/*.cpp)
+  add_library(rtsg_${name} STATIC ${sources})
+  add_library(rtsg::${name} ALIAS rtsg_${name})
+  set_target_properties(rtsg_${name} PROPERTIES EXPORT_NAME ${name} LINKER_LANGUAGE CXX)
+  target_include_directories(rtsg_${name} PUBLIC
+    "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>" "$<INSTALL_INTERFACE:include>"
+    PRIVATE src)
+  foreach(dependency IN LISTS ARG_DEPENDS)
+    target_link_libraries(rtsg_${name} PUBLIC rtsg_${dependency})
+  endforeach()
+  target_link_libraries(rtsg_${name} PUBLIC ${ARG_LIBRARIES} PRIVATE ${ARG_PRIVATE_LIBRARIES} $<BUILD_INTERFACE:rtsg_options>)
+endfunction()

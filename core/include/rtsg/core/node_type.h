@@ -1,0 +1,115 @@
+// NodeType: one row of the spec table: name, component, level and fields with type, access, default, range
+// and aspect. Built-in types come from core/spec/*.x3dspec through the table compiler; PROTOs, Scripts and
+// users' own types are made at run time and look the same.
+//
+// Invariant: a NodeType never changes once a scene knows it. Field indices are stable within a type.
+// Source: ISO/IEC 19775-1 V4.0, node tables of clauses 7-43, access rules 4.4.2.2.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <rtsg/core/value.h>
+
+namespace rtsg {
+
+enum class Access : std::uint8_t { initializeOnly, inputOnly, outputOnly, inputOutput };
+
+/// What a field means to subscribers.
+enum class Aspect : std::uint8_t { none, structure, transform, geometry, appearance, light, view, sound, time };
+
+using FieldIndex = std::uint16_t;
+constexpr FieldIndex kNoField = 0xFFFF;
+
+/// Index into Scene's types: built-in types first (same numbers in every scene of one build), then the scene's own.
+struct TypeIndex {
+    std::uint16_t value = 0xFFFF;
+    friend bool operator==(const TypeIndex&, const TypeIndex&) = default;
+};
+
+struct FieldDef {
+    std::string name;
+    FieldType type = FieldType::SFBool;
+    Access access = Access::inputOutput;
+    Aspect aspect = Aspect::none;
+    Value defaultValue;
+    /// Inclusive unless `exclusiveMin`; infinite when unbounded. Applies to every component of every element.
+    double min = -std::numeric_limits<double>::infinity();
+    double max = std::numeric_limits<double>::infinity();
+    bool exclusiveMin = false;
+    /// Allowed strings of an enumerated SFString (empty: any). Advice for validation, never enforced on set.
+    std::vector<std::string> allowed;
+    /// Node or abstract types that an SFNode/MFNode accepts (empty: any).
+    std::vector<std::string> accepts;
+    /// Ours, not the standard's: invisible to files, part of the state (a PROTO instance's `body`, say).
+    bool hidden = false;
+    /// Byte offset in the node's block; kNoOffset for inputOnly fields, which have no storage.
+    static constexpr std::uint16_t kNoOffset = 0xFFFF;
+    std::uint16_t offset = kNoOffset;
+
+    bool readable() const { return access != Access::inputOnly; }
+    bool writable() const { return access == Access::inputOnly || access == Access::inputOutput; }
+    bool sends() const { return access == Access::outputOnly || access == Access::inputOutput; }
+};
+
+class NodeType {
+  public:
+    enum class Kind : std::uint8_t { builtin, user, proto, externProto, script };
+
+    std::string name;
+    std::string component;
+    int level = 1;
+    Kind kind = Kind::builtin;
+    std::string containerField = "children";  // XML default, ISO/IEC 19776-1
+    std::vector<std::string> implements;      // every abstract type, direct or inherited ("X3DChildNode", ...)
+    std::vector<FieldDef> fields;
+    /// For PROTOs and EXTERNPROTOs: the declaration as ClassicVRML text, so that a replica can save it.
+    std::string declaration;
+
+    /// Computes offsets and the default block; call once after the fields are complete.
+    void finish();
+
+    /// Finds `name`, `set_name` or `name_changed` (the latter two only as access allows); kNoField if absent.
+    FieldIndex find(std::string_view name) const;
+    /// Exact name only.
+    FieldIndex findExact(std::string_view name) const;
+    bool isA(std::string_view typeOrAbstract) const;
+
+    std::size_t blockSize() const { return blockSize_; }
+    /// `blockSize()` bytes; shared values inside are owned by the type.
+    const std::byte* defaults() const { return defaults_.data(); }
+    /// Fields stored as shared pointers, which construction and destruction must visit.
+    std::span<const FieldIndex> sharedFields() const { return sharedFields_; }
+    /// Fields of type SFNode or MFNode.
+    std::span<const FieldIndex> nodeFields() const { return nodeFields_; }
+
+    NodeType() = default;
+    NodeType(const NodeType&) = delete;
+    NodeType& operator=(const NodeType&) = delete;
+    ~NodeType();
+
+  private:
+    std::size_t blockSize_ = 0;
+    std::vector<std::byte> defaults_;
+    std::vector<FieldIndex> sharedFields_, nodeFields_;
+    std::vector<std::pair<std::string_view, FieldIndex>> byName_;  // sorted
+};
+
+/// Typed handle of a field, generated per built-in type: `x3d::Transform::translation`.
+template <class T>
+struct Field {
+    FieldIndex index;
+};
+
+/// Every built-in type, in TypeIndex order. Built on first use, immutable afterwards.
+std::span<const std::unique_ptr<NodeType>> builtinTypes();
+const NodeType* findBuiltinType(std::string_view name);
+/// The abstract types' names, for `isA` and validation.
+bool isAbstractType(std::string_view name);
+
+}  // namespace rtsg
