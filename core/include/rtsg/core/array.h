@@ -104,7 +104,10 @@ class Array {
         }
         makeSole(count);
         T* first = reinterpret_cast<T*>(header_ + 1);
-        while (header_->size > count) first[--header_->size].~T();
+        if (const std::size_t before = header_->size; before > count) {
+            while (header_->size > count) first[--header_->size].~T();
+            std::memset(static_cast<void*>(first + count), 0, (before - count) * sizeof(T));  // the padding's zeros
+        }
         while (header_->size < count) new (first + header_->size++) T();
     }
     void insert(std::size_t index, T element) {

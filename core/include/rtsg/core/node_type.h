@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -49,8 +50,8 @@ struct FieldDef {
     /// Ours, not the standard's: invisible to files, part of the state (a PROTO instance's `body`, say).
     bool hidden = false;
     /// Byte offset in the node's block; kNoOffset for inputOnly fields, which have no storage.
-    static constexpr std::uint16_t kNoOffset = 0xFFFF;
-    std::uint16_t offset = kNoOffset;
+    static constexpr std::uint32_t kNoOffset = 0xFFFFFFFF;
+    std::uint32_t offset = kNoOffset;
 
     bool readable() const { return access != Access::inputOnly; }
     bool writable() const { return access == Access::inputOnly || access == Access::inputOutput; }
@@ -71,8 +72,9 @@ class NodeType {
     /// For PROTOs and EXTERNPROTOs: the declaration as ClassicVRML text, so that a replica can save it.
     std::string declaration;
 
-    /// Computes offsets and the default block; call once after the fields are complete.
-    void finish();
+    /// Computes offsets and the default block; call once after the fields are complete. False, and the type is
+    /// unusable, when two fields share a name or there are more of them than a FieldIndex can count.
+    [[nodiscard]] bool finish();
 
     /// Finds `name`, `set_name` or `name_changed` (the latter two only as access allows); kNoField if absent.
     FieldIndex find(std::string_view name) const;

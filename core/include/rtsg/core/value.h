@@ -120,6 +120,15 @@ const FieldTypeInfo& info(FieldType type);
 /// Null optional semantics: returns false when `name` is no field type.
 bool fieldTypeFromName(std::string_view name, FieldType& out);
 
+namespace detail {
+constexpr std::uint64_t bit(FieldType t) { return std::uint64_t{1} << static_cast<unsigned>(t); }
+// SF types above 16 bytes live in a one-element array.
+constexpr std::uint64_t kBoxed = bit(FieldType::SFVec3d) | bit(FieldType::SFVec4d) | bit(FieldType::SFMatrix3f) |
+                                 bit(FieldType::SFMatrix3d) | bit(FieldType::SFMatrix4f) | bit(FieldType::SFMatrix4d);
+constexpr std::uint64_t kOwns =
+    kBoxed | bit(FieldType::SFString) | bit(FieldType::SFImage) | 0xAAAAAAAAAAAAAAAAull;
+}  // namespace detail
+
 /// One value of any field type.
 class Value {
   public:
@@ -176,17 +185,9 @@ class Value {
     friend bool operator==(const Value& a, const Value& b) noexcept;
 
   private:
-    bool owns() const noexcept { return kOwns >> static_cast<unsigned>(type_) & 1u; }
-    bool boxed() const noexcept { return kBoxed >> static_cast<unsigned>(type_) & 1u; }
+    bool owns() const noexcept { return detail::kOwns >> static_cast<unsigned>(type_) & 1u; }
+    bool boxed() const noexcept { return detail::kBoxed >> static_cast<unsigned>(type_) & 1u; }
     void dropOwned() noexcept;
-
-    static constexpr std::uint64_t bit(FieldType t) { return std::uint64_t{1} << static_cast<unsigned>(t); }
-    // SF types above 16 bytes live in a one-element array.
-    static constexpr std::uint64_t kBoxed = bit(FieldType::SFVec3d) | bit(FieldType::SFVec4d) |
-                                            bit(FieldType::SFMatrix3f) | bit(FieldType::SFMatrix3d) |
-                                            bit(FieldType::SFMatrix4f) | bit(FieldType::SFMatrix4d);
-    static constexpr std::uint64_t kOwns =
-        kBoxed | bit(FieldType::SFString) | bit(FieldType::SFImage) | 0xAAAAAAAAAAAAAAAAull;
 
     alignas(8) std::byte inline_[16] = {};
     FieldType type_ = FieldType::SFBool;
