@@ -1,0 +1,134 @@
+// InstanceDelta: what one ChangeSet did to the instances and to the other things a scene places in the world.
+//
+// Invariant: one instance per path from the root to a Shape (DEF/USE makes identity the path, not the node). Applying
+// every delta in order gives what flattening the scene from scratch gives, up to the numbering of the slots. A slot
+// that a delta frees is handed out again by a later delta at the earliest, under another generation.
+// Order: a subscriber handles scopes, geometries, removed, added, rebound, moved, geometriesRemoved. An instance is in
+// at most one list, or in moved and rebound. Threading: plain data, self-contained: shape and place need no scene to be
+// read (materials do). Source: ISO/IEC 19775-1 V4.0 4.3.5 (transformation hierarchy), 17.2.2 (scope of lights); paper
+// section 5.1.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/core/value.h>
+
+namespace rtsg {
+
+struct Mesh;
+
+/// Names an instance. `slot` is small and dense enough to index arrays with; `generation` tells its tenants apart.
+struct InstanceId {
+    std::uint32_t slot = 0xFFFFFFFF;
+    std::uint32_t generation = 0;
+    explicit operator bool() const { return slot != 0xFFFFFFFF; }
+    friend bool operator==(const InstanceId&, const InstanceId&) = default;
+    friend auto operator<=>(const InstanceId&, const InstanceId&) = default;
+};
+
+/// A place in the hierarchy that limits what a local light reaches: 0 is the whole scene. See Flattener::scopeParent.
+struct ScopeId {
+    std::uint32_t value = 0;
+    friend bool operator==(const ScopeId&, const ScopeId&) = default;
+};
+
+/// Local to world, accumulated in double; columns 0-2 are the linear part, column 3 the translation (metres).
+using WorldFromLocal = glm::dmat4x3;
+
+/// -1 mirrored, +1 not, 0 singular (to within 1e-12 of the columns' lengths) or not finite.
+int determinantSign(const WorldFromLocal& m);
+/// a * b, both affine.
+WorldFromLocal compose(const WorldFromLocal& a, const WorldFromLocal& b);
+WorldFromLocal identityTransform();
+bool isFinite(const WorldFromLocal& m);
+
+/// What is known about how often a thing will move; a hint that no result depends on.
+enum class Mobility : std::uint8_t { unknown, fixed, moving };
+
+/// A Shape at the end of one path. Geometry may be NULL; `appearance` too (then X3D's default: unlit white).
+struct Instance {
+    InstanceId id;
+    NodeId shape;
+    NodeId geometry;
+    NodeId appearance;
+    NodeId acoustics;         // AcousticProperties of the appearance, or of the nearest group above that has one
+    ScopeId scope;            // innermost place that holds a local light
+    std::uint16_t layer = 0;  // index in LayerSet.layers, from 1; 0 is the scene outside any LayerSet
+    Mobility mobility = Mobility::unknown;
+    bool castShadow = true;
+    WorldFromLocal worldFromLocal{1.0};
+};
+
+/// What else a scene places in the world, one per path as well.
+enum class PlacedKind : std::uint8_t {
+    light,
+    viewpoint,
+    background,
+    fog,
+    navigation,
+    sound,
+    listener,
+    sensor,
+    clipPlane
+};
+
+struct Placed {
+    InstanceId id;  // its own numbering, apart from the instances'
+    NodeId node;
+    PlacedKind kind = PlacedKind::light;
+    /// Of a light: where it shines. 0 unless the light is local (`global` FALSE): then everything whose scope is this
+    /// one or below it. Of a clip plane: likewise.
+    ScopeId scope;
+    std::uint16_t layer = 0;
+    Mobility mobility = Mobility::unknown;
+    WorldFromLocal worldFromLocal{1.0};
+};
+
+struct InstanceDelta {
+    struct Moved {
+        InstanceId id;
+        WorldFromLocal worldFromLocal{1.0};
+    };
+    /// The triangles of a geometry node; null when it has none or they could not be made.
+    struct Geometry {
+        NodeId node;
+        std::shared_ptr<const Mesh> mesh;
+    };
+    /// A scope and the one around it, for walking outwards; sent before anything uses it.
+    struct Scope {
+        ScopeId scope;
+        ScopeId parent;
+    };
+
+    std::uint64_t sequence = 0;  // of the (last) ChangeSet it came from
+
+    std::vector<Scope> scopes;  // new or re-parented
+    std::vector<InstanceId> removed;
+    std::vector<Instance> added;
+    std::vector<Moved> moved;
+    std::vector<Instance>
+        rebound;  // anything but the transform: geometry, appearance, scope, castShadow... now names another
+
+    std::vector<Geometry> geometries;       // first used now, or changed in itself or in a node below (Coordinate...)
+    std::vector<NodeId> geometriesRemoved;  // no instance refers to them any more
+    /// Nodes some instance refers to with a change in any field, or in any node below (Material, ImageTexture...).
+    std::vector<NodeId> appearanceChanged;
+    std::vector<NodeId> acousticsChanged;
+
+    std::vector<InstanceId> placedRemoved;
+    std::vector<Placed> placedAdded;
+    std::vector<Moved> placedMoved;
+    std::vector<Placed> placedRebound;  // its scope or layer
+    std::vector<NodeId>
+        placedChanged;  // a light, viewpoint, sound... node any of whose fields changed (or nodes below)
+
+    bool empty() const;
+    /// Empties the lists and keeps their memory.
+    void clear();
+};
+
+}  // namespace rtsg

@@ -1,0 +1,166 @@
+// RayWorld: the speed-up graph and its bounding volume hierarchy, built from InstanceDeltas, queried by light, sound,
+// picking and collision alike.
+//
+// Invariant: after apply() it answers as one built from scratch would. No ray and no transform that Embree would abort
+// on reaches it: a bad ray is a counted miss, an instance that cannot be traced is left out with a diagnostic.
+// Ray space is world space minus origin(), in float; origin() is 0 unless the scene lies far away from 0.
+// Threading: apply() alone on one thread; between two of them every const member from any number of threads.
+// Source: paper section 5.1.1 (speed-up graph), 5.1.2 (mapping objects to instances).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/renderers/instance_delta.h>
+
+namespace rtsg {
+
+/// Origin and ends of the ray in ray space; the direction need not be a unit vector, t counts in its lengths.
+struct Ray {
+    Vec3f origin{0};
+    float tMin = 0;
+    Vec3f direction{0, 0, -1};
+    float tMax = std::numeric_limits<float>::infinity();
+};
+
+constexpr std::uint32_t kNoInstance = 0xFFFFFFFF;
+
+struct Hit {
+    float t = std::numeric_limits<float>::infinity();
+    std::uint32_t instance = kNoInstance;  // InstanceId::slot, for RayWorld::instance()
+    std::uint32_t triangle = 0;            // index into Mesh's triangles
+    float u = 0, v = 0;                    // weights of the triangle's second and third corner
+    /// Unit, in world space, on the side from which the corners run counter-clockwise in the local frame (so a mirrored
+    /// instance keeps its outside outside).
+    Vec3f normal{0};
+    explicit operator bool() const { return instance != kNoInstance; }
+};
+
+/// Sixteen rays in structure-of-arrays form, and room for their hits. Fill active, origin, direction, tMin, tMax; the
+/// rest is RayWorld's. After intersect(), tMax is the distance of the hit and hit(packet, lane) tells the rest; after
+/// occluded(), tMax is -inf in lanes that are blocked.
+struct alignas(64) RayPacket16 {
+    float originX[16], originY[16], originZ[16], tMin[16];
+    float directionX[16], directionY[16], directionZ[16], time_[16];
+    float tMax[16];
+    std::uint32_t mask_[16], id_[16], flags_[16];
+    float normalX_[16], normalY_[16], normalZ_[16];
+    float u_[16], v_[16];
+    std::uint32_t prim_[16], geom_[16], inst_[16];
+    std::int32_t active[16];  // -1 trace this lane, 0 do not
+
+    void set(int lane, const Ray& ray) {
+        originX[lane] = ray.origin.x, originY[lane] = ray.origin.y, originZ[lane] = ray.origin.z;
+        directionX[lane] = ray.direction.x, directionY[lane] = ray.direction.y, directionZ[lane] = ray.direction.z;
+        tMin[lane] = ray.tMin, tMax[lane] = ray.tMax, active[lane] = -1;
+    }
+    void skip(int lane) { active[lane] = 0; }
+    bool hasHit(int lane) const { return geom_[lane] != kNoInstance; }
+    bool isBlocked(int lane) const { return tMax[lane] < 0; }
+};
+
+/// An instance as rays see it. Lives as long as the instance, at one slot; read it between two apply() calls.
+struct RayInstance {
+    Instance info;
+    std::shared_ptr<const Mesh> mesh;  // null: not traced
+    glm::mat4x3 rayFromLocal{1.0f};    // ray space (see origin())
+    glm::mat3 normalFromLocal{
+        1.0f};     // directions only, to be normalised; right for mirrored and for flattened ones too
+    int sign = 1;  // of the determinant
+};
+
+/// A point on a surface with what is needed to start a ray there.
+struct SurfacePoint {
+    Vec3f position{0};  // ray space, from the corners and not from the ray: as exact as float allows
+    Vec3f error{0};     // bound of |position - exact| per axis
+    Vec3f normal{0};    // as in Hit
+};
+
+class RayWorld {
+  public:
+    /// How instances become Embree objects; `hybrid` is the default and meant to win. See the paper's section 5.1.2.
+    enum class Mapping : std::uint8_t { merged, perShape, hybrid };
+
+    struct Options {
+        Mapping mapping = Mapping::hybrid;
+        /// Watertight intersection: no leaks at shared edges. Off gains little.
+        bool robust = true;
+        /// Threads that build the BVH; 0 as many as cores.
+        unsigned buildThreads = 0;
+    };
+
+    struct Stats {
+        std::size_t instances = 0, traced = 0, culled = 0;  // culled: bad transform or no usable triangle
+        std::size_t meshes = 0, uniqueTriangles = 0, instancedTriangles = 0;
+        std::size_t bvhBytes = 0, meshBytes = 0;
+        std::size_t chunks = 0, chunksBuilt = 0;  // built: by the last apply()
+        std::size_t baked = 0;                    // instances whose triangles were copied into ray space
+        double applySeconds = 0;
+    };
+
+    RayWorld();
+    explicit RayWorld(const Options& options);
+    ~RayWorld();
+    RayWorld(RayWorld&&) noexcept;
+    RayWorld& operator=(RayWorld&&) noexcept;
+
+    /// Follows the scene by one delta and commits once. Instances that cannot be traced end up in diagnostics().
+    void apply(const InstanceDelta& delta);
+
+    /// Closest hit with tMin <= t <= tMax; a ray that is not finite, has no direction, a negative tMin or lies further
+    /// than kMaxCoordinate away misses and is counted in badRays().
+    Hit intersect(const Ray& ray) const;
+    /// Whether anything lies in [tMin, tMax]; for bad rays false, counted as above.
+    bool occluded(const Ray& ray) const;
+    /// As above for the active lanes. Returns a bit per lane that hit something or is blocked.
+    std::uint32_t intersect(RayPacket16& rays) const;
+    std::uint32_t occluded(RayPacket16& rays) const;
+    /// What lane `lane` of an intersected packet hit; no instance for a miss.
+    Hit hit(const RayPacket16& rays, int lane) const;
+
+    /// Precondition: the slot of a hit or of a live instance.
+    const RayInstance& instance(std::uint32_t slot) const { return instances_[slot]; }
+    /// Indexed by slot, with holes: a hole's info.id is no instance.
+    std::span<const RayInstance> instances() const { return instances_; }
+    /// The exact point of a hit and the bound of its rounding error.
+    SurfacePoint surface(const Hit& hit) const;
+    /// Where a ray leaving `point` towards `direction` should start so that it does not hit the surface it leaves.
+    static Vec3f leave(const SurfacePoint& point, const Vec3f& direction);
+
+    /// World position of ray space's zero. Changes only when a scene turns out to lie far from it.
+    const Vec3d& origin() const { return origin_; }
+    Vec3f fromWorld(const Vec3d& world) const { return Vec3f(world - origin_); }
+    Vec3d toWorld(const Vec3f& ray) const { return Vec3d(ray) + origin_; }
+
+    /// Box around everything traced, in ray space; lower > upper when there is nothing.
+    struct Bounds {
+        Vec3f lower{std::numeric_limits<float>::infinity()}, upper{-std::numeric_limits<float>::infinity()};
+        bool empty() const { return lower.x > upper.x; }
+    };
+    Bounds bounds() const;
+
+    /// Counts apply() calls that changed anything: caches keyed by it know when to forget.
+    std::uint64_t version() const { return version_; }
+    Stats stats() const;
+    std::uint64_t badRays() const;
+    const Diagnostics& diagnostics() const { return diagnostics_; }
+    void clearDiagnostics() { diagnostics_ = Diagnostics(); }
+
+    /// Coordinates beyond this (m) are neither traced nor accepted in rays.
+    static constexpr float kMaxCoordinate = 1e9f;
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+    std::vector<RayInstance> instances_;
+    Vec3d origin_{0};
+    std::uint64_t version_ = 0;
+    Diagnostics diagnostics_;
+};
+
+}  // namespace rtsg
