@@ -25,8 +25,8 @@ namespace detail {
 struct ArrayHeader {
     std::atomic<std::uint32_t> owners{1};
     std::uint32_t elementSize = 0;
-    std::uint64_t size = 0;      // elements
-    std::uint64_t capacity = 0;  // elements
+    std::uint64_t size = 0;                                               // elements
+    std::uint64_t capacity = 0;                                           // elements
     void (*destroyElements)(void* first, std::uint64_t count) = nullptr;  // null when trivial
 };
 static_assert(sizeof(ArrayHeader) == 32);

@@ -1,0 +1,60 @@
+// Behaviour: what a node type does when events reach it or time passes. Only nodes that act have one.
+//
+// A behaviour keeps no state of its own: all of it is in fields (hidden ones if need be), so a snapshot is
+// complete and a replica can take over. Threading: called on the scene's thread, inside newFrame.
+// Source: ISO/IEC 19775-1 V4.0 4.4.8.3 (execution model); each behaviour cites its clause.
+#pragma once
+
+#include <limits>
+
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
+/// The running event cascade of one timestamp, as a behaviour sees it.
+class Cascade {
+  public:
+    double now() const { return now_; }
+    const Scene& scene() const { return scene_; }
+
+    /// Sends an output event (and stores the value). At most one per field and timestamp reaches the routes.
+    template <class T>
+    void emit(const Node& node, Field<T> field, const T& value) {
+        emitStorage(node, field.index, &value);
+    }
+    /// Stores a hidden or own field without sending anything.
+    template <class T>
+    void store(const Node& node, Field<T> field, const T& value) {
+        storeStorage(node, field.index, &value);
+    }
+    /// `value` is in block representation.
+    void emitStorage(const Node& node, FieldIndex field, const void* value);
+    void storeStorage(const Node& node, FieldIndex field, const void* value);
+    /// Delivers an event to another node's input at this timestamp (direct output of a Script).
+    Result<> deliver(NodeId node, FieldIndex field, const Value& value);
+    void warn(const Node& node, std::string text);
+
+  private:
+    friend class Scene;
+    Cascade(Scene& scene, double now) : scene_(scene), now_(now) {}
+    Scene& scene_;
+    double now_;
+};
+
+struct Behaviour {
+    /// An input event has arrived; inputOutput fields already hold the new value. `value`: block representation.
+    void (*onEvent)(Cascade& cascade, const Node& node, FieldIndex field, const void* value) = nullptr;
+    /// Time has come (or a field was written). Returns when to be called next: now or earlier means every frame,
+    /// kNever means not before a field is written.
+    double (*onTime)(Cascade& cascade, const Node& node) = nullptr;
+};
+
+struct BuiltinBehaviour {
+    TypeIndex type;
+    Behaviour behaviour;
+};
+std::span<const BuiltinBehaviour> builtinBehaviours();
+
+}  // namespace rtsg

@@ -1,0 +1,91 @@
+// Change, ChangeSet and their composition: the one way in which a scene's state moves anywhere.
+//
+// Invariant of a sealed set: at most one net effect per (node, field); the order is
+// defineType*, createNode*, (setField | insertChild | removeChild)*, setName*, (removeRoute | addRoute)*,
+// destroyNode*, event*; references only to nodes that exist before the set or are created in it. A snapshot is the
+// set that leads from the empty scene (sequence 0) to a state. Sealed sets are immutable and shared.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <rtsg/core/node_type.h>
+#include <rtsg/core/value.h>
+
+namespace rtsg {
+
+/// 128-bit state hash: a sum modulo 2^128 of one term per node, non-default field, name and route.
+struct Hash128 {
+    std::uint64_t low = 0, high = 0;
+    friend bool operator==(const Hash128&, const Hash128&) = default;
+    std::string hex() const;
+};
+
+/// The numbers are part of the wire format.
+enum class ChangeKind : std::uint8_t {
+    defineType = 0,   // index: TypeIndex; the type is in ChangeSet::types
+    createNode = 1,   // node; index: TypeIndex; other: scope (the PROTO instance or Inline it belongs to, or none)
+    setField = 2,     // node, field, value
+    insertChild = 3,  // node, field (MFNode), other: child, index: position before which it goes
+    removeChild = 4,  // node, field (MFNode), other: child, index: its position
+    setName = 5,      // node, value: SFString, empty to clear
+    addRoute = 6,     // node.field -> other.field2
+    removeRoute = 7,  // same
+    destroyNode = 8,  // node; every reference to it was removed by the changes before
+    event = 9,        // node, field, value: an input event from outside; changes no state by itself
+};
+
+struct Change {
+    NodeId node;
+    FieldIndex field = kNoField;
+    ChangeKind kind = ChangeKind::setField;
+    /// True when the application caused it, false when the cascade did.
+    bool external : 1 = true;
+    /// Routes only: an IS connection between a PROTO instance and its body.
+    bool isConnection : 1 = false;
+    NodeId other;
+    std::uint32_t index = 0;
+    Value value;
+
+    FieldIndex field2() const { return static_cast<FieldIndex>(index); }
+    friend bool operator==(const Change&, const Change&) = default;
+};
+static_assert(sizeof(Change) == 40);
+
+struct DefinedType {
+    TypeIndex index;
+    std::shared_ptr<const NodeType> type;
+};
+
+struct ChangeSet {
+    /// The set leads from state `from` to state `to`; a single frame has to == from + 1, a snapshot from == 0.
+    std::uint64_t from = 0, to = 0;
+    double time = 0;  // seconds, of the last frame in it
+    Hash128 hash;     // of the state it leads to
+    std::vector<Change> changes;
+    std::vector<DefinedType> types;
+
+    bool isSnapshot() const { return from == 0; }
+    void clear();
+};
+
+/// Merges consecutive sets into one with the same effect as applying them in turn. Cost grows with the sets.
+class ChangeComposer {
+  public:
+    ChangeComposer();
+    ~ChangeComposer();
+    /// Precondition: set.from == the previous set's to.
+    void add(const ChangeSet& set);
+    bool empty() const;
+    ChangeSet take();
+
+  private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+ChangeSet compose(std::span<const std::shared_ptr<const ChangeSet>> sets);
+
+}  // namespace rtsg

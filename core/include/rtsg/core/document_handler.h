@@ -1,0 +1,74 @@
+// The stream of commands between readers, filters, writers and the SceneBuilder (the paper's beginDocument,
+// beginNode, endNode). A reader pushes; whatever implements DocumentHandler consumes; no scene is needed.
+//
+// Invariant: begin/end calls nest; every value arrives typed and complete; names are the spec's field names
+// without set_ or _changed. Order within a node is the file's order. Readers have already reported and left
+// out what they could not parse, so a handler sees only well-formed commands; meaning (does DEF exist, do the
+// types of a ROUTE agree) is checked by the SceneBuilder. Threading: one thread a stream.
+// Source: RTSG paper 3.1; ISO/IEC 19775-1 V4.0 clause 4.4, 7.2.5.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/node_type.h>
+
+namespace rtsg {
+
+enum class Encoding : std::uint8_t { xml, classicVrml, vrml97, json, binary };
+
+struct DocumentHeader {
+    Encoding encoding = Encoding::classicVrml;
+    std::string version = "4.0";  // "2.0" for VRML97
+    std::string profile;          // empty if the document names none
+};
+
+/// An interface declaration of a PROTO, EXTERNPROTO, Script or shader.
+struct FieldDeclaration {
+    Access access = Access::inputOutput;
+    FieldType type = FieldType::SFBool;
+    std::string name;
+};
+
+class DocumentHandler {
+  public:
+    virtual ~DocumentHandler() = default;
+
+    virtual void beginDocument(const DocumentHeader& header) = 0;
+    virtual void endDocument() = 0;
+    virtual void component(std::string_view name, int level) = 0;
+    virtual void meta(std::string_view name, std::string_view content) = 0;
+    virtual void unit(std::string_view category, std::string_view name, double conversionFactor) = 0;
+
+    /// Opens a node. `def` may be empty. `field` is the field of the enclosing node (or declared field of a
+    /// PROTO interface) that it goes into; at the top level of a document or PROTO body it is empty.
+    virtual void beginNode(std::string_view type, std::string_view def, std::string_view field,
+                           SourceLocation where) = 0;
+    virtual void endNode(SourceLocation where) = 0;
+    virtual void useNode(std::string_view def, std::string_view field, SourceLocation where) = 0;
+    /// A field of the open node with its value. Node-valued fields come as beginNode/useNode; an SFNode NULL or
+    /// an empty MFNode comes as a Value.
+    virtual void setField(std::string_view name, Value value, SourceLocation where) = 0;
+    /// Inside a Script, shader or PROTO interface; nodes for a node-valued default follow as beginNode(..., name).
+    virtual void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) = 0;
+    /// `nodeField IS protoField` in the open node of a PROTO body.
+    virtual void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) = 0;
+
+    /// beginProto declareField* beginProtoBody (nodes, routes, nested protos)* endProto
+    virtual void beginProto(std::string_view name, SourceLocation where) = 0;
+    virtual void beginProtoBody(SourceLocation where) = 0;
+    virtual void endProto(SourceLocation where) = 0;
+    virtual void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
+                             const std::vector<std::string>& url, SourceLocation where) = 0;
+
+    virtual void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode,
+                       std::string_view toField, SourceLocation where) = 0;
+    virtual void importNode(std::string_view inlineDef, std::string_view exportedName, std::string_view localName,
+                            SourceLocation where) = 0;
+    virtual void exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) = 0;
+};
+
+}  // namespace rtsg

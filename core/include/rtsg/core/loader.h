@@ -1,0 +1,42 @@
+// Reading whole files: encoding detection, gzip, SceneBuilder, Inlines and EXTERNPROTOs.
+//
+// Threading: one thread. Never throws for bad input: everything is in the diagnostics, with positions.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <string_view>
+
+#include <rtsg/core/document_handler.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+/// Reports bytes read of bytes in all; for progress bars.
+using Progress = std::function<void(std::uint64_t done, std::uint64_t total)>;
+
+/// Detects the encoding from the content (after gunzip), never from the name alone.
+Encoding detectEncoding(std::string_view head);
+
+/// Parses one document, already in memory and unpacked, into commands. The view must stay valid during the call.
+/// Returns false if the document was so broken that reading stopped early; what was read before has been pushed.
+bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics, Progress progress = {});
+/// Same for a file, plain or gzip; "-" is standard input.
+bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
+                      Progress progress = {});
+
+struct LoadOptions {
+    bool loadInlines = true;
+    int maximumDepth = 32;  // Inline and EXTERNPROTO nesting
+    Progress progress;
+};
+
+/// Reads a file into a scene (appending to what is there). False if nothing usable was in it.
+bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics,
+              const LoadOptions& options = {});
+/// Reads text; `base` is the folder that relative urls start from.
+bool loadText(Scene& scene, std::string_view text, Diagnostics& diagnostics, const std::filesystem::path& base = {},
+              const LoadOptions& options = {});
+
+}  // namespace rtsg

@@ -1,0 +1,174 @@
+// Scene: owns nodes, names, routes and prototypes; the only place where state changes.
+//
+// Invariant: everything that happens between two seals becomes one ChangeSet on the bus; applying it to a scene
+// in the previous state gives this state, bit for bit (equal hash() and dump()). The hierarchy has no cycles.
+// Threading: one thread edits and runs the scene; a call from another thread is refused with a diagnostic.
+// Source: ISO/IEC 19775-1 V4.0 4.4.8 (event model), 19775-2 (SAI naming).
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <rtsg/core/bus.h>
+#include <rtsg/core/change.h>
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/node_type.h>
+
+namespace rtsg {
+
+struct Behaviour;
+class Cascade;
+
+struct RouteTarget {
+    NodeId node;
+    FieldIndex field = kNoField;
+    bool isConnection = false;
+    friend bool operator==(const RouteTarget&, const RouteTarget&) = default;
+};
+struct Route {
+    NodeId fromNode;
+    FieldIndex fromField = kNoField;
+    NodeId toNode;
+    FieldIndex toField = kNoField;
+    bool isConnection = false;
+    friend bool operator==(const Route&, const Route&) = default;
+};
+struct ParentRef {
+    NodeId node;
+    FieldIndex field = kNoField;
+    friend bool operator==(const ParentRef&, const ParentRef&) = default;
+};
+
+/// Read access to one node; valid until it is destroyed. Fields are stored in one block laid out by the type.
+class Node {
+  public:
+    NodeId id() const { return id_; }
+    TypeIndex typeIndex() const { return typeIndex_; }
+    const NodeType& type() const { return *type_; }
+    bool is(TypeIndex type) const { return typeIndex_ == type; }
+    /// The PROTO instance or Inline whose body this node belongs to; none at the top level.
+    NodeId scope() const { return scope_; }
+
+    /// Precondition: `field` is a handle of this node's type and readable.
+    template <class T>
+    const T& get(Field<T> field) const {
+        return *static_cast<const T*>(storage(field.index));
+    }
+    Value value(FieldIndex field) const { return Value::fromStorage(type_->fields[field].type, storage(field)); }
+    const void* storage(FieldIndex field) const { return block() + type_->fields[field].offset; }
+    bool isDefault(FieldIndex field) const;
+
+  private:
+    friend class Scene;
+    friend class SceneStore;
+    friend class Cascade;
+    struct Links;
+
+    const std::byte* block() const { return reinterpret_cast<const std::byte*>(this + 1); }
+    std::byte* block() { return reinterpret_cast<std::byte*>(this + 1); }
+
+    const NodeType* type_ = nullptr;
+    std::unique_ptr<Links> links_;  // routes, parents beyond the first, name: null for most nodes
+    std::uint64_t dirty_ = 0;       // fields written since the last seal; bit 63 stands for all from 63 up
+    NodeId id_, scope_;
+    ParentRef parent_;  // the first parent; a node with more keeps the rest in links_
+    std::uint32_t dirtySlot_ = 0;
+    TypeIndex typeIndex_;
+};
+
+class Scene {
+  public:
+    Scene();
+    ~Scene();
+    Scene(const Scene&) = delete;
+    Scene& operator=(const Scene&) = delete;
+
+    // ---- reading -------------------------------------------------------------------------------------------
+    /// The RtsgScene node: its `children` are the root nodes. Exists from the start, NodeId{1}.
+    NodeId root() const { return NodeId{1}; }
+    const Node* find(NodeId id) const;
+    /// Precondition: the node exists.
+    const Node& node(NodeId id) const;
+    std::size_t nodeCount() const;
+    /// Calls in NodeId order.
+    void forEachNode(const std::function<void(const Node&)>& visit) const;
+    std::vector<ParentRef> parents(NodeId id) const;
+    std::string_view name(NodeId id) const;
+    /// `scope`: the PROTO instance or Inline inside which the name was given; none for the document itself.
+    NodeId findName(std::string_view name, NodeId scope = {}) const;
+    std::vector<Route> routesFrom(NodeId id) const;
+    std::vector<Route> routesTo(NodeId id) const;
+    std::size_t routeCount() const;  // IS connections not counted
+    const NodeType& type(TypeIndex index) const;
+    std::size_t typeCount() const;
+    /// Looks among built-in and defined types; a scene's own never shadow built-in ones.
+    std::optional<TypeIndex> findType(std::string_view name) const;
+
+    // ---- editing: takes effect at once, becomes part of the next ChangeSet, sends no events ------------------
+    Result<TypeIndex> defineType(std::shared_ptr<const NodeType> type);
+    NodeId createNode(TypeIndex type, NodeId scope = {});
+    Result<NodeId> createNode(std::string_view type, NodeId scope = {});
+    /// Removes every reference and route to it first; its children stay.
+    Result<> destroyNode(NodeId id);
+    /// Destroys nodes that cannot be reached from the root, a name or a route. Returns their number.
+    std::size_t destroyUnreachable();
+    /// Any field with storage that the standard lets an author give a value (not outputOnly, unless hidden).
+    Result<> setField(NodeId id, FieldIndex field, Value value);
+    template <class T>
+    Result<> set(NodeId id, Field<T> field, T value) {
+        return setField(id, field.index, Value(std::move(value)));
+    }
+    /// `index` beyond the end appends. O(1) at the end whatever the number of children.
+    Result<> insertChild(NodeId parent, FieldIndex field, NodeId child, std::size_t index = SIZE_MAX);
+    Result<> removeChild(NodeId parent, FieldIndex field, std::size_t index);
+    Result<> setName(NodeId id, std::string_view name);
+    /// Accepts equal types only; a duplicate is ignored (4.4.2.2).
+    Result<> addRoute(NodeId fromNode, FieldIndex fromField, NodeId toNode, FieldIndex toField);
+    Result<> removeRoute(NodeId fromNode, FieldIndex fromField, NodeId toNode, FieldIndex toField);
+    /// Connects a PROTO instance's field with one of its body's (4.4.4.3, table 4.4).
+    Result<> addIsConnection(NodeId instance, FieldIndex instanceField, NodeId bodyNode, FieldIndex bodyField);
+
+    // ---- running -------------------------------------------------------------------------------------------
+    /// Queues an input event for the next frame (19775-2: setValue on a running browser).
+    Result<> sendEvent(NodeId id, FieldIndex field, Value value);
+    /// One timestamp: queued events, then time-dependent nodes, routes until nothing moves; seals and publishes.
+    /// `t` in seconds must not go back. Returns the published set (never null; maybe without changes).
+    std::shared_ptr<const ChangeSet> newFrame(double t);
+    /// Publishes pending edits without running anything. Null if there are none.
+    std::shared_ptr<const ChangeSet> seal();
+    double now() const;
+    std::uint64_t sequence() const;  // state number: sets published or applied so far
+    Bus& bus() { return *bus_; }
+    const Bus& bus() const { return *bus_; }
+    /// What a node type does. Built-in behaviours are there from the start; one per type, the last wins.
+    void registerBehaviour(TypeIndex type, const Behaviour& behaviour);
+    /// Replicas of the `state` kind switch this off: newFrame then only seals.
+    void setBehavioursEnabled(bool enabled);
+    /// Called for every event on every field, in cascade order. One listener; for tools and tests.
+    using EventListener = std::function<void(double t, const Node& node, FieldIndex field, const Value& value)>;
+    void setEventListener(EventListener listener);
+    Diagnostics& diagnostics();
+
+    // ---- state ---------------------------------------------------------------------------------------------
+    ChangeSet snapshot() const;
+    /// Applies a set that starts at sequence() (or a snapshot onto an empty scene), and publishes it. On an error
+    /// nothing is guaranteed but safety: the scene must then be discarded.
+    Result<> apply(std::shared_ptr<const ChangeSet> set);
+    /// Forgets everything, as freshly constructed, keeping subscribers: they get a snapshot next.
+    Hash128 hash() const;
+    /// Canonical text of the whole state; equal states give equal text. For tests and bug reports.
+    std::string dump() const;
+
+  private:
+    friend class Cascade;
+    struct State;
+    std::unique_ptr<State> state_;
+    std::unique_ptr<Bus> bus_;
+};
+
+}  // namespace rtsg
