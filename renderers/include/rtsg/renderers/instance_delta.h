@@ -1,12 +1,12 @@
 // InstanceDelta: what one ChangeSet did to the instances and to the other things a scene places in the world.
 //
 // Invariant: one instance per path from the root to a Shape (DEF/USE makes identity the path, not the node). Applying
-// every delta in order gives what flattening the scene from scratch gives, up to the numbering of the slots. A slot
-// that a delta frees is handed out again by a later delta at the earliest, under another generation.
-// Order: a subscriber handles scopes, geometries, removed, added, rebound, moved, geometriesRemoved. An instance is in
-// at most one list, or in moved and rebound. Threading: plain data, self-contained: shape and place need no scene to be
-// read (materials do). Source: ISO/IEC 19775-1 V4.0 4.3.5 (transformation hierarchy), 17.2.2 (scope of lights); paper
-// section 5.1.
+// every delta in order gives what flattening from scratch gives, up to the numbering of the slots. A slot that a delta
+// frees is handed out again by a later delta at the earliest, under another generation.
+// Order: handle scopes, geometries, removed, added, rebound, moved, geometriesRemoved. An instance is in at most one of
+// removed, added and (moved or rebound or both).
+// Threading: plain data, self-contained: shape and place need no scene to be read (materials do).
+// Source: ISO/IEC 19775-1 V4.0 4.3.5 (transformation hierarchy), 17.2.2 (scope of lights); paper section 5.1.
 #pragma once
 
 #include <cstdint>
@@ -64,17 +64,7 @@ struct Instance {
 };
 
 /// What else a scene places in the world, one per path as well.
-enum class PlacedKind : std::uint8_t {
-    light,
-    viewpoint,
-    background,
-    fog,
-    navigation,
-    sound,
-    listener,
-    sensor,
-    clipPlane
-};
+enum class PlacedKind : std::uint8_t { light, view, background, fog, navigation, sound, listener, sensor, clipPlane };
 
 struct Placed {
     InstanceId id;  // its own numbering, apart from the instances'
@@ -110,8 +100,7 @@ struct InstanceDelta {
     std::vector<InstanceId> removed;
     std::vector<Instance> added;
     std::vector<Moved> moved;
-    std::vector<Instance>
-        rebound;  // anything but the transform: geometry, appearance, scope, castShadow... now names another
+    std::vector<Instance> rebound;  // another geometry, appearance, scope, castShadow...: anything but the transform
 
     std::vector<Geometry> geometries;       // first used now, or changed in itself or in a node below (Coordinate...)
     std::vector<NodeId> geometriesRemoved;  // no instance refers to them any more
@@ -123,8 +112,7 @@ struct InstanceDelta {
     std::vector<Placed> placedAdded;
     std::vector<Moved> placedMoved;
     std::vector<Placed> placedRebound;  // its scope or layer
-    std::vector<NodeId>
-        placedChanged;  // a light, viewpoint, sound... node any of whose fields changed (or nodes below)
+    std::vector<NodeId> placedChanged;  // lights, viewpoints, sounds... with a change in any field (or in nodes below)
 
     bool empty() const;
     /// Empties the lists and keeps their memory.

@@ -17,6 +17,7 @@
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/renderers/instance_delta.h>
+#include <rtsg/renderers/mesh.h>
 
 namespace rtsg {
 
@@ -27,6 +28,9 @@ struct Ray {
     Vec3f direction{0, 0, -1};
     float tMax = std::numeric_limits<float>::infinity();
 };
+
+/// What a ray stands for. A Shape whose castShadow is FALSE lets shadow rays through, and those only.
+enum class RayKind : std::uint32_t { view = 1, shadow = 2, sound = 4 };
 
 constexpr std::uint32_t kNoInstance = 0xFFFFFFFF;
 
@@ -75,7 +79,7 @@ struct RayInstance {
 };
 
 /// A point on a surface with what is needed to start a ray there.
-struct SurfacePoint {
+struct HitPoint {
     Vec3f position{0};  // ray space, from the corners and not from the ray: as exact as float allows
     Vec3f error{0};     // bound of |position - exact| per axis
     Vec3f normal{0};    // as in Hit
@@ -112,14 +116,15 @@ class RayWorld {
     /// Follows the scene by one delta and commits once. Instances that cannot be traced end up in diagnostics().
     void apply(const InstanceDelta& delta);
 
-    /// Closest hit with tMin <= t <= tMax; a ray that is not finite, has no direction, a negative tMin or lies further
-    /// than kMaxCoordinate away misses and is counted in badRays().
-    Hit intersect(const Ray& ray) const;
+    /// Closest hit with tMin <= t <= tMax. A ray that is not finite, has a negative tMin, starts beyond kMaxCoordinate
+    /// or whose direction is shorter than 1e-12 or longer than 1e9 misses and is counted in badRays().
+    Hit intersect(const Ray& ray, RayKind kind = RayKind::view) const;
     /// Whether anything lies in [tMin, tMax]; for bad rays false, counted as above.
-    bool occluded(const Ray& ray) const;
-    /// As above for the active lanes. Returns a bit per lane that hit something or is blocked.
-    std::uint32_t intersect(RayPacket16& rays) const;
-    std::uint32_t occluded(RayPacket16& rays) const;
+    bool occluded(const Ray& ray, RayKind kind = RayKind::shadow) const;
+    /// As above for the active lanes. `coherent`: the rays run close together (primary rays, say), which makes it
+    /// faster. Returns a bit per lane that hit something or is blocked.
+    std::uint32_t intersect(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::view) const;
+    std::uint32_t occluded(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::shadow) const;
     /// What lane `lane` of an intersected packet hit; no instance for a miss.
     Hit hit(const RayPacket16& rays, int lane) const;
 
@@ -128,20 +133,16 @@ class RayWorld {
     /// Indexed by slot, with holes: a hole's info.id is no instance.
     std::span<const RayInstance> instances() const { return instances_; }
     /// The exact point of a hit and the bound of its rounding error.
-    SurfacePoint surface(const Hit& hit) const;
-    /// Where a ray leaving `point` towards `direction` should start so that it does not hit the surface it leaves.
-    static Vec3f leave(const SurfacePoint& point, const Vec3f& direction);
+    HitPoint point(const Hit& hit) const;
+    /// Where a ray leaving `from` towards `direction` should start so that it does not hit the surface it leaves.
+    static Vec3f leave(const HitPoint& from, const Vec3f& direction);
 
     /// World position of ray space's zero. Changes only when a scene turns out to lie far from it.
     const Vec3d& origin() const { return origin_; }
     Vec3f fromWorld(const Vec3d& world) const { return Vec3f(world - origin_); }
     Vec3d toWorld(const Vec3f& ray) const { return Vec3d(ray) + origin_; }
 
-    /// Box around everything traced, in ray space; lower > upper when there is nothing.
-    struct Bounds {
-        Vec3f lower{std::numeric_limits<float>::infinity()}, upper{-std::numeric_limits<float>::infinity()};
-        bool empty() const { return lower.x > upper.x; }
-    };
+    /// Box around everything traced, in ray space; min > max when there is nothing.
     Bounds bounds() const;
 
     /// Counts apply() calls that changed anything: caches keyed by it know when to forget.
