@@ -1,0 +1,142 @@
+// Tessellation: pure functions from the fields of the standard geometry nodes to a Mesh.
+//
+// Invariant: every input, however broken, gives a valid Mesh (maybe an empty one) and says in its diagnostics what
+// was dropped or repaired; time is linear in input plus output (n log n for a concave polygon of n corners).
+// Closed solids share positions along seams, so that they are watertight by index; texture seams split texture
+// coordinates, not positions. Normals of quadrics are exact. Lengths in the node's units, angles in radians.
+// Threading: the functions are pure and may run concurrently.
+// Source: ISO/IEC 19775-1 V4.0 clauses 11.2.3, 11.4, 13.3, 14.3; the paper's geometry utilities, section 4.2.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <rtsg/renderers/mesh.h>
+
+namespace rtsg {
+
+/// How finely curved primitives are cut.
+struct TessellationOptions {
+    /// Largest distance between a circle and its polygon, as a part of the radius: .0025 gives 48 segments.
+    float chordError = 0.0025f;
+    /// Overrides chordError when positive: segments around the full circle (clamped to 4 ... 4096). Spheres have
+    /// half as many rings from pole to pole.
+    int segments = 0;
+
+    int segmentsAround() const;
+};
+
+struct BoxParams {
+    Vec3f size{2};
+    bool solid = true;
+};
+struct SphereParams {
+    float radius = 1;
+    bool solid = true;
+};
+struct ConeParams {
+    float bottomRadius = 1, height = 2;
+    bool side = true, bottom = true, solid = true;
+};
+struct CylinderParams {
+    float radius = 1, height = 2;
+    bool side = true, top = true, bottom = true, solid = true;
+};
+
+Mesh tessellate(const BoxParams& params);
+Mesh tessellate(const SphereParams& params, const TessellationOptions& options = {});
+Mesh tessellate(const ConeParams& params, const TessellationOptions& options = {});
+Mesh tessellate(const CylinderParams& params, const TessellationOptions& options = {});
+
+/// One channel given by the scene. At most one of the arrays is filled.
+struct TexCoordParams {
+    Array<Vec2f> point;
+    Array<Vec3f> point3;  // TextureCoordinate3D
+    Array<Vec4f> point4;  // TextureCoordinate4D
+    String mapping;
+};
+
+/// What X3DComposedGeometryNode and IndexedFaceSet have in common. Empty arrays stand for NULL.
+struct SurfaceParams {
+    Array<Vec3f> coord;
+    Array<Color> color;
+    Array<ColorRGBA> colorRGBA;  // preferred when both are given
+    Array<Vec3f> normal;
+    std::vector<TexCoordParams> texCoord;
+    bool ccw = true, solid = true;
+    bool colorPerVertex = true, normalPerVertex = true;
+};
+
+struct IndexedFaceSetParams : SurfaceParams {
+    Array<std::int32_t> coordIndex, colorIndex, normalIndex, texCoordIndex;
+    /// A hint only: concave faces are found and cut correctly whatever it says.
+    bool convex = true;
+    float creaseAngle = 0;
+};
+
+/// The seven sets of triangles and quads; those without index use the coordinates in their order.
+struct PrimitiveSetParams : SurfaceParams {
+    enum class Kind : std::uint8_t {
+        triangleSet,
+        triangleStripSet,
+        triangleFanSet,
+        quadSet,
+        indexedTriangleSet,
+        indexedTriangleStripSet,
+        indexedTriangleFanSet,
+        indexedQuadSet,
+    };
+    Kind kind = Kind::triangleSet;
+    /// Indexed kinds; strips and fans end at -1.
+    Array<std::int32_t> index;
+    /// stripCount or fanCount of the kinds without index.
+    Array<std::int32_t> count;
+};
+
+/// `coord` is not used; normalPerVertex and colorPerVertex FALSE mean per quadrilateral.
+struct ElevationGridParams : SurfaceParams {
+    Array<float> height;
+    int xDimension = 0, zDimension = 0;
+    float xSpacing = 1, zSpacing = 1;
+    float creaseAngle = 0;
+};
+
+struct ExtrusionParams {
+    Array<Vec2f> crossSection{{1, 1}, {1, -1}, {-1, -1}, {-1, 1}, {1, 1}};
+    Array<Rotation> orientation{Rotation{0, 0, 1, 0}};
+    Array<Vec2f> scale{{1, 1}};
+    Array<Vec3f> spine{{0, 0, 0}, {0, 1, 0}};
+    bool beginCap = true, endCap = true, ccw = true, convex = true, solid = true;
+    float creaseAngle = 0;
+};
+
+Mesh tessellate(const IndexedFaceSetParams& params);
+Mesh tessellate(const PrimitiveSetParams& params);
+Mesh tessellate(const ElevationGridParams& params);
+Mesh tessellate(const ExtrusionParams& params);
+
+struct Disk2DParams {
+    float innerRadius = 0, outerRadius = 1;
+    bool solid = false;
+};
+struct Rectangle2DParams {
+    Vec2f size{2};
+    bool solid = false;
+};
+struct TriangleSet2DParams {
+    Array<Vec2f> vertices;
+    bool solid = false;
+};
+struct ArcClose2DParams {
+    enum class Closure : std::uint8_t { pie, chord };
+    Closure closure = Closure::pie;
+    float startAngle = 0, endAngle = 1.5707964f, radius = 1;
+    bool solid = false;
+};
+
+Mesh tessellate(const Disk2DParams& params, const TessellationOptions& options = {});
+Mesh tessellate(const Rectangle2DParams& params);
+Mesh tessellate(const TriangleSet2DParams& params);
+Mesh tessellate(const ArcClose2DParams& params, const TessellationOptions& options = {});
+
+}  // namespace rtsg

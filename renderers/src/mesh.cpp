@@ -1,0 +1,119 @@
+#include <rtsg/renderers/mesh.h>
+
+#include <string>
+#include <unordered_set>
+
+namespace rtsg {
+
+SurfacePoint interpolate(const Mesh& mesh, std::uint32_t triangle, float u, float v) {
+    SurfacePoint point;
+    point.position = mesh.position(triangle, u, v);
+    point.geometricNormal = mesh.geometricNormal(triangle);
+    point.shadingNormal = point.geometricNormal;
+    if (mesh.normals.present()) point.shadingNormal = mesh.shadingNormal(triangle, u, v);
+    point.texCoord = mesh.texCoord(triangle, u, v);
+    point.color = mesh.color(triangle, u, v);
+    point.hasColor = mesh.colors.present();
+    point.colorHasAlpha = mesh.colors.components() == 4;
+    return point;
+}
+
+bool textureTangents(const Mesh& mesh, std::uint32_t triangle, std::size_t channel, Vec3f& dPds, Vec3f& dPdt) {
+    const Vec3f a = mesh.vertex(triangle, 0);
+    const Vec3f e1 = mesh.vertex(triangle, 1) - a, e2 = mesh.vertex(triangle, 2) - a;
+    const Vec2f st0(mesh.texCoord(triangle, 0, 0, channel));
+    const Vec2f d1 = Vec2f(mesh.texCoord(triangle, 1, 0, channel)) - st0;
+    const Vec2f d2 = Vec2f(mesh.texCoord(triangle, 0, 1, channel)) - st0;
+    const float determinant = d1.x * d2.y - d1.y * d2.x;
+    if (!(std::abs(determinant) > 1e-20f)) return false;
+    const float inverse = 1.0f / determinant;
+    dPds = (d2.y * e1 - d1.y * e2) * inverse;
+    dPdt = (d1.x * e2 - d2.x * e1) * inverse;
+    return true;
+}
+
+namespace {
+
+std::string defectOf(const MeshAttribute& attribute, const Mesh& mesh, const char* name) {
+    if (!attribute.present()) return {};
+    if (attribute.components() < 2 || attribute.components() > 4)
+        return std::string(name) + ": " + std::to_string(attribute.components()) + " components";
+    const std::uint32_t corners = attribute.binding() == MeshAttribute::Binding::face ? 1 : 3;
+    if (!attribute.indices().empty() && mesh.triangleCount > 0) {
+        const std::size_t needed = std::size_t{mesh.triangleCount - 1} * attribute.triangleStep() + corners;
+        if (attribute.indices().size() < needed) return std::string(name) + ": too few indices";
+    }
+    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t)
+        for (std::uint32_t c = 0; c < corners; ++c)
+            if (const std::uint32_t i = attribute.valueIndex(t, c); i >= attribute.valueCount())
+                return std::string(name) + ": triangle " + std::to_string(t) + " refers to value " + std::to_string(i) +
+                       " of " + std::to_string(attribute.valueCount());
+    return {};
+}
+
+}  // namespace
+
+std::string findDefect(const Mesh& mesh) {
+    if (mesh.triangleCount == 0) return {};
+    if (mesh.triangleStride != 3 && mesh.triangleStride != 4) return "stride is neither 3 nor 4";
+    if (mesh.triangles.size() < std::size_t{mesh.triangleCount - 1} * mesh.triangleStride + 3)
+        return "fewer indices than triangles";
+    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t)
+        for (std::uint32_t c = 0; c < 3; ++c) {
+            const std::uint32_t i = mesh.vertexIndex(t, c);
+            if (i >= mesh.positions.size())
+                return "triangle " + std::to_string(t) + " refers to position " + std::to_string(i) + " of " +
+                       std::to_string(mesh.positions.size());
+            const Vec3f p = mesh.positions[i];
+            for (int axis = 0; axis < 3; ++axis) {
+                if (!(std::abs(p[axis]) <= 1e18f)) return "position " + std::to_string(i) + " is out of range";
+                if (p[axis] < mesh.bounds.min[axis] || p[axis] > mesh.bounds.max[axis])
+                    return "position " + std::to_string(i) + " is outside of the bounds";
+            }
+        }
+    if (mesh.texCoords.empty()) return "no texture coordinates";
+    if (mesh.normals.present() && mesh.normals.components() != 3) return "normals have not three components";
+    std::string defect = defectOf(mesh.normals, mesh, "normals");
+    if (defect.empty()) defect = defectOf(mesh.colors, mesh, "colors");
+    for (const TexCoords& set : mesh.texCoords)
+        if (defect.empty()) defect = defectOf(set.values, mesh, "texCoords");
+    return defect;
+}
+
+double surfaceArea(const Mesh& mesh) {
+    double area = 0;
+    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
+        const Vec3d a(mesh.vertex(t, 0)), b(mesh.vertex(t, 1)), c(mesh.vertex(t, 2));
+        area += 0.5 * glm::length(glm::cross(b - a, c - a));
+    }
+    return area;
+}
+
+double enclosedVolume(const Mesh& mesh) {
+    double volume = 0;
+    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
+        const Vec3d a(mesh.vertex(t, 0)), b(mesh.vertex(t, 1)), c(mesh.vertex(t, 2));
+        volume += glm::dot(a, glm::cross(b, c)) / 6.0;
+    }
+    return volume;
+}
+
+std::size_t memoryUse(const Mesh& mesh) {
+    std::unordered_set<const void*> seen;
+    std::size_t bytes = sizeof(Mesh) + mesh.texCoords.size() * sizeof(TexCoords);
+    const auto add = [&](const void* data, std::size_t size) {
+        if (data && seen.insert(data).second) bytes += size;
+    };
+    const auto addAttribute = [&](const MeshAttribute& a) {
+        add(a.data(), std::size_t{a.valueCount()} * static_cast<std::size_t>(a.components()) * sizeof(float));
+        add(a.indices().data(), a.indices().size() * sizeof(std::int32_t));
+    };
+    add(mesh.positions.data(), mesh.positions.size() * sizeof(Vec3f));
+    add(mesh.triangles.data(), mesh.triangles.size() * sizeof(std::int32_t));
+    addAttribute(mesh.normals);
+    addAttribute(mesh.colors);
+    for (const TexCoords& set : mesh.texCoords) addAttribute(set.values);
+    return bytes;
+}
+
+}  // namespace rtsg
