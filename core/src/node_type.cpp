@@ -1,17 +1,52 @@
 #include <rtsg/core/node_type.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 namespace rtsg {
+
+namespace {
+
+template <class S>
+bool allInRange(const FieldDef& field, const void* data, std::size_t count) {
+    // Only bounds that are multiples of pi are no integers.
+    const auto slack = [](double bound) { return bound == std::trunc(bound) ? 0.0 : std::abs(bound) * 1e-3; };
+    const double min = field.min - slack(field.min), max = field.max + slack(field.max);
+    const S* numbers = static_cast<const S*>(data);
+    return std::all_of(numbers, numbers + count, [&](S number) {
+        const double n = static_cast<double>(number);
+        return n >= min && n <= max && !(field.exclusiveMin && n == field.min) &&
+               !(field.exclusiveMax && n == field.max);
+    });
+}
+
+}  // namespace
+
+bool FieldDef::inRange(const Value& value) const {
+    const FieldTypeInfo& i = info(type);
+    if (!bounded() || i.components == 0 || sf(type) == FieldType::SFBool || value.type() != type) return true;
+    const void* data = value.storage();
+    std::size_t count = i.components;
+    if (isMF(type)) {
+        detail::ArrayHeader* header = nullptr;
+        std::memcpy(&header, data, sizeof(header));
+        count *= header ? header->size : 0;
+        data = header + 1;
+    }
+    if (sf(type) == FieldType::SFInt32) return allInRange<std::int32_t>(*this, data, count);
+    if (i.elementSize == i.components * sizeof(double)) return allInRange<double>(*this, data, count);
+    return allInRange<float>(*this, data, count);
+}
 
 bool NodeType::finish() {
     if (fields.size() >= kNoField) return false;
     byName_.clear();
     for (std::size_t i = 0; i < fields.size(); ++i) byName_.emplace_back(fields[i].name, static_cast<FieldIndex>(i));
-    std::ranges::sort(byName_);
+    const auto key = [&](const auto& entry) { return std::pair(entry.first, fields[entry.second].hidden); };
+    std::ranges::sort(byName_, {}, key);
     for (std::size_t i = 1; i < byName_.size(); ++i)
-        if (byName_[i - 1].first == byName_[i].first) return false;
+        if (key(byName_[i - 1]) == key(byName_[i])) return false;
 
     // Widest alignment first: no padding between fields, so that a million Transforms stay small.
     std::vector<FieldIndex> order(fields.size());
@@ -52,7 +87,7 @@ FieldIndex NodeType::findExact(std::string_view wanted) const {
 
 FieldIndex NodeType::find(std::string_view wanted) const {
     const FieldIndex exact = findExact(wanted);
-    if (exact != kNoField) return exact;
+    if (exact != kNoField && !fields[exact].hidden) return exact;
     constexpr std::string_view before = "set_", after = "_changed";
     std::string_view bare;
     if (wanted.starts_with(before))
@@ -63,7 +98,8 @@ FieldIndex NodeType::find(std::string_view wanted) const {
         return kNoField;
     // Only an inputOutput field has the two implied names (4.4.2.2).
     const FieldIndex index = findExact(bare);
-    return index != kNoField && fields[index].access == Access::inputOutput ? index : kNoField;
+    const bool implied = index != kNoField && !fields[index].hidden && fields[index].access == Access::inputOutput;
+    return implied ? index : kNoField;
 }
 
 bool NodeType::isA(std::string_view typeOrAbstract) const {

@@ -39,10 +39,11 @@ struct FieldDef {
     Access access = Access::inputOutput;
     Aspect aspect = Aspect::none;
     Value defaultValue;
-    /// Inclusive unless `exclusiveMin`; infinite when unbounded. Applies to every component of every element.
+    /// Inclusive unless exclusive*; infinite when unbounded. Applies to every component of every element. Advice
+    /// for validation, never enforced on set; see inRange().
     double min = -std::numeric_limits<double>::infinity();
     double max = std::numeric_limits<double>::infinity();
-    bool exclusiveMin = false;
+    bool exclusiveMin = false, exclusiveMax = false;
     /// Allowed strings of an enumerated SFString (empty: any). Advice for validation, never enforced on set.
     std::vector<std::string> allowed;
     /// Node or abstract types that an SFNode/MFNode accepts (empty: any).
@@ -56,6 +57,12 @@ struct FieldDef {
     bool readable() const { return access != Access::inputOnly; }
     bool writable() const { return access == Access::inputOnly || access == Access::inputOutput; }
     bool sends() const { return access == Access::outputOnly || access == Access::inputOutput; }
+    bool bounded() const {
+        return min > -std::numeric_limits<double>::infinity() || max < std::numeric_limits<double>::infinity();
+    }
+    /// Whether every number of a value of this field's type is in range. Bounds that are multiples of pi are met
+    /// by their decimal renderings in files too (1.571 in [0, pi/2]). NaN is out of any range.
+    bool inRange(const Value& value) const;
 };
 
 class NodeType {
@@ -68,17 +75,18 @@ class NodeType {
     Kind kind = Kind::builtin;
     std::string containerField = "children";  // XML default, ISO/IEC 19776-1
     std::vector<std::string> implements;      // every abstract type, direct or inherited ("X3DChildNode", ...)
-    std::vector<FieldDef> fields;
+    std::vector<FieldDef> fields;             // hidden ones last
+    bool internal = false;                    // not creatable from files (RtsgScene)
     /// For PROTOs and EXTERNPROTOs: the declaration as ClassicVRML text, so that a replica can save it.
     std::string declaration;
 
     /// Computes offsets and the default block; call once after the fields are complete. False, and the type is
-    /// unusable, when two fields share a name or there are more of them than a FieldIndex can count.
+    /// unusable, when two public or two hidden fields share a name, or there are more than a FieldIndex can count.
     [[nodiscard]] bool finish();
 
-    /// Finds `name`, `set_name` or `name_changed` (the latter two only as access allows); kNoField if absent.
+    /// Finds `name`, or an inputOutput field by `set_name` or `name_changed` (4.4.2.2); kNoField if absent or hidden.
     FieldIndex find(std::string_view name) const;
-    /// Exact name only.
+    /// Exact name only, hidden fields included; a public field wins over a hidden one of the same name.
     FieldIndex findExact(std::string_view name) const;
     bool isA(std::string_view typeOrAbstract) const;
 
@@ -99,7 +107,7 @@ class NodeType {
     std::size_t blockSize_ = 0;
     std::vector<std::byte> defaults_;
     std::vector<FieldIndex> sharedFields_, nodeFields_;
-    std::vector<std::pair<std::string_view, FieldIndex>> byName_;  // sorted
+    std::vector<std::pair<std::string_view, FieldIndex>> byName_;  // sorted; public before hidden
 };
 
 /// Typed handle of a field, generated per built-in type: `x3d::Transform::translation`.

@@ -1,0 +1,51 @@
+// The static form of node tables, as spec_compiler writes them, and how they become NodeTypes.
+//
+// Invariant: everything here points to constant data of the program; rows are shared between nodes.
+// Threading: free functions, no state.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include <rtsg/core/node_type.h>
+
+namespace rtsg {
+
+struct SpecField {
+    std::string_view name;
+    /// Numbers and TRUE/FALSE separated by one space; strings each followed by a newline; empty for nodes.
+    std::string_view defaultText;
+    std::string_view allowed;  // strings, each followed by a newline
+    std::string_view accepts;  // type names separated by '|'
+    double min, max;
+    FieldType type;
+    Access access;
+    Aspect aspect;
+    bool exclusiveMin, exclusiveMax, hidden;
+};
+
+struct SpecNode {
+    std::string_view name, component, containerField;
+    std::string_view implements;           // separated by '|'
+    std::uint16_t firstField, fieldCount;  // into SpecTable::fieldLists
+    std::uint8_t level;
+    bool internal;  // not creatable from files
+};
+
+struct SpecTable {
+    std::span<const SpecField> fields;
+    std::span<const std::uint16_t> fieldLists;
+    std::span<const SpecNode> nodes;
+    std::span<const std::string_view> abstracts;  // sorted
+};
+
+/// The standard's nodes and our own internal ones; generated.
+const SpecTable& builtinSpecTable();
+
+/// One finished NodeType a node of the table, in its order.
+std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, NodeType::Kind kind);
+
+}  // namespace rtsg

@@ -1,0 +1,140 @@
+#include <rtsg/core/spec_table.h>
+
+#include <algorithm>
+#include <charconv>
+#include <stdexcept>
+#include <type_traits>
+#include <unordered_map>
+
+namespace rtsg {
+
+namespace {
+
+/// Splits off what precedes the next separator.
+std::string_view take(std::string_view& text, char separator) {
+    const std::string_view part = text.substr(0, text.find(separator));
+    text.remove_prefix(std::min(text.size(), part.size() + 1));
+    return part;
+}
+
+std::vector<std::string> list(std::string_view text, char separator) {
+    std::vector<std::string> result;
+    while (!text.empty()) result.emplace_back(take(text, separator));
+    return result;
+}
+
+template <class S>
+S number(std::string_view& text) {
+    const std::string_view word = take(text, ' ');
+    S value{};
+    std::from_chars(word.data(), word.data() + word.size(), value);  // spec_compiler has checked it
+    return value;
+}
+
+template <class T>
+T element(std::string_view& text) {
+    if constexpr (std::is_same_v<T, bool>) {
+        return take(text, ' ') == "TRUE";
+    } else if constexpr (std::is_arithmetic_v<T>) {
+        return number<T>(text);
+    } else if constexpr (std::is_same_v<T, Time>) {
+        return {number<double>(text)};
+    } else if constexpr (std::is_same_v<T, String>) {
+        return take(text, '\n');
+    } else if constexpr (std::is_same_v<T, NodeId>) {
+        return {};
+    } else if constexpr (std::is_same_v<T, Image>) {
+        Image image;
+        while (!text.empty()) image.words.push_back(number<std::int32_t>(text));
+        return image;
+    } else {
+        constexpr bool isDouble = std::is_same_v<T, Vec2d> || std::is_same_v<T, Vec3d> || std::is_same_v<T, Vec4d> ||
+                                  std::is_same_v<T, Matrix3d> || std::is_same_v<T, Matrix4d>;
+        using Scalar = std::conditional_t<isDouble, double, float>;
+        Scalar numbers[sizeof(T) / sizeof(Scalar)];
+        for (Scalar& n : numbers) n = number<Scalar>(text);
+        T value;
+        static_assert(std::is_trivially_copyable_v<T>);
+        std::memcpy(static_cast<void*>(&value), numbers, sizeof(T));
+        return value;
+    }
+}
+
+Value defaultOf(FieldType type, std::string_view text) {
+    if (text.empty()) return Value::zero(type);
+    switch (type) {
+#define RTSG_X(suffix, T)                                         \
+    case FieldType::SF##suffix:                                   \
+        return Value(element<T>(text));                           \
+    case FieldType::MF##suffix: {                                 \
+        Array<T> values;                                          \
+        while (!text.empty()) values.push_back(element<T>(text)); \
+        return Value(std::move(values));                          \
+    }
+        RTSG_FIELD_TYPES(RTSG_X)
+#undef RTSG_X
+    }
+    return {};
+}
+
+FieldDef makeField(const SpecField& row) {
+    FieldDef field;
+    field.name = row.name;
+    field.type = row.type;
+    field.access = row.access;
+    field.aspect = row.aspect;
+    field.defaultValue = defaultOf(row.type, row.defaultText);
+    field.min = row.min;
+    field.max = row.max;
+    field.exclusiveMin = row.exclusiveMin;
+    field.exclusiveMax = row.exclusiveMax;
+    field.allowed = list(row.allowed, '\n');
+    field.accepts = list(row.accepts, '|');
+    field.hidden = row.hidden;
+    return field;
+}
+
+}  // namespace
+
+std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, NodeType::Kind kind) {
+    std::vector<std::unique_ptr<NodeType>> result;
+    result.reserve(table.nodes.size());
+    for (const SpecNode& node : table.nodes) {
+        auto type = std::make_unique<NodeType>();
+        type->name = node.name;
+        type->component = node.component;
+        type->level = node.level;
+        type->kind = kind;
+        type->internal = node.internal;
+        type->containerField = node.containerField;
+        type->implements = list(node.implements, '|');
+        type->fields.reserve(node.fieldCount);
+        for (const std::uint16_t row : table.fieldLists.subspan(node.firstField, node.fieldCount))
+            type->fields.push_back(makeField(table.fields[row]));
+        if (!type->finish()) throw std::logic_error("node table: two fields of one name in " + type->name);
+        result.push_back(std::move(type));
+    }
+    return result;
+}
+
+std::span<const std::unique_ptr<NodeType>> builtinTypes() {
+    static const std::vector<std::unique_ptr<NodeType>> types =
+        makeNodeTypes(builtinSpecTable(), NodeType::Kind::builtin);
+    return types;
+}
+
+const NodeType* findBuiltinType(std::string_view name) {
+    static const auto byName = [] {
+        std::unordered_map<std::string_view, const NodeType*> result;
+        for (const auto& type : builtinTypes()) result.emplace(type->name, type.get());
+        return result;
+    }();
+    const auto found = byName.find(name);
+    return found == byName.end() ? nullptr : found->second;
+}
+
+bool isAbstractType(std::string_view name) {
+    return std::ranges::binary_search(builtinSpecTable().abstracts, name);
+}
+
+}  // namespace rtsg

@@ -1,0 +1,102 @@
+// Model of the node tables (*.x3dspec): what the parser reads, what the emitter writes.
+//
+// Host tool of the build: plain standard C++, no dependency on the library it generates code for.
+// The notation is described in core/spec/README.md.
+#pragma once
+
+#include <limits>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace spec {
+
+struct Position {
+    std::string file;
+    int line = 0;
+};
+
+struct Field {
+    Position where;
+    std::string type;    // "SFVec3f"
+    std::string access;  // "inputOutput", ...
+    std::string name;
+    /// Numbers and TRUE/FALSE separated by one space; strings each followed by a newline; empty for nodes.
+    std::string defaultText;
+    std::string aspect;
+    std::string allowed;  // strings, each followed by a newline
+    std::string accepts;  // type names separated by '|'
+    double min = -std::numeric_limits<double>::infinity();
+    double max = std::numeric_limits<double>::infinity();
+    bool exclusiveMin = false, exclusiveMax = false, hidden = false;
+};
+
+struct Retag {
+    Position where;
+    std::vector<std::string> fields;
+    std::string aspect;
+};
+
+struct Type {
+    Position where;
+    std::string name, component, container;
+    std::vector<std::string> bases;
+    int level = 1;
+    bool isAbstract = false;
+    bool hidden = false;    // not creatable from files
+    bool imported = false;  // from --import: known, but not written out
+    std::vector<Field> own;
+    std::vector<Retag> retags;
+
+    // Filled by Model::resolve().
+    std::vector<Field> fields;            // public ones by name, then hidden ones as written
+    std::vector<std::string> implements;  // every abstract ancestor, nearest first
+    int state = 0;                        // 0 untouched, 1 being resolved, 2 done
+};
+
+/// Everything read so far. Errors go to stderr as `file:line: error: text` and are counted.
+class Model {
+  public:
+    void parse(const std::string& file, const std::string& text, bool imported);
+    /// Inherits fields, applies retags and extensions, checks every name; call once after the last parse().
+    void resolve();
+    void error(const Position& where, const std::string& text);
+
+    int errors() const { return errors_; }
+    /// In order of reading.
+    const std::vector<Type>& types() const { return types_; }
+    const Type* find(std::string_view name) const;
+
+  private:
+    struct Token;
+    std::vector<Token> tokens(const Position& where, std::string_view line);
+    void parseHead(const Position& where, const std::vector<Token>& tokens, bool imported);
+    void parseField(const Position& where, const std::vector<Token>& tokens);
+    void parseDefault(Field& field, const std::vector<Token>& tokens, std::size_t& next);
+    void parseGroup(Field& field, const std::string& group);
+    void checkDefault(const Field& field);
+    void resolve(Type& type);
+    void inherit(Type& type, const Type& base);
+    Type* lookup(std::string_view name);
+
+    std::vector<Type> types_;
+    std::map<std::string, std::size_t, std::less<>> byName_;
+    struct Extension {
+        Position where;
+        std::string name;
+        std::vector<Field> own;
+    };
+    std::vector<Extension> extensions_;
+    std::string component_;
+    std::vector<Field>* open_ = nullptr;  // where the next field line belongs
+    Type* openType_ = nullptr;
+    int errors_ = 0;
+};
+
+/// Numbers in one element of an SF or MF type; 0 for String, Node and Image; -1 for no field type at all.
+int componentsOf(std::string_view type);
+/// "std::int32_t", "::rtsg::Array<::rtsg::Vec3f>", ...
+std::string cppType(std::string_view type);
+
+}  // namespace spec

@@ -1,0 +1,508 @@
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <iostream>
+#include <numbers>
+#include <sstream>
+
+#include "spec_model.h"
+
+namespace spec {
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+struct TypeInfo {
+    std::string_view name, cpp;
+    int components;
+};
+constexpr TypeInfo kTypes[] = {
+    {"Bool", "bool", 1},
+    {"Int32", "std::int32_t", 1},
+    {"Float", "float", 1},
+    {"Double", "double", 1},
+    {"Time", "::rtsg::Time", 1},
+    {"String", "::rtsg::String", 0},
+    {"Node", "::rtsg::NodeId", 0},
+    {"Color", "::rtsg::Color", 3},
+    {"ColorRGBA", "::rtsg::ColorRGBA", 4},
+    {"Image", "::rtsg::Image", 0},
+    {"Vec2f", "::rtsg::Vec2f", 2},
+    {"Vec2d", "::rtsg::Vec2d", 2},
+    {"Vec3f", "::rtsg::Vec3f", 3},
+    {"Vec3d", "::rtsg::Vec3d", 3},
+    {"Vec4f", "::rtsg::Vec4f", 4},
+    {"Vec4d", "::rtsg::Vec4d", 4},
+    {"Rotation", "::rtsg::Rotation", 4},
+    {"Matrix3f", "::rtsg::Matrix3f", 9},
+    {"Matrix3d", "::rtsg::Matrix3d", 9},
+    {"Matrix4f", "::rtsg::Matrix4f", 16},
+    {"Matrix4d", "::rtsg::Matrix4d", 16},
+};
+constexpr std::string_view kAspects[] = {"none",  "structure", "transform", "geometry", "appearance",
+                                         "light", "view",      "sound",     "time"};
+constexpr std::string_view kAspectList = "@none @structure @transform @geometry @appearance @light @view @sound @time";
+
+const TypeInfo* typeInfo(std::string_view type) {
+    if (!type.starts_with("SF") && !type.starts_with("MF")) return nullptr;
+    const auto found = std::ranges::find(kTypes, type.substr(2), &TypeInfo::name);
+    return found == std::end(kTypes) ? nullptr : &*found;
+}
+
+bool isMF(const Field& field) {
+    return field.type.starts_with("MF");
+}
+bool isNode(const Field& field) {
+    return field.type.substr(2) == "Node";
+}
+bool isString(const Field& field) {
+    return field.type.substr(2) == "String";
+}
+bool isInteger(const Field& field) {
+    return field.type.substr(2) == "Int32" || field.type.substr(2) == "Image";
+}
+
+bool isIdentifier(std::string_view text) {
+    if (text.empty() || (text[0] >= '0' && text[0] <= '9')) return false;
+    return std::ranges::all_of(text, [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+    });
+}
+
+/// Decimal, `inf`, or a multiple of pi as in `-pi`, `2pi`, `pi/2`.
+bool parseNumber(std::string_view text, double& out) {
+    const bool negative = text.starts_with('-');
+    if (negative) text.remove_prefix(1);
+    if (text == "inf") {
+        out = kInfinity;
+    } else if (const auto pi = text.find("pi"); pi != std::string_view::npos) {
+        double factor = 1, divisor = 1;
+        if (pi > 0 && !parseNumber(text.substr(0, pi), factor)) return false;
+        const std::string_view rest = text.substr(pi + 2);
+        if (!rest.empty() && (rest[0] != '/' || !parseNumber(rest.substr(1), divisor))) return false;
+        out = std::numbers::pi * factor / divisor;
+    } else {
+        const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), out);
+        if (code != std::errc() || end != text.data() + text.size()) return false;
+    }
+    if (negative) out = -out;
+    return true;
+}
+
+std::vector<std::string_view> split(std::string_view text, char separator) {
+    std::vector<std::string_view> parts;
+    for (;;) {
+        const auto end = text.find(separator);
+        std::string_view part = text.substr(0, end);
+        while (!part.empty() && part.front() == ' ') part.remove_prefix(1);
+        while (!part.empty() && part.back() == ' ') part.remove_suffix(1);
+        parts.push_back(part);
+        if (end == std::string_view::npos) return parts;
+        text.remove_prefix(end + 1);
+    }
+}
+
+}  // namespace
+
+int componentsOf(std::string_view type) {
+    const TypeInfo* info = typeInfo(type);
+    return info ? info->components : -1;
+}
+
+std::string cppType(std::string_view type) {
+    const std::string element(typeInfo(type)->cpp);
+    return type.starts_with("MF") ? "::rtsg::Array<" + element + ">" : element;
+}
+
+struct Model::Token {
+    enum Kind { word, quoted, group } kind;
+    std::string text;  // without the quotes; with the brackets
+};
+
+void Model::error(const Position& where, const std::string& text) {
+    std::cerr << where.file << ':' << where.line << ": error: " << text << '\n';
+    ++errors_;
+}
+
+const Type* Model::find(std::string_view name) const {
+    const auto found = byName_.find(name);
+    return found == byName_.end() ? nullptr : &types_[found->second];
+}
+
+Type* Model::lookup(std::string_view name) {
+    return const_cast<Type*>(find(name));
+}
+
+std::vector<Model::Token> Model::tokens(const Position& where, std::string_view line) {
+    std::vector<Token> result;
+    std::size_t i = 0;
+    const auto quotedEnd = [&](std::size_t from) {  // index of the closing quote, or the end of the line
+        for (++from; from < line.size() && line[from] != '"'; ++from) {
+        }
+        return from;
+    };
+    while (i < line.size()) {
+        const char c = line[i];
+        if (c == ' ' || c == '\t' || c == '\r' || c == '\n') {
+            ++i;
+        } else if (c == '"') {
+            const std::size_t end = quotedEnd(i);
+            if (end == line.size()) {
+                error(where, "a string is not closed");
+                return result;
+            }
+            result.push_back({Token::quoted, std::string(line.substr(i + 1, end - i - 1))});
+            i = end + 1;
+        } else if (c == '[' || c == '(') {
+            std::size_t end = i + 1;
+            while (end < line.size() && line[end] != ']' && line[end] != ')')
+                end = line[end] == '"' ? std::min(quotedEnd(end) + 1, line.size()) : end + 1;
+            if (end == line.size()) {
+                error(where, "a bracket is not closed");
+                return result;
+            }
+            result.push_back({Token::group, std::string(line.substr(i, end - i + 1))});
+            i = end + 1;
+        } else if (c == ',' || c == ':') {
+            result.push_back({Token::word, std::string(1, c)});
+            ++i;
+        } else {
+            std::size_t end = i;
+            while (end < line.size() && !std::string_view(" \t\r\n,:[(\"").contains(line[end])) ++end;
+            result.push_back({Token::word, std::string(line.substr(i, end - i))});
+            i = end;
+        }
+    }
+    return result;
+}
+
+void Model::parse(const std::string& file, const std::string& text, bool imported) {
+    component_.clear();
+    open_ = nullptr;
+    openType_ = nullptr;
+    std::istringstream lines(text);
+    std::string line;
+    Position where{file, 0};
+    for (int number = 1; std::getline(lines, line); ++number) {
+        where.line = number;
+        // A line that ends in `|` or `,` goes on in the next.
+        std::string more;
+        const auto strip = [](std::string& s) {
+            bool inString = false;
+            for (std::size_t i = 0; i < s.size(); ++i) {
+                if (s[i] == '"') inString = !inString;
+                if (s[i] == '#' && !inString) s.resize(i);
+            }
+            s.resize(s.find_last_not_of(" \t\r") + 1);
+        };
+        strip(line);
+        while ((line.ends_with('|') || line.ends_with(',')) && std::getline(lines, more)) {
+            ++number;
+            strip(more);
+            line += more;
+        }
+        const std::vector<Token> found = tokens(where, line);
+        if (found.empty()) continue;
+        if (componentsOf(found[0].text) >= 0 || found[0].text == "retag")
+            parseField(where, found);
+        else
+            parseHead(where, found, imported);
+    }
+}
+
+void Model::parseHead(const Position& where, const std::vector<Token>& found, bool imported) {
+    std::size_t next = 0;
+    const auto word = [&] { return next < found.size() ? found[next].text : std::string(); };
+    const std::string keyword = word();
+    ++next;
+    const std::string name = word();
+    ++next;
+    open_ = nullptr;
+    openType_ = nullptr;
+    if (keyword == "component") {
+        component_ = name;
+        if (!isIdentifier(name) || next < found.size()) error(where, "expected `component Name`");
+        return;
+    }
+    if (keyword == "extend") {
+        extensions_.push_back({where, name, {}});
+        open_ = &extensions_.back().own;
+        if (next < found.size()) error(where, "expected `extend Name`");
+        return;
+    }
+    Type type;
+    type.where = where;
+    type.name = name;
+    type.component = component_;
+    type.imported = imported;
+    if (keyword == "abstract")
+        type.isAbstract = true;
+    else if (keyword == "internal")
+        type.hidden = true;
+    else if (keyword != "node")
+        return error(where, "expected component, abstract, node, internal, extend, retag or a field type, not '" +
+                                keyword + "'");
+    if (!isIdentifier(name)) return error(where, "'" + name + "' cannot name a type");
+    if (component_.empty()) error(where, "no `component` line before '" + name + "'");
+    bool hasLevel = false;
+    while (next < found.size()) {
+        const std::string item = word();
+        ++next;
+        if (item == ":" || item == ",") {
+            type.bases.push_back(word());
+            ++next;
+        } else if (item == "level") {
+            const std::string text = word();
+            ++next;
+            const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), type.level);
+            hasLevel = code == std::errc() && end == text.data() + text.size() && type.level >= 1;
+            if (!hasLevel) error(where, "'" + text + "' is no level");
+        } else if (item == "container") {
+            type.container = word();
+            ++next;
+        } else {
+            error(where, "unexpected '" + item + "'");
+        }
+    }
+    if (!type.isAbstract && !type.hidden) {
+        if (!hasLevel) error(where, "node '" + name + "' has no level");
+        if (type.container.empty()) error(where, "node '" + name + "' has no container field");
+    }
+    if (const Type* other = find(name))
+        return error(where, "'" + name + "' is already defined at " + other->where.file + ':' +
+                                std::to_string(other->where.line));
+    byName_[name] = types_.size();
+    types_.push_back(std::move(type));
+    open_ = &types_.back().own;
+    openType_ = &types_.back();
+}
+
+void Model::parseField(const Position& where, const std::vector<Token>& found) {
+    const bool isRetag = found[0].text == "retag";
+    std::string aspect;
+    if (found.back().text.starts_with('@')) aspect = found.back().text.substr(1);
+    if (std::ranges::find(kAspects, aspect) == std::end(kAspects)) {
+        const std::string what = isRetag || found.size() < 3 ? "this line" : "field '" + found[2].text + "'";
+        return error(where, what + " must end in an aspect, one of " + std::string(kAspectList));
+    }
+    if (isRetag) {
+        if (!openType_) return error(where, "retag stands outside of a type");
+        Retag retag{where, {}, aspect};
+        for (std::size_t i = 1; i + 1 < found.size(); ++i) retag.fields.push_back(found[i].text);
+        openType_->retags.push_back(std::move(retag));
+        return;
+    }
+    if (!open_) return error(where, "this field stands outside of a type");
+    if (found.size() < 4) return error(where, "expected TYPE ACCESS NAME [DEFAULT] [RANGE] @ASPECT");
+    Field field;
+    field.where = where;
+    field.type = found[0].text;
+    field.name = found[2].text;
+    field.aspect = aspect;
+    const std::string& access = found[1].text;
+    if (access == "[]")
+        field.access = "initializeOnly";
+    else if (access == "[in]")
+        field.access = "inputOnly";
+    else if (access == "[out]")
+        field.access = "outputOnly";
+    else if (access == "[in,out]")
+        field.access = "inputOutput";
+    else if (access == "hidden")
+        field.access = "inputOutput", field.hidden = true;
+    else
+        return error(where, "'" + access + "' is no access; one of [] [in] [out] [in,out] hidden");
+    if (!isIdentifier(field.name)) return error(where, "'" + field.name + "' cannot name a field");
+
+    std::size_t next = 3;
+    if (field.access == "initializeOnly" || field.access == "inputOutput") parseDefault(field, found, next);
+    for (; next + 1 < found.size(); ++next) {
+        if (found[next].kind != Token::group)
+            return error(where, "unexpected '" + found[next].text + "' in field '" + field.name + "'");
+        parseGroup(field, found[next].text);
+    }
+    checkDefault(field);
+    for (const Field& other : *open_)
+        if (other.name == field.name) return error(where, "field '" + field.name + "' is listed twice");
+    open_->push_back(std::move(field));
+}
+
+void Model::parseDefault(Field& field, const std::vector<Token>& found, std::size_t& next) {
+    std::vector<Token> values;
+    if (isMF(field)) {
+        if (next + 1 >= found.size() || found[next].kind != Token::group || found[next].text[0] != '[')
+            return error(field.where, "field '" + field.name + "' needs a default in brackets");
+        const std::string& group = found[next++].text;
+        values = tokens(field.where, std::string_view(group).substr(1, group.size() - 2));
+    } else {
+        while (next + 1 < found.size() && found[next].kind != Token::group) values.push_back(found[next++]);
+    }
+    std::size_t count = 0;
+    for (const Token& value : values) {
+        double number = 0;
+        if (value.text == "," && value.kind == Token::word) continue;
+        ++count;
+        if (isString(field)) {
+            if (value.kind != Token::quoted) return error(field.where, "expected a string, not '" + value.text + "'");
+            field.defaultText += value.text + '\n';
+        } else if (isNode(field)) {
+            if (isMF(field) || value.text != "NULL") return error(field.where, "nodes default to NULL or []");
+        } else if (field.type.substr(2) == "Bool") {
+            if (value.text != "TRUE" && value.text != "FALSE")
+                return error(field.where, "expected TRUE or FALSE, not '" + value.text + "'");
+            field.defaultText += value.text + ' ';
+        } else {
+            if (value.kind != Token::word || !parseNumber(value.text, number) || std::isinf(number) ||
+                (isInteger(field) && number != std::trunc(number)))
+                return error(field.where, "'" + value.text + "' is no value of " + field.type);
+            // As written where possible: the reader of the table rounds once, to the type of the field.
+            char digits[32];
+            const auto end = std::to_chars(digits, digits + sizeof(digits), number).ptr;
+            const bool symbolic = value.text.contains('p');
+            field.defaultText += (symbolic ? std::string(digits, end) : value.text) + ' ';
+        }
+    }
+    if (!field.defaultText.empty() && field.defaultText.back() == ' ') field.defaultText.pop_back();
+    const int components = std::max(componentsOf(field.type), 1);
+    if (field.type == "SFImage") {
+        if (count != 3) error(field.where, "an image defaults to three numbers, 0 0 0");
+    } else if (isMF(field) ? count % static_cast<std::size_t>(components) != 0
+                           : count != static_cast<std::size_t>(components)) {
+        error(field.where, "the default of '" + field.name + "' has " + std::to_string(count) + " values, " +
+                               field.type + " takes " + (isMF(field) ? "a multiple of " : "") +
+                               std::to_string(components));
+    }
+}
+
+void Model::parseGroup(Field& field, const std::string& group) {
+    const std::string_view inside = std::string_view(group).substr(1, group.size() - 2);
+    const std::vector<std::string_view> choices = split(inside, '|');
+    if (isNode(field)) {
+        for (const std::string_view name : choices) {
+            if (!isIdentifier(name)) return error(field.where, "'" + std::string(name) + "' cannot name a type");
+            if (!field.accepts.empty()) field.accepts += '|';
+            field.accepts += name;
+        }
+    } else if (isString(field)) {
+        for (const std::string_view choice : choices) {
+            if (choice.size() < 2 || choice.front() != '"' || choice.back() != '"')
+                return error(field.where, "expected strings between | in " + group);
+            field.allowed += std::string(choice.substr(1, choice.size() - 2)) + '\n';
+        }
+    } else {
+        const std::vector<std::string_view> bounds = split(inside, ',');
+        if (bounds.size() != 2 || !parseNumber(bounds[0], field.min) || !parseNumber(bounds[1], field.max) ||
+            field.min > field.max)
+            return error(field.where, "'" + group + "' is no range");
+        field.exclusiveMin = group.front() == '(' && !std::isinf(field.min);
+        field.exclusiveMax = group.back() == ')' && !std::isinf(field.max);
+    }
+}
+
+void Model::checkDefault(const Field& field) {
+    if (isString(field) && !field.allowed.empty()) {
+        std::istringstream values(field.defaultText);
+        for (std::string value; std::getline(values, value);)
+            if (!("\n" + field.allowed).contains("\n" + value + "\n"))
+                error(field.where, "the default \"" + value + "\" is not among the allowed strings");
+    }
+    if (componentsOf(field.type) == 0 || field.type.substr(2) == "Bool") return;
+    std::istringstream values(field.defaultText);
+    // Bounds that are no integers are multiples of pi, and files and tables write those in decimals.
+    const auto slack = [](double bound) { return bound == std::trunc(bound) ? 0.0 : std::abs(bound) * 1e-3; };
+    for (double value; values >> value;) {
+        if (value < field.min - slack(field.min) || (field.exclusiveMin && value == field.min) ||
+            value > field.max + slack(field.max) || (field.exclusiveMax && value == field.max))
+            error(field.where, "the default of '" + field.name + "' is outside of its range");
+    }
+}
+
+void Model::inherit(Type& type, const Type& base) {
+    if (base.isAbstract && std::ranges::find(type.implements, base.name) == type.implements.end())
+        type.implements.push_back(base.name);
+    for (const std::string& name : base.implements)
+        if (std::ranges::find(type.implements, name) == type.implements.end()) type.implements.push_back(name);
+    for (const Field& field : base.fields) {
+        const auto known = std::ranges::find(type.fields, field.name, &Field::name);
+        const auto redefined = std::ranges::find(type.own, field.name, &Field::name);
+        if (known == type.fields.end()) {
+            type.fields.push_back(field);
+        } else if (redefined == type.own.end()) {
+            const bool same = known->type == field.type && known->access == field.access &&
+                              known->defaultText == field.defaultText && known->accepts == field.accepts &&
+                              known->min == field.min && known->max == field.max;
+            const bool retagged = std::ranges::any_of(type.retags, [&](const Retag& retag) {
+                return std::ranges::find(retag.fields, field.name) != retag.fields.end();
+            });
+            if (!same || (known->aspect != field.aspect && !retagged))
+                error(type.where, "'" + type.name + "' inherits two different fields '" + field.name +
+                                      "'; list it, or retag it if only the aspects differ");
+        }
+    }
+}
+
+void Model::resolve(Type& type) {
+    if (type.state == 2) return;
+    if (type.state == 1) return error(type.where, "'" + type.name + "' inherits from itself");
+    type.state = 1;
+    for (const std::string& name : type.bases) {
+        Type* base = lookup(name);
+        if (!base) {
+            error(type.where, "'" + type.name + "' inherits from unknown type '" + name + "'");
+            continue;
+        }
+        resolve(*base);
+        inherit(type, *base);
+    }
+    for (const Field& field : type.own) {
+        const auto known = std::ranges::find(type.fields, field.name, &Field::name);
+        if (known == type.fields.end()) {
+            type.fields.push_back(field);
+            continue;
+        }
+        if (known->type != field.type || known->access != field.access)
+            error(field.where, "'" + field.name + "' is inherited with another type or access");
+        *known = field;
+    }
+    for (const Retag& retag : type.retags)
+        for (const std::string& name : retag.fields) {
+            const auto field = std::ranges::find(type.fields, name, &Field::name);
+            if (field == type.fields.end())
+                error(retag.where, "'" + type.name + "' has no field '" + name + "'");
+            else
+                field->aspect = retag.aspect;
+        }
+    // The order of the standard's tables: by name, whatever the case.
+    std::ranges::stable_sort(type.fields, [](const Field& a, const Field& b) {
+        if (a.hidden || b.hidden) return !a.hidden && b.hidden;
+        return std::ranges::lexicographical_compare(a.name, b.name, [](char x, char y) {
+            const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
+            return lower(x) < lower(y);
+        });
+    });
+    type.state = 2;
+}
+
+void Model::resolve() {
+    for (const Extension& extension : extensions_) {
+        Type* type = lookup(extension.name);
+        if (!type) {
+            error(extension.where, "cannot extend unknown type '" + extension.name + "'");
+            continue;
+        }
+        for (const Field& field : extension.own) {
+            if (std::ranges::find(type->own, field.name, &Field::name) != type->own.end())
+                error(field.where, "'" + extension.name + "' already has a field '" + field.name + "'");
+            type->own.push_back(field);
+        }
+    }
+    for (Type& type : types_) resolve(type);
+    for (const Type& type : types_)
+        for (const Field& field : type.own)
+            for (const std::string_view name : split(field.accepts, '|'))
+                if (!name.empty() && !find(name))
+                    error(field.where, "'" + field.name + "' accepts unknown type '" + std::string(name) + "'");
+}
+
+}  // namespace spec
