@@ -16,7 +16,8 @@ bool isLinearFormat(const std::string& extension) {
 
 std::string lowerExtension(const std::filesystem::path& file) {
     std::string extension = file.extension().string();
-    std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    std::ranges::transform(extension, extension.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     return extension;
 }
 
@@ -70,7 +71,8 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
     const bool linear = isLinearFormat(extension);
     const bool opaque = std::ranges::all_of(picture.pixels, [](const Vec4f& p) { return p.a >= 1; });
     const int channels = output->supports("alpha") && (linear || !opaque) ? 4 : 3;
-    OIIO::ImageSpec spec(picture.width, picture.height, channels, linear ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
+    OIIO::ImageSpec spec(picture.width, picture.height, channels,
+                         linear ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", linear ? "Linear" : "sRGB");
     if (linear) spec.attribute("compression", "zip");
     if (!linear) spec.attribute("oiio:UnassociatedAlpha", 1);
@@ -97,12 +99,14 @@ Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::
         if (frame.width != frames[0].width || frame.height != frames[0].height)
             return fail("the frames differ in size", {}, file.string());
         OIIO::ImageSpec spec(frame.width, frame.height, 4, OIIO::TypeDesc::UINT8);
-        spec.attribute("FramesPerSecond", OIIO::TypeRational, std::vector<int>{static_cast<int>(std::lround(framesPerSecond * 100)), 100}.data());
+        spec.attribute("FramesPerSecond", OIIO::TypeRational,
+                       std::vector<int>{static_cast<int>(std::lround(framesPerSecond * 100)), 100}.data());
         spec.attribute("gif:LoopCount", 0);
         const auto mode = &frame == frames.data() ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage;
         if (!output->open(file.string(), spec, mode)) return fail(output->geterror(), {}, file.string());
         auto bytes = toSrgb8(frame, toneMap);
-        if (!output->write_image(OIIO::TypeDesc::UINT8, bytes.data())) return fail(output->geterror(), {}, file.string());
+        if (!output->write_image(OIIO::TypeDesc::UINT8, bytes.data()))
+            return fail(output->geterror(), {}, file.string());
     }
     if (!output->close()) return fail(output->geterror(), {}, file.string());
     return {};

@@ -1,9 +1,9 @@
 // Picture: what a renderer produces: linear RGB radiance and coverage, its files, and how two of them compare.
 //
 // Invariant: pixels are linear (Rec. 709 primaries), premultiplied by alpha, row by row from the top left.
-// .exr (and .hdr, .pfm, .tif) keep them untouched; other formats (.png, .jpg, .gif ...) are tone-mapped and sRGB-encoded.
-// Threading: a Picture is plain data; the functions are re-entrant.
-// Source: IEC 61966-2-1 (sRGB transfer).
+// .exr (and .hdr, .pfm, .tif) keep them untouched; other formats (.png, .jpg, .gif ...) are tone-mapped and
+// sRGB-encoded. Threading: a Picture is plain data; the functions are re-entrant. Source: IEC 61966-2-1 (sRGB
+// transfer).
 #pragma once
 
 #include <filesystem>
@@ -24,8 +24,12 @@ struct Picture {
         : width(w), height(h), pixels(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), fill) {}
 
     /// Precondition: 0 <= x < width, 0 <= y < height; y counts from the top.
-    Vec4f& at(int x, int y) { return pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)]; }
-    const Vec4f& at(int x, int y) const { return pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)]; }
+    Vec4f& at(int x, int y) {
+        return pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+    }
+    const Vec4f& at(int x, int y) const {
+        return pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+    }
 };
 
 /// Linear to display. Radiance up to 1 passes unchanged, so that colours in a file are the colours on the screen; what
@@ -44,8 +48,8 @@ std::vector<std::uint8_t> toSrgb8(const Picture& picture, const ToneMap& toneMap
 
 /// The extension chooses the format. Errors: unknown extension, folder that cannot be written, empty picture.
 Result<> writePicture(const Picture& picture, const std::filesystem::path& file, const ToneMap& toneMap = {});
-/// An animated GIF, endlessly repeated, `framesPerSecond` rounded to what the format has (1/100 s). All frames must have
-/// one size.
+/// An animated GIF, endlessly repeated, `framesPerSecond` rounded to what the format has (1/100 s). All frames must
+/// have one size.
 Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::path& file, double framesPerSecond,
                         const ToneMap& toneMap = {});
 /// Any format OpenImageIO reads; integer formats are sRGB-decoded.

@@ -1,0 +1,72 @@
+// Camera and Sky: where the picture is seen from, and what is seen where nothing is hit.
+//
+// Invariant: right, up and forward are orthonormal and right-handed (right x up = -forward) whatever scale, shear or
+// mirroring the transforms above the viewpoint hold; positions stay in double until rays are made.
+// Threading: plain data, const members re-entrant.
+// Source: ISO/IEC 19775-1 V4.0 23.3.1, 23.4.5 (OrthoViewpoint), 23.4.6 (Viewpoint), 24.2.1, 24.3.1 (backgrounds).
+#pragma once
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include <rtsg/core/value.h>
+#include <rtsg/renderers/instance_delta.h>
+#include <rtsg/renderers/mesh.h>
+#include <rtsg/renderers/texture.h>
+
+namespace rtsg {
+
+/// The viewing angles (radians) across and down, of which the smaller is `fieldOfView`; `aspect` = width / height.
+struct ViewingAngles {
+    double horizontal = 0, vertical = 0;
+};
+ViewingAngles viewingAngles(double fieldOfView, double aspect);
+
+struct Camera {
+    Vec3d position{0, 0, 10};
+    Vec3d right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};
+    bool orthographic = false;
+    /// The picture's edges: at distance 1 before the eye, or for orthographic cameras in metres.
+    double left = -1, rightEdge = 1, bottom = -1, top = 1;
+    /// Nothing beyond is seen (NavigationInfo.visibilityLimit); infinite unless given.
+    double visibilityLimit = std::numeric_limits<double>::infinity();
+
+    /// `orientation` as in Viewpoint; fieldOfView is clamped into (0, pi).
+    static Camera perspective(const WorldFromLocal& worldFromLocal, const Vec3d& position, const Rotation& orientation,
+                              double fieldOfView, double aspect);
+    /// `extent`: least x, least y, greatest x, greatest y in the local frame. One side grows so that all of it shows.
+    static Camera parallel(const WorldFromLocal& worldFromLocal, const Vec3d& position, const Rotation& orientation,
+                           const std::array<double, 4>& extent, double aspect);
+
+    /// Moves back, keeping the direction of view, until all of `world` is within the picture and centred in it. Does
+    /// nothing when `world` is empty.
+    void frame(const Vec3d& lower, const Vec3d& upper);
+
+    struct WorldRay {
+        Vec3d origin, direction;  // a unit vector
+    };
+    /// `x`, `y` from 0 (left, top) to 1 (right, bottom).
+    WorldRay ray(double x, double y) const;
+};
+
+/// The bound Background or TextureBackground. Without colours: black.
+struct Sky {
+    std::vector<Vec3f> skyColors{Vec3f(0)}, groundColors;
+    std::vector<float> skyAngles, groundAngles;  // radians from the zenith, from the nadir; one less than colours
+    float alpha = 1;                             // 1 - transparency
+    /// Front, back, left, right, top, bottom of the panorama; null where there is none.
+    std::array<std::shared_ptr<const Texture>, 6> panorama;
+    glm::mat3 localFromWorld{1.0f};  // only its turning counts (24.2.1)
+
+    /// Linear RGB and coverage towards a unit direction in world space.
+    Vec4f color(const Vec3f& direction) const;
+    /// One colour in all directions: `color` needs no direction.
+    bool uniform() const;
+};
+
+/// The rotation nearest in meaning to the linear part: its columns, orthonormalised from the third (the axis of view)
+/// on; the identity for a singular matrix.
+glm::dmat3 turningOf(const WorldFromLocal& m);
+
+}  // namespace rtsg

@@ -1,0 +1,182 @@
+#include <rtsg/renderers/camera.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace rtsg {
+
+namespace {
+
+/// Rodrigues; a zero axis turns nothing.
+Vec3d rotate(const Rotation& rotation, const Vec3d& v) {
+    const Vec3d axis(rotation.x, rotation.y, rotation.z);
+    const double length = glm::length(axis);
+    if (!(length > 0) || !std::isfinite(length) || !std::isfinite(rotation.angle)) return v;
+    const Vec3d k = axis / length;
+    const double c = std::cos(double{rotation.angle}), s = std::sin(double{rotation.angle});
+    return v * c + glm::cross(k, v) * s + k * (glm::dot(k, v) * (1 - c));
+}
+
+Vec3d linear(const WorldFromLocal& m, const Vec3d& v) {
+    return m[0] * v.x + m[1] * v.y + m[2] * v.z;
+}
+
+/// Position and axes from a local frame; keeps the defaults where a transform is singular.
+Camera placed(const WorldFromLocal& worldFromLocal, const Vec3d& position, const Rotation& orientation) {
+    Camera camera;
+    const Vec3d eye = linear(worldFromLocal, position) + worldFromLocal[3];
+    if (glm::all(glm::lessThan(glm::abs(eye), Vec3d(1e18)))) camera.position = eye;
+    const WorldFromLocal turned(linear(worldFromLocal, rotate(orientation, {1, 0, 0})),
+                                linear(worldFromLocal, rotate(orientation, {0, 1, 0})),
+                                linear(worldFromLocal, rotate(orientation, {0, 0, 1})), Vec3d(0));
+    const glm::dmat3 axes = turningOf(turned);
+    camera.right = axes[0];
+    camera.up = axes[1];
+    camera.forward = -axes[2];
+    return camera;
+}
+
+/// Colour at `angle` on a run of colours, the first of which is at angle 0.
+Vec3f gradient(const std::vector<Vec3f>& colors, const std::vector<float>& angles, float angle) {
+    const std::size_t steps = std::min(colors.size() - 1, angles.size());
+    float before = 0;
+    for (std::size_t i = 0; i < steps; ++i) {
+        if (angle <= angles[i]) {
+            const float width = angles[i] - before;
+            return width > 0 ? glm::mix(colors[i], colors[i + 1], (angle - before) / width) : colors[i + 1];
+        }
+        before = angles[i];
+    }
+    return colors[steps];
+}
+
+}  // namespace
+
+ViewingAngles viewingAngles(double fieldOfView, double aspect) {
+    const double angle =
+        std::isfinite(fieldOfView) ? std::clamp(fieldOfView, 1e-6, std::numbers::pi - 1e-6) : std::numbers::pi / 4;
+    const double tangent = std::tan(angle / 2);
+    return {2 * std::atan(tangent * std::max(aspect, 1.0)), 2 * std::atan(tangent * std::max(1 / aspect, 1.0))};
+}
+
+glm::dmat3 turningOf(const WorldFromLocal& m) {
+    const double size = std::max({glm::length(m[0]), glm::length(m[1]), glm::length(m[2])});
+    if (!(size > 0) || !std::isfinite(size)) return glm::dmat3(1.0);
+    Vec3d back = m[2] / size, upwards = m[1] / size;
+    if (glm::length(back) < 1e-9) back = glm::cross(m[0] / size, upwards);
+    if (glm::length(back) < 1e-9) return glm::dmat3(1.0);
+    back = glm::normalize(back);
+    upwards -= glm::dot(upwards, back) * back;
+    if (glm::length(upwards) < 1e-9) upwards = glm::cross(back, m[0] / size);
+    if (glm::length(upwards) < 1e-9)
+        upwards = glm::cross(back, std::abs(back.x) < 0.5 ? Vec3d(1, 0, 0) : Vec3d(0, 0, 1));
+    upwards = glm::normalize(upwards);
+    return {glm::cross(upwards, back), upwards, back};
+}
+
+Camera Camera::perspective(const WorldFromLocal& worldFromLocal, const Vec3d& position, const Rotation& orientation,
+                           double fieldOfView, double aspect) {
+    Camera camera = placed(worldFromLocal, position, orientation);
+    const ViewingAngles angles = viewingAngles(fieldOfView, aspect);
+    camera.rightEdge = std::tan(angles.horizontal / 2);
+    camera.top = std::tan(angles.vertical / 2);
+    camera.left = -camera.rightEdge;
+    camera.bottom = -camera.top;
+    return camera;
+}
+
+Camera Camera::parallel(const WorldFromLocal& worldFromLocal, const Vec3d& position, const Rotation& orientation,
+                        const std::array<double, 4>& extent, double aspect) {
+    Camera camera = placed(worldFromLocal, position, orientation);
+    camera.orthographic = true;
+    const glm::dmat3 linearPart(worldFromLocal[0], worldFromLocal[1], worldFromLocal[2]);
+    double scale = std::cbrt(std::abs(glm::determinant(linearPart)));
+    if (!(scale > 0) || !std::isfinite(scale)) scale = 1;
+    const double centerX = scale * (extent[0] + extent[2]) / 2, centerY = scale * (extent[1] + extent[3]) / 2;
+    double halfX = scale * std::abs(extent[2] - extent[0]) / 2, halfY = scale * std::abs(extent[3] - extent[1]) / 2;
+    if (!(halfX > 0) || !(halfY > 0)) halfX = halfY = scale;
+    if (halfX < halfY * aspect)
+        halfX = halfY * aspect;
+    else
+        halfY = halfX / aspect;
+    camera.left = centerX - halfX, camera.rightEdge = centerX + halfX;
+    camera.bottom = centerY - halfY, camera.top = centerY + halfY;
+    return camera;
+}
+
+void Camera::frame(const Vec3d& lower, const Vec3d& upper) {
+    if (!glm::all(glm::lessThanEqual(lower, upper))) return;
+    const Vec3d center = 0.5 * (lower + upper);
+    const double radius = std::max(0.5 * glm::length(upper - lower), 1e-9);
+    const double margin = 1.05;
+    double distance = 0, halfX = 0, halfY = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+        const Vec3d offset((corner & 1 ? upper.x : lower.x) - center.x, (corner & 2 ? upper.y : lower.y) - center.y,
+                           (corner & 4 ? upper.z : lower.z) - center.z);
+        const double x = std::abs(glm::dot(offset, right)) * margin, y = std::abs(glm::dot(offset, up)) * margin;
+        const double towards = -glm::dot(offset, forward);
+        halfX = std::max(halfX, x), halfY = std::max(halfY, y);
+        if (!orthographic) distance = std::max({distance, towards + x / rightEdge, towards + y / top});
+    }
+    if (orthographic) {
+        const double aspect = (rightEdge - left) / (top - bottom);
+        halfX = std::max({halfX, halfY * aspect, 1e-9});
+        left = -halfX, rightEdge = halfX, bottom = -halfX / aspect, top = halfX / aspect;
+        distance = 2 * radius;
+    }
+    // A single point or a flat scene seen edge-on must not end up at the eye.
+    position = center - forward * std::max(distance, 1.01 * radius);
+}
+
+Camera::WorldRay Camera::ray(double x, double y) const {
+    const double u = left + (rightEdge - left) * x, v = top + (bottom - top) * y;
+    if (orthographic) return {position + u * right + v * up, forward};
+    return {position, glm::normalize(forward + u * right + v * up)};
+}
+
+bool Sky::uniform() const {
+    for (const auto& side : panorama)
+        if (side) return false;
+    return groundColors.empty() && (skyColors.size() <= 1 || skyAngles.empty());
+}
+
+Vec4f Sky::color(const Vec3f& direction) const {
+    if (uniform()) return Vec4f(skyColors.empty() ? Vec3f(0) : skyColors[0], 1) * alpha;
+    const Vec3f d = localFromWorld * direction;
+    const float fromZenith = std::acos(std::clamp(d.y, -1.0f, 1.0f));
+    const float fromNadir = std::numbers::pi_v<float> - fromZenith;
+    Vec3f result = skyColors.empty() ? Vec3f(0) : gradient(skyColors, skyAngles, fromZenith);
+    if (!groundColors.empty()) {
+        // A single colour without an angle is a ground up to the horizon.
+        const float reach =
+            groundAngles.empty()
+                ? std::numbers::pi_v<float> / 2
+                : groundAngles[std::min(groundAngles.size(), std::max<std::size_t>(groundColors.size() - 1, 1)) - 1];
+        if (fromNadir <= reach) result = gradient(groundColors, groundAngles, fromNadir);
+    }
+    Vec4f rgba(result * alpha, alpha);
+
+    // The side of the cube that d leaves through, and there s to the right, t upwards, as seen from the centre.
+    const Vec3f a = glm::abs(d);
+    std::size_t side;
+    Vec2f st;
+    if (a.z >= a.x && a.z >= a.y) {
+        side = d.z < 0 ? 0 : 1;
+        st = d.z < 0 ? Vec2f(d.x, d.y) / a.z : Vec2f(-d.x, d.y) / a.z;
+    } else if (a.x >= a.y) {
+        side = d.x < 0 ? 2 : 3;
+        st = d.x < 0 ? Vec2f(-d.z, d.y) / a.x : Vec2f(d.z, d.y) / a.x;
+    } else {
+        side = d.y > 0 ? 4 : 5;
+        st = d.y > 0 ? Vec2f(d.x, d.z) / a.y : Vec2f(d.x, -d.z) / a.y;
+    }
+    if (const auto& texture = panorama[side]) {
+        const TextureAccess access{TextureWrap::clamp, TextureWrap::clamp, true};
+        const Vec4f texel = texture->sample(0.5f + 0.5f * st.x, 0.5f + 0.5f * st.y, 0, access);
+        rgba = Vec4f(Vec3f(texel) * texel.a, texel.a) + rgba * (1 - texel.a);
+    }
+    return rgba;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,289 @@
+#include <rtsg/renderers/texture.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <rtsg/renderers/picture.h>
+
+namespace rtsg {
+
+namespace {
+
+constexpr int kMaxSide = 1 << 15;
+
+const std::array<float, 256>& decodeTable() {
+    static const auto table = [] {
+        std::array<float, 256> result{};
+        for (int i = 0; i < 256; ++i)
+            result[static_cast<std::size_t>(i)] = linearFromSrgb(static_cast<float>(i) / 255.0f);
+        return result;
+    }();
+    return table;
+}
+
+std::uint32_t byteOf(float value) {
+    return static_cast<std::uint32_t>(std::lround(std::clamp(value, 0.0f, 1.0f) * 255.0f));
+}
+
+std::uint32_t encode(const Vec4f& linear, Texture::Content content) {
+    std::uint32_t result = byteOf(linear.a) << 24;
+    for (int c = 0; c < 3; ++c)
+        result |= byteOf(content == Texture::Content::color ? srgbFromLinear(linear[c]) : linear[c]) << (8 * c);
+    return result;
+}
+
+/// Pixel number of a coordinate that may lie outside; `size` >= 1.
+int wrapIndex(int i, int size, TextureWrap wrap) {
+    switch (wrap) {
+        case TextureWrap::repeat:
+            i %= size;
+            return i < 0 ? i + size : i;
+        case TextureWrap::mirror: {
+            i %= 2 * size;
+            if (i < 0) i += 2 * size;
+            return i < size ? i : 2 * size - 1 - i;
+        }
+        case TextureWrap::clamp:
+            break;
+    }
+    return std::clamp(i, 0, size - 1);
+}
+
+/// Brings a coordinate near 0 so that what follows fits into int and keeps its bits.
+float reduce(float s, TextureWrap wrap) {
+    if (!std::isfinite(s)) return 0;
+    if (wrap == TextureWrap::clamp) return std::clamp(s, 0.0f, 1.0f);
+    const float period = wrap == TextureWrap::mirror ? 2.0f : 1.0f;
+    return s - period * std::floor(s / period);
+}
+
+Result<> checkSize(int width, int height, std::size_t pixels) {
+    if (width <= 0 || height <= 0) return fail("the texture has no pixels");
+    if (width > kMaxSide || height > kMaxSide) return fail("the texture is larger than 32768 pixels a side");
+    if (pixels < static_cast<std::size_t>(width) * static_cast<std::size_t>(height))
+        return fail("the texture has fewer pixels than its size says");
+    return {};
+}
+
+Result<Texture> readInput(OIIO::ImageInput& input, Texture::Content content) {
+    const OIIO::ImageSpec spec = input.spec();
+    if (auto ok = checkSize(spec.width, spec.height, SIZE_MAX); !ok) return std::unexpected(ok.error());
+    const int channels = std::min(spec.nchannels, 4);
+    const auto pixelCount = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
+    const auto count = pixelCount * static_cast<std::size_t>(channels);
+    // Bottom row first, by a negative stride: SFImage and texture coordinates both start at the lower left.
+    if (spec.format == OIIO::TypeDesc::UINT8) {
+        std::vector<std::uint8_t> bytes(count);
+        const auto stride = static_cast<OIIO::stride_t>(spec.width) * channels;
+        if (!input.read_image(0, 0, 0, channels, OIIO::TypeDesc::UINT8, bytes.data() + (spec.height - 1) * stride,
+                              channels, -stride))
+            return fail(input.geterror());
+        return Texture::fromBytes(bytes, spec.width, spec.height, channels, content);
+    }
+    std::vector<float> values(count);
+    if (!input.read_image(0, 0, 0, channels, OIIO::TypeDesc::FLOAT, values.data())) return fail(input.geterror());
+    const bool encoded = content == Texture::Content::color && spec.format != OIIO::TypeDesc::FLOAT &&
+                         spec.format != OIIO::TypeDesc::HALF;
+    std::vector<Vec4f> pixels(pixelCount);
+    for (std::size_t i = 0; i < pixelCount; ++i) {
+        const float* source = &values[i * static_cast<std::size_t>(channels)];
+        const std::size_t row = i / static_cast<std::size_t>(spec.width),
+                          column = i % static_cast<std::size_t>(spec.width);
+        Vec4f& target =
+            pixels[(static_cast<std::size_t>(spec.height) - 1 - row) * static_cast<std::size_t>(spec.width) + column];
+        for (int c = 0; c < 3; ++c) {
+            const float value = source[channels < 3 ? 0 : c];
+            target[c] = encoded ? linearFromSrgb(value) : value;
+        }
+        target.a = channels == 2 || channels == 4 ? source[channels - 1] : 1;
+    }
+    return Texture::fromFloats(std::move(pixels), spec.width, spec.height, channels);
+}
+
+}  // namespace
+
+Result<Texture> Texture::fromBytes(std::span<const std::uint8_t> bytes, int width, int height, int channels,
+                                   Content content) {
+    if (channels < 1 || channels > 4) return fail("a texture has 1 to 4 components");
+    if (auto ok = checkSize(width, height, bytes.size() / static_cast<std::size_t>(channels)); !ok)
+        return std::unexpected(ok.error());
+    Texture texture;
+    texture.channels_ = channels;
+    texture.content_ = content;
+    Level level{width, height, {}, {}};
+    level.encoded.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+    const std::uint8_t* p = bytes.data();
+    for (std::uint32_t& pixel : level.encoded) {
+        const std::uint32_t r = p[0], g = channels < 3 ? r : p[1], b = channels < 3 ? r : p[2];
+        const std::uint32_t a = channels == 2 ? p[1] : channels == 4 ? p[3] : 255u;
+        pixel = r | g << 8 | b << 16 | a << 24;
+        p += channels;
+    }
+    texture.levels_.push_back(std::move(level));
+    texture.noteAlpha();
+    texture.buildLevels();
+    return texture;
+}
+
+Result<Texture> Texture::fromFloats(std::vector<Vec4f> pixels, int width, int height, int channels) {
+    if (auto ok = checkSize(width, height, pixels.size()); !ok) return std::unexpected(ok.error());
+    Texture texture;
+    texture.channels_ = channels;
+    texture.content_ = Content::data;
+    for (Vec4f& pixel : pixels)
+        for (int c = 0; c < 4; ++c)
+            if (!std::isfinite(pixel[c])) pixel[c] = 0;
+    texture.levels_.push_back({width, height, {}, std::move(pixels)});
+    texture.noteAlpha();
+    texture.buildLevels();
+    return texture;
+}
+
+Result<Texture> Texture::fromImage(const Image& image, Content content) {
+    const int width = image.width(), height = image.height(), channels = image.components();
+    if (channels < 1 || channels > 4)
+        return fail("an SFImage has 1 to 4 components, this one " + std::to_string(channels));
+    if (auto ok = checkSize(width, height, image.words.size() - 3); !ok) return std::unexpected(ok.error());
+    std::vector<std::uint8_t> bytes;
+    const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+    bytes.reserve(pixels * static_cast<std::size_t>(channels));
+    for (std::size_t i = 0; i < pixels; ++i) {
+        const auto word = static_cast<std::uint32_t>(image.words[i + 3]);
+        for (int c = channels - 1; c >= 0; --c) bytes.push_back(static_cast<std::uint8_t>(word >> (8 * c)));
+    }
+    return fromBytes(bytes, width, height, channels, content);
+}
+
+Result<Texture> Texture::fromFile(const std::filesystem::path& file, Content content) {
+    auto input = OIIO::ImageInput::open(file.string());
+    if (!input) return fail(OIIO::geterror(), {}, file.string());
+    auto result = readInput(*input, content);
+    if (!result) result.error().file = file.string();
+    return result;
+}
+
+Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const std::string& name, Content content) {
+    OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(file.data()), file.size());
+    auto input = OIIO::ImageInput::open(name, nullptr, &reader);
+    if (!input) return fail(OIIO::geterror(), {}, name);
+    return readInput(*input, content);
+}
+
+void Texture::noteAlpha() {
+    const Level& finest = levels_[0];
+    for (const std::uint32_t pixel : finest.encoded) {
+        hasAlpha_ = hasAlpha_ || pixel >> 24 != 255;
+        hasPartialAlpha_ = hasPartialAlpha_ || (pixel >> 24 != 255 && pixel >> 24 != 0);
+    }
+    for (const Vec4f& pixel : finest.linear) {
+        hasAlpha_ = hasAlpha_ || pixel.a < 1;
+        hasPartialAlpha_ = hasPartialAlpha_ || (pixel.a < 1 && pixel.a > 0);
+    }
+}
+
+void Texture::buildLevels() {
+    while (levels_.back().width > 1 || levels_.back().height > 1) {
+        const Level& fine = levels_.back();
+        Level coarse{std::max(fine.width / 2, 1), std::max(fine.height / 2, 1), {}, {}};
+        const auto count = static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(coarse.height);
+        if (fine.linear.empty())
+            coarse.encoded.resize(count);
+        else
+            coarse.linear.resize(count);
+        // Odd sizes: each coarse pixel averages the fine pixels whose centres it covers (2 or 3 a side).
+        for (int y = 0; y < coarse.height; ++y) {
+            const int y0 = y * fine.height / coarse.height, y1 = (y + 1) * fine.height / coarse.height;
+            for (int x = 0; x < coarse.width; ++x) {
+                const int x0 = x * fine.width / coarse.width, x1 = (x + 1) * fine.width / coarse.width;
+                Vec3f color(0), plain(0);
+                float alpha = 0;
+                for (int j = y0; j < y1; ++j)
+                    for (int i = x0; i < x1; ++i) {
+                        const Vec4f pixel = texel(fine, i, j);
+                        color += Vec3f(pixel) * pixel.a;
+                        plain += Vec3f(pixel);
+                        alpha += pixel.a;
+                    }
+                const auto n = static_cast<float>((y1 - y0) * (x1 - x0));
+                // Weighted by alpha, so that what is clear does not bleed into the visible.
+                const Vec4f average(alpha > 0 ? color / alpha : plain / n, alpha / n);
+                const auto at =
+                    static_cast<std::size_t>(y) * static_cast<std::size_t>(coarse.width) + static_cast<std::size_t>(x);
+                if (fine.linear.empty())
+                    coarse.encoded[at] = encode(average, content_);
+                else
+                    coarse.linear[at] = average;
+            }
+        }
+        levels_.push_back(std::move(coarse));
+    }
+}
+
+std::size_t Texture::bytes() const {
+    std::size_t result = 0;
+    for (const Level& level : levels_) result += level.encoded.size() * 4 + level.linear.size() * sizeof(Vec4f);
+    return result;
+}
+
+Vec4f Texture::texel(const Level& level, int x, int y) const {
+    const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(level.width) + static_cast<std::size_t>(x);
+    if (!level.linear.empty()) return level.linear[at];
+    const std::uint32_t word = level.encoded[at];
+    const float alpha = static_cast<float>(word >> 24) * (1 / 255.0f);
+    if (content_ == Content::data)
+        return Vec4f(static_cast<float>(word & 255u), static_cast<float>(word >> 8 & 255u),
+                     static_cast<float>(word >> 16 & 255u), 0) *
+                   (1 / 255.0f) +
+               Vec4f(0, 0, 0, alpha);
+    const auto& table = decodeTable();
+    return {table[word & 255u], table[word >> 8 & 255u], table[word >> 16 & 255u], alpha};
+}
+
+Vec4f Texture::sampleLevel(const Level& level, float s, float t, const TextureAccess& access) const {
+    const float x = reduce(s, access.wrapS) * static_cast<float>(level.width);
+    const float y = reduce(t, access.wrapT) * static_cast<float>(level.height);
+    if (!access.smooth)
+        return texel(level, wrapIndex(static_cast<int>(std::floor(x)), level.width, access.wrapS),
+                     wrapIndex(static_cast<int>(std::floor(y)), level.height, access.wrapT));
+    const float left = std::floor(x - 0.5f), bottom = std::floor(y - 0.5f);
+    const float fx = x - 0.5f - left, fy = y - 0.5f - bottom;
+    const int x0 = wrapIndex(static_cast<int>(left), level.width, access.wrapS);
+    const int x1 = wrapIndex(static_cast<int>(left) + 1, level.width, access.wrapS);
+    const int y0 = wrapIndex(static_cast<int>(bottom), level.height, access.wrapT);
+    const int y1 = wrapIndex(static_cast<int>(bottom) + 1, level.height, access.wrapT);
+    return (texel(level, x0, y0) * (1 - fx) + texel(level, x1, y0) * fx) * (1 - fy) +
+           (texel(level, x0, y1) * (1 - fx) + texel(level, x1, y1) * fx) * fy;
+}
+
+Vec4f Texture::sample(float s, float t, float footprint, const TextureAccess& access) const {
+    const float pixels = footprint * std::sqrt(static_cast<float>(width()) * static_cast<float>(height()));
+    if (!(pixels > 1)) return sampleLevel(levels_[0], s, t, access);
+    const float depth = std::log2(pixels);
+    const auto last = static_cast<float>(levels_.size() - 1);
+    if (depth >= last) return sampleLevel(levels_.back(), s, t, access);
+    const auto fine = static_cast<std::size_t>(depth);
+    const float f = depth - static_cast<float>(fine);
+    return sampleLevel(levels_[fine], s, t, access) * (1 - f) + sampleLevel(levels_[fine + 1], s, t, access) * f;
+}
+
+TextureMatrix TextureMatrix::fromTransform(Vec2f center, float rotation, Vec2f scale, Vec2f translation) {
+    // The matrices act on (s, t) from the right end of the product: translate, then about the centre rotate and scale.
+    const float c = std::cos(rotation), n = std::sin(rotation);
+    TextureMatrix m;
+    m.s = {scale.x * c, -scale.x * n, 0};
+    m.t = {scale.y * n, scale.y * c, 0};
+    const Vec2f moved = translation + center;
+    m.s.z = m.s.x * moved.x + m.s.y * moved.y - center.x;
+    m.t.z = m.t.x * moved.x + m.t.y * moved.y - center.y;
+    return m;
+}
+
+float TextureMatrix::stretch() const {
+    return std::sqrt(std::abs(s.x * t.y - s.y * t.x));
+}
+
+}  // namespace rtsg
