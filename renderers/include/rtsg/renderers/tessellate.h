@@ -74,7 +74,8 @@ struct IndexedFaceSetParams : SurfaceParams {
     float creaseAngle = 0;
 };
 
-/// The seven sets of triangles and quads; those without index use the coordinates in their order.
+/// The eight sets of triangles and quads; those without index use the coordinates in their order. Colours and
+/// normals are per vertex always (11.4); normalPerVertex says how missing normals are made.
 struct PrimitiveSetParams : SurfaceParams {
     enum class Kind : std::uint8_t {
         triangleSet,

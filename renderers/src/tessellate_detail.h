@@ -1,0 +1,141 @@
+// Shared by the tessellators; private to this library.
+//
+// Words: a *corner* is a position in the source's index list, a *face* a polygon of the source. A Topology says
+// which corner and which face each triangle of the mesh came from, so that attributes can be bound afterwards.
+#pragma once
+
+#include <array>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include <rtsg/renderers/mesh.h>
+#include <rtsg/renderers/tessellate.h>
+
+namespace rtsg::detail {
+
+constexpr float kLargestCoordinate = 1e18f;  // Embree ignores triangles beyond 1.8e18
+/// More vertices than this are refused: products of dimensions in a small file must not fill the memory.
+constexpr std::size_t kMostVertices = std::size_t{1} << 27;
+
+/// Finite and in range; false for NaN.
+inline bool usable(float x) { return std::abs(x) <= kLargestCoordinate; }
+inline bool usable(Vec2f p) { return usable(p.x) && usable(p.y); }
+inline bool usable(Vec3f p) { return usable(p.x) && usable(p.y) && usable(p.z); }
+
+template <class T>
+Array<T> toArray(const std::vector<T>& elements) {
+    Array<T> result = Array<T>::ofSize(elements.size());
+    if (!elements.empty())
+        std::memcpy(static_cast<void*>(result.mutableData()), elements.data(), elements.size() * sizeof(T));
+    return result;
+}
+
+inline void warn(Mesh& mesh, std::string text) { mesh.diagnostics.warning({}, std::move(text)); }
+
+struct Topology {
+    /// 3 per triangle. Empty: the triangles are the source's index list in place, corner = t * triangleStride + c.
+    Array<std::int32_t> corners;
+    /// 1 per triangle. Empty: face = t.
+    Array<std::int32_t> faces;
+};
+
+/// Collects triangles of a source that has an index per corner, then gives the mesh its indices and bounds.
+class TopologyBuilder {
+  public:
+    TopologyBuilder(const Array<std::int32_t>& index, bool ccw) : index_(index), ccw_(ccw) {}
+    void reserve(std::size_t triangles, bool wantFaces);
+    void add(std::size_t a, std::size_t b, std::size_t c, std::size_t face) {
+        corners_.push_back(static_cast<std::int32_t>(a));
+        corners_.push_back(static_cast<std::int32_t>(ccw_ ? b : c));
+        corners_.push_back(static_cast<std::int32_t>(ccw_ ? c : b));
+        if (wantFaces_) faces_.push_back(static_cast<std::int32_t>(face));
+    }
+    std::size_t triangleCount() const { return corners_.size() / 3; }
+    /// Precondition: every corner added is a valid position of the index, and that a usable position of the mesh.
+    Topology finish(Mesh& mesh);
+
+  private:
+    const Array<std::int32_t>& index_;
+    std::vector<std::int32_t> corners_, faces_;
+    bool ccw_, wantFaces_ = false;
+};
+
+/// Checks all indices and coordinates of `count` triangles `stride` apart; fills `bounds` when everything is usable.
+bool scanTriangles(const Array<Vec3f>& positions, const std::int32_t* index, std::size_t stride, std::size_t count,
+                   Bounds& bounds);
+
+/// Binds values by the corners' own index (per vertex when `index` is empty) or by faces (`index` maybe empty).
+/// What is missing or out of range is repaired with a warning that names the field.
+template <class T>
+MeshAttribute bindCorners(Mesh& mesh, const Topology& topology, const Array<T>& values,
+                          const Array<std::int32_t>& index, const char* field);
+template <class T>
+MeshAttribute bindFaces(Mesh& mesh, const Topology& topology, const Array<T>& values,
+                        const Array<std::int32_t>& index, const char* field);
+
+/// The three attributes of a composed geometry; normals are left absent when none are given.
+struct AttributeIndices {
+    Array<std::int32_t> color, normal, texCoord;
+};
+void bindAttributes(Mesh& mesh, const Topology& topology, const SurfaceParams& params, const AttributeIndices& indices);
+
+/// ISO/IEC 19775-1, 13.3.6: the largest side of the box is s in 0 ... 1, the next t in the same scale.
+TexCoords defaultTexCoords(const Bounds& bounds);
+
+/// Weighted by the angle at the corner, smooth across edges whose faces differ by less than `creaseAngle`.
+/// Absent (faceted) for an angle of 0 or less; per vertex for pi or more.
+MeshAttribute generateNormals(const Mesh& mesh, float creaseAngle);
+
+/// Returns a usable crease angle, with a warning when it had to be replaced.
+float checkedCreaseAngle(Mesh& mesh, float creaseAngle);
+
+/// Cuts polygons into triangles.
+class PolygonCutter {
+  public:
+    PolygonCutter() = default;
+    PolygonCutter(const PolygonCutter&) = delete;
+    PolygonCutter& operator=(const PolygonCutter&) = delete;
+    ~PolygonCutter();
+
+    enum class Outcome : std::uint8_t { good, degenerate, selfIntersecting };
+    /// Indices into `points`, oriented as the polygon is. Precondition: all points are usable.
+    Outcome cut(std::span<const Vec3f> points, std::vector<std::array<int, 3>>& triangles);
+
+  private:
+    Outcome cutConcave(std::span<const Vec2d> points, std::vector<std::array<int, 3>>& triangles);
+    void* tessellator_ = nullptr;  // GLUtesselator, made on first use
+    std::vector<Vec2d> flat_;
+};
+
+/// For shapes that are generated: positions, normals and texture coordinates with an index each.
+struct CornerMesh {
+    struct Corner {
+        int position = 0, normal = 0, texCoord = 0;
+    };
+    std::vector<Vec3f> positions, normals;
+    std::vector<Vec2f> texCoords;
+    std::vector<std::int32_t> positionIndex, normalIndex, texCoordIndex;
+
+    int addPosition(Vec3f p) {
+        positions.push_back(p);
+        return static_cast<int>(positions.size()) - 1;
+    }
+    int addNormal(Vec3f n) {
+        normals.push_back(n);
+        return static_cast<int>(normals.size()) - 1;
+    }
+    int addTexCoord(Vec2f st) {
+        texCoords.push_back(st);
+        return static_cast<int>(texCoords.size()) - 1;
+    }
+    void addTriangle(Corner a, Corner b, Corner c);
+    void addQuad(Corner a, Corner b, Corner c, Corner d) {
+        addTriangle(a, b, c);
+        addTriangle(a, c, d);
+    }
+    /// Without normals the mesh is faceted. Diagnostics already in `mesh` stay.
+    void finish(Mesh& mesh) const;
+};
+
+}  // namespace rtsg::detail

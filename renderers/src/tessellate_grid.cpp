@@ -1,0 +1,89 @@
+#include <fmt/format.h>
+
+#include "tessellate_detail.h"
+
+namespace rtsg {
+
+using detail::warn;
+
+Mesh tessellate(const ElevationGridParams& params) {
+    Mesh mesh;
+    mesh.solid = params.solid;
+    if (params.xDimension < 2 || params.zDimension < 2) {
+        if (params.xDimension < 0 || params.zDimension < 0)
+            warn(mesh, fmt::format("xDimension {} and zDimension {} may not be negative", params.xDimension,
+                                   params.zDimension));
+        return mesh;
+    }
+    if (!(params.xSpacing > 0) || !(params.zSpacing > 0) || !detail::usable(params.xSpacing) ||
+        !detail::usable(params.zSpacing)) {
+        warn(mesh, fmt::format("xSpacing {} and zSpacing {} must be above 0: nothing is drawn", params.xSpacing,
+                               params.zSpacing));
+        return mesh;
+    }
+    // The heights that are there bound the grid, not the dimensions, so a false dimension cannot fill the memory.
+    const auto columns = static_cast<std::size_t>(params.xDimension);
+    auto rows = static_cast<std::size_t>(params.zDimension);
+    if (params.height.size() / columns < rows) {
+        rows = params.height.size() / columns;
+        warn(mesh, fmt::format("height has {} values, xDimension * zDimension is {}: {} complete rows are drawn",
+                               params.height.size(), columns * static_cast<std::size_t>(params.zDimension), rows));
+        if (rows < 2) return mesh;
+    }
+
+    Array<Vec3f> positions = Array<Vec3f>::ofSize(columns * rows);
+    Vec3f* point = positions.mutableData();
+    for (std::size_t j = 0; j < rows; ++j)
+        for (std::size_t i = 0; i < columns; ++i)
+            *point++ = {static_cast<float>(i) * params.xSpacing, params.height[j * columns + i],
+                        static_cast<float>(j) * params.zSpacing};
+    mesh.positions = std::move(positions);
+
+    // Seen from +Y with z downwards, each quadrilateral runs down, right, up: fronts face +Y.
+    const bool faceValues = !params.colorPerVertex || !params.normalPerVertex;
+    Array<std::int32_t> identity;  // a grid's corners are its vertices
+    Array<std::int32_t> triangles = Array<std::int32_t>::ofSize((columns - 1) * (rows - 1) * 6);
+    Array<std::int32_t> faces = faceValues ? Array<std::int32_t>::ofSize(triangles.size() / 3) : identity;
+    std::int32_t *out = triangles.mutableData(), *outFace = faces.mutableData();
+    std::size_t count = 0, dropped = 0;
+    for (std::size_t j = 0; j + 1 < rows; ++j)
+        for (std::size_t i = 0; i + 1 < columns; ++i) {
+            const std::size_t a = j * columns + i, b = a + columns, c = b + 1, d = a + 1;
+            const std::size_t quad = j * (columns - 1) + i;
+            const std::size_t corners[2][3] = {{a, b, c}, {a, c, d}};
+            for (const auto& t : corners) {
+                if (!detail::usable(mesh.positions[t[0]]) || !detail::usable(mesh.positions[t[1]]) ||
+                    !detail::usable(mesh.positions[t[2]])) {
+                    ++dropped;
+                    continue;
+                }
+                const int swap = params.ccw ? 0 : 1;
+                for (const std::size_t v : {t[0], t[1 + static_cast<std::size_t>(swap)], t[2 - static_cast<std::size_t>(swap)]}) {
+                    *out++ = static_cast<std::int32_t>(v);
+                    mesh.bounds.extend(mesh.positions[v]);
+                }
+                if (faceValues) outFace[count] = static_cast<std::int32_t>(quad);
+                ++count;
+            }
+        }
+    if (dropped) warn(mesh, fmt::format("height: {} triangles left out: their points are not finite", dropped));
+    triangles.resize(count * 3);
+    faces.resize(faceValues ? count : 0);
+    mesh.triangles = triangles;
+    mesh.triangleCount = static_cast<std::uint32_t>(count);
+    if (mesh.empty()) return mesh;
+
+    detail::bindAttributes(mesh, {.corners = {}, .faces = faces}, params, {});
+    if (!mesh.normals.present())
+        mesh.normals = detail::generateNormals(mesh, detail::checkedCreaseAngle(mesh, params.creaseAngle));
+    // 13.3.4: one unit of s along x and of t along z, whatever the heights.
+    if (params.texCoord.empty()) {
+        TexCoords& set = mesh.texCoords.front();
+        set = {};
+        set.sFromPosition.x = 1.0f / (static_cast<float>(columns - 1) * params.xSpacing);
+        set.tFromPosition.z = 1.0f / (static_cast<float>(rows - 1) * params.zSpacing);
+    }
+    return mesh;
+}
+
+}  // namespace rtsg
