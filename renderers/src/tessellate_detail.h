@@ -19,9 +19,15 @@ constexpr float kLargestCoordinate = 1e18f;  // Embree ignores triangles beyond 
 constexpr std::size_t kMostVertices = std::size_t{1} << 27;
 
 /// Finite and in range; false for NaN.
-inline bool usable(float x) { return std::abs(x) <= kLargestCoordinate; }
-inline bool usable(Vec2f p) { return usable(p.x) && usable(p.y); }
-inline bool usable(Vec3f p) { return usable(p.x) && usable(p.y) && usable(p.z); }
+inline bool usable(float x) {
+    return std::abs(x) <= kLargestCoordinate;
+}
+inline bool usable(Vec2f p) {
+    return usable(p.x) && usable(p.y);
+}
+inline bool usable(Vec3f p) {
+    return usable(p.x) && usable(p.y) && usable(p.z);
+}
 
 template <class T>
 Array<T> toArray(const std::vector<T>& elements) {
@@ -31,7 +37,9 @@ Array<T> toArray(const std::vector<T>& elements) {
     return result;
 }
 
-inline void warn(Mesh& mesh, std::string text) { mesh.diagnostics.warning({}, std::move(text)); }
+inline void warn(Mesh& mesh, std::string text) {
+    mesh.diagnostics.warning({}, std::move(text));
+}
 
 struct Topology {
     /// 3 per triangle. Empty: the triangles are the source's index list in place, corner = t * triangleStride + c.
@@ -71,8 +79,8 @@ template <class T>
 MeshAttribute bindCorners(Mesh& mesh, const Topology& topology, const Array<T>& values,
                           const Array<std::int32_t>& index, const char* field);
 template <class T>
-MeshAttribute bindFaces(Mesh& mesh, const Topology& topology, const Array<T>& values,
-                        const Array<std::int32_t>& index, const char* field);
+MeshAttribute bindFaces(Mesh& mesh, const Topology& topology, const Array<T>& values, const Array<std::int32_t>& index,
+                        const char* field);
 
 /// The three attributes of a composed geometry; normals are left absent when none are given.
 struct AttributeIndices {

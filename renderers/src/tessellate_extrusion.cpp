@@ -154,7 +154,8 @@ class Extruder {
             warn(mesh_, "scale may not be negative: drawn mirrored");
         const auto shortList = [&](const char* name, std::size_t size) {
             if (size > 1 && size < points)
-                warn(mesh_, fmt::format("{} has {} values for {} spine points: the last is repeated", name, size, points));
+                warn(mesh_,
+                     fmt::format("{} has {} values for {} spine points: the last is repeated", name, size, points));
         };
         shortList("scale", p_.scale.size());
         shortList("orientation", p_.orientation.size());
@@ -185,7 +186,10 @@ class Extruder {
             }
         }
         // A closed spine ends on its first ring, unless scale or orientation make the two differ.
-        const auto ring = [&](int start) { return std::span(out_.positions).subspan(static_cast<std::size_t>(start), static_cast<std::size_t>(perRing_)); };
+        const auto ring = [&](int start) {
+            return std::span(out_.positions)
+                .subspan(static_cast<std::size_t>(start), static_cast<std::size_t>(perRing_));
+        };
         if (frames.size() > 2 && std::ranges::equal(ring(ringStart_.front()), ring(ringStart_.back()))) {
             out_.positions.resize(static_cast<std::size_t>(ringStart_.back()));
             ringStart_.back() = 0;
@@ -194,7 +198,9 @@ class Extruder {
     }
 
     void addIfDrawn(CornerMesh::Corner a, CornerMesh::Corner b, CornerMesh::Corner c) {
-        const auto at = [&](CornerMesh::Corner corner) { return out_.positions[static_cast<std::size_t>(corner.position)]; };
+        const auto at = [&](CornerMesh::Corner corner) {
+            return out_.positions[static_cast<std::size_t>(corner.position)];
+        };
         if (at(a) != at(b) && at(b) != at(c) && at(c) != at(a)) out_.addTriangle(a, b, c);
     }
 
@@ -231,8 +237,10 @@ class Extruder {
             }
         }
         const PolygonCutter::Outcome outcome = cutter_.cut(polygon, triangles_);
-        if (outcome == PolygonCutter::Outcome::degenerate && !capReported_) warn(mesh_, "crossSection encloses no area: no cap is drawn");
-        if (outcome == PolygonCutter::Outcome::selfIntersecting && !capReported_) warn(mesh_, "crossSection crosses itself");
+        if (outcome == PolygonCutter::Outcome::degenerate && !capReported_)
+            warn(mesh_, "crossSection encloses no area: no cap is drawn");
+        if (outcome == PolygonCutter::Outcome::selfIntersecting && !capReported_)
+            warn(mesh_, "crossSection crosses itself");
         capReported_ = true;
         const float extent = std::max(high.x - low.x, high.y - low.y);
         const int firstTexCoord = static_cast<int>(out_.texCoords.size());
@@ -270,7 +278,8 @@ class Extruder {
             if (values.back() != n || t == sideCorners / 3) values.push_back(n);
             index.insert(index.end(), 3, static_cast<std::int32_t>(values.size()) - 1);
         }
-        mesh_.normals = MeshAttribute(detail::toArray(values), MeshAttribute::Binding::corner, detail::toArray(index), 3);
+        mesh_.normals =
+            MeshAttribute(detail::toArray(values), MeshAttribute::Binding::corner, detail::toArray(index), 3);
     }
 
     Mesh& mesh_;

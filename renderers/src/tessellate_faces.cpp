@@ -80,9 +80,9 @@ class FaceCutter {
 
     void report() {
         if (outOfRange_)
-            warn(mesh_, fmt::format("coordIndex: {} faces left out, first face {}: it refers to point {} of {}",
-                                    outOfRange_, firstOutOfRange_.first, firstOutOfRange_.second,
-                                    mesh_.positions.size()));
+            warn(mesh_,
+                 fmt::format("coordIndex: {} faces left out, first face {}: it refers to point {} of {}", outOfRange_,
+                             firstOutOfRange_.first, firstOutOfRange_.second, mesh_.positions.size()));
         if (notFinite_) warn(mesh_, fmt::format("coord: {} faces left out: their points are not finite", notFinite_));
         if (degenerate_) warn(mesh_, fmt::format("coordIndex: {} faces left out: they have no area", degenerate_));
         if (crossing_) warn(mesh_, fmt::format("coordIndex: {} faces cross themselves", crossing_));

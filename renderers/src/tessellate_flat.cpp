@@ -18,7 +18,9 @@ bool positive(Mesh& mesh, const char* field, float value) {
     return false;
 }
 
-Vec2f onCircle(double angle) { return {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))}; }
+Vec2f onCircle(double angle) {
+    return {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
+}
 
 }  // namespace
 

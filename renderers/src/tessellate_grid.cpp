@@ -58,7 +58,8 @@ Mesh tessellate(const ElevationGridParams& params) {
                     continue;
                 }
                 const int swap = params.ccw ? 0 : 1;
-                for (const std::size_t v : {t[0], t[1 + static_cast<std::size_t>(swap)], t[2 - static_cast<std::size_t>(swap)]}) {
+                for (const std::size_t v :
+                     {t[0], t[1 + static_cast<std::size_t>(swap)], t[2 - static_cast<std::size_t>(swap)]}) {
                     *out++ = static_cast<std::int32_t>(v);
                     mesh.bounds.extend(mesh.positions[v]);
                 }

@@ -152,7 +152,8 @@ MeshAttribute smoothWithinCrease(const Mesh& mesh, float creaseAngle) {
             const std::uint32_t t = incident[i] / 3, c = incident[i] % 3;
             groups.addCorner(mesh.vertexIndex(t, (c + 1) % 3), mesh.vertexIndex(t, (c + 2) % 3));
         }
-        groups.join([&](std::uint32_t a, std::uint32_t b) { return isSmooth(incident[begin + a], incident[begin + b]); });
+        groups.join(
+            [&](std::uint32_t a, std::uint32_t b) { return isSmooth(incident[begin + a], incident[begin + b]); });
         placeOfRoot.assign(end - begin, -1);
         bool ownPlaceTaken = false;
         for (std::uint32_t i = begin; i < end; ++i) {

@@ -17,7 +17,9 @@ Vec3d newellNormal(std::span<const Vec3f> points) {
     return normal;
 }
 
-double turn(Vec2d a, Vec2d b, Vec2d c) { return (b.x - a.x) * (c.y - b.y) - (b.y - a.y) * (c.x - b.x); }
+double turn(Vec2d a, Vec2d b, Vec2d c) {
+    return (b.x - a.x) * (c.y - b.y) - (b.y - a.y) * (c.x - b.x);
+}
 
 /// Left turns only, and once around: a star turns left at each corner too, but changes its direction more often.
 bool isConvex(std::span<const Vec2d> p) {
@@ -48,8 +50,12 @@ struct CutState {
 using Callback = void (*)();
 
 // A corner travels through the library as its number plus one, which is never null.
-void* toPointer(int corner) { return reinterpret_cast<void*>(static_cast<std::uintptr_t>(corner) + 1); }
-int toCorner(void* pointer) { return static_cast<int>(reinterpret_cast<std::uintptr_t>(pointer) - 1); }
+void* toPointer(int corner) {
+    return reinterpret_cast<void*>(static_cast<std::uintptr_t>(corner) + 1);
+}
+int toCorner(void* pointer) {
+    return static_cast<int>(reinterpret_cast<std::uintptr_t>(pointer) - 1);
+}
 
 void onVertex(void* vertex, void* user) {
     auto& state = *static_cast<CutState*>(user);
@@ -77,7 +83,9 @@ void onCombine(GLdouble at[3], void* corners[4], GLfloat*, void** out, void* use
     if (!(best < 1e-12)) state.crossing = true;
 }
 
-void onError(GLenum, void* user) { static_cast<CutState*>(user)->failed = true; }
+void onError(GLenum, void* user) {
+    static_cast<CutState*>(user)->failed = true;
+}
 void onEdgeFlag(GLboolean, void*) {}  // its presence makes the library emit separate triangles only
 
 }  // namespace

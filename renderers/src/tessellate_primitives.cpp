@@ -120,7 +120,8 @@ Mesh tessellate(const SphereParams& params, const TessellationOptions& options) 
         const double latitude = std::numbers::pi * (static_cast<double>(j) / rings - 0.5);
         const float y = 2 * j == rings ? 0.0f : static_cast<float>(std::sin(latitude));
         const float r = 2 * j == rings ? 1.0f : static_cast<float>(std::cos(latitude));
-        for (int k = 0; k < n; ++k) addPoint({r * turn[static_cast<std::size_t>(k)].x, y, r * turn[static_cast<std::size_t>(k)].z});
+        for (int k = 0; k < n; ++k)
+            addPoint({r * turn[static_cast<std::size_t>(k)].x, y, r * turn[static_cast<std::size_t>(k)].z});
     }
     addPoint({0, 1, 0});
     for (int j = 0; j <= rings; ++j) {
@@ -168,8 +169,7 @@ Mesh tessellate(const ConeParams& params, const TessellationOptions& options) {
         const auto across = static_cast<float>(params.height / slant), up = static_cast<float>(r / slant);
         for (const Turn t : between) out.addNormal({across * t.x, up, across * t.z});
         for (int k = 0; k <= n; ++k) out.addTexCoord({static_cast<float>(k) / static_cast<float>(n), 0.0f});
-        for (int k = 0; k < n; ++k)
-            out.addTexCoord({(static_cast<float>(k) + 0.5f) / static_cast<float>(n), 1.0f});
+        for (int k = 0; k < n; ++k) out.addTexCoord({(static_cast<float>(k) + 0.5f) / static_cast<float>(n), 1.0f});
         for (int k = 0; k < n; ++k)
             out.addTriangle({k, 2 * k, k}, {(k + 1) % n, 2 * k + 2, k + 1}, {apex, 2 * k + 1, n + 1 + k});
     }

@@ -13,7 +13,9 @@ using Kind = PrimitiveSetParams::Kind;
 
 namespace {
 
-bool isIndexed(Kind kind) { return kind >= Kind::indexedTriangleSet; }
+bool isIndexed(Kind kind) {
+    return kind >= Kind::indexedTriangleSet;
+}
 
 /// Adds the triangles of a run of corners, leaving out those that cannot be drawn.
 class RunCutter {
@@ -90,9 +92,13 @@ void cutRuns(Mesh& mesh, const PrimitiveSetParams& params, const Array<std::int3
     const bool strips = params.kind == Kind::triangleStripSet || params.kind == Kind::indexedTriangleStripSet;
     switch (params.kind) {
         case Kind::triangleSet:
-        case Kind::indexedTriangleSet: cutter.triangles(0, size); break;
+        case Kind::indexedTriangleSet:
+            cutter.triangles(0, size);
+            break;
         case Kind::quadSet:
-        case Kind::indexedQuadSet: cutter.quads(0, size); break;
+        case Kind::indexedQuadSet:
+            cutter.quads(0, size);
+            break;
         case Kind::triangleStripSet:
         case Kind::triangleFanSet: {
             std::size_t begin = 0, bad = 0;

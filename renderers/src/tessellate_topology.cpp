@@ -116,8 +116,8 @@ MeshAttribute bindCorners(Mesh& mesh, const Topology& topology, const Array<T>& 
 }
 
 template <class T>
-MeshAttribute bindFaces(Mesh& mesh, const Topology& topology, const Array<T>& values,
-                        const Array<std::int32_t>& index, const char* field) {
+MeshAttribute bindFaces(Mesh& mesh, const Topology& topology, const Array<T>& values, const Array<std::int32_t>& index,
+                        const char* field) {
     using Binding = MeshAttribute::Binding;
     if (values.empty() || mesh.empty()) return {};
     const std::size_t count = values.size();
@@ -196,9 +196,9 @@ void CornerMesh::finish(Mesh& mesh) const {
     for (const std::int32_t i : positionIndex) mesh.bounds.extend(positions[static_cast<std::size_t>(i)]);
     if (!normals.empty()) {
         const bool shared = normalIndex == positionIndex;
-        mesh.normals = MeshAttribute(toArray(normals),
-                                     shared ? MeshAttribute::Binding::vertex : MeshAttribute::Binding::corner,
-                                     shared ? mesh.triangles : toArray(normalIndex), 3);
+        mesh.normals =
+            MeshAttribute(toArray(normals), shared ? MeshAttribute::Binding::vertex : MeshAttribute::Binding::corner,
+                          shared ? mesh.triangles : toArray(normalIndex), 3);
     }
     TexCoords set;
     if (!texCoords.empty())
@@ -206,9 +206,9 @@ void CornerMesh::finish(Mesh& mesh) const {
     mesh.texCoords.assign(1, std::move(set));
 }
 
-#define RTSG_X(T)                                                                                                     \
-    template MeshAttribute bindCorners(Mesh&, const Topology&, const Array<T>&, const Array<std::int32_t>&,          \
-                                       const char*);                                                                 \
+#define RTSG_X(T)                                                                                           \
+    template MeshAttribute bindCorners(Mesh&, const Topology&, const Array<T>&, const Array<std::int32_t>&, \
+                                       const char*);                                                        \
     template MeshAttribute bindFaces(Mesh&, const Topology&, const Array<T>&, const Array<std::int32_t>&, const char*);
 RTSG_X(Vec2f)
 RTSG_X(Vec3f)
