@@ -1,0 +1,96 @@
+// AcousticGeometry: what sound needs to know of the world: materials, reflecting planes, nearest hits.
+//
+// Coplanar surfaces share one plane whatever triangles, shapes or materials they are made of, so that a box has six
+// planes and every mirror image of a source exists once. Surfaces reflect from both sides.
+// Invariant: `closest` never reports a surface of the plane it is told to leave out; that, not an offset, is what keeps
+// a ray from hitting the wall it starts on. Threading: all queries are const and safe from many threads.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/bands.h>
+
+namespace rtsg {
+
+/// Fractions of the incident energy. Reflected is 1 - absorption - transmission, of which `scattering` leaves by
+/// Lambert's law and the rest like a mirror. Transmitted sound passes straight on.
+struct AcousticMaterial {
+    Bands absorption = allBands(0.1);
+    Bands scattering = allBands(0.1);
+    Bands transmission = allBands(0.0);
+
+    double reflected(std::size_t band) const { return 1 - absorption[band] - transmission[band]; }
+    double mirrored(std::size_t band) const { return reflected(band) * (1 - scattering[band]); }
+    double mostMirrored() const {
+        double most = 0;
+        for (std::size_t b = 0; b < kBandCount; ++b) most = std::max(most, mirrored(b));
+        return most;
+    }
+};
+
+constexpr std::uint32_t kNoPlane = std::numeric_limits<std::uint32_t>::max();
+
+struct ReflectingPlane {
+    glm::dvec3 normal{0, 0, 1};  // unit
+    double offset = 0;           // dot(normal, p) for p on the plane
+    glm::dvec3 center{0};        // bounding sphere of the surfaces on it
+    double radius = 0;
+    /// The largest share of energy that any surface on it mirrors in any band; an upper bound will do.
+    double mirrors = 1;
+
+    double signedDistance(const glm::dvec3& p) const { return glm::dot(normal, p) - offset; }
+};
+
+struct AcousticHit {
+    double distance = 0;
+    std::uint32_t plane = kNoPlane;
+    std::uint32_t material = 0;
+};
+
+class AcousticGeometry {
+  public:
+    virtual ~AcousticGeometry() = default;
+
+    virtual std::span<const ReflectingPlane> planes() const = 0;
+    virtual std::span<const AcousticMaterial> materials() const = 0;
+    /// Nearest surface along a unit direction with 0 <= distance < maxDistance that is not on plane `except`.
+    virtual bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance,
+                         std::uint32_t except, AcousticHit& hit) const = 0;
+    /// Distance from a point to the nearest surface, metres; infinity in the void.
+    virtual double distanceToSurface(const glm::dvec3& point) const = 0;
+};
+
+/// Finds the planes of a set of triangles.
+class PlaneMerger {
+  public:
+    /// Triangles whose plane differs by less than these (radians; metres) from one already there join it.
+    explicit PlaneMerger(double angleTolerance = 1e-3, double distanceTolerance = 1e-4)
+        : angleTolerance_(angleTolerance), distanceTolerance_(distanceTolerance) {}
+
+    /// Index of the triangle's plane; kNoPlane for one without area or with coordinates that are no numbers.
+    std::uint32_t add(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
+    /// The planes, with their bounding spheres. Leaves the merger empty.
+    std::vector<ReflectingPlane> finish();
+
+  private:
+    struct Entry {
+        ReflectingPlane plane;
+        double area = 0;  // of the largest triangle, the one that defines the plane
+        glm::dvec3 low{0}, high{0};
+        std::uint32_t next = kNoPlane;  // in the same hash bucket
+    };
+    std::uint32_t find(const glm::dvec3& normal, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) const;
+
+    double angleTolerance_, distanceTolerance_;
+    std::vector<Entry> entries_;
+    std::unordered_map<std::uint64_t, std::uint32_t> buckets_;
+};
+
+}  // namespace rtsg

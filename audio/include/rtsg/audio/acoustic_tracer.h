@@ -1,0 +1,69 @@
+// AcousticTracer: from a source, a listener and an AcousticGeometry to an Echogram with confidence intervals.
+//
+// Every path is counted once, by exactly one of three estimators, so the expectation does not depend on the options:
+//   mirror reflections only, up to the image order (and direct sound):  image sources, exact
+//   the last reflection is diffuse:                                      next-event estimation to the listener, a point
+//   all others (mirror last after diffuse, mirror above the image order, reflection and transmission mixed):
+//                                                                        track length in a sphere around the listener
+// The sphere yields the mean over its volume; it shrinks so as to touch no surface. Rays end by Russian roulette, never
+// by a threshold, and start from walls without any offset. Energy that leaves the geometry is counted as escaped. Below
+// the Schroeder frequency of a room, rays are not a model of it: phase is not kept. Threading: const; batches run in
+// parallel, results are the same for any number of threads.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/echogram.h>
+#include <rtsg/audio/image_sources.h>
+#include <rtsg/audio/room_metrics.h>
+
+namespace rtsg {
+
+struct TraceOptions {
+    /// As high as the candidates allow, by default: images are exact where rays are noisy (flutter echoes above all).
+    int imageOrder = 1000;
+    std::size_t maxImageCandidates = 20'000;
+    std::uint64_t rays = 20'000;
+    /// Independent parts that the rays are divided into, for the confidence intervals; at least 2.
+    int batches = 16;
+    double maxSeconds = 10;  // length of the echogram
+    double binsPerSecond = 1000;
+    double receiverRadius = 0.5;  // m, the most that is used
+    std::uint64_t seed = 1;
+    Air air;
+};
+
+struct TraceResult {
+    std::vector<Arrival> arrivals;         // exact part
+    std::vector<EnergyHistogram> batches;  // random part: equally good estimates of the same
+    std::uint64_t rays = 0;
+    int imageOrder = 0;  // that was complete within maxImageCandidates
+    std::size_t imageCandidates = 0;
+    double receiverRadius = 0;  // used
+    /// Shares of the emitted energy: absorbed by surfaces and air, gone to infinity, still on its way at maxSeconds.
+    Bands absorbed{}, escaped{}, truncated{};
+
+    Echogram echogram() const;
+    MetricsEstimate metrics() const { return estimateMetrics(arrivals, batches); }
+};
+
+class AcousticTracer {
+  public:
+    /// The geometry must outlive the tracer and stay unchanged during trace().
+    explicit AcousticTracer(const AcousticGeometry& geometry) : geometry_(&geometry) {}
+
+    /// Positions in metres, world frame. The source is a point of unit power that radiates alike in all directions.
+    TraceResult trace(const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options) const;
+    /// More rays for a result that `trace` gave for the same arguments: the batches grow by `rays` in all.
+    void refine(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
+                std::uint64_t rays) const;
+
+  private:
+    const AcousticGeometry* geometry_;
+};
+
+}  // namespace rtsg

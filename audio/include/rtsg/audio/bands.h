@@ -1,0 +1,37 @@
+// Octave bands and the air between walls.
+//
+// Every band quantity of the library is a Bands: eight doubles for the octaves from 63 Hz to 8 kHz.
+// Source: ISO 266 nominal mid-frequencies; air absorption by ISO 9613-1:1993, equations (3) to (6), evaluated at the
+// exact mid-frequencies 1000 * 10^(3k/10) Hz, as the tables of ISO 9613-2 are.
+// Threading: pure functions.
+#pragma once
+
+#include <array>
+
+namespace rtsg {
+
+constexpr int kBandCount = 8;
+using Bands = std::array<double, kBandCount>;
+/// Nominal mid-frequencies, Hz.
+constexpr Bands kBandHz{63, 125, 250, 500, 1000, 2000, 4000, 8000};
+
+constexpr Bands allBands(double value) {
+    Bands result{};
+    result.fill(value);
+    return result;
+}
+
+struct Air {
+    double speedOfSound = 343;  // m/s
+    bool absorbs = false;       // whether the attenuation below applies at all
+    double celsius = 20;
+    double relativeHumidity = 70;  // percent
+    double pressureKpa = 101.325;
+};
+
+/// Pure-tone attenuation in dB per metre at `hz`.
+double airAbsorptionDbPerMetre(const Air& air, double hz);
+/// Energy attenuation m in 1/m per band, so that energy falls as exp(-m * metres); zeros unless `air.absorbs`.
+Bands airAttenuation(const Air& air);
+
+}  // namespace rtsg

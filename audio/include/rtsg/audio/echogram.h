@@ -1,0 +1,47 @@
+// Echogram: what a listener receives from one source, as energy over time in octave bands.
+//
+// Energy is intensity-like: a source of unit power gives 1 / (4 pi d^2) per square metre at distance d in free
+// field. Time counts from emission. Discrete arrivals (image sources) are kept apart from the binned remainder, so that
+// nothing is smeared that is known exactly; the two never overlap.
+// Threading: a plain value.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/bands.h>
+
+namespace rtsg {
+
+struct Arrival {
+    double seconds = 0;
+    Bands energy{};
+    glm::dvec3 direction{0};  // unit, world frame, from the listener towards where it comes from
+    std::uint32_t order = 0;  // reflections; 0 is direct sound
+};
+
+/// Bin k covers [k, k + 1) / binsPerSecond.
+struct EnergyHistogram {
+    double binsPerSecond = 1000;
+    std::vector<Bands> bins;
+
+    void add(double seconds, const Bands& energy) {
+        const auto bin = static_cast<std::size_t>(seconds * binsPerSecond);
+        if (bin >= bins.size()) bins.resize(bin + 1, Bands{});
+        for (std::size_t b = 0; b < kBandCount; ++b) bins[bin][b] += energy[b];
+    }
+    /// Adds `factor` times another histogram of the same resolution.
+    void accumulate(const EnergyHistogram& other, double factor = 1);
+};
+
+struct Echogram {
+    std::vector<Arrival> arrivals;  // sorted by time
+    EnergyHistogram late;
+
+    double duration() const;
+    Bands total() const;
+};
+
+}  // namespace rtsg

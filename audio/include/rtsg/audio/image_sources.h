@@ -1,0 +1,42 @@
+// Exact specular reflections: mirror images of a source, each checked on the geometry.
+//
+// Candidates are found breadth first and merged by position: two orders of the same walls that give one image (in a box
+// nearly all do) are one candidate. A candidate counts when the mirror path that leaves the listener towards it ends in
+// the source; a listener sees at most one path per image position, so nothing is counted twice and no valid path of the
+// given order is missed. Source: Allen and Berkley 1979; Borish 1984; differs in the merging and in the check by
+// retracing. Threading: pure function over const geometry.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/echogram.h>
+
+namespace rtsg {
+
+struct ImageSourceOptions {
+    int maxOrder = 3;
+    /// Paths longer than this are left out; metres.
+    double maxDistance = std::numeric_limits<double>::infinity();
+    /// When the candidates of an order would exceed this, the order is not begun and `order` of the result says so.
+    std::size_t maxCandidates = 200'000;
+    /// Paths whose walls leave less than this share of the energy are not followed (they are not left to rays either).
+    double minShare = 1e-7;
+};
+
+struct ImageSources {
+    /// The highest order that is complete.
+    int order = 0;
+    std::size_t candidates = 0;
+    /// Sorted by time; direct sound included when it is not blocked.
+    std::vector<Arrival> arrivals;
+};
+
+/// Energies are those of an Echogram; `attenuation` is the air's, 1/m.
+ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                              const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation);
+
+}  // namespace rtsg

@@ -1,0 +1,41 @@
+// Room-acoustic figures of an Echogram, one per octave band, with confidence intervals.
+//
+// Source: ISO 3382-1:2009 clauses 3 and A.2 by Schroeder backward integration: EDT, T20 and T30 are least-squares
+// lines through 0..-10, -5..-25 and -5..-35 dB of the decay curve sampled every 0.1 ms, extrapolated to 60 dB;
+// C50, C80, D50 and Ts count from the first arrival; G is re the same source at 10 m in free field (unit power).
+// Differs: there is no background noise to correct for, so the curve is integrated from the end of the echogram.
+// A figure is NaN where the band has no energy or the decay is too short for it.
+// Threading: pure functions.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <rtsg/audio/echogram.h>
+
+namespace rtsg {
+
+struct RoomMetrics {
+    Bands edt{}, t20{}, t30{};  // s
+    Bands c50{}, c80{};         // dB
+    Bands d50{};                // ratio
+    Bands ts{};                 // s
+    Bands g{};                  // dB
+};
+
+RoomMetrics roomMetrics(const Echogram& echogram);
+
+struct MetricsEstimate {
+    RoomMetrics value;
+    /// Half width of the 95 % interval; 0 where there is nothing random, NaN where it cannot be had.
+    RoomMetrics ci95;
+};
+
+/// `batches` are independent, equally long estimates of the late part, each on its own an unbiased one. The value is
+/// that of their mean; the interval comes from the delete-one jackknife over batches with Student's t.
+MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches);
+
+/// Two-sided 95 % quantile of Student's t.
+double studentT95(int degreesOfFreedom);
+
+}  // namespace rtsg

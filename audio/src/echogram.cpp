@@ -1,0 +1,27 @@
+#include <rtsg/audio/echogram.h>
+#include <algorithm>
+
+namespace rtsg {
+
+void EnergyHistogram::accumulate(const EnergyHistogram& other, double factor) {
+    if (bins.size() < other.bins.size()) bins.resize(other.bins.size(), Bands{});
+    for (std::size_t i = 0; i < other.bins.size(); ++i)
+        for (std::size_t b = 0; b < kBandCount; ++b) bins[i][b] += factor * other.bins[i][b];
+}
+
+double Echogram::duration() const {
+    double result = static_cast<double>(late.bins.size()) / late.binsPerSecond;
+    for (const Arrival& arrival : arrivals) result = std::max(result, arrival.seconds);
+    return result;
+}
+
+Bands Echogram::total() const {
+    Bands sum{};
+    for (const Arrival& arrival : arrivals)
+        for (std::size_t b = 0; b < kBandCount; ++b) sum[b] += arrival.energy[b];
+    for (const Bands& bin : late.bins)
+        for (std::size_t b = 0; b < kBandCount; ++b) sum[b] += bin[b];
+    return sum;
+}
+
+}  // namespace rtsg

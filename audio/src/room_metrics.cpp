@@ -1,0 +1,167 @@
+#include <rtsg/audio/room_metrics.h>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace rtsg {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kGridSeconds = 0.0001;
+constexpr std::array<Bands RoomMetrics::*, 8> kFigures{&RoomMetrics::edt, &RoomMetrics::t20, &RoomMetrics::t30,
+                                                       &RoomMetrics::c50, &RoomMetrics::c80, &RoomMetrics::d50,
+                                                       &RoomMetrics::ts,  &RoomMetrics::g};
+
+/// Energy of one band after time t, exact for arrivals and linear within bins.
+class BandDecay {
+  public:
+    BandDecay(const Echogram& echogram, std::size_t band) : binsPerSecond_(echogram.late.binsPerSecond) {
+        arrivals_.reserve(echogram.arrivals.size());
+        for (const Arrival& arrival : echogram.arrivals)
+            if (arrival.energy[band] > 0) arrivals_.push_back({arrival.seconds, arrival.energy[band]});
+        std::sort(arrivals_.begin(), arrivals_.end());
+        first_ = arrivals_.empty() ? std::numeric_limits<double>::infinity() : arrivals_.front().first;
+        for (const auto& [seconds, energy] : arrivals_) moment_ += seconds * energy;
+        // Summed from the end: the tail, 40 dB and more below the start, would drown in rounding otherwise.
+        double sum = 0;
+        for (std::size_t i = arrivals_.size(); i-- > 0;) arrivals_[i].second = sum += arrivals_[i].second;
+
+        const auto& bins = echogram.late.bins;
+        tail_.assign(bins.size() + 1, 0.0);
+        for (std::size_t i = bins.size(); i-- > 0;) {
+            tail_[i] = tail_[i + 1] + bins[i][band];
+            moment_ += bins[i][band] * (static_cast<double>(i) + 0.5) / binsPerSecond_;
+            if (bins[i][band] > 0 && static_cast<double>(i) / binsPerSecond_ < first_)
+                first_ = std::min(first_, static_cast<double>(i) / binsPerSecond_);
+        }
+        total_ = sum + tail_[0];
+    }
+
+    double total() const { return total_; }
+    double first() const { return first_; }
+    /// Energy-weighted time, s.
+    double moment() const { return moment_; }
+    double after(double seconds) const {
+        double sum = 0;
+        const auto it = std::upper_bound(arrivals_.begin(), arrivals_.end(), seconds,
+                                         [](double t, const auto& arrival) { return t < arrival.first; });
+        if (it != arrivals_.end()) sum += it->second;
+        const double position = std::max(0.0, seconds * binsPerSecond_);
+        if (position < static_cast<double>(tail_.size() - 1)) {
+            const auto bin = static_cast<std::size_t>(position);
+            sum += tail_[bin] + (tail_[bin + 1] - tail_[bin]) * (position - static_cast<double>(bin));
+        }
+        return sum;
+    }
+
+  private:
+    std::vector<std::pair<double, double>> arrivals_;  // time; energy from here on
+    std::vector<double> tail_;                         // energy from the bin's start on
+    double binsPerSecond_;
+    double first_ = 0, total_ = 0, moment_ = 0;
+};
+
+struct DecayCurve {
+    std::vector<double> levelDb;  // at k * kGridSeconds after the first arrival, down to just below -35 dB
+
+    explicit DecayCurve(const BandDecay& decay) {
+        levelDb.push_back(0);
+        const double lowest = std::pow(10.0, -3.6) * decay.total();
+        for (std::size_t k = 1;; ++k) {
+            const double energy = decay.after(decay.first() + static_cast<double>(k) * kGridSeconds);
+            if (energy <= 0) break;
+            levelDb.push_back(10 * std::log10(energy / decay.total()));
+            if (energy < lowest) break;
+        }
+    }
+
+    /// 60 dB over the slope of the least-squares line between two levels.
+    double reverberationTime(double fromDb, double toDb) const {
+        if (levelDb.back() > toDb) return kNan;
+        double n = 0, sumT = 0, sumL = 0, sumTT = 0, sumTL = 0;
+        for (std::size_t k = 0; k < levelDb.size(); ++k) {
+            const double level = levelDb[k];
+            if (level > fromDb) continue;
+            if (level < toDb) break;
+            const double t = static_cast<double>(k) * kGridSeconds;
+            n += 1, sumT += t, sumL += level, sumTT += t * t, sumTL += t * level;
+        }
+        if (n < 2) return kNan;
+        const double slope = (n * sumTL - sumT * sumL) / (n * sumTT - sumT * sumT);
+        return slope < 0 ? -60 / slope : kNan;
+    }
+};
+
+}  // namespace
+
+RoomMetrics roomMetrics(const Echogram& echogram) {
+    RoomMetrics metrics;
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        const BandDecay decay(echogram, b);
+        if (!(decay.total() > 0)) {
+            for (auto figure : kFigures) (metrics.*figure)[b] = kNan;
+            continue;
+        }
+        const DecayCurve curve(decay);
+        metrics.edt[b] = curve.reverberationTime(0, -10);
+        metrics.t20[b] = curve.reverberationTime(-5, -25);
+        metrics.t30[b] = curve.reverberationTime(-5, -35);
+        const double after50 = decay.after(decay.first() + 0.05), after80 = decay.after(decay.first() + 0.08);
+        // Without anything late the ratio is infinite, which is no number to average: report it as missing.
+        metrics.c50[b] = after50 > 0 ? 10 * std::log10((decay.total() - after50) / after50) : kNan;
+        metrics.c80[b] = after80 > 0 ? 10 * std::log10((decay.total() - after80) / after80) : kNan;
+        metrics.d50[b] = 1 - after50 / decay.total();
+        metrics.ts[b] = decay.moment() / decay.total() - decay.first();
+        metrics.g[b] = 10 * std::log10(decay.total() * 4 * std::numbers::pi * 100);
+    }
+    return metrics;
+}
+
+double studentT95(int degreesOfFreedom) {
+    if (degreesOfFreedom < 1) return kNan;
+    constexpr std::array<double, 10> kSmall{12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228};
+    if (degreesOfFreedom <= 10) return kSmall[static_cast<std::size_t>(degreesOfFreedom - 1)];
+    // Cornish-Fisher expansion about the normal quantile: good to 1e-3 from eleven degrees on.
+    const double z = 1.959964, n = degreesOfFreedom, z3 = z * z * z, z5 = z3 * z * z;
+    return z + (z3 + z) / (4 * n) + (5 * z5 + 16 * z3 + 3 * z) / (96 * n * n);
+}
+
+MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches) {
+    const std::size_t count = batches.size();
+    Echogram echogram;
+    echogram.arrivals = arrivals;
+    if (count) echogram.late.binsPerSecond = batches.front().binsPerSecond;
+    EnergyHistogram sum{echogram.late.binsPerSecond, {}};
+    for (const EnergyHistogram& batch : batches) sum.accumulate(batch);
+    if (count) echogram.late.accumulate(sum, 1.0 / static_cast<double>(count));
+
+    MetricsEstimate result;
+    result.value = roomMetrics(echogram);
+    if (count == 0) return result;
+    if (count == 1) {
+        for (auto figure : kFigures) (result.ci95.*figure).fill(kNan);
+        return result;
+    }
+    std::vector<RoomMetrics> without(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        echogram.late = sum;
+        echogram.late.accumulate(batches[i], -1.0);
+        for (Bands& bin : echogram.late.bins)
+            for (double& energy : bin) energy = std::max(0.0, energy / static_cast<double>(count - 1));
+        without[i] = roomMetrics(echogram);
+    }
+    const double t = studentT95(static_cast<int>(count) - 1);
+    for (auto figure : kFigures)
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            double mean = 0, squares = 0;
+            for (const RoomMetrics& m : without) mean += (m.*figure)[b] / static_cast<double>(count);
+            for (const RoomMetrics& m : without) squares += ((m.*figure)[b] - mean) * ((m.*figure)[b] - mean);
+            (result.ci95.*figure)[b] =
+                t * std::sqrt(squares * static_cast<double>(count - 1) / static_cast<double>(count));
+        }
+    return result;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,223 @@
+#include <cmath>
+#include <map>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/audio/image_sources.h>
+
+#include "triangle_geometry.h"
+
+namespace rtsg {
+namespace {
+
+using test::Shoebox;
+using test::TriangleGeometry;
+const glm::dvec3 kSource{1, 1, 1.5}, kListener{4, 3, 1.5};
+
+ImageSources images(const AcousticGeometry& geometry, int order, const glm::dvec3& source = kSource,
+                    const glm::dvec3& listener = kListener) {
+    return findImageSources(geometry, source, listener, {.maxOrder = order}, 343, Bands{});
+}
+
+TEST(PlaneMerger, SixPlanesInAFinelyTessellatedBox) {
+    PlaneMerger merger;
+    constexpr int n = 20;
+    for (int axis = 0; axis < 3; ++axis)
+        for (int side = 0; side < 2; ++side)
+            for (int i = 0; i < n; ++i)
+                for (int j = 0; j < n; ++j) {
+                    const auto at = [&](int u, int v) {
+                        glm::dvec3 p;
+                        p[axis] = side * 3.0;
+                        p[(axis + 1) % 3] = 6.0 * u / n;
+                        p[(axis + 2) % 3] = 5.0 * v / n;
+                        // Turned, and rounded as a file would.
+                        const double c = std::cos(0.7), s = std::sin(0.7);
+                        return glm::dvec3(glm::vec3(glm::dvec3(c * p.x - s * p.y, s * p.x + c * p.y, p.z)));
+                    };
+                    // Alternate windings: which side a triangle faces is no matter.
+                    const bool flip = (i + j) % 2 != 0;
+                    const std::uint32_t a = merger.add(at(i, j), at(i + 1, j), at(i, j + 1));
+                    const std::uint32_t b = flip ? merger.add(at(i + 1, j), at(i + 1, j + 1), at(i, j + 1))
+                                                 : merger.add(at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
+                    EXPECT_EQ(a, b);
+                }
+    EXPECT_EQ(merger.finish().size(), 6u);
+}
+
+TEST(PlaneMerger, KeepsDistinctPlanesApartAndRefusesDegenerateTriangles) {
+    PlaneMerger merger;
+    EXPECT_EQ(merger.add({0, 0, 0}, {1, 0, 0}, {0, 1, 0}), 0u);
+    EXPECT_EQ(merger.add({0, 0, 0.01}, {1, 0, 0.01}, {0, 1, 0.01}), 1u);
+    EXPECT_EQ(merger.add({0, 0, 0}, {1, 0, 0.02}, {0, 1, 0}), 2u);
+    EXPECT_EQ(merger.add({5, 5, 0}, {5, 6, 0}, {6, 5, 0}), 0u);
+    EXPECT_EQ(merger.add({0, 0, 0}, {1, 1, 1}, {2, 2, 2}), kNoPlane);
+    EXPECT_EQ(merger.add({0, 0, 0}, {NAN, 1, 1}, {2, 0, 2}), kNoPlane);
+    const auto planes = merger.finish();
+    ASSERT_EQ(planes.size(), 3u);
+    EXPECT_GT(planes[0].radius, 3.5);
+}
+
+TEST(ImageSources, CountsOfTheBox) {
+    const TriangleGeometry box = Shoebox::uniform({6, 5, 3}, 0.1).geometry();
+    ASSERT_EQ(box.planes().size(), 6u);
+    EXPECT_EQ(images(box, 0).arrivals.size(), 1u);
+    EXPECT_EQ(images(box, 1).arrivals.size(), 7u);
+    EXPECT_EQ(images(box, 3).arrivals.size(), 63u);
+    EXPECT_EQ(images(box, 6).arrivals.size(), 377u);
+    EXPECT_EQ(images(box, 20).arrivals.size(), 11521u);
+    EXPECT_EQ(images(box, 6).order, 6);
+}
+
+TEST(ImageSources, FirstArrivalsAndMultiplicities) {
+    const TriangleGeometry box = Shoebox::uniform({6, 5, 3}, 0.1).geometry();
+    const ImageSources found = images(box, 6);
+    struct Expected {
+        std::uint32_t order;
+        double ms, db;
+        std::size_t multiplicity;
+    };
+    std::size_t at = 0;
+    for (const Expected& e : {Expected{0, 10.5118, 0, 1},
+                              {1, 13.6747, -2.742, 2},
+                              {1, 14.5773, -3.298, 1},
+                              {1, 15.7002, -3.942, 1},
+                              {2, 16.9999, -5.091, 2},
+                              {2, 17.9721, -5.574, 2},
+                              {2, 18.6680, -5.904, 1},
+                              {1, 19.5574, -5.850, 1},
+                              {2, 20.4082, -6.678, 2}}) {
+        for (std::size_t i = 0; i < e.multiplicity; ++i, ++at) {
+            const Arrival& a = found.arrivals[at];
+            EXPECT_EQ(a.order, e.order) << e.ms;
+            EXPECT_NEAR(a.seconds * 1000, e.ms, 1e-4);
+            EXPECT_NEAR(10 * std::log10(a.energy[2] / found.arrivals[0].energy[2]), e.db, 1e-3);
+        }
+        EXPECT_GT(found.arrivals[at].seconds * 1000, e.ms + 1e-3) << "multiplicity of the arrival at " << e.ms;
+    }
+}
+
+TEST(ImageSources, EveryImageOfAnUnevenBoxAgreesWithTheLattice) {
+    Shoebox box;
+    box.absorption = {.05, .1, .2, .4, .6, .8};
+    std::multimap<double, double> lattice;
+    box.images(kSource, kListener, 200, [&](double distance, double energy, int order) {
+        if (order <= 9) lattice.emplace(distance, energy);
+    });
+    const ImageSources found = images(box.geometry(), 9);
+    ASSERT_EQ(found.arrivals.size(), lattice.size());
+    // Equal distances may come in either order: compare sums over what lies within a micrometre.
+    auto it = lattice.begin();
+    for (std::size_t i = 0; i < found.arrivals.size();) {
+        const double distance = it->first;
+        double expected = 0, got = 0;
+        for (; it != lattice.end() && it->first < distance + 1e-6; ++it) {
+            expected += it->second;
+            EXPECT_NEAR(found.arrivals[i].seconds * 343, distance, 2e-6);
+            got += found.arrivals[i++].energy[0];
+        }
+        ASSERT_NEAR(got, expected, 1e-9 * expected);
+    }
+}
+
+TEST(ImageSources, ATurnedBoxInSinglePrecisionHasTheSameImages) {
+    const auto turn = [](const glm::dvec3& p) {
+        const double c = std::cos(0.4), s = std::sin(0.4);
+        const glm::dvec3 q(c * p.x - s * p.y, s * p.x + c * p.y, p.z);
+        return glm::dvec3(q.x + 20, c * q.y - s * q.z, s * q.y + c * q.z);
+    };
+    const auto rounded = [&](const glm::dvec3& p) { return glm::dvec3(glm::vec3(turn(p))); };
+    TriangleGeometry box;
+    const std::uint32_t m = box.addMaterial(0.1, 0);
+    const auto quad = [&](glm::dvec3 a, glm::dvec3 b, glm::dvec3 c, glm::dvec3 d) {
+        box.addQuad(rounded(a), rounded(b), rounded(c), rounded(d), m);
+    };
+    quad({0, 0, 0}, {6, 0, 0}, {6, 5, 0}, {0, 5, 0});
+    quad({0, 0, 3}, {6, 0, 3}, {6, 5, 3}, {0, 5, 3});
+    quad({0, 0, 0}, {6, 0, 0}, {6, 0, 3}, {0, 0, 3});
+    quad({0, 5, 0}, {6, 5, 0}, {6, 5, 3}, {0, 5, 3});
+    quad({0, 0, 0}, {0, 5, 0}, {0, 5, 3}, {0, 0, 3});
+    quad({6, 0, 0}, {6, 5, 0}, {6, 5, 3}, {6, 0, 3});
+    box.finish();
+    const ImageSources turned = images(box, 6, turn(kSource), turn(kListener));
+    const ImageSources straight = images(Shoebox::uniform({6, 5, 3}, 0.1).geometry(), 6);
+    ASSERT_EQ(turned.arrivals.size(), 377u);
+    // Rounding may swap arrivals that come together: compare what has come up to each gap.
+    double difference = 0;
+    for (std::size_t i = 0; i < 377; ++i) {
+        EXPECT_NEAR(turned.arrivals[i].seconds, straight.arrivals[i].seconds, 1e-7);
+        difference += turned.arrivals[i].energy[0] - straight.arrivals[i].energy[0];
+        if (i == 376 || straight.arrivals[i + 1].seconds > straight.arrivals[i].seconds + 1e-6) {
+            EXPECT_NEAR(difference / straight.arrivals[i].energy[0], 0, 1e-3) << i;
+        }
+    }
+}
+
+TEST(ImageSources, DirectSoundFollowsTheInverseSquareAndTheDelay) {
+    TriangleGeometry nothing;
+    nothing.finish();
+    for (const double d : {0.5, 1.0, 7.0, 343.0}) {
+        const ImageSources found = images(nothing, 3, {0, 0, 0}, {0, d, 0});
+        ASSERT_EQ(found.arrivals.size(), 1u);
+        EXPECT_NEAR(found.arrivals[0].seconds * 48000, d / 343 * 48000, 1e-6);
+        EXPECT_NEAR(found.arrivals[0].energy[0] * 4 * M_PI * d * d, 1, 1e-12);
+        EXPECT_NEAR(found.arrivals[0].direction.y, -1, 1e-12);
+    }
+    Air air;
+    air.absorbs = true;
+    const auto m = airAttenuation(air);
+    const auto far = findImageSources(nothing, {0, 0, 0}, {100, 0, 0}, {.maxOrder = 0}, 343, m);
+    EXPECT_NEAR(10 * std::log10(far.arrivals[0].energy[7] * 4 * M_PI * 1e4), -7.66, 0.01);
+}
+
+TEST(ImageSources, WallsBlockAndThinWallsLetThrough) {
+    for (const double transmission : {0.0, 0.25}) {
+        TriangleGeometry wall;
+        wall.addBox({1, -1, -1}, {1.1, 1, 1}, {0, 0, 0, 0, 0, 0});
+        wall.addMaterial(0.5, 0, transmission);
+        wall.finish();
+        const ImageSources found = images(wall, 2, {0, 0, 0}, {2, 0, 0});
+        if (transmission == 0) {
+            EXPECT_TRUE(found.arrivals.empty());
+        } else {
+            ASSERT_EQ(found.arrivals.size(), 1u);  // through both faces
+            EXPECT_NEAR(found.arrivals[0].energy[0] * 4 * M_PI * 4, 1.0 / 16, 1e-12);
+        }
+        // Past the edge it is free; the face that looks at both of them gives one reflection.
+        EXPECT_EQ(images(wall, 0, {0, 0, 0}, {2, 3, 0}).arrivals.size(), 1u);
+        EXPECT_EQ(images(wall, 2, {0, 0.1, 0}, {0, -0.1, 0}).arrivals.size(), 2u);
+    }
+}
+
+TEST(ImageSources, DiffractionFreeShadowOfAScreenWithAWindow) {
+    // Two walls in one plane: one image, valid only where it meets one of them.
+    TriangleGeometry walls;
+    const std::uint32_t hard = walls.addMaterial(0.0, 0), soft = walls.addMaterial(0.75, 0);
+    walls.addQuad({-3, 0, -1}, {-1, 0, -1}, {-1, 0, 1}, {-3, 0, 1}, hard);
+    walls.addQuad({1, 0, -1}, {3, 0, -1}, {3, 0, 1}, {1, 0, 1}, soft);
+    walls.finish();
+    ASSERT_EQ(walls.planes().size(), 1u);
+    EXPECT_EQ(images(walls, 3, {-0.5, 2, 0}, {0.5, 2, 0}).arrivals.size(), 1u);  // through the window
+    const auto left = images(walls, 3, {-2.5, 2, 0}, {-1.5, 2, 0}), right = images(walls, 3, {2.5, 2, 0}, {1.5, 2, 0});
+    ASSERT_EQ(left.arrivals.size(), 2u);
+    ASSERT_EQ(right.arrivals.size(), 2u);
+    EXPECT_NEAR(right.arrivals[1].energy[0] / left.arrivals[1].energy[0], 0.25, 1e-12);
+}
+
+TEST(ImageSources, StopsAtTheOrderTheBudgetAllows) {
+    const TriangleGeometry box = Shoebox::uniform({6, 5, 3}, 0.1).geometry();
+    const ImageSources found =
+        findImageSources(box, kSource, kListener, {.maxOrder = 12, .maxCandidates = 500}, 343, {});
+    EXPECT_EQ(found.order, 6);
+    EXPECT_EQ(found.arrivals.size(), 377u);
+}
+
+TEST(ImageSources, PositionsWhereEveryPathMeetsEdges) {
+    // Both in the middle of a cube: by symmetry most images of order two and more are seen exactly along edges.
+    const TriangleGeometry cube = Shoebox::uniform({4, 4, 4}, 0.0).geometry();
+    EXPECT_EQ(images(cube, 4, {2, 2, 1}, {2, 2, 3}).arrivals.size(), 129u);
+    EXPECT_EQ(images(cube, 4, {1, 1, 1}, {3, 3, 3}).arrivals.size(), 129u);
+}
+
+}  // namespace
+}  // namespace rtsg
