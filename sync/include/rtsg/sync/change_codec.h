@@ -1,0 +1,68 @@
+// Change codec: a ChangeSet to a record and back; wire and log use the same bytes (PROTOCOL.md, "Changes").
+//
+// Invariant: encoding needs nothing but the set. decode(encode(x)) has the effect of x: value changes come grouped
+// by (field, type, origin), every other kind keeps its order, and encode(decode(b)) == b for what encode wrote.
+// Input is never trusted: every count is checked against the bytes that are there before anything is allocated.
+// Threading: one thread an object; objects keep buffers, so that the steady state allocates nothing.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include <rtsg/core/change.h>
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/sync/byte_buffer.h>
+#include <rtsg/sync/dictionary.h>
+#include <rtsg/sync/record.h>
+
+namespace rtsg {
+
+class ChangeEncoder {
+  public:
+    ChangeEncoder();
+    ~ChangeEncoder();
+    /// `record` becomes one whole record: a keyframe if the set is a snapshot, else a frame.
+    void encode(const ChangeSet& set, ByteBuffer& record);
+
+  private:
+    struct Parts;
+    std::unique_ptr<Parts> parts_;
+};
+
+/// What a decoder left out because this program does not know it.
+struct DecoderLosses {
+    std::uint64_t blocks = 0;   // kinds of blocks and codings of a later format
+    std::uint64_t changes = 0;  // of fields that this program's types do not have, or have with another type
+};
+
+class ChangeDecoder {
+  public:
+    /// `local`: this program's built-in types; they must outlive the decoder.
+    explicit ChangeDecoder(TypeTable local);
+    ~ChangeDecoder();
+
+    /// Announces the stream's dictionary; without this, streams have to come from the same build. A built-in type
+    /// that is unknown here is defined in the scene at its first use.
+    Result<> setHead(const StreamHead& head);
+    /// `record`: an intact frame or keyframe (checkRecord). Reuses `set`'s memory. Errors name the byte, counted from
+    /// the record's start; `set` is then unspecified.
+    Result<> decode(std::span<const std::byte> record, ChangeSet& set);
+
+    /// True while numbers are taken as they come: the state hash then has to agree with the origin's.
+    bool exact() const { return !mapped_; }
+    const DecoderLosses& losses() const { return losses_; }
+
+  private:
+    struct Mapping;
+
+    Result<> mapToLocal(ChangeSet& set);
+
+    TypeTable local_;
+    bool mapped_ = false;
+    std::unique_ptr<Mapping> mapping_;
+    DecoderLosses losses_;
+};
+
+}  // namespace rtsg

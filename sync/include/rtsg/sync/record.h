@@ -1,0 +1,66 @@
+// Record: the unit of wire and log alike. 64 bytes of header, then the payload (PROTOCOL.md, "Records").
+//
+//   0 magic  8 checksum  16 kind, flags, length  24 from  32 to  40 time  48 state hash (16)  64 payload
+//
+// Invariant: the checksum is the XXH3-64 of everything from byte 16 to the record's end, so with the magic every
+// byte of a record is covered. All numbers are little endian.
+// Threading: free functions without state.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include <rtsg/core/change.h>
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/sync/byte_buffer.h>
+
+namespace rtsg {
+
+/// The numbers are part of the format. Readers skip kinds they do not know.
+enum class RecordKind : std::uint8_t {
+    head = 1,      // format version, epoch, dictionary of types
+    frame = 2,     // a ChangeSet that leads from one state to a later one
+    keyframe = 3,  // a ChangeSet that leads from the empty scene to a state
+    index = 4,     // where a log's keyframes are
+};
+
+constexpr std::size_t kRecordHeaderSize = 64;
+constexpr std::string_view kRecordMagic = "RTSGrec1";
+/// Longest payload a reader accepts unless told otherwise, in bytes.
+constexpr std::uint64_t kMaxPayload = std::uint64_t{4} << 30;
+
+struct RecordHeader {
+    RecordKind kind = RecordKind::frame;
+    std::uint8_t flags = 0;    // 0; a reader refuses others
+    std::uint64_t length = 0;  // of the payload, bytes
+    std::uint64_t from = 0, to = 0;
+    double time = 0;  // seconds
+    Hash128 hash;
+    std::uint64_t checksum = 0;
+
+    std::uint64_t size() const { return kRecordHeaderSize + length; }
+};
+
+/// Writes the header in front: `record` holds kRecordHeaderSize bytes of anything, then the payload. Fills in length
+/// and checksum.
+void sealRecord(ByteBuffer& record, RecordHeader header);
+
+/// Parses a header; checks magic, flags and `maxPayload`, not the checksum. `bytes` may be longer than the header.
+/// Errors name the byte counted from `offset`.
+Result<RecordHeader> parseRecordHeader(std::span<const std::byte> bytes, std::uint64_t offset = 0,
+                                       std::uint64_t maxPayload = kMaxPayload);
+
+/// As parseRecordHeader, and checks that all of the record is there and intact.
+Result<RecordHeader> checkRecord(std::span<const std::byte> bytes, std::uint64_t offset = 0,
+                                 std::uint64_t maxPayload = kMaxPayload);
+
+inline std::span<const std::byte> recordPayload(std::span<const std::byte> record) {
+    return record.subspan(kRecordHeaderSize);
+}
+
+/// The checksum of this format, XXH3-64.
+std::uint64_t checksumOf(std::span<const std::byte> bytes);
+
+}  // namespace rtsg

@@ -1,0 +1,27 @@
+// Numbers of the blocks inside a frame or keyframe (PROTOCOL.md, "Changes"), shared by encoder and decoder.
+#pragma once
+
+#include <cstdint>
+
+namespace rtsg::wire {
+
+enum Block : std::uint8_t {
+    kTypes = 1,    // defineType
+    kCreate = 2,   // createNode
+    kLinks = 3,    // setField of SFNode and MFNode, insertChild, removeChild, in order
+    kValues = 4,   // setField of one field index and type: a column
+    kNames = 5,    // setName
+    kRoutes = 6,   // addRoute, removeRoute, in order
+    kDestroy = 7,  // destroyNode
+    kEvents = 8,   // event, in order
+    kBlockEnd = 9,
+};
+
+// Row tags.
+constexpr unsigned kSetOne = 0, kSetMany = 1, kInsert = 2, kRemove = 3, kLinkExternal = 4;
+constexpr unsigned kRouteRemove = 1, kRouteExternal = 2, kRouteIs = 4;
+constexpr unsigned kValueExternal = 1;
+/// Codings of a column's values; readers skip columns in a coding they do not know.
+constexpr unsigned kRaw = 0;
+
+}  // namespace rtsg::wire

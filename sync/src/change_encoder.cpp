@@ -1,0 +1,264 @@
+#include <rtsg/sync/change_codec.h>
+
+#include <algorithm>
+#include <array>
+
+#include "blocks.h"
+#include "wire.h"
+
+namespace rtsg {
+
+using wire::zigzag;
+
+namespace {
+
+/// Rows of one kind of change, in order.
+struct Rows {
+    ByteBuffer bytes;
+    std::uint64_t count = 0;
+    std::uint32_t lastNode = 0, lastOther = 0;
+
+    void clear() {
+        bytes.clear();
+        count = 0;
+        lastNode = lastOther = 0;
+    }
+    std::uint64_t step(NodeId node) {
+        const std::uint64_t coded = zigzag(node.value, lastNode);
+        lastNode = node.value;
+        ++count;
+        return coded;
+    }
+};
+
+/// Value changes of one (field, type, origin).
+struct Column {
+    std::uint32_t key = 0;
+    FieldType type = FieldType::SFBool;
+    std::uint8_t elementSize = 0;  // 0 when values vary in size
+    std::uint32_t lastNode = 0;
+    std::uint64_t count = 0;
+    ByteBuffer nodes, values;
+};
+
+std::uint32_t keyOf(const Change& change) {
+    return std::uint32_t{change.field} << 16 | static_cast<std::uint32_t>(change.value.type()) << 8 |
+           (change.external ? wire::kValueExternal : 0u);
+}
+
+std::byte* writeVarint(std::byte* at, std::uint64_t number) {
+    while (number >= 0x80) {
+        *at++ = static_cast<std::byte>(number | 0x80);
+        number >>= 7;
+    }
+    *at++ = static_cast<std::byte>(number);
+    return at;
+}
+
+std::size_t varintSize(std::uint64_t number) {
+    std::size_t size = 1;
+    while (number >>= 7) ++size;
+    return size;
+}
+
+}  // namespace
+
+struct ChangeEncoder::Parts {
+    std::array<Rows, wire::kBlockEnd> rows;
+    std::vector<Column> columns;  // the first `used` belong to the set at hand
+    std::size_t used = 0;
+    std::array<std::uint16_t, 64> recent{};  // key's hash -> column, a guess to be checked
+
+    void clear() {
+        for (Rows& r : rows) r.clear();
+        used = 0;
+    }
+
+    Column& column(std::uint32_t key, FieldType type) {
+        std::uint16_t& guess = recent[(key >> 16 ^ key >> 6 ^ key) & 63];
+        if (guess < used && columns[guess].key == key) return columns[guess];
+        const auto first = columns.begin();
+        const auto last = first + static_cast<std::ptrdiff_t>(used);
+        auto found = std::find_if(first, last, [key](const Column& c) { return c.key == key; });
+        if (found == last) {
+            if (used == columns.size()) columns.emplace_back();
+            found = columns.begin() + static_cast<std::ptrdiff_t>(used++);
+            found->key = key;
+            found->type = type;
+            found->elementSize = wire::fixedSize(type) ? info(type).elementSize : 0;
+            found->lastNode = 0;
+            found->count = 0;
+            found->nodes.clear();
+            found->values.clear();
+        }
+        guess = static_cast<std::uint16_t>(found - columns.begin());
+        return *found;
+    }
+
+    void addValue(const Change& change) {
+        Column& c = column(keyOf(change), change.value.type());
+        c.nodes.setEnd(writeVarint(c.nodes.room(10), zigzag(change.node.value, c.lastNode)));
+        c.lastNode = change.node.value;
+        ++c.count;
+        if (c.elementSize == 0) {
+            wire::putValue(c.values, change.value);
+            return;
+        }
+        std::byte* target = c.values.room(c.elementSize < 16 ? 16u : c.elementSize);
+        // A value has 16 readable bytes whatever its type (those above 16 are padded); a fixed count copies fastest.
+        if (c.elementSize <= 16)
+            std::memcpy(target, change.value.storage(), 16);
+        else
+            std::memcpy(target, change.value.storage(), c.elementSize);
+        c.values.advance(c.elementSize);
+    }
+
+    void addLink(const Change& change) {
+        Rows& r = rows[wire::kLinks];
+        const unsigned external = change.external ? wire::kLinkExternal : 0u;
+        const auto start = [&](unsigned op) {
+            r.bytes.put(static_cast<std::uint8_t>(op | external));
+            r.bytes.putVarint(r.step(change.node));
+            r.bytes.putVarint(change.field);
+        };
+        if (change.kind == ChangeKind::insertChild || change.kind == ChangeKind::removeChild) {
+            start(change.kind == ChangeKind::insertChild ? wire::kInsert : wire::kRemove);
+            r.bytes.putVarint(zigzag(change.other.value, change.node.value));
+            r.bytes.putVarint(change.index);
+        } else if (change.value.holds<NodeId>()) {
+            start(wire::kSetOne);
+            r.bytes.putVarint(zigzag(change.value.as<NodeId>().value, change.node.value));
+        } else {
+            start(wire::kSetMany);
+            const Array<NodeId>& children = change.value.as<Array<NodeId>>();
+            r.bytes.putVarint(children.size());
+            std::uint32_t previous = change.node.value;
+            for (const NodeId child : children) {
+                r.bytes.putVarint(zigzag(child.value, previous));
+                previous = child.value;
+            }
+        }
+    }
+
+    void addRoute(const Change& change) {
+        Rows& r = rows[wire::kRoutes];
+        r.bytes.put(static_cast<std::uint8_t>((change.kind == ChangeKind::removeRoute ? wire::kRouteRemove : 0) |
+                                              (change.external ? wire::kRouteExternal : 0) |
+                                              (change.isConnection ? wire::kRouteIs : 0)));
+        r.bytes.putVarint(r.step(change.node));
+        r.bytes.putVarint(change.field);
+        r.bytes.putVarint(zigzag(change.other.value, change.node.value));
+        r.bytes.putVarint(change.field2());
+    }
+
+    void add(const ChangeSet& set, const Change& change) {
+        const std::uint64_t external = change.external;
+        switch (change.kind) {
+            case ChangeKind::defineType: {
+                const auto defined = std::ranges::find_if(
+                    set.types, [&](const DefinedType& d) { return d.index.value == change.index; });
+                if (defined == set.types.end() || !defined->type) break;  // nothing that could be applied
+                Rows& r = rows[wire::kTypes];
+                ++r.count;
+                r.bytes.putVarint(std::uint64_t{change.index} << 1 | external);
+                wire::putType(r.bytes, *defined->type);
+                break;
+            }
+            case ChangeKind::createNode: {
+                Rows& r = rows[wire::kCreate];
+                r.bytes.putVarint(r.step(change.node) << 1 | external);
+                r.bytes.putVarint(change.index);
+                r.bytes.putVarint(zigzag(change.other.value, r.lastOther));
+                r.lastOther = change.other.value;
+                break;
+            }
+            case ChangeKind::setField:
+                if (sf(change.value.type()) == FieldType::SFNode)
+                    addLink(change);
+                else
+                    addValue(change);
+                break;
+            case ChangeKind::insertChild:
+            case ChangeKind::removeChild:
+                addLink(change);
+                break;
+            case ChangeKind::setName: {
+                Rows& r = rows[wire::kNames];
+                r.bytes.putVarint(r.step(change.node) << 1 | external);
+                wire::putText(r.bytes, change.value.holds<String>() ? change.value.as<String>().view() : "");
+                break;
+            }
+            case ChangeKind::addRoute:
+            case ChangeKind::removeRoute:
+                addRoute(change);
+                break;
+            case ChangeKind::destroyNode: {
+                Rows& r = rows[wire::kDestroy];
+                r.bytes.putVarint(r.step(change.node) << 1 | external);
+                break;
+            }
+            case ChangeKind::event: {
+                Rows& r = rows[wire::kEvents];
+                r.bytes.putVarint(r.step(change.node) << 1 | external);
+                r.bytes.putVarint(change.field);
+                r.bytes.put(static_cast<std::uint8_t>(change.value.type()));
+                wire::putValue(r.bytes, change.value);
+                break;
+            }
+        }
+    }
+};
+
+ChangeEncoder::ChangeEncoder() : parts_(std::make_unique<Parts>()) {}
+ChangeEncoder::~ChangeEncoder() = default;
+
+void ChangeEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
+    Parts& parts = *parts_;
+    parts.clear();
+    for (const Change& change : set.changes) {
+        if (change.kind == ChangeKind::setField && sf(change.value.type()) != FieldType::SFNode)
+            parts.addValue(change);
+        else
+            parts.add(set, change);
+    }
+
+    std::size_t size = kRecordHeaderSize;
+    for (const Rows& r : parts.rows) size += r.bytes.size() + 32;
+    for (std::size_t i = 0; i < parts.used; ++i)
+        size += parts.columns[i].nodes.size() + parts.columns[i].values.size() + 32;
+    record.clear();
+    record.room(size);
+    record.advance(kRecordHeaderSize);
+    const auto putHeader = [&](wire::Block block, std::uint64_t count, std::size_t length) {
+        record.put(static_cast<std::uint8_t>(block));
+        record.putVarint(count);
+        record.putVarint(length);
+    };
+    for (unsigned block = wire::kTypes; block < wire::kBlockEnd; ++block) {
+        if (const Rows& r = parts.rows[block]; r.count) {
+            putHeader(static_cast<wire::Block>(block), r.count, r.bytes.size());
+            record.append(r.bytes.bytes());
+        }
+        if (block != wire::kValues) continue;
+        for (std::size_t i = 0; i < parts.used; ++i) {
+            const Column& c = parts.columns[i];
+            const std::uint64_t field = c.key >> 16;
+            putHeader(wire::kValues, c.count, 3 + varintSize(field) + c.nodes.size() + c.values.size());
+            record.put(static_cast<std::uint8_t>(wire::kRaw));
+            record.put(static_cast<std::uint8_t>(c.key & 0xFF));
+            record.put(static_cast<std::uint8_t>(c.type));
+            record.putVarint(field);
+            record.append(c.nodes.bytes());
+            record.append(c.values.bytes());
+        }
+    }
+    RecordHeader header;
+    header.kind = set.isSnapshot() ? RecordKind::keyframe : RecordKind::frame;
+    header.from = set.from;
+    header.to = set.to;
+    header.time = set.time;
+    header.hash = set.hash;
+    sealRecord(record, header);
+}
+
+}  // namespace rtsg

@@ -1,0 +1,232 @@
+#include "wire.h"
+
+#include <fmt/format.h>
+
+namespace rtsg::wire {
+
+namespace {
+
+const detail::ArrayHeader* headerOf(const void* storage) {
+    const detail::ArrayHeader* header = nullptr;
+    std::memcpy(&header, storage, sizeof(header));
+    return header;
+}
+
+/// String, Image and MF types of plain numbers are the same on the wire: a count, then the elements.
+void putFlat(ByteBuffer& out, const detail::ArrayHeader* header, std::size_t elementSize) {
+    const std::uint64_t size = header ? header->size : 0;
+    out.putVarint(size);
+    if (size) out.append(header + 1, size * elementSize);
+}
+
+template <class T>
+Array<T> readFlat(Reader& in) {
+    const std::size_t size = in.count(sizeof(T));
+    if (size == 0) return {};
+    Array<T> result = Array<T>::ofSize(size);
+    std::memcpy(static_cast<void*>(result.mutableData()), in.at, size * sizeof(T));
+    in.at += size * sizeof(T);
+    return result;
+}
+template <>
+Array<bool> readFlat<bool>(Reader& in) {
+    const std::size_t size = in.count(1);
+    if (size == 0) return {};
+    Array<bool> result = Array<bool>::ofSize(size);
+    bool* target = result.mutableData();
+    for (std::size_t i = 0; i < size; ++i) {
+        const auto byte = std::to_integer<unsigned>(*in.at);
+        if (byte > 1) {
+            in.refuse("boolean is neither 0 nor 1");
+            return {};
+        }
+        target[i] = byte != 0;
+        ++in.at;
+    }
+    return result;
+}
+template <>
+Array<String> readFlat<String>(Reader& in) {
+    Array<String> result = Array<String>::ofSize(in.count(1));
+    String* target = result.mutableData();
+    for (std::size_t i = 0; i < result.size() && !in.problem; ++i) target[i] = String(in.text());
+    return result;
+}
+template <>
+Array<Image> readFlat<Image>(Reader& in) {
+    Array<Image> result = Array<Image>::ofSize(in.count(1));
+    Image* target = result.mutableData();
+    for (std::size_t i = 0; i < result.size() && !in.problem; ++i) target[i].words = readFlat<std::int32_t>(in);
+    return result;
+}
+
+template <class T>
+Value readOne(Reader& in) {
+    if constexpr (std::is_same_v<T, bool>) {
+        const auto byte = in.number<std::uint8_t>();
+        if (byte > 1) in.refuse("boolean is neither 0 nor 1");
+        return byte == 1;
+    } else if constexpr (std::is_same_v<T, String>) {
+        return String(in.text());
+    } else if constexpr (std::is_same_v<T, Image>) {
+        return Image{readFlat<std::int32_t>(in)};
+    } else {
+        return in.number<T>();
+    }
+}
+
+std::vector<std::string> readTexts(Reader& in) {
+    std::vector<std::string> result(in.count(1));
+    for (std::string& text : result) text = in.text();
+    return result;
+}
+
+constexpr unsigned kExclusiveMin = 1, kHidden = 2;
+
+void putField(ByteBuffer& out, const FieldDef& field) {
+    putText(out, field.name);
+    out.put(static_cast<std::uint8_t>(field.type));
+    out.put(static_cast<std::uint8_t>(field.access));
+    out.put(static_cast<std::uint8_t>(field.aspect));
+    out.put(static_cast<std::uint8_t>((field.exclusiveMin ? kExclusiveMin : 0) | (field.hidden ? kHidden : 0)));
+    out.put(field.min);
+    out.put(field.max);
+    putTexts(out, field.allowed);
+    putTexts(out, field.accepts);
+    // Like finish(): a default of another type counts as none.
+    putValue(out, field.defaultValue.type() == field.type ? field.defaultValue : Value::zero(field.type));
+}
+
+FieldDef readField(Reader& in) {
+    FieldDef field;
+    field.name = in.text();
+    field.type = readFieldType(in);
+    const auto access = in.number<std::uint8_t>(), aspect = in.number<std::uint8_t>(),
+               flags = in.number<std::uint8_t>();
+    if (access > static_cast<unsigned>(Access::inputOutput)) in.refuse("unknown access type");
+    field.access = static_cast<Access>(access);
+    // An aspect of a later version means nothing here, which is not an error.
+    field.aspect = aspect <= static_cast<unsigned>(Aspect::time) ? static_cast<Aspect>(aspect) : Aspect::none;
+    field.exclusiveMin = flags & kExclusiveMin;
+    field.hidden = flags & kHidden;
+    field.min = in.number<double>();
+    field.max = in.number<double>();
+    field.allowed = readTexts(in);
+    field.accepts = readTexts(in);
+    field.defaultValue = readValue(in, field.type);
+    return field;
+}
+
+}  // namespace
+
+void putText(ByteBuffer& out, std::string_view text) {
+    out.putVarint(text.size());
+    out.append(text.data(), text.size());
+}
+
+void putTexts(ByteBuffer& out, const std::vector<std::string>& texts) {
+    out.putVarint(texts.size());
+    for (const std::string& text : texts) putText(out, text);
+}
+
+void putValue(ByteBuffer& out, const Value& value) {
+    const FieldType type = value.type();
+    const FieldTypeInfo& i = info(type);
+    if (fixedSize(type)) {
+        out.append(value.storage(), i.elementSize);
+        return;
+    }
+    const detail::ArrayHeader* header = headerOf(value.storage());
+    if (type == FieldType::SFString) {
+        putFlat(out, header, 1);
+    } else if (type == FieldType::SFImage) {
+        putFlat(out, header, sizeof(std::int32_t));
+    } else if (info(sf(type)).shared) {
+        const std::uint64_t size = header ? header->size : 0;
+        out.putVarint(size);
+        const auto* elements = size ? reinterpret_cast<const std::byte*>(header + 1) : nullptr;
+        for (std::uint64_t k = 0; k < size; ++k)
+            putFlat(out, headerOf(elements + k * sizeof(void*)),
+                    type == FieldType::MFString ? 1 : sizeof(std::int32_t));
+    } else {
+        putFlat(out, header, i.elementSize);
+    }
+}
+
+void putType(ByteBuffer& out, const NodeType& type) {
+    ByteBuffer body, field;
+    putText(body, type.name);
+    putText(body, type.component);
+    body.putVarint(static_cast<std::uint64_t>(type.level < 0 ? 0 : type.level));
+    body.put(static_cast<std::uint8_t>(type.kind));
+    putText(body, type.containerField);
+    putTexts(body, type.implements);
+    putText(body, type.declaration);
+    body.putVarint(type.fields.size());
+    for (const FieldDef& f : type.fields) {
+        field.clear();
+        putField(field, f);
+        body.putVarint(field.size());
+        body.append(field.bytes());
+    }
+    out.putVarint(body.size());
+    out.append(body.bytes());
+}
+
+FieldType readFieldType(Reader& in) {
+    const auto type = in.number<std::uint8_t>();
+    if (type < kFieldTypeCount) return static_cast<FieldType>(type);
+    in.refuse("unknown field type");
+    return FieldType::SFBool;
+}
+
+Value readValue(Reader& in, FieldType type) {
+    switch (type) {
+#define RTSG_X(suffix, T)       \
+    case FieldType::SF##suffix: \
+        return readOne<T>(in);  \
+    case FieldType::MF##suffix: \
+        return readFlat<T>(in);
+        RTSG_FIELD_TYPES(RTSG_X)
+#undef RTSG_X
+    }
+    return {};
+}
+
+std::unique_ptr<NodeType> readType(Reader& outer) {
+    Reader in = outer.part(outer.count(1));
+    auto type = std::make_unique<NodeType>();
+    type->name = in.text();
+    type->component = in.text();
+    type->level = static_cast<int>(in.bounded(1000));
+    const auto kind = in.number<std::uint8_t>();
+    if (kind > static_cast<unsigned>(NodeType::Kind::script)) in.refuse("unknown kind of type");
+    type->kind = static_cast<NodeType::Kind>(kind);
+    type->containerField = in.text();
+    type->implements = readTexts(in);
+    type->declaration = in.text();
+    const std::size_t fields = in.count(1);
+    for (std::size_t i = 0; i < fields && !in.problem; ++i) {
+        Reader one = in.part(in.count(1));
+        type->fields.push_back(readField(one));  // what a later version appends to a field is left unread
+        if (one.problem) {
+            in.problem = one.problem;
+            in.problemAt = one.problemAt;
+        }
+    }
+    if (!in.problem && type->name.empty()) in.refuse("type without a name");
+    if (!in.problem && !type->finish()) in.refuse("type with fields of the same name, or with too many");
+    if (!in.problem) return type;
+    if (!outer.problem) {
+        outer.problem = in.problem;
+        outer.problemAt = in.problemAt;
+    }
+    outer.at = outer.end;
+    return nullptr;
+}
+
+Diagnostic describe(const Reader& in, std::string_view what) {
+    return {Severity::error, {}, {}, fmt::format("at byte {}: {}: {}", in.problemAt, what, in.problem)};
+}
+
+}  // namespace rtsg::wire

@@ -1,0 +1,367 @@
+#include <rtsg/sync/change_codec.h>
+
+#include <algorithm>
+#include <map>
+
+#include <gtest/gtest.h>
+
+#include "random_sets.h"
+
+namespace rtsg {
+namespace {
+
+using test::RandomSets;
+
+Change valueChange(std::uint32_t node, FieldIndex field, Value value, bool external = true) {
+    Change change;
+    change.node = NodeId{node};
+    change.field = field;
+    change.external = external;
+    change.value = std::move(value);
+    return change;
+}
+
+bool isColumnValue(const Change& c) {
+    return c.kind == ChangeKind::setField && sf(c.value.type()) != FieldType::SFNode;
+}
+
+/// The order the codec promises, built the slow way: links before values, values grouped by first appearance.
+std::vector<Change> canonical(const std::vector<Change>& changes) {
+    std::vector<std::tuple<FieldIndex, FieldType, bool>> keys;
+    const auto keyOf = [](const Change& c) { return std::tuple(c.field, c.value.type(), bool{c.external}); };
+    for (const Change& c : changes)
+        if (isColumnValue(c) && std::ranges::find(keys, keyOf(c)) == keys.end()) keys.push_back(keyOf(c));
+    const auto rank = [&](const Change& c) -> std::size_t {
+        if (isColumnValue(c)) return 1000 + static_cast<std::size_t>(std::ranges::find(keys, keyOf(c)) - keys.begin());
+        if (c.kind <= ChangeKind::createNode) return static_cast<std::size_t>(c.kind);
+        return c.kind <= ChangeKind::removeChild ? 2
+               : c.kind == ChangeKind::setName   ? 100000
+               : c.kind == ChangeKind::addRoute || c.kind == ChangeKind::removeRoute
+                   ? 100001
+                   : 100002 + static_cast<std::size_t>(c.kind);
+    };
+    std::vector<Change> result = changes;
+    std::ranges::stable_sort(result, {}, rank);
+    return result;
+}
+
+void expectSame(const NodeType& a, const NodeType& b) {
+    EXPECT_EQ(a.name, b.name);
+    EXPECT_EQ(a.component, b.component);
+    EXPECT_EQ(a.level, b.level);
+    EXPECT_EQ(a.kind, b.kind);
+    EXPECT_EQ(a.containerField, b.containerField);
+    EXPECT_EQ(a.implements, b.implements);
+    EXPECT_EQ(a.declaration, b.declaration);
+    ASSERT_EQ(a.fields.size(), b.fields.size());
+    EXPECT_EQ(a.blockSize(), b.blockSize());
+    for (std::size_t i = 0; i < a.fields.size(); ++i) {
+        const FieldDef &x = a.fields[i], &y = b.fields[i];
+        EXPECT_EQ(x.name, y.name);
+        EXPECT_EQ(x.type, y.type);
+        EXPECT_EQ(x.access, y.access);
+        EXPECT_EQ(x.aspect, y.aspect);
+        EXPECT_TRUE(x.defaultValue == y.defaultValue);
+        EXPECT_EQ(std::bit_cast<std::uint64_t>(x.min), std::bit_cast<std::uint64_t>(y.min));
+        EXPECT_EQ(x.max, y.max);
+        EXPECT_EQ(x.exclusiveMin, y.exclusiveMin);
+        EXPECT_EQ(x.hidden, y.hidden);
+        EXPECT_EQ(x.allowed, y.allowed);
+        EXPECT_EQ(x.accepts, y.accepts);
+        EXPECT_EQ(x.offset, y.offset);
+    }
+}
+
+void expectSame(const ChangeSet& expected, const ChangeSet& found) {
+    EXPECT_EQ(expected.from, found.from);
+    EXPECT_EQ(expected.to, found.to);
+    EXPECT_EQ(std::bit_cast<std::uint64_t>(expected.time), std::bit_cast<std::uint64_t>(found.time));
+    EXPECT_EQ(expected.hash, found.hash);
+    const std::vector<Change> wanted = canonical(expected.changes);
+    ASSERT_EQ(wanted.size(), found.changes.size());
+    for (std::size_t i = 0; i < wanted.size(); ++i)
+        ASSERT_TRUE(wanted[i] == found.changes[i]) << "change " << i << " of kind " << int(wanted[i].kind);
+    ASSERT_EQ(expected.types.size(), found.types.size());
+    for (std::size_t i = 0; i < expected.types.size(); ++i) {
+        EXPECT_EQ(expected.types[i].index, found.types[i].index);
+        expectSame(*expected.types[i].type, *found.types[i].type);
+    }
+}
+
+TEST(ChangeCodec, RoundTripsRandomSetsOfEveryKindAndType) {
+    const std::uint64_t seed = 20090616;
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    RandomSets random(seed);
+    ChangeEncoder encoder;
+    ChangeDecoder decoder({});
+    ByteBuffer record, again;
+    ChangeSet found;
+    std::uint64_t kinds = 0, types = 0;
+    for (int round = 0; round < 300; ++round) {
+        SCOPED_TRACE(testing::Message() << "round " << round);
+        const ChangeSet set = random.set(1 + random.below(40));
+        encoder.encode(set, record);
+        ASSERT_TRUE(checkRecord(record.bytes()));
+        const Result<> decoded = decoder.decode(record.bytes(), found);
+        ASSERT_TRUE(decoded) << decoded.error().text;
+        expectSame(set, found);
+        if (HasFatalFailure()) return;
+        encoder.encode(found, again);
+        ASSERT_TRUE(std::ranges::equal(record.bytes(), again.bytes()));
+        for (const Change& change : set.changes) {
+            kinds |= std::uint64_t{1} << static_cast<unsigned>(change.kind);
+            types |= std::uint64_t{1} << static_cast<unsigned>(change.value.type());
+        }
+    }
+    EXPECT_EQ(kinds, (std::uint64_t{1} << 10) - 1);
+    EXPECT_EQ(types, (std::uint64_t{1} << kFieldTypeCount) - 1);
+}
+
+TEST(ChangeCodec, KeepsExtremeNodeNumbersInAnyOrder) {
+    ChangeSet set;
+    set.from = 1;
+    set.to = 2;
+    for (const std::uint32_t node : {0u, 0xFFFFFFFFu, 1u, 0x80000000u, 0x7FFFFFFFu, 0u})
+        set.changes.push_back(valueChange(node, 3, Vec3f(1, 2, 3)));
+    ByteBuffer record;
+    ChangeEncoder().encode(set, record);
+    ChangeSet found;
+    ASSERT_TRUE(ChangeDecoder({}).decode(record.bytes(), found));
+    expectSame(set, found);
+}
+
+TEST(ChangeCodec, TakesThirteenBytesForAMovedNeighbour) {
+    ChangeSet set;
+    set.from = 7;
+    set.to = 8;
+    for (std::uint32_t i = 0; i < 10000; ++i) set.changes.push_back(valueChange(100 + i, 5, Vec3f(float(i), 0, 0)));
+    ByteBuffer record;
+    ChangeEncoder().encode(set, record);
+    EXPECT_LE(record.size(), 10000 * 13 + kRecordHeaderSize + 16);
+}
+
+/// A record whose checksum is right whatever its payload: what a hostile peer would send.
+ByteBuffer resealed(std::span<const std::byte> record, RecordHeader header) {
+    ByteBuffer result;
+    result.append(record);
+    sealRecord(result, header);
+    return result;
+}
+
+TEST(ChangeCodec, EveryTruncationAndBitFlipOfARecordIsDetected) {
+    const std::uint64_t seed = 4;
+    RandomSets random(seed);
+    ByteBuffer record;
+    ChangeEncoder().encode(random.set(8), record);
+    for (std::size_t size = 0; size < record.size(); ++size) {
+        const Result<RecordHeader> found = checkRecord(record.bytes().first(size));
+        ASSERT_FALSE(found) << size;
+        EXPECT_NE(found.error().text.find("at byte "), std::string::npos);
+    }
+    for (std::size_t bit = 0; bit < record.size() * 8; ++bit) {
+        record.data()[bit / 8] ^= std::byte{1} << (bit % 8);
+        ASSERT_FALSE(checkRecord(record.bytes())) << "bit " << bit;
+        record.data()[bit / 8] ^= std::byte{1} << (bit % 8);
+    }
+    EXPECT_TRUE(checkRecord(record.bytes()));
+}
+
+TEST(ChangeCodec, HostilePayloadsAreRefusedOrDecodedNeverWorse) {
+    const std::uint64_t seed = 99;
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    RandomSets random(seed);
+    ChangeDecoder decoder({});
+    ChangeSet found;
+    std::size_t refused = 0, tries = 0;
+    for (int round = 0; round < 60; ++round) {
+        ByteBuffer record;
+        ChangeEncoder().encode(random.set(6), record);
+        const Result<RecordHeader> header = parseRecordHeader(record.bytes());
+        ASSERT_TRUE(header);
+        for (std::size_t size = kRecordHeaderSize; size < record.size(); ++size) {
+            const ByteBuffer cut = resealed(record.bytes().first(size), *header);
+            ++tries;
+            refused += !decoder.decode(cut.bytes(), found);
+        }
+        for (int flips = 0; flips < 300; ++flips) {
+            ByteBuffer bent = resealed(record.bytes(), *header);
+            for (std::uint32_t n = 1 + random.below(3); n > 0 && bent.size() > kRecordHeaderSize; --n)
+                bent.data()[kRecordHeaderSize + random.below(std::uint32_t(bent.size() - kRecordHeaderSize))] =
+                    static_cast<std::byte>(random.below(256));
+            ++tries;
+            const Result<> decoded = decoder.decode(bent.bytes(), found);
+            refused += !decoded;
+            if (!decoded) {
+                EXPECT_NE(decoded.error().text.find("at byte "), std::string::npos) << decoded.error().text;
+            }
+            // Each change takes a byte at least, so what was decoded cannot outgrow what came in.
+            EXPECT_LE(found.changes.size(), bent.size());
+        }
+    }
+    EXPECT_GT(refused, tries / 4);
+}
+
+TEST(ChangeCodec, RefusesACountThatTheBytesCannotHold) {
+    ByteBuffer record;
+    record.room(kRecordHeaderSize);
+    record.advance(kRecordHeaderSize);
+    record.put(std::uint8_t{7});  // destroy
+    record.putVarint(std::uint64_t{1} << 60);
+    record.putVarint(1);
+    record.put(std::uint8_t{0});
+    RecordHeader header;
+    header.from = 1;
+    header.to = 2;
+    sealRecord(record, header);
+    ChangeSet found;
+    const Result<> decoded = ChangeDecoder({}).decode(record.bytes(), found);
+    ASSERT_FALSE(decoded);
+    EXPECT_NE(decoded.error().text.find("count exceeds"), std::string::npos) << decoded.error().text;
+}
+
+TEST(ChangeCodec, SkipsBlocksAndCodingsOfALaterFormat) {
+    ByteBuffer record;
+    ChangeSet set;
+    set.from = 1;
+    set.to = 2;
+    set.changes.push_back(valueChange(3, 4, 2.5f));
+    ChangeEncoder().encode(set, record);
+    record.put(std::uint8_t{4});  // a column ...
+    record.putVarint(1);
+    record.putVarint(3);
+    record.put(std::uint8_t{77});  // ... in an unknown coding
+    record.put(std::uint16_t{0});
+    record.put(std::uint8_t{200});  // an unknown block
+    record.putVarint(1);
+    record.putVarint(2);
+    record.put(std::uint16_t{0});
+    RecordHeader header;
+    header.from = 1;
+    header.to = 2;
+    sealRecord(record, header);
+    ChangeDecoder decoder({});
+    ChangeSet found;
+    const Result<> decoded = decoder.decode(record.bytes(), found);
+    ASSERT_TRUE(decoded) << decoded.error().text;
+    ASSERT_EQ(found.changes.size(), 1u);
+    EXPECT_TRUE(found.changes[0] == set.changes[0]);
+    EXPECT_EQ(decoder.losses().blocks, 2u);
+}
+
+TEST(Dictionary, RoundTripsAndDetectsDamage) {
+    const std::uint64_t seed = 17;
+    RandomSets random(seed);
+    std::vector<std::unique_ptr<NodeType>> types;
+    for (int i = 0; i < 20; ++i) types.push_back(random.type("Type" + std::to_string(i)));
+    ByteBuffer record;
+    encodeHead(0x1234567890ABCDEF, "a test", types, true, record);
+    ASSERT_TRUE(checkRecord(record.bytes()));
+    const Result<StreamHead> head = decodeHead(record.bytes());
+    ASSERT_TRUE(head) << head.error().text;
+    EXPECT_EQ(head->epoch, 0x1234567890ABCDEFu);
+    EXPECT_EQ(head->creator, "a test");
+    EXPECT_EQ(head->dictionaryHash, dictionaryHash(types));
+    ASSERT_EQ(head->types.size(), types.size());
+    for (std::size_t i = 0; i < types.size(); ++i) expectSame(*types[i], *head->types[i]);
+    const Result<RecordHeader> header = parseRecordHeader(record.bytes());
+    for (std::size_t size = kRecordHeaderSize; size < record.size(); ++size)
+        ASSERT_FALSE(decodeHead(resealed(record.bytes().first(size), *header).bytes())) << size;
+}
+
+/// `name(field:type=default, ...)` in the order given.
+std::unique_ptr<NodeType> makeType(std::string name, std::vector<std::pair<std::string, Value>> fields) {
+    auto type = std::make_unique<NodeType>();
+    type->name = std::move(name);
+    for (auto& [fieldName, value] : fields) {
+        FieldDef field;
+        field.name = fieldName;
+        field.type = value.type();
+        field.defaultValue = value;
+        type->fields.push_back(std::move(field));
+    }
+    if (!type->finish()) std::abort();
+    return type;
+}
+
+TEST(Dictionary, AReaderOfAnotherVersionMapsByNameAndKeepsUnknownTypes) {
+    std::vector<std::unique_ptr<NodeType>> origin, local;
+    origin.push_back(makeType("Group", {{"children", Array<NodeId>{}}}));
+    origin.push_back(makeType("Novel", {{"power", 1.f}}));
+    origin.push_back(makeType("Transform", {{"bend", 0.f}, {"scale", Vec3f(1)}, {"translation", Vec3f(0)}}));
+    local.push_back(makeType("Transform", {{"translation", Vec3f(0)}, {"scale", Vec3f(2)}}));
+    local.push_back(makeType("Group", {{"bboxSize", Vec3f(-1)}, {"children", Array<NodeId>{}}}));
+
+    ChangeSet set;
+    set.to = 5;
+    const auto create = [&](std::uint32_t node, std::uint32_t type) {
+        Change change;
+        change.kind = ChangeKind::createNode;
+        change.node = NodeId{node};
+        change.index = type;
+        set.changes.push_back(change);
+    };
+    Change define;
+    define.kind = ChangeKind::defineType;
+    define.index = 3;
+    set.changes.push_back(define);
+    set.types.push_back({TypeIndex{3}, makeType("MyProto", {{"p", 0.5f}})});
+    create(2, 0);
+    create(3, 1);
+    create(4, 2);
+    create(5, 3);
+    set.changes.push_back(valueChange(2, 0, Array<NodeId>{NodeId{3}, NodeId{4}}));
+    set.changes.push_back(valueChange(3, 0, 9.f));
+    set.changes.push_back(valueChange(4, 0, 1.f));             // bend: unknown here
+    set.changes.push_back(valueChange(4, 2, Vec3f(4, 5, 6)));  // translation
+    set.changes.push_back(valueChange(5, 0, 0.75f));
+
+    ByteBuffer headRecord, record;
+    encodeHead(1, "newer", origin, true, headRecord);
+    const Result<StreamHead> head = decodeHead(headRecord.bytes());
+    ASSERT_TRUE(head);
+    ChangeDecoder decoder(local);
+    ASSERT_TRUE(decoder.setHead(*head));
+    EXPECT_FALSE(decoder.exact());
+    ChangeEncoder().encode(set, record);
+    for (int pass = 0; pass < 2; ++pass) {  // a second snapshot starts over
+        ChangeSet found;
+        const Result<> decoded = decoder.decode(record.bytes(), found);
+        ASSERT_TRUE(decoded) << decoded.error().text;
+        EXPECT_EQ(decoder.losses().changes, 1u + static_cast<unsigned>(pass));
+        ASSERT_EQ(found.types.size(), 2u);
+        std::map<std::string, std::uint32_t> indexOf{{"Transform", 0}, {"Group", 1}};
+        for (const DefinedType& type : found.types) indexOf[type.type->name] = type.index.value;
+        EXPECT_EQ(indexOf.at("MyProto") + indexOf.at("Novel"), 2u + 3u);
+        std::map<std::uint32_t, std::uint32_t> typeOf;
+        std::map<std::pair<std::uint32_t, FieldIndex>, Value> values;
+        for (const Change& change : found.changes) {
+            if (change.kind == ChangeKind::createNode) typeOf[change.node.value] = change.index;
+            if (change.kind == ChangeKind::setField) values[{change.node.value, change.field}] = change.value;
+        }
+        EXPECT_EQ(typeOf.at(2), 1u);
+        EXPECT_EQ(typeOf.at(3), indexOf.at("Novel"));
+        EXPECT_EQ(typeOf.at(4), 0u);
+        EXPECT_EQ(typeOf.at(5), indexOf.at("MyProto"));
+        EXPECT_EQ(values.size(), 5u);
+        EXPECT_TRUE(values.at({2, 1}) == Value(Array<NodeId>{NodeId{3}, NodeId{4}}));
+        EXPECT_TRUE(values.at({3, 0}) == Value(9.f));
+        EXPECT_TRUE(values.at({4, 0}) == Value(Vec3f(4, 5, 6)));
+        EXPECT_TRUE(values.at({4, 1}) == Value(Vec3f(1))) << "the origin's default, which differs here";
+        EXPECT_TRUE(values.at({5, 0}) == Value(0.75f));
+    }
+}
+
+TEST(Dictionary, AStreamWithoutADictionaryNeedsTheSameBuild) {
+    std::vector<std::unique_ptr<NodeType>> origin, local;
+    origin.push_back(makeType("Group", {{"children", Array<NodeId>{}}}));
+    local.push_back(makeType("Shape", {{"geometry", NodeId{}}}));
+    ByteBuffer record;
+    encodeHead(1, "", origin, false, record);
+    const Result<StreamHead> head = decodeHead(record.bytes());
+    ASSERT_TRUE(head);
+    EXPECT_FALSE(ChangeDecoder(local).setHead(*head));
+    EXPECT_TRUE(ChangeDecoder(origin).setHead(*head));
+}
+
+}  // namespace
+}  // namespace rtsg
