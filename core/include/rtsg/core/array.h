@@ -59,10 +59,7 @@ class Array {
     }
     ~Array() { detail::release(header_); }
 
-    explicit Array(std::span<const T> elements) {
-        reserve(elements.size());
-        for (const T& element : elements) push_back(element);
-    }
+    explicit Array(std::span<const T> elements) { append(elements); }
     Array(std::initializer_list<T> elements) : Array(std::span<const T>(elements.begin(), elements.size())) {}
 
     /// `size` value-initialised elements, writable through mutableData() while solely owned.
@@ -95,6 +92,24 @@ class Array {
         if (!header_ || count == header_->capacity || shared()) makeSole(count < 4 ? 4 : count + count / 2);
         new (reinterpret_cast<T*>(header_ + 1) + count) T(std::move(element));
         ++header_->size;
+    }
+    /// Appends copies; the elements must not be this array's own.
+    void append(std::span<const T> elements) {
+        const std::size_t count = size();
+        if (elements.empty()) return;
+        const std::size_t wanted = count + elements.size();
+        if (!header_ || wanted > header_->capacity || shared())
+            makeSole(wanted < count + count / 2 ? count + count / 2 : wanted);
+        T* target = reinterpret_cast<T*>(header_ + 1) + count;
+        if constexpr (std::is_trivially_copyable_v<T>) {
+            std::memcpy(static_cast<void*>(target), elements.data(), elements.size_bytes());
+            header_->size = wanted;
+        } else {
+            for (const T& element : elements) {
+                new (target++) T(element);
+                ++header_->size;
+            }
+        }
     }
     void resize(std::size_t count) {
         if (count == size()) return;

@@ -1,0 +1,69 @@
+// Parses one field value at a position in a longer text; the readers' workhorse.
+//
+// Invariant: linear in the text consumed, memory within a constant of what the text spells out; never reads at or
+// behind `end`. What is wrong is reported once per value. Threading: one thread a parser.
+// Source: ISO/IEC 19776-1 V3.3 clause 5, 19776-2 V3.3 annex A.
+#pragma once
+
+#include <string>
+
+#include <rtsg/core/field_text.h>
+
+#include "number_text.h"
+
+namespace rtsg::detail {
+
+/// Takes what a value parser has to say; `at` points into the text parsed.
+class FieldTextReport {
+  public:
+    virtual ~FieldTextReport() = default;
+    virtual void report(Severity severity, const char* at, std::string text) = 0;
+    /// Called every so often inside long values.
+    virtual void progress(const char*) {}
+};
+
+class FieldTextParser {
+  public:
+    FieldTextParser(const char* begin, const char* end, TextSyntax syntax, FieldTextReport& report)
+        : p(begin), end_(end), report_(report), syntax_(syntax) {}
+
+    /// Parses one value and moves behind it. False if there was nothing usable, which has been reported. In
+    /// ClassicVRML, `p` is then at the first character that did not fit; XML always takes everything.
+    bool parse(FieldType type, Value& out);
+
+    /// White space, commas and, in ClassicVRML, comments.
+    void skipSpace() {
+        for (;;) {
+            while (p != end_ && isSpace(*p)) ++p;
+            if (p == end_ || *p != '#' || syntax_ != TextSyntax::classicVrml) return;
+            while (p != end_ && *p != '\n' && *p != '\r') ++p;
+        }
+    }
+    /// A quoted string; `p` is on the opening quote. False if it never ends (then p is at the end).
+    bool parseQuoted(String& out);
+
+    const char* p;
+
+  private:
+    template <class T>
+    bool parseOne(T& out);
+    template <class T>
+    bool parseMany(Array<T>& out);
+    template <class T>
+    bool parseNumbers(T& out);
+    template <class T>
+    bool parseManyNumbers(Array<T>& out, bool bracketed);
+    bool parseImage(Image& out, bool last);
+    bool parseBool(bool& out);
+    bool expected(const char* what);
+    bool openBracket();
+    void closeBracket();
+    void abandonArray();
+    std::string found(const char* at) const;
+
+    const char* end_;
+    FieldTextReport& report_;
+    TextSyntax syntax_;
+};
+
+}  // namespace rtsg::detail

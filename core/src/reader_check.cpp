@@ -1,0 +1,95 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "reader_common.h"
+
+namespace rtsg::detail {
+
+namespace {
+
+template <class S>
+std::string outOfRange(const FieldDef& field, const S* numbers, std::size_t count) {
+    S low = numbers[0], high = numbers[0];
+    for (std::size_t i = 1; i < count; ++i) {
+        low = std::min(low, numbers[i]);
+        high = std::max(high, numbers[i]);
+    }
+    const bool below =
+        field.exclusiveMin ? !(static_cast<double>(low) > field.min) : static_cast<double>(low) < field.min;
+    if (!below && static_cast<double>(high) <= field.max) return {};
+    const auto text = [](auto number) { return printFieldText(Value(number)); };
+    std::string range = field.exclusiveMin ? "(" : "[";
+    range += std::isinf(field.min) ? "-inf" : text(static_cast<float>(field.min));
+    range += ", " + (std::isinf(field.max) ? std::string("inf)") : text(static_cast<float>(field.max)) + "]");
+    return text(below ? low : high) + " is outside the range " + range + " of " + field.name;
+}
+
+std::string axisComplaint(const Rotation* rotations, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+        const Rotation& r = rotations[i];
+        const double length = std::sqrt(double(r.x) * r.x + double(r.y) * r.y + double(r.z) * r.z);
+        if (length == 0 && r.angle != 0) return "the axis of rotation " + printFieldText(Value(r)) + " has no length";
+        constexpr double tolerance = 0.01;  // authors round; 0.577 0.577 0.577 is meant to be a unit vector
+        if (length != 0 && std::abs(length - 1) > tolerance)
+            return "the axis of rotation " + printFieldText(Value(r)) + " is not of unit length";
+    }
+    return {};
+}
+
+std::string wordComplaint(const FieldDef& field, const String* words, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+        if (std::ranges::find(field.allowed, words[i].view()) != field.allowed.end()) continue;
+        std::string known;
+        for (const std::string& word : field.allowed) known += (known.empty() ? "" : ", ") + word;
+        return "'" + words[i].str() + "' is none of the values of " + field.name + " (" + known + ")";
+    }
+    return {};
+}
+
+/// The elements of a value: itself, or its array's.
+template <class T>
+std::span<const T> elements(const Value& value) {
+    return isMF(value.type()) ? value.as<Array<T>>().span() : std::span<const T>(&value.as<T>(), 1);
+}
+
+}  // namespace
+
+std::string valueComplaint(const FieldDef& field, const Value& value) {
+    const FieldType element = sf(value.type());
+    if (element == FieldType::SFRotation) {
+        const auto rotations = elements<Rotation>(value);
+        return axisComplaint(rotations.data(), rotations.size());
+    }
+    if (element == FieldType::SFString) {
+        if (field.allowed.empty()) return {};
+        const auto words = elements<String>(value);
+        return wordComplaint(field, words.data(), words.size());
+    }
+    if (std::isinf(field.min) && std::isinf(field.max)) return {};
+    switch (element) {
+#define RTSG_CASE(suffix, T, S)                                                                         \
+    case FieldType::SF##suffix: {                                                                       \
+        const auto all = elements<T>(value);                                                            \
+        if (all.empty()) return {};                                                                     \
+        return outOfRange(field, reinterpret_cast<const S*>(all.data()), all.size_bytes() / sizeof(S)); \
+    }
+        RTSG_CASE(Int32, std::int32_t, std::int32_t)
+        RTSG_CASE(Float, float, float)
+        RTSG_CASE(Double, double, double)
+        RTSG_CASE(Time, Time, double)
+        RTSG_CASE(Color, Color, float)
+        RTSG_CASE(ColorRGBA, ColorRGBA, float)
+        RTSG_CASE(Vec2f, Vec2f, float)
+        RTSG_CASE(Vec2d, Vec2d, double)
+        RTSG_CASE(Vec3f, Vec3f, float)
+        RTSG_CASE(Vec3d, Vec3d, double)
+        RTSG_CASE(Vec4f, Vec4f, float)
+        RTSG_CASE(Vec4d, Vec4d, double)
+#undef RTSG_CASE
+        default:
+            return {};
+    }
+}
+
+}  // namespace rtsg::detail

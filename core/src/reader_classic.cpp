@@ -1,0 +1,397 @@
+#include "reader_classic.h"
+
+#include <algorithm>
+#include <array>
+
+namespace rtsg::detail {
+
+bool readClassic(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
+                 const ReaderProgress& progress) {
+    return ClassicReader(text, handler, diagnostics, progress).read();
+}
+
+bool accessFromKeyword(std::string_view keyword, Access& out) {
+    struct Keyword {
+        std::string_view word;
+        Access access;
+    };
+    constexpr std::array<Keyword, 8> keywords = {{{"initializeOnly", Access::initializeOnly},
+                                                  {"inputOnly", Access::inputOnly},
+                                                  {"outputOnly", Access::outputOnly},
+                                                  {"inputOutput", Access::inputOutput},
+                                                  {"field", Access::initializeOnly},
+                                                  {"eventIn", Access::inputOnly},
+                                                  {"eventOut", Access::outputOnly},
+                                                  {"exposedField", Access::inputOutput}}};
+    const auto found = std::ranges::find(keywords, keyword, &Keyword::word);
+    if (found == keywords.end()) return false;
+    out = found->access;
+    return true;
+}
+
+ClassicReader::ClassicReader(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
+                             const ReaderProgress& progress)
+    : begin_(text.data()),
+      p_(begin_),
+      end_(begin_ + text.size()),
+      handler_(&handler),
+      loud_(&handler),
+      diagnostics_(diagnostics),
+      position_(begin_),
+      meter_(text.size(), progress) {}
+
+bool ClassicReader::read() {
+    if (!readHeader()) return false;
+    readProfile();
+    handler_->beginDocument(header_);
+    for (;;) {
+        skipSpace();
+        if (p_ == end_) break;
+        meter_.at(static_cast<std::size_t>(p_ - begin_));
+        if (frames_.empty()) {
+            statement();
+            continue;
+        }
+        switch (frames_.back().inside) {
+            case Inside::body:
+                statement();
+                break;
+            case Inside::interface:
+                interfaceItem();
+                break;
+            case Inside::node:
+                nodeItem();
+                break;
+            case Inside::list:
+                listItem();
+                break;
+        }
+    }
+    closeAll();
+    handler_->endDocument();
+    meter_.finish();
+    return true;
+}
+
+bool ClassicReader::readHeader() {
+    const char* stop = std::find_if(p_, end_, [](char c) { return c == '\n' || c == '\r'; });
+    const std::string_view line(p_, static_cast<std::size_t>(stop - p_));
+    constexpr std::string_view x3d = "#X3D V", vrml = "#VRML V";
+    std::string_view rest;
+    if (line.starts_with(x3d)) {
+        rest = line.substr(x3d.size());
+    } else if (line.starts_with(vrml)) {
+        rest = line.substr(vrml.size());
+        vrml97_ = true;
+    } else {
+        error(p_, "the header '#X3D V4.0 utf8' or '#VRML V2.0 utf8' is missing");
+        return true;
+    }
+    const std::string_view version = rest.substr(0, std::min(rest.find(' '), rest.size()));
+    if (vrml97_ && version.starts_with('1')) {
+        error(p_, "VRML 1.0 is another language, which is not read");
+        return false;
+    }
+    header_.version = version;
+    header_.encoding = vrml97_ ? Encoding::vrml97 : Encoding::classicVrml;
+    if (rest.find("utf8") == rest.npos) report(Severity::warning, p_, "the header does not say 'utf8'");
+    p_ = stop;
+    return true;
+}
+
+/// PROFILE comes first, and is part of what beginDocument says.
+void ClassicReader::readProfile() {
+    if (vrml97_ || peekWord() != "PROFILE") return;
+    word();
+    const char* where = p_;
+    header_.profile = word();
+    if (header_.profile.empty()) error(where, "expected the name of a profile");
+}
+
+void ClassicReader::closeAll() {
+    if (frames_.empty()) return;
+    const Frame& top = frames_.back();
+    const SourceLocation opened = at(top.open);
+    const std::string what = top.inside == Inside::list   ? "a list of nodes"
+                             : top.inside == Inside::node ? std::string(top.shape.name())
+                                                          : "a PROTO";
+    error(end_, "the file ends inside " + what + " begun at line " + std::to_string(opened.line) + ", and " +
+                    std::to_string(frames_.size()) + " levels deep");
+    while (!frames_.empty()) {
+        if (frames_.back().inside == Inside::interface) {
+            const SourceLocation where = at(end_);
+            handler_->beginProtoBody(where);
+            frames_.back().inside = Inside::body;
+            types_.pushScope();
+        }
+        pop();
+    }
+}
+
+/// Leaves the innermost frame, telling the handler.
+void ClassicReader::pop() {
+    const SourceLocation where = at(p_);
+    Frame frame = std::move(frames_.back());
+    frames_.pop_back();
+    switch (frame.inside) {
+        case Inside::list:
+            --lists_;
+            break;
+        case Inside::node:
+            handler_->endNode(where);
+            break;
+        case Inside::interface:
+        case Inside::body:
+            types_.popScope();
+            handler_->endProto(where);
+            lists_ = outerLists_.back();
+            outerLists_.pop_back();
+            // Only now: a prototype is unknown inside its own body, which rules out recursion (4.4.4.4).
+            types_.declareProto(frame.proto);
+            break;
+    }
+    if (frames_.size() == mutedAt_) {
+        handler_ = loud_;
+        mutedAt_ = kNotMuted;
+    }
+}
+
+void ClassicReader::push(Frame frame) {
+    if (frame.inside == Inside::list) ++lists_;
+    if (frame.inside == Inside::interface) {
+        outerLists_.push_back(lists_);
+        lists_ = 0;
+    }
+    frames_.push_back(std::move(frame));
+}
+
+/// From here to the end of the frame about to be pushed the handler hears nothing.
+void ClassicReader::mute() {
+    if (mutedAt_ != kNotMuted) return;
+    mutedAt_ = frames_.size();
+    handler_ = &silent_;
+}
+
+void ClassicReader::statement() {
+    if (*p_ == '}' && !frames_.empty()) {
+        ++p_;
+        pop();
+        return;
+    }
+    if (isSeparator(*p_)) {
+        stray();
+        return;
+    }
+    const std::string_view next = peekWord();
+    constexpr std::array<std::string_view, 9> keywords = {"PROTO",   "EXTERNPROTO", "ROUTE", "IMPORT", "EXPORT",
+                                                          "PROFILE", "COMPONENT",   "META",  "UNIT"};
+    if (std::ranges::find(keywords, next) != keywords.end())
+        keywordStatement(word());
+    else
+        nodeStatement({}, {});
+}
+
+void ClassicReader::keywordStatement(std::string_view keyword) {
+    const char* where = keyword.data();
+    if (keyword == "PROTO") {
+        beginProto();
+    } else if (keyword == "EXTERNPROTO") {
+        externProto();
+    } else if (keyword == "ROUTE") {
+        route();
+    } else if (keyword == "IMPORT") {
+        importStatement();
+    } else if (keyword == "EXPORT") {
+        exportStatement();
+    } else if (keyword == "META") {
+        meta();
+    } else if (keyword == "COMPONENT") {
+        component();
+    } else if (keyword == "UNIT") {
+        unit();
+    } else {
+        error(where, "PROFILE must be the first statement");
+        word();
+    }
+}
+
+namespace {
+
+/// "a.b" at its last dot: names with dots in them exist.
+bool splitAtDot(std::string_view text, std::string_view& before, std::string_view& after) {
+    const std::size_t dot = text.rfind('.');
+    if (dot == text.npos || dot == 0 || dot + 1 == text.size()) return false;
+    before = text.substr(0, dot);
+    after = text.substr(dot + 1);
+    return true;
+}
+
+}  // namespace
+
+void ClassicReader::route() {
+    skipSpace();
+    const char* where = p_;
+    const std::string_view from = word();
+    std::string_view fromNode, fromField, toNode, toField;
+    const bool fromGood = splitAtDot(from, fromNode, fromField);
+    if (!fromGood || peekWord() != "TO") {
+        error(where, "expected 'ROUTE node.field TO node.field', found '" + std::string(from) + "'");
+        return;
+    }
+    word();
+    skipSpace();
+    const char* second = p_;
+    const std::string_view to = word();
+    if (!splitAtDot(to, toNode, toField)) {
+        error(second, "expected node.field behind TO, found '" + std::string(to) + "'");
+        return;
+    }
+    const auto canonical = [&](std::string_view node, std::string_view field) {
+        const NodeShape* shape = types_.defined(node);
+        const FieldRef found = shape ? findField(*shape, field, vrml97_) : FieldRef{};
+        return found ? found.name : field;
+    };
+    handler_->route(fromNode, canonical(fromNode, fromField), toNode, canonical(toNode, toField), at(where));
+}
+
+void ClassicReader::importStatement() {
+    skipSpace();
+    const char* where = p_;
+    const std::string_view what = word();
+    std::string_view inlineDef, exported;
+    if (!splitAtDot(what, inlineDef, exported)) {
+        error(where, "expected 'IMPORT inline.name AS name', found '" + std::string(what) + "'");
+        return;
+    }
+    std::string_view local = exported;
+    if (peekWord() == "AS") {
+        word();
+        skipSpace();
+        local = word();
+        if (local.empty()) return error(p_, "expected a name behind AS");
+    }
+    handler_->importNode(inlineDef, exported, local, at(where));
+}
+
+void ClassicReader::exportStatement() {
+    skipSpace();
+    const char* where = p_;
+    const std::string_view local = word();
+    if (local.empty()) return error(where, "expected the name of a node behind EXPORT");
+    std::string_view exported = local;
+    if (peekWord() == "AS") {
+        word();
+        skipSpace();
+        exported = word();
+        if (exported.empty()) return error(p_, "expected a name behind AS");
+    }
+    handler_->exportNode(local, exported, at(where));
+}
+
+void ClassicReader::component() {
+    skipSpace();
+    const char* where = p_;
+    const std::string_view what = word();
+    const std::size_t colon = what.find(':');
+    std::int32_t level = 0;
+    const char* number = colon == what.npos ? nullptr : what.data() + colon + 1;
+    if (!number || number == p_ || scanInteger(number, p_, level) != NumberStatus::ok)
+        return error(where, "expected 'COMPONENT name:level', found '" + std::string(what) + "'");
+    handler_->component(what.substr(0, colon), level);
+}
+
+void ClassicReader::meta() {
+    Value name, content;
+    if (parseValue(FieldType::SFString, name) && parseValue(FieldType::SFString, content))
+        handler_->meta(name.as<String>(), content.as<String>());
+}
+
+void ClassicReader::unit() {
+    skipSpace();
+    const std::string_view category = word();
+    skipSpace();
+    const std::string_view name = word();
+    Value factor;
+    if (!parseValue(FieldType::SFDouble, factor)) return;
+    if (!(factor.as<double>() > 0)) return error(category.data(), "a unit's conversion factor must be positive");
+    handler_->unit(category, name, factor.as<double>());
+}
+
+void ClassicReader::beginProto() {
+    skipSpace();
+    const char* where = p_;
+    const std::string_view name = word();
+    if (name.empty() || !peekIs('[')) return error(p_, "expected 'PROTO name [ interface ] { body }'");
+    ++p_;
+    auto proto = std::make_shared<ProtoType>();
+    proto->name = name;
+    if (findBuiltinType(name)) {
+        error(where, "PROTO " + proto->name + " has the name of a built-in node, which stays; it is left out");
+        mute();
+    } else if (types_.declaredHere(name)) {
+        error(where, "there is a PROTO " + proto->name + " already, which stays; this one is left out");
+        mute();
+    }
+    handler_->beginProto(name, at(where));
+    push({.inside = Inside::interface, .shape = {}, .proto = proto, .field = {}, .into = {}, .open = where});
+}
+
+void ClassicReader::interfaceItem() {
+    if (*p_ == ']') {
+        ++p_;
+        endInterface();
+        return;
+    }
+    if (*p_ == '{' || *p_ == '}') {
+        error(p_, "']' is missing at the end of the PROTO's interface");
+        endInterface();
+        return;
+    }
+    if (isSeparator(*p_)) return stray();
+    declare(frames_.back().proto->fields, nullptr);
+}
+
+void ClassicReader::endInterface() {
+    if (peekIs('{')) {
+        ++p_;
+    } else {
+        error(p_, "the PROTO has no body: expected '{'");
+    }
+    handler_->beginProtoBody(at(p_));
+    frames_.back().inside = Inside::body;
+    types_.pushScope();
+    if (p_[-1] != '{') pop();
+}
+
+void ClassicReader::externProto() {
+    skipSpace();
+    const char* where = p_;
+    auto proto = std::make_shared<ProtoType>();
+    proto->name = word();
+    if (proto->name.empty() || !peekIs('[')) return error(p_, "expected 'EXTERNPROTO name [ interface ] url'");
+    ++p_;
+    while (!peekIs(']') && p_ != end_ && *p_ != '{' && *p_ != '}') {
+        if (isSeparator(*p_)) {
+            stray();
+            continue;
+        }
+        FieldDeclaration field;
+        const char* fieldAt = p_;
+        bool recognised = false;
+        if (declaration(field, fieldAt, recognised) && !proto->fields.add(field))
+            error(fieldAt, "there is a field '" + field.name + "' already");
+    }
+    if (peekIs(']'))
+        ++p_;
+    else
+        error(p_, "']' is missing at the end of the EXTERNPROTO's interface");
+    Value url;
+    if (!parseValue(FieldType::MFString, url)) url = Value(Array<String>());
+    if (!types_.declareProto(proto))
+        return error(where, "there is a node type " + proto->name + " already, which stays");
+    std::vector<std::string> urls;
+    for (const String& one : url.as<Array<String>>()) urls.push_back(one.str());
+    handler_->externProto(proto->name, {proto->fields.all().begin(), proto->fields.all().end()}, urls, at(where));
+}
+
+}  // namespace rtsg::detail

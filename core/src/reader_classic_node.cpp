@@ -1,0 +1,364 @@
+#include "reader_classic.h"
+
+namespace rtsg::detail {
+
+void ClassicReader::report(Severity severity, const char* where, std::string text) {
+    // Finding the position costs time, and past the limit nobody reads it.
+    diagnostics_.add(severity, diagnostics_.dropped() ? SourceLocation{} : at(where), std::move(text));
+}
+
+void ClassicReader::skipSpace() {
+    FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
+    parser.skipSpace();
+    p_ = parser.p;
+}
+
+std::string_view ClassicReader::word() {
+    skipSpace();
+    const char* start = p_;
+    p_ = endOfWord(p_, end_);
+    return {start, static_cast<std::size_t>(p_ - start)};
+}
+
+std::string_view ClassicReader::peekWord() {
+    skipSpace();
+    return {p_, static_cast<std::size_t>(endOfWord(p_, end_) - p_)};
+}
+
+bool ClassicReader::parseValue(FieldType type, Value& out) {
+    FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
+    const bool usable = parser.parse(type, out);
+    p_ = parser.p;
+    return usable;
+}
+
+/// Skips one token that has no place here, saying so.
+void ClassicReader::stray() {
+    if (*p_ == '"') {
+        error(p_, "a string has no place here");
+        String text;
+        FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
+        parser.parseQuoted(text);
+        p_ = parser.p;
+    } else if (isSeparator(*p_)) {
+        error(p_, *p_ == '\0' ? "a zero byte has no place here" : std::string("unexpected '") + *p_ + "'");
+        ++p_;
+    } else {
+        const char* where = p_;
+        error(where, "unexpected '" + std::string(word().substr(0, 40)) + "'");
+    }
+}
+
+/// `p_` is on `{` or `[`; moves behind the matching one, whatever is between.
+void ClassicReader::skipBalanced() {
+    std::size_t depth = 0;
+    do {
+        const char c = *p_;
+        if (c == '"') {
+            String text;
+            FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
+            parser.parseQuoted(text);
+            p_ = parser.p;
+        } else {
+            depth += c == '{' || c == '[';
+            depth -= c == '}' || c == ']';
+            ++p_;
+        }
+        if (depth) skipSpace();
+        progress(p_);
+    } while (depth && p_ != end_);
+}
+
+/// Skips the value of a field that is not known: numbers, strings, a list, or one node.
+void ClassicReader::skipValue() {
+    bool any = false;
+    for (;;) {
+        skipSpace();
+        if (p_ == end_ || *p_ == '}' || *p_ == ']') return;
+        if (*p_ == '[' || *p_ == '{') return skipBalanced();
+        if (*p_ == '"') {
+            String text;
+            FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
+            parser.parseQuoted(text);
+            p_ = parser.p;
+            any = true;
+            continue;
+        }
+        if (isSeparator(*p_)) return;  // a zero byte: someone else's complaint
+        const std::string_view next = peekWord();
+        const char c = next[0];
+        const bool number = isDigit(c) || c == '-' || c == '+' || c == '.';
+        if (number || next == "TRUE" || next == "FALSE") {
+            word();
+            any = true;
+            continue;
+        }
+        if (any) return;
+        if (next == "NULL" || next == "USE" || next == "IS") {
+            word();
+            if (next != "NULL") word();
+            return;
+        }
+        if (next == "DEF") {
+            word();
+            word();
+        }
+        word();
+        if (peekIs('{')) skipBalanced();
+        return;
+    }
+}
+
+void ClassicReader::nodeStatement(std::string_view field, const FieldRef& into) {
+    const char* where = p_;
+    std::string_view next = word();
+    if (next == "USE") return useNode(field, into, where);
+    std::string_view def;
+    if (next == "DEF") {
+        def = word();
+        next = word();
+    }
+    if (next.empty()) return error(p_, "expected a node");
+    beginNode(next, def, field, into, where);
+}
+
+void ClassicReader::useNode(std::string_view field, const FieldRef& into, const char* where) {
+    const std::string_view name = word();
+    if (name.empty()) return error(p_, "expected the name of a node behind USE");
+    const NodeShape* shape = types_.defined(name);
+    if (into && shape && !accepts(into, shape->standsFor()))
+        return error(where, std::string(shape->name()) + " " + std::string(name) + " cannot be the value of field " +
+                                std::string(field));
+    if (shape) beganNode(*shape);
+    handler_->useNode(name, field, at(where));
+}
+
+/// The first node of a PROTO's body decides where its instances may stand.
+void ClassicReader::beganNode(const NodeShape& shape) {
+    if (frames_.empty() || frames_.back().inside != Inside::body) return;
+    ProtoType& proto = *frames_.back().proto;
+    if (proto.hasBody) return;
+    proto.hasBody = true;
+    proto.primary = shape.standsFor();
+}
+
+void ClassicReader::beginNode(std::string_view type, std::string_view def, std::string_view field, const FieldRef& into,
+                              const char* where) {
+    NodeShape shape = types_.find(type);
+    if (!peekIs('{')) {
+        error(where, shape.known() ? "expected '{' behind " + std::string(type)
+                                   : "unexpected '" + std::string(type.substr(0, 40)) + "'");
+        return;
+    }
+    if (!shape.known()) {
+        error(where, "unknown node type " + std::string(type.substr(0, 80)) + "; it is left out");
+        return skipBalanced();
+    }
+    ++p_;
+    beganNode(shape);
+    if (into && !accepts(into, shape.standsFor())) {
+        error(where, std::string(type) + " cannot be the value of field " + std::string(field) + "; it is left out");
+        mute();
+    }
+    if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
+    if (!def.empty()) types_.define(def, shape);
+    handler_->beginNode(shape.name(), def, field, at(where));
+    push({.inside = Inside::node, .shape = std::move(shape), .proto = {}, .field = {}, .into = {}, .open = where});
+}
+
+void ClassicReader::nodeItem() {
+    if (*p_ == '}') {
+        ++p_;
+        pop();
+        return;
+    }
+    if (*p_ == ']') return closeBracket();
+    if (isSeparator(*p_)) return stray();
+    const char* where = p_;
+    const std::string_view name = word();
+    const NodeShape& shape = frames_.back().shape;
+    Access access{};
+    if (shape.own && accessFromKeyword(name, access)) {
+        p_ = where;
+        return declare(*shape.own, &shape);
+    }
+    if (name == "ROUTE" || name == "PROTO" || name == "EXTERNPROTO" || name == "IMPORT" || name == "EXPORT")
+        return keywordStatement(name);
+    fieldItem(name, where);
+}
+
+/// `]` where a field should be: the braces of this node, and of others up to the list, are missing.
+void ClassicReader::closeBracket() {
+    if (lists_ == 0) return stray();
+    error(p_, "'}' is missing before ']', for " + std::string(frames_.back().shape.name()) + " begun at line " +
+                  std::to_string(at(frames_.back().open).line));
+    while (frames_.back().inside == Inside::node) pop();
+}
+
+void ClassicReader::listItem() {
+    if (*p_ == ']') {
+        ++p_;
+        pop();
+        return;
+    }
+    if (*p_ == '}') {
+        error(p_, "']' is missing before '}', at the end of " + std::string(frames_.back().field));
+        pop();
+        return;
+    }
+    if (isSeparator(*p_)) return stray();
+    if (peekWord() == "NULL") {
+        report(Severity::warning, p_, "NULL in a list of nodes is left out");
+        word();
+        return;
+    }
+    const FieldRef into = frames_.back().into;
+    nodeStatement(into.name, into);
+}
+
+void ClassicReader::fieldItem(std::string_view name, const char* where) {
+    const NodeShape& shape = frames_.back().shape;  // until something is pushed
+    const FieldRef field = findField(shape, name, vrml97_);
+    if (!field) {
+        error(where, std::string(shape.name()) + " has no field '" + std::string(name.substr(0, 80)) + "'");
+        return skipValue();
+    }
+    if (peekWord() == "IS") {
+        word();
+        const std::string_view protoField = word();
+        if (protoField.empty()) return error(p_, "expected the name of an interface field behind IS");
+        if (outerLists_.empty()) return error(where, "IS has a meaning in the body of a PROTO only");
+        handler_->isConnection(field.name, protoField, at(where));
+        return;
+    }
+    if (!field.takesValue()) {
+        error(where, std::string(field.name) + " of " + std::string(shape.name()) + " is an event, it takes no value");
+        return skipValue();
+    }
+    if (sf(field.type) == FieldType::SFNode) return nodeValue(field, where);
+    Value value;
+    const char* start = p_;
+    if (!parseValue(field.type, value)) return skipValue();
+    if (field.definition) {
+        if (std::string complaint = valueComplaint(*field.definition, value); !complaint.empty())
+            report(Severity::warning, start, std::move(complaint));
+    }
+    handler_->setField(field.name, std::move(value), at(where));
+}
+
+/// Behind the name of an SFNode or MFNode field of the open node.
+void ClassicReader::nodeValue(const FieldRef& field, const char* where) {
+    if (peekIs('[')) {
+        if (!isMF(field.type)) {
+            error(p_, std::string(field.name) + " takes one node, not a list");
+            return skipBalanced();
+        }
+        ++p_;
+        if (peekIs(']')) {
+            ++p_;
+            handler_->setField(field.name, Value(Array<NodeId>()), at(where));
+            return;
+        }
+        return openList(field);
+    }
+    const std::string_view next = peekWord();
+    if (next == "NULL") {
+        word();
+        handler_->setField(field.name, Value::zero(field.type), at(where));
+        return;
+    }
+    if (next.empty() || isDigit(next[0]) || next[0] == '-' || next[0] == '+' || next[0] == '.') {
+        error(p_, std::string(field.name) + " takes a node");
+        return skipValue();
+    }
+    nodeStatement(field.name, field);
+}
+
+void ClassicReader::openList(const FieldRef& field) {
+    push({.inside = Inside::list, .shape = {}, .proto = {}, .field = field.name, .into = field, .open = p_});
+}
+
+/// `access type name`. False if that was not there; then what was there has been skipped and reported.
+bool ClassicReader::declaration(FieldDeclaration& out, const char*& where, bool& recognised) {
+    skipSpace();
+    where = p_;
+    const std::string_view keyword = word();
+    recognised = accessFromKeyword(keyword, out.access);
+    if (!recognised) {
+        error(where, "expected a field's declaration, found '" + std::string(keyword.substr(0, 40)) + "'");
+        return false;
+    }
+    skipSpace();
+    const char* typeAt = p_;
+    const std::string_view type = word();
+    const bool typeKnown = fieldTypeFromName(type, out.type);
+    out.name = word();
+    if (!typeKnown) error(typeAt, "'" + std::string(type.substr(0, 40)) + "' is no field type");
+    if (out.name.empty()) error(p_, "expected the name of a field");
+    return typeKnown && !out.name.empty();
+}
+
+/// One declaration with its value, in a PROTO's interface (`node` is null) or in a Script or shader.
+void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
+    FieldDeclaration field;
+    const char* where = p_;
+    bool recognised = false;
+    if (!declaration(field, where, recognised)) {
+        if (recognised) skipValue();
+        return;
+    }
+    const bool clashes = node && node->type && node->type->findExact(field.name) != kNoField;
+    if (clashes || !fields.add(field)) {
+        error(where, "there is a field '" + field.name + "' already");
+        if (field.access == Access::initializeOnly || field.access == Access::inputOutput) skipValue();
+        return;
+    }
+    const FieldRef ref = findField(fields, field.name);
+    const bool takesValue = ref.takesValue();
+    if (node && peekWord() == "IS") {
+        handler_->declareField(field, std::nullopt, at(where));
+        word();
+        const std::string_view protoField = word();
+        if (protoField.empty() || outerLists_.empty())
+            return error(p_, "IS needs an interface field's name, in the body of a PROTO");
+        handler_->isConnection(ref.name, protoField, at(where));
+        return;
+    }
+    if (!takesValue) {
+        handler_->declareField(field, std::nullopt, at(where));
+        return;
+    }
+    if (sf(field.type) != FieldType::SFNode) {
+        Value value;
+        if (!parseValue(field.type, value)) {
+            skipValue();
+            value = Value::zero(field.type);
+        }
+        handler_->declareField(field, std::move(value), at(where));
+        return;
+    }
+    if (peekIs('[') && isMF(field.type)) {
+        ++p_;
+        if (peekIs(']')) {
+            ++p_;
+            handler_->declareField(field, Value(Array<NodeId>()), at(where));
+            return;
+        }
+        handler_->declareField(field, std::nullopt, at(where));
+        return openList(ref);
+    }
+    const std::string_view next = peekWord();
+    Access access{};
+    if (next == "NULL" || next.empty() || accessFromKeyword(next, access)) {
+        if (next == "NULL")
+            word();
+        else
+            error(p_, "expected a node or NULL");
+        handler_->declareField(field, Value::zero(field.type), at(where));
+        return;
+    }
+    handler_->declareField(field, std::nullopt, at(where));
+    nodeStatement(ref.name, ref);
+}
+
+}  // namespace rtsg::detail

@@ -1,0 +1,129 @@
+#include "reader_types.h"
+
+#include <algorithm>
+#include <array>
+
+namespace rtsg::detail {
+
+namespace {
+
+struct Renamed {
+    std::string_view node, before, now;
+};
+constexpr std::array<Renamed, 4> kRenamed = {{
+    {"LOD", "level", "children"},
+    {"GeoLOD", "level", "children"},
+    {"Switch", "choice", "children"},
+    {"Collision", "collide", "enabled"},
+}};
+
+std::string_view withoutEvent(std::string_view name) {
+    constexpr std::string_view before = "set_", after = "_changed";
+    if (name.starts_with(before)) return name.substr(before.size());
+    if (name.ends_with(after)) return name.substr(0, name.size() - after.size());
+    return {};
+}
+
+}  // namespace
+
+bool DeclaredFields::add(FieldDeclaration field) {
+    if (!byName_.emplace(field.name, fields_.size()).second) return false;
+    fields_.push_back(std::move(field));
+    return true;
+}
+
+const FieldDeclaration* DeclaredFields::find(std::string_view name) const {
+    if (fields_.size() <= 8) {
+        const auto found = std::ranges::find(fields_, name, &FieldDeclaration::name);
+        return found == fields_.end() ? nullptr : &*found;
+    }
+    const auto found = byName_.find(std::string(name));
+    return found == byName_.end() ? nullptr : &fields_[found->second];
+}
+
+bool declaresFields(const NodeType& type) {
+    constexpr std::array<std::string_view, 4> names = {"Script", "ComposedShader", "PackagedShader", "ShaderProgram"};
+    return std::ranges::find(names, type.name) != names.end();
+}
+
+FieldRef findField(const DeclaredFields& fields, std::string_view name) {
+    const FieldDeclaration* field = fields.find(name);
+    if (!field) {
+        const std::string_view bare = withoutEvent(name);
+        if (!bare.empty()) field = fields.find(bare);
+        if (!field || field->access != Access::inputOutput) return {};
+    }
+    return {field->name, field->type, field->access, nullptr};
+}
+
+FieldRef findField(const NodeShape& shape, std::string_view name, bool vrml97) {
+    if (shape.own) {
+        if (const FieldRef own = findField(*shape.own, name)) return own;
+    }
+    if (shape.type) {
+        const FieldIndex index = shape.type->find(name);
+        if (index != kNoField && !shape.type->fields[index].hidden) {
+            const FieldDef& field = shape.type->fields[index];
+            return {field.name, field.type, field.access, &field};
+        }
+        if (vrml97) {
+            const std::string_view bare = withoutEvent(name);
+            for (const Renamed& renamed : kRenamed)
+                if (shape.type->name == renamed.node && (name == renamed.before || bare == renamed.before))
+                    return findField(shape, renamed.now);
+        }
+        return {};
+    }
+    return shape.proto ? findField(shape.proto->fields, name) : FieldRef{};
+}
+
+bool accepts(const FieldRef& field, const NodeType* child) {
+    if (sf(field.type) != FieldType::SFNode) return false;
+    if (!field.definition || field.definition->accepts.empty() || !child) return true;
+    return std::ranges::any_of(field.definition->accepts, [&](const std::string& type) { return child->isA(type); });
+}
+
+void ReaderTypes::popScope() {
+    for (const std::string& name : scopes_.back().protos) {
+        const auto found = protos_.find(name);
+        found->second.pop_back();
+        if (found->second.empty()) protos_.erase(found);
+    }
+    scopes_.pop_back();
+}
+
+bool ReaderTypes::declaredHere(std::string_view proto) const {
+    const auto found = protos_.find(std::string(proto));
+    return found != protos_.end() && found->second.back().scope == scopes_.size();
+}
+
+bool ReaderTypes::declareProto(const std::shared_ptr<const ProtoType>& proto) {
+    if (findBuiltinType(proto->name) || declaredHere(proto->name)) return false;
+    protos_[proto->name].push_back({scopes_.size(), proto});
+    scopes_.back().protos.push_back(proto->name);
+    return true;
+}
+
+std::shared_ptr<const ProtoType> ReaderTypes::findProto(std::string_view name) const {
+    if (protos_.empty()) return nullptr;
+    const auto found = protos_.find(std::string(name));
+    return found == protos_.end() ? nullptr : found->second.back().proto;
+}
+
+NodeShape ReaderTypes::find(std::string_view type) const {
+    NodeShape shape;
+    shape.type = findBuiltinType(type);
+    if (!shape.type) shape.proto = findProto(type);
+    return shape;
+}
+
+void ReaderTypes::define(std::string_view def, const NodeShape& shape) {
+    scopes_.back().defs[std::string(def)] = shape;
+}
+
+const NodeShape* ReaderTypes::defined(std::string_view def) const {
+    const auto found = scopes_.back().defs.find(std::string(def));
+    return found == scopes_.back().defs.end() ? nullptr : &found->second;
+}
+
+}  // namespace rtsg::detail
