@@ -46,7 +46,10 @@ struct NodeShape {
     std::shared_ptr<DeclaredFields> own;  // Script, shaders: made on first declaration
 
     bool known() const { return type || proto; }
-    std::string_view name() const { return type ? std::string_view(type->name) : proto ? proto->name : ""; }
+    std::string_view name() const {
+        if (type) return type->name;
+        return proto ? std::string_view(proto->name) : std::string_view();
+    }
     /// The built-in type that decides where the node may stand; null if unknown.
     const NodeType* standsFor() const { return type ? type : proto ? proto->primary : nullptr; }
 };
