@@ -29,13 +29,13 @@ Span locate(const Array<float>& key, std::size_t count, float fraction) {
 }
 
 template <class T>
-T mix(const T& a, const T& b, float w) {
+T blend(const T& a, const T& b, float w) {
     return a + (b - a) * w;
 }
 
 /// Shortest arc (19.4.6). At exactly half a turn, which the standard leaves open, the second quaternion is taken as
 /// written: finite, and the same everywhere.
-Rotation mix(const Rotation& a, const Rotation& b, float w) {
+Rotation blend(const Rotation& a, const Rotation& b, float w) {
     struct Quaternion {
         double x, y, z, w;
     };
@@ -87,17 +87,23 @@ Color fromHsv(const Hsv& c) {
     const float f = h - static_cast<float>(sector);
     const float p = c.v * (1 - c.s), q = c.v * (1 - c.s * f), t = c.v * (1 - c.s * (1 - f));
     switch (sector) {
-        case 0: return {c.v, t, p};
-        case 1: return {q, c.v, p};
-        case 2: return {p, c.v, t};
-        case 3: return {p, q, c.v};
-        case 4: return {t, p, c.v};
-        default: return {c.v, p, q};
+        case 0:
+            return {c.v, t, p};
+        case 1:
+            return {q, c.v, p};
+        case 2:
+            return {p, c.v, t};
+        case 3:
+            return {p, q, c.v};
+        case 4:
+            return {t, p, c.v};
+        default:
+            return {c.v, p, q};
     }
 }
 
 /// 19.4.1: in HSV space, hue the short way round; a colour without hue takes the other's.
-Color mix(const Color& a, const Color& b, float w) {
+Color blend(const Color& a, const Color& b, float w) {
     if (w == 0) return a;
     if (w == 1) return b;
     Hsv from = toHsv(a), to = toHsv(b);
@@ -111,7 +117,7 @@ Color mix(const Color& a, const Color& b, float w) {
 /// 19.4.5: along the great circle between the two directions.
 Vec3f mixNormal(const Vec3f& a, const Vec3f& b, float w) {
     const float la = glm::length(a), lb = glm::length(b);
-    if (!(la > 0) || !(lb > 0)) return mix(a, b, w);
+    if (!(la > 0) || !(lb > 0)) return blend(a, b, w);
     const Vec3f p = a / la, q = b / lb;
     const float cosine = std::clamp(glm::dot(p, q), -1.0f, 1.0f);
     const float angle = std::acos(cosine), sine = std::sin(angle);
@@ -131,7 +137,7 @@ void interpolateOne(Cascade& cascade, const Node& node, FieldIndex field, const 
         cascade.warn(node, std::to_string(values.size()) + " key values for " + std::to_string(key.size()) + " keys");
     if (count == 0 || std::isnan(fraction)) return;
     const Span s = locate(key, count, fraction);
-    cascade.emit(node, N::value_changed, mix(values[s.from], values[s.to], s.weight));
+    cascade.emit(node, N::value_changed, blend(values[s.from], values[s.to], s.weight));
 }
 
 /// As many values a key as there are: coordinates and normals.
@@ -156,8 +162,8 @@ void interpolateMany(Cascade& cascade, const Node& node, FieldIndex field, const
     cascade.emit(node, N::value_changed, result);
 }
 
-constexpr auto kMix2 = [](const Vec2f& a, const Vec2f& b, float w) { return mix(a, b, w); };
-constexpr auto kMix3 = [](const Vec3f& a, const Vec3f& b, float w) { return mix(a, b, w); };
+constexpr auto kMix2 = [](const Vec2f& a, const Vec2f& b, float w) { return blend(a, b, w); };
+constexpr auto kMix3 = [](const Vec3f& a, const Vec3f& b, float w) { return blend(a, b, w); };
 constexpr auto kMixNormal = [](const Vec3f& a, const Vec3f& b, float w) { return mixNormal(a, b, w); };
 
 }  // namespace

@@ -23,8 +23,7 @@ void booleanFilter(Cascade& cascade, const Node& node, FieldIndex field, const v
 
 void booleanToggle(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
     using N = x3d::BooleanToggle;
-    if (field == N::set_boolean.index && eventValue<bool>(value))
-        cascade.emit(node, N::toggle, !node.get(N::toggle));
+    if (field == N::set_boolean.index && eventValue<bool>(value)) cascade.emit(node, N::toggle, !node.get(N::toggle));
 }
 
 void booleanTrigger(Cascade& cascade, const Node& node, FieldIndex field, const void*) {

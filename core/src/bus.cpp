@@ -117,7 +117,8 @@ void Bus::publish(std::shared_ptr<const ChangeSet> set) {
         if (!cursor->deliver(*set)) {
             anyGone = true;
             if (state_->reporter)
-                state_->reporter({Severity::error, cursor->subscriber->subscriberName(), {}, "detached: " + cursor->failure});
+                state_->reporter(
+                    {Severity::error, cursor->subscriber->subscriberName(), {}, "detached: " + cursor->failure});
         }
     }
     if (anyGone)

@@ -32,9 +32,9 @@ struct ChangeComposer::State {
     bool any = false;
     ChangeSet result;  // header and types
     std::vector<Slot> slots;
-    std::unordered_map<Key, std::size_t, KeyHash> newest;                 // setField, setName, createNode, event
-    std::unordered_map<Key, std::vector<std::size_t>, KeyHash> childOps;  // not yet under a setField
-    std::unordered_map<std::uint32_t, std::vector<std::size_t>> ofNode;   // every slot about a node
+    std::unordered_map<Key, std::size_t, KeyHash> newest;                   // setField, setName, createNode, event
+    std::unordered_map<Key, std::vector<std::size_t>, KeyHash> childOps;    // not yet under a setField
+    std::unordered_map<std::uint32_t, std::vector<std::size_t>> ofNode;     // every slot about a node
     std::unordered_map<std::uint32_t, std::vector<std::size_t>> insertsOf;  // of children created in this set
     std::map<RouteKey, std::size_t> addedRoutes;
 
@@ -196,16 +196,23 @@ ChangeSet ChangeComposer::take() {
     static constexpr int kPhases = 7;
     const auto phase = [](ChangeKind kind) {
         switch (kind) {
-            case ChangeKind::defineType: return 0;
-            case ChangeKind::createNode: return 1;
+            case ChangeKind::defineType:
+                return 0;
+            case ChangeKind::createNode:
+                return 1;
             case ChangeKind::setField:
             case ChangeKind::insertChild:
-            case ChangeKind::removeChild: return 2;
-            case ChangeKind::setName: return 3;
+            case ChangeKind::removeChild:
+                return 2;
+            case ChangeKind::setName:
+                return 3;
             case ChangeKind::addRoute:
-            case ChangeKind::removeRoute: return 4;
-            case ChangeKind::destroyNode: return 5;
-            case ChangeKind::event: return 6;
+            case ChangeKind::removeRoute:
+                return 4;
+            case ChangeKind::destroyNode:
+                return 5;
+            case ChangeKind::event:
+                return 6;
         }
         return 6;
     };

@@ -159,6 +159,7 @@ Result<> Scene::destroyNode(NodeId id) {
     Node* node = s.find(id);
     if (!node || id == root()) return fail(fmt::format("no node {} to destroy", id.value));
     s.detachEverything(*node);
+    s.releaseChildren(*node);
     s.destroy(*node, true);
     return {};
 }
@@ -289,7 +290,8 @@ Result<> Scene::addRoute(NodeId fromNode, FieldIndex fromField, NodeId toNode, F
         return fail(fmt::format("route from {} {} to {} {}", info(a.type).name, a.name, info(b.type).name, b.name));
     if (from->links_)
         for (const RouteGroup& group : from->links_->out)
-            if (group.field == fromField && std::ranges::find(group.targets, RouteTarget{toNode, toField, false}) != group.targets.end())
+            if (group.field == fromField &&
+                std::ranges::find(group.targets, RouteTarget{toNode, toField, false}) != group.targets.end())
                 return {};
     s.linkRoute({fromNode, fromField, toNode, toField, false}, true);
     return {};
@@ -308,7 +310,8 @@ Result<> Scene::addIsConnection(NodeId instance, FieldIndex instanceField, NodeI
     const Node *from = find(instance), *to = find(bodyNode);
     if (auto ok = checkRoute(from, instanceField, to, bodyField); !ok) return ok;
     const FieldDef &a = from->type().fields[instanceField], &b = to->type().fields[bodyField];
-    if (a.type != b.type) return fail(fmt::format("IS between {} {} and {} {}", info(b.type).name, b.name, info(a.type).name, a.name));
+    if (a.type != b.type)
+        return fail(fmt::format("IS between {} {} and {} {}", info(b.type).name, b.name, info(a.type).name, a.name));
     // Table 4.4: an instance's field may do no more than the body's field behind it.
     const bool legal = a.access == b.access || b.access == Access::inputOutput;
     if (!legal) return fail(fmt::format("IS cannot connect {} with {}: their access differs", b.name, a.name));
@@ -328,7 +331,8 @@ Result<> Scene::sendEvent(NodeId id, FieldIndex field, Value value) {
     const FieldDef& def = node->type().fields[field];
     if (!def.writable()) return fail(fmt::format("{}.{} takes no events", node->type().name, def.name));
     if (def.type != value.type())
-        return fail(fmt::format("{}.{} is {}, not {}", node->type().name, def.name, info(def.type).name, info(value.type()).name));
+        return fail(fmt::format("{}.{} is {}, not {}", node->type().name, def.name, info(def.type).name,
+                                info(value.type()).name));
     s.inputQueue.push_back({id, field, std::move(value)});
     return {};
 }

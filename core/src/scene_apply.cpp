@@ -150,6 +150,26 @@ Result<> Scene::State::applyChange(const Change& c) {
     return fail("unknown kind of change");
 }
 
+Result<> Scene::State::releaseDestroyed(std::span<const Change> changes) {
+    bool begun = false;
+    std::vector<NodeId> seen;
+    for (const Change& change : changes) {
+        if (change.kind == ChangeKind::destroyNode) {
+            begun = true;
+            Node* node = find(change.node);
+            if (!node || change.node == owner.root())
+                return fail(fmt::format("no node {} to destroy", change.node.value));
+            releaseChildren(*node);
+            seen.push_back(change.node);
+        } else if (begun && change.kind != ChangeKind::event) {
+            return fail("a destruction before another change");
+        }
+    }
+    std::ranges::sort(seen);
+    if (std::ranges::adjacent_find(seen) != seen.end()) return fail("a node destroyed twice");
+    return {};
+}
+
 Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
     State& s = *state_;
     if (auto ok = s.checkThread(); !ok) return ok;
@@ -162,14 +182,28 @@ Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
         s.addTypeEntry(*type.type);
         s.ownTypes.push_back(type.type);
     }
+    bool released = false;
+    std::vector<NodeId> changedParents;
+    s.deferCycleCheck = true;
     for (const Change& change : set->changes) {
+        // Nodes that go together may still refer to each other: all let go before any is destroyed.
+        if (change.kind == ChangeKind::destroyNode && !released) {
+            released = true;
+            if (auto ok = s.releaseDestroyed(set->changes); !ok) return ok;
+        }
         auto ok = s.applyChange(change);
         s.childOps.clear();
         s.childOpCounts.clear();
         s.dirtyNodes.clear();
         s.dirtyHighFields.clear();
         if (!ok) return ok;
+        if (change.kind == ChangeKind::insertChild ||
+            (change.kind == ChangeKind::setField && sf(change.value.type()) == FieldType::SFNode))
+            if (changedParents.empty() || changedParents.back() != change.node) changedParents.push_back(change.node);
     }
+    s.deferCycleCheck = false;
+    std::erase_if(changedParents, [&](NodeId id) { return !s.find(id); });
+    if (auto ok = s.checkAcyclic(changedParents); !ok) return ok;
     s.firstNewId = s.nextId;
     s.sequence = set->to;
     s.now = set->time;

@@ -45,7 +45,8 @@ void Cascade::warn(const Node& node, const std::string& text) {
     Scene::State& s = *scene_.state_;
     if (!s.warned.emplace(node.id(), text).second) return;
     const std::string_view name = scene_.name(node.id());
-    s.diagnostics.warning({}, fmt::format("{} {}: {}", node.type().name, name.empty() ? std::to_string(node.id().value) : name, text));
+    s.diagnostics.warning(
+        {}, fmt::format("{} {}: {}", node.type().name, name.empty() ? std::to_string(node.id().value) : name, text));
 }
 
 // ---- propagation ---------------------------------------------------------------------------------------------
@@ -67,8 +68,10 @@ void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const
     if (def.access == Access::inputOutput) {
         if (behavioursEnabled && entry.behaviour.accepts && !entry.behaviour.accepts(node, field, value)) return;
         write(node, field, value);
+        writingExternally = false;  // what follows from it is derived
         send(node, field);
     } else {
+        writingExternally = false;
         if (listener) listener(now, node, field, Value::fromStorage(def.type, value));
         if (field == entry.addChildren || field == entry.removeChildren)
             deliverChildren(cascade, node, field, value, entry);

@@ -135,6 +135,10 @@ struct Scene::State {
     void removeParent(Node& child, ParentRef parent);
     /// Would `child` below `parent.field` close a cycle?
     bool closesCycle(const Node& parent, FieldIndex field, const Node& child) const;
+    /// Applying a set passes through states that are none: there the check comes once, at the end.
+    bool deferCycleCheck = false;
+    /// No start contains itself.
+    Result<> checkAcyclic(std::span<const NodeId> starts) const;
     bool isHierarchy(const Node& parent, FieldIndex field) const;
     Result<> checkNodes(const Node& node, FieldIndex field, const void* value) const;
     Result<> insertChild(Node& parent, FieldIndex field, Node& child, std::size_t index);
@@ -143,6 +147,9 @@ struct Scene::State {
     void linkRoute(const Route& route, bool record);
     bool unlinkRoute(const Route& route, bool record);
     void detachEverything(Node& node);
+    /// Its children have one parent less; the fields keep their values until destroy().
+    void releaseChildren(Node& node);
+    /// Precondition: detached, children released.
     void destroy(Node& node, bool record);
     Result<> checkThread() const;
     bool hasPending() const;
@@ -187,6 +194,7 @@ struct Scene::State {
 
     ChangeSet snapshot() const;
     Result<> applyChange(const Change& change);
+    Result<> releaseDestroyed(std::span<const Change> changes);
 };
 
 }  // namespace rtsg

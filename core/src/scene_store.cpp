@@ -60,8 +60,7 @@ void Scene::State::addTypeEntry(const NodeType& type) {
     entry.addChildren = type.findExact("addChildren");
     entry.removeChildren = type.findExact("removeChildren");
     // A type of the same name that came first stays: built-in types are never shadowed (4.4.4.2).
-    if (type.kind != NodeType::Kind::script)
-        typeByName.emplace(type.name, static_cast<std::uint16_t>(types.size()));
+    if (type.kind != NodeType::Kind::script) typeByName.emplace(type.name, static_cast<std::uint16_t>(types.size()));
     types.push_back(entry);
 }
 
@@ -141,7 +140,7 @@ bool Scene::State::isHierarchy(const Node& parent, FieldIndex field) const {
 }
 
 bool Scene::State::closesCycle(const Node& parent, FieldIndex field, const Node& child) const {
-    if (!isHierarchy(parent, field)) return false;
+    if (deferCycleCheck || !isHierarchy(parent, field)) return false;
     if (parent.id_ == child.id_) return true;
     // Nothing above the parent, or nothing below the child: the usual cases while a scene is built.
     if (!parent.parent_.node) return false;
@@ -169,6 +168,42 @@ bool Scene::State::closesCycle(const Node& parent, FieldIndex field, const Node&
             if (isHierarchy(*find(p.node), p.field)) pending.push_back(p.node);
     }
     return false;
+}
+
+Result<> Scene::State::checkAcyclic(std::span<const NodeId> starts) const {
+    // Upwards, depth first; each ancestor is visited once however many starts share it.
+    enum : std::uint8_t { entered = 1, left = 2 };
+    std::unordered_map<std::uint32_t, std::uint8_t> colour;
+    std::vector<std::pair<NodeId, bool>> pending;  // node, to be left
+    std::vector<ParentRef> above;
+    for (const NodeId start : starts) {
+        pending.emplace_back(start, false);
+        while (!pending.empty()) {
+            const auto [id, leaving] = pending.back();
+            pending.pop_back();
+            std::uint8_t& c = colour[id.value];
+            if (leaving) {
+                c = left;
+                continue;
+            }
+            if (c == left) continue;
+            if (c == entered) return fail("node " + std::to_string(id.value) + " would contain itself");
+            c = entered;
+            pending.emplace_back(id, true);
+            const Node& node = *find(id);
+            above.clear();
+            if (node.parent_.node) above.push_back(node.parent_);
+            if (node.links_) node.links_->parents.appendTo(above);
+            for (const ParentRef& p : above)
+                if (isHierarchy(*find(p.node), p.field)) {
+                    const auto seen = colour.find(p.node.value);
+                    if (seen != colour.end() && seen->second == entered)
+                        return fail("node " + std::to_string(p.node.value) + " would contain itself");
+                    if (seen == colour.end() || seen->second != left) pending.emplace_back(p.node, false);
+                }
+        }
+    }
+    return {};
 }
 
 void Scene::State::setName(Node& node, std::string_view name) {

@@ -27,7 +27,8 @@ bool Node::isDefault(FieldIndex field) const {
 
 bool Scene::State::isDirty(const Node& node, FieldIndex field) const {
     if (!(node.dirty_ & dirtyBit(field))) return false;
-    return field < kHighField || std::ranges::find(dirtyHighFields, std::pair(node.id_, field)) != dirtyHighFields.end();
+    return field < kHighField ||
+           std::ranges::find(dirtyHighFields, std::pair(node.id_, field)) != dirtyHighFields.end();
 }
 
 Hash128 Scene::State::termOf(const Node& node, FieldIndex field) const {
@@ -180,13 +181,13 @@ void Scene::State::detachEverything(Node& node) {
     const Node::Links& l = *node.links_;
     std::vector<Route> routes;
     for (const RouteGroup& group : l.out)
-        for (const RouteTarget& t : group.targets) routes.push_back({node.id_, group.field, t.node, t.field, t.isConnection});
+        for (const RouteTarget& t : group.targets)
+            routes.push_back({node.id_, group.field, t.node, t.field, t.isConnection});
     for (const IncomingRoute& r : l.in) routes.push_back({r.from, r.fromField, node.id_, r.toField, r.isConnection});
     for (const Route& route : routes) unlinkRoute(route, true);
 }
 
-void Scene::State::destroy(Node& node, bool record) {
-    // Its own references first, so that children see one parent less.
+void Scene::State::releaseChildren(Node& node) {
     for (const FieldIndex i : node.type_->nodeFields()) {
         const FieldDef& def = node.type_->fields[i];
         if (!def.readable()) continue;
@@ -197,6 +198,9 @@ void Scene::State::destroy(Node& node, bool record) {
             for (const NodeId child : childrenAt(node.storage(i))) removeParent(*find(child), {node.id_, i});
         }
     }
+}
+
+void Scene::State::destroy(Node& node, bool record) {
     for (FieldIndex i = 0; i < node.type_->fields.size(); ++i)
         if (node.type_->fields[i].readable() && !isDirty(node, i)) hash.subtract(termOf(node, i));
     setName(node, {});
@@ -229,8 +233,7 @@ void Scene::State::appendFieldChanges(ChangeSet& set) {
         };
         std::uint64_t mask = node->dirty_;
         node->dirty_ = 0;
-        for (; mask & ~dirtyBit(kHighField); mask &= mask - 1)
-            append(static_cast<FieldIndex>(std::countr_zero(mask)));
+        for (; mask & ~dirtyBit(kHighField); mask &= mask - 1) append(static_cast<FieldIndex>(std::countr_zero(mask)));
         if (mask)
             for (const auto& [id, field] : dirtyHighFields)
                 if (id == node->id_) append(field);
