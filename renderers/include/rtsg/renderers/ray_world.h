@@ -74,8 +74,9 @@ struct RayInstance {
     std::shared_ptr<const Mesh> mesh;  // null: not traced
     glm::mat4x3 rayFromLocal{1.0f};    // ray space (see origin())
     glm::mat3 normalFromLocal{
-        1.0f};     // directions only, to be normalised; right for mirrored and for flattened ones too
-    int sign = 1;  // of the determinant
+        1.0f};             // directions only, to be normalised; right for mirrored and for flattened ones too
+    int sign = 1;          // of the determinant
+    float errorScale = 1;  // how much the transform magnifies rounding errors, at least 1
 };
 
 /// A point on a surface with what is needed to start a ray there.

@@ -1,0 +1,303 @@
+#include <rtsg/renderers/ray_world.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "ray_world_impl.h"
+
+namespace rtsg {
+
+RayWorld::RayWorld() : RayWorld(Options{}) {}
+RayWorld::RayWorld(const Options& options) : impl_(std::make_unique<Impl>(*this, options)) {}
+RayWorld::~RayWorld() = default;
+RayWorld::RayWorld(RayWorld&& other) noexcept
+    : impl_(std::move(other.impl_)),
+      instances_(std::move(other.instances_)),
+      origin_(other.origin_),
+      version_(other.version_),
+      diagnostics_(std::move(other.diagnostics_)) {
+    if (impl_) impl_->world = this;
+}
+RayWorld& RayWorld::operator=(RayWorld&& other) noexcept {
+    impl_ = std::move(other.impl_);
+    instances_ = std::move(other.instances_);
+    origin_ = other.origin_;
+    version_ = other.version_;
+    diagnostics_ = std::move(other.diagnostics_);
+    if (impl_) impl_->world = this;
+    return *this;
+}
+
+void RayWorld::apply(const InstanceDelta& delta) {
+    impl_->apply(delta);
+}
+
+Bounds RayWorld::bounds() const {
+    const RTCBounds& b = impl_->root.bounds();
+    Bounds result;
+    result.min = {b.lower_x, b.lower_y, b.lower_z};
+    result.max = {b.upper_x, b.upper_y, b.upper_z};
+    return result;
+}
+
+std::uint64_t RayWorld::badRays() const {
+    return impl_->badRays.load(std::memory_order_relaxed);
+}
+
+RayWorld::Stats RayWorld::stats() const {
+    Stats stats = impl_->stats;
+    for (const auto& [node, entry] : impl_->meshes) {
+        if (!entry.mesh) continue;
+        ++stats.meshes;
+        stats.uniqueTriangles += entry.mesh->triangleCount;
+        stats.meshBytes += memoryUse(*entry.mesh);
+    }
+    for (std::size_t slot = 0; slot < instances_.size(); ++slot) {
+        if (!instances_[slot].info.id) continue;
+        const Impl::Place& place = impl_->places[slot];
+        ++stats.instances;
+        if (place.kind != Impl::Kind::none) {
+            ++stats.traced;
+            stats.instancedTriangles += place.mesh->mesh->triangleCount;
+        }
+        stats.baked += place.kind == Impl::Kind::baked;
+        stats.culled += place.culled;
+    }
+    stats.chunks = impl_->groups.size();
+    stats.bvhBytes = impl_->device.bytes();
+    return stats;
+}
+
+// ---- following the delta ------------------------------------------------------------------------------------------
+
+void RayWorld::Impl::apply(const InstanceDelta& delta) {
+    const auto start = std::chrono::steady_clock::now();
+    for (const InstanceDelta::Geometry& geometry : delta.geometries) setGeometry(geometry.node, geometry.mesh);
+    for (const InstanceId id : delta.removed) remove(id);
+    for (const Instance& instance : delta.added) add(instance);
+    for (const Instance& instance : delta.rebound) rebind(instance);
+    for (const InstanceDelta::Moved& moved : delta.moved) move(moved.id, moved.worldFromLocal);
+    for (MeshEntry* entry : changedMeshes) followMesh(*entry);
+    changedMeshes.clear();
+    for (const NodeId node : delta.geometriesRemoved) {
+        const auto found = meshes.find(node.value);
+        if (found != meshes.end() && found->second.users.empty()) meshes.erase(found);
+    }
+    if (!pending.empty()) placePending();
+    tidyGroups();
+    commit();
+    if (!delta.empty()) ++world->version_;
+    if (std::string error = device.takeError(); !error.empty())
+        world->diagnostics_.error({}, "ray world: " + std::move(error));
+    stats.applySeconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+namespace {
+
+/// Why no ray may ever meet this mesh; empty if it is fine.
+std::string_view defect(const Mesh& mesh) {
+    if (mesh.empty() || mesh.positions.empty()) return "it has no triangles";
+    const std::size_t needed = std::size_t{mesh.triangleCount - 1} * mesh.triangleStride + 3;
+    if (mesh.triangleStride < 3 || mesh.triangles.size() < needed) return "its index is too short";
+    const auto count = static_cast<std::uint32_t>(mesh.positions.size());
+    const std::int32_t* corner = mesh.triangles.data();
+    bool inRange = true;
+    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t, corner += mesh.triangleStride)
+        inRange = inRange && static_cast<std::uint32_t>(corner[0]) < count &&
+                  static_cast<std::uint32_t>(corner[1]) < count && static_cast<std::uint32_t>(corner[2]) < count;
+    return inRange ? std::string_view{} : "an index is out of range";
+}
+
+}  // namespace
+
+void RayWorld::Impl::setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh) {
+    MeshEntry& entry = meshes[node.value];
+    const bool known = entry.mesh != nullptr;
+    if (known && entry.mesh == mesh) return;
+    entry.mesh = std::move(mesh);
+    const std::string_view problem = entry.mesh ? defect(*entry.mesh) : "it has no triangles";
+    entry.usable = problem.empty();
+    if (!entry.usable && entry.mesh && !entry.mesh->empty())
+        world->diagnostics_.warning(
+            {}, "geometry node " + std::to_string(node.value) + " is not traced: " + std::string(problem));
+    if (known) entry.deforms = true;
+    if (entry.users.empty())
+        entry.bvh.reset();
+    else if (!std::exchange(entry.changed, true))
+        changedMeshes.push_back(&entry);
+}
+
+bool RayWorld::Impl::isLive(InstanceId id) const {
+    return id.slot < world->instances_.size() && world->instances_[id.slot].info.id == id;
+}
+
+void RayWorld::Impl::link(std::uint32_t slot, NodeId geometry) {
+    Place& place = places[slot];
+    place.mesh = geometry ? &meshes[geometry.value] : nullptr;
+    if (!place.mesh) return;
+    place.userIndex = static_cast<std::uint32_t>(place.mesh->users.size());
+    place.mesh->users.push_back(slot);
+}
+
+void RayWorld::Impl::unlink(std::uint32_t slot) {
+    Place& place = places[slot];
+    if (!place.mesh) return;
+    std::vector<std::uint32_t>& users = place.mesh->users;
+    places[users.back()].userIndex = place.userIndex;
+    users[place.userIndex] = users.back();
+    users.pop_back();
+    place.mesh = nullptr;
+}
+
+void RayWorld::Impl::setTransform(RayInstance& instance, const WorldFromLocal& m) {
+    instance.info.worldFromLocal = m;
+    instance.sign = determinantSign(m);
+    WorldFromLocal inRaySpace = m;
+    inRaySpace[3] -= world->origin_;
+    instance.rayFromLocal = glm::mat4x3(inRaySpace);
+    // The cofactor matrix is the inverse transpose times the determinant, and exists for singular matrices too.
+    const double size = std::max({glm::length(m[0]), glm::length(m[1]), glm::length(m[2])});
+    const double factor = size > 0 ? (instance.sign < 0 ? -1.0 : 1.0) / (size * size) : 0.0;
+    const glm::dmat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
+    instance.normalFromLocal = glm::mat3(cofactor * factor);
+    instance.errorScale = 1;
+    if (instance.sign != 0) {
+        // |M| |M^-1|, largest row sum: by how much a relative error in local coordinates can grow on its way back.
+        const double determinant = glm::dot(m[0], cofactor[0]);
+        Vec3d rows(0);
+        for (int k = 0; k < 3; ++k) {
+            const Vec3d inverseColumnSums = glm::abs(cofactor[k]) / std::abs(determinant);  // row k of the inverse
+            rows += glm::abs(m[k]) * (inverseColumnSums.x + inverseColumnSums.y + inverseColumnSums.z);
+        }
+        instance.errorScale = static_cast<float>(std::clamp(std::max({rows.x, rows.y, rows.z}), 1.0, 1e6));
+    }
+}
+
+void RayWorld::Impl::setPending(std::uint32_t slot) {
+    if (!std::exchange(places[slot].pending, true)) pending.push_back(slot);
+}
+
+void RayWorld::Impl::lift(std::uint32_t slot) {
+    Place& place = places[slot];
+    if (place.kind == Kind::instanced) {
+        place.group->detach(place.local);
+        --instanced;
+    } else if (place.kind == Kind::baked) {
+        // Rebuilding all the triangles it rested among can wait until many are gone.
+        if (options.mapping == Mapping::merged || place.group->live() <= 2)
+            place.group->detach(place.local);
+        else
+            place.group->hide(place.local);
+    }
+    place.kind = Kind::none;
+    place.group = nullptr;
+    world->instances_[slot].mesh = nullptr;
+}
+
+void RayWorld::Impl::cull(std::uint32_t slot, std::string reason) {
+    Place& place = places[slot];
+    if (std::exchange(place.culled, true)) return;
+    world->diagnostics_.warning({}, "shape node " + std::to_string(world->instances_[slot].info.shape.value) +
+                                        " is not traced: " + std::move(reason));
+}
+
+void RayWorld::Impl::add(const Instance& info) {
+    const std::uint32_t slot = info.id.slot;
+    if (slot >= world->instances_.size()) {
+        const std::size_t size = std::max<std::size_t>(slot + 1, world->instances_.size() * 3 / 2);
+        world->instances_.resize(size);
+        places.resize(size);
+    }
+    RayInstance& instance = world->instances_[slot];
+    if (instance.info.id) remove(instance.info.id);
+    instance.info = info;
+    setTransform(instance, info.worldFromLocal);
+    places[slot] = Place{.pending = places[slot].pending};
+    link(slot, info.geometry);
+    setPending(slot);
+}
+
+void RayWorld::Impl::remove(InstanceId id) {
+    if (!isLive(id)) return;
+    lift(id.slot);
+    unlink(id.slot);
+    places[id.slot] = Place{.pending = places[id.slot].pending};
+    world->instances_[id.slot] = RayInstance{};
+}
+
+void RayWorld::Impl::rebind(const Instance& info) {
+    if (!isLive(info.id)) return;
+    const std::uint32_t slot = info.id.slot;
+    RayInstance& instance = world->instances_[slot];
+    const bool moved = instance.info.worldFromLocal != info.worldFromLocal;
+    const bool replace = instance.info.geometry != info.geometry;
+    const bool masked = instance.info.castShadow != info.castShadow;
+    if (replace) {
+        lift(slot);
+        unlink(slot);
+        link(slot, info.geometry);
+        places[slot].culled = false;
+        setPending(slot);
+    }
+    const WorldFromLocal before = instance.info.worldFromLocal;
+    instance.info = info;
+    instance.info.worldFromLocal = before;
+    Place& place = places[slot];
+    if (masked && place.group) place.group->setMask(place.local, maskOf(info));
+    if (moved) move(info.id, info.worldFromLocal);
+}
+
+void RayWorld::Impl::move(InstanceId id, const WorldFromLocal& worldFromLocal) {
+    if (!isLive(id)) return;
+    RayInstance& instance = world->instances_[id.slot];
+    Place& place = places[id.slot];
+    setTransform(instance, worldFromLocal);
+    place.moves = true;
+    place.culled = false;
+    std::string reason;
+    if (place.kind == Kind::instanced && fitness(id.slot, reason) == Fitness::instance) {
+        place.group->move(place.local, instance.rayFromLocal);
+    } else {
+        lift(id.slot);
+        setPending(id.slot);
+    }
+}
+
+void RayWorld::Impl::followMesh(MeshEntry& entry) {
+    entry.changed = false;
+    if (entry.users.empty()) entry.bvh.reset();
+    if (entry.bvh && entry.usable) {
+        entry.bvh->update(device, entry.mesh);
+        newBvhs.push_back(entry.bvh.get());
+    }
+    for (const std::uint32_t slot : entry.users) {
+        Place& place = places[slot];
+        place.culled = false;
+        std::string reason;
+        if (place.kind == Kind::instanced && entry.usable && fitness(slot, reason) == Fitness::instance) {
+            place.group->touch(place.local, *entry.bvh);
+            world->instances_[slot].mesh = entry.mesh;
+        } else {
+            lift(slot);
+            setPending(slot);
+        }
+    }
+    if (!entry.usable) entry.bvh.reset();
+}
+
+void RayWorld::Impl::commit() {
+    for (bvh::MeshBvh* mesh : newBvhs) mesh->commit();
+    newBvhs.clear();
+    stats.chunksBuilt = 0;
+    for (const auto& group : groups) {
+        if (!group->dirty()) continue;
+        group->commit();
+        ++stats.chunksBuilt;
+    }
+    if (stats.chunksBuilt > 0 || rootChanged) root.commit(device, groups);
+    rootChanged = false;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,300 @@
+// Where instances go: the mapping from the scene's instances to Embree's objects (paper, section 5.1.2).
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "ray_world_impl.h"
+
+namespace rtsg {
+
+namespace {
+
+/// An addition of at least so many instances is taken for the arrival of a part of a scene, and what is not known to
+/// move is merged; a smaller one costs what it touches.
+constexpr std::size_t kBulk = 16;
+/// Shared meshes up to this size are copied rather than instanced: entering an instance costs a ray as much as they do.
+constexpr std::uint32_t kSmallMesh = 64;
+constexpr std::size_t kLeastCapacity = 64, kMostCapacity = 512;
+/// Within these an Embree instance cannot lead a valid ray out of the range that Embree accepts (1.8e18).
+constexpr double kLargestInverse = 1e8, kLargestErrorScale = 1e5;
+
+struct Box {
+    Vec3d center{0}, half{-1};
+    bool finite() const {
+        const Vec3d reach = glm::abs(center) + half;
+        return reach.x <= RayWorld::kMaxCoordinate && reach.y <= RayWorld::kMaxCoordinate &&
+               reach.z <= RayWorld::kMaxCoordinate;  // false for NaN
+    }
+};
+
+/// Of the mesh under the transform; contains it, and is not much larger.
+Box transformed(const Bounds& bounds, const WorldFromLocal& m) {
+    const Vec3d center = (Vec3d(bounds.min) + Vec3d(bounds.max)) * .5,
+                half = (Vec3d(bounds.max) - Vec3d(bounds.min)) * .5;
+    return {m[0] * center.x + m[1] * center.y + m[2] * center.z + m[3],
+            glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z};
+}
+
+bool isIdentity(const glm::mat4x3& m) {
+    return m == glm::mat4x3(1.0f);
+}
+
+/// Interleaves the bits of three numbers below 1024.
+std::uint32_t spread(std::uint32_t v) {
+    v = (v | v << 16) & 0x030000FF;
+    v = (v | v << 8) & 0x0300F00F;
+    v = (v | v << 4) & 0x030C30C3;
+    return (v | v << 2) & 0x09249249;
+}
+
+}  // namespace
+
+std::uint32_t RayWorld::Impl::maskOf(const Instance& info) {
+    constexpr auto shadow = static_cast<std::uint32_t>(RayKind::shadow);
+    return info.castShadow ? ~0u : ~shadow;
+}
+
+RayWorld::Impl::Fitness RayWorld::Impl::fitness(std::uint32_t slot, std::string& reason) const {
+    const RayInstance& instance = world->instances_[slot];
+    const Place& place = places[slot];
+    const WorldFromLocal& m = instance.info.worldFromLocal;
+    if (!place.mesh || !place.mesh->usable) {
+        reason = {};
+        return Fitness::none;
+    }
+    if (!isFinite(m)) {
+        reason = "its transform is not finite";
+        return Fitness::none;
+    }
+    WorldFromLocal inRaySpace = m;
+    inRaySpace[3] -= world->origin_;
+    if (!transformed(place.mesh->mesh->bounds, inRaySpace).finite()) {
+        reason = "it reaches too far out or its coordinates are not finite";
+        return Fitness::none;
+    }
+    const glm::dmat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
+    double largest = 0, largestInverse = 0;
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 3; ++k) {
+            largest = std::max(largest, std::abs(cofactor[i][k]));
+            largestInverse = std::max(largestInverse, std::abs(cofactor[i][k]));
+        }
+    if (largest == 0) {
+        reason = "its transform collapses it to a line or a point";
+        return Fitness::none;
+    }
+    const Bounds& local = place.mesh->mesh->bounds;
+    const Vec3f reach = glm::max(glm::abs(local.min), glm::abs(local.max));
+    largestInverse /= std::abs(glm::dot(m[0], cofactor[0]));
+    if (instance.sign == 0 || !(largestInverse <= kLargestInverse) || instance.errorScale > kLargestErrorScale ||
+        std::max({reach.x, reach.y, reach.z}) > kMaxCoordinate)
+        return Fitness::bakeOnly;
+    return Fitness::instance;
+}
+
+bool RayWorld::Impl::shouldBake(std::uint32_t slot, bool bulk) const {
+    const Place& place = places[slot];
+    switch (options.mapping) {
+        case Mapping::merged:
+            return true;
+        case Mapping::perShape:
+            return false;
+        case Mapping::hybrid:
+            break;
+    }
+    if (!bulk || place.moves || place.mesh->deforms || world->instances_[slot].info.mobility == Mobility::moving)
+        return false;
+    return place.mesh->users.size() == 1 || place.mesh->mesh->triangleCount <= kSmallMesh;
+}
+
+/// Far from 0 a float is coarse; subtracting an origin near the scene keeps every digit of it.
+void RayWorld::Impl::chooseOrigin() {
+    Vec3d lower(HUGE_VAL), upper(-HUGE_VAL);
+    for (const std::uint32_t slot : pending) {
+        const Place& place = places[slot];
+        const WorldFromLocal& m = world->instances_[slot].info.worldFromLocal;
+        if (!place.mesh || !place.mesh->usable || !isFinite(m)) continue;
+        const Box box = transformed(place.mesh->mesh->bounds, m);
+        lower = glm::min(lower, box.center - box.half);
+        upper = glm::max(upper, box.center + box.half);
+    }
+    Vec3d origin(0);
+    const Vec3d center = (lower + upper) * .5, half = (upper - lower) * .5;
+    const double distance = std::max({std::abs(center.x), std::abs(center.y), std::abs(center.z)});
+    const double extent = std::max({half.x, half.y, half.z});
+    if (distance < 1e15 && distance > 4096 && distance > 4 * extent) origin = glm::round(center / 1024.0) * 1024.0;
+    if (origin == world->origin_) return;
+    world->origin_ = origin;
+    for (RayInstance& instance : world->instances_)
+        if (instance.info.id) setTransform(instance, Instance(instance.info).worldFromLocal);
+}
+
+void RayWorld::Impl::placePending() {
+    if (groups.empty()) chooseOrigin();
+    const bool bulk = pending.size() >= kBulk || groups.empty();
+    std::vector<std::uint32_t> baked, separate;
+    for (const std::uint32_t slot : pending) {
+        Place& place = places[slot];
+        place.pending = false;
+        if (!world->instances_[slot].info.id || place.kind != Kind::none) continue;
+        std::string reason;
+        const Fitness fit = fitness(slot, reason);
+        if (fit == Fitness::none) {
+            if (!reason.empty()) cull(slot, std::move(reason));
+        } else if (fit == Fitness::bakeOnly || shouldBake(slot, bulk)) {
+            baked.push_back(slot);
+        } else {
+            separate.push_back(slot);
+        }
+    }
+    pending.clear();
+    if (!baked.empty()) placeBaked(std::move(baked));
+    if (!separate.empty()) placeInstances(std::move(separate));
+}
+
+void RayWorld::Impl::placeBaked(std::vector<std::uint32_t> slots) {
+    std::size_t triangles = 0;
+    for (const std::uint32_t slot : slots) triangles += places[slot].mesh->mesh->triangleCount;
+    // Groups not much larger than what arrives are joined with it: there are never more than logarithmically many,
+    // and a triangle is rebuilt as rarely. The merged mapping wants one group whatever it costs.
+    bvh::Group* target = nullptr;
+    for (const auto& group : groups) {
+        if (!group->resting()) continue;
+        if (options.mapping == Mapping::merged || group->triangles() <= 2 * triangles) {
+            triangles += group->triangles();
+            if (!target) {
+                target = group.get();
+                continue;
+            }
+            std::vector<std::uint32_t> moved;
+            group->forEach([&](std::uint32_t slot) { moved.push_back(slot); });
+            for (const std::uint32_t slot : moved) {
+                group->detach(places[slot].local);
+                slots.push_back(slot);
+            }
+        }
+    }
+    if (!target) target = groups.emplace_back(std::make_unique<bvh::Group>(device, true)).get();
+    for (const std::uint32_t slot : slots) {
+        RayInstance& instance = world->instances_[slot];
+        Place& place = places[slot];
+        const std::shared_ptr<const Mesh>& mesh = place.mesh->mesh;
+        bvh::Triangles copy{mesh, mesh->positions};
+        if (!isIdentity(instance.rayFromLocal)) {
+            WorldFromLocal m = instance.info.worldFromLocal;
+            m[3] -= world->origin_;
+            copy.positions = Array<Vec3f>::ofSize(mesh->positions.size());
+            Vec3f* out = copy.positions.mutableData();
+            for (const Vec3f& p : mesh->positions)
+                *out++ = Vec3f(m[0] * double{p.x} + m[1] * double{p.y} + m[2] * double{p.z} + m[3]);
+        }
+        place.local = target->attachTriangles(device, slot, std::move(copy), maskOf(instance.info));
+        place.group = target;
+        place.kind = Kind::baked;
+        place.culled = false;
+        instance.mesh = mesh;
+    }
+}
+
+void RayWorld::Impl::attachInstance(bvh::Group& group, std::uint32_t slot) {
+    RayInstance& instance = world->instances_[slot];
+    Place& place = places[slot];
+    MeshEntry& entry = *place.mesh;
+    if (!entry.bvh) {
+        entry.bvh = std::make_unique<bvh::MeshBvh>(device, entry.mesh);
+        newBvhs.push_back(entry.bvh.get());
+    }
+    place.local = group.attachInstance(device, slot, *entry.bvh, instance.rayFromLocal, maskOf(instance.info));
+    place.group = &group;
+    place.kind = Kind::instanced;
+    place.culled = false;
+    instance.mesh = entry.mesh;
+    ++instanced;
+}
+
+bvh::Group& RayWorld::Impl::openGroupNear(const Vec3f& point) {
+    bvh::Group* best = nullptr;
+    float bestDistance = 0;
+    for (const auto& group : groups) {
+        if (group->resting() || group->live() >= groupCapacity) continue;
+        const RTCBounds& b = group->bounds();
+        const Vec3f lower(b.lower_x, b.lower_y, b.lower_z), upper(b.upper_x, b.upper_y, b.upper_z);
+        // An empty group, all of whose bounds are infinite, is nearest of all.
+        const Vec3f apart = group->live() == 0 ? Vec3f(0) : glm::abs((lower + upper) * .5f - point);
+        const float distance = apart.x + apart.y + apart.z;
+        if (!best || distance < bestDistance) best = group.get(), bestDistance = distance;
+    }
+    return best ? *best : *groups.emplace_back(std::make_unique<bvh::Group>(device, false));
+}
+
+void RayWorld::Impl::placeInstances(std::vector<std::uint32_t> slots) {
+    groupCapacity = std::clamp(static_cast<std::size_t>(std::sqrt(static_cast<double>(instanced + slots.size()))),
+                               kLeastCapacity, kMostCapacity);
+    const auto centerOf = [&](std::uint32_t slot) {
+        WorldFromLocal m = world->instances_[slot].info.worldFromLocal;
+        m[3] -= world->origin_;
+        return Vec3f(transformed(places[slot].mesh->mesh->bounds, m).center);
+    };
+    if (slots.size() < kBulk) {
+        for (const std::uint32_t slot : slots) attachInstance(openGroupNear(centerOf(slot)), slot);
+        return;
+    }
+    // Neighbours share a group: sorted along a space-filling curve, then cut; what moves apart from what rests.
+    Vec3f lower(HUGE_VALF), upper(-HUGE_VALF);
+    for (const std::uint32_t slot : slots) {
+        const Vec3f c = centerOf(slot);
+        lower = glm::min(lower, c), upper = glm::max(upper, c);
+    }
+    const Vec3f scale = 1023.0f / glm::max(upper - lower, Vec3f(1e-20f));
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> order;
+    order.reserve(slots.size());
+    for (const std::uint32_t slot : slots) {
+        const glm::uvec3 cell(glm::clamp((centerOf(slot) - lower) * scale, 0.0f, 1023.0f));
+        const std::uint64_t code = spread(cell.x) | spread(cell.y) << 1 | spread(cell.z) << 2;
+        const bool moving = places[slot].moves || world->instances_[slot].info.mobility == Mobility::moving;
+        order.emplace_back(code | std::uint64_t{moving} << 32, slot);
+    }
+    std::sort(order.begin(), order.end());
+    bvh::Group* group = nullptr;
+    for (const auto& [code, slot] : order) {
+        if (!group || group->live() >= groupCapacity)
+            group = groups.emplace_back(std::make_unique<bvh::Group>(device, false)).get();
+        attachInstance(*group, slot);
+    }
+}
+
+void RayWorld::Impl::tidyGroups() {
+    // A resting group most of which has moved away is built anew without it.
+    std::vector<std::uint32_t> again;
+    std::size_t underfull = 0;
+    for (const auto& group : groups) {
+        underfull += !group->resting() && group->live() * 2 < groupCapacity;
+        if (group->hidden() * 2 <= group->live() || group->hidden() == 0) continue;
+        const std::size_t first = again.size();
+        group->forEach([&](std::uint32_t slot) { again.push_back(slot); });
+        for (std::size_t i = first; i < again.size(); ++i) group->detach(places[again[i]].local);
+        group->drop();
+    }
+    if (!again.empty()) placeBaked(std::move(again));
+    // Many small groups cost rays and the root; gather them when they are most of what there is.
+    if (underfull > 8 && underfull * groupCapacity > 2 * instanced) {
+        std::vector<std::uint32_t> gathered;
+        for (const auto& group : groups) {
+            if (group->resting() || group->live() * 2 >= groupCapacity) continue;
+            const std::size_t first = gathered.size();
+            group->forEach([&](std::uint32_t slot) { gathered.push_back(slot); });
+            for (std::size_t i = first; i < gathered.size(); ++i) {
+                group->detach(places[gathered[i]].local);
+                --instanced;
+            }
+        }
+        if (!gathered.empty()) placeInstances(std::move(gathered));
+    }
+    const auto empty = std::remove_if(groups.begin(), groups.end(), [](const auto& g) { return g->live() == 0; });
+    if (empty != groups.end()) {
+        groups.erase(empty, groups.end());
+        rootChanged = true;
+    }
+}
+
+}  // namespace rtsg

@@ -1,0 +1,184 @@
+// Queries: what every ray of light, sound and picking goes through. Nothing here allocates or locks.
+#include <bit>
+#include <cmath>
+#include <cstddef>
+
+#include "ray_world_impl.h"
+
+namespace rtsg {
+
+namespace {
+
+constexpr float kShortest = 1e-12f, kLongest = 1e9f;
+
+/// False for NaN and infinity anywhere but in tMax, which may be infinite.
+inline bool acceptable(float ox, float oy, float oz, float tMin, float dx, float dy, float dz, float tMax) {
+    const float reach = std::max(std::max(std::abs(ox), std::abs(oy)), std::abs(oz));
+    const float length = std::max(std::max(std::abs(dx), std::abs(dy)), std::abs(dz));
+    // std::max drops a NaN in its second argument, so sums look for them.
+    const float sum = (ox - ox) + (oy - oy) + (oz - oz) + (dx - dx) + (dy - dy) + (dz - dz);
+    return (sum == 0) & (reach <= RayWorld::kMaxCoordinate) & (length >= kShortest) & (length <= kLongest) &
+           (tMin >= 0) & (tMin < HUGE_VALF) & (tMax >= 0);
+}
+
+// RayPacket16 is laid out as Embree's packets, so that rays are traced where they are.
+static_assert(offsetof(RayPacket16, tMax) == offsetof(RTCRayHit16, ray.tfar));
+static_assert(offsetof(RayPacket16, mask_) == offsetof(RTCRayHit16, ray.mask));
+static_assert(offsetof(RayPacket16, directionX) == offsetof(RTCRayHit16, ray.dir_x));
+static_assert(offsetof(RayPacket16, normalX_) == offsetof(RTCRayHit16, hit.Ng_x));
+static_assert(offsetof(RayPacket16, prim_) == offsetof(RTCRayHit16, hit.primID));
+static_assert(offsetof(RayPacket16, inst_) == offsetof(RTCRayHit16, hit.instID));
+static_assert(sizeof(RTCRayHit16) == offsetof(RayPacket16, active));
+
+/// Completes the packet; lanes that must not be traced are inactive in `valid`. Returns the number of bad rays.
+inline int prepare(RayPacket16& rays, std::int32_t* valid, RayKind kind) {
+    int bad = 0;
+    for (int i = 0; i < 16; ++i) {
+        const bool ok = acceptable(rays.originX[i], rays.originY[i], rays.originZ[i], rays.tMin[i], rays.directionX[i],
+                                   rays.directionY[i], rays.directionZ[i], rays.tMax[i]);
+        valid[i] = ok ? rays.active[i] : 0;
+        bad += !ok & (rays.active[i] != 0);
+        rays.time_[i] = 0;
+        rays.mask_[i] = static_cast<std::uint32_t>(kind);
+        rays.id_[i] = 0;
+        rays.flags_[i] = 0;
+        rays.geom_[i] = RTC_INVALID_GEOMETRY_ID;
+        rays.inst_[i] = RTC_INVALID_GEOMETRY_ID;
+    }
+    return bad;
+}
+
+inline RTCIntersectContext makeContext(bool coherent) {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    return context;
+}
+
+inline void fill(RTCRay& target, const Ray& ray, RayKind kind) {
+    target.org_x = ray.origin.x, target.org_y = ray.origin.y, target.org_z = ray.origin.z;
+    target.dir_x = ray.direction.x, target.dir_y = ray.direction.y, target.dir_z = ray.direction.z;
+    target.tnear = ray.tMin, target.tfar = ray.tMax;
+    target.time = 0, target.mask = static_cast<std::uint32_t>(kind), target.id = 0, target.flags = 0;
+}
+
+inline bool acceptable(const Ray& ray) {
+    return acceptable(ray.origin.x, ray.origin.y, ray.origin.z, ray.tMin, ray.direction.x, ray.direction.y,
+                      ray.direction.z, ray.tMax);
+}
+
+}  // namespace
+
+Hit RayWorld::Impl::resolve(float t, float u, float v, Vec3f normal, std::uint32_t triangle, std::uint32_t geometryId,
+                            std::uint32_t instanceId) const {
+    Hit hit;
+    if (geometryId == RTC_INVALID_GEOMETRY_ID) return hit;
+    hit.t = t, hit.u = u, hit.v = v, hit.triangle = triangle;
+    hit.instance = root.slotOf(geometryId, instanceId);
+    const RayInstance& instance = world->instances_[hit.instance];
+    // Instances report the normal in their own frame; triangles in ray space were turned inside out by a mirroring.
+    if (places[hit.instance].kind == Kind::instanced)
+        normal = instance.normalFromLocal * normal;
+    else if (instance.sign < 0)
+        normal = -normal;
+    const float size = std::max(std::max(std::abs(normal.x), std::abs(normal.y)), std::abs(normal.z));
+    if (size > 0) normal /= size;  // so that squares neither overflow nor vanish
+    const float length = std::sqrt(glm::dot(normal, normal));
+    hit.normal = length > 0 ? normal / length : Vec3f(0, 0, 1);
+    return hit;
+}
+
+Hit RayWorld::intersect(const Ray& ray, RayKind kind) const {
+    if (!acceptable(ray)) [[unlikely]] {
+        impl_->badRays.fetch_add(1, std::memory_order_relaxed);
+        return {};
+    }
+    RTCRayHit r;
+    fill(r.ray, ray, kind);
+    r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    RTCIntersectContext context = makeContext(false);
+    rtcIntersect1(impl_->root.scene(), &context, &r);
+    return impl_->resolve(r.ray.tfar, r.hit.u, r.hit.v, {r.hit.Ng_x, r.hit.Ng_y, r.hit.Ng_z}, r.hit.primID,
+                          r.hit.geomID, r.hit.instID[0]);
+}
+
+bool RayWorld::occluded(const Ray& ray, RayKind kind) const {
+    if (!acceptable(ray)) [[unlikely]] {
+        impl_->badRays.fetch_add(1, std::memory_order_relaxed);
+        return false;
+    }
+    RTCRay r;
+    fill(r, ray, kind);
+    RTCIntersectContext context = makeContext(false);
+    rtcOccluded1(impl_->root.scene(), &context, &r);
+    return r.tfar < 0;
+}
+
+std::uint32_t RayWorld::intersect(RayPacket16& rays, bool coherent, RayKind kind) const {
+    alignas(64) std::int32_t valid[16];
+    if (const int bad = prepare(rays, valid, kind); bad > 0) [[unlikely]]
+        impl_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
+    RTCIntersectContext context = makeContext(coherent);
+    rtcIntersect16(valid, impl_->root.scene(), &context, reinterpret_cast<RTCRayHit16*>(&rays));
+    std::uint32_t hits = 0;
+    for (int i = 0; i < 16; ++i) hits |= static_cast<std::uint32_t>(rays.geom_[i] != RTC_INVALID_GEOMETRY_ID) << i;
+    return hits;
+}
+
+std::uint32_t RayWorld::occluded(RayPacket16& rays, bool coherent, RayKind kind) const {
+    alignas(64) std::int32_t valid[16];
+    if (const int bad = prepare(rays, valid, kind); bad > 0) [[unlikely]]
+        impl_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
+    RTCIntersectContext context = makeContext(coherent);
+    rtcOccluded16(valid, impl_->root.scene(), &context, reinterpret_cast<RTCRay16*>(&rays));
+    std::uint32_t blocked = 0;
+    for (int i = 0; i < 16; ++i) blocked |= static_cast<std::uint32_t>((valid[i] != 0) & (rays.tMax[i] < 0)) << i;
+    return blocked;
+}
+
+Hit RayWorld::hit(const RayPacket16& rays, int lane) const {
+    return impl_->resolve(rays.tMax[lane], rays.u_[lane], rays.v_[lane],
+                          {rays.normalX_[lane], rays.normalY_[lane], rays.normalZ_[lane]}, rays.prim_[lane],
+                          rays.geom_[lane], rays.inst_[lane]);
+}
+
+HitPoint RayWorld::point(const Hit& hit) const {
+    HitPoint result;
+    result.normal = hit.normal;
+    if (!hit) return result;
+    const RayInstance& instance = instances_[hit.instance];
+    const Mesh& mesh = *instance.mesh;
+    const float w = 1 - hit.u - hit.v;
+    const Vec3f a = w * mesh.vertex(hit.triangle, 0), b = hit.u * mesh.vertex(hit.triangle, 1),
+                c = hit.v * mesh.vertex(hit.triangle, 2);
+    const Vec3f local = a + b + c, size = glm::abs(a) + glm::abs(b) + glm::abs(c);
+    const glm::mat4x3& m = instance.rayFromLocal;
+    result.position = m * Vec4f(local, 1);
+    // gamma(n) = n eps / (1 - n eps) bounds n roundings (Higham; pbrt-v4, section 6.8.1): four for the barycentric sum,
+    // four for the transform here, and as many again for how Embree saw the triangle: rounded into ray space, or
+    // through a ray transformed by an inverse whose own error the condition of the matrix magnifies twice.
+    constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
+    const bool instanced = impl_->places[hit.instance].kind == Impl::Kind::instanced;
+    const float growth = instanced ? instance.errorScale * instance.errorScale : 1.0f;
+    const Vec3f reach = glm::abs(m[0]) * size.x + glm::abs(m[1]) * size.y + glm::abs(m[2]) * size.z + glm::abs(m[3]);
+    result.error = reach * (gamma * growth);
+    return result;
+}
+
+Vec3f RayWorld::leave(const HitPoint& from, const Vec3f& direction) {
+    // pbrt-v4, section 6.8.6: far enough along the normal to clear the box of the error, then one float further.
+    const float distance = glm::dot(glm::abs(from.normal), from.error);
+    Vec3f offset = distance * from.normal;
+    if (glm::dot(direction, from.normal) < 0) offset = -offset;
+    Vec3f start = from.position + offset;
+    for (int i = 0; i < 3; ++i) {
+        if (offset[i] > 0)
+            start[i] = std::nextafter(start[i], HUGE_VALF);
+        else if (offset[i] < 0)
+            start[i] = std::nextafter(start[i], -HUGE_VALF);
+    }
+    return start;
+}
+
+}  // namespace rtsg

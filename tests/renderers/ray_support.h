@@ -1,0 +1,157 @@
+// What tests of RayWorld share: small meshes, deltas, and an independent tracer in double precision.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include <rtsg/renderers/ray_world.h>
+
+namespace rtsg::test {
+
+inline std::shared_ptr<Mesh> makeMesh(std::vector<Vec3f> positions, std::vector<std::int32_t> triangles) {
+    auto mesh = std::make_shared<Mesh>();
+    mesh->positions = Array<Vec3f>(std::span<const Vec3f>(positions));
+    mesh->triangles = Array<std::int32_t>(std::span<const std::int32_t>(triangles));
+    mesh->triangleCount = static_cast<std::uint32_t>(triangles.size() / 3);
+    for (const Vec3f& p : positions) mesh->bounds.extend(p);
+    return mesh;
+}
+
+/// Octahedron, subdivided `levels` times onto the sphere of radius 1; fronts face outwards.
+inline std::shared_ptr<Mesh> makeSphere(int levels) {
+    std::vector<Vec3f> p{{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
+    std::vector<std::int32_t> t{0, 2, 4, 2, 1, 4, 1, 3, 4, 3, 0, 4, 2, 0, 5, 1, 2, 5, 3, 1, 5, 0, 3, 5};
+    for (int level = 0; level < levels; ++level) {
+        std::map<std::pair<int, int>, int> middles;
+        const auto middle = [&](int a, int b) {
+            auto [at, fresh] = middles.try_emplace(std::minmax(a, b), static_cast<int>(p.size()));
+            if (fresh) p.push_back(glm::normalize(p[static_cast<std::size_t>(a)] + p[static_cast<std::size_t>(b)]));
+            return at->second;
+        };
+        std::vector<std::int32_t> finer;
+        for (std::size_t i = 0; i < t.size(); i += 3) {
+            const int a = t[i], b = t[i + 1], c = t[i + 2], ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
+            finer.insert(finer.end(), {a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca});
+        }
+        t = std::move(finer);
+    }
+    return makeMesh(std::move(p), std::move(t));
+}
+
+inline std::shared_ptr<Mesh> makeBox() {
+    std::vector<Vec3f> p;
+    for (int i = 0; i < 8; ++i) p.push_back({i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1});
+    return makeMesh(std::move(p), {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                                   2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5});
+}
+
+inline std::shared_ptr<Mesh> makeSoup(std::mt19937& random, int triangles) {
+    std::uniform_real_distribution<float> unit(-1, 1);
+    std::vector<Vec3f> p;
+    std::vector<std::int32_t> t;
+    for (int i = 0; i < triangles; ++i) {
+        const Vec3f center(unit(random), unit(random), unit(random));
+        for (int k = 0; k < 3; ++k) {
+            p.push_back(center + .4f * Vec3f(unit(random), unit(random), unit(random)));
+            t.push_back(i * 3 + k);
+        }
+    }
+    return makeMesh(std::move(p), std::move(t));
+}
+
+inline Instance makeInstance(std::uint32_t slot, NodeId geometry, const WorldFromLocal& m = identityTransform(),
+                             std::uint32_t generation = 0) {
+    Instance instance;
+    instance.id = {slot, generation};
+    instance.shape = NodeId{1000 + slot};
+    instance.geometry = geometry;
+    instance.worldFromLocal = m;
+    return instance;
+}
+
+inline WorldFromLocal translation(Vec3d t) {
+    WorldFromLocal m(1.0);
+    m[3] = t;
+    return m;
+}
+inline WorldFromLocal scaling(Vec3d s) {
+    WorldFromLocal m(1.0);
+    for (int i = 0; i < 3; ++i) m[i][i] = s[i];
+    return m;
+}
+/// Any linear part with columns of length about .3 to 3, mirrored half of the time.
+inline WorldFromLocal randomTransform(std::mt19937& random, double spread) {
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> unit(-1, 1);
+    for (;;) {
+        WorldFromLocal m;
+        for (int i = 0; i < 3; ++i) m[i] = Vec3d(normal(random), normal(random), normal(random));
+        m[3] = spread * Vec3d(unit(random), unit(random), unit(random));
+        const double volume = std::abs(glm::dot(m[0], glm::cross(m[1], m[2])));
+        if (volume > .1 && volume < 20) return m;
+    }
+}
+
+/// Every triangle of every instance, without any tree and in double precision (Moeller and Trumbore 1997).
+class BruteForce {
+  public:
+    struct Answer {
+        double t = HUGE_VAL, u = 0, v = 0;
+        std::uint32_t instance = kNoInstance, triangle = 0;
+        Vec3d normal{0};
+        /// Smallest distance, in barycentric or relative t terms, to another decision.
+        double margin = HUGE_VAL;
+    };
+    struct Thing {
+        Instance info;
+        std::shared_ptr<const Mesh> mesh;
+    };
+    std::map<std::uint32_t, Thing> things;  // by slot
+
+    Answer intersect(const Ray& ray, Vec3d origin = Vec3d(0)) const {
+        Answer best;
+        double second = HUGE_VAL, edge = HUGE_VAL;
+        const Vec3d o = Vec3d(ray.origin) + origin, d(ray.direction);
+        for (const auto& [slot, thing] : things) {
+            const WorldFromLocal& m = thing.info.worldFromLocal;
+            const auto world = [&](Vec3f p) { return m * Vec4d(p, 1); };
+            for (std::uint32_t t = 0; t < thing.mesh->triangleCount; ++t) {
+                const Vec3d a = world(thing.mesh->vertex(t, 0)), e1 = world(thing.mesh->vertex(t, 1)) - a,
+                            e2 = world(thing.mesh->vertex(t, 2)) - a;
+                const Vec3d p = glm::cross(d, e2);
+                const double determinant = glm::dot(e1, p);
+                if (determinant == 0) continue;
+                const Vec3d s = o - a, q = glm::cross(s, e1);
+                const double u = glm::dot(s, p) / determinant, v = glm::dot(d, q) / determinant;
+                const double distance = glm::dot(e2, q) / determinant;
+                const double inside = std::min({u, v, 1 - u - v});
+                if (distance > ray.tMin && distance < ray.tMax) edge = std::min(edge, std::abs(inside));
+                if (inside < 0 || distance < ray.tMin || distance > ray.tMax) continue;
+                if (distance < best.t) {
+                    second = best.t;
+                    const Vec3d normal = glm::normalize(glm::cross(e1, e2)) * double(determinantSign(m) < 0 ? -1 : 1);
+                    best = {distance, u, v, slot, t, normal, 0};
+                } else {
+                    second = std::min(second, distance);
+                }
+            }
+        }
+        best.margin = std::min(edge, std::isfinite(second) ? (second - best.t) / second : HUGE_VAL);
+        return best;
+    }
+};
+
+inline Ray randomRay(std::mt19937& random, float spread) {
+    std::uniform_real_distribution<float> unit(-1, 1);
+    std::normal_distribution<float> normal;
+    Ray ray;
+    ray.origin = spread * Vec3f(unit(random), unit(random), unit(random));
+    ray.direction = Vec3f(normal(random), normal(random), normal(random));
+    return ray;
+}
+
+}  // namespace rtsg::test
