@@ -1,11 +1,14 @@
 // Compiles node tables into a header of typed handles and one static table.
 //
 //     spec_compiler [--import FILE]... --header OUT.h --source OUT.cpp [--namespace NS] [--include PATH] FILE...
+//     spec_compiler --skeleton NODE [--namespace NS] [--include PATH] FILE...
 //
 // Without --import the tables are the library's own: types get their TypeIndex and the source defines
 // builtinSpecTable(). With --import (the library's tables, say) they are a user's: the source defines
-// NS::nodeTypes(), and their indices are assigned when a scene learns them.
+// NS::nodeTypes(), and their indices are assigned when a scene learns them. --skeleton prints a Behaviour to start
+// from: one case for each input of the node.
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -144,6 +147,36 @@ std::string source(const std::vector<const Type*>& nodes, const std::vector<std:
     return out.str();
 }
 
+/// A Behaviour with one case an input field, which compiles as it stands.
+std::string skeleton(const Type& node, const std::string& space, const std::string& include) {
+    std::ostringstream out, inputs, outputs;
+    for (const Field& field : node.fields) {
+        if (field.name == "metadata") continue;
+        if (field.hidden || field.access == "outputOnly" || field.access == "inputOutput")
+            outputs << "//     cascade." << (field.hidden ? "store" : "emit") << "(node, " << identifier(node.name)
+                    << "::" << identifier(field.name) << ", " << spec::cppType(field.type) << "{});\n";
+        if (field.hidden || (field.access != "inputOnly" && field.access != "inputOutput")) continue;
+        inputs << "        case " << identifier(node.name) << "::" << identifier(field.name) << ".index: {\n"
+               << "            [[maybe_unused]] const auto& event = *static_cast<const " << spec::cppType(field.type)
+               << "*>(value);\n            break;\n        }\n";
+    }
+    const std::string function = static_cast<char>(std::tolower(node.name[0])) + node.name.substr(1) + "Behaviour";
+    out << "// What " << node.name << " does. TODO: cite the clause.\n"
+        << "#include <rtsg/core/behaviour.h>\n#include <" << include << ">\n\nnamespace " << space << " {\n\n"
+        << "namespace {\n\nusing namespace ::rtsg;\n\n"
+        << "// Outputs and state:\n"
+        << outputs.str() << "\n/// inputOutput fields already hold the new value.\n"
+        << "void onEvent([[maybe_unused]] Cascade& cascade, [[maybe_unused]] const Node& node, FieldIndex field,\n"
+        << "             [[maybe_unused]] const void* value) {\n    switch (field) {\n"
+        << inputs.str() << "        default: break;\n    }\n}\n\n"
+        << "/// Time has come, or a field was written. Returns when to be called next.\n"
+        << "double onTime([[maybe_unused]] Cascade& cascade, [[maybe_unused]] const Node& node) { return kNever; }\n\n"
+        << "}  // namespace\n\n/// For Scene::registerBehaviour.\nconst Behaviour& " << function << "() {\n"
+        << "    static constexpr Behaviour behaviour{onEvent, onTime};\n    return behaviour;\n}\n\n}  // namespace "
+        << space << '\n';
+    return out.str();
+}
+
 bool readFile(const std::string& path, std::string& text) {
     std::ifstream in(path, std::ios::binary);
     text.assign(std::istreambuf_iterator<char>(in), {});
@@ -167,6 +200,7 @@ bool writeFile(const std::string& path, const std::string& text) {
 int usage() {
     std::cerr << "usage: spec_compiler [--import FILE]... --header OUT.h --source OUT.cpp\n"
                  "                     [--namespace NS] [--include PATH] FILE...\n"
+                 "       spec_compiler --skeleton NODE [--namespace NS] [--include PATH] FILE...\n"
                  "example: spec_compiler --header x3d.h --source x3d.cpp --namespace rtsg::x3d spec/*.x3dspec\n";
     return 2;
 }
@@ -174,7 +208,7 @@ int usage() {
 }  // namespace
 
 int main(int argc, char** argv) {
-    std::string headerPath, sourcePath, include, space = "rtsg::x3d";
+    std::string headerPath, sourcePath, include, node, space = "rtsg::x3d";
     std::vector<std::pair<std::string, bool>> files;  // path, imported
     for (int i = 1; i < argc; ++i) {
         const std::string argument = argv[i];
@@ -194,11 +228,13 @@ int main(int argc, char** argv) {
             space = value;
         else if (argument == "--include")
             include = value;
+        else if (argument == "--skeleton")
+            node = value;
         else
             return usage();
     }
-    if (headerPath.empty() || sourcePath.empty() || files.empty()) return usage();
-    if (include.empty()) include = headerPath;
+    if (files.empty() || (node.empty() && (headerPath.empty() || sourcePath.empty()))) return usage();
+    if (include.empty()) include = headerPath.empty() ? "rtsg/core/x3d.h" : headerPath;
 
     spec::Model model;
     bool readable = true, builtin = true;
@@ -210,6 +246,15 @@ int main(int argc, char** argv) {
     }
     model.resolve();
     if (!readable || model.errors()) return 1;
+    if (!node.empty()) {
+        const Type* type = model.find(node);
+        if (!type || type->isAbstract) {
+            std::cerr << "error: the tables declare no node '" << node << "'\n";
+            return 1;
+        }
+        std::cout << skeleton(*type, space, include);
+        return 0;
+    }
 
     std::vector<const Type*> nodes;
     std::vector<std::string> abstracts;

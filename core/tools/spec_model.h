@@ -55,7 +55,8 @@ struct Type {
     int state = 0;                        // 0 untouched, 1 being resolved, 2 done
 };
 
-/// Everything read so far. Errors go to stderr as `file:line: error: text` and are counted.
+/// Everything read so far. Errors go to stderr as `file:line: error: text` and are counted; the parser reports only
+/// the first of a line.
 class Model {
   public:
     void parse(const std::string& file, const std::string& text, bool imported);
@@ -86,12 +87,15 @@ class Model {
         Position where;
         std::string name;
         std::vector<Field> own;
+        bool imported = false;
     };
     std::vector<Extension> extensions_;
     std::string component_;
     std::vector<Field>* open_ = nullptr;  // where the next field line belongs
     Type* openType_ = nullptr;
     int errors_ = 0;
+    bool parsing_ = false;
+    int errorLine_ = 0;  // of the file being parsed, where the last error was
 };
 
 /// Numbers in one element of an SF or MF type; 0 for String, Node and Image; -1 for no field type at all.

@@ -121,8 +121,10 @@ struct Model::Token {
 };
 
 void Model::error(const Position& where, const std::string& text) {
-    std::cerr << where.file << ':' << where.line << ": error: " << text << '\n';
     ++errors_;
+    if (parsing_ && errorLine_ == where.line) return;
+    errorLine_ = where.line;
+    std::cerr << where.file << ':' << where.line << ": error: " << text << '\n';
 }
 
 const Type* Model::find(std::string_view name) const {
@@ -179,6 +181,8 @@ std::vector<Model::Token> Model::tokens(const Position& where, std::string_view 
 
 void Model::parse(const std::string& file, const std::string& text, bool imported) {
     component_.clear();
+    parsing_ = true;
+    errorLine_ = 0;
     open_ = nullptr;
     openType_ = nullptr;
     std::istringstream lines(text);
@@ -209,6 +213,7 @@ void Model::parse(const std::string& file, const std::string& text, bool importe
         else
             parseHead(where, found, imported);
     }
+    parsing_ = false;
 }
 
 void Model::parseHead(const Position& where, const std::vector<Token>& found, bool imported) {
@@ -226,7 +231,7 @@ void Model::parseHead(const Position& where, const std::vector<Token>& found, bo
         return;
     }
     if (keyword == "extend") {
-        extensions_.push_back({where, name, {}});
+        extensions_.push_back({where, name, {}, imported});
         open_ = &extensions_.back().own;
         if (next < found.size()) error(where, "expected `extend Name`");
         return;
@@ -354,13 +359,18 @@ void Model::parseDefault(Field& field, const std::vector<Token>& found, std::siz
             field.defaultText += value.text + ' ';
         } else {
             if (value.kind != Token::word || !parseNumber(value.text, number) || std::isinf(number) ||
-                (isInteger(field) && number != std::trunc(number)))
+                (isInteger(field) && (number != std::trunc(number) || std::abs(number) > 2147483647.0)))
                 return error(field.where, "'" + value.text + "' is no value of " + field.type);
             // As written where possible: the reader of the table rounds once, to the type of the field.
-            char digits[32];
-            const auto end = std::to_chars(digits, digits + sizeof(digits), number).ptr;
-            const bool symbolic = value.text.contains('p');
-            field.defaultText += (symbolic ? std::string(digits, end) : value.text) + ' ';
+            if (isInteger(field)) {
+                field.defaultText += std::to_string(static_cast<long long>(number)) + ' ';
+            } else if (value.text.contains("pi")) {
+                char digits[32];
+                const auto end = std::to_chars(digits, digits + sizeof(digits), number).ptr;
+                field.defaultText += std::string(digits, end) + ' ';
+            } else {
+                field.defaultText += value.text + ' ';
+            }
         }
     }
     if (!field.defaultText.empty() && field.defaultText.back() == ' ') field.defaultText.pop_back();
@@ -416,93 +426,6 @@ void Model::checkDefault(const Field& field) {
             value > field.max + slack(field.max) || (field.exclusiveMax && value == field.max))
             error(field.where, "the default of '" + field.name + "' is outside of its range");
     }
-}
-
-void Model::inherit(Type& type, const Type& base) {
-    if (base.isAbstract && std::ranges::find(type.implements, base.name) == type.implements.end())
-        type.implements.push_back(base.name);
-    for (const std::string& name : base.implements)
-        if (std::ranges::find(type.implements, name) == type.implements.end()) type.implements.push_back(name);
-    for (const Field& field : base.fields) {
-        const auto known = std::ranges::find(type.fields, field.name, &Field::name);
-        const auto redefined = std::ranges::find(type.own, field.name, &Field::name);
-        if (known == type.fields.end()) {
-            type.fields.push_back(field);
-        } else if (redefined == type.own.end()) {
-            const bool same = known->type == field.type && known->access == field.access &&
-                              known->defaultText == field.defaultText && known->accepts == field.accepts &&
-                              known->min == field.min && known->max == field.max;
-            const bool retagged = std::ranges::any_of(type.retags, [&](const Retag& retag) {
-                return std::ranges::find(retag.fields, field.name) != retag.fields.end();
-            });
-            if (!same || (known->aspect != field.aspect && !retagged))
-                error(type.where, "'" + type.name + "' inherits two different fields '" + field.name +
-                                      "'; list it, or retag it if only the aspects differ");
-        }
-    }
-}
-
-void Model::resolve(Type& type) {
-    if (type.state == 2) return;
-    if (type.state == 1) return error(type.where, "'" + type.name + "' inherits from itself");
-    type.state = 1;
-    for (const std::string& name : type.bases) {
-        Type* base = lookup(name);
-        if (!base) {
-            error(type.where, "'" + type.name + "' inherits from unknown type '" + name + "'");
-            continue;
-        }
-        resolve(*base);
-        inherit(type, *base);
-    }
-    for (const Field& field : type.own) {
-        const auto known = std::ranges::find(type.fields, field.name, &Field::name);
-        if (known == type.fields.end()) {
-            type.fields.push_back(field);
-            continue;
-        }
-        if (known->type != field.type || known->access != field.access)
-            error(field.where, "'" + field.name + "' is inherited with another type or access");
-        *known = field;
-    }
-    for (const Retag& retag : type.retags)
-        for (const std::string& name : retag.fields) {
-            const auto field = std::ranges::find(type.fields, name, &Field::name);
-            if (field == type.fields.end())
-                error(retag.where, "'" + type.name + "' has no field '" + name + "'");
-            else
-                field->aspect = retag.aspect;
-        }
-    // The order of the standard's tables: by name, whatever the case.
-    std::ranges::stable_sort(type.fields, [](const Field& a, const Field& b) {
-        if (a.hidden || b.hidden) return !a.hidden && b.hidden;
-        return std::ranges::lexicographical_compare(a.name, b.name, [](char x, char y) {
-            const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
-            return lower(x) < lower(y);
-        });
-    });
-    type.state = 2;
-}
-
-void Model::resolve() {
-    for (const Extension& extension : extensions_) {
-        Type* type = lookup(extension.name);
-        if (!type) {
-            error(extension.where, "cannot extend unknown type '" + extension.name + "'");
-            continue;
-        }
-        for (const Field& field : extension.own) {
-            if (std::ranges::find(type->own, field.name, &Field::name) != type->own.end())
-                error(field.where, "'" + extension.name + "' already has a field '" + field.name + "'");
-            type->own.push_back(field);
-        }
-    }
-    for (Type& type : types_) resolve(type);
-    for (const Type& type : types_)
-        for (const Field& field : type.own)
-            for (const std::string_view name : split(field.accepts, '|'))
-                if (!name.empty() && !find(name))
-                    error(field.where, "'" + field.name + "' accepts unknown type '" + std::string(name) + "'");
 }
 
 }  // namespace spec

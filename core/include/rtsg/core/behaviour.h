@@ -17,6 +17,8 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 class Cascade {
   public:
     double now() const { return now_; }
+    /// The timestamp before this one; equal to now() in a scene's first frame.
+    double previous() const { return previous_; }
     const Scene& scene() const { return scene_; }
 
     /// Sends an output event (and stores the value). At most one per field and timestamp reaches the routes.
@@ -34,16 +36,19 @@ class Cascade {
     void storeStorage(const Node& node, FieldIndex field, const void* value);
     /// Delivers an event to another node's input at this timestamp (direct output of a Script).
     Result<> deliver(NodeId node, FieldIndex field, const Value& value);
-    void warn(const Node& node, std::string text);
+    /// Reported once for each node and text, however often it happens.
+    void warn(const Node& node, const std::string& text);
 
   private:
     friend class Scene;
-    Cascade(Scene& scene, double now) : scene_(scene), now_(now) {}
+    Cascade(Scene& scene, double now, double previous) : scene_(scene), now_(now), previous_(previous) {}
     Scene& scene_;
-    double now_;
+    double now_, previous_;
 };
 
 struct Behaviour {
+    /// False refuses an event for an inputOutput field, before it is stored. `value`: block representation.
+    bool (*accepts)(const Node& node, FieldIndex field, const void* value) = nullptr;
     /// An input event has arrived; inputOutput fields already hold the new value. `value`: block representation.
     void (*onEvent)(Cascade& cascade, const Node& node, FieldIndex field, const void* value) = nullptr;
     /// Time has come (or a field was written). Returns when to be called next: now or earlier means every frame,

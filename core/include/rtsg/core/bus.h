@@ -50,7 +50,7 @@ class Attachment {
     std::uint64_t sequence() const;
     bool attached() const;
     /// Why the bus detached it, if it did.
-    const std::string& failure() const;
+    std::string failure() const;
     void detach();
 
     struct Cursor;
@@ -62,7 +62,7 @@ class Attachment {
 
 class Bus {
   public:
-    explicit Bus(const Scene& scene);
+    explicit Bus(Scene& scene);
     ~Bus();
     Bus(const Bus&) = delete;
     Bus& operator=(const Bus&) = delete;

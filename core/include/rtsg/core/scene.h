@@ -155,11 +155,11 @@ class Scene {
     Diagnostics& diagnostics();
 
     // ---- state ---------------------------------------------------------------------------------------------
+    /// Seal first: edits still pending are in the snapshot, and would come again with the next set.
     ChangeSet snapshot() const;
     /// Applies a set that starts at sequence() (or a snapshot onto an empty scene), and publishes it. On an error
     /// nothing is guaranteed but safety: the scene must then be discarded.
     Result<> apply(std::shared_ptr<const ChangeSet> set);
-    /// Forgets everything, as freshly constructed, keeping subscribers: they get a snapshot next.
     Hash128 hash() const;
     /// Canonical text of the whole state; equal states give equal text. For tests and bug reports.
     std::string dump() const;

@@ -1,0 +1,183 @@
+// The linear interpolators: ISO/IEC 19775-1 V4.0, 19.2.2, 19.3.1 and 19.4. One template for all of them.
+#include <algorithm>
+#include <cmath>
+
+#include <rtsg/core/x3d.h>
+
+#include "behaviours.h"
+
+namespace rtsg::behaviours {
+
+namespace {
+
+/// Which two keys a fraction lies between, and how far.
+struct Span {
+    std::size_t from = 0, to = 0;
+    float weight = 0;
+};
+
+/// 19.3.1: outside the keys the end values hold; among equal keys the last one counts, so a step is a step.
+Span locate(const Array<float>& key, std::size_t count, float fraction) {
+    const float* begin = key.data();
+    const float* end = begin + count;
+    const float* after = std::upper_bound(begin, end, fraction);
+    if (after == begin) return {0, 0, 0};
+    if (after == end) return {count - 1, count - 1, 0};
+    const auto from = static_cast<std::size_t>(after - begin) - 1;
+    const float width = key[from + 1] - key[from];
+    return {from, from + 1, width > 0 ? (fraction - key[from]) / width : 0};
+}
+
+template <class T>
+T blend(const T& a, const T& b, float w) {
+    return a + (b - a) * w;
+}
+
+/// Shortest arc (19.4.6). At exactly half a turn, which the standard leaves open, the second quaternion is taken as
+/// written: finite, and the same everywhere.
+Rotation blend(const Rotation& a, const Rotation& b, float w) {
+    struct Quaternion {
+        double x, y, z, w;
+    };
+    const auto toQuaternion = [](const Rotation& r) -> Quaternion {
+        const double length = std::sqrt(double(r.x) * r.x + double(r.y) * r.y + double(r.z) * r.z);
+        if (!(length > 0)) return {0, 0, 0, 1};
+        const double s = std::sin(r.angle * .5) / length;
+        return {r.x * s, r.y * s, r.z * s, std::cos(r.angle * .5)};
+    };
+    // At the keys the authored values come out as they are.
+    if (w == 0) return a;
+    if (w == 1) return b;
+    const Quaternion p = toQuaternion(a);
+    Quaternion q = toQuaternion(b);
+    double cosine = p.x * q.x + p.y * q.y + p.z * q.z + p.w * q.w;
+    if (cosine < 0) {
+        q = {-q.x, -q.y, -q.z, -q.w};
+        cosine = -cosine;
+    }
+    double wp = 1 - double(w), wq = w;
+    if (cosine < 1 - 1e-9) {
+        const double angle = std::acos(cosine), sine = std::sin(angle);
+        wp = std::sin((1 - double(w)) * angle) / sine;
+        wq = std::sin(double(w) * angle) / sine;
+    }
+    const double x = wp * p.x + wq * q.x, y = wp * p.y + wq * q.y, z = wp * p.z + wq * q.z;
+    const double c = wp * p.w + wq * q.w;
+    const double s = std::sqrt(x * x + y * y + z * z);
+    if (!(s > 0)) return {a.x, a.y, a.z, 0};
+    return {static_cast<float>(x / s), static_cast<float>(y / s), static_cast<float>(z / s),
+            static_cast<float>(2 * std::atan2(s, c))};
+}
+
+struct Hsv {
+    float h, s, v;  // hue in turns
+};
+
+Hsv toHsv(const Color& c) {
+    const float high = std::max({c.r, c.g, c.b}), low = std::min({c.r, c.g, c.b}), range = high - low;
+    if (!(range > 0)) return {0, 0, high};
+    float h = high == c.r ? (c.g - c.b) / range : high == c.g ? 2 + (c.b - c.r) / range : 4 + (c.r - c.g) / range;
+    h /= 6;
+    return {h < 0 ? h + 1 : h, range / high, high};
+}
+
+Color fromHsv(const Hsv& c) {
+    const float h = (c.h - std::floor(c.h)) * 6;
+    const int sector = std::min(5, static_cast<int>(h));
+    const float f = h - static_cast<float>(sector);
+    const float p = c.v * (1 - c.s), q = c.v * (1 - c.s * f), t = c.v * (1 - c.s * (1 - f));
+    switch (sector) {
+        case 0:
+            return {c.v, t, p};
+        case 1:
+            return {q, c.v, p};
+        case 2:
+            return {p, c.v, t};
+        case 3:
+            return {p, q, c.v};
+        case 4:
+            return {t, p, c.v};
+        default:
+            return {c.v, p, q};
+    }
+}
+
+/// 19.4.1: in HSV space, hue the short way round; a colour without hue takes the other's.
+Color blend(const Color& a, const Color& b, float w) {
+    if (w == 0) return a;
+    if (w == 1) return b;
+    Hsv from = toHsv(a), to = toHsv(b);
+    if (from.s == 0) from.h = to.h;
+    if (to.s == 0) to.h = from.h;
+    if (to.h - from.h > .5f) from.h += 1;
+    if (from.h - to.h > .5f) to.h += 1;
+    return fromHsv({from.h + (to.h - from.h) * w, from.s + (to.s - from.s) * w, from.v + (to.v - from.v) * w});
+}
+
+/// 19.4.5: along the great circle between the two directions.
+Vec3f mixNormal(const Vec3f& a, const Vec3f& b, float w) {
+    const float la = glm::length(a), lb = glm::length(b);
+    if (!(la > 0) || !(lb > 0)) return blend(a, b, w);
+    const Vec3f p = a / la, q = b / lb;
+    const float cosine = std::clamp(glm::dot(p, q), -1.0f, 1.0f);
+    const float angle = std::acos(cosine), sine = std::sin(angle);
+    if (!(sine > 1e-6f)) return w < .5f ? p : q;  // equal, or opposite: no circle is singled out
+    return p * (std::sin((1 - w) * angle) / sine) + q * (std::sin(w * angle) / sine);
+}
+
+/// One value a key.
+template <class N>
+void interpolateOne(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+    if (field != N::set_fraction.index) return;
+    const float fraction = eventValue<float>(value);
+    const auto& key = node.get(N::key);
+    const auto& values = node.get(N::keyValue);
+    const std::size_t count = std::min(key.size(), values.size());
+    if (key.size() != values.size())
+        cascade.warn(node, std::to_string(values.size()) + " key values for " + std::to_string(key.size()) + " keys");
+    if (count == 0 || std::isnan(fraction)) return;
+    const Span s = locate(key, count, fraction);
+    cascade.emit(node, N::value_changed, blend(values[s.from], values[s.to], s.weight));
+}
+
+/// As many values a key as there are: coordinates and normals.
+template <class N, auto Mix>
+void interpolateMany(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+    if (field != N::set_fraction.index) return;
+    const float fraction = eventValue<float>(value);
+    const auto& key = node.get(N::key);
+    const auto& values = node.get(N::keyValue);
+    if (key.empty() || std::isnan(fraction)) return;
+    const std::size_t each = values.size() / key.size();
+    if (each * key.size() != values.size())
+        cascade.warn(node, std::to_string(values.size()) + " key values are no multiple of " +
+                               std::to_string(key.size()) + " keys; the rest is left out");
+    if (each == 0) return;
+    const Span s = locate(key, key.size(), fraction);
+    using Element = std::remove_cvref_t<decltype(values[0])>;
+    auto result = Array<Element>::ofSize(each);
+    Element* out = result.mutableData();
+    const Element *from = values.data() + s.from * each, *to = values.data() + s.to * each;
+    for (std::size_t i = 0; i < each; ++i) out[i] = Mix(from[i], to[i], s.weight);
+    cascade.emit(node, N::value_changed, result);
+}
+
+constexpr auto kMix2 = [](const Vec2f& a, const Vec2f& b, float w) { return blend(a, b, w); };
+constexpr auto kMix3 = [](const Vec3f& a, const Vec3f& b, float w) { return blend(a, b, w); };
+constexpr auto kMixNormal = [](const Vec3f& a, const Vec3f& b, float w) { return mixNormal(a, b, w); };
+
+}  // namespace
+
+void appendInterpolators(std::vector<BuiltinBehaviour>& table) {
+    const auto add = [&](TypeIndex type, auto onEvent) { table.push_back({type, {.onEvent = onEvent}}); };
+    add(x3d::ScalarInterpolator::type, interpolateOne<x3d::ScalarInterpolator>);
+    add(x3d::PositionInterpolator::type, interpolateOne<x3d::PositionInterpolator>);
+    add(x3d::PositionInterpolator2D::type, interpolateOne<x3d::PositionInterpolator2D>);
+    add(x3d::OrientationInterpolator::type, interpolateOne<x3d::OrientationInterpolator>);
+    add(x3d::ColorInterpolator::type, interpolateOne<x3d::ColorInterpolator>);
+    add(x3d::CoordinateInterpolator::type, interpolateMany<x3d::CoordinateInterpolator, kMix3>);
+    add(x3d::CoordinateInterpolator2D::type, interpolateMany<x3d::CoordinateInterpolator2D, kMix2>);
+    add(x3d::NormalInterpolator::type, interpolateMany<x3d::NormalInterpolator, kMixNormal>);
+}
+
+}  // namespace rtsg::behaviours

@@ -1,0 +1,115 @@
+// TimeSensor: ISO/IEC 19775-1 V4.0, 8.2.4 (time-dependent nodes) and 8.4.1.
+//
+// Two clocks: the scene's, and the active time (seconds since startTime less the pauses), in which cycles are
+// counted; _cycleStart is in active time.
+#include <cmath>
+
+#include <rtsg/core/x3d.h>
+
+#include "behaviours.h"
+
+namespace rtsg::behaviours {
+
+namespace {
+
+using S = x3d::TimeSensor;
+
+void sendProgress(Cascade& cascade, const Node& node, double active, double interval) {
+    // 8.4.1: the fraction at the exact end of a cycle is 1, not 0.
+    const double cycles = active / interval;
+    double fraction = cycles - std::floor(cycles);
+    if (fraction == 0 && active > 0) fraction = 1;
+    cascade.emit(node, S::fraction_changed, static_cast<float>(fraction));
+    cascade.emit(node, S::elapsedTime, Time{active});
+    cascade.emit(node, S::time, Time{cascade.now()});
+}
+
+double start(Cascade& cascade, const Node& node) {
+    const double now = cascade.now(), startTime = node.get(S::startTime).seconds;
+    const double interval = node.get(S::cycleInterval).seconds;
+    const double active = now - startTime;
+    const double cycleStart = node.get(S::loop) ? std::floor(active / interval) * interval : 0;
+    cascade.store(node, S::_cycleStart, Time{cycleStart});
+    cascade.store(node, S::_pausedTotal, Time{0});
+    cascade.emit(node, S::isActive, true);
+    // The cycle's beginning is news only if it came with this frame: not when a scene is loaded in mid-cycle.
+    const double begun = startTime + cycleStart;
+    if (begun == now || begun > cascade.previous()) cascade.emit(node, S::cycleTime, Time{begun});
+    sendProgress(cascade, node, node.get(S::loop) ? active : std::min(active, interval), interval);
+    return now;
+}
+
+double stop(Cascade& cascade, const Node& node) {
+    if (node.get(S::isPaused)) cascade.emit(node, S::isPaused, false);
+    cascade.emit(node, S::isActive, false);
+    return node.get(S::startTime).seconds > cascade.now() ? node.get(S::startTime).seconds : kNever;
+}
+
+/// True while paused. Keeps _pausedTotal, so that the fraction goes on where it was (8.2.4.4).
+bool handlePause(Cascade& cascade, const Node& node) {
+    const double now = cascade.now();
+    const double pause = node.get(S::pauseTime).seconds, resume = node.get(S::resumeTime).seconds;
+    if (!node.get(S::isPaused)) {
+        if (pause <= resume || pause > now || pause < node.get(S::startTime).seconds) return false;
+        cascade.emit(node, S::isPaused, true);
+        const double active = pause - node.get(S::startTime).seconds - node.get(S::_pausedTotal).seconds;
+        cascade.emit(node, S::elapsedTime, Time{active});
+        return true;
+    }
+    if (resume <= pause || resume > now) return true;
+    cascade.store(node, S::_pausedTotal, Time{node.get(S::_pausedTotal).seconds + resume - pause});
+    cascade.emit(node, S::isPaused, false);
+    return false;
+}
+
+}  // namespace
+
+bool timeSensorAccepts(const Node& node, FieldIndex field, const void* value) {
+    if (!node.get(S::isActive)) return true;
+    // 8.2.4.3: these are ignored while the node is active.
+    if (field == S::startTime.index || field == S::cycleInterval.index) return false;
+    if (field == S::stopTime.index) return eventValue<Time>(value).seconds > node.get(S::startTime).seconds;
+    return true;
+}
+
+double timeSensorOnTime(Cascade& cascade, const Node& node) {
+    const double now = cascade.now();
+    const double startTime = node.get(S::startTime).seconds, stopTime = node.get(S::stopTime).seconds;
+    const double interval = node.get(S::cycleInterval).seconds;
+    const bool loop = node.get(S::loop);
+    if (!node.get(S::enabled)) return node.get(S::isActive) ? stop(cascade, node) : kNever;
+    if (!(interval > 0) || !std::isfinite(interval)) {
+        cascade.warn(node, "cycleInterval must be greater than 0; the sensor stays inactive");
+        return node.get(S::isActive) ? stop(cascade, node) : kNever;
+    }
+    if (!node.get(S::isActive)) {
+        if (!(startTime <= now)) return startTime > now ? startTime : kNever;
+        if (stopTime > startTime && now >= stopTime) return kNever;
+        // A cycle shorter than a frame is still seen: it becomes active now and ends in the next frame.
+        if (!loop && now - startTime >= interval && startTime <= cascade.previous()) return kNever;
+        return start(cascade, node);
+    }
+    if (handlePause(cascade, node)) {
+        if (stopTime > startTime && now >= stopTime) return stop(cascade, node);
+        return now;
+    }
+    const bool stopping = stopTime > startTime && now >= stopTime;
+    const double until = stopping ? stopTime : now;
+    const double active = std::max(0.0, until - startTime - node.get(S::_pausedTotal).seconds);
+    const double cycleStart = node.get(S::_cycleStart).seconds;
+    if (!loop && active >= cycleStart + interval) {
+        cascade.emit(node, S::fraction_changed, 1.0f);
+        cascade.emit(node, S::elapsedTime, Time{cycleStart + interval});
+        cascade.emit(node, S::time, Time{now});
+        return stop(cascade, node);
+    }
+    const double newest = std::floor(active / interval) * interval;
+    if (newest > cycleStart) {
+        cascade.store(node, S::_cycleStart, Time{newest});
+        cascade.emit(node, S::cycleTime, Time{startTime + node.get(S::_pausedTotal).seconds + newest});
+    }
+    sendProgress(cascade, node, active, interval);
+    return stopping ? stop(cascade, node) : now;
+}
+
+}  // namespace rtsg::behaviours

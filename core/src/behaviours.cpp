@@ -1,0 +1,21 @@
+#include "behaviours.h"
+
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+
+std::span<const BuiltinBehaviour> builtinBehaviours() {
+    static const std::vector<BuiltinBehaviour> table = [] {
+        using namespace behaviours;
+        std::vector<BuiltinBehaviour> t;
+        t.push_back({x3d::TimeSensor::type, {.accepts = timeSensorAccepts, .onTime = timeSensorOnTime}});
+        t.push_back({x3d::LOD::type, {.onTime = lodOnTime}});
+        appendInterpolators(t);
+        appendTriggers(t);
+        appendBindables(t);
+        return t;
+    }();
+    return table;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,23 @@
+// The built-in behaviours, one function a job; gathered into the table by behaviours.cpp.
+#pragma once
+
+#include <rtsg/core/behaviour.h>
+
+namespace rtsg::behaviours {
+
+double timeSensorOnTime(Cascade& cascade, const Node& node);
+bool timeSensorAccepts(const Node& node, FieldIndex field, const void* value);
+
+void appendInterpolators(std::vector<BuiltinBehaviour>& table);
+void appendTriggers(std::vector<BuiltinBehaviour>& table);
+void appendBindables(std::vector<BuiltinBehaviour>& table);
+
+double lodOnTime(Cascade& cascade, const Node& node);
+
+/// An event value in block representation as what it is.
+template <class T>
+const T& eventValue(const void* value) {
+    return *static_cast<const T*>(value);
+}
+
+}  // namespace rtsg::behaviours

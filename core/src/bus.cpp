@@ -1,0 +1,206 @@
+#include <rtsg/core/bus.h>
+
+#include <algorithm>
+#include <deque>
+#include <exception>
+#include <mutex>
+
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+namespace {
+
+/// A cursor's backlog is merged when it grows beyond this many sets.
+constexpr std::size_t kBacklog = 256;
+
+}  // namespace
+
+struct Attachment::Cursor {
+    Subscriber* subscriber = nullptr;
+    const Scene* scene = nullptr;
+    Delivery delivery = Delivery::immediate;
+
+    std::mutex mutex;  // guards everything below
+    bool attached = true;
+    std::string failure;
+    std::uint64_t seen = 0;
+    std::deque<std::shared_ptr<const ChangeSet>> backlog;
+
+    /// Whatever the subscriber does, nothing is thrown across the bus.
+    Result<> call(const ChangeSet& set) {
+        try {
+            return subscriber->apply(*scene, set);
+        } catch (const std::exception& e) {
+            return fail(e.what());
+        } catch (...) {
+            return fail("unknown exception");
+        }
+    }
+    bool deliver(const ChangeSet& set) {
+        const Result<> result = call(set);
+        const std::scoped_lock lock(mutex);
+        seen = set.to;
+        if (result) return true;
+        attached = false;
+        failure = result.error().text;
+        backlog.clear();
+        return false;
+    }
+    std::deque<std::shared_ptr<const ChangeSet>> takeBacklog() {
+        const std::scoped_lock lock(mutex);
+        if (!attached) return {};
+        return std::exchange(backlog, {});
+    }
+};
+
+struct Bus::State {
+    Scene* scene = nullptr;
+    std::vector<std::shared_ptr<Attachment::Cursor>> cursors;
+    std::function<void(const Diagnostic&)> reporter;
+};
+
+Bus::Bus(Scene& scene) : state_(std::make_shared<State>()) {
+    state_->scene = &scene;
+}
+
+Bus::~Bus() {
+    for (const auto& cursor : state_->cursors) {
+        const std::scoped_lock lock(cursor->mutex);
+        cursor->attached = false;
+    }
+}
+
+Attachment Bus::attach(Subscriber& subscriber, Delivery delivery) {
+    auto cursor = std::make_shared<Attachment::Cursor>();
+    cursor->subscriber = &subscriber;
+    cursor->scene = state_->scene;
+    cursor->delivery = delivery;
+    state_->scene->seal();  // pending edits would otherwise come twice: in the snapshot and in the next set
+    auto snapshot = std::make_shared<const ChangeSet>(state_->scene->snapshot());
+    Attachment attachment;
+    attachment.cursor_ = cursor;
+    if (delivery == Delivery::polled)
+        cursor->backlog.push_back(std::move(snapshot));
+    else if (!cursor->deliver(*snapshot)) {
+        if (state_->reporter)
+            state_->reporter({Severity::error, subscriber.subscriberName(), {}, "detached: " + cursor->failure});
+        return attachment;
+    }
+    state_->cursors.push_back(std::move(cursor));
+    return attachment;
+}
+
+void Bus::publish(std::shared_ptr<const ChangeSet> set) {
+    // By index: a subscriber may attach or detach others while it runs.
+    bool anyGone = false;
+    for (std::size_t i = 0; i < state_->cursors.size(); ++i) {
+        const auto cursor = state_->cursors[i];
+        {
+            const std::scoped_lock lock(cursor->mutex);
+            if (!cursor->attached) {
+                anyGone = true;
+                continue;
+            }
+            const std::uint64_t have = cursor->backlog.empty() ? cursor->seen : cursor->backlog.back()->to;
+            if (have >= set->to) continue;  // attached during this very publication
+            if (cursor->delivery == Delivery::polled) {
+                cursor->backlog.push_back(set);
+                if (cursor->backlog.size() > kBacklog) {
+                    ChangeComposer composer;
+                    for (const auto& waiting : cursor->backlog) composer.add(*waiting);
+                    cursor->backlog.assign(1, std::make_shared<const ChangeSet>(composer.take()));
+                }
+                continue;
+            }
+        }
+        if (!cursor->deliver(*set)) {
+            anyGone = true;
+            if (state_->reporter)
+                state_->reporter(
+                    {Severity::error, cursor->subscriber->subscriberName(), {}, "detached: " + cursor->failure});
+        }
+    }
+    if (anyGone)
+        std::erase_if(state_->cursors, [](const auto& cursor) {
+            const std::scoped_lock lock(cursor->mutex);
+            return !cursor->attached;
+        });
+}
+
+void Bus::setReporter(std::function<void(const Diagnostic&)> reporter) {
+    state_->reporter = std::move(reporter);
+}
+
+std::size_t Bus::subscribers() const {
+    std::size_t count = 0;
+    for (const auto& cursor : state_->cursors) {
+        const std::scoped_lock lock(cursor->mutex);
+        count += cursor->attached ? 1 : 0;
+    }
+    return count;
+}
+
+Attachment::Attachment(Attachment&&) noexcept = default;
+Attachment& Attachment::operator=(Attachment&& other) noexcept {
+    if (this != &other) {
+        detach();
+        cursor_ = std::move(other.cursor_);
+    }
+    return *this;
+}
+Attachment::~Attachment() {
+    detach();
+}
+
+void Attachment::detach() {
+    if (!cursor_) return;
+    const std::scoped_lock lock(cursor_->mutex);
+    cursor_->attached = false;
+    cursor_->backlog.clear();
+}
+
+bool Attachment::poll() {
+    if (!cursor_) return false;
+    auto sets = cursor_->takeBacklog();
+    if (sets.empty()) return false;
+    if (sets.size() == 1) {
+        cursor_->deliver(*sets.front());
+        return true;
+    }
+    ChangeComposer composer;
+    for (const auto& set : sets) composer.add(*set);
+    cursor_->deliver(composer.take());
+    return true;
+}
+
+std::size_t Attachment::drain() {
+    if (!cursor_) return 0;
+    auto sets = cursor_->takeBacklog();
+    std::size_t count = 0;
+    for (const auto& set : sets) {
+        ++count;
+        if (!cursor_->deliver(*set)) break;
+    }
+    return count;
+}
+
+std::uint64_t Attachment::sequence() const {
+    if (!cursor_) return 0;
+    const std::scoped_lock lock(cursor_->mutex);
+    return cursor_->seen;
+}
+
+bool Attachment::attached() const {
+    if (!cursor_) return false;
+    const std::scoped_lock lock(cursor_->mutex);
+    return cursor_->attached;
+}
+
+std::string Attachment::failure() const {
+    if (!cursor_) return {};
+    const std::scoped_lock lock(cursor_->mutex);
+    return cursor_->failure;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,200 @@
+// The inside of Scene: node storage, names, routes, pending changes. Shared by scene_*.cpp only.
+//
+// Every write goes through beginWrite (which takes the old value out of the hash and remembers the field), then
+// writes; seal() puts the new values into the hash and into the ChangeSet. So a field written a hundred times
+// in a frame is hashed and sent once.
+#pragma once
+
+#include <array>
+#include <map>
+#include <memory_resource>
+#include <queue>
+#include <set>
+#include <thread>
+#include <unordered_map>
+
+#include <rtsg/core/behaviour.h>
+#include <rtsg/core/scene.h>
+
+#include "state_hash.h"
+
+namespace rtsg {
+
+struct RouteGroup {
+    FieldIndex field = kNoField;
+    std::uint64_t stamp = 0;  // timestamp at which the field last sent: at most one event each (4.4.8.3)
+    std::vector<RouteTarget> targets;
+};
+
+struct IncomingRoute {
+    NodeId from;
+    FieldIndex fromField = kNoField, toField = kNoField;
+    bool isConnection = false;
+    friend bool operator==(const IncomingRoute&, const IncomingRoute&) = default;
+};
+
+/// Parents beyond the first: a multiset of (node, field) with constant-time removal, however many there are.
+class ParentList {
+  public:
+    void add(ParentRef parent);
+    bool remove(ParentRef parent);
+    bool empty() const { return few_.empty() && many_.empty(); }
+    /// Precondition: !empty().
+    ParentRef takeAny();
+    void appendTo(std::vector<ParentRef>& out) const;
+
+  private:
+    static constexpr std::size_t kFew = 32;  // beyond this, hashing beats a linear search
+    static std::uint64_t key(ParentRef p) { return std::uint64_t{p.node.value} << 16 | p.field; }
+    static ParentRef fromKey(std::uint64_t k) {
+        return {NodeId{static_cast<std::uint32_t>(k >> 16)}, static_cast<FieldIndex>(k & 0xFFFF)};
+    }
+    std::vector<ParentRef> few_;
+    std::unordered_map<std::uint64_t, std::uint32_t> many_;  // to the number of times; used instead of few_
+};
+
+struct Node::Links {
+    String name;
+    ParentList parents;
+    std::vector<RouteGroup> out;
+    std::vector<IncomingRoute> in;
+    bool empty() const { return name.empty() && parents.empty() && out.empty() && in.empty(); }
+};
+
+struct TypeEntry {
+    const NodeType* type = nullptr;
+    Behaviour behaviour;
+    std::uint64_t nameHash = 0;
+    FieldIndex children = kNoField, addChildren = kNoField, removeChildren = kNoField;
+};
+
+struct Scene::State {
+    explicit State(Scene& scene);
+    ~State();
+
+    Scene& owner;
+    std::thread::id thread = std::this_thread::get_id();
+
+    // ---- nodes ----
+    static constexpr std::uint32_t kPage = 1024;
+    std::pmr::unsynchronized_pool_resource memory;
+    std::vector<std::unique_ptr<std::array<Node*, kPage>>> pages;
+    std::vector<std::uint32_t> pageCounts;
+    std::uint32_t nextId = 1;
+    std::size_t nodeCount = 0;
+    Node* find(NodeId id) const {
+        const std::uint32_t page = id.value / kPage;
+        return page < pages.size() && pages[page] ? (*pages[page])[id.value % kPage] : nullptr;
+    }
+    Node& allocate(NodeId id, TypeIndex type, NodeId scope);
+    void release(Node& node);
+    std::size_t bytesOf(const Node& node) const { return sizeof(Node) + node.type_->blockSize(); }
+    Node::Links& links(Node& node);
+    void trimLinks(Node& node);
+
+    // ---- types, names, routes ----
+    std::vector<TypeEntry> types;
+    std::vector<std::shared_ptr<const NodeType>> ownTypes;
+    std::unordered_map<std::string_view, std::uint16_t> typeByName;
+    void addTypeEntry(const NodeType& type);
+    struct NameKey {
+        std::uint32_t scope;
+        String name;
+        friend bool operator==(const NameKey&, const NameKey&) = default;
+    };
+    struct NameKeyHash {
+        std::size_t operator()(const NameKey& k) const {
+            return std::hash<std::string_view>()(k.name.view()) * 31 + k.scope;
+        }
+    };
+    std::unordered_map<NameKey, NodeId, NameKeyHash> names;
+    std::size_t routeCount = 0;
+
+    // ---- writing ----
+    detail::StateHash hash;
+    struct DirtyNode {
+        NodeId node;
+        std::uint64_t externalMask = 0;
+    };
+    std::vector<DirtyNode> dirtyNodes;
+    std::vector<std::pair<NodeId, FieldIndex>> dirtyHighFields;  // those with index >= 63
+    std::uint32_t firstNewId = 1;                                // ids from here on were created since the last seal
+    std::vector<DefinedType> newTypes;
+    std::vector<NodeId> newNodes, destroyedNodes, renamedNodes;
+    std::vector<Change> childOps, routeOps, events;
+    std::map<std::pair<NodeId, FieldIndex>, std::size_t> childOpCounts;
+    bool writingExternally = true;  // false while the cascade runs
+
+    bool isNew(NodeId id) const { return id.value >= firstNewId; }
+    bool isDirty(const Node& node, FieldIndex field) const;
+    /// The term of the current value (zero for the default).
+    Hash128 termOf(const Node& node, FieldIndex field) const;
+    void beginWrite(Node& node, FieldIndex field);
+    void write(Node& node, FieldIndex field, const void* value);
+    void addParent(Node& child, ParentRef parent);
+    void removeParent(Node& child, ParentRef parent);
+    /// Would `child` below `parent.field` close a cycle?
+    bool closesCycle(const Node& parent, FieldIndex field, const Node& child) const;
+    /// Applying a set passes through states that are none: there the check comes once, at the end.
+    bool deferCycleCheck = false;
+    /// No start contains itself.
+    Result<> checkAcyclic(std::span<const NodeId> starts) const;
+    bool isHierarchy(const Node& parent, FieldIndex field) const;
+    Result<> checkNodes(const Node& node, FieldIndex field, const void* value) const;
+    Result<> insertChild(Node& parent, FieldIndex field, Node& child, std::size_t index);
+    void removeChildAt(Node& parent, FieldIndex field, std::size_t index);
+    void setName(Node& node, std::string_view name);
+    void linkRoute(const Route& route, bool record);
+    bool unlinkRoute(const Route& route, bool record);
+    void detachEverything(Node& node);
+    /// Its children have one parent less; the fields keep their values until destroy().
+    void releaseChildren(Node& node);
+    /// Precondition: detached, children released.
+    void destroy(Node& node, bool record);
+    Result<> checkThread() const;
+    bool hasPending() const;
+    std::shared_ptr<const ChangeSet> seal();
+    void appendFieldChanges(ChangeSet& set);
+
+    // ---- running ----
+    double now = 0;
+    bool started = false;
+    bool behavioursEnabled = true;
+    std::uint64_t sequence = 0;
+    std::uint64_t stamp = 0;
+    struct QueuedEvent {
+        NodeId node;
+        FieldIndex field;
+        Value value;
+    };
+    std::vector<QueuedEvent> inputQueue;
+    struct Emission {
+        NodeId node;
+        FieldIndex field;
+    };
+    std::vector<Emission> emissions;
+    std::vector<NodeId> active, due, woken, nextActive;  // nodes with onTime; active is sorted
+    using Sleeper = std::pair<double, NodeId>;
+    std::priority_queue<Sleeper, std::vector<Sleeper>, std::greater<>> sleepers;
+    EventListener listener;
+    Diagnostics diagnostics;
+    std::set<std::pair<NodeId, std::string>> warned;
+    std::vector<std::shared_ptr<ChangeSet>> pool;  // sealed sets come back when no subscriber holds them
+
+    void wake(const Node& node) {
+        if (behavioursEnabled && types[node.typeIndex_.value].behaviour.onTime) woken.push_back(node.id_);
+    }
+    void send(Node& node, FieldIndex field);
+    void deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value);
+    void deliverChildren(Cascade& cascade, Node& node, FieldIndex field, const void* value, const TypeEntry& entry);
+    void runRoutes(Cascade& cascade);
+    void runTime(Cascade& cascade);
+    void tick(Cascade& cascade, const std::vector<NodeId>& nodes);
+    std::shared_ptr<ChangeSet> freshSet();
+
+    ChangeSet snapshot() const;
+    Result<> applyChange(const Change& change);
+    Result<> releaseDestroyed(std::span<const Change> changes);
+};
+
+}  // namespace rtsg

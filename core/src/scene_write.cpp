@@ -1,0 +1,322 @@
+// Every write to a scene: fields, children, creation, destruction; and sealing what was written into a ChangeSet.
+#include <algorithm>
+#include <tuple>
+
+#include "scene_state.h"
+
+namespace rtsg {
+
+namespace {
+
+constexpr FieldIndex kHighField = 63;
+
+std::uint64_t dirtyBit(FieldIndex field) {
+    return std::uint64_t{1} << std::min(field, kHighField);
+}
+
+const Array<NodeId>& childrenAt(const void* storage) {
+    return *static_cast<const Array<NodeId>*>(storage);
+}
+
+}  // namespace
+
+bool Node::isDefault(FieldIndex field) const {
+    const FieldDef& def = type_->fields[field];
+    return equalStorage(def.type, block() + def.offset, type_->defaults() + def.offset);
+}
+
+bool Scene::State::isDirty(const Node& node, FieldIndex field) const {
+    if (!(node.dirty_ & dirtyBit(field))) return false;
+    return field < kHighField ||
+           std::ranges::find(dirtyHighFields, std::pair(node.id_, field)) != dirtyHighFields.end();
+}
+
+Hash128 Scene::State::termOf(const Node& node, FieldIndex field) const {
+    if (node.isDefault(field)) return {};
+    return detail::fieldTerm(node.id_, field, node.type_->fields[field].type, node.storage(field));
+}
+
+void Scene::State::beginWrite(Node& node, FieldIndex field) {
+    if (!isDirty(node, field)) {
+        hash.subtract(termOf(node, field));
+        if (!node.dirty_) {
+            node.dirtySlot_ = static_cast<std::uint32_t>(dirtyNodes.size());
+            dirtyNodes.push_back({node.id_, 0});
+        }
+        node.dirty_ |= dirtyBit(field);
+        if (field >= kHighField) dirtyHighFields.emplace_back(node.id_, field);
+        // A whole new value makes the insertions and removals noted so far void.
+        if (!childOpCounts.empty()) {
+            const auto ops = childOpCounts.find({node.id_, field});
+            if (ops != childOpCounts.end()) {
+                std::erase_if(childOps, [&](const Change& c) { return c.node == node.id_ && c.field == field; });
+                childOpCounts.erase(ops);
+            }
+        }
+    }
+    DirtyNode& dirty = dirtyNodes[node.dirtySlot_];
+    if (writingExternally)
+        dirty.externalMask |= dirtyBit(field);
+    else
+        dirty.externalMask &= ~dirtyBit(field);
+}
+
+void Scene::State::write(Node& node, FieldIndex field, const void* value) {
+    beginWrite(node, field);
+    const FieldDef& def = node.type_->fields[field];
+    std::byte* target = node.block() + def.offset;
+    const ParentRef parent{node.id_, field};
+    if (def.type == FieldType::SFNode) {
+        const NodeId before = *reinterpret_cast<const NodeId*>(target);
+        const NodeId after = *static_cast<const NodeId*>(value);
+        if (after) addParent(*find(after), parent);
+        if (before) removeParent(*find(before), parent);
+    } else if (def.type == FieldType::MFNode) {
+        const Array<NodeId> before = childrenAt(target), after = childrenAt(value);
+        for (const NodeId id : after) addParent(*find(id), parent);
+        for (const NodeId id : before) removeParent(*find(id), parent);
+    }
+    copyStorage(def.type, target, value);
+}
+
+Result<> Scene::State::checkNodes(const Node& node, FieldIndex field, const void* value) const {
+    const FieldType type = node.type_->fields[field].type;
+    const auto check = [&](NodeId id) -> Result<> {
+        const Node* child = find(id);
+        if (!child) return fail("no node " + std::to_string(id.value));
+        if (closesCycle(node, field, *child))
+            return fail("node " + std::to_string(id.value) + " cannot contain itself");
+        return {};
+    };
+    if (type == FieldType::SFNode) {
+        const NodeId id = *static_cast<const NodeId*>(value);
+        return id ? check(id) : Result<>{};
+    }
+    if (type == FieldType::MFNode)
+        for (const NodeId id : childrenAt(value))
+            if (auto ok = check(id); !ok) return ok;
+    return {};
+}
+
+Result<> Scene::State::insertChild(Node& parent, FieldIndex field, Node& child, std::size_t index) {
+    if (closesCycle(parent, field, child))
+        return fail("node " + std::to_string(child.id_.value) + " cannot contain itself");
+    auto& children = *reinterpret_cast<Array<NodeId>*>(parent.block() + parent.type_->fields[field].offset);
+    index = std::min(index, children.size());
+    if (isNew(parent.id_)) beginWrite(parent, field);
+    if (!isDirty(parent, field)) {
+        const NodeId before = index > 0 ? children[index - 1] : NodeId{};
+        const NodeId after = index < children.size() ? children[index] : NodeId{};
+        if (!children.empty()) hash.subtract(detail::childTerm(parent.id_, field, before, after));
+        hash.add(detail::childTerm(parent.id_, field, before, child.id_));
+        hash.add(detail::childTerm(parent.id_, field, child.id_, after));
+        Change change;
+        change.kind = ChangeKind::insertChild;
+        change.node = parent.id_;
+        change.field = field;
+        change.other = child.id_;
+        change.index = static_cast<std::uint32_t>(index);
+        change.external = writingExternally;
+        childOps.push_back(change);
+        ++childOpCounts[{parent.id_, field}];
+    }
+    children.insert(index, child.id_);
+    addParent(child, {parent.id_, field});
+    return {};
+}
+
+void Scene::State::removeChildAt(Node& parent, FieldIndex field, std::size_t index) {
+    auto& children = *reinterpret_cast<Array<NodeId>*>(parent.block() + parent.type_->fields[field].offset);
+    const NodeId child = children[index];
+    if (isNew(parent.id_)) beginWrite(parent, field);
+    if (!isDirty(parent, field)) {
+        const NodeId before = index > 0 ? children[index - 1] : NodeId{};
+        const NodeId after = index + 1 < children.size() ? children[index + 1] : NodeId{};
+        hash.subtract(detail::childTerm(parent.id_, field, before, child));
+        hash.subtract(detail::childTerm(parent.id_, field, child, after));
+        if (children.size() > 1) hash.add(detail::childTerm(parent.id_, field, before, after));
+        Change change;
+        change.kind = ChangeKind::removeChild;
+        change.node = parent.id_;
+        change.field = field;
+        change.other = child;
+        change.index = static_cast<std::uint32_t>(index);
+        change.external = writingExternally;
+        childOps.push_back(change);
+        ++childOpCounts[{parent.id_, field}];
+    }
+    children.erase(index);
+    removeParent(*find(child), {parent.id_, field});
+}
+
+void Scene::State::detachEverything(Node& node) {
+    // Insertions of a node that nobody outside will ever hear of: its parents' lists are sent whole instead.
+    if (isNew(node.id_) && !childOps.empty()) {
+        std::vector<ParentRef> touched;
+        for (const Change& op : childOps)
+            if (op.other == node.id_) touched.push_back({op.node, op.field});
+        for (const ParentRef& p : touched) beginWrite(*find(p.node), p.field);
+    }
+    std::vector<ParentRef> above;
+    if (node.parent_.node) above.push_back(node.parent_);
+    if (node.links_) node.links_->parents.appendTo(above);
+    for (const ParentRef& p : above) {
+        Node& parent = *find(p.node);
+        const FieldDef& def = parent.type_->fields[p.field];
+        if (def.type == FieldType::SFNode) {
+            const NodeId none;
+            write(parent, p.field, &none);
+        } else {
+            // Backwards: what was added last tends to go first.
+            const Array<NodeId>& children = childrenAt(parent.storage(p.field));
+            for (std::size_t i = children.size(); i-- > 0;)
+                if (children[i] == node.id_) {
+                    removeChildAt(parent, p.field, i);
+                    break;
+                }
+        }
+        wake(parent);
+    }
+    if (!node.links_) return;
+    const Node::Links& l = *node.links_;
+    std::vector<Route> routes;
+    for (const RouteGroup& group : l.out)
+        for (const RouteTarget& t : group.targets)
+            routes.push_back({node.id_, group.field, t.node, t.field, t.isConnection});
+    for (const IncomingRoute& r : l.in) routes.push_back({r.from, r.fromField, node.id_, r.toField, r.isConnection});
+    for (const Route& route : routes) unlinkRoute(route, true);
+}
+
+void Scene::State::releaseChildren(Node& node) {
+    for (const FieldIndex i : node.type_->nodeFields()) {
+        const FieldDef& def = node.type_->fields[i];
+        if (!def.readable()) continue;
+        if (def.type == FieldType::SFNode) {
+            const NodeId child = *static_cast<const NodeId*>(node.storage(i));
+            if (child) removeParent(*find(child), {node.id_, i});
+        } else {
+            for (const NodeId child : childrenAt(node.storage(i))) removeParent(*find(child), {node.id_, i});
+        }
+    }
+}
+
+void Scene::State::destroy(Node& node, bool record) {
+    for (FieldIndex i = 0; i < node.type_->fields.size(); ++i)
+        if (node.type_->fields[i].readable() && !isDirty(node, i)) hash.subtract(termOf(node, i));
+    setName(node, {});
+    hash.subtract(detail::nodeTerm(node.id_, types[node.typeIndex_.value].nameHash, node.scope_));
+    if (!childOpCounts.empty()) {
+        std::erase_if(childOps, [&](const Change& c) { return c.node == node.id_; });
+        std::erase_if(childOpCounts, [&](const auto& e) { return e.first.first == node.id_; });
+    }
+    if (record && !isNew(node.id_)) destroyedNodes.push_back(node.id_);
+    release(node);
+}
+
+bool Scene::State::hasPending() const {
+    return !dirtyNodes.empty() || !newTypes.empty() || !newNodes.empty() || !destroyedNodes.empty() ||
+           !renamedNodes.empty() || !childOps.empty() || !routeOps.empty() || !events.empty();
+}
+
+void Scene::State::appendFieldChanges(ChangeSet& set) {
+    for (const DirtyNode& dirty : dirtyNodes) {
+        Node* node = find(dirty.node);
+        if (!node) continue;
+        const auto append = [&](FieldIndex field) {
+            hash.add(termOf(*node, field));
+            Change& change = set.changes.emplace_back();
+            change.node = node->id_;
+            change.field = field;
+            change.kind = ChangeKind::setField;
+            change.external = (dirty.externalMask & dirtyBit(field)) != 0;
+            change.value = node->value(field);
+        };
+        std::uint64_t mask = node->dirty_;
+        node->dirty_ = 0;
+        for (; mask & ~dirtyBit(kHighField); mask &= mask - 1) append(static_cast<FieldIndex>(std::countr_zero(mask)));
+        if (mask)
+            for (const auto& [id, field] : dirtyHighFields)
+                if (id == node->id_) append(field);
+    }
+    dirtyNodes.clear();
+    dirtyHighFields.clear();
+}
+
+std::shared_ptr<ChangeSet> Scene::State::freshSet() {
+    for (auto& pooled : pool)
+        if (pooled.use_count() == 1) {
+            pooled->clear();
+            return pooled;
+        }
+    constexpr std::size_t kPooled = 4;
+    auto set = std::make_shared<ChangeSet>();
+    if (pool.size() < kPooled) pool.push_back(set);
+    return set;
+}
+
+std::shared_ptr<const ChangeSet> Scene::State::seal() {
+    auto set = freshSet();
+    set->types.swap(newTypes);
+    for (const DefinedType& type : set->types) {
+        Change& change = set->changes.emplace_back();
+        change.kind = ChangeKind::defineType;
+        change.index = type.index.value;
+    }
+    for (const NodeId id : newNodes) {
+        const Node* node = find(id);
+        if (!node) continue;
+        Change& change = set->changes.emplace_back();
+        change.kind = ChangeKind::createNode;
+        change.node = id;
+        change.index = node->typeIndex_.value;
+        change.other = node->scope_;
+    }
+    appendFieldChanges(*set);
+    set->changes.insert(set->changes.end(), childOps.begin(), childOps.end());
+    std::ranges::sort(renamedNodes);
+    renamedNodes.erase(std::unique(renamedNodes.begin(), renamedNodes.end()), renamedNodes.end());
+    for (const NodeId id : renamedNodes) {
+        const Node* node = find(id);
+        if (!node) continue;
+        Change& change = set->changes.emplace_back();
+        change.kind = ChangeKind::setName;
+        change.node = id;
+        change.value = node->links_ ? node->links_->name : String();
+    }
+    // An addition undone within the frame leaves no trace. ChangeKind::event marks the void ones.
+    std::map<std::tuple<NodeId, FieldIndex, NodeId, std::uint32_t, bool>, Change*> added;
+    for (Change& op : routeOps) {
+        const std::tuple key(op.node, op.field, op.other, op.index, bool(op.isConnection));
+        if (op.kind == ChangeKind::addRoute) {
+            added[key] = &op;
+        } else if (const auto found = added.find(key); found != added.end()) {
+            found->second->kind = op.kind = ChangeKind::event;
+            added.erase(found);
+        }
+    }
+    for (const Change& change : routeOps)
+        if (change.kind != ChangeKind::event) set->changes.push_back(change);
+    for (const NodeId id : destroyedNodes) {
+        Change& change = set->changes.emplace_back();
+        change.kind = ChangeKind::destroyNode;
+        change.node = id;
+    }
+    for (Change& change : events) set->changes.push_back(std::move(change));
+    newNodes.clear();
+    childOps.clear();
+    childOpCounts.clear();
+    renamedNodes.clear();
+    routeOps.clear();
+    destroyedNodes.clear();
+    events.clear();
+    firstNewId = nextId;
+
+    set->from = sequence;
+    set->to = ++sequence;
+    set->time = now;
+    set->hash = hash.value();
+    owner.bus_->publish(set);
+    return set;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,101 @@
+#include <algorithm>
+#include <ranges>
+
+#include "spec_model.h"
+
+namespace spec {
+
+void Model::inherit(Type& type, const Type& base) {
+    if (base.isAbstract && std::ranges::find(type.implements, base.name) == type.implements.end())
+        type.implements.push_back(base.name);
+    for (const std::string& name : base.implements)
+        if (std::ranges::find(type.implements, name) == type.implements.end()) type.implements.push_back(name);
+    for (const Field& field : base.fields) {
+        const auto known = std::ranges::find(type.fields, field.name, &Field::name);
+        const auto redefined = std::ranges::find(type.own, field.name, &Field::name);
+        if (known == type.fields.end()) {
+            type.fields.push_back(field);
+        } else if (redefined == type.own.end()) {
+            const bool same = known->type == field.type && known->access == field.access &&
+                              known->defaultText == field.defaultText && known->accepts == field.accepts &&
+                              known->min == field.min && known->max == field.max;
+            const bool retagged = std::ranges::any_of(type.retags, [&](const Retag& retag) {
+                return std::ranges::find(retag.fields, field.name) != retag.fields.end();
+            });
+            if (!same || (known->aspect != field.aspect && !retagged))
+                error(type.where, "'" + type.name + "' inherits two different fields '" + field.name +
+                                      "'; list it, or retag it if only the aspects differ");
+        }
+    }
+}
+
+void Model::resolve(Type& type) {
+    if (type.state == 2) return;
+    if (type.state == 1) return error(type.where, "'" + type.name + "' inherits from itself");
+    type.state = 1;
+    for (const std::string& name : type.bases) {
+        Type* base = lookup(name);
+        if (!base) {
+            error(type.where, "'" + type.name + "' inherits from unknown type '" + name + "'");
+            continue;
+        }
+        resolve(*base);
+        inherit(type, *base);
+    }
+    for (const Field& field : type.own) {
+        const auto known = std::ranges::find(type.fields, field.name, &Field::name);
+        if (known == type.fields.end()) {
+            type.fields.push_back(field);
+            continue;
+        }
+        if (known->type != field.type || known->access != field.access)
+            error(field.where, "'" + field.name + "' is inherited with another type or access");
+        *known = field;
+    }
+    for (const Retag& retag : type.retags)
+        for (const std::string& name : retag.fields) {
+            const auto field = std::ranges::find(type.fields, name, &Field::name);
+            if (field == type.fields.end())
+                error(retag.where, "'" + type.name + "' has no field '" + name + "'");
+            else
+                field->aspect = retag.aspect;
+        }
+    // The order of the standard's tables: by name, whatever the case.
+    std::ranges::stable_sort(type.fields, [](const Field& a, const Field& b) {
+        if (a.hidden || b.hidden) return !a.hidden && b.hidden;
+        return std::ranges::lexicographical_compare(a.name, b.name, [](char x, char y) {
+            const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
+            return lower(x) < lower(y);
+        });
+    });
+    type.state = 2;
+}
+
+void Model::resolve() {
+    for (const Extension& extension : extensions_) {
+        Type* type = lookup(extension.name);
+        if (!type) {
+            error(extension.where, "cannot extend unknown type '" + extension.name + "'");
+            continue;
+        }
+        if (type->imported && !extension.imported) {
+            error(extension.where, "'" + extension.name + "' comes from an imported table and cannot be extended");
+            continue;
+        }
+        for (const Field& field : extension.own) {
+            if (std::ranges::find(type->own, field.name, &Field::name) != type->own.end())
+                error(field.where, "'" + extension.name + "' already has a field '" + field.name + "'");
+            type->own.push_back(field);
+        }
+    }
+    for (Type& type : types_) resolve(type);
+    for (const Type& type : types_)
+        for (const Field& field : type.own)
+            for (const auto name : std::views::split(field.accepts, '|')) {
+                const std::string_view text(name.begin(), name.end());
+                if (!text.empty() && !find(text))
+                    error(field.where, "'" + field.name + "' accepts unknown type '" + std::string(text) + "'");
+            }
+}
+
+}  // namespace spec
