@@ -1,0 +1,34 @@
+// Convolver: one signal through a long response, block by block, without delay beyond the block.
+//
+// Uniformly partitioned overlap-save (Kulp 1988; Wefers 2015, 5.2) on kissfft. A new response is crossfaded in over one
+// block, so that a moving source or wall makes no click.
+// Threading: one thread per object.
+#pragma once
+
+#include <complex>
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace rtsg {
+
+class Convolver {
+  public:
+    explicit Convolver(std::size_t blockSize = 512);
+    ~Convolver();
+    Convolver(Convolver&&) noexcept;
+    Convolver& operator=(Convolver&&) noexcept;
+
+    std::size_t blockSize() const;
+    /// Empty for silence. Takes effect with the next block.
+    void setResponse(std::span<const float> response);
+    /// Adds to `output`; both of blockSize() samples.
+    void process(std::span<const float> input, std::span<float> output);
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,54 @@
+// From an Echogram to a pressure impulse response.
+//
+// Pressure 1 is that of the source at 1 m in free field: direct sound at distance d has amplitude 1 / d, and a band's
+// energy E (see Echogram) becomes a squared pressure of 4 pi E. Arrivals are band-limited impulses at fractional
+// sample times; the remainder is Gaussian noise, the same in all bands and of exactly the energy of each bin. Bands are
+// weighted by zero-phase filters that add up to 1, so what is alike in all bands passes unchanged; those of high order
+// ring for some milliseconds before an impulse where bands differ.
+// Threading: pure functions.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/echogram.h>
+
+namespace rtsg {
+
+struct ImpulseResponse {
+    int sampleRate = 48000;
+    std::vector<std::vector<float>> channels;  // one (mono) or two (left, right), of equal length
+
+    std::size_t frames() const { return channels.empty() ? 0 : channels.front().size(); }
+};
+
+struct ImpulseResponseOptions {
+    enum class Channels : std::uint8_t {
+        mono,      // pressure at the listener
+        stereo,    // arrivals panned by their direction; what comes from ahead has the full pressure in both
+        binaural,  // and the ears' difference in arrival time added (Woodworth's sphere of 8.75 cm)
+    };
+    Channels channels = Channels::mono;
+    int sampleRate = 48000;
+    glm::dvec3 listenerRight{1, 0, 0};  // unit, world frame
+    /// Arrivals below this order are left out: 1 leaves out direct sound, which is then rendered by other means.
+    std::uint32_t firstOrder = 0;
+    /// Cut where less than this share of the energy is left in every band.
+    double cutShare = 1e-8;
+    double speedOfSound = 343;
+    std::uint64_t seed = 1;
+};
+
+ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseResponseOptions& options);
+
+/// Amplitude weight of band `band` at `hz`; the weights of all bands add up to 1 at every frequency.
+double bandWeight(int band, double hz);
+
+/// Energy over time in octave bands of a response (its first channel), as a histogram: the way back, for measured
+/// responses.
+EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate, double binsPerSecond = 1000);
+
+}  // namespace rtsg

@@ -1,0 +1,193 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include <rtsg/audio/impulse_response.h>
+
+#include "fft.h"
+#include "fractional_delay.h"
+#include "random.h"
+
+namespace rtsg {
+namespace {
+
+constexpr double kFourPi = 4 * std::numbers::pi;
+constexpr double kHeadRadius = 0.0875;
+/// Width of the transition between neighbouring bands, octaves.
+constexpr double kTransition = 0.5;
+
+/// Normally distributed numbers that do not depend on the standard library's taste.
+double gaussian(Random& random) {
+    const double u = 1 - random.uniform(), v = random.uniform();
+    return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
+}
+
+struct Pan {
+    double gain = 1;
+    double delay = 0;  // s
+};
+
+Pan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions& options) {
+    if (options.channels == ImpulseResponseOptions::Channels::mono) return {};
+    const double towards = glm::dot(direction, options.listenerRight) * (channel == 0 ? -1 : 1);
+    Pan pan;
+    pan.gain = std::sqrt(std::max(0.0, 1 + 0.9 * towards));
+    if (options.channels == ImpulseResponseOptions::Channels::binaural) {
+        // Relative to the head's centre: the near ear hears earlier by r sin a, the far one later by r a.
+        const double angle = std::asin(std::clamp(towards, -1.0, 1.0));
+        pan.delay = -(towards > 0 ? towards : angle) * kHeadRadius / options.speedOfSound;
+    }
+    return pan;
+}
+
+/// When every band has less than `share` of its energy left, s.
+double usefulDuration(const Echogram& echogram, double share) {
+    const Bands total = echogram.total();
+    Bands left{};
+    const double bin = 1 / echogram.late.binsPerSecond;
+    const auto enough = [&] {
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            if (left[b] > share * total[b]) return true;
+        return false;
+    };
+    std::size_t arrival = echogram.arrivals.size(), k = echogram.late.bins.size();
+    while (arrival > 0 || k > 0) {
+        const double binTime = static_cast<double>(k) * bin;
+        if (k == 0 || (arrival > 0 && echogram.arrivals[arrival - 1].seconds > binTime)) {
+            --arrival;
+            for (std::size_t b = 0; b < kBandCount; ++b) left[b] += echogram.arrivals[arrival].energy[b];
+            if (enough()) return echogram.arrivals[arrival].seconds;
+        } else {
+            --k;
+            for (std::size_t b = 0; b < kBandCount; ++b) left[b] += echogram.late.bins[k][b];
+            if (enough()) return binTime;
+        }
+    }
+    return 0;
+}
+
+class BandFilters {
+  public:
+    BandFilters(const RealFft& fft, int sampleRate) : bins_(fft.bins()) {
+        for (int b = 0; b < kBandCount; ++b) {
+            auto& weights = weights_[static_cast<std::size_t>(b)];
+            weights.resize(bins_);
+            for (std::size_t i = 0; i < bins_; ++i)
+                weights[i] = static_cast<float>(
+                    bandWeight(b, static_cast<double>(i) * sampleRate / static_cast<double>(fft.size())));
+        }
+    }
+    const std::vector<float>& operator[](std::size_t band) const { return weights_[band]; }
+
+  private:
+    std::size_t bins_;
+    std::array<std::vector<float>, kBandCount> weights_;
+};
+
+}  // namespace
+
+double bandWeight(int band, double hz) {
+    if (hz <= 0) return band == 0 ? 1 : 0;
+    // Position on the octave axis on which band b spans b - 1/2 ... b + 1/2.
+    const double position = std::log2(hz / 1000) + 4;
+    const auto rise = [](double x) {  // 0 below an edge, 1 above
+        const double u = std::clamp(x / kTransition + 0.5, 0.0, 1.0);
+        const double s = std::sin(u * std::numbers::pi / 2);
+        return s * s;
+    };
+    const double lower = band == 0 ? 1 : rise(position - (band - 0.5));
+    const double upper = band == kBandCount - 1 ? 0 : rise(position - (band + 0.5));
+    return lower - upper;
+}
+
+ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseResponseOptions& options) {
+    static const SincTable sinc;
+    const int channelCount = options.channels == ImpulseResponseOptions::Channels::mono ? 1 : 2;
+    const double rate = options.sampleRate;
+    const std::size_t frames =
+        static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) + 2 * SincTable::kHalf + 64;
+    const RealFft fft(RealFft::sizeFor(frames + 4096));
+    const BandFilters filters(fft, options.sampleRate);
+
+    ImpulseResponse result;
+    result.sampleRate = options.sampleRate;
+    for (int channel = 0; channel < channelCount; ++channel) {
+        // One noise for all bands: equal bands then leave it as it is.
+        Random random(Random::mix(options.seed, static_cast<std::uint64_t>(channel)));
+        std::vector<float> noise(frames);
+        std::vector<float> scale;  // per bin: makes the noise's energy in it exactly 1
+        const double samplesPerBin = rate / echogram.late.binsPerSecond;
+        for (std::size_t k = 0, i = 0; k < echogram.late.bins.size() && i < frames; ++k) {
+            const auto end =
+                std::min(frames, static_cast<std::size_t>(std::llround(static_cast<double>(k + 1) * samplesPerBin)));
+            double energy = 0;
+            for (; i < end; ++i) {
+                noise[i] = static_cast<float>(gaussian(random));
+                energy += static_cast<double>(noise[i]) * static_cast<double>(noise[i]);
+            }
+            scale.push_back(energy > 0 ? static_cast<float>(1 / std::sqrt(energy)) : 0.0f);
+        }
+
+        RealFft::Spectrum sum(fft.bins()), spectrum;
+        std::vector<float> band(fft.size());
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            std::fill(band.begin(), band.end(), 0.0f);
+            for (std::size_t k = 0, i = 0; k < scale.size(); ++k) {
+                const auto end = std::min(
+                    frames, static_cast<std::size_t>(std::llround(static_cast<double>(k + 1) * samplesPerBin)));
+                const float amplitude = scale[k] * static_cast<float>(std::sqrt(kFourPi * echogram.late.bins[k][b]));
+                for (; i < end; ++i) band[i] = noise[i] * amplitude;
+            }
+            for (const Arrival& arrival : echogram.arrivals) {
+                if (arrival.order < options.firstOrder || !(arrival.energy[b] > 0)) continue;
+                const Pan pan = panOf(arrival.direction, channel, options);
+                const double position = std::max(0.0, (arrival.seconds + pan.delay) * rate);
+                const double whole = std::floor(position);
+                const auto amplitude = static_cast<float>(pan.gain * std::sqrt(kFourPi * arrival.energy[b]));
+                for (int k = 0; k < 2 * SincTable::kHalf; ++k) {
+                    const double at = whole - (SincTable::kHalf - 1) + k;
+                    if (at >= 0 && at < static_cast<double>(frames))
+                        band[static_cast<std::size_t>(at)] += amplitude * sinc.tap(position - whole, k);
+                }
+            }
+            fft.forward(band, spectrum);
+            for (std::size_t i = 0; i < fft.bins(); ++i) sum[i] += spectrum[i] * filters[b][i];
+        }
+        fft.inverse(sum, band);
+        result.channels.emplace_back(band.begin(), band.begin() + static_cast<std::ptrdiff_t>(frames));
+    }
+    return result;
+}
+
+EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate, double binsPerSecond) {
+    EnergyHistogram histogram{binsPerSecond, {}};
+    const RealFft fft(RealFft::sizeFor(samples.size() + 4096));
+    const BandFilters filters(fft, sampleRate);
+    std::vector<float> padded(fft.size()), band(fft.size());
+    std::copy(samples.begin(), samples.end(), padded.begin());
+    RealFft::Spectrum all, filtered(fft.bins());
+    fft.forward(padded, all);
+    histogram.bins.resize(static_cast<std::size_t>(static_cast<double>(samples.size()) * binsPerSecond / sampleRate) +
+                          1);
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        // The energy of an impulse in this band, so that a flat spectrum reads the same in all of them.
+        double width = 0;
+        for (std::size_t i = 0; i < fft.bins(); ++i) {
+            filtered[i] = all[i] * filters[b][i];
+            const double w = static_cast<double>(filters[b][i]);
+            width += w * w * (i == 0 || i + 1 == fft.bins() ? 1 : 2);
+        }
+        width /= static_cast<double>(fft.size());
+        fft.inverse(filtered, band);
+        for (std::size_t i = 0; i < samples.size(); ++i) {
+            const double pressure = static_cast<double>(band[i]);
+            histogram.bins[static_cast<std::size_t>(static_cast<double>(i) * binsPerSecond / sampleRate)][b] +=
+                pressure * pressure / (kFourPi * width);
+        }
+    }
+    return histogram;
+}
+
+}  // namespace rtsg

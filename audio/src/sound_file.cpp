@@ -1,0 +1,120 @@
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include <fmt/format.h>
+#include <samplerate.h>
+#include <sndfile.h>
+
+#include <rtsg/audio/sound_file.h>
+
+namespace rtsg {
+namespace {
+
+struct Close {
+    void operator()(SNDFILE* file) const { sf_close(file); }
+};
+using File = std::unique_ptr<SNDFILE, Close>;
+
+}  // namespace
+
+float SoundBuffer::peak() const {
+    float result = 0;
+    for (const float sample : samples) result = std::max(result, std::abs(sample));
+    return result;
+}
+
+Result<SoundBuffer> readSound(const std::string& path, double maxSeconds) {
+    SF_INFO info{};
+    const File file(sf_open(path.c_str(), SFM_READ, &info));
+    if (!file) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)), {}, path);
+    if (info.channels < 1 || info.channels > 64 || info.samplerate < 1 || info.samplerate > 1'000'000)
+        return fail(fmt::format("sound has {} channels at {} Hz", info.channels, info.samplerate), {}, path);
+    SoundBuffer sound;
+    sound.sampleRate = info.samplerate;
+    sound.channels = info.channels;
+    const auto limit = static_cast<sf_count_t>(maxSeconds * info.samplerate);
+    // In pieces: the header's length may be a lie.
+    constexpr sf_count_t kPiece = 1 << 16;
+    for (sf_count_t read = 0; read < limit;) {
+        const sf_count_t want = std::min(kPiece, limit - read);
+        const std::size_t at = sound.samples.size();
+        sound.samples.resize(at + static_cast<std::size_t>(want * info.channels));
+        const sf_count_t got = sf_readf_float(file.get(), sound.samples.data() + at, want);
+        sound.samples.resize(at + static_cast<std::size_t>(std::max<sf_count_t>(0, got) * info.channels));
+        read += got;
+        if (got < want) break;
+    }
+    for (float& sample : sound.samples)
+        if (!std::isfinite(sample)) sample = 0;
+    return sound;
+}
+
+Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat format) {
+    if (sound.channels < 1 || sound.sampleRate < 1) return fail("a sound without channels or rate", {}, path);
+    const float peak = sound.peak();
+    for (const float sample : sound.samples)
+        if (!std::isfinite(sample)) return fail("the sound holds values that are no numbers", {}, path);
+    if (format != WavFormat::float32 && peak > 1)
+        return fail(fmt::format("the sound's peak of {:.3f} is beyond full scale", peak), {}, path);
+    SF_INFO info{};
+    info.channels = sound.channels;
+    info.samplerate = sound.sampleRate;
+    info.format = SF_FORMAT_WAV | (format == WavFormat::pcm16   ? SF_FORMAT_PCM_16
+                                   : format == WavFormat::pcm24 ? SF_FORMAT_PCM_24
+                                                                : SF_FORMAT_FLOAT);
+    File file(sf_open(path.c_str(), SFM_WRITE, &info));
+    if (!file) return fail(fmt::format("cannot write sound: {}", sf_strerror(nullptr)), {}, path);
+    // The PEAK chunk holds the time of writing.
+    sf_command(file.get(), SFC_SET_ADD_PEAK_CHUNK, nullptr, SF_FALSE);
+    const auto frames = static_cast<sf_count_t>(sound.frames());
+    if (sf_writef_float(file.get(), sound.samples.data(), frames) != frames)
+        return fail(fmt::format("cannot write sound: {}", sf_strerror(file.get())), {}, path);
+    if (sf_close(file.release()) != 0) return fail("cannot write sound", {}, path);
+    return {};
+}
+
+SoundBuffer mixToMono(const SoundBuffer& sound) {
+    if (sound.channels == 1) return sound;
+    SoundBuffer mono{sound.sampleRate, 1, std::vector<float>(sound.frames())};
+    const auto channels = static_cast<std::size_t>(sound.channels);
+    for (std::size_t i = 0; i < mono.samples.size(); ++i) {
+        float sum = 0;
+        for (std::size_t c = 0; c < channels; ++c) sum += sound.samples[i * channels + c];
+        mono.samples[i] = sum / static_cast<float>(channels);
+    }
+    return mono;
+}
+
+Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate) {
+    if (sound.sampleRate == sampleRate || sound.samples.empty()) {
+        SoundBuffer same = sound;
+        same.sampleRate = sampleRate;
+        return same;
+    }
+    SoundBuffer result{sampleRate, sound.channels, {}};
+    const double ratio = static_cast<double>(sampleRate) / sound.sampleRate;
+    const auto frames = static_cast<long>(std::ceil(static_cast<double>(sound.frames()) * ratio)) + 1;
+    result.samples.resize(static_cast<std::size_t>(frames * sound.channels));
+    SRC_DATA data{};
+    data.data_in = sound.samples.data();
+    data.input_frames = static_cast<long>(sound.frames());
+    data.data_out = result.samples.data();
+    data.output_frames = frames;
+    data.src_ratio = ratio;
+    if (const int error = src_simple(&data, SRC_SINC_MEDIUM_QUALITY, sound.channels))
+        return fail(
+            fmt::format("cannot convert from {} to {} Hz: {}", sound.sampleRate, sampleRate, src_strerror(error)));
+    result.samples.resize(static_cast<std::size_t>(data.output_frames_gen * sound.channels));
+    return result;
+}
+
+float normalise(SoundBuffer& sound, float limit) {
+    const float peak = sound.peak();
+    if (!(peak > limit)) return 1;
+    const float factor = limit / peak;
+    for (float& sample : sound.samples) sample = std::clamp(sample * factor, -limit, limit);
+    return factor;
+}
+
+}  // namespace rtsg

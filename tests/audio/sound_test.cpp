@@ -1,0 +1,280 @@
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <random>
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <rtsg/audio/convolver.h>
+#include <rtsg/audio/impulse_response.h>
+#include <rtsg/audio/loopback.h>
+#include <rtsg/audio/room_metrics.h>
+#include <rtsg/audio/sound_file.h>
+
+namespace rtsg {
+namespace {
+
+constexpr std::uint64_t kSeed = 77;
+
+std::vector<float> noise(std::size_t count, std::uint64_t seed = kSeed) {
+    std::mt19937_64 random(seed);
+    std::vector<float> result(count);
+    for (float& sample : result) sample = static_cast<float>(random() >> 40) / 16777216.0f - 0.5f;
+    return result;
+}
+
+std::string temporary(const char* name) {
+    return (std::filesystem::temp_directory_path() / (std::to_string(::getpid()) + name)).string();
+}
+
+Arrival arrivalAt(double metres, double factor = 1) {
+    Arrival arrival;
+    arrival.seconds = metres / 343;
+    arrival.energy = allBands(factor / (4 * M_PI * metres * metres));
+    arrival.direction = {0, 0, -1};
+    return arrival;
+}
+
+TEST(ImpulseResponse, DirectSoundIsOneSampleOfTheRightHeight) {
+    Echogram echogram;
+    echogram.arrivals = {arrivalAt(343.0 * 480 / 48000)};  // exactly 480 samples
+    const ImpulseResponse response = makeImpulseResponse(echogram, {});
+    const auto& p = response.channels.at(0);
+    for (std::size_t i = 0; i < p.size(); ++i) EXPECT_NEAR(p[i], i == 480 ? 1 / 3.43 : 0, 1e-5) << i;
+}
+
+TEST(ImpulseResponse, FractionalDelaysKeepPhaseAndLevel) {
+    Echogram echogram;
+    echogram.arrivals = {arrivalAt(343.0 * 480.37 / 48000)};
+    const auto p = makeImpulseResponse(echogram, {}).channels.at(0);
+    for (const double hz : {200.0, 1000.0, 5000.0, 12000.0}) {
+        double re = 0, im = 0;
+        for (std::size_t i = 0; i < p.size(); ++i) {
+            const double phase = 2 * M_PI * hz * (static_cast<double>(i) - 480.37) / 48000;
+            re += p[i] * std::cos(phase);
+            im -= p[i] * std::sin(phase);
+        }
+        EXPECT_NEAR(re, 48000 / (343 * 480.37), 2e-4) << hz;
+        EXPECT_NEAR(im, 0, 2e-4) << hz;
+    }
+}
+
+TEST(ImpulseResponse, BandWeightsAddUpToOne) {
+    for (double hz = 1; hz < 24000; hz *= 1.03) {
+        double sum = 0;
+        for (int b = 0; b < kBandCount; ++b) sum += bandWeight(b, hz);
+        EXPECT_NEAR(sum, 1, 1e-12) << hz;
+    }
+    for (int b = 0; b < kBandCount; ++b) EXPECT_NEAR(bandWeight(b, kBandHz[static_cast<std::size_t>(b)]), 1, 1e-3);
+}
+
+TEST(ImpulseResponse, DecayOfEachBandComesBackOut) {
+    // One reverberation time per octave; the energies at a microphone must show them again.
+    const Bands times{1.2, 1.1, 1.0, .9, .8, .7, .6, .5};
+    Echogram echogram;
+    const double distance = 2;
+    echogram.arrivals = {arrivalAt(distance)};
+    for (int i = 6; i < 1500; ++i) {
+        Bands energy;
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            energy[b] = echogram.arrivals[0].energy[b] * 0.02 * std::exp(-6 * std::log(10.0) / times[b] * i * 0.001);
+        echogram.late.add((i + 0.5) * 0.001, energy);
+    }
+    const ImpulseResponse response = makeImpulseResponse(echogram, {});
+    Echogram measured;
+    measured.late = analyseImpulseResponse(response.channels[0], response.sampleRate);
+    const RoomMetrics in = roomMetrics(echogram), out = roomMetrics(measured);
+    for (std::size_t b = 1; b < kBandCount; ++b) {
+        // Noise of a band of B hertz decaying within T: the estimate scatters by about 1 / sqrt(B T).
+        const double scatter = 3 / std::sqrt(kBandHz[b] * 0.7 * times[b] / 2);
+        EXPECT_NEAR(out.t20[b] / in.t20[b], 1, scatter) << kBandHz[b];
+        EXPECT_NEAR(out.g[b], in.g[b], 0.4 + 4 * scatter) << kBandHz[b];
+    }
+    EXPECT_NEAR(out.t20[7] / in.t20[7], 1, 0.04);
+    EXPECT_NEAR(out.g[7], in.g[7], 0.3);
+}
+
+TEST(ImpulseResponse, StereoPansAndRepeats) {
+    Echogram echogram;
+    echogram.arrivals = {arrivalAt(3.43)};
+    echogram.arrivals[0].direction = {1, 0, 0};  // from the right
+    for (int i = 20; i < 100; ++i) echogram.late.add(i * 0.001, allBands(1e-4));
+    ImpulseResponseOptions options;
+    options.channels = ImpulseResponseOptions::Channels::stereo;
+    const ImpulseResponse a = makeImpulseResponse(echogram, options), b = makeImpulseResponse(echogram, options);
+    ASSERT_EQ(a.channels.size(), 2u);
+    EXPECT_EQ(a.channels, b.channels);
+    EXPECT_GT(a.channels[1][480], 3 * a.channels[0][480]);
+    // The reverberation is alike in level and unlike in detail.
+    double left = 0, right = 0, both = 0;
+    for (std::size_t i = 1000; i < 4800; ++i) {
+        left += a.channels[0][i] * a.channels[0][i];
+        right += a.channels[1][i] * a.channels[1][i];
+        both += a.channels[0][i] * a.channels[1][i];
+    }
+    EXPECT_NEAR(10 * std::log10(left / right), 0, 0.3);
+    EXPECT_LT(std::abs(both) / std::sqrt(left * right), 0.1);
+    options.channels = ImpulseResponseOptions::Channels::binaural;
+    const ImpulseResponse ears = makeImpulseResponse(echogram, options);
+    const auto peak = [](const std::vector<float>& x) {
+        return std::max_element(x.begin(), x.begin() + 900) - x.begin();
+    };
+    EXPECT_NEAR(static_cast<double>(peak(ears.channels[0]) - peak(ears.channels[1])),
+                0.0875 / 343 * (1 + M_PI / 2) * 48000, 1.5);
+    options.firstOrder = 1;
+    EXPECT_NEAR(makeImpulseResponse(echogram, options).channels[1][468], 0, 1e-3);
+}
+
+TEST(Convolver, EqualsTheSumInTheTimeDomain) {
+    for (const std::size_t length : {1ul, 64ul, 65ul, 1000ul}) {
+        const std::vector<float> response = noise(length, 3), input = noise(64 * 40, 4);
+        Convolver convolver(64);
+        convolver.setResponse(response);
+        std::vector<float> output(input.size());
+        for (std::size_t i = 0; i < input.size(); i += 64)
+            convolver.process(std::span(input).subspan(i, 64), std::span(output).subspan(i, 64));
+        for (std::size_t i = 0; i < input.size(); i += 17) {
+            double sum = 0;
+            for (std::size_t k = 0; k < length && k <= i; ++k) sum += static_cast<double>(response[k]) * input[i - k];
+            ASSERT_NEAR(output[i], sum, 2e-5) << length << " at " << i;
+        }
+    }
+}
+
+TEST(Convolver, ANewResponseFadesInWithoutAClick) {
+    Convolver convolver(64);
+    const std::vector<float> one{1.0f}, three{3.0f};
+    convolver.setResponse(one);
+    std::vector<float> input(64, 1.0f), output(64 * 6);
+    for (std::size_t k = 0; k < 6; ++k) {
+        if (k == 3) convolver.setResponse(three);
+        convolver.process(input, std::span(output).subspan(64 * k, 64));
+    }
+    for (std::size_t i = 1; i < output.size(); ++i) EXPECT_LT(std::abs(output[i] - output[i - 1]), 0.05) << i;
+    EXPECT_NEAR(output.front(), 1, 1e-5);
+    EXPECT_NEAR(output.back(), 3, 1e-5);
+}
+
+TEST(SoundFile, RoundTripIsExactAndBytesRepeat) {
+    SoundBuffer sound{44100, 2, noise(2000)};
+    for (const WavFormat format : {WavFormat::pcm16, WavFormat::pcm24, WavFormat::float32}) {
+        const std::string a = temporary("a.wav"), b = temporary("b.wav");
+        ASSERT_TRUE(writeWav(a, sound, format));
+        ASSERT_TRUE(writeWav(b, sound, format));
+        const auto bytes = [](const std::string& path) {
+            std::ifstream in(path, std::ios::binary);
+            return std::string(std::istreambuf_iterator<char>(in), {});
+        };
+        EXPECT_EQ(bytes(a), bytes(b));
+        const auto back = readSound(a);
+        ASSERT_TRUE(back);
+        EXPECT_EQ(back->sampleRate, 44100);
+        EXPECT_EQ(back->channels, 2);
+        ASSERT_EQ(back->samples.size(), sound.samples.size());
+        const float step = format == WavFormat::pcm16 ? 1 / 32768.0f : format == WavFormat::pcm24 ? 1 / 8388608.0f : 0;
+        for (std::size_t i = 0; i < sound.samples.size(); ++i) ASSERT_NEAR(back->samples[i], sound.samples[i], step);
+        std::filesystem::remove(a);
+        std::filesystem::remove(b);
+    }
+}
+
+TEST(SoundFile, RefusesWhatItCannotDo) {
+    EXPECT_FALSE(readSound("/nowhere/no.wav"));
+    const std::string garbage = temporary("garbage.wav");
+    std::ofstream(garbage) << "RIFFxxxxWAVEfmt nothing of the kind";
+    EXPECT_FALSE(readSound(garbage));
+    std::filesystem::remove(garbage);
+    SoundBuffer loud{48000, 1, {0.5f, -1.5f}};
+    EXPECT_FALSE(writeWav(temporary("loud.wav"), loud, WavFormat::pcm16));
+    loud.samples[0] = NAN;
+    EXPECT_FALSE(writeWav(temporary("loud.wav"), loud, WavFormat::float32));
+    EXPECT_FALSE(writeWav("/nowhere/no.wav", SoundBuffer{48000, 1, {0.0f}}));
+    EXPECT_NEAR(normalise(loud, 1.0f), 1 / 1.5, 1e-6);
+}
+
+TEST(SoundFile, ResamplingKeepsATone) {
+    SoundBuffer tone{44100, 1, {}};
+    for (int i = 0; i < 44100; ++i)
+        tone.samples.push_back(static_cast<float>(0.5 * std::sin(2 * M_PI * 1000 * i / 44100.0)));
+    const auto out = resample(tone, 48000);
+    ASSERT_TRUE(out);
+    EXPECT_NEAR(static_cast<double>(out->frames()), 48000, 2);
+    for (std::size_t i = 2000; i < 40000; i += 7)
+        ASSERT_NEAR(out->samples[i], 0.5 * std::sin(2 * M_PI * 1000 * static_cast<double>(i) / 48000), 2e-3);
+}
+
+class Loopback : public testing::TestWithParam<bool> {
+  protected:
+    static std::vector<float> run(LoopbackMixer& mixer, const std::vector<float>& input, const glm::vec3& direction) {
+        const std::size_t block = mixer.blockSize(), source = *mixer.addSource();
+        mixer.setDirection(source, direction);
+        std::vector<float> out(2 * (input.size() / block) * block);
+        for (std::size_t i = 0; i + block <= input.size(); i += block) {
+            const std::span<const float> piece = std::span(input).subspan(i, block);
+            EXPECT_TRUE(mixer.render({&piece, 1}, std::span(out).subspan(2 * i, 2 * block)));
+        }
+        return out;
+    }
+};
+
+TEST_P(Loopback, IsCalibratedAheadAndTellsItsLatency) {
+    auto mixer = LoopbackMixer::open({.binaural = GetParam()});
+    ASSERT_TRUE(mixer) << mixer.error().text;
+    std::vector<float> impulse(256 * 8);
+    impulse[300] = 1;
+    const std::vector<float> out = run(*mixer, impulse, {0, 0, -1});
+    std::array<double, 2> energy{};
+    std::size_t peak = 0;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+        energy[i % 2] += static_cast<double>(out[i]) * out[i];
+        if (i % 2 == 0 && std::abs(out[i]) > std::abs(out[peak])) peak = i;
+    }
+    EXPECT_NEAR(energy[0], 1, GetParam() ? 0.1 : 1e-4);
+    EXPECT_NEAR(energy[0] + energy[1], 2, 1e-3);
+    EXPECT_EQ(peak / 2, 300 + mixer->latency());
+    if (!GetParam()) {
+        EXPECT_NEAR(mixer->frontGain(), 0.596, 0.002);
+    }
+}
+
+TEST_P(Loopback, RepeatsBitForBit) {
+    const std::vector<float> input = noise(256 * 20);
+    std::vector<std::vector<float>> outputs;
+    for (int i = 0; i < 2; ++i) {
+        auto mixer = LoopbackMixer::open({.binaural = GetParam()});
+        ASSERT_TRUE(mixer);
+        outputs.push_back(run(*mixer, input, {0.7f, 0.1f, -0.4f}));
+    }
+    EXPECT_EQ(outputs[0], outputs[1]);
+}
+
+TEST_P(Loopback, RightIsRight) {
+    auto mixer = LoopbackMixer::open({.binaural = GetParam()});
+    ASSERT_TRUE(mixer);
+    const std::vector<float> out = run(*mixer, noise(256 * 20), {1, 0, 0});
+    std::array<double, 2> energy{};
+    for (std::size_t i = 0; i < out.size(); ++i) energy[i % 2] += static_cast<double>(out[i]) * out[i];
+    EXPECT_GT(energy[1], 4 * energy[0]);
+}
+
+TEST_P(Loopback, ALongStreamHasNoGaps) {
+    auto mixer = LoopbackMixer::open({.binaural = GetParam(), .blockSize = 128});
+    ASSERT_TRUE(mixer);
+    std::vector<float> tone(128 * 200);
+    for (std::size_t i = 0; i < tone.size(); ++i)
+        tone[i] = static_cast<float>(0.5 * std::sin(2 * M_PI * 500 * static_cast<double>(i) / 48000));
+    const std::vector<float> out = run(*mixer, tone, {0, 0, -1});
+    // A steady tone obeys x[n+1] = 2 cos(w) x[n] - x[n-1]; a gap or a step breaks that.
+    const double c = 2 * std::cos(2 * M_PI * 500 / 48000);
+    for (std::size_t i = 2 * 1024; i + 2 < out.size(); i += 2)
+        ASSERT_NEAR(out[i + 2], c * out[i] - out[i - 2], 2e-4) << i / 2;
+}
+
+INSTANTIATE_TEST_SUITE_P(Output, Loopback, testing::Bool(), [](const testing::TestParamInfo<bool>& binaural) {
+    return binaural.param ? "binaural" : "stereo";
+});
+
+}  // namespace
+}  // namespace rtsg
