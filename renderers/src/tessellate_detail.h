@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstring>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -98,7 +99,11 @@ MeshAttribute generateNormals(const Mesh& mesh, float creaseAngle);
 /// Returns a usable crease angle, with a warning when it had to be replaced.
 float checkedCreaseAngle(Mesh& mesh, float creaseAngle);
 
-/// Cuts polygons into triangles.
+/// Cuts a counter-clockwise polygon into triangles in n log n. False, with no triangles, unless it is simple.
+bool cutSimplePolygon(std::span<const Vec2d> points, std::vector<std::array<int, 3>>& triangles);
+
+/// Cuts polygons into triangles: convex and simple ones ourselves, what is left (holes joined by bridges, crossings)
+/// by the GLU tessellator, which is robust but quadratic.
 class PolygonCutter {
   public:
     PolygonCutter() = default;

@@ -127,6 +127,10 @@ class Extruder {
         const std::size_t sideCorners = out_.positionIndex.size();
         if (p_.beginCap) cap(0, false);
         if (p_.endCap) cap(p_.spine.size() - 1, true);
+        if (out_.positionIndex.empty()) {
+            warn(mesh_, "the extruded surface has no area: nothing is drawn");
+            return;
+        }
         if (!p_.ccw)
             for (auto* index : {&out_.positionIndex, &out_.texCoordIndex})
                 for (std::size_t k = 0; k < index->size(); k += 3) std::swap((*index)[k + 1], (*index)[k + 2]);

@@ -35,27 +35,28 @@ TriangleFrame frameOf(const Mesh& mesh, std::uint32_t triangle) {
     TriangleFrame frame;
     const Vec3f a = mesh.vertex(triangle, 0), b = mesh.vertex(triangle, 1), c = mesh.vertex(triangle, 2);
     Vec3f e[3] = {b - a, c - b, a - c};
-    for (Vec3f& edge : e) {
-        float length = glm::dot(edge, edge);
-        if (!(length > 1e-30f && length < 1e30f)) {
-            const double exact = glm::length(Vec3d(edge));
-            if (!(exact > 0.0)) return frame;
-            edge = Vec3f(Vec3d(edge) / exact);
-            continue;
+    float longest = 0, lengths[3];
+    for (int i = 0; i < 3; ++i) longest = std::max(longest, lengths[i] = glm::dot(e[i], e[i]));
+    double size = 1;
+    if (!(longest > 1e-24f && longest < 1e24f)) {
+        // Products of such edges leave the range of float: bring the triangle to unit size.
+        size = std::max({glm::length(Vec3d(e[0])), glm::length(Vec3d(e[1])), glm::length(Vec3d(e[2]))});
+        if (!(size > 0.0)) return frame;
+        longest = 0;
+        for (int i = 0; i < 3; ++i) {
+            e[i] = Vec3f(Vec3d(e[i]) / size);
+            longest = std::max(longest, lengths[i] = glm::dot(e[i], e[i]));
         }
-        edge /= std::sqrt(length);
     }
-    const Vec3f n = glm::cross(e[0], -e[2]);
-    const float sine = std::sqrt(glm::dot(n, n));
-    if (!(sine > 1e-7f)) {
-        // A sliver: its unit edges are parallel in float, though its area may be real.
-        const Vec3d exact = glm::cross(Vec3d(b) - Vec3d(a), Vec3d(c) - Vec3d(a));
-        const double length = glm::length(exact);
-        if (!(length > 0.0)) return frame;
-        frame.normal = Vec3f(exact / length);
-    } else {
-        frame.normal = n / sine;
-    }
+    Vec3f n = glm::cross(e[0], -e[2]);
+    const float area = std::sqrt(glm::dot(n, n));
+    // Cutting polygons leaves slivers between collinear corners. Where the height is below the rounding of the
+    // coordinates the direction is noise, and the widest angle would give it the greatest weight.
+    const Vec3f offset = glm::abs(a);
+    const double reach = std::max({offset.x, offset.y, offset.z}) / size + double{std::sqrt(longest)};
+    if (!(area > 4 * double{std::numeric_limits<float>::epsilon()} * std::sqrt(longest) * reach)) return frame;
+    frame.normal = n / area;
+    for (int i = 0; i < 3; ++i) e[i] /= std::sqrt(lengths[i]);
     frame.angle[0] = fastAcos(-glm::dot(e[0], e[2]));
     frame.angle[1] = fastAcos(-glm::dot(e[1], e[0]));
     frame.angle[2] = std::max(0.0f, kPi - frame.angle[0] - frame.angle[1]);

@@ -17,6 +17,8 @@ Vec3d newellNormal(std::span<const Vec3f> points) {
     return normal;
 }
 
+constexpr std::size_t kLongestCrossingOutline = 30000;
+
 double turn(Vec2d a, Vec2d b, Vec2d c) {
     return (b.x - a.x) * (c.y - b.y) - (b.y - a.y) * (c.x - b.x);
 }
@@ -140,6 +142,9 @@ PolygonCutter::Outcome PolygonCutter::cut(std::span<const Vec3f> points, std::ve
         fan(std::max(reflex, 0));
         return count == 1 ? Outcome::good : Outcome::selfIntersecting;
     }
+    if (cutSimplePolygon(flat_, triangles)) return Outcome::good;
+    // Its sweep keeps the active edges in a list: a crossing outline of this size could take minutes.
+    if (n > kLongestCrossingOutline) return Outcome::degenerate;
     return cutConcave(flat_, triangles);
 }
 
