@@ -25,6 +25,7 @@ struct Attachment::Cursor {
     bool attached = true;
     std::string failure;
     std::uint64_t seen = 0;
+    bool restarted = false;  // the next set counts whatever its number
     std::deque<std::shared_ptr<const ChangeSet>> backlog;
 
     /// Whatever the subscriber does, nothing is thrown across the bus.
@@ -103,7 +104,8 @@ void Bus::publish(std::shared_ptr<const ChangeSet> set) {
                 continue;
             }
             const std::uint64_t have = cursor->backlog.empty() ? cursor->seen : cursor->backlog.back()->to;
-            if (have >= set->to) continue;  // attached during this very publication
+            if (have >= set->to && !cursor->restarted) continue;  // attached during this very publication
+            cursor->restarted = false;
             if (cursor->delivery == Delivery::polled) {
                 cursor->backlog.push_back(set);
                 if (cursor->backlog.size() > kBacklog) {
@@ -126,6 +128,15 @@ void Bus::publish(std::shared_ptr<const ChangeSet> set) {
             const std::scoped_lock lock(cursor->mutex);
             return !cursor->attached;
         });
+}
+
+void Bus::restart() {
+    for (const auto& cursor : state_->cursors) {
+        const std::scoped_lock lock(cursor->mutex);
+        cursor->seen = 0;
+        cursor->restarted = true;
+        cursor->backlog.clear();
+    }
 }
 
 void Bus::setReporter(std::function<void(const Diagnostic&)> reporter) {

@@ -170,6 +170,19 @@ Result<> Scene::State::releaseDestroyed(std::span<const Change> changes) {
     return {};
 }
 
+Result<> Scene::reset() {
+    if (auto ok = state_->checkThread(); !ok) return ok;
+    auto fresh = std::make_unique<State>(*this);
+    fresh->allocate(root(), state_->find(root())->typeIndex_, {});
+    fresh->firstNewId = fresh->nextId;
+    fresh->listener = std::move(state_->listener);
+    fresh->behavioursEnabled = state_->behavioursEnabled;
+    for (std::size_t i = 0; i < builtinTypes().size(); ++i) fresh->types[i].behaviour = state_->types[i].behaviour;
+    state_ = std::move(fresh);
+    bus_->restart();
+    return {};
+}
+
 Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
     State& s = *state_;
     if (auto ok = s.checkThread(); !ok) return ok;

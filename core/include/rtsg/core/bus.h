@@ -22,7 +22,7 @@ class Subscriber {
   public:
     virtual ~Subscriber() = default;
     /// `scene` is in the state `changes.to` when called on the scene's thread. The first call after attaching is a
-    /// snapshot. Changes stay valid only during the call; copy Values out (cheap) to keep them.
+    /// snapshot; another snapshot later means: forget what was before (a replica joined anew). Changes stay valid only during the call; copy Values out (cheap) to keep them.
     virtual Result<> apply(const Scene& scene, const ChangeSet& changes) = 0;
     virtual std::string subscriberName() const { return "subscriber"; }
 };
@@ -73,6 +73,8 @@ class Bus {
     /// Called by the scene. Sets not yet polled by someone are kept; beyond `kept` of them a cursor's backlog is
     /// merged, so memory is bounded by the scene, not by the lag.
     void publish(std::shared_ptr<const ChangeSet> set);
+    /// Called by the scene when it is reset: nobody has seen anything yet.
+    void restart();
     void setReporter(std::function<void(const Diagnostic&)> reporter);
     std::size_t subscribers() const;
 

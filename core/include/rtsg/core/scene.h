@@ -160,6 +160,9 @@ class Scene {
     /// Applies a set that starts at sequence() (or a snapshot onto an empty scene), and publishes it. On an error
     /// nothing is guaranteed but safety: the scene must then be discarded.
     Result<> apply(std::shared_ptr<const ChangeSet> set);
+    /// Forgets everything, as freshly constructed but for listener, registered behaviours and subscribers; to these the
+    /// next set that is applied comes as a snapshot once more. For replicas that join anew.
+    Result<> reset();
     Hash128 hash() const;
     /// Canonical text of the whole state; equal states give equal text. For tests and bug reports.
     std::string dump() const;
