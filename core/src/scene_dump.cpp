@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/field_text.h>
+
 #include "scene_state.h"
 
 namespace rtsg {
@@ -31,7 +33,7 @@ std::string Scene::dump() const {
                 else
                     for (const NodeId id : *static_cast<const Array<NodeId>*>(node.storage(i))) append(id);
             } else {
-                text += detail::fieldTerm(node.id(), i, def.type, node.storage(i)).hex();  // equal values, equal text
+                appendFieldText(text, node.value(i), TextSyntax::classicVrml);
             }
             text += '\n';
         }
