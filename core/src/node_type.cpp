@@ -51,7 +51,7 @@ bool NodeType::finish() {
     // Widest alignment first: no padding between fields, so that a million Transforms stay small.
     std::vector<FieldIndex> order(fields.size());
     std::iota(order.begin(), order.end(), FieldIndex{0});
-    std::ranges::stable_sort(order, std::greater(), [&](FieldIndex i) { return info(fields[i].type).alignment; });
+    std::ranges::sort(order, {}, [&](FieldIndex i) { return std::pair(-info(fields[i].type).alignment, i); });
     std::size_t size = 0;
     for (const FieldIndex i : order) {
         FieldDef& field = fields[i];

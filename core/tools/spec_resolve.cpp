@@ -60,14 +60,18 @@ void Model::resolve(Type& type) {
             else
                 field->aspect = retag.aspect;
         }
-    // The order of the standard's tables: by name, whatever the case.
-    std::ranges::stable_sort(type.fields, [](const Field& a, const Field& b) {
-        if (a.hidden || b.hidden) return !a.hidden && b.hidden;
-        return std::ranges::lexicographical_compare(a.name, b.name, [](char x, char y) {
-            const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
-            return lower(x) < lower(y);
-        });
+    // The order of the standard's tables: by name, whatever the case; then the hidden ones as written.
+    std::vector<Field> hidden;
+    for (const Field& field : type.fields)
+        if (field.hidden) hidden.push_back(field);
+    std::erase_if(type.fields, [](const Field& field) { return field.hidden; });
+    std::ranges::sort(type.fields, {}, [](const Field& field) {
+        std::string key = field.name;
+        for (char& c : key)
+            if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+        return key + '\0' + field.name;
     });
+    type.fields.insert(type.fields.end(), hidden.begin(), hidden.end());
     type.state = 2;
 }
 
