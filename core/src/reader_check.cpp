@@ -15,9 +15,12 @@ std::string outOfRange(const FieldDef& field, const S* numbers, std::size_t coun
         low = std::min(low, numbers[i]);
         high = std::max(high, numbers[i]);
     }
-    const bool below =
-        field.exclusiveMin ? !(static_cast<double>(low) > field.min) : static_cast<double>(low) < field.min;
-    if (!below && static_cast<double>(high) <= field.max) return {};
+    // Authors write 1.5708 for half pi.
+    const auto slack = [](double bound) { return std::isinf(bound) ? 0 : 1e-5 * std::abs(bound); };
+    const double least = field.min - slack(field.min), most = field.max + slack(field.max);
+    const auto lowest = static_cast<double>(low);
+    const bool below = field.exclusiveMin ? !(lowest > least) : lowest < least;
+    if (!below && static_cast<double>(high) <= most) return {};
     const auto text = [](auto number) { return printFieldText(Value(number)); };
     std::string range = field.exclusiveMin ? "(" : "[";
     range += std::isinf(field.min) ? "-inf" : text(static_cast<float>(field.min));
@@ -55,7 +58,7 @@ std::span<const T> elements(const Value& value) {
 
 }  // namespace
 
-std::string valueComplaint(const FieldDef& field, const Value& value) {
+std::string valueComplaint(const FieldDef& field, const Value& value, bool ranges) {
     const FieldType element = sf(value.type());
     if (element == FieldType::SFRotation) {
         const auto rotations = elements<Rotation>(value);
@@ -66,7 +69,7 @@ std::string valueComplaint(const FieldDef& field, const Value& value) {
         const auto words = elements<String>(value);
         return wordComplaint(field, words.data(), words.size());
     }
-    if (std::isinf(field.min) && std::isinf(field.max)) return {};
+    if (!ranges || (std::isinf(field.min) && std::isinf(field.max))) return {};
     switch (element) {
 #define RTSG_CASE(suffix, T, S)                                                                         \
     case FieldType::SF##suffix: {                                                                       \

@@ -188,7 +188,7 @@ void ClassicReader::statement() {
     if (std::ranges::find(keywords, next) != keywords.end())
         keywordStatement(word());
     else
-        nodeStatement({}, {});
+        nodeStatement({});
 }
 
 void ClassicReader::keywordStatement(std::string_view keyword) {
@@ -291,13 +291,17 @@ void ClassicReader::exportStatement() {
 void ClassicReader::component() {
     skipSpace();
     const char* where = p_;
-    const std::string_view what = word();
+    std::string what(word());
+    // `name : level` with spaces is no grammar, but common.
+    if (peekWord().starts_with(':')) what += word();
+    if (what.ends_with(':') && isDigit(peekWord().empty() ? ' ' : peekWord()[0])) what += word();
     const std::size_t colon = what.find(':');
+    const char* number = what.data() + (colon == what.npos ? what.size() : colon + 1);
+    const char* stop = what.data() + what.size();
     std::int32_t level = 0;
-    const char* number = colon == what.npos ? nullptr : what.data() + colon + 1;
-    if (!number || number == p_ || scanInteger(number, p_, level) != NumberStatus::ok)
-        return error(where, "expected 'COMPONENT name:level', found '" + std::string(what) + "'");
-    handler_->component(what.substr(0, colon), level);
+    if (colon == 0 || number == stop || scanInteger(number, stop, level) != NumberStatus::ok)
+        return error(where, "expected 'COMPONENT name:level', found '" + what.substr(0, 80) + "'");
+    handler_->component(std::string_view(what).substr(0, colon), level);
 }
 
 void ClassicReader::meta() {
@@ -315,6 +319,7 @@ void ClassicReader::unit() {
     if (!parseValue(FieldType::SFDouble, factor)) return;
     if (!(factor.as<double>() > 0)) return error(category.data(), "a unit's conversion factor must be positive");
     handler_->unit(category, name, factor.as<double>());
+    hasUnits_ = true;
 }
 
 void ClassicReader::beginProto() {

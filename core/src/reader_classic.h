@@ -49,12 +49,12 @@ class ClassicReader final : private FieldTextReport {
     void nodeItem();
     void listItem();
     void fieldItem(std::string_view name, const char* at);
-    void nodeStatement(std::string_view field, const FieldRef& into);
-    void beginNode(std::string_view type, std::string_view def, std::string_view field, const FieldRef& into,
-                   const char* at);
-    void useNode(std::string_view field, const FieldRef& into, const char* at);
+    void nodeStatement(const FieldRef& into);
+    void beginNode(std::string_view type, std::string_view def, const FieldRef& into, const char* at);
+    void useNode(const FieldRef& into, const char* at);
     void nodeValue(const FieldRef& field, const char* at);
     void openList(const FieldRef& field);
+    void checkPlace(const FieldRef& into, const NodeShape& shape, const char* at);
     bool declaration(FieldDeclaration& out, const char*& at, bool& recognised);
     void declare(DeclaredFields& fields, const NodeShape* node);
     void closeBracket();
@@ -98,6 +98,7 @@ class ClassicReader final : private FieldTextReport {
     std::vector<std::size_t> outerLists_;
     DocumentHeader header_;
     bool vrml97_ = false;
+    bool hasUnits_ = false;  // then the ranges of numbers are not those of the table
 };
 
 /// The access that a keyword of either dialect stands for; false if it is none.

@@ -109,28 +109,34 @@ void ClassicReader::skipValue() {
     }
 }
 
-void ClassicReader::nodeStatement(std::string_view field, const FieldRef& into) {
+void ClassicReader::nodeStatement(const FieldRef& into) {
     const char* where = p_;
     std::string_view next = word();
-    if (next == "USE") return useNode(field, into, where);
+    if (next == "USE") return useNode(into, where);
     std::string_view def;
     if (next == "DEF") {
         def = word();
         next = word();
     }
     if (next.empty()) return error(p_, "expected a node");
-    beginNode(next, def, field, into, where);
+    beginNode(next, def, into, where);
 }
 
-void ClassicReader::useNode(std::string_view field, const FieldRef& into, const char* where) {
+void ClassicReader::useNode(const FieldRef& into, const char* where) {
     const std::string_view name = word();
     if (name.empty()) return error(p_, "expected the name of a node behind USE");
-    const NodeShape* shape = types_.defined(name);
-    if (into && shape && !accepts(into, shape->standsFor()))
-        return error(where, std::string(shape->name()) + " " + std::string(name) + " cannot be the value of field " +
-                                std::string(field));
-    if (shape) beganNode(*shape);
-    handler_->useNode(name, field, at(where));
+    if (const NodeShape* shape = types_.defined(name)) {
+        checkPlace(into, *shape, where);
+        beganNode(*shape);
+    }
+    handler_->useNode(name, into.name, at(where));
+}
+
+/// The wrong type of node in a field is kept, so that nothing an author wrote is lost; its parent will not use it.
+void ClassicReader::checkPlace(const FieldRef& into, const NodeShape& shape, const char* where) {
+    if (into && !accepts(into, shape.standsFor()))
+        report(Severity::warning, where,
+               std::string(shape.name()) + " is none of the node types that " + std::string(into.name) + " takes");
 }
 
 /// The first node of a PROTO's body decides where its instances may stand.
@@ -142,8 +148,7 @@ void ClassicReader::beganNode(const NodeShape& shape) {
     proto.primary = shape.standsFor();
 }
 
-void ClassicReader::beginNode(std::string_view type, std::string_view def, std::string_view field, const FieldRef& into,
-                              const char* where) {
+void ClassicReader::beginNode(std::string_view type, std::string_view def, const FieldRef& into, const char* where) {
     NodeShape shape = types_.find(type);
     if (!peekIs('{')) {
         error(where, shape.known() ? "expected '{' behind " + std::string(type)
@@ -156,13 +161,10 @@ void ClassicReader::beginNode(std::string_view type, std::string_view def, std::
     }
     ++p_;
     beganNode(shape);
-    if (into && !accepts(into, shape.standsFor())) {
-        error(where, std::string(type) + " cannot be the value of field " + std::string(field) + "; it is left out");
-        mute();
-    }
+    checkPlace(into, shape, where);
     if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
     if (!def.empty()) types_.define(def, shape);
-    handler_->beginNode(shape.name(), def, field, at(where));
+    handler_->beginNode(shape.name(), def, into.name, at(where));
     push({.inside = Inside::node, .shape = std::move(shape), .proto = {}, .field = {}, .into = {}, .open = where});
 }
 
@@ -213,7 +215,7 @@ void ClassicReader::listItem() {
         return;
     }
     const FieldRef into = frames_.back().into;
-    nodeStatement(into.name, into);
+    nodeStatement(into);
 }
 
 void ClassicReader::fieldItem(std::string_view name, const char* where) {
@@ -240,7 +242,7 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     const char* start = p_;
     if (!parseValue(field.type, value)) return skipValue();
     if (field.definition) {
-        if (std::string complaint = valueComplaint(*field.definition, value); !complaint.empty())
+        if (std::string complaint = valueComplaint(*field.definition, value, !hasUnits_); !complaint.empty())
             report(Severity::warning, start, std::move(complaint));
     }
     handler_->setField(field.name, std::move(value), at(where));
@@ -271,7 +273,7 @@ void ClassicReader::nodeValue(const FieldRef& field, const char* where) {
         error(p_, std::string(field.name) + " takes a node");
         return skipValue();
     }
-    nodeStatement(field.name, field);
+    nodeStatement(field);
 }
 
 void ClassicReader::openList(const FieldRef& field) {
@@ -307,8 +309,15 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
         if (recognised) skipValue();
         return;
     }
-    const bool clashes = node && node->type && node->type->findExact(field.name) != kNoField;
-    if (clashes || !fields.add(field)) {
+    if (node && node->type->findExact(field.name) != kNoField) {
+        // X3D 4.0 gave Script a description; scripts of before may declare one, meaning the same.
+        const FieldRef builtin = findField(*node, field.name);
+        report(Severity::warning, where, "Script has a field '" + field.name + "' of its own");
+        if (field.access == Access::inputOnly || field.access == Access::outputOnly) return;
+        if (builtin.type != field.type) return skipValue();
+        return fieldItem(builtin.name, where);
+    }
+    if (!fields.add(field)) {
         error(where, "there is a field '" + field.name + "' already");
         if (field.access == Access::initializeOnly || field.access == Access::inputOutput) skipValue();
         return;
@@ -358,7 +367,7 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
         return;
     }
     handler_->declareField(field, std::nullopt, at(where));
-    nodeStatement(ref.name, ref);
+    nodeStatement(ref);
 }
 
 }  // namespace rtsg::detail

@@ -32,8 +32,8 @@ class ProgressMeter {
 };
 
 /// Says what is wrong with a well-formed value: outside the field's range, no allowed word, an axis that is no
-/// direction. Empty if nothing is.
-std::string valueComplaint(const FieldDef& field, const Value& value);
+/// direction. Empty if nothing is. `ranges` is false in documents with units of their own.
+std::string valueComplaint(const FieldDef& field, const Value& value, bool ranges);
 
 /// Takes everything and does nothing.
 class NullHandler final : public DocumentHandler {
@@ -62,6 +62,8 @@ class NullHandler final : public DocumentHandler {
 /// Reads one document of the encoding; false if it had to stop early.
 bool readClassic(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
                  const ReaderProgress& progress);
-bool readXml(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress);
+/// `utf8`: the text is valid UTF-8; if not, it is in whatever encoding the XML declaration or a BOM names.
+bool readXml(std::string_view text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
+             const ReaderProgress& progress);
 
 }  // namespace rtsg::detail

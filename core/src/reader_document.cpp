@@ -106,7 +106,8 @@ bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& 
         return false;
     }
     std::string clean;
-    if (encoding != Encoding::xml || !isOtherXmlEncoding(text)) {
+    const bool utf8 = encoding != Encoding::xml || !isOtherXmlEncoding(text);
+    if (utf8) {
         if (const std::size_t bad = detail::findInvalidUtf8(text); bad != text.npos) {
             std::size_t count = 0;
             const SourceLocation where = detail::TextPosition(text.data()).of(text.data() + bad);
@@ -122,7 +123,7 @@ bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& 
         case Encoding::vrml97:
             return detail::readClassic(text, handler, diagnostics, progress);
         case Encoding::xml:
-            return detail::readXml(text, handler, diagnostics, progress);
+            return detail::readXml(text, utf8, handler, diagnostics, progress);
         case Encoding::json:
         case Encoding::binary:
             break;

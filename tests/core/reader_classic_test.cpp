@@ -1,40 +1,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
-
-#include "recording_handler.h"
+#include "reading.h"
 
 namespace rtsg {
 namespace {
 
-using test::RecordingHandler;
+using test::Read;
+using test::readClassicScene;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
-
-struct Read {
-    RecordingHandler handler;
-    Diagnostics diagnostics{"test.x3dv"};
-    bool usable = false;
-
-    explicit Read(std::string_view text) {
-        usable = readDocument(text, handler, diagnostics);
-        EXPECT_EQ(handler.violation, "");
-        if (usable) {
-            EXPECT_TRUE(handler.complete());
-        }
-    }
-    std::string complaints() const {
-        std::string all;
-        for (const Diagnostic& d : diagnostics.all()) all += d.format() + "\n";
-        return all;
-    }
-};
-
-Read classic(const std::string& body) {
-    return Read("#X3D V4.0 utf8\nPROFILE Immersive\n" + body);
-}
 
 TEST(ReaderClassic, HeaderStatements) {
     const Read r(
@@ -48,7 +24,7 @@ TEST(ReaderClassic, HeaderStatements) {
 }
 
 TEST(ReaderClassic, NodesFieldsDefUse) {
-    const Read r = classic(
+    const Read r = readClassicScene(
         "DEF T Transform { translation 1 -2.5 .5e1 children [ Shape { geometry DEF B Box { size 1 2 3 } }, "
         "Shape { geometry USE B appearance NULL } ] } # done");
     EXPECT_EQ(r.complaints(), "");
@@ -68,7 +44,7 @@ TEST(ReaderClassic, PositionsCountLinesAndCodePoints) {
 }
 
 TEST(ReaderClassic, RoutesUseBareNamesInEverySpelling) {
-    const Read r = classic(
+    const Read r = readClassicScene(
         "DEF A Transform {} DEF B Transform {} DEF S TimeSensor {} DEF I PositionInterpolator {}\n"
         "ROUTE A.translation_changed TO B.set_translation ROUTE A.translation TO B.translation\n"
         "ROUTE S.fraction_changed TO I.set_fraction");
@@ -78,7 +54,7 @@ TEST(ReaderClassic, RoutesUseBareNamesInEverySpelling) {
 }
 
 TEST(ReaderClassic, ProtoWithIsAndNodeDefaults) {
-    const Read r = classic(
+    const Read r = readClassicScene(
         "PROTO P [ initializeOnly SFVec3f at 1 2 3 inputOutput SFNode look Appearance {} inputOnly SFBool go\n"
         " initializeOnly MFNode kids [ ] ] { Transform { translation IS at children IS kids } } P { at 0 0 1 }");
     EXPECT_EQ(r.complaints(), "");
@@ -90,7 +66,7 @@ TEST(ReaderClassic, ProtoWithIsAndNodeDefaults) {
 }
 
 TEST(ReaderClassic, ExternProtoImportExport) {
-    const Read r = classic(
+    const Read r = readClassicScene(
         "EXTERNPROTO E [ inputOutput SFColor c outputOnly SFTime t ] [ \"a.x3dv#E\" \"b.x3dv\" ]\n"
         "E { c 1 0 0 } DEF I Inline {} IMPORT I.far AS near IMPORT I.same EXPORT I AS out EXPORT I");
     EXPECT_EQ(r.complaints(), "");
@@ -101,7 +77,7 @@ TEST(ReaderClassic, ExternProtoImportExport) {
 }
 
 TEST(ReaderClassic, ScriptDeclaresFields) {
-    const Read r = classic(
+    const Read r = readClassicScene(
         "DEF T Transform {} Script { inputOnly SFTime go initializeOnly SFNode node USE T outputOnly MFVec3f out\n"
         " inputOutput SFString name \"x\" directOutput TRUE url \"ecmascript: f\" name \"y\" }");
     EXPECT_EQ(r.complaints(), "");
@@ -125,7 +101,7 @@ TEST(ReaderVrml97, OldKeywordsAndRenamedFields) {
 }
 
 TEST(ReaderClassic, UnknownNodeAndFieldAreReportedAndTheRestKept) {
-    const Read r = classic(
+    const Read r = readClassicScene(
         "Foo { a [ 1 { \"}\" } ] # }\n } Transform { bogus 1 2 3 nope Shape { } wrong [ Box {} ] translation 1 2 3 "
         "scale TRUE rotation 0 1 0 1 addChildren Group {} center 4 5 6 } Group {}");
     EXPECT_EQ(r.diagnostics.errors(), 6u) << r.complaints();

@@ -1,0 +1,345 @@
+#include "reader_xml.h"
+
+#include <algorithm>
+#include <array>
+
+#include "reader_classic.h"
+
+namespace rtsg::detail {
+
+namespace {
+
+/// Attributes of any element that are no fields.
+bool isOrganisational(std::string_view name) {
+    constexpr std::array<std::string_view, 6> names = {"DEF", "USE", "containerField", "class", "id", "style"};
+    return std::ranges::find(names, name) != names.end() || name.starts_with("xmlns") || name.find(':') != name.npos;
+}
+
+bool hasSourceText(const NodeType& type) {
+    return declaresFields(type) || type.name == "ShaderPart";
+}
+
+}  // namespace
+
+void XmlReader::startNode(const char* name, Attributes attributes) {
+    NodeShape shape = types_.find(name);
+    if (!shape.known()) return skip(std::string("unknown node type ") + name + "; it is left out");
+    if (shape.proto)
+        diagnostics_.warning(where(), std::string("prototypes are used as <ProtoInstance name='") + name + "'>");
+    openNode(std::move(shape), attributes);
+}
+
+void XmlReader::startInstance(Attributes attributes) {
+    const char* name = attribute(attributes, "name");
+    const char* use = attribute(attributes, "USE");
+    NodeShape shape;
+    if (name) shape.proto = types_.findProto(name);
+    if (!shape.proto && use)
+        if (const NodeShape* defined = types_.defined(use)) shape = *defined;
+    if (!shape.known())
+        return skip(name ? "there is no PROTO " + std::string(name) + " here; its instance is left out"
+                         : std::string("ProtoInstance needs a name"));
+    openNode(std::move(shape), attributes);
+}
+
+/// The field of the innermost open element that `child` goes into; none, with `fits`, where nodes are statements.
+FieldRef XmlReader::placeFor(const NodeShape& child, const char* containerField, bool& fits) {
+    fits = true;
+    if (frames_.empty()) return {};
+    const Frame& parent = frames_.back();
+    const NodeType* type = child.standsFor();
+    const std::string childName(child.name());
+    switch (parent.inside) {
+        case Inside::scene:
+        case Inside::body:
+            return {};
+        case Inside::root:
+            diagnostics_.warning(where(), childName + " belongs in Scene");
+            return {};
+        case Inside::declaration:
+        case Inside::value:
+            fits = parent.into && sf(parent.into.type) == FieldType::SFNode;
+            if (!fits && parent.into) error(std::string(parent.into.name) + " takes no nodes");
+            return fits ? parent.into : FieldRef{};
+        case Inside::node:
+            break;
+        default:
+            fits = false;
+            error(childName + " has no place in " + parent.element);
+            return {};
+    }
+    const auto usable = [&](const FieldRef& field) { return field && field.takesValue() && accepts(field, type); };
+    const std::string parentName(parent.shape.name());
+    FieldRef named;
+    if (containerField) named = findField(parent.shape, containerField);
+    if (usable(named)) return named;
+    if (named && named.takesValue() && sf(named.type) == FieldType::SFNode) {
+        diagnostics_.warning(where(),
+                             childName + " is none of the node types that " + std::string(named.name) + " takes");
+        return named;
+    }
+    FieldRef place;
+    const std::string_view usual = type ? std::string_view(type->containerField) : "children";
+    if (const FieldRef field = findField(parent.shape, usual); usable(field)) place = field;
+    if (!place && parent.shape.type && type) {
+        for (const FieldDef& definition : parent.shape.type->fields) {
+            if (definition.hidden || definition.accepts.empty()) continue;
+            const FieldRef field{definition.name, definition.type, definition.access, &definition};
+            if (usable(field)) {
+                place = field;
+                break;
+            }
+        }
+    }
+    fits = static_cast<bool>(place);
+    if (!fits)
+        error(childName + " has no place in " + parentName + "; it is left out");
+    else if (containerField)
+        diagnostics_.warning(where(), "containerField '" + std::string(containerField) + "' of " + parentName +
+                                          " does not take " + childName + "; '" + std::string(place.name) +
+                                          "' is taken instead");
+    return place;
+}
+
+void XmlReader::openNode(NodeShape shape, Attributes attributes) {
+    bool fits = false;
+    const FieldRef into = placeFor(shape, attribute(attributes, "containerField"), fits);
+    if (!fits) return skip({});
+    if (!frames_.empty()) {
+        Frame& parent = frames_.back();
+        if (parent.declared) tellDeclaration(parent);
+        if (parent.inside == Inside::value && parent.hasChildren && !isMF(into.type))
+            return skip(std::string(into.name) + " takes one node only");
+        if (parent.inside == Inside::body && !frames_[frames_.size() - 2].prototype->type->hasBody) {
+            ProtoType& proto = *frames_[frames_.size() - 2].prototype->type;
+            proto.hasBody = true;
+            proto.primary = shape.standsFor();
+        }
+    }
+    if (const char* use = attribute(attributes, "USE")) return useNode(use, shape, into.name, into);
+    const char* def = attribute(attributes, "DEF");
+    if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
+    if (def && *def) types_.define(def, shape);
+    handler_->beginNode(shape.name(), def ? def : "", into.name, where());
+    push(Inside::node);
+    if (shape.type && hasSourceText(*shape.type)) frames_.back().source = std::make_unique<Source>();
+    frames_.back().shape = std::move(shape);
+    nodeAttributes(attributes);
+}
+
+void XmlReader::useNode(std::string_view use, const NodeShape& shape, std::string_view field, const FieldRef& into) {
+    const NodeShape* defined = types_.defined(use);
+    if (defined && defined->name() != shape.name())
+        diagnostics_.warning(where(), std::string(use) + " is a " + std::string(defined->name()) + ", not a " +
+                                          std::string(shape.name()));
+    if (defined && into && !accepts(into, defined->standsFor()))
+        diagnostics_.warning(
+            where(), std::string(defined->name()) + " is none of the node types that " + std::string(field) + " takes");
+    handler_->useNode(use, field, where());
+    push(Inside::leaf);
+}
+
+void XmlReader::nodeAttributes(Attributes attributes) {
+    const bool instance = std::string_view(element_) == "ProtoInstance";
+    for (int i = 0; i < specified_; i += 2) {
+        const std::string_view name(attributes[i]);
+        if (isOrganisational(name) || (instance && name == "name")) continue;
+        setAttribute(attributes[i], attributes[i + 1]);
+    }
+}
+
+void XmlReader::setAttribute(const char* name, const char* text) {
+    Frame& frame = frames_.back();
+    const std::string node(frame.shape.name());
+    const FieldRef field = findField(frame.shape, name);
+    attributeName_ = name;
+    attributeValue_ = text;
+    if (!field) {
+        diagnostics_.error(locate(text), node + " has no field '" + name + "'");
+    } else if (!field.takesValue()) {
+        diagnostics_.error(locate(text), std::string(name) + " of " + node + " is an event, it takes no value");
+    } else if (sf(field.type) == FieldType::SFNode) {
+        diagnostics_.error(locate(text), std::string(name) + " of " + node + " takes nodes, not text");
+    } else {
+        Value value;
+        if (parseAttribute(name, text, field.type, value)) {
+            attributeName_ = name;
+            if (field.definition)
+                if (std::string complaint = valueComplaint(*field.definition, value, !hasUnits_); !complaint.empty())
+                    diagnostics_.warning(locate(text), std::move(complaint));
+            if (frame.source && field.name == "url" && field.definition) {
+                frame.source->url = value.as<Array<String>>();
+                frame.source->where = where();
+            } else {
+                handler_->setField(field.name, std::move(value), where());
+            }
+        }
+    }
+    attributeName_ = nullptr;
+}
+
+/// `field` in a Script, shader or interface.
+void XmlReader::startField(Attributes attributes) {
+    const bool script = isTop(Inside::node) && frames_.back().shape.own;
+    const bool interface = isTop(Inside::interface), external = isTop(Inside::externProto);
+    if (!script && !interface && !external) return skip("field has no place here");
+    Frame& parent = frames_.back();
+    DeclaredFields& fields = script     ? *parent.shape.own
+                             : external ? parent.prototype->type->fields
+                                        : frames_[frames_.size() - 2].prototype->type->fields;
+    FieldDeclaration field;
+    const char* name = attribute(attributes, "name");
+    const char* type = attribute(attributes, "type");
+    const char* access = attribute(attributes, "accessType");
+    const char* value = attribute(attributes, "value");
+    if (!name || !*name || !type || !access) return skip("field needs name, type and accessType");
+    if (!accessFromKeyword(access, field.access)) return skip("'" + std::string(access) + "' is no accessType");
+    if (!fieldTypeFromName(type, field.type)) return skip("'" + std::string(type) + "' is no field type");
+    field.name = name;
+    if (script && parent.shape.type->findExact(name) != kNoField) {
+        // X3D 4.0 gave Script a description; scripts of before may declare one, meaning the same.
+        diagnostics_.warning(where(), "Script has a field '" + field.name + "' of its own");
+        if (value && findField(parent.shape, name).type == field.type) setAttribute(name, value);
+        return skip({});
+    }
+    if (!fields.add(field)) return skip("there is a field '" + field.name + "' already");
+    const FieldRef ref = findField(fields, name);
+    if (external) return push(Inside::leaf);
+    if (!ref.takesValue()) {
+        if (value && *value) error("the event " + field.name + " takes no value");
+        if (script)
+            parent.source->fields.emplace_back(std::move(field), std::nullopt);
+        else
+            handler_->declareField(field, std::nullopt, where());
+        return push(Inside::leaf);
+    }
+    if (sf(field.type) == FieldType::SFNode) {
+        push(Inside::declaration);
+        frames_.back().into = ref;
+        frames_.back().declared = std::make_unique<FieldDeclaration>(std::move(field));
+        return;
+    }
+    Value parsed = Value::zero(field.type);
+    if (value && !parseAttribute("value", value, field.type, parsed)) parsed = Value::zero(field.type);
+    if (script)
+        parent.source->fields.emplace_back(std::move(field), std::move(parsed));
+    else
+        handler_->declareField(field, std::move(parsed), where());
+    push(Inside::leaf);
+}
+
+/// Tells of a node-valued field: its first node is about to come, or there is none (then `frame` has been popped).
+void XmlReader::tellDeclaration(Frame& frame) {
+    const std::unique_ptr<FieldDeclaration> field = std::move(frame.declared);
+    // The Script that it is in comes before it on the stack.
+    Frame* parent = frames_.empty() ? nullptr : &frames_.back();
+    if (parent == &frame) parent = &frames_[frames_.size() - 2];
+    const bool script = parent && parent->source;
+    if (script) tellFields(*parent);
+    const bool nodesFollow = parent && parent != &frames_.back();
+    std::vector<std::string> connections;
+    if (script)
+        if (const auto found = parent->source->connections.find(field->name);
+            found != parent->source->connections.end())
+            connections = found->second;
+    std::optional<Value> value;
+    if (!nodesFollow && connections.empty()) value = Value::zero(field->type);
+    handler_->declareField(*field, std::move(value), frame.open);
+    for (const std::string& proto : connections) handler_->isConnection(frame.into.name, proto, frame.open);
+}
+
+/// Tells of the fields held back so far, each with the connection it has, or else its value.
+void XmlReader::tellFields(Frame& node) {
+    Source& source = *node.source;
+    auto fields = std::move(source.fields);
+    source.fields.clear();
+    for (auto& [field, value] : fields) {
+        const auto found = source.connections.find(field.name);
+        if (found == source.connections.end()) {
+            handler_->declareField(field, std::move(value), node.open);
+            continue;
+        }
+        handler_->declareField(field, std::nullopt, node.open);
+        for (const std::string& proto : found->second) handler_->isConnection(field.name, proto, node.open);
+    }
+}
+
+void XmlReader::endNode(Frame& frame) {
+    if (frame.source) {
+        Source& source = *frame.source;
+        tellFields(frame);
+        Array<String> url = source.url ? *source.url : Array<String>();
+        const std::size_t start = source.text.find_first_not_of(" \t\r\n");
+        const bool hasText = start != source.text.npos;
+        if (hasText && frame.shape.type->name == "Script") {
+            const std::string_view text = std::string_view(source.text).substr(start);
+            const bool named =
+                text.starts_with("ecmascript:") || text.starts_with("javascript:") || text.starts_with("vrmlscript:");
+            url.push_back(named ? String(text) : String("ecmascript:" + source.text));
+        } else if (hasText) {
+            url.push_back(String(source.text));
+        }
+        if (source.url || hasText) {
+            if (const FieldRef field = findField(frame.shape, "url"))
+                handler_->setField(field.name, Value(std::move(url)), source.url ? source.where : frame.open);
+            else
+                diagnostics_.error(frame.open, std::string(frame.shape.name()) + " takes no source text");
+        }
+        for (const auto& [field, protos] : source.connections)
+            if (!findField(frame.shape, field))
+                diagnostics_.error(frame.open,
+                                   std::string(frame.shape.name()) + " has no field '" + field + "' to connect");
+    }
+    handler_->endNode(where());
+}
+
+void XmlReader::startFieldValue(Attributes attributes) {
+    if (!isTop(Inside::node) || !frames_.back().shape.proto) return skip("fieldValue belongs in ProtoInstance");
+    const char* name = attribute(attributes, "name");
+    const char* value = attribute(attributes, "value");
+    const NodeShape& shape = frames_.back().shape;
+    if (!name) return skip("fieldValue needs a name");
+    const FieldRef field = findField(shape, name);
+    if (!field) return skip(std::string(shape.name()) + " has no field '" + name + "'");
+    if (!field.takesValue()) return skip(std::string(name) + " is an event, it takes no value");
+    if (sf(field.type) != FieldType::SFNode) {
+        Value parsed;
+        if (!value)
+            error("fieldValue of " + std::string(name) + " has no value");
+        else if (parseAttribute("value", value, field.type, parsed))
+            handler_->setField(field.name, std::move(parsed), where());
+        return push(Inside::leaf);
+    }
+    push(Inside::value);
+    frames_.back().into = field;
+}
+
+void XmlReader::startIs(Attributes) {
+    if (!isTop(Inside::node)) return skip("IS belongs in a node");
+    if (bodies_ == 0) return skip("IS has a meaning in the body of a PROTO only");
+    push(Inside::is);
+}
+
+void XmlReader::startConnect(Attributes attributes) {
+    if (!isTop(Inside::is)) return skip("connect belongs in IS");
+    const char* nodeField = attribute(attributes, "nodeField");
+    const char* protoField = attribute(attributes, "protoField");
+    Frame& node = frames_[frames_.size() - 2];
+    if (!nodeField || !protoField) {
+        error("connect needs nodeField and protoField");
+    } else {
+        const FieldRef field = findField(node.shape, nodeField);
+        const bool held = node.source && (!field || std::ranges::any_of(node.source->fields, [&](const auto& f) {
+                              return f.first.name == field.name;
+                          }));
+        if (held)
+            node.source->connections[field ? std::string(field.name) : std::string(nodeField)].emplace_back(protoField);
+        else if (field)
+            handler_->isConnection(field.name, protoField, where());
+        else
+            error(std::string(node.shape.name()) + " has no field '" + nodeField + "' to connect");
+    }
+    push(Inside::leaf);
+}
+
+}  // namespace rtsg::detail

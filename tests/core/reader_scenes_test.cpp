@@ -1,0 +1,49 @@
+// Every scene of the collection beside the project, where it is present, must be read to its end.
+#include <algorithm>
+#include <filesystem>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+
+#include "reading.h"
+
+namespace rtsg {
+namespace {
+
+std::filesystem::path scenesFolder() {
+    const char* named = std::getenv("RTSG_SCENES");
+    return named ? std::filesystem::path(named) : std::filesystem::path(RTSG_SOURCE_DIR) / "../shared/scenes";
+}
+
+std::vector<std::filesystem::path> sceneFiles() {
+    std::vector<std::filesystem::path> files;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(scenesFolder())) {
+        const std::string extension = entry.path().extension();
+        if (extension == ".x3d" || extension == ".x3dv" || extension == ".wrl" || extension == ".gz" ||
+            extension == ".x3dz")
+            files.push_back(entry.path());
+    }
+    std::ranges::sort(files);
+    return files;
+}
+
+// The only errors are nodes and fields of one browser's own.
+TEST(ReaderScenes, AllAreRead) {
+    if (!std::filesystem::exists(scenesFolder())) GTEST_SKIP() << "no scenes in " << scenesFolder();
+    for (const auto& file : sceneFiles()) {
+        test::RecordingHandler handler;
+        handler.quiet = true;
+        Diagnostics diagnostics(file);
+        EXPECT_TRUE(readDocumentFile(file, handler, diagnostics)) << file;
+        EXPECT_TRUE(handler.complete()) << file << ": " << handler.violation;
+        EXPECT_GT(handler.nodes, 0u) << file;
+        for (const Diagnostic& d : diagnostics.all()) {
+            const bool known = d.text.starts_with("unknown node type") || d.text.find("has no field") != d.text.npos;
+            EXPECT_TRUE(d.severity == Severity::warning || known) << d.format();
+        }
+    }
+}
+
+}  // namespace
+}  // namespace rtsg
