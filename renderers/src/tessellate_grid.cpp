@@ -78,11 +78,11 @@ Mesh tessellate(const ElevationGridParams& params) {
     if (!mesh.normals.present())
         mesh.normals = detail::generateNormals(mesh, detail::checkedCreaseAngle(mesh, params.creaseAngle));
     // 13.3.4: one unit of s along x and of t along z, whatever the heights.
-    if (params.texCoord.empty()) {
-        TexCoords& set = mesh.texCoords.front();
-        set = {};
-        set.sFromPosition.x = 1.0f / (static_cast<float>(columns - 1) * params.xSpacing);
-        set.tFromPosition.z = 1.0f / (static_cast<float>(rows - 1) * params.zSpacing);
+    for (std::size_t i = 0; i < mesh.texCoords.size(); ++i) {
+        TexCoords& set = mesh.texCoords[i];
+        if (set.values.present() || (i < params.texCoord.size() && params.texCoord[i].fromPosition)) continue;
+        set.sFromPosition = {1.0f / (static_cast<float>(columns - 1) * params.xSpacing), 0, 0, 0};
+        set.tFromPosition = {0, 0, 1.0f / (static_cast<float>(rows - 1) * params.zSpacing), 0};
     }
     return mesh;
 }

@@ -155,7 +155,11 @@ void bindAttributes(Mesh& mesh, const Topology& topology, const SurfaceParams& p
             set.values = bindCorners(mesh, topology, channel.point3, indices.texCoord, "texCoord");
         else
             set.values = bindCorners(mesh, topology, channel.point4, indices.texCoord, "texCoord");
-        if (!set.values.present()) set = defaultTexCoords(mesh.bounds);
+        if (channel.fromPosition) {
+            set.sFromPosition.x = set.tFromPosition.y = 1;
+        } else if (!set.values.present()) {
+            set = defaultTexCoords(mesh.bounds);
+        }
         set.mapping = channel.mapping;
         mesh.texCoords.push_back(std::move(set));
     }

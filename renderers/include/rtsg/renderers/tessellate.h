@@ -15,6 +15,8 @@
 
 namespace rtsg {
 
+class Scene;
+
 /// How finely curved primitives are cut.
 struct TessellationOptions {
     /// Largest distance between a circle and its polygon, as a part of the radius: .0025 gives 48 segments.
@@ -48,11 +50,13 @@ Mesh tessellate(const SphereParams& params, const TessellationOptions& options =
 Mesh tessellate(const ConeParams& params, const TessellationOptions& options = {});
 Mesh tessellate(const CylinderParams& params, const TessellationOptions& options = {});
 
-/// One channel given by the scene. At most one of the arrays is filled.
+/// One channel given by the scene. At most one of the arrays is filled; none: the default mapping of the node.
 struct TexCoordParams {
     Array<Vec2f> point;
     Array<Vec3f> point3;  // TextureCoordinate3D
     Array<Vec4f> point4;  // TextureCoordinate4D
+    /// TextureCoordinateGenerator of mode COORD: the position itself, (x, y) as (s, t).
+    bool fromPosition = false;
     String mapping;
 };
 
@@ -139,5 +143,11 @@ Mesh tessellate(const Disk2DParams& params, const TessellationOptions& options =
 Mesh tessellate(const Rectangle2DParams& params);
 Mesh tessellate(const TriangleSet2DParams& params);
 Mesh tessellate(const ArcClose2DParams& params, const TessellationOptions& options = {});
+
+/// The mesh of a geometry node, looked up with its Coordinate, Color, Normal and TextureCoordinate nodes; a PROTO
+/// instance stands for the first node of its body. Points, lines, text and other geometry without triangles give an
+/// empty mesh whose diagnostics say so. Diagnostics name the node. Fails when the node is missing or no geometry.
+Result<std::shared_ptr<const Mesh>> tessellate(const Scene& scene, NodeId geometry,
+                                               const TessellationOptions& options = {});
 
 }  // namespace rtsg

@@ -1,0 +1,283 @@
+#include <fmt/format.h>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+#include "tessellate_detail.h"
+
+namespace rtsg {
+
+namespace {
+
+using detail::warn;
+using Kind = PrimitiveSetParams::Kind;
+
+/// A PROTO instance stands for the first node of its body (4.4.4.3), maybe another instance. Null if there is none.
+const Node* resolve(const Scene& scene, NodeId id) {
+    const Node* node = scene.find(id);
+    for (int depth = 0; node && depth < 1000; ++depth) {
+        const NodeType& type = node->type();
+        if (type.kind != NodeType::Kind::proto && type.kind != NodeType::Kind::externProto) return node;
+        const FieldIndex body = type.findExact("body");
+        if (body == kNoField || type.fields[body].type != FieldType::MFNode) return nullptr;
+        const auto& nodes = node->get(Field<Array<NodeId>>{body});
+        node = nodes.empty() ? nullptr : scene.find(nodes[0]);
+    }
+    return nullptr;
+}
+
+/// Reads the nodes that a geometry refers to; what cannot be used is noted in `problems`.
+class PropertyReader {
+  public:
+    PropertyReader(const Scene& scene, Mesh& problems) : scene_(scene), problems_(problems) {}
+
+    Array<Vec3f> points(NodeId id) {
+        const Node* node = resolve(scene_, id);
+        if (!node) return {};
+        if (node->is(x3d::Coordinate::type)) return node->get(x3d::Coordinate::point);
+        if (node->is(x3d::CoordinateDouble::type)) {
+            const Array<Vec3d>& source = node->get(x3d::CoordinateDouble::point);
+            Array<Vec3f> result = Array<Vec3f>::ofSize(source.size());
+            Vec3f* out = result.mutableData();
+            for (std::size_t i = 0; i < source.size(); ++i) out[i] = Vec3f(source[i]);
+            return result;
+        }
+        notUsed("coord", *node);
+        return {};
+    }
+
+    /// For the nodes of X3DComposedGeometryNode, whose common fields have their own handles in each type.
+    template <class T>
+    void surface(const Node& node, SurfaceParams& params) {
+        params.ccw = node.get(T::ccw);
+        params.solid = node.get(T::solid);
+        params.colorPerVertex = node.get(T::colorPerVertex);
+        params.normalPerVertex = node.get(T::normalPerVertex);
+        if (const Node* color = resolve(scene_, node.get(T::color))) {
+            if (color->is(x3d::Color::type))
+                params.color = color->get(x3d::Color::color);
+            else if (color->is(x3d::ColorRGBA::type))
+                params.colorRGBA = color->get(x3d::ColorRGBA::color);
+            else
+                notUsed("color", *color);
+        }
+        if (const Node* normal = resolve(scene_, node.get(T::normal))) {
+            if (normal->is(x3d::Normal::type))
+                params.normal = normal->get(x3d::Normal::vector);
+            else
+                notUsed("normal", *normal);
+        }
+        texCoord(node.get(T::texCoord), params.texCoord, true);
+    }
+
+  private:
+    void texCoord(NodeId id, std::vector<TexCoordParams>& channels, bool mayBeMulti) {
+        const Node* node = resolve(scene_, id);
+        if (!node) return;
+        if (mayBeMulti && node->is(x3d::MultiTextureCoordinate::type)) {
+            for (const NodeId channel : node->get(x3d::MultiTextureCoordinate::texCoord))
+                texCoord(channel, channels, false);
+            return;
+        }
+        TexCoordParams channel;
+        if (node->is(x3d::TextureCoordinate::type)) {
+            channel.point = node->get(x3d::TextureCoordinate::point);
+            channel.mapping = node->get(x3d::TextureCoordinate::mapping);
+        } else if (node->is(x3d::TextureCoordinate3D::type)) {
+            channel.point3 = node->get(x3d::TextureCoordinate3D::point);
+            channel.mapping = node->get(x3d::TextureCoordinate3D::mapping);
+        } else if (node->is(x3d::TextureCoordinate4D::type)) {
+            channel.point4 = node->get(x3d::TextureCoordinate4D::point);
+            channel.mapping = node->get(x3d::TextureCoordinate4D::mapping);
+        } else if (node->is(x3d::TextureCoordinateGenerator::type)) {
+            const String& mode = node->get(x3d::TextureCoordinateGenerator::mode);
+            channel.mapping = node->get(x3d::TextureCoordinateGenerator::mapping);
+            channel.fromPosition = mode.view() == "COORD";
+            // The other modes depend on the viewer or are noise: they belong to shading, not to the mesh.
+            if (!channel.fromPosition)
+                warn(problems_, fmt::format("TextureCoordinateGenerator mode {} is not supported: the default texture "
+                                            "coordinates are used",
+                                            mode.view()));
+        } else {
+            notUsed("texCoord", *node);
+            return;
+        }
+        channels.push_back(std::move(channel));
+    }
+
+    void notUsed(const char* field, const Node& node) {
+        warn(problems_, fmt::format("{}: {} is not supported here and left out", field, node.type().name));
+    }
+
+    const Scene& scene_;
+    Mesh& problems_;
+};
+
+class SceneTessellator {
+  public:
+    SceneTessellator(const Scene& scene, const Node& node, const TessellationOptions& options)
+        : node_(node), options_(options), properties_(scene, problems_) {}
+
+    Mesh run() {
+        Mesh mesh = dispatch();
+        problems_.diagnostics.append(mesh.diagnostics);
+        mesh.diagnostics = std::move(problems_.diagnostics);
+        return mesh;
+    }
+
+  private:
+    template <class T>
+    const T& get(Field<T> field) const {
+        return node_.get(field);
+    }
+
+    Mesh dispatch() {
+        switch (node_.typeIndex().value) {
+            case x3d::Box::type.value:
+                return tessellate(BoxParams{get(x3d::Box::size), get(x3d::Box::solid)});
+            case x3d::Sphere::type.value:
+                return tessellate(SphereParams{get(x3d::Sphere::radius), get(x3d::Sphere::solid)}, options_);
+            case x3d::Cone::type.value:
+                return tessellate(ConeParams{get(x3d::Cone::bottomRadius), get(x3d::Cone::height), get(x3d::Cone::side),
+                                             get(x3d::Cone::bottom), get(x3d::Cone::solid)},
+                                  options_);
+            case x3d::Cylinder::type.value:
+                return tessellate(
+                    CylinderParams{get(x3d::Cylinder::radius), get(x3d::Cylinder::height), get(x3d::Cylinder::side),
+                                   get(x3d::Cylinder::top), get(x3d::Cylinder::bottom), get(x3d::Cylinder::solid)},
+                    options_);
+            case x3d::IndexedFaceSet::type.value:
+                return faces();
+            case x3d::ElevationGrid::type.value:
+                return grid();
+            case x3d::Extrusion::type.value:
+                return extrusion();
+            case x3d::TriangleSet::type.value:
+                return set<x3d::TriangleSet>(Kind::triangleSet);
+            case x3d::TriangleStripSet::type.value:
+                return set<x3d::TriangleStripSet>(Kind::triangleStripSet);
+            case x3d::TriangleFanSet::type.value:
+                return set<x3d::TriangleFanSet>(Kind::triangleFanSet);
+            case x3d::QuadSet::type.value:
+                return set<x3d::QuadSet>(Kind::quadSet);
+            case x3d::IndexedTriangleSet::type.value:
+                return set<x3d::IndexedTriangleSet>(Kind::indexedTriangleSet);
+            case x3d::IndexedTriangleStripSet::type.value:
+                return set<x3d::IndexedTriangleStripSet>(Kind::indexedTriangleStripSet);
+            case x3d::IndexedTriangleFanSet::type.value:
+                return set<x3d::IndexedTriangleFanSet>(Kind::indexedTriangleFanSet);
+            case x3d::IndexedQuadSet::type.value:
+                return set<x3d::IndexedQuadSet>(Kind::indexedQuadSet);
+            case x3d::Disk2D::type.value:
+                return tessellate(
+                    Disk2DParams{get(x3d::Disk2D::innerRadius), get(x3d::Disk2D::outerRadius), get(x3d::Disk2D::solid)},
+                    options_);
+            case x3d::Rectangle2D::type.value:
+                return tessellate(Rectangle2DParams{get(x3d::Rectangle2D::size), get(x3d::Rectangle2D::solid)});
+            case x3d::TriangleSet2D::type.value:
+                return tessellate(
+                    TriangleSet2DParams{get(x3d::TriangleSet2D::vertices), get(x3d::TriangleSet2D::solid)});
+            case x3d::ArcClose2D::type.value:
+                return arc();
+            default:
+                break;
+        }
+        Mesh mesh;
+        warn(mesh, "has no triangles that could be made here: it is not drawn");
+        return mesh;
+    }
+
+    Mesh faces() {
+        using T = x3d::IndexedFaceSet;
+        IndexedFaceSetParams p;
+        properties_.surface<T>(node_, p);
+        p.coord = properties_.points(get(T::coord));
+        p.coordIndex = get(T::coordIndex);
+        p.colorIndex = get(T::colorIndex);
+        p.normalIndex = get(T::normalIndex);
+        p.texCoordIndex = get(T::texCoordIndex);
+        p.convex = get(T::convex);
+        p.creaseAngle = get(T::creaseAngle);
+        return tessellate(p);
+    }
+
+    template <class T>
+    Mesh set(Kind kind) {
+        PrimitiveSetParams p;
+        p.kind = kind;
+        properties_.surface<T>(node_, p);
+        p.coord = properties_.points(get(T::coord));
+        if constexpr (requires { T::index; }) p.index = get(T::index);
+        if constexpr (requires { T::stripCount; }) p.count = get(T::stripCount);
+        if constexpr (requires { T::fanCount; }) p.count = get(T::fanCount);
+        return tessellate(p);
+    }
+
+    Mesh grid() {
+        using T = x3d::ElevationGrid;
+        ElevationGridParams p;
+        properties_.surface<T>(node_, p);
+        p.height = get(T::height);
+        p.xDimension = get(T::xDimension);
+        p.zDimension = get(T::zDimension);
+        p.xSpacing = get(T::xSpacing);
+        p.zSpacing = get(T::zSpacing);
+        p.creaseAngle = get(T::creaseAngle);
+        return tessellate(p);
+    }
+
+    Mesh extrusion() {
+        using T = x3d::Extrusion;
+        ExtrusionParams p;
+        p.crossSection = get(T::crossSection);
+        p.orientation = get(T::orientation);
+        p.scale = get(T::scale);
+        p.spine = get(T::spine);
+        p.beginCap = get(T::beginCap);
+        p.endCap = get(T::endCap);
+        p.ccw = get(T::ccw);
+        p.convex = get(T::convex);
+        p.solid = get(T::solid);
+        p.creaseAngle = get(T::creaseAngle);
+        return tessellate(p);
+    }
+
+    Mesh arc() {
+        using T = x3d::ArcClose2D;
+        ArcClose2DParams p;
+        const std::string_view closure = get(T::closureType).view();
+        if (closure == "CHORD")
+            p.closure = ArcClose2DParams::Closure::chord;
+        else if (closure != "PIE")
+            warn(problems_, fmt::format("closureType \"{}\" is neither PIE nor CHORD: taken as PIE", closure));
+        p.startAngle = get(T::startAngle);
+        p.endAngle = get(T::endAngle);
+        p.radius = get(T::radius);
+        p.solid = get(T::solid);
+        return tessellate(p, options_);
+    }
+
+    const Node& node_;
+    const TessellationOptions& options_;
+    Mesh problems_;  // only its diagnostics
+    PropertyReader properties_;
+};
+
+}  // namespace
+
+Result<std::shared_ptr<const Mesh>> tessellate(const Scene& scene, NodeId geometry,
+                                               const TessellationOptions& options) {
+    const Node* node = resolve(scene, geometry);
+    if (!node) return fail(fmt::format("node {} does not exist or has no body", geometry.value));
+    if (!node->type().isA("X3DGeometryNode")) return fail(fmt::format("{} is not a geometry node", node->type().name));
+    auto mesh = std::make_shared<Mesh>(SceneTessellator(scene, *node, options).run());
+
+    const std::string_view name = scene.name(node->id());
+    const std::string label = name.empty() ? node->type().name : fmt::format("{} {}", node->type().name, name);
+    Diagnostics named(mesh->diagnostics.file());
+    for (const Diagnostic& d : mesh->diagnostics.all()) named.add(d.severity, d.where, label + ": " + d.text);
+    mesh->diagnostics = std::move(named);
+    return mesh;
+}
+
+}  // namespace rtsg
