@@ -1,0 +1,29 @@
+// SceneExporter: a scene as the commands of a document, for a writer, a filter or another SceneBuilder.
+//
+// What came from a document comes out as that document: DEF and USE, PROTO declarations and instances (never their
+// expanded bodies), Inlines (never their content), ROUTEs, IMPORT and EXPORT, head. It needs nothing but the scene's
+// state, so a replica saves the same document as the origin. Nodes that are shared or routed but nameless get names
+// of the form _1. Cost is linear in the document; nesting is limited by memory only.
+// Threading: the scene's thread. Source: RTSG paper 3.1; ISO/IEC 19775-1 V4.0 4.4.
+#pragma once
+
+#include <rtsg/core/document_handler.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+class SceneExporter {
+  public:
+    /// `diagnostics` hears of what a document cannot say (a reference into a PROTO's body, say).
+    SceneExporter(const Scene& scene, Diagnostics& diagnostics);
+    ~SceneExporter();
+
+    /// Sends beginDocument ... endDocument. `encoding` goes into the header; the profile is the scene's, or Full.
+    void write(DocumentHandler& handler, Encoding encoding = Encoding::classicVrml);
+
+  private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+}  // namespace rtsg

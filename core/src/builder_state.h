@@ -1,0 +1,218 @@
+// The inside of SceneBuilder. Shared by scene_builder*.cpp, proto_instance.cpp and inline.cpp only.
+//
+// A stack of scopes (document, Inline, PROTO instance: each with its own DEF names) over a stack of open nodes.
+// A PROTO body and an Inline are replayed into the same builder with a scope of their own on top.
+#pragma once
+
+#include <map>
+
+#include <rtsg/core/scene_builder.h>
+
+#include "proto.h"
+
+namespace rtsg {
+
+/// Stands for the Script being read, which exists only once its fields are known.
+constexpr NodeId kSelf{0xFFFFFFFF};
+/// Limits of prototype expansion: nesting, and nodes in all ("billion laughs").
+constexpr std::size_t kMaximumProtoDepth = 64;
+constexpr std::size_t kMaximumExpandedNodes = 5'000'000;
+
+/// Files read during one load: each is parsed once however often it is inlined or used as a library.
+class LoadSession {
+  public:
+    struct File {
+        DocumentSource source;
+        CommandList commands;
+        Diagnostics diagnostics;
+        bool reported = false;
+        Environment* library = nullptr;  // its PROTOs, once asked for
+    };
+
+    /// The file behind `url`, seen from `from`. A network url, a missing file or one without usable content fails.
+    Result<File*> open(const DocumentSource& from, std::string_view url);
+    Environment* newEnvironment(const Environment* outer = nullptr, std::size_t visible = 0) {
+        return &environments_.emplace_back(outer, visible);
+    }
+    const DocumentSource* keep(DocumentSource source) { return &sources_.emplace_back(std::move(source)); }
+
+  private:
+    std::map<std::filesystem::path, std::unique_ptr<File>> files_;
+    std::deque<Environment> environments_;
+    std::deque<DocumentSource> sources_;
+};
+
+/// Splits off `#name`; resolves against the base; says why if it cannot be a local file.
+struct ResolvedUrl {
+    std::filesystem::path path;
+    std::string fragment;
+};
+Result<ResolvedUrl> resolveUrl(const std::filesystem::path& base, std::string_view url);
+
+struct ChildList {
+    FieldIndex field = kNoField;
+    std::vector<NodeId> nodes;
+};
+
+struct IsRequest {
+    std::string nodeField, protoField;
+    SourceLocation where;
+};
+
+struct OpenNode {
+    enum class Kind : std::uint8_t { node, instance, script, body };
+
+    Kind kind = Kind::node;
+    NodeId id;                       // none while a Script is open
+    TypeIndex typeIndex;
+    const NodeType* type = nullptr;  // of a Script: the built-in part
+    ProtoDeclaration* proto = nullptr;
+    FieldIndex parentField = kNoField;  // in the node below
+    std::string def;
+    SourceLocation where;
+    std::vector<ChildList> children;
+    std::vector<bool> given;  // by field
+    std::vector<IsRequest> connections;
+    // A Script's (or shader's) own fields, and the values that wait for it to exist.
+    std::vector<FieldDef> own;
+    std::vector<std::pair<FieldIndex, Value>> values;
+
+    std::vector<NodeId>& list(FieldIndex field);
+    bool isGiven(FieldIndex field) const { return field < given.size() && given[field]; }
+    void markGiven(FieldIndex field);
+    FieldIndex find(std::string_view name) const;
+    const FieldDef& field(FieldIndex index) const;
+    /// "Transform T", for diagnostics.
+    std::string describe() const;
+};
+
+struct PendingRoute {
+    NodeId from, to;  // resolved already if the name was known where the ROUTE stands
+    std::string fromNode, fromField, toNode, toField;
+    SourceLocation where;
+};
+
+struct ImportStatement {
+    std::string inlineDef, exported, local;
+    SourceLocation where;
+};
+
+struct ExportStatement {
+    std::string local, exported;
+    SourceLocation where;
+};
+
+struct NameScope {
+    NodeId owner;
+    NameMap<NodeId> names;
+    Environment* environment = nullptr;
+    const DocumentSource* source = nullptr;
+    ProtoDeclaration* proto = nullptr;  // whose body is being replayed, for IS
+    const NodeType* instanceType = nullptr;
+    bool isDocument = false;  // a document of its own (the main one, an Inline's)
+    bool declarationsOnly = false;
+    bool quiet = false;  // a body whose diagnostics have been given
+    std::string prefix;  // of the names of types declared here: "Outer#" in the body of Outer
+    std::size_t openBase = 0;
+    std::vector<PendingRoute> routes;
+    std::vector<ImportStatement> imports;
+    std::vector<ExportStatement> exports;
+    std::vector<std::pair<NodeId, SourceLocation>> inlines;
+    std::string previousFile;  // of the diagnostics, to go back to
+};
+
+struct SceneBuilder::State {
+    State(SceneBuilder& builder, Scene& target, Diagnostics& sink, BuildOptions buildOptions);
+
+    SceneBuilder& handler;
+    Scene& scene;
+    Diagnostics& diagnostics;
+    BuildOptions options;
+    LoadSession session;
+
+    std::vector<OpenNode> open;  // reused: only the first `openCount` are live
+    std::size_t openCount = 0;
+    std::vector<std::unique_ptr<NameScope>> scopes;
+    std::vector<NodeId> roots;
+    std::size_t skipDepth = 0;       // > 0 inside a refused node
+    std::size_t skipProtoDepth = 0;  // > 0 inside a PROTO declaration that is known already
+    std::size_t documentDepth = 0;
+    std::size_t expandedNodes = 0;
+    bool finished = false;
+    bool isTrial = false;  // instancing into a scratch scene, for diagnostics only
+
+    // The PROTO declaration being recorded.
+    std::unique_ptr<ProtoDeclaration> recording;
+    std::size_t recordingProtoDepth = 0, recordingNodeDepth = 0;
+    bool recordingBody = false;
+    CommandList* recordingDefault = nullptr;
+    CommandList discarded;
+
+    NameMap<std::pair<TypeIndex, const NodeType*>> builtin;   // by name, filled on demand
+    std::unordered_map<std::string, TypeIndex> scriptTypes;  // by interface
+    DocumentHeader header;
+    std::vector<String> components, metas, units;
+
+    NameScope& scope() { return *scopes.back(); }
+    OpenNode* top() { return openCount > scope().openBase ? &open[openCount - 1] : nullptr; }
+    void error(SourceLocation where, std::string text);
+    void warning(SourceLocation where, std::string text);
+
+    // scene_builder.cpp
+    OpenNode& push(OpenNode::Kind kind, SourceLocation where);
+    void pop();
+    std::pair<TypeIndex, const NodeType*> findBuiltin(std::string_view name);
+    FieldIndex placeFor(OpenNode& parent, std::string_view field, const NodeType* child, std::string_view childName,
+                        SourceLocation where);
+    const NodeType* effectiveType(NodeId node) const;
+    void nameNode(const OpenNode& node);
+    void attach(OpenNode& parent, FieldIndex field, NodeId child);
+    void storeChildren(OpenNode& node);
+    void endScript(OpenNode& node);
+    void checkValue(const OpenNode& node, const FieldDef& def, Value& value, SourceLocation where);
+    void store(OpenNode& node, FieldIndex field, Value value, SourceLocation where);
+    NameScope& pushScope(NodeId owner, Environment* environment, const DocumentSource* source);
+    void popScope();
+    void closeOpenNodes();
+    void writeDocumentInfo();
+
+    // scene_builder_routes.cpp
+    /// Routes, exports, Inlines and imports: all that can only be settled once every name is known.
+    void finishScope(NameScope& in);
+    void resolveRoutes(NameScope& in);
+    void storeImports(NameScope& in);
+
+    // proto_instance.cpp
+    bool isRecording() const { return recording != nullptr; }
+    void declare(std::unique_ptr<ProtoDeclaration> declaration);
+    bool defineProtoType(ProtoDeclaration& declaration, const std::string& prefix);
+    void resolveExternal(ProtoDeclaration& declaration);
+    void connectInterface(OpenNode& node);
+    void connect(OpenNode& node, const IsRequest& request);
+    void expand(OpenNode& instance);
+    void checkUnusedProtos();
+    Environment* libraryOf(LoadSession::File& file);
+
+    // inline.cpp
+    bool loadInline(NodeId node, SourceLocation where);
+    void reportFile(LoadSession::File& file);
+    /// Replays the file's commands into the scope and open node on top, and leaves no loose ends.
+    void replayFile(const LoadSession::File& file);
+};
+
+/// Hidden fields that carry document information, found by name in RtsgScene and Inline.
+inline FieldIndex hiddenField(const NodeType& type, std::string_view name) {
+    const FieldIndex index = type.findExact(name);
+    return index != kNoField && type.fields[index].hidden ? index : kNoField;
+}
+/// The hidden `body` of a PROTO instance or Inline: the last hidden MFNode field; kNoField if the type has none.
+FieldIndex bodyField(const NodeType& type);
+
+/// The node that `name` means inside `scope`: a DEF, or an imported node if its Inline is loaded.
+NodeId resolveLocalName(const Scene& scene, NodeId scope, std::string_view name, int depth = 0);
+/// The declaration as ClassicVRML text.
+std::string declarationText(const ProtoDeclaration& proto);
+/// Adds the ROUTEs to imported names, as far as their Inlines are loaded now. Returns how many ends are missing.
+std::size_t connectImports(Scene& scene, NodeId scope, Diagnostics* diagnostics);
+
+}  // namespace rtsg
