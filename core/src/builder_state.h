@@ -63,7 +63,7 @@ struct OpenNode {
     enum class Kind : std::uint8_t { node, instance, script, body };
 
     Kind kind = Kind::node;
-    NodeId id;                       // none while a Script is open
+    NodeId id;  // none while a Script is open
     TypeIndex typeIndex;
     const NodeType* type = nullptr;  // of a Script: the built-in part
     ProtoDeclaration* proto = nullptr;
@@ -148,7 +148,7 @@ struct SceneBuilder::State {
     CommandList* recordingDefault = nullptr;
     CommandList discarded;
 
-    NameMap<std::pair<TypeIndex, const NodeType*>> builtin;   // by name, filled on demand
+    NameMap<std::pair<TypeIndex, const NodeType*>> builtin;  // by name, filled on demand
     std::unordered_map<std::string, TypeIndex> scriptTypes;  // by interface
     DocumentHeader header;
     std::vector<String> components, metas, units;
@@ -169,7 +169,8 @@ struct SceneBuilder::State {
     void attach(OpenNode& parent, FieldIndex field, NodeId child);
     void storeChildren(OpenNode& node);
     void endScript(OpenNode& node);
-    void checkValue(const OpenNode& node, const FieldDef& def, Value& value, SourceLocation where);
+    /// Rotation axes become unit vectors (5.3.18); readers have warned of them, as of values out of range.
+    static void normalise(Value& value);
     void store(OpenNode& node, FieldIndex field, Value value, SourceLocation where);
     NameScope& pushScope(NodeId owner, Environment* environment, const DocumentSource* source);
     void popScope();

@@ -57,10 +57,10 @@ struct ProtoDeclaration {
     TypeIndex type;
     /// Type of the first node of the body, through nested instances; null if unknown.
     const NodeType* primary = nullptr;
-    Environment* inside = nullptr;         // of the body, filled by its first instance
-    ProtoDeclaration* target = nullptr;    // external: what the url led to
-    bool resolved = false;                 // external: the url has been tried
-    bool instanced = false;                // diagnostics of the body have been given
+    Environment* inside = nullptr;       // of the body, filled by its first instance
+    ProtoDeclaration* target = nullptr;  // external: what the url led to
+    bool resolved = false;               // external: the url has been tried
+    bool instanced = false;              // diagnostics of the body have been given
 
     const InterfaceField* findField(std::string_view fieldName) const;
 };

@@ -83,8 +83,8 @@ void SceneBuilder::State::declare(std::unique_ptr<ProtoDeclaration> declaration)
     NameScope& in = scope();
     const char* kind = declaration->external ? "EXTERNPROTO" : "PROTO";
     if (findBuiltin(declaration->name).second) {
-        error(declaration->where, fmt::format("{} {} has the name of a built-in node type, which stays", kind,
-                                              declaration->name));
+        error(declaration->where,
+              fmt::format("{} {} has the name of a built-in node type, which stays", kind, declaration->name));
         return;
     }
     if (in.environment->findHere(declaration->name)) {
@@ -210,14 +210,13 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
     for (const InterfaceField& field : declaration.fields) {
         const InterfaceField* other = declaration.target->findField(field.declaration.name);
         if (!other)
-            error(declaration.where, fmt::format("EXTERNPROTO {}: the PROTO has no field '{}'", declaration.name,
-                                                 field.declaration.name));
+            error(declaration.where,
+                  fmt::format("EXTERNPROTO {}: the PROTO has no field '{}'", declaration.name, field.declaration.name));
         else if (other->declaration.type != field.declaration.type ||
                  other->declaration.access != field.declaration.access)
-            error(declaration.where,
-                  fmt::format("EXTERNPROTO {}: field '{}' is {} {} in the PROTO", declaration.name,
-                              field.declaration.name, accessName(other->declaration.access),
-                              info(other->declaration.type).name));
+            error(declaration.where, fmt::format("EXTERNPROTO {}: field '{}' is {} {} in the PROTO", declaration.name,
+                                                 field.declaration.name, accessName(other->declaration.access),
+                                                 info(other->declaration.type).name));
     }
 }
 
@@ -231,7 +230,8 @@ void SceneBuilder::State::connect(OpenNode& node, const IsRequest& request) {
     const NameScope& in = scope();
     const Node& instance = scene.node(in.owner);
     const auto refuse = [&](std::string why) {
-        error(request.where, fmt::format("{}.{} IS {}: {}", node.describe(), request.nodeField, request.protoField, why));
+        error(request.where,
+              fmt::format("{}.{} IS {}: {}", node.describe(), request.nodeField, request.protoField, why));
     };
     const FieldIndex target = node.type->find(request.nodeField);
     if (target == kNoField) return refuse("the node has no such field");
@@ -240,12 +240,12 @@ void SceneBuilder::State::connect(OpenNode& node, const IsRequest& request) {
     const FieldIndex source = instance.type().find(request.protoField);
     if (!declared) return refuse(fmt::format("PROTO {} has no such field", in.proto->name));
     if (declared->declaration.type != def.type)
-        return refuse(fmt::format("the types differ, {} and {}", info(def.type).name,
-                                  info(declared->declaration.type).name));
+        return refuse(
+            fmt::format("the types differ, {} and {}", info(def.type).name, info(declared->declaration.type).name));
     const Access access = declared->declaration.access;
     if (!isConnectionLegal(access, def.access))
-        return refuse(fmt::format("{} cannot be connected with {} (table 4.4)", accessName(def.access),
-                                  accessName(access)));
+        return refuse(
+            fmt::format("{} cannot be connected with {} (table 4.4)", accessName(def.access), accessName(access)));
     const bool hasValue = access == Access::initializeOnly || access == Access::inputOutput;
     // An EXTERNPROTO may leave fields of its PROTO out: they keep the PROTO's default.
     const bool fromInstance = source != kNoField && instance.type().fields[source].type == def.type;

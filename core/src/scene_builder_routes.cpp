@@ -100,7 +100,8 @@ void SceneBuilder::State::finishScope(NameScope& in) {
     connectImports(scene, in.owner, &diagnostics);
     for (const ImportStatement& one : in.imports) {
         const Node* from = scene.find(scene.findName(one.inlineDef, in.owner));
-        if (!from || hiddenField(from->type(), "body") == kNoField || from->isDefault(bodyField(from->type()))) continue;
+        if (!from || hiddenField(from->type(), "body") == kNoField || from->isDefault(bodyField(from->type())))
+            continue;
         if (!resolveLocalName(scene, in.owner, one.local))
             error(one.where,
                   fmt::format("IMPORT {}.{}: the inlined document exports no such name", one.inlineDef, one.exported));
@@ -156,8 +157,8 @@ void SceneBuilder::State::storeImports(NameScope& in) {
         const auto found = in.names.find(one.inlineDef);
         const Node* node = found == in.names.end() ? nullptr : scene.find(found->second);
         if (!node || hiddenField(node->type(), "exports") == kNoField)
-            error(one.where, fmt::format("IMPORT {}.{}: no Inline is named '{}'", one.inlineDef, one.exported,
-                                         one.inlineDef));
+            error(one.where,
+                  fmt::format("IMPORT {}.{}: no Inline is named '{}'", one.inlineDef, one.exported, one.inlineDef));
         if (in.names.contains(one.local))
             error(one.where, fmt::format("IMPORT AS '{}': a node has that name already", one.local));
         imports.insert(imports.end(), {one.inlineDef, one.exported, one.local});
@@ -204,7 +205,8 @@ std::size_t connectImports(Scene& scene, NodeId scope, Diagnostics* diagnostics)
             ++missing;  // its Inline is not there (yet): reported where it was loaded
             continue;
         }
-        const std::string wrong = addCheckedRoute(scene, from, routes[i], routes[i + 1], to, routes[i + 2], routes[i + 3]);
+        const std::string wrong =
+            addCheckedRoute(scene, from, routes[i], routes[i + 1], to, routes[i + 2], routes[i + 3]);
         if (!wrong.empty() && diagnostics)
             diagnostics->error({}, fmt::format("ROUTE {}.{} TO {}.{}: {}", routes[i].view(), routes[i + 1].view(),
                                                routes[i + 2].view(), routes[i + 3].view(), wrong));
