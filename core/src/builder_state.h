@@ -14,9 +14,8 @@ namespace rtsg {
 
 /// Stands for the Script being read, which exists only once its fields are known.
 constexpr NodeId kSelf{0xFFFFFFFF};
-/// Limits of prototype expansion: nesting, and nodes in all ("billion laughs").
+/// How deep PROTO instances, and declarations, may stand in each other's bodies.
 constexpr std::size_t kMaximumProtoDepth = 64;
-constexpr std::size_t kMaximumExpandedNodes = 5'000'000;
 
 /// Files read during one load: each is parsed once however often it is inlined or used as a library.
 class LoadSession {
@@ -213,6 +212,8 @@ FieldIndex bodyField(const NodeType& type);
 NodeId resolveLocalName(const Scene& scene, NodeId scope, std::string_view name, int depth = 0);
 /// The declaration as ClassicVRML text.
 std::string declarationText(const ProtoDeclaration& proto);
+/// A document of all PROTOs and EXTERNPROTOs that the scene's own document declares; empty if there are none.
+std::string declarationsOf(const Scene& scene);
 /// Adds the ROUTEs to imported names, as far as their Inlines are loaded now. Returns how many ends are missing.
 std::size_t connectImports(Scene& scene, NodeId scope, Diagnostics* diagnostics);
 

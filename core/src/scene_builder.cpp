@@ -96,10 +96,10 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
         ++s.skipDepth;
         return;
     }
-    if (scope.proto && ++s.expandedNodes > kMaximumExpandedNodes) {
-        if (s.expandedNodes == kMaximumExpandedNodes + 1)
+    if (scope.proto && ++s.expandedNodes > s.options.maximumNodes) {
+        if (s.expandedNodes == s.options.maximumNodes + 1)
             s.error(where, fmt::format("PROTO instances make more than {} nodes; the rest is left out",
-                                       kMaximumExpandedNodes));
+                                       s.options.maximumNodes));
         ++s.skipDepth;
         return;
     }

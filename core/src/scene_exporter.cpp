@@ -240,19 +240,6 @@ void SceneExporter::State::writeHead(DocumentHandler& handler, Encoding encoding
     for (std::size_t i = 0; i + 1 < metas.size(); i += 2) handler.meta(metas[i], metas[i + 1]);
 }
 
-std::string declarationsOf(const Scene& scene) {
-    std::string text;
-    for (std::size_t i = 0; i < scene.typeCount(); ++i) {
-        const NodeType& type = scene.type(TypeIndex{static_cast<std::uint16_t>(i)});
-        // Names with # are of bodies and of other documents: they come with those.
-        if (!isInstance(type) || type.declaration.empty() || type.name.find('#') != std::string::npos) continue;
-        if (text.empty()) text = "#X3D V4.0 utf8\nPROFILE Full\n";
-        text += type.declaration;
-        if (!text.ends_with('\n')) text += '\n';
-    }
-    return text;
-}
-
 void SceneExporter::State::writeDeclarations(DocumentHandler& handler) {
     const std::string text = declarationsOf(scene);
     if (text.empty()) return;

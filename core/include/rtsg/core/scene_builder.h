@@ -22,7 +22,8 @@ struct BuildOptions {
     std::filesystem::path file;  // the document's own path, if it has one: a guard against Inlines of itself
     std::filesystem::path base;  // folder that relative urls start from; that of `file` if empty
     bool loadInlines = true;
-    int maximumDepth = 32;  // of Inlines within Inlines
+    int maximumDepth = 32;                 // of Inlines within Inlines
+    std::size_t maximumNodes = 5'000'000;  // in PROTO bodies: instances of instances grow without bound
 };
 
 class SceneBuilder final : public DocumentHandler {
@@ -60,6 +61,9 @@ class SceneBuilder final : public DocumentHandler {
 
   private:
     friend class InlineLoader;
+    friend Result<NodeId> instantiate(Scene&, TypeIndex, Diagnostics&, NodeId, const BuildOptions&);
+    Result<NodeId> instantiate(std::string_view proto, std::string_view declarations, NodeId scope);
+
     struct State;
     std::unique_ptr<State> state_;
 };
