@@ -42,8 +42,8 @@ class TextPosition {
             return;
         }
         for (const char* q = p; q != at_; ++q) line_ -= *q == '\n';
-        const auto* last = static_cast<const char*>(memrchr(begin_, '\n', static_cast<std::size_t>(p - begin_)));
-        at_ = lineStart_ = last ? last + 1 : begin_;
+        while (p != begin_ && p[-1] != '\n') --p;
+        at_ = lineStart_ = p;
         column_ = 1;
     }
 
