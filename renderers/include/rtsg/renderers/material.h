@@ -1,0 +1,114 @@
+// Material and Light: X3D's Appearance and light nodes as the flat numbers that shading reads; no node is looked at per
+// hit.
+//
+// Reflection and refraction, which X3D's Material cannot say, are read from its metadata, so that other browsers still
+// show the file: a MetadataSet named "RTSG" (or the entry alone, with reference "RTSG") holding MetadataFloats
+//   "reflectivity"     r or r g b: the share of light that is mirrored, whatever the angle
+//   "refractiveIndex"  n > 0: a smooth dielectric; the share mirrored follows Fresnel's equations, what enters is bent;
+//                      `transparency` is the share of it that passes, the rest meets the material's own colours
+//   "absorption"       a or r g b, 1/m: Beer's law inside
+// PhysicalMaterial mirrors by itself: Schlick's Fresnel term of baseColor and metallic times (1 - roughness)^2.
+// Threading: immutable once read. Source: ISO/IEC 19775-1 V4.0 12.4.1-12.4.8, 17.2.2, 17.4, 18.2; glTF 2.0 appendix B.
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/value.h>
+#include <rtsg/renderers/instance_delta.h>
+#include <rtsg/renderers/shading.h>
+#include <rtsg/renderers/texture.h>
+
+namespace rtsg {
+
+class Scene;
+class TextureStore;
+
+enum class ShadingModel : std::uint8_t { unlit, phong, physical };
+enum class AlphaMode : std::uint8_t { automatic, opaque, mask, blend };
+
+/// A texture as a material uses it.
+struct TextureUse {
+    std::shared_ptr<const Texture> texture;
+    TextureAccess access;
+    TextureMatrix matrix;
+    String mapping;  // of TexCoords::mapping; empty: the first channel
+    explicit operator bool() const { return texture != nullptr; }
+};
+
+/// The textures a material may have; `base` is diffuse, base or (unlit) emissive.
+enum class TextureRole : std::uint8_t {
+    base,
+    emissive,
+    specular,
+    normal,
+    metallicRoughness,
+    occlusion,
+    ambient,
+    shininess
+};
+constexpr std::size_t kTextureRoles = 8;
+
+struct Material {
+    ShadingModel model = ShadingModel::unlit;
+    AlphaMode alphaMode = AlphaMode::automatic;
+    Vec3f base{0};       // diffuseColor or baseColor; unlit: emissiveColor
+    Vec3f specular{0};   // phong
+    Vec3f emissive{0};   // not unlit's
+    float ambient = 0;   // ambientIntensity
+    float exponent = 0;  // 128 * shininess
+    float opacity = 1;   // 1 - transparency
+    float alphaCutoff = 0.5f;
+    float metallic = 0, roughness = 1;
+    float normalScale = 1, occlusionStrength = 1;
+    Vec3f reflectivity{0};
+    float refractiveIndex = 0;  // 0: not a dielectric
+    Vec3f absorption{0};
+    std::array<TextureUse, kTextureRoles> textures;
+    /// For the back of surfaces that are not solid; null: as the front.
+    std::shared_ptr<const Material> back;
+
+    const TextureUse& texture(TextureRole role) const { return textures[static_cast<std::size_t>(role)]; }
+    bool textured() const;
+    /// Whether anything can be seen through it: shadow rays then have to look closer.
+    bool transmits() const;
+    /// Whether it sends mirror rays.
+    bool mirrors() const;
+};
+
+/// X3D's default without an Appearance or a material: unlit white.
+Material defaultMaterial();
+
+/// `appearance` may be none or of another type than Appearance: then the default. Missing textures are reported and
+/// left out, as the standard wants.
+Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textures, Diagnostics& diagnostics);
+
+struct Light {
+    enum class Kind : std::uint8_t { directional, point, spot };
+    Kind kind = Kind::directional;
+    bool shadows = false;  // the field; the tracer may cast them regardless
+    bool on = true;
+    ScopeId scope;
+    Vec3f color{1};    // color * intensity
+    Vec3f ambient{0};  // color * ambientIntensity
+    float shadowIntensity = 1;
+    Vec3d position{0};          // world
+    Vec3f direction{0, 0, -1};  // world, unit
+    Vec3f attenuation{1, 0, 0};
+    float radius = 100;        // metres of its own frame, as attenuation is
+    float localFromWorld = 1;  // lengths
+    float beamWidth = 0, cutOffAngle = 0;
+};
+
+/// `node` of a type that is no light gives one that is off.
+Light readLight(const Scene& scene, NodeId node, const WorldFromLocal& worldFromLocal, ScopeId scope);
+
+struct Fog {
+    FogType type = FogType::none;
+    Vec3f color{1};
+    float visibilityRange = 0;  // world metres; 0: no fog
+};
+Fog readFog(const Scene& scene, NodeId node, const WorldFromLocal& worldFromLocal);
+
+}  // namespace rtsg

@@ -1,0 +1,368 @@
+#include <rtsg/renderers/material.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+#include "texture_store.h"
+
+namespace rtsg {
+
+namespace {
+
+Vec3f rgb(const Color& c) {
+    return {c.r, c.g, c.b};
+}
+float unit(float x) {
+    return std::isfinite(x) ? std::clamp(x, 0.0f, 1.0f) : 0.0f;
+}
+float atLeastZero(float x) {
+    return std::isfinite(x) ? std::max(x, 0.0f) : 0.0f;
+}
+Vec3f atLeastZero(const Vec3f& v) {
+    return {atLeastZero(v.x), atLeastZero(v.y), atLeastZero(v.z)};
+}
+
+struct Reader {
+    const Scene& scene;
+    TextureStore& store;
+    Diagnostics& diagnostics;
+    const Node* transform = nullptr;  // Appearance.textureTransform
+
+    /// 1 or 3 numbers.
+    static bool numbers(const Node& node, Vec3f& out) {
+        float values[3];
+        std::size_t count = 0;
+        const auto take = [&](const auto& array) {
+            count = array.size();
+            for (std::size_t i = 0; i < std::min<std::size_t>(count, 3); ++i) values[i] = static_cast<float>(array[i]);
+        };
+        if (node.is(x3d::MetadataFloat::type))
+            take(node.get(x3d::MetadataFloat::value));
+        else if (node.is(x3d::MetadataDouble::type))
+            take(node.get(x3d::MetadataDouble::value));
+        else
+            return false;
+        if (count != 1 && count != 3) return false;
+        out = count == 1 ? Vec3f(values[0]) : Vec3f(values[0], values[1], values[2]);
+        return glm::all(glm::greaterThanEqual(out, Vec3f(0))) && glm::all(glm::lessThan(out, Vec3f(1e6f)));
+    }
+
+    void optics(const Node& node, Material& material) {
+        const std::string_view name = node.is(x3d::MetadataFloat::type) ? node.get(x3d::MetadataFloat::name).view()
+                                                                        : node.get(x3d::MetadataDouble::name).view();
+        Vec3f value;
+        if (name != "reflectivity" && name != "refractiveIndex" && name != "absorption") return;
+        if (!numbers(node, value)) {
+            diagnostics.warning(
+                {}, "RTSG metadata \"" + std::string(name) + "\" wants one or three numbers from 0 on; ignored");
+            return;
+        }
+        if (name == "reflectivity")
+            material.reflectivity = glm::min(value, Vec3f(1));
+        else if (name == "absorption")
+            material.absorption = value;
+        else
+            material.refractiveIndex = value.x > 0 && value.x != 1 ? value.x : 0;
+    }
+
+    void metadata(NodeId id, Material& material) {
+        const Node* node = scene.find(id);
+        if (!node) return;
+        if (node->is(x3d::MetadataSet::type)) {
+            const bool ours = node->get(x3d::MetadataSet::name) == String("RTSG");
+            for (const NodeId entry : node->get(x3d::MetadataSet::value)) {
+                const Node* inner = scene.find(entry);
+                if (!inner) continue;
+                const bool number = inner->is(x3d::MetadataFloat::type) || inner->is(x3d::MetadataDouble::type);
+                if (ours && number)
+                    optics(*inner, material);
+                else if (!ours && inner->is(x3d::MetadataSet::type) &&
+                         inner->get(x3d::MetadataSet::name) == String("RTSG"))
+                    metadata(entry, material);
+            }
+        } else if ((node->is(x3d::MetadataFloat::type) && node->get(x3d::MetadataFloat::reference) == String("RTSG")) ||
+                   (node->is(x3d::MetadataDouble::type) &&
+                    node->get(x3d::MetadataDouble::reference) == String("RTSG"))) {
+            optics(*node, material);
+        }
+    }
+
+    static TextureWrap wrapOf(std::string_view mode) {
+        if (mode == "MIRRORED_REPEAT") return TextureWrap::mirror;
+        return mode == "REPEAT" ? TextureWrap::repeat : TextureWrap::clamp;
+    }
+
+    /// The TextureTransform meant for texture coordinates called `mapping`.
+    TextureMatrix matrixFor(const String& mapping) const {
+        const Node* node = transform;
+        if (node && node->is(x3d::MultiTextureTransform::type)) {
+            const Node* chosen = nullptr;
+            for (const NodeId id : node->get(x3d::MultiTextureTransform::textureTransform)) {
+                const Node* candidate = resolveNode(scene, id);
+                if (!candidate || !candidate->is(x3d::TextureTransform::type)) continue;
+                if (!chosen || candidate->get(x3d::TextureTransform::mapping) == mapping) chosen = candidate;
+                if (candidate->get(x3d::TextureTransform::mapping) == mapping) break;
+            }
+            node = chosen;
+        } else if (node && node->is(x3d::TextureTransform::type)) {
+            const String& own = node->get(x3d::TextureTransform::mapping);
+            if (!own.empty() && !mapping.empty() && !(own == mapping)) node = nullptr;
+        }
+        if (!node || !node->is(x3d::TextureTransform::type)) return {};
+        return TextureMatrix::fromTransform(
+            node->get(x3d::TextureTransform::center), node->get(x3d::TextureTransform::rotation),
+            node->get(x3d::TextureTransform::scale), node->get(x3d::TextureTransform::translation));
+    }
+
+    TextureUse use(NodeId id, const String& mapping, Texture::Content content) {
+        const Node* node = resolveNode(scene, id);
+        if (!node) return {};
+        TextureUse result;
+        result.texture = store.ofNode(scene, *node, content, diagnostics);
+        if (!result.texture) return result;
+        if (node->is(x3d::MultiTexture::type))
+            for (const NodeId inner : node->get(x3d::MultiTexture::texture))
+                if (const Node* first = resolveNode(scene, inner)) {
+                    node = first;
+                    break;
+                }
+        bool repeatS = true, repeatT = true;
+        NodeId properties;
+        if (node->is(x3d::ImageTexture::type)) {
+            repeatS = node->get(x3d::ImageTexture::repeatS), repeatT = node->get(x3d::ImageTexture::repeatT);
+            properties = node->get(x3d::ImageTexture::textureProperties);
+        } else if (node->is(x3d::PixelTexture::type)) {
+            repeatS = node->get(x3d::PixelTexture::repeatS), repeatT = node->get(x3d::PixelTexture::repeatT);
+            properties = node->get(x3d::PixelTexture::textureProperties);
+        }
+        result.access.wrapS = repeatS ? TextureWrap::repeat : TextureWrap::clamp;
+        result.access.wrapT = repeatT ? TextureWrap::repeat : TextureWrap::clamp;
+        if (const Node* p = resolveNode(scene, properties); p && p->is(x3d::TextureProperties::type)) {
+            // 18.4.7: the properties override repeatS and repeatT.
+            result.access.wrapS = wrapOf(p->get(x3d::TextureProperties::boundaryModeS).view());
+            result.access.wrapT = wrapOf(p->get(x3d::TextureProperties::boundaryModeT).view());
+            const std::string_view filter = p->get(x3d::TextureProperties::magnificationFilter).view();
+            result.access.smooth = filter != "NEAREST_PIXEL";
+        }
+        result.mapping = mapping;
+        result.matrix = matrixFor(mapping);
+        return result;
+    }
+
+    void set(Material& material, TextureRole role, NodeId id, const String& mapping,
+             Texture::Content content = Texture::Content::color) {
+        material.textures[static_cast<std::size_t>(role)] = use(id, mapping, content);
+    }
+
+    bool read(const Node& node, Material& material) {
+        constexpr auto data = Texture::Content::data;
+        if (node.is(x3d::Material::type)) {
+            using M = x3d::Material;
+            material.model = ShadingModel::phong;
+            material.base = rgb(node.get(M::diffuseColor));
+            material.specular = rgb(node.get(M::specularColor));
+            material.emissive = rgb(node.get(M::emissiveColor));
+            material.ambient = node.get(M::ambientIntensity);
+            material.exponent = 128 * unit(node.get(M::shininess));
+            material.opacity = 1 - unit(node.get(M::transparency));
+            material.normalScale = node.get(M::normalScale);
+            material.occlusionStrength = unit(node.get(M::occlusionStrength));
+            set(material, TextureRole::base, node.get(M::diffuseTexture), node.get(M::diffuseTextureMapping));
+            set(material, TextureRole::emissive, node.get(M::emissiveTexture), node.get(M::emissiveTextureMapping));
+            set(material, TextureRole::specular, node.get(M::specularTexture), node.get(M::specularTextureMapping));
+            set(material, TextureRole::normal, node.get(M::normalTexture), node.get(M::normalTextureMapping), data);
+            set(material, TextureRole::occlusion, node.get(M::occlusionTexture), node.get(M::occlusionTextureMapping),
+                data);
+            set(material, TextureRole::ambient, node.get(M::ambientTexture), node.get(M::ambientTextureMapping));
+            set(material, TextureRole::shininess, node.get(M::shininessTexture), node.get(M::shininessTextureMapping),
+                data);
+            metadata(node.get(M::metadata), material);
+        } else if (node.is(x3d::PhysicalMaterial::type)) {
+            using M = x3d::PhysicalMaterial;
+            material.model = ShadingModel::physical;
+            material.base = rgb(node.get(M::baseColor));
+            material.emissive = rgb(node.get(M::emissiveColor));
+            material.metallic = unit(node.get(M::metallic));
+            material.roughness = unit(node.get(M::roughness));
+            material.opacity = 1 - unit(node.get(M::transparency));
+            material.normalScale = node.get(M::normalScale);
+            material.occlusionStrength = unit(node.get(M::occlusionStrength));
+            set(material, TextureRole::base, node.get(M::baseTexture), node.get(M::baseTextureMapping));
+            set(material, TextureRole::emissive, node.get(M::emissiveTexture), node.get(M::emissiveTextureMapping));
+            set(material, TextureRole::normal, node.get(M::normalTexture), node.get(M::normalTextureMapping), data);
+            set(material, TextureRole::metallicRoughness, node.get(M::metallicRoughnessTexture),
+                node.get(M::metallicRoughnessTextureMapping), data);
+            set(material, TextureRole::occlusion, node.get(M::occlusionTexture), node.get(M::occlusionTextureMapping),
+                data);
+            metadata(node.get(M::metadata), material);
+        } else if (node.is(x3d::UnlitMaterial::type)) {
+            using M = x3d::UnlitMaterial;
+            material.model = ShadingModel::unlit;
+            material.base = rgb(node.get(M::emissiveColor));
+            material.opacity = 1 - unit(node.get(M::transparency));
+            set(material, TextureRole::base, node.get(M::emissiveTexture), node.get(M::emissiveTextureMapping));
+            metadata(node.get(M::metadata), material);
+        } else if (node.is(x3d::TwoSidedMaterial::type)) {
+            using M = x3d::TwoSidedMaterial;
+            material.model = ShadingModel::phong;
+            material.base = rgb(node.get(M::diffuseColor));
+            material.specular = rgb(node.get(M::specularColor));
+            material.emissive = rgb(node.get(M::emissiveColor));
+            material.ambient = node.get(M::ambientIntensity);
+            material.exponent = 128 * unit(node.get(M::shininess));
+            material.opacity = 1 - unit(node.get(M::transparency));
+            metadata(node.get(M::metadata), material);
+        } else {
+            return false;
+        }
+        material.base = atLeastZero(material.base);
+        material.specular = atLeastZero(material.specular);
+        material.emissive = atLeastZero(material.emissive);
+        material.ambient = atLeastZero(material.ambient);
+        return true;
+    }
+
+    /// The back of a TwoSidedMaterial that has one of its own.
+    static Material backOf(const Node& node, const Material& front) {
+        using M = x3d::TwoSidedMaterial;
+        Material back = front;
+        back.base = atLeastZero(rgb(node.get(M::backDiffuseColor)));
+        back.specular = atLeastZero(rgb(node.get(M::backSpecularColor)));
+        back.emissive = atLeastZero(rgb(node.get(M::backEmissiveColor)));
+        back.ambient = atLeastZero(node.get(M::backAmbientIntensity));
+        back.exponent = 128 * unit(node.get(M::backShininess));
+        back.opacity = 1 - unit(node.get(M::backTransparency));
+        return back;
+    }
+};
+
+float lengthScale(const WorldFromLocal& m) {
+    const double scale = std::cbrt(std::abs(glm::determinant(glm::dmat3(m[0], m[1], m[2]))));
+    return scale > 0 && std::isfinite(scale) ? static_cast<float>(scale) : 1.0f;
+}
+
+}  // namespace
+
+bool Material::textured() const {
+    return std::ranges::any_of(textures, [](const TextureUse& use) { return use.texture != nullptr; });
+}
+
+bool Material::transmits() const {
+    if (alphaMode == AlphaMode::opaque) return false;
+    if (opacity < 1) return true;
+    const TextureUse& main = texture(TextureRole::base);
+    return (main && main.texture->hasAlpha()) || (back && back->transmits());
+}
+
+bool Material::mirrors() const {
+    return reflectivity != Vec3f(0) || refractiveIndex > 0 || (model == ShadingModel::physical && roughness < 1) ||
+           (back && back->mirrors());
+}
+
+Material defaultMaterial() {
+    Material material;
+    material.base = Vec3f(1);
+    return material;
+}
+
+Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textures, Diagnostics& diagnostics) {
+    Material material = defaultMaterial();
+    const Node* node = resolveNode(scene, appearance);
+    if (!node || !node->is(x3d::Appearance::type)) return material;
+    using A = x3d::Appearance;
+    Reader reader{scene, textures, diagnostics, resolveNode(scene, node->get(A::textureTransform))};
+
+    const Node* front = resolveNode(scene, node->get(A::material));
+    if (front && !reader.read(*front, material)) {
+        diagnostics.warning({}, "the light tracer has no " + front->type().name + "; drawn unlit");
+        material = defaultMaterial();
+    }
+    const std::string_view mode = node->get(A::alphaMode).view();
+    material.alphaMode = mode == "OPAQUE"  ? AlphaMode::opaque
+                         : mode == "MASK"  ? AlphaMode::mask
+                         : mode == "BLEND" ? AlphaMode::blend
+                                           : AlphaMode::automatic;
+    material.alphaCutoff = unit(node->get(A::alphaCutoff));
+    // 12.2.3: Appearance.texture stands in for the material's main texture where that is not given.
+    if (!material.texture(TextureRole::base)) reader.set(material, TextureRole::base, node->get(A::texture), String());
+
+    if (const Node* behind = resolveNode(scene, node->get(A::backMaterial))) {
+        Material back;
+        back.alphaMode = material.alphaMode, back.alphaCutoff = material.alphaCutoff;
+        if (reader.read(*behind, back)) {
+            if (!back.texture(TextureRole::base)) back.textures[0] = material.textures[0];
+            material.back = std::make_shared<const Material>(std::move(back));
+        }
+    } else if (front && front->is(x3d::TwoSidedMaterial::type) &&
+               front->get(x3d::TwoSidedMaterial::separateBackColor)) {
+        material.back = std::make_shared<const Material>(Reader::backOf(*front, material));
+    }
+    return material;
+}
+
+Light readLight(const Scene& scene, NodeId id, const WorldFromLocal& worldFromLocal, ScopeId scope) {
+    Light light;
+    light.scope = scope;
+    const Node* node = scene.find(id);
+    const auto common = [&]<class L>(const L*) {
+        light.on = node->get(L::on);
+        light.shadows = node->get(L::shadows);
+        light.shadowIntensity = unit(node->get(L::shadowIntensity));
+        const Vec3f color = atLeastZero(rgb(node->get(L::color)));
+        light.color = color * atLeastZero(node->get(L::intensity));
+        light.ambient = color * atLeastZero(node->get(L::ambientIntensity));
+    };
+    const auto turn = [&](const Vec3f& v) {
+        const Vec3d world =
+            worldFromLocal[0] * double{v.x} + worldFromLocal[1] * double{v.y} + worldFromLocal[2] * double{v.z};
+        const double length = glm::length(world);
+        if (length > 0 && std::isfinite(length))
+            light.direction = world / length;
+        else
+            light.on = false;  // it shines nowhere
+    };
+    const auto positional = [&]<class L>(const L*) {
+        const Vec3f at = node->get(L::location);
+        light.position = worldFromLocal[0] * double{at.x} + worldFromLocal[1] * double{at.y} +
+                         worldFromLocal[2] * double{at.z} + worldFromLocal[3];
+        light.attenuation = atLeastZero(node->get(L::attenuation));
+        light.radius = node->get(L::radius);
+        light.localFromWorld = 1 / lengthScale(worldFromLocal);
+        if (!glm::all(glm::lessThan(glm::abs(light.position), Vec3d(1e18)))) light.on = false;
+    };
+    if (node && node->is(x3d::DirectionalLight::type)) {
+        common(static_cast<const x3d::DirectionalLight*>(nullptr));
+        turn(node->get(x3d::DirectionalLight::direction));
+    } else if (node && node->is(x3d::PointLight::type)) {
+        light.kind = Light::Kind::point;
+        common(static_cast<const x3d::PointLight*>(nullptr));
+        positional(static_cast<const x3d::PointLight*>(nullptr));
+    } else if (node && node->is(x3d::SpotLight::type)) {
+        light.kind = Light::Kind::spot;
+        common(static_cast<const x3d::SpotLight*>(nullptr));
+        positional(static_cast<const x3d::SpotLight*>(nullptr));
+        turn(node->get(x3d::SpotLight::direction));
+        light.beamWidth = atLeastZero(node->get(x3d::SpotLight::beamWidth));
+        light.cutOffAngle = atLeastZero(node->get(x3d::SpotLight::cutOffAngle));
+    } else {
+        light.on = false;
+    }
+    return light;
+}
+
+Fog readFog(const Scene& scene, NodeId id, const WorldFromLocal& worldFromLocal) {
+    Fog fog;
+    const Node* node = scene.find(id);
+    if (!node || !node->is(x3d::Fog::type)) return fog;
+    fog.color = atLeastZero(rgb(node->get(x3d::Fog::color)));
+    fog.visibilityRange = atLeastZero(node->get(x3d::Fog::visibilityRange)) * lengthScale(worldFromLocal);
+    const bool exponential = node->get(x3d::Fog::fogType) == String("EXPONENTIAL");
+    fog.type = exponential ? FogType::exponential : FogType::linear;
+    if (fog.visibilityRange <= 0) fog.type = FogType::none;
+    return fog;
+}
+
+}  // namespace rtsg
