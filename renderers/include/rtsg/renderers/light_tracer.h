@@ -1,0 +1,75 @@
+// LightTracer: pictures of a scene by rays, through the RayWorld it shares with sound and picking.
+//
+// Invariant: after apply() its tables (materials, lights, viewpoints, sky, fog) are those that reading the scene anew
+// would give; the work follows the delta, and a transform never touches a material. A picture depends on the scene, the
+// camera and the settings alone, not on the number of threads.
+// Threading: apply() on the scene's thread; in between, render() and camera() from any. RayWorld must be at the same
+// change set.
+// Source: ISO/IEC 19775-1 V4.0 17.2.2 (lighting), 23.2 (bindable viewpoints), 24.2 (backgrounds, fog); Whitted 1980.
+// Differs from 17.2.2 in that light from behind a surface gives no specular term, and in what Material's header says.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include <rtsg/renderers/camera.h>
+#include <rtsg/renderers/flattener.h>
+#include <rtsg/renderers/material.h>
+#include <rtsg/renderers/picture.h>
+#include <rtsg/renderers/ray_world.h>
+
+namespace rtsg {
+
+/// Which lights cast shadows: those whose `shadows` field says so, all but the headlight, or none.
+enum class Shadows : std::uint8_t { authored, all, none };
+
+struct RenderSettings {
+    int width = 1280, height = 720;
+    int samplesPerPixel = 1;     // 1: through the pixels' centres; more: a scrambled (0,2)-sequence
+    std::uint64_t seed = 1;      // of the scrambling
+    int maxDepth = 8;            // mirrorings and refractions along one path
+    float cutoff = 1 / 1024.0f;  // paths that could add less than this share to a pixel end
+    Shadows shadows = Shadows::all;
+    unsigned threads = 0;  // 0: one a core
+    /// Called now and then, from any thread but never from two at once, with the share done; false cancels.
+    std::function<bool(double)> progress;
+};
+
+struct RenderStats {
+    std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
+    double seconds = 0;
+    bool cancelled = false;
+};
+
+class LightTracer final : public InstanceSubscriber {
+  public:
+    /// `folder`: where relative urls of textures start.
+    explicit LightTracer(std::filesystem::path folder = {});
+    ~LightTracer() override;
+
+    Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
+
+    /// The bound viewpoint, else the first; without any, all of `world` seen along -z. `name`: the DEF name or the
+    /// description of a viewpoint instead. Error: no viewpoint has that name.
+    Result<Camera> camera(const RayWorld& world, double aspect, std::string_view name = {}) const;
+
+    /// Linear radiance. Errors: a size or a number of samples that is not positive or is absurd.
+    Result<Picture> render(const RayWorld& world, const Camera& camera, const RenderSettings& settings = {},
+                           RenderStats* stats = nullptr) const;
+
+    /// How many materials, lights and textures have been read since the start; for tests of the invariant.
+    struct Counts {
+        std::uint64_t materialsRead = 0, lightsRead = 0;
+        std::size_t materials = 0, lights = 0;
+    };
+    Counts counts() const;
+    const Diagnostics& diagnostics() const;
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

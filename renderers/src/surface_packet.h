@@ -1,0 +1,46 @@
+// SurfacePacket: sixteen hits made ready for shading: places, normals and the material's numbers, lane by lane.
+//
+// Threading: a packet belongs to one tile. Conventions: `view` points back along the ray; both normals are on the
+// viewer's side; lanes not in `mask` hold rubbish.
+#pragma once
+
+#include <cstdint>
+
+#include "trace_scene.h"
+
+namespace rtsg::trace {
+
+struct alignas(64) Lanes3 {
+    float x[16], y[16], z[16];
+    void set(int lane, const Vec3f& v) { x[lane] = v.x, y[lane] = v.y, z[lane] = v.z; }
+    void add(int lane, const Vec3f& v) { x[lane] += v.x, y[lane] += v.y, z[lane] += v.z; }
+    Vec3f get(int lane) const { return {x[lane], y[lane], z[lane]}; }
+};
+
+struct alignas(64) SurfacePacket {
+    std::uint32_t mask = 0;  // lanes that hit something that is to be shaded
+    Lanes3 position;         // ray space
+    Lanes3 view, normal;
+    Lanes3 base, specular, emissive, ambient;  // ambient: what ambient light is multiplied with
+    alignas(64) float exponent[16], metallic[16], roughness[16];
+    alignas(64) float coverage[16], opacity[16];
+    std::uint32_t lights[16];
+    ShadingModel model[16];
+    const Material* material[16];
+    bool back[16];
+    bool special[16];  // may send further rays
+    Hit hit[16];
+    Lanes3 radiance;  // the result: emission and reflected light of lights
+};
+
+/// Fills the packet for the lanes in `mask`, which hit something. `line`: metres run before the rays' origins.
+void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32_t mask, const PathTask* tasks,
+                   SurfacePacket& out);
+
+/// What part of light a surface lets through straight at a hit: 0 if opaque there. For shadow rays.
+Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit);
+
+/// Adds the light of the lights, shadows included, into `radiance`, which is set to the emission.
+void addLights(const TraceScene& scene, SurfacePacket& surfaces, std::uint64_t& shadowRays);
+
+}  // namespace rtsg::trace

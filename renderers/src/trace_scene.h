@@ -1,0 +1,88 @@
+// TraceScene: what an integrator sees of a scene at one moment; everything by index, nothing by name or node.
+//
+// Threading: const while a picture is made. Built by LightTracer::render, read by every tile.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <rtsg/renderers/camera.h>
+#include <rtsg/renderers/light_tracer.h>
+#include <rtsg/renderers/material.h>
+#include <rtsg/renderers/ray_world.h>
+
+namespace rtsg::trace {
+
+/// What an instance slot is drawn with.
+struct SlotShading {
+    std::uint32_t material = 0, lights = 0;
+    NodeId appearance, geometry;
+    ScopeId scope;
+    std::array<std::uint8_t, kTextureRoles> channels{};  // of the mesh's texture coordinates, per role
+    bool used = false;
+};
+
+/// A material and what is decided about it beforehand.
+struct MaterialEntry {
+    Material material = defaultMaterial();
+    bool textured = false, transmits = false, mirrors = false;
+    NodeId appearance;
+    std::uint32_t users = 0;
+    void finish() {
+        textured = material.textured() || (material.back && material.back->textured());
+        transmits = material.transmits();
+        mirrors = material.mirrors();
+    }
+};
+
+/// A light in ray space.
+struct TraceLight {
+    Light::Kind kind = Light::Kind::directional;
+    bool shadows = false;
+    float shadowIntensity = 1;
+    Vec3f color{0}, ambient{0};
+    Vec3f position{0}, direction{0, 0, -1};
+    Vec3f attenuation{1, 0, 0};
+    float radius = 0, localFromWorld = 1;
+    float beamWidth = 0, cutOffAngle = 0;
+};
+
+struct TraceScene {
+    const RayWorld* world = nullptr;
+    std::span<const MaterialEntry> materials;
+    std::span<const SlotShading> slots;
+    std::vector<std::vector<TraceLight>> lightLists;
+    const Sky* sky = nullptr;
+    Fog fog;
+    bool anyTransmits = false;  // some instance lets light through: shadow rays must look closer
+    float pixelSpread = 0;      // radians a pixel is wide in the middle of the picture, or
+    float pixelSize = 0;        // metres, for an orthographic camera
+};
+
+/// One ray of the recursion, unrolled: what it adds to a pixel is `weight` times the radiance it finds.
+struct PathTask {
+    Vec3f origin{0}, direction{0, 0, -1};
+    Vec3f weight{1};
+    float travelled = 0;  // metres from the eye to the origin; for the size of a pixel on what it hits
+    float line = 0;       // of them along this straight line; for fog
+    Vec3f absorption{0};  // 1/m, of what it runs in
+    std::uint16_t pixel = 0;
+    std::uint8_t depth = 0;   // mirrorings and refractions before
+    std::uint8_t passes = 0;  // clear surfaces passed straight
+};
+
+constexpr int kTileSide = 16;
+constexpr int kTilePixels = kTileSide * kTileSide;
+
+struct TileResult {
+    std::array<Vec4f, kTilePixels> sum{};  // radiance and coverage, not yet divided by the samples
+    std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
+};
+
+/// Traces one tile whose top left pixel is (x0, y0). Deterministic.
+void whittedTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+                 TileResult& result);
+
+}  // namespace rtsg::trace
