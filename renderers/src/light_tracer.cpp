@@ -229,7 +229,7 @@ struct LightTracer::Impl {
                 lightsChanged = true;
                 ++counts.lightsRead;
                 break;
-            case PlacedKind::viewpoint:
+            case PlacedKind::view:
                 entry.what = readView(scene, *node);
                 break;
             case PlacedKind::background:
