@@ -1,0 +1,183 @@
+#include <rtsg/renderers/camera.h>
+
+#include <cmath>
+#include <numbers>
+
+#include <gtest/gtest.h>
+
+namespace rtsg {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+void expectNear(const Vec3d& a, const Vec3d& b, double tolerance) {
+    EXPECT_NEAR(a.x, b.x, tolerance);
+    EXPECT_NEAR(a.y, b.y, tolerance);
+    EXPECT_NEAR(a.z, b.z, tolerance);
+}
+
+double angleBetween(const Vec3d& a, const Vec3d& b) {
+    return std::acos(std::clamp(glm::dot(a, b), -1.0, 1.0));
+}
+
+// 23.3.1: the smaller of the picture's sides gets fieldOfView, the other follows from the aspect of the tangents.
+TEST(Camera, FieldOfViewIsThatOfTheSmallerSide) {
+    for (const double aspect : {0.25, 0.5, 1.0, 16.0 / 9, 4.0}) {
+        const Camera camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, kPi / 4, aspect);
+        const double horizontal = angleBetween(camera.ray(0, 0.5).direction, camera.ray(1, 0.5).direction);
+        const double vertical = angleBetween(camera.ray(0.5, 0).direction, camera.ray(0.5, 1).direction);
+        EXPECT_NEAR(std::min(horizontal, vertical), kPi / 4, 1e-9) << aspect;
+        EXPECT_NEAR(std::tan(horizontal / 2) / std::tan(vertical / 2), aspect, 1e-9);
+    }
+}
+
+TEST(Camera, LooksAlongMinusZWithYUp) {
+    const Camera camera = Camera::perspective(identityTransform(), {1, 2, 3}, {}, 1, 1);
+    expectNear(camera.position, {1, 2, 3}, 0);
+    expectNear(camera.ray(0.5, 0.5).direction, {0, 0, -1}, 1e-12);
+    EXPECT_LT(camera.ray(0, 0.5).direction.x, 0) << "x = 0 is the left edge";
+    EXPECT_GT(camera.ray(0.5, 0).direction.y, 0) << "y = 0 is the top edge";
+}
+
+TEST(Camera, OrientationAndTransformsCompose) {
+    // A quarter turn about y looks along -x; the transform about it then turns x to y.
+    WorldFromLocal m = identityTransform();
+    m[0] = {0, 1, 0}, m[1] = {-1, 0, 0}, m[3] = {10, 20, 30};
+    const Camera camera = Camera::perspective(m, {1, 0, 0}, {0, 1, 0, static_cast<float>(kPi / 2)}, 1, 1);
+    expectNear(camera.forward, {0, -1, 0}, 1e-6);
+    expectNear(camera.position, {10, 21, 30}, 1e-9);
+}
+
+TEST(Camera, StaysRightHandedUnderScaleShearAndMirroring) {
+    const WorldFromLocal transforms[] = {
+        {{2, 0, 0}, {0, 5, 0}, {0, 0, 0.1}, {0, 0, 0}},     {{-1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}},
+        {{1, 0, 0}, {0.7, 1, 0}, {0.2, 0.3, 1}, {0, 0, 0}}, {{1, 0, 0}, {0, 0, 0}, {0, 0, 1}, {0, 0, 0}},
+        {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}},       {{1e-20, 0, 0}, {0, 1e-20, 0}, {0, 0, 1e-20}, {0, 0, 0}}};
+    for (const WorldFromLocal& m : transforms) {
+        const Camera camera = Camera::perspective(m, {0, 0, 0}, {1, 1, 0, 0.5f}, 1, 1);
+        expectNear(glm::cross(camera.right, camera.up), -camera.forward, 1e-9);
+        EXPECT_NEAR(glm::length(camera.forward), 1, 1e-12);
+        EXPECT_NEAR(glm::dot(camera.right, camera.up), 0, 1e-12);
+    }
+}
+
+TEST(Camera, BadAnglesAndAxesAreSurvived) {
+    for (const double angle : {0.0, -1.0, 4.0, 1e9, double(NAN)})
+        for (const Rotation rotation : {Rotation{0, 0, 0, 1}, Rotation{NAN, 0, 0, 1}, Rotation{0, 1, 0, INFINITY}}) {
+            const Camera camera = Camera::perspective(identityTransform(), {0, 0, 0}, rotation, angle, 1);
+            const auto ray = camera.ray(0.1, 0.9);
+            EXPECT_NEAR(glm::length(ray.direction), 1, 1e-9);
+        }
+}
+
+TEST(Camera, OrthoViewpointShowsItsExtent) {
+    const Camera wide = Camera::parallel(identityTransform(), {0, 0, 10}, {}, {-1, -2, 3, 2}, 2);
+    expectNear(wide.ray(0, 0.5).origin, {-3, 0, 10}, 1e-12);  // 4 by 4 metres grow to 8 by 4
+    expectNear(wide.ray(1, 0).origin, {5, 2, 10}, 1e-12);
+    expectNear(wide.ray(0.2, 0.7).direction, {0, 0, -1}, 1e-12);
+}
+
+TEST(Camera, FramingShowsAllCorners) {
+    const Vec3d lower(-3, 1, -20), upper(5, 2, 8);
+    for (const double aspect : {0.5, 1.0, 3.0}) {
+        for (const bool orthographic : {false, true}) {
+            Camera camera =
+                orthographic ? Camera::parallel(identityTransform(), {0, 0, 0}, {0, 1, 0, 0.7f}, {-1, -1, 1, 1}, aspect)
+                             : Camera::perspective(identityTransform(), {0, 0, 0}, {0, 1, 0, 0.7f}, 0.7854, aspect);
+            camera.frame(lower, upper);
+            double widest = 0;
+            for (int corner = 0; corner < 8; ++corner) {
+                const Vec3d p(corner & 1 ? upper.x : lower.x, corner & 2 ? upper.y : lower.y,
+                              corner & 4 ? upper.z : lower.z);
+                const Vec3d d = p - camera.position;
+                const double depth = glm::dot(d, camera.forward);
+                EXPECT_GT(depth, 0);
+                const double scale = orthographic ? 1 : depth;
+                const double x = glm::dot(d, camera.right) / scale, y = glm::dot(d, camera.up) / scale;
+                EXPECT_TRUE(x >= camera.left && x <= camera.rightEdge && y >= camera.bottom && y <= camera.top);
+                widest = std::max({widest, std::abs(x) / camera.rightEdge, std::abs(y) / camera.top});
+            }
+            EXPECT_GT(widest, 0.75) << "and not from far away";
+        }
+    }
+}
+
+TEST(Camera, FramingAPointKeepsADistance) {
+    Camera camera = Camera::perspective(identityTransform(), {0, 0, 0}, {}, 0.7854, 1);
+    camera.frame({1, 1, 1}, {1, 1, 1});
+    EXPECT_GT(camera.position.z, 1);
+    const Camera before = camera;
+    camera.frame({1, 1, 1}, {-1, -1, -1});
+    EXPECT_EQ(camera.position, before.position) << "an empty box changes nothing";
+}
+
+// 24.2.1: skyAngle from the zenith, groundAngle from the nadir, linear in the angle in between.
+TEST(Sky, GradientIsLinearInTheAngle) {
+    Sky sky;
+    sky.skyColors = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    sky.skyAngles = {0.5f, 1.5f};
+    sky.groundColors = {{1, 1, 0}, {0, 1, 1}};
+    sky.groundAngles = {1.0f};
+    const auto at = [&](double fromZenith) {
+        return Vec3f(
+            sky.color({static_cast<float>(std::sin(fromZenith)), static_cast<float>(std::cos(fromZenith)), 0}));
+    };
+    const auto expect = [&](double angle, Vec3f color) {
+        const Vec3f seen = at(angle);
+        EXPECT_NEAR(seen.r, color.r, 1e-3) << angle;
+        EXPECT_NEAR(seen.g, color.g, 1e-3) << angle;
+        EXPECT_NEAR(seen.b, color.b, 1e-3) << angle;
+    };
+    expect(0, {1, 0, 0});
+    expect(0.25, {0.5f, 0.5f, 0});
+    expect(1.0, {0, 0.5f, 0.5f});
+    expect(1.5, {0, 0, 1});
+    expect(2.0, {0, 0, 1});  // the last colour goes on to the nadir where there is no ground
+    expect(kPi - 1.0 + 1e-3, {0.0f, 1, 1});
+    expect(kPi - 0.25, {0.75f, 1, 0.25f});
+    expect(kPi, {1, 1, 0});
+}
+
+TEST(Sky, LonelyGroundColorReachesTheHorizon) {
+    Sky sky;
+    sky.skyColors = {{0, 0, 1}};
+    sky.groundColors = {{1, 0, 0}};
+    EXPECT_EQ(Vec3f(sky.color({0.8f, -0.6f, 0})), Vec3f(1, 0, 0));
+    EXPECT_EQ(Vec3f(sky.color({0.8f, 0.6f, 0})), Vec3f(0, 0, 1));
+}
+
+TEST(Sky, PanoramaSidesAreSeenFromInside) {
+    // Each side: red grows to the right, green upwards, blue tells which side.
+    Sky sky;
+    for (std::size_t side = 0; side < 6; ++side) {
+        std::vector<Vec4f> pixels;
+        for (int y = 0; y < 2; ++y)
+            for (int x = 0; x < 2; ++x) pixels.emplace_back(float(x), float(y), float(side), 1);
+        sky.panorama[side] = std::make_shared<const Texture>(*Texture::fromFloats(pixels, 2, 2));
+    }
+    const struct {
+        Vec3d forward, right, up;
+    } sides[] = {{{0, 0, -1}, {1, 0, 0}, {0, 1, 0}},  {{0, 0, 1}, {-1, 0, 0}, {0, 1, 0}},
+                 {{-1, 0, 0}, {0, 0, -1}, {0, 1, 0}}, {{1, 0, 0}, {0, 0, 1}, {0, 1, 0}},
+                 {{0, 1, 0}, {1, 0, 0}, {0, 0, 1}},   {{0, -1, 0}, {1, 0, 0}, {0, 0, -1}}};
+    for (int i = 0; i < 6; ++i) {
+        const auto look = [&](double x, double y) {
+            return sky.color(Vec3f(glm::normalize(sides[i].forward + x * sides[i].right + y * sides[i].up)));
+        };
+        EXPECT_NEAR(look(0, 0).b, i, 1e-5);
+        EXPECT_NEAR(look(0.5, 0.5).r, 1, 1e-5);
+        EXPECT_NEAR(look(0.5, 0.5).g, 1, 1e-5);
+        EXPECT_NEAR(look(-0.5, 0.5).r, 0, 1e-5);
+        EXPECT_NEAR(look(-0.5, -0.5).g, 0, 1e-5);
+    }
+}
+
+TEST(Sky, TransparencyIsCoverage) {
+    Sky sky;
+    sky.skyColors = {{1, 0.5f, 0}};
+    sky.alpha = 0.25f;
+    EXPECT_EQ(sky.color({0, 1, 0}), Vec4f(0.25f, 0.125f, 0, 0.25f));
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,111 @@
+#include <rtsg/renderers/picture.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include <OpenImageIO/imageio.h>
+#include <gtest/gtest.h>
+
+namespace rtsg {
+namespace {
+
+std::filesystem::path temporary(const char* name) {
+    return std::filesystem::temp_directory_path() / name;
+}
+
+TEST(Picture, SrgbCurveAndItsInverse) {
+    EXPECT_NEAR(srgbFromLinear(0.5f), 0.735357, 1e-6);
+    EXPECT_NEAR(srgbFromLinear(0.001f), 0.01292, 1e-7);
+    EXPECT_NEAR(srgbFromLinear(1), 1, 1e-6);
+    for (int i = 0; i <= 255; ++i) {
+        const float encoded = static_cast<float>(i) / 255;
+        EXPECT_NEAR(srgbFromLinear(linearFromSrgb(encoded)), encoded, 1e-6);
+    }
+}
+
+TEST(Picture, ToneMapLeavesDisplayableColorsAlone) {
+    const ToneMap map;
+    EXPECT_EQ(map.apply({0.2f, 1.0f, 0.0f}), Vec3f(0.2f, 1.0f, 0.0f));
+    const Vec3f bright = map.apply({4, 2, 0});
+    EXPECT_FLOAT_EQ(bright.r, 1);
+    EXPECT_GT(bright.r, bright.g);
+    EXPECT_GT(bright.g, bright.b);
+    EXPECT_EQ(map.apply({NAN, -1, 0.5f}), Vec3f(0, 0, 0.5f));
+    EXPECT_EQ((ToneMap{2}.apply({0.25f, 0.1f, 0})), Vec3f(0.5f, 0.2f, 0));
+}
+
+TEST(Picture, ExrKeepsTheNumbersBitForBit) {
+    Picture picture(3, 2, Vec4f(0, 0, 0, 1));
+    picture.at(0, 0) = {1e-7f, 12345.678f, 0.1f, 1};
+    picture.at(2, 1) = {100, 0, 3, 0.25f};
+    const auto file = temporary("rtsg_picture_exact.exr");
+    ASSERT_TRUE(writePicture(picture, file));
+    const auto back = readPicture(file);
+    std::filesystem::remove(file);
+    ASSERT_TRUE(back) << back.error().format();
+    EXPECT_EQ(back->pixels, picture.pixels);
+}
+
+TEST(Picture, PngIsSrgbEncodedTopRowFirst) {
+    Picture picture(2, 2, Vec4f(0, 0, 0, 1));
+    picture.at(1, 0) = {0.5f, 0.2f, 7, 1};
+    const auto file = temporary("rtsg_picture.png");
+    ASSERT_TRUE(writePicture(picture, file));
+    auto input = OIIO::ImageInput::open(file.string());
+    ASSERT_TRUE(input);
+    std::vector<std::uint8_t> bytes(2 * 2 * 3);
+    EXPECT_EQ(input->spec().nchannels, 3) << "opaque: no alpha channel";
+    ASSERT_TRUE(input->read_image(0, 0, 0, 3, OIIO::TypeDesc::UINT8, bytes.data()));
+    std::filesystem::remove(file);
+    EXPECT_EQ(bytes[0], 0);
+    EXPECT_EQ(bytes[5], 255) << "brighter than white stays white";
+    Picture half(1, 1, Vec4f(0.5f, 0.2f, 0.04f, 1));
+    const auto encoded = toSrgb8(half);
+    EXPECT_EQ(encoded[0], 188);
+    EXPECT_EQ(encoded[1], 124);
+    EXPECT_EQ(encoded[2], 56);
+    EXPECT_EQ(encoded[3], 255);
+}
+
+TEST(Picture, AnimatedGifHoldsAllFrames) {
+    std::vector<Picture> frames;
+    for (int i = 0; i < 5; ++i) frames.emplace_back(8, 8, Vec4f(i / 4.0f, 0, 0, 1));
+    const auto file = temporary("rtsg_picture_animation.gif");
+    const auto written = writeAnimation(frames, file, 12.5);
+    ASSERT_TRUE(written) << written.error().format();
+    auto input = OIIO::ImageInput::open(file.string());
+    ASSERT_TRUE(input);
+    int count = 0;
+    while (input->seek_subimage(count, 0)) ++count;
+    std::filesystem::remove(file);
+    EXPECT_EQ(count, 5);
+}
+
+TEST(Picture, WhatCannotBeWrittenIsAnError) {
+    const Picture picture(2, 2);
+    EXPECT_FALSE(writePicture(picture, temporary("rtsg.nosuchformat")));
+    EXPECT_FALSE(writePicture(picture, "/nowhere/at/all/picture.png"));
+    EXPECT_FALSE(writePicture(Picture(), temporary("rtsg_empty.png")));
+    EXPECT_FALSE(readPicture("/nowhere/at/all/picture.png"));
+    const std::vector<Picture> unequal{Picture(2, 2), Picture(3, 2)};
+    EXPECT_FALSE(writeAnimation(unequal, temporary("rtsg_unequal.gif"), 10));
+    EXPECT_FALSE(writeAnimation({}, temporary("rtsg_none.gif"), 10));
+}
+
+TEST(Picture, ComparisonFindsTheWorstPixel) {
+    Picture a(4, 3), b(4, 3);
+    b.at(2, 1).g = 0.6f;
+    b.at(0, 0).r = 0.3f;
+    const auto difference = compare(a, b);
+    ASSERT_TRUE(difference);
+    EXPECT_FLOAT_EQ(static_cast<float>(difference->maximum), 0.6f);
+    EXPECT_EQ(difference->worstX, 2);
+    EXPECT_EQ(difference->worstY, 1);
+    EXPECT_NEAR(difference->rmse, std::sqrt((0.36 + 0.09) / 36), 1e-6);
+    EXPECT_FALSE(compare(a, Picture(3, 3)));
+    b.at(1, 1).b = NAN;
+    EXPECT_EQ(compare(a, b)->worstX, 1) << "NaN is worst";
+}
+
+}  // namespace
+}  // namespace rtsg
