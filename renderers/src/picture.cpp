@@ -145,7 +145,8 @@ Result<PictureDifference> compare(const Picture& a, const Picture& b) {
                 squares += difference * difference;
                 sum += difference;
                 // Written so that a NaN counts as the worst.
-                if (!(difference <= result.maximum)) result.maximum = difference, result.worstX = x, result.worstY = y;
+                if (!(difference <= result.maximum) && !std::isnan(result.maximum))
+                    result.maximum = difference, result.worstX = x, result.worstY = y;
             }
         }
     }
