@@ -136,11 +136,8 @@ class BatchTracer {
     }
 
     bool interact(SoundRay& ray, const AcousticHit& hit) {
-        const ReflectingPlane& plane = geometry_.planes()[hit.plane];
         const AcousticMaterial& material = geometry_.materials()[hit.material];
-        const double cosine = glm::dot(ray.direction, plane.normal);
-        const double exact = -plane.signedDistance(ray.origin) / cosine;
-        const double step = std::abs(exact - hit.distance) < 1e-3 * (1 + hit.distance) ? exact : hit.distance;
+        const double step = hit.distance, cosine = glm::dot(ray.direction, hit.normal);
         const glm::dvec3 point = ray.origin + ray.direction * step;
         ray.travelled += step;
         if (airAbsorbs_)
@@ -149,7 +146,7 @@ class BatchTracer {
                 batch_.absorbed[b] += lost;
                 ray.energy[b] -= lost;
             }
-        const glm::dvec3 facing = cosine > 0 ? -plane.normal : plane.normal;
+        const glm::dvec3 facing = cosine > 0 ? -hit.normal : hit.normal;
 
         Bands diffuse, mirror, through;
         for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -176,7 +173,7 @@ class BatchTracer {
         } else if (mirrorSum > 0 && (choice < diffuseSum + mirrorSum || throughSum <= 0)) {
             ray.energy = mirror;
             probability = mirrorSum / all;
-            ray.direction -= plane.normal * (2 * cosine);
+            ray.direction -= hit.normal * (2 * cosine);
             ray.last = LastEvent::mirror;
             ++ray.mirrorOrder;
         } else {

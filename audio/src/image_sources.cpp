@@ -15,7 +15,7 @@ constexpr double kSameImage = 2e-3;
 constexpr double kCell = 0.25;
 /// Paths are checked from a listener this far beside the true one: symmetric rooms are full of paths that meet an edge
 /// exactly, where it is chance which wall is hit, and whether both are.
-const glm::dvec3 kAside{3.1e-5, 4.7e-5, 2.3e-5};
+const glm::dvec3 kAside{4.1e-4, 6.3e-4, 2.9e-4};
 
 struct Candidate {
     glm::dvec3 position;
@@ -87,7 +87,6 @@ std::optional<Arrival> retrace(const AcousticGeometry& geometry, const glm::dvec
     if (!(distance > 1e-6)) return std::nullopt;
     Arrival arrival;
     arrival.energy = allBands(1);
-    const auto planes = geometry.planes();
     const auto materials = geometry.materials();
     glm::dvec3 origin = listener, direction = toImage / distance;
     double left = distance;
@@ -102,7 +101,6 @@ std::optional<Arrival> retrace(const AcousticGeometry& geometry, const glm::dvec
             return arrival;
         }
         if (order == maxOrder) return std::nullopt;
-        const ReflectingPlane& wall = planes[hit.plane];
         const AcousticMaterial& material = materials[hit.material];
         bool any = false;
         for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -110,13 +108,9 @@ std::optional<Arrival> retrace(const AcousticGeometry& geometry, const glm::dvec
             any = any || arrival.energy[b] > 0;
         }
         if (!any) return std::nullopt;
-        // In double on the shared plane: the nearest hit itself is only as good as single precision.
-        const double cosine = glm::dot(direction, wall.normal);
-        const double exact = -wall.signedDistance(origin) / cosine;
-        const double step = std::abs(exact - hit.distance) < 1e-3 * (1 + hit.distance) ? exact : hit.distance;
-        origin += direction * step;
-        direction -= wall.normal * (2 * cosine);
-        left -= step;
+        origin += direction * hit.distance;
+        direction -= hit.normal * (2 * glm::dot(direction, hit.normal));
+        left -= hit.distance;
         plane = hit.plane;
     }
 }
@@ -170,7 +164,7 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3
     CandidateSet candidates;
     candidates.insert(source, kNoPlane, 1);
     std::size_t generation = 0;
-    for (int order = 1; order <= options.maxOrder; ++order) {
+    for (int order = 1; order <= options.maxOrder && !planes.empty(); ++order) {
         const std::size_t end = candidates.all.size();
         bool complete = true;
         for (std::size_t i = generation; i < end && complete; ++i)

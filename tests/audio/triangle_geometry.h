@@ -64,7 +64,7 @@ class TriangleGeometry : public AcousticGeometry {
             if (v < 0 || u + v > 1) continue;
             const double distance = glm::dot(t.v, q) / determinant;
             if (distance < 0 || distance >= hit.distance) continue;
-            hit = {distance, t.plane, t.material};
+            hit = {distance, planes_[t.plane].normal, t.plane, t.material};
             found = true;
         }
         return found;

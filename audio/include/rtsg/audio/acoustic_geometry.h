@@ -49,7 +49,8 @@ struct ReflectingPlane {
 };
 
 struct AcousticHit {
-    double distance = 0;
+    double distance = 0;         // in double, on the plane
+    glm::dvec3 normal{0, 0, 1};  // unit, on either side
     std::uint32_t plane = kNoPlane;
     std::uint32_t material = 0;
 };
@@ -58,6 +59,7 @@ class AcousticGeometry {
   public:
     virtual ~AcousticGeometry() = default;
 
+    /// By AcousticHit::plane; empty when there are too many to mirror sources in (then only rays reflect).
     virtual std::span<const ReflectingPlane> planes() const = 0;
     virtual std::span<const AcousticMaterial> materials() const = 0;
     /// Nearest surface along a unit direction with 0 <= distance < maxDistance that is not on plane `except`.
