@@ -125,6 +125,9 @@ class Scene {
     }
     /// `index` beyond the end appends. O(1) at the end whatever the number of children.
     Result<> insertChild(NodeId parent, FieldIndex field, NodeId child, std::size_t index = SIZE_MAX);
+    Result<> insertChild(NodeId parent, Field<Array<NodeId>> field, NodeId child, std::size_t index = SIZE_MAX) {
+        return insertChild(parent, field.index, child, index);
+    }
     Result<> removeChild(NodeId parent, FieldIndex field, std::size_t index);
     Result<> setName(NodeId id, std::string_view name);
     /// Accepts equal types only; a duplicate is ignored (4.4.2.2).

@@ -1,0 +1,19 @@
+# Install rules: libraries, headers, the program, and what find_package(rtsg) needs.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+install(TARGETS rtsg_core rtsg_renderers rtsg_audio rtsg_sync EXPORT rtsgTargets)
+install(TARGETS rtsg RUNTIME)
+foreach(folder core renderers audio sync)
+  install(DIRECTORY "${PROJECT_SOURCE_DIR}/${folder}/include/" TYPE INCLUDE)
+endforeach()
+install(DIRECTORY "${PROJECT_BINARY_DIR}/core/generated/rtsg" TYPE INCLUDE FILES_MATCHING PATTERN "*.h")
+install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DOCDIR}")
+
+set(destination "${CMAKE_INSTALL_LIBDIR}/cmake/rtsg")
+install(EXPORT rtsgTargets NAMESPACE rtsg:: DESTINATION "${destination}")
+configure_package_config_file(cmake/rtsgConfig.cmake.in "${PROJECT_BINARY_DIR}/rtsgConfig.cmake"
+                              INSTALL_DESTINATION "${destination}")
+write_basic_package_version_file("${PROJECT_BINARY_DIR}/rtsgConfigVersion.cmake" COMPATIBILITY SameMinorVersion)
+install(FILES "${PROJECT_BINARY_DIR}/rtsgConfig.cmake" "${PROJECT_BINARY_DIR}/rtsgConfigVersion.cmake"
+        DESTINATION "${destination}")

@@ -1,0 +1,12 @@
+# Installs the build into a scratch folder, configures and builds the consumer there, and runs it.
+file(REMOVE_RECURSE "${WORK}")
+function(step)
+  execute_process(COMMAND ${ARGN} RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  if(NOT result EQUAL 0)
+    message(FATAL_ERROR "${ARGN}\n${output}")
+  endif()
+endfunction()
+step("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/prefix")
+step("${CMAKE_COMMAND}" -S "${SOURCE}/tests/install" -B "${WORK}/build" "-DCMAKE_PREFIX_PATH=${WORK}/prefix" ${FLAGS})
+step("${CMAKE_COMMAND}" --build "${WORK}/build")
+step("${WORK}/build/consumer")
