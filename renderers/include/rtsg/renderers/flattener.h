@@ -33,7 +33,7 @@ class Flattener {
         MeshSource meshes;
         /// Where more paths than this lead to shapes the rest is left out with a diagnostic (sharing can be
         /// exponential).
-        std::size_t maxOccurrences = 50'000'000;
+        std::size_t maxOccurrences = 8'000'000;
     };
 
     Flattener();
@@ -87,6 +87,8 @@ class FlattenedScene final : public Subscriber {
     /// or at once by catchUp().
     void add(InstanceSubscriber& subscriber);
     void remove(InstanceSubscriber& subscriber);
+    /// Sends what a moved viewer changes (Flattener::setViewer) and snapshots to late subscribers, with an empty change
+    /// set. On the scene's thread.
     Result<> catchUp(const Scene& scene);
 
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
@@ -100,6 +102,8 @@ class FlattenedScene final : public Subscriber {
         InstanceSubscriber* subscriber;
         bool upToDate;
     };
+    Result<> deliver(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
+
     Flattener flattener_;
     std::vector<Entry> subscribers_;
 };

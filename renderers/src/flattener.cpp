@@ -1,0 +1,378 @@
+#include <rtsg/renderers/flattener.h>
+
+#include <algorithm>
+#include <utility>
+
+#include <rtsg/core/x3d.h>
+
+#include "flattener_impl.h"
+
+namespace rtsg {
+
+// ---- following the changes ----------------------------------------------------------------------------------------
+
+void Flattener::Impl::begin(const Scene& now, std::uint64_t sequence) {
+    scene = &now;
+    ++stamp;
+    delta.clear();
+    delta.sequence = sequence;
+    freeOccurrences.insert(freeOccurrences.end(), freedOccurrences.begin(), freedOccurrences.end());
+    freedOccurrences.clear();
+}
+
+void Flattener::Impl::startOver() {
+    if (!tree.empty() && tree[0].node) {
+        pruneContent(0);
+        state(tree[0].node).firstOccurrence = kNone;
+        --live;
+    }
+    for (const auto& [node, mesh] : meshes) state(NodeId{node}).meshStale = true;
+    roles.clear();
+    overflow = false;
+    const Node& root = scene->node(scene->root());
+    if (tree.empty()) {
+        newOccurrence(root, roles.of(root), kNone);
+    } else {
+        tree[0] = Occurrence{};
+        tree[0].node = root.id();
+        tree[0].role = roles.of(root).role;
+        tree[0].created = stamp;
+        state(root.id()).firstOccurrence = 0;
+        ++live;
+    }
+    growContent(0);
+}
+
+void Flattener::Impl::follow(const ChangeSet& changes) {
+    for (const Change& change : changes.changes) sortOut(change);
+    runChildOps();
+    runTransforms();
+    for (const Content& content : contents) walkUp(content.node, content.structural);
+    contents.clear();
+    runShapes();
+    runLights();
+    runLevels(viewerMoved ? std::vector<std::uint32_t>(levels) : movedLevels);
+}
+
+void Flattener::Impl::sortOut(const Change& change) {
+    if (change.kind != ChangeKind::setField && change.kind != ChangeKind::insertChild &&
+        change.kind != ChangeKind::removeChild)
+        return;
+    const Node* node = scene->find(change.node);
+    if (!node) return;  // gone by now; what held it has changed as well
+    const TypeRole& role = roles.of(*node);
+    const Aspect aspect = node->type().fields[change.field].aspect;
+    switch (role.role) {
+        case Role::none:
+            if (aspect != Aspect::none && aspect != Aspect::time)
+                contents.push_back({node->id(), aspect == Aspect::structure});
+            return;
+        case Role::placed:
+            if (aspect == Aspect::none || aspect == Aspect::time) return;
+            if (state(node->id()).firstOccurrence != kNone) report(node->id(), delta.placedChanged);
+            if (change.field == role.global) lights.push_back(node->id());
+            return;
+        case Role::shape:
+            if (aspect != Aspect::none) shapes.push_back(node->id());
+            return;
+        default:
+            break;
+    }
+    if (role.isChildField(change.field)) {
+        if (role.role == Role::all && change.kind != ChangeKind::setField)
+            childOps.push_back({node->id(), change.other, change.kind == ChangeKind::insertChild ? 1 : -1});
+        else
+            reconciled.push_back(node->id());
+        // A PROTO instance may also stand for a geometry, an appearance or a part of one.
+        if (role.role == Role::first) contents.push_back({node->id(), true});
+    } else if (change.field == role.visible || change.field == role.choice || change.field == role.order ||
+               (role.role == Role::level && (change.field == role.range || change.field == role.center))) {
+        reconciled.push_back(node->id());
+    } else if (role.hasTransform && aspect == Aspect::transform) {
+        transformed.push_back(node->id());
+    }
+}
+
+void Flattener::Impl::reconcileOnce(NodeId group) {
+    if (std::exchange(state(group).queued, stamp) == stamp) return;
+    std::vector<std::uint32_t> here;
+    oldOccurrences(group, here);
+    for (const std::uint32_t occurrence : here)
+        if (tree[occurrence].node == group) reconcile(occurrence);
+}
+
+void Flattener::Impl::runChildOps() {
+    // The order of insertions and removals does not matter here, only how often each child is there in the end.
+    std::sort(childOps.begin(), childOps.end());
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < childOps.size();) {
+        ChildOp sum = childOps[i];
+        for (++i; i < childOps.size() && childOps[i].group == sum.group && childOps[i].child == sum.child; ++i)
+            sum.count += childOps[i].count;
+        if (sum.count != 0) childOps[count++] = sum;
+    }
+    childOps.resize(count);
+    // A list that was also replaced as a whole is compared as a whole.
+    for (const NodeId group : reconciled) state(group).visited = ++walk;
+    const std::uint32_t lastWalk = walk, firstWalk = walk - static_cast<std::uint32_t>(reconciled.size());
+    const auto wholly = [&](NodeId group) {
+        const std::uint32_t v = state(group).visited;
+        return v > firstWalk && v <= lastWalk;
+    };
+    for (const ChildOp& op : childOps) {
+        if (op.count > 0 || wholly(op.group)) continue;
+        oldOccurrences(op.group, found);
+        for (const std::uint32_t occurrence : found)
+            for (int n = op.count; n < 0; ++n)
+                if (const std::uint32_t child = findChild(occurrence, op.child); child != kNone) prune(child);
+    }
+    for (const NodeId group : reconciled) reconcileOnce(group);
+    reconciled.clear();
+    for (const ChildOp& op : childOps) {
+        if (op.count < 0 || wholly(op.group)) continue;
+        oldOccurrences(op.group, found);
+        for (const std::uint32_t occurrence : found)
+            for (int n = op.count; n > 0; --n) grow(occurrence, op.child);
+    }
+    childOps.clear();
+}
+
+void Flattener::Impl::runTransforms() {
+    if (transformed.empty()) return;
+    found.clear();
+    for (const NodeId node : transformed)
+        for (std::uint32_t o = state(node).firstOccurrence; o != kNone; o = tree[o].nextOfNode)
+            if (tree[o].created != stamp) found.push_back(o);
+    transformed.clear();
+    // Upper ones first: what lies below is then up to date when its turn comes.
+    const auto above = [&](std::uint32_t a, std::uint32_t b) { return tree[a].depth < tree[b].depth; };
+    if (!std::is_sorted(found.begin(), found.end(), above)) std::sort(found.begin(), found.end(), above);
+    for (const std::uint32_t occurrence : found) updateFrames(occurrence);
+}
+
+void Flattener::Impl::runShapes() {
+    for (const NodeId id : shapes) {
+        const Node& node = scene->node(id);
+        const TypeRole& role = roles.of(node);
+        oldOccurrences(id, found);
+        for (const std::uint32_t index : found) {
+            Occurrence& o = tree[index];
+            const bool hidden =
+                tree[o.parent].hidden || (role.visible != kNoField && !flatten::read<bool>(node, role.visible));
+            if (std::exchange(o.hidden, hidden) != hidden) {
+                if (hidden)
+                    dropInstance(index);
+                else
+                    makeInstance(index, node, role);
+            } else if (o.slot != kNone && bind(instances.records[o.slot], node, role, o.moving)) {
+                instances.markRebound(o.slot, stamp);
+            }
+        }
+    }
+    shapes.clear();
+}
+
+void Flattener::Impl::runLights() {
+    for (const NodeId id : lights) {
+        const Node& node = scene->node(id);
+        const bool local = !flatten::read<bool>(node, roles.of(node).global);
+        oldOccurrences(id, found);
+        for (const std::uint32_t index : found) {
+            Occurrence& o = tree[index];
+            if (o.slot == kNone || std::exchange(o.isLocal, local) == local) continue;
+            placed.records[o.slot].scope = local ? scopeOf(lightGroup(index)) : ScopeId{};
+            placed.markRebound(o.slot, stamp);
+            changeLocalLights(index, local ? 1 : -1);
+        }
+    }
+    lights.clear();
+}
+
+void Flattener::Impl::runLevels(const std::vector<std::uint32_t>& which) {
+    for (const std::uint32_t index : which) {
+        if (tree[index].role != Role::level) continue;  // pruned with the one around it
+        const Node& node = scene->node(tree[index].node);
+        const std::uint32_t level =
+            flatten::chooseLevel(node, roles.of(node), frames[tree[index].frame], viewer ? &*viewer : nullptr);
+        if (level != tree[index].level) reconcile(index);
+    }
+    movedLevels.clear();
+    viewerMoved = false;
+}
+
+void Flattener::Impl::report(NodeId node, std::vector<NodeId>& list) {
+    if (std::exchange(state(node).reported, stamp) != stamp) list.push_back(node);
+}
+
+void Flattener::Impl::walkUp(NodeId changed, bool structural) {
+    ++walk;
+    climbing.assign(1, changed);
+    while (!climbing.empty()) {
+        const NodeId id = climbing.back();
+        climbing.pop_back();
+        NodeState& s = state(id);
+        if (std::exchange(s.visited, walk) == walk) continue;
+        if (s.geometryUses > 0 || s.meshSent) {
+            s.meshStale = true;
+            touchGeometry(id);
+        }
+        if (s.appearanceUses > 0) report(id, delta.appearanceChanged);
+        if (s.acousticsUses > 0) report(id, delta.acousticsChanged);
+        const Node* node = scene->find(id);
+        if (!node) continue;
+        // Only another node in a PROTO's or an appearance's place can change what a shape refers to.
+        const bool rebinds = structural && (roles.of(*node).role == Role::first || node->is(x3d::Appearance::type));
+        for (const ParentRef& parent : scene->parents(id)) {
+            const Node& above = scene->node(parent.node);
+            switch (roles.of(above).role) {
+                case Role::none:
+                case Role::first:
+                    climbing.push_back(parent.node);
+                    break;
+                case Role::placed:
+                    if (state(parent.node).firstOccurrence != kNone) report(parent.node, delta.placedChanged);
+                    break;
+                case Role::shape:
+                    if (rebinds) shapes.push_back(parent.node);
+                    break;
+                default:
+                    break;
+            }
+        }
+    }
+}
+
+void Flattener::Impl::finish() {
+    runScopes();
+    for (const NodeId geometry : geometries) {
+        NodeState& s = state(geometry);
+        s.touched = false;
+        if (s.geometryUses == 0) {
+            if (std::exchange(s.meshSent, false)) {
+                delta.geometriesRemoved.push_back(geometry);
+                meshes.erase(geometry.value);
+            }
+        } else if (!s.meshSent || s.meshStale) {
+            std::shared_ptr<const Mesh> mesh = options.meshes ? options.meshes(*scene, geometry) : nullptr;
+            meshes[geometry.value] = mesh;
+            delta.geometries.push_back({geometry, std::move(mesh)});
+            s.meshSent = true;
+        }
+        s.meshStale = false;
+    }
+    geometries.clear();
+    instances.report(delta.removed, delta.added, delta.moved, delta.rebound);
+    placed.report(delta.placedRemoved, delta.placedAdded, delta.placedMoved, delta.placedRebound);
+    scene = nullptr;
+}
+
+// ---- the outside --------------------------------------------------------------------------------------------------
+
+Flattener::Flattener() : Flattener(Options{}) {}
+Flattener::Flattener(Options options) : impl_(std::make_unique<Impl>()) {
+    impl_->options = std::move(options);
+}
+Flattener::~Flattener() = default;
+Flattener::Flattener(Flattener&&) noexcept = default;
+Flattener& Flattener::operator=(Flattener&&) noexcept = default;
+
+const InstanceDelta& Flattener::apply(const Scene& scene, const ChangeSet& changes) {
+    impl_->begin(scene, changes.to);
+    if (changes.isSnapshot() || impl_->tree.empty())
+        impl_->startOver();
+    else
+        impl_->follow(changes);
+    impl_->finish();
+    return impl_->delta;
+}
+
+void Flattener::setViewer(std::optional<Vec3d> position) {
+    if (position == impl_->viewer) return;
+    impl_->viewer = position;
+    impl_->viewerMoved = true;
+}
+
+const InstanceDelta& Flattener::updateViewer(const Scene& scene) {
+    impl_->begin(scene, impl_->delta.sequence);
+    if (std::exchange(impl_->viewerMoved, false)) impl_->runLevels(std::vector<std::uint32_t>(impl_->levels));
+    impl_->finish();
+    return impl_->delta;
+}
+
+const std::vector<Instance>& Flattener::instances() const {
+    return impl_->instances.records;
+}
+const std::vector<Placed>& Flattener::placed() const {
+    return impl_->placed.records;
+}
+std::size_t Flattener::instanceCount() const {
+    return impl_->instances.live;
+}
+const Diagnostics& Flattener::diagnostics() const {
+    return impl_->diagnostics;
+}
+
+std::vector<NodeId> Flattener::path(InstanceId id) const {
+    const auto& table = impl_->instances;
+    if (id.slot >= table.records.size() || table.records[id.slot].id != id) return {};
+    return impl_->path(table.states[id.slot].occurrence);
+}
+
+std::vector<NodeId> Flattener::placedPath(InstanceId id) const {
+    const auto& table = impl_->placed;
+    if (id.slot >= table.records.size() || table.records[id.slot].id != id) return {};
+    return impl_->path(table.states[id.slot].occurrence);
+}
+
+ScopeId Flattener::scopeParent(ScopeId scope) const {
+    if (scope.value == 0 || scope.value >= impl_->tree.size() || !impl_->tree[scope.value].node) return {};
+    return ScopeId{impl_->tree[impl_->tree[scope.value].parent].scope};
+}
+
+InstanceDelta Flattener::snapshot() const {
+    InstanceDelta all;
+    all.sequence = impl_->delta.sequence;
+    for (std::uint32_t i = 1; i < impl_->tree.size(); ++i)
+        if (impl_->tree[i].node && impl_->tree[i].localLights > 0)
+            all.scopes.push_back({ScopeId{i}, scopeParent(ScopeId{i})});
+    for (const auto& [node, mesh] : impl_->meshes) all.geometries.push_back({NodeId{node}, mesh});
+    for (const Instance& instance : impl_->instances.records)
+        if (instance.id) all.added.push_back(instance);
+    for (const Placed& thing : impl_->placed.records)
+        if (thing.id) all.placedAdded.push_back(thing);
+    return all;
+}
+
+// ---- FlattenedScene -----------------------------------------------------------------------------------------------
+
+FlattenedScene::FlattenedScene(Flattener::Options options) : flattener_(std::move(options)) {}
+
+void FlattenedScene::add(InstanceSubscriber& subscriber) {
+    subscribers_.push_back({&subscriber, false});
+}
+
+void FlattenedScene::remove(InstanceSubscriber& subscriber) {
+    std::erase_if(subscribers_, [&](const Entry& entry) { return entry.subscriber == &subscriber; });
+}
+
+Result<> FlattenedScene::deliver(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    for (Entry& entry : subscribers_) {
+        const bool late = !std::exchange(entry.upToDate, true);
+        // One that comes late is given all there is now, which includes this delta.
+        if (Result<> result = entry.subscriber->apply(scene, changes, late ? flattener_.snapshot() : delta); !result)
+            return result;
+    }
+    return {};
+}
+
+Result<> FlattenedScene::apply(const Scene& scene, const ChangeSet& changes) {
+    return deliver(scene, changes, flattener_.apply(scene, changes));
+}
+
+Result<> FlattenedScene::catchUp(const Scene& scene) {
+    ChangeSet none;
+    none.from = none.to = scene.sequence();
+    return deliver(scene, none, flattener_.updateViewer(scene));
+}
+
+}  // namespace rtsg

@@ -1,0 +1,204 @@
+// The inside of Flattener: the tree of occurrences and what the current apply() has touched.
+//
+// An occurrence is one visit of a node on a path from the root; its children are linked through indices, and so are
+// all occurrences of one node. Occurrences never change parents: re-parenting takes one out and makes another.
+// Freed indices and slots come back with the next apply(), so that within one delta a number means one thing.
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <unordered_map>
+
+#include <rtsg/renderers/flattener.h>
+
+#include "flattener_roles.h"
+
+namespace rtsg {
+
+using flatten::Role;
+using flatten::TypeRole;
+
+constexpr std::uint32_t kNone = 0xFFFFFFFF;
+
+struct Occurrence {
+    NodeId node;  // none: free
+    std::uint32_t parent = kNone, firstChild = kNone, next = kNone, previous = kNone;
+    std::uint32_t nextOfNode = kNone, previousOfNode = kNone;
+    std::uint32_t frame = 0;     // of its content: its own when it has a transform, else its parent's
+    std::uint32_t slot = kNone;  // of its instance or placed thing; LOD: its index in `levels`
+    std::uint32_t depth = 0;
+    std::uint32_t created = 0;      // apply() number
+    std::uint32_t updated = 0;      // apply() number of the last transform update
+    std::uint32_t scope = 0;        // occurrence whose local lights reach its content; 0: none but the root's
+    std::uint32_t localLights = 0;  // lights whose scope it is
+    std::uint32_t level = 0;        // LOD: the chosen one
+    Role role = Role::none;
+    bool ownsFrame = false, hidden = false, moving = false, isLocal = false;
+    std::uint16_t layer = 0;
+};
+
+/// Instances or placed things: slots, generations, and what happened to them in this apply().
+template <class Record>
+struct SlotTable {
+    struct State {
+        std::uint32_t occurrence = kNone, generation = 0, created = 0, moved = 0, rebound = 0;
+    };
+    std::vector<Record> records;
+    std::vector<State> states;
+    std::vector<std::uint32_t> free, freedNow, createdNow, movedNow, reboundNow;
+    std::vector<InstanceId> removedNow;
+    std::size_t live = 0;
+
+    std::uint32_t create(std::uint32_t occurrence, std::uint32_t stamp) {
+        std::uint32_t slot;
+        if (free.empty()) {
+            slot = static_cast<std::uint32_t>(records.size());
+            records.emplace_back();
+            states.emplace_back();
+        } else {
+            slot = free.back();
+            free.pop_back();
+        }
+        State& state = states[slot];
+        state.occurrence = occurrence;
+        state.created = stamp;
+        state.moved = state.rebound = 0;
+        records[slot] = Record{};
+        records[slot].id = {slot, state.generation};
+        createdNow.push_back(slot);
+        ++live;
+        return slot;
+    }
+    void remove(std::uint32_t slot, std::uint32_t stamp) {
+        State& state = states[slot];
+        if (state.created != stamp) removedNow.push_back(records[slot].id);
+        records[slot] = Record{};
+        state.occurrence = kNone;
+        ++state.generation;
+        freedNow.push_back(slot);
+        --live;
+    }
+    void markMoved(std::uint32_t slot, std::uint32_t stamp) {
+        if (states[slot].created == stamp || states[slot].moved == stamp) return;
+        states[slot].moved = stamp;
+        movedNow.push_back(slot);
+    }
+    void markRebound(std::uint32_t slot, std::uint32_t stamp) {
+        if (states[slot].created == stamp || states[slot].rebound == stamp) return;
+        states[slot].rebound = stamp;
+        reboundNow.push_back(slot);
+    }
+    /// Fills the delta's lists and gets ready for the next.
+    void report(std::vector<InstanceId>& removed, std::vector<Record>& added, std::vector<InstanceDelta::Moved>& moved,
+                std::vector<Record>& rebound) {
+        removed.assign(removedNow.begin(), removedNow.end());
+        for (const std::uint32_t slot : createdNow)
+            if (records[slot].id) added.push_back(records[slot]);
+        for (const std::uint32_t slot : movedNow)
+            if (records[slot].id) moved.push_back({records[slot].id, records[slot].worldFromLocal});
+        for (const std::uint32_t slot : reboundNow)
+            if (records[slot].id) rebound.push_back(records[slot]);
+        free.insert(free.end(), freedNow.begin(), freedNow.end());
+        freedNow.clear(), createdNow.clear(), movedNow.clear(), reboundNow.clear(), removedNow.clear();
+    }
+};
+
+struct Flattener::Impl {
+    /// By NodeId: ids are never reused and mostly dense.
+    struct NodeState {
+        std::uint32_t firstOccurrence = kNone;
+        std::uint32_t geometryUses = 0, appearanceUses = 0, acousticsUses = 0;
+        std::uint32_t visited = 0;   // by this upward walk
+        std::uint32_t reported = 0;  // in this apply() as changed
+        std::uint32_t queued = 0;    // in this apply() for reconciling
+        bool meshSent = false, meshStale = false, touched = false;
+    };
+    struct ChildOp {
+        NodeId group, child;
+        int count;
+        friend auto operator<=>(const ChildOp&, const ChildOp&) = default;
+    };
+
+    // flattener.cpp: following the changes
+    void begin(const Scene& scene, std::uint64_t sequence);
+    void startOver();
+    void follow(const ChangeSet& changes);
+    void sortOut(const Change& change);
+    void runChildOps();
+    void reconcileOnce(NodeId group);
+    void runTransforms();
+    void runShapes();
+    void runLights();
+    void runLevels(const std::vector<std::uint32_t>& which);
+    void runScopes();
+    /// Tells whatever holds `changed`, directly or through other nodes, that its content changed.
+    void walkUp(NodeId changed, bool structural);
+    void report(NodeId node, std::vector<NodeId>& list);
+    void finish();
+
+    // flattener_tree.cpp: occurrences
+    NodeState& state(NodeId id) {
+        if (id.value >= nodes.size()) nodes.resize(std::max<std::size_t>(id.value + 1, nodes.size() * 3 / 2));
+        return nodes[id.value];
+    }
+    std::uint32_t newOccurrence(const Node& node, const TypeRole& role, std::uint32_t parent);
+    /// Adds `child` and everything below it under `parent`.
+    void grow(std::uint32_t parent, NodeId child);
+    void growContent(std::uint32_t top);
+    /// Takes out the occurrence and everything below it.
+    void prune(std::uint32_t top);
+    void pruneContent(std::uint32_t occurrence);
+    void release(std::uint32_t occurrence);
+    /// Makes the children those that the scene has now.
+    void reconcile(std::uint32_t occurrence);
+    std::uint32_t findChild(std::uint32_t parent, NodeId child) const;
+    /// Those of the node that were there before this apply(), into `found`.
+    void oldOccurrences(NodeId node, std::vector<std::uint32_t>& found) const;
+    void makeInstance(std::uint32_t occurrence, const Node& node, const TypeRole& role);
+    void dropInstance(std::uint32_t occurrence);
+    void makePlaced(std::uint32_t occurrence, const Node& node, const TypeRole& role);
+    /// Sets geometry, appearance ... from the shape's fields; true if anything differs.
+    bool bind(Instance& instance, const Node& shape, const TypeRole& role, bool moving);
+    void use(NodeId node, std::uint32_t NodeState::* uses, int change);
+    void touchGeometry(NodeId geometry);
+    void updateFrames(std::uint32_t top);
+    static ScopeId scopeOf(std::uint32_t occurrence) { return ScopeId{occurrence}; }
+    std::uint32_t lightGroup(std::uint32_t light) const;
+    void changeLocalLights(std::uint32_t light, int change);
+    bool isRoutedTo(const Node& node, Aspect aspect) const;
+    bool deforms(NodeId geometry) const;
+    std::vector<NodeId> path(std::uint32_t occurrence) const;
+
+    Options options;
+    flatten::RoleTable roles;
+    std::vector<Occurrence> tree;
+    std::vector<std::uint32_t> freeOccurrences, freedOccurrences;
+    std::vector<WorldFromLocal> frames{identityTransform()};
+    std::vector<std::uint32_t> freeFrames;
+    std::vector<NodeState> nodes;
+    SlotTable<Instance> instances;
+    SlotTable<Placed> placed;
+    std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
+    std::vector<std::uint32_t> levels;  // occurrences of LODs
+    std::optional<Vec3d> viewer;
+    bool viewerMoved = false;
+    std::uint32_t stamp = 0, walk = 0;
+    std::size_t live = 0;  // occurrences
+    bool overflow = false;
+    const Scene* scene = nullptr;  // during a call only
+    InstanceDelta delta;
+    Diagnostics diagnostics;
+
+    // What the current change set touches; kept for their memory.
+    std::vector<ChildOp> childOps;
+    std::vector<NodeId> reconciled, transformed, shapes, lights, geometries;
+    struct Content {
+        NodeId node;
+        bool structural;
+    };
+    std::vector<Content> contents;
+    std::vector<std::uint32_t> scopeDirty, movedLevels, found, growing, walking;
+    std::vector<NodeId> wanted, climbing;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,202 @@
+#include "flattener_roles.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace rtsg::flatten {
+
+namespace {
+
+FieldIndex findTyped(const NodeType& type, std::string_view name, FieldType fieldType) {
+    const FieldIndex index = type.findExact(name);
+    return index != kNoField && type.fields[index].type == fieldType && type.fields[index].readable() ? index
+                                                                                                      : kNoField;
+}
+
+bool placedKind(const NodeType& type, PlacedKind& kind) {
+    static constexpr std::pair<std::string_view, PlacedKind> kinds[] = {
+        {"X3DLightNode", PlacedKind::light},
+        {"X3DViewpointNode", PlacedKind::view},
+        {"X3DBackgroundNode", PlacedKind::background},
+        {"Fog", PlacedKind::fog},
+        {"NavigationInfo", PlacedKind::navigation},
+        {"Sound", PlacedKind::sound},
+        {"SpatialSound", PlacedKind::sound},
+        {"ListenerPointSource", PlacedKind::listener},
+        {"ClipPlane", PlacedKind::clipPlane},
+        {"X3DEnvironmentalSensorNode", PlacedKind::sensor},
+        {"X3DPointingDeviceSensorNode", PlacedKind::sensor},
+    };
+    for (const auto& [name, value] : kinds)
+        if (type.name == name || type.isA(name)) {
+            kind = value;
+            return true;
+        }
+    return false;
+}
+
+/// Rotates by the axis and angle; false if it is none.
+bool rotationMatrix(const Rotation& r, glm::dmat3& out) {
+    const Vec3d axis(r.x, r.y, r.z);
+    const double length = glm::length(axis), angle = r.angle;
+    if (angle == 0 || length == 0) return false;
+    const Vec3d a = axis / length;
+    const double c = std::cos(angle), s = std::sin(angle);
+    const Vec3d b = a * (1 - c);
+    out[0] = {c + b.x * a.x, b.x * a.y + s * a.z, b.x * a.z - s * a.y};
+    out[1] = {b.y * a.x - s * a.z, c + b.y * a.y, b.y * a.z + s * a.x};
+    out[2] = {b.z * a.x + s * a.y, b.z * a.y - s * a.x, c + b.z * a.z};
+    return true;
+}
+
+}  // namespace
+
+TypeRole RoleTable::work(const NodeType& type) {
+    TypeRole role;
+    const auto addChildren = [&](std::string_view name) {
+        const FieldIndex index = type.findExact(name);
+        if (index == kNoField || sf(type.fields[index].type) != FieldType::SFNode || !type.fields[index].readable())
+            return;
+        role.children[role.childFields++] = index;
+    };
+    role.visible = findTyped(type, "visible", FieldType::SFBool);
+    if (type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto) {
+        role.role = Role::first;
+        role.visible = kNoField;  // whatever the author means by it
+        addChildren("body");
+    } else if (type.kind == NodeType::Kind::script) {
+        role.role = Role::none;
+    } else if (type.name == "Shape") {
+        role.role = Role::shape;
+        role.geometry = findTyped(type, "geometry", FieldType::SFNode);
+        role.appearance = findTyped(type, "appearance", FieldType::SFNode);
+        role.castShadow = findTyped(type, "castShadow", FieldType::SFBool);
+    } else if (placedKind(type, role.kind)) {
+        role.role = Role::placed;
+        role.global = findTyped(type, "global", FieldType::SFBool);
+    } else if (type.name == "Switch") {
+        role.role = Role::choice;
+        role.choice = findTyped(type, "whichChoice", FieldType::SFInt32);
+        addChildren("children");
+    } else if (type.name == "LOD") {
+        role.role = Role::level;
+        role.range = findTyped(type, "range", FieldType::MFFloat);
+        role.center = findTyped(type, "center", FieldType::SFVec3f);
+        addChildren("children");
+    } else if (type.name == "LayerSet") {
+        role.role = Role::layers;
+        role.order = findTyped(type, "order", FieldType::MFInt32);
+        addChildren("layers");
+    } else if (type.name == "Inline") {
+        role.role = Role::all;
+        addChildren("body");
+    } else if (type.name == "HAnimHumanoid") {
+        role.role = Role::all;  // joints, segments and sites only name what the skeleton holds
+        addChildren("skeleton"), addChildren("skin"), addChildren("viewpoints");
+    } else if (type.name == "CADFace") {
+        role.role = Role::all;
+        addChildren("shape");
+    } else if (type.name == "GeoLOD") {
+        role.role = Role::all;
+        addChildren("rootNode");
+    } else if (type.isA("X3DGroupingNode") || type.isA("X3DLayerNode") || type.name == "RtsgScene" ||
+               type.name == "StaticGroup" || type.name == "ViewpointGroup" || type.name == "HAnimJoint" ||
+               (type.kind == NodeType::Kind::user && type.isA("X3DChildNode") && type.isA("X3DBoundedObject"))) {
+        role.role = Role::all;
+        addChildren("children");
+    }
+    if (role.role == Role::all && type.isA("X3DChildNode")) {
+        role.translation = findTyped(type, "translation", FieldType::SFVec3f);
+        role.rotation = findTyped(type, "rotation", FieldType::SFRotation);
+        role.scale = findTyped(type, "scale", FieldType::SFVec3f);
+        role.scaleOrientation = findTyped(type, "scaleOrientation", FieldType::SFRotation);
+        role.hasTransform = role.translation != kNoField && role.rotation != kNoField && role.scale != kNoField;
+        if (role.hasTransform) role.center = findTyped(type, "center", FieldType::SFVec3f);
+    }
+    if (role.childFields == 0 && role.role != Role::shape && role.role != Role::placed) role.role = Role::none;
+    return role;
+}
+
+bool localTransform(const Node& node, const TypeRole& role, WorldFromLocal& m) {
+    const Vec3d translation(read<Vec3f>(node, role.translation)), scale(read<Vec3f>(node, role.scale));
+    glm::dmat3 linear(1.0), rotation, orientation;
+    bool identity = true;
+    if (scale != Vec3d(1.0)) {
+        identity = false;
+        linear = glm::dmat3(scale.x, 0, 0, 0, scale.y, 0, 0, 0, scale.z);
+        if (role.scaleOrientation != kNoField &&
+            rotationMatrix(read<Rotation>(node, role.scaleOrientation), orientation))
+            linear = orientation * linear * glm::transpose(orientation);
+    }
+    if (rotationMatrix(read<Rotation>(node, role.rotation), rotation)) {
+        linear = rotation * linear;
+        identity = false;
+    }
+    m[0] = linear[0], m[1] = linear[1], m[2] = linear[2], m[3] = translation;
+    if (!identity && role.center != kNoField) {
+        const Vec3d center(read<Vec3f>(node, role.center));
+        if (center != Vec3d(0.0)) m[3] += center - linear * center;
+    }
+    return !(identity && translation == Vec3d(0.0));
+}
+
+void desiredChildren(const Node& node, const TypeRole& role, std::uint32_t level, std::vector<NodeId>& out) {
+    for (int i = 0; i < role.childFields; ++i) {
+        const FieldIndex field = role.children[static_cast<std::size_t>(i)];
+        if (node.type().fields[field].type == FieldType::SFNode) {
+            if (const NodeId child = read<NodeId>(node, field)) out.push_back(child);
+            continue;
+        }
+        const Array<NodeId>& children = read<Array<NodeId>>(node, field);
+        std::size_t only = 0;
+        switch (role.role) {
+            case Role::first:
+                break;
+            case Role::choice: {
+                const std::int32_t which = read<std::int32_t>(node, role.choice);
+                only = which < 0 ? children.size() : static_cast<std::size_t>(which);
+                break;
+            }
+            case Role::level:
+                only = children.empty() ? 0 : std::min<std::size_t>(level, children.size() - 1);
+                break;
+            case Role::layers:
+                for (const std::int32_t layer : read<Array<std::int32_t>>(node, role.order))
+                    if (layer > 0 && static_cast<std::size_t>(layer) <= children.size())
+                        out.push_back(children[static_cast<std::size_t>(layer) - 1]);
+                continue;
+            default:
+                out.insert(out.end(), children.begin(), children.end());
+                continue;
+        }
+        if (only < children.size() && children[only]) out.push_back(children[only]);
+    }
+}
+
+NodeId resolve(const Scene& scene, RoleTable& roles, NodeId id) {
+    // The scene is free of cycles, so this ends.
+    for (;;) {
+        const Node* node = id ? scene.find(id) : nullptr;
+        if (!node) return {};
+        const TypeRole& role = roles.of(*node);
+        if (node->type().kind != NodeType::Kind::proto && node->type().kind != NodeType::Kind::externProto) return id;
+        if (role.childFields == 0) return {};
+        std::vector<NodeId> first;
+        desiredChildren(*node, role, 0, first);
+        id = first.empty() ? NodeId{} : first[0];
+    }
+}
+
+std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& m, const Vec3d* viewer) {
+    if (!viewer || determinantSign(m) == 0) return 0;
+    const Vec3d p = glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (*viewer - m[3]);
+    const double distance = glm::length(p - Vec3d(read<Vec3f>(node, role.center)));
+    std::uint32_t level = 0;
+    for (const float range : read<Array<float>>(node, role.range)) {
+        if (distance < double{range}) break;
+        ++level;
+    }
+    return level;
+}
+
+}  // namespace rtsg::flatten

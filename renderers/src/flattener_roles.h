@@ -1,0 +1,82 @@
+// What a node type means for the hierarchy: which of its children count, whether it has a transform, what it places.
+//
+// Worked out once per type from its fields and abstract types, so that PROTOs and users' own types work alike.
+// Source: ISO/IEC 19775-1 V4.0 10.4.4 (Transform's matrix), 22.4, 23.4.3, 26 (HAnim), 32 (CAD), 35 (layers).
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/renderers/instance_delta.h>
+
+namespace rtsg::flatten {
+
+enum class Role : std::uint8_t {
+    none,    // no place in the hierarchy
+    all,     // a group
+    first,   // a PROTO instance: the first node of its body is what is rendered (4.4.4.2)
+    choice,  // Switch
+    level,   // LOD
+    layers,  // LayerSet
+    shape,
+    placed,  // light, viewpoint, sound ...
+};
+
+struct TypeRole {
+    Role role = Role::none;
+    PlacedKind kind = PlacedKind::light;
+    bool hasTransform = false;
+    std::uint8_t childFields = 0;
+    std::array<FieldIndex, 3> children{kNoField, kNoField, kNoField};
+    FieldIndex visible = kNoField, global = kNoField, choice = kNoField, range = kNoField, order = kNoField;
+    FieldIndex translation = kNoField, rotation = kNoField, scale = kNoField, scaleOrientation = kNoField,
+               center = kNoField;
+    FieldIndex geometry = kNoField, appearance = kNoField, castShadow = kNoField;
+
+    bool isChildField(FieldIndex field) const {
+        return field == children[0] || field == children[1] || field == children[2];
+    }
+};
+
+class RoleTable {
+  public:
+    const TypeRole& of(const Node& node) {
+        const std::size_t index = node.typeIndex().value;
+        if (index >= known_.size()) {
+            known_.resize(index + 1);
+            roles_.resize(index + 1);
+        }
+        if (!known_[index]) {
+            roles_[index] = work(node.type());
+            known_[index] = true;
+        }
+        return roles_[index];
+    }
+    void clear() { known_.clear(), roles_.clear(); }
+
+  private:
+    static TypeRole work(const NodeType& type);
+    std::vector<bool> known_;
+    std::vector<TypeRole> roles_;
+};
+
+template <class T>
+const T& read(const Node& node, FieldIndex field) {
+    return node.get(Field<T>{field});
+}
+
+/// T C R SR S -SR -C. A rotation whose axis has no length counts as none. False when it is the identity.
+bool localTransform(const Node& node, const TypeRole& role, WorldFromLocal& parentFromLocal);
+
+/// Appends the nodes below it that count, those without a role included.
+void desiredChildren(const Node& node, const TypeRole& role, std::uint32_t level, std::vector<NodeId>& out);
+
+/// Follows PROTO instances to the node that stands for them; `id` itself if it is none. None for an empty body.
+NodeId resolve(const Scene& scene, RoleTable& roles, NodeId id);
+
+/// LOD: the level for a viewer at `viewer` (world); 0 without one.
+std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromLocal,
+                          const Vec3d* viewer);
+
+}  // namespace rtsg::flatten

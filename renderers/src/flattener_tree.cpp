@@ -1,0 +1,403 @@
+// The tree of occurrences: growing, pruning, transforms, scopes. Iterative throughout: nesting may be of any depth.
+#include <algorithm>
+
+#include <rtsg/core/x3d.h>
+
+#include "flattener_impl.h"
+
+namespace rtsg {
+
+// ---- growing ------------------------------------------------------------------------------------------------------
+
+std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& role, std::uint32_t parent) {
+    std::uint32_t index;
+    if (freeOccurrences.empty()) {
+        index = static_cast<std::uint32_t>(tree.size());
+        tree.emplace_back();
+    } else {
+        index = freeOccurrences.back();
+        freeOccurrences.pop_back();
+    }
+    ++live;
+    Occurrence& o = tree[index];
+    o = Occurrence{};
+    o.node = node.id();
+    o.role = role.role;
+    o.parent = parent;
+    o.created = stamp;
+    if (parent != kNone) {
+        Occurrence& p = tree[parent];
+        o.next = p.firstChild;
+        if (o.next != kNone) tree[o.next].previous = index;
+        p.firstChild = index;
+        o.depth = p.depth + 1;
+        o.frame = p.frame;
+        o.scope = p.scope;
+        o.layer = p.layer;
+        o.hidden = p.hidden;
+        o.moving = p.moving;
+        if (p.role == Role::layers) {
+            const Node& set = scene->node(p.node);
+            const auto& layers = flatten::read<Array<NodeId>>(set, roles.of(set).children[0]);
+            const auto* at = std::find(layers.begin(), layers.end(), node.id());
+            o.layer = static_cast<std::uint16_t>(at - layers.begin() + 1);
+        }
+    }
+    if (role.visible != kNoField && !flatten::read<bool>(node, role.visible)) o.hidden = true;
+    NodeState& s = state(node.id());
+    o.nextOfNode = s.firstOccurrence;
+    if (o.nextOfNode != kNone) tree[o.nextOfNode].previousOfNode = index;
+    s.firstOccurrence = index;
+    if (role.hasTransform) {
+        o.ownsFrame = true;
+        if (!o.moving) o.moving = isRoutedTo(node, Aspect::transform);
+        WorldFromLocal local, world = frames[o.frame];
+        if (flatten::localTransform(node, role, local)) world = compose(world, local);
+        if (freeFrames.empty()) {
+            o.frame = static_cast<std::uint32_t>(frames.size());
+            frames.push_back(world);
+        } else {
+            o.frame = freeFrames.back();
+            freeFrames.pop_back();
+            frames[o.frame] = world;
+        }
+    } else if (role.role == Role::choice) {
+        // What a switch shows comes and goes: it must not be merged with what rests.
+        if (!o.moving) o.moving = isRoutedTo(node, Aspect::structure);
+    } else if (role.role == Role::level) {
+        o.slot = static_cast<std::uint32_t>(levels.size());
+        levels.push_back(index);
+        o.level = flatten::chooseLevel(node, role, frames[o.frame], viewer ? &*viewer : nullptr);
+        if (viewer) o.moving = true;
+    }
+    return index;
+}
+
+void Flattener::Impl::grow(std::uint32_t parent, NodeId child) {
+    const Node* node = scene->find(child);
+    if (!node) return;
+    const TypeRole& role = roles.of(*node);
+    if (role.role != Role::none) growContent(newOccurrence(*node, role, parent));
+}
+
+void Flattener::Impl::growContent(std::uint32_t top) {
+    growing.assign(1, top);
+    while (!growing.empty()) {
+        const std::uint32_t index = growing.back();
+        growing.pop_back();
+        const Node& node = scene->node(tree[index].node);
+        const TypeRole& role = roles.of(node);
+        if (role.role == Role::shape) {
+            makeInstance(index, node, role);
+            continue;
+        }
+        if (role.role == Role::placed) {
+            makePlaced(index, node, role);
+            continue;
+        }
+        wanted.clear();
+        flatten::desiredChildren(node, role, tree[index].level, wanted);
+        const std::size_t first = growing.size();
+        for (const NodeId child : wanted) {
+            const Node* below = scene->find(child);
+            if (!below) continue;
+            const TypeRole& roleBelow = roles.of(*below);
+            if (roleBelow.role == Role::none) continue;
+            if (live >= options.maxOccurrences) {
+                if (!std::exchange(overflow, true))
+                    diagnostics.error({}, "the scene has more than " + std::to_string(options.maxOccurrences) +
+                                              " paths; what is beyond is left out");
+                break;
+            }
+            growing.push_back(newOccurrence(*below, roleBelow, index));
+        }
+        std::reverse(growing.begin() + static_cast<std::ptrdiff_t>(first), growing.end());  // document order
+    }
+}
+
+void Flattener::Impl::makeInstance(std::uint32_t index, const Node& node, const TypeRole& role) {
+    Occurrence& o = tree[index];
+    if (o.hidden) return;
+    o.slot = instances.create(index, stamp);
+    Instance& instance = instances.records[o.slot];
+    instance.shape = o.node;
+    instance.scope = scopeOf(o.scope);
+    instance.layer = o.layer;
+    instance.worldFromLocal = frames[o.frame];
+    bind(instance, node, role, o.moving);
+}
+
+void Flattener::Impl::dropInstance(std::uint32_t index) {
+    Occurrence& o = tree[index];
+    if (o.slot == kNone) return;
+    const Instance& instance = instances.records[o.slot];
+    use(instance.geometry, &NodeState::geometryUses, -1);
+    use(instance.appearance, &NodeState::appearanceUses, -1);
+    use(instance.acoustics, &NodeState::acousticsUses, -1);
+    instances.remove(o.slot, stamp);
+    o.slot = kNone;
+}
+
+void Flattener::Impl::makePlaced(std::uint32_t index, const Node& node, const TypeRole& role) {
+    Occurrence& o = tree[index];
+    if (o.hidden && role.kind == PlacedKind::light) return;
+    o.slot = placed.create(index, stamp);
+    Placed& thing = placed.records[o.slot];
+    thing.node = o.node;
+    thing.kind = role.kind;
+    thing.layer = o.layer;
+    thing.mobility = o.moving ? Mobility::moving : Mobility::unknown;
+    thing.worldFromLocal = frames[o.frame];
+    o.isLocal = role.kind == PlacedKind::clipPlane ||
+                (role.kind == PlacedKind::light && role.global != kNoField && !flatten::read<bool>(node, role.global));
+    if (!o.isLocal) return;
+    thing.scope = scopeOf(lightGroup(index));
+    changeLocalLights(index, 1);
+}
+
+bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole& role, bool moving) {
+    const NodeId geometry = flatten::resolve(*scene, roles, flatten::read<NodeId>(shape, role.geometry));
+    const NodeId appearance = flatten::resolve(*scene, roles, flatten::read<NodeId>(shape, role.appearance));
+    NodeId acoustics;
+    if (appearance)
+        if (const Node& node = scene->node(appearance); node.is(x3d::Appearance::type))
+            acoustics = flatten::resolve(*scene, roles, node.get(x3d::Appearance::acousticProperties));
+    const bool castShadow = role.castShadow == kNoField || flatten::read<bool>(shape, role.castShadow);
+    const auto change = [&](NodeId& now, NodeId wantedNow, std::uint32_t NodeState::* uses) {
+        if (now == wantedNow) return false;
+        use(now, uses, -1);
+        use(wantedNow, uses, 1);
+        now = wantedNow;
+        return true;
+    };
+    bool changed = false;
+    if (change(instance.geometry, geometry, &NodeState::geometryUses)) {
+        instance.mobility = moving || deforms(geometry) ? Mobility::moving : Mobility::unknown;
+        changed = true;
+    }
+    changed |= change(instance.appearance, appearance, &NodeState::appearanceUses);
+    changed |= change(instance.acoustics, acoustics, &NodeState::acousticsUses);
+    changed |= std::exchange(instance.castShadow, castShadow) != castShadow;
+    return changed;
+}
+
+void Flattener::Impl::use(NodeId node, std::uint32_t NodeState::* uses, int change) {
+    if (!node) return;
+    state(node).*uses += static_cast<std::uint32_t>(change);
+    if (uses == &NodeState::geometryUses) touchGeometry(node);
+}
+
+void Flattener::Impl::touchGeometry(NodeId geometry) {
+    if (!std::exchange(state(geometry).touched, true)) geometries.push_back(geometry);
+}
+
+bool Flattener::Impl::isRoutedTo(const Node& node, Aspect aspect) const {
+    for (const Route& route : scene->routesTo(node.id()))
+        if (node.type().fields[route.toField].aspect == aspect) return true;
+    return false;
+}
+
+bool Flattener::Impl::deforms(NodeId geometry) const {
+    const Node* node = geometry ? scene->find(geometry) : nullptr;
+    if (!node) return false;
+    if (isRoutedTo(*node, Aspect::geometry)) return true;
+    for (const FieldIndex field : node->type().nodeFields()) {
+        const FieldDef& def = node->type().fields[field];
+        if (def.type != FieldType::SFNode || !def.readable()) continue;
+        const Node* below = scene->find(flatten::read<NodeId>(*node, field));
+        if (below && isRoutedTo(*below, Aspect::geometry)) return true;
+    }
+    return false;
+}
+
+// ---- pruning ------------------------------------------------------------------------------------------------------
+
+void Flattener::Impl::prune(std::uint32_t top) {
+    Occurrence& o = tree[top];
+    if (o.previous != kNone)
+        tree[o.previous].next = o.next;
+    else if (o.parent != kNone)
+        tree[o.parent].firstChild = o.next;
+    if (o.next != kNone) tree[o.next].previous = o.previous;
+    pruneContent(top);
+    if (o.isLocal && o.slot != kNone) changeLocalLights(top, -1);
+    release(top);
+}
+
+void Flattener::Impl::pruneContent(std::uint32_t top) {
+    walking.clear();
+    for (std::uint32_t c = tree[top].firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
+    for (std::size_t i = 0; i < walking.size(); ++i)
+        for (std::uint32_t c = tree[walking[i]].firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
+    // Lights first: they look for the group they shine in.
+    for (const std::uint32_t index : walking)
+        if (tree[index].isLocal && tree[index].slot != kNone) changeLocalLights(index, -1);
+    for (const std::uint32_t index : walking) release(index);
+    tree[top].firstChild = kNone;
+}
+
+void Flattener::Impl::release(std::uint32_t index) {
+    Occurrence& o = tree[index];
+    if (o.role == Role::shape) {
+        dropInstance(index);
+    } else if (o.role == Role::placed) {
+        if (o.slot != kNone) placed.remove(o.slot, stamp);
+    } else if (o.role == Role::level) {
+        levels[o.slot] = levels.back();
+        tree[levels.back()].slot = o.slot;
+        levels.pop_back();
+    }
+    if (o.previousOfNode != kNone)
+        tree[o.previousOfNode].nextOfNode = o.nextOfNode;
+    else
+        state(o.node).firstOccurrence = o.nextOfNode;
+    if (o.nextOfNode != kNone) tree[o.nextOfNode].previousOfNode = o.previousOfNode;
+    if (o.ownsFrame) freeFrames.push_back(o.frame);
+    o = Occurrence{};
+    freedOccurrences.push_back(index);
+    --live;
+}
+
+// ---- children -----------------------------------------------------------------------------------------------------
+
+std::uint32_t Flattener::Impl::findChild(std::uint32_t parent, NodeId child) const {
+    // Either list may be long; the shorter one bounds the search.
+    std::uint32_t sibling = tree[parent].firstChild;
+    std::uint32_t twin = child.value < nodes.size() ? nodes[child.value].firstOccurrence : kNone;
+    while (sibling != kNone && twin != kNone) {
+        if (tree[sibling].node == child) return sibling;
+        if (tree[twin].parent == parent) return twin;
+        sibling = tree[sibling].next;
+        twin = tree[twin].nextOfNode;
+    }
+    return kNone;
+}
+
+void Flattener::Impl::oldOccurrences(NodeId node, std::vector<std::uint32_t>& out) const {
+    out.clear();
+    if (node.value >= nodes.size()) return;
+    for (std::uint32_t o = nodes[node.value].firstOccurrence; o != kNone; o = tree[o].nextOfNode)
+        if (tree[o].created != stamp) out.push_back(o);
+}
+
+void Flattener::Impl::reconcile(std::uint32_t index) {
+    const Node& node = scene->node(tree[index].node);
+    const TypeRole& role = roles.of(node);
+    const std::uint32_t parent = tree[index].parent;
+    const bool hidden = (parent != kNone && tree[parent].hidden) ||
+                        (role.visible != kNoField && !flatten::read<bool>(node, role.visible));
+    if (hidden != tree[index].hidden || role.role == Role::layers) {
+        tree[index].hidden = hidden;
+        pruneContent(index);
+        growContent(index);
+        return;
+    }
+    if (role.role == Role::level)
+        tree[index].level = flatten::chooseLevel(node, role, frames[tree[index].frame], viewer ? &*viewer : nullptr);
+    wanted.clear();
+    flatten::desiredChildren(node, role, tree[index].level, wanted);
+    std::sort(wanted.begin(), wanted.end());
+    // Both sides sorted: what is only here goes, what is only there comes.
+    std::vector<std::pair<NodeId, std::uint32_t>> have;
+    for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) have.emplace_back(tree[c].node, c);
+    std::sort(have.begin(), have.end());
+    std::vector<NodeId> missing;
+    std::size_t w = 0;
+    for (const auto& [child, occurrence] : have) {
+        while (w < wanted.size() && wanted[w] < child) missing.push_back(wanted[w++]);
+        if (w < wanted.size() && wanted[w] == child)
+            ++w;
+        else
+            prune(occurrence);
+    }
+    missing.insert(missing.end(), wanted.begin() + static_cast<std::ptrdiff_t>(w), wanted.end());
+    for (const NodeId child : missing) grow(index, child);
+}
+
+// ---- transforms ---------------------------------------------------------------------------------------------------
+
+void Flattener::Impl::updateFrames(std::uint32_t top) {
+    if (tree[top].updated == stamp) return;
+    walking.assign(1, top);
+    while (!walking.empty()) {
+        const std::uint32_t index = walking.back();
+        walking.pop_back();
+        Occurrence& o = tree[index];
+        o.updated = stamp;
+        if (o.ownsFrame) {
+            const Node& node = scene->node(o.node);
+            WorldFromLocal local, world = frames[tree[o.parent].frame];
+            if (flatten::localTransform(node, roles.of(node), local)) world = compose(world, local);
+            if (index == top && world == frames[o.frame]) return;
+            frames[o.frame] = world;
+        } else {
+            o.frame = tree[o.parent].frame;
+        }
+        if (o.role == Role::shape && o.slot != kNone) {
+            instances.records[o.slot].worldFromLocal = frames[o.frame];
+            instances.markMoved(o.slot, stamp);
+        } else if (o.role == Role::placed && o.slot != kNone) {
+            placed.records[o.slot].worldFromLocal = frames[o.frame];
+            placed.markMoved(o.slot, stamp);
+        } else if (o.role == Role::level && viewer) {
+            movedLevels.push_back(index);
+        }
+        for (std::uint32_t c = o.firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
+    }
+}
+
+// ---- scopes of local lights ---------------------------------------------------------------------------------------
+
+std::uint32_t Flattener::Impl::lightGroup(std::uint32_t light) const {
+    std::uint32_t group = tree[light].parent;
+    while (tree[group].role == Role::first) group = tree[group].parent;  // a PROTO's light shines where the PROTO is
+    return group;
+}
+
+void Flattener::Impl::changeLocalLights(std::uint32_t light, int change) {
+    const std::uint32_t group = lightGroup(light);
+    std::uint32_t& count = tree[group].localLights;
+    count += static_cast<std::uint32_t>(change);
+    if (count == 0 || (count == 1 && change > 0)) scopeDirty.push_back(group);
+}
+
+void Flattener::Impl::runScopes() {
+    std::erase_if(scopeDirty, [&](std::uint32_t group) { return group == 0 || !tree[group].node; });
+    std::sort(scopeDirty.begin(), scopeDirty.end(),
+              [&](std::uint32_t a, std::uint32_t b) { return tree[a].depth < tree[b].depth; });
+    for (const std::uint32_t group : scopeDirty) {
+        const std::uint32_t around = tree[tree[group].parent].scope;
+        const std::uint32_t scope = tree[group].localLights > 0 ? group : around;
+        if (tree[group].scope == scope) continue;
+        tree[group].scope = scope;
+        if (scope == group) delta.scopes.push_back({scopeOf(group), scopeOf(around)});
+        walking.clear();
+        for (std::uint32_t c = tree[group].firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
+        while (!walking.empty()) {
+            const std::uint32_t index = walking.back();
+            walking.pop_back();
+            Occurrence& o = tree[index];
+            if (o.localLights > 0) {
+                delta.scopes.push_back({scopeOf(index), scopeOf(scope)});
+                continue;
+            }
+            o.scope = scope;
+            if (o.role == Role::shape && o.slot != kNone) {
+                instances.records[o.slot].scope = scopeOf(scope);
+                instances.markRebound(o.slot, stamp);
+            }
+            for (std::uint32_t c = o.firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
+        }
+    }
+    scopeDirty.clear();
+}
+
+std::vector<NodeId> Flattener::Impl::path(std::uint32_t index) const {
+    std::vector<NodeId> nodesUp;
+    for (; index != kNone && tree[index].parent != kNone; index = tree[index].parent)
+        nodesUp.push_back(tree[index].node);
+    std::reverse(nodesUp.begin(), nodesUp.end());
+    return nodesUp;
+}
+
+}  // namespace rtsg
