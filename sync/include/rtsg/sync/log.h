@@ -1,0 +1,136 @@
+// Log: a file of records (record.h): a head, then keyframes and frames, the same bytes as on the wire, and at the end
+// an index of the keyframes.
+//
+// Invariant: a record is written with one write() before apply() returns, so a killed process loses nothing it has
+// acknowledged (the page cache outlives it; Options::sync asks for more). A reader keeps every intact record,
+// reports the bytes it had to skip, and rebuilds the index where it is missing.
+// Threading: one thread an object. A log may be read while it is written.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <rtsg/core/bus.h>
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/sync/change_codec.h>
+#include <rtsg/sync/record.h>
+
+namespace rtsg {
+
+struct LogKeyframe {
+    std::uint64_t offset = 0;  // of the record, bytes from the file's start
+    std::uint64_t to = 0;      // the state it holds
+    double time = 0;           // seconds
+    std::uint64_t head = 0;    // offset of the head record that explains its numbers
+};
+
+struct LogOptions {
+    std::string creator = "rtsg";
+    /// A keyframe is written once the frames since the last one take this many bytes and `keyframeFactor` times
+    /// the last keyframe: its cost then stays a fixed share of the frames'.
+    std::uint64_t keyframeBytes = std::uint64_t{1} << 20;
+    double keyframeFactor = 2;
+    /// When the data has to be on the medium itself, not only with the system: costs milliseconds each time.
+    enum class Sync : std::uint8_t { atClose, atKeyframes, always } sync = Sync::atClose;
+    /// Goes on behind the last intact record of an existing log instead of replacing it.
+    bool append = false;
+};
+
+class LogWriter : public Subscriber {
+  public:
+    /// `types`: what TypeIndex numbers mean, builtinTypes() for any scene.
+    static Result<std::unique_ptr<LogWriter>> create(const std::filesystem::path& file, TypeTable types,
+                                                     LogOptions options = {});
+    ~LogWriter() override;
+
+    Result<> apply(const Scene& scene, const ChangeSet& changes) override;
+    std::string subscriberName() const override { return "log " + file_.string(); }
+
+    /// As apply, without the scene: writes no keyframes but those given. After an error the file ends with the last
+    /// whole record and nothing more is written.
+    Result<> write(const ChangeSet& changes);
+    /// Writes the index, flushes, closes. Errors of this last step are only seen here; the destructor does the same.
+    Result<> close();
+
+    std::uint64_t bytes() const { return size_; }
+    std::uint64_t frames() const { return frames_; }
+    std::uint64_t epoch() const { return epoch_; }
+
+  private:
+    LogWriter(std::filesystem::path file, LogOptions options);
+    Result<> writeRecord(const ByteBuffer& record);
+    Result<> writeIndex();
+    Result<> flush();
+    Diagnostic failure(std::string_view what, int error) const;
+
+    std::filesystem::path file_;
+    LogOptions options_;
+    int descriptor_ = -1;
+    bool broken_ = false;
+    std::uint64_t epoch_ = 0, size_ = 0, frames_ = 0, head_ = 0;
+    std::uint64_t sinceKeyframe_ = 0, keyframeSize_ = 0;
+    std::vector<LogKeyframe> keyframes_;
+    ChangeEncoder encoder_;
+    ByteBuffer record_;
+};
+
+/// Bytes that no intact record covers.
+struct LogDamage {
+    std::uint64_t offset = 0, length = 0;
+    std::string text;
+};
+
+class LogReader {
+  public:
+    /// Fails when there is no such file or its first record is no intact head.
+    static Result<LogReader> open(const std::filesystem::path& file, std::uint64_t maxPayload = kMaxPayload);
+    LogReader(LogReader&& other) noexcept;
+    LogReader& operator=(LogReader&& other) noexcept;
+    ~LogReader();
+
+    struct Record {
+        RecordHeader header;
+        std::uint64_t offset = 0;
+        std::span<const std::byte> bytes;  // the whole record; valid until the next call
+    };
+    /// The next intact record of any kind; nothing at the end. Skips what is damaged and notes it in damage().
+    std::optional<Record> next();
+    /// Where next() goes on; `offset` is a record's.
+    void seek(std::uint64_t offset) { position_ = offset; }
+    std::uint64_t position() const { return position_; }
+    std::uint64_t size() const { return size_; }
+
+    /// In file order; from the index at the end or, without an intact one, from a scan of the record headers.
+    const std::vector<LogKeyframe>& keyframes();
+    bool hadIndex() const { return hadIndex_; }
+
+    const std::vector<LogDamage>& damage() const { return damage_; }
+    const std::filesystem::path& file() const { return file_; }
+    /// End of the last intact record that next() has returned.
+    std::uint64_t intactEnd() const { return intactEnd_; }
+
+  private:
+    LogReader() = default;
+    bool read(std::uint64_t offset, std::size_t length, ByteBuffer& into);
+    Result<RecordHeader> load(std::uint64_t offset);
+    std::uint64_t findMagic(std::uint64_t from);
+    void noteDamage(std::uint64_t from, std::uint64_t to, std::string text);
+    bool readIndex();
+    void scanKeyframes();
+
+    std::filesystem::path file_;
+    int descriptor_ = -1;
+    std::uint64_t size_ = 0, position_ = 0, intactEnd_ = 0, maxPayload_ = kMaxPayload;
+    std::uint64_t searchBudget_ = 0;  // bytes of hashing left for candidates found while resynchronising
+    std::vector<LogDamage> damage_;
+    std::optional<std::vector<LogKeyframe>> keyframes_;
+    bool hadIndex_ = false;
+    ByteBuffer window_;  // the file's bytes from windowAt_
+    std::uint64_t windowAt_ = 0;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,71 @@
+// Replay: a log back into a scene, each state checked against the hash that the origin had; and logs compared.
+//
+// Invariant: the scene is always in a state of the log. Where bytes are damaged the replay goes on at the next
+// keyframe. Subscribers of the scene's bus see what those of the origin saw.
+// Threading: one thread, which owns the scene.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/sync/log.h>
+
+namespace rtsg {
+
+/// Where two states or two logs part. `node` is a DEF name or, without one, "#" and the node's number; `field` is a
+/// field's name, or what else differs ("type", "name", "routes", "existence"); both may be empty when unknown.
+struct Divergence {
+    std::uint64_t frame = 0;  // state number
+    double time = 0;          // seconds
+    std::string node, field, text;
+};
+
+/// In order of node numbers and fields; nothing when the states are equal. `frame` and `time` are those of `a`.
+std::optional<Divergence> firstDifference(const Scene& a, const Scene& b);
+
+class Replayer {
+  public:
+    static Result<std::unique_ptr<Replayer>> open(const std::filesystem::path& file);
+
+    /// Its behaviours are off: everything they did is in the log.
+    Scene& scene() { return *scene_; }
+    /// Brings the scene to the log's next state. False at the end. An error means that an intact record could not be
+    /// applied; stepping on then resumes at the next keyframe.
+    Result<bool> step();
+    /// To the last state whose time is not after `time` (the first one if all are): from the nearest keyframe, or
+    /// from where it is if that is nearer.
+    Result<> seek(double time);
+
+    std::uint64_t frames() const { return frames_; }      // states reached by step() and seek()
+    std::uint64_t verified() const { return verified_; }  // of these, with the origin's hash
+    std::uint64_t gaps() const { return gaps_; }          // times that frames were missing
+    /// The first state with another hash than the origin's.
+    const std::optional<Divergence>& divergence() const { return divergence_; }
+    const LogReader& log() const { return log_; }
+    const StreamHead& head() const { return head_; }
+
+  private:
+    explicit Replayer(LogReader log);
+    Result<bool> stepUntil(double time);
+    Result<bool> take(const LogReader::Record& record);
+    Result<> adoptHead(std::span<const std::byte> record);
+    void check(const RecordHeader& header, const ChangeSet& set);
+    std::optional<Divergence> compareAtNextKeyframe() const;
+
+    LogReader log_;
+    StreamHead head_;
+    ChangeDecoder decoder_;
+    std::unique_ptr<Scene> scene_;
+    bool lost_ = true;  // waiting for a keyframe
+    std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0;
+    std::optional<Divergence> divergence_;
+    std::shared_ptr<ChangeSet> set_;
+};
+
+/// Compares two logs state by state. Nothing when all their common state numbers agree and both end with the same.
+Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b);
+
+}  // namespace rtsg

@@ -1,0 +1,469 @@
+#include <rtsg/sync/log.h>
+
+#include <csignal>
+#include <fstream>
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <rtsg/core/x3d.h>
+#include <rtsg/sync/replay.h>
+
+#include "support/random_edits.h"
+
+namespace rtsg {
+namespace {
+
+std::string readAll(const std::filesystem::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+void writeAll(const std::filesystem::path& file, std::string_view bytes) {
+    std::ofstream(file, std::ios::binary | std::ios::trunc).write(bytes.data(), std::streamsize(bytes.size()));
+}
+std::span<const std::byte> asBytes(std::string_view text) {
+    return std::as_bytes(std::span(text.data(), text.size()));
+}
+
+class Log : public testing::Test {
+  protected:
+    Log() {
+        char pattern[] = "/tmp/rtsg-log-XXXXXX";
+        folder = mkdtemp(pattern);
+    }
+    ~Log() override { std::filesystem::remove_all(folder); }
+    std::filesystem::path file(std::string_view name = "a.rlog") const { return folder / name; }
+
+    /// What a state was at each number.
+    struct Recorded {
+        std::map<std::uint64_t, std::string> dumps;
+        std::map<std::uint64_t, double> times;
+        std::uint64_t last = 0;
+    };
+    /// `frames` frames of random edits, a tenth of a second apart, each with its dump.
+    static Recorded record(const std::filesystem::path& path, int frames, std::uint64_t seed, LogOptions options = {}) {
+        Recorded result;
+        Scene scene;
+        auto log = LogWriter::create(path, builtinTypes(), options);
+        EXPECT_TRUE(log) << log.error().text;
+        Attachment attachment = scene.bus().attach(**log);
+        test::RandomEdits edits(scene, seed);
+        for (int frame = 0; frame < frames; ++frame) {
+            for (int i = 0; i < 6; ++i) edits.step();
+            scene.newFrame(frame * .1);
+            result.dumps[scene.sequence()] = scene.dump();
+            result.times[scene.sequence()] = scene.now();
+        }
+        EXPECT_EQ(attachment.failure(), "");
+        const Result<> closed = (*log)->close();
+        EXPECT_TRUE(closed) << closed.error().text;
+        result.last = scene.sequence();
+        return result;
+    }
+
+    struct Replayed {
+        std::vector<std::uint64_t> states;
+        std::size_t damage = 0;
+        std::uint64_t damageAt = 0;
+        bool opened = false;
+    };
+    /// Replays, and expects every state that is reached to be the recorded one.
+    static Replayed replay(const std::filesystem::path& path, const Recorded& recorded) {
+        Replayed result;
+        auto replayer = Replayer::open(path);
+        if (!replayer) {
+            EXPECT_NE(replayer.error().text.find("at byte"), std::string::npos) << replayer.error().text;
+            return result;
+        }
+        result.opened = true;
+        while (true) {
+            const Result<bool> more = (*replayer)->step();
+            EXPECT_TRUE(more) << more.error().text;
+            if (!more || !*more) break;
+            const std::uint64_t state = (*replayer)->scene().sequence();
+            if (state > 0) {
+                EXPECT_EQ((*replayer)->scene().dump(), recorded.dumps.at(state)) << "state " << state;
+                result.states.push_back(state);
+            }
+        }
+        EXPECT_FALSE((*replayer)->divergence());
+        result.damage = (*replayer)->log().damage().size();
+        if (result.damage) result.damageAt = (*replayer)->log().damage().front().offset;
+        return result;
+    }
+    /// Offset, header of each record of an intact file.
+    static std::vector<std::pair<std::uint64_t, RecordHeader>> recordsOf(const std::filesystem::path& path) {
+        std::vector<std::pair<std::uint64_t, RecordHeader>> result;
+        auto log = LogReader::open(path);
+        while (const auto record = log->next()) result.emplace_back(record->offset, record->header);
+        EXPECT_TRUE(log->damage().empty());
+        return result;
+    }
+
+    std::filesystem::path folder;
+};
+
+/// Keyframes close together, so that a short log has several.
+LogOptions denseKeyframes() {
+    LogOptions options;
+    options.keyframeBytes = 200;
+    options.keyframeFactor = 1;
+    return options;
+}
+
+TEST_F(Log, ReplaysEveryStateForManySeeds) {
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+        SCOPED_TRACE(testing::Message() << "seed " << seed);
+        const Recorded recorded = record(file(), 60, seed, seed % 2 ? LogOptions{} : denseKeyframes());
+        const Replayed replayed = replay(file(), recorded);
+        EXPECT_EQ(replayed.damage, 0u);
+        ASSERT_EQ(replayed.states.size(), recorded.dumps.size());
+        EXPECT_EQ(replayed.states.back(), recorded.last);
+        if (seed % 2 == 0) {
+            EXPECT_GT(LogReader::open(file())->keyframes().size(), 3u);
+        }
+    }
+}
+
+TEST_F(Log, EveryTruncationKeepsWhatCameBeforeAndIsReported) {
+    const Recorded recorded = record(file(), 6, 7, denseKeyframes());
+    const std::string bytes = readAll(file());
+    const auto records = recordsOf(file());
+    const std::size_t headEnd = records[0].second.size();
+    for (std::size_t size = 0; size < bytes.size(); size += size + 997 < headEnd ? 997 : 1) {
+        SCOPED_TRACE(testing::Message() << "cut to " << size << " bytes");
+        writeAll(file("cut.rlog"), std::string_view(bytes).substr(0, size));
+        const Replayed replayed = replay(file("cut.rlog"), recorded);
+        std::uint64_t lastWhole = 0;
+        bool atBoundary = false;
+        for (const auto& [offset, header] : records) {
+            if (offset + header.size() <= size && header.kind != RecordKind::index) lastWhole = header.to;
+            atBoundary |= offset + header.size() == size;
+        }
+        EXPECT_EQ(replayed.opened, size >= records[0].second.size());
+        EXPECT_EQ(replayed.states.empty() ? 0 : replayed.states.back(), lastWhole);
+        if (replayed.opened) {
+            EXPECT_EQ(replayed.damage, atBoundary ? 0u : 1u);
+        }
+        if (HasFailure()) return;
+    }
+}
+
+TEST_F(Log, EveryFlippedByteIsReportedAndTheRestRecoveredFromTheNextKeyframe) {
+    const Recorded recorded = record(file(), 6, 8, denseKeyframes());
+    const std::string bytes = readAll(file());
+    const auto records = recordsOf(file());
+    const std::size_t headEnd = records[0].second.size();
+    for (std::size_t at = 0; at < bytes.size(); at += at + 997 < headEnd ? 997 : 1) {
+        SCOPED_TRACE(testing::Message() << "byte " << at << " flipped");
+        std::string bent = bytes;
+        bent[at] = static_cast<char>(bent[at] ^ (1 << (at % 8)));
+        writeAll(file("bent.rlog"), bent);
+        const Replayed replayed = replay(file("bent.rlog"), recorded);
+        if (at < headEnd) {
+            EXPECT_FALSE(replayed.opened);
+            continue;
+        }
+        ASSERT_EQ(replayed.damage, 1u);
+        std::size_t hit = 0;
+        while (hit + 1 < records.size() && records[hit + 1].first <= at) ++hit;
+        EXPECT_EQ(replayed.damageAt, records[hit].first);
+        // Everything before the damaged record; then nothing until a keyframe; then everything.
+        std::vector<std::uint64_t> expected;
+        std::uint64_t state = 0;
+        bool lost = false;
+        for (std::size_t i = 1; i < records.size(); ++i) {
+            const RecordHeader& header = records[i].second;
+            if (header.kind == RecordKind::index) continue;
+            if (i == hit) {
+                lost = header.kind == RecordKind::frame || header.to != state;
+                continue;
+            }
+            if (lost && header.kind != RecordKind::keyframe) continue;
+            if (!lost && header.to <= state && !(header.to == 0)) continue;
+            lost = false;
+            state = header.to;
+            if (state > 0) expected.push_back(state);
+        }
+        EXPECT_EQ(replayed.states, expected);
+        if (HasFailure()) return;
+    }
+}
+
+TEST_F(Log, GarbageBetweenRecordsIsSkipped) {
+    const Recorded recorded = record(file(), 8, 3);
+    std::string bytes = readAll(file());
+    const auto records = recordsOf(file());
+    bytes.insert(records[4].first, "some text that no record covers, with RTSGrec1 in it");
+    writeAll(file(), bytes);
+    const Replayed replayed = replay(file(), recorded);
+    EXPECT_EQ(replayed.damage, 1u);
+    EXPECT_EQ(replayed.damageAt, records[4].first);
+    EXPECT_EQ(replayed.states.size(), recorded.dumps.size());
+}
+
+TEST_F(Log, TheIndexIsRebuiltWhenMissing) {
+    record(file(), 60, 21, denseKeyframes());
+    auto whole = LogReader::open(file());
+    const std::vector<LogKeyframe> expected = whole->keyframes();
+    EXPECT_TRUE(whole->hadIndex());
+    ASSERT_GT(expected.size(), 3u);
+    const std::string bytes = readAll(file());
+    writeAll(file("cut.rlog"), std::string_view(bytes).substr(0, bytes.size() - 10));
+    auto cut = LogReader::open(file("cut.rlog"));
+    const std::vector<LogKeyframe>& found = cut->keyframes();
+    EXPECT_FALSE(cut->hadIndex());
+    ASSERT_EQ(found.size(), expected.size());
+    for (std::size_t i = 0; i < found.size(); ++i) {
+        EXPECT_EQ(found[i].offset, expected[i].offset);
+        EXPECT_EQ(found[i].to, expected[i].to);
+        EXPECT_EQ(found[i].time, expected[i].time);
+        EXPECT_EQ(found[i].head, expected[i].head);
+    }
+}
+
+TEST_F(Log, SeeksToAnyTime) {
+    const std::uint64_t seed = 31;
+    const Recorded recorded = record(file(), 60, seed, denseKeyframes());
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer);
+    std::mt19937_64 random(seed);
+    for (int i = 0; i < 60; ++i) {
+        const double time = static_cast<double>(random() % 700) / 100. - .5;
+        ASSERT_TRUE((*replayer)->seek(time));
+        const Scene& scene = (*replayer)->scene();
+        std::uint64_t expected = 0;
+        for (const auto& [state, t] : recorded.times)
+            if (t <= time) expected = state;
+        ASSERT_EQ(scene.sequence(), expected) << "time " << time;
+        if (expected) {
+            EXPECT_EQ(scene.dump(), recorded.dumps.at(expected));
+        }
+    }
+    EXPECT_EQ((*replayer)->frames(), (*replayer)->verified());
+}
+
+TEST_F(Log, AnAppendedLogReplaysBothSessions) {
+    const Recorded first = record(file(), 10, 1);
+    const std::string bytes = readAll(file());
+    writeAll(file(), std::string_view(bytes).substr(0, bytes.size() - 200));  // cut inside index and last frame
+    LogOptions options;
+    options.append = true;
+    const Recorded second = record(file(), 10, 2, options);
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer);
+    const std::uint64_t epoch = (*replayer)->head().epoch;
+    bool inSecond = false;
+    std::size_t states = 0;
+    while (*(*replayer)->step()) {
+        const Scene& scene = (*replayer)->scene();
+        inSecond |= (*replayer)->head().epoch != epoch;
+        if (scene.sequence() > 0) {
+            EXPECT_EQ(scene.dump(), (inSecond ? second : first).dumps.at(scene.sequence()));
+        }
+        ++states;
+    }
+    EXPECT_TRUE(inSecond);
+    EXPECT_GE(states, 18u);
+    EXPECT_TRUE((*replayer)->log().damage().empty());
+    ASSERT_TRUE((*replayer)->seek(.5));
+}
+
+TEST_F(Log, KilledAtAnyMomentKeepsEveryAcknowledgedFrame) {
+    int acknowledged[2];
+    ASSERT_EQ(pipe(acknowledged), 0);
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+        auto log = LogWriter::create(file(), builtinTypes());
+        Scene scene;
+        Attachment attachment = scene.bus().attach(**log);
+        test::RandomEdits edits(scene, 77);
+        for (int frame = 0;; ++frame) {
+            for (int i = 0; i < 6; ++i) edits.step();
+            scene.newFrame(frame * .1);
+            const std::uint64_t state = scene.sequence();
+            if (::write(acknowledged[1], &state, sizeof(state)) < 0) _exit(1);
+        }
+    }
+    std::uint64_t state = 0;
+    while (state < 200) ASSERT_EQ(::read(acknowledged[0], &state, sizeof(state)), ssize_t(sizeof(state)));
+    kill(child, SIGKILL);
+    waitpid(child, nullptr, 0);
+    close(acknowledged[1]);
+    while (::read(acknowledged[0], &state, sizeof(state)) == ssize_t(sizeof(state))) {
+    }
+    close(acknowledged[0]);
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer);
+    while (*(*replayer)->step()) {
+    }
+    EXPECT_GE((*replayer)->scene().sequence(), state);
+    EXPECT_EQ((*replayer)->frames(), (*replayer)->verified());
+}
+
+TEST_F(Log, AFullDiskDetachesTheLogAndLeavesWholeRecords) {
+    const Result<std::unique_ptr<LogWriter>> none = LogWriter::create("/dev/full", builtinTypes());
+    ASSERT_FALSE(none);
+    EXPECT_NE(none.error().text.find("No space left"), std::string::npos) << none.error().text;
+    EXPECT_EQ(none.error().file, "/dev/full");
+
+    rlimit before{};
+    getrlimit(RLIMIT_FSIZE, &before);
+    const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+    auto log = LogWriter::create(file(), builtinTypes());
+    ASSERT_TRUE(log);
+    rlimit limit = before;
+    limit.rlim_cur = (*log)->bytes() + 2000;
+    setrlimit(RLIMIT_FSIZE, &limit);
+    Scene scene;
+    std::string reported;
+    scene.bus().setReporter([&](const Diagnostic& d) { reported = d.text; });
+    Attachment attachment = scene.bus().attach(**log);
+    test::RandomEdits edits(scene, 5);
+    for (int frame = 0; frame < 200 && attachment.attached(); ++frame) {
+        for (int i = 0; i < 6; ++i) edits.step();
+        scene.newFrame(frame);
+    }
+    setrlimit(RLIMIT_FSIZE, &before);
+    std::signal(SIGXFSZ, handler);
+    EXPECT_FALSE(attachment.attached());
+    EXPECT_NE(reported.find("cannot write"), std::string::npos) << reported;
+    EXPECT_TRUE((*log)->close());
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer);
+    while (*(*replayer)->step()) {
+    }
+    EXPECT_TRUE((*replayer)->log().damage().empty());
+    EXPECT_GT((*replayer)->frames(), 1u);
+}
+
+TEST_F(Log, RefusesWhatIsNoLog) {
+    EXPECT_FALSE(LogReader::open(file("absent.rlog")));
+    EXPECT_FALSE(LogReader::open(folder));
+    writeAll(file("text.rlog"), std::string(5000, 'x'));
+    const auto text = Replayer::open(file("text.rlog"));
+    ASSERT_FALSE(text);
+    EXPECT_NE(text.error().text.find("not a log"), std::string::npos);
+    EXPECT_FALSE(LogWriter::create("/nonexistent/folder/a.rlog", builtinTypes()));
+}
+
+/// A file full of forged headers, each claiming all that follows: work must stay bounded.
+TEST_F(Log, ForgedHeadersDoNotMakeReadingQuadratic) {
+    record(file(), 3, 1);
+    std::string bytes = readAll(file());
+    const std::size_t start = bytes.size();
+    for (int i = 0; i < 60000; ++i) {
+        ByteBuffer header;
+        header.room(kRecordHeaderSize);
+        header.advance(kRecordHeaderSize);
+        RecordHeader h;
+        sealRecord(header, h);
+        std::string text(reinterpret_cast<const char*>(header.data()), header.size());
+        const std::uint64_t length = (std::uint64_t(60000 - i - 1) * 64) << 16 | 2;
+        std::memcpy(text.data() + 16, &length, 8);
+        bytes += text;
+    }
+    writeAll(file(), bytes);
+    auto log = LogReader::open(file());
+    ASSERT_TRUE(log);
+    while (log->next()) {
+    }
+    ASSERT_EQ(log->damage().size(), 1u);
+    EXPECT_EQ(log->damage()[0].offset, start);
+    EXPECT_NE(log->damage()[0].text.find("gave up"), std::string::npos);
+}
+
+/// Two scenes that differ in one edit; named nodes, one changed field.
+void recordSteps(const std::filesystem::path& path, int oddFrame, LogOptions options = {}) {
+    Scene scene;
+    auto log = LogWriter::create(path, builtinTypes(), options);
+    ASSERT_TRUE(log);
+    Attachment attachment = scene.bus().attach(**log);
+    const NodeId ball = scene.createNode(x3d::Transform::type), hall = scene.createNode(x3d::Transform::type);
+    for (const NodeId node : {ball, hall})
+        ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children.index, node));
+    ASSERT_TRUE(scene.setName(ball, "BALL"));
+    ASSERT_TRUE(scene.setName(hall, "HALL"));
+    for (int frame = 1; frame <= 10; ++frame) {
+        ASSERT_TRUE(scene.set(ball, x3d::Transform::translation, Vec3f(float(frame), 0, 0)));
+        if (frame == oddFrame) {
+            ASSERT_TRUE(scene.set(hall, x3d::Transform::scale, Vec3f(2)));
+        }
+        scene.newFrame(frame);
+    }
+}
+
+TEST_F(Log, DiffNamesFrameNodeAndField) {
+    recordSteps(file("a.rlog"), 0);
+    recordSteps(file("b.rlog"), 0);
+    recordSteps(file("c.rlog"), 6, denseKeyframes());
+    const auto same = diffLogs(file("a.rlog"), file("b.rlog"));
+    ASSERT_TRUE(same) << same.error().text;
+    EXPECT_FALSE(*same);
+    const auto other = diffLogs(file("a.rlog"), file("c.rlog"));
+    ASSERT_TRUE(other);
+    ASSERT_TRUE(*other);
+    EXPECT_EQ((*other)->frame, 6u);
+    EXPECT_EQ((*other)->time, 6.);
+    EXPECT_EQ((*other)->node, "HALL");
+    EXPECT_EQ((*other)->field, "scale");
+}
+
+TEST_F(Log, DiffNoticesThatOneEndsEarlier) {
+    recordSteps(file("a.rlog"), 0);
+    const auto records = recordsOf(file("a.rlog"));
+    const std::string bytes = readAll(file("a.rlog"));
+    writeAll(file("b.rlog"), std::string_view(bytes).substr(0, records[records.size() - 3].first));
+    const auto found = diffLogs(file("a.rlog"), file("b.rlog"));
+    ASSERT_TRUE(found && *found);
+    EXPECT_NE((*found)->text.find("b.rlog ends before"), std::string::npos) << (*found)->text;
+}
+
+/// Changes one value inside an intact log and makes the checksum right again.
+void tamper(const std::filesystem::path& path, std::uint64_t state, float before, float after) {
+    std::string bytes = readAll(path);
+    std::string result;
+    for (std::size_t at = 0; at < bytes.size();) {
+        const RecordHeader header = *parseRecordHeader(asBytes(bytes).subspan(at));
+        ByteBuffer record;
+        record.append(asBytes(bytes).subspan(at, header.size()));
+        if (header.kind == RecordKind::frame && header.to == state)
+            for (std::size_t i = kRecordHeaderSize; i + 4 <= record.size(); ++i)
+                if (std::memcmp(record.data() + i, &before, 4) == 0) {
+                    std::memcpy(record.data() + i, &after, 4);
+                    break;
+                }
+        sealRecord(record, header);
+        result.append(reinterpret_cast<const char*>(record.data()), record.size());
+        at += header.size();
+    }
+    writeAll(path, result);
+}
+
+TEST_F(Log, VerificationNamesTheFirstDivergence) {
+    for (const bool keyframes : {false, true}) {
+        recordSteps(file(), 6, keyframes ? denseKeyframes() : LogOptions{});
+        tamper(file(), 6, 2.f, 2.5f);  // HALL's scale
+        auto replayer = Replayer::open(file());
+        ASSERT_TRUE(replayer);
+        while (*(*replayer)->step()) {
+        }
+        const auto& found = (*replayer)->divergence();
+        ASSERT_TRUE(found);
+        EXPECT_EQ(found->frame, 6u);
+        EXPECT_EQ(found->time, 6.);
+        if (keyframes) {
+            EXPECT_EQ(found->node, "HALL") << found->text;
+            EXPECT_EQ(found->field, "scale");
+        } else {
+            EXPECT_TRUE(found->node == "HALL" || found->node == "BALL");
+        }
+        EXPECT_LT((*replayer)->verified(), (*replayer)->frames());
+    }
+}
+
+}  // namespace
+}  // namespace rtsg
