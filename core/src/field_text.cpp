@@ -5,6 +5,7 @@
 
 #include "field_text_parser.h"
 #include "reader_position.h"
+#include "writer_common.h"
 
 namespace rtsg {
 
@@ -186,6 +187,24 @@ void appendFieldText(std::string& out, const Value& value, TextSyntax syntax) {
 #undef RTSG_X
     }
 }
+
+namespace detail {
+
+void appendArrayElement(std::string& out, const Value& array, std::size_t index, TextSyntax syntax) {
+    Printer printer(out, syntax);
+    switch (array.type()) {
+#define RTSG_X(suffix, T)                           \
+    case FieldType::MF##suffix:                     \
+        printer.print(array.as<Array<T>>()[index]); \
+        break;
+        RTSG_FIELD_TYPES(RTSG_X)
+#undef RTSG_X
+        default:
+            break;
+    }
+}
+
+}  // namespace detail
 
 std::string printFieldText(const Value& value, TextSyntax syntax) {
     std::string text;

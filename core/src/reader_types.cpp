@@ -77,6 +77,12 @@ FieldRef findField(const NodeShape& shape, std::string_view name, bool vrml97) {
     return shape.proto ? findField(shape.proto->fields, name) : FieldRef{};
 }
 
+std::string_view vrml97Name(const NodeType& type, std::string_view field) {
+    for (const Renamed& renamed : kRenamed)
+        if (type.name == renamed.node && field == renamed.now) return renamed.before;
+    return {};
+}
+
 bool accepts(const FieldRef& field, const NodeType* child) {
     if (sf(field.type) != FieldType::SFNode) return false;
     if (!field.definition || field.definition->accepts.empty() || !child) return true;

@@ -69,6 +69,8 @@ bool declaresFields(const NodeType& type);
 
 /// `name`, `set_name` or `name_changed`. `vrml97`: the old names of renamed fields count too.
 FieldRef findField(const NodeShape& shape, std::string_view name, bool vrml97 = false);
+/// The name that a field had in VRML97, if another; else empty.
+std::string_view vrml97Name(const NodeType& type, std::string_view field);
 FieldRef findField(const DeclaredFields& fields, std::string_view name);
 /// May a node of type `child` be the value of `field`? Unknown types may.
 bool accepts(const FieldRef& field, const NodeType* child);

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/core/writer.h>
 
 #include "reading.h"
 
@@ -42,6 +43,33 @@ TEST(ReaderScenes, AllAreRead) {
             const bool known = d.text.starts_with("unknown node type") || d.text.find("has no field") != d.text.npos;
             EXPECT_TRUE(d.severity == Severity::warning || known) << d.format();
         }
+    }
+}
+
+TEST(ReaderScenes, AllRoundTripThroughXmlAndClassicVrml) {
+    if (!std::filesystem::exists(scenesFolder())) GTEST_SKIP() << "no scenes in " << scenesFolder();
+    for (const auto& file : sceneFiles()) {
+        Diagnostics reading, writing;
+        const auto rewrite = [&](const std::string& text, Encoding encoding) {
+            std::string out;
+            readDocument(text, *makeWriter(encoding, [&](std::string_view t) { out += t; }, writing), reading);
+            return out;
+        };
+        std::string first;
+        readDocumentFile(file, *makeWriter(Encoding::xml, [&](std::string_view t) { first += t; }, writing), reading);
+        const std::string xml = rewrite(first, Encoding::xml);  // in the writer's own order
+        const std::string classic = rewrite(xml, Encoding::classicVrml);
+        const std::string again = rewrite(classic, Encoding::xml);
+        if (!writing.all().empty()) {  // names that ClassicVRML cannot spell
+            for (const Diagnostic& d : writing.all()) EXPECT_NE(d.text.find("is no name"), d.text.npos) << d.format();
+            continue;
+        }
+        EXPECT_TRUE(xml == again) << file;
+        test::RecordingHandler fromXml, fromClassic;
+        Diagnostics ignored;
+        readDocument(xml, fromXml, ignored);
+        readDocument(classic, fromClassic, ignored);
+        EXPECT_TRUE(fromXml.lines == fromClassic.lines) << file;
     }
 }
 

@@ -1,0 +1,166 @@
+#include <rtsg/core/writer.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <ostream>
+
+#include <zlib.h>
+
+#include "writer_common.h"
+
+namespace rtsg {
+
+namespace detail {
+
+std::string_view accessWord(Access access, bool vrml97) {
+    switch (access) {
+        case Access::initializeOnly:
+            return vrml97 ? "field" : "initializeOnly";
+        case Access::inputOnly:
+            return vrml97 ? "eventIn" : "inputOnly";
+        case Access::outputOnly:
+            return vrml97 ? "eventOut" : "outputOnly";
+        case Access::inputOutput:
+            return vrml97 ? "exposedField" : "inputOutput";
+    }
+    return {};
+}
+
+std::size_t arraySize(const Value& value) {
+    switch (value.type()) {
+#define RTSG_X(suffix, T)       \
+    case FieldType::MF##suffix: \
+        return value.as<Array<T>>().size();
+        RTSG_FIELD_TYPES(RTSG_X)
+#undef RTSG_X
+        default:
+            return 0;
+    }
+}
+
+void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std::size_t indent) {
+    const bool classic = syntax == TextSyntax::classicVrml;
+    const std::size_t size = isMF(value.type()) ? arraySize(value) : 0;
+    if (size < 2) {
+        appendFieldText(out, value, syntax);
+        return;
+    }
+    constexpr std::size_t width = 100;
+    const std::size_t start = out.size();
+    std::size_t lineStart = start;
+    bool broken = false;
+    if (classic) out += '[';
+    for (std::size_t i = 0; i < size; ++i) {
+        if (i) {
+            if (classic) out += ',';
+            if (out.size() - lineStart > width) {
+                broken = true;
+                out += '\n';
+                lineStart = out.size();
+                out.append(indent, ' ');
+            } else {
+                out += ' ';
+            }
+        }
+        appendArrayElement(out, value, i, syntax);
+    }
+    if (classic) out += ']';
+    // A list of several lines begins on its own.
+    if (broken && classic) out.insert(start + 1, "\n" + std::string(indent, ' '));
+}
+
+}  // namespace detail
+
+namespace {
+
+using NamedEncoding = std::pair<std::string_view, Encoding>;
+constexpr NamedEncoding kExtensions[] = {
+    {".x3d", Encoding::xml}, {".x3dv", Encoding::classicVrml}, {".wrl", Encoding::vrml97}, {".vrml", Encoding::vrml97}};
+
+}  // namespace
+
+TextSink streamSink(std::ostream& stream) {
+    return [&stream](std::string_view text) { stream.write(text.data(), static_cast<std::streamsize>(text.size())); };
+}
+
+std::unique_ptr<DocumentHandler> makeWriter(Encoding encoding, TextSink sink, Diagnostics& diagnostics) {
+    switch (encoding) {
+        case Encoding::xml:
+            return detail::makeXmlWriter(std::move(sink), diagnostics);
+        case Encoding::classicVrml:
+        case Encoding::vrml97:
+            return detail::makeClassicWriter(std::move(sink), diagnostics, encoding == Encoding::vrml97);
+        default:
+            return nullptr;
+    }
+}
+
+bool encodingFromName(const std::filesystem::path& file, Encoding& encoding, bool& gzip) {
+    std::filesystem::path name = file.filename();
+    gzip = name.extension() == ".gz";
+    if (gzip) name = name.stem();
+    const std::string extension = name.extension();
+    for (const auto& [known, its] : kExtensions) {
+        const bool packed = extension == std::string(known) + "z";
+        if (extension != known && !packed) continue;
+        encoding = its;
+        gzip = gzip || packed;
+        return true;
+    }
+    return false;
+}
+
+struct DocumentFileWriter::File {
+    std::FILE* plain = nullptr;
+    gzFile packed = nullptr;
+    std::string path, failure;
+
+    ~File() { close(); }
+    void write(std::string_view text) {
+        if (!failure.empty()) return;
+        const std::size_t written =
+            packed ? gzfwrite(text.data(), 1, text.size(), packed) : std::fwrite(text.data(), 1, text.size(), plain);
+        if (written != text.size()) failure = std::strerror(errno);
+    }
+    void close() {
+        if (packed && gzclose(packed) != Z_OK && failure.empty()) failure = "the packed data could not be written";
+        packed = nullptr;
+        if (!plain) return;
+        const bool bad = plain == stdout ? std::fflush(plain) != 0 : std::fclose(plain) != 0;
+        if (bad && failure.empty()) failure = std::strerror(errno);
+        plain = nullptr;
+    }
+};
+
+DocumentFileWriter::~DocumentFileWriter() = default;
+
+Result<std::unique_ptr<DocumentFileWriter>> DocumentFileWriter::create(const std::filesystem::path& file,
+                                                                       Diagnostics& diagnostics) {
+    std::unique_ptr<DocumentFileWriter> result(new DocumentFileWriter);
+    result->file_ = std::make_unique<File>();
+    File& out = *result->file_;
+    out.path = file;
+    Encoding encoding = Encoding::classicVrml;
+    bool gzip = false;
+    if (file == "-")
+        out.plain = stdout;
+    else if (!encodingFromName(file, encoding, gzip))
+        return fail("no encoding that can be written has names like " + file.filename().string() +
+                    "; there are .x3d, .x3dv and .wrl, and with gzip .x3dz, .x3dvz, .wrlz");
+    else if (gzip)
+        out.packed = gzopen(file.c_str(), "wb");
+    else
+        out.plain = std::fopen(file.c_str(), "wb");
+    if (!out.plain && !out.packed) return fail("cannot write " + file.string() + ": " + std::strerror(errno));
+    result->writer_ = makeWriter(encoding, [&out](std::string_view text) { out.write(text); }, diagnostics);
+    return result;
+}
+
+Result<> DocumentFileWriter::close() {
+    file_->close();
+    if (!file_->failure.empty()) return fail("cannot write " + file_->path + ": " + file_->failure);
+    return {};
+}
+
+}  // namespace rtsg

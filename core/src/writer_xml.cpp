@@ -1,0 +1,439 @@
+// XML. A node's attributes may come after its children, so the start tag of each open node is a gap in the text that
+// is filled when the node ends; text goes out as far as the first gap.
+#include <algorithm>
+#include <list>
+
+#include "writer_common.h"
+
+namespace rtsg::detail {
+
+namespace {
+
+constexpr std::size_t kFlushAt = 1 << 16;
+
+class XmlWriter final : public DocumentHandler {
+  public:
+    XmlWriter(TextSink sink, Diagnostics& diagnostics) : sink_(std::move(sink)), diagnostics_(diagnostics) {
+        pieces_.emplace_back();
+    }
+
+    void beginDocument(const DocumentHeader& header) override {
+        const bool x3d = header.version.starts_with('3') || header.version.starts_with('4');
+        const std::string version = x3d ? header.version : "4.0";
+        write("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<X3D");
+        write(attribute("profile", header.profile.empty() ? "Full" : header.profile, {}));
+        write(attribute("version", version, {}) + ">");
+    }
+    void endDocument() override {
+        openScene();
+        write("\n  </Scene>\n</X3D>\n");
+        flush(0);
+    }
+
+    void component(std::string_view name, int level) override {
+        head("component", attribute("name", name, {}) + attribute("level", std::to_string(level), {}));
+    }
+    void meta(std::string_view name, std::string_view content) override {
+        head("meta", attribute("name", name, {}) + attribute("content", content, {}));
+    }
+    void unit(std::string_view category, std::string_view name, double factor) override {
+        head("unit", attribute("category", category, {}) + attribute("name", name, {}) +
+                         attribute("conversionFactor", printFieldText(Value(factor)), {}));
+    }
+
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
+        NodeShape shape = types_.find(type);
+        if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
+        const std::string container = nodePlace(field, shape);
+        if (!def.empty()) types_.define(def, shape);
+        noteFirst(shape);
+        Frame frame{};
+        frame.kind = Kind::node;
+        frame.element = shape.proto ? "ProtoInstance" : std::string(type);
+        write("<" + frame.element);
+        if (shape.proto) write(attribute("name", type, where));
+        if (!def.empty()) write(attribute("DEF", def, where));
+        if (!container.empty()) write(attribute("containerField", container, where));
+        frame.shape = std::move(shape);
+        frame.indent = indent() + 1;
+        openGap(frame);
+        frames_.push_back(std::move(frame));
+    }
+    void endNode(SourceLocation) override {
+        closeValue();
+        Frame frame = std::move(frames_.back());
+        frames_.pop_back();
+        std::string& gap = *frame.gap;
+        if (!frame.connections.empty()) {
+            const std::string before = "\n" + std::string(spaces(frame.indent), ' ');
+            frame.connections = before + "<IS>" + frame.connections + before + "</IS>";
+        }
+        const bool empty = !frame.filled && frame.connections.empty();
+        gap += empty ? "/>" : ">" + frame.connections;
+        if (!empty) {
+            if (!frame.endsWithText) newLine();
+            write("</" + frame.element + ">");
+        }
+        closeGap();
+    }
+    void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
+        const NodeShape* defined = types_.defined(def);
+        NodeShape shape;
+        if (defined)
+            shape = *defined;
+        else
+            shape.type = findBuiltinType("Group");  // an imported node: the element must have some name
+        const std::string container = nodePlace(field, shape);
+        noteFirst(shape);
+        write(shape.proto ? "<ProtoInstance" + attribute("name", shape.proto->name, where)
+                          : "<" + std::string(shape.name()));
+        write(attribute("USE", def, where));
+        if (!container.empty()) write(attribute("containerField", container, where));
+        write("/>");
+    }
+
+    void setField(std::string_view field, Value value, SourceLocation where) override {
+        Frame& frame = frames_.back();
+        const bool nodes = sf(value.type()) == FieldType::SFNode;
+        if (frame.shape.proto) {
+            line();
+            write("<fieldValue" + attribute("name", field, where));
+            if (!nodes) write(valueAttribute("value", value, where));
+            write("/>");
+            return;
+        }
+        if (nodes) return;  // NULL and the empty list are what a node without such children has
+        if (frame.shape.type && field == "url" && declaresFields(*frame.shape.type) && writeSource(value)) return;
+        *frame.gap += valueAttribute(field, value, where);
+    }
+    void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
+        closeValue();
+        Frame& frame = frames_.back();
+        if (frame.kind == Kind::interface && !frame.filled) {
+            frame.filled = true;
+            newLine(frame.indent - 1);
+            write("<ProtoInterface>");
+        }
+        if (frame.shape.own) frame.shape.own->add(field);
+        if (frame.proto) frame.proto->fields.add(field);
+        line();
+        write(declaration(field, where));
+        if (sf(field.type) == FieldType::SFNode && !value && field.access != Access::inputOnly &&
+            field.access != Access::outputOnly) {
+            frame.openValue = "field";
+            frame.valueName = field.name;
+            frame.valueEmpty = true;
+            return;
+        }
+        if (value && sf(field.type) != FieldType::SFNode) write(valueAttribute("value", *value, where));
+        write("/>");
+    }
+    void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) override {
+        closeValue();
+        Frame& frame = frames_.back();
+        frame.connections += "\n" + std::string(spaces(frame.indent + 1), ' ') + "<connect" +
+                             attribute("nodeField", nodeField, where) + attribute("protoField", protoField, where) +
+                             "/>";
+    }
+
+    void beginProto(std::string_view name, SourceLocation where) override {
+        line();
+        write("<ProtoDeclare" + attribute("name", name, where) + ">");
+        Frame frame{};
+        frame.kind = Kind::interface;
+        frame.element = "ProtoDeclare";
+        frame.proto = std::make_shared<ProtoType>();
+        frame.proto->name = name;
+        frame.indent = indent() + 2;
+        frames_.push_back(std::move(frame));
+    }
+    void beginProtoBody(SourceLocation) override {
+        closeValue();
+        Frame& frame = frames_.back();
+        if (frame.filled) {
+            newLine(frame.indent - 1);
+            write("</ProtoInterface>");
+        }
+        newLine(frame.indent - 1);
+        write("<ProtoBody>");
+        frame.kind = Kind::body;
+        types_.pushScope();
+    }
+    void endProto(SourceLocation) override {
+        const std::shared_ptr<ProtoType> proto = frames_.back().proto;
+        newLine(frames_.back().indent - 1);
+        write("</ProtoBody>");
+        frames_.pop_back();
+        newLine();
+        write("</ProtoDeclare>");
+        types_.popScope();
+        types_.declareProto(proto);
+    }
+    void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
+                     const std::vector<std::string>& url, SourceLocation where) override {
+        line();
+        auto proto = std::make_shared<ProtoType>();
+        proto->name = name;
+        Array<String> urls;
+        for (const std::string& one : url) urls.push_back(one);
+        write("<ExternProtoDeclare" + attribute("name", name, where) +
+              valueAttribute("url", Value(std::move(urls)), where));
+        write(fields.empty() ? "/>" : ">");
+        for (const FieldDeclaration& field : fields) {
+            newLine(indent() + 1);
+            write(declaration(field, where) + "/>");
+            proto->fields.add(field);
+        }
+        if (!fields.empty()) {
+            newLine();
+            write("</ExternProtoDeclare>");
+        }
+        types_.declareProto(proto);
+    }
+
+    void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
+               SourceLocation where) override {
+        line();
+        write("<ROUTE" + attribute("fromNode", fromNode, where) + attribute("fromField", fromField, where) +
+              attribute("toNode", toNode, where) + attribute("toField", toField, where) + "/>");
+    }
+    void importNode(std::string_view inlineDef, std::string_view exported, std::string_view local,
+                    SourceLocation where) override {
+        line();
+        write("<IMPORT" + attribute("inlineDEF", inlineDef, where) + attribute("importedDEF", exported, where) +
+              attribute("AS", local, where) + "/>");
+    }
+    void exportNode(std::string_view local, std::string_view exported, SourceLocation where) override {
+        line();
+        write("<EXPORT" + attribute("localDEF", local, where) + attribute("AS", exported, where) + "/>");
+    }
+
+  private:
+    enum class Kind : std::uint8_t { node, interface, body };
+    enum class Where : std::uint8_t { root, head, scene };
+    struct Frame {
+        Kind kind;
+        std::string element;
+        NodeShape shape;
+        std::shared_ptr<ProtoType> proto;
+        std::string* gap = nullptr;  // attributes go here; ends with the start tag
+        std::string connections;     // the connect elements of its IS
+        std::size_t indent = 0;      // of its content
+        bool filled = false;         // it has content (interface: the ProtoInterface is open)
+        bool endsWithText = false;   // CDATA: no white space may follow
+        std::string openValue;       // "field" or "fieldValue" whose nodes are coming
+        std::string valueName;
+        bool valueEmpty = false;  // its start tag is still open
+    };
+
+    // ---- text and gaps
+    void write(std::string_view text) {
+        pieces_.back() += text;
+        flush(kFlushAt);
+    }
+    /// Passes on what has no gap before it, if that is at least `least` bytes.
+    void flush(std::size_t least) {
+        if (openGaps_ != 0 || (pieces_.size() == 1 && pieces_.back().size() < least)) return;
+        for (const std::string& piece : pieces_)
+            if (!piece.empty()) sink_(piece);
+        pieces_.resize(1);
+        pieces_.back().clear();
+    }
+    void openGap(Frame& frame) {
+        frame.gap = &pieces_.emplace_back();
+        pieces_.emplace_back();
+        ++openGaps_;
+    }
+    void closeGap() {
+        if (--openGaps_ == 0) flush(kFlushAt);
+    }
+
+    // ---- lines
+    /// Of what comes next in the innermost element.
+    std::size_t indent() const {
+        return frames_.empty() ? 2 : frames_.back().indent + (frames_.back().openValue.empty() ? 0 : 1);
+    }
+    void newLine() { newLine(indent()); }
+    void newLine(std::size_t indent) {
+        write("\n");
+        write(std::string(spaces(indent), ' '));
+    }
+    /// A new line in the innermost element for anything but a node.
+    void line() {
+        if (frames_.empty()) {
+            openScene();
+        } else {
+            closeValue();
+            frames_.back().filled = true;
+            frames_.back().endsWithText = false;
+        }
+        newLine();
+    }
+    void openScene() {
+        if (place_ == Where::scene) return;
+        if (place_ == Where::head) write("\n  </head>");
+        write("\n  <Scene>");
+        place_ = Where::scene;
+    }
+    void head(const char* element, const std::string& attributes) {
+        if (place_ == Where::scene) {
+            diagnostics_.warning({}, std::string(element) + " behind the first node cannot be written in XML");
+            return;
+        }
+        if (place_ == Where::root) write("\n  <head>");
+        place_ = Where::head;
+        write("\n    <" + std::string(element) + attributes + "/>");
+    }
+    /// Ends a field or fieldValue element whose nodes have come.
+    void closeValue() {
+        if (frames_.empty() || frames_.back().openValue.empty()) return;
+        Frame& frame = frames_.back();
+        const std::string element = std::move(frame.openValue);
+        frame.openValue.clear();
+        if (frame.valueEmpty) {
+            write("/>");
+            return;
+        }
+        newLine();
+        write("</" + element + ">");
+    }
+    /// Moves to where a node in `field` starts; returns the containerField to write, if any.
+    std::string nodePlace(std::string_view field, const NodeShape& child) {
+        if (frames_.empty() || frames_.back().kind == Kind::body) {
+            line();
+            return {};
+        }
+        Frame& frame = frames_.back();
+        if (frame.openValue.empty() || frame.valueName != field) {
+            if (frame.shape.proto) {
+                line();
+                frame.valueName = field;
+                frame.valueEmpty = false;
+                write("<fieldValue" + attribute("name", field, {}) + ">");
+                frame.openValue = "fieldValue";
+            } else {
+                line();
+                return containerField(frame.shape, field, child);
+            }
+        } else if (frame.valueEmpty) {
+            write(">");
+            frame.valueEmpty = false;
+        }
+        newLine();
+        return {};
+    }
+    /// What the reader would choose by itself need not be said.
+    static std::string containerField(const NodeShape& parent, std::string_view field, const NodeShape& child) {
+        const NodeType* type = child.standsFor();
+        const FieldRef place = findField(parent, field);
+        const std::string_view usual = type ? std::string_view(type->containerField) : "children";
+        return field == usual && place && accepts(place, type) ? "" : std::string(field);
+    }
+    void noteFirst(const NodeShape& shape) {
+        if (frames_.empty() || frames_.back().kind != Kind::body || frames_.back().proto->hasBody) return;
+        frames_.back().proto->hasBody = true;
+        frames_.back().proto->primary = shape.standsFor();
+    }
+
+    // ---- attributes
+    std::string declaration(const FieldDeclaration& field, SourceLocation where) {
+        return "<field" + attribute("accessType", accessWord(field.access, false), where) +
+               attribute("type", info(field.type).name, where) + attribute("name", field.name, where);
+    }
+    std::string attribute(std::string_view name, std::string_view text, SourceLocation where) {
+        std::string result = " " + std::string(name) + "='";
+        escape(result, text, where, true);
+        return result + "'";
+    }
+    std::string valueAttribute(std::string_view name, const Value& value, SourceLocation where) {
+        std::string text;
+        appendWrapped(text, value, TextSyntax::xml, spaces(indent() + 1));
+        std::string result = " " + std::string(name) + "='";
+        const FieldType element = sf(value.type());
+        if (element == FieldType::SFString)
+            escape(result, text, where, true);
+        else
+            result += text;
+        return result + "'";
+    }
+    void escape(std::string& out, std::string_view text, SourceLocation where, bool attribute) {
+        for (const char c : text) {
+            switch (c) {
+                case '&':
+                    out += "&amp;";
+                    break;
+                case '<':
+                    out += "&lt;";
+                    break;
+                case '>':
+                    out += "&gt;";
+                    break;
+                case '\'':
+                    out += attribute ? "&apos;" : "'";
+                    break;
+                case '\n':
+                    out += attribute ? "&#10;" : "\n";
+                    break;
+                case '\t':
+                    out += "&#9;";
+                    break;
+                case '\r':
+                    out += "&#13;";
+                    break;
+                default:
+                    if (static_cast<unsigned char>(c) < 0x20) {
+                        diagnostics_.warning(where, "a control character cannot be written in XML; U+FFFD is");
+                        out += "\xEF\xBF\xBD";
+                    } else {
+                        out += c;
+                    }
+            }
+        }
+    }
+    /// The source text of a Script, if it can stand in CDATA: the last url, in several lines.
+    bool writeSource(const Value& url) {
+        const Array<String>& urls = url.as<Array<String>>();
+        if (urls.empty()) return false;
+        const std::string_view text = urls.back();
+        const bool source =
+            text.starts_with("ecmascript:") || text.starts_with("javascript:") || text.starts_with("vrmlscript:");
+        const bool spelled = std::ranges::all_of(
+            text, [](char c) { return static_cast<unsigned char>(c) >= 0x20 || c == '\n' || c == '\t'; });
+        Frame& frame = frames_.back();
+        if (!source || !spelled || text.find('\n') == text.npos || frame.shape.type->name != "Script") return false;
+        closeValue();
+        if (urls.size() > 1) {
+            Array<String> others = urls;
+            others.erase(urls.size() - 1);
+            *frame.gap += valueAttribute("url", Value(std::move(others)), {});
+        }
+        frame.filled = true;
+        write("<![CDATA[");
+        std::size_t from = 0;
+        for (std::size_t end = text.find("]]>"); end != text.npos; end = text.find("]]>", from)) {
+            write(text.substr(from, end + 2 - from));
+            write("]]><![CDATA[");
+            from = end + 2;
+        }
+        write(text.substr(from));
+        write("]]>");
+        frame.endsWithText = true;
+        return true;
+    }
+
+    TextSink sink_;
+    Diagnostics& diagnostics_;
+    std::list<std::string> pieces_;
+    std::size_t openGaps_ = 0;
+    Where place_ = Where::root;
+    ReaderTypes types_;
+    std::vector<Frame> frames_;
+};
+
+}  // namespace
+
+std::unique_ptr<DocumentHandler> makeXmlWriter(TextSink sink, Diagnostics& diagnostics) {
+    return std::make_unique<XmlWriter>(std::move(sink), diagnostics);
+}
+
+}  // namespace rtsg::detail
