@@ -270,7 +270,7 @@ Result<std::shared_ptr<const Mesh>> tessellate(const Scene& scene, NodeId geomet
     const Node* node = resolve(scene, geometry);
     if (!node) return fail(fmt::format("node {} does not exist or has no body", geometry.value));
     if (!node->type().isA("X3DGeometryNode")) return fail(fmt::format("{} is not a geometry node", node->type().name));
-    auto mesh = std::make_shared<Mesh>(SceneTessellator(scene, *node, options).run());
+    std::shared_ptr<Mesh> mesh(new Mesh(SceneTessellator(scene, *node, options).run()));
 
     const std::string_view name = scene.name(node->id());
     const std::string label = name.empty() ? node->type().name : fmt::format("{} {}", node->type().name, name);

@@ -1,0 +1,47 @@
+// Tessellator: the meshes of a scene's geometry nodes, with equal primitives made once.
+//
+// Invariant: mesh(scene, node) equals tessellate(scene, node) but for storage: boxes, cones, ... with the same fields
+// are one Mesh, and spheres of any radius share all but their positions. A mesh lives as long as somebody holds it.
+// Threading: one thread at a time; the meshes may go to any.
+// Source: paper section 4.2; the sharing is ours (a scene may hold 100,000 spheres that are no USE of each other).
+#pragma once
+
+#include <array>
+#include <memory>
+#include <unordered_map>
+
+#include <rtsg/renderers/tessellate.h>
+
+namespace rtsg {
+
+class Tessellator {
+  public:
+    explicit Tessellator(TessellationOptions options = {}) : options_(options) {}
+
+    /// Null when the node is missing or no geometry; empty when it has no triangles. Fits Flattener's MeshSource as
+    /// `[&](const Scene& scene, NodeId node) { return tessellator.mesh(scene, node); }`.
+    std::shared_ptr<const Mesh> mesh(const Scene& scene, NodeId geometry);
+
+    /// Of all meshes made so far.
+    const Diagnostics& diagnostics() const { return diagnostics_; }
+    /// Primitives that are shared now, for statistics.
+    std::size_t sharedCount() const { return shared_.size(); }
+
+  private:
+    /// Type, flags, up to four numbers bit for bit.
+    using Key = std::array<std::uint32_t, 6>;
+    struct KeyHash {
+        std::size_t operator()(const Key& key) const;
+    };
+    static bool keyOf(const Scene& scene, NodeId geometry, Key& key);
+    std::shared_ptr<const Mesh> make(const Scene& scene, NodeId geometry, bool isSphere);
+    void forgetUnused();
+
+    TessellationOptions options_;
+    Diagnostics diagnostics_;
+    std::unordered_map<Key, std::weak_ptr<const Mesh>, KeyHash> shared_;
+    std::size_t forgetAt_ = 64;
+    std::shared_ptr<const Mesh> unitSphere_;
+};
+
+}  // namespace rtsg

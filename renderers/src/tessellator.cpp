@@ -1,0 +1,114 @@
+#include <rtsg/renderers/tessellator.h>
+
+#include <algorithm>
+#include <bit>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+
+std::size_t Tessellator::KeyHash::operator()(const Key& key) const {
+    std::uint64_t hash = 0xcbf29ce484222325ull;
+    for (const std::uint32_t word : key) {
+        hash = (hash ^ word) * 0x9e3779b97f4a7c15ull;
+        hash ^= hash >> 29;
+    }
+    return hash;
+}
+
+bool Tessellator::keyOf(const Scene& scene, NodeId geometry, Key& key) {
+    const Node* node = scene.find(geometry);
+    if (!node) return false;
+    key = {node->typeIndex().value};
+    std::size_t at = 2;
+    const auto number = [&](Field<float> field) { key[at++] = std::bit_cast<std::uint32_t>(node->get(field)); };
+    const auto flag = [&](Field<bool> field) { key[1] = key[1] << 1 | (node->get(field) ? 1u : 0u); };
+    switch (node->typeIndex().value) {
+        case x3d::Box::type.value:
+            for (int axis = 0; axis < 3; ++axis)
+                key[at++] = std::bit_cast<std::uint32_t>(node->get(x3d::Box::size)[axis]);
+            flag(x3d::Box::solid);
+            return true;
+        case x3d::Sphere::type.value:
+            number(x3d::Sphere::radius);
+            flag(x3d::Sphere::solid);
+            return true;
+        case x3d::Cone::type.value:
+            number(x3d::Cone::bottomRadius);
+            number(x3d::Cone::height);
+            flag(x3d::Cone::side);
+            flag(x3d::Cone::bottom);
+            flag(x3d::Cone::solid);
+            return true;
+        case x3d::Cylinder::type.value:
+            number(x3d::Cylinder::radius);
+            number(x3d::Cylinder::height);
+            flag(x3d::Cylinder::side);
+            flag(x3d::Cylinder::top);
+            flag(x3d::Cylinder::bottom);
+            flag(x3d::Cylinder::solid);
+            return true;
+        case x3d::Disk2D::type.value:
+            number(x3d::Disk2D::innerRadius);
+            number(x3d::Disk2D::outerRadius);
+            flag(x3d::Disk2D::solid);
+            return true;
+        case x3d::Rectangle2D::type.value:
+            for (int axis = 0; axis < 2; ++axis)
+                key[at++] = std::bit_cast<std::uint32_t>(node->get(x3d::Rectangle2D::size)[axis]);
+            flag(x3d::Rectangle2D::solid);
+            return true;
+        default:
+            return false;
+    }
+}
+
+std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometry) {
+    Key key;
+    if (!keyOf(scene, geometry, key)) return make(scene, geometry, false);
+    if (const auto found = shared_.find(key); found != shared_.end())
+        if (auto mesh = found->second.lock()) return mesh;
+    auto mesh = make(scene, geometry, key[0] == x3d::Sphere::type.value);
+    // What has something to say says it with the name of its own node.
+    if (mesh && mesh->diagnostics.all().empty()) {
+        forgetUnused();
+        shared_[key] = mesh;
+    }
+    return mesh;
+}
+
+std::shared_ptr<const Mesh> Tessellator::make(const Scene& scene, NodeId geometry, bool isSphere) {
+    if (isSphere) {
+        const Node& node = scene.node(geometry);
+        const float radius = node.get(x3d::Sphere::radius);
+        if (!unitSphere_) unitSphere_ = std::make_shared<Mesh>(tessellate(SphereParams{}, options_));
+        if (radius > 0.0f && radius <= 1e18f) {
+            // Not make_shared: the weak pointers would keep the memory of the mesh, too.
+            std::shared_ptr<Mesh> scaled(new Mesh(*unitSphere_));
+            scaled->solid = node.get(x3d::Sphere::solid);
+            if (radius != 1.0f) {
+                Vec3f* points = scaled->positions.mutableData();
+                for (std::size_t i = 0; i < scaled->positions.size(); ++i) points[i] *= radius;
+                scaled->bounds.min *= radius;
+                scaled->bounds.max *= radius;
+            }
+            return scaled;
+        }
+    }
+    auto mesh = tessellate(scene, geometry, options_);
+    if (!mesh) {
+        diagnostics_.error(mesh.error().where, mesh.error().text);
+        return nullptr;
+    }
+    diagnostics_.append((*mesh)->diagnostics);
+    return *mesh;
+}
+
+void Tessellator::forgetUnused() {
+    if (shared_.size() < forgetAt_) return;
+    std::erase_if(shared_, [](const auto& entry) { return entry.second.expired(); });
+    forgetAt_ = std::max<std::size_t>(64, shared_.size() * 2);
+}
+
+}  // namespace rtsg
