@@ -4,6 +4,7 @@ include(CMakePackageConfigHelpers)
 
 install(TARGETS rtsg_core rtsg_renderers rtsg_audio rtsg_sync EXPORT rtsgTargets)
 install(TARGETS rtsg RUNTIME)
+install(TARGETS spec_compiler EXPORT rtsgTargets RUNTIME DESTINATION "${CMAKE_INSTALL_LIBEXECDIR}/rtsg")
 foreach(folder core renderers audio sync)
   install(DIRECTORY "${PROJECT_SOURCE_DIR}/${folder}/include/" TYPE INCLUDE)
 endforeach()
@@ -15,5 +16,7 @@ install(EXPORT rtsgTargets NAMESPACE rtsg:: DESTINATION "${destination}")
 configure_package_config_file(cmake/rtsgConfig.cmake.in "${PROJECT_BINARY_DIR}/rtsgConfig.cmake"
                               INSTALL_DESTINATION "${destination}")
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/rtsgConfigVersion.cmake" COMPATIBILITY SameMinorVersion)
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/core/spec" DESTINATION "${destination}")
 install(FILES "${PROJECT_BINARY_DIR}/rtsgConfig.cmake" "${PROJECT_BINARY_DIR}/rtsgConfigVersion.cmake"
+              "${PROJECT_SOURCE_DIR}/cmake/RtsgNodeTable.cmake"
         DESTINATION "${destination}")
