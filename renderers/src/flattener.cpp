@@ -4,6 +4,7 @@
 #include <utility>
 
 #include <rtsg/core/x3d.h>
+#include <rtsg/renderers/tessellate.h>
 
 #include "flattener_impl.h"
 
@@ -242,6 +243,17 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural) {
     }
 }
 
+std::shared_ptr<const Mesh> Flattener::Impl::makeMesh(NodeId geometry) {
+    if (options.meshes) return options.meshes(*scene, geometry);
+    Result<std::shared_ptr<const Mesh>> made = tessellate(*scene, geometry);
+    if (!made) {
+        diagnostics.error({}, made.error().text);
+        return nullptr;
+    }
+    if (*made) diagnostics.append((*made)->diagnostics);
+    return *std::move(made);
+}
+
 void Flattener::Impl::finish() {
     runScopes();
     for (const NodeId geometry : geometries) {
@@ -253,7 +265,7 @@ void Flattener::Impl::finish() {
                 meshes.erase(geometry.value);
             }
         } else if (!s.meshSent || s.meshStale) {
-            std::shared_ptr<const Mesh> mesh = options.meshes ? options.meshes(*scene, geometry) : nullptr;
+            std::shared_ptr<const Mesh> mesh = makeMesh(geometry);
             meshes[geometry.value] = mesh;
             delta.geometries.push_back({geometry, std::move(mesh)});
             s.meshSent = true;

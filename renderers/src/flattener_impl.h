@@ -134,6 +134,7 @@ struct Flattener::Impl {
     /// Tells whatever holds `changed`, directly or through other nodes, that its content changed.
     void walkUp(NodeId changed, bool structural);
     void report(NodeId node, std::vector<NodeId>& list);
+    std::shared_ptr<const Mesh> makeMesh(NodeId geometry);
     void finish();
 
     // flattener_tree.cpp: occurrences

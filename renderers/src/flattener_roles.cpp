@@ -53,17 +53,22 @@ bool rotationMatrix(const Rotation& r, glm::dmat3& out) {
 
 TypeRole RoleTable::work(const NodeType& type) {
     TypeRole role;
-    const auto addChildren = [&](std::string_view name) {
-        const FieldIndex index = type.findExact(name);
-        if (index == kNoField || sf(type.fields[index].type) != FieldType::SFNode || !type.fields[index].readable())
+    const auto addChildren = [&](std::string_view name, bool hidden = false) {
+        // Not by name alone: the author of a PROTO may have called a field of its own `body`.
+        for (std::size_t i = 0; i < type.fields.size(); ++i) {
+            const FieldDef& field = type.fields[i];
+            if (field.name != name || field.hidden != hidden || sf(field.type) != FieldType::SFNode ||
+                !field.readable())
+                continue;
+            role.children[role.childFields++] = static_cast<FieldIndex>(i);
             return;
-        role.children[role.childFields++] = index;
+        }
     };
     role.visible = findTyped(type, "visible", FieldType::SFBool);
     if (type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto) {
         role.role = Role::first;
         role.visible = kNoField;  // whatever the author means by it
-        addChildren("body");
+        addChildren("body", true);
     } else if (type.kind == NodeType::Kind::script) {
         role.role = Role::none;
     } else if (type.name == "Shape") {
@@ -89,7 +94,7 @@ TypeRole RoleTable::work(const NodeType& type) {
         addChildren("layers");
     } else if (type.name == "Inline") {
         role.role = Role::all;
-        addChildren("body");
+        addChildren("body", true);
     } else if (type.name == "HAnimHumanoid") {
         role.role = Role::all;  // joints, segments and sites only name what the skeleton holds
         addChildren("skeleton"), addChildren("skin"), addChildren("viewpoints");

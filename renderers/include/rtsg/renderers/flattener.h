@@ -29,7 +29,7 @@ using MeshSource = std::function<std::shared_ptr<const Mesh>(const Scene& scene,
 class Flattener {
   public:
     struct Options {
-        /// Without one every mesh is null.
+        /// None: tessellate(), whose diagnostics are added to the flattener's.
         MeshSource meshes;
         /// Where more paths than this lead to shapes the rest is left out with a diagnostic (sharing can be
         /// exponential).
@@ -63,6 +63,7 @@ class Flattener {
     /// A delta that leads from nothing to here, for those who come late.
     InstanceDelta snapshot() const;
 
+    /// Of paths left out, and of the tessellation of geometry.
     const Diagnostics& diagnostics() const;
 
   private:
