@@ -98,8 +98,8 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
     }
     if (scope.proto && ++s.expandedNodes > s.options.maximumNodes) {
         if (s.expandedNodes == s.options.maximumNodes + 1)
-            s.error(where, fmt::format("PROTO instances make more than {} nodes; the rest is left out",
-                                       s.options.maximumNodes));
+            s.diagnostics.error(where, fmt::format("PROTO instances make more than {} nodes; the rest is left out",
+                                                   s.options.maximumNodes));
         ++s.skipDepth;
         return;
     }

@@ -171,7 +171,8 @@ FieldIndex SceneBuilder::State::placeFor(OpenNode& parent, std::string_view fiel
     if (byDefault) field = child ? std::string_view(child->containerField) : "children";
     FieldIndex index = parent.find(field);
     if (index == kNoField || !acceptsType(parent.field(index), child)) {
-        // One other field that takes it is what was meant; more than one is a guess we do not make.
+        const bool exists = index != kNoField;
+        // XML files often leave containerField out: then the one field that takes the node is what was meant.
         FieldIndex other = kNoField;
         std::size_t candidates = 0;
         for (const FieldIndex i : parent.type->nodeFields()) {
@@ -179,8 +180,8 @@ FieldIndex SceneBuilder::State::placeFor(OpenNode& parent, std::string_view fiel
             if (def.hidden || !child || def.accepts.empty() || def.access == Access::outputOnly) continue;
             if (acceptsType(def, child)) other = i, ++candidates;
         }
-        if (candidates != 1) {
-            if (index == kNoField)
+        if (candidates != 1 || (exists && !byDefault)) {
+            if (!exists)
                 error(where, fmt::format("{} has no field '{}' for {}", parent.describe(), field, childName));
             else if (sf(parent.field(index).type) != FieldType::SFNode)
                 error(where, fmt::format("field '{}' of {} takes no nodes", field, parent.describe()));

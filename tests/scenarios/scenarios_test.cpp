@@ -1,0 +1,59 @@
+#include <algorithm>
+#include <cctype>
+
+#include <gtest/gtest.h>
+
+#include "scenario.h"
+
+namespace rtsg::test {
+namespace {
+
+std::vector<std::filesystem::path> scenarioFiles() {
+    std::vector<std::filesystem::path> files;
+    for (const auto& entry : std::filesystem::directory_iterator(RTSG_SOURCE_DIR "/tests/scenarios"))
+        if (entry.path().extension() == ".scenario") files.push_back(entry.path());
+    std::ranges::sort(files);
+    return files;
+}
+
+class Scenarios : public testing::TestWithParam<std::tuple<std::filesystem::path, Way>> {};
+
+TEST_P(Scenarios, ComesOutAsTheClauseSays) {
+    const auto& [path, way] = GetParam();
+    const Scenario scenario = readScenario(path);
+    const std::string problems = runScenario(scenario, way);
+    EXPECT_EQ(problems, "") << scenario.clause;
+}
+
+std::string nameOf(const testing::TestParamInfo<Scenarios::ParamType>& param) {
+    static const char* const ways[] = {"direct", "replayed", "mirrored", "late"};
+    std::string name =
+        std::get<0>(param.param).stem().string() + '_' + ways[static_cast<int>(std::get<1>(param.param))];
+    for (char& c : name)
+        if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+    return name;
+}
+
+INSTANTIATE_TEST_SUITE_P(Files, Scenarios,
+                         testing::Combine(testing::ValuesIn(scenarioFiles()),
+                                          testing::Values(Way::direct, Way::replayed, Way::mirrored, Way::late)),
+                         nameOf);
+
+TEST(ScenarioRunner, NoticesWhatIsWrong) {
+    const auto run = [](std::vector<Statement> statements) {
+        return runScenario({"own.scenario", "X3D", std::move(statements), {}}, Way::direct);
+    };
+    const Statement scene{1, "scene", "DEF P ScalarInterpolator { key [ 0 1 ] keyValue [ 0 2 ] }"};
+    const Statement send{2, "send", "P.set_fraction 0.5"}, line{3, "----", ""};
+    EXPECT_EQ(run({scene, send, line, {4, "expect", "P.value_changed 1"}}), "");
+    EXPECT_NE(run({scene, send, line, {4, "expect", "P.value_changed 1.1"}}), "");
+    EXPECT_NE(run({scene, send, line, {4, "silent", ""}}), "");
+    EXPECT_NE(run({scene, line, {4, "expect", "P.value_changed 1"}}), "");
+    EXPECT_NE(run({scene, send, line, {4, "get", "P.value_changed 2"}}), "");
+    EXPECT_NE(run({{1, "scene", "Nonsense { }"}, line, {3, "silent", ""}}), "");
+    EXPECT_NE(run({scene, line, {3, "diagnostic", "anything"}}), "");
+    EXPECT_NE(run({scene, line, {3, "absent", "P"}}), "");
+}
+
+}  // namespace
+}  // namespace rtsg::test
