@@ -3,12 +3,22 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/writer.h>
+
 #include "builder_state.h"
 
 namespace rtsg {
 
-std::string declarationText(const ProtoDeclaration&) {
-    return {};
+std::string declarationText(const ProtoDeclaration& proto) {
+    std::string text;
+    Diagnostics ignored;  // what could not be read is not in the commands; a name that cannot be spelled is no name
+    const auto writer = makeWriter(Encoding::classicVrml, [&](std::string_view piece) { text += piece; }, ignored);
+    writer->beginDocument({});
+    writeDeclaration(proto, *writer);
+    writer->endDocument();
+    // Less the document's own header.
+    const std::size_t start = text.find(proto.external ? "\nEXTERNPROTO " : "\nPROTO ");
+    return start == std::string::npos ? std::string() : text.substr(start + 1);
 }
 
 std::string declarationsOf(const Scene& scene) {

@@ -214,10 +214,11 @@ Result<> Scene::setField(NodeId id, FieldIndex field, Value value) {
         if (auto ok = s.checkNodes(*node, field, value.storage()); !ok) return ok;
     s.write(*node, field, value.storage());
     s.wake(*node);
-    // What a PROTO instance is given, its body has.
-    if (node->type_->kind == NodeType::Kind::proto && node->links_)
+    // What a PROTO instance is given, its body has; an instance in a body has such a connection outwards as well.
+    const NodeType::Kind kind = node->type_->kind;
+    if ((kind == NodeType::Kind::proto || kind == NodeType::Kind::externProto) && node->links_)
         for (const Route& route : routesFrom(id))
-            if (route.isConnection && route.fromField == field) {
+            if (route.isConnection && route.fromField == field && s.find(route.toNode)->scope_ == id) {
                 const Node& target = *s.find(route.toNode);
                 const Access access = target.type_->fields[route.toField].access;
                 if (access == Access::initializeOnly || access == Access::inputOutput)

@@ -222,7 +222,6 @@ void SceneExporter::State::writeHead(DocumentHandler& handler, Encoding encoding
     header.encoding = encoding;
     if (const FieldIndex profile = hiddenField(root.type(), "profile"); profile != kNoField)
         header.profile = static_cast<const String*>(root.storage(profile))->str();
-    if (header.profile.empty()) header.profile = "Full";
     handler.beginDocument(header);
     const Array<String>&components = info("components"), &metas = info("meta"), &units = info("units");
     for (std::size_t i = 0; i + 1 < components.size(); i += 2) {

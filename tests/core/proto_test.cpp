@@ -138,6 +138,17 @@ TEST(Proto, NestedOverridesGoThroughIncludingNodes) {
     EXPECT_EQ(l.get(groupB, "translation"), "3 3 3");
 }
 
+TEST(Proto, AnEditGoesInwardsThroughAllLevels) {
+    Loaded l(
+        "PROTO Inner [ inputOutput SFVec3f at 0 0 0 ] { DEF T Transform { translation IS at } }\n"
+        "PROTO Outer [ inputOutput SFVec3f at 0 0 0 ] { DEF I Inner { at IS at } }\nDEF A Outer { }");
+    const NodeId a = l.named("A"), i = l.named("I", a), t = l.named("T", i);
+    ASSERT_TRUE(l.scene.setField(a, l.field(a, "at"), Value(Vec3f(1, 2, 3))));
+    EXPECT_EQ(l.get(t, "translation"), "1 2 3");
+    ASSERT_TRUE(l.scene.setField(i, l.field(i, "at"), Value(Vec3f(4, 5, 6))));
+    EXPECT_EQ(l.get(t, "translation"), "4 5 6");
+}
+
 TEST(Proto, AnEmptyListOverridesDefaultNodes) {
     Loaded l(
         "PROTO P [ initializeOnly MFNode c [ Shape { } ] ] { DEF G Group { children IS c } }\nDEF A P { c [ ] } DEF B "

@@ -69,6 +69,8 @@ class CanonicalText {
             const auto f = static_cast<FieldIndex>(i);
             const FieldDef& def = node.type().fields[i];
             if (!def.readable() || node.isDefault(f)) continue;
+            // Writers must name a profile: Full where the scene has none.
+            if (def.hidden && def.name == "profile" && node.value(f) == Value(String("Full"))) continue;
             text_ += fmt::format("  {}{} ", def.hidden ? "." : "", def.name);
             if (def.type == FieldType::SFNode) {
                 text_ += label(*static_cast<const NodeId*>(node.storage(f)));

@@ -18,7 +18,7 @@ class SceneExporter {
     SceneExporter(const Scene& scene, Diagnostics& diagnostics);
     ~SceneExporter();
 
-    /// Sends beginDocument ... endDocument. `encoding` goes into the header; the profile is the scene's, or Full.
+    /// Sends beginDocument ... endDocument. `encoding` goes into the header.
     void write(DocumentHandler& handler, Encoding encoding = Encoding::classicVrml);
 
   private:
