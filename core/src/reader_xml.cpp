@@ -39,6 +39,9 @@ bool XmlReader::read() {
     XML_SetCharacterDataHandler(parser_, [](void* self, const char* characters, int count) {
         static_cast<XmlReader*>(self)->text({characters, static_cast<std::size_t>(count)});
     });
+    XML_SetCdataSectionHandler(
+        parser_, [](void* self) { static_cast<XmlReader*>(self)->beginSection(); },
+        [](void* self) { static_cast<XmlReader*>(self)->inSection_ = false; });
     XML_SetEntityDeclHandler(parser_, [](void* user, const char*, int isParameter, const char*, int, const char*,
                                          const char*, const char*, const char*) {
         auto* self = static_cast<XmlReader*>(user);
@@ -183,8 +186,19 @@ void XmlReader::end() {
     pop();
 }
 
+void XmlReader::beginSection() {
+    inSection_ = true;
+    if (skipDepth_ || !isTop(Inside::node) || !frames_.back().source) return;
+    Source& source = *frames_.back().source;
+    if (!source.hasSection && source.text.find_first_not_of(" \t\r\n") == source.text.npos) source.text.clear();
+    source.hasSection = true;
+}
+
 void XmlReader::text(std::string_view characters) {
-    if (!skipDepth_ && isTop(Inside::node) && frames_.back().source) frames_.back().source->text += characters;
+    if (skipDepth_ || !isTop(Inside::node) || !frames_.back().source) return;
+    Source& source = *frames_.back().source;
+    if (source.hasSection && !inSection_ && characters.find_first_not_of(" \t\r\n") == characters.npos) return;
+    source.text += characters;
 }
 
 const char* XmlReader::attribute(Attributes attributes, std::string_view name) const {

@@ -44,6 +44,7 @@ class XmlReader final : private FieldTextReport {
         std::optional<Array<String>> url;
         SourceLocation where;
         std::string text;
+        bool hasSection = false;  // CDATA was seen: white space around it is layout
     };
     struct Prototype {
         std::shared_ptr<ProtoType> type;
@@ -71,6 +72,7 @@ class XmlReader final : private FieldTextReport {
     // reader_xml.cpp: document, statements, prototypes
     void start(const char* name, Attributes attributes);
     void end();
+    void beginSection();
     void text(std::string_view characters);
     static const Element* findElement(std::string_view name);
     void begin(Attributes attributes);
@@ -138,6 +140,7 @@ class XmlReader final : private FieldTextReport {
     std::vector<Frame> frames_;
     std::size_t skipDepth_ = 0;  // elements open inside one that is left out
     std::size_t bodies_ = 0;     // PROTO bodies open
+    bool inSection_ = false;  // between <![CDATA[ and ]]>
     bool began_ = false, refusedEntity_ = false, hasUnits_ = false;
     const char* element_ = "";
     const char* attributeName_ = nullptr;  // whose value is being parsed

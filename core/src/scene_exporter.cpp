@@ -243,7 +243,9 @@ void SceneExporter::State::writeDeclarations(DocumentHandler& handler) {
     const std::string text = declarationsOf(scene);
     if (text.empty()) return;
     CommandList read;
-    readDocument(text, read, diagnostics);
+    Diagnostics again(diagnostics.file());  // what there is to say of values was said when they were loaded
+    readDocument(text, read, again);
+    if (again.errors() > 0) diagnostics.append(again);
     read.replay(declarations);
     Contents contents(&handler);
     read.replay(contents);
