@@ -115,14 +115,13 @@ std::optional<Arrival> retrace(const AcousticGeometry& geometry, const glm::dvec
     }
 }
 
-/// Direct sound, weakened by what it passes through.
-std::optional<Arrival> directSound(const AcousticGeometry& geometry, const glm::dvec3& source,
-                                   const glm::dvec3& listener) {
+}  // namespace
+
+Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener) {
+    Bands share = allBands(1);
     const glm::dvec3 toSource = source - listener;
     const double distance = glm::length(toSource);
-    Arrival arrival;
-    arrival.energy = allBands(1);
-    if (!(distance > 1e-3)) return arrival;
+    if (!(distance > 1e-3)) return share;
     const glm::dvec3 direction = toSource / distance;
     glm::dvec3 origin = listener;
     double left = distance;
@@ -131,18 +130,16 @@ std::optional<Arrival> directSound(const AcousticGeometry& geometry, const glm::
     while (geometry.closest(origin, direction, left - 1e-3, plane, hit)) {
         bool any = false;
         for (std::size_t b = 0; b < kBandCount; ++b) {
-            arrival.energy[b] *= geometry.materials()[hit.material].transmission[b];
-            any = any || arrival.energy[b] > 0;
+            share[b] *= geometry.materials()[hit.material].transmission[b];
+            any = any || share[b] > 0;
         }
-        if (!any) return std::nullopt;
+        if (!any) break;
         origin += direction * hit.distance;
         left -= hit.distance;
         plane = hit.plane;
     }
-    return arrival;
+    return share;
 }
-
-}  // namespace
 
 ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                               const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation) {
@@ -159,7 +156,9 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3
             arrival->energy[b] *= std::exp(-attenuation[b] * distance) / (4 * std::numbers::pi * clamped * clamped);
         result.arrivals.push_back(*arrival);
     };
-    keep(directSound(geometry, source, listener), source);
+    Arrival direct;
+    direct.energy = directShare(geometry, source, listener);
+    if (direct.energy != Bands{}) keep(direct, source);
 
     CandidateSet candidates;
     candidates.insert(source, kNoPlane, 1);

@@ -39,4 +39,8 @@ struct ImageSources {
 ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                               const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation);
 
+/// Share of the energy per band that is left on the straight way: 1 in the open, 0 behind a wall that lets nothing
+/// through.
+Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener);
+
 }  // namespace rtsg

@@ -1,0 +1,56 @@
+// ClipLibrary: the sounds of AudioClips, read once and converted to one rate; and playing voices from them.
+//
+// A clip that cannot be read is replaced by a test signal (a decaying noise burst each second), with a warning, so that
+// one hears where it would be. Relative urls start from the base folder; only files are read, nothing is fetched.
+// Threading: one thread.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <rtsg/audio/sound_file.h>
+#include <rtsg/audio/sound_scene.h>
+
+namespace rtsg {
+
+class ClipLibrary {
+  public:
+    ClipLibrary(int sampleRate, std::filesystem::path base) : sampleRate_(sampleRate), base_(std::move(base)) {}
+
+    /// Mono, at the library's rate; never null.
+    std::shared_ptr<const SoundBuffer> get(const SoundVoice& voice);
+    int sampleRate() const { return sampleRate_; }
+    const Diagnostics& diagnostics() const { return diagnostics_; }
+
+  private:
+    std::shared_ptr<const SoundBuffer> read(const SoundVoice& voice);
+    std::shared_ptr<const SoundBuffer> testSignal();
+
+    int sampleRate_;
+    std::filesystem::path base_;
+    std::map<std::vector<std::string>, std::shared_ptr<const SoundBuffer>> clips_;
+    std::shared_ptr<const SoundBuffer> test_;
+    Diagnostics diagnostics_;
+};
+
+/// Where one voice has got to. Follows the rules of time-dependent nodes: a voice that is sounding keeps its start.
+class VoicePlayer {
+  public:
+    /// Adds the samples of [first, first + out.size()) at the library's rate, scene time 0 being sample 0.
+    void play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t first, std::span<float> out);
+
+  private:
+    std::shared_ptr<const SoundBuffer> clip_;
+    std::vector<std::string> urls_;
+    const void* buffer_ = nullptr;
+    double phase_ = 0;  // clip: samples; oscillator: turns
+    double start_ = 0;  // the startTime it plays from
+    bool playing_ = false, finished_ = false;
+};
+
+}  // namespace rtsg

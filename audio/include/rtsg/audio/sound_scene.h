@@ -1,0 +1,116 @@
+// SoundScene: what a scene says about sound: who sounds where and how, who listens, what walls are made of.
+//
+// Invariant: after apply() it is what reading the scene anew would give; it is self-contained, so that sound may be
+// rendered while the scene moves on. An emitter is one placed Sound or SpatialSound: a USEd one is several.
+// AcousticProperties: the fields are shares of the incident energy. absorption is lost, refraction passes straight on,
+// diffuse is scattered by Lambert's law, specular mirrored; what is left over goes to diffuse and specular in their
+// proportion, and all of it to specular while specular is 0. Octave bands, which the node has not, may be given by a
+// MetadataFloat (or a MetadataSet of them) in its `metadata`, named like the field, with 8 values from 63 Hz, 7 from
+// 125 Hz, or 6 from 125 Hz on. Source: ISO/IEC 19775-1 V4.0 12.4.1 (AcousticProperties), 16.4 (Sound component), 8.2.4
+// (time-dependent nodes). Threading: apply() on the scene's thread; the rest between two of them.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/renderers/flattener.h>
+
+namespace rtsg {
+
+class WorldGeometry;
+
+/// A node's acoustic material; `defaults` while it is not enabled.
+AcousticMaterial acousticMaterial(const Scene& scene, const Node& acousticProperties, const AcousticMaterial& defaults);
+
+/// One generator of sound: an AudioClip, a BufferAudioSource or an OscillatorSource.
+struct SoundVoice {
+    enum class Kind : std::uint8_t { clip, buffer, oscillator };
+    Kind kind = Kind::clip;
+    NodeId node;
+    std::string name;               // DEF, or the type
+    std::vector<std::string> urls;  // clip: the first that can be read counts
+    Array<float> buffer;            // buffer: mono
+    double bufferRate = 48000;
+    double gain = 1, pitch = 1;
+    double frequency = 440;  // oscillator, Hz
+    bool loop = false;
+    double startTime = 0, stopTime = 0, pauseTime = 0, resumeTime = 0;
+
+    /// Whether it sounds at scene time `t`, but for a clip's end.
+    bool active(double t) const;
+};
+
+/// A Sound or SpatialSound node.
+struct SoundNode {
+    enum class Law : std::uint8_t { ellipsoids, linear, inverse, exponential };
+    NodeId node;
+    std::string name;  // DEF; without one the type and a number
+    bool enabled = true, spatialize = true, doppler = true;
+    double intensity = 1;  // with gain
+    glm::dvec3 location{0}, direction{0, 0, 1};
+    Law law = Law::ellipsoids;
+    double minBack = 1, minFront = 1, maxBack = 10, maxFront = 10;   // ellipsoids
+    double referenceDistance = 1, maxDistance = 10000, rolloff = 1;  // the others
+    double coneInner = 6.2832, coneOuter = 6.2832, coneOuterGain = 0;
+    std::vector<SoundVoice> voices;
+
+    /// Amplitude at a place in the node's frame, intensity not included. Ellipsoids: 1 in the inner, falling linearly
+    /// in decibels to -20 dB at the outer, silent beyond; location is one focus of both.
+    double level(const glm::dvec3& listener) const;
+    /// Amplitude factor of the cones towards a place.
+    double coneGain(const glm::dvec3& listener) const;
+};
+
+struct SoundEmitter {
+    InstanceId id;
+    std::uint32_t sound = 0;  // SoundScene::sounds
+    WorldFromLocal worldFromLocal{1.0};
+    std::string name;  // the node's, numbered if it is placed more than once
+};
+
+struct ListenerPose {
+    glm::dvec3 position{0, 0, 10};
+    glm::dvec3 right{1, 0, 0}, up{0, 1, 0}, back{0, 0, 1};  // orthonormal
+    double gain = 1;
+    /// A world direction in the listener's frame.
+    glm::dvec3 toLocal(const glm::dvec3& world) const {
+        return {glm::dot(world, right), glm::dot(world, up), glm::dot(world, back)};
+    }
+};
+
+class SoundScene {
+  public:
+    /// Materials go to `geometry` when there is one; it must outlive this.
+    explicit SoundScene(WorldGeometry* geometry = nullptr, const AcousticMaterial& defaults = {});
+
+    void apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
+
+    const std::vector<SoundEmitter>& emitters() const { return emitters_; }
+    const SoundNode& sound(const SoundEmitter& emitter) const { return sounds_.at(emitter.sound); }
+    glm::dvec3 position(const SoundEmitter& emitter) const;
+    /// The first enabled ListenerPointSource, else the bound viewpoint, else X3D's default of 0 0 10.
+    const ListenerPose& listener() const { return listener_; }
+    /// Nodes that are there but cannot be heard, and why.
+    const Diagnostics& diagnostics() const { return diagnostics_; }
+
+  private:
+    SoundNode readSound(const Scene& scene, const Node& node);
+    void readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound);
+    void chooseListener(const Scene& scene);
+
+    WorldGeometry* geometry_;
+    AcousticMaterial defaults_;
+    std::unordered_map<std::uint32_t, SoundNode> sounds_;     // by NodeId
+    std::unordered_map<std::uint32_t, Placed> others_;        // listeners and views, by slot
+    std::unordered_map<std::uint32_t, bool> acousticsKnown_;  // by NodeId
+    std::vector<SoundEmitter> emitters_;                      // in the order of their slots
+    ListenerPose listener_;
+    Diagnostics diagnostics_;
+};
+
+}  // namespace rtsg

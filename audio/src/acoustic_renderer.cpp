@@ -1,0 +1,372 @@
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <map>
+
+#include <rtsg/audio/acoustic_renderer.h>
+#include <rtsg/audio/clip_library.h>
+#include <rtsg/audio/convolver.h>
+#include <rtsg/audio/impulse_response.h>
+#include <rtsg/audio/loopback.h>
+#include <rtsg/audio/world_geometry.h>
+
+#include "delay_line.h"
+
+namespace rtsg {
+namespace {
+
+/// Positions over time, one a block, for looking up where a source was when it sent what is heard now.
+class Track {
+  public:
+    void add(const glm::dvec3& position) {
+        positions_.push_back(position);
+        if (positions_.size() > 8192) {
+            positions_.pop_front();
+            ++first_;
+        }
+    }
+    /// `block` may lie between two.
+    glm::dvec3 at(double block) const {
+        const double index =
+            std::clamp(block - static_cast<double>(first_), 0.0, static_cast<double>(positions_.size() - 1));
+        const auto low = static_cast<std::size_t>(index);
+        const std::size_t high = std::min(low + 1, positions_.size() - 1);
+        return glm::mix(positions_[low], positions_[high], index - static_cast<double>(low));
+    }
+    double newest() const { return static_cast<double>(first_ + positions_.size() - 1); }
+
+  private:
+    std::deque<glm::dvec3> positions_;
+    std::size_t first_ = 0;
+};
+
+struct EmitterState {
+    explicit EmitterState(std::size_t block) : left(block), right(block) {}
+
+    std::size_t mixerSource = 0;
+    std::map<std::uint32_t, VoicePlayer> players;  // by voice node
+    DelayLine line;
+    Track track;
+    Convolver left, right;
+    glm::dvec3 from{0}, to{0};  // this frame's way
+    // At the end of the last block.
+    double delay = 0, directGain = 0, lateGain = 0;
+    bool started = false;
+    // Of the response in use.
+    bool hasResponse = false;
+    double tracedAt = 0;
+    glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0};
+    std::uint64_t tracedGeometry = 0;
+    std::size_t responseFrames = 0;
+    /// Gone from the scene; what it sent is still on its way for this many samples.
+    bool gone = false;
+    std::size_t fading = 0;
+};
+
+glm::dvec3 mixedAxis(const glm::dvec3& a, const glm::dvec3& b, double alpha) {
+    const glm::dvec3 m = glm::mix(a, b, alpha);
+    const double length = glm::length(m);
+    return length > 1e-6 ? m / length : b;
+}
+
+}  // namespace
+
+struct AcousticRenderer::Impl {
+    Impl(const RayWorld& world, const Options& o, LoopbackMixer m)
+        : options(o),
+          geometry(world, {.defaultMaterial = o.defaultMaterial}),
+          scene(&geometry, o.defaultMaterial),
+          mixer(std::move(m)),
+          clips(o.sampleRate, o.base),
+          lateLeft(mixer.latency()),
+          lateRight(mixer.latency()) {}
+
+    Result<> block(double alpha, const ListenerPose& listener);
+    void retrace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
+                 const ListenerPose& listener);
+    Result<EmitterState*> stateOf(const SoundEmitter& emitter);
+
+    Options options;
+    WorldGeometry geometry;
+    SoundScene scene;
+    LoopbackMixer mixer;
+    ClipLibrary clips;
+    std::map<InstanceId, EmitterState> states;
+    std::vector<std::size_t> freeSources;
+    std::vector<std::vector<float>> blocks;  // by mixer source
+    ListenerPose before, now;                // at the ends of the frame being rendered
+    bool posed = false;
+    double renderedUntil = 0;
+    std::int64_t samples = 0;               // consumed from the voices
+    std::deque<float> lateLeft, lateRight;  // delays reflections by the mixer's latency
+    std::size_t toSkip = 0;                 // of the mixer's latency, still to be dropped
+    std::vector<float> ready;               // interleaved, rendered but not yet asked for
+    std::uint64_t traces = 0;
+};
+
+AcousticRenderer::AcousticRenderer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+AcousticRenderer::~AcousticRenderer() = default;
+
+Result<std::unique_ptr<AcousticRenderer>> AcousticRenderer::create(const RayWorld& world, const Options& options) {
+    if (options.sampleRate < 8000 || options.sampleRate > 192'000) return fail("the sample rate must be 8 to 192 kHz");
+    auto mixer = LoopbackMixer::open(
+        {.sampleRate = options.sampleRate, .binaural = options.binaural, .blockSize = options.blockSize});
+    if (!mixer) return std::unexpected(mixer.error());
+    auto impl = std::make_unique<Impl>(world, options, std::move(*mixer));
+    return std::unique_ptr<AcousticRenderer>(new AcousticRenderer(std::move(impl)));
+}
+
+Result<> AcousticRenderer::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    impl_->scene.apply(scene, changes, delta);
+    impl_->geometry.update();
+    return {};
+}
+
+const SoundScene& AcousticRenderer::scene() const {
+    return impl_->scene;
+}
+const AcousticGeometry& AcousticRenderer::geometry() const {
+    return impl_->geometry;
+}
+std::uint64_t AcousticRenderer::traces() const {
+    return impl_->traces;
+}
+
+Diagnostics AcousticRenderer::diagnostics() const {
+    Diagnostics all;
+    all.append(impl_->scene.diagnostics());
+    all.append(impl_->clips.diagnostics());
+    return all;
+}
+
+Result<EmitterState*> AcousticRenderer::Impl::stateOf(const SoundEmitter& emitter) {
+    const auto found = states.find(emitter.id);
+    if (found != states.end()) return &found->second;
+    EmitterState& state = states.try_emplace(emitter.id, options.blockSize).first->second;
+    if (freeSources.empty()) {
+        auto added = mixer.addSource();
+        if (!added) return std::unexpected(added.error());
+        blocks.emplace_back(options.blockSize);
+        freeSources.push_back(*added);
+    }
+    state.mixerSource = freeSources.back();
+    freeSources.pop_back();
+    state.from = state.to = scene.position(emitter);
+    return &state;
+}
+
+void AcousticRenderer::Impl::retrace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
+                                     const ListenerPose& listener) {
+    const double time = static_cast<double>(samples) / options.sampleRate;
+    if (state.hasResponse) {
+        const bool moved = state.tracedGeometry != geometry.version() ||
+                           glm::distance(state.tracedSource, source) > options.moveTolerance ||
+                           glm::distance(state.tracedListener, listener.position) > options.moveTolerance ||
+                           glm::dot(state.tracedRight, listener.right) < 0.998;  // 3.6 degrees
+        if (!moved || time < state.tracedAt + options.retraceSeconds) return;
+    }
+    const TraceResult traced = AcousticTracer(geometry).trace(source, listener.position, options.trace);
+    ImpulseResponseOptions response;
+    response.channels =
+        options.binaural ? ImpulseResponseOptions::Channels::binaural : ImpulseResponseOptions::Channels::stereo;
+    response.sampleRate = options.sampleRate;
+    response.listenerRight = listener.right;
+    response.firstOrder = 1;
+    response.cutShare = 1e-6;
+    response.speedOfSound = options.trace.air.speedOfSound;
+    // The same noise each time, another for each emitter: crossfades then do not rustle.
+    response.seed = emitter.id.slot + 1;
+    const ImpulseResponse ir = makeImpulseResponse(traced.echogram(), response);
+    state.left.setResponse(ir.channels[0]);
+    state.right.setResponse(ir.channels[1]);
+    state.responseFrames = ir.frames();
+    state.hasResponse = true;
+    state.tracedAt = time;
+    state.tracedSource = source;
+    state.tracedListener = listener.position;
+    state.tracedRight = listener.right;
+    state.tracedGeometry = geometry.version();
+    ++traces;
+}
+
+Result<> AcousticRenderer::Impl::block(double alpha, const ListenerPose& listener) {
+    const std::size_t size = options.blockSize;
+    const double rate = options.sampleRate, c = options.trace.air.speedOfSound;
+    std::vector<float> dry(size), late(size), wetLeft(size), wetRight(size);
+    for (auto& b : blocks) std::fill(b.begin(), b.end(), 0.0f);
+
+    for (const SoundEmitter& emitter : scene.emitters()) {
+        auto found = stateOf(emitter);
+        if (!found) return std::unexpected(found.error());
+        EmitterState& state = **found;
+        const SoundNode& sound = scene.sound(emitter);
+        const glm::dvec3 source = glm::mix(state.from, state.to, alpha);
+        state.track.add(source);
+
+        std::fill(dry.begin(), dry.end(), 0.0f);
+        if (sound.enabled)
+            for (const SoundVoice& voice : sound.voices)
+                state.players[voice.node.value].play(voice, clips, samples, dry);
+
+        // Where it was when it sent what arrives now; a few steps converge for anything slower than sound.
+        glm::dvec3 apparent = source;
+        for (int i = 0; i < 6; ++i) {
+            const double delaySamples = glm::distance(apparent, listener.position) / c * rate;
+            apparent = state.track.at(state.track.newest() - delaySamples / static_cast<double>(size));
+        }
+        const double distance = glm::distance(apparent, listener.position);
+        const double delay = distance / c * rate;
+        const glm::dmat3 linear(emitter.worldFromLocal[0], emitter.worldFromLocal[1], emitter.worldFromLocal[2]);
+        // The listener in the node's frame as if the node were where it was heard; singular transforms: as it is.
+        const glm::dvec3 offset = listener.position - apparent;
+        const glm::dvec3 local =
+            sound.location + (std::abs(glm::determinant(linear)) > 1e-12 ? glm::inverse(linear) * offset : offset);
+        const double level = sound.intensity * listener.gain *
+                             (options.levels == Levels::x3d ? sound.level(local) : 1 / std::max(distance, 0.1));
+        double open = 0;
+        if (level > 0) {
+            const Bands share = directShare(geometry, apparent, listener.position);
+            for (std::size_t b = 2; b < 7; ++b) open += share[b] / 5;
+            const Bands air = airAttenuation(options.trace.air);
+            open *= std::exp(-air[4] * distance);
+        }
+        const double directGain = level * sound.coneGain(local) * std::sqrt(open);
+        // In a response direct sound is 1 / d: times d, reflections keep their ratio to it.
+        const double lateGain = level * std::max(distance, 0.1);
+        if (!state.started) {
+            state.delay = delay;
+            state.directGain = directGain;
+            state.lateGain = lateGain;
+            state.started = true;
+        }
+
+        const std::size_t first = state.line.written();
+        state.line.write(dry, static_cast<std::size_t>(std::max(delay, state.delay)) + 2);
+        std::vector<float>& direct = blocks[state.mixerSource];
+        const bool glide = sound.doppler || std::abs(delay - state.delay) < 0.5;
+        for (std::size_t i = 0; i < size; ++i) {
+            const double w = static_cast<double>(i + 1) / static_cast<double>(size);
+            const double gain = state.directGain + (directGain - state.directGain) * w;
+            double value;
+            if (glide) {
+                const double d = delay == state.delay ? delay : state.delay + (delay - state.delay) * w;
+                value = static_cast<double>(state.line.read(first + i, d));
+            } else {  // no change of pitch wanted: from one delay to the other by crossfading
+                value = static_cast<double>(state.line.read(first + i, state.delay)) * (1 - w) +
+                        static_cast<double>(state.line.read(first + i, delay)) * w;
+            }
+            direct[i] = static_cast<float>(value * gain);
+            late[i] = dry[i] * static_cast<float>(state.lateGain + (lateGain - state.lateGain) * w);
+        }
+        mixer.setDirection(state.mixerSource,
+                           sound.spatialize ? glm::vec3(listener.toLocal(apparent - listener.position)) : glm::vec3(0));
+        if (options.reflections) {
+            if (level > 0) retrace(state, emitter, source, listener);
+            state.left.process(late, wetLeft);
+            state.right.process(late, wetRight);
+        }
+        state.delay = delay;
+        state.directGain = directGain;
+        state.lateGain = lateGain;
+    }
+
+    // Those that are gone fall silent when their last reflections have.
+    std::fill(dry.begin(), dry.end(), 0.0f);
+    for (auto it = states.begin(); it != states.end();) {
+        EmitterState& state = it->second;
+        if (!state.gone) {
+            ++it;
+            continue;
+        }
+        const std::size_t first = state.line.written();
+        state.line.write(dry, static_cast<std::size_t>(state.delay) + 2);
+        for (std::size_t i = 0; i < size; ++i)
+            blocks[state.mixerSource][i] =
+                state.line.read(first + i, state.delay) * static_cast<float>(state.directGain);
+        if (options.reflections) {
+            state.left.process(dry, wetLeft);
+            state.right.process(dry, wetRight);
+        }
+        state.fading -= std::min(state.fading, size);
+        if (state.fading > 0) {
+            ++it;
+        } else {
+            freeSources.push_back(state.mixerSource);
+            it = states.erase(it);
+        }
+    }
+
+    std::vector<std::span<const float>> inputs(blocks.begin(), blocks.end());
+    std::vector<float> stereo(2 * size);
+    if (auto rendered = mixer.render(inputs, stereo); !rendered) return rendered;
+    lateLeft.insert(lateLeft.end(), wetLeft.begin(), wetLeft.end());
+    lateRight.insert(lateRight.end(), wetRight.begin(), wetRight.end());
+    for (std::size_t i = 0; i < size; ++i) {
+        const float l = stereo[2 * i] + lateLeft.front(), r = stereo[2 * i + 1] + lateRight.front();
+        lateLeft.pop_front();
+        lateRight.pop_front();
+        if (toSkip > 0) {
+            --toSkip;
+        } else {
+            ready.push_back(l);
+            ready.push_back(r);
+        }
+    }
+    samples += static_cast<std::int64_t>(size);
+    return {};
+}
+
+Result<> AcousticRenderer::render(double untilSeconds, SoundBuffer& sound) {
+    Impl& s = *impl_;
+    if (sound.samples.empty()) {
+        sound.sampleRate = s.options.sampleRate;
+        sound.channels = 2;
+    }
+    if (sound.sampleRate != s.options.sampleRate || sound.channels != 2)
+        return fail("the sound rendered into has another format");
+    const double rate = s.options.sampleRate;
+    s.now = s.scene.listener();
+    if (!s.posed) {
+        s.before = s.now;
+        s.posed = true;
+        s.toSkip = s.mixer.latency();
+    }
+    for (auto& [id, state] : s.states) {
+        if (state.gone) continue;
+        const auto& emitters = s.scene.emitters();
+        const auto emitter =
+            std::lower_bound(emitters.begin(), emitters.end(), id.slot,
+                             [](const SoundEmitter& e, std::uint32_t slot) { return e.id.slot < slot; });
+        if (emitter == emitters.end() || emitter->id != id) {
+            state.gone = true;
+            state.fading = static_cast<std::size_t>(state.delay) + state.responseFrames + s.options.blockSize;
+            continue;
+        }
+        state.from = state.to;
+        state.to = s.scene.position(*emitter);
+        // Faster than sound is not moving but being put somewhere else.
+        if (glm::distance(state.from, state.to) >
+            s.options.trace.air.speedOfSound * std::max(1e-3, untilSeconds - s.renderedUntil))
+            state.from = state.to;
+    }
+    const std::size_t wanted = 2 * static_cast<std::size_t>(std::max(
+                                       0.0, std::round(untilSeconds * rate) - std::round(s.renderedUntil * rate)));
+    const double span = untilSeconds - s.renderedUntil;
+    while (s.ready.size() < wanted) {
+        const double end = static_cast<double>(s.samples + static_cast<std::int64_t>(s.options.blockSize)) / rate;
+        const double alpha = span > 0 ? std::clamp((end - s.renderedUntil) / span, 0.0, 1.0) : 1;
+        ListenerPose listener = s.now;
+        listener.position = glm::mix(s.before.position, s.now.position, alpha);
+        listener.right = mixedAxis(s.before.right, s.now.right, alpha);
+        listener.up = mixedAxis(s.before.up, s.now.up, alpha);
+        listener.back = mixedAxis(s.before.back, s.now.back, alpha);
+        if (auto done = s.block(alpha, listener); !done) return done;
+    }
+    sound.samples.insert(sound.samples.end(), s.ready.begin(), s.ready.begin() + static_cast<std::ptrdiff_t>(wanted));
+    s.ready.erase(s.ready.begin(), s.ready.begin() + static_cast<std::ptrdiff_t>(wanted));
+    s.before = s.now;
+    s.renderedUntil = std::max(s.renderedUntil, untilSeconds);
+    return {};
+}
+
+}  // namespace rtsg

@@ -1,0 +1,125 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include <rtsg/audio/clip_library.h>
+
+#include "fractional_delay.h"
+#include "random.h"
+
+namespace rtsg {
+
+std::shared_ptr<const SoundBuffer> ClipLibrary::testSignal() {
+    if (test_) return test_;
+    auto sound = std::make_shared<SoundBuffer>(SoundBuffer{sampleRate_, 1, {}});
+    sound->samples.resize(static_cast<std::size_t>(sampleRate_));
+    Random random(42);
+    for (std::size_t i = 0; i < sound->samples.size(); ++i)
+        sound->samples[i] =
+            static_cast<float>((random.uniform() - 0.5) * std::exp(-static_cast<double>(i) * 25 / sampleRate_));
+    return test_ = std::move(sound);
+}
+
+std::shared_ptr<const SoundBuffer> ClipLibrary::read(const SoundVoice& voice) {
+    std::string reasons;
+    for (const std::string& url : voice.urls) {
+        std::string path = url;
+        if (path.starts_with("file://")) path = path.substr(7);
+        if (path.find("://") != std::string::npos || path.starts_with("urn:") || path.starts_with("data:")) {
+            reasons += fmt::format("; {}: not a file", url.substr(0, 80));
+            continue;
+        }
+        const std::filesystem::path full =
+            std::filesystem::path(path).is_absolute() ? std::filesystem::path(path) : base_ / path;
+        std::error_code ignored;
+        if (!std::filesystem::is_regular_file(full, ignored)) {
+            reasons += fmt::format("; {}: no such file", full.string());
+            continue;
+        }
+        auto sound = readSound(full.string());
+        if (sound) sound = resample(mixToMono(*sound), sampleRate_);
+        if (sound && !sound->samples.empty()) return std::make_shared<const SoundBuffer>(std::move(*sound));
+        reasons += fmt::format("; {}: {}", full.string(), sound ? "is empty" : sound.error().text);
+    }
+    diagnostics_.warning({}, fmt::format("{}: no sound that can be read, a test signal takes its place{}", voice.name,
+                                         voice.urls.empty() ? "; url is empty" : reasons));
+    return nullptr;
+}
+
+std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
+    if (voice.kind == SoundVoice::Kind::buffer) {
+        SoundBuffer sound{std::clamp(static_cast<int>(voice.bufferRate), 1000, 1'000'000), 1, {}};
+        for (const float sample : voice.buffer) sound.samples.push_back(std::isfinite(sample) ? sample : 0);
+        auto converted = resample(sound, sampleRate_);
+        return converted ? std::make_shared<const SoundBuffer>(std::move(*converted)) : testSignal();
+    }
+    const auto [at, fresh] = clips_.try_emplace(voice.urls);
+    if (fresh) {
+        at->second = read(voice);
+        if (!at->second) at->second = testSignal();
+    }
+    return at->second;
+}
+
+void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t first, std::span<float> out) {
+    static const SincTable sinc;
+    const double rate = clips.sampleRate();
+    const bool oscillator = voice.kind == SoundVoice::Kind::oscillator;
+    if (!oscillator && (!clip_ || urls_ != voice.urls || buffer_ != voice.buffer.data())) {
+        clip_ = clips.get(voice);
+        urls_ = voice.urls;
+        buffer_ = voice.buffer.data();
+    }
+    const double length = oscillator ? 0 : static_cast<double>(clip_->samples.size());
+    const double step = oscillator ? voice.frequency / rate : voice.pitch;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+        // Half a sample of grace: a start between two samples must not be late by one through rounding.
+        const double t = (static_cast<double>(first) + static_cast<double>(i) + 0.5) / rate;
+        if (!voice.active(t)) {
+            const bool over = t < voice.startTime || (voice.stopTime > voice.startTime && t >= voice.stopTime);
+            if (over) playing_ = finished_ = false;  // else it is paused and keeps its place
+            continue;
+        }
+        if (!playing_ && (!finished_ || start_ != voice.startTime)) {
+            playing_ = true;
+            finished_ = false;
+            start_ = voice.startTime;
+            // Started in the past: it is in the middle by now.
+            phase_ =
+                std::max(0.0, std::round(static_cast<double>(first) + static_cast<double>(i) - start_ * rate)) * step;
+        }
+        if (!playing_) continue;
+        if (oscillator) {
+            out[i] += static_cast<float>(voice.gain * std::sin(2 * std::numbers::pi * phase_));
+            phase_ += step;
+            phase_ -= std::floor(phase_);
+            continue;
+        }
+        if (phase_ >= length) {
+            if (!voice.loop || length < 1) {
+                playing_ = false;
+                finished_ = true;
+                continue;
+            }
+            phase_ = std::fmod(phase_, length);
+        }
+        const double whole = std::floor(phase_), fraction = phase_ - whole;
+        double sample = 0;
+        if (fraction == 0) {
+            sample = static_cast<double>(clip_->samples[static_cast<std::size_t>(whole)]);
+        } else {
+            for (int k = 0; k < 2 * SincTable::kHalf; ++k) {
+                double at = whole + k - (SincTable::kHalf - 1);
+                if (voice.loop) at -= std::floor(at / length) * length;
+                if (at < 0 || at >= length) continue;
+                sample += static_cast<double>(clip_->samples[static_cast<std::size_t>(at)] * sinc.tap(fraction, k));
+            }
+        }
+        out[i] += static_cast<float>(voice.gain * sample);
+        phase_ += step;
+    }
+}
+
+}  // namespace rtsg

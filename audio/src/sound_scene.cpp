@@ -1,0 +1,358 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include <rtsg/audio/sound_scene.h>
+#include <rtsg/audio/world_geometry.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/camera.h>
+
+namespace rtsg {
+namespace {
+
+/// What stands for a node: a PROTO instance is its body's first node.
+const Node* effective(const Scene& scene, NodeId id) {
+    for (int depth = 0; depth < 64; ++depth) {
+        const Node* node = scene.find(id);
+        if (!node) return nullptr;
+        const NodeType::Kind kind = node->type().kind;
+        if (kind != NodeType::Kind::proto && kind != NodeType::Kind::externProto) return node;
+        const FieldIndex body = node->type().findExact("body");
+        if (body == kNoField || node->type().fields[body].type != FieldType::MFNode) return nullptr;
+        const auto& children = node->get(Field<Array<NodeId>>{body});
+        if (children.empty()) return nullptr;
+        id = children[0];
+    }
+    return nullptr;
+}
+
+std::string nameOf(const Scene& scene, const Node& node) {
+    const std::string_view name = scene.name(node.id());
+    return name.empty() ? fmt::format("{}#{}", node.type().name, node.id().value) : std::string(name);
+}
+
+/// Octave bands in a metadata node called `name`; false when there are none.
+bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Bands& bands, int depth = 0) {
+    const Node* node = scene.find(id);
+    if (!node || depth > 8) return false;
+    std::vector<double> values;
+    if (node->is(x3d::MetadataSet::type)) {
+        for (const NodeId child : node->get(x3d::MetadataSet::value))
+            if (bandsFromMetadata(scene, child, name, bands, depth + 1)) return true;
+        return false;
+    }
+    if (node->is(x3d::MetadataFloat::type) && node->get(x3d::MetadataFloat::name).view() == name) {
+        for (const float value : node->get(x3d::MetadataFloat::value)) values.push_back(static_cast<double>(value));
+    } else if (node->is(x3d::MetadataDouble::type) && node->get(x3d::MetadataDouble::name).view() == name) {
+        for (const double value : node->get(x3d::MetadataDouble::value)) values.push_back(value);
+    }
+    if (values.size() < 6 || values.size() > 8) return false;
+    for (int b = 0; b < kBandCount; ++b) {
+        const int first = values.size() == 8 ? 0 : 1;
+        const int index = std::clamp(b - first, 0, static_cast<int>(values.size()) - 1);
+        bands[static_cast<std::size_t>(b)] = values[static_cast<std::size_t>(index)];
+    }
+    return true;
+}
+
+template <class T>
+T fieldOr(const Node& node, std::string_view name, T otherwise) {
+    const FieldIndex field = node.type().findExact(name);
+    if (field == kNoField || node.type().fields[field].type != FieldTypeOf<T>::value) return otherwise;
+    return node.get(Field<T>{field});
+}
+
+ListenerPose poseFrom(const WorldFromLocal& m, const Vec3f& position, const Rotation& orientation) {
+    const Camera camera = Camera::perspective(m, Vec3d(position), orientation, 0.785, 1);
+    ListenerPose pose;
+    pose.position = camera.position;
+    pose.right = camera.right;
+    pose.up = camera.up;
+    pose.back = -camera.forward;
+    return pose;
+}
+
+template <class N>
+void readTimes(const Node& node, SoundVoice& voice) {
+    voice.startTime = node.get(N::startTime).seconds;
+    voice.stopTime = node.get(N::stopTime).seconds;
+    voice.pauseTime = node.get(N::pauseTime).seconds;
+    voice.resumeTime = node.get(N::resumeTime).seconds;
+}
+
+}  // namespace
+
+AcousticMaterial acousticMaterial(const Scene& scene, const Node& node, const AcousticMaterial& defaults) {
+    using P = x3d::AcousticProperties;
+    if (!node.get(P::enabled)) return defaults;
+    Bands absorption = allBands(static_cast<double>(node.get(P::absorption)));
+    Bands diffuse = allBands(static_cast<double>(node.get(P::diffuse)));
+    Bands specular = allBands(static_cast<double>(node.get(P::specular)));
+    Bands refraction = allBands(static_cast<double>(node.get(P::refraction)));
+    const NodeId metadata = node.get(P::metadata);
+    bandsFromMetadata(scene, metadata, "absorption", absorption);
+    bandsFromMetadata(scene, metadata, "diffuse", diffuse);
+    bandsFromMetadata(scene, metadata, "specular", specular);
+    bandsFromMetadata(scene, metadata, "refraction", refraction);
+    AcousticMaterial material;
+    const auto share = [](double value) { return std::isfinite(value) ? std::clamp(value, 0.0, 1.0) : 0.0; };
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        const double a = share(absorption[b]), through = std::min(share(refraction[b]), 1 - a), left = 1 - a - through;
+        const double d = share(diffuse[b]), s = share(specular[b]);
+        material.absorption[b] = a;
+        material.transmission[b] = through;
+        material.scattering[b] = s > 0 ? d / (d + s) : left > 0 ? std::min(1.0, d / left) : 0;
+    }
+    return material;
+}
+
+bool SoundVoice::active(double t) const {
+    if (t < startTime || (stopTime > startTime && t >= stopTime)) return false;
+    const bool paused = pauseTime > startTime && t >= pauseTime && !(resumeTime > pauseTime && t >= resumeTime);
+    return !paused;
+}
+
+double SoundNode::level(const glm::dvec3& listener) const {
+    const glm::dvec3 to = listener - location;
+    const double distance = glm::length(to);
+    if (law != Law::ellipsoids) {
+        const double reference = std::max(1e-6, referenceDistance), limit = std::max(reference, maxDistance);
+        const double d = std::clamp(distance, reference, limit);
+        if (law == Law::linear)
+            return limit > reference
+                       ? std::max(0.0, 1 - std::clamp(rolloff, 0.0, 1.0) * (d - reference) / (limit - reference))
+                       : 1;
+        if (law == Law::inverse)
+            return reference / (reference + std::max(0.0, rolloff) * (std::max(distance, reference) - reference));
+        return std::pow(std::max(distance, reference) / reference, -std::max(0.0, rolloff));
+    }
+    const double axis = glm::length(direction);
+    const double cosine = distance > 0 && axis > 0 ? glm::dot(to, direction) / (distance * axis) : 1;
+    // An ellipsoid with a focus at the origin: radius f b / mean at a right angle, f ahead, b behind.
+    const auto radius = [&](double front, double back) {
+        front = std::max(0.0, front), back = std::max(0.0, back);
+        const double denominator = front + back - (front - back) * cosine;
+        return denominator > 0 ? 2 * front * back / denominator : std::max(front, back);
+    };
+    const double inner = radius(minFront, minBack);
+    const double outer = std::max(inner, radius(maxFront, maxBack));
+    if (distance <= inner) return 1;
+    if (distance >= outer) return 0;
+    return std::pow(10.0, -(distance - inner) / (outer - inner));
+}
+
+double SoundNode::coneGain(const glm::dvec3& listener) const {
+    if (law == Law::ellipsoids || (coneInner >= 6.2831 && coneOuter >= 6.2831)) return 1;
+    const glm::dvec3 to = listener - location;
+    const double length = glm::length(to) * glm::length(direction);
+    if (!(length > 0)) return 1;
+    const double angle = std::acos(std::clamp(glm::dot(to, direction) / length, -1.0, 1.0));
+    const double inner = coneInner / 2, outer = std::max(inner, coneOuter / 2);
+    if (angle <= inner) return 1;
+    if (angle >= outer) return coneOuterGain;
+    return 1 + (coneOuterGain - 1) * (angle - inner) / (outer - inner);
+}
+
+SoundScene::SoundScene(WorldGeometry* geometry, const AcousticMaterial& defaults)
+    : geometry_(geometry), defaults_(defaults) {}
+
+glm::dvec3 SoundScene::position(const SoundEmitter& emitter) const {
+    return emitter.worldFromLocal * glm::dvec4(sound(emitter).location, 1.0);
+}
+
+void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound) {
+    const Node* node = effective(scene, id);
+    if (!node || depth > 32) return;
+    if (!fieldOr(*node, "enabled", true)) return;
+    gain *= static_cast<double>(fieldOr(*node, "gain", 1.0f));
+    SoundVoice voice;
+    voice.node = node->id();
+    voice.name = nameOf(scene, *node);
+    voice.gain = gain;
+    if (node->is(x3d::AudioClip::type)) {
+        if (!node->get(x3d::AudioClip::load)) return;
+        for (const String& url : node->get(x3d::AudioClip::url)) voice.urls.push_back(url.str());
+        voice.loop = node->get(x3d::AudioClip::loop);
+        voice.pitch = std::max(1e-3, static_cast<double>(node->get(x3d::AudioClip::pitch)));
+        readTimes<x3d::AudioClip>(*node, voice);
+        sound.voices.push_back(std::move(voice));
+    } else if (node->is(x3d::BufferAudioSource::type)) {
+        using B = x3d::BufferAudioSource;
+        voice.kind = SoundVoice::Kind::buffer;
+        voice.buffer = node->get(B::buffer);
+        for (const String& url : node->get(B::url)) voice.urls.push_back(url.str());
+        if (node->get(B::sampleRate) > 0) voice.bufferRate = static_cast<double>(node->get(B::sampleRate));
+        voice.loop = node->get(B::loop);
+        voice.pitch = std::max(1e-3, static_cast<double>(node->get(B::playbackRate)) *
+                                         std::pow(2.0, static_cast<double>(node->get(B::detune)) / 1200));
+        if (voice.buffer.empty()) voice.kind = SoundVoice::Kind::clip;
+        readTimes<B>(*node, voice);
+        sound.voices.push_back(std::move(voice));
+    } else if (node->is(x3d::OscillatorSource::type)) {
+        using O = x3d::OscillatorSource;
+        voice.kind = SoundVoice::Kind::oscillator;
+        voice.frequency = static_cast<double>(node->get(O::frequency)) *
+                          std::pow(2.0, static_cast<double>(node->get(O::detune)) / 1200);
+        voice.loop = true;
+        readTimes<O>(*node, voice);
+        sound.voices.push_back(std::move(voice));
+    } else {
+        // Processing nodes: their gain counts, what else they do is not modelled and said so.
+        const FieldIndex children = node->type().findExact("children");
+        const bool silent = children == kNoField || node->type().fields[children].type != FieldType::MFNode;
+        if (!node->is(x3d::Gain::type))
+            diagnostics_.warning({},
+                                 fmt::format("{} of {} is {}", node->type().name, sound.name,
+                                             silent ? "not a source that can be heard" : "passed through unprocessed"));
+        if (silent) return;
+        for (const NodeId child : node->get(Field<Array<NodeId>>{children}))
+            readVoices(scene, child, gain, depth + 1, sound);
+    }
+}
+
+SoundNode SoundScene::readSound(const Scene& scene, const Node& node) {
+    SoundNode sound;
+    sound.node = node.id();
+    sound.name = nameOf(scene, node);
+    if (node.is(x3d::Sound::type)) {
+        using S = x3d::Sound;
+        sound.enabled = node.get(S::enabled);
+        sound.spatialize = node.get(S::spatialize);
+        sound.intensity = static_cast<double>(node.get(S::intensity));
+        sound.location = node.get(S::location);
+        sound.direction = node.get(S::direction);
+        sound.minBack = static_cast<double>(node.get(S::minBack));
+        sound.minFront = static_cast<double>(node.get(S::minFront));
+        sound.maxBack = static_cast<double>(node.get(S::maxBack));
+        sound.maxFront = static_cast<double>(node.get(S::maxFront));
+        readVoices(scene, node.get(S::source), 1, 0, sound);
+    } else if (node.is(x3d::SpatialSound::type)) {
+        using S = x3d::SpatialSound;
+        sound.enabled = node.get(S::enabled);
+        sound.spatialize = node.get(S::spatialize);
+        sound.doppler = node.get(S::dopplerEnabled);
+        sound.intensity = static_cast<double>(node.get(S::intensity)) * static_cast<double>(node.get(S::gain));
+        sound.location = node.get(S::location);
+        sound.direction = node.get(S::direction);
+        const std::string_view model = node.get(S::distanceModel).view();
+        sound.law = model == "LINEAR"        ? SoundNode::Law::linear
+                    : model == "EXPONENTIAL" ? SoundNode::Law::exponential
+                                             : SoundNode::Law::inverse;
+        sound.referenceDistance = static_cast<double>(node.get(S::referenceDistance));
+        sound.maxDistance = static_cast<double>(node.get(S::maxDistance));
+        sound.rolloff = static_cast<double>(node.get(S::rolloffFactor));
+        sound.coneInner = static_cast<double>(node.get(S::coneInnerAngle));
+        sound.coneOuter = static_cast<double>(node.get(S::coneOuterAngle));
+        sound.coneOuterGain = static_cast<double>(node.get(S::coneOuterGain));
+        for (const NodeId child : node.get(S::children)) readVoices(scene, child, 1, 0, sound);
+    }
+    return sound;
+}
+
+void SoundScene::chooseListener(const Scene& scene) {
+    const Placed* listener = nullptr;
+    const Placed* view = nullptr;
+    NodeId bound;
+    if (const Node* root = scene.find(scene.root())) {
+        const auto& stack = root->get(x3d::RtsgScene::_viewpointStack);
+        if (!stack.empty()) bound = stack[0];
+    }
+    for (const auto& [slot, placed] : others_) {
+        const Node* node = scene.find(placed.node);
+        if (!node) continue;
+        if (placed.kind == PlacedKind::listener) {
+            if (fieldOr(*node, "enabled", true) && (!listener || placed.id.slot < listener->id.slot))
+                listener = &placed;
+        } else if (!view || (placed.node == bound) > (view->node == bound) ||
+                   ((placed.node == bound) == (view->node == bound) && placed.id.slot < view->id.slot)) {
+            view = &placed;
+        }
+    }
+    const auto pose = [&](const Placed& placed) {
+        const Node& node = scene.node(placed.node);
+        return poseFrom(placed.worldFromLocal, fieldOr(node, "position", Vec3f(0, 0, 10)),
+                        fieldOr(node, "orientation", Rotation{}));
+    };
+    listener_ = view ? pose(*view) : ListenerPose{};
+    if (!listener) return;
+    const Node& node = scene.node(listener->node);
+    if (!fieldOr(node, "trackCurrentView", false)) listener_ = pose(*listener);
+    listener_.gain = static_cast<double>(fieldOr(node, "gain", 1.0f));
+}
+
+void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    const auto isOurs = [](const Placed& placed) {
+        return placed.kind == PlacedKind::listener || placed.kind == PlacedKind::view;
+    };
+    const auto emitterAt = [&](InstanceId id) {
+        return std::lower_bound(emitters_.begin(), emitters_.end(), id.slot,
+                                [](const SoundEmitter& e, std::uint32_t slot) { return e.id.slot < slot; });
+    };
+    const auto holds = [&](auto it, InstanceId id) { return it != emitters_.end() && it->id == id; };
+
+    // Walls.
+    if (geometry_) {
+        const auto read = [&](NodeId id) {
+            if (const Node* node = effective(scene, id); node && node->is(x3d::AcousticProperties::type))
+                geometry_->setMaterial(id, acousticMaterial(scene, *node, defaults_));
+        };
+        for (const auto* list : {&delta.added, &delta.rebound})
+            for (const Instance& instance : *list)
+                if (instance.acoustics && acousticsKnown_.try_emplace(instance.acoustics.value, true).second)
+                    read(instance.acoustics);
+        for (const NodeId id : delta.acousticsChanged)
+            if (acousticsKnown_.contains(id.value)) read(id);
+    }
+
+    // Emitters, listeners, views.
+    bool renumber = false;
+    for (const InstanceId id : delta.placedRemoved) {
+        if (const auto it = emitterAt(id); holds(it, id)) {
+            emitters_.erase(it);
+            renumber = true;
+        }
+        others_.erase(id.slot);
+    }
+    for (const auto* list : {&delta.placedAdded, &delta.placedRebound})
+        for (const Placed& placed : *list) {
+            if (isOurs(placed)) others_[placed.id.slot] = placed;
+            if (placed.kind != PlacedKind::sound) continue;
+            const Node* node = scene.find(placed.node);
+            if (!node || (!node->is(x3d::Sound::type) && !node->is(x3d::SpatialSound::type))) continue;
+            if (!sounds_.contains(placed.node.value)) sounds_.emplace(placed.node.value, readSound(scene, *node));
+            SoundEmitter emitter{placed.id, placed.node.value, placed.worldFromLocal, {}};
+            if (const auto it = emitterAt(placed.id); holds(it, placed.id)) {
+                *it = emitter;
+            } else {
+                emitters_.insert(it, emitter);
+            }
+            renumber = true;
+        }
+    for (const InstanceDelta::Moved& moved : delta.placedMoved) {
+        if (const auto it = emitterAt(moved.id); holds(it, moved.id)) it->worldFromLocal = moved.worldFromLocal;
+        if (const auto it = others_.find(moved.id.slot); it != others_.end() && it->second.id == moved.id)
+            it->second.worldFromLocal = moved.worldFromLocal;
+    }
+    for (const NodeId id : delta.placedChanged) {
+        const auto it = sounds_.find(id.value);
+        if (it == sounds_.end()) continue;
+        if (const Node* node = scene.find(id)) it->second = readSound(scene, *node);
+    }
+    if (changes.isSnapshot()) renumber = true;
+    if (renumber) {
+        std::unordered_map<std::uint32_t, int> total, seen;
+        for (const SoundEmitter& e : emitters_) ++total[e.sound];
+        for (SoundEmitter& e : emitters_) {
+            const std::string& name = sounds_.at(e.sound).name;
+            e.name = total[e.sound] > 1 ? fmt::format("{}[{}]", name, seen[e.sound]++) : name;
+        }
+        std::erase_if(sounds_, [&](const auto& entry) { return !total.contains(entry.first); });
+    }
+    // A binding shows as a change of isBound.
+    if (changes.isSnapshot() || !delta.placedAdded.empty() || !delta.placedRemoved.empty() ||
+        !delta.placedMoved.empty() || !delta.placedRebound.empty() || !delta.placedChanged.empty())
+        chooseListener(scene);
+}
+
+}  // namespace rtsg
