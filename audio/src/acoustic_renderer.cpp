@@ -78,6 +78,8 @@ struct AcousticRenderer::Impl {
           scene(&geometry, o.defaultMaterial),
           mixer(std::move(m)),
           clips(o.sampleRate, o.base),
+          renderedUntil(o.startTime),
+          samples(std::llround(o.startTime * o.sampleRate)),
           lateLeft(mixer.latency()),
           lateRight(mixer.latency()) {}
 
@@ -96,8 +98,8 @@ struct AcousticRenderer::Impl {
     std::vector<std::vector<float>> blocks;  // by mixer source
     ListenerPose before, now;                // at the ends of the frame being rendered
     bool posed = false;
-    double renderedUntil = 0;
-    std::int64_t samples = 0;               // consumed from the voices
+    double renderedUntil;
+    std::int64_t samples;                   // consumed from the voices
     std::deque<float> lateLeft, lateRight;  // delays reflections by the mixer's latency
     std::size_t toSkip = 0;                 // of the mixer's latency, still to be dropped
     std::vector<float> ready;               // interleaved, rendered but not yet asked for

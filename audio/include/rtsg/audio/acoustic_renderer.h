@@ -42,6 +42,8 @@ class AcousticRenderer final : public InstanceSubscriber {
         double moveTolerance = 0.1;
         /// No reflections at all: direct sound only.
         bool reflections = true;
+        /// Scene time of the first sample.
+        double startTime = 0;
         /// Where relative urls of clips start.
         std::filesystem::path base;
 
@@ -61,9 +63,9 @@ class AcousticRenderer final : public InstanceSubscriber {
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
 
-    /// Renders the scene time from the end of the last call (0 at first) to `untilSeconds`, in whole blocks, and
-    /// appends it to `sound`. The latency of OpenAL is taken out. The poses of the latest apply() are those at
-    /// `untilSeconds`.
+    /// Renders the scene time from the end of the last call (at first the start time) to `untilSeconds`, in whole
+    /// blocks, and appends it to `sound`. The latency of OpenAL is taken out. The poses of the latest apply() are those
+    /// at `untilSeconds`.
     Result<> render(double untilSeconds, SoundBuffer& sound);
 
     const SoundScene& scene() const;

@@ -1,0 +1,84 @@
+// Listening to a scene: everything that the verb `listen` reports and writes, in one call or frame by frame.
+//
+// A ListenSession follows a scene (an original, a replica, a replay: no matter) through its bus at its own rate: what
+// happened since the last advance() comes merged. Room-acoustic figures are those of the moment measure() is called,
+// with rays enough for the asked error. Threading: on the scene's thread; tracing uses all cores.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <rtsg/audio/acoustic_renderer.h>
+#include <rtsg/audio/impulse_response.h>
+#include <rtsg/audio/room_metrics.h>
+#include <rtsg/audio/sound_file.h>
+
+namespace rtsg {
+
+struct ListenOptions {
+    double seconds = 5;
+    double framesPerSecond = 60;  // of the scene
+    bool sound = true;            // render it
+    bool metrics = true;          // measure at the start
+    /// Rendering: sample rate, stereo or binaural, levels, base folder of urls, defaults of walls.
+    AcousticRenderer::Options render;
+    /// Measuring: rays, image order, air. `seed`, `air` and walls are used for rendering too.
+    TraceOptions trace;
+    /// When positive: rays are added until the 95 % half widths from 125 Hz to 4 kHz are below `error` times the just
+    /// noticeable difference (T 5 %, C80 1 dB, D50 .05, G 1 dB), or `maxRays` is reached.
+    double error = 0;
+    std::uint64_t maxRays = 4'000'000;
+    /// Shares done, 0 to 1; returning false stops with an error.
+    std::function<bool(double)> progress;
+};
+
+struct ListenReport {
+    struct Source {
+        std::string source;  // DEF name, or the type and a number
+        glm::dvec3 position{0};
+        MetricsEstimate metrics;
+        TraceResult trace;
+    };
+    std::vector<Source> sources;
+    std::uint64_t rays = 0;
+    double seconds = 0;  // of computing, metrics and sound
+    double escaped = 0;  // share of the emitted energy, mean over bands and sources
+    SoundBuffer sound;   // stereo, empty unless asked for
+    float gain = 1;      // that had to be applied lest the sound clip
+    Diagnostics diagnostics;
+
+    /// One object as the command line's contract says; NaN and infinity are null.
+    std::string toJson() const;
+    /// Mono responses at pressure 1 at 1 m, a channel a source, in the order of `sources`.
+    SoundBuffer impulseResponses(int sampleRate = 48000) const;
+};
+
+class ListenSession {
+  public:
+    /// Attaches to the scene's bus; the scene must outlive the session. Sound starts at the scene's present time.
+    static Result<std::unique_ptr<ListenSession>> attach(Scene& scene, const ListenOptions& options);
+    ~ListenSession();
+
+    /// Adopts what happened to the scene and renders sound up to the scene time `t`.
+    Result<> advance(double t);
+    /// Traces every source at the present state and adds it to the report.
+    Result<> measure();
+    /// The report so far, with the sound made not to clip. Ends the session's sound.
+    ListenReport finish();
+
+    const AcousticRenderer& renderer() const;
+    const RayWorld& world() const;
+
+  private:
+    struct Impl;
+    explicit ListenSession(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+/// Runs the scene from its present time for `options.seconds` and listens. Error: nothing to hear with, or cancelled;
+/// a scene without sounds is not an error, but silent.
+Result<ListenReport> listen(Scene& scene, const ListenOptions& options);
+
+}  // namespace rtsg

@@ -1,0 +1,387 @@
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <rtsg/audio/listen.h>
+#include <rtsg/audio/world_geometry.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A folder of its own with sounds to play: an impulse, a constant tone.
+class Listen : public testing::Test {
+  protected:
+    static constexpr int kRate = 48000;
+
+    void SetUp() override {
+        folder_ = fs::temp_directory_path() / ("rtsg_listen_" + std::to_string(::getpid()));
+        fs::create_directories(folder_);
+        SoundBuffer impulse{kRate, 1, std::vector<float>(kRate / 10)};
+        impulse.samples[0] = 0.5f;
+        ASSERT_TRUE(writeWav((folder_ / "impulse.wav").string(), impulse, WavFormat::float32));
+        SoundBuffer tone{kRate, 1, {}};
+        for (int i = 0; i < kRate; ++i)
+            tone.samples.push_back(static_cast<float>(0.5 * std::sin(2 * M_PI * 1000 * i / double{kRate})));
+        ASSERT_TRUE(writeWav((folder_ / "tone.wav").string(), tone, WavFormat::float32));
+    }
+    void TearDown() override { fs::remove_all(folder_); }
+
+    void load(Scene& scene, const std::string& body) {
+        Diagnostics diagnostics;
+        const bool loaded = loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + body, diagnostics, folder_);
+        for (const Diagnostic& d : diagnostics.all()) ADD_FAILURE() << d.format();
+        ASSERT_TRUE(loaded);
+    }
+    ListenOptions options() const {
+        ListenOptions o;
+        o.seconds = 0.2;
+        o.metrics = false;
+        o.render.base = folder_;
+        o.render.trace.rays = 400;
+        return o;
+    }
+    static std::size_t peak(const SoundBuffer& sound, int channel) {
+        std::size_t best = 0;
+        for (std::size_t i = 0; i < sound.frames(); ++i)
+            if (std::abs(sound.samples[2 * i + static_cast<std::size_t>(channel)]) >
+                std::abs(sound.samples[2 * best + static_cast<std::size_t>(channel)]))
+                best = i;
+        return best;
+    }
+
+    fs::path folder_;
+};
+
+std::string room(const std::string& properties, const std::string& rest) {
+    return "Transform { translation 3 2.5 1.5 children Shape { geometry Box { size 6 5 3 solid FALSE } "
+           "appearance Appearance { acousticProperties AcousticProperties { " +
+           properties + " } } } }\n" + rest;
+}
+const std::string kPair =
+    "DEF Voice Sound { location 1 1 1.5 minBack 30 minFront 30 maxBack 60 maxFront 60 source AudioClip { url "
+    "\"impulse.wav\" } }\nViewpoint { position 4 3 1.5 }\n";
+
+TEST_F(Listen, MeasuresTheReferenceBoxThroughTheWholePath) {
+    Scene scene;
+    load(scene, room("absorption .1 diffuse .45 specular .45", kPair));
+    ListenOptions o = options();
+    o.sound = false;
+    o.metrics = true;
+    o.trace.rays = 9600;
+    const auto report = listen(scene, o);
+    ASSERT_TRUE(report) << report.error().text;
+    ASSERT_EQ(report->sources.size(), 1u);
+    const auto& s = report->sources[0];
+    EXPECT_EQ(s.source, "Voice");
+    EXPECT_NEAR(s.metrics.value.t30[4], 1.1088, 2 * s.metrics.ci95.t30[4] + 0.006);
+    EXPECT_NEAR(s.metrics.value.edt[4], 1.1093, 2 * s.metrics.ci95.edt[4] + 0.01);
+    EXPECT_NEAR(s.metrics.value.c80[4], 2.212, 2 * s.metrics.ci95.c80[4] + 0.1);
+    EXPECT_NEAR(s.metrics.value.g[4], 25.323, 2 * s.metrics.ci95.g[4] + 0.03);
+    EXPECT_LT(report->escaped, 1e-5);
+    EXPECT_GE(report->rays, 9600u);
+    EXPECT_GT(report->seconds, 0);
+    EXPECT_TRUE(report->sound.samples.empty());
+    const std::string json = report->toJson();
+    for (const char* key : {"\"sources\":[{\"source\":\"Voice\"", "\"bands_hz\":[63,125,250,500,1000,2000,4000,8000]",
+                            "\"EDT_s\":[", "\"T20_s\":[", "\"T30_s\":[", "\"C50_db\":[", "\"C80_db\":[", "\"D50\":[",
+                            "\"Ts_s\":[", "\"G_db\":[", "\"ci95\":{", "\"rays\":", "\"seconds\":", "\"escaped\":"})
+        EXPECT_NE(json.find(key), std::string::npos) << key << " in " << json;
+    EXPECT_EQ(json.find("nan"), std::string::npos);
+    const SoundBuffer ir = report->impulseResponses();
+    EXPECT_EQ(ir.channels, 1);
+    EXPECT_GT(ir.seconds(), 0.8);
+}
+
+TEST_F(Listen, ErrorAsksForAsManyRaysAsItTakes) {
+    Scene scene;
+    load(scene, room("absorption .3 diffuse .3 specular .4", kPair));
+    ListenOptions o = options();
+    o.sound = false;
+    o.metrics = true;
+    o.trace.rays = 200;
+    o.error = 0.5;
+    const auto report = listen(scene, o);
+    ASSERT_TRUE(report);
+    const auto& m = report->sources[0].metrics;
+    EXPECT_GT(report->rays, 400u);
+    for (std::size_t b = 1; b < 7; ++b) {
+        EXPECT_LE(m.ci95.t20[b], 0.5 * 0.05 * m.value.t20[b]);
+        EXPECT_LE(m.ci95.c80[b], 0.5);
+    }
+}
+
+TEST_F(Listen, DirectSoundComesAfterItsDelayAtItsLevel) {
+    for (const int samples : {100, 700, 4800}) {
+        Scene scene;
+        const double distance = samples * 343.0 / kRate;
+        load(scene, "Sound { location 0 0 " + std::to_string(-distance) +
+                        " minBack 0 minFront 0 maxBack 70 maxFront 70 source AudioClip { url \"impulse.wav\" } }\n"
+                        "Viewpoint { position 0 0 0 }\n");
+        const auto report = listen(scene, options());
+        ASSERT_TRUE(report) << report.error().text;
+        EXPECT_EQ(report->sound.frames(), 9600u);
+        const std::size_t at = peak(report->sound, 0);
+        EXPECT_EQ(at, static_cast<std::size_t>(samples));
+        EXPECT_EQ(peak(report->sound, 1), at);
+        // Inner ellipsoid without extent, outer at 70 m: linear in decibels between.
+        EXPECT_NEAR(report->sound.samples[2 * at], 0.5 * std::pow(10.0, -distance / 70), 2e-3);
+        EXPECT_TRUE(report->diagnostics.all().empty());
+    }
+}
+
+TEST_F(Listen, PhysicalLevelsFallAsOneOverDistance) {
+    std::vector<double> level;
+    for (const double distance : {2.0, 4.0}) {
+        Scene scene;
+        load(scene, "Sound { location 0 0 " + std::to_string(-distance) +
+                        " source AudioClip { url \"tone.wav\" } }\nViewpoint { position 0 0 0 }\n");
+        ListenOptions o = options();
+        o.render.levels = AcousticRenderer::Levels::physical;
+        const auto report = listen(scene, o);
+        ASSERT_TRUE(report);
+        double energy = 0;
+        for (std::size_t i = 2 * 4000; i < 2 * 9000; i += 2)
+            energy += report->sound.samples[i] * report->sound.samples[i];
+        level.push_back(std::sqrt(energy / 5000 * 2));
+    }
+    EXPECT_NEAR(level[0], 0.5 / 2, 1e-3);
+    EXPECT_NEAR(level[1], 0.5 / 4, 1e-3);
+}
+
+TEST_F(Listen, SidesAndTheListenersTurn) {
+    const auto energies = [&](const std::string& view, bool binaural) {
+        Scene scene;
+        load(scene, "Sound { location 3 0 0 source AudioClip { url \"tone.wav\" } }\n" + view);
+        ListenOptions o = options();
+        o.render.binaural = binaural;
+        const auto report = listen(scene, o);
+        EXPECT_TRUE(report);
+        std::array<double, 2> energy{};
+        for (std::size_t i = 0; i < report->sound.samples.size(); ++i)
+            energy[i % 2] += report->sound.samples[i] * report->sound.samples[i];
+        return energy;
+    };
+    for (const bool binaural : {false, true}) {
+        const auto right = energies("Viewpoint { position 0 0 0 }", binaural);
+        EXPECT_GT(right[1], 3 * right[0]);
+        const auto left = energies("Viewpoint { position 0 0 0 orientation 0 1 0 3.14159265 }", binaural);
+        EXPECT_GT(left[0], 3 * left[1]);
+        const auto ahead = energies("Viewpoint { position 0 0 0 orientation 0 1 0 -1.57079633 }", binaural);
+        EXPECT_NEAR(ahead[0] / ahead[1], 1, 0.5);
+        // A listener of its own goes before the viewpoint.
+        const auto own = energies("Viewpoint { position 0 0 0 } ListenerPointSource { position 6 0 0 }", binaural);
+        EXPECT_GT(own[0], 3 * own[1]);
+    }
+}
+
+TEST_F(Listen, ReverberationFollowsTheDirectSound) {
+    Scene dry, wet;
+    load(dry, kPair);
+    load(wet, room("absorption .2 diffuse .5 specular .3", kPair));
+    ListenOptions o = options();
+    o.seconds = 0.6;
+    const auto a = listen(dry, o), b = listen(wet, o);
+    ASSERT_TRUE(a);
+    ASSERT_TRUE(b);
+    const auto direct = static_cast<std::size_t>(std::lround(std::sqrt(13.0) / 343 * kRate));
+    const auto energy = [](const SoundBuffer& s, std::size_t from, std::size_t to) {
+        double sum = 0;
+        for (std::size_t i = 2 * from; i < 2 * to; ++i) sum += static_cast<double>(s.samples[i]) * s.samples[i];
+        return sum / 2;
+    };
+    // Without a room there is direct sound and nothing else.
+    EXPECT_NEAR(energy(a->sound, direct - 40, direct + 40), 0.25, 0.13);
+    EXPECT_NEAR(energy(a->sound, direct + 200, 28800), 0, 1e-6);
+    // With one the ratio of reflected to direct energy is that of the traced response.
+    ListenOptions m = o;
+    m.sound = false;
+    m.metrics = true;
+    const auto figures = listen(wet, m);
+    ASSERT_TRUE(figures);
+    double reflected = 0;
+    const TraceResult& traced = figures->sources[0].trace;
+    for (const Arrival& arrival : traced.arrivals)
+        if (arrival.order > 0) reflected += arrival.energy[4];
+    for (const Bands& bin : traced.echogram().late.bins) reflected += bin[4];
+    reflected *= 4 * M_PI * 13;  // re direct
+    const double heard = energy(b->sound, direct + 60, 28800) / 0.25;
+    EXPECT_NEAR(10 * std::log10(heard / reflected), 0, 1.0);
+    EXPECT_LE(b->sound.peak(), 1.0f);
+}
+
+TEST_F(Listen, AMovingSourceIsShiftedByDoppler) {
+    // Towards the listener at 20 m/s: f / (1 - v / c) exactly, which only the emission time gives.
+    Scene scene;
+    load(scene,
+         "DEF Car Transform { translation 0 0 -60 children Sound { minBack 100 minFront 100 maxBack 200 maxFront 200 "
+         "source AudioClip { url \"tone.wav\" loop TRUE } } }\n"
+         "DEF Clock TimeSensor { cycleInterval 2 loop TRUE }\n"
+         "DEF Way PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 -60 0 0 -20 ] }\n"
+         "ROUTE Clock.fraction_changed TO Way.set_fraction\nROUTE Way.value_changed TO Car.translation\n"
+         "Viewpoint { position 0 0 0 }\n");
+    ListenOptions o = options();
+    o.seconds = 1.2;
+    const auto report = listen(scene, o);
+    ASSERT_TRUE(report);
+    // Count zero crossings between .5 and 1.1 s.
+    double first = 0, last = 0;
+    int crossings = 0;
+    const auto& x = report->sound.samples;
+    for (std::size_t i = kRate / 2; i < static_cast<std::size_t>(1.1 * kRate); ++i)
+        if (x[2 * i] < 0 && x[2 * i + 2] >= 0) {
+            const double at = static_cast<double>(i) + x[2 * i] / (x[2 * i] - x[2 * i + 2]);
+            if (crossings++ == 0) first = at;
+            last = at;
+        }
+    const double frequency = (crossings - 1) / (last - first) * kRate;
+    EXPECT_NEAR(frequency, 1000 / (1 - 20 / 343.0), 0.5);
+}
+
+TEST_F(Listen, FollowsEditsOfTheScene) {
+    Scene scene;
+    load(scene,
+         "DEF Voice Sound { location 1 0 0 source AudioClip { url \"tone.wav\" loop TRUE } }\nViewpoint { position 0 0 "
+         "0 }\n");
+    ListenOptions o = options();
+    auto session = ListenSession::attach(scene, o);
+    ASSERT_TRUE(session);
+    scene.newFrame(0);
+    const NodeId voice = scene.findName("Voice");
+    ASSERT_TRUE(voice);
+    scene.newFrame(0.1);
+    ASSERT_TRUE((*session)->advance(0.1));
+    ASSERT_TRUE(scene.set(voice, x3d::Sound::enabled, false));
+    scene.newFrame(0.2);
+    ASSERT_TRUE((*session)->advance(0.2));
+    ASSERT_TRUE(scene.set(voice, x3d::Sound::enabled, true));
+    ASSERT_TRUE(scene.set(voice, x3d::Sound::location, Vec3f(-1, 0, 0)));
+    scene.newFrame(0.3);
+    ASSERT_TRUE((*session)->advance(0.3));
+    ASSERT_TRUE(scene.destroyNode(voice));
+    scene.newFrame(0.4);
+    ASSERT_TRUE((*session)->advance(0.4));
+    const SoundBuffer sound = (*session)->finish().sound;
+    ASSERT_EQ(sound.frames(), static_cast<std::size_t>(0.4 * kRate));
+    const auto energy = [&](double from, double to, std::size_t channel) {
+        double sum = 0;
+        for (auto i = static_cast<std::size_t>(from * kRate); i < static_cast<std::size_t>(to * kRate); ++i)
+            sum += sound.samples[2 * i + channel] * sound.samples[2 * i + channel];
+        return sum;
+    };
+    EXPECT_GT(energy(.02, .1, 1), 4 * energy(.02, .1, 0));
+    EXPECT_NEAR(energy(.12, .2, 0) + energy(.12, .2, 1), 0, 1e-6);
+    EXPECT_GT(energy(.23, .3, 0), 4 * energy(.23, .3, 1));
+    EXPECT_NEAR(energy(.33, .4, 0) + energy(.33, .4, 1), 0, 1e-6);
+}
+
+TEST_F(Listen, TheSameSceneGivesTheSameSamples) {
+    std::vector<SoundBuffer> sounds;
+    for (int i = 0; i < 2; ++i) {
+        Scene scene;
+        load(scene,
+             room("absorption .3 diffuse .3 specular .4",
+                  "DEF Move Transform { children " + kPair.substr(0, kPair.find('\n')) +
+                      " }\n"
+                      "DEF Clock TimeSensor { cycleInterval 1 loop TRUE }\n"
+                      "DEF Way PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0 3 1 0 ] }\n"
+                      "ROUTE Clock.fraction_changed TO Way.set_fraction\nROUTE Way.value_changed TO Move.translation\n"
+                      "Viewpoint { position 4 3 1.5 }\n"));
+        ListenOptions o = options();
+        o.seconds = 0.5;
+        o.render.binaural = true;
+        const auto report = listen(scene, o);
+        ASSERT_TRUE(report);
+        sounds.push_back(report->sound);
+    }
+    EXPECT_EQ(sounds[0].samples, sounds[1].samples);
+    EXPECT_GT(sounds[0].peak(), 0.01f);
+}
+
+TEST_F(Listen, WhatIsMissingIsSaid) {
+    Scene silent;
+    load(silent, "Viewpoint { }");
+    const auto nothing = listen(silent, options());
+    ASSERT_TRUE(nothing);
+    EXPECT_EQ(nothing->diagnostics.warnings(), 1u);
+    EXPECT_EQ(nothing->sound.frames(), 9600u);
+    EXPECT_EQ(nothing->sound.peak(), 0.0f);
+
+    Scene missing;
+    load(missing,
+         "Sound { source AudioClip { description \"none\" url [ \"no.wav\" \"http://example.org/x.wav\" ] } "
+         "}\nViewpoint { position 0 0 1 }");
+    const auto replaced = listen(missing, options());
+    ASSERT_TRUE(replaced);
+    ASSERT_EQ(replaced->diagnostics.warnings(), 1u);
+    EXPECT_NE(replaced->diagnostics.all()[0].text.find("no.wav"), std::string::npos);
+    EXPECT_GT(replaced->sound.peak(), 0.1f);
+
+    ListenOptions bad = options();
+    bad.seconds = -1;
+    EXPECT_FALSE(listen(silent, bad));
+    bad = options();
+    bad.render.sampleRate = 3;
+    EXPECT_FALSE(listen(silent, bad));
+}
+
+TEST_F(Listen, EllipsoidsAndDistanceLaws) {
+    SoundNode sound;
+    sound.minFront = 2, sound.minBack = 1, sound.maxFront = 10, sound.maxBack = 5;
+    EXPECT_NEAR(sound.level({0, 0, 1.9}), 1, 1e-12);
+    EXPECT_NEAR(sound.level({0, 0, -0.9}), 1, 1e-12);
+    EXPECT_NEAR(sound.level({0, 0, 6}), 0.1 * std::pow(10, 0.5), 1e-12);  // half way: -10 dB
+    EXPECT_NEAR(sound.level({0, 0, -3}), 0.1 * std::pow(10, 0.5), 1e-12);
+    EXPECT_EQ(sound.level({0, 0, 10.1}), 0);
+    EXPECT_EQ(sound.level({0, 0, -5.1}), 0);
+    // At right angles the radius is the harmonic mean 2 f b / (f + b).
+    EXPECT_NEAR(sound.level({4.0 / 3 - 1e-9, 0, 0}), 1, 1e-9);
+    EXPECT_GT(sound.level({20.0 / 3 - 1e-6, 0, 0}), 0.09);
+    EXPECT_EQ(sound.level({20.0 / 3 + 1e-6, 0, 0}), 0);
+    sound.law = SoundNode::Law::inverse;
+    EXPECT_NEAR(sound.level({0, 4, 0}), 0.25, 1e-12);
+    sound.law = SoundNode::Law::linear;
+    sound.maxDistance = 11;
+    EXPECT_NEAR(sound.level({0, 6, 0}), 0.5, 1e-12);
+    sound.law = SoundNode::Law::exponential;
+    sound.rolloff = 2;
+    EXPECT_NEAR(sound.level({0, 3, 0}), 1.0 / 9, 1e-12);
+    sound.coneInner = 1, sound.coneOuter = 2, sound.coneOuterGain = .2;
+    EXPECT_EQ(sound.coneGain({0, 0, 3}), 1);
+    EXPECT_EQ(sound.coneGain({0, 0, -3}), .2);
+    EXPECT_NEAR(sound.coneGain({std::sin(.75), 0, std::cos(.75)}), .6, 1e-9);
+}
+
+TEST_F(Listen, AcousticPropertiesAreShares) {
+    const auto material = [&](const std::string& fields) {
+        Scene scene;
+        load(scene, "DEF S Shape { appearance Appearance { acousticProperties DEF A AcousticProperties { " + fields +
+                        " } } }");
+        return acousticMaterial(scene, scene.node(scene.findName("A")), AcousticMaterial{});
+    };
+    const AcousticMaterial shares = material("absorption .2 diffuse .2 specular .6");
+    EXPECT_NEAR(shares.absorption[0], .2, 1e-6);
+    EXPECT_NEAR(shares.scattering[0], .25, 1e-6);
+    EXPECT_EQ(shares.transmission[0], 0);
+    EXPECT_EQ(material("absorption .1").scattering[3], 0);
+    EXPECT_NEAR(material("absorption .1 diffuse .9").scattering[3], 1, 1e-6);
+    EXPECT_NEAR(material("absorption .1 diffuse .45").scattering[3], .5, 1e-6);
+    EXPECT_NEAR(material("absorption .4 refraction .8").transmission[3], .6, 1e-6);
+    EXPECT_NEAR(material("enabled FALSE absorption .9").absorption[0], AcousticMaterial{}.absorption[0], 1e-12);
+    const AcousticMaterial bands = material(
+        "absorption .5 metadata MetadataSet { value [ MetadataFloat { name \"absorption\" value [ .1 .2 .3 .4 .5 .6 ] "
+        "} ] }");
+    EXPECT_NEAR(bands.absorption[0], .1, 1e-6);
+    EXPECT_NEAR(bands.absorption[1], .1, 1e-6);
+    EXPECT_NEAR(bands.absorption[6], .6, 1e-6);
+    EXPECT_NEAR(bands.absorption[7], .6, 1e-6);
+}
+
+}  // namespace
+}  // namespace rtsg
