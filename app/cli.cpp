@@ -1,0 +1,103 @@
+#include "cli.h"
+
+#include <charconv>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+namespace rtsg::app {
+
+void print(const Diagnostics& diagnostics) {
+    for (const Diagnostic& d : diagnostics.all()) fmt::print(stderr, "{}\n", d.format());
+    if (diagnostics.dropped()) fmt::print(stderr, "... and {} more\n", diagnostics.dropped());
+}
+
+void printError(const std::string& text) {
+    fmt::print(stderr, "rtsg: error: {}\n", text);
+}
+
+Progress progressBar(std::string label) {
+    if (!isatty(STDERR_FILENO)) return {};
+    using Clock = std::chrono::steady_clock;
+    struct State {
+        std::string label;
+        Clock::time_point start = Clock::now(), shown = start;
+        bool visible = false;
+    };
+    auto state = std::make_shared<State>();
+    state->label = std::move(label);
+    return [state](std::uint64_t done, std::uint64_t total) {
+        const auto now = Clock::now();
+        const double elapsed = std::chrono::duration<double>(now - state->start).count();
+        const bool last = total != 0 && done >= total;
+        if (last && state->visible) fmt::print(stderr, "\r\033[K");
+        if (last || elapsed < 1 || total == 0 || now - state->shown < std::chrono::milliseconds(100)) return;
+        state->shown = now;
+        state->visible = true;
+        const double part = static_cast<double>(done) / static_cast<double>(total);
+        const auto width = static_cast<int>(part * 30);
+        fmt::print(stderr, "\r{} [{:#<{}}{:.<{}}] {:3.0f} %, {:.0f} s left\033[K", state->label, "", width, "", 30 - width,
+                   part * 100, part > 0 ? elapsed * (1 - part) / part : 0);
+        std::fflush(stderr);
+    };
+}
+
+bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics) {
+    LoadOptions options;
+    options.progress = progressBar("reading " + file);
+    const bool ok = loadFile(scene, file, diagnostics, options);
+    if (options.progress) options.progress(1, 1);
+    print(diagnostics);
+    if (!ok && diagnostics.errors() == 0) printError("nothing usable in " + file);
+    return ok;
+}
+
+Result<FieldRef> findField(const Scene& scene, const std::string& path) {
+    const auto dot = path.find('.');
+    if (dot == std::string::npos) return fail(fmt::format("{}: expected DEF.field", path));
+    const NodeId node = scene.findName(path.substr(0, dot));
+    if (!node) return fail(fmt::format("{}: no node is named {}", path, path.substr(0, dot)));
+    const NodeType& type = scene.node(node).type();
+    const FieldIndex field = type.find(path.substr(dot + 1));
+    if (field == kNoField) return fail(fmt::format("{}: {} has no field {}", path, type.name, path.substr(dot + 1)));
+    return FieldRef{node, field};
+}
+
+double parseSeconds(const std::string& text) {
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    const std::string_view unit(end, static_cast<std::size_t>(text.data() + text.size() - end));
+    const double scale = unit == "ms" ? 1e-3 : unit.empty() || unit == "s" ? 1 : unit == "min" ? 60 : 0;
+    if (error != std::errc() || scale == 0 || !(value >= 0) || value > 1e9)
+        throw CLI::ValidationError(text, "expected a duration such as 2s, 500ms or 1.5");
+    return value * scale;
+}
+
+std::string jsonString(std::string_view text) {
+    std::string out = "\"";
+    for (const char c : text) {
+        switch (c) {
+            case '"': out += "\\\""; break;
+            case '\\': out += "\\\\"; break;
+            case '\n': out += "\\n"; break;
+            case '\r': out += "\\r"; break;
+            case '\t': out += "\\t"; break;
+            default:
+                if (static_cast<unsigned char>(c) < 0x20)
+                    out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
+                else
+                    out += c;
+        }
+    }
+    return out + '"';
+}
+
+std::string nodeLabel(const Scene& scene, NodeId id) {
+    const std::string_view name = scene.name(id);
+    return name.empty() ? fmt::format("#{}", id.value) : std::string(name);
+}
+
+}  // namespace rtsg::app

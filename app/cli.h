@@ -1,0 +1,52 @@
+// What all verbs share: options, diagnostics on stderr, progress, JSON. A verb is a function that fills a CLI
+// subcommand and says what to run.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg::app {
+
+/// Exit statuses of design and shell alike.
+enum ExitStatus { kDone = 0, kBad = 1, kUsage = 2 };
+
+struct Verb {
+    CLI::App* command = nullptr;
+    std::function<int()> run;
+};
+
+Verb addInfo(CLI::App& program);
+Verb addValidate(CLI::App& program);
+Verb addConvert(CLI::App& program);
+Verb addRun(CLI::App& program);
+
+/// `file:line:col: error: text`, one a line, on stderr; then how many were left out.
+void print(const Diagnostics& diagnostics);
+void printError(const std::string& text);
+
+/// A bar with an ETA on stderr, if that is a terminal and the work takes over a second.
+Progress progressBar(std::string label);
+
+/// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it.
+bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics);
+
+/// "DEF.field" of a loaded scene; the field may be written as set_x, x_changed or x.
+struct FieldRef {
+    NodeId node;
+    FieldIndex field = kNoField;
+};
+Result<FieldRef> findField(const Scene& scene, const std::string& path);
+
+/// "2s", "500ms", "1.5" (seconds). Throws CLI::ValidationError.
+double parseSeconds(const std::string& text);
+
+std::string jsonString(std::string_view text);
+std::string nodeLabel(const Scene& scene, NodeId id);
+
+}  // namespace rtsg::app
