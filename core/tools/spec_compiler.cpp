@@ -172,7 +172,8 @@ std::string skeleton(const Type& node, const std::string& space, const std::stri
         << "/// Time has come, or a field was written. Returns when to be called next.\n"
         << "double onTime([[maybe_unused]] Cascade& cascade, [[maybe_unused]] const Node& node) { return kNever; }\n\n"
         << "}  // namespace\n\n/// For Scene::registerBehaviour.\nconst Behaviour& " << function << "() {\n"
-        << "    static constexpr Behaviour behaviour{.accepts = nullptr, .onEvent = onEvent, .onTime = onTime};\n    return behaviour;\n}\n\n}  // namespace "
+        << "    static constexpr Behaviour behaviour{.accepts = nullptr, .onEvent = onEvent, .onTime = onTime};\n    "
+           "return behaviour;\n}\n\n}  // namespace "
         << space << '\n';
     return out.str();
 }

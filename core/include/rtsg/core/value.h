@@ -76,6 +76,7 @@ struct NodeId {
     friend auto operator<=>(const NodeId&, const NodeId&) = default;
 };
 
+// clang-format off
 /// SF and MF alternate: the MF type is the SF type plus one. The numbers are part of the wire format.
 enum class FieldType : std::uint8_t {
     SFBool, MFBool, SFInt32, MFInt32, SFFloat, MFFloat, SFDouble, MFDouble, SFTime, MFTime,
@@ -84,49 +85,65 @@ enum class FieldType : std::uint8_t {
     SFVec4d, MFVec4d, SFRotation, MFRotation, SFMatrix3f, MFMatrix3f, SFMatrix3d, MFMatrix3d,
     SFMatrix4f, MFMatrix4f, SFMatrix4d, MFMatrix4d,
 };
+// clang-format on
 constexpr int kFieldTypeCount = 42;
 
-constexpr bool isMF(FieldType type) { return (static_cast<unsigned>(type) & 1u) != 0; }
-constexpr FieldType sf(FieldType type) { return static_cast<FieldType>(static_cast<unsigned>(type) & ~1u); }
-constexpr FieldType mf(FieldType type) { return static_cast<FieldType>(static_cast<unsigned>(type) | 1u); }
+constexpr bool isMF(FieldType type) {
+    return (static_cast<unsigned>(type) & 1u) != 0;
+}
+constexpr FieldType sf(FieldType type) {
+    return static_cast<FieldType>(static_cast<unsigned>(type) & ~1u);
+}
+constexpr FieldType mf(FieldType type) {
+    return static_cast<FieldType>(static_cast<unsigned>(type) | 1u);
+}
 
 /// X(FieldType suffix, C++ element type)
-#define RTSG_FIELD_TYPES(X)                                                                            \
-    X(Bool, bool) X(Int32, std::int32_t) X(Float, float) X(Double, double) X(Time, ::rtsg::Time)        \
-    X(String, ::rtsg::String) X(Node, ::rtsg::NodeId) X(Color, ::rtsg::Color)                           \
-    X(ColorRGBA, ::rtsg::ColorRGBA) X(Image, ::rtsg::Image) X(Vec2f, ::rtsg::Vec2f)                      \
-    X(Vec2d, ::rtsg::Vec2d) X(Vec3f, ::rtsg::Vec3f) X(Vec3d, ::rtsg::Vec3d) X(Vec4f, ::rtsg::Vec4f)      \
-    X(Vec4d, ::rtsg::Vec4d) X(Rotation, ::rtsg::Rotation) X(Matrix3f, ::rtsg::Matrix3f)                  \
-    X(Matrix3d, ::rtsg::Matrix3d) X(Matrix4f, ::rtsg::Matrix4f) X(Matrix4d, ::rtsg::Matrix4d)
+#define RTSG_FIELD_TYPES(X)                                                                                     \
+    X(Bool, bool)                                                                                               \
+    X(Int32, std::int32_t) X(Float, float) X(Double, double) X(Time, ::rtsg::Time) X(String, ::rtsg::String)    \
+        X(Node, ::rtsg::NodeId) X(Color, ::rtsg::Color) X(ColorRGBA, ::rtsg::ColorRGBA) X(Image, ::rtsg::Image) \
+            X(Vec2f, ::rtsg::Vec2f) X(Vec2d, ::rtsg::Vec2d) X(Vec3f, ::rtsg::Vec3f) X(Vec3d, ::rtsg::Vec3d)     \
+                X(Vec4f, ::rtsg::Vec4f) X(Vec4d, ::rtsg::Vec4d) X(Rotation, ::rtsg::Rotation)                   \
+                    X(Matrix3f, ::rtsg::Matrix3f) X(Matrix3d, ::rtsg::Matrix3d) X(Matrix4f, ::rtsg::Matrix4f)   \
+                        X(Matrix4d, ::rtsg::Matrix4d)
 
 /// FieldTypeOf<Vec3f>::value == SFVec3f; FieldTypeOf<Array<Vec3f>>::value == MFVec3f.
-template <class T> struct FieldTypeOf;
-#define RTSG_X(suffix, type)                                                                           \
-    template <> struct FieldTypeOf<type> { static constexpr FieldType value = FieldType::SF##suffix; }; \
-    template <> struct FieldTypeOf<Array<type>> { static constexpr FieldType value = FieldType::MF##suffix; };
+template <class T>
+struct FieldTypeOf;
+#define RTSG_X(suffix, type)                                      \
+    template <>                                                   \
+    struct FieldTypeOf<type> {                                    \
+        static constexpr FieldType value = FieldType::SF##suffix; \
+    };                                                            \
+    template <>                                                   \
+    struct FieldTypeOf<Array<type>> {                             \
+        static constexpr FieldType value = FieldType::MF##suffix; \
+    };
 RTSG_FIELD_TYPES(RTSG_X)
 #undef RTSG_X
 
 /// How a type is stored in a node's block: plain bytes, or one pointer to a shared array.
 struct FieldTypeInfo {
-    std::string_view name;       // "SFVec3f"
-    std::uint8_t size;           // bytes in the node's block (8 for shared types)
+    std::string_view name;  // "SFVec3f"
+    std::uint8_t size;      // bytes in the node's block (8 for shared types)
     std::uint8_t alignment;
-    bool shared;                 // String, Image and every MF type
-    std::uint8_t elementSize;    // bytes of one element (the SF size)
-    std::uint8_t components;     // numbers in one element; 0 for String, Image, Node
+    bool shared;               // String, Image and every MF type
+    std::uint8_t elementSize;  // bytes of one element (the SF size)
+    std::uint8_t components;   // numbers in one element; 0 for String, Image, Node
 };
 const FieldTypeInfo& info(FieldType type);
 /// Null optional semantics: returns false when `name` is no field type.
 bool fieldTypeFromName(std::string_view name, FieldType& out);
 
 namespace detail {
-constexpr std::uint64_t bit(FieldType t) { return std::uint64_t{1} << static_cast<unsigned>(t); }
+constexpr std::uint64_t bit(FieldType t) {
+    return std::uint64_t{1} << static_cast<unsigned>(t);
+}
 // SF types above 16 bytes live in a one-element array.
 constexpr std::uint64_t kBoxed = bit(FieldType::SFVec3d) | bit(FieldType::SFVec4d) | bit(FieldType::SFMatrix3f) |
                                  bit(FieldType::SFMatrix3d) | bit(FieldType::SFMatrix4f) | bit(FieldType::SFMatrix4d);
-constexpr std::uint64_t kOwns =
-    kBoxed | bit(FieldType::SFString) | bit(FieldType::SFImage) | 0xAAAAAAAAAAAAAAAAull;
+constexpr std::uint64_t kOwns = kBoxed | bit(FieldType::SFString) | bit(FieldType::SFImage) | 0xAAAAAAAAAAAAAAAAull;
 }  // namespace detail
 
 /// One value of any field type.
@@ -173,9 +190,15 @@ class Value {
     static Value fromStorage(FieldType type, const void* storage);
 
     FieldType type() const noexcept { return type_; }
-    template <class T> bool holds() const noexcept { return FieldTypeOf<T>::value == type_; }
+    template <class T>
+    bool holds() const noexcept {
+        return FieldTypeOf<T>::value == type_;
+    }
     /// Precondition: holds<T>().
-    template <class T> const T& as() const noexcept { return *static_cast<const T*>(storage()); }
+    template <class T>
+    const T& as() const noexcept {
+        return *static_cast<const T*>(storage());
+    }
     /// The block representation, `info(type()).size` bytes; for shared types a pointer to the header.
     const void* storage() const noexcept {
         return boxed() ? static_cast<const void*>(*reinterpret_cast<detail::ArrayHeader* const*>(inline_) + 1)
