@@ -220,7 +220,6 @@ Result<> Scene::setField(NodeId id, FieldIndex field, Value value) {
         for (const Route& route : routesFrom(id))
             if (route.isConnection && route.fromField == field && s.find(route.toNode)->scope_ == id) {
                 const Node& target = *s.find(route.toNode);
-                if (target.scope_ != id) continue;  // the way back to the instance around this one
                 const Access access = target.type_->fields[route.toField].access;
                 if (access == Access::initializeOnly || access == Access::inputOutput)
                     if (auto ok = setField(route.toNode, route.toField, value); !ok) return ok;
