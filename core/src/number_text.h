@@ -93,13 +93,16 @@ template <class S>
 NumberStatus scanRealSlowly(const char*& p, const char* end, S& out) {
     const char* first = p;
     p = endOfWord(p, end);
-    if (p != end && *p == '#' && p != first && p[-1] == '.') {
-        // Printers of other systems write 1.#QNAN, -1.#INF, -1.#IND.
-        while (p != end && *p == '#') p = endOfWord(p + 1, end);
+    if (end - p > 3 && *p == '#' && p != first && p[-1] == '.' &&
+        std::string_view("QSI").find(p[1]) != std::string_view::npos) {
+        // Printers of other systems write 1.#QNAN, 1.#SNAN, -1.#IND, 1.#INF.
+        p = endOfWord(p + 1, end);
+        out = 0;
         return NumberStatus::notFinite;
     }
-    if (first != p && *first == '+') ++first;
-    if (first == p || (*first == '+') || (*first == '-' && p[-1] == '-')) return NumberStatus::malformed;
+    const bool plus = first != p && *first == '+';
+    first += plus;
+    if (first == p || (plus && *first == '-')) return NumberStatus::malformed;
     S value = 0;
     const auto [stop, error] = std::from_chars(first, p, value);
     if (stop != p || error == std::errc::invalid_argument) return NumberStatus::malformed;
@@ -145,7 +148,7 @@ inline NumberStatus scanReal(const char*& p, const char* end, S& out) {
         if (s == power) return scanRealSlowly(p, end, out);
         exponent += minus ? -value : value;
     }
-    if (s != end && !isSeparator(*s)) return scanRealSlowly(p, end, out);
+    if (s != end && (!isSeparator(*s) || *s == '#')) return scanRealSlowly(p, end, out);
     if (digits > (std::uint64_t{1} << 53) || exponent < -22 || exponent > 22) {
         if (digits != 0) return scanRealSlowly(p, end, out);
         exponent = 0;

@@ -68,6 +68,7 @@ class ClassicReader final : private FieldTextReport {
         return p_ != end_ && *p_ == c;
     }
     void skipValue();
+    bool startsItem(std::string_view next) const;
     void skipBalanced();
     bool parseValue(FieldType type, Value& out);
     void stray();

@@ -69,7 +69,15 @@ void ClassicReader::skipBalanced() {
     } while (depth && p_ != end_);
 }
 
-/// Skips the value of a field that is not known: numbers, strings, a list, or one node.
+/// Is this word rather the next field or declaration than part of a value?
+bool ClassicReader::startsItem(std::string_view next) const {
+    if (frames_.empty() || frames_.back().inside == Inside::list) return false;
+    Access access{};
+    if (frames_.back().inside == Inside::node && findField(frames_.back().shape, next, vrml97_)) return true;
+    return accessFromKeyword(next, access);
+}
+
+/// Skips a value of unknown type, or what is left of a bad one: numbers, strings, a list, or one node.
 void ClassicReader::skipValue() {
     bool any = false;
     for (;;) {
@@ -93,7 +101,7 @@ void ClassicReader::skipValue() {
             any = true;
             continue;
         }
-        if (any) return;
+        if (any || startsItem(next)) return;
         if (next == "NULL" || next == "USE" || next == "IS") {
             word();
             if (next != "NULL") word();

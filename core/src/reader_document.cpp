@@ -47,6 +47,10 @@ class FileBytes {
     std::string_view view() const {
         return mapped_ ? std::string_view(static_cast<const char*>(mapped_), size_) : std::string_view(read_);
     }
+    /// Gives back the memory of the first `count` bytes. They can still be read; the system fetches them again.
+    void release(std::size_t count) {
+        if (mapped_) madvise(mapped_, std::min(count, size_) & ~std::size_t{0xFFFF}, MADV_DONTNEED);
+    }
     /// Empty, or why it failed.
     std::string open(const std::filesystem::path& file) {
         const bool standardInput = file == "-";
@@ -66,7 +70,6 @@ class FileBytes {
             void* address = mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, descriptor, 0);
             if (address != MAP_FAILED) {
                 mapped_ = address;
-                madvise(mapped_, size_, MADV_SEQUENTIAL);
                 return {};
             }
         }
@@ -98,7 +101,11 @@ Encoding detectEncoding(std::string_view head) {
     return Encoding::classicVrml;
 }
 
-bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics, Progress progress) {
+namespace {
+
+/// `consumed` is told how far the text has been looked through, so that its memory can be given back.
+bool readText(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics, const Progress& progress,
+              const std::function<void(std::size_t)>& consumed) {
     const Encoding encoding = detectEncoding(text);
     text = withoutBom(text);
     if (text.empty()) {
@@ -108,7 +115,9 @@ bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& 
     std::string clean;
     const bool utf8 = encoding != Encoding::xml || !isOtherXmlEncoding(text);
     if (utf8) {
-        if (const std::size_t bad = detail::findInvalidUtf8(text); bad != text.npos) {
+        const std::size_t bad = detail::findInvalidUtf8(text);
+        if (consumed) consumed(text.size());
+        if (bad != text.npos) {
             std::size_t count = 0;
             const SourceLocation where = detail::TextPosition(text.data()).of(text.data() + bad);
             clean = detail::replaceInvalidUtf8(text, count);
@@ -132,6 +141,12 @@ bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& 
     return false;
 }
 
+}  // namespace
+
+bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics, Progress progress) {
+    return readText(text, handler, diagnostics, progress, {});
+}
+
 bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
                       Progress progress) {
     FileBytes bytes;
@@ -139,10 +154,17 @@ bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handle
         diagnostics.error({}, "cannot read " + file.string() + ": " + failure);
         return false;
     }
-    if (!detail::isGzip(bytes.view())) return readDocument(bytes.view(), handler, diagnostics, std::move(progress));
-    std::string unpacked;
-    if (!detail::gunzip(bytes.view(), unpacked, diagnostics, kUnpackedLimit)) return false;
-    return readDocument(unpacked, handler, diagnostics, std::move(progress));
+    if (detail::isGzip(bytes.view())) {
+        std::string unpacked;
+        if (!detail::gunzip(bytes.view(), unpacked, diagnostics, kUnpackedLimit)) return false;
+        return readText(unpacked, handler, diagnostics, progress, {});
+    }
+    const auto consumed = [&bytes](std::size_t count) { bytes.release(count); };
+    const Progress step = [&](std::uint64_t done, std::uint64_t total) {
+        consumed(done);
+        if (progress) progress(done, total);
+    };
+    return readText(bytes.view(), handler, diagnostics, step, consumed);
 }
 
 }  // namespace rtsg
