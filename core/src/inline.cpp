@@ -170,7 +170,9 @@ struct InlineLoader::State final : Subscriber {
         attachment = scene.bus().attach(*this);
         changed.clear();
         scene.forEachNode([&](const Node& node) {
-            if (isInline(node) && !contentOf(node).empty()) loaded[node.id().value] = urlsOf(node);
+            if (!isInline(node) || contentOf(node).empty()) return;
+            loaded[node.id().value] = urlsOf(node);
+            if (!wantsContent(node)) changed.insert(node.id().value);
         });
     }
 
@@ -273,6 +275,7 @@ std::size_t InlineLoader::update() {
             continue;
         }
         const bool wanted = wantsContent(*node) && !urlsOf(*node).empty();
+        if (!contentOf(*node).empty()) s.loaded.try_emplace(value, urlsOf(*node));  // a builder has filled it
         const auto current = s.loaded.find(value);
         const bool isCurrent = current != s.loaded.end() && current->second == urlsOf(*node);
         if (wanted == (current != s.loaded.end()) && (!wanted || isCurrent)) continue;

@@ -53,10 +53,15 @@ void Cascade::warn(const Node& node, const std::string& text) {
 
 /// An output field has a new value: tell the listener and queue its routes, once per timestamp.
 void Scene::State::send(Node& node, FieldIndex field) {
-    if (listener) listener(now, node, field, node.value(field));
-    if (!node.links_) return;
-    const auto group = std::ranges::find(node.links_->out, field, &RouteGroup::field);
-    if (group == node.links_->out.end() || group->stamp == stamp) return;
+    RouteGroup* group = nullptr;
+    if (node.links_) {
+        const auto found = std::ranges::find(node.links_->out, field, &RouteGroup::field);
+        if (found != node.links_->out.end()) group = &*found;
+    }
+    if (group && group->stamp == stamp) return;
+    // 4.4.8.4 holds for outputs without routes too; only a listener can tell.
+    if (listener && announced.emplace(node.id_, field).second) listener(now, node, field, node.value(field));
+    if (!group) return;
     group->stamp = stamp;
     emissions.push_back({node.id_, field});
 }
@@ -214,6 +219,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     s.now = t;
     s.started = true;
     ++s.stamp;
+    s.announced.clear();
     std::vector<State::QueuedEvent> queued;
     queued.swap(s.inputQueue);
     for (State::QueuedEvent& event : queued) {

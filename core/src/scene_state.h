@@ -177,6 +177,7 @@ struct Scene::State {
     using Sleeper = std::pair<double, NodeId>;
     std::priority_queue<Sleeper, std::vector<Sleeper>, std::greater<>> sleepers;
     EventListener listener;
+    std::set<std::pair<NodeId, FieldIndex>> announced;  // outputs that the listener has heard at this timestamp
     Diagnostics diagnostics;
     std::set<std::pair<NodeId, std::string>> warned;
     std::vector<std::shared_ptr<ChangeSet>> pool;  // sealed sets come back when no subscriber holds them

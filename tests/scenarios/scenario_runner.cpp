@@ -160,8 +160,8 @@ class Run final : Subscriber {
     }
 
     void frame(double t) {
-        inlines_->update();
         (void)scene_->newFrame(t);
+        if (inlines_->update() > 0) scene_->seal();
         sent_ = false;
         now_ = t;
         for (const auto& follower : followers_) compare(*follower, "follower");
