@@ -176,6 +176,8 @@ void Scene::State::detachEverything(Node& node) {
                 }
         }
         wake(parent);
+        if (def.hidden && def.type == FieldType::MFNode)  // a binding stack: who has come to its top must hear of it
+            if (const Array<NodeId>& left = childrenAt(parent.storage(p.field)); !left.empty()) wake(*find(left[0]));
     }
     if (!node.links_) return;
     const Node::Links& l = *node.links_;
