@@ -111,14 +111,17 @@ class PolygonCutter {
     PolygonCutter& operator=(const PolygonCutter&) = delete;
     ~PolygonCutter();
 
-    enum class Outcome : std::uint8_t { good, degenerate, selfIntersecting };
+    /// tooLong: not simple, and with more corners than the GLU tessellator can take in reasonable time.
+    enum class Outcome : std::uint8_t { good, degenerate, selfIntersecting, tooLong };
     /// Indices into `points`, oriented as the polygon is. Precondition: all points are usable.
     Outcome cut(std::span<const Vec3f> points, std::vector<std::array<int, 3>>& triangles);
 
   private:
+    Outcome cutFlat(std::vector<std::array<int, 3>>& triangles);
     Outcome cutConcave(std::span<const Vec2d> points, std::vector<std::array<int, 3>>& triangles);
     void* tessellator_ = nullptr;  // GLUtesselator, made on first use
     std::vector<Vec2d> flat_;
+    std::vector<int> kept_;
 };
 
 /// For shapes that are generated: positions, normals and texture coordinates with an index each.

@@ -241,8 +241,7 @@ class Extruder {
             }
         }
         const PolygonCutter::Outcome outcome = cutter_.cut(polygon, triangles_);
-        if (outcome == PolygonCutter::Outcome::degenerate && !capReported_)
-            warn(mesh_, "crossSection encloses no area: no cap is drawn");
+        if (triangles_.empty() && !capReported_) warn(mesh_, "crossSection encloses no area: no cap is drawn");
         if (outcome == PolygonCutter::Outcome::selfIntersecting && !capReported_)
             warn(mesh_, "crossSection crosses itself");
         capReported_ = true;

@@ -72,6 +72,7 @@ class FaceCutter {
         }
         const PolygonCutter::Outcome outcome = cutter_.cut(points_, triangles_);
         degenerate_ += outcome == PolygonCutter::Outcome::degenerate;
+        tooLong_ += outcome == PolygonCutter::Outcome::tooLong;
         crossing_ += outcome == PolygonCutter::Outcome::selfIntersecting;
         for (const auto& [a, b, c] : triangles_)
             builder_.add(corners_[static_cast<std::size_t>(a)], corners_[static_cast<std::size_t>(b)],
@@ -86,6 +87,10 @@ class FaceCutter {
         if (notFinite_) warn(mesh_, fmt::format("coord: {} faces left out: their points are not finite", notFinite_));
         if (degenerate_) warn(mesh_, fmt::format("coordIndex: {} faces left out: they have no area", degenerate_));
         if (crossing_) warn(mesh_, fmt::format("coordIndex: {} faces cross themselves", crossing_));
+        if (tooLong_)
+            warn(mesh_, fmt::format("coordIndex: {} faces left out: they cross or touch themselves and have too many "
+                                    "corners to be cut",
+                                    tooLong_));
         if (oddEnds_) warn(mesh_, fmt::format("coordIndex: {} indices below -1 taken as ends of faces", oddEnds_));
     }
 
@@ -96,7 +101,7 @@ class FaceCutter {
     std::vector<std::size_t> corners_;
     std::vector<Vec3f> points_;
     std::vector<std::array<int, 3>> triangles_;
-    std::size_t outOfRange_ = 0, notFinite_ = 0, degenerate_ = 0, crossing_ = 0, oddEnds_ = 0;
+    std::size_t outOfRange_ = 0, notFinite_ = 0, degenerate_ = 0, crossing_ = 0, tooLong_ = 0, oddEnds_ = 0;
     std::pair<std::size_t, std::size_t> firstOutOfRange_;
 };
 

@@ -17,7 +17,7 @@ Vec3d newellNormal(std::span<const Vec3f> points) {
     return normal;
 }
 
-constexpr std::size_t kLongestCrossingOutline = 30000;
+constexpr std::size_t kLongestOutlineForGlu = 30000;
 
 double turn(Vec2d a, Vec2d b, Vec2d c) {
     return (b.x - a.x) * (c.y - b.y) - (b.y - a.y) * (c.x - b.x);
@@ -108,23 +108,34 @@ PolygonCutter::Outcome PolygonCutter::cut(std::span<const Vec3f> points, std::ve
     const double length = glm::length(normal);
     if (!(length > 0.0) || !std::isfinite(length)) return Outcome::degenerate;
 
-    // Onto the polygon's plane, scaled to unit size.
+    // Onto the polygon's plane, scaled to unit size. Corners at the place of the one before have no edge: they are left
+    // out, whatever their number says.
     const Vec3d z = normal / length;
     const Vec3d helper = std::abs(z.x) < 0.6 ? Vec3d(1, 0, 0) : Vec3d(0, 1, 0);
     const Vec3d x = glm::normalize(glm::cross(helper, z)), y = glm::cross(z, x);
     double extent = 0;
-    flat_.resize(n);
+    flat_.clear();
+    kept_.clear();
     for (std::size_t i = 0; i < n; ++i) {
+        if (points[i] == points[i == 0 ? n - 1 : i - 1]) continue;
         const Vec3d d = Vec3d(points[i]) - Vec3d(points[0]);
-        flat_[i] = {glm::dot(d, x), glm::dot(d, y)};
-        extent = std::max({extent, std::abs(flat_[i].x), std::abs(flat_[i].y)});
+        flat_.emplace_back(glm::dot(d, x), glm::dot(d, y));
+        kept_.push_back(static_cast<int>(i));
+        extent = std::max({extent, std::abs(flat_.back().x), std::abs(flat_.back().y)});
     }
-    if (!(extent > 0.0)) return Outcome::degenerate;
+    if (flat_.size() < 3 || !(extent > 0.0)) return Outcome::degenerate;
     for (Vec2d& p : flat_) p /= extent;
+    const Outcome outcome = cutFlat(triangles);
+    if (kept_.size() < n)
+        for (auto& triangle : triangles)
+            for (int& corner : triangle) corner = kept_[static_cast<std::size_t>(corner)];
+    return outcome;
+}
 
+PolygonCutter::Outcome PolygonCutter::cutFlat(std::vector<std::array<int, 3>>& triangles) {
+    const auto n = static_cast<int>(flat_.size());
     const auto fan = [&](int apex) {
-        const int count = static_cast<int>(n);
-        for (int i = 1; i + 1 < count; ++i) triangles.push_back({apex, (apex + i) % count, (apex + i + 1) % count});
+        for (int i = 1; i + 1 < n; ++i) triangles.push_back({apex, (apex + i) % n, (apex + i + 1) % n});
     };
     if (isConvex(flat_)) {
         fan(0);
@@ -143,8 +154,8 @@ PolygonCutter::Outcome PolygonCutter::cut(std::span<const Vec3f> points, std::ve
         return count == 1 ? Outcome::good : Outcome::selfIntersecting;
     }
     if (cutSimplePolygon(flat_, triangles)) return Outcome::good;
-    // Its sweep keeps the active edges in a list: a crossing outline of this size could take minutes.
-    if (n > kLongestCrossingOutline) return Outcome::degenerate;
+    // Its sweep keeps the active edges in a list: an outline of this size could take minutes.
+    if (flat_.size() > kLongestOutlineForGlu) return Outcome::tooLong;
     return cutConcave(flat_, triangles);
 }
 

@@ -174,6 +174,26 @@ TEST(TessellateFaces, LargePolygonIsNotQuadratic) {
     EXPECT_EQ(findDefect(mesh), "");
 }
 
+TEST(TessellateFaces, CornersAtOnePlaceAreOneCorner) {
+    // Different points with the same coordinates, as exporters without welding write them.
+    const Mesh step = tessellate(
+        polygon({{0, 0, 0}, {2, 0, 0}, {2, 1, 0}, {2, 1, 0}, {1, 1, 0}, {1, 1, 0}, {1, 2, 0}, {0, 2, 0}, {0, 0, 0}}));
+    EXPECT_EQ(findDefect(step), "");
+    EXPECT_EQ(step.triangleCount, 4u);
+    EXPECT_DOUBLE_EQ(surfaceArea(step), 3);
+    EXPECT_EQ(step.diagnostics.warnings(), 0u);
+    const Mesh quad = tessellate(polygon({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 1, 0}}));
+    EXPECT_EQ(quad.triangleCount, 1u);
+}
+
+TEST(TessellateFaces, CrossingOutlineTooLongToCutIsReported) {
+    std::vector<Vec3f> points;
+    for (int i = 0; i < 40001; ++i) points.emplace_back(i % 200, (i * 7919) % 40009, 0);
+    const Mesh mesh = tessellate(polygon(points));
+    EXPECT_TRUE(mesh.empty());
+    EXPECT_EQ(mesh.diagnostics.warnings(), 1u);
+}
+
 TEST(TessellateFaces, CrossingPolygonsAreReported) {
     const Mesh bow = tessellate(polygon({{0, 0, 0}, {2, 2, 0}, {2, 0, 0}, {0, 1, 0}}));
     EXPECT_EQ(findDefect(bow), "");

@@ -104,6 +104,17 @@ TEST(TessellateOptions, ChordErrorIsKept) {
     EXPECT_EQ(TessellationOptions{.chordError = NAN}.segmentsAround(), 48);
 }
 
+TEST(TessellatePrimitives, AnyNumberOfSegmentsIsWatertight) {
+    for (int n = 4; n < 20; ++n)
+        for (const Mesh& mesh : {tessellate(SphereParams{}, {.segments = n}), tessellate(ConeParams{}, {.segments = n}),
+                                 tessellate(CylinderParams{}, {.segments = n})}) {
+            EXPECT_EQ(findDefect(mesh), "") << n;
+            EXPECT_TRUE(isWatertight(mesh)) << n;
+            EXPECT_EQ(eulerCharacteristic(mesh), 2) << n;
+            EXPECT_GT(enclosedVolume(mesh), 0) << n;
+        }
+}
+
 TEST(TessellateCone, ClosedForms) {
     const int n = 96;
     const double r = 1.5, h = 2.5;

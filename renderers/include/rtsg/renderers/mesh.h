@@ -163,6 +163,15 @@ SurfacePoint interpolate(const Mesh& mesh, std::uint32_t triangle, float u, floa
 /// How position changes with (s, t) on a triangle, for tangent-space normal maps. False when the mapping is singular.
 bool textureTangents(const Mesh& mesh, std::uint32_t triangle, std::size_t channel, Vec3f& dPds, Vec3f& dPdt);
 
+/// One index for everything, as rasterisers want it: corners that agree in all attributes become one vertex.
+struct VertexArrays {
+    Array<Vec3f> positions, normals;  // normals always: geometric ones where the mesh is faceted
+    Array<Vec2f> texCoords;           // of one channel
+    Array<ColorRGBA> colors;          // empty without colours
+    Array<std::uint32_t> triangles;   // 3 per triangle
+};
+VertexArrays vertexArrays(const Mesh& mesh, std::size_t channel = 0);
+
 /// Checks the invariant at the top of this file, every index included; empty when it holds. Linear; for tests.
 std::string findDefect(const Mesh& mesh);
 

@@ -1,0 +1,66 @@
+// What a mirror server keeps to send: the last keyframe and the frames since, encoded, shared with the sockets.
+//
+// Invariant: frames are contiguous (each starts where the one before ends) and end at the newest state. Bytes of frames
+// never exceed the limit by more than one frame.
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include <rtsg/sync/change_codec.h>
+
+namespace rtsg {
+
+struct EncodedRecord {
+    ByteBuffer bytes;
+    RecordHeader header;
+};
+using SharedRecord = std::shared_ptr<const EncodedRecord>;
+
+/// Buffers go back to where they came from once nobody sends them any more.
+class RecordPool : public std::enable_shared_from_this<RecordPool> {
+  public:
+    std::shared_ptr<EncodedRecord> take();
+
+  private:
+    void giveBack(std::unique_ptr<EncodedRecord> record);
+    std::mutex mutex_;
+    std::vector<std::unique_ptr<EncodedRecord>> free_;
+};
+
+class MirrorHistory {
+  public:
+    explicit MirrorHistory(std::uint64_t limit) : limit_(limit) {}
+
+    /// False when the record does not continue what is here: the scene has started over.
+    bool add(SharedRecord record);
+    void clear();
+
+    bool empty() const { return !keyframe_ && frames_.empty(); }
+    std::uint64_t newest() const { return newest_; }
+    /// A peer in this state can go on with frames alone.
+    bool continues(std::uint64_t state) const;
+    /// The frame that starts at `state`; null if there is none.
+    SharedRecord frameFrom(std::uint64_t state) const;
+    /// Bytes of all frames from `state` on.
+    std::uint64_t bytesFrom(std::uint64_t state) const;
+    /// The last keyframe, whether or not frames lead on from it.
+    const SharedRecord& keyframe() const { return keyframe_; }
+    /// All frames from `state` on merged into one; null if that is impossible. Adds their number to `merged`.
+    SharedRecord mergedFrom(std::uint64_t state, RecordPool& pool, std::uint64_t& merged);
+
+  private:
+    std::size_t indexOf(std::uint64_t state) const;
+
+    std::uint64_t limit_, bytes_ = 0, newest_ = 0;
+    SharedRecord keyframe_;
+    std::deque<SharedRecord> frames_;
+    std::deque<std::uint64_t> ends_;  // running total of bytes up to and including each frame
+    std::uint64_t total_ = 0;
+    SharedRecord lastMerged_;
+    ChangeEncoder encoder_;
+};
+
+}  // namespace rtsg

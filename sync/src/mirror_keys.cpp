@@ -1,0 +1,93 @@
+#include <rtsg/sync/mirror_keys.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+#include <zmq.h>
+
+namespace rtsg {
+
+namespace {
+
+bool isKey(const std::string& text) {
+    std::uint8_t bytes[32];
+    return text.size() == 40 && zmq_z85_decode(bytes, text.c_str()) != nullptr;
+}
+
+}  // namespace
+
+Result<MirrorKeys> MirrorKeys::load(const std::filesystem::path& file) {
+    std::ifstream in(file);
+    if (!in) return fail(fmt::format("cannot read: {}", std::strerror(errno)), {}, file.string());
+    MirrorKeys keys;
+    std::string line;
+    for (std::uint32_t number = 1; std::getline(in, line); ++number) {
+        // A key may contain '#': only a line that starts with one is a comment.
+        const std::size_t first = line.find_first_not_of(" \t\r");
+        if (first == line.npos || line[first] == '#') continue;
+        const std::size_t space = line.find_first_of(" \t", first);
+        const std::string what = line.substr(first, space == line.npos ? space : space - first);
+        std::string key = space == line.npos ? "" : line.substr(line.find_first_not_of(" \t", space));
+        while (!key.empty() && std::strchr(" \t\r", key.back())) key.pop_back();
+        if (!isKey(key))
+            return fail(fmt::format("no key of 40 Z85 characters after '{}'", what), {number, 1}, file.string());
+        if (what == "server-public")
+            keys.serverPublic = key;
+        else if (what == "server-secret")
+            keys.serverSecret = key;
+        else if (what == "client-public")
+            keys.clientPublic.push_back(key);
+        else if (what == "client-secret")
+            keys.clientSecret = key;
+        else
+            return fail(fmt::format("unknown kind of key '{}'", what), {number, 1}, file.string());
+    }
+    return keys;
+}
+
+Result<> MirrorKeys::generate(const std::filesystem::path& file) {
+    char pairs[2][2][41];
+    for (auto& pair : pairs)
+        if (zmq_curve_keypair(pair[0], pair[1]) != 0) return fail("ZeroMQ was built without encryption");
+    const std::string text = fmt::format(
+        "# Keys of a mirror: keep secret. A client's copy needs no server-secret.\n"
+        "server-public {}\nserver-secret {}\nclient-public {}\nclient-secret {}\n",
+        pairs[0][0], pairs[0][1], pairs[1][0], pairs[1][1]);
+    const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    if (descriptor < 0) return fail(fmt::format("cannot create: {}", std::strerror(errno)), {}, file.string());
+    const bool written = ::write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+    const int error = errno;
+    ::close(descriptor);
+    if (!written) return fail(fmt::format("cannot write: {}", std::strerror(error)), {}, file.string());
+    return {};
+}
+
+Result<> MirrorKeys::checkForServer() const {
+    if (serverPublic.empty() || serverSecret.empty()) return fail("a server needs server-public and server-secret");
+    if (clientPublic.empty()) return fail("no client-public: nobody could connect");
+    return {};
+}
+
+Result<> MirrorKeys::checkForClient() const {
+    if (serverPublic.empty()) return fail("a client needs server-public");
+    if (clientPublic.empty() || clientSecret.empty()) return fail("a client needs client-public and client-secret");
+    return {};
+}
+
+Result<bool> isLocalEndpoint(const std::string& endpoint) {
+    if (endpoint.starts_with("ipc://") || endpoint.starts_with("inproc://")) return true;
+    const std::size_t colon = endpoint.rfind(':');
+    if (!endpoint.starts_with("tcp://") || colon < 6 || colon + 1 >= endpoint.size())
+        return fail(fmt::format("'{}' is no endpoint: tcp://HOST:PORT or ipc://PATH", endpoint));
+    const std::string host = endpoint.substr(6, colon - 6);
+    if (host == "localhost" || host == "[::1]") return true;
+    in_addr address{};
+    return ::inet_pton(AF_INET, host.c_str(), &address) == 1 && (ntohl(address.s_addr) >> 24) == 127;
+}
+
+}  // namespace rtsg

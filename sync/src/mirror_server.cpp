@@ -1,0 +1,110 @@
+#include <rtsg/sync/mirror_server.h>
+
+#include <random>
+
+#include <fmt/format.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "mirror_server_io.h"
+
+namespace rtsg {
+
+MirrorServer::Shared::~Shared() {
+    if (wake >= 0) ::close(wake);
+}
+
+void MirrorServer::Shared::post(Item item) {
+    {
+        const std::scoped_lock lock(mutex);
+        inbox.push_back(std::move(item));
+    }
+    const std::uint64_t one = 1;
+    (void)!::write(wake, &one, sizeof(one));
+}
+
+void MirrorServer::Shared::report(Severity severity, std::string text) {
+    const std::scoped_lock lock(mutex);
+    if (diagnostics.size() < 100) diagnostics.push_back({severity, endpoint, {}, std::move(text)});
+}
+
+/// The scene's thread's own; the encoder keeps its buffers between frames.
+struct MirrorServer::Encoder {
+    ChangeEncoder encoder;
+    std::uint64_t last = 0;
+    bool started = false;
+};
+
+MirrorServer::MirrorServer(Scene& scene, std::shared_ptr<Shared> shared)
+    : scene_(scene), shared_(std::move(shared)), encoder_(std::make_unique<Encoder>()) {}
+
+Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const std::string& endpoint,
+                                                          MirrorServerOptions options) {
+    const Result<bool> local = isLocalEndpoint(endpoint);
+    if (!local) return std::unexpected(local.error());
+    if (!*local && !options.keys && !options.insecure)
+        return fail(
+            fmt::format("'{}' can be reached from other machines: give keys, or ask for an insecure server", endpoint));
+    if (options.keys)
+        if (auto ok = options.keys->checkForServer(); !ok) return std::unexpected(ok.error());
+    auto shared = std::make_shared<Shared>();
+    shared->options = std::move(options);
+    shared->wake = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    std::random_device device;
+    shared->epoch = std::uint64_t{device()} << 32 | device();
+    std::unique_ptr<MirrorServer> server(new MirrorServer(scene, shared));
+    server->io_ = std::make_unique<Io>(shared);
+    if (auto ok = server->io_->start(endpoint); !ok) return std::unexpected(ok.error());
+    server->attachment_ = scene.bus().attach(*server);
+    return server;
+}
+
+MirrorServer::~MirrorServer() {
+    attachment_.detach();
+    io_.reset();
+}
+
+const std::string& MirrorServer::endpoint() const {
+    return shared_->endpoint;
+}
+std::uint64_t MirrorServer::epoch() const {
+    return shared_->epoch;
+}
+std::string MirrorServer::subscriberName() const {
+    return "mirror server " + shared_->endpoint;
+}
+
+MirrorServerStatistics MirrorServer::statistics() const {
+    const std::scoped_lock lock(shared_->mutex);
+    return shared_->statistics;
+}
+
+std::vector<Diagnostic> MirrorServer::takeDiagnostics() {
+    const std::scoped_lock lock(shared_->mutex);
+    return std::exchange(shared_->diagnostics, {});
+}
+
+void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
+    const std::shared_ptr<EncodedRecord> record = shared_->pool->take();
+    encoder_->encoder.encode(changes, record->bytes);
+    record->header = *parseRecordHeader(record->bytes.bytes());
+    // A snapshot in the middle of a stream: the scene is a replica that joined anew.
+    const bool restart = !requested && changes.isSnapshot() && encoder_->started && encoder_->last != 0;
+    encoder_->started = true;
+    encoder_->last = changes.to;
+    shared_->post({record, requested, restart});
+}
+
+Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
+    encodeAndPost(changes, false);
+    if (scene.sequence() == changes.to && shared_->wantSnapshot.exchange(false)) encodeAndPost(scene.snapshot(), true);
+    return {};
+}
+
+void MirrorServer::service() {
+    if (!shared_->wantSnapshot) return;
+    scene_.seal();  // publishes what is pending, and with it the snapshot
+    if (shared_->wantSnapshot.exchange(false)) encodeAndPost(scene_.snapshot(), true);
+}
+
+}  // namespace rtsg

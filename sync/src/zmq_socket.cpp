@@ -1,0 +1,39 @@
+#include "zmq_socket.h"
+
+#include <cstring>
+
+#include <fmt/format.h>
+
+namespace rtsg {
+
+ZmqMessage::ZmqMessage(std::span<const std::byte> bytes) {
+    if (zmq_msg_init_size(&message_, bytes.size()) != 0) {
+        zmq_msg_init(&message_);  // out of memory: an empty message, which the receiver refuses
+        return;
+    }
+    if (!bytes.empty()) std::memcpy(zmq_msg_data(&message_), bytes.data(), bytes.size());
+}
+
+ZmqMessage::ZmqMessage(std::span<const std::byte> bytes, std::shared_ptr<const void> owner) {
+    auto* hint = new std::shared_ptr<const void>(std::move(owner));
+    const auto drop = [](void*, void* h) { delete static_cast<std::shared_ptr<const void>*>(h); };
+    if (zmq_msg_init_data(&message_, const_cast<std::byte*>(bytes.data()), bytes.size(), drop, hint) != 0) {
+        delete hint;
+        zmq_msg_init(&message_);
+    }
+}
+
+void ZmqSocket::skipRest(const ZmqMessage& last) {
+    bool more = last.more();
+    while (more) {
+        ZmqMessage next;
+        if (!receive(next)) return;
+        more = next.more();
+    }
+}
+
+Diagnostic zmqFailure(std::string_view what) {
+    return {Severity::error, {}, {}, fmt::format("{}: {}", what, zmq_strerror(zmq_errno()))};
+}
+
+}  // namespace rtsg

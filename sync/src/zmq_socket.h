@@ -1,0 +1,77 @@
+// The little of ZeroMQ that mirrors use, with owners and without exceptions.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include <zmq.h>
+
+#include <rtsg/core/diagnostic.h>
+
+namespace rtsg {
+
+class ZmqContext {
+  public:
+    ZmqContext() : context_(zmq_ctx_new()) {}
+    ~ZmqContext() { zmq_ctx_term(context_); }  // sockets with bounded LINGER: this cannot hang
+    ZmqContext(const ZmqContext&) = delete;
+    ZmqContext& operator=(const ZmqContext&) = delete;
+    void* get() const { return context_; }
+
+  private:
+    void* context_;
+};
+
+class ZmqMessage {
+  public:
+    ZmqMessage() { zmq_msg_init(&message_); }
+    explicit ZmqMessage(std::span<const std::byte> bytes);
+    /// Sends `bytes` in place; `owner` keeps them alive until ZeroMQ is done with them.
+    ZmqMessage(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
+    ~ZmqMessage() { zmq_msg_close(&message_); }
+    ZmqMessage(const ZmqMessage&) = delete;
+    ZmqMessage& operator=(const ZmqMessage&) = delete;
+    std::span<const std::byte> bytes() const {
+        return {static_cast<const std::byte*>(zmq_msg_data(&message_)), zmq_msg_size(&message_)};
+    }
+    bool more() const { return zmq_msg_more(&message_) != 0; }
+    zmq_msg_t* get() { return &message_; }
+
+  private:
+    mutable zmq_msg_t message_;
+};
+
+class ZmqSocket {
+  public:
+    ZmqSocket(const ZmqContext& context, int type) : socket_(zmq_socket(context.get(), type)) {}
+    ~ZmqSocket() { close(); }
+    ZmqSocket(const ZmqSocket&) = delete;
+    ZmqSocket& operator=(const ZmqSocket&) = delete;
+    void close() {
+        if (socket_) zmq_close(socket_);
+        socket_ = nullptr;
+    }
+    void set(int option, int value) { zmq_setsockopt(socket_, option, &value, sizeof(value)); }
+    void set(int option, std::int64_t value) { zmq_setsockopt(socket_, option, &value, sizeof(value)); }
+    void set(int option, const std::string& value) { zmq_setsockopt(socket_, option, value.data(), value.size()); }
+    /// False with errno set: EAGAIN when it would block, EHOSTUNREACH when a ROUTER knows no such peer.
+    bool send(ZmqMessage& message, bool more = false) {
+        return zmq_msg_send(message.get(), socket_, ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) >= 0;
+    }
+    bool receive(ZmqMessage& message) { return zmq_msg_recv(message.get(), socket_, ZMQ_DONTWAIT) >= 0; }
+    /// Reads and drops the rest of a message of several parts.
+    void skipRest(const ZmqMessage& last);
+    void* get() const { return socket_; }
+
+  private:
+    void* socket_;
+};
+
+/// `what: reason` from errno.
+Diagnostic zmqFailure(std::string_view what);
+
+}  // namespace rtsg

@@ -1,0 +1,226 @@
+// What strangers may do to a mirror: garbage of every kind, too many of them, wrong keys.
+#include <random>
+
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <rtsg/core/x3d.h>
+
+#include "mirror_support.h"
+
+namespace rtsg {
+namespace {
+
+using namespace std::chrono_literals;
+using test::eventually;
+using test::pollUntil;
+using test::pollUntilAt;
+
+constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
+
+/// A plain ZeroMQ socket that says what it likes.
+class Stranger {
+  public:
+    explicit Stranger(const std::string& endpoint) {
+        context_ = zmq_ctx_new();
+        socket_ = zmq_socket(context_, ZMQ_DEALER);
+        const int linger = 2000;
+        zmq_setsockopt(socket_, ZMQ_LINGER, &linger, sizeof(linger));
+        zmq_connect(socket_, endpoint.c_str());
+    }
+    ~Stranger() {
+        zmq_close(socket_);
+        zmq_ctx_term(context_);
+    }
+    void say(std::string_view text, bool more = false) {
+        zmq_send(socket_, text.data(), text.size(), more ? ZMQ_SNDMORE : 0);
+    }
+
+  private:
+    void *context_, *socket_;
+};
+
+int connectRaw(const std::string& endpoint) {
+    const int port = std::stoi(endpoint.substr(endpoint.rfind(':') + 1));
+    const int descriptor = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    EXPECT_EQ(::connect(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+    return descriptor;
+}
+
+struct Served {
+    Scene scene, replica;
+    NodeId node;
+    int frame = 0;
+    std::unique_ptr<MirrorServer> server;
+    std::unique_ptr<MirrorClient> client;
+
+    explicit Served(MirrorServerOptions options = {}) {
+        server = *MirrorServer::start(scene, kAnyPort, std::move(options));
+        client = *MirrorClient::connect(replica, server->endpoint());
+        node = scene.createNode(x3d::Transform::type);
+        step();
+    }
+    void step() {
+        ++frame;
+        EXPECT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(float(frame))));
+        scene.newFrame(frame);
+        ASSERT_TRUE(pollUntilAt(*client, scene));
+        EXPECT_EQ(replica.hash(), scene.hash());
+    }
+};
+
+TEST(MirrorHostile, GarbageIsCountedReportedAndHarmless) {
+    Served served;
+    const std::uint64_t seed = 7;
+    std::mt19937_64 random(seed);
+    Stranger stranger(served.server->endpoint());
+    for (int i = 0; i < 400; ++i) {
+        std::string text(random() % 120, ' ');
+        for (char& c : text) c = static_cast<char>(random());
+        if (i % 2 && text.size() >= 8) {  // a right prologue, then nonsense
+            text.replace(0, 8, std::string("RTSG\x01", 5) + static_cast<char>(random() % 24) + std::string(2, '\0'));
+            if (text[5] == 3 || text[5] == 4 || text[5] == 5) text[5] = 18;
+        }
+        stranger.say(text, i % 7 == 0);
+        if (i % 7 == 0) stranger.say("more", true), stranger.say("");
+        if (i % 40 == 0) served.step();
+    }
+    EXPECT_TRUE(eventually([&] { return served.server->statistics().garbage >= 150; }));
+    served.step();
+    const auto diagnostics = served.server->takeDiagnostics();
+    EXPECT_FALSE(diagnostics.empty());
+    EXPECT_LE(diagnostics.size(), 100u);
+    EXPECT_EQ(served.client->statistics().gaps, 0u);
+    EXPECT_EQ(served.client->statistics().snapshots, 1u);
+}
+
+TEST(MirrorHostile, BytesThatAreNoZeroMqAreCountedAndHarmless) {
+    Served served;
+    for (int i = 0; i < 5; ++i) {
+        const int raw = connectRaw(served.server->endpoint());
+        const std::string text = i % 2 ? "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n" : std::string(3000, '\xFF');
+        EXPECT_GT(::send(raw, text.data(), text.size(), MSG_NOSIGNAL), 0);
+        served.step();
+        ::close(raw);
+    }
+    EXPECT_TRUE(eventually([&] { return served.server->statistics().garbage > 0; }));
+    served.step();
+}
+
+TEST(MirrorHostile, AnOversizedMessageEndsOnlyItsOwnConnection) {
+    Served served;
+    Stranger stranger(served.server->endpoint());
+    stranger.say(std::string(1 << 20, 'x'));
+    served.step();
+    served.step();
+    EXPECT_EQ(served.client->statistics().gaps, 0u);
+}
+
+TEST(MirrorHostile, MorePeersThanAllowedAreRefusedWithAReason) {
+    MirrorServerOptions options;
+    options.maximumPeers = 1;
+    Served served(options);
+    Scene other;
+    auto second = *MirrorClient::connect(other, served.server->endpoint());
+    ASSERT_TRUE(pollUntil(*second, [&] { return !second->refusal().empty(); }));
+    EXPECT_NE(second->refusal().find("as many peers"), std::string::npos);
+    served.step();
+    // When the first leaves there is room.
+    served.client.reset();
+    ASSERT_TRUE(pollUntilAt(*second, served.scene));
+    EXPECT_EQ(second->refusal(), "");
+    EXPECT_EQ(other.hash(), served.scene.hash());
+}
+
+TEST(MirrorHostile, AnotherMachineIsRefusedWithoutKeysUnlessAskedFor) {
+    Scene scene;
+    const auto open = MirrorServer::start(scene, "tcp://0.0.0.0:*");
+    ASSERT_FALSE(open);
+    EXPECT_NE(open.error().text.find("give keys"), std::string::npos);
+    EXPECT_FALSE(MirrorServer::start(scene, "tcp://*:*"));
+    MirrorServerOptions options;
+    options.insecure = true;
+    EXPECT_TRUE(MirrorServer::start(scene, "tcp://0.0.0.0:*", options));
+    for (const char* bad : {"", "tcp://", "tcp://localhost", "carrier-pigeon://x:1", "tcp://:5"}) {
+        EXPECT_FALSE(MirrorServer::start(scene, bad)) << bad;
+    }
+    EXPECT_TRUE(*isLocalEndpoint("tcp://127.3.2.1:99"));
+    EXPECT_FALSE(*isLocalEndpoint("tcp://127.evil.example:99"));
+    EXPECT_FALSE(*isLocalEndpoint("tcp://10.0.0.1:99"));
+}
+
+class MirrorKeysTest : public testing::Test {
+  protected:
+    MirrorKeysTest() {
+        char pattern[] = "/tmp/rtsg-keys-XXXXXX";
+        folder = mkdtemp(pattern);
+    }
+    ~MirrorKeysTest() override { std::filesystem::remove_all(folder); }
+    MirrorKeys fresh(const char* name) {
+        EXPECT_TRUE(MirrorKeys::generate(folder / name));
+        return *MirrorKeys::load(folder / name);
+    }
+    std::filesystem::path folder;
+};
+
+TEST_F(MirrorKeysTest, OnlyThoseOnTheListGetIn) {
+    const MirrorKeys keys = fresh("a"), others = fresh("b");
+    EXPECT_FALSE(MirrorKeys::generate(folder / "a")) << "never overwrites";
+    Scene scene;
+    MirrorServerOptions serverOptions;
+    serverOptions.keys = keys;
+    auto server = *MirrorServer::start(scene, kAnyPort, serverOptions);
+    scene.createNode(x3d::Transform::type);
+    scene.newFrame(1);
+
+    Scene good, plain, uninvited;
+    MirrorClientOptions options;
+    options.keys = keys;
+    auto client = *MirrorClient::connect(good, server->endpoint(), options);
+    ASSERT_TRUE(pollUntilAt(*client, scene));
+    EXPECT_EQ(good.hash(), scene.hash());
+
+    auto without = *MirrorClient::connect(plain, server->endpoint());
+    MirrorKeys mixed = others;
+    mixed.serverPublic = keys.serverPublic;
+    options.keys = mixed;
+    auto stranger = *MirrorClient::connect(uninvited, server->endpoint(), options);
+    ASSERT_TRUE(eventually([&] {
+        without->poll();
+        stranger->poll();
+        return server->statistics().refused > 0 && server->statistics().garbage > 0;
+    }));
+    EXPECT_EQ(without->statistics().frames, 0u);
+    EXPECT_EQ(stranger->statistics().frames, 0u);
+    EXPECT_EQ(server->statistics().peers, 1u);
+}
+
+TEST_F(MirrorKeysTest, MalformedKeyFilesAreRefusedWithTheLine) {
+    const auto path = folder / "keys";
+    const auto write = [&](std::string_view text) {
+        FILE* file = std::fopen(path.c_str(), "w");
+        std::fwrite(text.data(), 1, text.size(), file);
+        std::fclose(file);
+    };
+    EXPECT_FALSE(MirrorKeys::load(path));
+    write("# comment\n\nserver-public tooshort\n");
+    const auto bad = MirrorKeys::load(path);
+    ASSERT_FALSE(bad);
+    EXPECT_EQ(bad.error().where.line, 3u);
+    write("door-key rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7\n");
+    EXPECT_FALSE(MirrorKeys::load(path));
+    write("server-public rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7\n");
+    const auto half = MirrorKeys::load(path);
+    ASSERT_TRUE(half) << half.error().text;
+    EXPECT_FALSE(half->checkForServer());
+    EXPECT_FALSE(half->checkForClient());
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,121 @@
+// Helpers of the mirror's tests: waiting for conditions, and a man in the middle who drops or bends messages.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <zmq.h>
+
+#include <rtsg/sync/mirror_client.h>
+#include <rtsg/sync/mirror_server.h>
+
+namespace rtsg::test {
+
+using namespace std::chrono_literals;
+
+/// Generous: only a failing test ever waits this long.
+constexpr auto kPatience = 30s;
+
+inline bool eventually(const std::function<bool()>& condition) {
+    const auto end = std::chrono::steady_clock::now() + kPatience;
+    while (!condition()) {
+        if (std::chrono::steady_clock::now() > end) return false;
+        std::this_thread::sleep_for(1ms);
+    }
+    return true;
+}
+
+inline bool pollUntil(MirrorClient& client, const std::function<bool()>& condition) {
+    const auto end = std::chrono::steady_clock::now() + kPatience;
+    while (!condition()) {
+        if (std::chrono::steady_clock::now() > end) return false;
+        client.poll(5ms);
+    }
+    return true;
+}
+
+inline bool pollUntilAt(MirrorClient& client, const Scene& origin) {
+    return pollUntil(client, [&] { return client.inStep() && client.statistics().sequence == origin.sequence(); });
+}
+
+/// Stands between one client and a server; every message passes `filter`, which may change or drop it.
+class Middleman {
+  public:
+    using Parts = std::vector<std::string>;
+    /// `toClient`: the direction. False drops the message.
+    using Filter = std::function<bool(bool toClient, Parts& parts)>;
+
+    Middleman(const std::string& server, Filter filter) : filter_(std::move(filter)) {
+        context_ = zmq_ctx_new();
+        front_ = zmq_socket(context_, ZMQ_ROUTER);
+        back_ = zmq_socket(context_, ZMQ_DEALER);
+        for (void* socket : {front_, back_}) {
+            const int none = 0;
+            zmq_setsockopt(socket, ZMQ_LINGER, &none, sizeof(none));
+        }
+        zmq_bind(front_, "tcp://127.0.0.1:*");
+        char bound[256];
+        std::size_t length = sizeof(bound);
+        zmq_getsockopt(front_, ZMQ_LAST_ENDPOINT, bound, &length);
+        endpoint = bound;
+        zmq_connect(back_, server.c_str());
+        thread_ = std::thread([this] { run(); });
+    }
+    ~Middleman() {
+        stop_ = true;
+        thread_.join();
+        zmq_close(front_);
+        zmq_close(back_);
+        zmq_ctx_term(context_);
+    }
+    std::string endpoint;
+
+  private:
+    static Parts receive(void* socket) {
+        Parts parts;
+        int more = 1;
+        while (more) {
+            zmq_msg_t message;
+            zmq_msg_init(&message);
+            zmq_msg_recv(&message, socket, 0);
+            parts.emplace_back(static_cast<const char*>(zmq_msg_data(&message)), zmq_msg_size(&message));
+            more = zmq_msg_more(&message);
+            zmq_msg_close(&message);
+        }
+        return parts;
+    }
+    static void send(void* socket, const Parts& parts) {
+        for (std::size_t i = 0; i < parts.size(); ++i)
+            zmq_send(socket, parts[i].data(), parts[i].size(), i + 1 < parts.size() ? ZMQ_SNDMORE : 0);
+    }
+    void run() {
+        std::string client;
+        while (!stop_) {
+            zmq_pollitem_t items[] = {{front_, 0, ZMQ_POLLIN, 0}, {back_, 0, ZMQ_POLLIN, 0}};
+            zmq_poll(items, 2, 20);
+            if (items[0].revents) {
+                Parts parts = receive(front_);
+                client = parts.front();
+                parts.erase(parts.begin());
+                if (filter_(false, parts)) send(back_, parts);
+            }
+            if (items[1].revents) {
+                Parts parts = receive(back_);
+                if (!filter_(true, parts) || client.empty()) continue;
+                parts.insert(parts.begin(), client);
+                send(front_, parts);
+            }
+        }
+    }
+
+    Filter filter_;
+    void *context_, *front_, *back_;
+    std::atomic<bool> stop_{false};
+    std::thread thread_;
+};
+
+}  // namespace rtsg::test

@@ -1,0 +1,354 @@
+#include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
+#include <rtsg/sync/record.h>
+
+#include "mirror_support.h"
+#include "support/random_edits.h"
+
+namespace rtsg {
+namespace {
+
+using namespace std::chrono_literals;
+using test::eventually;
+using test::Middleman;
+using test::pollUntil;
+using test::pollUntilAt;
+
+constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
+
+/// A scene that changes, and its server.
+struct Origin {
+    Scene scene;
+    test::RandomEdits edits;
+    std::unique_ptr<MirrorServer> server;
+    int frame = 0;
+
+    explicit Origin(std::uint64_t seed, MirrorServerOptions options = {}, const std::string& endpoint = kAnyPort)
+        : edits(scene, seed) {
+        serve(options, endpoint);
+    }
+    void serve(MirrorServerOptions options = {}, const std::string& endpoint = kAnyPort) {
+        auto started = MirrorServer::start(scene, endpoint, std::move(options));
+        EXPECT_TRUE(started) << started.error().text;
+        if (started) server = std::move(*started);
+    }
+    void step(int frames = 1) {
+        for (; frames > 0; --frames) {
+            for (int i = 0; i < 8; ++i) edits.step();
+            scene.newFrame(++frame * .1);
+        }
+    }
+};
+
+struct Replica {
+    Scene scene;
+    std::unique_ptr<MirrorClient> client;
+
+    explicit Replica(const std::string& endpoint, MirrorClientOptions options = {}) {
+        auto connected = MirrorClient::connect(scene, endpoint, std::move(options));
+        EXPECT_TRUE(connected) << connected.error().text;
+        if (connected) client = std::move(*connected);
+    }
+    const MirrorStatistics& statistics() const { return client->statistics(); }
+};
+
+void expectEqual(const Origin& origin, const Replica& replica) {
+    EXPECT_EQ(replica.scene.hash(), origin.scene.hash());
+    EXPECT_EQ(replica.scene.dump(), origin.scene.dump());
+    EXPECT_TRUE(replica.statistics().equal);
+    EXPECT_EQ(replica.statistics().hash, replica.statistics().originHash);
+    EXPECT_EQ(replica.statistics().sequence, origin.scene.sequence());
+}
+
+class Mirror : public testing::TestWithParam<std::uint64_t> {};
+
+TEST_P(Mirror, ReplicaEqualsTheOriginAfterEveryFrame) {
+    Origin origin(GetParam());
+    Replica replica(origin.server->endpoint());
+    for (int frame = 0; frame < 60; ++frame) {
+        origin.step();
+        ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene)) << "frame " << frame;
+        expectEqual(origin, replica);
+        if (HasFailure()) return;
+    }
+    EXPECT_EQ(replica.statistics().snapshots, 1u);
+    EXPECT_EQ(replica.statistics().gaps, 0u);
+    EXPECT_EQ(replica.statistics().divergences, 0u);
+    EXPECT_EQ(replica.statistics().garbage, 0u);
+    EXPECT_GE(replica.statistics().frames, 60u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, Mirror, testing::Range<std::uint64_t>(1, 7));
+
+TEST(MirrorJoin, LateJoinersGetOneSnapshotAndFollow) {
+    Origin origin(11);
+    Replica first(origin.server->endpoint());
+    origin.step(50);
+    ASSERT_TRUE(pollUntilAt(*first.client, origin.scene));
+    Replica second(origin.server->endpoint());
+    ASSERT_TRUE(pollUntil(*second.client, [&] {
+        origin.server->service();
+        return second.client->inStep() && second.statistics().sequence == origin.scene.sequence();
+    }));
+    expectEqual(origin, second);
+    for (int frame = 0; frame < 20; ++frame) {
+        origin.step();
+        for (Replica* replica : {&first, &second}) {
+            ASSERT_TRUE(pollUntilAt(*replica->client, origin.scene));
+            expectEqual(origin, *replica);
+        }
+    }
+    EXPECT_EQ(second.statistics().snapshots, 1u);
+    EXPECT_TRUE(eventually([&] { return origin.server->statistics().peers == 2; }));
+}
+
+TEST(MirrorJoin, TheClientMayBeThereFirst) {
+    Scene scene;
+    std::string endpoint;
+    {
+        Origin placeholder(1);
+        endpoint = placeholder.server->endpoint();
+    }
+    Replica replica(endpoint);
+    EXPECT_EQ(replica.client->poll(20ms), 0u);
+    EXPECT_FALSE(replica.client->inStep());
+    Origin origin(2, {}, endpoint);
+    origin.step(3);
+    ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene));
+    expectEqual(origin, replica);
+}
+
+TEST(MirrorJoin, ALargeSnapshotComesInPartsWithinTheWindow) {
+    Origin origin(12);
+    Array<Vec3f> points = Array<Vec3f>::ofSize(400000);  // 4.8 MB
+    for (std::size_t i = 0; i < points.size(); ++i) points.mutableData()[i] = Vec3f(float(i));
+    const NodeId node = origin.scene.createNode(x3d::Coordinate::type);
+    ASSERT_TRUE(origin.scene.set(node, x3d::Coordinate::point, points));
+    origin.step();
+    MirrorClientOptions options;
+    options.window = 64 << 10;
+    Replica replica(origin.server->endpoint(), options);
+    ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene));
+    expectEqual(origin, replica);
+    EXPECT_GT(replica.statistics().bytes, 4800000u);
+}
+
+TEST(MirrorFault, ADroppedMessageIsNoticedAndTheFramesResumed) {
+    Origin origin(21);
+    int data = 0;
+    Middleman middle(origin.server->endpoint(), [&](bool toClient, Middleman::Parts& parts) {
+        const bool isData = toClient && parts.size() == 2 && parts[0][5] == 17;
+        return !(isData && ++data == 10);
+    });
+    Replica replica(middle.endpoint);
+    for (int frame = 0; frame < 40; ++frame) {
+        origin.step();
+        // The frame after the lost one shows the gap.
+        if (frame != 8) {
+            ASSERT_TRUE(pollUntil(*replica.client, [&] {
+                if (replica.statistics().gaps == 0 && data >= 10) origin.step();
+                return replica.client->inStep() && replica.statistics().sequence == origin.scene.sequence();
+            })) << frame;
+        }
+    }
+    expectEqual(origin, replica);
+    EXPECT_EQ(replica.statistics().gaps, 1u);
+    EXPECT_EQ(replica.statistics().snapshots, 1u);
+    EXPECT_TRUE(eventually([&] { return origin.server->statistics().resumed == 1; }));
+}
+
+TEST(MirrorFault, ABentRecordIsRefusedByItsChecksum) {
+    Origin origin(22);
+    int data = 0;
+    Middleman middle(origin.server->endpoint(), [&](bool toClient, Middleman::Parts& parts) {
+        if (toClient && parts.size() == 2 && parts[0][5] == 17 && ++data == 6) parts[1].back() ^= 0x10;
+        return true;
+    });
+    Replica replica(middle.endpoint);
+    for (int frame = 0; frame < 20; ++frame) {
+        origin.step();
+        ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene)) << frame;
+        expectEqual(origin, replica);
+    }
+    EXPECT_EQ(replica.statistics().garbage, 1u);
+    EXPECT_EQ(replica.statistics().divergences, 0u);
+    EXPECT_EQ(replica.statistics().snapshots, 1u);
+}
+
+TEST(MirrorFault, ADivergingReplicaIsNoticedAtOnceAndRepaired) {
+    Scene scene;
+    auto server = *MirrorServer::start(scene, kAnyPort);
+    std::atomic<bool> bend{false};
+    Middleman middle(server->endpoint(), [&](bool toClient, Middleman::Parts& parts) {
+        if (!toClient || parts.size() != 2 || parts[0][5] != 17 || !bend.exchange(false)) return true;
+        // Another value, and a checksum that fits it: only the state hash can tell.
+        ByteBuffer record;
+        record.append(parts[1].data(), parts[1].size());
+        const RecordHeader header = *parseRecordHeader(record.bytes());
+        record.data()[record.size() - 1] ^= std::byte{0x20};
+        sealRecord(record, header);
+        parts[1].assign(reinterpret_cast<const char*>(record.data()), record.size());
+        return true;
+    });
+    Replica replica(middle.endpoint);
+    const NodeId node = scene.createNode(x3d::Transform::type);
+    for (int frame = 1; frame <= 12; ++frame) {
+        if (frame == 6) bend = true;
+        ASSERT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(1, 2, float(frame))));
+        scene.newFrame(frame);
+        ASSERT_TRUE(pollUntil(*replica.client, [&] {
+            server->service();
+            return replica.client->inStep() && replica.statistics().sequence == scene.sequence() &&
+                   replica.statistics().equal;
+        })) << frame;
+        EXPECT_EQ(replica.statistics().divergences, frame < 6 ? 0u : 1u);
+        EXPECT_EQ(replica.scene.dump(), scene.dump());
+    }
+    EXPECT_EQ(replica.statistics().snapshots, 2u);
+    bool reported = false;
+    for (const Diagnostic& d : replica.client->takeDiagnostics())
+        reported |= d.severity == Severity::error && d.text.find("state 6") != std::string::npos;
+    EXPECT_TRUE(reported);
+}
+
+struct Resets : Subscriber {
+    int snapshots = 0;
+    Result<> apply(const Scene&, const ChangeSet& changes) override {
+        snapshots += changes.isSnapshot();
+        return {};
+    }
+};
+
+TEST(MirrorFault, ARestartedServerIsNoticedAndTheReplicaStartsOver) {
+    auto first = std::make_unique<Origin>(31);
+    first->step(10);
+    const std::string endpoint = first->server->endpoint();
+    Replica replica(endpoint);
+    ASSERT_TRUE(pollUntilAt(*replica.client, first->scene));
+    Resets resets;
+    Attachment attachment = replica.scene.bus().attach(resets);
+    EXPECT_EQ(resets.snapshots, 1);
+    first.reset();
+    EXPECT_TRUE(pollUntil(*replica.client, [&] { return !replica.client->inStep(); }));
+    Origin second(32, {}, endpoint);
+    second.step(4);  // fewer frames: the same numbers mean other states
+    ASSERT_TRUE(pollUntilAt(*replica.client, second.scene));
+    expectEqual(second, replica);
+    EXPECT_EQ(replica.statistics().restarts, 1u);
+    EXPECT_EQ(resets.snapshots, 2);
+    second.step(5);
+    ASSERT_TRUE(pollUntilAt(*replica.client, second.scene));
+    expectEqual(second, replica);
+    EXPECT_EQ(resets.snapshots, 2);
+}
+
+TEST(MirrorFault, AForgottenClientResumesFromTheHistory) {
+    MirrorServerOptions options;
+    options.heartbeat = 20ms;
+    options.peerTimeout = 100ms;
+    Origin origin(33, options);
+    Replica replica(origin.server->endpoint());
+    origin.step();
+    ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene));
+    // The replica's thread has other things to do for a while.
+    ASSERT_TRUE(eventually([&] { return origin.server->statistics().lost == 1; }));
+    origin.step(20);
+    ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene));
+    expectEqual(origin, replica);
+    EXPECT_EQ(replica.statistics().snapshots, 1u);
+    EXPECT_TRUE(eventually([&] { return origin.server->statistics().resumed == 1; }));
+}
+
+TEST(MirrorFault, BeyondTheHistoryAForgottenClientGetsASnapshot) {
+    MirrorServerOptions options;
+    options.heartbeat = 20ms;
+    options.peerTimeout = 100ms;
+    options.history = 2000;
+    Origin origin(34, options);
+    Replica replica(origin.server->endpoint());
+    origin.step();
+    ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene));
+    ASSERT_TRUE(eventually([&] { return origin.server->statistics().lost == 1; }));
+    origin.step(100);
+    ASSERT_TRUE(pollUntil(*replica.client, [&] {
+        origin.server->service();
+        return replica.client->inStep() && replica.statistics().sequence == origin.scene.sequence();
+    }));
+    expectEqual(origin, replica);
+    EXPECT_EQ(replica.statistics().snapshots, 2u);
+    EXPECT_EQ(origin.server->statistics().resumed, 0u);
+}
+
+TEST(MirrorSlow, ASlowPeerGetsMergedSetsAndTheOthersEveryFrame) {
+    Scene scene;
+    auto server = *MirrorServer::start(scene, kAnyPort);
+    MirrorClientOptions narrow;
+    narrow.window = 64 << 10;
+    Replica slow(server->endpoint(), narrow), fast(server->endpoint());
+    std::vector<NodeId> nodes;
+    for (int i = 0; i < 500; ++i) nodes.push_back(scene.createNode(x3d::Transform::type));
+    scene.newFrame(0);
+    for (Replica* replica : {&slow, &fast}) ASSERT_TRUE(pollUntilAt(*replica->client, scene));
+    const std::uint64_t before = fast.statistics().frames;
+    for (int frame = 1; frame <= 100; ++frame) {
+        for (const NodeId node : nodes) ASSERT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(float(frame))));
+        scene.newFrame(frame);
+        ASSERT_TRUE(pollUntilAt(*fast.client, scene));
+        ASSERT_EQ(fast.statistics().hash, scene.hash());
+    }
+    EXPECT_EQ(fast.statistics().frames - before, 100u);
+    ASSERT_TRUE(pollUntilAt(*slow.client, scene));
+    EXPECT_EQ(slow.scene.dump(), scene.dump());
+    EXPECT_TRUE(slow.statistics().equal);
+    EXPECT_LT(slow.statistics().frames, 60u);
+    EXPECT_TRUE(eventually([&] { return server->statistics().merged > 40; }));
+    EXPECT_EQ(slow.statistics().gaps, 0u);
+}
+
+TEST(MirrorTree, AReplicaServesFurtherReplicasThroughARestartOfTheOrigin) {
+    auto origin = std::make_unique<Origin>(41);
+    const std::string endpoint = origin->server->endpoint();
+    Replica relay(endpoint);
+    auto relayServer = *MirrorServer::start(relay.scene, kAnyPort);
+    Replica leaf(relayServer->endpoint());
+    const auto settle = [&] {
+        return pollUntil(*leaf.client, [&] {
+            relay.client->poll();
+            return relay.client->inStep() && leaf.client->inStep() &&
+                   leaf.statistics().sequence == origin->scene.sequence() && leaf.scene.hash() == origin->scene.hash();
+        });
+    };
+    for (int frame = 0; frame < 20; ++frame) {
+        origin->step();
+        ASSERT_TRUE(settle()) << frame;
+        EXPECT_EQ(leaf.scene.dump(), origin->scene.dump());
+    }
+    origin.reset();
+    origin = std::make_unique<Origin>(42, MirrorServerOptions{}, endpoint);
+    for (int frame = 0; frame < 20; ++frame) {
+        origin->step();
+        ASSERT_TRUE(settle()) << frame;
+        EXPECT_EQ(leaf.scene.dump(), origin->scene.dump());
+    }
+    EXPECT_EQ(leaf.statistics().divergences, 0u);
+}
+
+TEST(MirrorShutdown, NobodyHangsWhenTheOtherSideIsGone) {
+    const auto start = std::chrono::steady_clock::now();
+    {
+        auto origin = std::make_unique<Origin>(51);
+        origin->step();
+        Replica replica(origin->server->endpoint());
+        replica.client->poll(50ms);
+        origin->step(200);
+        origin.reset();  // with frames still under way
+    }
+    {
+        Replica alone("tcp://127.0.0.1:1");
+    }
+    EXPECT_LT(std::chrono::steady_clock::now() - start, 10s);
+}
+
+}  // namespace
+}  // namespace rtsg
