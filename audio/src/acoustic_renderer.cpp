@@ -120,14 +120,15 @@ Result<std::unique_ptr<AcousticRenderer>> AcousticRenderer::create(const RayWorl
 
 Result<> AcousticRenderer::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
     impl_->scene.apply(scene, changes, delta);
-    impl_->geometry.update();
+    impl_->geometry.apply(delta);
     return {};
 }
 
 const SoundScene& AcousticRenderer::scene() const {
     return impl_->scene;
 }
-const AcousticGeometry& AcousticRenderer::geometry() const {
+const AcousticGeometry& AcousticRenderer::geometry() {
+    impl_->geometry.update();
     return impl_->geometry;
 }
 std::uint64_t AcousticRenderer::traces() const {
@@ -167,6 +168,7 @@ void AcousticRenderer::Impl::retrace(EmitterState& state, const SoundEmitter& em
                            glm::dot(state.tracedRight, listener.right) < 0.998;  // 3.6 degrees
         if (!moved || time < state.tracedAt + options.retraceSeconds) return;
     }
+    geometry.update();
     const TraceResult traced = AcousticTracer(geometry).trace(source, listener.position, options.trace);
     ImpulseResponseOptions response;
     response.channels =

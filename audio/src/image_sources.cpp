@@ -162,12 +162,18 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3
 
     CandidateSet candidates;
     candidates.insert(source, kNoPlane, 1);
-    std::size_t generation = 0;
+    std::size_t generation = 0, attempts = 0;
+    const std::size_t maxAttempts = 64 * std::max<std::size_t>(options.maxCandidates, 1000);
     for (int order = 1; order <= options.maxOrder && !planes.empty(); ++order) {
         const std::size_t end = candidates.all.size();
         bool complete = true;
         for (std::size_t i = generation; i < end && complete; ++i)
             for (std::uint32_t p = 0; p < planes.size(); ++p) {
+                // In a room of many small surfaces most pairs see each other not at all, which takes time to find out.
+                if (++attempts > maxAttempts) {
+                    complete = false;
+                    break;
+                }
                 const Candidate from = candidates.all[i];
                 const double share = from.share * planes[p].mirrors;
                 if (from.lastPlane == p || share < options.minShare) continue;

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/plane_index.h>
 
 namespace rtsg::test {
 

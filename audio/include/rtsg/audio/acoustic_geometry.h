@@ -10,8 +10,6 @@
 #include <cstdint>
 #include <limits>
 #include <span>
-#include <unordered_map>
-#include <vector>
 
 #include <glm/glm.hpp>
 
@@ -67,32 +65,6 @@ class AcousticGeometry {
                          std::uint32_t except, AcousticHit& hit) const = 0;
     /// Distance from a point to the nearest surface, metres; infinity in the void.
     virtual double distanceToSurface(const glm::dvec3& point) const = 0;
-};
-
-/// Finds the planes of a set of triangles.
-class PlaneMerger {
-  public:
-    /// Triangles whose plane differs by less than these (radians; metres) from one already there join it.
-    explicit PlaneMerger(double angleTolerance = 1e-3, double distanceTolerance = 1e-4)
-        : angleTolerance_(angleTolerance), distanceTolerance_(distanceTolerance) {}
-
-    /// Index of the triangle's plane; kNoPlane for one without area or with coordinates that are no numbers.
-    std::uint32_t add(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
-    /// The planes, with their bounding spheres. Leaves the merger empty.
-    std::vector<ReflectingPlane> finish();
-
-  private:
-    struct Entry {
-        ReflectingPlane plane;
-        double area = 0;  // of the largest triangle, the one that defines the plane
-        glm::dvec3 low{0}, high{0};
-        std::uint32_t next = kNoPlane;  // in the same hash bucket
-    };
-    std::uint32_t find(const glm::dvec3& normal, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) const;
-
-    double angleTolerance_, distanceTolerance_;
-    std::vector<Entry> entries_;
-    std::unordered_map<std::uint64_t, std::uint32_t> buckets_;
 };
 
 }  // namespace rtsg

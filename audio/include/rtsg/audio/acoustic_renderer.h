@@ -69,8 +69,8 @@ class AcousticRenderer final : public InstanceSubscriber {
     Result<> render(double untilSeconds, SoundBuffer& sound);
 
     const SoundScene& scene() const;
-    /// The room as of the last apply().
-    const AcousticGeometry& geometry() const;
+    /// The room as of the last apply(), ready to be traced.
+    const AcousticGeometry& geometry();
     /// Responses traced so far.
     std::uint64_t traces() const;
     Diagnostics diagnostics() const;

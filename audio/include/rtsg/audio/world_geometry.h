@@ -1,17 +1,20 @@
 // WorldGeometry: AcousticGeometry over a RayWorld: the same BVH that light is traced in, asked in single precision and
 // answered in double.
 //
-// Invariant: between update() and the next change of the world, answers are those of the world's triangles. Hits are
-// moved onto their plane in double precision, so that long mirror paths do not drift. Follows instances, not scenes:
-// materials are handed in by the NodeId of their AcousticProperties (see sound_scene.h). Threading: update() and
-// setMaterial() alone; queries from any number of threads.
+// Invariant: after apply() of the deltas the world was applied, answers are those of one built from scratch (numbers of
+// planes apart). The work follows the delta: planes are found once per mesh, in its own frame, and moved with its
+// instances. Hits are moved onto their plane in double precision, so that long mirror paths do not drift. Materials are
+// handed in by the NodeId of their AcousticProperties (see sound_scene.h). Threading: apply(), setMaterial() and
+// update() alone; queries from any number of threads.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <unordered_map>
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/plane_index.h>
 #include <rtsg/renderers/ray_world.h>
 
 namespace rtsg {
@@ -21,21 +24,21 @@ class WorldGeometry final : public AcousticGeometry {
     struct Options {
         /// Of surfaces without AcousticProperties.
         AcousticMaterial defaultMaterial;
-        /// With more triangles than this no planes are merged and no sources mirrored: rays do it all.
-        std::size_t maxPlaneTriangles = 4'000'000;
+        /// With more planes than this, in one mesh or in all, no sources are mirrored: rays do it all.
+        std::size_t maxPlanes = 20'000;
     };
 
     /// `world` must outlive this.
     explicit WorldGeometry(const RayWorld& world);
     WorldGeometry(const RayWorld& world, const Options& options);
+    ~WorldGeometry() override;
 
-    /// Takes effect with the next update().
     void setMaterial(NodeId acoustics, const AcousticMaterial& material);
-    void removeMaterial(NodeId acoustics);
-    /// To be called after every RayWorld::apply before anything is traced; cheap when nothing changed. True if
-    /// something did.
-    bool update();
-    /// Grows with every update() that returned true.
+    /// To be called after RayWorld::apply with the same delta.
+    void apply(const InstanceDelta& delta);
+    /// Brings planes() up to date; before a source is mirrored. Linear in the planes, nothing when nothing changed.
+    void update();
+    /// Grows with every change.
     std::uint64_t version() const { return version_; }
 
     std::span<const ReflectingPlane> planes() const override { return planes_; }
@@ -45,21 +48,37 @@ class WorldGeometry final : public AcousticGeometry {
     double distanceToSurface(const glm::dvec3& point) const override;
 
   private:
+    /// The planes of one mesh, in its frame.
+    struct MeshPlanes;
     struct Slot {
-        std::size_t firstPlane = 0;  // in planeOf_
+        InstanceId id;
+        NodeId geometry;
         std::uint32_t material = 0;
+        std::shared_ptr<const MeshPlanes> mesh;  // null: no planes are known
+        std::vector<std::uint32_t> planes;       // by number in `mesh`
     };
-    void place(const RayInstance& instance, std::uint32_t triangle, glm::dvec3 (&corners)[3]) const;
+    struct CachedMesh {
+        std::weak_ptr<const Mesh> mesh;
+        std::weak_ptr<const MeshPlanes> planes;
+    };
+
+    void place(std::uint32_t slot);
+    void release(Slot& slot);
+    std::uint32_t materialOf(NodeId acoustics);
+    std::shared_ptr<const MeshPlanes> planesOf(const std::shared_ptr<const Mesh>& mesh);
 
     const RayWorld* world_;
     Options options_;
-    std::unordered_map<std::uint32_t, AcousticMaterial> byNode_;
+    std::unordered_map<std::uint32_t, std::uint32_t> materialByNode_;
     std::vector<AcousticMaterial> materials_;
+    std::vector<Slot> slots_;
+    std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> slotsOf_;  // by geometry
+    std::unordered_map<const Mesh*, CachedMesh> meshes_;
+    PlaneIndex index_;
+    std::vector<std::uint32_t> users_;  // by plane
+    std::size_t withoutPlanes_ = 0;     // slots with a mesh too fine for planes
     std::vector<ReflectingPlane> planes_;
-    std::vector<Slot> slots_;             // by instance slot
-    std::vector<std::uint32_t> planeOf_;  // by instance and triangle; empty when planes are not merged
-    std::uint64_t version_ = 0, worldVersion_ = 0;
-    bool materialsChanged_ = true;
+    std::uint64_t version_ = 0, updated_ = 0;
 };
 
 }  // namespace rtsg
