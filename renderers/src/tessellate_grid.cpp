@@ -6,6 +6,10 @@ namespace rtsg {
 
 using detail::warn;
 
+namespace {
+constexpr std::size_t kMostFilledHeights = std::size_t{1} << 22;
+}
+
 Mesh tessellate(const ElevationGridParams& params) {
     Mesh mesh;
     mesh.solid = params.solid;
@@ -21,21 +25,25 @@ Mesh tessellate(const ElevationGridParams& params) {
                                params.zSpacing));
         return mesh;
     }
-    // The heights that are there bound the grid, not the dimensions, so a false dimension cannot fill the memory.
+    // Missing heights are 0, as other browsers have it. In a grid too large for a mistake only the complete rows are
+    // drawn, so that a false dimension cannot fill the memory.
     const auto columns = static_cast<std::size_t>(params.xDimension);
     auto rows = static_cast<std::size_t>(params.zDimension);
-    if (params.height.size() / columns < rows) {
-        rows = params.height.size() / columns;
-        warn(mesh, fmt::format("height has {} values, xDimension * zDimension is {}: {} complete rows are drawn",
-                               params.height.size(), columns * static_cast<std::size_t>(params.zDimension), rows));
+    const std::size_t given = params.height.size();
+    if (given / columns < rows) {
+        const bool fill = rows <= kMostFilledHeights / columns;
+        if (!fill) rows = given / columns;
+        warn(mesh, fmt::format("height has {} values, xDimension {} * zDimension {} needs more: {}", given, columns,
+                               params.zDimension, fill ? "the others are 0" : "only complete rows are drawn"));
         if (rows < 2) return mesh;
     }
 
     Array<Vec3f> positions = Array<Vec3f>::ofSize(columns * rows);
     Vec3f* point = positions.mutableData();
+    const auto heightAt = [&](std::size_t i) { return i < given ? params.height[i] : 0.0f; };
     for (std::size_t j = 0; j < rows; ++j)
         for (std::size_t i = 0; i < columns; ++i)
-            *point++ = {static_cast<float>(i) * params.xSpacing, params.height[j * columns + i],
+            *point++ = {static_cast<float>(i) * params.xSpacing, heightAt(j * columns + i),
                         static_cast<float>(j) * params.zSpacing};
     mesh.positions = std::move(positions);
 

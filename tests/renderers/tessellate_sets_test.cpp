@@ -203,6 +203,12 @@ TEST(TessellateElevationGrid, BadInput) {
     EXPECT_EQ(huge.triangleCount, 2u);
     EXPECT_EQ(huge.diagnostics.warnings(), 1u);
     EXPECT_TRUE(tessellate(grid(2147483647, 2147483647, {0, 0, 0, 0, 0})).empty());
+    // Where it can be no mistake, missing heights are 0.
+    const Mesh level = tessellate(grid(3, 3, {0, 0, 0, 1}));
+    EXPECT_EQ(level.triangleCount, 8u);
+    EXPECT_EQ(level.diagnostics.warnings(), 1u);
+    EXPECT_EQ(level.positions[3], Vec3f(0, 1, 1));
+    EXPECT_EQ(level.positions[8], Vec3f(2, 0, 2));
     const Mesh nan = tessellate(grid(3, 2, {0, 0, 0, NAN, 0, INFINITY}));
     EXPECT_EQ(findDefect(nan), "");
     EXPECT_EQ(nan.triangleCount, 1u);
