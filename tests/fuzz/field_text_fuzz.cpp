@@ -16,7 +16,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const TextSyntax other : {TextSyntax::classicVrml, TextSyntax::xml}) {
         const std::string printed = printFieldText(*value, other);
         const Result<Value> back = parseFieldText(type, printed, other);
-        fuzz::require(back && *back == *value, "printing and parsing changed the value", printed, {});
+        fuzz::require(back && *back == *value, "printing and parsing changed the value", printed, Diagnostics());
     }
     return 0;
 }

@@ -10,7 +10,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     std::string text;
     constexpr std::size_t limit = 1 << 20;
     const bool some = rtsg::detail::gunzip(packed, text, diagnostics, limit);
-    rtsg::fuzz::require(text.size() <= limit, "beyond the limit", {}, diagnostics);
-    rtsg::fuzz::require(some || diagnostics.errors() > 0, "nothing, and no error", {}, diagnostics);
+    rtsg::fuzz::require(text.size() <= limit, "beyond the limit", "", diagnostics);
+    rtsg::fuzz::require(some || diagnostics.errors() > 0, "nothing, and no error", "", diagnostics);
     return 0;
 }
