@@ -33,7 +33,7 @@ struct Imager::Impl {
 
     Impl(Scene& s, Options options)
         : scene(s),
-          flattened({options.meshes ? std::move(options.meshes) : meshSource(), {}}),
+          flattened(flattenerOptions(std::move(options.meshes))),
           world(options.world),
           tracer(std::move(options.folder)) {
         flattened.add(world);
@@ -41,6 +41,11 @@ struct Imager::Impl {
         attachment = scene.bus().attach(flattened);
     }
 
+    Flattener::Options flattenerOptions(MeshSource meshes) {
+        Flattener::Options options;
+        options.meshes = meshes ? std::move(meshes) : meshSource();
+        return options;
+    }
     MeshSource meshSource() {
         return [this](const Scene& from, NodeId geometry) -> std::shared_ptr<const Mesh> {
             auto mesh = tessellate(from, geometry);

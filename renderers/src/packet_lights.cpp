@@ -92,6 +92,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, const Surface
         const int lane = std::countr_zero(rest);
         if (!(in.factor[lane] > 0) || !(in.cosine[lane] > 0)) continue;
         Ray ray;
+        ray.tMin = kLeave;
         const HitPoint point = scene.world->point(s.hit[lane]);
         const Vec3f towards = in.direction.get(lane);
         ray.origin = RayWorld::leave(point, towards);
@@ -107,12 +108,14 @@ void castShadows(const TraceScene& scene, const TraceLight& light, const Surface
     }
     if (!tested) return;
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
-    std::uint32_t blocked = scene.world->occluded(rays, true) & tested;
+    // Not as coherent rays: Embree 3.13's frustum traversal of shadow rays loops for ever on some nested scenes.
+    std::uint32_t blocked = scene.world->occluded(rays, false) & tested;
     for (; blocked; blocked &= blocked - 1) {
         const int lane = std::countr_zero(blocked);
         Vec3f left(0);
         if (scene.anyTransmits) {
             Ray ray;
+            ray.tMin = kLeave;
             ray.origin = {rays.originX[lane], rays.originY[lane], rays.originZ[lane]};
             ray.direction = {rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]};
             if (light.kind != Light::Kind::directional) ray.tMax = 1;

@@ -73,6 +73,10 @@ struct PathTask {
     std::uint8_t passes = 0;  // clear surfaces passed straight
 };
 
+/// tMin of rays that leave a surface. Their start is off it by its error bound, which is 0 where a plane holds a
+/// coordinate exactly; this leaves out the hit at exactly 0 that then remains.
+constexpr float kLeave = 1e-30f;
+
 constexpr int kTileSide = 16;
 constexpr int kTilePixels = kTileSide * kTileSide;
 

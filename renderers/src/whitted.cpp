@@ -69,7 +69,7 @@ class Tile {
                     rays.skip(lane);
                     if (lane >= count) continue;
                     const PathTask& task = now_[first + static_cast<std::size_t>(lane)];
-                    rays.set(lane, {task.origin, 0, task.direction, std::numeric_limits<float>::infinity()});
+                    rays.set(lane, {task.origin, kLeave, task.direction, std::numeric_limits<float>::infinity()});
                     pixels[lane] = task.pixel;
                 }
                 result_.secondaryRays += static_cast<std::uint64_t>(count);

@@ -18,10 +18,13 @@ struct LightScene {
     ImageOptions options;
     RenderStats stats;
 
-    /// `body` without the header; NavigationInfo without headlight is put before it unless it has its own.
+    /// `body` without the header. Unless it has its own, a NavigationInfo without headlight and the default Viewpoint
+    /// are put before it ("frame" in a comment: no Viewpoint).
     explicit LightScene(const std::string& body, int width = 33, int height = 33, Imager::Options imagerOptions = {}) {
         std::string text = "#X3D V4.0 utf8\nPROFILE Immersive\n";
         if (body.find("NavigationInfo") == std::string::npos) text += "NavigationInfo { headlight FALSE }\n";
+        if (body.find("Viewpoint") == std::string::npos && body.find("# frame") == std::string::npos)
+            text += "Viewpoint { }\n";
         EXPECT_TRUE(loadText(scene, text + body, diagnostics));
         for (const Diagnostic& d : diagnostics.all()) ADD_FAILURE() << d.format();
         imager = std::make_unique<Imager>(scene, std::move(imagerOptions));
