@@ -1,0 +1,42 @@
+// Benchmarks of rtsg::sync: codec, mirror and log, each beside what limits it (memcpy, raw ZeroMQ, raw write) in the
+// same run. Plain functions, so that `rtsg bench` and tests can call them.
+#pragma once
+
+#include <functional>
+#include <string>
+
+namespace rtsg::bench {
+
+struct Line {
+    std::string bench, name, metric, unit;
+    double value = 0;
+    std::string baselineName;
+    double baseline = 0;
+    std::string limitName;
+    double limit = 0;
+};
+using Report = std::function<void(const Line&)>;
+
+struct SyncSizes {
+    int transforms = 10000;  // changed in every frame
+    int frames = 400;
+    int roundTrips = 2000;
+    int joinNodes = 200000;
+};
+
+/// Nanoseconds per changed field to encode, decode and check.
+void codec(const SyncSizes& sizes, const Report& report);
+/// Transforms per second from Scene::set to the replica's verified hash, over loopback TCP; raw ZeroMQ with the same
+/// bytes beside it. Fails (false) if any replica state differs.
+bool mirrorThroughput(const SyncSizes& sizes, const Report& report);
+/// Microseconds from newFrame() to the replica's state, one change at a time.
+bool mirrorLatency(const SyncSizes& sizes, const Report& report);
+/// Milliseconds from connect() to a verified replica of a still scene.
+bool mirrorJoin(const SyncSizes& sizes, const Report& report);
+/// Bytes per second written and scanned, states per second replayed with verification.
+bool logThroughput(const SyncSizes& sizes, const Report& report);
+
+/// All of them; false if one failed.
+bool sync(const SyncSizes& sizes, const Report& report);
+
+}  // namespace rtsg::bench
