@@ -1,9 +1,9 @@
-// The only door to Embree: meshes' BVHs, groups of instances, and the root above the groups.
+// The only door to Embree: meshes' BVHs, groups of resting triangles, and the top above both.
 //
 // Invariant: what is attached here has been checked by RayWorld; Embree's asserts cannot fire.
-// A group is one Embree scene of instances or of triangles already in ray space. The root holds one user-geometry
-// primitive per group, so that committing one moved instance of N costs what its group and the list of groups cost,
-// not N; with one group the root is that group and costs nothing.
+// A group is one Embree scene of triangles already in ray space. An instance is a mesh's BVH and a transform; it is no
+// Embree object: the top, a tree of our own, transforms rays into it. So moving one of N costs log N and no commit, and
+// inverses are exact to a float's rounding, whatever the translation. With one group alone there is nothing above it.
 // Threading: changes on one thread; tracing from any, in between.
 #pragma once
 
@@ -16,6 +16,8 @@
 #include <embree3/rtcore.h>
 
 #include <rtsg/renderers/ray_world.h>
+
+#include "instance_tree.h"
 
 namespace rtsg::bvh {
 
@@ -66,6 +68,8 @@ class MeshBvh {
     /// Takes other positions for the same triangles and refits, or another mesh altogether and rebuilds.
     void update(const Device& device, std::shared_ptr<const Mesh> mesh);
     RTCScene scene() const { return scene_.get(); }
+    /// Of the last commit, in the mesh's frame.
+    const RTCBounds& bounds() const { return bounds_; }
     bool refitted() const { return refitted_; }
 
   private:
@@ -75,24 +79,20 @@ class MeshBvh {
     GeometryHandle geometry_;
     bool built_ = false, deforming_ = false, refitted_ = false;
     unsigned refitsSinceBuild_ = 0;
+    RTCBounds bounds_{};
 };
 
+/// Resting triangles, merged.
 class Group {
   public:
-    /// `resting`: for triangles that are not expected to move; else for instances, which are.
-    Group(const Device& device, bool resting);
+    explicit Group(const Device& device);
     /// Returns the local number.
-    std::uint32_t attachInstance(const Device& device, std::uint32_t slot, const MeshBvh& mesh,
-                                 const glm::mat4x3& rayFromLocal, std::uint32_t mask);
-    std::uint32_t attachTriangles(const Device& device, std::uint32_t slot, Triangles triangles, std::uint32_t mask);
-    void move(std::uint32_t local, const glm::mat4x3& rayFromLocal);
-    /// Must follow a change of the mesh's BVH.
-    void touch(std::uint32_t local, const MeshBvh& mesh);
+    std::uint32_t attach(const Device& device, std::uint32_t slot, Triangles triangles, std::uint32_t mask);
     void setMask(std::uint32_t local, std::uint32_t mask);
     void detach(std::uint32_t local);
     /// Makes it invisible at once, without any building; it stays attached.
     void hide(std::uint32_t local);
-    /// Lets go of everything; what is needed on must have been detached before.
+    /// Lets go of everything.
     void drop();
     void commit();
 
@@ -100,11 +100,10 @@ class Group {
     const std::uint32_t* slots() const { return slots_.data(); }
     std::size_t live() const { return live_; }
     std::size_t hidden() const { return hidden_; }
-    bool resting() const { return resting_; }
-    /// Attached ones, hidden ones included; instances count nothing.
+    /// Attached ones, hidden ones included.
     std::size_t triangles() const { return triangles_; }
     bool dirty() const { return dirty_; }
-    const RTCBounds& bounds() const { return bounds_; }
+    const InstanceTree::Box& box() const { return box_; }
     /// Calls visit(slot) for everything attached and not hidden.
     template <class Visit>
     void forEach(Visit visit) const {
@@ -112,46 +111,71 @@ class Group {
             if (entries_[i].geometry && !entries_[i].isHidden) visit(slots_[i]);
     }
 
+    std::uint32_t topObject = InstanceTree::kNone;  // the owner's note
+
   private:
     struct Entry {
         GeometryHandle geometry;
         Triangles triangles;  // keeps the buffers alive
         bool isHidden = false;
     };
-    std::uint32_t place(std::uint32_t slot, Entry entry);
 
     SceneHandle scene_;
     std::vector<Entry> entries_;
     std::vector<std::uint32_t> slots_, free_;
     std::vector<Triangles> retired_;  // buffers that Embree may read until the next commit
     std::size_t live_ = 0, hidden_ = 0, triangles_ = 0;
-    bool resting_ = false, dirty_ = false;
-    RTCBounds bounds_{};
+    bool dirty_ = false;
+    InstanceTree::Box box_;
 };
 
-/// Traces through all groups; what queries see.
-class Root {
+/// Everything there is to trace; what queries see. Rays have been checked.
+class Top {
   public:
-    explicit Root(const Device& device);
-    /// Commits after the groups were. `groups`: every group, in any order; empty ones are passed over.
-    void commit(const Device& device, const std::vector<std::unique_ptr<Group>>& groups);
-    RTCScene scene() const { return scene_; }
-    std::uint32_t slotOf(std::uint32_t geometryId, std::uint32_t instanceId) const {
-        if (geometryId & kMapped) return instanceId;
-        return direct_->slots()[instanceId != RTC_INVALID_GEOMETRY_ID ? instanceId : geometryId];
-    }
-    const RTCBounds& bounds() const { return bounds_; }
+    /// Returns the object's number. `rayFromLocal` has an inverse; the box is that of the result, in ray space.
+    std::uint32_t addInstance(std::uint32_t slot, RTCScene mesh, const WorldFromLocal& rayFromLocal,
+                              const InstanceTree::Box& box, std::uint32_t mask);
+    void moveInstance(std::uint32_t object, const WorldFromLocal& rayFromLocal, const InstanceTree::Box& box);
+    /// The mesh's BVH is another one or has other bounds.
+    void changeMesh(std::uint32_t object, RTCScene mesh, const InstanceTree::Box& box);
+    void setMask(std::uint32_t object, std::uint32_t mask) { objects_[object].mask = mask; }
+    std::uint32_t addGroup(const Group& group);
+    /// After the group's commit.
+    void updateGroup(std::uint32_t object, const Group& group);
+    void remove(std::uint32_t object);
+    void commit();
 
+    void intersect(const Ray& ray, RTCRayHit& r, RTCIntersectContext& context) const;
+    bool occluded(const Ray& ray, RTCRay& r, RTCIntersectContext& context) const;
+    void intersect(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext& context) const;
+    /// Blocked lanes end with tMax -inf.
+    void occluded(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext& context) const;
+
+    std::uint32_t slotOf(std::uint32_t geometryId, std::uint32_t instanceId) const {
+        return geometryId & kMapped ? instanceId : direct_->slots()[geometryId];
+    }
+    const InstanceTree::Box& bounds() const { return tree_.bounds(); }
+    std::size_t bytes() const { return tree_.bytes() + objects_.capacity() * sizeof(Object); }
+    std::size_t builds() const { return tree_.builds(); }
+
+  private:
     /// Set in a hit's geomID when its instID already is a slot.
     static constexpr std::uint32_t kMapped = 0x80000000;
 
-  private:
-    SceneHandle over_;
-    GeometryHandle geometry_;
-    std::vector<const Group*> groups_;  // the user geometry's primitives
-    RTCScene scene_ = nullptr;
-    const Group* direct_ = nullptr;
-    RTCBounds bounds_{};
+    struct Object {
+        glm::mat3 localFromRay{1.0f};  // of points relative to `translation`
+        Vec3f translation{0};
+        std::uint32_t mask = ~0u, slot = kNoInstance;
+        RTCScene scene = nullptr;
+        const Group* group = nullptr;  // null: an instance
+        void setTransform(const WorldFromLocal& rayFromLocal);
+    };
+    std::uint32_t newObject();
+
+    std::vector<Object> objects_;
+    std::vector<std::uint32_t> free_;
+    InstanceTree tree_;
+    const Group* direct_ = nullptr;  // the group that is all there is
 };
 
 }  // namespace rtsg::bvh

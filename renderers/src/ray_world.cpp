@@ -35,10 +35,9 @@ void RayWorld::apply(const InstanceDelta& delta) {
 }
 
 Bounds RayWorld::bounds() const {
-    const RTCBounds& b = impl_->root.bounds();
     Bounds result;
-    result.min = {b.lower_x, b.lower_y, b.lower_z};
-    result.max = {b.upper_x, b.upper_y, b.upper_z};
+    result.min = impl_->top.bounds().lower;
+    result.max = impl_->top.bounds().upper;
     return result;
 }
 
@@ -65,8 +64,9 @@ RayWorld::Stats RayWorld::stats() const {
         stats.baked += place.kind == Impl::Kind::baked;
         stats.culled += place.culled;
     }
-    stats.chunks = impl_->groups.size();
-    stats.bvhBytes = impl_->device.bytes();
+    stats.groups = impl_->groups.size();
+    stats.bvhBytes = impl_->device.bytes() + impl_->top.bytes();
+    stats.topBuilds = impl_->top.builds();
     return stats;
 }
 
@@ -182,8 +182,7 @@ void RayWorld::Impl::setPending(std::uint32_t slot) {
 void RayWorld::Impl::lift(std::uint32_t slot) {
     Place& place = places[slot];
     if (place.kind == Kind::instanced) {
-        place.group->detach(place.local);
-        --instanced;
+        top.remove(place.local);
     } else if (place.kind == Kind::baked) {
         // Rebuilding all the triangles it rested among can wait until many are gone.
         if (options.mapping == Mapping::merged || place.group->live() <= 2)
@@ -245,7 +244,8 @@ void RayWorld::Impl::rebind(const Instance& info) {
     instance.info = info;
     instance.info.worldFromLocal = before;
     Place& place = places[slot];
-    if (masked && place.group) place.group->setMask(place.local, maskOf(info));
+    if (masked && place.kind == Kind::baked) place.group->setMask(place.local, maskOf(info));
+    if (masked && place.kind == Kind::instanced) top.setMask(place.local, maskOf(info));
     if (moved) move(info.id, info.worldFromLocal);
 }
 
@@ -258,7 +258,7 @@ void RayWorld::Impl::move(InstanceId id, const WorldFromLocal& worldFromLocal) {
     place.culled = false;
     std::string reason;
     if (place.kind == Kind::instanced && fitness(id.slot, reason) == Fitness::instance) {
-        place.group->move(place.local, instance.rayFromLocal);
+        top.moveInstance(place.local, rayFromLocal(instance.info), instanceBox(id.slot));
     } else {
         lift(id.slot);
         setPending(id.slot);
@@ -270,14 +270,14 @@ void RayWorld::Impl::followMesh(MeshEntry& entry) {
     if (entry.users.empty()) entry.bvh.reset();
     if (entry.bvh && entry.usable) {
         entry.bvh->update(device, entry.mesh);
-        newBvhs.push_back(entry.bvh.get());
+        entry.bvh->commit();
     }
     for (const std::uint32_t slot : entry.users) {
         Place& place = places[slot];
         place.culled = false;
         std::string reason;
         if (place.kind == Kind::instanced && entry.usable && fitness(slot, reason) == Fitness::instance) {
-            place.group->touch(place.local, *entry.bvh);
+            top.changeMesh(place.local, entry.bvh->scene(), instanceBox(slot));
             world->instances_[slot].mesh = entry.mesh;
         } else {
             lift(slot);
@@ -288,16 +288,18 @@ void RayWorld::Impl::followMesh(MeshEntry& entry) {
 }
 
 void RayWorld::Impl::commit() {
-    for (bvh::MeshBvh* mesh : newBvhs) mesh->commit();
-    newBvhs.clear();
-    stats.chunksBuilt = 0;
+    stats.groupsBuilt = 0;
     for (const auto& group : groups) {
-        if (!group->dirty()) continue;
+        const bool isNew = group->topObject == bvh::InstanceTree::kNone;
+        if (!group->dirty() && !isNew) continue;
         group->commit();
-        ++stats.chunksBuilt;
+        ++stats.groupsBuilt;
+        if (isNew)
+            group->topObject = top.addGroup(*group);
+        else
+            top.updateGroup(group->topObject, *group);
     }
-    if (stats.chunksBuilt > 0 || rootChanged) root.commit(device, groups);
-    rootChanged = false;
+    top.commit();
 }
 
 }  // namespace rtsg

@@ -1,9 +1,8 @@
-// The speed-up graph: which instance sits in which group, as an Embree instance or as triangles in ray space.
+// The speed-up graph: which instance is traced how: merged with others as triangles in ray space, or as itself.
 //
-// Invariant: `places` has one entry per slot of RayWorld::instances_; a traced instance is in exactly one group.
-// What is known to rest is merged into few groups of triangles; what moves stays an instance in a group of limited
-// size. A resting one that moves after all is hidden where it was (a mask, no building) and placed anew.
-// Source: paper section 5.1.2.
+// Invariant: `places` has one entry per slot of RayWorld::instances_; a traced instance is in one group or one object
+// of the top. What is taken to rest is merged into few groups; what moves is an object of its own. A resting one that
+// moves after all is hidden where it was (a mask, no building) and placed anew. Source: paper section 5.1.2.
 #pragma once
 
 #include <atomic>
@@ -26,9 +25,9 @@ struct RayWorld::Impl {
     enum class Kind : std::uint8_t { none, instanced, baked };
     struct Place {
         MeshEntry* mesh = nullptr;
-        bvh::Group* group = nullptr;
+        bvh::Group* group = nullptr;  // of a baked one
         std::uint32_t userIndex = 0;
-        std::uint32_t local = 0;
+        std::uint32_t local = 0;  // number in its group, or of its object in the top
         Kind kind = Kind::none;
         bool moves = false;    // has moved since it came
         bool pending = false;  // in `pending`
@@ -37,8 +36,7 @@ struct RayWorld::Impl {
     /// What a transform and a mesh allow.
     enum class Fitness : std::uint8_t { instance, bakeOnly, none };
 
-    Impl(RayWorld& owner, const Options& o)
-        : world(&owner), options(o), device(o.buildThreads, o.robust), root(device) {}
+    Impl(RayWorld& owner, const Options& o) : world(&owner), options(o), device(o.buildThreads, o.robust) {}
 
     void apply(const InstanceDelta& delta);
 
@@ -54,7 +52,7 @@ struct RayWorld::Impl {
     void unlink(std::uint32_t slot);
     void setTransform(RayInstance& instance, const WorldFromLocal& worldFromLocal);
     void setPending(std::uint32_t slot);
-    /// Takes it out of its group.
+    /// Stops tracing it.
     void lift(std::uint32_t slot);
     void cull(std::uint32_t slot, std::string reason);
 
@@ -67,9 +65,9 @@ struct RayWorld::Impl {
     bool shouldBake(std::uint32_t slot, bool bulk) const;
     void placePending();
     void placeBaked(std::vector<std::uint32_t> slots);
-    void placeInstances(std::vector<std::uint32_t> slots);
-    void attachInstance(bvh::Group& group, std::uint32_t slot);
-    bvh::Group& openGroupNear(const Vec3f& point);
+    void placeInstance(std::uint32_t slot);
+    WorldFromLocal rayFromLocal(const Instance& info) const;
+    bvh::InstanceTree::Box instanceBox(std::uint32_t slot) const;
     void tidyGroups();
     void commit();
 
@@ -81,10 +79,7 @@ struct RayWorld::Impl {
     std::vector<std::unique_ptr<bvh::Group>> groups;
     std::vector<std::uint32_t> pending;
     std::vector<MeshEntry*> changedMeshes;
-    std::vector<bvh::MeshBvh*> newBvhs;
-    bvh::Root root;
-    std::size_t instanced = 0, groupCapacity = 64;
-    bool rootChanged = false;
+    bvh::Top top;
     Stats stats;
     mutable std::atomic<std::uint64_t> badRays{0};
 };

@@ -14,7 +14,6 @@ namespace {
 constexpr std::size_t kBulk = 16;
 /// Shared meshes up to this size are copied rather than instanced: entering an instance costs a ray as much as they do.
 constexpr std::uint32_t kSmallMesh = 64;
-constexpr std::size_t kLeastCapacity = 64, kMostCapacity = 512;
 /// Within these an Embree instance cannot lead a valid ray out of the range that Embree accepts (1.8e18).
 constexpr double kLargestInverse = 1e8, kLargestErrorScale = 1e5;
 
@@ -37,14 +36,6 @@ Box transformed(const Bounds& bounds, const WorldFromLocal& m) {
 
 bool isIdentity(const glm::mat4x3& m) {
     return m == glm::mat4x3(1.0f);
-}
-
-/// Interleaves the bits of three numbers below 1024.
-std::uint32_t spread(std::uint32_t v) {
-    v = (v | v << 16) & 0x030000FF;
-    v = (v | v << 8) & 0x0300F00F;
-    v = (v | v << 4) & 0x030C30C3;
-    return (v | v << 2) & 0x09249249;
 }
 
 }  // namespace
@@ -130,9 +121,10 @@ void RayWorld::Impl::chooseOrigin() {
 }
 
 void RayWorld::Impl::placePending() {
-    if (groups.empty()) chooseOrigin();
-    const bool bulk = pending.size() >= kBulk || groups.empty();
-    std::vector<std::uint32_t> baked, separate;
+    const bool nothingYet = world->bounds().empty();
+    if (nothingYet) chooseOrigin();
+    const bool bulk = pending.size() >= kBulk || nothingYet;
+    std::vector<std::uint32_t> baked;
     for (const std::uint32_t slot : pending) {
         Place& place = places[slot];
         place.pending = false;
@@ -144,12 +136,11 @@ void RayWorld::Impl::placePending() {
         } else if (fit == Fitness::bakeOnly || shouldBake(slot, bulk)) {
             baked.push_back(slot);
         } else {
-            separate.push_back(slot);
+            placeInstance(slot);
         }
     }
     pending.clear();
     if (!baked.empty()) placeBaked(std::move(baked));
-    if (!separate.empty()) placeInstances(std::move(separate));
 }
 
 void RayWorld::Impl::placeBaked(std::vector<std::uint32_t> slots) {
@@ -159,7 +150,6 @@ void RayWorld::Impl::placeBaked(std::vector<std::uint32_t> slots) {
     // and a triangle is rebuilt as rarely. The merged mapping wants one group whatever it costs.
     bvh::Group* target = nullptr;
     for (const auto& group : groups) {
-        if (!group->resting()) continue;
         if (options.mapping == Mapping::merged || group->triangles() <= 2 * triangles) {
             triangles += group->triangles();
             if (!target) {
@@ -174,21 +164,20 @@ void RayWorld::Impl::placeBaked(std::vector<std::uint32_t> slots) {
             }
         }
     }
-    if (!target) target = groups.emplace_back(std::make_unique<bvh::Group>(device, true)).get();
+    if (!target) target = groups.emplace_back(std::make_unique<bvh::Group>(device)).get();
     for (const std::uint32_t slot : slots) {
         RayInstance& instance = world->instances_[slot];
         Place& place = places[slot];
         const std::shared_ptr<const Mesh>& mesh = place.mesh->mesh;
         bvh::Triangles copy{mesh, mesh->positions};
         if (!isIdentity(instance.rayFromLocal)) {
-            WorldFromLocal m = instance.info.worldFromLocal;
-            m[3] -= world->origin_;
+            const WorldFromLocal m = rayFromLocal(instance.info);
             copy.positions = Array<Vec3f>::ofSize(mesh->positions.size());
             Vec3f* out = copy.positions.mutableData();
             for (const Vec3f& p : mesh->positions)
                 *out++ = Vec3f(m[0] * double{p.x} + m[1] * double{p.y} + m[2] * double{p.z} + m[3]);
         }
-        place.local = target->attachTriangles(device, slot, std::move(copy), maskOf(instance.info));
+        place.local = target->attach(device, slot, std::move(copy), maskOf(instance.info));
         place.group = target;
         place.kind = Kind::baked;
         place.culled = false;
@@ -196,105 +185,55 @@ void RayWorld::Impl::placeBaked(std::vector<std::uint32_t> slots) {
     }
 }
 
-void RayWorld::Impl::attachInstance(bvh::Group& group, std::uint32_t slot) {
+WorldFromLocal RayWorld::Impl::rayFromLocal(const Instance& info) const {
+    WorldFromLocal m = info.worldFromLocal;
+    m[3] -= world->origin_;
+    return m;
+}
+
+bvh::InstanceTree::Box RayWorld::Impl::instanceBox(std::uint32_t slot) const {
+    const RTCBounds& b = places[slot].mesh->bvh->bounds();
+    const WorldFromLocal m = rayFromLocal(world->instances_[slot].info);
+    // Nothing but degenerate triangles: a point is never hit, and has a place in the tree.
+    if (!(b.lower_x <= b.upper_x)) return {Vec3f(m[3]), Vec3f(m[3])};
+    Bounds local;
+    local.min = {b.lower_x, b.lower_y, b.lower_z};
+    local.max = {b.upper_x, b.upper_y, b.upper_z};
+    const Box box = transformed(local, m);
+    // Room for the rounding of the ray's transform and of the box itself.
+    const Vec3d slack = (glm::abs(box.center) + box.half) * 0x1p-21;
+    return {Vec3f(box.center - box.half - slack), Vec3f(box.center + box.half + slack)};
+}
+
+void RayWorld::Impl::placeInstance(std::uint32_t slot) {
     RayInstance& instance = world->instances_[slot];
     Place& place = places[slot];
     MeshEntry& entry = *place.mesh;
     if (!entry.bvh) {
         entry.bvh = std::make_unique<bvh::MeshBvh>(device, entry.mesh);
-        newBvhs.push_back(entry.bvh.get());
+        entry.bvh->commit();
     }
-    place.local = group.attachInstance(device, slot, *entry.bvh, instance.rayFromLocal, maskOf(instance.info));
-    place.group = &group;
+    place.local = top.addInstance(slot, entry.bvh->scene(), rayFromLocal(instance.info), instanceBox(slot),
+                                  maskOf(instance.info));
     place.kind = Kind::instanced;
     place.culled = false;
     instance.mesh = entry.mesh;
-    ++instanced;
-}
-
-bvh::Group& RayWorld::Impl::openGroupNear(const Vec3f& point) {
-    bvh::Group* best = nullptr;
-    float bestDistance = 0;
-    for (const auto& group : groups) {
-        if (group->resting() || group->live() >= groupCapacity) continue;
-        const RTCBounds& b = group->bounds();
-        const Vec3f lower(b.lower_x, b.lower_y, b.lower_z), upper(b.upper_x, b.upper_y, b.upper_z);
-        // An empty group, all of whose bounds are infinite, is nearest of all.
-        const Vec3f apart = group->live() == 0 ? Vec3f(0) : glm::abs((lower + upper) * .5f - point);
-        const float distance = apart.x + apart.y + apart.z;
-        if (!best || distance < bestDistance) best = group.get(), bestDistance = distance;
-    }
-    return best ? *best : *groups.emplace_back(std::make_unique<bvh::Group>(device, false));
-}
-
-void RayWorld::Impl::placeInstances(std::vector<std::uint32_t> slots) {
-    groupCapacity = std::clamp(static_cast<std::size_t>(std::sqrt(static_cast<double>(instanced + slots.size()))),
-                               kLeastCapacity, kMostCapacity);
-    const auto centerOf = [&](std::uint32_t slot) {
-        WorldFromLocal m = world->instances_[slot].info.worldFromLocal;
-        m[3] -= world->origin_;
-        return Vec3f(transformed(places[slot].mesh->mesh->bounds, m).center);
-    };
-    if (slots.size() < kBulk) {
-        for (const std::uint32_t slot : slots) attachInstance(openGroupNear(centerOf(slot)), slot);
-        return;
-    }
-    // Neighbours share a group: sorted along a space-filling curve, then cut; what moves apart from what rests.
-    Vec3f lower(HUGE_VALF), upper(-HUGE_VALF);
-    for (const std::uint32_t slot : slots) {
-        const Vec3f c = centerOf(slot);
-        lower = glm::min(lower, c), upper = glm::max(upper, c);
-    }
-    const Vec3f scale = 1023.0f / glm::max(upper - lower, Vec3f(1e-20f));
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> order;
-    order.reserve(slots.size());
-    for (const std::uint32_t slot : slots) {
-        const glm::uvec3 cell(glm::clamp((centerOf(slot) - lower) * scale, 0.0f, 1023.0f));
-        const std::uint64_t code = spread(cell.x) | spread(cell.y) << 1 | spread(cell.z) << 2;
-        const bool moving = places[slot].moves || world->instances_[slot].info.mobility == Mobility::moving;
-        order.emplace_back(code | std::uint64_t{moving} << 32, slot);
-    }
-    std::sort(order.begin(), order.end());
-    bvh::Group* group = nullptr;
-    for (const auto& [code, slot] : order) {
-        if (!group || group->live() >= groupCapacity)
-            group = groups.emplace_back(std::make_unique<bvh::Group>(device, false)).get();
-        attachInstance(*group, slot);
-    }
 }
 
 void RayWorld::Impl::tidyGroups() {
-    // A resting group most of which has moved away is built anew without it.
+    // A group most of which has moved away is built anew without it.
     std::vector<std::uint32_t> again;
-    std::size_t underfull = 0;
     for (const auto& group : groups) {
-        underfull += !group->resting() && group->live() * 2 < groupCapacity;
         if (group->hidden() * 2 <= group->live() || group->hidden() == 0) continue;
-        const std::size_t first = again.size();
         group->forEach([&](std::uint32_t slot) { again.push_back(slot); });
-        for (std::size_t i = first; i < again.size(); ++i) group->detach(places[again[i]].local);
         group->drop();
     }
     if (!again.empty()) placeBaked(std::move(again));
-    // Many small groups cost rays and the root; gather them when they are most of what there is.
-    if (underfull > 8 && underfull * groupCapacity > 2 * instanced) {
-        std::vector<std::uint32_t> gathered;
-        for (const auto& group : groups) {
-            if (group->resting() || group->live() * 2 >= groupCapacity) continue;
-            const std::size_t first = gathered.size();
-            group->forEach([&](std::uint32_t slot) { gathered.push_back(slot); });
-            for (std::size_t i = first; i < gathered.size(); ++i) {
-                group->detach(places[gathered[i]].local);
-                --instanced;
-            }
-        }
-        if (!gathered.empty()) placeInstances(std::move(gathered));
-    }
-    const auto empty = std::remove_if(groups.begin(), groups.end(), [](const auto& g) { return g->live() == 0; });
-    if (empty != groups.end()) {
-        groups.erase(empty, groups.end());
-        rootChanged = true;
-    }
+    std::erase_if(groups, [&](const auto& group) {
+        if (group->live() > 0) return false;
+        if (group->topObject != bvh::InstanceTree::kNone) top.remove(group->topObject);
+        return true;
+    });
 }
 
 }  // namespace rtsg

@@ -74,7 +74,7 @@ Hit RayWorld::Impl::resolve(float t, float u, float v, Vec3f normal, std::uint32
     Hit hit;
     if (geometryId == RTC_INVALID_GEOMETRY_ID) return hit;
     hit.t = t, hit.u = u, hit.v = v, hit.triangle = triangle;
-    hit.instance = root.slotOf(geometryId, instanceId);
+    hit.instance = top.slotOf(geometryId, instanceId);
     const RayInstance& instance = world->instances_[hit.instance];
     // Instances report the normal in their own frame; triangles in ray space were turned inside out by a mirroring.
     if (places[hit.instance].kind == Kind::instanced)
@@ -98,7 +98,7 @@ Hit RayWorld::intersect(const Ray& ray, RayKind kind) const {
     r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     RTCIntersectContext context = makeContext(false);
-    rtcIntersect1(impl_->root.scene(), &context, &r);
+    impl_->top.intersect(ray, r, context);
     return impl_->resolve(r.ray.tfar, r.hit.u, r.hit.v, {r.hit.Ng_x, r.hit.Ng_y, r.hit.Ng_z}, r.hit.primID,
                           r.hit.geomID, r.hit.instID[0]);
 }
@@ -111,8 +111,7 @@ bool RayWorld::occluded(const Ray& ray, RayKind kind) const {
     RTCRay r;
     fill(r, ray, kind);
     RTCIntersectContext context = makeContext(false);
-    rtcOccluded1(impl_->root.scene(), &context, &r);
-    return r.tfar < 0;
+    return impl_->top.occluded(ray, r, context);
 }
 
 std::uint32_t RayWorld::intersect(RayPacket16& rays, bool coherent, RayKind kind) const {
@@ -120,7 +119,7 @@ std::uint32_t RayWorld::intersect(RayPacket16& rays, bool coherent, RayKind kind
     if (const int bad = prepare(rays, valid, kind); bad > 0) [[unlikely]]
         impl_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
     RTCIntersectContext context = makeContext(coherent);
-    rtcIntersect16(valid, impl_->root.scene(), &context, reinterpret_cast<RTCRayHit16*>(&rays));
+    impl_->top.intersect(rays, valid, context);
     std::uint32_t hits = 0;
     for (int i = 0; i < 16; ++i) hits |= static_cast<std::uint32_t>(rays.geom_[i] != RTC_INVALID_GEOMETRY_ID) << i;
     return hits;
@@ -131,7 +130,7 @@ std::uint32_t RayWorld::occluded(RayPacket16& rays, bool coherent, RayKind kind)
     if (const int bad = prepare(rays, valid, kind); bad > 0) [[unlikely]]
         impl_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
     RTCIntersectContext context = makeContext(coherent);
-    rtcOccluded16(valid, impl_->root.scene(), &context, reinterpret_cast<RTCRay16*>(&rays));
+    impl_->top.occluded(rays, valid, context);
     std::uint32_t blocked = 0;
     for (int i = 0; i < 16; ++i) blocked |= static_cast<std::uint32_t>((valid[i] != 0) & (rays.tMax[i] < 0)) << i;
     return blocked;
@@ -156,13 +155,11 @@ HitPoint RayWorld::point(const Hit& hit) const {
     const glm::mat4x3& m = instance.rayFromLocal;
     result.position = m * Vec4f(local, 1);
     // gamma(n) = n eps / (1 - n eps) bounds n roundings (Higham; pbrt-v4, section 6.8.1): four for the barycentric sum,
-    // four for the transform here, and as many again for how Embree saw the triangle: rounded into ray space, or
-    // through a ray transformed by an inverse whose own error the condition of the matrix magnifies twice.
+    // four for the transform here, and as many again for how the ray met the triangle: rounded into ray space, or
+    // through a transformed ray, whose errors the condition of the matrix magnifies on their way back.
     constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
-    const bool instanced = impl_->places[hit.instance].kind == Impl::Kind::instanced;
-    const float growth = instanced ? instance.errorScale * instance.errorScale : 1.0f;
-    const Vec3f reach = glm::abs(m[0]) * size.x + glm::abs(m[1]) * size.y + glm::abs(m[2]) * size.z + glm::abs(m[3]);
-    result.error = reach * (gamma * growth);
+    const Vec3f linear = glm::abs(m[0]) * size.x + glm::abs(m[1]) * size.y + glm::abs(m[2]) * size.z;
+    result.error = (linear * instance.errorScale + glm::abs(m[3])) * gamma;
     return result;
 }
 

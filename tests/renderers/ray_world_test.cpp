@@ -430,7 +430,7 @@ TEST(RayWorld, ThousandsOfAdditionsAndRemovalsLeaveNothingBehind) {
     world.apply(last);
     EXPECT_TRUE(world.bounds().empty());
     EXPECT_EQ(world.stats().meshes, 0u);
-    EXPECT_EQ(world.stats().chunks, 0u);
+    EXPECT_EQ(world.stats().groups, 0u);
 }
 
 TEST(RayWorld, ManyThreadsMayAskAtOnce) {

@@ -103,7 +103,8 @@ class RayWorld {
         std::size_t instances = 0, traced = 0, culled = 0;  // culled: bad transform or no usable triangle
         std::size_t meshes = 0, uniqueTriangles = 0, instancedTriangles = 0;
         std::size_t bvhBytes = 0, meshBytes = 0;
-        std::size_t chunks = 0, chunksBuilt = 0;  // built: by the last apply()
+        std::size_t groups = 0, groupsBuilt = 0;  // of merged triangles; built: by the last apply()
+        std::size_t topBuilds = 0;                // of the tree over groups and instances, since the start
         std::size_t baked = 0;                    // instances whose triangles were copied into ray space
         double applySeconds = 0;
     };
