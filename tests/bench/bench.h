@@ -1,0 +1,40 @@
+// rtsg bench: measurements, each beside a naive baseline and a physical limit taken in the same run.
+//
+// Times are CPU time of this process unless a case says otherwise: on shared machines wall-clock time wobbles. Read
+// the ratios. Threading: one thread unless a case says otherwise.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace rtsg::bench {
+
+/// One figure; a baseline or limit without a name is none.
+struct Line {
+    std::string bench, name, metric, unit;
+    double value = 0;
+    std::string baselineName;
+    double baseline = 0;
+    std::string limitName;
+    double limit = 0;
+};
+using Report = std::function<void(const Line&)>;
+
+void read(const Report& report, bool quick);
+void transform(const Report& report, bool quick);
+void animated(const Report& report, bool quick);
+void changes(const Report& report, bool quick);
+bool rays(const Report& report, bool quick);
+
+/// CPU time of this process in seconds.
+double cpuSeconds();
+double wallSeconds();
+double median(std::vector<double> values);
+/// Keeps a value from being optimised away.
+inline void keep(const auto& value) {
+    asm volatile("" : : "r,m"(value) : "memory");
+}
+
+}  // namespace rtsg::bench

@@ -1,0 +1,194 @@
+// Rays: shaded primary rays against bare Embree on the same triangles, the same flags and the same rays. One thread.
+#include <cmath>
+#include <random>
+
+#include <embree3/rtcore.h>
+#include <fmt/format.h>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/image.h>
+
+#include "bench.h"
+
+namespace rtsg::bench {
+
+namespace {
+
+constexpr int kWidth = 1280, kHeight = 720;
+
+/// A room full of bumpy spheres in one mesh, seen from inside: about `triangles` of them.
+void buildRoom(Scene& scene, int triangles) {
+    Array<Vec3f> points;
+    Array<std::int32_t> indices;
+    const int objects = 40;
+    const int rings = std::max(4, static_cast<int>(std::sqrt(triangles / objects / 4)));
+    std::mt19937 random(7);
+    std::uniform_real_distribution<float> place(-6, 6);
+    for (int object = 0; object < objects; ++object) {
+        const Vec3f centre(place(random), place(random) * .4f, place(random) - 6);
+        const auto base = static_cast<std::int32_t>(points.size());
+        for (int i = 0; i <= rings; ++i)
+            for (int k = 0; k <= 2 * rings; ++k) {
+                const float theta = 3.14159265f * static_cast<float>(i) / static_cast<float>(rings);
+                const float phi = 3.14159265f * static_cast<float>(k) / static_cast<float>(rings);
+                const float radius = .8f + .05f * std::sin(9 * theta) * std::cos(7 * phi);
+                points.push_back(centre + radius * Vec3f(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi)));
+            }
+        const std::int32_t row = 2 * rings + 1;
+        for (int i = 0; i < rings; ++i)
+            for (int k = 0; k < 2 * rings; ++k) {
+                const std::int32_t a = base + i * row + k, b = a + 1, c = a + row, d = c + 1;
+                for (const std::int32_t v : {a, b, c, b, d, c}) indices.push_back(v);
+            }
+    }
+    // The room itself, so that every ray hits something.
+    const auto corner = static_cast<std::int32_t>(points.size());
+    for (int i = 0; i < 8; ++i) points.push_back(Vec3f(i & 1 ? 8 : -8, i & 2 ? 4 : -4, i & 4 ? 9 : -15));
+    for (const int v : {0, 1, 3, 0, 3, 2, 4, 6, 7, 4, 7, 5, 0, 4, 5, 0, 5, 1, 2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 5, 7, 1, 7, 3})
+        indices.push_back(corner + v);
+    const NodeId coordinate = scene.createNode(x3d::Coordinate::type), faces = scene.createNode(x3d::IndexedTriangleSet::type);
+    const NodeId shape = scene.createNode(x3d::Shape::type), appearance = scene.createNode(x3d::Appearance::type);
+    const NodeId material = scene.createNode(x3d::Material::type), light = scene.createNode(x3d::PointLight::type);
+    const NodeId view = scene.createNode(x3d::Viewpoint::type);
+    (void)scene.set(coordinate, x3d::Coordinate::point, points);
+    (void)scene.set(faces, x3d::IndexedTriangleSet::index, indices);
+    (void)scene.set(faces, x3d::IndexedTriangleSet::coord, coordinate);
+    (void)scene.set(faces, x3d::IndexedTriangleSet::solid, false);
+    (void)scene.set(material, x3d::Material::specularColor, Color{.5f, .5f, .5f});
+    (void)scene.set(appearance, x3d::Appearance::material, material);
+    (void)scene.set(shape, x3d::Shape::geometry, faces);
+    (void)scene.set(shape, x3d::Shape::appearance, appearance);
+    (void)scene.set(light, x3d::PointLight::location, Vec3f(0, 3, 4));
+    (void)scene.set(view, x3d::Viewpoint::position, Vec3f(0, 0, 8));
+    for (const NodeId id : {shape, light, view}) (void)scene.insertChild(scene.root(), x3d::RtsgScene::children, id);
+}
+
+/// Embree alone: the mesh in place, the same quality and flags as RayWorld asks for.
+class BareEmbree {
+  public:
+    explicit BareEmbree(const Mesh& mesh) {
+        device_ = rtcNewDevice("threads=1");
+        scene_ = rtcNewScene(device_);
+        rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
+        RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, mesh.positions.data(), 0,
+                                   sizeof(Vec3f), mesh.positions.size());
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0,
+                                   mesh.triangleStride * sizeof(std::int32_t), mesh.triangleCount);
+        rtcCommitGeometry(geometry);
+        rtcAttachGeometry(scene_, geometry);
+        rtcReleaseGeometry(geometry);
+        rtcCommitScene(scene_);
+    }
+    ~BareEmbree() {
+        rtcReleaseScene(scene_);
+        rtcReleaseDevice(device_);
+    }
+    BareEmbree(const BareEmbree&) = delete;
+    BareEmbree& operator=(const BareEmbree&) = delete;
+
+    RTCScene scene() const { return scene_; }
+
+  private:
+    RTCDevice device_ = nullptr;
+    RTCScene scene_ = nullptr;
+};
+
+/// Calls `packet(lane setter, 16 rays)` for every 4 x 4 block of the picture; the same rays whoever asks.
+template <class Trace>
+void forEachPacket(const Vec3f& eye, Trace trace) {
+    const float scale = 2 * std::tan(.3927f) / kHeight;
+    Vec3f directions[16];
+    for (int y = 0; y < kHeight; y += 4)
+        for (int x = 0; x < kWidth; x += 4) {
+            for (int lane = 0; lane < 16; ++lane) {
+                const float px = (static_cast<float>(x + lane % 4) + .5f - kWidth / 2) * scale;
+                const float py = (kHeight / 2 - static_cast<float>(y + lane / 4) - .5f) * scale;
+                directions[lane] = glm::normalize(Vec3f(px, py, -1));
+            }
+            trace(eye, directions);
+        }
+}
+
+double bareSeconds(const BareEmbree& bare, const Vec3f& eye) {
+    const double start = cpuSeconds();
+    RTCRayHit16 rays;
+    alignas(64) int valid[16];
+    for (int& v : valid) v = -1;
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    unsigned hits = 0;
+    forEachPacket(eye, [&](const Vec3f& origin, const Vec3f* directions) {
+        for (int i = 0; i < 16; ++i) {
+            rays.ray.org_x[i] = origin.x, rays.ray.org_y[i] = origin.y, rays.ray.org_z[i] = origin.z;
+            rays.ray.dir_x[i] = directions[i].x, rays.ray.dir_y[i] = directions[i].y, rays.ray.dir_z[i] = directions[i].z;
+            rays.ray.tnear[i] = 0, rays.ray.tfar[i] = INFINITY, rays.ray.time[i] = 0;
+            rays.ray.mask[i] = ~0u, rays.ray.flags[i] = 0, rays.ray.id[i] = 0;
+            rays.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID, rays.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+        }
+        rtcIntersect16(valid, bare.scene(), &context, &rays);
+        hits += rays.hit.geomID[0] != RTC_INVALID_GEOMETRY_ID;
+    });
+    keep(hits);
+    return cpuSeconds() - start;
+}
+
+double worldSeconds(const RayWorld& world, const Vec3f& eye) {
+    const double start = cpuSeconds();
+    RayPacket16 packet;
+    std::uint32_t hits = 0;
+    forEachPacket(eye, [&](const Vec3f& origin, const Vec3f* directions) {
+        for (int i = 0; i < 16; ++i) packet.set(i, {.origin = origin, .direction = directions[i]});
+        hits += world.intersect(packet, true) & 1;
+    });
+    keep(hits);
+    return cpuSeconds() - start;
+}
+
+}  // namespace
+
+bool rays(const Report& report, bool quick) {
+    for (const int triangles : {100'000, 1'000'000}) {
+        if (quick && triangles > 100'000) break;
+        Scene scene;
+        buildRoom(scene, triangles);
+        scene.newFrame(0);
+        Imager imager(scene);
+        const RayWorld& world = imager.world();
+        const Mesh* mesh = nullptr;
+        for (const RayInstance& instance : world.instances())
+            if (instance.mesh) mesh = instance.mesh.get();
+        if (!mesh) return false;
+        const BareEmbree bare(*mesh);
+        const Vec3f eye = world.fromWorld(Vec3d(0, 0, 8));
+        ImageOptions options;
+        options.settings.width = kWidth;
+        options.settings.height = kHeight;
+        options.settings.threads = 1;
+        const auto shaded = [&](Shadows shadows) {
+            options.settings.shadows = shadows;
+            const double start = cpuSeconds();
+            const auto picture = imager.picture(options);
+            return picture ? cpuSeconds() - start : -1;
+        };
+        std::vector<double> embree, intersect, shade, shadow;
+        for (int i = 0; i < 5; ++i) {
+            embree.push_back(bareSeconds(bare, eye));
+            intersect.push_back(worldSeconds(world, eye));
+            shade.push_back(shaded(Shadows::none));
+            shadow.push_back(shaded(Shadows::all));
+        }
+        const double count = kWidth * kHeight / 1e6;
+        const std::string name = fmt::format("{} triangles, {} x {}", mesh->triangleCount, kWidth, kHeight);
+        const double limit = count / median(embree);
+        report({"rays", name, "RayWorld, hits only", "Mrays/s", count / median(intersect), "", 0, "rtcIntersect16", limit});
+        report({"rays", name, "shaded primary rays", "Mrays/s", count / median(shade), "", 0, "rtcIntersect16", limit});
+        report({"rays", name, "shaded, one shadow ray each", "Mpixels/s", count / median(shadow), "", 0, "rtcIntersect16", limit});
+        if (median(shade) < 0) return false;
+    }
+    return true;
+}
+
+}  // namespace rtsg::bench
