@@ -69,26 +69,28 @@ Verb addBench(CLI::App& program) {
         bool quick = false, list = false;
     };
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("bench", "Measure; each figure beside a baseline and a limit, as JSON lines");
+    CLI::App* command =
+        program.add_subcommand("bench", "Measure; each figure beside a baseline and a limit, as JSON lines");
     command->add_option("NAME", options->names, "benches to run; all if none is named");
     command->add_flag("--quick", options->quick, "smaller sizes, for a first look");
     command->add_flag("--list", options->list, "say what there is");
     command->footer("Example: rtsg bench transform mirror");
-    return {command, [options] {
-                for (const std::string& name : options->names)
-                    if (std::ranges::find(kBenches, name, &Bench::name) == std::end(kBenches)) {
-                        printError(fmt::format("no bench is called {}; rtsg bench --list names them", name));
-                        return static_cast<int>(kUsage);
-                    }
-                bool good = true;
-                for (const Bench& b : kBenches) {
-                    if (options->list)
-                        fmt::print("{:<12} {}\n", b.name, b.about);
-                    else if (options->names.empty() || std::ranges::find(options->names, b.name) != options->names.end())
-                        good = b.run(printLine, options->quick) && good;
+    return {
+        command, [options] {
+            for (const std::string& name : options->names)
+                if (std::ranges::find(kBenches, name, &Bench::name) == std::end(kBenches)) {
+                    printError(fmt::format("no bench is called {}; rtsg bench --list names them", name));
+                    return static_cast<int>(kUsage);
                 }
-                return static_cast<int>(good ? kDone : kBad);
-            }};
+            bool good = true;
+            for (const Bench& b : kBenches) {
+                if (options->list)
+                    fmt::print("{:<12} {}\n", b.name, b.about);
+                else if (options->names.empty() || std::ranges::find(options->names, b.name) != options->names.end())
+                    good = b.run(printLine, options->quick) && good;
+            }
+            return static_cast<int>(good ? kDone : kBad);
+        }};
 }
 
 }  // namespace rtsg::app

@@ -33,7 +33,8 @@ void buildRoom(Scene& scene, int triangles) {
                 const float theta = 3.14159265f * static_cast<float>(i) / static_cast<float>(rings);
                 const float phi = 3.14159265f * static_cast<float>(k) / static_cast<float>(rings);
                 const float radius = .8f + .05f * std::sin(9 * theta) * std::cos(7 * phi);
-                points.push_back(centre + radius * Vec3f(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi)));
+                points.push_back(centre + radius * Vec3f(std::sin(theta) * std::cos(phi), std::cos(theta),
+                                                         std::sin(theta) * std::sin(phi)));
             }
         const std::int32_t row = 2 * rings + 1;
         for (int i = 0; i < rings; ++i)
@@ -45,9 +46,11 @@ void buildRoom(Scene& scene, int triangles) {
     // The room itself, so that every ray hits something.
     const auto corner = static_cast<std::int32_t>(points.size());
     for (int i = 0; i < 8; ++i) points.push_back(Vec3f(i & 1 ? 8 : -8, i & 2 ? 4 : -4, i & 4 ? 9 : -15));
-    for (const int v : {0, 1, 3, 0, 3, 2, 4, 6, 7, 4, 7, 5, 0, 4, 5, 0, 5, 1, 2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 5, 7, 1, 7, 3})
+    for (const int v :
+         {0, 1, 3, 0, 3, 2, 4, 6, 7, 4, 7, 5, 0, 4, 5, 0, 5, 1, 2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 5, 7, 1, 7, 3})
         indices.push_back(corner + v);
-    const NodeId coordinate = scene.createNode(x3d::Coordinate::type), faces = scene.createNode(x3d::IndexedTriangleSet::type);
+    const NodeId coordinate = scene.createNode(x3d::Coordinate::type),
+                 faces = scene.createNode(x3d::IndexedTriangleSet::type);
     const NodeId shape = scene.createNode(x3d::Shape::type), appearance = scene.createNode(x3d::Appearance::type);
     const NodeId material = scene.createNode(x3d::Material::type), light = scene.createNode(x3d::PointLight::type);
     const NodeId view = scene.createNode(x3d::Viewpoint::type);
@@ -123,7 +126,8 @@ double bareSeconds(const BareEmbree& bare, const Vec3f& eye) {
     forEachPacket(eye, [&](const Vec3f& origin, const Vec3f* directions) {
         for (int i = 0; i < 16; ++i) {
             rays.ray.org_x[i] = origin.x, rays.ray.org_y[i] = origin.y, rays.ray.org_z[i] = origin.z;
-            rays.ray.dir_x[i] = directions[i].x, rays.ray.dir_y[i] = directions[i].y, rays.ray.dir_z[i] = directions[i].z;
+            rays.ray.dir_x[i] = directions[i].x, rays.ray.dir_y[i] = directions[i].y,
+            rays.ray.dir_z[i] = directions[i].z;
             rays.ray.tnear[i] = 0, rays.ray.tfar[i] = INFINITY, rays.ray.time[i] = 0;
             rays.ray.mask[i] = ~0u, rays.ray.flags[i] = 0, rays.ray.id[i] = 0;
             rays.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID, rays.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
@@ -183,9 +187,11 @@ bool rays(const Report& report, bool quick) {
         const double count = kWidth * kHeight / 1e6;
         const std::string name = fmt::format("{} triangles, {} x {}", mesh->triangleCount, kWidth, kHeight);
         const double limit = count / median(embree);
-        report({"rays", name, "RayWorld, hits only", "Mrays/s", count / median(intersect), "", 0, "rtcIntersect16", limit});
+        report({"rays", name, "RayWorld, hits only", "Mrays/s", count / median(intersect), "", 0, "rtcIntersect16",
+                limit});
         report({"rays", name, "shaded primary rays", "Mrays/s", count / median(shade), "", 0, "rtcIntersect16", limit});
-        report({"rays", name, "shaded, one shadow ray each", "Mpixels/s", count / median(shadow), "", 0, "rtcIntersect16", limit});
+        report({"rays", name, "shaded, one shadow ray each", "Mpixels/s", count / median(shadow), "", 0,
+                "rtcIntersect16", limit});
         if (median(shade) < 0) return false;
     }
     return true;

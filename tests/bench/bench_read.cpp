@@ -22,12 +22,13 @@ namespace {
 
 /// A wavy grid of n x n quads, two triangles each.
 std::string meshText(int n) {
-    std::string text = "#X3D V4.0 utf8\nPROFILE Interchange\nShape { geometry IndexedFaceSet { coord Coordinate { point [\n";
+    std::string text =
+        "#X3D V4.0 utf8\nPROFILE Interchange\nShape { geometry IndexedFaceSet { coord Coordinate { point [\n";
     text.reserve(static_cast<std::size_t>(n) * static_cast<std::size_t>(n) * 80);
     for (int z = 0; z <= n; ++z)
         for (int x = 0; x <= n; ++x)
-            fmt::format_to(std::back_inserter(text), "{:.5g} {:.5g} {:.5g},\n", x * .013f, std::sin(x * .1f) * std::cos(z * .07f),
-                           z * .013f);
+            fmt::format_to(std::back_inserter(text), "{:.5g} {:.5g} {:.5g},\n", x * .013f,
+                           std::sin(x * .1f) * std::cos(z * .07f), z * .013f);
     text += "] }\ncoordIndex [\n";
     for (int z = 0; z < n; ++z)
         for (int x = 0; x < n; ++x) {
@@ -106,7 +107,9 @@ void read(const Report& report, bool quick) {
     PeakMemory memory;
     {
         // The memory is measured first: a child inherits its parent's peak.
-        { std::ofstream(file) << meshText(quick ? 200 : 1000); }
+        {
+            std::ofstream(file) << meshText(quick ? 200 : 1000);
+        }
     }
     memory = peakOfReading(file);
     std::error_code ignored;
@@ -129,9 +132,10 @@ void read(const Report& report, bool quick) {
     }
     const std::string name = quick ? "80 k triangles" : "2 M triangles";
     report({"read", name + ", ClassicVRML", "text read", "MB/s", megabytes / median(ours),
-            "std::from_chars over the numbers", megabytes / median(naive), "memcpy of the text", megabytes / median(copy)});
-    report({"read", name + ", ClassicVRML", "peak memory", "times the arrays", memory.peakBytes / memory.arrayBytes,
-            "", 0, "the arrays alone", 1});
+            "std::from_chars over the numbers", megabytes / median(naive), "memcpy of the text",
+            megabytes / median(copy)});
+    report({"read", name + ", ClassicVRML", "peak memory", "times the arrays", memory.peakBytes / memory.arrayBytes, "",
+            0, "the arrays alone", 1});
 }
 
 }  // namespace rtsg::bench

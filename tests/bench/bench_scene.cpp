@@ -34,8 +34,10 @@ void addAnimated(Scene& scene, NodeId parent) {
     (void)scene.set(clock, x3d::TimeSensor::loop, true);
     (void)scene.set(path, x3d::PositionInterpolator::key, Array<float>{0, .5f, 1});
     (void)scene.set(path, x3d::PositionInterpolator::keyValue, Array<Vec3f>{Vec3f(0), Vec3f(1, 2, 3), Vec3f(0)});
-    (void)scene.addRoute(clock, x3d::TimeSensor::fraction_changed.index, path, x3d::PositionInterpolator::set_fraction.index);
-    (void)scene.addRoute(path, x3d::PositionInterpolator::value_changed.index, transform, x3d::Transform::translation.index);
+    (void)scene.addRoute(clock, x3d::TimeSensor::fraction_changed.index, path,
+                         x3d::PositionInterpolator::set_fraction.index);
+    (void)scene.addRoute(path, x3d::PositionInterpolator::value_changed.index, transform,
+                         x3d::Transform::translation.index);
 }
 
 NodeId addGroup(Scene& scene) {
@@ -61,7 +63,8 @@ double traversalSeconds(const Scene& scene) {
     for (int i = 0; i < 5; ++i) {
         const double start = cpuSeconds();
         std::size_t shapes = 0;
-        scene.forEachNode([&](const Node& node) { shapes += node.is(x3d::Shape::type) && node.get(x3d::Shape::visible); });
+        scene.forEachNode(
+            [&](const Node& node) { shapes += node.is(x3d::Shape::type) && node.get(x3d::Shape::visible); });
         keep(shapes);
         times.push_back(cpuSeconds() - start);
     }
@@ -92,8 +95,9 @@ void transform(const Report& report, bool quick) {
         for (int i = 0; i < 3; ++i) attachments[i] = scene.bus().attach(readers[i]);
         scene.newFrame(0);
         const double frame = frameSeconds(scene, 2000);
-        report({"transform", fmt::format("1 animated among {} shapes, 3 subscribers", shapes), "scene and bus work per frame",
-                "us", frame * 1e6, "a look at every node", traversalSeconds(scene) * 1e6, "reading the clock", clockSeconds() * 1e6});
+        report({"transform", fmt::format("1 animated among {} shapes, 3 subscribers", shapes),
+                "scene and bus work per frame", "us", frame * 1e6, "a look at every node",
+                traversalSeconds(scene) * 1e6, "reading the clock", clockSeconds() * 1e6});
     }
 }
 
@@ -119,8 +123,8 @@ void animated(const Report& report, bool quick) {
         keep(values.data());
         bare.push_back(cpuSeconds() - start);
     }
-    report({"animated", fmt::format("{} sensors, interpolators, transforms", count), "cascade and change set", "ms", frame * 1e3,
-            "", 0, "the interpolation alone", median(bare) * 1e3});
+    report({"animated", fmt::format("{} sensors, interpolators, transforms", count), "cascade and change set", "ms",
+            frame * 1e3, "", 0, "the interpolation alone", median(bare) * 1e3});
 }
 
 void changes(const Report& report, bool quick) {
@@ -138,7 +142,8 @@ void changes(const Report& report, bool quick) {
         for (int frame = 1; frame <= 40; ++frame) {
             const Vec3f value(static_cast<float>(frame), 2, 3);
             double start = cpuSeconds();
-            for (int i = 0; i < perFrame; ++i) (void)scene.set(transforms[pick(i, frame)], x3d::Transform::translation, value);
+            for (int i = 0; i < perFrame; ++i)
+                (void)scene.set(transforms[pick(i, frame)], x3d::Transform::translation, value);
             scene.newFrame(scene.now() + 1);
             ours.push_back(cpuSeconds() - start);
             start = cpuSeconds();
@@ -147,14 +152,15 @@ void changes(const Report& report, bool quick) {
             bare.push_back(cpuSeconds() - start);
         }
         report({"changes", fmt::format("{}, {} of {} Transforms a frame", name, perFrame, nodes),
-                "a field to three subscribers", "ns", median(ours) / perFrame * 1e9, "", 0, "a write to an array", median(bare) / perFrame * 1e9});
+                "a field to three subscribers", "ns", median(ours) / perFrame * 1e9, "", 0, "a write to an array",
+                median(bare) / perFrame * 1e9});
     };
     const auto n = static_cast<std::uint64_t>(nodes);
     measure("the same ones", [](int i, int) { return static_cast<std::size_t>(i); });
-    measure("in turn", [&](int i, int f) { return (static_cast<std::size_t>(i) + static_cast<std::size_t>(f) * 10'000) % n; });
-    measure("at random", [&](int i, int f) {
-        return (static_cast<std::uint64_t>(i * 1000 + f) * 0x9E3779B97F4A7C15ull >> 20) % n;
-    });
+    measure("in turn",
+            [&](int i, int f) { return (static_cast<std::size_t>(i) + static_cast<std::size_t>(f) * 10'000) % n; });
+    measure("at random",
+            [&](int i, int f) { return (static_cast<std::uint64_t>(i * 1000 + f) * 0x9E3779B97F4A7C15ull >> 20) % n; });
 }
 
 }  // namespace rtsg::bench

@@ -2,20 +2,9 @@
 // same run. Plain functions, so that `rtsg bench` and tests can call them.
 #pragma once
 
-#include <functional>
-#include <string>
+#include "bench/bench.h"
 
 namespace rtsg::bench {
-
-struct Line {
-    std::string bench, name, metric, unit;
-    double value = 0;
-    std::string baselineName;
-    double baseline = 0;
-    std::string limitName;
-    double limit = 0;
-};
-using Report = std::function<void(const Line&)>;
 
 struct SyncSizes {
     int transforms = 10000;  // changed in every frame
