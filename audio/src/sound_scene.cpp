@@ -18,8 +18,8 @@ const Node* effective(const Scene& scene, NodeId id) {
         if (!node) return nullptr;
         const NodeType::Kind kind = node->type().kind;
         if (kind != NodeType::Kind::proto && kind != NodeType::Kind::externProto) return node;
-        const FieldIndex body = node->type().findExact("body");
-        if (body == kNoField || node->type().fields[body].type != FieldType::MFNode) return nullptr;
+        const FieldIndex body = node->type().body();
+        if (body == kNoField) return nullptr;
         const auto& children = node->get(Field<Array<NodeId>>{body});
         if (children.empty()) return nullptr;
         id = children[0];

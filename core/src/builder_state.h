@@ -205,8 +205,6 @@ inline FieldIndex hiddenField(const NodeType& type, std::string_view name) {
     const FieldIndex index = type.findExact(name);
     return index != kNoField && type.fields[index].hidden ? index : kNoField;
 }
-/// The hidden `body` of a PROTO instance or Inline: the last hidden MFNode field; kNoField if the type has none.
-FieldIndex bodyField(const NodeType& type);
 
 /// The node that `name` means inside `scope`: a DEF, or an imported node if its Inline is loaded.
 NodeId resolveLocalName(const Scene& scene, NodeId scope, std::string_view name, int depth = 0);

@@ -46,7 +46,7 @@ const Array<String>& urlsOf(const Node& node) {
 }
 
 const Array<NodeId>& contentOf(const Node& node) {
-    return *static_cast<const Array<NodeId>*>(node.storage(bodyField(node.type())));
+    return *static_cast<const Array<NodeId>*>(node.storage(node.type().body()));
 }
 
 }  // namespace
@@ -148,8 +148,8 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
         std::vector<NodeId> nodes;
         if (!open[openCount - 1].children.empty()) nodes = std::move(open[openCount - 1].children.front().nodes);
         pop();
-        if (auto stored = scene.setField(id, bodyField(scene.node(id).type()),
-                                         Value(Array<NodeId>(std::span<const NodeId>(nodes))));
+        if (auto stored =
+                scene.setField(id, scene.node(id).type().body(), Value(Array<NodeId>(std::span<const NodeId>(nodes))));
             !stored)
             error(where, stored.error().text);
         finishScope(document);
@@ -245,7 +245,7 @@ struct InlineLoader::State final : Subscriber {
             }
         }
         const NodeType& type = scene.node(id).type();
-        (void)scene.setField(id, bodyField(type), Value(Array<NodeId>()));
+        (void)scene.setField(id, type.body(), Value(Array<NodeId>()));
         for (const char* name : {"imports", "exports", "importRoutes"})
             if (const FieldIndex field = hiddenField(type, name); field != kNoField)
                 (void)scene.setField(id, field, Value(Array<String>()));

@@ -102,6 +102,12 @@ FieldIndex NodeType::find(std::string_view wanted) const {
     return implied ? index : kNoField;
 }
 
+FieldIndex NodeType::body() const {
+    for (std::size_t i = fields.size(); i-- > 0 && fields[i].hidden;)
+        if (fields[i].type == FieldType::MFNode && fields[i].name == "body") return static_cast<FieldIndex>(i);
+    return kNoField;
+}
+
 bool NodeType::isA(std::string_view typeOrAbstract) const {
     return name == typeOrAbstract || std::ranges::find(implements, typeOrAbstract) != implements.end();
 }

@@ -247,8 +247,9 @@ void SceneBuilder::State::connect(OpenNode& node, const IsRequest& request) {
         return refuse(
             fmt::format("{} cannot be connected with {} (table 4.4)", accessName(def.access), accessName(access)));
     const bool hasValue = access == Access::initializeOnly || access == Access::inputOutput;
-    // An EXTERNPROTO may leave fields of its PROTO out: they keep the PROTO's default.
-    const bool fromInstance = source != kNoField && instance.type().fields[source].type == def.type;
+    // An EXTERNPROTO may leave fields of its PROTO out, or declare them wrongly: they keep the PROTO's default.
+    const bool fromInstance = source != kNoField && instance.type().fields[source].type == def.type &&
+                              instance.type().fields[source].access == access;
     if (hasValue && sf(def.type) == FieldType::SFNode) {
         std::vector<NodeId> nodes;
         if (fromInstance && def.type == FieldType::SFNode) {
@@ -270,7 +271,7 @@ void SceneBuilder::State::connect(OpenNode& node, const IsRequest& request) {
         if (value) store(node, target, *value, request.where);
         node.markGiven(target);
     }
-    if (!fromInstance || instance.type().fields[source].access != access) return;
+    if (!fromInstance) return;
     if (auto connected = scene.addIsConnection(in.owner, source, node.id, target); !connected)
         refuse(connected.error().text);
 }
@@ -324,8 +325,8 @@ void SceneBuilder::State::expand(OpenNode& instance) {
     if (!open[openCount - 1].children.empty()) nodes = std::move(open[openCount - 1].children.front().nodes);
     pop();
     if (!nodes.empty())
-        if (auto stored = scene.setField(id, bodyField(*inside.instanceType),
-                                         Value(Array<NodeId>(std::span<const NodeId>(nodes))));
+        if (auto stored =
+                scene.setField(id, inside.instanceType->body(), Value(Array<NodeId>(std::span<const NodeId>(nodes))));
             !stored)
             error(where, stored.error().text);
     finishScope(inside);

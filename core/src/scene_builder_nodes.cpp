@@ -31,13 +31,6 @@ bool normaliseAxis(Rotation& r) {
 
 }  // namespace
 
-FieldIndex bodyField(const NodeType& type) {
-    for (std::size_t i = type.fields.size(); i-- > 0 && type.fields[i].hidden;)
-        if (type.fields[i].type == FieldType::MFNode && type.fields[i].name == "body")
-            return static_cast<FieldIndex>(i);
-    return kNoField;
-}
-
 // ---- OpenNode --------------------------------------------------------------------------------------------------
 
 std::vector<NodeId>& OpenNode::list(FieldIndex index) {
@@ -147,7 +140,7 @@ const NodeType* SceneBuilder::State::effectiveType(NodeId id) const {
     // 4.4.4.2: an instance counts as the first node of its body; bodies nest, but never endlessly.
     const Node* node = scene.find(id);
     while (node && (node->type().kind == NodeType::Kind::proto || node->type().kind == NodeType::Kind::externProto)) {
-        const auto& body = *static_cast<const Array<NodeId>*>(node->storage(bodyField(node->type())));
+        const auto& body = *static_cast<const Array<NodeId>*>(node->storage(node->type().body()));
         node = body.empty() ? nullptr : scene.find(body[0]);
     }
     return node ? &node->type() : nullptr;

@@ -100,8 +100,7 @@ void SceneBuilder::State::finishScope(NameScope& in) {
     connectImports(scene, in.owner, &diagnostics);
     for (const ImportStatement& one : in.imports) {
         const Node* from = scene.find(scene.findName(one.inlineDef, in.owner));
-        if (!from || hiddenField(from->type(), "body") == kNoField || from->isDefault(bodyField(from->type())))
-            continue;
+        if (!from || hiddenField(from->type(), "body") == kNoField || from->isDefault(from->type().body())) continue;
         if (!resolveLocalName(scene, in.owner, one.local))
             error(one.where,
                   fmt::format("IMPORT {}.{}: the inlined document exports no such name", one.inlineDef, one.exported));

@@ -18,8 +18,8 @@ const Node* resolve(const Scene& scene, NodeId id) {
     for (int depth = 0; node && depth < 1000; ++depth) {
         const NodeType& type = node->type();
         if (type.kind != NodeType::Kind::proto && type.kind != NodeType::Kind::externProto) return node;
-        const FieldIndex body = type.findExact("body");
-        if (body == kNoField || type.fields[body].type != FieldType::MFNode) return nullptr;
+        const FieldIndex body = type.body();
+        if (body == kNoField) return nullptr;
         const auto& nodes = node->get(Field<Array<NodeId>>{body});
         node = nodes.empty() ? nullptr : scene.find(nodes[0]);
     }

@@ -84,9 +84,12 @@ std::optional<std::string> decodeDataUrl(std::string_view url) {
 const Node* resolveNode(const Scene& scene, NodeId id) {
     const Node* node = scene.find(id);
     // The bound is against a scene that is broken, not against deep nesting.
-    for (int depth = 0; node && node->type().kind == NodeType::Kind::proto && depth < 10000; ++depth) {
-        const FieldIndex body = node->type().findExact("body");
-        if (body == kNoField || node->type().fields[body].type != FieldType::MFNode) return nullptr;
+    const auto isInstance = [](const NodeType& type) {
+        return type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
+    };
+    for (int depth = 0; node && isInstance(node->type()) && depth < 10000; ++depth) {
+        const FieldIndex body = node->type().body();
+        if (body == kNoField) return nullptr;
         const auto& nodes = node->get(Field<Array<NodeId>>{body});
         node = nodes.empty() ? nullptr : scene.find(nodes[0]);
     }

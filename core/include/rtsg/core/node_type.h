@@ -89,6 +89,9 @@ class NodeType {
     /// Exact name only, hidden fields included; a public field wins over a hidden one of the same name.
     FieldIndex findExact(std::string_view name) const;
     bool isA(std::string_view typeOrAbstract) const;
+    /// The hidden `body` of a PROTO instance or an Inline; kNoField if the type has none. An author's own field may
+    /// have that name too: do not look it up by name.
+    FieldIndex body() const;
 
     std::size_t blockSize() const { return blockSize_; }
     /// `blockSize()` bytes; shared values inside are owned by the type.
