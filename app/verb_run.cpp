@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/field_text.h>
+#include <rtsg/core/scene_builder.h>
 
 #include "cli.h"
 
@@ -85,6 +86,10 @@ int run(const Options& options) {
                     return;
                 }
         });
+    Diagnostics inlineDiagnostics(options.scene);
+    BuildOptions build;
+    if (options.scene != "-") build.file = options.scene;
+    InlineLoader inlines(scene, inlineDiagnostics, build);
     const double duration = parseSeconds(options.duration);
     const auto frames = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9)) + 1;
     const auto start = std::chrono::steady_clock::now();
@@ -99,8 +104,10 @@ int run(const Options& options) {
         const auto set = scene.newFrame(t);
         if (options.hash)
             fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", frame, t, set->hash.hex());
+        inlines.update();
         if (progress) progress(frame + 1, frames);
     }
+    print(inlineDiagnostics);
     print(scene.diagnostics());
     if (options.json && watches.empty() && !options.hash)
         fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"}}\n", frames, scene.now(), scene.hash().hex());
