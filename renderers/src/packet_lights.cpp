@@ -10,6 +10,9 @@ using namespace simd;
 
 namespace {
 
+// Not as coherent rays: Embree 3.13's frustum traversal of shadow rays has been seen to loop for ever.
+constexpr bool kCoherentShadows = false;
+
 /// What one light sends to sixteen points.
 struct alignas(64) Incoming {
     Lanes3 direction;              // towards the light, unit
@@ -83,33 +86,52 @@ Vec3f look(const TraceScene& scene, Ray ray) {
     return Vec3f(0);
 }
 
-void castShadows(const TraceScene& scene, const TraceLight& light, const SurfacePacket& s, std::uint32_t mask,
-                 Incoming& in, std::uint64_t& shadowRays) {
+/// One representable number further in the direction of `step`, where that is not 0.
+F8 beyond(F8 x, F8 step) {
+    const I8 i = bits(x);
+    // Away from zero counts up, towards zero down; zero itself goes to the least number of the step's sign.
+    const I8 outwards = ((x > 0.0f) & (step > 0.0f)) | ((x < 0.0f) & (step < 0.0f));
+    const I8 atZero = x == 0.0f;
+    I8 moved = i + (outwards ? I8{} + 1 : I8{} - 1);
+    const I8 least = (bits(step) & (I8{} + std::int32_t(0x80000000))) | 0x00800000;  // not denormal: Embree flushes those
+    moved = atZero ? least : moved;
+    return select(step == 0.0f, x, fromBits(moved));
+}
+
+/// As RayWorld::leave.
+V8 leave8(const SurfacePacket& s, int at, const V8& towards) {
+    const V8 n{load(s.hits.normalX + at), load(s.hits.normalY + at), load(s.hits.normalZ + at)}, e = loadV(s.error, at);
+    const auto absolute = [](F8 x) { return max(x, -x); };
+    const F8 far = absolute(n.x) * e.x + absolute(n.y) * e.y + absolute(n.z) * e.z;
+    const V8 offset = n * select(dot(towards, n) < 0.0f, -far, far);
+    const V8 start = loadV(s.exact, at) + offset;
+    return {beyond(start.x, offset.x), beyond(start.y, offset.y), beyond(start.z, offset.z)};
+}
+
+void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket& s, std::uint32_t mask, Incoming& in,
+                 std::uint64_t& shadowRays) {
     RayPacket16 rays;
     std::uint32_t tested = 0;
-    for (int lane = 0; lane < 16; ++lane) rays.skip(lane);
-    for (std::uint32_t rest = mask; rest; rest &= rest - 1) {
-        const int lane = std::countr_zero(rest);
-        if (!(in.factor[lane] > 0) || !(in.cosine[lane] > 0)) continue;
-        Ray ray;
-        ray.tMin = kLeave;
-        const HitPoint point = scene.world->point(s.hit[lane]);
-        const Vec3f towards = in.direction.get(lane);
-        ray.origin = RayWorld::leave(point, towards);
-        if (light.kind == Light::Kind::directional) {
-            ray.direction = towards;
-        } else {
-            ray.direction = light.position - ray.origin;
-            ray.tMax = 1;
-            if (!(glm::dot(ray.direction, ray.direction) > 1e-20f)) continue;
+    findPoints(scene, s);
+    const bool directional = light.kind == Light::Kind::directional;
+    for (int at = 0; at < 16; at += 8) {
+        const V8 towards = loadV(in.direction, at), start = leave8(s, at, towards);
+        V8 d = towards;
+        if (!directional) d = broadcast(light.position) - start;
+        store(rays.originX + at, start.x), store(rays.originY + at, start.y), store(rays.originZ + at, start.z);
+        store(rays.directionX + at, d.x), store(rays.directionY + at, d.y), store(rays.directionZ + at, d.z);
+        store(rays.tMin + at, all(kLeave));
+        store(rays.tMax + at, all(directional ? std::numeric_limits<float>::infinity() : 1.0f));
+        const I8 lit = (load(in.factor + at) > 0.0f) & (load(in.cosine + at) > 0.0f) & (dot(d, d) > 1e-20f);
+        for (int lane = 0; lane < 8; ++lane) {
+            const bool use = (mask >> (at + lane) & 1u) && lit[lane];
+            rays.active[at + lane] = use ? -1 : 0;
+            tested |= static_cast<std::uint32_t>(use) << (at + lane);
         }
-        rays.set(lane, ray);
-        tested |= 1u << lane;
     }
     if (!tested) return;
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
-    // Not as coherent rays: Embree 3.13's frustum traversal of shadow rays loops for ever on some nested scenes.
-    std::uint32_t blocked = scene.world->occluded(rays, false) & tested;
+    std::uint32_t blocked = scene.world->occluded(rays, kCoherentShadows) & tested;
     for (; blocked; blocked &= blocked - 1) {
         const int lane = std::countr_zero(blocked);
         Vec3f left(0);
@@ -118,7 +140,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, const Surface
             ray.tMin = kLeave;
             ray.origin = {rays.originX[lane], rays.originY[lane], rays.originZ[lane]};
             ray.direction = {rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]};
-            if (light.kind != Light::Kind::directional) ray.tMax = 1;
+            if (!directional) ray.tMax = 1;
             left = look(scene, ray);
         }
         in.visible.set(lane, Vec3f(1) - light.shadowIntensity * (Vec3f(1) - left));
@@ -151,60 +173,78 @@ void addPhong(const TraceLight& light, SurfacePacket& s, const Incoming& in, con
     }
 }
 
-void addPhysical(const TraceLight& light, SurfacePacket& s, const Incoming& in, int lane) {
-    const float cosine = in.cosine[lane], factor = in.factor[lane];
-    if (!(factor > 0)) return;
-    const Vec3f base = s.base.get(lane);
-    Vec3f sum = light.ambient * s.ambient.get(lane);
-    if (cosine > 0) {
-        const Vec3f n = s.normal.get(lane), l = in.direction.get(lane), v = s.view.get(lane);
-        const Vec3f sumVector = l + v;
-        const float length = glm::length(sumVector);
-        const Vec3f h = length > 0 ? sumVector / length : n;
-        sum += light.color * in.visible.get(lane) * cosine *
-               metallicRoughness(base, s.metallic[lane], s.roughness[lane], cosine, std::max(glm::dot(n, v), 1e-4f),
-                                 std::max(glm::dot(n, h), 0.0f), std::max(glm::dot(l, h), 0.0f));
+/// metallicRoughness() of shading.h.
+V8 metallicRoughness8(const V8& base, F8 metallic, F8 roughness, F8 cosLight, F8 cosView, F8 cosHalf, F8 cosLightHalf) {
+    const F8 m = max(1.0f - cosLightHalf, all(0)), m2 = m * m, m5 = m2 * m2 * m;
+    const F8 alpha = max(roughness * roughness, all(1e-3f)), a2 = alpha * alpha;
+    const F8 d = cosHalf * cosHalf * (a2 - 1.0f) + 1.0f;
+    const F8 masking =
+        cosLight * sqrt(cosView * cosView * (1.0f - a2) + a2) + cosView * sqrt(cosLight * cosLight * (1.0f - a2) + a2);
+    const F8 specular = select(masking > 0.0f, 0.5f * (a2 / (d * d)) / masking, all(0));
+    const auto channel = [&](F8 color) {
+        const F8 f0 = 0.04f + (color - 0.04f) * metallic;
+        const F8 fresnel = f0 + (1.0f - f0) * m5;
+        return (1.0f - fresnel) * (1.0f - metallic) * color + fresnel * specular;
+    };
+    return {channel(base.x), channel(base.y), channel(base.z)};
+}
+
+void addPhysical(const TraceLight& light, SurfacePacket& s, const Incoming& in, const std::int32_t* lanes) {
+    const V8 color = broadcast(light.color), ambientLight = broadcast(light.ambient);
+    for (int at = 0; at < 16; at += 8) {
+        I8 use;
+        std::memcpy(&use, lanes + at, sizeof use);
+        if (!any(use)) continue;
+        const V8 base = loadV(s.base, at), ambient = loadV(s.ambient, at), visible = loadV(in.visible, at);
+        const F8 cosine = load(in.cosine + at), factor = select(use, load(in.factor + at), all(0));
+        const V8 n = loadV(s.normal, at), l = loadV(in.direction, at), v = loadV(s.view, at);
+        const V8 sum = l + v;
+        const V8 h = sum * (1.0f / max(sqrt(dot(sum, sum)), all(1e-20f)));
+        const V8 brdf = metallicRoughness8(base, load(s.metallic + at), load(s.roughness + at), cosine,
+                                           max(dot(n, v), all(1e-4f)), max(dot(n, h), all(0)), max(dot(l, h), all(0)));
+        V8 radiance = loadV(s.radiance, at);
+        radiance.x += factor * (color.x * visible.x * cosine * brdf.x + ambientLight.x * ambient.x);
+        radiance.y += factor * (color.y * visible.y * cosine * brdf.y + ambientLight.y * ambient.y);
+        radiance.z += factor * (color.z * visible.z * cosine * brdf.z + ambientLight.z * ambient.z);
+        storeV(s.radiance, at, radiance);
     }
-    s.radiance.add(lane, factor * sum);
+}
+
+/// -1 in the lanes of `mask`.
+void spread(std::uint32_t mask, std::int32_t* lanes) {
+    for (int lane = 0; lane < 16; ++lane) lanes[lane] = -static_cast<std::int32_t>(mask >> lane & 1u);
 }
 
 }  // namespace
 
 void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowRays) {
-    std::uint32_t lit = 0, physical = 0;
-    for (std::uint32_t rest = s.mask; rest; rest &= rest - 1) {
-        const int lane = std::countr_zero(rest);
-        if (s.model[lane] == ShadingModel::unlit) {
-            s.radiance.set(lane, s.base.get(lane));
-            continue;
-        }
-        s.radiance.set(lane, s.emissive.get(lane));
-        if (s.coverage[lane] * s.opacity[lane] <= 0 && s.specular.get(lane) == Vec3f(0)) continue;
-        lit |= 1u << lane;
-        if (s.model[lane] == ShadingModel::physical) physical |= 1u << lane;
+    alignas(32) std::int32_t unlit[16];
+    spread(s.unlit, unlit);
+    for (int at = 0; at < 16; at += 8) {
+        I8 plain;
+        std::memcpy(&plain, unlit + at, sizeof plain);
+        const V8 base = loadV(s.base, at), own = loadV(s.emissive, at);
+        storeV(s.radiance, at,
+               {select(plain, base.x, own.x), select(plain, base.y, own.y), select(plain, base.z, own.z)});
     }
     // Lanes that share their lights go together; nearly always all of them.
-    while (lit) {
+    for (std::uint32_t lit = s.mask & ~s.unlit; lit;) {
         const std::uint32_t list = s.lights[std::countr_zero(lit)];
         std::uint32_t group = 0;
-        alignas(32) std::int32_t phong[16];
-        bool shiny = false;
-        for (int lane = 0; lane < 16; ++lane) {
-            const bool in = (lit >> lane & 1u) && s.lights[lane] == list;
-            const bool isPhong = in && !(physical >> lane & 1u);
-            phong[lane] = isPhong ? -1 : 0;
-            if (in) group |= 1u << lane;
-            shiny = shiny || (isPhong && s.specular.get(lane) != Vec3f(0));
-        }
+        for (int lane = 0; lane < 16; ++lane) group |= static_cast<std::uint32_t>(s.lights[lane] == list) << lane;
+        group &= lit;
+        lit &= ~group;
+        const std::uint32_t phong = group & ~s.physical, physical = group & s.physical;
+        alignas(32) std::int32_t phongLanes[16], physicalLanes[16];
+        spread(phong, phongLanes);
+        spread(physical, physicalLanes);
         for (const TraceLight& light : scene.lightLists[list]) {
             Incoming in;
             if (!gather(light, s, in)) continue;
             if (light.shadows) castShadows(scene, light, s, group, in, shadowRays);
-            if (group & ~physical) addPhong(light, s, in, phong, shiny);
-            for (std::uint32_t rest = group & physical; rest; rest &= rest - 1)
-                addPhysical(light, s, in, std::countr_zero(rest));
+            if (phong) addPhong(light, s, in, phongLanes, (phong & s.shiny) != 0);
+            if (physical) addPhysical(light, s, in, physicalLanes);
         }
-        lit &= ~group;
     }
 }
 

@@ -2,8 +2,10 @@
 #include <bit>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 
 #include "ray_world_impl.h"
+#include "simd8.h"
 
 namespace rtsg {
 
@@ -140,6 +142,37 @@ Hit RayWorld::hit(const RayPacket16& rays, int lane) const {
     return impl_->resolve(rays.tMax[lane], rays.u_[lane], rays.v_[lane],
                           {rays.normalX_[lane], rays.normalY_[lane], rays.normalZ_[lane]}, rays.prim_[lane],
                           rays.geom_[lane], rays.inst_[lane]);
+}
+
+void RayWorld::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const {
+    std::memcpy(out.normalX, rays.normalX_, 3 * sizeof out.normalX);  // three arrays in a row, in both
+    std::memcpy(out.u, rays.u_, 2 * sizeof out.u);
+    std::memcpy(out.triangle, rays.prim_, sizeof out.triangle);
+    for (; mask; mask &= mask - 1) {
+        const int i = std::countr_zero(mask);
+        const std::uint32_t slot = impl_->top.slotOf(rays.geom_[i], rays.inst_[i]);
+        out.instance[i] = slot;
+        const RayInstance& instance = instances_[slot];
+        if (impl_->places[slot].kind == Impl::Kind::instanced) {
+            const Vec3f n = instance.normalFromLocal * Vec3f(out.normalX[i], out.normalY[i], out.normalZ[i]);
+            out.normalX[i] = n.x, out.normalY[i] = n.y, out.normalZ[i] = n.z;
+        } else if (instance.sign < 0) {
+            out.normalX[i] = -out.normalX[i], out.normalY[i] = -out.normalY[i], out.normalZ[i] = -out.normalZ[i];
+        }
+    }
+    for (int at = 0; at < 16; at += 8) {
+        using namespace simd;
+        F8 x = load(out.normalX + at), y = load(out.normalY + at), z = load(out.normalZ + at);
+        const F8 size = max(max(max(x, -x), max(y, -y)), max(z, -z));
+        const F8 scale = 1.0f / max(size, all(1e-38f));  // so that squares neither overflow nor vanish
+        x *= scale, y *= scale, z *= scale;
+        const F8 squared = x * x + y * y + z * z;
+        const I8 good = squared > 0.0f;
+        const F8 inverse = 1.0f / sqrt(select(good, squared, all(1)));
+        store(out.normalX + at, select(good, x * inverse, all(0)));
+        store(out.normalY + at, select(good, y * inverse, all(0)));
+        store(out.normalZ + at, select(good, z * inverse, all(1)));
+    }
 }
 
 HitPoint RayWorld::point(const Hit& hit) const {

@@ -2,8 +2,13 @@
 
 #include <bit>
 #include <cmath>
+#include <cstring>
+
+#include "simd8.h"
 
 namespace rtsg::trace {
+
+using namespace simd;
 
 namespace {
 
@@ -118,62 +123,233 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
     out.opacity[lane] = opacityOf(material, opacity);
 }
 
-void fetchLane(const TraceScene& scene, const RayPacket16& rays, int lane, const PathTask* tasks, SurfacePacket& out) {
-    const Hit hit = scene.world->hit(rays, lane);
-    out.hit[lane] = hit;
-    const RayInstance& instance = scene.world->instance(hit.instance);
-    const SlotShading& slot = scene.slots[hit.instance];
-    const MaterialEntry& entry = scene.materials[slot.material];
-    const Mesh& mesh = *instance.mesh;
-    const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
-    const bool back = glm::dot(direction, hit.normal) > 0;
-    const Material& material = back && entry.material.back ? *entry.material.back : entry.material;
+/// What the lanes of one instance have in common.
+struct Common {
+    std::uint32_t id = kNoInstance;
+    const RayInstance* instance = nullptr;
+    const SlotShading* slot = nullptr;
+    const MaterialEntry* entry = nullptr;
+    const Mesh* mesh = nullptr;
+    bool colored = false, alphaColored = false;
 
-    Vec3f normal = hit.normal;
-    if (mesh.normals.present()) {
-        const Vec3f local(mesh.normals.interpolate(hit.triangle, hit.u, hit.v));
-        const Vec3f smooth = instance.normalFromLocal * local;
-        const float squared = glm::dot(smooth, smooth);
-        // Negated comparisons also catch NaN.
-        if (squared > 1e-24f && squared < 1e30f) normal = smooth / std::sqrt(squared);
+    void find(const TraceScene& scene, std::uint32_t which) {
+        if (which == id) return;
+        id = which;
+        instance = &scene.world->instance(which);
+        slot = &scene.slots[which];
+        entry = &scene.materials[slot->material];
+        mesh = instance->mesh.get();
+        colored = mesh->colors.present();
+        alphaColored = colored && mesh->colors.components() == 4;
     }
-    if (back) normal = -normal;
-    out.position.set(lane, Vec3f(rays.originX[lane], rays.originY[lane], rays.originZ[lane]) + hit.t * direction);
-    out.view.set(lane, -direction);
-    out.normal.set(lane, normal);
-    out.lights[lane] = slot.lights;
-    out.model[lane] = material.model;
-    out.material[lane] = &material;
-    out.back[lane] = back;
+};
+
+V8 loadV(const Lanes3& lanes, int at) {
+    return {load(lanes.x + at), load(lanes.y + at), load(lanes.z + at)};
+}
+void storeV(Lanes3& lanes, int at, const V8& v) {
+    store(lanes.x + at, v.x), store(lanes.y + at, v.y), store(lanes.z + at, v.z);
+}
+void fill(float* lanes, float value) {
+    store(lanes, all(value)), store(lanes + 8, all(value));
+}
+void fill(Lanes3& lanes, const Vec3f& v) {
+    fill(lanes.x, v.x), fill(lanes.y, v.y), fill(lanes.z, v.z);
+}
+
+/// The authored normal of a corner of a hit, where corners differ; interpolated, not normalised.
+Vec3f smoothNormal(const MeshAttribute& normals, std::uint32_t triangle, float u, float v) {
+    const float* data = normals.data();
+    const auto corner = [&](std::uint32_t c) {
+        const float* p = data + std::size_t{normals.valueIndex(triangle, c)} * 3;
+        return Vec3f(p[0], p[1], p[2]);
+    };
+    const Vec3f a = corner(0);
+    if (normals.binding() == MeshAttribute::Binding::face) return a;
+    return a * (1 - u - v) + corner(1) * u + corner(2) * v;
+}
+
+/// Into `normal`: the mesh's normals in ray space, of any length, or the geometric ones.
+void gatherNormals(const TraceScene& scene, SurfacePacket& out) {
+    Common common;
+    std::memcpy(&out.normal, &out.hits, sizeof out.normal);  // normalX, normalY, normalZ
+    for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        common.find(scene, out.hits.instance[lane]);
+        const MeshAttribute& normals = common.mesh->normals;
+        if (!normals.present()) {
+            if (out.oneInstance) return;
+            continue;
+        }
+        out.normal.set(lane, common.instance->normalFromLocal *
+                                 smoothNormal(normals, out.hits.triangle[lane], out.hits.u[lane], out.hits.v[lane]));
+    }
+}
+
+/// Places, directions and unit normals, eight lanes at a time.
+void finishGeometry(const RayPacket16& rays, SurfacePacket& out) {
+    alignas(32) std::int32_t behind[16];
+    for (int at = 0; at < 16; at += 8) {
+        const V8 d{load(rays.directionX + at), load(rays.directionY + at), load(rays.directionZ + at)};
+        const V8 o{load(rays.originX + at), load(rays.originY + at), load(rays.originZ + at)};
+        const V8 outside{load(out.hits.normalX + at), load(out.hits.normalY + at), load(out.hits.normalZ + at)};
+        storeV(out.position, at, o + d * load(rays.tMax + at));
+        storeV(out.view, at, {-d.x, -d.y, -d.z});
+        V8 n = loadV(out.normal, at);
+        const F8 squared = dot(n, n);
+        // Negated comparisons would also catch NaN; these are false for it.
+        const I8 good = (squared > 1e-24f) & (squared < 1e30f);
+        const I8 back = dot(d, outside) > 0.0f;
+        F8 scale = 1.0f / sqrt(select(good, squared, all(1)));
+        n = {select(good, n.x * scale, outside.x), select(good, n.y * scale, outside.y),
+             select(good, n.z * scale, outside.z)};
+        storeV(out.normal, at, {select(back, -n.x, n.x), select(back, -n.y, n.y), select(back, -n.z, n.z)});
+        std::memcpy(behind + at, &back, sizeof back);
+    }
+    std::memcpy(out.distance, rays.tMax, sizeof out.distance);
+    out.back = 0;
+    for (int lane = 0; lane < 16; ++lane) out.back |= static_cast<std::uint32_t>(behind[lane] != 0) << lane;
+    out.back &= out.mask;
+}
+
+void addLanes(const Material& material, std::uint32_t lanes, SurfacePacket& out) {
+    if (material.model == ShadingModel::unlit) out.unlit |= lanes;
+    if (material.model == ShadingModel::physical) out.physical |= lanes;
+    const bool shiny = material.specular != Vec3f(0);
+    if (material.model == ShadingModel::phong && shiny) out.shiny |= lanes;
+}
+
+/// Sixteen times the same.
+void fillAll(const Material& material, SurfacePacket& out) {
+    fill(out.base, material.base);
+    fill(out.specular, material.specular);
+    fill(out.emissive, material.emissive);
+    fill(out.ambient, material.base * material.ambient);
+    fill(out.exponent, material.exponent);
+    fill(out.metallic, material.metallic);
+    fill(out.roughness, material.roughness);
+    fill(out.coverage, coverageOf(material, 1));
+    fill(out.opacity, opacityOf(material, material.opacity));
+    for (const Material*& m : out.material) m = &material;
+    addLanes(material, out.mask, out);
+}
+
+void fillLane(const Material& material, int lane, SurfacePacket& out) {
+    out.base.set(lane, material.base);
+    out.specular.set(lane, material.specular);
+    out.emissive.set(lane, material.emissive);
+    out.ambient.set(lane, material.base * material.ambient);
     out.exponent[lane] = material.exponent;
     out.metallic[lane] = material.metallic;
     out.roughness[lane] = material.roughness;
-    // The back of a solid is not there, unless light is to find its way out of glass.
-    const bool culled = back && mesh.solid && material.refractiveIndex == 0;
-    out.special[lane] =
-        entry.mirrors || entry.transmits || culled || (mesh.colors.present() && mesh.colors.components() == 4);
-    if (entry.textured || mesh.colors.present()) {
-        const float run = (tasks ? tasks[lane].travelled : 0) + hit.t;
-        const float cosine = std::max(std::abs(glm::dot(direction, hit.normal)), 0.05f);
-        const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
-        applyDetail({instance, slot, hit, footprint}, material, out, lane);
+    out.coverage[lane] = coverageOf(material, 1);
+    out.opacity[lane] = opacityOf(material, material.opacity);
+    out.material[lane] = &material;
+    addLanes(material, 1u << lane, out);
+}
+
+/// `lanes` are all of one instance.
+void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t lanes, const PathTask* tasks,
+                   SurfacePacket& out) {
+    const MaterialEntry& entry = *common.entry;
+    const Material& front = entry.material;
+    if (lanes == out.mask && !front.back) {
+        fillAll(front, out);
     } else {
-        out.base.set(lane, material.base);
-        out.specular.set(lane, material.specular);
-        out.emissive.set(lane, material.emissive);
-        out.ambient.set(lane, material.base * material.ambient);
-        out.coverage[lane] = coverageOf(material, 1);
-        out.opacity[lane] = opacityOf(material, material.opacity);
+        for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            fillLane((out.back >> lane & 1u) && front.back ? *front.back : front, lane, out);
+        }
     }
-    if (culled) out.coverage[lane] = 0;
+    for (std::uint32_t rest = lanes; rest; rest &= rest - 1) out.lights[std::countr_zero(rest)] = common.slot->lights;
+    if (entry.mirrors || entry.transmits || common.alphaColored) out.special |= lanes;
+    if (entry.textured || common.colored) {
+        for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            const Hit hit = out.hit(lane);
+            const float run = (tasks ? tasks[lane].travelled : 0) + hit.t;
+            const float cosine = std::max(std::abs(glm::dot(out.view.get(lane), hit.normal)), 0.05f);
+            const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
+            applyDetail({*common.instance, *common.slot, hit, footprint}, *out.material[lane], out, lane);
+        }
+    }
+    // The back of a solid is not there, unless light is to find its way out of glass.
+    if (common.mesh->solid && front.refractiveIndex == 0) {
+        const std::uint32_t culled = lanes & out.back;
+        out.special |= culled;
+        for (std::uint32_t rest = culled; rest; rest &= rest - 1) out.coverage[std::countr_zero(rest)] = 0;
+    }
 }
 
 }  // namespace
 
 void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32_t mask, const PathTask* tasks,
                    SurfacePacket& out) {
+    scene.world->hits(rays, mask, out.hits);
     out.mask = mask;
-    for (std::uint32_t rest = mask; rest; rest &= rest - 1) fetchLane(scene, rays, std::countr_zero(rest), tasks, out);
+    out.special = out.unlit = out.physical = out.shiny = 0;
+    out.pointsFound = false;
+    const std::uint32_t first = out.hits.instance[std::countr_zero(mask)];
+    std::uint32_t same = 0;
+    for (int lane = 0; lane < 16; ++lane) same |= static_cast<std::uint32_t>(out.hits.instance[lane] == first) << lane;
+    out.oneInstance = (same & mask) == mask;
+    gatherNormals(scene, out);
+    finishGeometry(rays, out);
+    Common common;
+    for (std::uint32_t rest = mask; rest;) {
+        const std::uint32_t id = out.hits.instance[std::countr_zero(rest)];
+        std::uint32_t lanes = 0;
+        for (int lane = 0; lane < 16; ++lane)
+            lanes |= static_cast<std::uint32_t>(out.hits.instance[lane] == id) << lane;
+        lanes &= rest;
+        common.find(scene, id);
+        fetchMaterial(scene, common, lanes, tasks, out);
+        rest &= ~lanes;
+    }
+}
+
+void findPoints(const TraceScene& scene, SurfacePacket& s) {
+    if (s.pointsFound) return;
+    s.pointsFound = true;
+    if (!s.oneInstance) {
+        for (std::uint32_t rest = s.mask; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            const HitPoint point = scene.world->point(s.hit(lane));
+            s.exact.set(lane, point.position);
+            s.error.set(lane, point.error);
+        }
+        return;
+    }
+    // As RayWorld::point, eight lanes at a time.
+    const RayInstance& instance = scene.world->instance(s.hits.instance[std::countr_zero(s.mask)]);
+    const Mesh& mesh = *instance.mesh;
+    const Vec3f* positions = mesh.positions.data();
+    const std::int32_t* triangles = mesh.triangles.data();
+    Lanes3 corner[3];
+    for (int lane = 0; lane < 16; ++lane) {
+        const bool use = s.mask >> lane & 1u;
+        const std::int32_t* triangle = triangles + (use ? std::size_t{s.hits.triangle[lane]} * mesh.triangleStride : 0);
+        for (int c = 0; c < 3; ++c) corner[c].set(lane, positions[triangle[c]]);
+    }
+    constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
+    const glm::mat4x3& m = instance.rayFromLocal;
+    for (int at = 0; at < 16; at += 8) {
+        const F8 u = load(s.hits.u + at), v = load(s.hits.v + at), w = 1.0f - u - v;
+        const V8 a = loadV(corner[0], at) * w, b = loadV(corner[1], at) * u, c = loadV(corner[2], at) * v;
+        const auto absolute = [](F8 x) { return max(x, -x); };
+        const V8 local = a + b + c;
+        const V8 size{absolute(a.x) + absolute(b.x) + absolute(c.x), absolute(a.y) + absolute(b.y) + absolute(c.y),
+                      absolute(a.z) + absolute(b.z) + absolute(c.z)};
+        const auto row = [&](int r) { return local.x * m[0][r] + local.y * m[1][r] + local.z * m[2][r] + m[3][r]; };
+        const auto bound = [&](int r) {
+            return ((size.x * std::abs(m[0][r]) + size.y * std::abs(m[1][r]) + size.z * std::abs(m[2][r])) *
+                        instance.errorScale +
+                    std::abs(m[3][r])) *
+                   gamma;
+        };
+        storeV(s.exact, at, {row(0), row(1), row(2)});
+        storeV(s.error, at, {bound(0), bound(1), bound(2)});
+    }
 }
 
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {

@@ -1,7 +1,7 @@
 // SurfacePacket: sixteen hits made ready for shading: places, normals and the material's numbers, lane by lane.
 //
 // Threading: a packet belongs to one tile. Conventions: `view` points back along the ray; both normals are on the
-// viewer's side; lanes not in `mask` hold rubbish.
+// viewer's side; lanes not in `mask` hold rubbish. Sets of lanes are bit masks.
 #pragma once
 
 #include <cstdint>
@@ -18,24 +18,39 @@ struct alignas(64) Lanes3 {
 };
 
 struct alignas(64) SurfacePacket {
-    std::uint32_t mask = 0;  // lanes that hit something that is to be shaded
-    Lanes3 position;         // ray space
+    std::uint32_t mask = 0;      // lanes that hit something
+    std::uint32_t back = 0;      // the ray came from behind
+    std::uint32_t special = 0;   // may send further rays
+    std::uint32_t unlit = 0;     // no light changes it
+    std::uint32_t physical = 0;  // of the lit ones
+    std::uint32_t shiny = 0;     // of the lit ones, phong with a specular part
+    bool oneInstance = false;    // all lanes
+    PacketHits16 hits;
+    alignas(64) float distance[16];
+    Lanes3 position;  // ray space
     Lanes3 view, normal;
     Lanes3 base, specular, emissive, ambient;  // ambient: what ambient light is multiplied with
     alignas(64) float exponent[16], metallic[16], roughness[16];
     alignas(64) float coverage[16], opacity[16];
     std::uint32_t lights[16];
-    ShadingModel model[16];
     const Material* material[16];
-    bool back[16];
-    bool special[16];  // may send further rays
-    Hit hit[16];
+    Lanes3 exact, error;  // as HitPoint has them; filled by findPoints
+    bool pointsFound = false;
     Lanes3 radiance;  // the result: emission and reflected light of lights
+
+    Hit hit(int lane) const {
+        return {distance[lane], hits.instance[lane], hits.triangle[lane], hits.u[lane], hits.v[lane], outside(lane)};
+    }
+    Vec3f outside(int lane) const { return {hits.normalX[lane], hits.normalY[lane], hits.normalZ[lane]}; }
+    HitPoint point(int lane) const { return {exact.get(lane), error.get(lane), outside(lane)}; }
 };
 
-/// Fills the packet for the lanes in `mask`, which hit something. `line`: metres run before the rays' origins.
+/// Fills the packet for the lanes in `mask`, which hit something.
 void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32_t mask, const PathTask* tasks,
                    SurfacePacket& out);
+
+/// Fills `exact` and `error`, once.
+void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
 
 /// What part of light a surface lets through straight at a hit: 0 if opaque there. For shadow rays.
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit);

@@ -136,13 +136,21 @@ class Tile {
         if (!hits) return;
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
         addLights(scene_, surfaces_, result_.shadowRays);
+        if (surfaces_.special) findPoints(scene_, surfaces_);
+        if (!tasks && !surfaces_.special && scene_.fog.type == FogType::none) {
+            for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
+                const int lane = std::countr_zero(rest);
+                result_.sum[pixels[lane]] += Vec4f(surfaces_.radiance.get(lane), 1);
+            }
+            return;
+        }
         for (std::uint32_t rest = hits; rest; rest &= rest - 1) finish(rays, tasks, pixels, std::countr_zero(rest));
     }
 
     /// Adds what a lane's surface sends and queues the rays it asks for.
     void finish(const RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, int lane) {
         const SurfacePacket& s = surfaces_;
-        const float t = s.hit[lane].t;
+        const float t = s.distance[lane];
         Vec3f weight(1);
         float fog = 1;
         if (tasks) {
@@ -153,7 +161,7 @@ class Tile {
         if (scene_.fog.type != FogType::none)
             fog = fogFactor(scene_.fog.type, scene_.fog.visibilityRange, t + (tasks ? tasks[lane].line : 0));
         const auto fogged = [&](const Vec3f& radiance) { return radiance * fog + scene_.fog.color * (1 - fog); };
-        if (!s.special[lane]) {
+        if (!(s.special >> lane & 1u)) {
             add(pixels[lane], weight, fog < 1 ? fogged(s.radiance.get(lane)) : s.radiance.get(lane), 1);
             return;
         }
@@ -165,7 +173,8 @@ class Tile {
         const SurfacePacket& s = surfaces_;
         const Material& material = *s.material[lane];
         const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
-        const Vec3f normal = s.normal.get(lane), facing = s.back[lane] ? -s.hit[lane].normal : s.hit[lane].normal;
+        const bool back = s.back >> lane & 1u;
+        const Vec3f normal = s.normal.get(lane), facing = back ? -s.outside(lane) : s.outside(lane);
         const float cosine = std::clamp(glm::dot(normal, -direction), 0.0f, 1.0f);
         const float coverage = s.coverage[lane], opacity = s.opacity[lane];
         const bool glass = material.refractiveIndex > 0;
@@ -175,7 +184,7 @@ class Tile {
         Vec3f body = Vec3f(1) - mirror;
         float eta = 1;
         if (glass) {
-            eta = s.back[lane] ? 1 / material.refractiveIndex : material.refractiveIndex;
+            eta = back ? 1 / material.refractiveIndex : material.refractiveIndex;
             const float reflectance = fresnelDielectric(cosine, eta).mean();
             mirror += body * reflectance;
             body *= 1 - reflectance;
@@ -192,9 +201,9 @@ class Tile {
         PathTask base;
         if (tasks) base = tasks[lane];
         const Vec3f absorptionHere = base.absorption;
-        base.travelled += s.hit[lane].t;
+        base.travelled += s.distance[lane];
         base.pixel = pixel;
-        const HitPoint point = scene_.world->point(s.hit[lane]);
+        const HitPoint point = s.point(lane);
         const auto queue = [&](PathTask task, const Vec3f& share, const Vec3f& towards) {
             task.weight = share;
             if (!(std::max({share.x, share.y, share.z}) >= settings_.cutoff)) return;
@@ -225,7 +234,7 @@ class Tile {
                 PathTask task = base;
                 ++task.depth;
                 task.line = 0;
-                task.absorption = s.back[lane] ? Vec3f(0) : material.absorption;
+                task.absorption = back ? Vec3f(0) : material.absorption;
                 queue(task, entering * fog, out);
             }
         }
@@ -233,7 +242,7 @@ class Tile {
         if (straight != Vec3f(0) && base.passes < kMaxPasses) {
             PathTask task = base;
             ++task.passes;
-            task.line += s.hit[lane].t;
+            task.line += s.distance[lane];
             task.absorption = absorptionHere;
             queue(task, straight, direction);
         }

@@ -68,6 +68,13 @@ struct alignas(64) RayPacket16 {
     bool isBlocked(int lane) const { return tMax[lane] < 0; }
 };
 
+/// What the lanes of an intersected packet hit; the other numbers of a Hit are tMax, and the packet's own.
+struct alignas(64) PacketHits16 {
+    float normalX[16], normalY[16], normalZ[16];  // as Hit::normal
+    float u[16], v[16];
+    std::uint32_t instance[16], triangle[16];
+};
+
 /// An instance as rays see it. Lives as long as the instance, at one slot; read it between two apply() calls.
 struct RayInstance {
     Instance info;
@@ -129,6 +136,8 @@ class RayWorld {
     std::uint32_t occluded(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::shadow) const;
     /// What lane `lane` of an intersected packet hit; no instance for a miss.
     Hit hit(const RayPacket16& rays, int lane) const;
+    /// The same for all lanes in `mask` (bits), which hit something; the others of `out` hold rubbish.
+    void hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const;
 
     /// Precondition: the slot of a hit or of a live instance.
     const RayInstance& instance(std::uint32_t slot) const { return instances_[slot]; }
