@@ -140,10 +140,10 @@ struct SceneBuilder::State {
     bool finished = false;
     bool isTrial = false;  // instancing into a scratch scene, for diagnostics only
 
-    // The PROTO declaration being recorded.
+    // The PROTO declaration being recorded. What is open in it, outermost first: the interface of a PROTO (i), its
+    // body (b) or a node (n); what would not nest is left out, so that a recording can always be replayed.
     std::unique_ptr<ProtoDeclaration> recording;
-    std::size_t recordingProtoDepth = 0, recordingNodeDepth = 0;
-    bool recordingBody = false;
+    std::string recordingOpen;
     CommandList* recordingDefault = nullptr;
     CommandList discarded;
 
@@ -184,6 +184,9 @@ struct SceneBuilder::State {
 
     // proto_instance.cpp
     bool isRecording() const { return recording != nullptr; }
+    CommandList& recorder() { return recordingOpen.front() == 'b' ? recording->body : *recordingDefault; }
+    /// Chooses the default value that a node at the outermost level of the interface belongs to.
+    void chooseDefault(std::string_view field, SourceLocation where);
     void declare(std::unique_ptr<ProtoDeclaration> declaration);
     bool defineProtoType(ProtoDeclaration& declaration, const std::string& prefix);
     void resolveExternal(ProtoDeclaration& declaration);

@@ -18,9 +18,9 @@ void SceneBuilder::beginProto(std::string_view name, SourceLocation where) {
         return;
     }
     if (s.isRecording()) {
-        ++s.recordingProtoDepth;
-        s.recording->body.beginProto(name, where);
-        return;
+        if (s.recordingOpen.back() == 'i') return;
+        s.recordingOpen += 'i';
+        return s.recorder().beginProto(name, where);
     }
     // What stands in a PROTO body was declared once, when the PROTO was.
     if (s.scope().proto && !s.scope().declarationsOnly) {
@@ -30,19 +30,16 @@ void SceneBuilder::beginProto(std::string_view name, SourceLocation where) {
     s.recording = std::make_unique<ProtoDeclaration>();
     s.recording->name = name;
     s.recording->where = where;
-    s.recordingProtoDepth = 1;
-    s.recordingNodeDepth = 0;
-    s.recordingBody = false;
+    s.recordingOpen = "i";
     s.recordingDefault = &s.discarded;
 }
 
 void SceneBuilder::beginProtoBody(SourceLocation where) {
     State& s = *state_;
     if (s.skipDepth || s.skipProtoDepth || !s.isRecording()) return;
-    if (s.recordingProtoDepth == 1)
-        s.recordingBody = true;
-    else
-        s.recording->body.beginProtoBody(where);
+    if (s.recordingOpen.back() != 'i') return;
+    s.recordingOpen.back() = 'b';
+    if (s.recordingOpen.size() > 1) s.recorder().beginProtoBody(where);
 }
 
 void SceneBuilder::endProto(SourceLocation where) {
@@ -53,9 +50,11 @@ void SceneBuilder::endProto(SourceLocation where) {
         return;
     }
     if (!s.isRecording()) return;
-    if (--s.recordingProtoDepth > 0) {
-        s.recording->body.endProto(where);
-        return;
+    while (s.recordingOpen.back() == 'n') endNode(where);
+    if (s.recordingOpen.size() > 1) {
+        if (s.recordingOpen.back() == 'i') beginProtoBody(where);
+        s.recordingOpen.pop_back();
+        return s.recorder().endProto(where);
     }
     s.discarded = {};
     s.declare(std::move(s.recording));
@@ -66,7 +65,7 @@ void SceneBuilder::externProto(std::string_view name, const std::vector<FieldDec
     State& s = *state_;
     if (s.skipDepth || s.skipProtoDepth) return;
     if (s.isRecording()) {
-        s.recording->body.externProto(name, fields, url, where);
+        if (s.recordingOpen.back() != 'i') s.recorder().externProto(name, fields, url, where);
         return;
     }
     if (s.scope().proto && !s.scope().declarationsOnly) return;
@@ -77,6 +76,13 @@ void SceneBuilder::externProto(std::string_view name, const std::vector<FieldDec
     declaration->url = url;
     for (const FieldDeclaration& field : fields) declaration->fields.push_back({field, {}, {}, where});
     s.declare(std::move(declaration));
+}
+
+void SceneBuilder::State::chooseDefault(std::string_view field, SourceLocation where) {
+    recordingDefault = &discarded;
+    for (InterfaceField& one : recording->fields)
+        if (one.declaration.name == field) recordingDefault = &one.nodes;
+    if (recordingDefault == &discarded) error(where, fmt::format("PROTO {} has no field '{}'", recording->name, field));
 }
 
 void SceneBuilder::State::declare(std::unique_ptr<ProtoDeclaration> declaration) {

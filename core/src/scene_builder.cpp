@@ -80,16 +80,9 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
         return;
     }
     if (s.isRecording()) {
-        if (!s.recordingBody && s.recordingNodeDepth == 0 && s.recordingProtoDepth == 1) {
-            s.recordingDefault = &s.discarded;
-            for (InterfaceField& one : s.recording->fields)
-                if (one.declaration.name == field) s.recordingDefault = &one.nodes;
-            if (s.recordingDefault == &s.discarded)
-                s.error(where, fmt::format("PROTO {} has no field '{}'", s.recording->name, field));
-        }
-        ++s.recordingNodeDepth;
-        (s.recordingBody ? s.recording->body : *s.recordingDefault).beginNode(type, def, field, where);
-        return;
+        if (s.recordingOpen == "i") s.chooseDefault(field, where);
+        s.recordingOpen += 'n';
+        return s.recorder().beginNode(type, def, field, where);
     }
     NameScope& scope = s.scope();
     if (scope.declarationsOnly || !s.top()) {
@@ -154,10 +147,9 @@ void SceneBuilder::endNode(SourceLocation where) {
         return;
     }
     if (s.isRecording()) {
-        if (s.recordingNodeDepth == 0) return;
-        --s.recordingNodeDepth;
-        (s.recordingBody ? s.recording->body : *s.recordingDefault).endNode(where);
-        return;
+        if (s.recordingOpen.back() != 'n') return;
+        s.recordingOpen.pop_back();
+        return s.recorder().endNode(where);
     }
     if (!s.top() || s.top()->kind == OpenNode::Kind::body) return;
     if (s.top()->kind == OpenNode::Kind::script) s.endScript(*s.top());
@@ -183,13 +175,8 @@ void SceneBuilder::useNode(std::string_view def, std::string_view field, SourceL
     State& s = *state_;
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
-        if (!s.recordingBody && s.recordingNodeDepth == 0 && s.recordingProtoDepth == 1) {
-            for (InterfaceField& one : s.recording->fields)
-                if (one.declaration.name == field) one.nodes.useNode(def, field, where);
-            return;
-        }
-        (s.recordingBody ? s.recording->body : *s.recordingDefault).useNode(def, field, where);
-        return;
+        if (s.recordingOpen == "i") s.chooseDefault(field, where);
+        return s.recorder().useNode(def, field, where);
     }
     NameScope& scope = s.scope();
     OpenNode* parent = s.top();
@@ -218,8 +205,7 @@ void SceneBuilder::setField(std::string_view name, Value value, SourceLocation w
     State& s = *state_;
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
-        if (s.recordingBody || s.recordingNodeDepth)
-            (s.recordingBody ? s.recording->body : *s.recordingDefault).setField(name, std::move(value), where);
+        if (s.recordingOpen.back() == 'n') s.recorder().setField(name, std::move(value), where);
         return;
     }
     OpenNode* node = s.top();
@@ -256,8 +242,8 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
     State& s = *state_;
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
-        if (s.recordingBody || s.recordingNodeDepth) {
-            (s.recordingBody ? s.recording->body : *s.recordingDefault).declareField(field, std::move(value), where);
+        if (s.recordingOpen != "i") {
+            if (s.recordingOpen.back() != 'b') s.recorder().declareField(field, std::move(value), where);
             return;
         }
         if (s.recording->findField(field.name)) {
@@ -301,8 +287,7 @@ void SceneBuilder::isConnection(std::string_view nodeField, std::string_view pro
     State& s = *state_;
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
-        if (s.recordingBody || s.recordingNodeDepth)
-            (s.recordingBody ? s.recording->body : *s.recordingDefault).isConnection(nodeField, protoField, where);
+        if (s.recordingOpen.back() == 'n') s.recorder().isConnection(nodeField, protoField, where);
         return;
     }
     OpenNode* node = s.top();

@@ -47,7 +47,7 @@ void SceneBuilder::route(std::string_view fromNode, std::string_view fromField, 
     State& s = *state_;
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
-        if (s.recordingBody) s.recording->body.route(fromNode, fromField, toNode, toField, where);
+        if (s.recordingOpen.back() != 'i') s.recorder().route(fromNode, fromField, toNode, toField, where);
         return;
     }
     NameScope& scope = s.scope();
@@ -66,7 +66,7 @@ void SceneBuilder::importNode(std::string_view inlineDef, std::string_view expor
     State& s = *state_;
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
-        if (s.recordingBody) s.recording->body.importNode(inlineDef, exportedName, localName, where);
+        if (s.recordingOpen.back() != 'i') s.recorder().importNode(inlineDef, exportedName, localName, where);
         return;
     }
     NameScope& scope = s.scope();
@@ -83,7 +83,7 @@ void SceneBuilder::exportNode(std::string_view localName, std::string_view expor
     State& s = *state_;
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
-        if (s.recordingBody) s.recording->body.exportNode(localName, exportedName, where);
+        if (s.recordingOpen.back() != 'i') s.recorder().exportNode(localName, exportedName, where);
         return;
     }
     if (s.scope().declarationsOnly) return;
