@@ -8,7 +8,6 @@
 #include <rtsg/audio/convolver.h>
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/loopback.h>
-#include <rtsg/audio/world_geometry.h>
 
 #include "delay_line.h"
 
@@ -48,7 +47,8 @@ struct EmitterState {
     DelayLine line;
     Track track;
     Convolver left, right;
-    glm::dvec3 from{0}, to{0};  // this frame's way
+    glm::dvec3 from{0}, to{0};        // this frame's way
+    std::vector<std::uint32_t> body;  // slots of the shapes that it is in
     // At the end of the last block.
     double delay = 0, directGain = 0, lateGain = 0;
     bool started = false;
@@ -127,9 +127,9 @@ Result<> AcousticRenderer::apply(const Scene& scene, const ChangeSet& changes, c
 const SoundScene& AcousticRenderer::scene() const {
     return impl_->scene;
 }
-const AcousticGeometry& AcousticRenderer::geometry() {
+OpenedGeometry AcousticRenderer::geometryFor(const glm::dvec3& source) {
     impl_->geometry.update();
-    return impl_->geometry;
+    return {impl_->geometry, impl_->geometry.instancesAround(source, impl_->options.bodySize)};
 }
 std::uint64_t AcousticRenderer::traces() const {
     return impl_->traces;
@@ -155,6 +155,7 @@ Result<EmitterState*> AcousticRenderer::Impl::stateOf(const SoundEmitter& emitte
     state.mixerSource = freeSources.back();
     freeSources.pop_back();
     state.from = state.to = scene.position(emitter);
+    state.body = geometry.instancesAround(state.to, options.bodySize);
     return &state;
 }
 
@@ -169,7 +170,8 @@ void AcousticRenderer::Impl::retrace(EmitterState& state, const SoundEmitter& em
         if (!moved || time < state.tracedAt + options.retraceSeconds) return;
     }
     geometry.update();
-    const TraceResult traced = AcousticTracer(geometry).trace(source, listener.position, options.trace);
+    const OpenedGeometry room(geometry, state.body);
+    const TraceResult traced = AcousticTracer(room).trace(source, listener.position, options.trace);
     ImpulseResponseOptions response;
     response.channels =
         options.binaural ? ImpulseResponseOptions::Channels::binaural : ImpulseResponseOptions::Channels::stereo;
@@ -229,7 +231,7 @@ Result<> AcousticRenderer::Impl::block(double alpha, const ListenerPose& listene
                              (options.levels == Levels::x3d ? sound.level(local) : 1 / std::max(distance, 0.1));
         double open = 0;
         if (level > 0) {
-            const Bands share = directShare(geometry, apparent, listener.position);
+            const Bands share = directShare(OpenedGeometry(geometry, state.body), apparent, listener.position);
             for (std::size_t b = 2; b < 7; ++b) open += share[b] / 5;
             const Bands air = airAttenuation(options.trace.air);
             open *= std::exp(-air[4] * distance);
@@ -349,6 +351,7 @@ Result<> AcousticRenderer::render(double untilSeconds, SoundBuffer& sound) {
         state.from = state.to;
         state.to = s.scene.position(*emitter);
         // Faster than sound is not moving but being put somewhere else.
+        state.body = s.geometry.instancesAround(state.to, s.options.bodySize);
         if (glm::distance(state.from, state.to) >
             s.options.trace.air.speedOfSound * std::max(1e-3, untilSeconds - s.renderedUntil))
             state.from = state.to;

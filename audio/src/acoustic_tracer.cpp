@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include <tbb/parallel_for.h>
@@ -21,6 +22,8 @@ enum class LastEvent : std::uint8_t { emitted, diffuse, mirror };
 struct SoundRay {
     glm::dvec3 origin, direction;
     Bands energy;
+    /// Just before the wall that `origin` is on, as seen by who came there.
+    glm::dvec3 before;
     double travelled = 0;  // metres
     std::uint32_t plane = kNoPlane;
     LastEvent last = LastEvent::emitted;
@@ -81,7 +84,7 @@ class BatchTracer {
         for (std::uint64_t i = 0; i < rays; ++i) {
             const double n = static_cast<double>(i) + 1;
             SoundRay ray;
-            ray.origin = source_;
+            ray.origin = ray.before = source_;
             const double u = n / kPlastic + shiftU, v = n / (kPlastic * kPlastic) + shiftV;
             ray.direction = directionFrom(u - std::floor(u), v - std::floor(v));
             ray.energy = allBands(1 / static_cast<double>(rays));
@@ -95,7 +98,12 @@ class BatchTracer {
         for (;;) {
             AcousticHit hit;
             const double left = maxDistance_ - ray.travelled;
-            const bool met = geometry_.closest(ray.origin, ray.direction, left, ray.plane, hit);
+            bool met = geometry_.closest(ray.origin, ray.direction, left, ray.plane, hit);
+            if (!met && ray.plane != kNoPlane && geometry_.closest(ray.before, ray.direction, left, ray.plane, hit)) {
+                // In a corner rounding may have put the start behind the next wall; what is a hair before it is not.
+                met = true;
+                ray.origin = ray.before;
+            }
             if (countsInSphere(ray)) crossSphere(ray, met ? hit.distance : left);
             if (!met) {
                 // Beyond the echogram's end there may still be a wall: then the sound is late, not gone.
@@ -139,6 +147,7 @@ class BatchTracer {
         const AcousticMaterial& material = geometry_.materials()[hit.material];
         const double step = hit.distance, cosine = glm::dot(ray.direction, hit.normal);
         const glm::dvec3 point = ray.origin + ray.direction * step;
+        ray.before = point - ray.direction * std::min(step, 1e-6 * (10 + glm::length(point)));
         ray.travelled += step;
         if (airAbsorbs_)
             for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -240,6 +249,18 @@ Echogram TraceResult::echogram() const {
     if (!batches.empty()) result.late.binsPerSecond = batches.front().binsPerSecond;
     for (const EnergyHistogram& batch : batches)
         result.late.accumulate(batch, 1.0 / static_cast<double>(batches.size()));
+    return result;
+}
+
+MetricsEstimate TraceResult::metrics() const {
+    MetricsEstimate result = estimateMetrics(arrivals, batches);
+    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+    for (std::size_t b = 0; b < kBandCount; ++b)
+        for (RoomMetrics* m : {&result.value, &result.ci95}) {
+            if (truncated[b] > 3e-5) m->t30[b] = kNan;
+            if (truncated[b] > 3e-4) m->t20[b] = kNan;
+            if (truncated[b] > 1e-2) m->edt[b] = kNan;
+        }
     return result;
 }
 

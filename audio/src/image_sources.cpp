@@ -5,6 +5,9 @@
 #include <unordered_map>
 #include <utility>
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
 #include <rtsg/audio/image_sources.h>
 
 namespace rtsg {
@@ -201,10 +204,13 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3
         }
     }
     result.candidates = candidates.all.size();
-    for (std::size_t i = 1; i < candidates.all.size(); ++i) {
-        const glm::dvec3& image = candidates.all[i].position;
-        keep(retrace(geometry, source, listener + kAside, image, result.order), image);
-    }
+    std::vector<std::optional<Arrival>> paths(candidates.all.size());
+    tbb::parallel_for(
+        tbb::blocked_range<std::size_t>(1, std::max<std::size_t>(1, paths.size()), 64), [&](const auto& range) {
+            for (std::size_t i = range.begin(); i != range.end(); ++i)
+                paths[i] = retrace(geometry, source, listener + kAside, candidates.all[i].position, result.order);
+        });
+    for (std::size_t i = 1; i < paths.size(); ++i) keep(paths[i], candidates.all[i].position);
     std::stable_sort(result.arrivals.begin(), result.arrivals.end(),
                      [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });
     return result;

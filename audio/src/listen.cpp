@@ -1,5 +1,8 @@
+#include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 #include <fmt/format.h>
 
@@ -93,19 +96,37 @@ double meanOf(const Bands& bands) {
     return sum;
 }
 
+/// 2000 sqrt(T / V), with the volume that the listener sees; NaN in the open.
+double schroederFrequency(const AcousticGeometry& geometry, const glm::dvec3& listener, double reverberationTime) {
+    constexpr int kDirections = 2048;
+    constexpr double kGolden = 2.39996322972865332;
+    double volume = 0;
+    for (int i = 0; i < kDirections; ++i) {
+        const double z = 1 - (2 * i + 1) / double{kDirections}, r = std::sqrt(1 - z * z);
+        AcousticHit hit;
+        if (!geometry.closest(listener, {r * std::cos(i * kGolden), r * std::sin(i * kGolden), z}, 1e6, kNoPlane, hit))
+            return std::numeric_limits<double>::quiet_NaN();
+        volume += 4 * std::numbers::pi / 3 * hit.distance * hit.distance * hit.distance / kDirections;
+    }
+    return 2000 * std::sqrt(reverberationTime / volume);
+}
+
 }  // namespace
 
 std::string ListenReport::toJson() const {
     std::string text = "{\"sources\":[";
     for (std::size_t i = 0; i < sources.size(); ++i) {
         const Source& s = sources[i];
+        std::uint32_t highest = 0;
+        for (const Arrival& arrival : s.trace.arrivals) highest = std::max(highest, arrival.order);
         text += fmt::format(
-            "{}{{\"source\":{},\"position\":[{},{},{}],\"bands_hz\":{},{},\"ci95\":{{{}}},\"image_order\":{},"
+            "{}{{\"source\":{},\"position\":[{},{},{}],\"bands_hz\":{},{},\"ci95\":{{{}}},\"schroeder_hz\":{},\"image_"
+            "order\":{},"
             "\"images\":{},"
             "\"rays\":{},\"absorbed\":{},\"escaped\":{},\"truncated\":{}}}",
             i ? "," : "", jsonString(s.source), jsonNumber(s.position.x), jsonNumber(s.position.y),
             jsonNumber(s.position.z), jsonArray(kBandHz), jsonFigures(s.metrics.value), jsonFigures(s.metrics.ci95),
-            s.trace.imageOrder, s.trace.arrivals.size(), s.trace.rays, jsonArray(s.trace.absorbed),
+            jsonNumber(s.schroederHz), highest, s.trace.arrivals.size(), s.trace.rays, jsonArray(s.trace.absorbed),
             jsonArray(s.trace.escaped), jsonArray(s.trace.truncated));
     }
     text += fmt::format("],\"rays\":{},\"seconds\":{},\"escaped\":{},\"gain\":{}}}", rays, jsonNumber(seconds),
@@ -185,13 +206,14 @@ Result<> ListenSession::measure() {
     s.attachment.poll();
     if (!s.attachment.attached()) return fail("listening failed: " + s.attachment.failure());
     const SoundScene& sounds = s.renderer->scene();
-    const AcousticTracer tracer(s.renderer->geometry());
     const glm::dvec3 listener = sounds.listener().position;
     for (const SoundEmitter& emitter : sounds.emitters()) {
         if (!sounds.sound(emitter).enabled) continue;
         ListenReport::Source source;
         source.source = emitter.name;
         source.position = sounds.position(emitter);
+        const OpenedGeometry room = s.renderer->geometryFor(source.position);
+        const AcousticTracer tracer(room);
         source.trace = tracer.trace(source.position, listener, s.options.trace);
         source.metrics = source.trace.metrics();
         while (s.options.error > 0 && source.trace.rays < s.options.maxRays &&
@@ -205,6 +227,7 @@ Result<> ListenSession::measure() {
             source.metrics = source.trace.metrics();
             if (s.options.progress && !s.options.progress(0)) return fail("cancelled");
         }
+        source.schroederHz = schroederFrequency(room, listener, source.metrics.value.t20[4]);
         s.report.rays += source.trace.rays;
         s.report.sources.push_back(std::move(source));
     }

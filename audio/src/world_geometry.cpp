@@ -204,13 +204,25 @@ void WorldGeometry::update() {
     }
 }
 
-bool WorldGeometry::closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance,
-                            std::uint32_t except, AcousticHit& hit) const {
+double WorldGeometry::exactDistance(const Hit& hit, const glm::dvec3& origin, const glm::dvec3& direction) const {
+    const RayInstance& instance = world_->instance(hit.instance);
+    glm::dvec3 corners[3];
+    for (std::uint32_t c = 0; c < 3; ++c)
+        corners[c] = instance.info.worldFromLocal * glm::dvec4(instance.mesh->vertex(hit.triangle, c), 1.0);
+    const glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
+    const double along = glm::dot(direction, normal);
+    return along != 0 ? glm::dot(corners[0] - origin, normal) / along : static_cast<double>(hit.t);
+}
+
+bool WorldGeometry::closestBut(std::span<const std::uint32_t> open, const glm::dvec3& origin,
+                               const glm::dvec3& direction, double maxDistance, std::uint32_t except,
+                               AcousticHit& hit) const {
     if (!(maxDistance > 0)) return false;
     Ray ray;
     ray.origin = world_->fromWorld(origin);
     ray.direction = Vec3f(direction);
     ray.tMax = static_cast<float>(std::min(maxDistance, 1e9));
+    const double rounding = 1e-6 * (1 + static_cast<double>(glm::length(ray.origin)));
     // The surface a ray starts on may be hit within the rounding of its origin, at most once for each of its triangles
     // that meet there; the limit is for geometry that is thousands of layers thick.
     for (int attempt = 0; attempt < 256; ++attempt) {
@@ -223,7 +235,10 @@ bool WorldGeometry::closest(const glm::dvec3& origin, const glm::dvec3& directio
         const std::uint32_t plane = local != kNoPlane
                                         ? slot.planes[local]
                                         : 0x80000000u | ((found.instance * 0x9E3779B1u + found.triangle) & 0x7FFFFFFEu);
-        if (plane != except) {
+        // A wall that the ray starts a hair in front of, and leaves, may be hit from behind through rounding.
+        const bool behind = except != kNoPlane && static_cast<double>(found.t) < rounding &&
+                            exactDistance(found, origin, direction) < 0;
+        if (plane != except && !behind && std::find(open.begin(), open.end(), found.instance) == open.end()) {
             hit.plane = plane;
             hit.material = slot.material;
             hit.distance = static_cast<double>(found.t);
@@ -242,19 +257,39 @@ bool WorldGeometry::closest(const glm::dvec3& origin, const glm::dvec3& directio
     return false;
 }
 
+namespace {
+
+bool worldBox(const RayInstance& instance, glm::dvec3& low, glm::dvec3& high) {
+    if (!instance.info.id || !instance.mesh || instance.mesh->bounds.empty()) return false;
+    low = glm::dvec3(std::numeric_limits<double>::infinity());
+    high = -low;
+    for (int i = 0; i < 8; ++i) {
+        const Bounds& box = instance.mesh->bounds;
+        const glm::dvec3 corner =
+            instance.info.worldFromLocal * glm::dvec4(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y,
+                                                      i & 4 ? box.max.z : box.min.z, 1.0);
+        low = glm::min(low, corner);
+        high = glm::max(high, corner);
+    }
+    return true;
+}
+
+}  // namespace
+
+std::vector<std::uint32_t> WorldGeometry::instancesAround(const glm::dvec3& point, double maxSize) const {
+    std::vector<std::uint32_t> result;
+    glm::dvec3 low, high;
+    for (const RayInstance& instance : world_->instances())
+        if (worldBox(instance, low, high) && distanceToBox(point, low, high) == 0 && glm::length(high - low) <= maxSize)
+            result.push_back(instance.info.id.slot);
+    return result;
+}
+
 double WorldGeometry::distanceToSurface(const glm::dvec3& point) const {
     double nearest = std::numeric_limits<double>::infinity();
     for (const RayInstance& instance : world_->instances()) {
-        if (!instance.info.id || !instance.mesh || instance.mesh->bounds.empty()) continue;
-        glm::dvec3 low(std::numeric_limits<double>::infinity()), high = -low;
-        for (int i = 0; i < 8; ++i) {
-            const Bounds& box = instance.mesh->bounds;
-            const glm::dvec3 corner =
-                instance.info.worldFromLocal * glm::dvec4(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y,
-                                                          i & 4 ? box.max.z : box.min.z, 1.0);
-            low = glm::min(low, corner);
-            high = glm::max(high, corner);
-        }
+        glm::dvec3 low, high;
+        if (!worldBox(instance, low, high)) continue;
         if (distanceToBox(point, low, high) >= nearest) continue;
         for (std::uint32_t t = 0; t < instance.mesh->triangleCount; ++t) {
             glm::dvec3 corners[3];

@@ -225,6 +225,18 @@ TEST(AcousticTracer, RepeatsExactlyAndRefines) {
     EXPECT_NEAR(a.absorbed[0], 1, 0.01);
 }
 
+TEST(AcousticTracer, ADecayThatIsCutShortHasNoReverberationTime) {
+    const TriangleGeometry box = Shoebox::uniform({6, 5, 3}, .05, .5).geometry();
+    TraceOptions o = options(240, 1);
+    o.maxSeconds = 0.5;  // of about 2.2
+    const TraceResult cut = AcousticTracer(box).trace(kSource, kListener, o);
+    EXPECT_GT(cut.truncated[0], 0.01);
+    EXPECT_TRUE(std::isnan(cut.metrics().value.t30[0]));
+    EXPECT_TRUE(std::isnan(cut.metrics().value.edt[0]));
+    EXPECT_FALSE(std::isnan(cut.metrics().value.g[0]));
+    EXPECT_NEAR(cut.absorbed[0] + cut.truncated[0], 1, 0.02);
+}
+
 TEST(AcousticTracer, TheVoidIsSilentButForDirectSound) {
     TriangleGeometry nothing;
     nothing.finish();

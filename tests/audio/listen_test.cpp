@@ -85,6 +85,7 @@ TEST_F(Listen, MeasuresTheReferenceBoxThroughTheWholePath) {
     EXPECT_NEAR(s.metrics.value.c80[4], 2.212, 2 * s.metrics.ci95.c80[4] + 0.1);
     EXPECT_NEAR(s.metrics.value.g[4], 25.323, 2 * s.metrics.ci95.g[4] + 0.03);
     EXPECT_LT(report->escaped, 1e-5);
+    EXPECT_NEAR(s.schroederHz, 2000 * std::sqrt(1.1075 / 90), 3);
     EXPECT_GE(report->rays, 9600u);
     EXPECT_GT(report->seconds, 0);
     EXPECT_TRUE(report->sound.samples.empty());
@@ -97,6 +98,22 @@ TEST_F(Listen, MeasuresTheReferenceBoxThroughTheWholePath) {
     const SoundBuffer ir = report->impulseResponses();
     EXPECT_EQ(ir.channels, 1);
     EXPECT_GT(ir.seconds(), 0.8);
+}
+
+TEST_F(Listen, TheBodyOfWhatSoundsDoesNotEncloseIt) {
+    const std::string view = "Viewpoint { position 0 0 3 }\n";
+    const auto level = [&](const std::string& body) {
+        Scene scene;
+        load(scene,
+             "Transform { children [ Sound { source AudioClip { url \"impulse.wav\" } } " + body + " ] }\n" + view);
+        const auto report = listen(scene, options());
+        EXPECT_TRUE(report);
+        return report->sound.peak();
+    };
+    EXPECT_NEAR(level("Shape { geometry Sphere { radius .3 } }"), level(""), 1e-3);
+    EXPECT_NEAR(level("Shape { geometry Box { size .5 .5 .5 } }"), level(""), 1e-3);
+    EXPECT_EQ(level("Shape { geometry Box { size 3 3 3 } }"), 0);                                            // a room
+    EXPECT_EQ(level("Transform { translation 0 0 1 children Shape { geometry Box { size 1 1 .1 } } }"), 0);  // a screen
 }
 
 TEST_F(Listen, ErrorAsksForAsManyRaysAsItTakes) {

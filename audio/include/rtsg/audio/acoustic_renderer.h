@@ -18,6 +18,7 @@
 #include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/audio/sound_scene.h>
+#include <rtsg/audio/world_geometry.h>
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/ray_world.h>
 
@@ -40,6 +41,9 @@ class AcousticRenderer final : public InstanceSubscriber {
         /// than `moveTolerance` metres or the walls changed.
         double retraceSeconds = 0.2;
         double moveTolerance = 0.1;
+        /// Authors put a Sound into the thing that sounds. Shapes around it that measure no more than this from corner
+        /// to corner (metres) let its sound pass.
+        double bodySize = 2.5;
         /// No reflections at all: direct sound only.
         bool reflections = true;
         /// Scene time of the first sample.
@@ -69,8 +73,8 @@ class AcousticRenderer final : public InstanceSubscriber {
     Result<> render(double untilSeconds, SoundBuffer& sound);
 
     const SoundScene& scene() const;
-    /// The room as of the last apply(), ready to be traced.
-    const AcousticGeometry& geometry();
+    /// The room as of the last apply(), ready to be traced, as it is for sound from `source`: its own body left out.
+    OpenedGeometry geometryFor(const glm::dvec3& source);
     /// Responses traced so far.
     std::uint64_t traces() const;
     Diagnostics diagnostics() const;

@@ -26,7 +26,7 @@ namespace rtsg {
 struct TraceOptions {
     /// As high as the candidates allow, by default: images are exact where rays are noisy (flutter echoes above all).
     int imageOrder = 1000;
-    std::size_t maxImageCandidates = 20'000;
+    std::size_t maxImageCandidates = 60'000;
     std::uint64_t rays = 20'000;
     /// Independent parts that the rays are divided into, for the confidence intervals; at least 2.
     int batches = 16;
@@ -48,7 +48,9 @@ struct TraceResult {
     Bands absorbed{}, escaped{}, truncated{};
 
     Echogram echogram() const;
-    MetricsEstimate metrics() const { return estimateMetrics(arrivals, batches); }
+    /// Without the times whose decay the end of the echogram cuts: T30, T20 and EDT are NaN when more than -45, -35,
+    /// -20 dB of a band's energy was still on its way then.
+    MetricsEstimate metrics() const;
 };
 
 class AcousticTracer {

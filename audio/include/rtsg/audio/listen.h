@@ -40,6 +40,9 @@ struct ListenReport {
         glm::dvec3 position{0};
         MetricsEstimate metrics;
         TraceResult trace;
+        /// Below it single modes make the sound of the room, which rays know nothing of. From T20 at 1 kHz and the
+        /// volume seen from the listener; NaN where that is not closed.
+        double schroederHz = 0;
     };
     std::vector<Source> sources;
     std::uint64_t rays = 0;

@@ -44,7 +44,14 @@ class WorldGeometry final : public AcousticGeometry {
     std::span<const ReflectingPlane> planes() const override { return planes_; }
     std::span<const AcousticMaterial> materials() const override { return materials_; }
     bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance, std::uint32_t except,
-                 AcousticHit& hit) const override;
+                 AcousticHit& hit) const override {
+        return closestBut({}, origin, direction, maxDistance, except, hit);
+    }
+    /// As closest(), through the instances in `open` (slots).
+    bool closestBut(std::span<const std::uint32_t> open, const glm::dvec3& origin, const glm::dvec3& direction,
+                    double maxDistance, std::uint32_t except, AcousticHit& hit) const;
+    /// Slots of instances whose box holds the point and measures at most `maxSize` metres from corner to corner.
+    std::vector<std::uint32_t> instancesAround(const glm::dvec3& point, double maxSize) const;
     double distanceToSurface(const glm::dvec3& point) const override;
 
   private:
@@ -64,6 +71,7 @@ class WorldGeometry final : public AcousticGeometry {
 
     void place(std::uint32_t slot);
     void release(Slot& slot);
+    double exactDistance(const Hit& hit, const glm::dvec3& origin, const glm::dvec3& direction) const;
     std::uint32_t materialOf(NodeId acoustics);
     std::shared_ptr<const MeshPlanes> planesOf(const std::shared_ptr<const Mesh>& mesh);
 
@@ -79,6 +87,26 @@ class WorldGeometry final : public AcousticGeometry {
     std::size_t withoutPlanes_ = 0;     // slots with a mesh too fine for planes
     std::vector<ReflectingPlane> planes_;
     std::uint64_t version_ = 0, updated_ = 0;
+};
+
+/// A world in which some instances are not there: the body of the thing that sounds does not enclose its own sound.
+class OpenedGeometry final : public AcousticGeometry {
+  public:
+    /// `whole` must outlive this.
+    OpenedGeometry(const WorldGeometry& whole, std::vector<std::uint32_t> open)
+        : whole_(&whole), open_(std::move(open)) {}
+
+    std::span<const ReflectingPlane> planes() const override { return whole_->planes(); }
+    std::span<const AcousticMaterial> materials() const override { return whole_->materials(); }
+    bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance, std::uint32_t except,
+                 AcousticHit& hit) const override {
+        return whole_->closestBut(open_, origin, direction, maxDistance, except, hit);
+    }
+    double distanceToSurface(const glm::dvec3& point) const override { return whole_->distanceToSurface(point); }
+
+  private:
+    const WorldGeometry* whole_;
+    std::vector<std::uint32_t> open_;
 };
 
 }  // namespace rtsg
