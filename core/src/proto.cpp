@@ -50,7 +50,7 @@ std::shared_ptr<NodeType> makeProtoType(const ProtoDeclaration& proto, std::stri
     type->kind = proto.external ? NodeType::Kind::externProto : NodeType::Kind::proto;
     type->implements = {"X3DPrototypeInstance", "X3DNode"};
     if (proto.primary) {
-        // 4.4.4.2: an instance may stand wherever the first node of its body may.
+        // 4.4.4.3: an instance may stand wherever the first node of its body may.
         type->implements.push_back(proto.primary->name);
         for (const std::string& one : proto.primary->implements)
             if (!type->isA(one)) type->implements.push_back(one);

@@ -137,7 +137,7 @@ std::pair<TypeIndex, const NodeType*> SceneBuilder::State::findBuiltin(std::stri
 }
 
 const NodeType* SceneBuilder::State::effectiveType(NodeId id) const {
-    // 4.4.4.2: an instance counts as the first node of its body; bodies nest, but never endlessly.
+    // 4.4.4.3: an instance counts as the first node of its body; bodies nest, but never endlessly.
     const Node* node = scene.find(id);
     while (node && (node->type().kind == NodeType::Kind::proto || node->type().kind == NodeType::Kind::externProto)) {
         const auto& body = *static_cast<const Array<NodeId>*>(node->storage(node->type().body()));
