@@ -163,6 +163,9 @@ void SceneExporter::State::walk(DocumentHandler* handler) {
             return;
         }
         const std::string& name = node->type().name;
+        if (!handler && name.find('#') != std::string::npos)
+            diagnostics.error({}, fmt::format("{} is of PROTO {}, which is not the document's own; saved under its name",
+                                              scene.name(id), name));
         if (handler) handler->beginNode(std::string_view(name).substr(0, name.find('#')), nameOf(id), field, {});
         path.push_back({node});
     };

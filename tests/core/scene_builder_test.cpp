@@ -197,7 +197,8 @@ TEST(SceneBuilder, ScriptsHaveTheirOwnFields) {
 
 TEST(SceneBuilder, KeepsWhatTheHeadSays) {
     Loaded l("PROFILE Immersive\nCOMPONENT Geospatial:1\nMETA \"title\" \"a\\\"b\"\nUNIT length km 1000.0\nGroup { }");
-    ASSERT_EQ(l.problems(), "");
+    EXPECT_THAT(l.problems(), HasSubstr("UNIT length km"));
+    EXPECT_EQ(l.diagnostics.errors(), 0u);
     const auto hidden = [&](const char* name) {
         const Node& root = l.scene.node(l.scene.root());
         return printFieldText(root.value(root.type().findExact(name)));
