@@ -2,8 +2,10 @@
 #include <cmath>
 #include <deque>
 #include <map>
+#include <optional>
 
 #include <rtsg/audio/acoustic_renderer.h>
+#include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/clip_library.h>
 #include <rtsg/audio/convolver.h>
 #include <rtsg/audio/impulse_response.h>
@@ -40,13 +42,16 @@ class Track {
 };
 
 struct EmitterState {
-    explicit EmitterState(std::size_t block) : left(block), right(block) {}
+    EmitterState(std::size_t block, std::size_t channels) : gains(channels) {
+        for (std::size_t c = 0; c < channels; ++c) late.emplace_back(block);
+    }
 
     std::size_t mixerSource = 0;
     std::map<std::uint32_t, VoicePlayer> players;  // by voice node
     DelayLine line;
     Track track;
-    Convolver left, right;
+    std::vector<Convolver> late;      // by channel
+    std::vector<double> gains;        // ambisonic, of direct sound at the end of the last block
     glm::dvec3 from{0}, to{0};        // this frame's way
     std::vector<std::uint32_t> body;  // slots of the shapes that it is in
     // At the end of the last block.
@@ -55,7 +60,7 @@ struct EmitterState {
     // Of the response in use.
     bool hasResponse = false;
     double tracedAt = 0;
-    glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0};
+    glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0}, tracedBack{0};
     std::uint64_t tracedGeometry = 0;
     std::size_t responseFrames = 0;
     /// Gone from the scene; what it sent is still on its way for this many samples.
@@ -72,16 +77,18 @@ glm::dvec3 mixedAxis(const glm::dvec3& a, const glm::dvec3& b, double alpha) {
 }  // namespace
 
 struct AcousticRenderer::Impl {
-    Impl(const RayWorld& world, const Options& o, LoopbackMixer m)
+    Impl(const RayWorld& world, const Options& o, std::optional<LoopbackMixer> m)
         : options(o),
+          channels(static_cast<std::size_t>(o.ambisonicOrder > 0 ? ambisonicChannels(o.ambisonicOrder) : 2)),
           geometry(world, {.defaultMaterial = o.defaultMaterial}),
           scene(&geometry, o.defaultMaterial),
           mixer(std::move(m)),
           clips(o.sampleRate, o.base),
           renderedUntil(o.startTime),
           samples(std::llround(o.startTime * o.sampleRate)),
-          lateLeft(mixer.latency()),
-          lateRight(mixer.latency()) {}
+          lateQueue(channels * latency()) {}
+
+    std::size_t latency() const { return mixer ? mixer->latency() : 0; }
 
     Result<> block(double alpha, const ListenerPose& listener);
     void retrace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
@@ -89,9 +96,10 @@ struct AcousticRenderer::Impl {
     Result<EmitterState*> stateOf(const SoundEmitter& emitter);
 
     Options options;
+    std::size_t channels;
     WorldGeometry geometry;
     SoundScene scene;
-    LoopbackMixer mixer;
+    std::optional<LoopbackMixer> mixer;  // none for ambisonics
     ClipLibrary clips;
     std::map<InstanceId, EmitterState> states;
     std::vector<std::size_t> freeSources;
@@ -99,10 +107,10 @@ struct AcousticRenderer::Impl {
     ListenerPose before, now;                // at the ends of the frame being rendered
     bool posed = false;
     double renderedUntil;
-    std::int64_t samples;                   // consumed from the voices
-    std::deque<float> lateLeft, lateRight;  // delays reflections by the mixer's latency
-    std::size_t toSkip = 0;                 // of the mixer's latency, still to be dropped
-    std::vector<float> ready;               // interleaved, rendered but not yet asked for
+    std::int64_t samples;         // consumed from the voices
+    std::deque<float> lateQueue;  // interleaved; delays reflections by the mixer's latency
+    std::size_t toSkip = 0;       // of the mixer's latency, still to be dropped
+    std::vector<float> ready;     // interleaved, rendered but not yet asked for
     std::uint64_t traces = 0;
 };
 
@@ -111,10 +119,16 @@ AcousticRenderer::~AcousticRenderer() = default;
 
 Result<std::unique_ptr<AcousticRenderer>> AcousticRenderer::create(const RayWorld& world, const Options& options) {
     if (options.sampleRate < 8000 || options.sampleRate > 192'000) return fail("the sample rate must be 8 to 192 kHz");
-    auto mixer = LoopbackMixer::open(
-        {.sampleRate = options.sampleRate, .binaural = options.binaural, .blockSize = options.blockSize});
-    if (!mixer) return std::unexpected(mixer.error());
-    auto impl = std::make_unique<Impl>(world, options, std::move(*mixer));
+    if (options.ambisonicOrder < 0 || options.ambisonicOrder > kMaxAmbisonicOrder)
+        return fail("the ambisonic order must be 1 to 7");
+    std::optional<LoopbackMixer> mixer;
+    if (options.ambisonicOrder == 0) {
+        auto opened = LoopbackMixer::open(
+            {.sampleRate = options.sampleRate, .binaural = options.binaural, .blockSize = options.blockSize});
+        if (!opened) return std::unexpected(opened.error());
+        mixer = std::move(*opened);
+    }
+    auto impl = std::make_unique<Impl>(world, options, std::move(mixer));
     return std::unique_ptr<AcousticRenderer>(new AcousticRenderer(std::move(impl)));
 }
 
@@ -124,6 +138,9 @@ Result<> AcousticRenderer::apply(const Scene& scene, const ChangeSet& changes, c
     return {};
 }
 
+int AcousticRenderer::channels() const {
+    return static_cast<int>(impl_->channels);
+}
 const SoundScene& AcousticRenderer::scene() const {
     return impl_->scene;
 }
@@ -145,12 +162,12 @@ Diagnostics AcousticRenderer::diagnostics() const {
 Result<EmitterState*> AcousticRenderer::Impl::stateOf(const SoundEmitter& emitter) {
     const auto found = states.find(emitter.id);
     if (found != states.end()) return &found->second;
-    EmitterState& state = states.try_emplace(emitter.id, options.blockSize).first->second;
+    EmitterState& state = states.try_emplace(emitter.id, options.blockSize, channels).first->second;
     if (freeSources.empty()) {
-        auto added = mixer.addSource();
-        if (!added) return std::unexpected(added.error());
+        if (mixer)
+            if (auto added = mixer->addSource(); !added) return std::unexpected(added.error());
+        freeSources.push_back(blocks.size());
         blocks.emplace_back(options.blockSize);
-        freeSources.push_back(*added);
     }
     state.mixerSource = freeSources.back();
     freeSources.pop_back();
@@ -166,31 +183,37 @@ void AcousticRenderer::Impl::retrace(EmitterState& state, const SoundEmitter& em
         const bool moved = state.tracedGeometry != geometry.version() ||
                            glm::distance(state.tracedSource, source) > options.moveTolerance ||
                            glm::distance(state.tracedListener, listener.position) > options.moveTolerance ||
-                           glm::dot(state.tracedRight, listener.right) < 0.998;  // 3.6 degrees
+                           glm::dot(state.tracedRight, listener.right) < 0.998 ||  // 3.6 degrees
+                           (!mixer && glm::dot(state.tracedBack, listener.back) < 0.998);
         if (!moved || time < state.tracedAt + options.retraceSeconds) return;
     }
     geometry.update();
     const OpenedGeometry room(geometry, state.body);
     const TraceResult traced = AcousticTracer(room).trace(source, listener.position, options.trace);
     ImpulseResponseOptions response;
-    response.channels =
-        options.binaural ? ImpulseResponseOptions::Channels::binaural : ImpulseResponseOptions::Channels::stereo;
+    using Channels = ImpulseResponseOptions::Channels;
+    response.channels = options.ambisonicOrder > 0 ? Channels::ambisonic
+                        : options.binaural         ? Channels::binaural
+                                                   : Channels::stereo;
+    response.ambisonicOrder = options.ambisonicOrder;
     response.sampleRate = options.sampleRate;
     response.listenerRight = listener.right;
+    response.listenerUp = listener.up;
+    response.listenerBack = listener.back;
     response.firstOrder = 1;
     response.cutShare = 1e-6;
     response.speedOfSound = options.trace.air.speedOfSound;
     // The same noise each time, another for each emitter: crossfades then do not rustle.
     response.seed = emitter.id.slot + 1;
     const ImpulseResponse ir = makeImpulseResponse(traced.echogram(), response);
-    state.left.setResponse(ir.channels[0]);
-    state.right.setResponse(ir.channels[1]);
+    for (std::size_t c = 0; c < channels; ++c) state.late[c].setResponse(ir.channels[c]);
     state.responseFrames = ir.frames();
     state.hasResponse = true;
     state.tracedAt = time;
     state.tracedSource = source;
     state.tracedListener = listener.position;
     state.tracedRight = listener.right;
+    state.tracedBack = listener.back;
     state.tracedGeometry = geometry.version();
     ++traces;
 }
@@ -198,7 +221,9 @@ void AcousticRenderer::Impl::retrace(EmitterState& state, const SoundEmitter& em
 Result<> AcousticRenderer::Impl::block(double alpha, const ListenerPose& listener) {
     const std::size_t size = options.blockSize;
     const double rate = options.sampleRate, c = options.trace.air.speedOfSound;
-    std::vector<float> dry(size), late(size), wetLeft(size), wetRight(size);
+    std::vector<float> dry(size), late(size);
+    std::vector<std::vector<float>> out(channels, std::vector<float>(size));
+    std::vector<double> gains(channels);
     for (auto& b : blocks) std::fill(b.begin(), b.end(), 0.0f);
 
     for (const SoundEmitter& emitter : scene.emitters()) {
@@ -264,12 +289,29 @@ Result<> AcousticRenderer::Impl::block(double alpha, const ListenerPose& listene
             direct[i] = static_cast<float>(value * gain);
             late[i] = dry[i] * static_cast<float>(state.lateGain + (lateGain - state.lateGain) * w);
         }
-        mixer.setDirection(state.mixerSource,
-                           sound.spatialize ? glm::vec3(listener.toLocal(apparent - listener.position)) : glm::vec3(0));
+        const glm::dvec3 towards = sound.spatialize && distance > 1e-6
+                                       ? listener.toLocal(apparent - listener.position) / distance
+                                       : glm::dvec3(0);
+        if (mixer) {
+            mixer->setDirection(state.mixerSource, glm::vec3(towards));
+        } else {
+            if (towards == glm::dvec3(0)) {
+                std::fill(gains.begin(), gains.end(), 0.0);
+                gains[0] = 1;
+            } else {
+                ambisonicGains(options.ambisonicOrder, ambisonicAxes(towards), gains);
+            }
+            if (first == 0) state.gains = gains;
+            for (std::size_t ch = 0; ch < channels; ++ch)
+                for (std::size_t i = 0; i < size; ++i)
+                    out[ch][i] += direct[i] * static_cast<float>(state.gains[ch] + (gains[ch] - state.gains[ch]) *
+                                                                                       static_cast<double>(i + 1) /
+                                                                                       static_cast<double>(size));
+            state.gains = gains;
+        }
         if (options.reflections) {
             if (level > 0) retrace(state, emitter, source, listener);
-            state.left.process(late, wetLeft);
-            state.right.process(late, wetRight);
+            for (std::size_t ch = 0; ch < channels; ++ch) state.late[ch].process(late, out[ch]);
         }
         state.delay = delay;
         state.directGain = directGain;
@@ -286,13 +328,15 @@ Result<> AcousticRenderer::Impl::block(double alpha, const ListenerPose& listene
         }
         const std::size_t first = state.line.written();
         state.line.write(dry, static_cast<std::size_t>(state.delay) + 2);
-        for (std::size_t i = 0; i < size; ++i)
-            blocks[state.mixerSource][i] =
-                state.line.read(first + i, state.delay) * static_cast<float>(state.directGain);
-        if (options.reflections) {
-            state.left.process(dry, wetLeft);
-            state.right.process(dry, wetRight);
+        for (std::size_t i = 0; i < size; ++i) {
+            const float sample = state.line.read(first + i, state.delay) * static_cast<float>(state.directGain);
+            blocks[state.mixerSource][i] = sample;
+            if (!mixer)
+                for (std::size_t ch = 0; ch < channels; ++ch)
+                    out[ch][i] += sample * static_cast<float>(state.gains[ch]);
         }
+        if (options.reflections)
+            for (std::size_t ch = 0; ch < channels; ++ch) state.late[ch].process(dry, out[ch]);
         state.fading -= std::min(state.fading, size);
         if (state.fading > 0) {
             ++it;
@@ -302,22 +346,22 @@ Result<> AcousticRenderer::Impl::block(double alpha, const ListenerPose& listene
         }
     }
 
-    std::vector<std::span<const float>> inputs(blocks.begin(), blocks.end());
-    std::vector<float> stereo(2 * size);
-    if (auto rendered = mixer.render(inputs, stereo); !rendered) return rendered;
-    lateLeft.insert(lateLeft.end(), wetLeft.begin(), wetLeft.end());
-    lateRight.insert(lateRight.end(), wetRight.begin(), wetRight.end());
-    for (std::size_t i = 0; i < size; ++i) {
-        const float l = stereo[2 * i] + lateLeft.front(), r = stereo[2 * i + 1] + lateRight.front();
-        lateLeft.pop_front();
-        lateRight.pop_front();
-        if (toSkip > 0) {
-            --toSkip;
-        } else {
-            ready.push_back(l);
-            ready.push_back(r);
-        }
+    std::vector<float> mixed(channels * size);
+    if (mixer) {
+        std::vector<std::span<const float>> inputs(blocks.begin(), blocks.end());
+        if (auto rendered = mixer->render(inputs, mixed); !rendered) return rendered;
     }
+    for (std::size_t i = 0; i < size; ++i)
+        for (std::size_t ch = 0; ch < channels; ++ch) {
+            lateQueue.push_back(out[ch][i]);
+            const float sample = mixed[channels * i + ch] + lateQueue.front();
+            lateQueue.pop_front();
+            if (toSkip > 0) {
+                --toSkip;
+            } else {
+                ready.push_back(sample);
+            }
+        }
     samples += static_cast<std::int64_t>(size);
     return {};
 }
@@ -326,16 +370,16 @@ Result<> AcousticRenderer::render(double untilSeconds, SoundBuffer& sound) {
     Impl& s = *impl_;
     if (sound.samples.empty()) {
         sound.sampleRate = s.options.sampleRate;
-        sound.channels = 2;
+        sound.channels = channels();
     }
-    if (sound.sampleRate != s.options.sampleRate || sound.channels != 2)
+    if (sound.sampleRate != s.options.sampleRate || sound.channels != channels())
         return fail("the sound rendered into has another format");
     const double rate = s.options.sampleRate;
     s.now = s.scene.listener();
     if (!s.posed) {
         s.before = s.now;
         s.posed = true;
-        s.toSkip = s.mixer.latency();
+        s.toSkip = s.channels * s.latency();
     }
     for (auto& [id, state] : s.states) {
         if (state.gone) continue;
@@ -356,8 +400,9 @@ Result<> AcousticRenderer::render(double untilSeconds, SoundBuffer& sound) {
             s.options.trace.air.speedOfSound * std::max(1e-3, untilSeconds - s.renderedUntil))
             state.from = state.to;
     }
-    const std::size_t wanted = 2 * static_cast<std::size_t>(std::max(
-                                       0.0, std::round(untilSeconds * rate) - std::round(s.renderedUntil * rate)));
+    const std::size_t wanted =
+        s.channels *
+        static_cast<std::size_t>(std::max(0.0, std::round(untilSeconds * rate) - std::round(s.renderedUntil * rate)));
     const double span = untilSeconds - s.renderedUntil;
     while (s.ready.size() < wanted) {
         const double end = static_cast<double>(s.samples + static_cast<std::int64_t>(s.options.blockSize)) / rate;

@@ -4,6 +4,7 @@
 #include <numbers>
 #include <random>
 
+#include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/impulse_response.h>
 
 #include "fft.h"
@@ -31,6 +32,13 @@ struct Pan {
 
 Pan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions& options) {
     if (options.channels == ImpulseResponseOptions::Channels::mono) return {};
+    if (options.channels == ImpulseResponseOptions::Channels::ambisonic) {
+        const glm::dvec3 local(glm::dot(direction, options.listenerRight), glm::dot(direction, options.listenerUp),
+                               glm::dot(direction, options.listenerBack));
+        std::array<double, ambisonicChannels(kMaxAmbisonicOrder)> gains;
+        ambisonicGains(options.ambisonicOrder, ambisonicAxes(local), gains);
+        return {gains[static_cast<std::size_t>(channel)], 0};
+    }
     const double towards = glm::dot(direction, options.listenerRight) * (channel == 0 ? -1 : 1);
     Pan pan;
     pan.gain = std::sqrt(std::max(0.0, 1 + 0.9 * towards));
@@ -104,7 +112,11 @@ double bandWeight(int band, double hz) {
 
 ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseResponseOptions& options) {
     static const SincTable sinc;
-    const int channelCount = options.channels == ImpulseResponseOptions::Channels::mono ? 1 : 2;
+    using Channels = ImpulseResponseOptions::Channels;
+    const bool ambisonic = options.channels == Channels::ambisonic;
+    const int channelCount = ambisonic ? ambisonicChannels(std::clamp(options.ambisonicOrder, 0, kMaxAmbisonicOrder))
+                             : options.channels == Channels::mono ? 1
+                                                                  : 2;
     const double rate = options.sampleRate;
     const std::size_t frames =
         static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) + 2 * SincTable::kHalf + 64;
@@ -114,6 +126,8 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
     ImpulseResponse result;
     result.sampleRate = options.sampleRate;
     for (int channel = 0; channel < channelCount; ++channel) {
+        // In a diffuse field a channel of degree l carries 1 / (2 l + 1) of the pressure's energy.
+        const double diffuseShare = ambisonic ? 1.0 / (2 * ambisonicDegree(channel) + 1) : 1;
         // One noise for all bands: equal bands then leave it as it is.
         Random random(Random::mix(options.seed, static_cast<std::uint64_t>(channel)));
         std::vector<float> noise(frames);
@@ -137,7 +151,8 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
             for (std::size_t k = 0, i = 0; k < scale.size(); ++k) {
                 const auto end = std::min(
                     frames, static_cast<std::size_t>(std::llround(static_cast<double>(k + 1) * samplesPerBin)));
-                const float amplitude = scale[k] * static_cast<float>(std::sqrt(kFourPi * echogram.late.bins[k][b]));
+                const float amplitude =
+                    scale[k] * static_cast<float>(std::sqrt(kFourPi * diffuseShare * echogram.late.bins[k][b]));
                 for (; i < end; ++i) band[i] = noise[i] * amplitude;
             }
             for (const Arrival& arrival : echogram.arrivals) {

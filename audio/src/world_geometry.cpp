@@ -277,11 +277,30 @@ bool worldBox(const RayInstance& instance, glm::dvec3& low, glm::dvec3& high) {
 }  // namespace
 
 std::vector<std::uint32_t> WorldGeometry::instancesAround(const glm::dvec3& point, double maxSize) const {
+    constexpr int kDirections = 32;
+    constexpr double kGolden = 2.39996322972865332;
     std::vector<std::uint32_t> result;
-    glm::dvec3 low, high;
-    for (const RayInstance& instance : world_->instances())
-        if (worldBox(instance, low, high) && distanceToBox(point, low, high) == 0 && glm::length(high - low) <= maxSize)
-            result.push_back(instance.info.id.slot);
+    for (int i = 0; i < kDirections; ++i) {
+        const double z = 1 - (2 * i + 1) / double{kDirections}, r = std::sqrt(1 - z * z);
+        Ray ray;
+        ray.origin = world_->fromWorld(point);
+        ray.direction = Vec3f(glm::dvec3(r * std::cos(i * kGolden), r * std::sin(i * kGolden), z));
+        ray.tMax = static_cast<float>(maxSize);
+        // Through one shell after the other, to the first thing that is no body.
+        for (int layer = 0; layer < 64; ++layer) {
+            const Hit hit = world_->intersect(ray, RayKind::sound);
+            if (!hit) break;
+            if (std::find(result.begin(), result.end(), hit.instance) == result.end()) {
+                glm::dvec3 low, high;
+                if (!worldBox(world_->instance(hit.instance), low, high) || distanceToBox(point, low, high) > 0 ||
+                    glm::length(high - low) > maxSize)
+                    break;
+                result.push_back(hit.instance);
+            }
+            ray.tMin = std::nextafter(std::max(hit.t, 1e-30f), std::numeric_limits<float>::infinity());
+            if (!(ray.tMin < ray.tMax)) break;
+        }
+    }
     return result;
 }
 

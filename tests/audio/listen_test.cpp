@@ -100,6 +100,39 @@ TEST_F(Listen, MeasuresTheReferenceBoxThroughTheWholePath) {
     EXPECT_GT(ir.seconds(), 0.8);
 }
 
+TEST_F(Listen, AmbisonicSoundKnowsItsDirections) {
+    Scene scene;
+    load(scene, room("absorption .3 diffuse .3 specular .4",
+                     "Sound { location 2 4 1.5 minBack 30 minFront 30 maxBack 60 maxFront 60 source AudioClip { url "
+                     "\"impulse.wav\" } }\nViewpoint { position 4 2 1.5 }\n"));
+    ListenOptions o = options();
+    o.seconds = 0.4;
+    o.render.ambisonicOrder = 2;
+    const auto report = listen(scene, o);
+    ASSERT_TRUE(report) << report.error().text;
+    ASSERT_EQ(report->sound.channels, 9);
+    ASSERT_EQ(report->sound.frames(), static_cast<std::size_t>(0.4 * kRate));
+    // Two metres to the left and two up: W 1, Y (left) and Z (up) 1 / sqrt 2, X (ahead) 0.
+    const auto delay = static_cast<std::size_t>(std::lround(std::sqrt(8.0) / 343 * kRate));
+    std::array<double, 9> direct{}, late{};
+    for (std::size_t i = 0; i < report->sound.frames(); ++i)
+        for (std::size_t c = 0; c < 9; ++c) {
+            const double x = static_cast<double>(report->sound.samples[9 * i + c]) / static_cast<double>(report->gain);
+            if (i + 30 > delay && i < delay + 30)
+                direct[c] += x * static_cast<double>(report->sound.samples[9 * i]) / static_cast<double>(report->gain);
+            if (i > delay + 2000) late[c] += x * x;
+        }
+    EXPECT_NEAR(direct[1] / direct[0], std::sqrt(.5), .02);
+    EXPECT_NEAR(direct[2] / direct[0], std::sqrt(.5), .02);
+    EXPECT_NEAR(direct[3] / direct[0], 0, .02);
+    EXPECT_NEAR(direct[5] / direct[0], std::sqrt(3) * .5, .02);  // sqrt(3) y z
+    // Late sound comes from everywhere: channels of degree l hold 1 / (2 l + 1).
+    double first = 0, second = 0;
+    for (std::size_t c = 1; c < 9; ++c) (c < 4 ? first : second) += late[c] / late[0];
+    EXPECT_NEAR(first, 1, .25);
+    EXPECT_NEAR(second, 1, .25);
+}
+
 TEST_F(Listen, TheBodyOfWhatSoundsDoesNotEncloseIt) {
     const std::string view = "Viewpoint { position 0 0 3 }\n";
     const auto level = [&](const std::string& body) {

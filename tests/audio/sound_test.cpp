@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/convolver.h>
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/loopback.h>
@@ -125,6 +126,36 @@ TEST(ImpulseResponse, StereoPansAndRepeats) {
                 0.0875 / 343 * (1 + M_PI / 2) * 48000, 1.5);
     options.firstOrder = 1;
     EXPECT_NEAR(makeImpulseResponse(echogram, options).channels[1][468], 0, 1e-3);
+}
+
+TEST(Ambisonics, FollowTheAdditionTheorem) {
+    std::mt19937_64 random(kSeed);
+    std::normal_distribution<double> normal;
+    std::array<double, 64> a{}, b{};
+    for (int trial = 0; trial < 50; ++trial) {
+        const glm::dvec3 u = glm::normalize(glm::dvec3(normal(random), normal(random), normal(random)));
+        const glm::dvec3 v = glm::normalize(glm::dvec3(normal(random), normal(random), normal(random)));
+        ambisonicGains(7, u, a);
+        ambisonicGains(7, v, b);
+        const double x = glm::dot(u, v);
+        double p0 = 1, p1 = x;  // Legendre polynomials
+        for (int l = 0; l <= 7; ++l) {
+            double sum = 0;
+            for (int c = l * l; c < (l + 1) * (l + 1); ++c)
+                sum += a[static_cast<std::size_t>(c)] * b[static_cast<std::size_t>(c)];
+            EXPECT_NEAR(sum, l == 0 ? 1 : p1, 1e-12) << "degree " << l;
+            if (l > 0) p0 = std::exchange(p1, ((2 * l + 1) * x * p1 - l * p0) / (l + 1));
+        }
+    }
+    ambisonicGains(1, {0, 1, 0}, a);  // from the left
+    EXPECT_NEAR(a[0], 1, 1e-15);
+    EXPECT_NEAR(a[1], 1, 1e-15);
+    EXPECT_NEAR(a[2], 0, 1e-15);
+    EXPECT_NEAR(a[3], 0, 1e-15);
+    EXPECT_EQ(ambisonicAxes({-1, 0, 0}), glm::dvec3(0, 1, 0));
+    EXPECT_EQ(ambisonicDegree(0), 0);
+    EXPECT_EQ(ambisonicDegree(3), 1);
+    EXPECT_EQ(ambisonicDegree(4), 2);
 }
 
 TEST(Convolver, EqualsTheSumInTheTimeDomain) {

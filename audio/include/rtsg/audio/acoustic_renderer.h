@@ -1,4 +1,4 @@
-// AcousticRenderer: follows a scene and renders what its listener hears, as stereo blocks.
+// AcousticRenderer: follows a scene and renders what its listener hears: stereo, binaural or ambisonic.
 //
 // Each emitter goes two ways: direct sound through a delay line of its own (propagation delay, hence Doppler) to a
 // direction in the LoopbackMixer; reflections through a Convolver with the impulse response of the traced room, traced
@@ -31,6 +31,8 @@ class AcousticRenderer final : public InstanceSubscriber {
     struct Options {
         int sampleRate = 48000;
         bool binaural = false;
+        /// 1 to 7: an ambisonic sound (see ambisonics.h) instead of two channels, and no OpenAL; 0: not.
+        int ambisonicOrder = 0;
         /// 256 keeps moving sources smooth under HRTF.
         std::size_t blockSize = 256;
         Levels levels = Levels::x3d;
@@ -72,6 +74,8 @@ class AcousticRenderer final : public InstanceSubscriber {
     /// at `untilSeconds`.
     Result<> render(double untilSeconds, SoundBuffer& sound);
 
+    /// Of what render() appends.
+    int channels() const;
     const SoundScene& scene() const;
     /// The room as of the last apply(), ready to be traced, as it is for sound from `source`: its own body left out.
     OpenedGeometry geometryFor(const glm::dvec3& source);

@@ -20,20 +20,23 @@ namespace rtsg {
 
 struct ImpulseResponse {
     int sampleRate = 48000;
-    std::vector<std::vector<float>> channels;  // one (mono) or two (left, right), of equal length
+    std::vector<std::vector<float>> channels;  // of equal length: mono; left and right; ambisonic ones in ACN order
 
     std::size_t frames() const { return channels.empty() ? 0 : channels.front().size(); }
 };
 
 struct ImpulseResponseOptions {
     enum class Channels : std::uint8_t {
-        mono,      // pressure at the listener
-        stereo,    // arrivals panned by their direction; what comes from ahead has the full pressure in both
-        binaural,  // and the ears' difference in arrival time added (Woodworth's sphere of 8.75 cm)
+        mono,       // pressure at the listener
+        stereo,     // arrivals panned by their direction; what comes from ahead has the full pressure in both
+        binaural,   // and the ears' difference in arrival time added (Woodworth's sphere of 8.75 cm)
+        ambisonic,  // see ambisonics.h; the remainder comes evenly from all directions
     };
     Channels channels = Channels::mono;
     int sampleRate = 48000;
-    glm::dvec3 listenerRight{1, 0, 0};  // unit, world frame
+    int ambisonicOrder = 1;
+    /// The listener's axes in the world frame, orthonormal; stereo takes notice of the first only.
+    glm::dvec3 listenerRight{1, 0, 0}, listenerUp{0, 1, 0}, listenerBack{0, 0, 1};
     /// Arrivals below this order are left out: 1 leaves out direct sound, which is then rendered by other means.
     std::uint32_t firstOrder = 0;
     /// Cut where less than this share of the energy is left in every band.

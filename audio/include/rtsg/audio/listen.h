@@ -48,7 +48,7 @@ struct ListenReport {
     std::uint64_t rays = 0;
     double seconds = 0;  // of computing, metrics and sound
     double escaped = 0;  // share of the emitted energy, mean over bands and sources
-    SoundBuffer sound;   // stereo, empty unless asked for
+    SoundBuffer sound;   // two channels or ambisonic; empty unless asked for
     float gain = 1;      // that had to be applied lest the sound clip
     Diagnostics diagnostics;
 

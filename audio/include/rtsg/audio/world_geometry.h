@@ -50,7 +50,8 @@ class WorldGeometry final : public AcousticGeometry {
     /// As closest(), through the instances in `open` (slots).
     bool closestBut(std::span<const std::uint32_t> open, const glm::dvec3& origin, const glm::dvec3& direction,
                     double maxDistance, std::uint32_t except, AcousticHit& hit) const;
-    /// Slots of instances whose box holds the point and measures at most `maxSize` metres from corner to corner.
+    /// Slots of instances whose box holds the point and measures at most `maxSize` metres from corner to corner, as far
+    /// as they are in the way of 32 rays from there.
     std::vector<std::uint32_t> instancesAround(const glm::dvec3& point, double maxSize) const;
     double distanceToSurface(const glm::dvec3& point) const override;
 
