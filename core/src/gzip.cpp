@@ -54,6 +54,7 @@ bool gunzip(std::string_view packed, std::string& out, Diagnostics& diagnostics,
     }
     inflateEnd(&stream);
     out.resize(std::min(size, before + limit));
+    if (failure.empty() && out.size() == before) failure = "the gzip file holds nothing";
     if (!failure.empty()) diagnostics.error({}, failure);
     return out.size() > before;
 }

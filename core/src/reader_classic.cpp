@@ -123,6 +123,7 @@ void ClassicReader::closeAll() {
             handler_->beginProtoBody(where);
             frames_.back().inside = Inside::body;
             types_.pushScope();
+            ++bodies_;
         }
         pop();
     }
@@ -143,6 +144,7 @@ void ClassicReader::pop() {
         case Inside::interface:
         case Inside::body:
             types_.popScope();
+            --bodies_;
             handler_->endProto(where);
             lists_ = outerLists_.back();
             outerLists_.pop_back();
@@ -295,7 +297,7 @@ void ClassicReader::component() {
     // `name : level` with spaces is no grammar, but common.
     if (peekWord().starts_with(':')) what += word();
     if (what.ends_with(':') && isDigit(peekWord().empty() ? ' ' : peekWord()[0])) what += word();
-    const std::size_t colon = what.find(':');
+    const std::size_t colon = what.rfind(':');
     const char* number = what.data() + (colon == what.npos ? what.size() : colon + 1);
     const char* stop = what.data() + what.size();
     std::int32_t level = 0;
@@ -365,6 +367,7 @@ void ClassicReader::endInterface() {
     handler_->beginProtoBody(at(p_));
     frames_.back().inside = Inside::body;
     types_.pushScope();
+    ++bodies_;
     if (p_[-1] != '{') pop();
 }
 

@@ -26,6 +26,7 @@ class ClassicReader final : private FieldTextReport {
         std::string_view field;            // list: where its nodes go
         FieldRef into;                     // list
         const char* open;
+        GivenFields given{};  // node
     };
 
     // reader_classic.cpp: the document and its statements
@@ -97,6 +98,7 @@ class ClassicReader final : private FieldTextReport {
     std::vector<Frame> frames_;
     std::size_t lists_ = 0;  // open lists since the innermost prototype began
     std::vector<std::size_t> outerLists_;
+    std::size_t bodies_ = 0;  // PROTO bodies open
     DocumentHeader header_;
     bool vrml97_ = false;
     bool hasUnits_ = false;  // then the ranges of numbers are not those of the table

@@ -237,9 +237,14 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
         word();
         const std::string_view protoField = word();
         if (protoField.empty()) return error(p_, "expected the name of an interface field behind IS");
-        if (outerLists_.empty()) return error(where, "IS has a meaning in the body of a PROTO only");
+        if (bodies_ == 0) return error(where, "IS has a meaning in the body of a PROTO only");
         handler_->isConnection(field.name, protoField, at(where));
         return;
+    }
+    if (!frames_.back().given.add(field)) {
+        error(where,
+              std::string(field.name) + " of " + std::string(shape.name()) + " is given already; this is left out");
+        return skipValue();
     }
     if (!field.takesValue()) {
         error(where, std::string(field.name) + " of " + std::string(shape.name()) + " is an event, it takes no value");
@@ -332,11 +337,12 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
     }
     const FieldRef ref = findField(fields, field.name);
     const bool takesValue = ref.takesValue();
+    if (node) frames_.back().given.add(ref);
     if (node && peekWord() == "IS") {
         handler_->declareField(field, std::nullopt, at(where));
         word();
         const std::string_view protoField = word();
-        if (protoField.empty() || outerLists_.empty())
+        if (protoField.empty() || bodies_ == 0)
             return error(p_, "IS needs an interface field's name, in the body of a PROTO");
         handler_->isConnection(ref.name, protoField, at(where));
         return;

@@ -89,6 +89,18 @@ bool accepts(const FieldRef& field, const NodeType* child) {
     return std::ranges::any_of(field.definition->accepts, [&](const std::string& type) { return child->isA(type); });
 }
 
+bool GivenFields::add(const FieldRef& field) {
+    if (field.type == FieldType::MFNode) return true;
+    for (const char*& known : few_) {
+        if (known == field.name.data()) return false;
+        if (known) continue;
+        known = field.name.data();
+        return true;
+    }
+    if (!many_) many_ = std::make_unique<std::unordered_set<const char*>>();
+    return many_->insert(field.name.data()).second;
+}
+
 void ReaderTypes::popScope() {
     for (const std::string& name : scopes_.back().protos) {
         const auto found = protos_.find(name);

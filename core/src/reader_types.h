@@ -6,11 +6,13 @@
 // Source: ISO/IEC 19775-1 V4.0 4.4.2.2, 4.4.4; renamed fields of VRML97: 19775-1 annex of changes.
 #pragma once
 
+#include <array>
 #include <deque>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include <rtsg/core/document_handler.h>
@@ -74,6 +76,18 @@ std::string_view vrml97Name(const NodeType& type, std::string_view field);
 FieldRef findField(const DeclaredFields& fields, std::string_view name);
 /// May a node of type `child` be the value of `field`? Unknown types may.
 bool accepts(const FieldRef& field, const NodeType* child);
+
+/// Which fields of one node have been given already.
+class GivenFields {
+  public:
+    /// False if the field was there before; lists of nodes may come in parts.
+    bool add(const FieldRef& field);
+
+  private:
+    static constexpr std::size_t kFew = 8;
+    std::array<const char*, kFew> few_{};  // by the address of the name, which is one per field
+    std::unique_ptr<std::unordered_set<const char*>> many_;
+};
 
 class ReaderTypes {
   public:

@@ -85,6 +85,7 @@ SourceLocation XmlReader::where() {
 
 /// Where `at`, in the value of the attribute being parsed, stands in the text; null: where the element starts.
 SourceLocation XmlReader::locate(const char* at) {
+    if (!utf8_) return where();
     const XML_Index index = XML_GetCurrentByteIndex(parser_);
     const std::size_t start = index < 0 ? text_.size() : std::min(static_cast<std::size_t>(index), text_.size());
     const char* s = text_.data() + start;

@@ -54,6 +54,7 @@ class XmlReader final : private FieldTextReport {
     struct Frame {
         Inside inside;
         NodeShape shape;                             // node
+        GivenFields given;                           // node
         std::unique_ptr<Source> source;              // node: Script or shader
         std::unique_ptr<Prototype> prototype;        // protoDeclare, externProto
         FieldRef into;                               // declaration, value
@@ -140,7 +141,7 @@ class XmlReader final : private FieldTextReport {
     std::vector<Frame> frames_;
     std::size_t skipDepth_ = 0;  // elements open inside one that is left out
     std::size_t bodies_ = 0;     // PROTO bodies open
-    bool inSection_ = false;  // between <![CDATA[ and ]]>
+    bool inSection_ = false;     // between <![CDATA[ and ]]>
     bool began_ = false, refusedEntity_ = false, hasUnits_ = false;
     const char* element_ = "";
     const char* attributeName_ = nullptr;  // whose value is being parsed

@@ -108,7 +108,9 @@ void XmlReader::openNode(NodeShape shape, Attributes attributes) {
     if (!frames_.empty()) {
         Frame& parent = frames_.back();
         if (parent.declared) tellDeclaration(parent);
-        if (parent.inside == Inside::value && parent.hasChildren && !isMF(into.type))
+        const bool value = parent.inside == Inside::value || parent.inside == Inside::declaration;
+        if (into && ((value && parent.hasChildren && !isMF(into.type)) ||
+                     (parent.inside == Inside::node && !parent.given.add(into))))
             return skip(std::string(into.name) + " takes one node only");
         if (parent.inside == Inside::body && !frames_[frames_.size() - 2].prototype->type->hasBody) {
             ProtoType& proto = *frames_[frames_.size() - 2].prototype->type;
@@ -160,6 +162,8 @@ void XmlReader::setAttribute(const char* name, const char* text) {
         diagnostics_.error(locate(text), std::string(name) + " of " + node + " is an event, it takes no value");
     } else if (sf(field.type) == FieldType::SFNode) {
         diagnostics_.error(locate(text), std::string(name) + " of " + node + " takes nodes, not text");
+    } else if (!frame.given.add(field)) {
+        diagnostics_.error(locate(text), std::string(name) + " of " + node + " is given already");
     } else {
         Value value;
         if (parseAttribute(name, text, field.type, value)) {
@@ -301,6 +305,7 @@ void XmlReader::startFieldValue(Attributes attributes) {
     if (!name) return skip("fieldValue needs a name");
     const FieldRef field = findField(shape, name);
     if (!field) return skip(std::string(shape.name()) + " has no field '" + name + "'");
+    if (!frames_.back().given.add(field)) return skip(std::string(name) + " is given already");
     if (!field.takesValue()) return skip(std::string(name) + " is an event, it takes no value");
     if (sf(field.type) != FieldType::SFNode) {
         Value parsed;
