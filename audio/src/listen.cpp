@@ -170,6 +170,9 @@ ListenSession::~ListenSession() = default;
 const AcousticRenderer& ListenSession::renderer() const {
     return *impl_->renderer;
 }
+OpenedGeometry ListenSession::room(const glm::dvec3& source) {
+    return impl_->renderer->geometryFor(source);
+}
 const RayWorld& ListenSession::world() const {
     return impl_->world;
 }

@@ -72,6 +72,8 @@ class ListenSession {
     ListenReport finish();
 
     const AcousticRenderer& renderer() const;
+    /// What sound from `source` meets, as of the last advance().
+    OpenedGeometry room(const glm::dvec3& source);
     const RayWorld& world() const;
 
   private:

@@ -1,0 +1,133 @@
+// Following a scene is reading it anew: seeded random edits, one session from the start, one attached late each time.
+#include <algorithm>
+#include <random>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/audio/listen.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+namespace {
+
+using Described = std::tuple<std::string, double, double, double, double, bool, double>;
+
+std::vector<Described> describe(const SoundScene& scene) {
+    std::vector<Described> result;
+    for (const SoundEmitter& emitter : scene.emitters()) {
+        const SoundNode& sound = scene.sound(emitter);
+        const glm::dvec3 p = scene.position(emitter);
+        double voices = 0;
+        for (const SoundVoice& voice : sound.voices) voices = 10 * voices + voice.gain;
+        result.emplace_back(sound.name, p.x, p.y, p.z, sound.intensity, sound.enabled, voices);
+    }
+    std::sort(result.begin(), result.end());
+    return result;
+}
+
+ListenOptions quiet() {
+    ListenOptions options;
+    options.sound = false;
+    return options;
+}
+
+TEST(SoundScene, FollowingIsReadingAnew) {
+    constexpr std::uint64_t kSeed = 1;
+    SCOPED_TRACE(kSeed);
+    std::mt19937_64 random(kSeed);
+    const auto pick = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };
+    const auto number = [&] { return static_cast<float>(random() % 1000) / 100.0f; };
+
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\n"
+                         "DEF A Transform { } DEF B Transform { translation 1 2 3 } DEF C Transform { scale 2 2 2 }\n"
+                         "Shape { geometry Box { size 40 40 40 } appearance Appearance { acousticProperties DEF WALL "
+                         "AcousticProperties { absorption .25 } } }\n"
+                         "DEF V1 Viewpoint { position 0 0 5 } DEF V2 Viewpoint { position 5 0 0 }\n",
+                         diagnostics));
+    const std::vector<NodeId> groups{scene.findName("A"), scene.findName("B"), scene.findName("C")};
+    const NodeId wall = scene.findName("WALL");
+    std::vector<NodeId> sounds, clips;
+    auto follower = ListenSession::attach(scene, quiet());
+    ASSERT_TRUE(follower);
+    for (int step = 1; step <= 120; ++step) {
+        for (std::size_t edits = 1 + pick(3); edits > 0; --edits) {
+            const NodeId group = groups[pick(groups.size())];
+            const NodeId sound = sounds.empty() ? NodeId{} : sounds[pick(sounds.size())];
+            switch (pick(9)) {
+                case 0: {
+                    const bool spatial = pick(2) == 0;
+                    const NodeId fresh = *scene.createNode(spatial ? "SpatialSound" : "Sound");
+                    const NodeId clip = *scene.createNode("AudioClip");
+                    ASSERT_TRUE(scene.insertChild(group, x3d::Transform::children.index, fresh));
+                    const Result<> put = spatial ? scene.insertChild(fresh, x3d::SpatialSound::children.index, clip)
+                                                 : scene.set(fresh, x3d::Sound::source, clip);
+                    ASSERT_TRUE(put);
+                    sounds.push_back(fresh);
+                    clips.push_back(clip);
+                    break;
+                }
+                case 1:
+                    if (!sound) break;
+                    ASSERT_TRUE(scene.destroyNode(sound));
+                    std::erase(sounds, sound);
+                    break;
+                case 2:
+                    ASSERT_TRUE(scene.set(group, x3d::Transform::translation, Vec3f(number(), number(), number())));
+                    break;
+                case 3:
+                    if (!sound) break;
+                    ASSERT_TRUE(scene.node(sound).is(x3d::Sound::type)
+                                    ? scene.set(sound, x3d::Sound::intensity, number() / 10)
+                                    : scene.set(sound, x3d::SpatialSound::enabled, pick(2) == 0));
+                    break;
+                case 4:  // USE it once more
+                    if (!sound) break;
+                    ASSERT_TRUE(scene.insertChild(group, x3d::Transform::children.index, sound));
+                    break;
+                case 5: {
+                    const std::size_t count = scene.node(group).get(x3d::Transform::children).size();
+                    if (count == 0) break;
+                    ASSERT_TRUE(scene.removeChild(group, x3d::Transform::children.index, pick(count)));
+                    break;
+                }
+                case 6:
+                    if (clips.empty()) break;
+                    ASSERT_TRUE(scene.set(clips[pick(clips.size())], x3d::AudioClip::gain, number()));
+                    break;
+                case 7:
+                    ASSERT_TRUE(scene.set(wall, x3d::AcousticProperties::absorption, number() / 10));
+                    break;
+                default:
+                    ASSERT_TRUE(scene.sendEvent(scene.findName(pick(2) == 0 ? "V1" : "V2"),
+                                                x3d::Viewpoint::set_bind.index, Value(pick(2) == 0)));
+            }
+        }
+        scene.newFrame(step / 60.0);
+        if (pick(3) != 0) continue;  // several frames come merged
+        ASSERT_TRUE((*follower)->advance(step / 60.0));
+        auto late = ListenSession::attach(scene, quiet());
+        ASSERT_TRUE(late);
+        ASSERT_TRUE((*late)->advance(step / 60.0));
+        const SoundScene& a = (*follower)->renderer().scene();
+        const SoundScene& b = (*late)->renderer().scene();
+        ASSERT_EQ(describe(a), describe(b)) << "step " << step;
+        ASSERT_EQ(a.listener().position, b.listener().position) << "step " << step;
+        AcousticHit hitA, hitB;
+        const OpenedGeometry roomA = (*follower)->room({0, 0, 0}), roomB = (*late)->room({0, 0, 0});
+        ASSERT_TRUE(roomA.closest({0, 0, 0}, {1, 0, 0}, 100, kNoPlane, hitA));
+        ASSERT_TRUE(roomB.closest({0, 0, 0}, {1, 0, 0}, 100, kNoPlane, hitB));
+        ASSERT_EQ(hitA.distance, hitB.distance);
+        ASSERT_EQ(roomA.materials()[hitA.material].absorption, roomB.materials()[hitB.material].absorption);
+    }
+    EXPECT_GT(sounds.size(), 3u);
+}
+
+}  // namespace
+}  // namespace rtsg
