@@ -24,8 +24,8 @@ std::uint64_t freshEpoch() {
 
 }  // namespace
 
-LogWriter::LogWriter(std::filesystem::path file, LogOptions options)
-    : file_(std::move(file)), options_(std::move(options)), epoch_(freshEpoch()) {}
+LogWriter::LogWriter(std::filesystem::path file, TypeTable types, LogOptions options)
+    : file_(std::move(file)), types_(types), options_(std::move(options)) {}
 
 Diagnostic LogWriter::failure(std::string_view what, int error) const {
     return {Severity::error, file_.string(), {}, fmt::format("{}: {}", what, std::strerror(error))};
@@ -33,7 +33,7 @@ Diagnostic LogWriter::failure(std::string_view what, int error) const {
 
 Result<std::unique_ptr<LogWriter>> LogWriter::create(const std::filesystem::path& file, TypeTable types,
                                                      LogOptions options) {
-    std::unique_ptr<LogWriter> log(new LogWriter(file, std::move(options)));
+    std::unique_ptr<LogWriter> log(new LogWriter(file, types, std::move(options)));
     std::uint64_t keep = 0;
     if (log->options_.append && std::filesystem::exists(file)) {
         Result<LogReader> old = LogReader::open(file);
@@ -46,15 +46,21 @@ Result<std::unique_ptr<LogWriter>> LogWriter::create(const std::filesystem::path
     if (keep &&
         (::ftruncate(log->descriptor_, static_cast<off_t>(keep)) != 0 || ::lseek(log->descriptor_, 0, SEEK_END) < 0))
         return std::unexpected(log->failure("cannot append", errno));
-    log->size_ = log->head_ = keep;
-    ByteBuffer head;
-    encodeHead(log->epoch_, log->options_.creator, types, true, head);
-    if (auto ok = log->writeRecord(head); !ok) return std::unexpected(ok.error());
+    log->size_ = keep;
+    if (auto ok = log->writeHead(); !ok) return std::unexpected(ok.error());
     return log;
 }
 
 LogWriter::~LogWriter() {
     (void)close();
+}
+
+Result<> LogWriter::writeHead() {
+    epoch_ = freshEpoch();
+    head_ = size_;
+    ByteBuffer head;
+    encodeHead(epoch_, options_.creator, types_, true, head);
+    return writeRecord(head);
 }
 
 Result<> LogWriter::writeRecord(const ByteBuffer& record) {
@@ -84,6 +90,10 @@ Result<> LogWriter::flush() {
 }
 
 Result<> LogWriter::write(const ChangeSet& changes) {
+    if (changes.isSnapshot() && state_ != 0 && (changes.to != state_ || changes.hash != hash_))
+        if (auto ok = writeHead(); !ok) return ok;
+    state_ = changes.to;
+    hash_ = changes.hash;
     encoder_.encode(changes, record_);
     const std::uint64_t offset = size_;
     if (auto ok = writeRecord(record_); !ok) return ok;

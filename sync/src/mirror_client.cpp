@@ -259,6 +259,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
     }
     refusal_.clear();
     connected_ = true;
+    acknowledge();  // tells the server that everything before has been read
 }
 
 void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {

@@ -15,7 +15,8 @@ namespace {
 
 constexpr std::size_t kChunk = std::size_t{256} << 10;
 constexpr std::size_t kCopyBelow = 1024;  // smaller bodies are copied: cheaper than counting references
-constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64_t{256} << 20;
+constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64_t{64} << 20;
+constexpr std::uint64_t kLargestDebt = 2 * kLargestWindow;
 constexpr std::int64_t kLongestIncoming = 4096;  // bytes; a hello with the longest name is far below
 constexpr int kLinger = 200;                     // ms
 constexpr auto kPatience = 200ms;                // with a scene's thread that does not deliver a snapshot
@@ -171,6 +172,7 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
         if (numbers[0] != peer.session) return;  // of before its last hello
         if (numbers[2] > peer.sentBytes || numbers[2] < peer.ackedBytes)
             return garbage("an acknowledgement of what was never sent");
+        peer.debt = 0;  // messages arrive in order: it has read everything before
         peer.ackedBytes = numbers[2];
         peer.ackedState = numbers[1];
     } else if (*type == Message::ping) {
@@ -201,7 +203,11 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
         found = peers_.emplace(identity, Peer{}).first;
     }
     Peer& peer = found->second;
+    const ByteBuffer& head = hello.dictionaryHash == dictionaryHash_ ? headShort_ : headFull_;
+    const std::uint64_t debt = peer.debt + (peer.sentBytes - peer.ackedBytes) + head.size();
+    if (debt > kLargestDebt) return garbage("a hello from a peer that reads no answers");
     peer = Peer{};
+    peer.debt = debt;
     peer.identity = identity;
     peer.name = hello.name;
     peer.session = hello.session;
@@ -215,8 +221,8 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     const std::uint64_t numbers[] = {hello.session, shared_->epoch,
                                      static_cast<std::uint64_t>(shared_->options.heartbeat.count())};
     mirror::write(message_, Message::welcome, numbers);
-    ZmqMessage head((hello.dictionaryHash == dictionaryHash_ ? headShort_ : headFull_).bytes());
-    if (!sendTo(identity, message_, &head)) peers_.erase(found);
+    ZmqMessage body(head.bytes());
+    if (!sendTo(identity, message_, &body)) peers_.erase(found);
 }
 
 /// ZAP (ZeroMQ RFC 27): one request a connection, answered from the allow-list.

@@ -58,6 +58,7 @@ class MirrorServer::Io {
         std::string identity, name;
         std::uint64_t session = 0, window = 0;
         std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
+        std::uint64_t debt = 0;   // bytes sent before its last hello that it may not have read yet
         bool placed = false;      // `state` means something
         std::uint64_t state = 0;  // that it will be in once everything sent has arrived
         SharedRecord sending;     // partly sent

@@ -113,6 +113,22 @@ TEST(MirrorHostile, BytesThatAreNoZeroMqAreCountedAndHarmless) {
     served.step();
 }
 
+TEST(MirrorHostile, HellosWithoutEndAreNotAnsweredWithoutEnd) {
+    Served served;
+    const std::size_t headSize = 1000;  // at least; a stranger's dictionary hash makes it the long one
+    std::string hello("RTSG\x01\x01\0\0", 8);
+    hello += std::string(40, '\x7F') + std::string(1, '\0');
+    Stranger stranger(served.server->endpoint());
+    const std::uint64_t enough = (std::uint64_t{128} << 20) / headSize;
+    std::uint64_t said = 0;
+    while (served.server->statistics().garbage == 0 && said < enough) {
+        for (int i = 0; i < 100; ++i, ++said) stranger.say(hello);
+        served.step();
+    }
+    EXPECT_GT(served.server->statistics().garbage, 0u) << said;
+    served.step();
+}
+
 TEST(MirrorHostile, AnOversizedMessageEndsOnlyItsOwnConnection) {
     Served served;
     Stranger stranger(served.server->endpoint());

@@ -1,7 +1,12 @@
+#include <filesystem>
+
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <rtsg/core/x3d.h>
+#include <rtsg/sync/log.h>
 #include <rtsg/sync/record.h>
+#include <rtsg/sync/replay.h>
 
 #include "mirror_support.h"
 #include "support/random_edits.h"
@@ -210,6 +215,40 @@ TEST(MirrorFault, ADivergingReplicaIsNoticedAtOnceAndRepaired) {
     for (const Diagnostic& d : replica.client->takeDiagnostics())
         reported |= d.severity == Severity::error && d.text.find("state 6") != std::string::npos;
     EXPECT_TRUE(reported);
+}
+
+TEST(MirrorFault, ALogOfAReplicaSurvivesTheRestartOfItsOrigin) {
+    const std::filesystem::path file =
+        std::filesystem::temp_directory_path() / ("rtsg-mirror-" + std::to_string(::getpid()) + ".rlog");
+    auto first = std::make_unique<Origin>(61);
+    const std::string endpoint = first->server->endpoint();
+    Replica replica(endpoint);
+    std::vector<Hash128> states;
+    {
+        auto log = *LogWriter::create(file, builtinTypes());
+        Attachment attachment = replica.scene.bus().attach(*log);
+        for (int frame = 0; frame < 20; ++frame) {
+            first->step();
+            ASSERT_TRUE(pollUntilAt(*replica.client, first->scene));
+            states.push_back(first->scene.hash());
+        }
+        first.reset();
+        Origin second(62, {}, endpoint);
+        for (int frame = 0; frame < 10; ++frame) {
+            second.step();
+            ASSERT_TRUE(pollUntilAt(*replica.client, second.scene));
+            states.push_back(second.scene.hash());
+        }
+        EXPECT_EQ(attachment.failure(), "");
+    }
+    auto replayer = *Replayer::open(file);
+    std::vector<Hash128> replayed;
+    while (*replayer->step())
+        if (replayer->scene().sequence() > 0) replayed.push_back(replayer->scene().hash());
+    std::filesystem::remove(file);
+    EXPECT_EQ(replayed, states);
+    EXPECT_EQ(replayer->gaps(), 0u);
+    EXPECT_EQ(replayer->frames(), replayer->verified());
 }
 
 struct Resets : Subscriber {

@@ -50,8 +50,9 @@ class LogWriter : public Subscriber {
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
     std::string subscriberName() const override { return "log " + file_.string(); }
 
-    /// As apply, without the scene: writes no keyframes but those given. After an error the file ends with the last
-    /// whole record and nothing more is written.
+    /// As apply, without the scene: writes no keyframes but those given. A snapshot of another state than the last
+    /// one written begins a new epoch: the scene was a replica that joined anew. After an error the file ends with
+    /// the last whole record and nothing more is written.
     Result<> write(const ChangeSet& changes);
     /// Writes the index, flushes, closes. Errors of this last step are only seen here; the destructor does the same.
     Result<> close();
@@ -61,16 +62,20 @@ class LogWriter : public Subscriber {
     std::uint64_t epoch() const { return epoch_; }
 
   private:
-    LogWriter(std::filesystem::path file, LogOptions options);
+    LogWriter(std::filesystem::path file, TypeTable types, LogOptions options);
+    Result<> writeHead();
     Result<> writeRecord(const ByteBuffer& record);
     Result<> writeIndex();
     Result<> flush();
     Diagnostic failure(std::string_view what, int error) const;
 
     std::filesystem::path file_;
+    TypeTable types_;
     LogOptions options_;
     int descriptor_ = -1;
     bool broken_ = false;
+    std::uint64_t state_ = 0;  // last one written, its hash beside it
+    Hash128 hash_;
     std::uint64_t epoch_ = 0, size_ = 0, frames_ = 0, head_ = 0;
     std::uint64_t sinceKeyframe_ = 0, keyframeSize_ = 0;
     std::vector<LogKeyframe> keyframes_;
