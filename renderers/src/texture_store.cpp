@@ -84,16 +84,15 @@ std::optional<std::string> decodeDataUrl(std::string_view url) {
 const Node* resolveNode(const Scene& scene, NodeId id) {
     const Node* node = scene.find(id);
     // The bound is against a scene that is broken, not against deep nesting.
-    const auto isInstance = [](const NodeType& type) {
-        return type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
-    };
-    for (int depth = 0; node && isInstance(node->type()) && depth < 10000; ++depth) {
+    for (int depth = 0; node && depth < 10000; ++depth) {
+        const NodeType::Kind kind = node->type().kind;
+        if (kind != NodeType::Kind::proto && kind != NodeType::Kind::externProto) return node;
         const FieldIndex body = node->type().body();
         if (body == kNoField) return nullptr;
         const auto& nodes = node->get(Field<Array<NodeId>>{body});
         node = nodes.empty() ? nullptr : scene.find(nodes[0]);
     }
-    return node;
+    return nullptr;
 }
 
 std::filesystem::path TextureStore::folderOf(const Scene& scene, const Node& node) const {
