@@ -25,6 +25,7 @@ Verb addInfo(CLI::App& program);
 Verb addValidate(CLI::App& program);
 Verb addConvert(CLI::App& program);
 Verb addRun(CLI::App& program);
+Verb addRender(CLI::App& program);
 Verb addBench(CLI::App& program);
 
 /// `file:line:col: error: text`, one a line, on stderr; then how many were left out.

@@ -147,8 +147,10 @@ Result<> renderToFile(Scene& scene, Imager& imager, const std::filesystem::path&
     std::vector<Picture> frames;
     for (int i = 0; i < animation.frames; ++i) {
         scene.newFrame(animation.start + i / animation.framesPerSecond);
-        auto picture = imager.picture(options);
+        RenderStats stats;
+        auto picture = imager.picture(options, &stats);
         if (!picture) return std::unexpected(picture.error());
+        if (animation.stats) animation.stats(stats);
         if (gif && !numbered) {
             frames.push_back(std::move(*picture));
         } else {
