@@ -11,7 +11,12 @@ namespace rtsg::test {
 
 class RandomEdits {
   public:
-    RandomEdits(Scene& scene, std::uint64_t seed) : scene_(scene), random_(seed) {}
+    /// `top`: the group below which edits take place; none: the root.
+    RandomEdits(Scene& scene, std::uint64_t seed, NodeId top = {})
+        : scene_(scene), random_(seed), top_(top ? top : scene.root()) {}
+
+    /// From now on a node that is there may be edited, moved and destroyed like those made here.
+    void adopt(NodeId id) { nodes_.push_back(id); }
 
     /// One edit; edits that the scene refuses (cycles, say) count as done.
     void step() {
@@ -55,16 +60,16 @@ class RandomEdits {
   private:
     std::size_t pick(std::size_t n) { return random_() % n; }
     float number() { return static_cast<float>(static_cast<int>(pick(2001)) - 1000) / 64.0f; }
-    NodeId any() { return nodes_.empty() ? scene_.root() : nodes_[pick(nodes_.size())]; }
+    NodeId any() { return nodes_.empty() ? top_ : nodes_[pick(nodes_.size())]; }
 
-    /// A group or the root.
+    /// A group or the top.
     std::pair<NodeId, FieldIndex> anyParent() {
         for (int tries = 0; tries < 8; ++tries) {
             const NodeId id = any();
             const FieldIndex children = scene_.node(id).type().findExact("children");
             if (children != kNoField) return {id, children};
         }
-        return {scene_.root(), x3d::RtsgScene::children.index};
+        return {top_, scene_.node(top_).type().findExact("children")};
     }
     void create() {
         static constexpr TypeIndex kinds[] = {
@@ -176,6 +181,7 @@ class RandomEdits {
 
     Scene& scene_;
     std::mt19937_64 random_;
+    NodeId top_;
     std::vector<NodeId> nodes_;
 };
 
