@@ -66,4 +66,7 @@ bool readClassic(std::string_view text, DocumentHandler& handler, Diagnostics& d
 bool readXml(std::string_view text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
              const ReaderProgress& progress);
 
+bool readJson(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
+              const ReaderProgress& progress);
+
 }  // namespace rtsg::detail

@@ -134,6 +134,7 @@ bool readText(std::string_view text, DocumentHandler& handler, Diagnostics& diag
         case Encoding::xml:
             return detail::readXml(text, utf8, handler, diagnostics, progress);
         case Encoding::json:
+            return detail::readJson(text, handler, diagnostics, progress);
         case Encoding::binary:
             break;
     }

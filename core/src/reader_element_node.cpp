@@ -1,4 +1,4 @@
-#include "reader_xml.h"
+#include "reader_element.h"
 
 #include <algorithm>
 #include <array>
@@ -21,7 +21,7 @@ bool hasSourceText(const NodeType& type) {
 
 }  // namespace
 
-void XmlReader::startNode(const char* name, Attributes attributes) {
+void ElementReader::startNode(const char* name, Attributes attributes) {
     NodeShape shape = types_.find(name);
     if (!shape.known()) return skip(std::string("unknown node type ") + name + "; it is left out");
     if (shape.proto)
@@ -29,7 +29,7 @@ void XmlReader::startNode(const char* name, Attributes attributes) {
     openNode(std::move(shape), attributes);
 }
 
-void XmlReader::startInstance(Attributes attributes) {
+void ElementReader::startInstance(Attributes attributes) {
     const char* name = attribute(attributes, "name");
     const char* use = attribute(attributes, "USE");
     NodeShape shape;
@@ -43,7 +43,7 @@ void XmlReader::startInstance(Attributes attributes) {
 }
 
 /// The field of the innermost open element that `child` goes into; none, with `fits`, where nodes are statements.
-FieldRef XmlReader::placeFor(const NodeShape& child, const char* containerField, bool& fits) {
+FieldRef ElementReader::placeFor(const NodeShape& child, const char* containerField, bool& fits) {
     fits = true;
     if (frames_.empty()) return {};
     const Frame& parent = frames_.back();
@@ -101,7 +101,7 @@ FieldRef XmlReader::placeFor(const NodeShape& child, const char* containerField,
     return place;
 }
 
-void XmlReader::openNode(NodeShape shape, Attributes attributes) {
+void ElementReader::openNode(NodeShape shape, Attributes attributes) {
     bool fits = false;
     const FieldRef into = placeFor(shape, attribute(attributes, "containerField"), fits);
     if (!fits) return skip({});
@@ -129,7 +129,8 @@ void XmlReader::openNode(NodeShape shape, Attributes attributes) {
     nodeAttributes(attributes);
 }
 
-void XmlReader::useNode(std::string_view use, const NodeShape& shape, std::string_view field, const FieldRef& into) {
+void ElementReader::useNode(std::string_view use, const NodeShape& shape, std::string_view field,
+                            const FieldRef& into) {
     const NodeShape* defined = types_.defined(use);
     if (defined && defined->name() != shape.name())
         diagnostics_.warning(where(), std::string(use) + " is a " + std::string(defined->name()) + ", not a " +
@@ -141,7 +142,7 @@ void XmlReader::useNode(std::string_view use, const NodeShape& shape, std::strin
     push(Inside::leaf);
 }
 
-void XmlReader::nodeAttributes(Attributes attributes) {
+void ElementReader::nodeAttributes(Attributes attributes) {
     const bool instance = std::string_view(element_) == "ProtoInstance";
     for (int i = 0; i < specified_; i += 2) {
         const std::string_view name(attributes[i]);
@@ -150,7 +151,7 @@ void XmlReader::nodeAttributes(Attributes attributes) {
     }
 }
 
-void XmlReader::setAttribute(const char* name, const char* text) {
+void ElementReader::setAttribute(const char* name, const char* text) {
     Frame& frame = frames_.back();
     const std::string node(frame.shape.name());
     const FieldRef field = findField(frame.shape, name);
@@ -183,7 +184,7 @@ void XmlReader::setAttribute(const char* name, const char* text) {
 }
 
 /// `field` in a Script, shader or interface.
-void XmlReader::startField(Attributes attributes) {
+void ElementReader::startField(Attributes attributes) {
     const bool script = isTop(Inside::node) && frames_.back().shape.own;
     const bool interface = isTop(Inside::interface), external = isTop(Inside::externProto);
     if (!script && !interface && !external) return skip("field has no place here");
@@ -233,7 +234,7 @@ void XmlReader::startField(Attributes attributes) {
 }
 
 /// Tells of a node-valued field: its first node is about to come, or there is none (then `frame` has been popped).
-void XmlReader::tellDeclaration(Frame& frame) {
+void ElementReader::tellDeclaration(Frame& frame) {
     const std::unique_ptr<FieldDeclaration> field = std::move(frame.declared);
     // The Script that it is in comes before it on the stack.
     Frame* parent = frames_.empty() ? nullptr : &frames_.back();
@@ -253,7 +254,7 @@ void XmlReader::tellDeclaration(Frame& frame) {
 }
 
 /// Tells of the fields held back so far, each with the connection it has, or else its value.
-void XmlReader::tellFields(Frame& node) {
+void ElementReader::tellFields(Frame& node) {
     Source& source = *node.source;
     auto fields = std::move(source.fields);
     source.fields.clear();
@@ -268,7 +269,7 @@ void XmlReader::tellFields(Frame& node) {
     }
 }
 
-void XmlReader::endNode(Frame& frame) {
+void ElementReader::endNode(Frame& frame) {
     if (frame.source) {
         Source& source = *frame.source;
         tellFields(frame);
@@ -297,7 +298,7 @@ void XmlReader::endNode(Frame& frame) {
     handler_->endNode(where());
 }
 
-void XmlReader::startFieldValue(Attributes attributes) {
+void ElementReader::startFieldValue(Attributes attributes) {
     if (!isTop(Inside::node) || !frames_.back().shape.proto) return skip("fieldValue belongs in ProtoInstance");
     const char* name = attribute(attributes, "name");
     const char* value = attribute(attributes, "value");
@@ -319,13 +320,13 @@ void XmlReader::startFieldValue(Attributes attributes) {
     frames_.back().into = field;
 }
 
-void XmlReader::startIs(Attributes) {
+void ElementReader::startIs(Attributes) {
     if (!isTop(Inside::node)) return skip("IS belongs in a node");
     if (bodies_ == 0) return skip("IS has a meaning in the body of a PROTO only");
     push(Inside::is);
 }
 
-void XmlReader::startConnect(Attributes attributes) {
+void ElementReader::startConnect(Attributes attributes) {
     if (!isTop(Inside::is)) return skip("connect belongs in IS");
     const char* nodeField = attribute(attributes, "nodeField");
     const char* protoField = attribute(attributes, "protoField");
