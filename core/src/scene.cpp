@@ -214,16 +214,20 @@ Result<> Scene::setField(NodeId id, FieldIndex field, Value value) {
         if (auto ok = s.checkNodes(*node, field, value.storage()); !ok) return ok;
     s.write(*node, field, value.storage());
     s.wake(*node);
-    // What a PROTO instance is given, its body has; an instance in a body has such a connection outwards as well.
+    return s.passToBody(id, field);
+}
+
+Result<> Scene::State::passToBody(NodeId id, FieldIndex field) {
+    const Node* node = find(id);
     const NodeType::Kind kind = node->type_->kind;
-    if ((kind == NodeType::Kind::proto || kind == NodeType::Kind::externProto) && node->links_)
-        for (const Route& route : routesFrom(id))
-            if (route.isConnection && route.fromField == field && s.find(route.toNode)->scope_ == id) {
-                const Node& target = *s.find(route.toNode);
-                const Access access = target.type_->fields[route.toField].access;
-                if (access == Access::initializeOnly || access == Access::inputOutput)
-                    if (auto ok = setField(route.toNode, route.toField, value); !ok) return ok;
-            }
+    if ((kind != NodeType::Kind::proto && kind != NodeType::Kind::externProto) || !node->links_) return {};
+    for (const Route& route : owner.routesFrom(id)) {
+        // An instance in a body is connected outwards as well.
+        if (!route.isConnection || route.fromField != field || find(route.toNode)->scope_ != id) continue;
+        const Access access = find(route.toNode)->type_->fields[route.toField].access;
+        if (access != Access::initializeOnly && access != Access::inputOutput) continue;
+        if (auto ok = owner.setField(route.toNode, route.toField, node->value(field)); !ok) return ok;
+    }
     return {};
 }
 
@@ -235,7 +239,8 @@ Result<> Scene::insertChild(NodeId parent, FieldIndex field, NodeId child, std::
     if (field >= p->type_->fields.size() || p->type_->fields[field].type != FieldType::MFNode ||
         !p->type_->fields[field].readable())
         return fail(fmt::format("{} has no such MFNode field", p->type_->name));
-    return s.insertChild(*p, field, *c, index);
+    if (auto ok = s.insertChild(*p, field, *c, index); !ok) return ok;
+    return s.passToBody(parent, field);
 }
 
 Result<> Scene::removeChild(NodeId parent, FieldIndex field, std::size_t index) {
@@ -249,7 +254,7 @@ Result<> Scene::removeChild(NodeId parent, FieldIndex field, std::size_t index) 
     if (index >= static_cast<const Array<NodeId>*>(p->storage(field))->size())
         return fail(fmt::format("{}.{} has no child {}", p->type_->name, p->type_->fields[field].name, index));
     s.removeChildAt(*p, field, index);
-    return {};
+    return s.passToBody(parent, field);
 }
 
 Result<> Scene::setName(NodeId id, std::string_view name) {

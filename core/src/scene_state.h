@@ -72,6 +72,9 @@ struct Scene::State {
     explicit State(Scene& scene);
     ~State();
 
+    /// What an edit gives a PROTO instance, its body has, through all levels of IS.
+    Result<> passToBody(NodeId id, FieldIndex field);
+
     Scene& owner;
     std::thread::id thread = std::this_thread::get_id();
 

@@ -149,6 +149,20 @@ TEST(Proto, AnEditGoesInwardsThroughAllLevels) {
     EXPECT_EQ(l.get(t, "translation"), "4 5 6");
 }
 
+TEST(Proto, ChildrenEditedInAnInstanceReachItsBody) {
+    Loaded l(
+        "PROTO Inner [ inputOutput MFNode kids [ ] ] { DEF G Group { children IS kids } }\n"
+        "PROTO Outer [ inputOutput MFNode kids [ ] ] { DEF I Inner { kids IS kids } }\n"
+        "DEF A Outer { } DEF S Group { } DEF T Group { }");
+    ASSERT_EQ(l.problems(), "");
+    const NodeId a = l.named("A"), g = l.named("G", l.named("I", a));
+    ASSERT_TRUE(l.scene.insertChild(a, l.field(a, "kids"), l.named("S")));
+    ASSERT_TRUE(l.scene.insertChild(a, l.field(a, "kids"), l.named("T"), 0));
+    EXPECT_EQ(l.nodes(g, "children"), (Array<NodeId>{l.named("T"), l.named("S")}));
+    ASSERT_TRUE(l.scene.removeChild(a, l.field(a, "kids"), 0));
+    EXPECT_EQ(l.nodes(g, "children"), Array<NodeId>{l.named("S")});
+}
+
 TEST(Proto, AnEmptyListOverridesDefaultNodes) {
     Loaded l(
         "PROTO P [ initializeOnly MFNode c [ Shape { } ] ] { DEF G Group { children IS c } }\nDEF A P { c [ ] } DEF B "
