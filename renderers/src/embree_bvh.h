@@ -151,16 +151,19 @@ class Top {
     /// Blocked lanes end with tMax -inf.
     void occluded(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext& context) const;
 
+    /// Whose hit it is. Precondition: the ray hit something.
     std::uint32_t slotOf(std::uint32_t geometryId, std::uint32_t instanceId) const {
-        return geometryId & kMapped ? instanceId : direct_->slots()[geometryId];
+        if (!(geometryId & kClaimed)) return direct_->slots()[geometryId];
+        const Object& object = objects_[geometryId & ~kClaimed];
+        return object.group ? object.group->slots()[instanceId] : object.slot;
     }
     const InstanceTree::Box& bounds() const { return tree_.bounds(); }
     std::size_t bytes() const { return tree_.bytes() + objects_.capacity() * sizeof(Object); }
     std::size_t builds() const { return tree_.builds(); }
 
   private:
-    /// Set in a hit's geomID when its instID already is a slot.
-    static constexpr std::uint32_t kMapped = 0x80000000;
+    /// Set in a hit's geomID when the rest of it is the object, and instID the geometry in its scene.
+    static constexpr std::uint32_t kClaimed = 0x80000000;
 
     struct Object {
         glm::mat3 localFromRay{1.0f};  // of points relative to `translation`
@@ -170,6 +173,8 @@ class Top {
         const Group* group = nullptr;  // null: an instance
         void setTransform(const WorldFromLocal& rayFromLocal);
     };
+    static void enter(const Object& object, const Ray& ray, RTCRay& r);
+    static void leave(const Ray& ray, RTCRay& r);
     std::uint32_t newObject();
 
     std::vector<Object> objects_;

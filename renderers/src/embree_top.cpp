@@ -1,9 +1,4 @@
 // Tracing: from the tree over everything into Embree's BVHs.
-#include <bit>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-
 #include "embree_bvh.h"
 
 namespace rtsg::bvh {
@@ -76,6 +71,20 @@ void Top::commit() {
 
 // ---- single rays --------------------------------------------------------------------------------------------------
 
+// Rays are traced where they are: put into the object's frame, and back from what they were made of.
+
+void Top::enter(const Object& object, const Ray& ray, RTCRay& r) {
+    const Vec3f o = object.localFromRay * (ray.origin - object.translation);
+    const Vec3f d = object.localFromRay * ray.direction;
+    r.org_x = o.x, r.org_y = o.y, r.org_z = o.z;
+    r.dir_x = d.x, r.dir_y = d.y, r.dir_z = d.z;
+}
+
+void Top::leave(const Ray& ray, RTCRay& r) {
+    r.org_x = ray.origin.x, r.org_y = ray.origin.y, r.org_z = ray.origin.z;
+    r.dir_x = ray.direction.x, r.dir_y = ray.direction.y, r.dir_z = ray.direction.z;
+}
+
 void Top::intersect(const Ray& ray, RTCRayHit& r, RTCIntersectContext& context) const {
     if (direct_) {
         rtcIntersect1(direct_->scene(), &context, &r);
@@ -85,26 +94,15 @@ void Top::intersect(const Ray& ray, RTCRayHit& r, RTCIntersectContext& context) 
         const Object& object = objects_[index];
         if (object.group) {
             rtcIntersect1(object.scene, &context, &r);
-            if (!(r.hit.geomID & kMapped)) {  // neither a miss nor a hit mapped earlier
-                r.hit.instID[0] = object.group->slots()[r.hit.geomID];
-                r.hit.geomID = kMapped;
-            }
-            return r.ray.tfar;
+        } else {
+            if (!(object.mask & r.ray.mask)) return r.ray.tfar;
+            enter(object, ray, r.ray);
+            rtcIntersect1(object.scene, &context, &r);
+            leave(ray, r.ray);
         }
-        if (!(object.mask & r.ray.mask)) return r.ray.tfar;
-        RTCRayHit local = r;
-        const Vec3f o = object.localFromRay * (ray.origin - object.translation);
-        const Vec3f d = object.localFromRay * ray.direction;
-        local.ray.org_x = o.x, local.ray.org_y = o.y, local.ray.org_z = o.z;
-        local.ray.dir_x = d.x, local.ray.dir_y = d.y, local.ray.dir_z = d.z;
-        local.ray.mask = ~0u;
-        local.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-        rtcIntersect1(object.scene, &context, &local);
-        if (local.hit.geomID != RTC_INVALID_GEOMETRY_ID) {
-            r.ray.tfar = local.ray.tfar;
-            r.hit = local.hit;
-            r.hit.geomID = kMapped;
-            r.hit.instID[0] = object.slot;
+        if (!(r.hit.geomID & kClaimed)) {  // neither a miss nor an earlier object's hit
+            r.hit.instID[0] = r.hit.geomID;
+            r.hit.geomID = kClaimed | index;
         }
         return r.ray.tfar;
     });
@@ -122,14 +120,10 @@ bool Top::occluded(const Ray& ray, RTCRay& r, RTCIntersectContext& context) cons
             return r.tfar;
         }
         if (!(object.mask & r.mask)) return r.tfar;
-        RTCRay local = r;
-        const Vec3f o = object.localFromRay * (ray.origin - object.translation);
-        const Vec3f d = object.localFromRay * ray.direction;
-        local.org_x = o.x, local.org_y = o.y, local.org_z = o.z;
-        local.dir_x = d.x, local.dir_y = d.y, local.dir_z = d.z;
-        local.mask = ~0u;
-        rtcOccluded1(object.scene, &context, &local);
-        return r.tfar = local.tfar;
+        enter(object, ray, r);
+        rtcOccluded1(object.scene, &context, &r);
+        leave(ray, r);
+        return r.tfar;
     });
     return r.tfar < 0;
 }
@@ -138,29 +132,59 @@ bool Top::occluded(const Ray& ray, RTCRay& r, RTCIntersectContext& context) cons
 
 namespace {
 
-/// Writes the rays into the object's frame; `local` is one of Embree's packets.
-template <class Packet>
-void transformPacket(const RayPacket16& rays, const glm::mat3& m, const Vec3f& translation, Packet& local) {
-    for (int at = 0; at < 16; at += 8) {
-        const simd::F8 ox = simd::load(rays.originX + at) - translation.x;
-        const simd::F8 oy = simd::load(rays.originY + at) - translation.y;
-        const simd::F8 oz = simd::load(rays.originZ + at) - translation.z;
-        const simd::F8 dx = simd::load(rays.directionX + at), dy = simd::load(rays.directionY + at),
-                       dz = simd::load(rays.directionZ + at);
-        simd::store(local.org_x + at, m[0].x * ox + m[1].x * oy + m[2].x * oz);
-        simd::store(local.org_y + at, m[0].y * ox + m[1].y * oy + m[2].y * oz);
-        simd::store(local.org_z + at, m[0].z * ox + m[1].z * oy + m[2].z * oz);
-        simd::store(local.dir_x + at, m[0].x * dx + m[1].x * dy + m[2].x * dz);
-        simd::store(local.dir_y + at, m[0].y * dx + m[1].y * dy + m[2].y * dz);
-        simd::store(local.dir_z + at, m[0].z * dx + m[1].z * dy + m[2].z * dz);
-        simd::store(local.tnear + at, simd::load(rays.tMin + at));
-        simd::store(local.tfar + at, simd::load(rays.tMax + at));
+/// The rays of a packet in an object's frame; in their own again when this ends.
+class Entered {
+  public:
+    Entered(RayPacket16& rays, const glm::mat3& m, const Vec3f& translation) : rays_(rays) {
+        for (int h = 0; h < 2; ++h) {
+            const int at = 8 * h;
+            const simd::F8 x = origin_[0][h] = simd::load(rays.originX + at);
+            const simd::F8 y = origin_[1][h] = simd::load(rays.originY + at);
+            const simd::F8 z = origin_[2][h] = simd::load(rays.originZ + at);
+            const simd::F8 dx = direction_[0][h] = simd::load(rays.directionX + at);
+            const simd::F8 dy = direction_[1][h] = simd::load(rays.directionY + at);
+            const simd::F8 dz = direction_[2][h] = simd::load(rays.directionZ + at);
+            const simd::F8 ox = x - translation.x, oy = y - translation.y, oz = z - translation.z;
+            simd::store(rays.originX + at, m[0].x * ox + m[1].x * oy + m[2].x * oz);
+            simd::store(rays.originY + at, m[0].y * ox + m[1].y * oy + m[2].y * oz);
+            simd::store(rays.originZ + at, m[0].z * ox + m[1].z * oy + m[2].z * oz);
+            simd::store(rays.directionX + at, m[0].x * dx + m[1].x * dy + m[2].x * dz);
+            simd::store(rays.directionY + at, m[0].y * dx + m[1].y * dy + m[2].y * dz);
+            simd::store(rays.directionZ + at, m[0].z * dx + m[1].z * dy + m[2].z * dz);
+        }
     }
-    for (int i = 0; i < 16; ++i) {
-        local.time[i] = 0;
-        local.mask[i] = ~0u;
-        local.id[i] = 0;
-        local.flags[i] = 0;
+    ~Entered() {
+        for (int h = 0; h < 2; ++h) {
+            const int at = 8 * h;
+            simd::store(rays_.originX + at, origin_[0][h]);
+            simd::store(rays_.originY + at, origin_[1][h]);
+            simd::store(rays_.originZ + at, origin_[2][h]);
+            simd::store(rays_.directionX + at, direction_[0][h]);
+            simd::store(rays_.directionY + at, direction_[1][h]);
+            simd::store(rays_.directionZ + at, direction_[2][h]);
+        }
+    }
+    Entered(const Entered&) = delete;
+    Entered& operator=(const Entered&) = delete;
+
+  private:
+    RayPacket16& rays_;
+    simd::F8 origin_[3][2], direction_[3][2];
+};
+
+/// Notes the object in the hits just found: they have the highest bit of geomID clear, misses and older hits have it
+/// set.
+inline void claim(RayPacket16& rays, std::uint32_t object) {
+    const simd::I8 mark = simd::I8{} + static_cast<std::int32_t>(object);
+    for (int at = 0; at < 16; at += 8) {
+        simd::I8 geometry, instance;
+        std::memcpy(&geometry, rays.geom_ + at, sizeof geometry);
+        std::memcpy(&instance, rays.inst_ + at, sizeof instance);
+        const simd::I8 fresh = geometry >= 0;
+        instance = fresh ? geometry : instance;
+        geometry = fresh ? mark : geometry;
+        std::memcpy(rays.inst_ + at, &instance, sizeof instance);
+        std::memcpy(rays.geom_ + at, &geometry, sizeof geometry);
     }
 }
 
@@ -176,35 +200,12 @@ void Top::intersect(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext&
         const Object& object = objects_[index];
         if (object.group) {
             rtcIntersect16(lanes, object.scene, &context, &packet);
-            std::uint32_t fresh = 0;
-            for (int i = 0; i < 16; ++i) fresh |= (rays.geom_[i] >> 31 ^ 1u) << i;
-            for (; fresh; fresh &= fresh - 1) {
-                const int i = std::countr_zero(fresh);
-                rays.inst_[i] = object.group->slots()[rays.geom_[i]];
-                rays.geom_[i] = kMapped;
-            }
-            return;
+        } else {
+            if (!(object.mask & rays.mask_[0])) return;
+            const Entered entered(rays, object.localFromRay, object.translation);
+            rtcIntersect16(lanes, object.scene, &context, &packet);
         }
-        if (!(object.mask & rays.mask_[0])) return;
-        RTCRayHit16 local;
-        transformPacket(rays, object.localFromRay, object.translation, local.ray);
-        for (int i = 0; i < 16; ++i) local.hit.geomID[i] = local.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
-        rtcIntersect16(lanes, object.scene, &context, &local);
-        std::uint32_t fresh = 0;
-        for (int i = 0; i < 16; ++i)
-            fresh |= static_cast<std::uint32_t>(local.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID) << i;
-        for (; fresh; fresh &= fresh - 1) {
-            const int i = std::countr_zero(fresh);
-            rays.tMax[i] = local.ray.tfar[i];
-            rays.normalX_[i] = local.hit.Ng_x[i];
-            rays.normalY_[i] = local.hit.Ng_y[i];
-            rays.normalZ_[i] = local.hit.Ng_z[i];
-            rays.u_[i] = local.hit.u[i];
-            rays.v_[i] = local.hit.v[i];
-            rays.prim_[i] = local.hit.primID[i];
-            rays.geom_[i] = kMapped;
-            rays.inst_[i] = object.slot;
-        }
+        claim(rays, kClaimed | index);
     });
 }
 
@@ -222,11 +223,8 @@ void Top::occluded(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext& 
             return;
         }
         if (!(object.mask & rays.mask_[0])) return;
-        RTCRay16 local;
-        transformPacket(rays, object.localFromRay, object.translation, local);
-        rtcOccluded16(lanes, object.scene, &context, &local);
-        for (int i = 0; i < 16; ++i)
-            if (lanes[i] && local.tfar[i] < 0) rays.tMax[i] = -std::numeric_limits<float>::infinity();
+        const Entered entered(rays, object.localFromRay, object.translation);
+        rtcOccluded16(lanes, object.scene, &context, &packet);
     });
 }
 

@@ -315,9 +315,11 @@ void InstanceTree::build() {
         std::array<Part, 8> parts{work.part};
         std::size_t count = 1;
         while (count < 8) {
+            // What fits into one node is left whole, so that nodes are well filled; unless all of it fits.
+            const std::uint32_t enough = work.part.end - work.part.begin <= 8 ? 1 : 8;
             std::size_t largest = 8;
             for (std::size_t i = 0; i < count; ++i)
-                if (parts[i].end - parts[i].begin > 1 &&
+                if (parts[i].end - parts[i].begin > enough &&
                     (largest == 8 || parts[i].box.area() > parts[largest].box.area()))
                     largest = i;
             if (largest == 8) break;

@@ -36,9 +36,9 @@ inline std::uint32_t moveMask(simd::I8 mask) {
 #endif
 }
 inline float smallest(simd::F8 v) {
-    float r = v[0];
-    for (int i = 1; i < 8; ++i) r = std::min(r, v[i]);
-    return r;
+    v = simd::min(v, __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3));
+    v = simd::min(v, __builtin_shufflevector(v, v, 2, 3, 0, 1, 6, 7, 4, 5));
+    return std::min(v[0], v[1]);
 }
 inline float largest(simd::F8 v) {
     return -smallest(-v);
@@ -145,11 +145,8 @@ void InstanceTree::traverse(const Ray& ray, Leaf leaf) const {
     const int sx = reciprocal.x < 0, sy = reciprocal.y < 0, sz = reciprocal.z < 0;
     const simd::F8 tMin = simd::all(ray.tMin);
     float tMax = ray.tMax;
-    struct Entry {
-        std::uint32_t child;
-        float near;
-    };
-    std::array<Entry, kStack> stack;
+    // Distance and child in one number, ordered as distances are: those are never negative.
+    std::array<std::uint64_t, kStack> stack;
     std::size_t top = 0;
     std::uint32_t current = kRoot;
     for (;;) {
@@ -161,30 +158,37 @@ void InstanceTree::traverse(const Ray& ray, Leaf leaf) const {
             const simd::F8 near =
                 simd::max(simd::max((simd::load(n.bounds[sx][0]) - ox) * rx, (simd::load(n.bounds[sy][1]) - oy) * ry),
                           simd::max((simd::load(n.bounds[sz][2]) - oz) * rz, tMin)) *
-                simd::all(kCloser);
+                kCloser;
             const simd::F8 far = simd::min(simd::min((simd::load(n.bounds[1 - sx][0]) - ox) * rx,
                                                      (simd::load(n.bounds[1 - sy][1]) - oy) * ry),
                                            simd::min((simd::load(n.bounds[1 - sz][2]) - oz) * rz, simd::all(tMax))) *
-                                 simd::all(kFarther);
+                                 kFarther;
             std::uint32_t mask = moveMask(near <= far);
             if (mask) {
                 alignas(32) float nears[8];
                 simd::store(nears, near);
-                const std::size_t first = top;
-                for (; mask; mask &= mask - 1) {
+                const auto next = [&] {
                     const auto i = static_cast<std::uint32_t>(std::countr_zero(mask));
-                    // Sorted as they come: the nearest ends on top.
-                    std::size_t at = top++;
-                    for (; at > first && stack[at - 1].near < nears[i]; --at) stack[at] = stack[at - 1];
-                    stack[at] = {n.child[i], nears[i]};
+                    mask &= mask - 1;
+                    return std::uint64_t{std::bit_cast<std::uint32_t>(nears[i])} << 32 | n.child[i];
+                };
+                // Only the nearest is picked; sorting the others costs more than it saves.
+                std::uint64_t best = next();
+                while (mask) {
+                    const std::uint64_t other = next();
+                    stack[top++] = std::max(best, other);
+                    best = std::min(best, other);
                 }
+                current = static_cast<std::uint32_t>(best);
+                continue;
             }
         }
+        const std::uint64_t end = std::uint64_t{std::bit_cast<std::uint32_t>(tMax)} << 32 | 0xFFFFFFFF;
         do {
             if (top == 0) return;
             --top;
-        } while (stack[top].near > tMax);
-        current = stack[top].child;
+        } while (stack[top] > end);
+        current = static_cast<std::uint32_t>(stack[top]);
     }
 }
 
@@ -202,16 +206,22 @@ struct InstanceTree::Packet {
         for (int h = 0; h < 2; ++h) {
             std::memcpy(&active[h], lanes + 8 * h, sizeof(simd::I8));
             tMin[h] = simd::load(rays.tMin + 8 * h);
+            for (int k = 0; k < 3; ++k) {
+                origin[k][h] = simd::load(origins[k] + 8 * h);
+                reciprocal[k][h] = safeReciprocal(simd::load(directions[k] + 8 * h));
+            }
         }
+    }
+    bool anyActive() const { return moveMask(active[0] | active[1]) != 0; }
+    /// What meetAll() needs.
+    void findInterval(const RayPacket16& rays) {
         for (int k = 0; k < 3; ++k) {
             simd::F8 low = simd::all(HUGE_VALF), high = -low, rLow = low, rHigh = high;
             for (int h = 0; h < 2; ++h) {
-                const simd::F8 o = origin[k][h] = simd::load(origins[k] + 8 * h);
-                const simd::F8 r = reciprocal[k][h] = safeReciprocal(simd::load(directions[k] + 8 * h));
-                low = simd::min(low, simd::select(active[h], o, low));
-                high = simd::max(high, simd::select(active[h], o, high));
-                rLow = simd::min(rLow, simd::select(active[h], r, rLow));
-                rHigh = simd::max(rHigh, simd::select(active[h], r, rHigh));
+                low = simd::min(low, simd::select(active[h], origin[k][h], low));
+                high = simd::max(high, simd::select(active[h], origin[k][h], high));
+                rLow = simd::min(rLow, simd::select(active[h], reciprocal[k][h], rLow));
+                rHigh = simd::max(rHigh, simd::select(active[h], reciprocal[k][h], rHigh));
             }
             originLow[k] = smallest(low), originHigh[k] = largest(high);
             reciprocalLow[k] = smallest(rLow), reciprocalHigh[k] = largest(rHigh);
@@ -269,48 +279,84 @@ template <class Leaf>
 void InstanceTree::traverse(const RayPacket16& rays, const std::int32_t* active, Leaf leaf) const {
     if (nodes_.empty()) return;
     Packet packet(rays, active);
-    if (packet.start == HUGE_VALF) return;  // no lane is active
-    struct Entry {
-        std::uint32_t child, node, lane;  // lane of node, where its box is
-        float near;
-    };
-    std::array<Entry, kStack> stack;
-    std::size_t top = 0;
+    if (!packet.anyActive()) return;
     alignas(64) std::int32_t lanes[16];
+    if (nodes_.size() == 1) {
+        // A few objects: what the interval saves is less than it costs.
+        const Node& root = nodes_[kRoot];
+        std::array<std::uint64_t, 8> order;
+        std::size_t count = 0;
+        for (std::uint32_t i = 0; i < 8; ++i) {
+            if (root.child[i] == kNone) continue;
+            const float near = packet.meet(root, i, rays.tMax, lanes);
+            if (near == HUGE_VALF) continue;
+            const std::uint64_t entry = std::uint64_t{std::bit_cast<std::uint32_t>(near)} << 32 | i;
+            std::size_t at = count++;
+            for (; at > 0 && order[at - 1] > entry; --at) order[at] = order[at - 1];
+            order[at] = entry;
+        }
+        for (std::size_t k = 0; k < count; ++k) {
+            const auto i = static_cast<std::uint32_t>(order[k]);
+            if (packet.meet(root, i, rays.tMax, lanes) < HUGE_VALF) leaf(root.child[i] & ~kLeaf, lanes);
+        }
+        return;
+    }
+    packet.findInterval(rays);
+    // Distance and place (node and lane, where the box is) in one number, as for single rays.
+    std::array<std::uint64_t, kStack> stack;
+    std::size_t top = 0;
+    alignas(32) float nears[8];
     std::uint32_t current = kRoot;
     for (;;) {
         const Node& n = nodes_[current];
-        const std::size_t first = top;
-        const auto push = [&](std::uint32_t i, float near) {
-            std::size_t at = top++;
-            for (; at > first && stack[at - 1].near < near; --at) stack[at] = stack[at - 1];
-            stack[at] = {n.child[i], current, i, near};
-        };
+        std::uint32_t mask = 0;
         if (packet.agrees) {
             simd::F8 near;
-            std::uint32_t mask = packet.meetAll(n, near);
-            alignas(32) float nears[8];
+            mask = packet.meetAll(n, near);
             simd::store(nears, near);
-            for (; mask; mask &= mask - 1) {
-                const auto i = static_cast<std::uint32_t>(std::countr_zero(mask));
-                push(i, nears[i]);
+        } else {
+            for (std::uint32_t i = 0; i < 8; ++i) {
+                nears[i] = n.child[i] == kNone ? HUGE_VALF : packet.meet(n, i, rays.tMax, lanes);
+                mask |= static_cast<std::uint32_t>(nears[i] < HUGE_VALF) << i;
+            }
+        }
+        const auto next = [&] {
+            const auto i = static_cast<std::uint32_t>(std::countr_zero(mask));
+            mask &= mask - 1;
+            return std::uint64_t{std::bit_cast<std::uint32_t>(nears[i])} << 32 | (current << 3 | i);
+        };
+        std::uint64_t entry;
+        if (mask) {
+            entry = next();
+            const std::size_t first = top;
+            while (mask) {
+                // Sorted, nearest on top: a packet's visit costs more than the sorting.
+                const std::uint64_t other = next();
+                std::uint64_t farther = std::max(entry, other);
+                entry = std::min(entry, other);
+                std::size_t at = top++;
+                for (; at > first && stack[at - 1] < farther; --at) stack[at] = stack[at - 1];
+                stack[at] = farther;
             }
         } else {
-            for (std::uint32_t i = 0; i < 8; ++i)
-                if (n.child[i] != kNone)
-                    if (const float near = packet.meet(n, i, rays.tMax, lanes); near < HUGE_VALF) push(i, near);
-        }
-        for (;;) {
             if (top == 0) return;
-            const Entry& entry = stack[--top];
-            if (entry.near > packet.end) continue;
-            if (!(entry.child & kLeaf)) {
-                current = entry.child;
-                break;
+            entry = stack[--top];
+        }
+        for (;; entry = stack[--top]) {
+            if (entry >> 32 <= std::bit_cast<std::uint32_t>(packet.end)) {
+                const Node& holder = nodes_[static_cast<std::uint32_t>(entry) >> 3];
+                const std::uint32_t lane = entry & 7, child = holder.child[lane];
+                if (!(child & kLeaf)) {
+                    current = child;
+                    break;
+                }
+                if (packet.meet(holder, lane, rays.tMax, lanes) < HUGE_VALF) {
+                    leaf(child & ~kLeaf, lanes);
+                    packet.shorten(rays);
+                    if (packet.end < packet.start) return;
+                }
             }
-            if (packet.meet(nodes_[entry.node], entry.lane, rays.tMax, lanes) == HUGE_VALF) continue;
-            leaf(entry.child & ~kLeaf, lanes);
-            packet.shorten(rays);
+            if (top == 0) return;
         }
     }
 }
