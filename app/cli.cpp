@@ -39,8 +39,8 @@ Progress progressBar(std::string label) {
         state->visible = true;
         const double part = static_cast<double>(done) / static_cast<double>(total);
         const auto width = static_cast<int>(part * 30);
-        fmt::print(stderr, "\r{} [{:#<{}}{:.<{}}] {:3.0f} %, {:.0f} s left\033[K", state->label, "", width, "", 30 - width,
-                   part * 100, part > 0 ? elapsed * (1 - part) / part : 0);
+        fmt::print(stderr, "\r{} [{:#<{}}{:.<{}}] {:3.0f} %, {:.0f} s left\033[K", state->label, "", width, "",
+                   30 - width, part * 100, part > 0 ? elapsed * (1 - part) / part : 0);
         std::fflush(stderr);
     };
 }
@@ -80,11 +80,21 @@ std::string jsonString(std::string_view text) {
     std::string out = "\"";
     for (const char c : text) {
         switch (c) {
-            case '"': out += "\\\""; break;
-            case '\\': out += "\\\\"; break;
-            case '\n': out += "\\n"; break;
-            case '\r': out += "\\r"; break;
-            case '\t': out += "\\t"; break;
+            case '"':
+                out += "\\\"";
+                break;
+            case '\\':
+                out += "\\\\";
+                break;
+            case '\n':
+                out += "\\n";
+                break;
+            case '\r':
+                out += "\\r";
+                break;
+            case '\t':
+                out += "\\t";
+                break;
             default:
                 if (static_cast<unsigned char>(c) < 0x20)
                     out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));

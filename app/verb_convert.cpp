@@ -13,7 +13,8 @@ Verb addConvert(CLI::App& program) {
         std::string in, out;
     };
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("convert", "Convert between encodings, streaming, without building a scene");
+    CLI::App* command =
+        program.add_subcommand("convert", "Convert between encodings, streaming, without building a scene");
     command->add_option("IN", options->in, "scene file, or -")->required();
     command->add_option("OUT", options->out, "file to write (.x3d .x3dv .wrl, also .gz), or -")->required();
     command->footer("Example: rtsg convert hall.wrl hall.x3d");

@@ -72,16 +72,18 @@ Verb addInfo(CLI::App& program) {
                     std::string components;
                     for (const auto& [name, n] : c.components)
                         components += fmt::format("{}{}:{}", components.empty() ? "" : ",", jsonString(name), n);
-                    fmt::print("{{\"nodes\":{},\"routes\":{},\"triangles\":{},\"instances\":{},\"protos\":{},\"scripts\":{},"
-                               "\"sounds\":{},\"profile\":{},\"components\":{{{}}},\"errors\":{},\"warnings\":{}}}\n",
-                               c.nodes, scene.routeCount(), c.triangles, c.instances, c.protos, c.scripts, c.sounds,
-                               jsonString(profile), components, diagnostics.errors(), diagnostics.warnings());
+                    fmt::print(
+                        "{{\"nodes\":{},\"routes\":{},\"triangles\":{},\"instances\":{},\"protos\":{},\"scripts\":{},"
+                        "\"sounds\":{},\"profile\":{},\"components\":{{{}}},\"errors\":{},\"warnings\":{}}}\n",
+                        c.nodes, scene.routeCount(), c.triangles, c.instances, c.protos, c.scripts, c.sounds,
+                        jsonString(profile), components, diagnostics.errors(), diagnostics.warnings());
                 } else {
-                    fmt::print("{}\n  profile    {}\n  nodes      {}\n  routes     {}\n  shapes     {}\n  triangles  {}\n"
-                               "  protos     {}\n  scripts    {}\n  sounds     {}\n  problems   {} errors, {} warnings\n",
-                               options->scene, profile.empty() ? "none named" : profile, c.nodes, scene.routeCount(),
-                               c.instances, c.triangles, c.protos, c.scripts, c.sounds, diagnostics.errors(),
-                               diagnostics.warnings());
+                    fmt::print(
+                        "{}\n  profile    {}\n  nodes      {}\n  routes     {}\n  shapes     {}\n  triangles  {}\n"
+                        "  protos     {}\n  scripts    {}\n  sounds     {}\n  problems   {} errors, {} warnings\n",
+                        options->scene, profile.empty() ? "none named" : profile, c.nodes, scene.routeCount(),
+                        c.instances, c.triangles, c.protos, c.scripts, c.sounds, diagnostics.errors(),
+                        diagnostics.warnings());
                     fmt::print("  components\n");
                     for (const auto& [name, n] : c.components) fmt::print("    {:<24} {:>7} nodes\n", name, n);
                 }
@@ -107,8 +109,8 @@ Verb addValidate(CLI::App& program) {
                     const bool ok = load(scene, file, diagnostics) && diagnostics.errors() == 0;
                     good = good && ok;
                     if (options->json)
-                        fmt::print("{{\"file\":{},\"errors\":{},\"warnings\":{}}}\n", jsonString(file), diagnostics.errors(),
-                                   diagnostics.warnings());
+                        fmt::print("{{\"file\":{},\"errors\":{},\"warnings\":{}}}\n", jsonString(file),
+                                   diagnostics.errors(), diagnostics.warnings());
                     else
                         fmt::print("{}: {} errors, {} warnings\n", file, diagnostics.errors(), diagnostics.warnings());
                 }

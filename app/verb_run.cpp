@@ -99,11 +99,12 @@ int run(const Options& options) {
         const double t = static_cast<double>(frame) / options.fps;
         if (options.realtime) std::this_thread::sleep_until(start + std::chrono::duration<double>(t));
         for (; next < injections.size() && injections[next].time <= t; ++next)
-            if (auto ok = scene.sendEvent(injections[next].target.node, injections[next].target.field, injections[next].value); !ok)
+            if (auto ok = scene.sendEvent(injections[next].target.node, injections[next].target.field,
+                                          injections[next].value);
+                !ok)
                 printError(ok.error().text);
         const auto set = scene.newFrame(t);
-        if (options.hash)
-            fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", frame, t, set->hash.hex());
+        if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", frame, t, set->hash.hex());
         inlines.update();
         if (progress) progress(frame + 1, frames);
     }
@@ -129,7 +130,8 @@ Verb addRun(CLI::App& program) {
     command->add_flag("--realtime", options->realtime, "one second a second");
     command->add_flag("--hash", options->hash, "print the state hash of every frame");
     command->add_flag("--json", options->json, "the summary as JSON");
-    command->footer("Example: rtsg run door.x3dv --for 2s --fps 60 --watch DOOR.rotation --set TOUCH.set_boolean=TRUE@0.5");
+    command->footer(
+        "Example: rtsg run door.x3dv --for 2s --fps 60 --watch DOOR.rotation --set TOUCH.set_boolean=TRUE@0.5");
     return {command, [options] { return run(*options); }};
 }
 

@@ -1,6 +1,6 @@
 // A node type of one's own: a Pendulum that swings whatever its rotation is routed to. Its fields stand in
 // pendulum.x3dspec, from which the build makes pendulum.h; what it does is the function below. `spec_compiler
-// --skeleton Pendulum` prints such a file to start from. Nothing else has to know of the new node: it is saved,
+// --skeleton Pendulum` prints such a file to start from. Nothing else has to know of the new node: it is
 // mirrored and logged like any other.
 //
 //     03_own_node

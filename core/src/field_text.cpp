@@ -14,12 +14,12 @@ namespace {
 class FirstError final : public detail::FieldTextReport {
   public:
     void report(Severity severity, const char* at, std::string text) override {
-        if (severity != Severity::error || at_) return;
-        at_ = at;
-        text_ = std::move(text);
+        if (severity != Severity::error || position) return;
+        position = at;
+        message = std::move(text);
     }
-    const char* at_ = nullptr;
-    std::string text_;
+    const char* position = nullptr;
+    std::string message;
 };
 
 class Printer {
@@ -157,14 +157,14 @@ Result<Value> parseFieldText(FieldType type, std::string_view text, TextSyntax s
     detail::FieldTextParser parser(text.data(), text.data() + text.size(), syntax, errors);
     Value value;
     const bool usable = parser.parse(type, value);
-    if (usable && !errors.at_) {
+    if (usable && !errors.position) {
         parser.skipSpace();
         if (parser.p != text.data() + text.size())
             errors.report(Severity::error, parser.p, "there is more than one " + std::string(info(type).name));
     }
-    if (!usable || errors.at_) {
-        const char* at = errors.at_ ? errors.at_ : parser.p;
-        return fail(errors.text_, at ? detail::TextPosition(text.data()).of(at) : SourceLocation{});
+    if (!usable || errors.position) {
+        const char* at = errors.position ? errors.position : parser.p;
+        return fail(errors.message, at ? detail::TextPosition(text.data()).of(at) : SourceLocation{});
     }
     return value;
 }

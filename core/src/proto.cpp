@@ -29,6 +29,7 @@ ProtoDeclaration* Environment::add(std::unique_ptr<ProtoDeclaration> declaration
 void writeDeclaration(const ProtoDeclaration& proto, DocumentHandler& handler) {
     if (proto.external) {
         std::vector<FieldDeclaration> declared;
+        declared.reserve(proto.fields.size());
         for (const InterfaceField& field : proto.fields) declared.push_back(field.declaration);
         handler.externProto(proto.name, declared, proto.url, proto.where);
         return;

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/command_list.h>
-#include <rtsg/core/document_filter.h>
+#include <rtsg/core/filter.h>
 #include <rtsg/core/loader.h>
 
 #include "builder_state.h"
@@ -22,7 +22,7 @@ bool isInstance(const NodeType& type) {
 }
 
 /// Finds out which interface fields have nodes as their default.
-class DeclarationScan final : public DocumentFilter {
+class DeclarationScan final : public Filter {
   public:
     /// "Proto.field" for each such field of a declaration at the top of the document.
     std::unordered_set<std::string> nodeDefaults;
@@ -48,9 +48,9 @@ class DeclarationScan final : public DocumentFilter {
 };
 
 /// Passes on what stands in a document, not the document itself.
-class Contents final : public DocumentFilter {
+class Contents final : public Filter {
   public:
-    using DocumentFilter::DocumentFilter;
+    using Filter::Filter;
     void beginDocument(const DocumentHeader&) override {}
     void endDocument() override {}
 };
@@ -164,8 +164,9 @@ void SceneExporter::State::walk(DocumentHandler* handler) {
         }
         const std::string& name = node->type().name;
         if (!handler && name.find('#') != std::string::npos)
-            diagnostics.error({}, fmt::format("{} is of PROTO {}, which is not the document's own; saved under its name",
-                                              scene.name(id), name));
+            diagnostics.error({},
+                              fmt::format("{} is of PROTO {}, which is not the document's own; saved under its name",
+                                          scene.name(id), name));
         if (handler) handler->beginNode(std::string_view(name).substr(0, name.find('#')), nameOf(id), field, {});
         path.push_back({node});
     };

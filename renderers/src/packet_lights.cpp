@@ -93,7 +93,8 @@ F8 beyond(F8 x, F8 step) {
     const I8 outwards = ((x > 0.0f) & (step > 0.0f)) | ((x < 0.0f) & (step < 0.0f));
     const I8 atZero = x == 0.0f;
     I8 moved = i + (outwards ? I8{} + 1 : I8{} - 1);
-    const I8 least = (bits(step) & (I8{} + std::int32_t(0x80000000))) | 0x00800000;  // not denormal: Embree flushes those
+    const I8 least =
+        (bits(step) & (I8{} + std::int32_t(0x80000000))) | 0x00800000;  // not denormal: Embree flushes those
     moved = atZero ? least : moved;
     return select(step == 0.0f, x, fromBits(moved));
 }

@@ -11,7 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <rtsg/core/document_filter.h>
+#include <rtsg/core/filter.h>
 #include <rtsg/core/loader.h>
 
 #include "bench.h"
@@ -40,7 +40,7 @@ std::string meshText(int n) {
 }
 
 /// Counts the bytes of the arrays that go by, and keeps them as a scene would.
-struct Keeper final : DocumentFilter {
+struct Keeper final : Filter {
     std::vector<Value> values;
     std::size_t bytes = 0;
     void setField(std::string_view, Value value, SourceLocation) override {
