@@ -5,6 +5,7 @@
 #include <chrono>
 #include <mutex>
 #include <unordered_map>
+#include <unordered_set>
 #include <variant>
 
 #include <fmt/format.h>
@@ -104,6 +105,8 @@ struct LightTracer::Impl {
     std::vector<SlotShading> slots;
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;  // of those with texture mappings
     std::vector<PlacedEntry> placed;
+    std::unordered_multimap<std::uint32_t, std::uint32_t> placedOf;  // node -> slots
+    std::unordered_set<std::uint32_t> alphaColored;  // geometries whose vertex colours may let light through
     std::vector<std::uint32_t> scopeParent{0};
     std::vector<std::vector<std::uint32_t>> lists;  // placed slots of the lights that reach a scope
     std::vector<std::uint32_t> listOfScope;
@@ -183,6 +186,7 @@ struct LightTracer::Impl {
     }
     void buildLightLists() {
         lists.clear();
+        const std::vector<std::uint32_t> before = std::exchange(listOfScope, {});
         listOfScope.assign(scopeParent.size(), 0);
         std::vector<std::uint32_t> global;
         bool local = false;
@@ -207,7 +211,9 @@ struct LightTracer::Impl {
                     lists.push_back(std::move(list));
                 }
             }
-        for (SlotShading& slot : slots) assignLights(slot);
+        // Nearly always the scopes keep their lists, whose contents alone have changed.
+        if (before != listOfScope)
+            for (SlotShading& slot : slots) assignLights(slot);
     }
     bool isWithin(std::uint32_t scope, std::uint32_t outer) const {
         for (std::size_t steps = 0; steps <= scopeParent.size(); ++steps) {
@@ -221,14 +227,17 @@ struct LightTracer::Impl {
     void readPlaced(const Scene& scene, PlacedEntry& entry) {
         const Placed& p = entry.placed;
         const Node* node = scene.find(p.node);
-        entry.what = std::monostate();
+        const auto before = std::exchange(entry.what, std::monostate());
         if (!node) return;
         switch (p.kind) {
-            case PlacedKind::light:
-                entry.what = readLight(scene, p.node, p.worldFromLocal, p.scope);
-                lightsChanged = true;
+            case PlacedKind::light: {
+                const Light light = readLight(scene, p.node, p.worldFromLocal, p.scope);
+                const Light* old = std::get_if<Light>(&before);
+                lightsChanged = lightsChanged || !old || old->on != light.on || old->scope != light.scope;
+                entry.what = light;
                 ++counts.lightsRead;
                 break;
+            }
             case PlacedKind::view:
                 entry.what = readView(scene, *node);
                 break;
@@ -272,6 +281,25 @@ struct LightTracer::Impl {
         }
         entry.sky.localFromWorld = glm::mat3(glm::transpose(turningOf(worldFromLocal)));
         return entry;
+    }
+    void unplace(std::uint32_t slot) {
+        PlacedEntry& entry = placedAt(slot);
+        if (!entry.placed.id) return;
+        const auto [first, last] = placedOf.equal_range(entry.placed.node.value);
+        for (auto i = first; i != last; ++i)
+            if (i->second == slot) {
+                placedOf.erase(i);
+                break;
+            }
+        if (entry.placed.kind == PlacedKind::light) lightsChanged = true;
+        entry = PlacedEntry();
+    }
+    void place(const Scene& scene, const Placed& what) {
+        unplace(what.id.slot);
+        PlacedEntry& entry = placedAt(what.id.slot);
+        entry.placed = what;
+        placedOf.emplace(what.node.value, what.id.slot);
+        readPlaced(scene, entry);
     }
     PlacedEntry& placedAt(std::uint32_t slot) {
         if (slot >= placed.size()) placed.resize(slot + 1);
@@ -317,7 +345,10 @@ Result<> LightTracer::apply(const Scene& scene, const ChangeSet&, const Instance
     for (const InstanceId& id : delta.removed) s.release(id.slot);
     for (const Instance& instance : delta.added) s.bind(scene, instance);
     for (const Instance& instance : delta.rebound) s.bind(scene, instance);
-    for (const NodeId geometry : delta.geometriesRemoved) s.meshes.erase(geometry.value);
+    for (const NodeId geometry : delta.geometriesRemoved) {
+        s.meshes.erase(geometry.value);
+        s.alphaColored.erase(geometry.value);
+    }
 
     for (const NodeId appearance : delta.appearanceChanged) {
         const auto found = s.materialOf.find(appearance.value);
@@ -329,34 +360,18 @@ Result<> LightTracer::apply(const Scene& scene, const ChangeSet&, const Instance
     }
     if (!delta.removed.empty() || !delta.rebound.empty() || !delta.appearanceChanged.empty()) s.textures.collect();
 
-    const auto note = [&](const PlacedEntry& entry) {
-        if (entry.placed.kind == PlacedKind::light && entry.placed.id) s.lightsChanged = true;
-    };
-    for (const InstanceId& id : delta.placedRemoved) {
-        PlacedEntry& entry = s.placedAt(id.slot);
-        note(entry);
-        entry = PlacedEntry();
-    }
-    for (const Placed& added : delta.placedAdded) {
-        PlacedEntry& entry = s.placedAt(added.id.slot);
-        entry.placed = added;
-        s.readPlaced(scene, entry);
-    }
-    for (const Placed& rebound : delta.placedRebound) {
-        PlacedEntry& entry = s.placedAt(rebound.id.slot);
-        entry.placed = rebound;
-        s.readPlaced(scene, entry);
-    }
+    for (const InstanceId& id : delta.placedRemoved) s.unplace(id.slot);
+    for (const Placed& added : delta.placedAdded) s.place(scene, added);
+    for (const Placed& rebound : delta.placedRebound) s.place(scene, rebound);
     for (const InstanceDelta::Moved& moved : delta.placedMoved) {
         PlacedEntry& entry = s.placedAt(moved.id.slot);
         entry.placed.worldFromLocal = moved.worldFromLocal;
         s.readPlaced(scene, entry);
     }
-    if (!delta.placedChanged.empty())
-        for (PlacedEntry& entry : s.placed)
-            if (entry.placed.id &&
-                std::ranges::find(delta.placedChanged, entry.placed.node) != delta.placedChanged.end())
-                s.readPlaced(scene, entry);
+    for (const NodeId node : delta.placedChanged) {
+        const auto [first, last] = s.placedOf.equal_range(node.value);
+        for (auto i = first; i != last; ++i) s.readPlaced(scene, s.placed[i->second]);
+    }
     if (s.lightsChanged) s.buildLightLists();
     s.lightsChanged = false;
     return {};
@@ -442,9 +457,7 @@ TraceScene LightTracer::Impl::makeTraceScene(const RayWorld& world, const Camera
     }
     scene.anyTransmits =
         std::ranges::any_of(materials, [](const MaterialEntry& m) { return m.users > 0 && m.transmits; });
-    for (const RayInstance& instance : world.instances())
-        if (instance.mesh && instance.mesh->colors.present() && instance.mesh->colors.components() == 4)
-            scene.anyTransmits = true;
+    scene.anyTransmits = scene.anyTransmits || !alphaColored.empty();
     const auto height = static_cast<float>((camera.top - camera.bottom) / settings.height);
     (camera.orthographic ? scene.pixelSize : scene.pixelSpread) = height;
     return scene;
@@ -458,11 +471,6 @@ Result<Picture> LightTracer::render(const RayWorld& world, const Camera& camera,
                                 settings.height, kMaxSide));
     if (settings.samplesPerPixel < 1 || settings.samplesPerPixel > 1 << 20)
         return fail(fmt::format("cannot take {} samples per pixel", settings.samplesPerPixel));
-    for (const RayInstance& instance : world.instances())
-        if (instance.info.id && instance.mesh &&
-            (instance.info.id.slot >= impl_->slots.size() || !impl_->slots[instance.info.id.slot].used))
-            return fail("the ray world and the light tracer are not at the same state of the scene");
-
     const auto start = std::chrono::steady_clock::now();
     const TraceScene scene = impl_->makeTraceScene(world, camera, settings);
     Picture picture(settings.width, settings.height);

@@ -123,6 +123,11 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
     out.opacity[lane] = opacityOf(material, opacity);
 }
 
+const SlotShading& slotOf(const TraceScene& scene, std::uint32_t id) {
+    static const SlotShading unknown;
+    return id < scene.slots.size() ? scene.slots[id] : unknown;
+}
+
 /// What the lanes of one instance have in common.
 struct Common {
     std::uint32_t id = kNoInstance;
@@ -136,7 +141,7 @@ struct Common {
         if (which == id) return;
         id = which;
         instance = &scene.world->instance(which);
-        slot = &scene.slots[which];
+        slot = &slotOf(scene, which);
         entry = &scene.materials[slot->material];
         mesh = instance->mesh.get();
         colored = mesh->colors.present();
@@ -353,7 +358,7 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
 }
 
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
-    const SlotShading& slot = scene.slots[hit.instance];
+    const SlotShading& slot = slotOf(scene, hit.instance);
     const MaterialEntry& entry = scene.materials[slot.material];
     const RayInstance& instance = scene.world->instance(hit.instance);
     const Mesh& mesh = *instance.mesh;

@@ -131,7 +131,7 @@ std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const No
     if (urls.empty()) return nullptr;
     std::string all = folderOf(scene, node).string() + (content == Texture::Content::color ? "\nc" : "\nd");
     for (const String& url : urls) all.append("\n").append(url.view());
-    if (const auto found = files_.find(all); found != files_.end()) return found->second;
+    if (const auto found = lists_.find(all); found != lists_.end()) return found->second;
 
     std::string report;
     for (const String& url : urls) {
@@ -160,13 +160,13 @@ std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const No
         } else {
             why = "nothing is fetched from the network";
         }
-        if (texture) return files_[all] = texture;
+        if (texture) return lists_[all] = texture;
         report += fmt::format("{}\"{}\": {}", report.empty() ? "" : "; ", url.view().substr(0, 200), why);
     }
     std::string name(scene.name(node.id()));
     diagnostics.warning(
         {}, fmt::format("{}{} shows no picture: {}", node.type().name, name.empty() ? "" : " " + name, report));
-    return files_[all] = nullptr;
+    return lists_[all] = nullptr;
 }
 
 std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const Node& node, Texture::Content content,
@@ -195,15 +195,20 @@ std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const No
         return nullptr;
     }
     const std::string key = fmt::format("\nunsupported {}", node.type().name);
-    if (files_.emplace(key, nullptr).second)
+    if (lists_.emplace(key, nullptr).second)
         diagnostics.warning(
             {}, fmt::format("{} is not drawn by the light tracer; surfaces show without it", node.type().name));
     return nullptr;
 }
 
 void TextureStore::collect() {
-    std::erase_if(files_, [](const auto& entry) { return entry.second && entry.second.use_count() == 1; });
+    // Not each time, or the work would grow with the scene: only when there is twice as much as was worth keeping.
+    if (files_.size() + lists_.size() + pixels_.size() < 2 * kept_ + 16) return;
+    // A list's entry shares with the file's. One in use that is dropped costs a look-up later, nothing else.
+    std::erase_if(lists_, [](const auto& entry) { return entry.second && entry.second.use_count() <= 2; });
+    std::erase_if(files_, [](const auto& entry) { return entry.second.use_count() == 1; });
     std::erase_if(pixels_, [](const auto& entry) { return entry.second.texture.use_count() <= 1; });
+    kept_ = files_.size() + lists_.size() + pixels_.size();
 }
 
 }  // namespace rtsg

@@ -33,7 +33,7 @@ class TextureStore {
     /// `node` is the one whose url list it is; for the folder and the report.
     std::shared_ptr<const Texture> ofUrls(const Scene& scene, const Node& node, const Array<String>& urls,
                                           Texture::Content content, Diagnostics& diagnostics);
-    /// Drops what no material uses any more.
+    /// Drops what no material uses any more, once there is much of it.
     void collect();
 
   private:
@@ -46,8 +46,10 @@ class TextureStore {
         std::shared_ptr<const Texture> texture;  // null: the image is unusable
     };
     std::filesystem::path folder_;
-    std::unordered_map<std::string, std::shared_ptr<const Texture>> files_;  // null: unreadable, and reported
-    std::unordered_map<std::uint64_t, Pixels> pixels_;                       // by node and content
+    std::unordered_map<std::string, std::shared_ptr<const Texture>> files_;  // by content and path
+    std::unordered_map<std::string, std::shared_ptr<const Texture>> lists_;  // by folder and urls; null: none, reported
+    std::size_t kept_ = 0;
+    std::unordered_map<std::uint64_t, Pixels> pixels_;  // by node and content
 };
 
 /// The bytes behind `data:[type][;base64],...`; nothing if it is no such url or malformed.

@@ -64,9 +64,9 @@ struct AnimationOptions {
     double framesPerSecond = 25;
     double start = 0;  // scene time of the first frame, seconds
     /// Called after each frame with the number done; false stops.
-    std::function<bool(int)> progress;
+    std::function<bool(int)> progress{};
     /// Called with every picture's counts.
-    std::function<void(const RenderStats&)> stats;
+    std::function<void(const RenderStats&)> stats{};
 };
 /// Runs the scene and writes its pictures: a GIF that moves, or one file a frame where the name holds a place for its
 /// number such as %04d. A single frame needs neither. Errors: as picture() and writePicture(); several frames without a

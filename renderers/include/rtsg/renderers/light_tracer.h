@@ -4,7 +4,7 @@
 // would give; the work follows the delta, and a transform never touches a material. A picture depends on the scene, the
 // camera and the settings alone, not on the number of threads.
 // Threading: apply() on the scene's thread; in between, render() and camera() from any. RayWorld must be at the same
-// change set.
+// change set; an instance that it alone knows shows unlit white.
 // Source: ISO/IEC 19775-1 V4.0 17.2.2 (lighting), 23.2 (bindable viewpoints), 24.2 (backgrounds, fog); Whitted 1980.
 // Differs from 17.2.2 in that light from behind a surface gives no specular term, and in what Material's header says.
 #pragma once
