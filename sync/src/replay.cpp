@@ -25,6 +25,23 @@ void name(const Scene& scene, const Change& change, Divergence& into) {
         into.field = node->type().fields[change.field].name;
 }
 
+/// A value of `set` that is not in the scene after applying it: an error of the scene's, not of the log's.
+const Change* firstUnheeded(const Scene& scene, const ChangeSet& set) {
+    std::vector<NodeId> destroyed;
+    for (const Change& change : set.changes)
+        if (change.kind == ChangeKind::destroyNode) destroyed.push_back(change.node);
+    std::ranges::sort(destroyed);
+    for (const Change& change : set.changes) {
+        if (change.kind != ChangeKind::setField || std::ranges::binary_search(destroyed, change.node)) continue;
+        if (change.value.type() == FieldType::MFNode) continue;  // insertions may have followed
+        const Node* node = scene.find(change.node);
+        if (!node || change.field >= node->type().fields.size() ||
+            !equalStorage(change.value.type(), node->storage(change.field), change.value.storage()))
+            return &change;
+    }
+    return nullptr;
+}
+
 }  // namespace
 
 Replayer::Replayer(LogReader log) : log_(std::move(log)), decoder_(builtinTypes()), scene_(std::make_unique<Scene>()) {
@@ -92,8 +109,12 @@ void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
     }
     if (divergence_) return;
     Divergence found{header.to, header.time, {}, {}, {}};
-    std::optional<Divergence> exact = compareAtNextKeyframe();
-    if (exact) {
+    const Change* unheeded = firstUnheeded(*scene_, set);
+    std::optional<Divergence> exact = unheeded ? std::nullopt : compareAtNextKeyframe();
+    if (unheeded) {
+        name(*scene_, *unheeded, found);
+        found.text = "the scene does not hold the value that is in the log";
+    } else if (exact) {
         found.node = std::move(exact->node);
         found.field = std::move(exact->field);
         found.text = fmt::format("{}, seen at the keyframe of state {}", exact->text, exact->frame);

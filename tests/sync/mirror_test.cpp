@@ -141,7 +141,7 @@ TEST(MirrorJoin, ALargeSnapshotComesInPartsWithinTheWindow) {
 
 TEST(MirrorFault, ADroppedMessageIsNoticedAndTheFramesResumed) {
     Origin origin(21);
-    int data = 0;
+    std::atomic<int> data{0};
     Middleman middle(origin.server->endpoint(), [&](bool toClient, Middleman::Parts& parts) {
         const bool isData = toClient && parts.size() == 2 && parts[0][5] == 17;
         return !(isData && ++data == 10);
@@ -165,7 +165,7 @@ TEST(MirrorFault, ADroppedMessageIsNoticedAndTheFramesResumed) {
 
 TEST(MirrorFault, ABentRecordIsRefusedByItsChecksum) {
     Origin origin(22);
-    int data = 0;
+    std::atomic<int> data{0};
     Middleman middle(origin.server->endpoint(), [&](bool toClient, Middleman::Parts& parts) {
         if (toClient && parts.size() == 2 && parts[0][5] == 17 && ++data == 6) parts[1].back() ^= 0x10;
         return true;
