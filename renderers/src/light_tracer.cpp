@@ -78,6 +78,12 @@ View readView(const Scene& scene, const Node& node) {
     return view;
 }
 
+/// Fields may hold numbers whose products leave the range of float; a picture never does.
+Vec4f finite(Vec4f v) {
+    for (int c = 0; c < 4; ++c) v[c] = v[c] > 0 ? std::min(v[c], std::numeric_limits<float>::max()) : 0.0f;  // NaN: 0
+    return v;
+}
+
 template <class S>
 void readColors(const Node& node, Sky& sky, const S*) {
     const auto colors = [](const Array<Color>& from) {
@@ -490,7 +496,7 @@ Result<Picture> LightTracer::render(const RayWorld& world, const Camera& camera,
         whittedTile(scene, camera, settings, x0, y0, result);
         for (int y = 0; y < kTileSide && y0 + y < settings.height; ++y)
             for (int x = 0; x < kTileSide && x0 + x < settings.width; ++x)
-                picture.at(x0 + x, y0 + y) = result.sum[static_cast<std::size_t>(y * kTileSide + x)] * scale;
+                picture.at(x0 + x, y0 + y) = finite(result.sum[static_cast<std::size_t>(y * kTileSide + x)] * scale);
         primary += result.primaryRays, shadow += result.shadowRays, secondary += result.secondaryRays;
         const int finished = ++done;
         if (settings.progress && progressMutex.try_lock()) {
@@ -498,7 +504,10 @@ Result<Picture> LightTracer::render(const RayWorld& world, const Camera& camera,
             if (!settings.progress(static_cast<double>(finished) / tiles)) cancelled = true;
         }
     };
-    tbb::task_arena arena(settings.threads == 0 ? tbb::task_arena::automatic : static_cast<int>(settings.threads));
+    // No more than there are: TBB would only warn.
+    const int available = tbb::this_task_arena::max_concurrency();
+    tbb::task_arena arena(
+        settings.threads == 0 ? available : std::min(available, static_cast<int>(std::min(settings.threads, 1024u))));
     arena.execute([&] { tbb::parallel_for(0, tiles, drawTile); });
 
     if (stats) {

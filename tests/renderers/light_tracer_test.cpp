@@ -749,5 +749,97 @@ TEST(LightTracer, IncrementalEqualsFromScratch) {
     }
 }
 
+// Whatever numbers a file or a script puts into fields, there is a picture and it is finite.
+class WildNumbers : public testing::TestWithParam<std::uint64_t> {};
+INSTANTIATE_TEST_SUITE_P(LightTracer, WildNumbers, testing::Range<std::uint64_t>(1, 9));
+TEST_P(WildNumbers, InAnyFieldAreSurvived) {
+    const std::uint64_t seed = GetParam();
+    std::mt19937_64 random(seed);
+    LightScene s(
+        "Viewpoint { position 0 1 8 } NavigationInfo { visibilityLimit 50 } Background { skyColor [0 0 1, 1 1 1] "
+        "skyAngle 1.57 groundColor [0 0 0, 0 1 0] groundAngle 1.5 }"
+        "Fog { visibilityRange 40 } PointLight { location 3 3 3 ambientIntensity 0.1 } SpotLight { location -3 3 3 "
+        "direction 1 -1 -1 } DirectionalLight { }"
+        "Transform { children Shape { appearance Appearance { material Material { transparency 0.2 specularColor 1 1 1 "
+        "metadata MetadataSet { name \"RTSG\" value [ "
+        "MetadataFloat { name \"refractiveIndex\" value 1.5 } MetadataFloat { name \"absorption\" value 0.5 } "
+        "MetadataFloat { name \"reflectivity\" value 0.1 } ] } } "
+        "texture PixelTexture { image 2 2 4 0xFF0000FF 0x00FF0080 0x0000FFFF 0xFFFFFF00 } textureTransform "
+        "TextureTransform { scale 2 2 } } geometry Sphere { } } }"
+        "Transform { translation 0 -1 0 children Shape { appearance Appearance { material PhysicalMaterial { metallic "
+        "0.5 roughness 0.2 } } geometry IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] "
+        "texCoord TextureCoordinate { point [0 0, 9 0, 9 9, 0 9] } normal Normal { vector [0 1 0, 0 1 0, 0 1 0, 0 1 0] "
+        "} color ColorRGBA { color [1 1 1 1, 1 0 0 0.5, 0 1 0 1, 0 0 1 0.1] } "
+        "coord Coordinate { point [-4 0 4, 4 0 4, 4 0 -4, -4 0 -4] } } } }",
+        24, 16);
+    const float wild[] = {NAN, INFINITY, -INFINITY, 3e38f, -3e38f, -1, 0, 1e-45f, 1e-30f, 1e20f, 1};
+    const auto number = [&] { return wild[random() % std::size(wild)]; };
+    std::vector<NodeId> nodes;
+    s.scene.forEachNode([&](const Node& node) { nodes.push_back(node.id()); });
+    int edits = 0;
+    for (int round = 1; round <= 400; ++round) {
+        const NodeId id = nodes[random() % nodes.size()];
+        const Node& node = s.scene.node(id);
+        if (node.type().fields.empty()) continue;
+        const auto field = static_cast<FieldIndex>(random() % node.type().fields.size());
+        const FieldDef& def = node.type().fields[field];
+        if (!def.readable() || def.hidden || def.access == Access::outputOnly) continue;
+        const Value before = node.value(field);
+        Value value;
+        switch (def.type) {
+            case FieldType::SFFloat:
+                value = Value(number());
+                break;
+            case FieldType::SFVec2f:
+                value = Value(Vec2f(number(), number()));
+                break;
+            case FieldType::SFVec3f:
+                value = Value(Vec3f(number(), number(), number()));
+                break;
+            case FieldType::SFColor:
+                value = Value(Color{number(), number(), number()});
+                break;
+            case FieldType::SFRotation:
+                value = Value(Rotation{number(), number(), number(), number()});
+                break;
+            case FieldType::MFFloat:
+                value = Value(Array<float>{number(), number(), number()});
+                break;
+            case FieldType::MFColor:
+                value = Value(Array<Color>{{number(), 0, 0}, {0, number(), 1}, {1, 1, number()}});
+                break;
+            case FieldType::MFVec2f:
+                value = Value(Array<Vec2f>{{number(), 1}, {0, number()}});
+                break;
+            case FieldType::MFVec3f:
+                value = Value(Array<Vec3f>{{number(), 0, 0}, {1, number(), 0}, {0, 1, number()}, {1, 1, 1}});
+                break;
+            case FieldType::MFColorRGBA:
+                value = Value(Array<ColorRGBA>{{1, number(), 0, number()}, {0, 0, 1, number()}});
+                break;
+            case FieldType::SFBool:
+                value = Value(random() % 2 == 0);
+                break;
+            case FieldType::SFString:
+                value = Value(String("nonsense"));
+                break;
+            default:
+                continue;
+        }
+        const std::string what = fmt::format("seed {} round {}: {}.{}", seed, round, node.type().name, def.name);
+        if (!s.scene.setField(id, field, value)) continue;
+        ++edits;
+        s.scene.newFrame(round);
+        const Picture p = s.picture();
+        for (const Vec4f& pixel : p.pixels)
+            for (int c = 0; c < 4; ++c) ASSERT_TRUE(std::isfinite(pixel[c])) << what;
+        // Mostly put it back, so that the scene stays worth looking at.
+        if (random() % 8 != 0) {
+            ASSERT_TRUE(s.scene.setField(id, field, before)) << what;
+        }
+    }
+    EXPECT_GT(edits, 150);
+}
+
 }  // namespace
 }  // namespace rtsg
