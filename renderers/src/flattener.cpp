@@ -52,7 +52,8 @@ void Flattener::Impl::follow(const ChangeSet& changes) {
     contents.clear();
     runShapes();
     runLights();
-    runLevels(viewerMoved ? std::vector<std::uint32_t>(levels) : movedLevels);
+    if (std::exchange(viewerMoved, false)) movedLevels = levels;
+    runLevels();
 }
 
 void Flattener::Impl::sortOut(const Change& change) {
@@ -189,8 +190,8 @@ void Flattener::Impl::runLights() {
     lights.clear();
 }
 
-void Flattener::Impl::runLevels(const std::vector<std::uint32_t>& which) {
-    for (const std::uint32_t index : which) {
+void Flattener::Impl::runLevels() {
+    for (const std::uint32_t index : movedLevels) {
         if (tree[index].role != Role::level) continue;  // pruned with the one around it
         const Node& node = scene->node(tree[index].node);
         const std::uint32_t level =
@@ -198,7 +199,6 @@ void Flattener::Impl::runLevels(const std::vector<std::uint32_t>& which) {
         if (level != tree[index].level) reconcile(index);
     }
     movedLevels.clear();
-    viewerMoved = false;
 }
 
 void Flattener::Impl::report(NodeId node, std::vector<NodeId>& list) {
@@ -306,7 +306,10 @@ void Flattener::setViewer(std::optional<Vec3d> position) {
 
 const InstanceDelta& Flattener::updateViewer(const Scene& scene) {
     impl_->begin(scene, impl_->delta.sequence);
-    if (std::exchange(impl_->viewerMoved, false)) impl_->runLevels(std::vector<std::uint32_t>(impl_->levels));
+    if (std::exchange(impl_->viewerMoved, false)) {
+        impl_->movedLevels = impl_->levels;
+        impl_->runLevels();
+    }
     impl_->finish();
     return impl_->delta;
 }
@@ -369,9 +372,11 @@ void FlattenedScene::remove(InstanceSubscriber& subscriber) {
 
 Result<> FlattenedScene::deliver(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
     for (Entry& entry : subscribers_) {
-        const bool late = !std::exchange(entry.upToDate, true);
         // One that comes late is given all there is now, which includes this delta.
-        if (Result<> result = entry.subscriber->apply(scene, changes, late ? flattener_.snapshot() : delta); !result)
+        const bool late = !std::exchange(entry.upToDate, true);
+        if (Result<> result = late ? entry.subscriber->apply(scene, changes, flattener_.snapshot())
+                                   : entry.subscriber->apply(scene, changes, delta);
+            !result)
             return result;
     }
     return {};

@@ -129,7 +129,7 @@ struct Flattener::Impl {
     void runTransforms();
     void runShapes();
     void runLights();
-    void runLevels(const std::vector<std::uint32_t>& which);
+    void runLevels();
     void runScopes();
     /// Tells whatever holds `changed`, directly or through other nodes, that its content changed.
     void walkUp(NodeId changed, bool structural);
