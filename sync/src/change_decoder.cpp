@@ -235,13 +235,14 @@ struct ChangeDecoder::Mapping {
     }
 };
 
-ChangeDecoder::ChangeDecoder(TypeTable local) : local_(local) {}
+ChangeDecoder::ChangeDecoder(TypeTable local) : ChangeDecoder(local, rtsg::dictionaryHash(local)) {}
+ChangeDecoder::ChangeDecoder(TypeTable local, std::uint64_t localHash) : local_(local), localHash_(localHash) {}
 ChangeDecoder::~ChangeDecoder() = default;
 
 Result<> ChangeDecoder::setHead(const StreamHead& head) {
     mapped_ = false;
     mapping_.reset();
-    if (head.dictionaryHash == rtsg::dictionaryHash(local_)) return {};
+    if (head.dictionaryHash == localHash_) return {};
     if (head.types.empty()) return fail("the stream's dictionary differs from this program's and was left out");
     mapped_ = true;
     mapping_ = std::make_unique<Mapping>();

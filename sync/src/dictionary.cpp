@@ -39,7 +39,7 @@ void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, 
     sealRecord(record, header);
 }
 
-Result<StreamHead> decodeHead(std::span<const std::byte> record) {
+Result<StreamHead> decodeHead(std::span<const std::byte> record, std::uint64_t known) {
     wire::Reader in(recordPayload(record), kRecordHeaderSize);
     StreamHead head;
     head.formatVersion = in.number<std::uint32_t>();
@@ -51,6 +51,7 @@ Result<StreamHead> decodeHead(std::span<const std::byte> record) {
     if (dictionary.left()) {
         if (checksumOf({dictionary.begin, dictionary.left()}) != head.dictionaryHash)
             dictionary.refuse("dictionary does not have the hash it names");
+        if (!dictionary.problem && head.dictionaryHash == known) return head;
         const std::size_t types = dictionary.count(1);
         for (std::size_t i = 0; i < types && !dictionary.problem; ++i) head.types.push_back(wire::readType(dictionary));
         if (!dictionary.problem && dictionary.left()) dictionary.refuse("bytes after the dictionary's last type");

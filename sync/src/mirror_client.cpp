@@ -34,7 +34,7 @@ class MirrorClient::Impl {
           socket_(context_, ZMQ_DEALER),
           monitor_(context_, ZMQ_PAIR),
           decoder_(builtinTypes()),
-          dictionaryHash_(dictionaryHash(builtinTypes())) {}
+          dictionaryHash_(decoder_.localHash()) {}
     ~Impl() {
         mirror::begin(message_, Message::bye);
         send();
@@ -242,7 +242,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
     if (numbers[0] != session_) return;
     if (const auto intact = checkRecord(second.bytes(), 0, options_.maxRecord); !intact)
         return garbage("a damaged head: " + intact.error().text);
-    const Result<StreamHead> head = decodeHead(second.bytes());
+    const Result<StreamHead> head = decodeHead(second.bytes(), dictionaryHash_);
     if (!head) return garbage("a head: " + head.error().text);
     if (auto ok = decoder_.setHead(*head); !ok) {
         refusal_ = ok.error().text;

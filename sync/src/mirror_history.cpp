@@ -92,7 +92,7 @@ SharedRecord MirrorHistory::mergedFrom(std::uint64_t state, RecordPool& pool, st
     merged += frames_.size() - index;
     // Several peers often fall behind together.
     if (lastMerged_ && lastMerged_->header.from == state && lastMerged_->header.to == newest_) return lastMerged_;
-    ChangeDecoder decoder({});
+    ChangeDecoder decoder({}, 0);  // our own bytes
     ChangeComposer composer;
     ChangeSet set;
     for (std::size_t i = index; i < frames_.size(); ++i) {

@@ -59,7 +59,7 @@ Result<std::unique_ptr<Replayer>> Replayer::open(const std::filesystem::path& fi
 }
 
 Result<> Replayer::adoptHead(std::span<const std::byte> record) {
-    Result<StreamHead> head = decodeHead(record);
+    Result<StreamHead> head = decodeHead(record, decoder_.localHash());
     if (!head) return fail(head.error().text, {}, log_.file().string());
     head_ = std::move(*head);
     lost_ = true;
@@ -134,7 +134,7 @@ std::optional<Divergence> Replayer::compareAtNextKeyframe() const {
     Result<LogReader> ahead = LogReader::open(log_.file());
     if (!ahead) return std::nullopt;
     ahead->seek(log_.position());
-    ChangeDecoder decoder(builtinTypes());
+    ChangeDecoder decoder(builtinTypes(), decoder_.localHash());
     if (!decoder.setHead(head_) || !decoder.exact()) return std::nullopt;
     Scene suspect, truth;
     suspect.setBehavioursEnabled(false);

@@ -21,6 +21,7 @@ std::string readAll(const std::filesystem::path& file) {
     return {std::istreambuf_iterator<char>(in), {}};
 }
 void writeAll(const std::filesystem::path& file, std::string_view bytes) {
+    std::filesystem::remove(file);  // some file systems wait for the disk when a file is overwritten
     std::ofstream(file, std::ios::binary | std::ios::trunc).write(bytes.data(), std::streamsize(bytes.size()));
 }
 std::span<const std::byte> asBytes(std::string_view text) {

@@ -26,7 +26,7 @@ struct StreamHead {
     std::uint64_t epoch = 0;
     std::uint64_t dictionaryHash = 0;
     std::string creator;
-    /// Empty when left out because the reader is known to have the same one.
+    /// Empty when left out, or not unpacked, because the reader has the same one.
     std::vector<std::unique_ptr<NodeType>> types;
 };
 
@@ -37,7 +37,8 @@ std::uint64_t dictionaryHash(TypeTable types);
 void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, bool withDictionary,
                 ByteBuffer& record);
 
-/// `record`: an intact head record (checkRecord).
-Result<StreamHead> decodeHead(std::span<const std::byte> record);
+/// `record`: an intact head record (checkRecord). A dictionary whose hash is `known` is not unpacked: `types` stays
+/// empty.
+Result<StreamHead> decodeHead(std::span<const std::byte> record, std::uint64_t known = 0);
 
 }  // namespace rtsg
