@@ -55,8 +55,8 @@ class Printer {
         list(value.elements.data(), value.elements.size());
     }
     void print(const Image& value) {
-        if (value.words.empty() && syntax_ != TextSyntax::json) {
-            out_ += "0 0 0";
+        if (value.words.empty()) {
+            out_ += syntax_ == TextSyntax::json ? "[0,0,0]" : "0 0 0";
             return;
         }
         if (syntax_ == TextSyntax::json) {

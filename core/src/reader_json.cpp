@@ -335,8 +335,16 @@ class JsonReader final : private ElementReader {
             complain(value, "'" + key.substr(0, 80) + "' is unknown here");
     }
     void source(std::size_t value) {
-        if (at(value) == '"') return text(unescaped(value, valueEnd(value)));
-        if (at(value) != '[') return complain(value, "#sourceCode takes strings");
+        beginSection();
+        if (at(value) == '"')
+            text(unescaped(value, valueEnd(value)));
+        else if (at(value) == '[')
+            sourceLines(value);
+        else
+            complain(value, "#sourceCode takes strings");
+        endSection();
+    }
+    void sourceLines(std::size_t value) {
         const std::size_t close = closeOf(value);
         bool first = true;
         for (std::size_t i = skipSpace(value + 1); i < close; i = skipSpace(std::max(valueEnd(i), i + 1))) {

@@ -75,8 +75,9 @@ void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std:
 namespace {
 
 using NamedEncoding = std::pair<std::string_view, Encoding>;
-constexpr NamedEncoding kExtensions[] = {
-    {".x3d", Encoding::xml}, {".x3dv", Encoding::classicVrml}, {".wrl", Encoding::vrml97}, {".vrml", Encoding::vrml97}};
+constexpr NamedEncoding kExtensions[] = {{".x3d", Encoding::xml},    {".x3dv", Encoding::classicVrml},
+                                         {".wrl", Encoding::vrml97}, {".vrml", Encoding::vrml97},
+                                         {".json", Encoding::json},  {".x3dj", Encoding::json}};
 
 }  // namespace
 
@@ -88,6 +89,8 @@ std::unique_ptr<DocumentHandler> makeWriter(Encoding encoding, TextSink sink, Di
     switch (encoding) {
         case Encoding::xml:
             return detail::makeXmlWriter(std::move(sink), diagnostics);
+        case Encoding::json:
+            return detail::makeJsonWriter(std::move(sink), diagnostics);
         case Encoding::classicVrml:
         case Encoding::vrml97:
             return detail::makeClassicWriter(std::move(sink), diagnostics, encoding == Encoding::vrml97);
@@ -147,7 +150,7 @@ Result<std::unique_ptr<DocumentFileWriter>> DocumentFileWriter::create(const std
         out.plain = stdout;
     else if (!encodingFromName(file, encoding, gzip))
         return fail("no encoding that can be written has names like " + file.filename().string() +
-                    "; there are .x3d, .x3dv and .wrl, and with gzip .x3dz, .x3dvz, .wrlz");
+                    "; there are .x3d, .x3dv, .wrl and .json, and with gzip .x3dz, .x3dvz, .wrlz");
     else if (gzip)
         out.packed = gzopen(file.c_str(), "wb");
     else

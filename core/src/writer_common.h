@@ -29,5 +29,6 @@ std::string_view accessWord(Access access, bool vrml97);
 
 std::unique_ptr<DocumentHandler> makeClassicWriter(TextSink sink, Diagnostics& diagnostics, bool vrml97);
 std::unique_ptr<DocumentHandler> makeXmlWriter(TextSink sink, Diagnostics& diagnostics);
+std::unique_ptr<DocumentHandler> makeJsonWriter(TextSink sink, Diagnostics& diagnostics);
 
 }  // namespace rtsg::detail

@@ -61,7 +61,7 @@ TEST(BadInput, TruncatedAnywhereEndsWithWhatWasComplete) {
 TEST(BadInput, TruncatedAnywhereThroughTheWritersToo) {
     for (const std::string& document : smallDocuments()) {
         for (std::size_t size = 0; size < document.size(); size += 3) {
-            for (const Encoding encoding : {Encoding::xml, Encoding::classicVrml, Encoding::vrml97}) {
+            for (const Encoding encoding : {Encoding::xml, Encoding::classicVrml, Encoding::vrml97, Encoding::json}) {
                 Diagnostics diagnostics;
                 std::string text;
                 const auto writer = makeWriter(encoding, [&](std::string_view t) { text += t; }, diagnostics);

@@ -67,6 +67,8 @@ TEST(ReaderScenes, AllRoundTripThroughXmlAndClassicVrml) {
             continue;
         }
         EXPECT_TRUE(xml == again) << file;
+        const std::string json = rewrite(xml, Encoding::json);
+        EXPECT_TRUE(rewrite(json, Encoding::json) == json) << file;
         test::RecordingHandler fromXml, fromClassic;
         Diagnostics ignored;
         readDocument(xml, fromXml, ignored);

@@ -38,7 +38,7 @@ inline void checkText(std::string_view text) {
     require(usable || diagnostics.errors() > 0, "failure without an error", text, diagnostics);
     require(!usable || handler.complete(), "not ended", text, diagnostics);
     if (!usable && handler.header.version.empty()) return;
-    for (const Encoding encoding : {Encoding::classicVrml, Encoding::xml, Encoding::vrml97}) {
+    for (const Encoding encoding : {Encoding::classicVrml, Encoding::xml, Encoding::vrml97, Encoding::json}) {
         Diagnostics first, second, third;
         const std::string written = rewrite(text, encoding, first);
         if (written.empty()) continue;

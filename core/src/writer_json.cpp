@@ -1,0 +1,336 @@
+// JSON. Members of an object may come in any order but each once, so what belongs to a node is gathered by member, in
+// ropes that are joined without copying, and a node of the top level goes out when it ends.
+#include <algorithm>
+#include <list>
+
+#include "writer_common.h"
+
+namespace rtsg::detail {
+
+namespace {
+
+constexpr std::size_t kFlushAt = 1 << 16;
+
+using Rope = std::list<std::string>;
+
+std::string inQuotes(std::string_view text) {
+    return printFieldText(Value(String(text)), TextSyntax::json);
+}
+
+/// Numbers of every MF type stand in one flat array.
+std::string valueText(const Value& value) {
+    std::string text;
+    if (!isMF(value.type())) {
+        appendFieldText(text, value, TextSyntax::json);
+        return text;
+    }
+    text = "[";
+    for (std::size_t i = 0, size = arraySize(value); i < size; ++i) {
+        if (i) text += ',';
+        std::string element;
+        appendArrayElement(element, value, i, TextSyntax::json);
+        if (element.starts_with('['))
+            text.append(element, 1, element.size() - 2);
+        else
+            text += element;
+    }
+    return text + ']';
+}
+
+class JsonWriter final : public DocumentHandler {
+  public:
+    JsonWriter(TextSink sink, Diagnostics& diagnostics) : sink_(std::move(sink)), diagnostics_(diagnostics) {}
+
+    void beginDocument(const DocumentHeader& header) override {
+        const bool x3d = header.version.starts_with('3') || header.version.starts_with('4');
+        text_ = "{\"X3D\":{\"encoding\":\"UTF-8\",\"@profile\":" +
+                inQuotes(header.profile.empty() ? "Full" : header.profile) +
+                ",\"@version\":" + inQuotes(x3d ? header.version : "4.0");
+    }
+    void endDocument() override {
+        openScene();
+        text_ += "\n]}}}\n";
+        flush();
+    }
+    void component(std::string_view name, int level) override {
+        head(components_, "{\"@name\":" + inQuotes(name) + ",\"@level\":" + std::to_string(level) + "}");
+    }
+    void meta(std::string_view name, std::string_view content) override {
+        head(metas_, "{\"@name\":" + inQuotes(name) + ",\"@content\":" + inQuotes(content) + "}");
+    }
+    void unit(std::string_view category, std::string_view name, double factor) override {
+        head(units_, "{\"@category\":" + inQuotes(category) + ",\"@name\":" + inQuotes(name) +
+                         ",\"@conversionFactor\":" + valueText(Value(factor)) + "}");
+    }
+
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation) override {
+        Frame frame{};
+        frame.shape = types_.find(type);
+        if (frame.shape.type && declaresFields(*frame.shape.type)) frame.shape.own = std::make_shared<DeclaredFields>();
+        if (!def.empty()) types_.define(def, frame.shape);
+        frame.field = field;
+        frame.element = frame.shape.proto ? "ProtoInstance" : std::string(type);
+        if (frame.shape.proto) attribute(frame, "name", inQuotes(type));
+        if (!def.empty()) attribute(frame, "DEF", inQuotes(def));
+        frames_.push_back(std::move(frame));
+    }
+    void endNode(SourceLocation) override {
+        Frame frame = std::move(frames_.back());
+        frames_.pop_back();
+        const std::string field = std::move(frame.field);
+        place(field, finished(std::move(frame)));
+    }
+    void useNode(std::string_view def, std::string_view field, SourceLocation) override {
+        const NodeShape* defined = types_.defined(def);
+        const bool instance = defined && defined->proto;
+        const std::string_view element = instance ? "ProtoInstance" : defined ? defined->name() : "Group";
+        Frame frame{};
+        frame.element = element;
+        if (instance) attribute(frame, "name", inQuotes(defined->proto->name));
+        attribute(frame, "USE", inQuotes(def));
+        place(field, finished(std::move(frame)));
+    }
+    void setField(std::string_view field, Value value, SourceLocation) override {
+        Frame& frame = frames_.back();
+        const bool nodes = sf(value.type()) == FieldType::SFNode;
+        if (frame.shape.proto) {
+            frame.values.push_back({std::string(field), "{\"@name\":" + inQuotes(field), {}});
+            if (!nodes) frame.values.back().text += ",\"@value\":" + valueText(value);
+            return;
+        }
+        if (nodes) return;  // NULL and the empty list are what a node without such children has
+        if (field == "url" && frame.element == "Script") return source(frame, value.as<Array<String>>());
+        attribute(frame, field, valueText(value));
+    }
+    void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation) override {
+        Frame& frame = frames_.back();
+        if (frame.shape.own) frame.shape.own->add(field);
+        if (frame.proto) frame.proto->fields.add(field);
+        frame.declarations.push_back({field.name, declaration(field), {}});
+        if (value && sf(field.type) != FieldType::SFNode)
+            frame.declarations.back().text += ",\"@value\":" + valueText(*value);
+    }
+    void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation) override {
+        add(frames_.back(), "connect", Many::yes,
+            Rope{"{\"@nodeField\":" + inQuotes(nodeField) + ",\"@protoField\":" + inQuotes(protoField) + "}"});
+    }
+
+    void beginProto(std::string_view name, SourceLocation) override {
+        Frame frame{};
+        frame.element = "ProtoDeclare";
+        frame.proto = std::make_shared<ProtoType>();
+        frame.proto->name = name;
+        attribute(frame, "name", inQuotes(name));
+        frames_.push_back(std::move(frame));
+    }
+    void beginProtoBody(SourceLocation) override {
+        frames_.back().inBody = true;
+        types_.pushScope();
+    }
+    void endProto(SourceLocation) override {
+        Frame frame = std::move(frames_.back());
+        frames_.pop_back();
+        types_.popScope();
+        types_.declareProto(frame.proto);
+        place({}, finished(std::move(frame)));
+    }
+    void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
+                     const std::vector<std::string>& url, SourceLocation) override {
+        Frame frame{};
+        frame.element = "ExternProtoDeclare";
+        auto proto = std::make_shared<ProtoType>();
+        proto->name = name;
+        attribute(frame, "name", inQuotes(name));
+        Array<String> urls;
+        for (const std::string& one : url) urls.push_back(one);
+        attribute(frame, "url", valueText(Value(std::move(urls))));
+        for (const FieldDeclaration& field : fields) {
+            frame.declarations.push_back({field.name, declaration(field), {}});
+            proto->fields.add(field);
+        }
+        types_.declareProto(proto);
+        place({}, finished(std::move(frame)));
+    }
+    void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
+               SourceLocation) override {
+        statement("ROUTE",
+                  {{"fromNode", fromNode}, {"fromField", fromField}, {"toNode", toNode}, {"toField", toField}});
+    }
+    void importNode(std::string_view inlineDef, std::string_view exported, std::string_view local,
+                    SourceLocation) override {
+        statement("IMPORT", {{"inlineDEF", inlineDef}, {"importedDEF", exported}, {"AS", local}});
+    }
+    void exportNode(std::string_view local, std::string_view exported, SourceLocation) override {
+        statement("EXPORT", {{"localDEF", local}, {"AS", exported}});
+    }
+
+  private:
+    enum class Many : bool { no, yes };
+    struct Member {
+        std::string key;
+        Many many;
+        Rope items;
+    };
+    struct Declaration {
+        std::string name, text;
+        Rope nodes;
+    };
+    struct Frame {
+        std::string element, field, attributes;
+        NodeShape shape;
+        std::vector<Member> members;
+        std::vector<Declaration> declarations;
+        std::vector<Declaration> values;  // of a PROTO instance's fields
+        std::shared_ptr<ProtoType> proto;
+        bool inBody = false;
+    };
+
+    static void attribute(Frame& frame, std::string_view name, const std::string& text) {
+        if (!frame.attributes.empty()) frame.attributes += ',';
+        frame.attributes += "\"@" + std::string(name) + "\":" + text;
+    }
+    static std::string declaration(const FieldDeclaration& field) {
+        return "{\"@accessType\":" + inQuotes(accessWord(field.access, false)) +
+               ",\"@type\":" + inQuotes(info(field.type).name) + ",\"@name\":" + inQuotes(field.name);
+    }
+    static void append(Rope& items, Rope&& item) {
+        if (!items.empty()) items.emplace_back(",");
+        items.splice(items.end(), std::move(item));
+    }
+    static void add(Frame& frame, std::string_view key, Many many, Rope&& item) {
+        auto found = std::ranges::find(frame.members, key, &Member::key);
+        if (found == frame.members.end()) found = frame.members.insert(found, {std::string(key), many, {}});
+        append(found->items, std::move(item));
+    }
+    /// A node or statement has ended: into its place in what is open.
+    void place(std::string_view field, Rope&& item) {
+        if (frames_.empty()) {
+            openScene();
+            text_ += any_ ? ",\n" : "\n";
+            any_ = true;
+            for (const std::string& piece : item) {
+                text_ += piece;
+                if (text_.size() > kFlushAt) flush();
+            }
+            return;
+        }
+        Frame& frame = frames_.back();
+        if (field.empty()) return add(frame, frame.proto ? "ProtoBody" : "-children", Many::yes, std::move(item));
+        if (!frame.declarations.empty() && frame.declarations.back().name == field)
+            return append(frame.declarations.back().nodes, std::move(item));
+        const FieldRef found = findField(frame.shape, field);
+        if (frame.shape.proto) {
+            auto value = std::ranges::find(frame.values, field, &Declaration::name);
+            if (value == frame.values.end())
+                value = frame.values.insert(value, {std::string(field), "{\"@name\":" + inQuotes(field), {}});
+            return append(value->nodes, std::move(item));
+        }
+        add(frame, "-" + std::string(field), found && !isMF(found.type) ? Many::no : Many::yes, std::move(item));
+    }
+    /// `{"Type":{...}}`
+    Rope finished(Frame&& frame) {
+        Rope rope{"{" + inQuotes(frame.element) + ":{" + frame.attributes};
+        bool first = frame.attributes.empty();
+        const auto member = [&](const std::string& opening, Rope&& items, const char* closing) {
+            rope.push_back((first ? "" : ",") + opening);
+            first = false;
+            rope.splice(rope.end(), std::move(items));
+            rope.emplace_back(closing);
+        };
+        const auto declared = [](std::vector<Declaration>& declarations) {
+            Rope items;
+            for (Declaration& declaration : declarations) {
+                Rope item{std::move(declaration.text)};
+                if (!declaration.nodes.empty()) {
+                    item.emplace_back(",\"-children\":[");
+                    item.splice(item.end(), std::move(declaration.nodes));
+                    item.emplace_back("]");
+                }
+                item.emplace_back("}");
+                append(items, std::move(item));
+            }
+            return items;
+        };
+        const auto take = [&](std::string_view key) {
+            const auto found = std::ranges::find(frame.members, key, &Member::key);
+            return found == frame.members.end() ? Rope() : std::move(found->items);
+        };
+        if (Rope connections = take("connect"); !connections.empty())
+            member("\"IS\":{\"connect\":[", std::move(connections), "]}");
+        const bool proto = frame.proto != nullptr;
+        if (!frame.declarations.empty())
+            member(proto ? "\"ProtoInterface\":{\"field\":[" : "\"field\":[", declared(frame.declarations),
+                   proto ? "]}" : "]");
+        if (proto) member("\"ProtoBody\":{\"-children\":[", take("ProtoBody"), "]}");
+        if (!frame.values.empty()) member("\"fieldValue\":[", declared(frame.values), "]");
+        for (Member& one : frame.members) {
+            if (one.items.empty() || (one.key[0] != '-' && one.key[0] != '#')) continue;
+            const bool many = one.many == Many::yes;
+            member(inQuotes(one.key) + (many ? ":[" : ":"), std::move(one.items), many ? "]" : "");
+        }
+        rope.emplace_back("}}");
+        return rope;
+    }
+    void statement(const char* name, std::initializer_list<std::pair<std::string_view, std::string_view>> attributes) {
+        Frame frame{};
+        frame.element = name;
+        for (const auto& [key, text] : attributes) attribute(frame, key, inQuotes(text));
+        place({}, finished(std::move(frame)));
+    }
+    /// The last url of a Script, if it is source text, is written line by line.
+    static void source(Frame& frame, const Array<String>& urls) {
+        const std::string_view last = urls.empty() ? std::string_view() : urls.back().view();
+        const bool isSource =
+            last.starts_with("ecmascript:") || last.starts_with("javascript:") || last.starts_with("vrmlscript:");
+        Array<String> others = urls;
+        if (isSource) others.resize(urls.size() - 1);
+        if (!isSource || !others.empty()) attribute(frame, "url", valueText(Value(std::move(others))));
+        if (!isSource) return;
+        std::size_t from = 0;
+        for (std::size_t end = last.find('\n'); from <= last.size(); end = last.find('\n', from)) {
+            end = std::min(end, last.size());
+            add(frame, "#sourceCode", Many::yes, Rope{inQuotes(last.substr(from, end - from))});
+            from = end + 1;
+        }
+    }
+    void head(std::string& list, const std::string& item) {
+        if (sceneOpen_) {
+            diagnostics_.warning({}, "a head statement behind the first node cannot be written in JSON");
+            return;
+        }
+        if (!list.empty()) list += ",\n  ";
+        list += item;
+    }
+    void openScene() {
+        if (sceneOpen_) return;
+        sceneOpen_ = true;
+        std::string head;
+        const auto list = [&](const char* key, const std::string& items) {
+            if (!items.empty()) head += (head.empty() ? "\n" : ",\n") + inQuotes(key) + ":[\n  " + items + "]";
+        };
+        list("component", components_);
+        list("unit", units_);
+        list("meta", metas_);
+        if (!head.empty()) text_ += ",\n\"head\":{" + head + "}";
+        text_ += ",\n\"Scene\":{\"-children\":[";
+    }
+    void flush() {
+        sink_(text_);
+        text_.clear();
+    }
+
+    TextSink sink_;
+    Diagnostics& diagnostics_;
+    std::string text_, components_, units_, metas_;
+    bool sceneOpen_ = false, any_ = false;
+    ReaderTypes types_;
+    std::vector<Frame> frames_;
+};
+
+}  // namespace
+
+std::unique_ptr<DocumentHandler> makeJsonWriter(TextSink sink, Diagnostics& diagnostics) {
+    return std::make_unique<JsonWriter>(std::move(sink), diagnostics);
+}
+
+}  // namespace rtsg::detail
