@@ -47,6 +47,7 @@ class MirrorClient::Impl {
     MirrorStatistics statistics_;
     std::vector<Diagnostic> diagnostics_;
     std::string refusal_;
+    bool serverLeft_ = false;
     bool inStep() const { return connected_ && haveState_ && partial_.empty() && statistics_.sequence >= newestHeard_; }
 
   private:
@@ -198,6 +199,7 @@ bool MirrorClient::Impl::receiveOne() {
         return true;
     }
     heard_ = Clock::now();
+    serverLeft_ = *type == Message::bye;
     std::uint64_t token[1];
     switch (*type) {
         case Message::welcome:
@@ -218,6 +220,8 @@ bool MirrorClient::Impl::receiveOne() {
         case Message::pong:
             break;
         case Message::bye:
+            mirror::begin(message_, Message::bye);
+            send();
             connected_ = false;  // and hello again in a while
             greeted_ = Clock::now();
             report(Severity::note, "the server said goodbye");
@@ -398,6 +402,9 @@ const MirrorStatistics& MirrorClient::statistics() const {
 }
 std::vector<Diagnostic> MirrorClient::takeDiagnostics() {
     return std::exchange(impl_->diagnostics_, {});
+}
+bool MirrorClient::serverLeft() const {
+    return impl_->serverLeft_;
 }
 const std::string& MirrorClient::refusal() const {
     return impl_->refusal_;

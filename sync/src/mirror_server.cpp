@@ -1,6 +1,7 @@
 #include <rtsg/sync/mirror_server.h>
 
 #include <random>
+#include <thread>
 
 #include <fmt/format.h>
 #include <sys/eventfd.h>
@@ -105,6 +106,17 @@ void MirrorServer::service() {
     if (!shared_->wantSnapshot) return;
     scene_.seal();  // publishes what is pending, and with it the snapshot
     if (shared_->wantSnapshot.exchange(false)) encodeAndPost(scene_.snapshot(), true);
+}
+
+bool MirrorServer::drain(std::chrono::milliseconds timeout) {
+    const auto end = std::chrono::steady_clock::now() + timeout;
+    while (true) {
+        service();
+        const MirrorServerStatistics now = statistics();
+        if (now.peers == 0 || now.acknowledged >= scene_.sequence()) return true;
+        if (std::chrono::steady_clock::now() >= end) return false;
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
 }
 
 }  // namespace rtsg

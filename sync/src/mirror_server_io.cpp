@@ -19,6 +19,7 @@ constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64
 constexpr std::uint64_t kLargestDebt = 2 * kLargestWindow;
 constexpr std::int64_t kLongestIncoming = 4096;  // bytes; a hello with the longest name is far below
 constexpr int kLinger = 200;                     // ms
+constexpr auto kFarewell = 1000ms;               // for peers to answer a goodbye
 constexpr auto kPatience = 200ms;                // with a scene's thread that does not deliver a snapshot
 constexpr const char* kMonitorEndpoint = "inproc://connections";
 
@@ -110,9 +111,20 @@ void MirrorServer::Io::run() {
         for (auto peer = peers_.begin(); peer != peers_.end();) peer = pump(peer->second) ? ++peer : peers_.erase(peer);
         publishStatistics();
     }
-    mirror::begin(message_, Message::bye);
-    for (const auto& [identity, peer] : peers_) sendTo(identity, message_);
+    sayGoodbye();
     zmq_socket_monitor(router_.get(), nullptr, 0);
+}
+
+/// A peer whose connection ends loses what it has not read yet (ZMQ_IMMEDIATE): it answers first.
+void MirrorServer::Io::sayGoodbye() {
+    mirror::begin(message_, Message::bye);
+    std::erase_if(peers_, [this](const auto& peer) { return !sendTo(peer.first, message_); });
+    const Clock::time_point end = Clock::now() + kFarewell;
+    while (!peers_.empty() && Clock::now() < end) {
+        zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0}};
+        zmq_poll(items, 1, 20);
+        receive();
+    }
 }
 
 void MirrorServer::Io::takeInbox() {

@@ -68,6 +68,7 @@ class MirrorServer::Io {
     using Peers = std::map<std::string, Peer, std::less<>>;
 
     void run();
+    void sayGoodbye();
     void takeInbox();
     void receive();
     void handle(const std::string& identity, std::span<const std::byte> bytes);

@@ -60,6 +60,8 @@ class MirrorClient {
     std::vector<Diagnostic> takeDiagnostics();
     /// The server said why it will not have us; empty otherwise.
     const std::string& refusal() const;
+    /// The server said goodbye, and nothing has been heard of one since.
+    bool serverLeft() const;
 
   private:
     class Impl;

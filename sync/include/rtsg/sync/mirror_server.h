@@ -51,7 +51,7 @@ class MirrorServer : public Subscriber {
     /// `scene` must outlive the server.
     static Result<std::unique_ptr<MirrorServer>> start(Scene& scene, const std::string& endpoint,
                                                        MirrorServerOptions options = {});
-    /// Says goodbye to the peers; takes at most a few hundred milliseconds.
+    /// Says goodbye to the peers and waits for their answers, about a second at most.
     ~MirrorServer() override;
 
     /// Where it listens, the port filled in.
@@ -64,6 +64,8 @@ class MirrorServer : public Subscriber {
     /// A late joiner may need a snapshot that only the scene's thread can take; publishing does that on the way. Call
     /// this now and then while the scene stands still.
     void service();
+    /// Waits until all peers have acknowledged the scene's state; false if `timeout` passes first.
+    bool drain(std::chrono::milliseconds timeout);
 
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
     std::string subscriberName() const override;
