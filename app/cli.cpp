@@ -2,6 +2,7 @@
 
 #include <charconv>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <memory>
 
@@ -17,6 +18,39 @@ void print(const Diagnostics& diagnostics) {
 
 void printError(const std::string& text) {
     fmt::print(stderr, "rtsg: error: {}\n", text);
+}
+
+void printError(const Diagnostic& diagnostic) {
+    if (diagnostic.file.empty())
+        printError(diagnostic.text);
+    else
+        fmt::print(stderr, "{}\n", diagnostic.format());
+}
+
+namespace {
+volatile std::sig_atomic_t signalled = 0;
+}
+
+bool interrupted() {
+    static const bool installed = [] {
+        struct sigaction action = {};
+        action.sa_handler = [](int) { signalled = 1; };
+        action.sa_flags = static_cast<int>(SA_RESETHAND);
+        sigemptyset(&action.sa_mask);
+        sigaction(SIGINT, &action, nullptr);
+        sigaction(SIGTERM, &action, nullptr);
+        return true;
+    }();
+    return installed && signalled != 0;
+}
+
+void runTo(Scene& scene, double seconds, double framesPerSecond) {
+    for (std::uint64_t frame = 0;; ++frame) {
+        const double t = static_cast<double>(frame) / framesPerSecond;
+        if (t >= seconds) break;
+        if (t >= scene.now()) scene.newFrame(t);
+    }
+    scene.newFrame(seconds);
 }
 
 Progress progressBar(std::string label) {

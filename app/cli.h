@@ -27,10 +27,23 @@ Verb addConvert(CLI::App& program);
 Verb addRun(CLI::App& program);
 Verb addRender(CLI::App& program);
 Verb addBench(CLI::App& program);
+Verb addRender(CLI::App& program);
+Verb addListen(CLI::App& program);
+Verb addRecord(CLI::App& program);
+Verb addReplay(CLI::App& program);
+Verb addServe(CLI::App& program);
+Verb addMirror(CLI::App& program);
 
 /// `file:line:col: error: text`, one a line, on stderr; then how many were left out.
 void print(const Diagnostics& diagnostics);
 void printError(const std::string& text);
+void printError(const Diagnostic& diagnostic);
+
+/// From the first call on, SIGINT and SIGTERM only make this true, so that a verb can end in order; a second one kills.
+bool interrupted();
+
+/// Runs the scene from where it is to `seconds`, in frames as even as those of `rtsg run`.
+void runTo(Scene& scene, double seconds, double framesPerSecond = 60);
 
 /// A bar with an ETA on stderr, if that is a terminal and the work takes over a second.
 Progress progressBar(std::string label);

@@ -11,8 +11,9 @@ int main(int argc, char** argv) {
         "A SCENE is a file (X3D XML, ClassicVRML, VRML97, also gzipped) or - for standard input."};
     program.require_subcommand(1);
     program.set_version_flag("--version", "rtsg " RTSG_VERSION);
-    std::vector<Verb> verbs{addInfo(program), addValidate(program), addConvert(program),
-                            addRun(program),  addRender(program),   addBench(program)};
+    std::vector<Verb> verbs{addInfo(program),   addValidate(program), addConvert(program), addRun(program),
+                            addRender(program), addListen(program),   addServe(program),   addMirror(program),
+                            addRecord(program), addReplay(program),   addBench(program)};
     try {
         program.parse(argc, argv);
         for (const Verb& verb : verbs)

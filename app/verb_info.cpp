@@ -25,7 +25,7 @@ Counts count(const Scene& scene) {
         ++c.nodes;
         const NodeType& type = node.type();
         if (type.kind == NodeType::Kind::script) ++c.scripts;
-        if (type.isA("X3DSoundNode")) ++c.sounds;
+        if (type.name == "Sound" || type.name == "SpatialSound") ++c.sounds;
         if (type.kind == NodeType::Kind::builtin) ++c.components[type.component];
     });
     for (std::size_t i = builtinTypes().size(); i < scene.typeCount(); ++i) {

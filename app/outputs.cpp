@@ -1,0 +1,219 @@
+#include "outputs.h"
+
+#include <charconv>
+#include <filesystem>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/scene_exporter.h>
+#include <rtsg/core/writer.h>
+
+namespace rtsg::app {
+
+namespace {
+
+std::string lowerExtension(const std::string& file) {
+    std::string extension = std::filesystem::path(file).extension().string();
+    for (char& c : extension)
+        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    return extension;
+}
+
+}  // namespace
+
+void PictureArguments::addTo(CLI::App& command) {
+    command.add_option("--size", size, "pixels, such as 1280x720")->capture_default_str();
+    command.add_option("--viewpoint", viewpoint, "DEF name or description of a viewpoint; else the bound one");
+    command.add_option("--integrator", integrator, "whitted; path and raster are not built in yet")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"whitted", "path", "raster"}));
+    command.add_option("--spp", samples, "samples a pixel")->capture_default_str()->check(CLI::Range(1, 1 << 20));
+    command.add_option("--error", error, "not built in yet: error to reach instead of --spp");
+    command.add_option("--depth", depth, "mirrorings and refractions along a ray")
+        ->capture_default_str()
+        ->check(CLI::Range(0, 250));
+    command.add_option("--shadows", shadows, "all: every light casts them; authored: as its field says; none")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"all", "authored", "none"}));
+    command.add_option("--seed", seed, "of the sampling")->capture_default_str();
+    command.add_option("--threads", threads, "0: as many as cores")->capture_default_str();
+    command.add_option("--exposure", exposure, "factor on radiance; .exr stays as it is")
+        ->capture_default_str()
+        ->check(CLI::PositiveNumber);
+}
+
+ImageOptions PictureArguments::parse() const {
+    ImageOptions options;
+    const auto cross = size.find('x');
+    const auto number = [&](std::string_view text, int& value) {
+        const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
+        return problem == std::errc() && end == text.data() + text.size() && value > 0 && value <= 65536;
+    };
+    if (cross == std::string::npos || !number(std::string_view(size).substr(0, cross), options.settings.width) ||
+        !number(std::string_view(size).substr(cross + 1), options.settings.height))
+        throw CLI::ValidationError("--size", "expected WIDTHxHEIGHT in pixels, such as 1280x720");
+    if (integrator != "whitted")
+        throw CLI::ValidationError("--integrator", integrator + " is not built in; there is: whitted");
+    if (error != 0) throw CLI::ValidationError("--error", "not built in for pictures; use --spp");
+    options.settings.samplesPerPixel = samples;
+    options.settings.maxDepth = depth;
+    options.settings.threads = threads;
+    options.settings.seed = seed;
+    options.settings.shadows = shadows == "none"       ? Shadows::none
+                               : shadows == "authored" ? Shadows::authored
+                                                       : Shadows::all;
+    options.viewpoint = viewpoint;
+    return options;
+}
+
+void SoundArguments::addTo(CLI::App& command) {
+    auto* b = command.add_flag("--binaural", binaural, "for headphones");
+    auto* s = command.add_flag("--stereo", stereo, "for loudspeakers (the default)");
+    auto* a = command.add_option("--ambisonic", ambisonic, "not built in yet: order");
+    b->excludes(s)->excludes(a);
+    s->excludes(a);
+    command.add_option("--rays", rays, "rays a source; else what is usual for the purpose")
+        ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40));
+}
+
+ListenOptions SoundArguments::parse() const {
+    if (ambisonic >= 0) throw CLI::ValidationError("--ambisonic", "not built in; there are: --stereo, --binaural");
+    ListenOptions options;
+    options.render.binaural = binaural;
+    if (rays > 0) options.trace.rays = options.render.trace.rays = rays;
+    options.error = error;
+    return options;
+}
+
+void OutputArguments::addTo(CLI::App& command, bool withRecord) {
+    command.add_option("--render", render,
+                       "picture of the last state; with %04d in the name, or .gif, one every 1/--fps s");
+    command.add_option("--fps", picturesPerSecond, "pictures a second of scene time")
+        ->capture_default_str()
+        ->check(CLI::Range(1e-3, 1e3));
+    command.add_option("--listen", listen, "WAV of what the listener hears");
+    if (withRecord) command.add_option("--record", record, "log of every state");
+    command.add_option("--save", save, "the last state as a scene file");
+    command.add_option("--base", base, "folder where relative urls of textures and sounds start");
+    picture.addTo(command);
+    sound.addTo(command);
+}
+
+bool OutputArguments::animated() const {
+    return lowerExtension(render) == ".gif" || numberedName(std::filesystem::path(render).filename().string(), 0);
+}
+
+void OutputArguments::check() const {
+    picture.parse();
+    sound.parse();
+    if (!save.empty()) checkSceneName(save);
+    if (!listen.empty() && lowerExtension(listen) != ".wav")
+        throw CLI::ValidationError(listen, "sound is written as .wav");
+    if (!render.empty() && lowerExtension(render).empty())
+        throw CLI::ValidationError(render, "the name of a picture says its format: .png, .exr, .gif ...");
+}
+
+void checkSceneName(const std::string& file) {
+    Encoding encoding{};
+    bool gzip = false;
+    if (file != "-" && !encodingFromName(file, encoding, gzip))
+        throw CLI::ValidationError(file, "not a name to save a scene under; there are: .x3d .x3dv .wrl, each also .gz");
+}
+
+Result<> saveScene(const Scene& scene, const std::string& file) {
+    Diagnostics diagnostics(file);
+    auto writer = DocumentFileWriter::create(file, diagnostics);
+    if (!writer) return std::unexpected(writer.error());
+    Encoding encoding = Encoding::classicVrml;
+    bool gzip = false;
+    encodingFromName(file, encoding, gzip);
+    SceneExporter(scene, diagnostics).write((*writer)->handler(), encoding);
+    print(diagnostics);
+    return (*writer)->close();
+}
+
+Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArguments& arguments,
+                                                 const std::filesystem::path& base) {
+    std::unique_ptr<Outputs> outputs(new Outputs(scene, arguments));
+    outputs->start_ = scene.now();
+    if (!arguments.render.empty()) {
+        outputs->image_ = arguments.picture.parse();
+        outputs->image_.settings.progress = [o = outputs.get()](double) { return o->finishing_ || !interrupted(); };
+        Imager::Options options;
+        options.folder = base;
+        outputs->imager_ = std::make_unique<Imager>(scene, options);
+    }
+    if (!arguments.listen.empty()) {
+        ListenOptions options = arguments.sound.parse();
+        options.render.base = base;
+        auto session = ListenSession::attach(scene, options);
+        if (!session) return std::unexpected(session.error());
+        outputs->listening_ = std::move(*session);
+    }
+    if (!arguments.record.empty()) {
+        auto log = LogWriter::create(arguments.record, builtinTypes());
+        if (!log) return std::unexpected(log.error());
+        outputs->log_ = std::move(*log);
+        outputs->logAttachment_ = scene.bus().attach(*outputs->log_);
+        if (!outputs->logAttachment_.attached()) return fail(outputs->logAttachment_.failure());
+    }
+    // After those above, which it looks at in apply().
+    outputs->attachment_ = scene.bus().attach(*outputs);
+    if (!outputs->attachment_.attached()) return fail(outputs->attachment_.failure());
+    return outputs;
+}
+
+Result<> Outputs::takePicture(const std::string& file) {
+    RenderStats stats;
+    auto picture = imager_->picture(image_, &stats);
+    if (!picture) return std::unexpected(picture.error());
+    if (stats.cancelled) return {};
+    ++pictures_;
+    if (lowerExtension(file) == ".gif") {
+        frames_.push_back(std::move(*picture));
+        return {};
+    }
+    return writePicture(*picture, file, arguments_.picture.toneMap());
+}
+
+Result<> Outputs::apply(const Scene& scene, const ChangeSet&) {
+    const double t = scene.now();
+    if (listening_)
+        if (auto ok = listening_->advance(t); !ok) return ok;
+    if (!imager_ || !arguments_.animated() || interrupted()) return {};
+    if (t - start_ < pictures_ / arguments_.picturesPerSecond - 1e-9) return {};
+    const std::filesystem::path pattern(arguments_.render);
+    const auto numbered = numberedName(pattern.filename().string(), pictures_);
+    return takePicture(numbered ? (pattern.parent_path() / *numbered).string() : arguments_.render);
+}
+
+Result<> Outputs::finish() {
+    if (!failure().empty()) return fail(failure());
+    attachment_.detach();
+    finishing_ = true;
+    if (imager_) {
+        if (!arguments_.animated())
+            if (auto ok = takePicture(arguments_.render); !ok) return ok;
+        if (!frames_.empty())
+            if (auto ok = writeAnimation(frames_, arguments_.render, arguments_.picturesPerSecond,
+                                         arguments_.picture.toneMap());
+                !ok)
+                return ok;
+        print(imager_->diagnostics());
+    }
+    if (listening_) {
+        const ListenReport report = listening_->finish();
+        print(report.diagnostics);
+        soundSeconds_ = report.sound.seconds();
+        if (auto ok = writeWav(arguments_.listen, report.sound); !ok) return ok;
+    }
+    if (log_) {
+        if (!logAttachment_.attached()) return fail(logAttachment_.failure());
+        logAttachment_.detach();
+        if (auto ok = log_->close(); !ok) return ok;
+    }
+    if (!arguments_.save.empty()) return saveScene(scene_, arguments_.save);
+    return {};
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,99 @@
+// Outputs: what --render, --listen, --record and --save make of a scene that something else drives: a mirror or a log.
+//
+// Invariant: every state is seen in its turn, however many come at once. Pictures are taken at even distances of scene
+// time if the file's name holds a place for a number (%04d) or is a .gif; else one is taken at the end.
+// Threading: the scene's thread.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <rtsg/audio/listen.h>
+#include <rtsg/renderers/image.h>
+#include <rtsg/sync/log.h>
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+/// --size, --spp and so on; shared by all verbs that make pictures.
+struct PictureArguments {
+    std::string size = "1280x720", viewpoint, integrator = "whitted", shadows = "all";
+    int samples = 4, depth = 8;
+    unsigned threads = 0;
+    std::uint64_t seed = 1;
+    double error = 0, exposure = 1;
+
+    void addTo(CLI::App& command);
+    /// Throws CLI::ValidationError for what is wrong or not built in.
+    ImageOptions parse() const;
+    ToneMap toneMap() const { return {static_cast<float>(exposure)}; }
+};
+
+/// --binaural, --stereo, --rays and so on.
+struct SoundArguments {
+    bool binaural = false, stereo = false;
+    int ambisonic = -1;
+    std::uint64_t rays = 0;
+    double error = 0;
+
+    void addTo(CLI::App& command);
+    ListenOptions parse() const;
+};
+
+struct OutputArguments {
+    std::string render, listen, record, save, base;
+    double picturesPerSecond = 5;
+    PictureArguments picture;
+    SoundArguments sound;
+
+    void addTo(CLI::App& command, bool withRecord);
+    bool animated() const;
+    bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
+    /// Finds out before any work that a name says nothing that can be written. Throws CLI::ValidationError.
+    void check() const;
+};
+
+/// Throws CLI::ValidationError unless `file` can be saved to, by its name.
+void checkSceneName(const std::string& file);
+/// The present state as a document.
+Result<> saveScene(const Scene& scene, const std::string& file);
+
+class Outputs final : public Subscriber {
+  public:
+    /// The scene must outlive this and be in its first state. `base`: where relative urls start.
+    static Result<std::unique_ptr<Outputs>> attach(Scene& scene, const OutputArguments& arguments,
+                                                   const std::filesystem::path& base);
+
+    Result<> apply(const Scene& scene, const ChangeSet& changes) override;
+    std::string subscriberName() const override { return "outputs"; }
+    /// Why it follows no longer; empty if it does.
+    std::string failure() const { return attachment_.attached() ? "" : attachment_.failure(); }
+
+    /// Writes what is written at the end.
+    Result<> finish();
+
+    int pictures() const { return pictures_; }
+    double soundSeconds() const { return soundSeconds_; }
+    std::uint64_t logBytes() const { return log_ ? log_->bytes() : 0; }
+
+  private:
+    Outputs(Scene& scene, const OutputArguments& arguments) : scene_(scene), arguments_(arguments) {}
+    Result<> takePicture(const std::string& file);
+
+    Scene& scene_;
+    OutputArguments arguments_;
+    ImageOptions image_;
+    std::unique_ptr<Imager> imager_;
+    std::unique_ptr<ListenSession> listening_;
+    std::unique_ptr<LogWriter> log_;
+    std::vector<Picture> frames_;  // of a .gif
+    double start_ = 0, soundSeconds_ = 0;
+    int pictures_ = 0;
+    bool finishing_ = false;
+    Attachment logAttachment_, attachment_;
+};
+
+}  // namespace rtsg::app

@@ -1,0 +1,72 @@
+#include <filesystem>
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "cli.h"
+#include "outputs.h"
+
+namespace rtsg::app {
+
+namespace {
+
+struct Options {
+    std::string scene, out, duration = "5s", ir, base;
+    SoundArguments sound;
+    bool metrics = false, json = false;
+};
+
+int listenTo(const Options& options) {
+    ListenOptions listening = options.sound.parse();
+    listening.seconds = parseSeconds(options.duration);
+    if (options.out.empty() && options.ir.empty() && !options.metrics && !options.json)
+        throw CLI::RequiredError("-o, --ir or --metrics");
+    Scene scene;
+    Diagnostics diagnostics(options.scene);
+    if (!load(scene, options.scene, diagnostics)) return kBad;
+    listening.sound = !options.out.empty();
+    listening.metrics = options.metrics || options.json || !options.ir.empty();
+    listening.render.base =
+        options.base.empty() ? std::filesystem::path(options.scene).parent_path() : std::filesystem::path(options.base);
+    const Progress progress = progressBar("listening to " + options.scene);
+    if (progress)
+        listening.progress = [&](double share) {
+            progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);
+            return true;
+        };
+    auto report = listen(scene, listening);
+    if (progress) progress(1, 1);
+    if (!report) return printError(report.error()), kBad;
+    print(report->diagnostics);
+    if (!options.out.empty())
+        if (auto ok = writeWav(options.out, report->sound); !ok) return printError(ok.error()), kBad;
+    // A response at one metre may exceed full scale: kept as it is, in floating point.
+    if (!options.ir.empty())
+        if (auto ok = writeWav(options.ir, report->impulseResponses(), WavFormat::float32); !ok)
+            return printError(ok.error()), kBad;
+    if (options.metrics || options.json) fmt::print("{}\n", report->toJson());
+    return kDone;
+}
+
+}  // namespace
+
+Verb addListen(CLI::App& program) {
+    auto options = std::make_shared<Options>();
+    CLI::App* command = program.add_subcommand("listen", "Make the sound that the listener hears; measure the room");
+    command->add_option("SCENE", options->scene, "scene file, or -")->required();
+    command->add_option("-o,--output", options->out, "WAV to write");
+    command->add_option("--for", options->duration, "how long")->capture_default_str();
+    command->add_option("--ir", options->ir, "WAV of impulse responses, a channel a source");
+    command->add_flag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
+    command
+        ->add_option("--error", options->sound.error,
+                     "trace until the figures' 95 % half width is this many noticeable differences")
+        ->check(CLI::PositiveNumber);
+    command->add_option("--base", options->base, "folder where relative urls of sounds start; else the scene's");
+    options->sound.addTo(*command);
+    command->add_flag("--json", options->json, "the same as --metrics");
+    command->footer("Example: rtsg listen hall.x3dv -o hall.wav --for 5s --binaural --metrics");
+    return {command, [options] { return listenTo(*options); }};
+}
+
+}  // namespace rtsg::app

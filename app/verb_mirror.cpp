@@ -1,0 +1,121 @@
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include <rtsg/sync/mirror_client.h>
+
+#include "cli.h"
+#include "outputs.h"
+
+namespace rtsg::app {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+    std::string endpoint, duration, patience = "5s", key;
+    OutputArguments outputs;
+    bool json = false;
+};
+
+double secondsSince(Clock::time_point start) {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+int mirror(const Options& options) {
+    options.outputs.check();
+    const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
+    const double patience = parseSeconds(options.patience);
+    MirrorClientOptions clientOptions;
+    if (!options.key.empty()) {
+        auto keys = MirrorKeys::load(options.key);
+        if (!keys) return printError(keys.error()), kBad;
+        clientOptions.keys = std::move(*keys);
+    }
+    Scene replica;
+    auto connected = MirrorClient::connect(replica, options.endpoint, clientOptions);
+    if (!connected) return printError(connected.error()), kUsage;
+    MirrorClient& client = **connected;
+    const MirrorStatistics& statistics = client.statistics();
+
+    std::unique_ptr<Outputs> outputs;
+    double firstTime = 0;
+    bool good = true;
+    const auto begun = Clock::now();
+    auto heard = begun, joined = begun;
+    while (!interrupted()) {
+        const std::size_t applied = client.poll(std::chrono::milliseconds(50));
+        for (const Diagnostic& d : client.takeDiagnostics())
+            if (d.severity != Severity::note) fmt::print(stderr, "{}\n", d.format());
+        if (!client.refusal().empty()) {
+            printError(fmt::format("{} refused: {}", options.endpoint, client.refusal()));
+            good = false;
+            break;
+        }
+        if (applied > 0 && !outputs) {
+            joined = Clock::now();
+            firstTime = replica.now();
+            auto attached = Outputs::attach(replica, options.outputs, options.outputs.base);
+            if (!attached) return printError(attached.error()), kBad;
+            outputs = std::move(*attached);
+        }
+        if (outputs && !outputs->failure().empty()) break;
+        if (client.serverLeft() && applied == 0) break;
+        if (applied > 0 || client.inStep()) heard = Clock::now();
+        if (outputs && (replica.now() - firstTime >= duration || (secondsSince(joined) >= duration && client.inStep())))
+            break;
+        if (secondsSince(heard) >= patience) {
+            printError(fmt::format("{}: {} for {} s", options.endpoint,
+                                   outputs ? "the server has been silent" : "no server", patience));
+            good = outputs && options.duration.empty();  // without an end of its own it follows until there is none
+            break;
+        }
+    }
+    const double seconds = secondsSince(joined);
+    int pictures = 0;
+    double soundSeconds = 0;
+    if (outputs) {
+        if (auto ok = outputs->finish(); !ok) {
+            printError(ok.error());
+            good = false;
+        }
+        pictures = outputs->pictures();
+        soundSeconds = outputs->soundSeconds();
+    }
+    good = good && statistics.equal && statistics.divergences == 0;
+    const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
+    fmt::print(
+        "{{\"frames\":{},\"snapshots\":{},\"gaps\":{},\"bytes\":{},\"hash\":\"{}\",\"origin_hash\":\"{}\",\"equal\":{},"
+        "\"divergences\":{},\"sequence\":{},\"t\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"bytes_per_frame\":{:.1f},"
+        "\"restarts\":{},\"garbage\":{},\"pictures\":{},\"sound_seconds\":{:.3f}}}\n",
+        statistics.frames, statistics.snapshots, statistics.gaps, statistics.bytes, statistics.hash.hex(),
+        statistics.originHash.hex(), statistics.equal, statistics.divergences, statistics.sequence, replica.now(),
+        seconds, frames / std::max(seconds, 1e-9), static_cast<double>(statistics.bytes) / frames, statistics.restarts,
+        statistics.garbage, pictures, soundSeconds);
+    return good ? kDone : kBad;
+}
+
+}  // namespace
+
+Verb addMirror(CLI::App& program) {
+    auto options = std::make_shared<Options>();
+    CLI::App* command =
+        program.add_subcommand("mirror", "Follow a served scene; picture, hear, log and save the replica");
+    command->add_option("ENDPOINT", options->endpoint, "ZeroMQ endpoint that rtsg serve named")->required();
+    command->add_option("--for", options->duration, "how long, in scene time; else until the server leaves or Ctrl-C");
+    command->add_option("--wait", options->patience, "give up after so long without a server")->capture_default_str();
+    command->add_option("--key", options->key, "key file, the server's or one with its public key and a pair");
+    options->outputs.addTo(*command, true);
+    command->add_flag("--json", options->json, "JSON is what is printed in any case");
+    command->footer(
+        "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --listen out.wav --base "
+        "examples/demo\n"
+        "Exit status 1 unless the replica had the origin's state hash in every frame.");
+    return {command, [options] { return mirror(*options); }};
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,70 @@
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <thread>
+
+#include <fmt/format.h>
+
+#include <rtsg/sync/log.h>
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+namespace {
+
+struct Options {
+    std::string scene, out, duration = "1s";
+    double fps = 60;
+    bool realtime = false, json = false;
+};
+
+int record(const Options& options) {
+    const double duration = parseSeconds(options.duration);
+    Scene scene;
+    Diagnostics diagnostics(options.scene);
+    if (!load(scene, options.scene, diagnostics)) return kBad;
+    auto log = LogWriter::create(options.out, builtinTypes());
+    if (!log) return printError(log.error()), kBad;
+    Attachment attachment = scene.bus().attach(**log);
+    const auto frames = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9)) + 1;
+    const auto start = std::chrono::steady_clock::now();
+    const Progress progress = progressBar("recording " + options.out);
+    std::uint64_t done = 0;
+    for (; done < frames && attachment.attached() && !interrupted(); ++done) {
+        const double t = static_cast<double>(done) / options.fps;
+        if (options.realtime) std::this_thread::sleep_until(start + std::chrono::duration<double>(t));
+        scene.newFrame(t);
+        if (progress) progress(done + 1, frames);
+    }
+    print(scene.diagnostics());
+    if (!attachment.attached()) return printError(attachment.failure()), kBad;
+    attachment.detach();
+    if (auto ok = (*log)->close(); !ok) return printError(ok.error()), kBad;
+    const double perFrame =
+        static_cast<double>((*log)->bytes()) / static_cast<double>(std::max<std::uint64_t>(1, done));
+    if (options.json)
+        fmt::print("{{\"frames\":{},\"t\":{},\"bytes\":{},\"bytes_per_frame\":{:.1f},\"hash\":\"{}\"}}\n", done,
+                   scene.now(), (*log)->bytes(), perFrame, scene.hash().hex());
+    else
+        fmt::print("{} frames to t = {} s, {} bytes ({:.1f} a frame), state {}\n", done, scene.now(), (*log)->bytes(),
+                   perFrame, scene.hash().hex());
+    return kDone;
+}
+
+}  // namespace
+
+Verb addRecord(CLI::App& program) {
+    auto options = std::make_shared<Options>();
+    CLI::App* command = program.add_subcommand("record", "Run a scene in simulated time from 0 and log every change");
+    command->add_option("SCENE", options->scene, "scene file, or -")->required();
+    command->add_option("-o,--output", options->out, "log to write (.rlog)")->required();
+    command->add_option("--for", options->duration, "how long")->capture_default_str();
+    command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e6));
+    command->add_flag("--realtime", options->realtime, "one second a second");
+    command->add_flag("--json", options->json, "the summary as JSON");
+    command->footer("Example: rtsg record hall.x3dv -o hall.rlog --for 10s\nCtrl-C ends the log in order.");
+    return {command, [options] { return record(*options); }};
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,149 @@
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include <rtsg/sync/replay.h>
+
+#include "cli.h"
+#include "outputs.h"
+
+namespace rtsg::app {
+
+namespace {
+
+struct Options {
+    std::string log, seek, duration, diff;
+    OutputArguments outputs;
+    bool verify = false, json = false;
+};
+
+std::string orNull(const std::string& text) {
+    return text.empty() ? "null" : jsonString(text);
+}
+
+std::string toJson(const std::optional<Divergence>& d) {
+    if (!d) return "null";
+    return fmt::format("{{\"frame\":{},\"t\":{},\"node\":{},\"field\":{},\"text\":{}}}", d->frame, d->time,
+                       orNull(d->node), orNull(d->field), jsonString(d->text));
+}
+
+void printDivergence(const Divergence& d) {
+    printError(fmt::format("frame {} (t = {} s), {}.{}: {}", d.frame, d.time, d.node.empty() ? "?" : d.node,
+                           d.field.empty() ? "?" : d.field, d.text));
+}
+
+int diff(const Options& options) {
+    const auto result = diffLogs(options.log, options.diff);
+    if (!result) return printError(result.error()), kBad;
+    fmt::print("{{\"equal\":{},\"first_divergence\":{}}}\n", !*result, toJson(*result));
+    if (*result) printDivergence(**result);
+    return *result ? kBad : kDone;
+}
+
+/// Steps to the log's end or `until`, and notes where it first was not what the origin had.
+class Check {
+  public:
+    explicit Check(Replayer& replayer) : replayer_(replayer) {}
+
+    /// False at the end.
+    bool step() {
+        const std::uint64_t before = replayer_.scene().sequence();
+        const auto more = replayer_.step();
+        if (!more) {
+            note(before + 1, more.error().text);
+            return true;  // it goes on with the next keyframe
+        }
+        const LogReader& log = replayer_.log();
+        if (log.damage().size() > damage_) {
+            damage_ = log.damage().size();
+            const LogDamage& d = log.damage().back();
+            note(before + 1,
+                 fmt::format("bytes {} to {} of the log are damaged: {}", d.offset, d.offset + d.length, d.text));
+        }
+        if (replayer_.gaps() > gaps_) {
+            gaps_ = replayer_.gaps();
+            note(before + 1, fmt::format("frames {} to {} are missing", before + 1, replayer_.scene().sequence()));
+        }
+        if (!first_ && replayer_.divergence()) first_ = replayer_.divergence();
+        return *more;
+    }
+    const std::optional<Divergence>& first() const { return first_; }
+
+  private:
+    void note(std::uint64_t frame, std::string text) {
+        if (!first_) first_ = Divergence{frame, replayer_.scene().now(), {}, {}, std::move(text)};
+    }
+
+    Replayer& replayer_;
+    std::size_t damage_ = 0;
+    std::uint64_t gaps_ = 0;
+    std::optional<Divergence> first_;
+};
+
+int replay(const Options& options) {
+    options.outputs.check();
+    const bool seeks = !options.seek.empty();
+    const double from = seeks ? parseSeconds(options.seek) : 0;
+    const double length = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
+    if (!options.diff.empty()) return diff(options);
+
+    auto opened = Replayer::open(options.log);
+    if (!opened) return printError(opened.error()), kBad;
+    Replayer& replayer = **opened;
+    if (seeks)
+        if (auto ok = replayer.seek(from); !ok) return printError(ok.error()), kBad;
+    Check check(replayer);
+    bool more = seeks || check.step();
+
+    const std::filesystem::path base = options.outputs.base.empty() ? std::filesystem::path(options.log).parent_path()
+                                                                    : std::filesystem::path(options.outputs.base);
+    if (replayer.frames() > 0) {
+        auto outputs = Outputs::attach(replayer.scene(), options.outputs, base);
+        if (!outputs) return printError(outputs.error()), kBad;
+        // A state that was asked for by its time is what is shown or saved; anything that has a length plays on.
+        const bool plays = !seeks || !options.duration.empty() || options.verify || !options.outputs.listen.empty() ||
+                           options.outputs.animated();
+        const double until = replayer.scene().now() + length;
+        const Progress progress = progressBar("replaying " + options.log);
+        while (plays && more && replayer.scene().now() < until && !interrupted() && (*outputs)->failure().empty()) {
+            more = check.step();
+            if (progress) progress(replayer.log().position(), replayer.log().size());
+        }
+        if (progress) progress(1, 1);
+        if (auto ok = (*outputs)->finish(); !ok) return printError(ok.error()), kBad;
+    } else {
+        printError(options.log + ": no intact state");
+    }
+
+    const bool good = replayer.frames() > 0 && !check.first() && replayer.verified() == replayer.frames();
+    fmt::print(
+        "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"hash\":\"{}\",\"gaps\":{},\"damaged\":{},"
+        "\"bytes\":{}}}\n",
+        replayer.frames(), replayer.verified(), toJson(check.first()), replayer.scene().now(),
+        replayer.scene().hash().hex(), replayer.gaps(), replayer.log().damage().size(), replayer.log().size());
+    if (check.first()) printDivergence(*check.first());
+    return good ? kDone : kBad;
+}
+
+}  // namespace
+
+Verb addReplay(CLI::App& program) {
+    auto options = std::make_shared<Options>();
+    CLI::App* command = program.add_subcommand("replay", "Play a log back; verify it; picture, hear and save it");
+    command->add_option("LOG", options->log, "log to read (.rlog)")->required();
+    command->add_flag("--verify", options->verify, "all of it; every state is checked in any case");
+    command->add_option("--seek", options->seek, "begin with the state of this scene time");
+    command->add_option("--for", options->duration, "how much to play");
+    command->add_option("--diff", options->diff, "compare with another log, state by state");
+    options->outputs.addTo(*command, false);
+    command->add_flag("--json", options->json, "JSON is what is printed in any case");
+    command->footer(
+        "Example: rtsg replay hall.rlog --verify\n"
+        "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"
+        "Exit status 1, naming frame, node and field, where a state is not the one recorded.");
+    return {command, [options] { return replay(*options); }};
+}
+
+}  // namespace rtsg::app

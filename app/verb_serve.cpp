@@ -1,0 +1,143 @@
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <thread>
+
+#include <fmt/format.h>
+
+#include <rtsg/sync/log.h>
+#include <rtsg/sync/mirror_server.h>
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+    std::string scene, endpoint = "tcp://127.0.0.1:*", duration, record, key;
+    double fps = 60;
+    std::string linger = "10s";
+    bool insecure = false, json = false;
+};
+
+/// A key file that is not there yet is made: the client is given a copy.
+Result<std::optional<MirrorKeys>> keysFrom(const std::string& file) {
+    if (file.empty()) return std::nullopt;
+    if (!std::filesystem::exists(file)) {
+        if (auto ok = MirrorKeys::generate(file); !ok) return std::unexpected(ok.error());
+        fmt::print(stderr, "new keys in {}: give a mirror a copy\n", file);
+    }
+    auto keys = MirrorKeys::load(file);
+    if (!keys) return std::unexpected(keys.error());
+    return std::optional(std::move(*keys));
+}
+
+void printNews(MirrorServer& server) {
+    for (const Diagnostic& d : server.takeDiagnostics()) fmt::print(stderr, "{}\n", d.format());
+}
+
+int serve(const Options& options) {
+    const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
+    Scene scene;
+    Diagnostics diagnostics(options.scene);
+    if (!load(scene, options.scene, diagnostics)) return kBad;
+    auto keys = keysFrom(options.key);
+    if (!keys) return printError(keys.error()), kBad;
+    MirrorServerOptions serverOptions;
+    serverOptions.keys = std::move(*keys);
+    serverOptions.insecure = options.insecure;
+    auto server = MirrorServer::start(scene, options.endpoint, serverOptions);
+    if (!server) return printError(server.error()), kBad;
+    std::unique_ptr<LogWriter> log;
+    Attachment logAttachment;
+    if (!options.record.empty()) {
+        auto created = LogWriter::create(options.record, builtinTypes());
+        if (!created) return printError(created.error()), kBad;
+        log = std::move(*created);
+        logAttachment = scene.bus().attach(*log);
+    }
+    if (options.json)
+        fmt::print("{{\"endpoint\":{}}}\n", jsonString((*server)->endpoint()));
+    else
+        fmt::print("serving {} at {}\n", options.scene, (*server)->endpoint());
+    std::fflush(stdout);
+
+    // Frames are at even times; those that there was no time for are left out, the clock never lags behind.
+    const auto start = Clock::now();
+    std::uint64_t frames = 0, slot = 0;
+    const auto last = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9));
+    std::size_t mostPeers = 0;
+    bool failed = false;
+    while (!interrupted() && slot <= last) {
+        scene.newFrame(static_cast<double>(slot) / options.fps);
+        ++frames;
+        (*server)->service();
+        mostPeers = std::max(mostPeers, (*server)->statistics().peers);
+        printNews(**server);
+        if (log && !logAttachment.attached()) {
+            printError(logAttachment.failure());
+            failed = true;
+            break;
+        }
+        const double elapsed = std::chrono::duration<double>(Clock::now() - start).count();
+        slot = std::max(slot + 1, static_cast<std::uint64_t>(elapsed * options.fps));
+        const auto due = start + std::chrono::duration_cast<Clock::duration>(
+                                     std::chrono::duration<double>(static_cast<double>(slot) / options.fps));
+        while (!interrupted() && Clock::now() < due)
+            std::this_thread::sleep_until(std::min(due, Clock::now() + std::chrono::milliseconds(50)));
+    }
+    const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    print(scene.diagnostics());
+    // Mirrors that are behind, with a picture say, may still catch up.
+    const auto grace = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.linger)));
+    if (!interrupted() && !(*server)->drain(grace)) fmt::print(stderr, "not all mirrors have caught up\n");
+    const MirrorServerStatistics statistics = (*server)->statistics();
+    printNews(**server);
+    server->reset();
+    if (log) {
+        logAttachment.detach();
+        if (auto ok = log->close(); !ok) {
+            printError(ok.error());
+            failed = true;
+        }
+    }
+    const double fps = static_cast<double>(frames) / std::max(seconds, 1e-9);
+    if (options.json)
+        fmt::print(
+            "{{\"frames\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"t\":{},\"sequence\":{},\"peers\":{},\"bytes\":{},"
+            "\"snapshots\":{},\"merged\":{},\"log_bytes\":{},\"hash\":\"{}\"}}\n",
+            frames, seconds, fps, scene.now(), scene.sequence(), mostPeers, statistics.bytes, statistics.snapshots,
+            statistics.merged, log ? log->bytes() : 0, scene.hash().hex());
+    else
+        fmt::print("{} frames in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", frames,
+                   seconds, fps, statistics.bytes, mostPeers, scene.hash().hex());
+    return failed ? kBad : kDone;
+}
+
+}  // namespace
+
+Verb addServe(CLI::App& program) {
+    auto options = std::make_shared<Options>();
+    CLI::App* command = program.add_subcommand("serve", "Run a scene in real time and mirror it");
+    command->add_option("SCENE", options->scene, "scene file, or -")->required();
+    command->add_option("--bind", options->endpoint, "ZeroMQ endpoint; * picks a free port")->capture_default_str();
+    command->add_option("--for", options->duration, "how long; else until Ctrl-C");
+    command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e4));
+    command->add_option("--record", options->record, "log to write as well (.rlog)");
+    command->add_option("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
+    command->add_option("--linger", options->linger, "how long mirrors may catch up at the end")->capture_default_str();
+    command->add_flag("--insecure", options->insecure, "serve other machines without keys");
+    command->add_flag("--json", options->json, "first the endpoint, then the summary as JSON lines");
+    command->footer(
+        "Example: rtsg serve hall.x3dv --bind tcp://127.0.0.1:4711 --for 20s --record hall.rlog\n"
+        "The first line on standard output names the endpoint, the port filled in.");
+    return {command, [options] { return serve(*options); }};
+}
+
+}  // namespace rtsg::app
