@@ -1,0 +1,251 @@
+// What scripts rely on: exit statuses, diagnostics on standard error, JSON on standard output.
+#include "program.h"
+
+#include <sstream>
+
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+using testing::ContainsRegex;
+using testing::HasSubstr;
+
+std::vector<json> jsonLines(const std::string& text) {
+    std::vector<json> lines;
+    std::istringstream in(text);
+    for (std::string line; std::getline(in, line);) lines.push_back(json::parse(line));
+    return lines;
+}
+
+using Usage = CommandLine;
+
+TEST_F(Usage, EveryVerbHasHelpWithAnExample) {
+    for (const char* verb :
+         {"info", "validate", "convert", "run", "render", "listen", "serve", "mirror", "record", "replay", "bench"}) {
+        const Outcome help = rtsg({verb, "--help"});
+        EXPECT_EQ(help.status, 0) << verb;
+        EXPECT_THAT(help.out, HasSubstr("Example: rtsg " + std::string(verb))) << verb;
+    }
+}
+
+TEST_F(Usage, WrongUsageIsStatusTwo) {
+    const std::vector<std::vector<std::string>> wrong = {
+        {},
+        {"paint"},
+        {"info"},
+        {"info", file, "--no-such-option"},
+        {"run", file, "--for", "soon"},
+        {"run", file, "--fps", "0"},
+        {"run", file, "--watch", "NOBODY.translation"},
+        {"run", file, "--set", "BOX.translation=1"},
+        {"render", file},
+        {"render", file, "-o", folder / "a.png", "--size", "wide"},
+        {"render", file, "-o", folder / "a.png", "--frames", "3"},
+        {"render", file, "-o", folder / "a.png", "--integrator", "path"},
+        {"render", file, "-o", folder / "a.png", "--integrator", "magic"},
+        {"render", file, "-o", folder / "a.png", "--error", "0.1"},
+        {"listen", file},
+        {"listen", file, "-o", folder / "a.wav", "--ambisonic", "1"},
+        {"listen", file, "-o", folder / "a.wav", "--stereo", "--binaural"},
+        {"record", file},
+        {"mirror", "nonsense"},
+        {"mirror", "ipc://" + folder / "nobody", "--save", folder / "a.rtsgb"},
+    };
+    for (const auto& arguments : wrong) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
+        EXPECT_NE(outcome.err, "") << testing::PrintToString(arguments);
+    }
+}
+
+TEST_F(Usage, WhatIsNotBuiltInSaysSo) {
+    EXPECT_THAT(rtsg({"render", file, "-o", folder / "a.png", "--integrator", "raster"}).err,
+                HasSubstr("not built in"));
+    EXPECT_THAT(rtsg({"listen", file, "-o", folder / "a.wav", "--ambisonic", "3"}).err, HasSubstr("not built in"));
+}
+
+TEST_F(Usage, MissingInputIsStatusOne) {
+    const std::string none = folder / "none.x3d";
+    for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+             {"info", none},
+             {"validate", none},
+             {"convert", none, folder / "a.x3d"},
+             {"run", none},
+             {"render", none, "-o", folder / "a.png"},
+             {"listen", none, "-o", folder / "a.wav"},
+             {"record", none, "-o", folder / "a.rlog"},
+             {"replay", folder / "none.rlog"},
+             {"serve", none},
+         }) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 1) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, HasSubstr("none.")) << testing::PrintToString(arguments);
+    }
+}
+
+TEST_F(Usage, OutputThatCannotBeWrittenIsStatusOne) {
+    const std::string nowhere = folder / "no/such/folder/a";
+    EXPECT_EQ(rtsg({"render", file, "-o", nowhere + ".png", "--size", "16x16"}).status, 1);
+    EXPECT_EQ(rtsg({"listen", file, "-o", nowhere + ".wav", "--for", "0.01", "--rays", "10"}).status, 1);
+    EXPECT_EQ(rtsg({"record", file, "-o", nowhere + ".rlog"}).status, 1);
+    EXPECT_EQ(rtsg({"convert", file, nowhere + ".x3d"}).status, 1);
+}
+
+using Info = CommandLine;
+
+TEST_F(Info, Counts) {
+    const Outcome outcome = rtsg({"info", file, "--json"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const json info = json::parse(outcome.out);
+    EXPECT_EQ(info.at("nodes"), 13);
+    EXPECT_EQ(info.at("routes"), 2);
+    EXPECT_EQ(info.at("triangles"), 24);
+    EXPECT_EQ(info.at("protos"), 0);
+    EXPECT_EQ(info.at("scripts"), 0);
+    EXPECT_EQ(info.at("sounds"), 1);
+    EXPECT_EQ(info.at("components").at("Geometry3D"), 2);
+    EXPECT_EQ(info.at("components").at("Shape"), 4);
+    EXPECT_EQ(info.at("errors"), 0);
+}
+
+TEST_F(Info, ReadsStandardInput) {
+    const Outcome outcome = rtsg({"info", "-", "--json"}, scene());
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_EQ(outcome.out, rtsg({"info", file, "--json"}).out);
+}
+
+TEST_F(Info, DiagnosticsHavePositions) {
+    const std::string bad = folder / "bad.x3dv";
+    writeFile(bad, "#X3D V4.0 utf8\nPROFILE Immersive\nGroup {\n  children Nonsense { }\n}\nShape { }\n");
+    const Outcome validated = rtsg({"validate", bad, file});
+    EXPECT_EQ(validated.status, 1);
+    EXPECT_THAT(validated.err, ContainsRegex("bad\\.x3dv:4:[0-9]+: error: .*Nonsense"));
+    EXPECT_THAT(validated.out, HasSubstr("scene.x3dv: 0 errors"));
+    EXPECT_EQ(rtsg({"validate", file}).status, 0);
+    // What is good of it is kept.
+    const json info = json::parse(rtsg({"info", bad, "--json"}).out);
+    EXPECT_EQ(info.at("errors"), 1);
+    EXPECT_EQ(info.at("components").at("Shape"), 1);
+}
+
+using Convert = CommandLine;
+
+TEST_F(Convert, RoundTripsKeepTheState) {
+    const auto hash = [&](const std::string& name) {
+        const Outcome outcome = rtsg({"run", name, "--for", "0.5", "--json"});
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return json::parse(outcome.out).at("hash");
+    };
+    const std::string xml = folder / "a.x3d", packed = folder / "b.x3dv.gz", back = folder / "c.x3dv";
+    ASSERT_EQ(rtsg({"convert", file, xml}).status, 0);
+    ASSERT_EQ(rtsg({"convert", xml, packed}).status, 0);
+    ASSERT_EQ(rtsg({"convert", packed, back}).status, 0);
+    EXPECT_THAT(readFile(xml), HasSubstr("<PositionInterpolator DEF='PATH'"));
+    for (const std::string& name : {xml, packed, back}) EXPECT_EQ(hash(name), hash(file)) << name;
+}
+
+TEST_F(Convert, BadInputIsStatusOne) {
+    const std::string bad = folder / "bad.x3d";
+    writeFile(bad, "<X3D><Scene><Shape></Scene></X3D>");
+    const Outcome outcome = rtsg({"convert", bad, folder / "a.x3dv"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, ContainsRegex("bad\\.x3d:1:[0-9]+: error: "));
+}
+
+using Running = CommandLine;
+
+TEST_F(Running, PrintsWatchedEventsAsLines) {
+    const Outcome outcome = rtsg({"run", file, "--for", "1s", "--fps", "10", "--watch", "BOX.translation"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const auto lines = jsonLines(outcome.out);
+    ASSERT_EQ(lines.size(), 11u);
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+        const double t = static_cast<double>(i) / 10;
+        EXPECT_DOUBLE_EQ(lines[i].at("t"), t);
+        EXPECT_EQ(lines[i].at("node"), "BOX");
+        EXPECT_EQ(lines[i].at("field"), "translation");
+        ASSERT_EQ(lines[i].at("value").size(), 3u);
+        EXPECT_NEAR(lines[i].at("value")[0], t, 1e-6);  // from 0 to 2 within 2 s
+        EXPECT_EQ(lines[i].at("value")[1], 0);
+    }
+}
+
+TEST_F(Running, InjectsEvents) {
+    const Outcome outcome = rtsg({"run", file, "--for", "1s", "--fps", "10", "--watch", "FLAG.*", "--set",
+                                  "FLAG.set_boolean=TRUE@0.35", "--set", "BOX.children=NULL@2"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    bool toggled = false;
+    for (const json& line : jsonLines(outcome.out)) {
+        EXPECT_NEAR(line.at("t"), 0.4, 1e-9) << "the first frame after it";
+        toggled = toggled || (line.at("field") == "toggle" && line.at("value") == true);
+    }
+    EXPECT_TRUE(toggled) << outcome.out;
+}
+
+TEST_F(Running, HashesEveryFrame) {
+    const auto first = jsonLines(rtsg({"run", file, "--for", "0.5", "--hash"}).out);
+    const auto second = jsonLines(rtsg({"run", file, "--for", "0.5", "--hash"}).out);
+    ASSERT_EQ(first.size(), 31u);
+    EXPECT_EQ(first, second);
+    EXPECT_NE(first[0].at("hash"), first[1].at("hash"));
+    EXPECT_EQ(first[30].at("frame"), 30);
+}
+
+using Render = CommandLine;
+
+TEST_F(Render, WritesPicturesOfTheAskedSize) {
+    const std::string png = folder / "a.png";
+    const Outcome outcome = rtsg({"render", file, "-o", png, "--size", "48x32", "--time", "0.5s", "--json"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_EQ(json::parse(outcome.out).at("width"), 48);
+    const std::string bytes = readFile(png);
+    ASSERT_GT(bytes.size(), 33u);
+    EXPECT_EQ(bytes.substr(1, 3), "PNG");
+    EXPECT_EQ(bytes.substr(16, 8), std::string("\0\0\0\x30\0\0\0\x20", 8));  // IHDR: width, height
+    EXPECT_EQ(rtsg({"render", file, "-o", folder / "a.exr", "--size", "48x32"}).status, 0);
+    EXPECT_EQ(readFile(folder / "a.exr").substr(0, 4), "\x76\x2f\x31\x01");
+}
+
+TEST_F(Render, WritesAnimations) {
+    ASSERT_EQ(rtsg({"render", file, "-o", folder / "f%02d.png", "--size", "16x16", "--frames", "3"}).status, 0);
+    for (const char* name : {"f00.png", "f01.png", "f02.png"}) EXPECT_NE(readFile(folder / name), "") << name;
+    EXPECT_NE(readFile(folder / "f00.png"), readFile(folder / "f02.png")) << "the box moves";
+    ASSERT_EQ(rtsg({"render", file, "-o", folder / "f.gif", "--size", "16x16", "--frames", "3"}).status, 0);
+    EXPECT_EQ(readFile(folder / "f.gif").substr(0, 3), "GIF");
+}
+
+TEST_F(Render, UnknownViewpointIsStatusOne) {
+    const Outcome outcome = rtsg({"render", file, "-o", folder / "a.png", "--size", "16x16", "--viewpoint", "NOWHERE"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("NOWHERE"));
+}
+
+using Listen = CommandLine;
+
+TEST_F(Listen, ReportsAndWritesSound) {
+    const std::string wav = folder / "a.wav", ir = folder / "ir.wav";
+    const Outcome outcome =
+        rtsg({"listen", file, "-o", wav, "--ir", ir, "--for", "0.25s", "--metrics", "--rays", "300"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const json report = json::parse(outcome.out);
+    ASSERT_EQ(report.at("sources").size(), 1u);
+    const json& source = report.at("sources")[0];
+    EXPECT_EQ(source.at("source"), "TONE");
+    for (const char* figure : {"bands_hz", "EDT_s", "T20_s", "T30_s", "C50_db", "C80_db", "D50", "Ts_s", "G_db"})
+        EXPECT_EQ(source.at(figure).size(), 8u) << figure;
+    EXPECT_EQ(source.at("ci95").at("T20_s").size(), 8u);
+    EXPECT_GT(report.at("rays"), 0);
+    EXPECT_TRUE(report.contains("seconds") && report.contains("escaped"));
+    EXPECT_EQ(readFile(ir).substr(0, 4), "RIFF");
+    // Stereo, 48 kHz, 24 bits, a quarter of a second.
+    const std::string bytes = readFile(wav);
+    EXPECT_EQ(bytes.substr(0, 4), "RIFF");
+    EXPECT_NEAR(static_cast<double>(bytes.size()), 48000 * 0.25 * 6, 400);
+    EXPECT_NE(bytes.find_first_not_of('\0', 200), std::string::npos) << "silent";
+}
+
+}  // namespace
+}  // namespace rtsg::test

@@ -1,0 +1,165 @@
+// Runs the program under test as a user's shell does, with files for its streams and a deadline.
+//
+// Threading: one thread. A Program still running when its object goes is killed, by its process id.
+#pragma once
+
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <fcntl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <gtest/gtest.h>
+
+namespace rtsg::test {
+
+inline std::string readFile(const std::filesystem::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+inline void writeFile(const std::filesystem::path& file, const std::string& content) {
+    std::ofstream(file, std::ios::binary) << content;
+}
+
+/// A folder of its own for each test.
+class TempFolder {
+  public:
+    TempFolder() {
+        std::string pattern = (std::filesystem::temp_directory_path() / "rtsg-XXXXXX").string();
+        if (!::mkdtemp(pattern.data())) throw std::runtime_error("no folder for temporary files");
+        path_ = pattern;
+    }
+    ~TempFolder() {
+        std::error_code ignored;
+        std::filesystem::remove_all(path_, ignored);
+    }
+    TempFolder(const TempFolder&) = delete;
+    TempFolder& operator=(const TempFolder&) = delete;
+    std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+
+  private:
+    std::filesystem::path path_;
+};
+
+struct Outcome {
+    int status = -1;  // of exit; 128 + n for signal n
+    std::string out, err;
+};
+
+class Program {
+  public:
+    /// `streams`: prefix of the names of the files that standard input, output and error are kept in.
+    Program(std::vector<std::string> arguments, std::string streams, const std::string& input = {})
+        : streams_(std::move(streams)) {
+        writeFile(streams_ + ".in", input);
+        arguments.insert(arguments.begin(), RTSG_PROGRAM);
+        std::vector<char*> argv;
+        for (std::string& argument : arguments) argv.push_back(argument.data());
+        argv.push_back(nullptr);
+        pid_ = ::fork();
+        if (pid_ != 0) return;
+        redirect(".in", O_RDONLY, STDIN_FILENO);
+        redirect(".out", O_WRONLY | O_CREAT | O_TRUNC, STDOUT_FILENO);
+        redirect(".err", O_WRONLY | O_CREAT | O_TRUNC, STDERR_FILENO);
+        ::execv(argv[0], argv.data());
+        ::_exit(127);
+    }
+    ~Program() {
+        if (pid_ <= 0) return;
+        ::kill(pid_, SIGKILL);
+        ::waitpid(pid_, nullptr, 0);
+    }
+    Program(const Program&) = delete;
+    Program& operator=(const Program&) = delete;
+
+    void signal(int number) const { ::kill(pid_, number); }
+
+    /// Reports a program that does not end, and kills it.
+    Outcome wait(std::chrono::seconds deadline = std::chrono::seconds(120)) {
+        const auto end = std::chrono::steady_clock::now() + deadline;
+        int status = 0;
+        while (::waitpid(pid_, &status, WNOHANG) == 0) {
+            if (std::chrono::steady_clock::now() > end) {
+                ADD_FAILURE() << "still running after " << deadline.count() << " s";
+                ::kill(pid_, SIGKILL);
+                ::waitpid(pid_, &status, 0);
+                break;
+            }
+            std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        }
+        pid_ = -1;
+        return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), readFile(streams_ + ".out"),
+                readFile(streams_ + ".err")};
+    }
+
+    /// The first line on standard output, once it is there.
+    std::string firstLine(std::chrono::seconds deadline = std::chrono::seconds(60)) const {
+        const auto end = std::chrono::steady_clock::now() + deadline;
+        while (std::chrono::steady_clock::now() < end) {
+            const std::string text = readFile(streams_ + ".out");
+            if (const auto newline = text.find('\n'); newline != std::string::npos) return text.substr(0, newline);
+            std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        }
+        ADD_FAILURE() << "nothing on standard output after " << deadline.count() << " s; on standard error:\n"
+                      << readFile(streams_ + ".err");
+        return {};
+    }
+
+  private:
+    void redirect(const char* suffix, int flags, int to) const {
+        const int from = ::open((streams_ + suffix).c_str(), flags, 0600);
+        if (from < 0 || ::dup2(from, to) < 0) ::_exit(126);
+        ::close(from);
+    }
+
+    std::string streams_;
+    pid_t pid_ = -1;
+};
+
+/// A test of the command line: a folder, a scene in it, and the program.
+class CommandLine : public testing::Test {
+  protected:
+    /// A box that moves from x = 0 to x = `reach` within two seconds, in a room, with a sound.
+    static std::string scene(const std::string& reach = "2") {
+        return R"(#X3D V4.0 utf8
+PROFILE Immersive
+Viewpoint { position 0 1 6 }
+DEF BOX Transform {
+  children [
+    Shape { appearance Appearance { material Material { diffuseColor 0.8 0.3 0.2 } } geometry Box { } }
+    DEF TONE Sound { source AudioClip { url "none.wav" loop TRUE } }
+  ]
+}
+Shape { geometry Box { size 30 12 30 } }
+DEF CLOCK TimeSensor { cycleInterval 2 loop TRUE }
+DEF PATH PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, )" +
+               reach + R"( 0 0 ] }
+DEF FLAG BooleanToggle { }
+ROUTE CLOCK.fraction_changed TO PATH.set_fraction
+ROUTE PATH.value_changed TO BOX.set_translation
+)";
+    }
+
+    void SetUp() override { writeFile(file, scene()); }
+
+    Outcome rtsg(std::vector<std::string> arguments, const std::string& input = {}) {
+        return Program(std::move(arguments), streams(), input).wait();
+    }
+    std::string streams() { return folder / ("stream" + std::to_string(++programs_)); }
+
+    TempFolder folder;
+    const std::string file = folder / "scene.x3dv";
+
+  private:
+    int programs_ = 0;
+};
+
+}  // namespace rtsg::test

@@ -1,0 +1,235 @@
+// Mirrors, logs and replays as a script uses them: two processes, and what must be the same in both.
+#include "program.h"
+
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+std::string lastLine(const std::string& text) {
+    const auto end = text.find_last_not_of('\n');
+    if (end == std::string::npos) return {};
+    const auto begin = text.find_last_of('\n', end);
+    return text.substr(begin == std::string::npos ? 0 : begin + 1,
+                       end - (begin == std::string::npos ? 0 : begin + 1) + 1);
+}
+
+class Mirror : public CommandLine {
+  protected:
+    void serve(std::vector<std::string> more, const std::string& bind) {
+        std::vector<std::string> arguments{"serve", file, "--bind", bind, "--fps", "30", "--json"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        server = std::make_unique<Program>(arguments, streams());
+        const std::string line = server->firstLine();
+        ASSERT_NE(line, "");
+        endpoint = json::parse(line).at("endpoint");
+    }
+
+    std::unique_ptr<Program> server;
+    std::string endpoint;
+};
+
+void expectEqual(const json& mirror) {
+    EXPECT_EQ(mirror.at("equal"), true) << mirror;
+    EXPECT_EQ(mirror.at("hash"), mirror.at("origin_hash")) << mirror;
+    EXPECT_EQ(mirror.at("divergences"), 0) << mirror;
+    EXPECT_GT(mirror.at("frames"), 1) << mirror;
+    EXPECT_GT(mirror.at("bytes"), 0) << mirror;
+}
+
+TEST_F(Mirror, FollowsUntilTheServerLeaves) {
+    const std::string served = folder / "served.rlog", mirrored = folder / "mirrored.rlog",
+                      saved = folder / "saved.x3dv";
+    serve({"--for", "2s", "--record", served}, "ipc://" + folder / "socket");
+    Program mirror({"mirror", endpoint, "--record", mirrored, "--save", saved, "--wait", "60s"}, streams());
+    const Outcome followed = mirror.wait();
+    const Outcome origin = server->wait();
+    EXPECT_EQ(followed.status, 0) << followed.err;
+    EXPECT_EQ(origin.status, 0) << origin.err;
+    const json report = json::parse(followed.out), summary = json::parse(lastLine(origin.out));
+    expectEqual(report);
+    EXPECT_EQ(report.at("snapshots"), 1);
+    EXPECT_EQ(report.at("gaps"), 0);
+    EXPECT_EQ(report.at("hash"), summary.at("hash"));
+    EXPECT_EQ(report.at("sequence"), summary.at("sequence"));
+    // Both logs end in the same state and agree on all they share.
+    const Outcome difference = rtsg({"replay", served, "--diff", mirrored});
+    EXPECT_EQ(difference.status, 0) << difference.out << difference.err;
+    EXPECT_THAT(readFile(saved), HasSubstr("DEF BOX Transform"));
+}
+
+TEST_F(Mirror, ManyOverTcpOneOfThemLate) {
+    serve({"--for", "3s"}, "tcp://127.0.0.1:*");
+    EXPECT_THAT(endpoint, HasSubstr("tcp://127.0.0.1:"));
+    Program first({"mirror", endpoint, "--wait", "60s"}, streams());
+    std::this_thread::sleep_for(std::chrono::milliseconds(800));
+    Program second({"mirror", endpoint, "--for", "1s", "--wait", "60s"}, streams());
+    const Outcome a = first.wait(), b = second.wait();
+    EXPECT_EQ(server->wait().status, 0);
+    EXPECT_EQ(a.status, 0) << a.err;
+    EXPECT_EQ(b.status, 0) << b.err;
+    expectEqual(json::parse(a.out));
+    expectEqual(json::parse(b.out));
+}
+
+TEST_F(Mirror, PicturesAndSoundOfTheReplica) {
+    serve({"--for", "3s"}, "ipc://" + folder / "socket");
+    Program mirror({"mirror", endpoint, "--render", folder / "p%02d.png", "--fps", "1", "--size", "32x24", "--listen",
+                    folder / "m.wav", "--rays", "100", "--wait", "60s"},
+                   streams());
+    const Outcome followed = mirror.wait();
+    EXPECT_EQ(server->wait().status, 0);
+    ASSERT_EQ(followed.status, 0) << followed.err;
+    const json report = json::parse(followed.out);
+    expectEqual(report);
+    ASSERT_GE(report.at("pictures"), 1);
+    EXPECT_EQ(readFile(folder / "p00.png").substr(1, 3), "PNG");
+    EXPECT_EQ(readFile(folder / "m.wav").substr(0, 4), "RIFF");
+    EXPECT_GT(report.at("sound_seconds"), 0.5);
+}
+
+TEST_F(Mirror, GivesUpWithoutAServer) {
+    const auto start = std::chrono::steady_clock::now();
+    const Outcome outcome = rtsg({"mirror", "ipc://" + folder / "nobody", "--wait", "500ms"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(500));
+    EXPECT_THAT(outcome.err, HasSubstr("no server"));
+    EXPECT_EQ(json::parse(outcome.out).at("equal"), false);
+}
+
+TEST_F(Mirror, SignalsEndBothInOrder) {
+    const std::string log = folder / "served.rlog";
+    serve({"--record", log}, "ipc://" + folder / "socket");
+    Program mirror({"mirror", endpoint, "--record", folder / "mirrored.rlog", "--wait", "60s"}, streams());
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (readFile(folder / "mirrored.rlog").size() < 1000 && std::chrono::steady_clock::now() < end)
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    mirror.signal(SIGINT);
+    const Outcome followed = mirror.wait();
+    EXPECT_EQ(followed.status, 0) << followed.err;
+    expectEqual(json::parse(followed.out));
+    server->signal(SIGTERM);
+    const Outcome origin = server->wait();
+    EXPECT_EQ(origin.status, 0) << origin.err;
+    EXPECT_GT(json::parse(lastLine(origin.out)).at("frames"), 0);
+    EXPECT_EQ(rtsg({"replay", log, "--verify"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", folder / "mirrored.rlog", "--verify"}).status, 0);
+}
+
+TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
+    const std::string keys = folder / "keys";
+    serve({"--for", "3s", "--linger", "0", "--key", keys}, "tcp://127.0.0.1:*");
+    Program with({"mirror", endpoint, "--key", keys, "--for", "500ms", "--wait", "60s"}, streams());
+    Program without({"mirror", endpoint, "--wait", "1s"}, streams());
+    const Outcome a = with.wait(), b = without.wait();
+    EXPECT_EQ(a.status, 0) << a.err;
+    EXPECT_EQ(b.status, 1) << b.out;
+    EXPECT_EQ(json::parse(b.out).at("frames"), 0);
+    EXPECT_EQ(server->wait().status, 0);
+}
+
+TEST_F(Mirror, ServerRefusesToBeOpenToOthersWithoutKeys) {
+    const Outcome outcome = rtsg({"serve", file, "--bind", "tcp://0.0.0.0:*", "--for", "100ms"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("keys"));
+}
+
+class Replay : public CommandLine {
+  protected:
+    void record(const std::string& name, const std::string& text) {
+        const std::string source = folder / "source.x3dv";
+        writeFile(source, text);
+        const Outcome outcome = rtsg({"record", source, "-o", name, "--for", "1s", "--fps", "20", "--json"});
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+        recorded = json::parse(outcome.out);
+    }
+    json recorded;
+    const std::string log = folder / "a.rlog";
+};
+
+TEST_F(Replay, VerifiesEveryState) {
+    record(log, scene());
+    const Outcome outcome = rtsg({"replay", log, "--verify"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const json report = json::parse(outcome.out);
+    EXPECT_GE(report.at("frames"), 21);
+    EXPECT_EQ(report.at("frames"), report.at("verified"));
+    EXPECT_TRUE(report.at("first_divergence").is_null());
+    EXPECT_EQ(report.at("hash"), recorded.at("hash"));
+}
+
+TEST_F(Replay, FindsAFlippedByteWhereverItIs) {
+    record(log, scene());
+    const std::string bytes = readFile(log);
+    const std::size_t keyframe = bytes.find("RTSGrec1", 8);
+    ASSERT_NE(keyframe, std::string::npos);
+    const std::size_t body = bytes.find("BOX");  // in the keyframe
+    ASSERT_NE(body, std::string::npos);
+    for (const std::size_t at : {bytes.size() * 9 / 10 - 200, bytes.size() / 2, body, keyframe + 70}) {
+        std::string broken = bytes;
+        broken[at] = static_cast<char>(broken[at] ^ 0x10);
+        writeFile(folder / "broken.rlog", broken);
+        const Outcome outcome = rtsg({"replay", folder / "broken.rlog", "--verify"});
+        EXPECT_EQ(outcome.status, 1) << "byte " << at;
+        EXPECT_NE(outcome.err, "") << "byte " << at;
+        const json report = json::parse(outcome.out);
+        ASSERT_FALSE(report.at("first_divergence").is_null()) << report;
+        EXPECT_GT(report.at("first_divergence").at("frame"), 0);
+    }
+}
+
+TEST_F(Replay, ATruncatedLogKeepsWhatIsWhole) {
+    record(log, scene());
+    const std::string bytes = readFile(log);
+    std::size_t record = 0;  // the ninth
+    for (int i = 0; i < 9; ++i) record = bytes.find("RTSGrec1", record + 1);
+    ASSERT_LT(record, bytes.size());
+    writeFile(folder / "cut.rlog", bytes.substr(0, record - 5));
+    const Outcome outcome = rtsg({"replay", folder / "cut.rlog", "--verify"});
+    EXPECT_EQ(outcome.status, 1);
+    const json report = json::parse(outcome.out);
+    EXPECT_GT(report.at("frames"), 2);
+    EXPECT_EQ(report.at("frames"), report.at("verified"));
+    EXPECT_FALSE(report.at("first_divergence").is_null());
+    writeFile(folder / "garbage.rlog", std::string(5000, 'x'));
+    EXPECT_EQ(rtsg({"replay", folder / "garbage.rlog", "--verify"}).status, 1);
+}
+
+TEST_F(Replay, ComparesLogsAndNamesTheField) {
+    record(log, scene());
+    const std::string same = folder / "same.rlog", other = folder / "other.rlog";
+    record(same, scene());
+    record(other, scene("3"));
+    const Outcome equal = rtsg({"replay", log, "--diff", same});
+    EXPECT_EQ(equal.status, 0) << equal.err;
+    EXPECT_EQ(json::parse(equal.out).at("equal"), true);
+    const Outcome different = rtsg({"replay", log, "--diff", other});
+    EXPECT_EQ(different.status, 1);
+    const json found = json::parse(different.out).at("first_divergence");
+    EXPECT_EQ(found.at("node"), "PATH") << found;
+    EXPECT_EQ(found.at("field"), "keyValue") << found;
+    EXPECT_GT(found.at("frame"), 0);
+    EXPECT_THAT(different.err, HasSubstr("PATH.keyValue"));
+}
+
+TEST_F(Replay, SeeksAndSaves) {
+    record(log, scene());
+    const std::string saved = folder / "half.x3dv";
+    const Outcome outcome =
+        rtsg({"replay", log, "--seek", "0.5s", "--save", saved, "--render", folder / "half.png", "--size", "24x16"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_DOUBLE_EQ(json::parse(outcome.out).at("t"), 0.5);
+    EXPECT_THAT(readFile(saved), HasSubstr("translation 0.5 0 0"));  // 2 m within 2 s
+    EXPECT_EQ(readFile(folder / "half.png").substr(1, 3), "PNG");
+    // The same picture as of the scene itself at that time.
+    ASSERT_EQ(rtsg({"render", file, "-o", folder / "direct.png", "--time", "0.5", "--size", "24x16"}).status, 0);
+    EXPECT_EQ(readFile(folder / "half.png"), readFile(folder / "direct.png"));
+}
+
+}  // namespace
+}  // namespace rtsg::test
