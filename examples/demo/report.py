@@ -1,0 +1,124 @@
+#!/usr/bin/env python3
+"""Judges what examples/demo/run left in a folder, says so on the terminal, and writes report.html. Standard library only.
+
+Exit status 1 if anything is not as it has to be.
+"""
+import array
+import html
+import json
+import math
+import sys
+import wave
+from pathlib import Path
+
+out = Path(sys.argv[1])
+
+
+def read(name):
+    return json.loads((out / name).read_text().splitlines()[-1])
+
+
+def levels(name):
+    """Seconds, channels, peak and RMS in dB below full scale, of a 24-bit WAV."""
+    with wave.open(str(out / name)) as wav:
+        frames, channels, width = wav.getnframes(), wav.getnchannels(), wav.getsampwidth()
+        data = wav.readframes(frames)
+    assert width == 3, "24-bit sound expected"
+    wide = bytearray(4 * (len(data) // 3))
+    wide[1::4], wide[2::4], wide[3::4] = data[0::3], data[1::3], data[2::3]
+    samples = array.array("i", wide)
+    if sys.byteorder == "big":
+        samples.byteswap()
+    full = 2.0**31
+    peak = max((abs(s) for s in samples), default=0) / full
+    rms = [math.sqrt(sum((s / full) ** 2 for s in samples[c::channels]) / max(1, frames)) for c in range(channels)]
+    decibels = lambda x: 20 * math.log10(x) if x > 0 else -math.inf
+    return frames / wav.getframerate(), channels, decibels(peak), [decibels(r) for r in rms]
+
+
+serve, mirror, replay, diff = read("serve.jsonl"), read("mirror.json"), read("replay.json"), read("diff.json")
+info, listen = read("info.json"), read("listen.json")
+seconds, channels, peak, rms = levels("replica.wav")
+pictures = sorted(p.name for p in out.glob("replica-*.png"))
+log_bytes = (out / "session.rlog").stat().st_size
+
+checks = [
+    (mirror["equal"] and mirror["divergences"] == 0,
+     f"replica: {mirror['frames']} frames applied, the state hash equal to the origin's in every one"),
+    (mirror["hash"] == serve["hash"] and mirror["sequence"] == serve["sequence"],
+     f"replica and origin ended in the same state, {serve['hash']}"),
+    (mirror["gaps"] == 0, "no frame was lost on the way"),
+    (replay["verified"] == replay["frames"] and replay["first_divergence"] is None,
+     f"replay: {replay['verified']} of {replay['frames']} recorded states verified"),
+    (diff["equal"], "the origin's log and the replica's log agree state by state"),
+    (len(pictures) >= 2 and mirror["pictures"] == len(pictures),
+     f"{len(pictures)} pictures were made of the replica while it followed"),
+    (channels == 2 and seconds > 1 and -40 < min(rms) and peak <= -0.5,
+     f"{seconds:.1f} s of stereo sound of the replica: peak {peak:.1f} dB, mean {rms[0]:.1f} and {rms[1]:.1f} dB re full scale"),
+]
+good = all(ok for ok, _ in checks)
+
+numbers = [
+    ("scene", f"{info['nodes']} nodes, {info['triangles']} triangles, {info['routes']} routes, {info['sounds']} sound nodes"),
+    ("origin", f"{serve['frames']} frames in {serve['seconds']:.1f} s: {serve['fps']:.1f} frames a second"),
+    ("mirror", f"{mirror['bytes']} bytes over TCP, {mirror['bytes_per_frame']:.0f} a frame with the first snapshot"),
+    ("log", f"{log_bytes} bytes, {log_bytes / replay['frames']:.0f} a frame with its keyframes"),
+    ("followed", f"{mirror['seconds']:.1f} s, pictures and sound made meanwhile"),
+]
+
+print()
+for ok, text in checks:
+    print(("  proved  " if ok else "  FAILED  ") + text)
+print()
+for name, text in numbers:
+    print(f"  {name:9} {text}")
+
+band = "{:.0f}".format
+
+
+def figures(source):
+    rows = (("EDT", "EDT_s", "s", 2), ("T20", "T20_s", "s", 2), ("T30", "T30_s", "s", 2), ("C80", "C80_db", "dB", 1),
+            ("D50", "D50", "", 2), ("Ts", "Ts_s", "s", 3), ("G", "G_db", "dB", 1))
+    cell = lambda v, places: "–" if v is None else f"{v:.{places}f}"
+    head = "".join(f"<th>{band(hz)} Hz</th>" for hz in source["bands_hz"])
+    body = "".join(f"<tr><th>{name} {unit}</th>" + "".join(f"<td>{cell(v, places)}</td>" for v in source[key]) + "</tr>"
+                   for name, key, unit, places in rows)
+    return f"<h3>{html.escape(source['source'])}</h3><table><tr><th></th>{head}</tr>{body}</table>"
+
+
+page = f"""<!doctype html><html lang="en"><meta charset="utf-8"><title>RTSG demonstration</title>
+<meta name="viewport" content="width=device-width">
+<style>
+body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }}
+img {{ max-width: 100%; border-radius: 4px; }} .strip {{ display: grid; gap: 6px; grid-template-columns: repeat(4, 1fr); }}
+table {{ border-collapse: collapse; font-size: 14px; }} td, th {{ padding: 2px 10px 2px 0; text-align: right; }}
+th:first-child, td:first-child {{ text-align: left; }} .ok {{ color: #17713a; }} .no {{ color: #b00020; font-weight: bold; }}
+code {{ background: #f2f2f2; padding: 1px 4px; border-radius: 3px; }}
+</style>
+<h1>One scene, seen, heard, mirrored, logged and replayed</h1>
+<img src="hall.png" alt="The hall, from the log">
+<h2>What was proved</h2><ul>
+{"".join(f'<li class="{"ok" if ok else "no"}">{"" if ok else "FAILED: "}{html.escape(text)}</li>' for ok, text in checks)}</ul>
+<h2>Numbers</h2><table>{"".join(f"<tr><td>{name}</td><td style='text-align:left'>{html.escape(text)}</td></tr>" for name, text in numbers)}</table>
+<h2>Sound of the replica</h2>
+<p>What the listener at the viewpoint hears: direct sound with delay and Doppler, reflections traced anew as the sources move.</p>
+<audio controls src="replica.wav"></audio>
+<h2>Pictures of the replica, one a second</h2>
+<div class="strip">{"".join(f'<img src="{name}" alt="{name}">' for name in pictures)}</div>
+<h2>The session, replayed from its log</h2><img src="hall.gif" alt="animation">
+<h2>The hall's acoustics at the start</h2>
+<p>ISO 3382 figures by octave band, {listen['rays']} rays, {listen['seconds']:.1f} s of computing.</p>
+{"".join(figures(source) for source in listen["sources"])}
+<h2>How it was made</h2>
+<ol><li><code>rtsg serve hall.x3dv --record session.rlog</code>: runs the scene in real time and publishes every frame as one change set.</li>
+<li><code>rtsg mirror tcp://127.0.0.1:… --render … --listen …</code>: another process; a snapshot, then frames, into a replica
+that the light tracer and the acoustic tracer follow. After each frame the replica's state hash is compared with the origin's.</li>
+<li><code>rtsg replay session.rlog --verify</code>, <code>--diff mirror.rlog</code>, <code>--seek … --render hall.png</code>,
+<code>--render hall.gif</code>.</li></ol>
+<p>Files: <a href="session.rlog">session.rlog</a>, <a href="mirror.rlog">mirror.rlog</a>, <a href="replica.x3dv">replica.x3dv</a>
+(the replica saved as a document), <a href="replica.wav">replica.wav</a>, and the JSON that this page was made from.</p>
+</html>
+"""
+(out / "report.html").write_text(page)
+print(f"\n  report    {out / 'report.html'}")
+sys.exit(0 if good else 1)
