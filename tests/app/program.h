@@ -135,7 +135,7 @@ Viewpoint { position 0 1 6 }
 DEF BOX Transform {
   children [
     Shape { appearance Appearance { material Material { diffuseColor 0.8 0.3 0.2 } } geometry Box { } }
-    DEF TONE Sound { source AudioClip { url "none.wav" loop TRUE } }
+    DEF TONE Sound { location 0 3 0 source AudioClip { url "none.wav" loop TRUE } }
   ]
 }
 Shape { geometry Box { size 30 12 30 } }
