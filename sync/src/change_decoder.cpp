@@ -145,7 +145,6 @@ void readFixed(Reader& in, std::size_t count, FieldIndex field, bool external, C
     const std::byte* const end = in.end;
     in.end = values;
     std::uint32_t last = 0;
-    Change change = blank(ChangeKind::setField, {}, field, external);
     for (std::size_t i = 0; i < count; ++i) {
         last = in.delta(last);
         T value;
@@ -156,9 +155,11 @@ void readFixed(Reader& in, std::size_t count, FieldIndex field, bool external, C
             std::memcpy(static_cast<void*>(&value), values, sizeof(T));
         }
         values += sizeof(T);
+        Change& change = set.changes.emplace_back();
         change.node = NodeId{last};
+        change.field = field;
+        change.external = external;
         change.value = Value(std::move(value));
-        set.changes.push_back(std::move(change));
     }
     if (in.problem) return;
     if (in.left()) return in.refuse("bytes between a column's nodes and values");
@@ -412,6 +413,8 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
                 break;
             case wire::kEvents:
                 readEvents(block, count, set);
+                break;
+            default:
                 break;
         }
         if (!block.problem && block.left()) block.refuse("bytes after a block's last change");

@@ -305,10 +305,10 @@ void MirrorServer::Io::tick(Clock::time_point now) {
 SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
     const SharedRecord& keyframe = history_.keyframe();
     const bool usable = keyframe && history_.continues(keyframe->header.to);
-    const bool short_ = usable && history_.bytesFrom(keyframe->header.to) <= 2 * keyframe->bytes.size() + kChunk;
+    const bool enough = usable && history_.bytesFrom(keyframe->header.to) <= 2 * keyframe->bytes.size() + kChunk;
     const Clock::time_point now = Clock::now();
     if (peer.waitingSince == Clock::time_point{}) peer.waitingSince = now;
-    if (!short_) {
+    if (!enough) {
         shared_->wantSnapshot = true;
         if (!usable || now - peer.waitingSince < kPatience) return nullptr;
     }
