@@ -122,7 +122,7 @@ bool readText(std::string_view text, DocumentHandler& handler, Diagnostics& diag
             const SourceLocation where = detail::TextPosition(text.data()).of(text.data() + bad);
             clean = detail::replaceInvalidUtf8(text, count);
             diagnostics.error(where, std::to_string(count) +
-                                         " bytes are not valid UTF-8, the first here; U+FFFD is "
+                                         " bytes are not valid UTF-8 (or zero), the first here; U+FFFD is "
                                          "taken instead");
             text = clean;
         }

@@ -10,6 +10,7 @@ namespace {
 /// Length of the valid sequence that starts at `p`; 0 if it is none.
 std::size_t sequenceLength(const unsigned char* p, std::size_t available) {
     const unsigned char lead = p[0];
+    if (lead == 0) return 0;
     if (lead < 0x80) return 1;
     const std::size_t length = lead >= 0xC2 && lead < 0xE0   ? 2
                                : lead >= 0xE0 && lead < 0xF0 ? 3
@@ -35,7 +36,10 @@ std::size_t findInvalidUtf8(std::string_view text, std::size_t from) {
         if (text.size() - i >= wide) {
             std::uint64_t words[4];
             std::memcpy(words, bytes + i, wide);
-            if (((words[0] | words[1] | words[2] | words[3]) & 0x8080808080808080u) == 0) {
+            constexpr std::uint64_t high = 0x8080808080808080u, low = 0x0101010101010101u;
+            // Bytes above 0x7F have the high bit; where there are none, only a zero byte borrows into it.
+            const std::uint64_t borrows = (words[0] - low) | (words[1] - low) | (words[2] - low) | (words[3] - low);
+            if (((words[0] | words[1] | words[2] | words[3] | borrows) & high) == 0) {
                 i += wide;
                 continue;
             }

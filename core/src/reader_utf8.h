@@ -8,7 +8,7 @@
 
 namespace rtsg::detail {
 
-/// Offset of the first byte that does not belong to a valid sequence; npos if there is none.
+/// Offset of the first byte that does not belong to a valid sequence, or is zero (no text has that); npos if none is.
 std::size_t findInvalidUtf8(std::string_view text, std::size_t from = 0);
 /// A copy with U+FFFD for every invalid byte; `count` is their number.
 std::string replaceInvalidUtf8(std::string_view text, std::size_t& count);

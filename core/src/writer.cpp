@@ -27,6 +27,12 @@ std::string_view accessWord(Access access, bool vrml97) {
     return {};
 }
 
+std::string x3dVersion(const DocumentHeader& header) {
+    const std::string& version = header.version;
+    const bool spelled = version.size() <= 8 && version.find_first_not_of("0123456789.") == version.npos;
+    return spelled && (version.starts_with('3') || version.starts_with('4')) ? version : "4.0";
+}
+
 std::size_t arraySize(const Value& value) {
     switch (value.type()) {
 #define RTSG_X(suffix, T)       \

@@ -23,8 +23,7 @@ class ClassicWriter final : public DocumentHandler {
             text_ = "#VRML V2.0 utf8\n";
             return;
         }
-        const bool x3d = header.version.starts_with('3') || header.version.starts_with('4');
-        text_ = "#X3D V" + (x3d ? header.version : std::string("4.0")) + " utf8\n";
+        text_ = "#X3D V" + x3dVersion(header) + " utf8\n";
         text_ += "PROFILE " + name(header.profile.empty() ? "Full" : header.profile, {}) + "\n";
     }
     void endDocument() override { flush(); }

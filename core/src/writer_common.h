@@ -25,6 +25,9 @@ constexpr std::size_t spaces(std::size_t levels) {
     return 2 * (levels < 40 ? levels : 40);
 }
 
+/// The version to write: the header's, if it is one of X3D.
+std::string x3dVersion(const DocumentHeader& header);
+
 std::string_view accessWord(Access access, bool vrml97);
 
 std::unique_ptr<DocumentHandler> makeClassicWriter(TextSink sink, Diagnostics& diagnostics, bool vrml97);

@@ -42,10 +42,9 @@ class JsonWriter final : public DocumentHandler {
     JsonWriter(TextSink sink, Diagnostics& diagnostics) : sink_(std::move(sink)), diagnostics_(diagnostics) {}
 
     void beginDocument(const DocumentHeader& header) override {
-        const bool x3d = header.version.starts_with('3') || header.version.starts_with('4');
         text_ = "{\"X3D\":{\"encoding\":\"UTF-8\",\"@profile\":" +
                 inQuotes(header.profile.empty() ? "Full" : header.profile) +
-                ",\"@version\":" + inQuotes(x3d ? header.version : "4.0");
+                ",\"@version\":" + inQuotes(x3dVersion(header));
     }
     void endDocument() override {
         openScene();

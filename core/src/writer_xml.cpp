@@ -18,11 +18,9 @@ class XmlWriter final : public DocumentHandler {
     }
 
     void beginDocument(const DocumentHeader& header) override {
-        const bool x3d = header.version.starts_with('3') || header.version.starts_with('4');
-        const std::string version = x3d ? header.version : "4.0";
         write("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<X3D");
         write(attribute("profile", header.profile.empty() ? "Full" : header.profile, {}));
-        write(attribute("version", version, {}) + ">");
+        write(attribute("version", x3dVersion(header), {}) + ">");
     }
     void endDocument() override {
         openScene();

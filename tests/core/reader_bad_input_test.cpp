@@ -206,6 +206,16 @@ TEST(BadInput, BadUtf8IsReplaced) {
     EXPECT_EQ(xml.diagnostics.errors(), 1u);
 }
 
+TEST(BadInput, ZeroBytesAreReplacedToo) {
+    for (const std::string pad : {"", "0123456789012345678901234567890123456789"}) {
+        const std::string zero = pad + std::string(1, '\0') + pad;
+        const Read r("#X3D V4.0 utf8\nPROFILE Core WorldInfo { title \"" + zero + "\" } Group {}");
+        EXPECT_EQ(r.diagnostics.errors(), 1u) << r.complaints();
+        EXPECT_THAT(r.handler.lines, Contains("set title SFString \"" + pad + "\xEF\xBF\xBD" + pad + "\""));
+        EXPECT_THAT(r.handler.lines, Contains("begin Group"));
+    }
+}
+
 TEST(BadInput, PrototypesCannotContainThemselves) {
     const Read r = readClassicScene("PROTO P [] { Group { children P {} } } P {}");
     EXPECT_THAT(r.complaints(), HasSubstr("unknown node type P"));
