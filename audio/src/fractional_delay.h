@@ -21,7 +21,7 @@ class SincTable {
                     std::abs(x) < kHalf ? bessel(9 * std::sqrt(1 - x * x / (kHalf * kHalf))) / bessel(9) : 0;
                 const double sinc = std::abs(x) < 1e-12 ? 1 : std::sin(std::numbers::pi * x) / (std::numbers::pi * x);
                 // Exact zeros where the sinc has them, so that whole delays copy samples bit for bit.
-                taps_[static_cast<std::size_t>(phase * 2 * kHalf + k)] =
+                taps_[static_cast<std::size_t>(phase) * 2 * kHalf + static_cast<std::size_t>(k)] =
                     phase % kPhases == 0 && std::abs(x) > 0.5 ? 0.0f : static_cast<float>(sinc * window);
             }
     }

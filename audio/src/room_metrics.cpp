@@ -20,7 +20,7 @@ class BandDecay {
     BandDecay(const Echogram& echogram, std::size_t band) : binsPerSecond_(echogram.late.binsPerSecond) {
         arrivals_.reserve(echogram.arrivals.size());
         for (const Arrival& arrival : echogram.arrivals)
-            if (arrival.energy[band] > 0) arrivals_.push_back({arrival.seconds, arrival.energy[band]});
+            if (arrival.energy[band] > 0) arrivals_.emplace_back(arrival.seconds, arrival.energy[band]);
         std::sort(arrivals_.begin(), arrivals_.end());
         first_ = arrivals_.empty() ? std::numeric_limits<double>::infinity() : arrivals_.front().first;
         for (const auto& [seconds, energy] : arrivals_) moment_ += seconds * energy;

@@ -21,8 +21,8 @@ class Scene;
 class Subscriber {
   public:
     virtual ~Subscriber() = default;
-    /// `scene` is in the state `changes.to` when called on the scene's thread. The first call after attaching is a
-    /// snapshot; another snapshot later means: forget what was before (a replica joined anew). Changes stay valid only during the call; copy Values out (cheap) to keep them.
+    /// On the scene's thread `scene` is in state `changes.to`. First comes a snapshot; another one later means: forget
+    /// what was before (a replica joined anew). Changes are valid during the call; to keep Values, copy them (cheap).
     virtual Result<> apply(const Scene& scene, const ChangeSet& changes) = 0;
     virtual std::string subscriberName() const { return "subscriber"; }
 };

@@ -3,7 +3,7 @@
 // Invariant of a sealed set: at most one net effect per (node, field); the order is
 // defineType*, createNode*, (setField | insertChild | removeChild)*, setName*, (removeRoute | addRoute)*,
 // destroyNode*, event*; references only to nodes that exist before the set or are created in it. A snapshot is the
-// set that leads from the empty scene (sequence 0) to a state. Sealed sets are immutable and shared.
+// set that leads from the empty scene (sequence 0) to a state. Sealed sets are immutable: any thread may read them.
 #pragma once
 
 #include <cstdint>

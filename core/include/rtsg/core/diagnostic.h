@@ -1,6 +1,6 @@
 // Expected failures: a position, a severity and a sentence. Bad input never throws; it ends up here.
 //
-// Line and column count from 1; 0 means "no position". Printed as `file:line:col: error: text`.
+// Line and column count from 1; 0 means "no position". Printed as `file:line:col: error: text`. Threading: values.
 #pragma once
 
 #include <cstdint>

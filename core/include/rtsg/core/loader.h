@@ -1,6 +1,6 @@
 // Reading whole files: encoding detection, gzip, SceneBuilder, Inlines and EXTERNPROTOs.
 //
-// Threading: one thread. Never throws for bad input: everything is in the diagnostics, with positions.
+// Threading: one thread. Never throws for bad input: it is in the diagnostics, with positions. Source: RTSG paper 3.1.
 #pragma once
 
 #include <filesystem>

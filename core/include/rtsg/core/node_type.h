@@ -3,7 +3,7 @@
 // users' own types are made at run time and look the same.
 //
 // Invariant: a NodeType never changes once a scene knows it. Field indices are stable within a type.
-// Source: ISO/IEC 19775-1 V4.0, node tables of clauses 7-43, access rules 4.4.2.2.
+// Source: ISO/IEC 19775-1 V4.0, node tables of clauses 7-43, access rules 4.4.2.2. Threading: constant data.
 #pragma once
 
 #include <cstdint>

@@ -49,7 +49,7 @@ struct SquareMatrix {
     std::array<S, static_cast<std::size_t>(N) * N> elements = identity();
     static constexpr std::array<S, static_cast<std::size_t>(N) * N> identity() {
         std::array<S, static_cast<std::size_t>(N) * N> result{};
-        for (int i = 0; i < N; ++i) result[static_cast<std::size_t>(i * N + i)] = S(1);
+        for (int i = 0; i < N; ++i) result[static_cast<std::size_t>(i * N + i)] = S(1);  // NOLINT: N <= 4
         return result;
     }
     friend bool operator==(const SquareMatrix&, const SquareMatrix&) = default;
@@ -98,15 +98,15 @@ constexpr FieldType mf(FieldType type) {
     return static_cast<FieldType>(static_cast<unsigned>(type) | 1u);
 }
 
-/// X(FieldType suffix, C++ element type)
-#define RTSG_FIELD_TYPES(X)                                                                                     \
-    X(Bool, bool)                                                                                               \
-    X(Int32, std::int32_t) X(Float, float) X(Double, double) X(Time, ::rtsg::Time) X(String, ::rtsg::String)    \
-        X(Node, ::rtsg::NodeId) X(Color, ::rtsg::Color) X(ColorRGBA, ::rtsg::ColorRGBA) X(Image, ::rtsg::Image) \
-            X(Vec2f, ::rtsg::Vec2f) X(Vec2d, ::rtsg::Vec2d) X(Vec3f, ::rtsg::Vec3f) X(Vec3d, ::rtsg::Vec3d)     \
-                X(Vec4f, ::rtsg::Vec4f) X(Vec4d, ::rtsg::Vec4d) X(Rotation, ::rtsg::Rotation)                   \
-                    X(Matrix3f, ::rtsg::Matrix3f) X(Matrix3d, ::rtsg::Matrix3d) X(Matrix4f, ::rtsg::Matrix4f)   \
-                        X(Matrix4d, ::rtsg::Matrix4d)
+// clang-format off: X(FieldType suffix, C++ element type)
+#define RTSG_FIELD_TYPES(X) \
+    X(Bool, bool) X(Int32, std::int32_t) X(Float, float) X(Double, double) X(Time, ::rtsg::Time) \
+    X(String, ::rtsg::String) X(Node, ::rtsg::NodeId) X(Color, ::rtsg::Color) X(ColorRGBA, ::rtsg::ColorRGBA) \
+    X(Image, ::rtsg::Image) X(Vec2f, ::rtsg::Vec2f) X(Vec2d, ::rtsg::Vec2d) X(Vec3f, ::rtsg::Vec3f) \
+    X(Vec3d, ::rtsg::Vec3d) X(Vec4f, ::rtsg::Vec4f) X(Vec4d, ::rtsg::Vec4d) X(Rotation, ::rtsg::Rotation) \
+    X(Matrix3f, ::rtsg::Matrix3f) X(Matrix3d, ::rtsg::Matrix3d) X(Matrix4f, ::rtsg::Matrix4f) \
+    X(Matrix4d, ::rtsg::Matrix4d)
+// clang-format on
 
 /// FieldTypeOf<Vec3f>::value == SFVec3f; FieldTypeOf<Array<Vec3f>>::value == MFVec3f.
 template <class T>
