@@ -174,7 +174,7 @@ void InstanceTree::traverse(const Ray& ray, Leaf leaf) const {
                 };
                 // Only the nearest is picked; sorting the others costs more than it saves.
                 std::uint64_t best = next();
-                while (mask) {
+                while (mask) {  // NOLINT(bugprone-infinite-loop): next() takes a bit out
                     const std::uint64_t other = next();
                     stack[top++] = std::max(best, other);
                     best = std::min(best, other);
@@ -329,7 +329,7 @@ void InstanceTree::traverse(const RayPacket16& rays, const std::int32_t* active,
         if (mask) {
             entry = next();
             const std::size_t first = top;
-            while (mask) {
+            while (mask) {  // NOLINT(bugprone-infinite-loop): next() takes a bit out
                 // Sorted, nearest on top: a packet's visit costs more than the sorting.
                 const std::uint64_t other = next();
                 std::uint64_t farther = std::max(entry, other);
