@@ -158,7 +158,10 @@ void Group::setMask(std::uint32_t local, std::uint32_t mask) {
 void Group::detach(std::uint32_t local) {
     Entry& entry = entries_[local];
     rtcDetachGeometry(scene_.get(), local);
-    if (entry.isHidden) --hidden_;
+    if (entry.isHidden) {
+        --hidden_;
+        hiddenTriangles_ -= entry.triangles.mesh->triangleCount;
+    }
     triangles_ -= entry.triangles.mesh->triangleCount;
     retired_.push_back(std::move(entry.triangles));
     entry = {};
@@ -173,6 +176,7 @@ void Group::hide(std::uint32_t local) {
     setMask(local, 0);
     entries_[local].isHidden = true;
     ++hidden_;
+    hiddenTriangles_ += entries_[local].triangles.mesh->triangleCount;
 }
 
 void Group::drop() {

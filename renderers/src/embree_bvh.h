@@ -102,6 +102,7 @@ class Group {
     std::size_t hidden() const { return hidden_; }
     /// Attached ones, hidden ones included.
     std::size_t triangles() const { return triangles_; }
+    std::size_t hiddenTriangles() const { return hiddenTriangles_; }
     bool dirty() const { return dirty_; }
     const InstanceTree::Box& box() const { return box_; }
     /// Calls visit(slot) for everything attached and not hidden.
@@ -124,7 +125,7 @@ class Group {
     std::vector<Entry> entries_;
     std::vector<std::uint32_t> slots_, free_;
     std::vector<Triangles> retired_;  // buffers that Embree may read until the next commit
-    std::size_t live_ = 0, hidden_ = 0, triangles_ = 0;
+    std::size_t live_ = 0, hidden_ = 0, triangles_ = 0, hiddenTriangles_ = 0;
     bool dirty_ = false;
     InstanceTree::Box box_;
 };

@@ -101,6 +101,12 @@ TypeRole RoleTable::work(const NodeType& type) {
     } else if (type.name == "CADFace") {
         role.role = Role::all;
         addChildren("shape");
+    } else if (type.name == "CollidableShape") {
+        role.role = Role::all;
+        addChildren("shape");
+    } else if (type.name == "CollidableOffset") {
+        role.role = Role::all;
+        addChildren("collidable");
     } else if (type.name == "GeoLOD") {
         role.role = Role::all;
         addChildren("rootNode");
@@ -115,7 +121,7 @@ TypeRole RoleTable::work(const NodeType& type) {
         role.rotation = findTyped(type, "rotation", FieldType::SFRotation);
         role.scale = findTyped(type, "scale", FieldType::SFVec3f);
         role.scaleOrientation = findTyped(type, "scaleOrientation", FieldType::SFRotation);
-        role.hasTransform = role.translation != kNoField && role.rotation != kNoField && role.scale != kNoField;
+        role.hasTransform = role.translation != kNoField && role.rotation != kNoField;
         if (role.hasTransform) role.center = findTyped(type, "center", FieldType::SFVec3f);
     }
     if (role.childFields == 0 && role.role != Role::shape && role.role != Role::placed) role.role = Role::none;
@@ -123,7 +129,8 @@ TypeRole RoleTable::work(const NodeType& type) {
 }
 
 bool localTransform(const Node& node, const TypeRole& role, WorldFromLocal& m) {
-    const Vec3d translation(read<Vec3f>(node, role.translation)), scale(read<Vec3f>(node, role.scale));
+    const Vec3d translation(read<Vec3f>(node, role.translation));
+    const Vec3d scale(role.scale == kNoField ? Vec3f(1) : read<Vec3f>(node, role.scale));
     glm::dmat3 linear(1.0), rotation, orientation;
     bool identity = true;
     if (scale != Vec3d(1.0)) {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/core/scene.h>
@@ -38,6 +39,12 @@ struct TypeRole {
         return field == children[0] || field == children[1] || field == children[2];
     }
 };
+
+/// Every type, concrete or abstract, whose nodes have others below them in the hierarchy.
+inline constexpr std::string_view kGroupTypes[] = {
+    "X3DGroupingNode", "X3DLayerNode",  "X3DPrototypeInstance", "StaticGroup",     "LayerSet",
+    "Inline",          "HAnimHumanoid", "HAnimJoint",           "CADFace",         "GeoLOD",
+    "ViewpointGroup",  "LOD",           "CollidableShape",      "CollidableOffset"};
 
 class RoleTable {
   public:

@@ -170,10 +170,8 @@ FullTraversalRenderer::FullTraversalRenderer(const RayWorld::Options& options, M
     const NodeRenderer visit = nodeRendererFor<FullTraversalRenderer>(
         [](FullTraversalRenderer& r, const Node& n, Operation) { return r.impl_->enter(r, n); },
         [](FullTraversalRenderer& r, const Node&, Operation) { r.impl_->leave(); });
-    for (const char* type :
-         {"X3DGroupingNode", "X3DLayerNode", "X3DPrototypeInstance", "StaticGroup", "LayerSet", "Inline",
-          "HAnimHumanoid", "HAnimJoint", "CADFace", "GeoLOD", "ViewpointGroup", "LOD", "Shape"})
-        registerNodeRenderer(type, visit);
+    for (const std::string_view type : flatten::kGroupTypes) registerNodeRenderer(type, visit);
+    registerNodeRenderer("Shape", visit);
 }
 
 FullTraversalRenderer::~FullTraversalRenderer() = default;

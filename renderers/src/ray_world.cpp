@@ -185,7 +185,7 @@ void RayWorld::Impl::lift(std::uint32_t slot) {
         top.remove(place.local);
     } else if (place.kind == Kind::baked) {
         // Rebuilding all the triangles it rested among can wait until many are gone.
-        if (options.mapping == Mapping::merged || place.group->live() <= 2)
+        if (options.mapping == Mapping::merged || place.group->live() == 1)
             place.group->detach(place.local);
         else
             place.group->hide(place.local);

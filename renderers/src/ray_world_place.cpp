@@ -224,7 +224,7 @@ void RayWorld::Impl::tidyGroups() {
     // A group most of which has moved away is built anew without it.
     std::vector<std::uint32_t> again;
     for (const auto& group : groups) {
-        if (group->hidden() * 2 <= group->live() || group->hidden() == 0) continue;
+        if (group->hiddenTriangles() * 2 <= group->triangles()) continue;
         group->forEach([&](std::uint32_t slot) { again.push_back(slot); });
         group->drop();
     }

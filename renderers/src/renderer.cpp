@@ -54,9 +54,7 @@ NodeRenderers NodeRenderers::standard() {
                                   return {};
                               },
                               {}};
-    for (const char* type : {"X3DGroupingNode", "X3DLayerNode", "X3DPrototypeInstance", "StaticGroup", "LayerSet",
-                             "Inline", "HAnimHumanoid", "HAnimJoint", "CADFace", "GeoLOD", "ViewpointGroup", "LOD"})
-        table.set(type, passOn);
+    for (const std::string_view type : flatten::kGroupTypes) table.set(type, passOn);
     return table;
 }
 
