@@ -496,7 +496,8 @@ Result<Picture> LightTracer::render(const RayWorld& world, const Camera& camera,
         whittedTile(scene, camera, settings, x0, y0, result);
         for (int y = 0; y < kTileSide && y0 + y < settings.height; ++y)
             for (int x = 0; x < kTileSide && x0 + x < settings.width; ++x)
-                picture.at(x0 + x, y0 + y) = finite(result.sum[static_cast<std::size_t>(y * kTileSide + x)] * scale);
+                picture.at(x0 + x, y0 + y) =
+                    finite(result.sum[static_cast<std::size_t>(y) * kTileSide + static_cast<std::size_t>(x)] * scale);
         primary += result.primaryRays, shadow += result.shadowRays, secondary += result.secondaryRays;
         const int finished = ++done;
         if (settings.progress && progressMutex.try_lock()) {
