@@ -24,9 +24,10 @@ int main(int argc, char** argv) {
     if (!report) return std::fprintf(stderr, "%s\n", report.error().format().c_str()), 1;
 
     bool plausible = !report->sources.empty();
-    for (const auto& [name, position, metrics, trace] : report->sources) {
-        std::printf("%s at %.1f %.1f %.1f m\n    Hz     T30 / s        C80 / dB\n", name.c_str(), position.x,
-                    position.y, position.z);
+    for (const auto& source : report->sources) {
+        const auto& metrics = source.metrics;
+        std::printf("%s at %.1f %.1f %.1f m\n    Hz     T30 / s        C80 / dB\n", source.name.c_str(),
+                    source.position.x, source.position.y, source.position.z);
         for (std::size_t band = 0; band < rtsg::kBandHz.size(); ++band) {
             std::printf("%6.0f  %5.2f +- %4.2f  %5.1f +- %3.1f\n", rtsg::kBandHz[band], metrics.value.t30[band],
                         metrics.ci95.t30[band], metrics.value.c80[band], metrics.ci95.c80[band]);
