@@ -26,7 +26,7 @@ int main(int argc, char** argv) {
     bool plausible = !report->sources.empty();
     for (const auto& source : report->sources) {
         const auto& metrics = source.metrics;
-        std::printf("%s at %.1f %.1f %.1f m\n    Hz     T30 / s        C80 / dB\n", source.name.c_str(),
+        std::printf("%s at %.1f %.1f %.1f m\n    Hz     T30 / s        C80 / dB\n", source.source.c_str(),
                     source.position.x, source.position.y, source.position.z);
         for (std::size_t band = 0; band < rtsg::kBandHz.size(); ++band) {
             std::printf("%6.0f  %5.2f +- %4.2f  %5.1f +- %3.1f\n", rtsg::kBandHz[band], metrics.value.t30[band],
