@@ -24,7 +24,9 @@ std::string lowerExtension(const std::string& file) {
 void PictureArguments::addTo(CLI::App& command) {
     command.add_option("--size", size, "pixels, such as 1280x720")->capture_default_str();
     command.add_option("--viewpoint", viewpoint, "DEF name or description of a viewpoint; else the bound one");
-    command.add_option("--integrator", integrator, "whitted; path and raster are not built in yet")
+    command
+        .add_option("--integrator", integrator,
+                    "whitted: lights, mirrors, glass; path: light between surfaces too; raster is not built in")
         ->capture_default_str()
         ->check(CLI::IsMember({"whitted", "path", "raster"}));
     command.add_option("--spp", samples, "samples a pixel")->capture_default_str()->check(CLI::Range(1, 1 << 20));
@@ -52,8 +54,9 @@ ImageOptions PictureArguments::parse() const {
     if (cross == std::string::npos || !number(std::string_view(size).substr(0, cross), options.settings.width) ||
         !number(std::string_view(size).substr(cross + 1), options.settings.height))
         throw CLI::ValidationError("--size", "expected WIDTHxHEIGHT in pixels, such as 1280x720");
-    if (integrator != "whitted")
-        throw CLI::ValidationError("--integrator", integrator + " is not built in; there is: whitted");
+    if (integrator == "raster")
+        throw CLI::ValidationError("--integrator", integrator + " is not built in; there are: whitted, path");
+    options.settings.integrator = integrator == "path" ? Integrator::path : Integrator::whitted;
     if (error != 0) throw CLI::ValidationError("--error", "not built in for pictures; use --spp");
     options.settings.samplesPerPixel = samples;
     options.settings.maxDepth = depth;

@@ -64,7 +64,6 @@ Imager::Imager(Scene& scene, Options options) : impl_(std::make_unique<Impl>(sce
 Imager::~Imager() = default;
 
 Result<Picture> Imager::picture(const ImageOptions& options, RenderStats* stats) {
-    if (options.integrator != Integrator::whitted) return fail("this integrator is not built in; there is: whitted");
     Impl& s = *impl_;
     if (!s.attachment.attached()) return fail("the scene could not be followed: " + s.attachment.failure());
     if (options.settings.width < 1 || options.settings.height < 1)

@@ -441,7 +441,8 @@ TraceScene LightTracer::Impl::makeTraceScene(const RayWorld& world, const Camera
         result.shadows = settings.shadows == Shadows::all || (settings.shadows == Shadows::authored && light.shadows);
         result.shadows = result.shadows && light.shadowIntensity > 0;
         result.shadowIntensity = light.shadowIntensity;
-        result.color = light.color, result.ambient = light.ambient;
+        result.color = light.color;
+        if (settings.integrator != Integrator::path) result.ambient = light.ambient;
         result.position = world.fromWorld(light.position);
         result.direction = Vec3f(light.direction);
         result.attenuation = light.attenuation;
@@ -477,6 +478,8 @@ Result<Picture> LightTracer::render(const RayWorld& world, const Camera& camera,
                                 settings.height, kMaxSide));
     if (settings.samplesPerPixel < 1 || settings.samplesPerPixel > 1 << 20)
         return fail(fmt::format("cannot take {} samples per pixel", settings.samplesPerPixel));
+    if (settings.integrator == Integrator::raster)
+        return fail("the rasteriser is not built in; there are whitted and path");
     const auto start = std::chrono::steady_clock::now();
     const TraceScene scene = impl_->makeTraceScene(world, camera, settings);
     Picture picture(settings.width, settings.height);
@@ -493,7 +496,7 @@ Result<Picture> LightTracer::render(const RayWorld& world, const Camera& camera,
         if (cancelled.load(std::memory_order_relaxed)) return;
         const int x0 = tile % tilesX * kTileSide, y0 = tile / tilesX * kTileSide;
         TileResult result;
-        whittedTile(scene, camera, settings, x0, y0, result);
+        (settings.integrator == Integrator::path ? pathTile : whittedTile)(scene, camera, settings, x0, y0, result);
         for (int y = 0; y < kTileSide && y0 + y < settings.height; ++y)
             for (int x = 0; x < kTileSide && x0 + x < settings.width; ++x)
                 picture.at(x0 + x, y0 + y) =

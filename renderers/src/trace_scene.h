@@ -69,8 +69,9 @@ struct PathTask {
     float line = 0;       // of them along this straight line; for fog
     Vec3f absorption{0};  // 1/m, of what it runs in
     std::uint16_t pixel = 0;
-    std::uint8_t depth = 0;   // mirrorings and refractions before
-    std::uint8_t passes = 0;  // clear surfaces passed straight
+    std::uint8_t depth = 0;    // mirrorings and refractions before
+    std::uint8_t passes = 0;   // clear surfaces passed straight
+    std::uint64_t random = 0;  // PathRandom's state; paths only
 };
 
 /// tMin of rays that leave a surface. Their start is off it by its error bound, which is 0 where a plane holds a
@@ -88,5 +89,8 @@ struct TileResult {
 /// Traces one tile whose top left pixel is (x0, y0). Deterministic.
 void whittedTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
                  TileResult& result);
+/// The same by path tracing: light that comes from surfaces and sky is gathered too.
+void pathTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+              TileResult& result);
 
 }  // namespace rtsg::trace

@@ -44,7 +44,7 @@ TEST_F(Usage, WrongUsageIsStatusTwo) {
         {"render", file},
         {"render", file, "-o", folder / "a.png", "--size", "wide"},
         {"render", file, "-o", folder / "a.png", "--frames", "3"},
-        {"render", file, "-o", folder / "a.png", "--integrator", "path"},
+        {"render", file, "-o", folder / "a.png", "--integrator", "raster"},
         {"render", file, "-o", folder / "a.png", "--integrator", "magic"},
         {"render", file, "-o", folder / "a.png", "--error", "0.1"},
         {"listen", file},

@@ -656,7 +656,7 @@ TEST(LightTracer, ImpossibleSettingsAreErrors) {
         EXPECT_FALSE(s.imager->tracer().render(s.imager->world(), camera, settings));
     }
     ImageOptions options;
-    options.integrator = Integrator::raster;
+    options.settings.integrator = Integrator::raster;
     EXPECT_FALSE(s.imager->picture(options));
 }
 

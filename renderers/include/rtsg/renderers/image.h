@@ -19,12 +19,9 @@
 
 namespace rtsg {
 
-enum class Integrator : std::uint8_t { whitted, path, raster };
-
 struct ImageOptions {
     RenderSettings settings;
     std::string viewpoint;  // DEF name or description; empty: the bound one
-    Integrator integrator = Integrator::whitted;
 };
 
 class Imager {

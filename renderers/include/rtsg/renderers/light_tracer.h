@@ -25,12 +25,17 @@ namespace rtsg {
 /// Which lights cast shadows: those whose `shadows` field says so, all but the headlight, or none.
 enum class Shadows : std::uint8_t { authored, all, none };
 
+/// Whitted: lights, mirrors and glass, X3D's ambient terms for the rest. Path: unbiased, light between surfaces and
+/// from the sky included, ambient terms left out; X3D's Phong highlights show lights only. Raster: not of this tracer.
+enum class Integrator : std::uint8_t { whitted, path, raster };
+
 struct RenderSettings {
+    Integrator integrator = Integrator::whitted;
     int width = 1280, height = 720;
     int samplesPerPixel = 1;     // 1: through the pixels' centres; more: a scrambled (0,2)-sequence
     std::uint64_t seed = 1;      // of the scrambling
-    int maxDepth = 8;            // mirrorings and refractions along one path
-    float cutoff = 1 / 1024.0f;  // paths that could add less than this share to a pixel end
+    int maxDepth = 8;            // of whitted: mirrorings and refractions on one way; paths end by Russian roulette
+    float cutoff = 1 / 1024.0f;  // of whitted: rays that could add less than this share to a pixel are left out
     Shadows shadows = Shadows::all;
     unsigned threads = 0;  // 0: one a core
     /// Called now and then, from any thread but never from two at once, with the share done; false cancels.
