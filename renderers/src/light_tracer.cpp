@@ -4,6 +4,8 @@
 #include <atomic>
 #include <chrono>
 #include <mutex>
+#include <span>
+#include <tuple>
 #include <unordered_map>
 #include <unordered_set>
 #include <variant>
@@ -312,17 +314,26 @@ struct LightTracer::Impl {
         return placed[slot];
     }
 
-    /// The bound one of a kind, else the one that comes first in the document.
+    /// The bound one of a kind, else the one that comes first in the document. A node that several paths lead to is
+    /// seen through one of them: which is up to us (7.2.2), but must not depend on the order in which they came.
     template <class T>
     const PlacedEntry* active() const {
-        const PlacedEntry* first = nullptr;
-        for (const PlacedEntry& entry : placed) {
-            const T* value = std::get_if<T>(&entry.what);
-            if (!value) continue;
-            if (value->bound) return &entry;
-            if (!first || entry.placed.node < first->placed.node) first = &entry;
-        }
-        return first;
+        const auto rank = [](const PlacedEntry& entry) {
+            const double* matrix = &entry.placed.worldFromLocal[0][0];
+            return std::tuple(!std::get<T>(entry.what).bound, entry.placed.node,
+                              std::span<const double, 12>(matrix, 12));
+        };
+        const auto before = [&](const PlacedEntry& a, const PlacedEntry& b) {
+            const auto [unboundA, nodeA, matrixA] = rank(a);
+            const auto [unboundB, nodeB, matrixB] = rank(b);
+            if (unboundA != unboundB) return unboundB;
+            if (nodeA != nodeB) return nodeA < nodeB;
+            return std::ranges::lexicographical_compare(matrixA, matrixB);
+        };
+        const PlacedEntry* best = nullptr;
+        for (const PlacedEntry& entry : placed)
+            if (std::holds_alternative<T>(entry.what) && (!best || before(entry, *best))) best = &entry;
+        return best;
     }
 
     TraceScene makeTraceScene(const RayWorld& world, const Camera& camera, const RenderSettings& settings) const;
