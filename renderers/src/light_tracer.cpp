@@ -413,12 +413,14 @@ Result<Camera> LightTracer::camera(const RayWorld& world, double aspect, std::st
             return fail(
                 fmt::format("no viewpoint is called \"{}\"; there are: {}", name, known.empty() ? "none" : known));
     }
-    const Bounds bounds = world.bounds();
-    const Vec3d lower = world.toWorld(bounds.min), upper = world.toWorld(bounds.max);
+    const auto frameEverything = [&](Camera& camera) {
+        const Bounds bounds = world.bounds();
+        if (!bounds.empty()) camera.frame(world.toWorld(bounds.min), world.toWorld(bounds.max));
+    };
     Camera camera;
     if (!chosen) {
         camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, 0.7854, aspect);
-        if (!bounds.empty()) camera.frame(lower, upper);
+        frameEverything(camera);
         return camera;
     }
     const View& view = std::get<View>(chosen->what);
@@ -426,7 +428,7 @@ Result<Camera> LightTracer::camera(const RayWorld& world, double aspect, std::st
                  ? Camera::parallel(chosen->placed.worldFromLocal, view.position, view.orientation, view.extent, aspect)
                  : Camera::perspective(chosen->placed.worldFromLocal, view.position, view.orientation, view.fieldOfView,
                                        aspect);
-    if (view.viewAll && !bounds.empty()) camera.frame(lower, upper);
+    if (view.viewAll) frameEverything(camera);
     if (view.farDistance > 0)
         camera.visibilityLimit = view.farDistance;
     else if (const PlacedEntry* navigation = s.active<Navigation>())

@@ -35,9 +35,18 @@ void RayWorld::apply(const InstanceDelta& delta) {
 }
 
 Bounds RayWorld::bounds() const {
+    // Not the tree's own: that keeps room for what has moved away or gone until it is rebuilt.
     Bounds result;
-    result.min = impl_->top.bounds().lower;
-    result.max = impl_->top.bounds().upper;
+    for (std::size_t slot = 0; slot < instances_.size(); ++slot) {
+        const RayInstance& instance = instances_[slot];
+        if (!instance.info.id || impl_->places[slot].kind == Impl::Kind::none) continue;
+        const Bounds& local = instance.mesh->bounds;
+        const glm::mat4x3& m = instance.rayFromLocal;
+        const Vec3f center = m * Vec4f(local.center(), 1), half = 0.5f * local.size();
+        const Vec3f reach = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
+        result.extend(center - reach);
+        result.extend(center + reach);
+    }
     return result;
 }
 

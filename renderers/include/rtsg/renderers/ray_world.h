@@ -153,7 +153,7 @@ class RayWorld {
     Vec3f fromWorld(const Vec3d& world) const { return Vec3f(world - origin_); }
     Vec3d toWorld(const Vec3f& ray) const { return Vec3d(ray) + origin_; }
 
-    /// Box around everything traced, in ray space; min > max when there is nothing.
+    /// Box around everything traced, in ray space; min > max when there is nothing. Looks at every instance.
     Bounds bounds() const;
 
     /// Counts apply() calls that changed anything: caches keyed by it know when to forget.
