@@ -16,6 +16,9 @@
 namespace rtsg {
 namespace {
 
+/// Nothing is heard from farther away; metres.
+constexpr double kHorizon = 20'000;
+
 /// Positions over time, one a block, for looking up where a source was when it sent what is heard now.
 class Track {
   public:
@@ -28,8 +31,10 @@ class Track {
     }
     /// `block` may lie between two.
     glm::dvec3 at(double block) const {
-        const double index =
-            std::clamp(block - static_cast<double>(first_), 0.0, static_cast<double>(positions_.size() - 1));
+        const double newestIndex = static_cast<double>(positions_.size() - 1);
+        // Written so that what is no number gives the oldest.
+        const double wanted = block - static_cast<double>(first_);
+        const double index = wanted > 0 ? std::min(wanted, newestIndex) : 0;
         const auto low = static_cast<std::size_t>(index);
         const std::size_t high = std::min(low + 1, positions_.size() - 1);
         return glm::mix(positions_[low], positions_[high], index - static_cast<double>(low));
@@ -245,17 +250,21 @@ Result<> AcousticRenderer::Impl::block(double alpha, const ListenerPose& listene
             const double delaySamples = glm::distance(apparent, listener.position) / c * rate;
             apparent = state.track.at(state.track.newest() - delaySamples / static_cast<double>(size));
         }
-        const double distance = glm::distance(apparent, listener.position);
+        double distance = glm::distance(apparent, listener.position);
+        const bool audible = distance < kHorizon;
+        if (!audible) distance = kHorizon;
         const double delay = distance / c * rate;
         const glm::dmat3 linear(emitter.worldFromLocal[0], emitter.worldFromLocal[1], emitter.worldFromLocal[2]);
         // The listener in the node's frame as if the node were where it was heard; singular transforms: as it is.
         const glm::dvec3 offset = listener.position - apparent;
         const glm::dvec3 local =
             sound.location + (std::abs(glm::determinant(linear)) > 1e-12 ? glm::inverse(linear) * offset : offset);
-        const double level = sound.intensity * listener.gain *
-                             (options.levels == Levels::x3d ? sound.level(local) : 1 / std::max(distance, 0.1));
+        const double level =
+            !audible ? 0
+                     : sound.intensity * listener.gain *
+                           (options.levels == Levels::x3d ? sound.level(local) : 1 / std::max(distance, 0.1));
         double open = 0;
-        if (level > 0) {
+        if (level != 0) {
             const Bands share = directShare(OpenedGeometry(geometry, state.body), apparent, listener.position);
             for (std::size_t b = 2; b < 7; ++b) open += share[b] / 5;
             const Bands air = airAttenuation(options.trace.air);
@@ -310,7 +319,7 @@ Result<> AcousticRenderer::Impl::block(double alpha, const ListenerPose& listene
             state.gains = gains;
         }
         if (options.reflections) {
-            if (level > 0) retrace(state, emitter, source, listener);
+            if (level != 0) retrace(state, emitter, source, listener);
             for (std::size_t ch = 0; ch < channels; ++ch) state.late[ch].process(late, out[ch]);
         }
         state.delay = delay;

@@ -267,6 +267,8 @@ MetricsEstimate TraceResult::metrics() const {
 TraceResult AcousticTracer::trace(const glm::dvec3& source, const glm::dvec3& listener,
                                   const TraceOptions& options) const {
     TraceResult result;
+    // A place that is none, or farther away than anything is heard, neither sends nor receives.
+    if (!(glm::distance(source, listener) < 1e6)) return result;
     ImageSourceOptions imageOptions;
     imageOptions.maxOrder = options.imageOrder;
     imageOptions.maxCandidates = options.maxImageCandidates;

@@ -91,6 +91,7 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
                 std::max(0.0, std::round(static_cast<double>(first) + static_cast<double>(i) - start_ * rate)) * step;
         }
         if (!playing_) continue;
+        if (!std::isfinite(phase_)) phase_ = 0;
         if (oscillator) {
             out[i] += static_cast<float>(voice.gain * std::sin(2 * std::numbers::pi * phase_));
             phase_ += step;

@@ -11,6 +11,9 @@
 namespace rtsg {
 namespace {
 
+/// Where things without a place are: out of hearing, but a number (metres).
+constexpr double kNowhere = 1e12;
+
 /// What stands for a node: a PROTO instance is its body's first node.
 const Node* effective(const Scene& scene, NodeId id) {
     for (int depth = 0; depth < 64; ++depth) {
@@ -70,15 +73,24 @@ ListenerPose poseFrom(const WorldFromLocal& m, const Vec3f& position, const Rota
     pose.right = camera.right;
     pose.up = camera.up;
     pose.back = -camera.forward;
-    return pose;
+    const glm::dvec3 sum = pose.position + pose.right + pose.up + pose.back;
+    return std::isfinite(sum.x + sum.y + sum.z) ? pose : ListenerPose{};
+}
+
+/// A field's number; `otherwise` for what is none (events may carry anything).
+double number(float value, double otherwise) {
+    return std::isfinite(value) ? static_cast<double>(value) : otherwise;
+}
+double number(double value, double otherwise) {
+    return std::isfinite(value) ? value : otherwise;
 }
 
 template <class N>
 void readTimes(const Node& node, SoundVoice& voice) {
-    voice.startTime = node.get(N::startTime).seconds;
-    voice.stopTime = node.get(N::stopTime).seconds;
-    voice.pauseTime = node.get(N::pauseTime).seconds;
-    voice.resumeTime = node.get(N::resumeTime).seconds;
+    voice.startTime = number(node.get(N::startTime).seconds, 0);
+    voice.stopTime = number(node.get(N::stopTime).seconds, 0);
+    voice.pauseTime = number(node.get(N::pauseTime).seconds, 0);
+    voice.resumeTime = number(node.get(N::resumeTime).seconds, 0);
 }
 
 }  // namespace
@@ -158,14 +170,15 @@ SoundScene::SoundScene(WorldGeometry* geometry, const AcousticMaterial& defaults
     : geometry_(geometry), defaults_(defaults) {}
 
 glm::dvec3 SoundScene::position(const SoundEmitter& emitter) const {
-    return emitter.worldFromLocal * glm::dvec4(sound(emitter).location, 1.0);
+    const glm::dvec3 p = emitter.worldFromLocal * glm::dvec4(sound(emitter).location, 1.0);
+    return std::isfinite(p.x + p.y + p.z) ? p : glm::dvec3(kNowhere);
 }
 
 void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound) {
     const Node* node = effective(scene, id);
     if (!node || depth > 32) return;
     if (!fieldOr(*node, "enabled", true)) return;
-    gain *= static_cast<double>(fieldOr(*node, "gain", 1.0f));
+    gain *= number(fieldOr(*node, "gain", 1.0f), 0);
     SoundVoice voice;
     voice.node = node->id();
     voice.name = nameOf(scene, *node);
@@ -174,7 +187,7 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
         if (!node->get(x3d::AudioClip::load)) return;
         for (const String& url : node->get(x3d::AudioClip::url)) voice.urls.push_back(url.str());
         voice.loop = node->get(x3d::AudioClip::loop);
-        voice.pitch = std::max(1e-3, static_cast<double>(node->get(x3d::AudioClip::pitch)));
+        voice.pitch = std::clamp(number(node->get(x3d::AudioClip::pitch), 1), 1e-3, 1e3);
         readTimes<x3d::AudioClip>(*node, voice);
         sound.voices.push_back(std::move(voice));
     } else if (node->is(x3d::BufferAudioSource::type)) {
@@ -184,16 +197,16 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
         for (const String& url : node->get(B::url)) voice.urls.push_back(url.str());
         if (node->get(B::sampleRate) > 0) voice.bufferRate = static_cast<double>(node->get(B::sampleRate));
         voice.loop = node->get(B::loop);
-        voice.pitch = std::max(1e-3, static_cast<double>(node->get(B::playbackRate)) *
-                                         std::pow(2.0, static_cast<double>(node->get(B::detune)) / 1200));
+        voice.pitch = std::clamp(
+            number(node->get(B::playbackRate), 1) * std::pow(2.0, number(node->get(B::detune), 0) / 1200), 1e-3, 1e3);
         if (voice.buffer.empty()) voice.kind = SoundVoice::Kind::clip;
         readTimes<B>(*node, voice);
         sound.voices.push_back(std::move(voice));
     } else if (node->is(x3d::OscillatorSource::type)) {
         using O = x3d::OscillatorSource;
         voice.kind = SoundVoice::Kind::oscillator;
-        voice.frequency = static_cast<double>(node->get(O::frequency)) *
-                          std::pow(2.0, static_cast<double>(node->get(O::detune)) / 1200);
+        voice.frequency = std::clamp(
+            number(node->get(O::frequency), 0) * std::pow(2.0, number(node->get(O::detune), 0) / 1200), -1e5, 1e5);
         voice.loop = true;
         readTimes<O>(*node, voice);
         sound.voices.push_back(std::move(voice));
@@ -219,32 +232,32 @@ SoundNode SoundScene::readSound(const Scene& scene, const Node& node) {
         using S = x3d::Sound;
         sound.enabled = node.get(S::enabled);
         sound.spatialize = node.get(S::spatialize);
-        sound.intensity = static_cast<double>(node.get(S::intensity));
+        sound.intensity = number(node.get(S::intensity), 0);
         sound.location = node.get(S::location);
         sound.direction = node.get(S::direction);
-        sound.minBack = static_cast<double>(node.get(S::minBack));
-        sound.minFront = static_cast<double>(node.get(S::minFront));
-        sound.maxBack = static_cast<double>(node.get(S::maxBack));
-        sound.maxFront = static_cast<double>(node.get(S::maxFront));
+        sound.minBack = number(node.get(S::minBack), 0);
+        sound.minFront = number(node.get(S::minFront), 0);
+        sound.maxBack = number(node.get(S::maxBack), 0);
+        sound.maxFront = number(node.get(S::maxFront), 0);
         readVoices(scene, node.get(S::source), 1, 0, sound);
     } else if (node.is(x3d::SpatialSound::type)) {
         using S = x3d::SpatialSound;
         sound.enabled = node.get(S::enabled);
         sound.spatialize = node.get(S::spatialize);
         sound.doppler = node.get(S::dopplerEnabled);
-        sound.intensity = static_cast<double>(node.get(S::intensity)) * static_cast<double>(node.get(S::gain));
+        sound.intensity = number(node.get(S::intensity), 0) * number(node.get(S::gain), 0);
         sound.location = node.get(S::location);
         sound.direction = node.get(S::direction);
         const std::string_view model = node.get(S::distanceModel).view();
         sound.law = model == "LINEAR"        ? SoundNode::Law::linear
                     : model == "EXPONENTIAL" ? SoundNode::Law::exponential
                                              : SoundNode::Law::inverse;
-        sound.referenceDistance = static_cast<double>(node.get(S::referenceDistance));
-        sound.maxDistance = static_cast<double>(node.get(S::maxDistance));
-        sound.rolloff = static_cast<double>(node.get(S::rolloffFactor));
-        sound.coneInner = static_cast<double>(node.get(S::coneInnerAngle));
-        sound.coneOuter = static_cast<double>(node.get(S::coneOuterAngle));
-        sound.coneOuterGain = static_cast<double>(node.get(S::coneOuterGain));
+        sound.referenceDistance = number(node.get(S::referenceDistance), 0);
+        sound.maxDistance = number(node.get(S::maxDistance), 0);
+        sound.rolloff = number(node.get(S::rolloffFactor), 0);
+        sound.coneInner = number(node.get(S::coneInnerAngle), 0);
+        sound.coneOuter = number(node.get(S::coneOuterAngle), 0);
+        sound.coneOuterGain = number(node.get(S::coneOuterGain), 0);
         for (const NodeId child : node.get(S::children)) readVoices(scene, child, 1, 0, sound);
     }
     return sound;
@@ -278,7 +291,7 @@ void SoundScene::chooseListener(const Scene& scene) {
     if (!listener) return;
     const Node& node = scene.node(listener->node);
     if (!fieldOr(node, "trackCurrentView", false)) listener_ = pose(*listener);
-    listener_.gain = static_cast<double>(fieldOr(node, "gain", 1.0f));
+    listener_.gain = number(fieldOr(node, "gain", 1.0f), 0);
 }
 
 void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {

@@ -381,6 +381,34 @@ TEST_F(Listen, WhatIsMissingIsSaid) {
     EXPECT_FALSE(listen(silent, bad));
 }
 
+TEST_F(Listen, AbsurdNumbersAreHarmless) {
+    for (const std::string place : {"1e30 0 0", "1e9 1e9 0", "0 0 0", "30000 0 0", "1e-30 0 0"}) {
+        Scene scene;
+        load(scene, "DEF T Transform { translation " + place +
+                        " scale 1 1e-20 1 children [ DEF S Sound { minFront 0 minBack 1e30 maxFront 1e38 maxBack 1e38 "
+                        "source DEF C "
+                        "AudioClip { url \"tone.wav\" loop TRUE pitch 1e30 startTime -1e300 } } SpatialSound { "
+                        "referenceDistance 0 children OscillatorSource { frequency 1e30 } } ] }\n"
+                        "Shape { geometry Box { size 1e15 1 1e-15 } }\nViewpoint { position 0 0 0 }\n");
+        ListenOptions o = options();
+        o.metrics = true;
+        o.trace.rays = 100;
+        const auto before = listen(scene, o);
+        ASSERT_TRUE(before) << before.error().text;
+        const float nan = std::numeric_limits<float>::quiet_NaN();
+        const NodeId sound = scene.findName("S");
+        (void)scene.set(sound, x3d::Sound::intensity, nan);
+        (void)scene.set(sound, x3d::Sound::location, Vec3f(nan, 0, 0));
+        (void)scene.set(sound, x3d::Sound::maxFront, std::numeric_limits<float>::infinity());
+        (void)scene.set(scene.findName("C"), x3d::AudioClip::pitch, nan);
+        (void)scene.set(scene.findName("T"), x3d::Transform::translation, Vec3f(nan, nan, nan));
+        const auto after = listen(scene, o);
+        ASSERT_TRUE(after) << after.error().text;
+        for (const auto* report : {&*before, &*after})
+            for (const float sample : report->sound.samples) ASSERT_TRUE(std::isfinite(sample)) << place;
+    }
+}
+
 TEST_F(Listen, EllipsoidsAndDistanceLaws) {
     SoundNode sound;
     sound.minFront = 2, sound.minBack = 1, sound.maxFront = 10, sound.maxBack = 5;

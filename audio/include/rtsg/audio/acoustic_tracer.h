@@ -58,7 +58,8 @@ class AcousticTracer {
     /// The geometry must outlive the tracer and stay unchanged during trace().
     explicit AcousticTracer(const AcousticGeometry& geometry) : geometry_(&geometry) {}
 
-    /// Positions in metres, world frame. The source is a point of unit power that radiates alike in all directions.
+    /// Positions in metres, world frame, less than 1000 km apart (else the result is empty). The source is a point of
+    /// unit power that radiates alike in all directions.
     TraceResult trace(const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options) const;
     /// More rays for a result that `trace` gave for the same arguments: the batches grow by `rays` in all.
     void refine(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,

@@ -92,6 +92,7 @@ class SoundScene {
 
     const std::vector<SoundEmitter>& emitters() const { return emitters_; }
     const SoundNode& sound(const SoundEmitter& emitter) const { return sounds_.at(emitter.sound); }
+    /// In the world; out of all hearing when it is not a number.
     glm::dvec3 position(const SoundEmitter& emitter) const;
     /// The first enabled ListenerPointSource, else the bound viewpoint, else X3D's default of 0 0 10.
     const ListenerPose& listener() const { return listener_; }
