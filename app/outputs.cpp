@@ -1,5 +1,6 @@
 #include "outputs.h"
 
+#include <algorithm>
 #include <charconv>
 #include <filesystem>
 
@@ -72,7 +73,7 @@ ImageOptions PictureArguments::parse() const {
 void SoundArguments::addTo(CLI::App& command) {
     auto* b = command.add_flag("--binaural", binaural, "for headphones");
     auto* s = command.add_flag("--stereo", stereo, "for loudspeakers (the default)");
-    auto* a = command.add_option("--ambisonic", ambisonic, "not built in yet: order");
+    auto* a = command.add_option("--ambisonic", ambisonic, "AmbiX (ACN, SN3D) of this order")->check(CLI::Range(1, 7));
     b->excludes(s)->excludes(a);
     s->excludes(a);
     command.add_option("--rays", rays, "rays a source; else what is usual for the purpose")
@@ -80,10 +81,14 @@ void SoundArguments::addTo(CLI::App& command) {
 }
 
 ListenOptions SoundArguments::parse() const {
-    if (ambisonic >= 0) throw CLI::ValidationError("--ambisonic", "not built in; there are: --stereo, --binaural");
     ListenOptions options;
     options.render.binaural = binaural;
-    if (rays > 0) options.trace.rays = options.render.trace.rays = rays;
+    options.render.ambisonicOrder = ambisonic;
+    // Rays are for the figures. A response that is heard needs fewer, but is traced again whenever something moves.
+    if (rays > 0) {
+        options.trace.rays = rays;
+        options.render.trace.rays = std::min(rays, options.render.trace.rays);
+    }
     options.error = error;
     return options;
 }

@@ -35,7 +35,7 @@ struct PictureArguments {
 /// --binaural, --stereo, --rays and so on.
 struct SoundArguments {
     bool binaural = false, stereo = false;
-    int ambisonic = -1;
+    int ambisonic = 0;
     std::uint64_t rays = 0;
     double error = 0;
 

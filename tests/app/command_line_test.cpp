@@ -48,7 +48,7 @@ TEST_F(Usage, WrongUsageIsStatusTwo) {
         {"render", file, "-o", folder / "a.png", "--integrator", "magic"},
         {"render", file, "-o", folder / "a.png", "--error", "0.1"},
         {"listen", file},
-        {"listen", file, "-o", folder / "a.wav", "--ambisonic", "1"},
+        {"listen", file, "-o", folder / "a.wav", "--ambisonic", "9"},
         {"listen", file, "-o", folder / "a.wav", "--stereo", "--binaural"},
         {"record", file},
         {"mirror", "nonsense"},
@@ -64,7 +64,7 @@ TEST_F(Usage, WrongUsageIsStatusTwo) {
 TEST_F(Usage, WhatIsNotBuiltInSaysSo) {
     EXPECT_THAT(rtsg({"render", file, "-o", folder / "a.png", "--integrator", "raster"}).err,
                 HasSubstr("not built in"));
-    EXPECT_THAT(rtsg({"listen", file, "-o", folder / "a.wav", "--ambisonic", "3"}).err, HasSubstr("not built in"));
+    EXPECT_THAT(rtsg({"listen", file, "-o", folder / "a.wav", "--ambisonic", "9"}).err, HasSubstr("--ambisonic"));
 }
 
 TEST_F(Usage, MissingInputIsStatusOne) {
@@ -245,6 +245,10 @@ TEST_F(Listen, ReportsAndWritesSound) {
     EXPECT_EQ(bytes.substr(0, 4), "RIFF");
     EXPECT_NEAR(static_cast<double>(bytes.size()), 48000 * 0.25 * 6, 400);
     EXPECT_NE(bytes.find_first_not_of('\0', 200), std::string::npos) << "silent";
+    // Ambisonics of order 2: nine channels.
+    const Outcome field = rtsg({"listen", file, "-o", wav, "--for", "0.25s", "--ambisonic", "2", "--rays", "300"});
+    ASSERT_EQ(field.status, 0) << field.err;
+    EXPECT_NEAR(static_cast<double>(readFile(wav).size()), 48000 * 0.25 * 27, 400);
 }
 
 }  // namespace
