@@ -1,9 +1,12 @@
 // A scene from ClassicVRML text with an Imager on it, and its pixels; for the light tracer's tests.
 #pragma once
 
+#include <cmath>
 #include <memory>
+#include <numbers>
 #include <string>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <rtsg/core/loader.h>
@@ -55,6 +58,44 @@ inline void expectColor(const Vec3f& seen, const Vec3d& expected, double toleran
     EXPECT_NEAR(seen.r, expected.r, tolerance);
     EXPECT_NEAR(seen.g, expected.g, tolerance);
     EXPECT_NEAR(seen.b, expected.b, tolerance);
+}
+
+constexpr double kPi = std::numbers::pi;
+
+/// A square of `half` metres to each side in the plane z = 0, facing +z.
+inline std::string square(double half, const std::string& appearance, const std::string& more = "solid FALSE") {
+    return fmt::format(
+        "Shape {{ appearance Appearance {{ {1} }} geometry IndexedFaceSet {{ {2} coordIndex [0 1 2 3 -1] "
+        "coord Coordinate {{ point [-{0} -{0} 0, {0} -{0} 0, {0} {0} 0, -{0} {0} 0] }} }} }}\n",
+        half, appearance, more);
+}
+inline std::string unlit(const char* color) {
+    return fmt::format("material UnlitMaterial {{ emissiveColor {} }}", color);
+}
+inline std::string matte(const char* color) {
+    return fmt::format("material Material {{ diffuseColor {} ambientIntensity 0 }}", color);
+}
+
+/// The ray of a pixel's centre for the default Viewpoint with the given field of view, in double.
+inline Vec3d pixelDirection(int x, int y, int width, int height, double fieldOfView) {
+    const double t = std::tan(fieldOfView / 2), aspect = double(width) / height;
+    const double tx = aspect > 1 ? t * aspect : t, ty = aspect > 1 ? t : t / aspect;
+    return glm::normalize(Vec3d((2 * (x + 0.5) / width - 1) * tx, (1 - 2 * (y + 0.5) / height) * ty, -1));
+}
+
+inline const char* const kMirror =
+    "material Material { diffuseColor 0 0 0 metadata MetadataSet { name \"RTSG\" value MetadataFloat { name "
+    "\"reflectivity\" value %s } } }";
+inline std::string mirror(const char* value) {
+    std::string text = kMirror;
+    return text.replace(text.find("%s"), 2, value);
+}
+inline std::string glass(double n, const char* more = "") {
+    return fmt::format(
+        "material Material {{ diffuseColor 0 0 0 transparency 1 metadata MetadataSet {{ name \"RTSG\" value [ "
+        "MetadataFloat {{ name "
+        "\"refractiveIndex\" value {} }} {} ] }} }}",
+        n, more);
 }
 
 }  // namespace rtsg::test
