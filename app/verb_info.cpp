@@ -24,7 +24,7 @@ Counts count(const Scene& scene) {
         if (node.id() == scene.root()) return;
         ++c.nodes;
         const NodeType& type = node.type();
-        if (type.kind == NodeType::Kind::script) ++c.scripts;
+        if (type.isA("X3DScriptNode")) ++c.scripts;
         if (type.name == "Sound" || type.name == "SpatialSound") ++c.sounds;
         if (type.kind == NodeType::Kind::builtin) ++c.components[type.component];
     });
