@@ -82,10 +82,11 @@ struct Reader {
     }
     /// Undoes zigzag(); refuses results outside 32 bits.
     std::uint32_t delta(std::uint64_t coded, std::uint32_t previous) {
-        const auto step = static_cast<std::int64_t>(coded >> 1 ^ (~(coded & 1) + 1));
-        const std::int64_t result = std::int64_t{previous} + step;
-        if (coded <= std::uint64_t{0x1FFFFFFFF} && result >= 0 && result <= 0xFFFFFFFF)
-            return static_cast<std::uint32_t>(result);
+        if (coded <= std::uint64_t{0x1FFFFFFFF}) {  // before adding: a forged step could overflow
+            const auto step = static_cast<std::int64_t>(coded >> 1 ^ (~(coded & 1) + 1));
+            const std::int64_t result = std::int64_t{previous} + step;
+            if (result >= 0 && result <= 0xFFFFFFFF) return static_cast<std::uint32_t>(result);
+        }
         refuse("node number out of range");
         return 0;
     }
