@@ -218,6 +218,8 @@ class Paths {
                             random, out, share))
                     return;
                 break;
+            default:
+                return;
         }
         task.weight *= share;
         if (way == 2) {

@@ -99,7 +99,7 @@ class MonotoneCutter {
         inStatus_[edge] = false;
     }
     void joinMerge(Index i, Index edge) {
-        if (kinds_[helper_[edge]] == Kind::merge) diagonals_.push_back({i, helper_[edge]});
+        if (kinds_[helper_[edge]] == Kind::merge) diagonals_.emplace_back(i, helper_[edge]);
     }
     bool edgeLeftOf(Index i, Index& edge) {
         auto position = status_.lower_bound(LeftOf::Point{i});
@@ -130,7 +130,7 @@ class MonotoneCutter {
                     break;
                 case Kind::split:
                     if (!edgeLeftOf(i, edge)) return;
-                    diagonals_.push_back({i, helper_[edge]});
+                    diagonals_.emplace_back(i, helper_[edge]);
                     helper_[edge] = i;
                     insert(i);
                     break;
@@ -226,10 +226,10 @@ class MonotoneCutter {
         for (std::size_t l = 1, r = 1; l + r <= size;) {
             const Index a = piece[(top + l) % size], b = piece[(top + size - r) % size];
             if (before(a, b) || l + r == size) {
-                sorted_.push_back({a, true});
+                sorted_.emplace_back(a, true);
                 ++l;
             } else {
-                sorted_.push_back({b, false});
+                sorted_.emplace_back(b, false);
                 ++r;
             }
         }

@@ -89,8 +89,8 @@ class CornerGroups {
     void addCorner(std::uint32_t neighbourA, std::uint32_t neighbourB) {
         const auto corner = static_cast<std::uint32_t>(parent_.size());
         parent_.push_back(corner);
-        edges_.push_back({neighbourA, corner});
-        edges_.push_back({neighbourB, corner});
+        edges_.emplace_back(neighbourA, corner);
+        edges_.emplace_back(neighbourB, corner);
     }
     /// Only corners next to each other in the sorted run of an edge are compared, so that an edge shared by very
     /// many triangles stays n log n.

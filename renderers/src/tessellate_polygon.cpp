@@ -53,7 +53,7 @@ using Callback = void (*)();
 
 // A corner travels through the library as its number plus one, which is never null.
 void* toPointer(int corner) {
-    return reinterpret_cast<void*>(static_cast<std::uintptr_t>(corner) + 1);
+    return reinterpret_cast<void*>(static_cast<std::uintptr_t>(corner) + 1);  // NOLINT: GLU's cookie, never followed
 }
 int toCorner(void* pointer) {
     return static_cast<int>(reinterpret_cast<std::uintptr_t>(pointer) - 1);

@@ -207,7 +207,8 @@ void CornerMesh::finish(Mesh& mesh) const {
     TexCoords set;
     if (!texCoords.empty())
         set.values = MeshAttribute(toArray(texCoords), MeshAttribute::Binding::corner, toArray(texCoordIndex), 3);
-    mesh.texCoords.assign(1, std::move(set));
+    mesh.texCoords.clear();
+    mesh.texCoords.push_back(std::move(set));
 }
 
 #define RTSG_X(T)                                                                                           \
