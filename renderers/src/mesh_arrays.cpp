@@ -52,7 +52,7 @@ VertexArrays vertexArrays(const Mesh& mesh, std::size_t channel) {
                 found = static_cast<std::uint32_t>(positions.size());
                 positions.push_back(mesh.positions[v]);
                 normals.push_back(normal);
-                st.push_back(Vec2f(mesh.texCoord(t, weightU, weightV, channel)));
+                st.emplace_back(mesh.texCoord(t, weightU, weightV, channel));
                 if (mesh.colors.present()) colors.push_back(mesh.color(t, weightU, weightV));
                 combinations.push_back(wanted);
                 next.push_back(first[v]);
