@@ -27,7 +27,7 @@ Verb addConvert(CLI::App& program);
 Verb addRun(CLI::App& program);
 Verb addRender(CLI::App& program);
 Verb addBench(CLI::App& program);
-Verb addRender(CLI::App& program);
+Verb addChart(CLI::App& program);
 Verb addListen(CLI::App& program);
 Verb addRecord(CLI::App& program);
 Verb addReplay(CLI::App& program);

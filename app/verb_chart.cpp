@@ -1,0 +1,81 @@
+#include <algorithm>
+#include <memory>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "bench/charts.h"
+#include "cli.h"
+
+namespace rtsg::app {
+
+namespace {
+
+struct Source {
+    const char* name;
+    const char* about;
+    bool (*measure)(const bench::ChartSink& sink, bool quick);
+};
+
+constexpr Source kSources[] = {
+    {"scale", "work of one change in scenes of 10^3 to 10^6 nodes", bench::chartScale},
+};
+
+struct Options {
+    std::vector<std::string> names;
+    std::string folder;
+    bool quick = false, list = false, json = false;
+};
+
+int chart(const Options& options) {
+    for (const std::string& name : options.names)
+        if (std::ranges::find(kSources, name, &Source::name) == std::end(kSources)) {
+            printError(fmt::format("no chart is called {}; rtsg chart --list names them", name));
+            return kUsage;
+        }
+    if (options.list) {
+        for (const Source& s : kSources) fmt::print("{:<12} {}\n", s.name, s.about);
+        return kDone;
+    }
+    if (options.folder.empty()) {
+        printError("say where to write: -o DIR");
+        return kUsage;
+    }
+    bool good = true;
+    const auto write = [&](const bench::Chart& c) {
+        if (const Result<> result = bench::writeChart(c, options.folder); !result) {
+            printError(result.error());
+            good = false;
+        } else if (options.json) {
+            fmt::print("{{\"chart\":{},\"title\":{},\"series\":{},\"folder\":{}}}\n", jsonString(c.name),
+                       jsonString(c.title), c.series.size(), jsonString(options.folder));
+        } else {
+            fmt::print("{}/{}.svg: {}\n", options.folder, c.name, c.title);
+        }
+        std::fflush(stdout);
+    };
+    for (const Source& s : kSources) {
+        if (!options.names.empty() && std::ranges::find(options.names, s.name) == options.names.end()) continue;
+        if (!s.measure(write, options.quick)) {
+            printError(fmt::format("{} could not be measured", s.name));
+            good = false;
+        }
+    }
+    return good ? kDone : kBad;
+}
+
+}  // namespace
+
+Verb addChart(CLI::App& program) {
+    auto options = std::make_shared<Options>();
+    CLI::App* command = program.add_subcommand("chart", "Measure speed against accuracy or size; CSV and pictures");
+    command->add_option("NAME", options->names, "charts to make; all if none is named");
+    command->add_option("-o,--output", options->folder, "folder for NAME.svg and NAME.csv");
+    command->add_flag("--quick", options->quick, "smaller sizes, for a first look");
+    command->add_flag("--list", options->list, "say what there is");
+    command->add_flag("--json", options->json, "a line of JSON for each chart written");
+    command->footer("Example: rtsg chart scale -o out/charts");
+    return {command, [options] { return chart(*options); }};
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,11 @@
+// The chart sources of rtsg chart that need the renderers; sync's are in bench_sync.h.
+#pragma once
+
+#include "bench/chart.h"
+
+namespace rtsg::bench {
+
+/// Work of one change against the size of the scene. False: something could not be measured.
+bool chartScale(const ChartSink& sink, bool quick);
+
+}  // namespace rtsg::bench
