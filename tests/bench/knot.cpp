@@ -96,7 +96,7 @@ Knot addKnot(Scene& scene, const KnotOptions& options, NodeId parent) {
     (void)scene.set(knot.shape, x3d::Shape::appearance, appearance);
     (void)scene.set(knot.interpolator, x3d::CoordinateInterpolator::key, keys);
     (void)scene.set(knot.interpolator, x3d::CoordinateInterpolator::keyValue, keyValues);
-    (void)scene.set(knot.clock, x3d::TimeSensor::cycleInterval, options.seconds);
+    (void)scene.set(knot.clock, x3d::TimeSensor::cycleInterval, Time{options.seconds});
     (void)scene.set(knot.clock, x3d::TimeSensor::loop, true);
     (void)scene.addRoute(knot.clock, x3d::TimeSensor::fraction_changed.index, knot.interpolator,
                          x3d::CoordinateInterpolator::set_fraction.index);
