@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -68,10 +69,13 @@ Result<LogReader> LogReader::open(const std::filesystem::path& file, std::uint64
         return fail("not a regular file", {}, file.string());
     log.size_ = static_cast<std::uint64_t>(status.st_size);
     log.searchBudget_ = 4 * log.size_ + (std::uint64_t{16} << 20);
-    const Result<RecordHeader> head = log.load(0);
-    if (!head) return fail("not a log: " + head.error().text, {}, file.string());
-    if (head->kind != RecordKind::head) return fail("not a log: at byte 0: no head record", {}, file.string());
-    return log;
+    if (log.next()) {
+        log.position_ = 0;
+        log.intactEnd_ = 0;
+        return log;
+    }
+    return fail(log.damage_.empty() ? "not a log: at byte 0: it is empty" : "not a log: " + log.damage_.front().text, {},
+                file.string());
 }
 
 LogReader::LogReader(LogReader&& other) noexcept {
@@ -186,6 +190,20 @@ std::optional<LogReader::Record> LogReader::next() {
     return std::nullopt;
 }
 
+std::optional<StreamHead> LogReader::findDictionary(std::uint64_t hash) {
+    const std::uint64_t before = std::exchange(position_, 0);
+    std::optional<StreamHead> found;
+    while (const std::optional<Record> record = next()) {
+        if (record->header.kind != RecordKind::head) continue;
+        Result<StreamHead> head = decodeHead(record->bytes);
+        if (!head || head->dictionaryHash != hash || head->types.empty()) continue;
+        found = std::move(*head);
+        break;
+    }
+    position_ = before;
+    return found;
+}
+
 bool LogReader::readIndex() {
     if (size_ < kRecordHeaderSize + kIndexTail) return false;
     ByteBuffer tail;
@@ -204,11 +222,12 @@ bool LogReader::readIndex() {
 
 std::vector<LogKeyframe> scanLogKeyframes(LogReader& log) {
     std::vector<LogKeyframe> found;
-    std::uint64_t head = 0;
+    std::optional<std::uint64_t> head;
     while (const std::optional<LogReader::Record> record = log.next()) {
         if (record->header.kind == RecordKind::head) head = record->offset;
-        if (record->header.kind == RecordKind::keyframe)
-            found.push_back({record->offset, record->header.to, record->header.time, head});
+        // One without any head before it cannot be read; the same state comes again behind the next head.
+        if (record->header.kind == RecordKind::keyframe && head)
+            found.push_back({record->offset, record->header.to, record->header.time, *head});
     }
     return found;
 }

@@ -4,6 +4,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -22,6 +23,15 @@ std::uint64_t freshEpoch() {
     return high << 32 | device();
 }
 
+/// So that a new file's name survives a loss of power as well.
+void syncFolderOf(const std::filesystem::path& file) {
+    const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
+    const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (descriptor < 0) return;
+    ::fsync(descriptor);
+    ::close(descriptor);
+}
+
 }  // namespace
 
 LogWriter::LogWriter(std::filesystem::path file, TypeTable types, LogOptions options)
@@ -34,20 +44,28 @@ Diagnostic LogWriter::failure(std::string_view what, int error) const {
 Result<std::unique_ptr<LogWriter>> LogWriter::create(const std::filesystem::path& file, TypeTable types,
                                                      LogOptions options) {
     std::unique_ptr<LogWriter> log(new LogWriter(file, types, std::move(options)));
-    std::uint64_t keep = 0;
-    if (log->options_.append && std::filesystem::exists(file)) {
-        Result<LogReader> old = LogReader::open(file);
-        if (!old) return std::unexpected(old.error());
-        log->keyframes_ = scanLogKeyframes(*old);
-        keep = old->intactEnd();
-    }
-    log->descriptor_ = ::open(file.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | (keep ? 0 : O_TRUNC), 0644);
+    log->descriptor_ = ::open(file.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0644);
     if (log->descriptor_ < 0) return std::unexpected(log->failure("cannot write", errno));
-    if (keep &&
-        (::ftruncate(log->descriptor_, static_cast<off_t>(keep)) != 0 || ::lseek(log->descriptor_, 0, SEEK_END) < 0))
-        return std::unexpected(log->failure("cannot append", errno));
-    log->size_ = keep;
-    if (auto ok = log->writeHead(); !ok) return std::unexpected(ok.error());
+    struct stat status{};
+    if (::fstat(log->descriptor_, &status) != 0) return std::unexpected(log->failure("cannot write", errno));
+    log->regular_ = S_ISREG(status.st_mode);
+    if (log->regular_) {
+        // Before anything of it is touched: two writers would destroy each other's log.
+        if (::flock(log->descriptor_, LOCK_EX | LOCK_NB) != 0)
+            return fail("another log writer has the file open", {}, file.string());
+        std::uint64_t keep = 0;
+        if (log->options_.append && status.st_size > 0) {
+            Result<LogReader> old = LogReader::open(file);
+            if (!old) return std::unexpected(old.error());
+            log->keyframes_ = scanLogKeyframes(*old);
+            keep = old->intactEnd();
+        }
+        if (::ftruncate(log->descriptor_, static_cast<off_t>(keep)) != 0)
+            return std::unexpected(log->failure(keep ? "cannot append" : "cannot write", errno));
+        log->size_ = keep;
+    }
+    if (auto ok = log->beginEpoch(); !ok) return std::unexpected(ok.error());
+    if (log->regular_ && log->options_.sync != LogOptions::Sync::atClose) syncFolderOf(file);
     return log;
 }
 
@@ -55,12 +73,18 @@ LogWriter::~LogWriter() {
     (void)close();
 }
 
-Result<> LogWriter::writeHead() {
+Result<> LogWriter::beginEpoch() {
     epoch_ = freshEpoch();
+    firstOfEpoch_ = true;
+    encodeHead(epoch_, options_.creator, types_, true, fullHeadRecord_);
+    encodeHead(epoch_, options_.creator, types_, false, shortHeadRecord_);
+    return writeHead(true);
+}
+
+Result<> LogWriter::writeHead(bool full) {
     head_ = size_;
-    ByteBuffer head;
-    encodeHead(epoch_, options_.creator, types_, true, head);
-    return writeRecord(head);
+    if (full) fullHead_ = size_;
+    return writeRecord(full ? fullHeadRecord_ : shortHeadRecord_);
 }
 
 Result<> LogWriter::writeRecord(const ByteBuffer& record) {
@@ -74,7 +98,7 @@ Result<> LogWriter::writeRecord(const ByteBuffer& record) {
             const int error = written < 0 ? errno : ENOSPC;
             broken_ = true;
             // The file shall end with a whole record, whatever came of this one.
-            const bool cut = ::ftruncate(descriptor_, static_cast<off_t>(size_)) == 0;
+            const bool cut = !regular_ || ::ftruncate(descriptor_, static_cast<off_t>(size_)) == 0;
             return std::unexpected(failure(cut ? "cannot write" : "cannot write, nor cut back", error));
         }
         at += written;
@@ -89,21 +113,45 @@ Result<> LogWriter::flush() {
     return std::unexpected(failure("cannot flush", errno));
 }
 
+/// What a log that nobody can find any more, or that has a hole in it, has to say before its owner believes in it.
+Result<> LogWriter::checkFile() {
+    struct stat status{};
+    if (!regular_ || broken_ || ::fstat(descriptor_, &status) != 0) return {};
+    const auto found = static_cast<std::uint64_t>(status.st_size);
+    if (status.st_nlink > 0 && found == size_) return {};
+    broken_ = true;
+    return fail(status.st_nlink == 0 ? "the log was deleted while it was written"
+                                     : fmt::format("the log was changed by someone else while it was written: it has "
+                                                   "{} bytes, {} were written",
+                                                   found, size_),
+                {}, file_.string());
+}
+
+Result<> LogWriter::writeKeyframe(const ChangeSet& changes) {
+    if (auto ok = checkFile(); !ok) return ok;
+    // The dictionary again where it costs at most an eighth; its hash each time, which is enough for the same program.
+    const bool full = !firstOfEpoch_ && size_ - fullHead_ > 8 * fullHeadRecord_.size();
+    const int copies = firstOfEpoch_ && record_.size() <= options_.repeatFirstUpTo ? 2 : 1;
+    for (int copy = 0; copy < copies; ++copy) {
+        if (auto ok = writeHead(full); !ok) return ok;
+        const std::uint64_t offset = size_;
+        if (auto ok = writeRecord(record_); !ok) return ok;
+        keyframes_.push_back({offset, changes.to, changes.time, head_});
+    }
+    if (changes.to > 0) firstOfEpoch_ = false;  // else the first state with anything in it is yet to come
+    keyframeSize_ = record_.size();
+    sinceKeyframe_ = 0;
+    return {};
+}
+
 Result<> LogWriter::write(const ChangeSet& changes) {
     if (changes.isSnapshot() && state_ != 0 && (changes.to != state_ || changes.hash != hash_))
-        if (auto ok = writeHead(); !ok) return ok;
+        if (auto ok = beginEpoch(); !ok) return ok;
     state_ = changes.to;
     hash_ = changes.hash;
     encoder_.encode(changes, record_);
-    const std::uint64_t offset = size_;
-    if (auto ok = writeRecord(record_); !ok) return ok;
-    if (changes.isSnapshot()) {
-        keyframes_.push_back({offset, changes.to, changes.time, head_});
-        keyframeSize_ = record_.size();
-        sinceKeyframe_ = 0;
-    } else {
-        sinceKeyframe_ += record_.size();
-    }
+    if (auto ok = changes.isSnapshot() ? writeKeyframe(changes) : writeRecord(record_); !ok) return ok;
+    if (!changes.isSnapshot()) sinceKeyframe_ += record_.size();
     ++frames_;
     if (options_.sync == LogOptions::Sync::always ||
         (options_.sync == LogOptions::Sync::atKeyframes && changes.isSnapshot()))
@@ -129,8 +177,10 @@ Result<> LogWriter::writeIndex() {
 
 Result<> LogWriter::close() {
     if (descriptor_ < 0) return {};
-    Result<> result;
-    if (!broken_) result = writeIndex();
+    Result<> result = checkFile();
+    // A reader of another version that finds the first head damaged shall find the dictionary here.
+    if (result && !broken_ && fullHead_ + fullHeadRecord_.size() < size_) result = writeHead(true);
+    if (result && !broken_) result = writeIndex();
     if (result && !broken_) result = flush();
     if (::close(descriptor_) != 0 && result) result = std::unexpected(failure("cannot close", errno));
     descriptor_ = -1;

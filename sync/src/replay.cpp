@@ -1,7 +1,6 @@
 #include <rtsg/sync/replay.h>
 
 #include <algorithm>
-#include <limits>
 
 #include <fmt/format.h>
 
@@ -10,8 +9,6 @@
 namespace rtsg {
 
 namespace {
-
-constexpr double kForever = std::numeric_limits<double>::infinity();
 
 /// "node.field" of a change, as far as it has them.
 void name(const Scene& scene, const Change& change, Divergence& into) {
@@ -52,53 +49,75 @@ Result<std::unique_ptr<Replayer>> Replayer::open(const std::filesystem::path& fi
     Result<LogReader> log = LogReader::open(file);
     if (!log) return std::unexpected(log.error());
     std::unique_ptr<Replayer> replayer(new Replayer(std::move(*log)));
-    const std::optional<LogReader::Record> first = replayer->log_.next();
-    if (!first) return fail("the head record is gone", {}, file.string());
-    if (auto ok = replayer->adoptHead(first->bytes); !ok) return std::unexpected(ok.error());
-    return replayer;
+    while (const std::optional<LogReader::Record> record = replayer->log_.next()) {
+        if (record->header.kind != RecordKind::head) continue;
+        if (auto ok = replayer->adoptHead(record->bytes); !ok) return std::unexpected(ok.error());
+        return replayer;
+    }
+    return fail("no intact head record", {}, file.string());
 }
 
 Result<> Replayer::adoptHead(std::span<const std::byte> record) {
+    const auto failed = [this](const Diagnostic& why) { return fail(why.text, {}, log_.file().string()); };
     Result<StreamHead> head = decodeHead(record, decoder_.localHash());
-    if (!head) return fail(head.error().text, {}, log_.file().string());
-    head_ = std::move(*head);
+    if (!head) return failed(head.error());
+    // Heads are repeated; one that says nothing new changes nothing.
+    if (headed_ && head->epoch == head_.epoch && head->dictionaryHash == head_.dictionaryHash) return {};
     lost_ = true;
-    if (auto ok = decoder_.setHead(head_); !ok) return fail(ok.error().text, {}, log_.file().string());
+    headed_ = false;
+    if (head->types.empty() && head->dictionaryHash != decoder_.localHash()) {
+        std::optional<StreamHead> full = log_.findDictionary(head->dictionaryHash);
+        if (!full)
+            return fail("the dictionary is gone with the heads that held it, and this program has another one", {},
+                        log_.file().string());
+        head->types = std::move(full->types);
+    }
+    head_ = std::move(*head);
+    if (auto ok = decoder_.setHead(head_); !ok) return failed(ok.error());
+    headed_ = true;
+    return {};
+}
+
+/// Whether the record is to be applied; notes gaps. A keyframe that repeats the state one is in is not.
+bool Replayer::leadsOn(const RecordHeader& header) {
+    const bool keyframe = header.kind == RecordKind::keyframe;
+    if (!keyframe && header.kind != RecordKind::frame) return false;
+    if (!headed_) return false;
+    if (!lost_) {
+        if (header.from == scene_->sequence() && !(keyframe && header.to == 0)) return true;
+        if (header.to <= scene_->sequence()) return false;
+        lost_ = true;
+        ++gaps_;
+    }
+    return keyframe;
+}
+
+Result<> Replayer::lose(std::uint64_t offset, std::uint64_t state, std::string_view why) {
+    lost_ = true;
+    return fail(fmt::format("at byte {}: state {}: {}", offset, state, why), {}, log_.file().string());
+}
+
+Result<> Replayer::apply(const LogReader::Record& record) {
+    const RecordHeader& header = record.header;
+    if (lost_ && (scene_->sequence() != 0 || frames_ != 0))
+        if (auto ok = scene_->reset(); !ok) return ok;
+    // Subscribers may still hold the last one.
+    if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
+    Result<> ok = decoder_.decode(record.bytes, *set_);
+    if (ok) ok = scene_->apply(set_);
+    if (!ok) return lose(record.offset, header.to, ok.error().text);
+    lost_ = false;
+    ++frames_;
+    check(header, *set_);
     return {};
 }
 
 /// True when the record brought the scene to a further state.
 Result<bool> Replayer::take(const LogReader::Record& record) {
-    const RecordHeader& header = record.header;
-    if (header.kind == RecordKind::head) {
+    if (record.header.kind == RecordKind::head)
         if (auto ok = adoptHead(record.bytes); !ok) return std::unexpected(ok.error());
-        return false;
-    }
-    if (header.kind != RecordKind::frame && header.kind != RecordKind::keyframe) return false;
-    const bool keyframe = header.kind == RecordKind::keyframe;
-    const bool follows = !lost_ && header.from == scene_->sequence();
-    if (!lost_ && !follows && header.to <= scene_->sequence()) return false;  // a keyframe for seeking only
-    if (!follows) {
-        if (!lost_) {
-            lost_ = true;
-            ++gaps_;
-        }
-        if (!keyframe) return false;
-        if (scene_->sequence() != 0 || frames_ != 0)
-            if (auto ok = scene_->reset(); !ok) return std::unexpected(ok.error());
-    }
-    // Subscribers may still hold the last one.
-    if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
-    Result<> ok = decoder_.decode(record.bytes, *set_);
-    if (ok) ok = scene_->apply(set_);
-    if (!ok) {
-        lost_ = true;
-        return fail(fmt::format("at byte {}: state {}: {}", record.offset, header.to, ok.error().text), {},
-                    log_.file().string());
-    }
-    lost_ = false;
-    ++frames_;
-    check(header, *set_);
+    if (!leadsOn(record.header)) return false;
+    if (auto ok = apply(record); !ok) return std::unexpected(ok.error());
     return true;
 }
 
@@ -141,7 +160,10 @@ std::optional<Divergence> Replayer::compareAtNextKeyframe() const {
     truth.setBehavioursEnabled(false);
     if (!suspect.apply(std::make_shared<const ChangeSet>(scene_->snapshot()))) return std::nullopt;
     while (const std::optional<LogReader::Record> record = ahead->next()) {
-        if (record->header.kind == RecordKind::head) return std::nullopt;
+        if (record->header.kind == RecordKind::head) {
+            const Result<StreamHead> head = decodeHead(record->bytes, decoder.localHash());
+            if (!head || head->epoch != head_.epoch) return std::nullopt;
+        }
         if (record->header.kind != RecordKind::frame && record->header.kind != RecordKind::keyframe) continue;
         const auto set = std::make_shared<ChangeSet>();
         if (!decoder.decode(record->bytes, *set)) return std::nullopt;
@@ -155,45 +177,84 @@ std::optional<Divergence> Replayer::compareAtNextKeyframe() const {
     return std::nullopt;
 }
 
-Result<bool> Replayer::stepUntil(double time) {
+Result<bool> Replayer::step() {
     while (const std::optional<LogReader::Record> record = log_.next()) {
-        const bool changes = record->header.kind == RecordKind::frame || record->header.kind == RecordKind::keyframe;
-        if (changes && record->header.time > time && frames_ > 0) {
-            log_.seek(record->offset);
-            return false;
-        }
         const Result<bool> moved = take(*record);
         if (!moved || *moved) return moved;
     }
     return false;
 }
 
-Result<bool> Replayer::step() {
-    return stepUntil(kForever);
+/// Brings the scene to a keyframe's state. False when it, or the head before it, is damaged.
+bool Replayer::startAt(const LogKeyframe& keyframe) {
+    const auto recordAt = [this](std::uint64_t offset, RecordKind kind) {
+        log_.seek(offset);
+        std::optional<LogReader::Record> record = log_.next();
+        if (record && (record->offset != offset || record->header.kind != kind)) record.reset();
+        return record;
+    };
+    const auto head = recordAt(keyframe.head, RecordKind::head);
+    if (!head || !adoptHead(head->bytes)) return false;
+    const auto record = recordAt(keyframe.offset, RecordKind::keyframe);
+    lost_ = true;
+    return record && record->header.to == keyframe.to && apply(*record);
+}
+
+/// Goes on to the last state that is not after `time`; frames between two heads come as one set.
+Result<> Replayer::composeUntil(double time) {
+    ChangeComposer composer;
+    ChangeSet set;
+    std::optional<RecordHeader> last;  // in the composer
+    const auto flush = [&]() -> Result<> {
+        if (!last) return {};
+        auto merged = std::make_shared<ChangeSet>(composer.take());
+        if (auto ok = scene_->apply(merged); !ok) return lose(log_.position(), last->to, ok.error().text);
+        ++frames_;
+        check(*last, *merged);
+        last.reset();
+        return {};
+    };
+    while (const std::optional<LogReader::Record> record = log_.next()) {
+        const RecordHeader& header = record->header;
+        const bool frame = header.kind == RecordKind::frame;
+        if (header.kind == RecordKind::head) {
+            if (auto ok = flush(); !ok) return ok;
+            if (auto ok = adoptHead(record->bytes); !ok) return ok;
+        } else if (!frame && header.kind != RecordKind::keyframe) {
+            continue;
+        } else if (header.time > time) {
+            log_.seek(record->offset);
+            break;
+        } else if (frame && !lost_ && header.from == (last ? last->to : scene_->sequence())) {
+            if (auto ok = decoder_.decode(record->bytes, set); !ok)
+                return lose(record->offset, header.to, ok.error().text);
+            composer.add(set);
+            last = header;
+        } else {
+            if (auto ok = flush(); !ok) return ok;
+            if (leadsOn(header))
+                if (auto ok = apply(*record); !ok) return ok;
+        }
+    }
+    return flush();
 }
 
 Result<> Replayer::seek(double time) {
     const std::vector<LogKeyframe>& keyframes = log_.keyframes();
     if (keyframes.empty()) return fail("no keyframe to start from", {}, log_.file().string());
-    const LogKeyframe* best = &keyframes.front();
-    for (const LogKeyframe& keyframe : keyframes)
-        if (keyframe.time <= time) best = &keyframe;
-    const bool ahead = !lost_ && scene_->now() <= time && best->offset < log_.position();
+    std::size_t best = 0;
+    for (std::size_t i = 0; i < keyframes.size(); ++i)
+        if (keyframes[i].time <= time) best = i;
+    const bool ahead = !lost_ && scene_->now() <= time && keyframes[best].offset < log_.position();
     if (!ahead) {
-        log_.seek(best->head);
-        const std::optional<LogReader::Record> head = log_.next();
-        if (!head || head->header.kind != RecordKind::head)
-            return fail(fmt::format("at byte {}: no head record", best->head), {}, log_.file().string());
-        if (auto ok = adoptHead(head->bytes); !ok) return ok;
-        log_.seek(best->offset);
-        const Result<bool> first = step();
-        if (!first) return std::unexpected(first.error());
+        // A damaged keyframe costs the way from the one before it; the first ones have nothing before them.
+        std::size_t tried = best + 1;
+        while (tried > 0 && !startAt(keyframes[tried - 1])) --tried;
+        for (std::size_t i = best + 1; tried == 0 && i < keyframes.size(); ++i)
+            if (startAt(keyframes[i])) tried = i + 1;
+        if (tried == 0) return fail("no intact keyframe to start from", {}, log_.file().string());
     }
-    while (true) {
-        const Result<bool> moved = stepUntil(time);
-        if (!moved) return std::unexpected(moved.error());
-        if (!*moved) return {};
-    }
+    return composeUntil(time);
 }
 
 Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b) {

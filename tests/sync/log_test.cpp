@@ -1,118 +1,17 @@
 #include <rtsg/sync/log.h>
 
-#include <csignal>
-#include <fstream>
-
 #include <gtest/gtest.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/replay.h>
 
-#include "support/random_edits.h"
+#include "support/log_support.h"
 
 namespace rtsg {
 namespace {
 
-std::string readAll(const std::filesystem::path& file) {
-    std::ifstream in(file, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-}
-void writeAll(const std::filesystem::path& file, std::string_view bytes) {
-    std::filesystem::remove(file);  // some file systems wait for the disk when a file is overwritten
-    std::ofstream(file, std::ios::binary | std::ios::trunc).write(bytes.data(), std::streamsize(bytes.size()));
-}
-std::span<const std::byte> asBytes(std::string_view text) {
-    return std::as_bytes(std::span(text.data(), text.size()));
-}
-
-class Log : public testing::Test {
-  protected:
-    Log() {
-        char pattern[] = "/tmp/rtsg-log-XXXXXX";
-        folder = mkdtemp(pattern);
-    }
-    ~Log() override { std::filesystem::remove_all(folder); }
-    std::filesystem::path file(std::string_view name = "a.rlog") const { return folder / name; }
-
-    /// What a state was at each number.
-    struct Recorded {
-        std::map<std::uint64_t, std::string> dumps;
-        std::map<std::uint64_t, double> times;
-        std::uint64_t last = 0;
-    };
-    /// `frames` frames of random edits, a tenth of a second apart, each with its dump.
-    static Recorded record(const std::filesystem::path& path, int frames, std::uint64_t seed, LogOptions options = {}) {
-        Recorded result;
-        Scene scene;
-        auto log = LogWriter::create(path, builtinTypes(), options);
-        EXPECT_TRUE(log) << log.error().text;
-        Attachment attachment = scene.bus().attach(**log);
-        test::RandomEdits edits(scene, seed);
-        for (int frame = 0; frame < frames; ++frame) {
-            for (int i = 0; i < 6; ++i) edits.step();
-            scene.newFrame(frame * .1);
-            result.dumps[scene.sequence()] = scene.dump();
-            result.times[scene.sequence()] = scene.now();
-        }
-        EXPECT_EQ(attachment.failure(), "");
-        const Result<> closed = (*log)->close();
-        EXPECT_TRUE(closed) << closed.error().text;
-        result.last = scene.sequence();
-        return result;
-    }
-
-    struct Replayed {
-        std::vector<std::uint64_t> states;
-        std::size_t damage = 0;
-        std::uint64_t damageAt = 0;
-        bool opened = false;
-    };
-    /// Replays, and expects every state that is reached to be the recorded one.
-    static Replayed replay(const std::filesystem::path& path, const Recorded& recorded) {
-        Replayed result;
-        auto replayer = Replayer::open(path);
-        if (!replayer) {
-            EXPECT_NE(replayer.error().text.find("at byte"), std::string::npos) << replayer.error().text;
-            return result;
-        }
-        result.opened = true;
-        while (true) {
-            const Result<bool> more = (*replayer)->step();
-            EXPECT_TRUE(more) << more.error().text;
-            if (!more || !*more) break;
-            const std::uint64_t state = (*replayer)->scene().sequence();
-            if (state > 0) {
-                EXPECT_EQ((*replayer)->scene().dump(), recorded.dumps.at(state)) << "state " << state;
-                result.states.push_back(state);
-            }
-        }
-        EXPECT_FALSE((*replayer)->divergence());
-        result.damage = (*replayer)->log().damage().size();
-        if (result.damage) result.damageAt = (*replayer)->log().damage().front().offset;
-        return result;
-    }
-    /// Offset, header of each record of an intact file.
-    static std::vector<std::pair<std::uint64_t, RecordHeader>> recordsOf(const std::filesystem::path& path) {
-        std::vector<std::pair<std::uint64_t, RecordHeader>> result;
-        auto log = LogReader::open(path);
-        while (const auto record = log->next()) result.emplace_back(record->offset, record->header);
-        EXPECT_TRUE(log->damage().empty());
-        return result;
-    }
-
-    std::filesystem::path folder;
-};
-
-/// Keyframes close together, so that a short log has several.
-LogOptions denseKeyframes() {
-    LogOptions options;
-    options.keyframeBytes = 200;
-    options.keyframeFactor = 1;
-    return options;
-}
+using namespace test;
+using Log = LogFolder;
 
 TEST_F(Log, ReplaysEveryStateForManySeeds) {
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
@@ -125,71 +24,6 @@ TEST_F(Log, ReplaysEveryStateForManySeeds) {
         if (seed % 2 == 0) {
             EXPECT_GT(LogReader::open(file())->keyframes().size(), 3u);
         }
-    }
-}
-
-TEST_F(Log, EveryTruncationKeepsWhatCameBeforeAndIsReported) {
-    const Recorded recorded = record(file(), 6, 7, denseKeyframes());
-    const std::string bytes = readAll(file());
-    const auto records = recordsOf(file());
-    const std::size_t headEnd = records[0].second.size();
-    for (std::size_t size = 0; size < bytes.size(); size += size + 997 < headEnd ? 997 : 1) {
-        SCOPED_TRACE(testing::Message() << "cut to " << size << " bytes");
-        writeAll(file("cut.rlog"), std::string_view(bytes).substr(0, size));
-        const Replayed replayed = replay(file("cut.rlog"), recorded);
-        std::uint64_t lastWhole = 0;
-        bool atBoundary = false;
-        for (const auto& [offset, header] : records) {
-            if (offset + header.size() <= size && header.kind != RecordKind::index) lastWhole = header.to;
-            atBoundary |= offset + header.size() == size;
-        }
-        EXPECT_EQ(replayed.opened, size >= records[0].second.size());
-        EXPECT_EQ(replayed.states.empty() ? 0 : replayed.states.back(), lastWhole);
-        if (replayed.opened) {
-            EXPECT_EQ(replayed.damage, atBoundary ? 0u : 1u);
-        }
-        if (HasFailure()) return;
-    }
-}
-
-TEST_F(Log, EveryFlippedByteIsReportedAndTheRestRecoveredFromTheNextKeyframe) {
-    const Recorded recorded = record(file(), 6, 8, denseKeyframes());
-    const std::string bytes = readAll(file());
-    const auto records = recordsOf(file());
-    const std::size_t headEnd = records[0].second.size();
-    for (std::size_t at = 0; at < bytes.size(); at += at + 997 < headEnd ? 997 : 1) {
-        SCOPED_TRACE(testing::Message() << "byte " << at << " flipped");
-        std::string bent = bytes;
-        bent[at] = static_cast<char>(bent[at] ^ (1 << (at % 8)));
-        writeAll(file("bent.rlog"), bent);
-        const Replayed replayed = replay(file("bent.rlog"), recorded);
-        if (at < headEnd) {
-            EXPECT_FALSE(replayed.opened);
-            continue;
-        }
-        ASSERT_EQ(replayed.damage, 1u);
-        std::size_t hit = 0;
-        while (hit + 1 < records.size() && records[hit + 1].first <= at) ++hit;
-        EXPECT_EQ(replayed.damageAt, records[hit].first);
-        // Everything before the damaged record; then nothing until a keyframe; then everything.
-        std::vector<std::uint64_t> expected;
-        std::uint64_t state = 0;
-        bool lost = false;
-        for (std::size_t i = 1; i < records.size(); ++i) {
-            const RecordHeader& header = records[i].second;
-            if (header.kind == RecordKind::index) continue;
-            if (i == hit) {
-                lost = header.kind == RecordKind::frame || header.to != state;
-                continue;
-            }
-            if (lost && header.kind != RecordKind::keyframe) continue;
-            if (!lost && header.to <= state && !(header.to == 0)) continue;
-            lost = false;
-            state = header.to;
-            if (state > 0) expected.push_back(state);
-        }
-        EXPECT_EQ(replayed.states, expected);
-        if (HasFailure()) return;
     }
 }
 
@@ -270,75 +104,6 @@ TEST_F(Log, AnAppendedLogReplaysBothSessions) {
     EXPECT_GE(states, 18u);
     EXPECT_TRUE((*replayer)->log().damage().empty());
     ASSERT_TRUE((*replayer)->seek(.5));
-}
-
-TEST_F(Log, KilledAtAnyMomentKeepsEveryAcknowledgedFrame) {
-    int acknowledged[2];
-    ASSERT_EQ(pipe(acknowledged), 0);
-    const pid_t child = fork();
-    ASSERT_GE(child, 0);
-    if (child == 0) {
-        auto log = LogWriter::create(file(), builtinTypes());
-        Scene scene;
-        Attachment attachment = scene.bus().attach(**log);
-        test::RandomEdits edits(scene, 77);
-        for (int frame = 0;; ++frame) {
-            for (int i = 0; i < 6; ++i) edits.step();
-            scene.newFrame(frame * .1);
-            const std::uint64_t state = scene.sequence();
-            if (::write(acknowledged[1], &state, sizeof(state)) < 0) _exit(1);
-        }
-    }
-    std::uint64_t state = 0;
-    while (state < 200) ASSERT_EQ(::read(acknowledged[0], &state, sizeof(state)), ssize_t(sizeof(state)));
-    kill(child, SIGKILL);
-    waitpid(child, nullptr, 0);
-    close(acknowledged[1]);
-    while (::read(acknowledged[0], &state, sizeof(state)) == ssize_t(sizeof(state))) {
-    }
-    close(acknowledged[0]);
-    auto replayer = Replayer::open(file());
-    ASSERT_TRUE(replayer);
-    while (*(*replayer)->step()) {
-    }
-    EXPECT_GE((*replayer)->scene().sequence(), state);
-    EXPECT_EQ((*replayer)->frames(), (*replayer)->verified());
-}
-
-TEST_F(Log, AFullDiskDetachesTheLogAndLeavesWholeRecords) {
-    const Result<std::unique_ptr<LogWriter>> none = LogWriter::create("/dev/full", builtinTypes());
-    ASSERT_FALSE(none);
-    EXPECT_NE(none.error().text.find("No space left"), std::string::npos) << none.error().text;
-    EXPECT_EQ(none.error().file, "/dev/full");
-
-    rlimit before{};
-    getrlimit(RLIMIT_FSIZE, &before);
-    const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-    auto log = LogWriter::create(file(), builtinTypes());
-    ASSERT_TRUE(log);
-    rlimit limit = before;
-    limit.rlim_cur = (*log)->bytes() + 2000;
-    setrlimit(RLIMIT_FSIZE, &limit);
-    Scene scene;
-    std::string reported;
-    scene.bus().setReporter([&](const Diagnostic& d) { reported = d.text; });
-    Attachment attachment = scene.bus().attach(**log);
-    test::RandomEdits edits(scene, 5);
-    for (int frame = 0; frame < 200 && attachment.attached(); ++frame) {
-        for (int i = 0; i < 6; ++i) edits.step();
-        scene.newFrame(frame);
-    }
-    setrlimit(RLIMIT_FSIZE, &before);
-    std::signal(SIGXFSZ, handler);
-    EXPECT_FALSE(attachment.attached());
-    EXPECT_NE(reported.find("cannot write"), std::string::npos) << reported;
-    EXPECT_TRUE((*log)->close());
-    auto replayer = Replayer::open(file());
-    ASSERT_TRUE(replayer);
-    while (*(*replayer)->step()) {
-    }
-    EXPECT_TRUE((*replayer)->log().damage().empty());
-    EXPECT_GT((*replayer)->frames(), 1u);
 }
 
 TEST_F(Log, RefusesWhatIsNoLog) {

@@ -155,7 +155,7 @@ fresh = lambda: {"nodes": {1: 0}, "values": {}, "names": {}, "routes": set()}
 
 def main(path, show_values):
     data = open(path, "rb").read()
-    at, state, at_state, types, frames, damaged = 0, fresh(), None, {}, 0, None
+    at, state, at_state, at_epoch, types, frames, damaged = 0, fresh(), None, None, {}, 0, None
     while at < len(data):
         head = data[at:at + 64]
         length = int.from_bytes(head[18:24], "little")
@@ -173,8 +173,11 @@ def main(path, show_values):
             r = Reader(payload)
             version, epoch, _, creator = r.number("I"), r.number("Q"), r.number("Q"), r.text()
             d = r.part()
+            if epoch == at_epoch:  # a repetition
+                at += 64 + length
+                continue
             types = dict(enumerate(read_type(d) for _ in range(d.varint())))
-            at_state = None
+            at_state, at_epoch = None, epoch
             print(json.dumps({"head": version, "epoch": epoch, "creator": creator, "types": len(types)}))
         elif kind in (2, 3) and (origin == at_state or (kind == 3 and (at_state is None or to > at_state))):
             if origin != at_state:

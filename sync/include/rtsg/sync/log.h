@@ -1,10 +1,12 @@
-// Log: a file of records (record.h): a head, then keyframes and frames, the same bytes as on the wire, and at the end
-// an index of the keyframes.
+// Log: a file of records (record.h): heads, keyframes and frames, the same bytes as on the wire, and at the end an
+// index of the keyframes.
 //
-// Invariant: a record is written with one write() before apply() returns, so a killed process loses nothing it has
-// acknowledged (the page cache outlives it; Options::sync asks for more). A reader keeps every intact record,
-// reports the bytes it had to skip, and rebuilds the index where it is missing.
-// Threading: one thread an object. A log may be read while it is written.
+// Invariant: a record is written with one write() before apply() returns; a state is acknowledged once apply() has
+// returned, and a killed process loses none of those (the page cache outlives it; LogOptions::sync asks for more).
+// What a reader needs is repeated before every keyframe, so damage costs at most the frames up to the next keyframe.
+// A reader keeps every intact record, reports the bytes it had to skip, and rebuilds the index where it is missing.
+// Threading: one thread an object. A log may be read while it is written. Files are read, never mapped: one that
+// shrinks under its reader reads as cut short.
 #pragma once
 
 #include <cstdint>
@@ -17,6 +19,7 @@
 #include <rtsg/core/bus.h>
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/sync/change_codec.h>
+#include <rtsg/sync/dictionary.h>
 #include <rtsg/sync/record.h>
 
 namespace rtsg {
@@ -26,6 +29,7 @@ struct LogKeyframe {
     std::uint64_t to = 0;      // the state it holds
     double time = 0;           // seconds
     std::uint64_t head = 0;    // offset of the head record that explains its numbers
+    friend bool operator==(const LogKeyframe&, const LogKeyframe&) = default;
 };
 
 struct LogOptions {
@@ -34,6 +38,9 @@ struct LogOptions {
     /// the last keyframe: its cost then stays a fixed share of the frames'.
     std::uint64_t keyframeBytes = std::uint64_t{1} << 20;
     double keyframeFactor = 2;
+    /// The first keyframe of an epoch is written twice if it is not longer than this: nothing before it could stand
+    /// in for it.
+    std::uint64_t repeatFirstUpTo = std::uint64_t{1} << 20;
     /// When the data has to be on the medium itself, not only with the system: costs milliseconds each time.
     enum class Sync : std::uint8_t { atClose, atKeyframes, always } sync = Sync::atClose;
     /// Goes on behind the last intact record of an existing log instead of replacing it.
@@ -42,7 +49,8 @@ struct LogOptions {
 
 class LogWriter : public Subscriber {
   public:
-    /// `types`: what TypeIndex numbers mean, builtinTypes() for any scene.
+    /// `types`: what TypeIndex numbers mean, builtinTypes() for any scene. Fails when the file cannot be written or
+    /// another writer has it open.
     static Result<std::unique_ptr<LogWriter>> create(const std::filesystem::path& file, TypeTable types,
                                                      LogOptions options = {});
     ~LogWriter() override;
@@ -51,8 +59,9 @@ class LogWriter : public Subscriber {
     std::string subscriberName() const override { return "log " + file_.string(); }
 
     /// As apply, without the scene: writes no keyframes but those given. A snapshot of another state than the last
-    /// one written begins a new epoch: the scene was a replica that joined anew. After an error the file ends with
-    /// the last whole record and nothing more is written.
+    /// one written begins a new epoch: the scene was a replica that joined anew. After an error (the disk is full; the
+    /// file was deleted or cut by someone else, which is noticed at the next keyframe or at close) nothing more is
+    /// written; what was is left ending with the last whole record.
     Result<> write(const ChangeSet& changes);
     /// Writes the index, flushes, closes. Errors of this last step are only seen here; the destructor does the same.
     Result<> close();
@@ -63,9 +72,12 @@ class LogWriter : public Subscriber {
 
   private:
     LogWriter(std::filesystem::path file, TypeTable types, LogOptions options);
-    Result<> writeHead();
+    Result<> beginEpoch();
+    Result<> writeHead(bool full);
+    Result<> writeKeyframe(const ChangeSet& changes);
     Result<> writeRecord(const ByteBuffer& record);
     Result<> writeIndex();
+    Result<> checkFile();
     Result<> flush();
     Diagnostic failure(std::string_view what, int error) const;
 
@@ -76,11 +88,12 @@ class LogWriter : public Subscriber {
     bool broken_ = false;
     std::uint64_t state_ = 0;  // last one written, its hash beside it
     Hash128 hash_;
-    std::uint64_t epoch_ = 0, size_ = 0, frames_ = 0, head_ = 0;
+    std::uint64_t epoch_ = 0, size_ = 0, frames_ = 0, head_ = 0, fullHead_ = 0;
     std::uint64_t sinceKeyframe_ = 0, keyframeSize_ = 0;
+    bool regular_ = true, firstOfEpoch_ = true;
     std::vector<LogKeyframe> keyframes_;
     ChangeEncoder encoder_;
-    ByteBuffer record_;
+    ByteBuffer record_, fullHeadRecord_, shortHeadRecord_;
 };
 
 /// Bytes that no intact record covers.
@@ -91,7 +104,7 @@ struct LogDamage {
 
 class LogReader {
   public:
-    /// Fails when there is no such file or its first record is no intact head.
+    /// Fails when there is no such file or not one intact record in it.
     static Result<LogReader> open(const std::filesystem::path& file, std::uint64_t maxPayload = kMaxPayload);
     LogReader(LogReader&& other) noexcept;
     LogReader& operator=(LogReader&& other) noexcept;
@@ -109,7 +122,10 @@ class LogReader {
     std::uint64_t position() const { return position_; }
     std::uint64_t size() const { return size_; }
 
-    /// In file order; from the index at the end or, without an intact one, from a scan of the record headers.
+    /// The nearest intact head, from the file's start, that holds the dictionary of that hash. Leaves the position.
+    std::optional<StreamHead> findDictionary(std::uint64_t hash);
+
+    /// In file order; from the index at the end or, without an intact one, from a scan of the records.
     const std::vector<LogKeyframe>& keyframes();
     bool hadIndex() const { return hadIndex_; }
 

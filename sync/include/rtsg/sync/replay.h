@@ -35,8 +35,8 @@ class Replayer {
     /// Brings the scene to the log's next state. False at the end. An error means that an intact record could not be
     /// applied; stepping on then resumes at the next keyframe.
     Result<bool> step();
-    /// To the last state whose time is not after `time` (the first one if all are): from the nearest keyframe, or
-    /// from where it is if that is nearer.
+    /// To the last state whose time is not after `time` (the first one if all are): from the nearest intact keyframe,
+    /// or from where it is if that is nearer. Subscribers get the keyframe and one set with all that came after it.
     Result<> seek(double time);
 
     std::uint64_t frames() const { return frames_; }      // states reached by step() and seek()
@@ -49,9 +49,13 @@ class Replayer {
 
   private:
     explicit Replayer(LogReader log);
-    Result<bool> stepUntil(double time);
     Result<bool> take(const LogReader::Record& record);
+    bool leadsOn(const RecordHeader& header);
+    Result<> apply(const LogReader::Record& record);
     Result<> adoptHead(std::span<const std::byte> record);
+    bool startAt(const LogKeyframe& keyframe);
+    Result<> composeUntil(double time);
+    Result<> lose(std::uint64_t offset, std::uint64_t state, std::string_view why);
     void check(const RecordHeader& header, const ChangeSet& set);
     std::optional<Divergence> compareAtNextKeyframe() const;
 
@@ -59,7 +63,8 @@ class Replayer {
     StreamHead head_;
     ChangeDecoder decoder_;
     std::unique_ptr<Scene> scene_;
-    bool lost_ = true;  // waiting for a keyframe
+    bool headed_ = false;  // head_ is of this epoch
+    bool lost_ = true;     // waiting for a keyframe
     std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0;
     std::optional<Divergence> divergence_;
     std::shared_ptr<ChangeSet> set_;
