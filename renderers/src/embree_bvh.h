@@ -71,6 +71,7 @@ class MeshBvh {
     /// Of the last commit, in the mesh's frame.
     const RTCBounds& bounds() const { return bounds_; }
     bool refitted() const { return refitted_; }
+    const Array<std::int32_t>& indexInUse() const { return indexInUse_; }
 
   private:
     std::shared_ptr<const Mesh> mesh_;
@@ -110,6 +111,13 @@ class Group {
     void forEach(Visit visit) const {
         for (std::size_t i = 0; i < entries_.size(); ++i)
             if (entries_[i].geometry && !entries_[i].isHidden) visit(slots_[i]);
+    }
+
+    /// Calls visit(Triangles) for everything attached.
+    template <class Visit>
+    void forEachArray(Visit visit) const {
+        for (const Entry& entry : entries_)
+            if (entry.geometry) visit(entry.triangles);
     }
 
     std::uint32_t topObject = InstanceTree::kNone;  // the owner's note

@@ -146,7 +146,7 @@ void Flattener::Impl::makePlaced(std::uint32_t index, const Node& node, const Ty
     thing.node = o.node;
     thing.kind = role.kind;
     thing.layer = o.layer;
-    thing.mobility = o.moving ? Mobility::moving : Mobility::unknown;
+    thing.motion = o.moving ? Motion::moving : Motion::unknown;
     thing.worldFromLocal = frames[o.frame];
     o.isLocal = role.kind == PlacedKind::clipPlane ||
                 (role.kind == PlacedKind::light && role.global != kNoField && !flatten::read<bool>(node, role.global));
@@ -172,7 +172,7 @@ bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole
     };
     bool changed = false;
     if (change(instance.geometry, geometry, &NodeState::geometryUses)) {
-        instance.mobility = moving || deforms(geometry) ? Mobility::moving : Mobility::unknown;
+        instance.motion = moving || deforms(geometry) ? Motion::moving : Motion::unknown;
         changed = true;
     }
     changed |= change(instance.appearance, appearance, &NodeState::appearanceUses);

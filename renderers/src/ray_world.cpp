@@ -54,31 +54,6 @@ std::uint64_t RayWorld::badRays() const {
     return impl_->badRays.load(std::memory_order_relaxed);
 }
 
-RayWorld::Stats RayWorld::stats() const {
-    Stats stats = impl_->stats;
-    for (const auto& [node, entry] : impl_->meshes) {
-        if (!entry.mesh) continue;
-        ++stats.meshes;
-        stats.uniqueTriangles += entry.mesh->triangleCount;
-        stats.meshBytes += memoryUse(*entry.mesh);
-    }
-    for (std::size_t slot = 0; slot < instances_.size(); ++slot) {
-        if (!instances_[slot].info.id) continue;
-        const Impl::Place& place = impl_->places[slot];
-        ++stats.instances;
-        if (place.kind != Impl::Kind::none) {
-            ++stats.traced;
-            stats.instancedTriangles += place.mesh->mesh->triangleCount;
-        }
-        stats.baked += place.kind == Impl::Kind::baked;
-        stats.culled += place.culled;
-    }
-    stats.groups = impl_->groups.size();
-    stats.bvhBytes = impl_->device.bytes() + impl_->top.bytes();
-    stats.topBuilds = impl_->top.builds();
-    return stats;
-}
-
 // ---- following the delta ------------------------------------------------------------------------------------------
 
 void RayWorld::Impl::apply(const InstanceDelta& delta) {

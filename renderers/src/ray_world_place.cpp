@@ -93,7 +93,7 @@ bool RayWorld::Impl::shouldBake(std::uint32_t slot, bool bulk) const {
         case Mapping::hybrid:
             break;
     }
-    if (!bulk || place.moves || place.mesh->deforms || world->instances_[slot].info.mobility == Mobility::moving)
+    if (!bulk || place.moves || place.mesh->deforms || world->instances_[slot].info.motion == Motion::moving)
         return false;
     return place.mesh->users.size() == 1 || place.mesh->mesh->triangleCount <= kSmallMesh;
 }

@@ -514,7 +514,7 @@ TEST_F(FlattenerCase, RoutedThingsAreSaidToMove) {
     EXPECT_TRUE(scene.addRoute(interpolator, x3d::PositionInterpolator::value_changed.index, t,
                                x3d::Transform::translation.index));
     for (const Instance& i : seal().added) {
-        EXPECT_EQ(i.mobility, i.shape == moving ? Mobility::moving : Mobility::unknown);
+        EXPECT_EQ(i.motion, i.shape == moving ? Motion::moving : Motion::unknown);
         EXPECT_TRUE(i.shape == moving || i.shape == resting);
     }
 }

@@ -92,7 +92,7 @@ TEST(RayWorld, RandomScenesAgreeWithBruteForceInEveryMapping) {
                 const std::uint32_t g = random() % 4;
                 Instance instance =
                     makeInstance(static_cast<std::uint32_t>(i), NodeId{10 + g}, randomTransform(random, 10));
-                instance.mobility = random() % 3 ? Mobility::unknown : Mobility::moving;
+                instance.motion = random() % 3 ? Motion::unknown : Motion::moving;
                 delta.added.push_back(instance);
                 truth.things[instance.id.slot] = {instance, meshes[g]};
             }
@@ -178,7 +178,7 @@ TEST(RayWorld, MirroredInstanceKeepsItsOutside) {
         InstanceDelta delta;
         delta.geometries.push_back({NodeId{1}, makeSphere(2)});
         delta.added.push_back(makeInstance(0, NodeId{1}, scaling({-1, 1, 1})));
-        delta.added.back().mobility = moving ? Mobility::moving : Mobility::unknown;
+        delta.added.back().motion = moving ? Motion::moving : Motion::unknown;
         world.apply(delta);
         const Hit hit = world.intersect({{.1f, .2f, 5}, 0, {0, 0, -1}});
         ASSERT_TRUE(hit);
@@ -327,7 +327,7 @@ TEST(RayWorld, LeavingRaysDoNotHitTheSurfaceTheyLeave) {
                 for (int i = 0; i < 3; ++i) m[i] *= scale;
                 m[3] = Vec3d(offset, 0, 0);
                 delta.added.push_back(makeInstance(0, NodeId{1}, m));
-                for (Instance& i : delta.added) i.mobility = moving ? Mobility::moving : Mobility::fixed;
+                for (Instance& i : delta.added) i.motion = moving ? Motion::moving : Motion::fixed;
                 world.apply(delta);
                 int hits = 0, falseHits = 0;
                 for (int i = 0; i < 20000; ++i) {
@@ -357,7 +357,7 @@ TEST(RayWorld, ShapesWithoutShadowLetShadowRaysThrough) {
         InstanceDelta delta;
         delta.geometries.push_back({NodeId{1}, makeBox()});
         Instance instance = makeInstance(0, NodeId{1});
-        instance.mobility = moving ? Mobility::moving : Mobility::fixed;
+        instance.motion = moving ? Motion::moving : Motion::fixed;
         instance.castShadow = false;
         delta.added.push_back(instance);
         world.apply(delta);
@@ -431,6 +431,41 @@ TEST(RayWorld, ThousandsOfAdditionsAndRemovalsLeaveNothingBehind) {
     EXPECT_TRUE(world.bounds().empty());
     EXPECT_EQ(world.stats().meshes, 0u);
     EXPECT_EQ(world.stats().groups, 0u);
+}
+
+// The scene's arrays are read in place: whatever else holds them makes them the scene's.
+TEST(RayWorld, MemoryTellsTheScenesArraysFromItsOwn) {
+    RayWorld world;
+    const auto sphere = makeSphere(4), box = makeBox();
+    const Array<Vec3f> heldByTheScene = sphere->positions;
+    InstanceDelta delta;
+    delta.geometries.push_back({NodeId{1}, sphere});
+    delta.geometries.push_back({NodeId{2}, box});
+    delta.added.push_back(makeInstance(0, NodeId{1}));
+    delta.added.push_back(makeInstance(1, NodeId{2}, translation({9, 0, 0})));
+    world.apply(delta);
+    const RayWorld::Memory one = world.memory();
+    EXPECT_EQ(one.instances, 2u);
+    EXPECT_EQ(one.triangles, sphere->triangleCount + box->triangleCount);
+    EXPECT_EQ(one.instancedTriangles, one.triangles);
+    EXPECT_EQ(one.sceneBytes, sphere->positions.size() * sizeof(Vec3f));
+    EXPECT_EQ(one.tessellatedBytes, (sphere->triangles.size() + box->triangles.size()) * sizeof(std::int32_t) +
+                                        box->positions.size() * sizeof(Vec3f));
+    EXPECT_GT(one.bvhBytes, one.triangles * 20);
+    EXPECT_GT(one.instanceBytes, 2 * sizeof(RayInstance));
+    EXPECT_EQ(one.total(), one.sceneBytes + one.tessellatedBytes + one.copyBytes + one.bvhBytes + one.instanceBytes);
+    EXPECT_DOUBLE_EQ(one.sceneBytesPerTriangle() * static_cast<double>(one.triangles),
+                     static_cast<double>(one.sceneBytes + one.tessellatedBytes));
+    // A hundred more of the sphere cost records, not triangles.
+    InstanceDelta more;
+    for (std::uint32_t i = 2; i < 102; ++i)
+        more.added.push_back(makeInstance(i, NodeId{1}, translation({0, 9.0 * i, 0})));
+    world.apply(more);
+    const RayWorld::Memory many = world.memory();
+    EXPECT_EQ(many.triangles, one.triangles);
+    EXPECT_EQ(many.instancedTriangles, one.instancedTriangles + 100 * sphere->triangleCount);
+    EXPECT_EQ(many.sceneBytes, one.sceneBytes);
+    EXPECT_LT(many.copyBytes + many.bvhBytes, 2 * (one.copyBytes + one.bvhBytes) + 65536);
 }
 
 TEST(RayWorld, ManyThreadsMayAskAtOnce) {

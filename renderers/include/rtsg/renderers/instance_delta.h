@@ -47,7 +47,7 @@ WorldFromLocal identityTransform();
 bool isFinite(const WorldFromLocal& m);
 
 /// What is known about how often a thing will move; a hint that no result depends on.
-enum class Mobility : std::uint8_t { unknown, fixed, moving };
+enum class Motion : std::uint8_t { unknown, fixed, moving };
 
 /// A Shape at the end of one path. Geometry may be NULL; `appearance` too (then X3D's default: unlit white).
 struct Instance {
@@ -58,7 +58,7 @@ struct Instance {
     NodeId acoustics;         // AcousticProperties of the appearance, or of the nearest group above that has one
     ScopeId scope;            // innermost place that holds a local light
     std::uint16_t layer = 0;  // index in LayerSet.layers, from 1; 0 is the scene outside any LayerSet
-    Mobility mobility = Mobility::unknown;
+    Motion motion = Motion::unknown;
     bool castShadow = true;
     WorldFromLocal worldFromLocal{1.0};
 };
@@ -74,7 +74,7 @@ struct Placed {
     /// one or below it. Of a clip plane: likewise.
     ScopeId scope;
     std::uint16_t layer = 0;
-    Mobility mobility = Mobility::unknown;
+    Motion motion = Motion::unknown;
     WorldFromLocal worldFromLocal{1.0};
 };
 

@@ -116,6 +116,21 @@ class RayWorld {
         double applySeconds = 0;
     };
 
+    /// Where the bytes are. The scene's own arrays are read in place; what else there is, is the price of tracing.
+    struct Memory {
+        std::size_t triangles = 0;           // of the distinct meshes
+        std::size_t instancedTriangles = 0;  // what rays see
+        std::size_t instances = 0;
+        std::size_t sceneBytes = 0;        // arrays that scene and tracer share
+        std::size_t tessellatedBytes = 0;  // arrays that the tessellation made (primitives, polygons, normals)
+        std::size_t copyBytes = 0;         // positions of merged triangles that had to leave their own frame
+        std::size_t bvhBytes = 0;          // Embree's, by its memory monitor
+        std::size_t instanceBytes = 0;     // records per instance and the tree over them
+        std::size_t total() const { return sceneBytes + tessellatedBytes + copyBytes + bvhBytes + instanceBytes; }
+        double sceneBytesPerTriangle() const;  // scene and tessellation
+        double bvhBytesPerTriangle() const;    // copies and BVH
+    };
+
     RayWorld();
     explicit RayWorld(const Options& options);
     ~RayWorld();
@@ -159,6 +174,8 @@ class RayWorld {
     /// Counts apply() calls that changed anything: caches keyed by it know when to forget.
     std::uint64_t version() const { return version_; }
     Stats stats() const;
+    /// Looks at every mesh and instance.
+    Memory memory() const;
     std::uint64_t badRays() const;
     const Diagnostics& diagnostics() const { return diagnostics_; }
     void clearDiagnostics() { diagnostics_ = Diagnostics(); }

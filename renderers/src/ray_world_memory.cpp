@@ -1,0 +1,112 @@
+// How much there is, and where its bytes are.
+#include <unordered_map>
+
+#include "ray_world_impl.h"
+
+namespace rtsg {
+
+namespace {
+
+/// Distinct arrays, with how many of their owners are known here: whoever else holds one is the scene.
+class Arrays {
+  public:
+    template <class T>
+    void add(const Array<T>& array) {
+        if (!array.empty()) add(array.header());
+    }
+    void add(const MeshAttribute& attribute) {
+        add(attribute.indices());
+        // Whatever the type of its values, the header lies before them (array.h).
+        if (attribute.present()) add(reinterpret_cast<const detail::ArrayHeader*>(attribute.data()) - 1);
+    }
+    void add(const Mesh& mesh) {
+        add(mesh.positions);
+        add(mesh.triangles);
+        add(mesh.normals);
+        add(mesh.colors);
+        for (const TexCoords& set : mesh.texCoords) add(set.values);
+    }
+    void sum(std::size_t& shared, std::size_t& own) const {
+        for (const auto& [header, entry] : entries_)
+            (header->owners.load(std::memory_order_relaxed) > entry.known ? shared : own) += entry.bytes;
+    }
+
+  private:
+    struct Entry {
+        std::size_t bytes = 0;
+        std::uint32_t known = 0;
+    };
+    void add(const detail::ArrayHeader* header) {
+        Entry& entry = entries_[header];
+        entry.bytes = header->size * header->elementSize;
+        ++entry.known;
+    }
+    std::unordered_map<const detail::ArrayHeader*, Entry> entries_;
+};
+
+}  // namespace
+
+RayWorld::Stats RayWorld::stats() const {
+    Stats stats = impl_->stats;
+    for (const auto& [node, entry] : impl_->meshes) {
+        if (!entry.mesh) continue;
+        ++stats.meshes;
+        stats.uniqueTriangles += entry.mesh->triangleCount;
+        stats.meshBytes += memoryUse(*entry.mesh);
+    }
+    for (std::size_t slot = 0; slot < instances_.size(); ++slot) {
+        if (!instances_[slot].info.id) continue;
+        const Impl::Place& place = impl_->places[slot];
+        ++stats.instances;
+        if (place.kind != Impl::Kind::none) {
+            ++stats.traced;
+            stats.instancedTriangles += place.mesh->mesh->triangleCount;
+        }
+        stats.baked += place.kind == Impl::Kind::baked;
+        stats.culled += place.culled;
+    }
+    stats.groups = impl_->groups.size();
+    stats.bvhBytes = impl_->device.bytes() + impl_->top.bytes();
+    stats.topBuilds = impl_->top.builds();
+    return stats;
+}
+
+RayWorld::Memory RayWorld::memory() const {
+    Memory memory;
+    Arrays arrays;
+    std::unordered_map<const Mesh*, bool> seen;
+    for (const auto& [node, entry] : impl_->meshes) {
+        if (!entry.mesh || !seen.emplace(entry.mesh.get(), true).second) continue;
+        memory.triangles += entry.mesh->triangleCount;
+        arrays.add(*entry.mesh);
+    }
+    for (const auto& group : impl_->groups)
+        group->forEachArray([&](const bvh::Triangles& triangles) {
+            if (triangles.positions.sameStorage(triangles.mesh->positions))
+                arrays.add(triangles.positions);
+            else
+                memory.copyBytes += triangles.positions.size() * sizeof(Vec3f);
+        });
+    for (const auto& [node, entry] : impl_->meshes)
+        if (entry.bvh) arrays.add(entry.bvh->indexInUse());
+    arrays.sum(memory.sceneBytes, memory.tessellatedBytes);
+    for (std::size_t slot = 0; slot < instances_.size(); ++slot) {
+        if (!instances_[slot].info.id) continue;
+        ++memory.instances;
+        if (instances_[slot].mesh) memory.instancedTriangles += instances_[slot].mesh->triangleCount;
+    }
+    memory.bvhBytes = impl_->device.bytes();
+    memory.instanceBytes = impl_->top.bytes() + instances_.capacity() * sizeof(RayInstance) +
+                           impl_->places.capacity() * sizeof(Impl::Place);
+    return memory;
+}
+
+double RayWorld::Memory::sceneBytesPerTriangle() const {
+    return triangles == 0 ? 0 : static_cast<double>(sceneBytes + tessellatedBytes) / static_cast<double>(triangles);
+}
+
+double RayWorld::Memory::bvhBytesPerTriangle() const {
+    return triangles == 0 ? 0 : static_cast<double>(copyBytes + bvhBytes) / static_cast<double>(triangles);
+}
+
+}  // namespace rtsg
