@@ -13,6 +13,7 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         appendInterpolators(t);
         appendTriggers(t);
         appendBindables(t);
+        for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;
         return t;
     }();
     return table;

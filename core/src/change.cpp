@@ -12,6 +12,7 @@ void ChangeSet::clear() {
     hash = {};
     changes.clear();
     types.clear();
+    input.reset();
 }
 
 /// Keeps changes in one vector with tombstones and the newest position of each key.

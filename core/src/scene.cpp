@@ -22,6 +22,11 @@ Result<> Scene::State::checkThread() const {
     return fail("the scene belongs to another thread");
 }
 
+Result<> Scene::State::checkEdit() {
+    editedWithin |= cascading;
+    return checkThread();
+}
+
 // ---- reading ---------------------------------------------------------------------------------------------------
 
 const Node* Scene::find(NodeId id) const {
@@ -110,9 +115,15 @@ void Scene::setEventListener(EventListener listener) {
 }
 void Scene::registerBehaviour(TypeIndex type, const Behaviour& behaviour) {
     state_->types[type.value].behaviour = behaviour;
+    state_->noteUse(type, behaviour);
     forEachNode([&](const Node& node) {
         if (node.is(type)) state_->wake(node);
     });
+}
+void Scene::registerBehaviour(std::string_view type, const Behaviour& behaviour) {
+    state_->behavioursByName.insert_or_assign(std::string(type), behaviour);
+    for (std::size_t i = 0; i < state_->types.size(); ++i)
+        if (state_->types[i].type->name == type) registerBehaviour(TypeIndex{static_cast<std::uint16_t>(i)}, behaviour);
 }
 void Scene::setBehavioursEnabled(bool enabled) {
     if (enabled == state_->behavioursEnabled) return;
@@ -126,7 +137,7 @@ void Scene::setBehavioursEnabled(bool enabled) {
 
 Result<TypeIndex> Scene::defineType(std::shared_ptr<const NodeType> type) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return std::unexpected(ok.error());
+    if (auto ok = s.checkEdit(); !ok) return std::unexpected(ok.error());
     if (s.types.size() >= 0xFFFF) return fail("too many node types");
     const TypeIndex index{static_cast<std::uint16_t>(s.types.size())};
     s.addTypeEntry(*type);
@@ -137,7 +148,7 @@ Result<TypeIndex> Scene::defineType(std::shared_ptr<const NodeType> type) {
 
 NodeId Scene::createNode(TypeIndex type, NodeId scope) {
     State& s = *state_;
-    if (!s.checkThread() || type.value >= s.types.size() || s.nextId == UINT32_MAX) return {};
+    if (!s.checkEdit() || type.value >= s.types.size() || s.nextId == UINT32_MAX) return {};
     Node& node = s.allocate(NodeId{s.nextId}, type, scope);
     s.hash.add(detail::nodeTerm(node.id_, s.types[type.value].nameHash, scope));
     s.newNodes.push_back(node.id_);
@@ -155,7 +166,7 @@ Result<NodeId> Scene::createNode(std::string_view type, NodeId scope) {
 
 Result<> Scene::destroyNode(NodeId id) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return ok;
+    if (auto ok = s.checkEdit(); !ok) return ok;
     Node* node = s.find(id);
     if (!node || id == root()) return fail(fmt::format("no node {} to destroy", id.value));
     s.detachEverything(*node);
@@ -200,7 +211,7 @@ std::size_t Scene::destroyUnreachable() {
 
 Result<> Scene::setField(NodeId id, FieldIndex field, Value value) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return ok;
+    if (auto ok = s.checkEdit(); !ok) return ok;
     Node* node = s.find(id);
     if (!node) return fail(fmt::format("no node {}", id.value));
     if (field >= node->type_->fields.size()) return fail(fmt::format("{} has no field {}", node->type_->name, field));
@@ -233,7 +244,7 @@ Result<> Scene::State::passToBody(NodeId id, FieldIndex field) {
 
 Result<> Scene::insertChild(NodeId parent, FieldIndex field, NodeId child, std::size_t index) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return ok;
+    if (auto ok = s.checkEdit(); !ok) return ok;
     Node *p = s.find(parent), *c = s.find(child);
     if (!p || !c) return fail("insertChild: no such node");
     if (field >= p->type_->fields.size() || p->type_->fields[field].type != FieldType::MFNode ||
@@ -245,7 +256,7 @@ Result<> Scene::insertChild(NodeId parent, FieldIndex field, NodeId child, std::
 
 Result<> Scene::removeChild(NodeId parent, FieldIndex field, std::size_t index) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return ok;
+    if (auto ok = s.checkEdit(); !ok) return ok;
     Node* p = s.find(parent);
     if (!p) return fail("removeChild: no such node");
     if (field >= p->type_->fields.size() || p->type_->fields[field].type != FieldType::MFNode ||
@@ -259,7 +270,7 @@ Result<> Scene::removeChild(NodeId parent, FieldIndex field, std::size_t index) 
 
 Result<> Scene::setName(NodeId id, std::string_view name) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return ok;
+    if (auto ok = s.checkEdit(); !ok) return ok;
     Node* node = s.find(id);
     if (!node) return fail(fmt::format("no node {}", id.value));
     // A name belongs to the node that got it last, as USE sees it.
@@ -286,7 +297,7 @@ Result<> checkRoute(const Node* from, FieldIndex fromField, const Node* to, Fiel
 
 Result<> Scene::addRoute(NodeId fromNode, FieldIndex fromField, NodeId toNode, FieldIndex toField) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return ok;
+    if (auto ok = s.checkEdit(); !ok) return ok;
     const Node *from = find(fromNode), *to = find(toNode);
     if (auto ok = checkRoute(from, fromField, to, toField); !ok) return ok;
     const FieldDef &a = from->type().fields[fromField], &b = to->type().fields[toField];
@@ -305,14 +316,14 @@ Result<> Scene::addRoute(NodeId fromNode, FieldIndex fromField, NodeId toNode, F
 
 Result<> Scene::removeRoute(NodeId fromNode, FieldIndex fromField, NodeId toNode, FieldIndex toField) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return ok;
+    if (auto ok = s.checkEdit(); !ok) return ok;
     if (!s.unlinkRoute({fromNode, fromField, toNode, toField, false}, true)) return fail("no such route");
     return {};
 }
 
 Result<> Scene::addIsConnection(NodeId instance, FieldIndex instanceField, NodeId bodyNode, FieldIndex bodyField) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return ok;
+    if (auto ok = s.checkEdit(); !ok) return ok;
     const Node *from = find(instance), *to = find(bodyNode);
     if (auto ok = checkRoute(from, instanceField, to, bodyField); !ok) return ok;
     const FieldDef &a = from->type().fields[instanceField], &b = to->type().fields[bodyField];

@@ -13,6 +13,12 @@ ChangeSet Scene::snapshot() const {
     set.to = state_->sequence;
     set.time = state_->now;
     set.hash = hash();
+    if (state_->recording) {
+        auto input = std::make_shared<FrameInput>();
+        input->complete = false;
+        input->runState = std::make_shared<const RunState>(runState());
+        set.input = std::move(input);
+    }
     for (std::size_t i = 0; i < state_->ownTypes.size(); ++i) {
         const TypeIndex index{static_cast<std::uint16_t>(builtinTypes().size() + i)};
         set.types.push_back({index, state_->ownTypes[i]});
@@ -61,7 +67,7 @@ ChangeSet Scene::snapshot() const {
     return set;
 }
 
-Result<> Scene::State::applyChange(const Change& c) {
+Result<> Scene::State::applyChange(const Change& c, bool pending) {
     const auto badNode = [](NodeId id) { return fail(fmt::format("no node {}", id.value)); };
     Node* node = find(c.node);
     const auto fieldOk = [&](FieldIndex field) {
@@ -79,6 +85,7 @@ Result<> Scene::State::applyChange(const Change& c) {
                 return fail(fmt::format("node id {} is out of sequence", c.node.value));
             Node& created = allocate(c.node, TypeIndex{static_cast<std::uint16_t>(c.index)}, c.other);
             hash.add(detail::nodeTerm(created.id_, types[c.index].nameHash, c.other));
+            if (pending) newNodes.push_back(created.id_);
             wake(created);
             return {};
         }
@@ -89,6 +96,11 @@ Result<> Scene::State::applyChange(const Change& c) {
                 return fail(fmt::format("{}.{}: wrong type", node->type_->name, node->type_->fields[c.field].name));
             if (sf(c.value.type()) == FieldType::SFNode)
                 if (auto ok = checkNodes(*node, c.field, c.value.storage()); !ok) return ok;
+            if (pending) {
+                write(*node, c.field, c.value.storage());
+                wake(*node);
+                return {};
+            }
             hash.subtract(termOf(*node, c.field));
             // write() would note the field as pending: here it is already sealed.
             const std::uint64_t dirty = node->dirty_;
@@ -120,6 +132,7 @@ Result<> Scene::State::applyChange(const Change& c) {
             if (!node) return badNode(c.node);
             if (!c.value.holds<String>()) return fail("a name is a string");
             setName(*node, c.value.as<String>());
+            if (pending) renamedNodes.push_back(c.node);
             return {};
         case ChangeKind::addRoute:
         case ChangeKind::removeRoute: {
@@ -132,8 +145,8 @@ Result<> Scene::State::applyChange(const Change& c) {
             if (c.kind == ChangeKind::addRoute) {
                 const FieldDef &a = node->type_->fields[c.field], &b = to->type_->fields[c.field2()];
                 if (!c.isConnection && (!a.sends() || !b.writable())) return fail("a route against the access rules");
-                linkRoute(route, false);
-            } else if (!unlinkRoute(route, false)) {
+                linkRoute(route, pending);
+            } else if (!unlinkRoute(route, pending)) {
                 return fail("no such route to remove");
             }
             return {};
@@ -142,7 +155,7 @@ Result<> Scene::State::applyChange(const Change& c) {
             if (!node || c.node == owner.root()) return badNode(c.node);
             if (node->parent_.node || (node->links_ && (!node->links_->in.empty() || !node->links_->out.empty())))
                 return fail(fmt::format("node {} is still in use", c.node.value));
-            destroy(*node, false);
+            destroy(*node, pending);
             return {};
         case ChangeKind::event:
             return {};
@@ -177,6 +190,10 @@ Result<> Scene::reset() {
     fresh->firstNewId = fresh->nextId;
     fresh->listener = std::move(state_->listener);
     fresh->behavioursEnabled = state_->behavioursEnabled;
+    fresh->behavioursByName = std::move(state_->behavioursByName);
+    fresh->recording = state_->recording;
+    for (const BehaviourUse& use : state_->uses)
+        if (use.type.value < builtinTypes().size()) fresh->uses.push_back(use);
     for (std::size_t i = 0; i < builtinTypes().size(); ++i) fresh->types[i].behaviour = state_->types[i].behaviour;
     state_ = std::move(fresh);
     bus_->restart();
@@ -190,39 +207,57 @@ Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
     if (set->from != s.sequence)
         return fail(fmt::format("a set from {} does not follow state {}", set->from, s.sequence));
     s.firstNewId = UINT32_MAX;  // nothing here is pending
-    for (const DefinedType& type : set->types) {
-        if (!type.type || type.index.value != s.types.size()) return fail("a node type out of sequence");
-        s.addTypeEntry(*type.type);
-        s.ownTypes.push_back(type.type);
+    if (auto ok = s.applyChanges(set->changes, set->types, false); !ok) return ok;
+    s.firstNewId = s.nextId;
+    s.sequence = set->to;
+    s.now = set->time;
+    s.started = true;
+    if (s.behavioursEnabled && set->input && set->input->runState) {
+        if (auto ok = s.adoptUses(set->input->runState->behaviours, true); !ok) return ok;
+        s.adoptRunState(*set->input->runState);
+    }
+    if (s.recording) {
+        s.captureInput(false);
+        auto own = std::make_shared<ChangeSet>(*set);
+        own->input = s.finishInput(true);
+        set = std::move(own);
+    }
+    bus_->publish(std::move(set));
+    return {};
+}
+
+Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<const DefinedType> defined,
+                                    bool pending) {
+    for (const DefinedType& type : defined) {
+        if (!type.type || type.index.value != types.size()) return fail("a node type out of sequence");
+        addTypeEntry(*type.type);
+        ownTypes.push_back(type.type);
+        if (pending) newTypes.push_back(type);
     }
     bool released = false;
     std::vector<NodeId> changedParents;
-    s.deferCycleCheck = true;
-    for (const Change& change : set->changes) {
+    deferCycleCheck = true;
+    for (const Change& change : changes) {
         // Nodes that go together may still refer to each other: all let go before any is destroyed.
         if (change.kind == ChangeKind::destroyNode && !released) {
             released = true;
-            if (auto ok = s.releaseDestroyed(set->changes); !ok) return ok;
+            if (auto ok = releaseDestroyed(changes); !ok) return ok;
         }
-        auto ok = s.applyChange(change);
-        s.childOps.clear();
-        s.childOpCounts.clear();
-        s.dirtyNodes.clear();
-        s.dirtyHighFields.clear();
+        auto ok = applyChange(change, pending);
+        if (!pending) {
+            childOps.clear();
+            childOpCounts.clear();
+            dirtyNodes.clear();
+            dirtyHighFields.clear();
+        }
         if (!ok) return ok;
         if (change.kind == ChangeKind::insertChild ||
             (change.kind == ChangeKind::setField && sf(change.value.type()) == FieldType::SFNode))
             if (changedParents.empty() || changedParents.back() != change.node) changedParents.push_back(change.node);
     }
-    s.deferCycleCheck = false;
-    std::erase_if(changedParents, [&](NodeId id) { return !s.find(id); });
-    if (auto ok = s.checkAcyclic(changedParents); !ok) return ok;
-    s.firstNewId = s.nextId;
-    s.sequence = set->to;
-    s.now = set->time;
-    s.started = true;
-    bus_->publish(std::move(set));
-    return {};
+    deferCycleCheck = false;
+    std::erase_if(changedParents, [&](NodeId id) { return !find(id); });
+    return checkAcyclic(changedParents);
 }
 
 }  // namespace rtsg

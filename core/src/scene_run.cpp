@@ -19,12 +19,14 @@ constexpr int kMaximumRounds = 100;
 void Cascade::storeStorage(const Node& node, FieldIndex field, const void* value) {
     Scene::State& s = *scene_.state_;
     s.write(*s.find(node.id()), field, value);
+    if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::store, node.id(), field, value);
 }
 
 void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value) {
     Scene::State& s = *scene_.state_;
     Node& target = *s.find(node.id());
     s.write(target, field, value);
+    if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::emit, node.id(), field, value);
     s.send(target, field);
 }
 
@@ -37,7 +39,12 @@ Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     if (!def.writable() || def.type != value.type())
         return fail(fmt::format("{}.{} takes no such event", node->type_->name, def.name));
     if (auto ok = s.checkNodes(*node, field, value.storage()); !ok) return ok;
+    if (s.currentCall != Scene::State::kNoCall)
+        s.recordEffect(BehaviourEffect::Kind::deliver, id, field, value.storage());
+    // What other behaviours do about it is theirs.
+    const std::size_t call = std::exchange(s.currentCall, Scene::State::kNoCall);
     s.deliver(*this, *node, field, value.storage());
+    s.currentCall = call;
     return {};
 }
 
@@ -71,7 +78,7 @@ void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const
     const FieldDef& def = node.type_->fields[field];
     const TypeEntry& entry = types[node.typeIndex_.value];
     if (def.access == Access::inputOutput) {
-        if (behavioursEnabled && entry.behaviour.accepts && !entry.behaviour.accepts(node, field, value)) return;
+        if (behavioursEnabled && entry.behaviour.accepts && !accepts(entry.behaviour, node, field, value)) return;
         write(node, field, value);
         writingExternally = false;  // what follows from it is derived
         send(node, field);
@@ -91,7 +98,7 @@ void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const
         }
     }
     if (entry.behaviour.onTime) wake(node);
-    if (behavioursEnabled && entry.behaviour.onEvent) entry.behaviour.onEvent(cascade, node, field, value);
+    if (behavioursEnabled && entry.behaviour.onEvent) onEvent(entry.behaviour, cascade, node, field, value);
 }
 
 /// 10.2.1: a present child is not added again, an absent one not removed.
@@ -166,9 +173,9 @@ void Scene::State::tick(Cascade& cascade, const std::vector<NodeId>& nodes) {
     for (const NodeId id : nodes) {
         Node* node = find(id);
         if (!node) continue;
-        const auto onTime = types[node->typeIndex_.value].behaviour.onTime;
-        if (!onTime) continue;
-        const double next = onTime(cascade, *node);
+        const Behaviour& behaviour = types[node->typeIndex_.value].behaviour;
+        if (!behaviour.onTime) continue;
+        const double next = onTime(behaviour, cascade, *node);
         if (next <= now)
             nextActive.push_back(id);
         else if (next < kNever)
@@ -215,9 +222,11 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
         s.diagnostics.warning({}, fmt::format("time went back from {} to {}: kept", s.now, t));
         t = s.now;
     }
+    if (s.recording) s.captureInput(true);
     Cascade cascade(*this, t, s.started ? s.now : t);
     s.now = t;
     s.started = true;
+    s.cascading = true;
     ++s.stamp;
     s.announced.clear();
     std::vector<State::QueuedEvent> queued;
@@ -244,6 +253,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     if (s.behavioursEnabled) s.runTime(cascade);
     s.runRoutes(cascade);
     s.writingExternally = true;
+    s.cascading = false;
     queued.clear();
     if (s.inputQueue.empty()) s.inputQueue.swap(queued);  // keeps the capacity
     return s.seal();

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <map>
 #include <memory_resource>
 #include <queue>
@@ -14,6 +15,7 @@
 #include <unordered_map>
 
 #include <rtsg/core/behaviour.h>
+#include <rtsg/core/frame_input.h>
 #include <rtsg/core/scene.h>
 
 #include "state_hash.h"
@@ -100,6 +102,7 @@ struct Scene::State {
     std::vector<std::shared_ptr<const NodeType>> ownTypes;
     std::unordered_map<std::string_view, std::uint16_t> typeByName;
     void addTypeEntry(const NodeType& type);
+    std::map<std::string, Behaviour, std::less<>> behavioursByName;  // for types defined later
     struct NameKey {
         std::uint32_t scope;
         String name;
@@ -155,9 +158,23 @@ struct Scene::State {
     /// Precondition: detached, children released.
     void destroy(Node& node, bool record);
     Result<> checkThread() const;
+    /// As checkThread; an edit from within the cascade is noted.
+    Result<> checkEdit();
     bool hasPending() const;
     std::shared_ptr<const ChangeSet> seal();
     void appendFieldChanges(ChangeSet& set);
+    void appendDefinitions(std::vector<Change>& out, std::span<const DefinedType> defined) const;
+    void appendCreations(std::vector<Change>& out) const;
+    /// Child lists, names, routes, destructions.
+    void appendOtherEdits(std::vector<Change>& out);
+    template <class Visit>
+    void forEachDirtyField(const Node& node, Visit visit) const {
+        std::uint64_t mask = node.dirty_ & ~(std::uint64_t{1} << 63);
+        for (; mask; mask &= mask - 1) visit(static_cast<FieldIndex>(std::countr_zero(mask)));
+        if (node.dirty_ >> 63)
+            for (const auto& [id, field] : dirtyHighFields)
+                if (id == node.id_) visit(field);
+    }
 
     // ---- running ----
     double now = 0;
@@ -183,6 +200,33 @@ struct Scene::State {
     std::set<std::pair<NodeId, FieldIndex>> announced;  // outputs that the listener has heard at this timestamp
     Diagnostics diagnostics;
     std::set<std::pair<NodeId, std::string>> warned;
+    // ---- recording and running inputs (scene_input.cpp) ----
+    static constexpr std::size_t kNoCall = SIZE_MAX;
+    bool recording = false, cascading = false, editedWithin = false;
+    std::shared_ptr<FrameInput> input;    // of the frame under way, while recording
+    std::size_t currentCall = kNoCall;    // in input->calls: whose effects are being recorded
+    const FrameInput* playing = nullptr;  // whose calls are played back
+    std::size_t nextCall = 0;
+    std::string playProblem;
+    std::vector<BehaviourUse> uses, newUses;  // behaviours that the application has registered
+    std::vector<std::shared_ptr<FrameInput>> inputPool;
+    void captureInput(bool running);
+    /// Completes the input of the set that is being sealed.
+    std::shared_ptr<const FrameInput> finishInput(bool applied);
+    RunState runState() const;
+    void adoptRunState(const RunState& state);
+    /// `all`: the list says everything that is registered at the origin.
+    Result<> adoptUses(std::span<const BehaviourUse> list, bool all);
+    void noteUse(TypeIndex type, const Behaviour& behaviour);
+    void recordEffect(BehaviourEffect::Kind kind, NodeId node, FieldIndex field, const void* value);
+    bool accepts(const Behaviour& behaviour, const Node& node, FieldIndex field, const void* value);
+    void onEvent(const Behaviour& behaviour, Cascade& cascade, const Node& node, FieldIndex field, const void* value);
+    double onTime(const Behaviour& behaviour, Cascade& cascade, const Node& node);
+    bool isTraced(const Behaviour& behaviour) const { return (recording || playing) && !behaviour.deterministic; }
+    std::size_t beginCall(BehaviourCall::Kind kind, NodeId node, FieldIndex field);
+    const BehaviourCall* playCall(BehaviourCall::Kind kind, NodeId node, FieldIndex field);
+    void playEffects(Cascade& cascade, const BehaviourCall& call);
+
     std::vector<std::shared_ptr<ChangeSet>> pool;  // sealed sets come back when no subscriber holds them
 
     void wake(const Node& node) {
@@ -197,7 +241,9 @@ struct Scene::State {
     std::shared_ptr<ChangeSet> freshSet();
 
     ChangeSet snapshot() const;
-    Result<> applyChange(const Change& change);
+    /// `pending`: as an edit that is yet to be sealed; else as one that is.
+    Result<> applyChange(const Change& change, bool pending);
+    Result<> applyChanges(std::span<const Change> changes, std::span<const DefinedType> defined, bool pending);
     Result<> releaseDestroyed(std::span<const Change> changes);
 };
 

@@ -62,6 +62,10 @@ void Scene::State::addTypeEntry(const NodeType& type) {
     // A type of the same name that came first stays: built-in types are never shadowed (4.4.4.2).
     if (type.kind != NodeType::Kind::script) typeByName.emplace(type.name, static_cast<std::uint16_t>(types.size()));
     types.push_back(entry);
+    if (const auto known = behavioursByName.find(type.name); known != behavioursByName.end()) {
+        types.back().behaviour = known->second;
+        noteUse(TypeIndex{static_cast<std::uint16_t>(types.size() - 1)}, known->second);
+    }
 }
 
 Node& Scene::State::allocate(NodeId id, TypeIndex typeIndex, NodeId scope) {

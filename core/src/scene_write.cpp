@@ -233,54 +233,41 @@ void Scene::State::appendFieldChanges(ChangeSet& set) {
             change.external = (dirty.externalMask & dirtyBit(field)) != 0;
             change.value = node->value(field);
         };
-        std::uint64_t mask = node->dirty_;
+        forEachDirtyField(*node, append);
         node->dirty_ = 0;
-        for (; mask & ~dirtyBit(kHighField); mask &= mask - 1) append(static_cast<FieldIndex>(std::countr_zero(mask)));
-        if (mask)
-            for (const auto& [id, field] : dirtyHighFields)
-                if (id == node->id_) append(field);
     }
     dirtyNodes.clear();
     dirtyHighFields.clear();
 }
 
-std::shared_ptr<ChangeSet> Scene::State::freshSet() {
-    for (auto& pooled : pool)
-        if (pooled.use_count() == 1) {
-            pooled->clear();
-            return pooled;
-        }
-    constexpr std::size_t kPooled = 4;
-    auto set = std::make_shared<ChangeSet>();
-    if (pool.size() < kPooled) pool.push_back(set);
-    return set;
-}
-
-std::shared_ptr<const ChangeSet> Scene::State::seal() {
-    auto set = freshSet();
-    set->types.swap(newTypes);
-    for (const DefinedType& type : set->types) {
-        Change& change = set->changes.emplace_back();
+void Scene::State::appendDefinitions(std::vector<Change>& out, std::span<const DefinedType> defined) const {
+    for (const DefinedType& type : defined) {
+        Change& change = out.emplace_back();
         change.kind = ChangeKind::defineType;
         change.index = type.index.value;
     }
+}
+
+void Scene::State::appendCreations(std::vector<Change>& out) const {
     for (const NodeId id : newNodes) {
         const Node* node = find(id);
         if (!node) continue;
-        Change& change = set->changes.emplace_back();
+        Change& change = out.emplace_back();
         change.kind = ChangeKind::createNode;
         change.node = id;
         change.index = node->typeIndex_.value;
         change.other = node->scope_;
     }
-    appendFieldChanges(*set);
-    set->changes.insert(set->changes.end(), childOps.begin(), childOps.end());
+}
+
+void Scene::State::appendOtherEdits(std::vector<Change>& out) {
+    out.insert(out.end(), childOps.begin(), childOps.end());
     std::ranges::sort(renamedNodes);
     renamedNodes.erase(std::unique(renamedNodes.begin(), renamedNodes.end()), renamedNodes.end());
     for (const NodeId id : renamedNodes) {
         const Node* node = find(id);
         if (!node) continue;
-        Change& change = set->changes.emplace_back();
+        Change& change = out.emplace_back();
         change.kind = ChangeKind::setName;
         change.node = id;
         change.value = node->links_ ? node->links_->name : String();
@@ -297,12 +284,35 @@ std::shared_ptr<const ChangeSet> Scene::State::seal() {
         }
     }
     for (const Change& change : routeOps)
-        if (change.kind != ChangeKind::event) set->changes.push_back(change);
+        if (change.kind != ChangeKind::event) out.push_back(change);
     for (const NodeId id : destroyedNodes) {
-        Change& change = set->changes.emplace_back();
+        Change& change = out.emplace_back();
         change.kind = ChangeKind::destroyNode;
         change.node = id;
     }
+}
+
+std::shared_ptr<ChangeSet> Scene::State::freshSet() {
+    for (auto& pooled : pool)
+        if (pooled.use_count() == 1) {
+            pooled->clear();
+            return pooled;
+        }
+    constexpr std::size_t kPooled = 4;
+    auto set = std::make_shared<ChangeSet>();
+    if (pool.size() < kPooled) pool.push_back(set);
+    return set;
+}
+
+std::shared_ptr<const ChangeSet> Scene::State::seal() {
+    if (recording && !input) captureInput(false);
+    auto set = freshSet();
+    set->types.swap(newTypes);
+    appendDefinitions(set->changes, set->types);
+    appendCreations(set->changes);
+    appendFieldChanges(*set);
+    appendOtherEdits(set->changes);
+    if (recording) input->events = events;
     for (Change& change : events) set->changes.push_back(std::move(change));
     newNodes.clear();
     childOps.clear();
@@ -317,6 +327,7 @@ std::shared_ptr<const ChangeSet> Scene::State::seal() {
     set->to = ++sequence;
     set->time = now;
     set->hash = hash.value();
+    if (recording) set->input = finishInput(false);
     owner.bus_->publish(set);
     return set;
 }

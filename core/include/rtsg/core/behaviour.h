@@ -54,6 +54,10 @@ struct Behaviour {
     /// Time has come (or a field was written). Returns when to be called next: now or earlier means every frame,
     /// kNever means not before a field is written.
     double (*onTime)(Cascade& cascade, const Node& node) = nullptr;
+    /// True promises that what it does follows from the scene's fields, the event and the clock alone, on any machine
+    /// (no random numbers, wall clock, files, variables of its own). Others are recorded call by call for replicas
+    /// that run the cascade themselves.
+    bool deterministic = false;
 };
 
 struct BuiltinBehaviour {

@@ -59,6 +59,8 @@ struct DefinedType {
     std::shared_ptr<const NodeType> type;
 };
 
+struct FrameInput;
+
 struct ChangeSet {
     /// The set leads from state `from` to state `to`; a single frame has to == from + 1, a snapshot from == 0.
     std::uint64_t from = 0, to = 0;
@@ -66,6 +68,8 @@ struct ChangeSet {
     Hash128 hash;     // of the state it leads to
     std::vector<Change> changes;
     std::vector<DefinedType> types;
+    /// What the frame was made of, when the scene records it (frame_input.h); merged sets have none.
+    std::shared_ptr<const FrameInput> input;
 
     bool isSnapshot() const { return from == 0; }
     void clear();

@@ -22,6 +22,8 @@
 namespace rtsg {
 
 struct Behaviour;
+struct FrameInput;
+struct RunState;
 class Cascade;
 
 struct RouteTarget {
@@ -150,12 +152,22 @@ class Scene {
     const Bus& bus() const { return *bus_; }
     /// What a node type does. Built-in behaviours are there from the start; one per type, the last wins.
     void registerBehaviour(TypeIndex type, const Behaviour& behaviour);
+    /// As above for every type of this name, those included that are defined later.
+    void registerBehaviour(std::string_view type, const Behaviour& behaviour);
     /// Replicas of the `state` kind switch this off: newFrame then only seals.
     void setBehavioursEnabled(bool enabled);
     /// Called for every event on every field, in cascade order. One listener; for tools and tests.
     using EventListener = std::function<void(double t, const Node& node, FieldIndex field, const Value& value)>;
     void setEventListener(EventListener listener);
     Diagnostics& diagnostics();
+    /// From now on every set and snapshot carries its FrameInput, at a cost that follows what comes in.
+    void setInputRecording(bool on);
+    bool inputRecording() const;
+    /// Runs a recorded frame: its edits, its events, then the cascade, with the calls of behaviours that are not
+    /// deterministic played back. Precondition: this scene's state is the one before that frame. On an error the scene
+    /// must be discarded; that the outcome is another than the origin's shows in the set's hash.
+    Result<std::shared_ptr<const ChangeSet>> runInput(const FrameInput& input, double t);
+    RunState runState() const;
 
     // ---- state ---------------------------------------------------------------------------------------------
     /// Seal first: edits still pending are in the snapshot, and would come again with the next set.
