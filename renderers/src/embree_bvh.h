@@ -139,18 +139,26 @@ class Group {
 };
 
 /// Everything there is to trace; what queries see. Rays have been checked.
+///
+/// The largest resting group, the main one, is traced first and without a look at its box: nearly every ray meets it,
+/// and what it hits shortens the search among everything else, which is in the tree.
 class Top {
   public:
     /// Returns the object's number. `rayFromLocal` has an inverse; the box is that of the result, in ray space.
     std::uint32_t addInstance(std::uint32_t slot, RTCScene mesh, const WorldFromLocal& rayFromLocal,
                               const InstanceTree::Box& box, std::uint32_t mask);
-    void moveInstance(std::uint32_t object, const WorldFromLocal& rayFromLocal, const InstanceTree::Box& box);
+    /// A group that rests: its triangles are in ray space.
+    std::uint32_t addGroup(const Group& group);
+    /// A group that moves as one, after its commit; the box is that of the result. Groups may be shared.
+    std::uint32_t addBody(const Group& group, const std::uint32_t* slots, const WorldFromLocal& rayFromGroup,
+                          const InstanceTree::Box& box);
+    /// An instance or a body.
+    void move(std::uint32_t object, const WorldFromLocal& rayFromLocal, const InstanceTree::Box& box);
     /// The mesh's BVH is another one or has other bounds.
     void changeMesh(std::uint32_t object, RTCScene mesh, const InstanceTree::Box& box);
     void setMask(std::uint32_t object, std::uint32_t mask) { objects_[object].mask = mask; }
-    std::uint32_t addGroup(const Group& group);
-    /// After the group's commit.
-    void updateGroup(std::uint32_t object, const Group& group);
+    /// After the commit of a group that rests.
+    void updateGroup(std::uint32_t object);
     void remove(std::uint32_t object);
     void commit();
 
@@ -162,34 +170,33 @@ class Top {
 
     /// Whose hit it is. Precondition: the ray hit something.
     std::uint32_t slotOf(std::uint32_t geometryId, std::uint32_t instanceId) const {
-        if (!(geometryId & kClaimed)) return direct_->slots()[geometryId];
-        const Object& object = objects_[geometryId & ~kClaimed];
-        return object.group ? object.group->slots()[instanceId] : object.slot;
+        const Object& object = instanceId == RTC_INVALID_GEOMETRY_ID ? *main_ : objects_[instanceId];
+        return object.slots ? object.slots[geometryId] : object.slot;
     }
-    const InstanceTree::Box& bounds() const { return tree_.bounds(); }
+    bool empty() const { return !main_ && tree_.empty(); }
     std::size_t bytes() const { return tree_.bytes() + objects_.capacity() * sizeof(Object); }
     std::size_t builds() const { return tree_.builds(); }
 
   private:
-    /// Set in a hit's geomID when the rest of it is the object, and instID the geometry in its scene.
-    static constexpr std::uint32_t kClaimed = 0x80000000;
-
     struct Object {
         glm::mat3 localFromRay{1.0f};  // of points relative to `translation`
         Vec3f translation{0};
         std::uint32_t mask = ~0u, slot = kNoInstance;
         RTCScene scene = nullptr;
-        const Group* group = nullptr;  // null: an instance
+        const std::uint32_t* slots = nullptr;  // of a group's geometries; null: an instance
+        const Group* resting = nullptr;        // a group that rests
         void setTransform(const WorldFromLocal& rayFromLocal);
     };
     static void enter(const Object& object, const Ray& ray, RTCRay& r);
     static void leave(const Ray& ray, RTCRay& r);
     std::uint32_t newObject();
+    void chooseMain();
 
     std::vector<Object> objects_;
-    std::vector<std::uint32_t> free_;
+    std::vector<std::uint32_t> free_, resting_;
     InstanceTree tree_;
-    const Group* direct_ = nullptr;  // the group that is all there is
+    const Object* main_ = nullptr;
+    std::uint32_t mainObject_ = InstanceTree::kNone;
 };
 
 }  // namespace rtsg::bvh

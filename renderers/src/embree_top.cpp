@@ -1,4 +1,6 @@
 // Tracing: from the tree over everything into Embree's BVHs.
+#include <utility>
+
 #include "embree_bvh.h"
 
 namespace rtsg::bvh {
@@ -32,7 +34,7 @@ std::uint32_t Top::addInstance(std::uint32_t slot, RTCScene mesh, const WorldFro
     return object;
 }
 
-void Top::moveInstance(std::uint32_t object, const WorldFromLocal& rayFromLocal, const InstanceTree::Box& box) {
+void Top::move(std::uint32_t object, const WorldFromLocal& rayFromLocal, const InstanceTree::Box& box) {
     objects_[object].setTransform(rayFromLocal);
     tree_.set(object, box);
 }
@@ -44,29 +46,69 @@ void Top::changeMesh(std::uint32_t object, RTCScene mesh, const InstanceTree::Bo
 
 std::uint32_t Top::addGroup(const Group& group) {
     const std::uint32_t object = newObject();
-    objects_[object].group = &group;
-    updateGroup(object, group);
+    objects_[object].resting = &group;
+    resting_.push_back(object);
+    updateGroup(object);
     return object;
 }
 
-void Top::updateGroup(std::uint32_t object, const Group& group) {
+std::uint32_t Top::addBody(const Group& group, const std::uint32_t* slots, const WorldFromLocal& rayFromGroup,
+                           const InstanceTree::Box& box) {
+    const std::uint32_t object = newObject();
+    objects_[object].setTransform(rayFromGroup);
     objects_[object].scene = group.scene();
-    const InstanceTree::Box& box = group.box();
-    if (group.live() > group.hidden() && box.lower.x <= box.upper.x)
-        tree_.set(object, box);
+    objects_[object].slots = slots;
+    tree_.set(object, box);
+    return object;
+}
+
+namespace {
+
+bool isVisible(const Group& group) {
+    return group.live() > group.hidden() && group.box().lower.x <= group.box().upper.x;
+}
+
+}  // namespace
+
+void Top::updateGroup(std::uint32_t object) {
+    const Group& group = *objects_[object].resting;
+    objects_[object].scene = group.scene();
+    objects_[object].slots = group.slots();
+    if (object == mainObject_) return;
+    if (isVisible(group))
+        tree_.set(object, group.box());
     else
         tree_.remove(object);
 }
 
 void Top::remove(std::uint32_t object) {
+    if (objects_[object].resting) std::erase(resting_, object);
+    if (object == mainObject_) mainObject_ = InstanceTree::kNone;
     tree_.remove(object);
     objects_[object] = {};
     free_.push_back(object);
 }
 
+void Top::chooseMain() {
+    std::uint32_t best = InstanceTree::kNone;
+    std::size_t most = 0;
+    for (const std::uint32_t object : resting_) {
+        const Group& group = *objects_[object].resting;
+        const std::size_t triangles = group.triangles() - group.hiddenTriangles();
+        // One that is main already stays so until another is much larger.
+        const std::size_t weight = object == mainObject_ ? 2 * triangles : triangles;
+        if (isVisible(group) && weight > most) most = weight, best = object;
+    }
+    if (best == mainObject_) return;
+    const std::uint32_t before = std::exchange(mainObject_, best);
+    if (before != InstanceTree::kNone) updateGroup(before);
+    if (best != InstanceTree::kNone) tree_.remove(best);
+}
+
 void Top::commit() {
+    chooseMain();
+    main_ = mainObject_ == InstanceTree::kNone ? nullptr : &objects_[mainObject_];
     tree_.commit();
-    direct_ = tree_.size() == 1 ? objects_[tree_.only()].group : nullptr;
 }
 
 // ---- single rays --------------------------------------------------------------------------------------------------
@@ -86,13 +128,16 @@ void Top::leave(const Ray& ray, RTCRay& r) {
 }
 
 void Top::intersect(const Ray& ray, RTCRayHit& r, RTCIntersectContext& context) const {
-    if (direct_) {
-        rtcIntersect1(direct_->scene(), &context, &r);
-        return;
+    if (main_) {
+        rtcIntersect1(main_->scene, &context, &r);
+        if (tree_.empty()) return;
     }
-    tree_.traverse(ray, [&](std::uint32_t index) {
+    Ray rest = ray;
+    rest.tMax = r.ray.tfar;
+    tree_.traverse(rest, [&](std::uint32_t index) {
         const Object& object = objects_[index];
-        if (object.group) {
+        context.instID[0] = index;  // what Embree notes in the hits it finds
+        if (object.resting) {
             rtcIntersect1(object.scene, &context, &r);
         } else {
             if (!(object.mask & r.ray.mask)) return r.ray.tfar;
@@ -100,22 +145,18 @@ void Top::intersect(const Ray& ray, RTCRayHit& r, RTCIntersectContext& context) 
             rtcIntersect1(object.scene, &context, &r);
             leave(ray, r.ray);
         }
-        if (!(r.hit.geomID & kClaimed)) {  // neither a miss nor an earlier object's hit
-            r.hit.instID[0] = r.hit.geomID;
-            r.hit.geomID = kClaimed | index;
-        }
         return r.ray.tfar;
     });
 }
 
 bool Top::occluded(const Ray& ray, RTCRay& r, RTCIntersectContext& context) const {
-    if (direct_) {
-        rtcOccluded1(direct_->scene(), &context, &r);
-        return r.tfar < 0;
+    if (main_) {
+        rtcOccluded1(main_->scene, &context, &r);
+        if (r.tfar < 0 || tree_.empty()) return r.tfar < 0;
     }
     tree_.traverse(ray, [&](std::uint32_t index) {
         const Object& object = objects_[index];
-        if (object.group) {
+        if (object.resting) {
             rtcOccluded1(object.scene, &context, &r);
             return r.tfar;
         }
@@ -172,53 +213,37 @@ class Entered {
     simd::F8 origin_[3][2], direction_[3][2];
 };
 
-/// Notes the object in the hits just found: they have the highest bit of geomID clear, misses and older hits have it
-/// set.
-inline void claim(RayPacket16& rays, std::uint32_t object) {
-    const simd::I8 mark = simd::I8{} + static_cast<std::int32_t>(object);
-    for (int at = 0; at < 16; at += 8) {
-        simd::I8 geometry, instance;
-        std::memcpy(&geometry, rays.geom_ + at, sizeof geometry);
-        std::memcpy(&instance, rays.inst_ + at, sizeof instance);
-        const simd::I8 fresh = geometry >= 0;
-        instance = fresh ? geometry : instance;
-        geometry = fresh ? mark : geometry;
-        std::memcpy(rays.inst_ + at, &instance, sizeof instance);
-        std::memcpy(rays.geom_ + at, &geometry, sizeof geometry);
-    }
-}
-
 }  // namespace
 
 void Top::intersect(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext& context) const {
     auto& packet = reinterpret_cast<RTCRayHit16&>(rays);
-    if (direct_) {
-        rtcIntersect16(valid, direct_->scene(), &context, &packet);
-        return;
+    if (main_) {
+        rtcIntersect16(valid, main_->scene, &context, &packet);
+        if (tree_.empty()) return;
     }
     tree_.traverse(rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
         const Object& object = objects_[index];
-        if (object.group) {
+        context.instID[0] = index;  // what Embree notes in the hits it finds
+        if (object.resting) {
             rtcIntersect16(lanes, object.scene, &context, &packet);
         } else {
             if (!(object.mask & rays.mask_[0])) return;
             const Entered entered(rays, object.localFromRay, object.translation);
             rtcIntersect16(lanes, object.scene, &context, &packet);
         }
-        claim(rays, kClaimed | index);
     });
 }
 
 void Top::occluded(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext& context) const {
     auto& packet = reinterpret_cast<RTCRay16&>(rays);
-    if (direct_) {
-        rtcOccluded16(valid, direct_->scene(), &context, &packet);
-        return;
+    if (main_) {
+        rtcOccluded16(valid, main_->scene, &context, &packet);
+        if (tree_.empty()) return;
     }
     // A blocked lane's segment ends before it begins, so that it meets no further box.
     tree_.traverse(rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
         const Object& object = objects_[index];
-        if (object.group) {
+        if (object.resting) {
             rtcOccluded16(lanes, object.scene, &context, &packet);
             return;
         }

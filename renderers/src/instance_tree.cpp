@@ -25,8 +25,8 @@ void InstanceTree::set(std::uint32_t object, const Box& box) {
 }
 
 void InstanceTree::remove(std::uint32_t object) {
+    if (object >= objects_.size() || !objects_[object].present) return;
     ObjectState& o = objects_[object];
-    if (!o.present) return;
     o.present = false;
     --count_;
     ++changesSinceBuild_;

@@ -242,7 +242,7 @@ void RayWorld::Impl::move(InstanceId id, const WorldFromLocal& worldFromLocal) {
     place.culled = false;
     std::string reason;
     if (place.kind == Kind::instanced && fitness(id.slot, reason) == Fitness::instance) {
-        top.moveInstance(place.local, rayFromLocal(instance.info), instanceBox(id.slot));
+        top.move(place.local, rayFromLocal(instance.info), instanceBox(id.slot));
     } else {
         lift(id.slot);
         setPending(id.slot);
@@ -281,7 +281,7 @@ void RayWorld::Impl::commit() {
         if (isNew)
             group->topObject = top.addGroup(*group);
         else
-            top.updateGroup(group->topObject, *group);
+            top.updateGroup(group->topObject);
     }
     top.commit();
 }

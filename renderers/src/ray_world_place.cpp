@@ -121,7 +121,7 @@ void RayWorld::Impl::chooseOrigin() {
 }
 
 void RayWorld::Impl::placePending() {
-    const bool nothingYet = !(top.bounds().lower[0] <= top.bounds().upper[0]);
+    const bool nothingYet = top.empty();
     if (nothingYet) chooseOrigin();
     const bool bulk = pending.size() >= kBulk || nothingYet;
     std::vector<std::uint32_t> baked;
