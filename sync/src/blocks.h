@@ -6,6 +6,7 @@
 namespace rtsg::wire {
 
 enum Block : std::uint8_t {
+    kDescriptions = 0,  // built-in types at their first use
     kTypes = 1,    // defineType
     kCreate = 2,   // createNode
     kLinks = 3,    // setField of SFNode and MFNode, insertChild, removeChild, in order

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "blocks.h"
+#include "type_mapping.h"
 #include "wire.h"
 
 namespace rtsg {
@@ -25,13 +26,17 @@ NodeId readNode(Reader& in, std::uint32_t& last, bool& external) {
     return NodeId{last};
 }
 
-Change blank(ChangeKind kind, NodeId node, FieldIndex field, bool external) {
-    Change change;
-    change.node = node;
-    change.field = field;
-    change.kind = kind;
-    change.external = external;
-    return change;
+void readDescriptions(Reader& in, std::size_t count, TypeMapping* mapping) {
+    if (!mapping) {  // the same types here
+        in.at = in.end;
+        return;
+    }
+    for (std::size_t i = 0; i < count && !in.problem; ++i) {
+        const std::uint64_t number = in.bounded(0xFFFF);
+        const std::unique_ptr<NodeType> type = wire::readType(in);
+        if (type && !mapping->describe(static_cast<std::uint16_t>(number), *type))
+            in.refuse("description of what is no built-in type");
+    }
 }
 
 void readTypes(Reader& in, std::size_t count, ChangeSet& set) {
@@ -39,7 +44,7 @@ void readTypes(Reader& in, std::size_t count, ChangeSet& set) {
         const std::uint64_t coded = in.bounded(0x1FFFF);
         std::shared_ptr<const NodeType> type = wire::readType(in);
         if (!type) return;
-        Change change = blank(ChangeKind::defineType, {}, kNoField, coded & 1);
+        Change change = blankChange(ChangeKind::defineType, {}, kNoField, coded & 1);
         change.index = static_cast<std::uint32_t>(coded >> 1);
         set.changes.push_back(std::move(change));
         set.types.push_back({TypeIndex{static_cast<std::uint16_t>(coded >> 1)}, std::move(type)});
@@ -51,7 +56,7 @@ void readCreates(Reader& in, std::size_t count, ChangeSet& set) {
     for (std::size_t i = 0; i < count && !in.problem; ++i) {
         bool external = false;
         const NodeId node = readNode(in, last, external);
-        Change change = blank(ChangeKind::createNode, node, kNoField, external);
+        Change change = blankChange(ChangeKind::createNode, node, kNoField, external);
         change.index = static_cast<std::uint32_t>(in.bounded(0xFFFF));
         lastScope = in.delta(lastScope);
         change.other = NodeId{lastScope};
@@ -66,7 +71,7 @@ void readLinks(Reader& in, std::size_t count, ChangeSet& set) {
         if (tag > (wire::kRemove | wire::kLinkExternal)) return in.refuse("unknown kind of link");
         last = in.delta(last);
         const FieldIndex field = readField(in);
-        Change change = blank(ChangeKind::setField, NodeId{last}, field, tag & wire::kLinkExternal);
+        Change change = blankChange(ChangeKind::setField, NodeId{last}, field, tag & wire::kLinkExternal);
         switch (tag & 3) {
             case wire::kSetOne:
                 change.value = NodeId{in.delta(last)};
@@ -96,8 +101,8 @@ void readRoutes(Reader& in, std::size_t count, ChangeSet& set) {
         if (tag > (wire::kRouteRemove | wire::kRouteExternal | wire::kRouteIs)) return in.refuse("unknown route tag");
         last = in.delta(last);
         const FieldIndex field = readField(in);
-        Change change = blank(tag & wire::kRouteRemove ? ChangeKind::removeRoute : ChangeKind::addRoute, NodeId{last},
-                              field, tag & wire::kRouteExternal);
+        Change change = blankChange(tag & wire::kRouteRemove ? ChangeKind::removeRoute : ChangeKind::addRoute,
+                                    NodeId{last}, field, tag & wire::kRouteExternal);
         change.isConnection = tag & wire::kRouteIs;
         change.other = NodeId{in.delta(last)};
         change.index = readField(in);
@@ -110,7 +115,7 @@ void readNames(Reader& in, std::size_t count, ChangeSet& set) {
     for (std::size_t i = 0; i < count && !in.problem; ++i) {
         bool external = false;
         const NodeId node = readNode(in, last, external);
-        Change change = blank(ChangeKind::setName, node, kNoField, external);
+        Change change = blankChange(ChangeKind::setName, node, kNoField, external);
         change.value = String(in.text());
         set.changes.push_back(std::move(change));
     }
@@ -121,7 +126,7 @@ void readDestroys(Reader& in, std::size_t count, ChangeSet& set) {
     for (std::size_t i = 0; i < count && !in.problem; ++i) {
         bool external = false;
         const NodeId node = readNode(in, last, external);
-        set.changes.push_back(blank(ChangeKind::destroyNode, node, kNoField, external));
+        set.changes.push_back(blankChange(ChangeKind::destroyNode, node, kNoField, external));
     }
 }
 
@@ -130,7 +135,7 @@ void readEvents(Reader& in, std::size_t count, ChangeSet& set) {
     for (std::size_t i = 0; i < count && !in.problem; ++i) {
         bool external = false;
         const NodeId node = readNode(in, last, external);
-        Change change = blank(ChangeKind::event, node, readField(in), external);
+        Change change = blankChange(ChangeKind::event, node, readField(in), external);
         const FieldType type = wire::readFieldType(in);
         change.value = wire::readValue(in, type);
         set.changes.push_back(std::move(change));
@@ -172,7 +177,7 @@ void readVarying(Reader& in, std::size_t count, FieldIndex field, bool external,
     std::uint32_t last = 0;
     for (std::size_t i = 0; i < count && !in.problem; ++i) {
         last = in.delta(last);
-        set.changes.push_back(blank(ChangeKind::setField, NodeId{last}, field, external));
+        set.changes.push_back(blankChange(ChangeKind::setField, NodeId{last}, field, external));
     }
     for (std::size_t i = first; i < set.changes.size() && !in.problem; ++i)
         set.changes[i].value = wire::readValue(in, FieldTypeOf<T>::value);
@@ -212,147 +217,13 @@ bool readValues(Reader& in, std::size_t count, ChangeSet& set) {
 
 }  // namespace
 
-/// Only for streams of another build: where its types and fields are here. Keeps the type of every node, which
-/// the wire does not repeat.
-struct ChangeDecoder::Mapping {
-    struct Type {
-        std::uint16_t local = 0xFFFF;  // 0xFFFF: unknown here and not yet defined in the scene
-        bool identity = false;
-        std::shared_ptr<const NodeType> definition;          // of those unknown here
-        std::vector<FieldIndex> fields;                      // to local ones; kNoField: not here
-        std::vector<std::pair<FieldIndex, Value>> defaults;  // that differ here
-    };
-    std::vector<Type> types;  // by the origin's index
-    std::size_t originBuiltins = 0;
-    std::uint16_t nextLocal = 0;
-    std::unordered_map<std::uint32_t, std::uint16_t> typeOfNode;
-
-    void restart(std::size_t localBuiltins) {
-        types.resize(originBuiltins);
-        for (Type& type : types)
-            if (type.definition) type.local = 0xFFFF;
-        nextLocal = static_cast<std::uint16_t>(localBuiltins);
-        typeOfNode = {{1u, 0xFFFF}};
-    }
-};
-
 ChangeDecoder::ChangeDecoder(TypeTable local) : ChangeDecoder(local, rtsg::dictionaryHash(local)) {}
 ChangeDecoder::ChangeDecoder(TypeTable local, std::uint64_t localHash) : local_(local), localHash_(localHash) {}
 ChangeDecoder::~ChangeDecoder() = default;
 
 Result<> ChangeDecoder::setHead(const StreamHead& head) {
-    mapped_ = false;
     mapping_.reset();
-    if (head.dictionaryHash == localHash_) return {};
-    if (head.types.empty()) return fail("the stream's dictionary differs from this program's and was left out");
-    mapped_ = true;
-    mapping_ = std::make_unique<Mapping>();
-    mapping_->originBuiltins = head.types.size();
-    for (const auto& origin : head.types) {
-        Mapping::Type type;
-        const auto here = std::ranges::find(local_, origin->name, [](const auto& t) -> const auto& { return t->name; });
-        if (here == local_.end()) {
-            ByteBuffer copy;
-            wire::putType(copy, *origin);
-            Reader in(copy.bytes());
-            std::unique_ptr<NodeType> definition = wire::readType(in);
-            definition->kind = NodeType::Kind::user;
-            type.definition = std::move(definition);
-            type.identity = true;
-        } else {
-            type.local = static_cast<std::uint16_t>(here - local_.begin());
-            for (std::size_t i = 0; i < origin->fields.size(); ++i) {
-                const FieldDef& field = origin->fields[i];
-                FieldIndex index = (*here)->findExact(field.name);
-                if (index != kNoField && (*here)->fields[index].type != field.type) index = kNoField;
-                type.fields.push_back(index);
-                if (index != kNoField && field.offset != FieldDef::kNoOffset &&
-                    (*here)->fields[index].offset != FieldDef::kNoOffset && sf(field.type) != FieldType::SFNode &&
-                    !((*here)->fields[index].defaultValue == field.defaultValue))
-                    type.defaults.emplace_back(index, field.defaultValue);
-            }
-        }
-        mapping_->types.push_back(std::move(type));
-    }
-    mapping_->restart(local_.size());
-    return {};
-}
-
-Result<> ChangeDecoder::mapToLocal(ChangeSet& set) {
-    Mapping& m = *mapping_;
-    if (set.isSnapshot()) m.restart(local_.size());
-    std::vector<Change> changes, defined, adjusted;
-    changes.reserve(set.changes.size());
-    const auto defineHere = [&](Mapping::Type& type, std::shared_ptr<const NodeType> definition, bool external) {
-        type.local = m.nextLocal++;
-        Change change = blank(ChangeKind::defineType, {}, kNoField, external);
-        change.index = type.local;
-        defined.push_back(std::move(change));
-        set.types.push_back({TypeIndex{type.local}, std::move(definition)});
-    };
-    /// False when the field has no counterpart.
-    const auto mapField = [&](NodeId node, FieldIndex& field) {
-        const auto found = m.typeOfNode.find(node.value);
-        if (found == m.typeOfNode.end() || found->second >= m.types.size()) return true;  // the scene will judge
-        const Mapping::Type& type = m.types[found->second];
-        if (type.identity) return true;
-        if (field >= type.fields.size() || type.fields[field] == kNoField) {
-            ++losses_.changes;
-            return false;
-        }
-        field = type.fields[field];
-        return true;
-    };
-    const std::vector<DefinedType> originTypes = std::exchange(set.types, {});
-    std::size_t nextType = 0;
-    for (Change& change : set.changes) {
-        switch (change.kind) {
-            case ChangeKind::defineType: {
-                if (change.index != m.types.size())
-                    return fail(fmt::format("type {} defined out of turn, {} is next", change.index, m.types.size()));
-                m.types.emplace_back().identity = true;
-                defineHere(m.types.back(), originTypes[nextType++].type, change.external);
-                continue;
-            }
-            case ChangeKind::createNode: {
-                if (change.index >= m.types.size())
-                    return fail(fmt::format("no type {} in the dictionary", change.index));
-                Mapping::Type& type = m.types[change.index];
-                m.typeOfNode[change.node.value] = static_cast<std::uint16_t>(change.index);
-                if (type.local == 0xFFFF) defineHere(type, type.definition, change.external);
-                change.index = type.local;
-                for (const auto& [field, value] : type.defaults) {
-                    adjusted.push_back(blank(ChangeKind::setField, change.node, field, change.external));
-                    adjusted.back().value = value;
-                }
-                break;
-            }
-            case ChangeKind::addRoute:
-            case ChangeKind::removeRoute: {
-                FieldIndex target = change.field2();
-                if (!mapField(change.node, change.field) || !mapField(change.other, target)) continue;
-                change.index = target;
-                break;
-            }
-            case ChangeKind::setField:
-            case ChangeKind::insertChild:
-            case ChangeKind::removeChild:
-            case ChangeKind::event:
-                if (!mapField(change.node, change.field)) continue;
-                break;
-            case ChangeKind::destroyNode:
-                m.typeOfNode.erase(change.node.value);
-                break;
-            case ChangeKind::setName:
-                break;
-        }
-        changes.push_back(std::move(change));
-    }
-    const auto afterCreates =
-        std::ranges::find_if(changes, [](const Change& c) { return c.kind != ChangeKind::createNode; });
-    changes.insert(afterCreates, std::move_iterator(adjusted.begin()), std::move_iterator(adjusted.end()));
-    changes.insert(changes.begin(), std::move_iterator(defined.begin()), std::move_iterator(defined.end()));
-    set.changes = std::move(changes);
+    if (head.dictionaryHash != localHash_) mapping_ = std::make_unique<TypeMapping>(local_, head.builtinTypes);
     return {};
 }
 
@@ -374,19 +245,25 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     set.types.clear();
     Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
     unsigned previous = 0;
+    bool any = false;
     while (in.left() && !in.problem) {
         const auto kind = in.number<std::uint8_t>();
         const std::uint64_t count = in.varint();
         Reader block = in.part(in.count(1));
         if (in.problem) break;
-        if (kind < wire::kTypes || kind >= wire::kBlockEnd) {
+        if (kind >= wire::kBlockEnd) {
             ++losses_.blocks;
             continue;
         }
-        if (kind < previous || (kind == previous && kind != wire::kValues)) block.refuse("blocks out of order");
+        if (any && (kind < previous || (kind == previous && kind != wire::kValues)))
+            block.refuse("blocks out of order");
         if (count > block.left()) block.refuse("count exceeds the bytes that follow");
         previous = kind;
+        any = true;
         switch (kind) {
+            case wire::kDescriptions:
+                readDescriptions(block, count, mapping_.get());
+                break;
             case wire::kTypes:
                 readTypes(block, count, set);
                 break;
@@ -421,7 +298,7 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
         if (block.problem) return std::unexpected(wire::describe(block, "change"));
     }
     if (in.problem) return std::unexpected(wire::describe(in, "block"));
-    return mapped_ ? mapToLocal(set) : Result<>{};
+    return mapping_ ? mapping_->toLocal(set, losses_) : Result<>{};
 }
 
 }  // namespace rtsg

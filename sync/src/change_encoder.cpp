@@ -64,6 +64,16 @@ std::size_t varintSize(std::uint64_t number) {
 }  // namespace
 
 struct ChangeEncoder::Parts {
+    explicit Parts(const StreamMode& streamMode, TypeTable table)
+        : mode(streamMode), types(table), described(table.size()) {
+        const auto scene = std::ranges::find(types, "RtsgScene", [](const auto& t) -> const auto& { return t->name; });
+        rootType = static_cast<std::size_t>(scene - types.begin());
+    }
+
+    StreamMode mode;
+    TypeTable types;
+    std::size_t rootType = 0;
+    std::vector<bool> described;  // since the last keyframe
     std::array<Rows, wire::kBlockEnd> rows;
     std::vector<Column> columns;  // the first `used` belong to the set at hand
     std::size_t used = 0;
@@ -93,6 +103,15 @@ struct ChangeEncoder::Parts {
         }
         guess = static_cast<std::uint16_t>(found - columns.begin());
         return *found;
+    }
+
+    void describe(std::size_t type) {
+        if (type >= described.size() || described[type]) return;
+        described[type] = true;
+        Rows& r = rows[wire::kDescriptions];
+        ++r.count;
+        r.bytes.putVarint(type);
+        wire::putType(r.bytes, *types[type]);
     }
 
     void addValue(const Change& change) {
@@ -165,6 +184,7 @@ struct ChangeEncoder::Parts {
                 break;
             }
             case ChangeKind::createNode: {
+                describe(change.index);
                 Rows& r = rows[wire::kCreate];
                 r.bytes.putVarint(r.step(change.node) << 1 | external);
                 r.bytes.putVarint(change.index);
@@ -209,12 +229,20 @@ struct ChangeEncoder::Parts {
     }
 };
 
-ChangeEncoder::ChangeEncoder() : parts_(std::make_unique<Parts>()) {}
+ChangeEncoder::ChangeEncoder(const StreamMode& mode, TypeTable types) : parts_(std::make_unique<Parts>(mode, types)) {}
 ChangeEncoder::~ChangeEncoder() = default;
+
+void ChangeEncoder::restart() {
+    parts_->described.assign(parts_->types.size(), false);
+}
 
 void ChangeEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
     Parts& parts = *parts_;
     parts.clear();
+    if (set.isSnapshot()) {
+        restart();
+        parts.describe(parts.rootType);
+    }
     for (const Change& change : set.changes) {
         if (change.kind == ChangeKind::setField && sf(change.value.type()) != FieldType::SFNode)
             parts.addValue(change);
@@ -234,7 +262,7 @@ void ChangeEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
         record.putVarint(count);
         record.putVarint(length);
     };
-    for (unsigned block = wire::kTypes; block < wire::kBlockEnd; ++block) {
+    for (unsigned block = wire::kDescriptions; block < wire::kBlockEnd; ++block) {
         if (const Rows& r = parts.rows[block]; r.count) {
             putHeader(static_cast<wire::Block>(block), r.count, r.bytes.size());
             record.append(r.bytes.bytes());

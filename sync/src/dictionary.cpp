@@ -1,63 +1,61 @@
 #include <rtsg/sync/dictionary.h>
 
+#include <cmath>
+
 #include <rtsg/sync/record.h>
 
 #include "wire.h"
 
 namespace rtsg {
 
-namespace {
-
-void putDictionary(ByteBuffer& out, TypeTable types) {
-    out.putVarint(types.size());
-    for (const auto& type : types) wire::putType(out, *type);
-}
-
-}  // namespace
-
 std::uint64_t dictionaryHash(TypeTable types) {
     ByteBuffer bytes;
-    putDictionary(bytes, types);
+    bytes.putVarint(types.size());
+    for (const auto& type : types) wire::putType(bytes, *type);
     return checksumOf(bytes.bytes());
 }
 
-void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, bool withDictionary,
+void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, const StreamMode& mode,
                 ByteBuffer& record) {
-    ByteBuffer dictionary;
-    putDictionary(dictionary, types);
     record.clear();
     record.room(kRecordHeaderSize);
     record.advance(kRecordHeaderSize);
     record.put(kFormatVersion);
+    record.put(kOldestReader);
     record.put(epoch);
-    record.put(checksumOf(dictionary.bytes()));
+    record.put(dictionaryHash(types));
+    record.put(static_cast<std::uint16_t>(types.size()));
+    record.put(static_cast<std::uint8_t>(mode.mode));
+    record.put(static_cast<std::uint8_t>(mode.coding));
+    record.put(mode.maxError);
     wire::putText(record, creator);
-    record.putVarint(withDictionary ? dictionary.size() : 0);
-    if (withDictionary) record.append(dictionary.bytes());
     RecordHeader header;
     header.kind = RecordKind::head;
     sealRecord(record, header);
 }
 
-Result<StreamHead> decodeHead(std::span<const std::byte> record, std::uint64_t known) {
+Result<StreamHead> decodeHead(std::span<const std::byte> record) {
     wire::Reader in(recordPayload(record), kRecordHeaderSize);
     StreamHead head;
-    head.formatVersion = in.number<std::uint32_t>();
-    if (!in.problem && head.formatVersion != kFormatVersion) in.refuse("format version unknown to this reader");
+    head.formatVersion = in.number<std::uint16_t>();
+    const auto oldest = in.number<std::uint16_t>();
+    if (!in.problem && (head.formatVersion < kOldestReader || oldest > kFormatVersion))
+        in.refuse("format version unknown to this reader");
     head.epoch = in.number<std::uint64_t>();
     head.dictionaryHash = in.number<std::uint64_t>();
+    head.builtinTypes = in.number<std::uint16_t>();
+    const auto mode = in.number<std::uint8_t>(), coding = in.number<std::uint8_t>();
+    head.mode.maxError = in.number<double>();
+    if (mode > static_cast<unsigned>(Mode::lossy)) in.refuse("mode unknown to this reader");
+    if (mode == static_cast<unsigned>(Mode::lossy) && !(head.mode.maxError > 0 && std::isfinite(head.mode.maxError)))
+        in.refuse("lossy without a bound of the error");
+    head.mode.mode = static_cast<Mode>(mode);
+    // Only what the writer preferred: columns say themselves how they are coded.
+    head.mode.coding =
+        coding <= static_cast<unsigned>(Coding::smallest) ? static_cast<Coding>(coding) : Coding::smallest;
     head.creator = in.text();
-    wire::Reader dictionary = in.part(in.count(1));
-    if (dictionary.left()) {
-        if (checksumOf({dictionary.begin, dictionary.left()}) != head.dictionaryHash)
-            dictionary.refuse("dictionary does not have the hash it names");
-        if (!dictionary.problem && head.dictionaryHash == known) return head;
-        const std::size_t types = dictionary.count(1);
-        for (std::size_t i = 0; i < types && !dictionary.problem; ++i) head.types.push_back(wire::readType(dictionary));
-        if (!dictionary.problem && dictionary.left()) dictionary.refuse("bytes after the dictionary's last type");
-    }
+    // What a later version appends is left unread.
     if (in.problem) return std::unexpected(wire::describe(in, "head"));
-    if (dictionary.problem) return std::unexpected(wire::describe(dictionary, "dictionary"));
     return head;
 }
 

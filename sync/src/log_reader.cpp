@@ -190,20 +190,6 @@ std::optional<LogReader::Record> LogReader::next() {
     return std::nullopt;
 }
 
-std::optional<StreamHead> LogReader::findDictionary(std::uint64_t hash) {
-    const std::uint64_t before = std::exchange(position_, 0);
-    std::optional<StreamHead> found;
-    while (const std::optional<Record> record = next()) {
-        if (record->header.kind != RecordKind::head) continue;
-        Result<StreamHead> head = decodeHead(record->bytes);
-        if (!head || head->dictionaryHash != hash || head->types.empty()) continue;
-        found = std::move(*head);
-        break;
-    }
-    position_ = before;
-    return found;
-}
-
 bool LogReader::readIndex() {
     if (size_ < kRecordHeaderSize + kIndexTail) return false;
     ByteBuffer tail;

@@ -76,15 +76,13 @@ LogWriter::~LogWriter() {
 Result<> LogWriter::beginEpoch() {
     epoch_ = freshEpoch();
     firstOfEpoch_ = true;
-    encodeHead(epoch_, options_.creator, types_, true, fullHeadRecord_);
-    encodeHead(epoch_, options_.creator, types_, false, shortHeadRecord_);
-    return writeHead(true);
+    encodeHead(epoch_, options_.creator, types_, {}, headRecord_);
+    return writeHead();
 }
 
-Result<> LogWriter::writeHead(bool full) {
+Result<> LogWriter::writeHead() {
     head_ = size_;
-    if (full) fullHead_ = size_;
-    return writeRecord(full ? fullHeadRecord_ : shortHeadRecord_);
+    return writeRecord(headRecord_);
 }
 
 Result<> LogWriter::writeRecord(const ByteBuffer& record) {
@@ -129,11 +127,9 @@ Result<> LogWriter::checkFile() {
 
 Result<> LogWriter::writeKeyframe(const ChangeSet& changes) {
     if (auto ok = checkFile(); !ok) return ok;
-    // The dictionary again where it costs at most an eighth; its hash each time, which is enough for the same program.
-    const bool full = !firstOfEpoch_ && size_ - fullHead_ > 8 * fullHeadRecord_.size();
     const int copies = firstOfEpoch_ && record_.size() <= options_.repeatFirstUpTo ? 2 : 1;
     for (int copy = 0; copy < copies; ++copy) {
-        if (auto ok = writeHead(full); !ok) return ok;
+        if (auto ok = writeHead(); !ok) return ok;
         const std::uint64_t offset = size_;
         if (auto ok = writeRecord(record_); !ok) return ok;
         keyframes_.push_back({offset, changes.to, changes.time, head_});
@@ -178,8 +174,6 @@ Result<> LogWriter::writeIndex() {
 Result<> LogWriter::close() {
     if (descriptor_ < 0) return {};
     Result<> result = checkFile();
-    // A reader of another version that finds the first head damaged shall find the dictionary here.
-    if (result && !broken_ && fullHead_ + fullHeadRecord_.size() < size_) result = writeHead(true);
     if (result && !broken_) result = writeIndex();
     if (result && !broken_) result = flush();
     if (::close(descriptor_) != 0 && result) result = std::unexpected(failure("cannot close", errno));

@@ -246,7 +246,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
     if (numbers[0] != session_) return;
     if (const auto intact = checkRecord(second.bytes(), 0, options_.maxRecord); !intact)
         return garbage("a damaged head: " + intact.error().text);
-    const Result<StreamHead> head = decodeHead(second.bytes(), dictionaryHash_);
+    const Result<StreamHead> head = decodeHead(second.bytes());
     if (!head) return garbage("a head: " + head.error().text);
     if (auto ok = decoder_.setHead(*head); !ok) {
         refusal_ = ok.error().text;

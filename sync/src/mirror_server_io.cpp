@@ -17,6 +17,7 @@ constexpr std::size_t kChunk = std::size_t{256} << 10;
 constexpr std::size_t kCopyBelow = 1024;  // smaller bodies are copied: cheaper than counting references
 constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64_t{64} << 20;
 constexpr std::uint64_t kLargestDebt = 2 * kLargestWindow;
+constexpr std::uint64_t kAnswerCost = 1024;      // of an answer that waits to be read, beside its bytes
 constexpr std::int64_t kLongestIncoming = 4096;  // bytes; a hello with the longest name is far below
 constexpr int kLinger = 200;                     // ms
 constexpr auto kFarewell = 1000ms;               // for peers to answer a goodbye
@@ -70,7 +71,6 @@ Result<> MirrorServer::Io::start(const std::string& endpoint) {
     std::size_t length = sizeof(bound);
     zmq_getsockopt(router_.get(), ZMQ_LAST_ENDPOINT, bound, &length);
     shared_->endpoint = bound;
-    dictionaryHash_ = dictionaryHash(builtinTypes());
     restart();
     thread_ = std::thread([this] { run(); });
     return {};
@@ -83,8 +83,7 @@ void MirrorServer::Io::restart() {
         shared_->epoch = std::uint64_t{device()} << 32 | device();
     }
     history_.clear();
-    encodeHead(shared_->epoch, shared_->options.creator, builtinTypes(), true, headFull_);
-    encodeHead(shared_->epoch, shared_->options.creator, builtinTypes(), false, headShort_);
+    encodeHead(shared_->epoch, shared_->options.creator, builtinTypes(), {}, head_);
     mirror::begin(message_, Message::unknown);
     for (const auto& [identity, peer] : peers_) sendTo(identity, message_);
     peers_.clear();
@@ -215,8 +214,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
         found = peers_.emplace(identity, Peer{}).first;
     }
     Peer& peer = found->second;
-    const ByteBuffer& head = hello.dictionaryHash == dictionaryHash_ ? headShort_ : headFull_;
-    const std::uint64_t debt = peer.debt + (peer.sentBytes - peer.ackedBytes) + head.size();
+    const std::uint64_t debt = peer.debt + (peer.sentBytes - peer.ackedBytes) + head_.size() + kAnswerCost;
     if (debt > kLargestDebt) return garbage("a hello from a peer that reads no answers");
     peer = Peer{};
     peer.debt = debt;
@@ -233,7 +231,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     const std::uint64_t numbers[] = {hello.session, shared_->epoch,
                                      static_cast<std::uint64_t>(shared_->options.heartbeat.count())};
     mirror::write(message_, Message::welcome, numbers);
-    ZmqMessage body(head.bytes());
+    ZmqMessage body(head_.bytes());
     if (!sendTo(identity, message_, &body)) peers_.erase(found);
 }
 

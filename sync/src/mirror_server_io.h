@@ -92,8 +92,7 @@ class MirrorServer::Io {
     MirrorHistory history_;
     Peers peers_;
     MirrorServerStatistics statistics_;
-    ByteBuffer message_, headFull_, headShort_;
-    std::uint64_t dictionaryHash_ = 0;
+    ByteBuffer message_, head_;
     std::thread thread_;
 };
 

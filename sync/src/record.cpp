@@ -56,7 +56,7 @@ Result<RecordHeader> parseRecordHeader(std::span<const std::byte> bytes, std::ui
     header.time = read<double>(bytes, 40);
     header.hash = {read<std::uint64_t>(bytes, 48), read<std::uint64_t>(bytes, 56)};
     header.checksum = read<std::uint64_t>(bytes, kChecksumAt);
-    if (header.flags != 0)
+    if (header.flags & ~kKnownFlags)
         return fail(fmt::format("at byte {}: record flags {:#x} unknown to this reader", offset + 17, header.flags));
     if (header.length > maxPayload)
         return fail(fmt::format("at byte {}: record of {} bytes exceeds the limit of {}", offset + 18, header.length,

@@ -59,19 +59,12 @@ Result<std::unique_ptr<Replayer>> Replayer::open(const std::filesystem::path& fi
 
 Result<> Replayer::adoptHead(std::span<const std::byte> record) {
     const auto failed = [this](const Diagnostic& why) { return fail(why.text, {}, log_.file().string()); };
-    Result<StreamHead> head = decodeHead(record, decoder_.localHash());
+    Result<StreamHead> head = decodeHead(record);
     if (!head) return failed(head.error());
     // Heads are repeated; one that says nothing new changes nothing.
     if (headed_ && head->epoch == head_.epoch && head->dictionaryHash == head_.dictionaryHash) return {};
     lost_ = true;
     headed_ = false;
-    if (head->types.empty() && head->dictionaryHash != decoder_.localHash()) {
-        std::optional<StreamHead> full = log_.findDictionary(head->dictionaryHash);
-        if (!full)
-            return fail("the dictionary is gone with the heads that held it, and this program has another one", {},
-                        log_.file().string());
-        head->types = std::move(full->types);
-    }
     head_ = std::move(*head);
     if (auto ok = decoder_.setHead(head_); !ok) return failed(ok.error());
     headed_ = true;
@@ -161,7 +154,7 @@ std::optional<Divergence> Replayer::compareAtNextKeyframe() const {
     if (!suspect.apply(std::make_shared<const ChangeSet>(scene_->snapshot()))) return std::nullopt;
     while (const std::optional<LogReader::Record> record = ahead->next()) {
         if (record->header.kind == RecordKind::head) {
-            const Result<StreamHead> head = decodeHead(record->bytes, decoder.localHash());
+            const Result<StreamHead> head = decodeHead(record->bytes);
             if (!head || head->epoch != head_.epoch) return std::nullopt;
         }
         if (record->header.kind != RecordKind::frame && record->header.kind != RecordKind::keyframe) continue;

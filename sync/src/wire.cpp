@@ -1,5 +1,7 @@
 #include "wire.h"
 
+#include <limits>
+
 #include <fmt/format.h>
 
 namespace rtsg::wire {
@@ -81,39 +83,46 @@ std::vector<std::string> readTexts(Reader& in) {
     return result;
 }
 
-constexpr unsigned kExclusiveMin = 1, kHidden = 2;
+// What of a field is there (or set) in its description.
+constexpr unsigned kExclusiveMin = 1, kHidden = 2, kMin = 4, kMax = 8, kAllowed = 16, kAccepts = 32, kDefault = 64,
+                   kExclusiveMax = 128;
 
 void putField(ByteBuffer& out, const FieldDef& field) {
+    // Like finish(): a default of another type counts as none.
+    const bool hasDefault = field.defaultValue.type() == field.type && !(field.defaultValue == Value::zero(field.type));
+    const bool hasMin = field.min != -std::numeric_limits<double>::infinity();
+    const bool hasMax = field.max != std::numeric_limits<double>::infinity();
     putText(out, field.name);
     out.put(static_cast<std::uint8_t>(field.type));
-    out.put(static_cast<std::uint8_t>(field.access));
-    out.put(static_cast<std::uint8_t>(field.aspect));
-    out.put(static_cast<std::uint8_t>((field.exclusiveMin ? kExclusiveMin : 0) | (field.hidden ? kHidden : 0)));
-    out.put(field.min);
-    out.put(field.max);
-    putTexts(out, field.allowed);
-    putTexts(out, field.accepts);
-    // Like finish(): a default of another type counts as none.
-    putValue(out, field.defaultValue.type() == field.type ? field.defaultValue : Value::zero(field.type));
+    out.put(static_cast<std::uint8_t>(static_cast<unsigned>(field.access) | static_cast<unsigned>(field.aspect) << 2));
+    out.put(static_cast<std::uint8_t>(
+        (field.exclusiveMin ? kExclusiveMin : 0) | (field.exclusiveMax ? kExclusiveMax : 0) |
+        (field.hidden ? kHidden : 0) | (hasMin ? kMin : 0) | (hasMax ? kMax : 0) |
+        (field.allowed.empty() ? 0 : kAllowed) | (field.accepts.empty() ? 0 : kAccepts) | (hasDefault ? kDefault : 0)));
+    if (hasMin) out.put(field.min);
+    if (hasMax) out.put(field.max);
+    if (!field.allowed.empty()) putTexts(out, field.allowed);
+    if (!field.accepts.empty()) putTexts(out, field.accepts);
+    if (hasDefault) putValue(out, field.defaultValue);
 }
 
 FieldDef readField(Reader& in) {
     FieldDef field;
     field.name = in.text();
     field.type = readFieldType(in);
-    const auto access = in.number<std::uint8_t>(), aspect = in.number<std::uint8_t>(),
-               flags = in.number<std::uint8_t>();
-    if (access > static_cast<unsigned>(Access::inputOutput)) in.refuse("unknown access type");
-    field.access = static_cast<Access>(access);
+    const auto use = in.number<std::uint8_t>();
+    const unsigned flags = in.number<std::uint8_t>();
+    field.access = static_cast<Access>(use & 3u);
     // An aspect of a later version means nothing here, which is not an error.
-    field.aspect = aspect <= static_cast<unsigned>(Aspect::time) ? static_cast<Aspect>(aspect) : Aspect::none;
+    field.aspect = use >> 2 <= static_cast<int>(Aspect::time) ? static_cast<Aspect>(use >> 2) : Aspect::none;
     field.exclusiveMin = flags & kExclusiveMin;
+    field.exclusiveMax = flags & kExclusiveMax;
     field.hidden = flags & kHidden;
-    field.min = in.number<double>();
-    field.max = in.number<double>();
-    field.allowed = readTexts(in);
-    field.accepts = readTexts(in);
-    field.defaultValue = readValue(in, field.type);
+    if (flags & kMin) field.min = in.number<double>();
+    if (flags & kMax) field.max = in.number<double>();
+    if (flags & kAllowed) field.allowed = readTexts(in);
+    if (flags & kAccepts) field.accepts = readTexts(in);
+    field.defaultValue = flags & kDefault ? readValue(in, field.type) : Value::zero(field.type);
     return field;
 }
 

@@ -28,7 +28,7 @@ void decodeChanges(std::span<const std::byte> record) {
     rtsg::ChangeSet set;
     if (!decoder.decode(record, set)) return;
     rtsg::ByteBuffer first, second;
-    rtsg::ChangeEncoder encoder;
+    rtsg::ChangeEncoder encoder({}, {});
     encoder.encode(set, first);
     if (!rtsg::checkRecord(first.bytes()) || !decoder.decode(first.bytes(), set)) std::abort();
     encoder.encode(set, second);

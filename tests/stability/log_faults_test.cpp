@@ -62,7 +62,7 @@ TEST_F(LogFaults, ADiskThatFillsUpDetachesTheLogAndLeavesWholeRecords) {
     auto log = LogWriter::create(file(), builtinTypes());
     ASSERT_TRUE(log);
     rlimit limit = before;
-    limit.rlim_cur = (*log)->bytes() + 2000;
+    limit.rlim_cur = (*log)->bytes() + 20000;
     setrlimit(RLIMIT_FSIZE, &limit);
     const std::string reported = runUntilDetached(**log, 200);
     setrlimit(RLIMIT_FSIZE, &before);
@@ -157,7 +157,7 @@ TEST_F(LogFaults, AnotherWriterIsRefusedAndTheFirstOneGoesOn) {
 
 /// A mapped file would end the reader with SIGBUS here.
 TEST_F(LogFaults, ALogThatShrinksWhileItIsReadEndsWithTheDamageReported) {
-    record(file(), 4000, 3);
+    record(file(), 5000, 3);
     ASSERT_GT(std::filesystem::file_size(file()), 1u << 20);
     auto replayer = Replayer::open(file());
     ASSERT_TRUE(replayer);

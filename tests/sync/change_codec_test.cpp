@@ -92,7 +92,7 @@ TEST(ChangeCodec, RoundTripsRandomSetsOfEveryKindAndType) {
     const std::uint64_t seed = 20090616;
     SCOPED_TRACE(testing::Message() << "seed " << seed);
     RandomSets random(seed);
-    ChangeEncoder encoder;
+    ChangeEncoder encoder({}, {});  // nothing to describe: bytes depend on the set alone
     ChangeDecoder decoder({});
     ByteBuffer record, again;
     ChangeSet found;
@@ -248,24 +248,34 @@ TEST(ChangeCodec, SkipsBlocksAndCodingsOfALaterFormat) {
     EXPECT_EQ(decoder.losses().blocks, 2u);
 }
 
-TEST(Dictionary, RoundTripsAndDetectsDamage) {
+TEST(Head, RoundTripsAndDetectsDamage) {
     const std::uint64_t seed = 17;
     RandomSets random(seed);
     std::vector<std::unique_ptr<NodeType>> types;
     for (int i = 0; i < 20; ++i) types.push_back(random.type("Type" + std::to_string(i)));
+    const StreamMode mode{Mode::lossy, Coding::smallest, 1e-3};
     ByteBuffer record;
-    encodeHead(0x1234567890ABCDEF, "a test", types, true, record);
+    encodeHead(0x1234567890ABCDEF, "a test", types, mode, record);
     ASSERT_TRUE(checkRecord(record.bytes()));
+    EXPECT_LT(record.size(), 128u);
     const Result<StreamHead> head = decodeHead(record.bytes());
     ASSERT_TRUE(head) << head.error().text;
     EXPECT_EQ(head->epoch, 0x1234567890ABCDEFu);
     EXPECT_EQ(head->creator, "a test");
     EXPECT_EQ(head->dictionaryHash, dictionaryHash(types));
-    ASSERT_EQ(head->types.size(), types.size());
-    for (std::size_t i = 0; i < types.size(); ++i) expectSame(*types[i], *head->types[i]);
+    EXPECT_EQ(head->builtinTypes, 20u);
+    EXPECT_TRUE(head->mode == mode);
     const Result<RecordHeader> header = parseRecordHeader(record.bytes());
     for (std::size_t size = kRecordHeaderSize; size < record.size(); ++size)
         ASSERT_FALSE(decodeHead(resealed(record.bytes().first(size), *header).bytes())) << size;
+    record.put(std::uint64_t{7});  // what a later version may append
+    EXPECT_TRUE(decodeHead(resealed(record.bytes(), *header).bytes()));
+    for (const auto& [at, byte] : {std::pair{2, 3}, {22, 3}}) {  // readers too old for it; a mode of later
+        ByteBuffer bent;
+        bent.append(record.bytes());
+        bent.data()[kRecordHeaderSize + static_cast<std::size_t>(at)] = static_cast<std::byte>(byte);
+        EXPECT_EQ(bool(decodeHead(resealed(bent.bytes(), *header).bytes())), false) << at;
+    }
 }
 
 /// `name(field:type=default, ...)` in the order given.
@@ -316,13 +326,13 @@ TEST(Dictionary, AReaderOfAnotherVersionMapsByNameAndKeepsUnknownTypes) {
     set.changes.push_back(valueChange(5, 0, 0.75f));
 
     ByteBuffer headRecord, record;
-    encodeHead(1, "newer", origin, true, headRecord);
+    encodeHead(1, "newer", origin, {}, headRecord);
     const Result<StreamHead> head = decodeHead(headRecord.bytes());
     ASSERT_TRUE(head);
     ChangeDecoder decoder(local);
     ASSERT_TRUE(decoder.setHead(*head));
     EXPECT_FALSE(decoder.exact());
-    ChangeEncoder().encode(set, record);
+    ChangeEncoder({}, origin).encode(set, record);
     for (int pass = 0; pass < 2; ++pass) {  // a second snapshot starts over
         ChangeSet found;
         const Result<> decoded = decoder.decode(record.bytes(), found);
@@ -351,16 +361,45 @@ TEST(Dictionary, AReaderOfAnotherVersionMapsByNameAndKeepsUnknownTypes) {
     }
 }
 
-TEST(Dictionary, AStreamWithoutADictionaryNeedsTheSameBuild) {
+TEST(Dictionary, TypesAreDescribedOnceAndAgainAfterAKeyframeOrARestart) {
     std::vector<std::unique_ptr<NodeType>> origin, local;
     origin.push_back(makeType("Group", {{"children", Array<NodeId>{}}}));
+    origin.push_back(makeType("Shape", {{"geometry", NodeId{}}}));
     local.push_back(makeType("Shape", {{"geometry", NodeId{}}}));
-    ByteBuffer record;
-    encodeHead(1, "", origin, false, record);
-    const Result<StreamHead> head = decodeHead(record.bytes());
-    ASSERT_TRUE(head);
-    EXPECT_FALSE(ChangeDecoder(local).setHead(*head));
-    EXPECT_TRUE(ChangeDecoder(origin).setHead(*head));
+    ChangeSet set;
+    set.from = 4;
+    set.to = 5;
+    Change create;
+    create.kind = ChangeKind::createNode;
+    create.node = NodeId{7};
+    create.index = 1;
+    set.changes.push_back(create);
+    ByteBuffer head, first, second, third;
+    encodeHead(1, "", origin, {}, head);
+    ChangeEncoder encoder({}, origin);
+    encoder.encode(set, first);
+    encoder.encode(set, second);
+    encoder.restart();
+    encoder.encode(set, third);
+    EXPECT_LT(second.size(), first.size());
+    EXPECT_TRUE(std::ranges::equal(first.bytes(), third.bytes()));
+    ChangeSet snapshot = set;
+    snapshot.from = 0;
+    encoder.encode(snapshot, second);
+    EXPECT_GE(second.size(), first.size());
+    encoder.encode(set, second);
+    EXPECT_LT(second.size(), first.size()) << "the keyframe told";
+
+    ChangeDecoder decoder(local);
+    ASSERT_TRUE(decoder.setHead(*decodeHead(head.bytes())));
+    ChangeSet found;
+    encoder.encode(set, second);
+    const Result<> undescribed = decoder.decode(second.bytes(), found);
+    ASSERT_FALSE(undescribed);
+    EXPECT_NE(undescribed.error().text.find("not described"), std::string::npos) << undescribed.error().text;
+    ASSERT_TRUE(decoder.decode(first.bytes(), found));
+    EXPECT_EQ(found.changes.at(0).index, 0u);
+    EXPECT_TRUE(decoder.decode(second.bytes(), found));
 }
 
 }  // namespace

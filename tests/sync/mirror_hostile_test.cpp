@@ -115,7 +115,7 @@ TEST(MirrorHostile, BytesThatAreNoZeroMqAreCountedAndHarmless) {
 
 TEST(MirrorHostile, HellosWithoutEndAreNotAnsweredWithoutEnd) {
     Served served;
-    const std::size_t headSize = 1000;  // at least; a stranger's dictionary hash makes it the long one
+    const std::size_t headSize = 1000;  // or what the server counts for an answer, at least
     std::string hello("RTSG\x01\x01\0\0", 8);
     hello += std::string(40, '\x7F') + std::string(1, '\0');
     Stranger stranger(served.server->endpoint());

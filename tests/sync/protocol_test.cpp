@@ -121,7 +121,7 @@ TEST(Protocol, AnIndependentReaderAgrees) {
             if (!node.type().fields[i].readable() || node.isDefault(i)) continue;
             const std::string_view name = scene.name(node.id());
             const std::string key = (name.empty() ? "#" + std::to_string(node.id().value) : std::string(name)) + "." +
-                                    (node.id() == scene.root() ? std::to_string(i) : node.type().fields[i].name);
+                                    node.type().fields[i].name;
             const json expected = asJson(node.value(i));
             if (expected.is_null()) continue;
             ASSERT_TRUE(summary["values"].contains(key)) << key;

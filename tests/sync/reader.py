@@ -66,8 +66,10 @@ class Reader:
             raise ValueError("cut short")
         self.at += count
         return self.data[self.at - count:self.at]
+    def take_struct(self, code):
+        return struct.unpack("<" + code, self.take(struct.calcsize("<" + code)))
     def number(self, code):
-        return struct.unpack("<" + code, self.take(struct.calcsize("<" + code)))[0]
+        return self.take_struct(code)[0]
     def varint(self):
         result = shift = 0
         while True:
@@ -89,7 +91,7 @@ class Reader:
             return self.text()
         if code == "Image":
             return list(struct.unpack("<%di" % (n := self.varint()), self.take(4 * n)))
-        numbers = struct.unpack("<" + code, self.take(struct.calcsize("<" + code)))
+        numbers = self.take_struct(code)
         return numbers[0] if len(code) == 1 else list(numbers)
     def value(self, kind):
         return [self.element(kind // 2) for _ in range(self.varint())] if kind % 2 else self.element(kind // 2)
@@ -98,10 +100,14 @@ def read_type(outer):
     r = outer.part()
     t = {"name": r.text(), "component": r.text(), "level": r.varint(), "kind": r.number("B"), "container": r.text(),
          "implements": r.value(11), "declaration": r.text()}
-    fields = [r.part() for _ in range(r.varint())]
-    t["fields"] = [{"name": f.text(), "type": (kind := f.number("B")), "access": f.number("B"), "aspect": f.number("B"),
-                    "flags": f.number("B"), "min": f.number("d"), "max": f.number("d"), "allowed": f.value(11),
-                    "accepts": f.value(11), "default": f.value(kind)} for f in fields]
+    t["fields"] = []
+    for f in [r.part() for _ in range(r.varint())]:
+        field = {"name": f.text(), "type": f.number("B"), "use": f.number("B"), "flags": (flags := f.number("B"))}
+        for bit, name, kind in ((4, "min", 6), (8, "max", 6), (16, "allowed", 11), (32, "accepts", 11),
+                                (64, "default", field["type"])):
+            if flags & bit:
+                field[name] = f.value(kind)
+        t["fields"].append(field)
     return t
 
 def read_changes(payload, types, state):
@@ -117,8 +123,13 @@ def read_changes(payload, types, state):
             column = [node := b.node(node) for _ in range(count)] if coding == 0 else []
             for node in column:
                 values[node, field] = b.value(kind_of_value)
-        for _ in range(count if kind in (1, 2, 3, 5, 6, 7, 8) else 0):
-            if kind == 1:  # types
+        for _ in range(count if kind in (0, 1, 2, 3, 5, 6, 7, 8) else 0):
+            if kind == 0:  # built-in types at their first use
+                number = b.varint()
+                types[number] = read_type(b)
+                if types[number]["name"] == "RtsgScene":
+                    nodes[1] = number
+            elif kind == 1:  # types of the scene's own
                 types.setdefault(b.varint() >> 1, read_type(b))
             elif kind == 2:  # nodes created
                 node = b.node(node, b.varint() >> 1)
@@ -171,15 +182,13 @@ def main(path, show_values):
         payload, time = data[at + 64:at + 64 + length], struct.unpack_from("<d", head, 40)[0]
         if kind == 1:
             r = Reader(payload)
-            version, epoch, _, creator = r.number("I"), r.number("Q"), r.number("Q"), r.text()
-            d = r.part()
-            if epoch == at_epoch:  # a repetition
-                at += 64 + length
-                continue
-            types = dict(enumerate(read_type(d) for _ in range(d.varint())))
-            at_state, at_epoch = None, epoch
-            print(json.dumps({"head": version, "epoch": epoch, "creator": creator, "types": len(types)}))
-        elif kind in (2, 3) and (origin == at_state or (kind == 3 and (at_state is None or to > at_state))):
+            version, _, epoch, _, builtin, mode, coding, error = r.take_struct("HHQQHBBd")
+            if epoch != at_epoch:  # else a repetition
+                types, at_state, at_epoch = {}, None, epoch
+                print(json.dumps({"head": version, "epoch": epoch, "creator": r.text(), "types": builtin,
+                                  "mode": ("state", "input", "lossy")[mode], "error": error}))
+        elif kind in (2, 3) and head[17] < 8 and (
+                origin == at_state or (kind == 3 and (at_state is None or to > at_state))):
             if origin != at_state:
                 state = fresh()
             blocks = read_changes(payload, types, state)
@@ -193,7 +202,7 @@ def main(path, show_values):
         print(json.dumps({"damage": damaged, "length": len(data) - damaged}))
     summary = {"frames": frames, "nodes": len(state["nodes"]), "routes": len(state["routes"]), "state": at_state}
     if show_values:
-        field = lambda n, f: types[state["nodes"][n]]["fields"][f]["name"] if n != 1 else str(f)
+        field = lambda n, f: types[state["nodes"][n]]["fields"][f]["name"]
         summary["values"] = {"%s.%s" % (state["names"].get(n) or "#%d" % n, field(n, f)): v
                              for (n, f), v in sorted(state["values"].items())}
     print(json.dumps(summary))

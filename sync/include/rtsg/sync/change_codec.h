@@ -8,7 +8,6 @@
 
 #include <memory>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include <rtsg/core/change.h>
@@ -19,10 +18,16 @@
 
 namespace rtsg {
 
+class TypeMapping;
+
 class ChangeEncoder {
   public:
-    ChangeEncoder();
+    /// `types`: what TypeIndex numbers mean; they must outlive the encoder.
+    explicit ChangeEncoder(const StreamMode& mode = {}, TypeTable types = builtinTypes());
     ~ChangeEncoder();
+    /// The next frame will refer to nothing before it: needed whenever somebody starts at the state that it starts at,
+    /// from a keyframe that this encoder did not write. After a keyframe of its own this happens by itself.
+    void restart();
     /// `record` becomes one whole record: a keyframe if the set is a snapshot, else a frame.
     void encode(const ChangeSet& set, ByteBuffer& record);
 
@@ -45,8 +50,8 @@ class ChangeDecoder {
     ChangeDecoder(TypeTable local, std::uint64_t localHash);
     ~ChangeDecoder();
 
-    /// Announces the stream's dictionary; without this, streams have to come from the same build. A built-in type
-    /// that is unknown here is defined in the scene at its first use.
+    /// Announces the stream; without this, it has to come from the same build. Types of another build are mapped by
+    /// name as they are described; one that is unknown here is defined in the scene at its first use.
     Result<> setHead(const StreamHead& head);
     /// `record`: an intact frame or keyframe (checkRecord). Reuses `set`'s memory. Errors name the byte, counted from
     /// the record's start; `set` is then unspecified.
@@ -55,18 +60,13 @@ class ChangeDecoder {
     /// Of this program's own types.
     std::uint64_t localHash() const { return localHash_; }
     /// True while numbers are taken as they come: the state hash then has to agree with the origin's.
-    bool exact() const { return !mapped_; }
+    bool exact() const { return !mapping_; }
     const DecoderLosses& losses() const { return losses_; }
 
   private:
-    struct Mapping;
-
-    Result<> mapToLocal(ChangeSet& set);
-
     TypeTable local_;
     std::uint64_t localHash_ = 0;
-    bool mapped_ = false;
-    std::unique_ptr<Mapping> mapping_;
+    std::unique_ptr<TypeMapping> mapping_;  // only for streams of another build
     DecoderLosses losses_;
 };
 

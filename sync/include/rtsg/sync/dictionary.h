@@ -1,8 +1,9 @@
-// Head and dictionary: what the type and field numbers of a stream mean, so that a reader of another version maps
-// them by name and keeps or skips what it does not know (PROTOCOL.md, "Head").
+// Head: opens a stream and says by whom, in which mode and with which built-in types it is written. What type and field
+// numbers mean is told where a type is first used (block 0, "descriptions"), and again with every keyframe, so that a
+// reader of another version can start at any of them, map by name and keep or skip what it does not know.
 //
-// Invariant: a dictionary lists the writer's built-in types in TypeIndex order; equal hashes mean equal numbers,
-// names and defaults. Threading: values and free functions without shared state.
+// Invariant: equal hashes mean equal numbers, names and defaults of all built-in types; descriptions are then not
+// needed. Threading: values and free functions without shared state.
 #pragma once
 
 #include <memory>
@@ -13,32 +14,33 @@
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/node_type.h>
 #include <rtsg/sync/byte_buffer.h>
+#include <rtsg/sync/stream_mode.h>
 
 namespace rtsg {
 
-constexpr std::uint32_t kFormatVersion = 1;
+/// What is written, and the oldest format whose readers understand it but for what they skip.
+constexpr std::uint16_t kFormatVersion = 2, kOldestReader = 2;
 
 using TypeTable = std::span<const std::unique_ptr<NodeType>>;
 
 struct StreamHead {
-    std::uint32_t formatVersion = kFormatVersion;
+    std::uint16_t formatVersion = kFormatVersion;
     /// Names one run of one scene: sequence numbers of different epochs have nothing to do with each other.
     std::uint64_t epoch = 0;
-    std::uint64_t dictionaryHash = 0;
+    std::uint64_t dictionaryHash = 0;  // of the writer's built-in types
+    std::uint16_t builtinTypes = 0;    // how many of them: the scene's own are numbered from there
+    StreamMode mode;
     std::string creator;
-    /// Empty when left out, or not unpacked, because the reader has the same one.
-    std::vector<std::unique_ptr<NodeType>> types;
 };
 
-/// XXH3-64 of the encoded dictionary.
+/// XXH3-64 of the encoded types. Takes some 100 microseconds for all built-in ones.
 std::uint64_t dictionaryHash(TypeTable types);
 
-/// Appends to nothing: `record` becomes a head record.
-void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, bool withDictionary,
+/// Appends to nothing: `record` becomes a head record. `types`: what the stream's TypeIndex numbers mean.
+void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, const StreamMode& mode,
                 ByteBuffer& record);
 
-/// `record`: an intact head record (checkRecord). A dictionary whose hash is `known` is not unpacked: `types` stays
-/// empty.
-Result<StreamHead> decodeHead(std::span<const std::byte> record, std::uint64_t known = 0);
+/// `record`: an intact head record (checkRecord).
+Result<StreamHead> decodeHead(std::span<const std::byte> record);
 
 }  // namespace rtsg

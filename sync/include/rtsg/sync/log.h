@@ -73,7 +73,7 @@ class LogWriter : public Subscriber {
   private:
     LogWriter(std::filesystem::path file, TypeTable types, LogOptions options);
     Result<> beginEpoch();
-    Result<> writeHead(bool full);
+    Result<> writeHead();
     Result<> writeKeyframe(const ChangeSet& changes);
     Result<> writeRecord(const ByteBuffer& record);
     Result<> writeIndex();
@@ -88,12 +88,12 @@ class LogWriter : public Subscriber {
     bool broken_ = false;
     std::uint64_t state_ = 0;  // last one written, its hash beside it
     Hash128 hash_;
-    std::uint64_t epoch_ = 0, size_ = 0, frames_ = 0, head_ = 0, fullHead_ = 0;
+    std::uint64_t epoch_ = 0, size_ = 0, frames_ = 0, head_ = 0;
     std::uint64_t sinceKeyframe_ = 0, keyframeSize_ = 0;
     bool regular_ = true, firstOfEpoch_ = true;
     std::vector<LogKeyframe> keyframes_;
     ChangeEncoder encoder_;
-    ByteBuffer record_, fullHeadRecord_, shortHeadRecord_;
+    ByteBuffer record_, headRecord_;
 };
 
 /// Bytes that no intact record covers.
@@ -121,9 +121,6 @@ class LogReader {
     void seek(std::uint64_t offset) { position_ = offset; }
     std::uint64_t position() const { return position_; }
     std::uint64_t size() const { return size_; }
-
-    /// The nearest intact head, from the file's start, that holds the dictionary of that hash. Leaves the position.
-    std::optional<StreamHead> findDictionary(std::uint64_t hash);
 
     /// In file order; from the index at the end or, without an intact one, from a scan of the records.
     const std::vector<LogKeyframe>& keyframes();

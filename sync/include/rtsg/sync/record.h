@@ -26,6 +26,14 @@ enum class RecordKind : std::uint8_t {
     index = 4,     // where a log's keyframes are
 };
 
+/// Frames only: what predicted values refer to (PROTOCOL.md, "Prediction"). Who starts in the middle of a stream needs:
+/// after a keyframe, a frame with kForget; after frames merged into one, a frame with kSync or kForget; else the very
+/// frame before.
+constexpr std::uint8_t kRemember = 1;  // its values are what later ones are predicted from
+constexpr std::uint8_t kSync = 2;      // of what was before, this and later records refer to last values only
+constexpr std::uint8_t kForget = 4;    // they refer to nothing of what was before
+constexpr std::uint8_t kKnownFlags = kRemember | kSync | kForget;
+
 constexpr std::size_t kRecordHeaderSize = 64;
 constexpr std::string_view kRecordMagic = "RTSGrec1";
 /// Longest payload a reader accepts unless told otherwise, in bytes.
@@ -33,7 +41,7 @@ constexpr std::uint64_t kMaxPayload = std::uint64_t{4} << 30;
 
 struct RecordHeader {
     RecordKind kind = RecordKind::frame;
-    std::uint8_t flags = 0;    // 0; a reader refuses others
+    std::uint8_t flags = 0;    // RecordFlags; a reader refuses others
     std::uint64_t length = 0;  // of the payload, bytes
     std::uint64_t from = 0, to = 0;
     double time = 0;  // seconds

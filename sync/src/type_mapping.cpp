@@ -1,0 +1,139 @@
+#include "type_mapping.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "wire.h"
+
+namespace rtsg {
+
+TypeMapping::TypeMapping(TypeTable local, std::size_t originBuiltins)
+    : local_(local), types_(originBuiltins), originBuiltins_(originBuiltins) {
+    restart();
+}
+
+void TypeMapping::restart() {
+    types_.resize(originBuiltins_);
+    for (Type& type : types_)
+        if (type.definition) type.local = kNowhere;
+    nextLocal_ = static_cast<std::uint16_t>(local_.size());
+    typeOfNode_ = {{1u, rootType_}};
+}
+
+bool TypeMapping::describe(std::uint16_t number, const NodeType& origin) {
+    if (number >= originBuiltins_) return false;
+    Type& type = types_[number];
+    if (type.known) return true;
+    type.known = true;
+    const auto here = std::ranges::find(local_, origin.name, [](const auto& t) -> const auto& { return t->name; });
+    if (here == local_.end()) {
+        ByteBuffer copy;
+        wire::putType(copy, origin);
+        wire::Reader in(copy.bytes());
+        std::unique_ptr<NodeType> definition = wire::readType(in);
+        definition->kind = NodeType::Kind::user;
+        type.definition = std::move(definition);
+        type.identity = true;
+        return true;
+    }
+    const NodeType& local = **here;
+    type.local = static_cast<std::uint16_t>(here - local_.begin());
+    for (const FieldDef& field : origin.fields) {
+        FieldIndex index = local.findExact(field.name);
+        if (index != kNoField && local.fields[index].type != field.type) index = kNoField;
+        type.fields.push_back(index);
+        if (index != kNoField && field.offset != FieldDef::kNoOffset &&
+            local.fields[index].offset != FieldDef::kNoOffset && sf(field.type) != FieldType::SFNode &&
+            !(local.fields[index].defaultValue == field.defaultValue))
+            type.defaults.emplace_back(index, field.defaultValue);
+    }
+    if (origin.name == "RtsgScene") {
+        rootType_ = number;
+        typeOfNode_[1] = number;
+    }
+    return true;
+}
+
+void TypeMapping::defineHere(Type& type, std::shared_ptr<const NodeType> definition, bool external, ChangeSet& set) {
+    type.local = nextLocal_++;
+    Change change = blankChange(ChangeKind::defineType, {}, kNoField, external);
+    change.index = type.local;
+    defined_.push_back(std::move(change));
+    set.types.push_back({TypeIndex{type.local}, std::move(definition)});
+}
+
+/// False when the field has no counterpart.
+bool TypeMapping::mapField(NodeId node, FieldIndex& field, DecoderLosses& losses) const {
+    const auto found = typeOfNode_.find(node.value);
+    if (found == typeOfNode_.end() || found->second >= types_.size()) return true;  // the scene will judge
+    const Type& type = types_[found->second];
+    if (type.identity) return true;
+    if (field >= type.fields.size() || type.fields[field] == kNoField) {
+        ++losses.changes;
+        return false;
+    }
+    field = type.fields[field];
+    return true;
+}
+
+Result<> TypeMapping::toLocal(ChangeSet& set, DecoderLosses& losses) {
+    if (set.isSnapshot()) restart();
+    std::vector<Change> changes, adjusted;
+    defined_.clear();
+    changes.reserve(set.changes.size());
+    const std::vector<DefinedType> originTypes = std::exchange(set.types, {});
+    std::size_t nextType = 0;
+    for (Change& change : set.changes) {
+        switch (change.kind) {
+            case ChangeKind::defineType: {
+                if (change.index != types_.size())
+                    return fail(fmt::format("type {} defined out of turn, {} is next", change.index, types_.size()));
+                Type& type = types_.emplace_back();
+                type.known = type.identity = true;
+                defineHere(type, originTypes[nextType++].type, change.external, set);
+                continue;
+            }
+            case ChangeKind::createNode: {
+                if (change.index >= types_.size() || !types_[change.index].known)
+                    return fail(fmt::format("node of type {}, which was not described", change.index));
+                Type& type = types_[change.index];
+                typeOfNode_[change.node.value] = static_cast<std::uint16_t>(change.index);
+                if (type.local == kNowhere) defineHere(type, type.definition, change.external, set);
+                change.index = type.local;
+                for (const auto& [field, value] : type.defaults) {
+                    adjusted.push_back(blankChange(ChangeKind::setField, change.node, field, change.external));
+                    adjusted.back().value = value;
+                }
+                break;
+            }
+            case ChangeKind::addRoute:
+            case ChangeKind::removeRoute: {
+                FieldIndex target = change.field2();
+                if (!mapField(change.node, change.field, losses) || !mapField(change.other, target, losses)) continue;
+                change.index = target;
+                break;
+            }
+            case ChangeKind::setField:
+            case ChangeKind::insertChild:
+            case ChangeKind::removeChild:
+            case ChangeKind::event:
+                if (!mapField(change.node, change.field, losses)) continue;
+                break;
+            case ChangeKind::destroyNode:
+                typeOfNode_.erase(change.node.value);
+                break;
+            case ChangeKind::setName:
+                break;
+        }
+        changes.push_back(std::move(change));
+    }
+    const auto afterCreates =
+        std::ranges::find_if(changes, [](const Change& c) { return c.kind != ChangeKind::createNode; });
+    changes.insert(afterCreates, std::move_iterator(adjusted.begin()), std::move_iterator(adjusted.end()));
+    changes.insert(changes.begin(), std::move_iterator(defined_.begin()), std::move_iterator(defined_.end()));
+    set.changes = std::move(changes);
+    return {};
+}
+
+}  // namespace rtsg
