@@ -74,8 +74,8 @@ Result<LogReader> LogReader::open(const std::filesystem::path& file, std::uint64
         log.intactEnd_ = 0;
         return log;
     }
-    return fail(log.damage_.empty() ? "not a log: at byte 0: it is empty" : "not a log: " + log.damage_.front().text, {},
-                file.string());
+    return fail(log.damage_.empty() ? "not a log: at byte 0: it is empty" : "not a log: " + log.damage_.front().text,
+                {}, file.string());
 }
 
 LogReader::LogReader(LogReader&& other) noexcept {
