@@ -243,10 +243,18 @@ void Scene::State::adoptRunState(const RunState& state) {
     active = state.active;
     std::ranges::sort(active);
     sleepers = {};
-    for (const auto& sleeper : state.sleepers) sleepers.push(sleeper);
+    for (const auto& sleeper : state.sleepers)
+        if (sleeper.first < kNever) sleepers.push(sleeper);
     woken.clear();
     constexpr std::uint32_t kMaximumLeap = 1u << 30;
     if (state.nextId > nextId && state.nextId - nextId <= kMaximumLeap) nextId = state.nextId;
+}
+
+Result<> Scene::resumeFrom(const RunState& state) {
+    if (auto ok = state_->checkThread(); !ok) return ok;
+    if (auto ok = state_->adoptUses(state.behaviours, true); !ok) return ok;
+    state_->adoptRunState(state);
+    return {};
 }
 
 Result<std::shared_ptr<const ChangeSet>> Scene::runInput(const FrameInput& input, double t) {
@@ -258,9 +266,10 @@ Result<std::shared_ptr<const ChangeSet>> Scene::runInput(const FrameInput& input
     const auto& uses = input.runState ? input.runState->behaviours : input.behaviours;
     if (auto ok = s.adoptUses(uses, input.runState != nullptr); !ok) return std::unexpected(ok.error());
     constexpr std::uint32_t kMaximumLeap = 1u << 30;
-    if (input.nextId < s.nextId || input.nextId - s.nextId > kMaximumLeap)
-        return fail(fmt::format("node numbers are at {} here, at {} there", s.nextId, input.nextId));
-    s.nextId = input.nextId;
+    const std::uint32_t nextId = input.nextId ? input.nextId : s.nextId;
+    if (nextId < s.nextId || nextId - s.nextId > kMaximumLeap)
+        return fail(fmt::format("node numbers are at {} here, at {} there", s.nextId, nextId));
+    s.nextId = nextId;
     if (!input.ran) return s.seal();
     for (const Change& event : input.events)
         if (auto ok = sendEvent(event.node, event.field, event.value); !ok) return std::unexpected(ok.error());

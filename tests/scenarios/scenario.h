@@ -22,7 +22,7 @@ struct Scenario {
 
 Scenario readScenario(const std::filesystem::path& path);
 
-enum class Way { direct, replayed, mirrored, late };
+enum class Way { direct, replayed, mirrored, late, input };
 
 /// Runs it; empty if everything came as expected, else one line a disappointment, with the file's line.
 std::string runScenario(const Scenario& scenario, Way way);

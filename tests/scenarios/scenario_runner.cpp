@@ -14,6 +14,7 @@
 #include <rtsg/sync/change_codec.h>
 
 #include "scenario.h"
+#include "sync/input_wire.h"
 
 namespace rtsg::test {
 
@@ -130,6 +131,11 @@ class Run final : Subscriber {
         attachment_.detach();
         if (scene_) runtime_.append(scene_->diagnostics());
         scene_ = std::move(scene);
+        if (way_ == Way::input) {
+            scene_->setInputRecording(true);
+            copy_ = std::make_unique<Scene>();
+            wire_ = std::make_unique<InputWire>(*copy_);
+        }
         scene_->setEventListener([this](double, const Node& node, FieldIndex field, const Value& value) {
             if (node.type().fields[field].sends()) events_.push_back({node.id(), field, value});
         });
@@ -140,6 +146,8 @@ class Run final : Subscriber {
     }
 
     Result<> apply(const Scene&, const ChangeSet& set) override {
+        if (wire_)
+            if (const std::string wrong = wire_->take(set); !wrong.empty()) fail("input: {}", wrong);
         std::string problem;
         const auto copy = transported(set, problem);
         if (!problem.empty()) fail("codec: {}", problem);
@@ -165,7 +173,8 @@ class Run final : Subscriber {
         sent_ = false;
         now_ = t;
         for (const auto& follower : followers_) compare(*follower, "follower");
-        if (way_ == Way::direct || way_ == Way::mirrored) return;
+        if (copy_) compare(*copy_, "run from inputs");
+        if (way_ == Way::direct || way_ == Way::mirrored || way_ == Way::input) return;
         std::string problem;
         const auto snapshot = transported(scene_->snapshot(), problem);
         auto fresh = std::make_unique<Scene>();
@@ -182,6 +191,7 @@ class Run final : Subscriber {
 
     /// Who answers `get`.
     const Scene& observed() const {
+        if (copy_) return *copy_;
         const bool replica = (way_ == Way::mirrored || way_ == Way::late) && !followers_.empty();
         return replica ? *followers_.back() : *scene_;
     }
@@ -386,6 +396,8 @@ class Run final : Subscriber {
     Diagnostics diagnostics_{"scene"}, runtime_;
     std::unique_ptr<Scene> scene_;
     std::vector<std::unique_ptr<Scene>> followers_;
+    std::unique_ptr<Scene> copy_;  // computes the frames itself
+    std::unique_ptr<InputWire> wire_;
     std::unique_ptr<InlineLoader> inlines_;
     Attachment attachment_;
     std::vector<Event> events_, expected_;

@@ -26,7 +26,7 @@ TEST_P(Scenarios, ComesOutAsTheClauseSays) {
 }
 
 std::string nameOf(const testing::TestParamInfo<Scenarios::ParamType>& param) {
-    static const char* const ways[] = {"direct", "replayed", "mirrored", "late"};
+    static const char* const ways[] = {"direct", "replayed", "mirrored", "late", "input"};
     std::string name =
         std::get<0>(param.param).stem().string() + '_' + ways[static_cast<int>(std::get<1>(param.param))];
     for (char& c : name)
@@ -36,7 +36,8 @@ std::string nameOf(const testing::TestParamInfo<Scenarios::ParamType>& param) {
 
 INSTANTIATE_TEST_SUITE_P(Files, Scenarios,
                          testing::Combine(testing::ValuesIn(scenarioFiles()),
-                                          testing::Values(Way::direct, Way::replayed, Way::mirrored, Way::late)),
+                                          testing::Values(Way::direct, Way::replayed, Way::mirrored, Way::late,
+                                                          Way::input)),
                          nameOf);
 
 TEST(ScenarioRunner, NoticesWhatIsWrong) {

@@ -60,7 +60,7 @@ struct FrameInput {
     bool ran = false;    // by newFrame; else edits were sealed without running anything
     bool first = false;  // there was no timestamp before
     bool behavioursEnabled = true;
-    std::uint32_t nextId = 0;        // as RunState's, the edits included
+    std::uint32_t nextId = 0;        // as RunState's, the edits included; 0: what the edits make it
     std::vector<Change> edits;       // made before the frame, as a sealed set would have them; no events
     std::vector<DefinedType> types;  // those of `edits`
     std::vector<Change> events;      // delivered, in order

@@ -168,6 +168,8 @@ class Scene {
     /// must be discarded; that the outcome is another than the origin's shows in the set's hash.
     Result<std::shared_ptr<const ChangeSet>> runInput(const FrameInput& input, double t);
     RunState runState() const;
+    /// Precondition: this scene is in the state that `state` was taken in, by a snapshot or a set applied.
+    Result<> resumeFrom(const RunState& state);
 
     // ---- state ---------------------------------------------------------------------------------------------
     /// Seal first: edits still pending are in the snapshot, and would come again with the next set.

@@ -24,6 +24,7 @@ enum class RecordKind : std::uint8_t {
     frame = 2,     // a ChangeSet that leads from one state to a later one
     keyframe = 3,  // a ChangeSet that leads from the empty scene to a state
     index = 4,     // where a log's keyframes are
+    input = 5,     // what came into a frame, for those who run it themselves (input_codec.h)
 };
 
 /// Frames only: what predicted values refer to (PROTOCOL.md, "Prediction"). Who starts in the middle of a stream needs:
