@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <rtsg/core/frame_input.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/log.h>
 
@@ -35,7 +36,10 @@ void syncFolderOf(const std::filesystem::path& file) {
 }  // namespace
 
 LogWriter::LogWriter(std::filesystem::path file, TypeTable types, LogOptions options)
-    : file_(std::move(file)), types_(types), options_(std::move(options)) {}
+    : file_(std::move(file)),
+      types_(types),
+      options_(std::move(options)),
+      encoder_(StreamMode{.coding = options_.mode.coding}, types) {}
 
 Diagnostic LogWriter::failure(std::string_view what, int error) const {
     return {Severity::error, file_.string(), {}, fmt::format("{}: {}", what, std::strerror(error))};
@@ -76,7 +80,7 @@ LogWriter::~LogWriter() {
 Result<> LogWriter::beginEpoch() {
     epoch_ = freshEpoch();
     firstOfEpoch_ = true;
-    encodeHead(epoch_, options_.creator, types_, {}, headRecord_);
+    encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_);
     return writeHead();
 }
 
@@ -140,14 +144,35 @@ Result<> LogWriter::writeKeyframe(const ChangeSet& changes) {
     return {};
 }
 
+/// Its changes, what came into it, or both, as the mode wants it.
+Result<> LogWriter::writeFrame(const ChangeSet& changes) {
+    const bool inputMode = options_.mode.mode == Mode::input;
+    const bool withInput = !needsState(changes) && (inputMode || options_.inputs);
+    if (inputMode && !(changes.input && (withInput || changes.input->runState)))
+        return fail("a log in input mode needs a scene that records its inputs, set by set", {}, file_.string());
+    const std::uint64_t before = size_;
+    if (withInput) {
+        inputs_.encode(changes, record_);
+        if (auto ok = writeRecord(record_); !ok) return ok;
+    }
+    if (!inputMode || !withInput) {
+        encoder_.encode(changes, record_);
+        if (auto ok = changes.isSnapshot() ? writeKeyframe(changes) : writeRecord(record_); !ok) return ok;
+    }
+    if (!withInput && changes.input && changes.input->runState && (inputMode || options_.inputs)) {
+        if (auto ok = inputs_.encodeRunState(changes, record_); !ok) return ok;
+        if (auto ok = writeRecord(record_); !ok) return ok;
+    }
+    if (!changes.isSnapshot()) sinceKeyframe_ += size_ - before;
+    return {};
+}
+
 Result<> LogWriter::write(const ChangeSet& changes) {
     if (changes.isSnapshot() && state_ != 0 && (changes.to != state_ || changes.hash != hash_))
         if (auto ok = beginEpoch(); !ok) return ok;
     state_ = changes.to;
     hash_ = changes.hash;
-    encoder_.encode(changes, record_);
-    if (auto ok = changes.isSnapshot() ? writeKeyframe(changes) : writeRecord(record_); !ok) return ok;
-    if (!changes.isSnapshot()) sinceKeyframe_ += record_.size();
+    if (auto ok = writeFrame(changes); !ok) return ok;
     ++frames_;
     if (options_.sync == LogOptions::Sync::always ||
         (options_.sync == LogOptions::Sync::atKeyframes && changes.isSnapshot()))

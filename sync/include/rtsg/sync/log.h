@@ -20,6 +20,7 @@
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/sync/change_codec.h>
 #include <rtsg/sync/dictionary.h>
+#include <rtsg/sync/input_codec.h>
 #include <rtsg/sync/record.h>
 
 namespace rtsg {
@@ -34,6 +35,12 @@ struct LogKeyframe {
 
 struct LogOptions {
     std::string creator = "rtsg";
+    /// Mode::input: keyframes, and of each frame only what came into it. The scene must record its inputs
+    /// (Scene::setInputRecording) from before the log is attached.
+    StreamMode mode;
+    /// Mode::state: in front of each frame goes what came into it, where the scene records that: what tests that run the
+    /// application again need. Other readers skip it.
+    bool inputs = false;
     /// A keyframe is written once the frames since the last one take this many bytes and `keyframeFactor` times
     /// the last keyframe: its cost then stays a fixed share of the frames'.
     std::uint64_t keyframeBytes = std::uint64_t{1} << 20;
@@ -75,6 +82,7 @@ class LogWriter : public Subscriber {
     Result<> beginEpoch();
     Result<> writeHead();
     Result<> writeKeyframe(const ChangeSet& changes);
+    Result<> writeFrame(const ChangeSet& changes);
     Result<> writeRecord(const ByteBuffer& record);
     Result<> writeIndex();
     Result<> checkFile();
@@ -93,6 +101,7 @@ class LogWriter : public Subscriber {
     bool regular_ = true, firstOfEpoch_ = true;
     std::vector<LogKeyframe> keyframes_;
     ChangeEncoder encoder_;
+    InputEncoder inputs_;
     ByteBuffer record_, headRecord_;
 };
 
