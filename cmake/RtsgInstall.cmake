@@ -19,4 +19,5 @@ write_basic_package_version_file("${PROJECT_BINARY_DIR}/rtsgConfigVersion.cmake"
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/core/spec" DESTINATION "${destination}")
 install(FILES "${PROJECT_BINARY_DIR}/rtsgConfig.cmake" "${PROJECT_BINARY_DIR}/rtsgConfigVersion.cmake"
               "${PROJECT_SOURCE_DIR}/cmake/RtsgNodeTable.cmake"
+              "${PROJECT_SOURCE_DIR}/cmake/FindMozjs.cmake"
         DESTINATION "${destination}")

@@ -322,9 +322,6 @@ void SceneBuilder::State::endScript(OpenNode& node) {
     node.kind = OpenNode::Kind::node;
     auto values = std::move(node.values);
     for (auto& [field, value] : values) store(node, finalIndex(field), std::move(value), node.where);
-    if (const FieldIndex url = base->isA("X3DScriptNode") ? node.type->findExact("url") : kNoField;
-        url != kNoField && !scene.node(node.id).isDefault(url))
-        warning(node.where, fmt::format("{} is kept, but scripts are not executed", node.describe()));
     node.own.clear();
     if (!node.def.empty()) {
         scope().names[node.def] = node.id;

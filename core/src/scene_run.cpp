@@ -30,6 +30,16 @@ void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value)
     s.send(target, field);
 }
 
+Result<> Cascade::output(const Node& node, FieldIndex field, const Value& value) {
+    Scene::State& s = *scene_.state_;
+    if (auto ok = s.checkNodes(node, field, value.storage()); !ok) return ok;
+    if (node.type_->fields[field].sends())
+        emitStorage(node, field, value.storage());
+    else
+        storeStorage(node, field, value.storage());
+    return {};
+}
+
 Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     Scene::State& s = *scene_.state_;
     Node* node = s.find(id);

@@ -18,6 +18,7 @@
 #include <rtsg/core/frame_input.h>
 #include <rtsg/core/scene.h>
 
+#include "script_engine.h"
 #include "state_hash.h"
 
 namespace rtsg {
@@ -227,6 +228,8 @@ struct Scene::State {
     const BehaviourCall* playCall(BehaviourCall::Kind kind, NodeId node, FieldIndex field);
     void playEffects(Cascade& cascade, const BehaviourCall& call);
 
+    ScriptOptions scriptOptions;
+    std::unique_ptr<ScriptEngine> scripts;  // made when the first Script runs
     std::vector<std::shared_ptr<ChangeSet>> pool;  // sealed sets come back when no subscriber holds them
 
     void wake(const Node& node) {

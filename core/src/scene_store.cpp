@@ -60,6 +60,8 @@ void Scene::State::addTypeEntry(const NodeType& type) {
     entry.addChildren = type.findExact("addChildren");
     entry.removeChildren = type.findExact("removeChildren");
     // A type of the same name that came first stays: built-in types are never shadowed (4.4.4.2).
+    if ((type.kind == NodeType::Kind::script || type.name == "Script") && type.isA("X3DScriptNode"))
+        entry.behaviour = ScriptEngine::behaviour();
     if (type.kind != NodeType::Kind::script) typeByName.emplace(type.name, static_cast<std::uint16_t>(types.size()));
     types.push_back(entry);
     if (const auto known = behavioursByName.find(type.name); known != behavioursByName.end()) {

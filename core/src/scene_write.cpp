@@ -203,6 +203,7 @@ void Scene::State::releaseChildren(Node& node) {
 }
 
 void Scene::State::destroy(Node& node, bool record) {
+    if (scripts) scripts->forget(node.id_);
     for (FieldIndex i = 0; i < node.type_->fields.size(); ++i)
         if (node.type_->fields[i].readable() && !isDirty(node, i)) hash.subtract(termOf(node, i));
     setName(node, {});

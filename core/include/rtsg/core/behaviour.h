@@ -34,6 +34,8 @@ class Cascade {
     /// `value` is in block representation.
     void emitStorage(const Node& node, FieldIndex field, const void* value);
     void storeStorage(const Node& node, FieldIndex field, const void* value);
+    /// A Script's own output or variable, with the checks that values from outside need: sends it if the field sends.
+    Result<> output(const Node& node, FieldIndex field, const Value& value);
     /// Delivers an event to another node's input at this timestamp (direct output of a Script).
     Result<> deliver(NodeId node, FieldIndex field, const Value& value);
     /// Reported once for each node and text, however often it happens.
@@ -41,6 +43,7 @@ class Cascade {
 
   private:
     friend class Scene;
+    friend class ScriptEngine;
     Cascade(Scene& scene, double now, double previous) : scene_(scene), now_(now), previous_(previous) {}
     Scene& scene_;
     double now_, previous_;

@@ -18,6 +18,7 @@
 #include <rtsg/core/change.h>
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/node_type.h>
+#include <rtsg/core/script.h>
 
 namespace rtsg {
 
@@ -156,6 +157,8 @@ class Scene {
     void registerBehaviour(std::string_view type, const Behaviour& behaviour);
     /// Replicas of the `state` kind switch this off: newFrame then only seals.
     void setBehavioursEnabled(bool enabled);
+    /// For the Script nodes of this scene; programs that run already start anew.
+    void setScriptOptions(ScriptOptions options);
     /// Called for every event on every field, in cascade order. One listener; for tools and tests.
     using EventListener = std::function<void(double t, const Node& node, FieldIndex field, const Value& value)>;
     void setEventListener(EventListener listener);
@@ -186,6 +189,7 @@ class Scene {
 
   private:
     friend class Cascade;
+    friend class ScriptEngine;
     struct State;
     std::unique_ptr<State> state_;
     std::unique_ptr<Bus> bus_;

@@ -1,0 +1,397 @@
+// What a Script sees besides ECMAScript itself: field values as objects, nodes, Browser. ISO/IEC 19777-1 V3.3 clause 7.
+//
+// Evaluated once for every Script, in a global object of its own. `native` is the bridge to the scene. A field is read
+// when it is first touched in a call and kept until the call ends; then whatever was assigned, or changed in place
+// (`points[3].y = 1`), goes to the scene in the order of first touch, as events where the field sends or takes them.
+(function (native, self, global) {
+    "use strict";
+
+    const SFString = 10, SFNode = 12, SFImage = 18, SFRotation = 32, SFMatrix = 34;
+    const tuples = new Map();  // SF type code -> class
+    const arrays = new Map();  // MF type code -> class
+
+    // ---- values of several numbers ---------------------------------------------------------------------------
+    class Tuple {
+        constructor(...given) {
+            if (given.length === 1 && given[0] instanceof Tuple) given = given[0].components();
+            const keys = this.constructor.keys;
+            for (let i = 0; i < keys.length; ++i) this[keys[i]] = i < given.length ? Number(given[i]) : this.constructor.zero[i];
+        }
+        components() { return this.constructor.keys.map(key => this[key]); }
+        map(f) { return new this.constructor(...this.components().map(f)); }
+        zip(other, f) { const o = other.components(); return this.map((c, i) => f(c, o[i])); }
+        equals(other) { const o = other.components(); return this.components().every((c, i) => c === o[i]); }
+        copy() { return this.map(c => c); }
+        lerp(to, t) { return this.zip(to, (a, b) => a + (b - a) * t); }
+        toString() { return this.components().join(" "); }
+        get [Symbol.toStringTag]() { return this.constructor.name; }
+    }
+    class Vector extends Tuple {
+        add(v) { return this.zip(v, (a, b) => a + b); }
+        subtract(v) { return this.zip(v, (a, b) => a - b); }
+        multiply(s) { return this.map(a => a * s); }
+        divide(s) { return this.map(a => a / s); }
+        multVec(v) { return this.zip(v, (a, b) => a * b); }
+        divVec(v) { return this.zip(v, (a, b) => a / b); }
+        negate() { return this.map(a => -a); }
+        abs() { return this.map(Math.abs); }
+        min(v) { return this.zip(v, Math.min); }
+        max(v) { return this.zip(v, Math.max); }
+        dot(v) { const o = v.components(); return this.components().reduce((sum, c, i) => sum + c * o[i], 0); }
+        length() { return Math.hypot(...this.components()); }
+        distance(v) { return this.subtract(v).length(); }
+        normalize() { const l = this.length(); return l > 0 ? this.divide(l) : this.copy(); }
+    }
+    class Vector3 extends Vector {
+        cross(v) {
+            return new this.constructor(this.y * v.z - this.z * v.y, this.z * v.x - this.x * v.z, this.x * v.y - this.y * v.x);
+        }
+    }
+    class Color extends Tuple {
+        // Hue in degrees, saturation and value in [0, 1].
+        setHSV(h, s, v) {
+            const f = n => { const k = (n + h / 60) % 6; return v - v * s * Math.max(0, Math.min(k, 4 - k, 1)); };
+            this.r = f(5); this.g = f(3); this.b = f(1);
+        }
+        getHSV() {
+            const max = Math.max(this.r, this.g, this.b), d = max - Math.min(this.r, this.g, this.b);
+            const h = d === 0 ? 0 : max === this.r ? ((this.g - this.b) / d + 6) % 6
+                : max === this.g ? (this.b - this.r) / d + 2 : (this.r - this.g) / d + 4;
+            return [h * 60, max === 0 ? 0 : d / max, max];
+        }
+    }
+    class Rotation extends Tuple {
+        constructor(a, b, ...rest) {
+            if (!(a instanceof Vector3)) super(...(a === undefined ? [] : [a, b, ...rest].filter(c => c !== undefined)));
+            else if (!(b instanceof Vector3)) super(a.x, a.y, a.z, b);
+            else super(...Rotation.between(a.normalize(), b.normalize()));
+        }
+        static between(from, to) {
+            let axis = from.cross(to);
+            const sine = axis.length(), cosine = from.dot(to);
+            if (sine < 1e-12) {
+                if (cosine >= 0) return [0, 0, 1, 0];
+                // Opposite: any axis at right angles will do.
+                axis = from.cross(Math.abs(from.x) < 0.5 ? new from.constructor(1, 0, 0) : new from.constructor(0, 1, 0));
+            }
+            axis = axis.normalize();
+            return [axis.x, axis.y, axis.z, Math.atan2(sine, cosine)];
+        }
+        static fromQuaternion([x, y, z, w]) {
+            const s = Math.hypot(x, y, z);
+            return s < 1e-300 ? new global.SFRotation() : new global.SFRotation(x / s, y / s, z / s, 2 * Math.atan2(s, w));
+        }
+        quaternion() {
+            const l = Math.hypot(this.x, this.y, this.z), s = l > 0 ? Math.sin(this.angle / 2) / l : 0;
+            return [this.x * s, this.y * s, this.z * s, Math.cos(this.angle / 2)];
+        }
+        getAxis() { return new global.SFVec3f(this.x, this.y, this.z); }
+        setAxis(axis) { this.x = axis.x; this.y = axis.y; this.z = axis.z; }
+        inverse() { return new global.SFRotation(this.x, this.y, this.z, -this.angle); }
+        // Turning by the result is turning by `r` first, then by this.
+        multiply(r) {
+            const [ax, ay, az, aw] = this.quaternion(), [bx, by, bz, bw] = r.quaternion();
+            return Rotation.fromQuaternion([aw * bx + ax * bw + ay * bz - az * by, aw * by - ax * bz + ay * bw + az * bx,
+                                            aw * bz + ax * by - ay * bx + az * bw, aw * bw - ax * bx - ay * by - az * bz]);
+        }
+        multVec(v) {
+            const [x, y, z, w] = this.quaternion(), q = new v.constructor(x, y, z), t = q.cross(v).multiply(2);
+            return v.add(t.multiply(w)).add(q.cross(t));
+        }
+        slerp(to, t) {
+            const a = this.quaternion();
+            let b = to.quaternion(), cosine = a.reduce((sum, c, i) => sum + c * b[i], 0);
+            if (cosine < 0) { b = b.map(c => -c); cosine = -cosine; }
+            const angle = Math.acos(Math.min(1, cosine)), sine = Math.sin(angle);
+            const wa = sine < 1e-9 ? 1 - t : Math.sin((1 - t) * angle) / sine, wb = sine < 1e-9 ? t : Math.sin(t * angle) / sine;
+            return Rotation.fromQuaternion(a.map((c, i) => wa * c + wb * b[i]));
+        }
+    }
+    class Matrix extends Tuple {}
+
+    function publish(name, value) {
+        Object.defineProperty(global, name, {value, writable: true, configurable: true, enumerable: false});
+    }
+    function defineTuple(code, name, base, keys, zero = keys.map(() => 0)) {
+        const made = {[name]: class extends base {}}[name];
+        made.keys = keys;
+        made.zero = zero;
+        if (base !== Matrix)
+            keys.forEach((key, i) => Object.defineProperty(made.prototype, i, {get() { return this[key]; }, set(v) { this[key] = v; }}));
+        tuples.set(code, made);
+        publish(name, made);
+    }
+    defineTuple(14, "SFColor", Color, ["r", "g", "b"]);
+    defineTuple(16, "SFColorRGBA", Color, ["r", "g", "b", "a"]);
+    defineTuple(20, "SFVec2f", Vector, ["x", "y"]);
+    defineTuple(22, "SFVec2d", Vector, ["x", "y"]);
+    defineTuple(24, "SFVec3f", Vector3, ["x", "y", "z"]);
+    defineTuple(26, "SFVec3d", Vector3, ["x", "y", "z"]);
+    defineTuple(28, "SFVec4f", Vector, ["x", "y", "z", "w"]);
+    defineTuple(30, "SFVec4d", Vector, ["x", "y", "z", "w"]);
+    defineTuple(SFRotation, "SFRotation", Rotation, ["x", "y", "z", "angle"], [0, 0, 1, 0]);
+    [[34, "SFMatrix3f", 3], [36, "SFMatrix3d", 3], [38, "SFMatrix4f", 4], [40, "SFMatrix4d", 4]].forEach(([code, name, n]) =>
+        defineTuple(code, name, Matrix, Array.from({length: n * n}, (_, i) => String(i)),
+                    Array.from({length: n * n}, (_, i) => i % (n + 1) ? 0 : 1)));
+
+    class SFImage_ {
+        constructor(width = 0, height = 0, comp = 0, array = []) {
+            this.width = width; this.height = height; this.comp = comp; this.array = Array.from(array);
+        }
+        toString() { return [this.width, this.height, this.comp, ...this.array].join(" "); }
+    }
+    publish("SFImage", SFImage_);
+
+    const mfNames = ["Bool", "Int32", "Float", "Double", "Time", "String", "Node", "Color", "ColorRGBA", "Image", "Vec2f", "Vec2d",
+                     "Vec3f", "Vec3d", "Vec4f", "Vec4d", "Rotation", "Matrix3f", "Matrix3d", "Matrix4f", "Matrix4d"];
+    class MF extends Array {
+        constructor(...elements) { super(); for (const element of elements) this.push(element); }
+        static get [Symbol.species]() { return Array; }
+        toString() { return "[" + this.join(", ") + "]"; }
+    }
+    mfNames.forEach((name, i) => {
+        const made = {["MF" + name]: class extends MF {}}["MF" + name];
+        arrays.set(2 * i + 1, made);
+        publish("MF" + name, made);
+    });
+
+    // ---- to and from the plain form that crosses the bridge: numbers, strings, Float64Array, arrays of strings ----
+    const typeName = code => (code & 1 ? "MF" : "SF") + mfNames[code >> 1];
+    function refuse(code, value) {
+        const what = value === null ? "null" : typeof value === "object" ? value.constructor?.name ?? "object" : typeof value;
+        throw new TypeError(`${typeName(code)} cannot hold ${what}`);
+    }
+    function scalar(code, value) {
+        if (code === 0) return value ? 1 : 0;
+        if (code === SFNode) {
+            if (value === null || value === undefined) return 0;
+            const id = ids.get(value);
+            return id === undefined ? refuse(code, value) : id;
+        }
+        if (typeof value !== "number" && typeof value !== "boolean") refuse(code, value);
+        return Number(value);
+    }
+    function tupleInto(code, value, out, at) {
+        const keys = tuples.get(code).keys;
+        const source = value instanceof Tuple ? value.components() : Array.isArray(value) ? value : refuse(code, value);
+        if (source.length !== keys.length) refuse(code, value);
+        for (let i = 0; i < keys.length; ++i) out[at + i] = Number(source[i]);
+    }
+    function imageWords(value) {
+        if (!(value instanceof SFImage_)) refuse(SFImage, value);
+        return [value.width, value.height, value.comp, ...value.array];
+    }
+    function flatten(code, value) {
+        if (!(code & 1)) {
+            if (code === SFString) return String(value);
+            if (code === SFImage) return Float64Array.from(imageWords(value));
+            const tuple = tuples.get(code);
+            if (!tuple) return scalar(code, value);
+            const out = new Float64Array(tuple.keys.length);
+            tupleInto(code, value, out, 0);
+            return out;
+        }
+        const element = code - 1;
+        if (value === null || typeof value !== "object" || typeof value.length !== "number") value = [value];
+        if (element === SFString) return Array.from(value, String);
+        if (element === SFImage) return Float64Array.from(Array.from(value).flatMap(imageWords));
+        const tuple = tuples.get(element), width = tuple ? tuple.keys.length : 1, out = new Float64Array(value.length * width);
+        for (let i = 0; i < value.length; ++i) {
+            if (!tuple) out[i] = value[i] === undefined ? 0 : scalar(element, value[i]);
+            else if (value[i] === undefined) out.set(tuple.zero, i * width);
+            else tupleInto(element, value[i], out, i * width);
+        }
+        return out;
+    }
+    function revive(code, flat) {
+        if (!(code & 1)) {
+            if (code === 0) return flat !== 0;
+            if (code === SFNode) return nodeOf(flat);
+            if (code === SFImage) return flat.length < 3 ? new SFImage_() : new SFImage_(flat[0], flat[1], flat[2], flat.subarray(3));
+            const tuple = tuples.get(code);
+            return tuple ? new tuple(...flat) : flat;
+        }
+        const element = code - 1, result = new (arrays.get(code))(), tuple = tuples.get(element);
+        if (element === SFImage) {
+            for (let at = 0; at + 3 <= flat.length;) {
+                const words = flat[at] * flat[at + 1];
+                result.push(revive(SFImage, flat.subarray(at, at + 3 + words)));
+                at += 3 + words;
+            }
+        } else if (tuple) {
+            const width = tuple.keys.length;
+            for (let at = 0; at < flat.length; at += width) result.push(new tuple(...flat.subarray(at, at + width)));
+        } else {
+            for (let i = 0; i < flat.length; ++i) result.push(element === SFString ? flat[i] : revive(element, flat[i]));
+        }
+        return result;
+    }
+
+    // ---- nodes and their fields --------------------------------------------------------------------------------
+    const inputOnly = 1, outputOnly = 2;
+    let touched = new Map();
+    const proxies = new Map(), ids = new WeakMap(), fieldTables = new Map();
+
+    function fieldOf(id, name) {
+        if (typeof name !== "string") return undefined;
+        const type = native.type(id);
+        let table = fieldTables.get(type);
+        if (!table) fieldTables.set(type, table = new Map());
+        let field = table.get(name);
+        if (field === undefined) {
+            const packed = native.field(id, name);
+            field = packed < 0 ? null : {index: packed & 0xFFFF, code: packed >> 16 & 0xFF, access: packed >> 24, name};
+            table.set(name, field);
+        }
+        return field;
+    }
+    function read(id, field) {
+        if (field.access === inputOnly) return undefined;
+        const key = id * 65536 + field.index, known = touched.get(key);
+        if (known) return known.value;
+        const value = revive(field.code, native.read(id, field.index));
+        touched.set(key, {id, field, value, assigned: false});
+        return value;
+    }
+    function assign(id, field, value) {
+        const flaw = native.mayWrite(self, id, field.index);
+        if (flaw) throw new TypeError(`${field.name}: ${flaw}`);
+        const key = id * 65536 + field.index;
+        touched.delete(key);
+        touched.set(key, {id, field, value: revive(field.code, flatten(field.code, value)), assigned: true});
+    }
+    const methods = {
+        getTypeName: id => native.typeName(id), getNodeTypeName: id => native.typeName(id), getNodeName: id => native.nodeName(id),
+        getName: id => native.nodeName(id), toString: id => `${native.typeName(id)} { }`, valueOf: id => id,
+    };
+    const nodeHandler = {
+        get(target, name) {
+            if (!native.exists(target.id)) throw new ReferenceError("this node has been destroyed");
+            const field = fieldOf(target.id, name);
+            if (field) return read(target.id, field);
+            if (name === Symbol.toPrimitive) return () => `${native.typeName(target.id)} { }`;
+            return Object.hasOwn(methods, name) ? () => methods[name](target.id) : undefined;
+        },
+        set(target, name, value) {
+            if (!native.exists(target.id)) throw new ReferenceError("this node has been destroyed");
+            const field = fieldOf(target.id, name);
+            if (!field) throw new TypeError(`${native.typeName(target.id)} has no field ${String(name)}`);
+            assign(target.id, field, value);
+            return true;
+        },
+        has(target, name) { return Boolean(fieldOf(target.id, name)); },
+        getPrototypeOf() { return SFNode_.prototype; },
+    };
+    class SFNode_ {}
+    publish("SFNode", SFNode_);
+    function nodeOf(id) {
+        if (!id) return null;
+        let proxy = proxies.get(id);
+        if (!proxy) {
+            proxies.set(id, proxy = new Proxy({id}, nodeHandler));
+            ids.set(proxy, id);
+        }
+        return proxy;
+    }
+    function idOf(node) {
+        const id = typeof node === "object" && node !== null ? ids.get(node) : undefined;
+        if (id === undefined) throw new TypeError("a node is expected here");
+        return id;
+    }
+    function flush() {
+        const pending = touched;
+        touched = new Map();
+        for (const {id, field, value, assigned} of pending.values()) {
+            // Numbers, strings and nodes cannot be changed in place.
+            if (!assigned && (value === null || typeof value !== "object" || field.code === SFNode)) continue;
+            const flaw = native.write(self, id, field.index, flatten(field.code, value), assigned);
+            if (flaw) throw new TypeError(`${field.name}: ${flaw}`);
+        }
+    }
+    /// Edits of the structure take effect at once: what was assigned before them comes first.
+    function edit(f) {
+        return (...given) => {
+            flush();
+            const flaw = f(...given);
+            if (typeof flaw === "string") throw new Error(flaw);
+        };
+    }
+
+    // ---- Browser ---------------------------------------------------------------------------------------------
+    const route = f => edit((from, fromField, to, toField) => f(self, idOf(from), String(fromField), idOf(to), String(toField)));
+    const addRoute = route(native.addRoute), deleteRoute = route(native.deleteRoute);
+    const currentScene = {
+        getNamedNode(name) {
+            const id = native.named(self, String(name));
+            if (!id) throw new ReferenceError(`no node is named ${name}`);
+            return nodeOf(id);
+        },
+        get rootNodes() { return revive(SFNode + 1, native.roots()); },
+        createNode(type) {
+            const id = native.createNode(self, String(type));
+            if (typeof id === "string") throw new TypeError(id);
+            return nodeOf(id);
+        },
+        addRootNode: edit(node => native.addRoot(idOf(node))),
+        removeRootNode: edit(node => native.removeRoot(idOf(node))),
+        updateNamedNode: edit((name, node) => native.rename(idOf(node), String(name))),
+        addRoute, deleteRoute,
+    };
+    const text = given => given.map(String).join(" ");
+    const print = (...given) => native.print(text(given));
+    const println = (...given) => native.print(text(given) + "\n");
+    const absent = name => () => { throw new Error(`Browser.${name} is not supported`); };
+    publish("Browser", {
+        name: "RTSG", version: native.version, currentSpeed: 0, description: "", currentScene, addRoute, deleteRoute, print, println,
+        getName() { return this.name; },
+        getVersion() { return this.version; },
+        getCurrentSpeed: () => 0,
+        getCurrentTime: () => native.now(),
+        setDescription(text) { this.description = String(text); },
+        setBrowserOption: () => false,
+        getExecutionContext: () => currentScene,
+        createVrmlFromString: absent("createVrmlFromString"), createX3DFromString: absent("createX3DFromString"),
+        createVrmlFromURL: absent("createVrmlFromURL"), createX3DFromURL: absent("createX3DFromURL"),
+        loadURL: absent("loadURL"), replaceWorld: absent("replaceWorld"),
+    });
+    publish("print", println);
+    publish("trace", println);
+    publish("console", {log: println, info: println, debug: println, warn: println, error: println});
+    publish("TRUE", true);
+    publish("FALSE", false);
+
+    // ---- no source of chance: two runs of one document must agree ---------------------------------------------
+    let seed = (self * 2654435761 ^ 0x9E3779B9) >>> 0 || 1;
+    Math.random = () => {
+        seed ^= seed << 13; seed >>>= 0;
+        seed ^= seed >>> 17;
+        seed ^= seed << 5; seed >>>= 0;
+        return seed / 4294967296;
+    };
+    const RealDate = Date;
+    publish("Date", class Date extends RealDate {
+        constructor(...given) { given.length ? super(...given) : super(native.now() * 1000); }
+        static now() { return native.now() * 1000; }
+    });
+
+    // ---- the Script's own fields are variables of its program ---------------------------------------------------
+    for (const name of native.fieldNames(self)) {
+        const field = fieldOf(self, name);
+        if (!field || field.access === inputOnly) continue;
+        Object.defineProperty(global, name, {
+            get: () => read(self, field), set: value => assign(self, field, value), enumerable: true, configurable: false,
+        });
+    }
+
+    return {
+        has: name => typeof Object.getOwnPropertyDescriptor(global, name)?.value === "function",
+        call(name, ...given) {
+            try {
+                global[name](...given);
+            } finally {
+                flush();
+            }
+        },
+        revive, flush,
+    };
+})

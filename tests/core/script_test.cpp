@@ -1,0 +1,356 @@
+// Script nodes: ISO/IEC 19775-1 V4.0 clause 29, ISO/IEC 19777-1. What a program does is checked through the scene
+// alone.
+#include <cmath>
+#include <fstream>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+namespace {
+
+ScriptOptions limits(bool enabled, double seconds, std::size_t bytes = std::size_t{256} << 20) {
+    ScriptOptions options;
+    options.enabled = enabled;
+    options.timeLimit = seconds;
+    options.heapLimit = bytes;
+    return options;
+}
+
+/// A scene with one Script `S`, made of declared fields, its program and more nodes.
+struct ScriptScene {
+    Scene scene;
+    Diagnostics diagnostics{"test"};
+    std::string printed;
+    double time = 0;
+
+    explicit ScriptScene(const std::string& fields, const std::string& program, const std::string& others = {},
+                         ScriptOptions options = {}) {
+        options.print = [this](std::string_view text) { printed += text; };
+        scene.setScriptOptions(std::move(options));
+        const std::string text = "#X3D V4.0 utf8\nPROFILE Full\n" + others + "\nDEF S Script { " + fields +
+                                 " url \"ecmascript:" + program + "\" }\n";
+        EXPECT_TRUE(loadText(scene, text, diagnostics));
+        for (const Diagnostic& d : diagnostics.all()) ADD_FAILURE() << d.format();
+    }
+
+    NodeId script() const { return scene.findName("S"); }
+    FieldIndex field(std::string_view node, std::string_view name) const {
+        return scene.node(scene.findName(node)).type().find(name);
+    }
+    template <class T>
+    T get(std::string_view name, std::string_view node = "S") const {
+        return scene.node(scene.findName(node)).value(field(node, name)).template as<T>();
+    }
+    void send(std::string_view name, Value value, std::string_view node = "S") {
+        ASSERT_TRUE(scene.sendEvent(scene.findName(node), field(node, name), std::move(value)));
+    }
+    std::shared_ptr<const ChangeSet> frame() { return scene.newFrame(time += 1); }
+    std::string problems() {
+        std::string text;
+        for (const Diagnostic& d : scene.diagnostics().all()) text += d.text + "\n";
+        return text;
+    }
+};
+
+TEST(Script, InitializeRunsOnceBeforeEvents) {
+    ScriptScene s("outputOnly SFInt32 count inputOnly SFBool go", R"(
+        var n = 0;
+        function initialize() { n += 10; count = n; }
+        function go(value, when) { n += value ? 1 : 0; count = n; })");
+    s.send("go", true);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("count"), 11);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("count"), 11);
+    EXPECT_EQ(s.problems(), "");
+}
+
+TEST(Script, ASceneWithoutScriptsHasNoEngineAndOneThatIsDisabledRunsNone) {
+    ScriptScene s("outputOnly SFBool done", "function initialize() { done = true; }", {}, limits(false, 2));
+    s.frame();
+    EXPECT_FALSE(s.get<bool>("done"));
+}
+
+TEST(Script, OutputsTravelAlongRoutesAtTheSameTimestamp) {
+    ScriptScene s("inputOnly SFFloat in outputOnly SFVec3f out", "function in_(v) {} function initialize() {} ",
+                  "DEF T Transform { }");
+    // `in` is a reserved word of the language: no function can have that name, so none is called.
+    s.send("in", 2.0f);
+    s.frame();
+    EXPECT_EQ(s.problems(), "");
+
+    ScriptScene r("inputOnly SFFloat size outputOnly SFVec3f out",
+                  "function size(v, t) { out = new SFVec3f(v, t, -v); }", "DEF T Transform { }");
+    ASSERT_TRUE(
+        r.scene.addRoute(r.script(), r.field("S", "out"), r.scene.findName("T"), x3d::Transform::translation.index));
+    r.send("size", 2.0f);
+    r.frame();
+    EXPECT_EQ(r.get<Vec3f>("translation", "T"), Vec3f(2, 1, -2));
+}
+
+TEST(Script, EveryFieldTypeGoesThroughUnchanged) {
+    const char* const values[][2] = {
+        {"SFBool", "TRUE"},
+        {"SFInt32", "-7"},
+        {"SFFloat", "1.5"},
+        {"SFDouble", "0.1"},
+        {"SFTime", "12.25"},
+        {"SFString", "\\\"a b\\\""},
+        {"SFColor", ".1 .2 .3"},
+        {"SFColorRGBA", ".1 .2 .3 .4"},
+        {"SFImage", "1 2 3 0xFF0000 0x00FF00"},
+        {"SFVec2f", "1 2"},
+        {"SFVec2d", "1 2"},
+        {"SFVec3f", "1 2 3"},
+        {"SFVec3d", ".1 .2 .3"},
+        {"SFVec4f", "1 2 3 4"},
+        {"SFVec4d", "1 2 3 4"},
+        {"SFRotation", "0 1 0 .5"},
+        {"SFMatrix3f", "1 2 3 4 5 6 7 8 9"},
+        {"SFMatrix4d", "1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16"},
+        {"MFBool", "[ TRUE FALSE ]"},
+        {"MFInt32", "[ 1 -2 3 ]"},
+        {"MFFloat", "[ .1 .2 ]"},
+        {"MFDouble", "[ .1 .2 ]"},
+        {"MFTime", "[ 1 2 ]"},
+        {"MFColor", "[ 1 0 0, 0 1 0 ]"},
+        {"MFVec2f", "[ 1 2, 3 4 ]"},
+        {"MFVec3f", "[ 1 2 3, 4 5 6 ]"},
+        {"MFVec3d", "[ .1 .2 .3 ]"},
+        {"MFRotation", "[ 1 0 0 1, 0 1 0 2 ]"},
+        {"MFImage", "[ 1 1 1 255, 1 2 1 7 8 ]"},
+        {"MFMatrix3f", "[ 1 2 3 4 5 6 7 8 9 ]"},
+        {"MFVec4f", "[]"},
+    };
+    for (const auto& [type, text] : values) {
+        std::string given = text;
+        if (std::string_view(type) == "SFString") given = "\"a b\"";
+        ScriptScene s(std::string("initializeOnly ") + type + " from " + given + " inputOutput " + type + " mine " +
+                          given + " outputOnly " + type + " to outputOnly " + type + " again",
+                      "function initialize() { to = from; again = to; mine = mine; }");
+        s.frame();
+        const Node& node = s.scene.node(s.script());
+        EXPECT_EQ(node.value(s.field("S", "to")), node.value(s.field("S", "from"))) << type << s.problems();
+        EXPECT_EQ(node.value(s.field("S", "again")), node.value(s.field("S", "from"))) << type << s.problems();
+        EXPECT_EQ(node.value(s.field("S", "mine")), node.value(s.field("S", "from"))) << type << s.problems();
+    }
+}
+
+TEST(Script, ChangesInPlaceAreSentAndReadingAloneIsNot) {
+    ScriptScene s("inputOnly SFTime move inputOnly SFTime look outputOnly MFVec3f points outputOnly SFColor tint", R"(
+        function initialize() { points = new MFVec3f(new SFVec3f(1, 2, 3), new SFVec3f(4, 5, 6)); }
+        function move() { points[1].y = 50; points[2] = new SFVec3f(7, 8, 9); tint.g = 0.5; }
+        function look() { var sum = 0; for (var i = 0; i < points.length; ++i) sum += points[i].x; print(sum); })");
+    s.frame();
+    s.send("move", Time{1});
+    s.frame();
+    EXPECT_EQ(s.get<Array<Vec3f>>("points"), (Array<Vec3f>{{1, 2, 3}, {4, 50, 6}, {7, 8, 9}}));
+    EXPECT_EQ(s.get<Color>("tint"), (Color{0, 0.5f, 0}));
+    s.send("look", Time{1});
+    const auto set = s.frame();
+    EXPECT_EQ(s.printed, "12\n");
+    for (const Change& change : set->changes) EXPECT_EQ(change.kind, ChangeKind::event) << "reading wrote something";
+}
+
+TEST(Script, DirectOutputNeedsTheFlag) {
+    const std::string program =
+        "function initialize() { target.translation = new SFVec3f(1, 2, 3); print(target.translation); }";
+    ScriptScene refused("initializeOnly SFNode target DEF T Transform { }", program);
+    refused.frame();
+    EXPECT_EQ(refused.get<Vec3f>("translation", "T"), Vec3f(0));
+    EXPECT_NE(refused.problems().find("directOutput"), std::string::npos) << refused.problems();
+    EXPECT_NE(refused.problems().find("line 1"), std::string::npos) << refused.problems();
+
+    ScriptScene allowed("directOutput TRUE initializeOnly SFNode target DEF T Transform { }", program);
+    allowed.frame();
+    EXPECT_EQ(allowed.get<Vec3f>("translation", "T"), Vec3f(1, 2, 3)) << allowed.problems();
+    EXPECT_EQ(allowed.printed, "1 2 3\n");
+}
+
+TEST(Script, PrepareEventsComesEveryFrameAndEventsProcessedAfterEvents) {
+    ScriptScene s("inputOnly SFBool a inputOnly SFBool b outputOnly SFInt32 prepared outputOnly SFInt32 processed", R"(
+        var p = 0, q = 0;
+        function prepareEvents() { prepared = ++p; }
+        function a() { print('a'); } function b() { print('b'); }
+        function eventsProcessed() { processed = ++q; })");
+    s.frame();
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("prepared"), 2);
+    EXPECT_EQ(s.get<std::int32_t>("processed"), 0);
+    s.send("a", true);
+    s.send("b", true);
+    s.frame();
+    EXPECT_EQ(s.printed, "a\nb\n");
+    EXPECT_EQ(s.get<std::int32_t>("processed"), 1) << "once for all events of a timestamp";
+    EXPECT_EQ(s.get<std::int32_t>("prepared"), 3);
+}
+
+TEST(Script, RoutesAndNodesFromAProgram) {
+    ScriptScene s("inputOnly SFBool go", R"(
+        function go() {
+            var scene = Browser.currentScene;
+            Browser.addRoute(scene.getNamedNode('A'), 'translation_changed', scene.getNamedNode('B'), 'set_translation');
+            var made = scene.createNode('Transform');
+            scene.updateNamedNode('C', made);
+            scene.addRootNode(made);
+        })",
+                  "DEF A Transform { } DEF B Transform { }");
+    s.send("go", true);
+    s.frame();
+    EXPECT_EQ(s.scene.routeCount(), 1u) << s.problems();
+    EXPECT_TRUE(s.scene.findName("C"));
+    s.send("translation", Vec3f(1, 0, 0), "A");
+    s.frame();
+    EXPECT_EQ(s.get<Vec3f>("translation", "B"), Vec3f(1, 0, 0));
+}
+
+TEST(Script, ErrorsAreReportedWithTheirLineAndTheSceneGoesOn) {
+    ScriptScene s("inputOnly SFBool go outputOnly SFInt32 n outputOnly SFVec3f v", R"(
+        function initialize() { n = 1; }
+        function go() {
+            v = 'no vector';
+        })");
+    s.send("go", true);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 1);
+    EXPECT_NE(s.problems().find("SFVec3f"), std::string::npos) << s.problems();
+    EXPECT_NE(s.problems().find("line 4"), std::string::npos) << s.problems();
+
+    ScriptScene broken("outputOnly SFInt32 n", "function initialize( { n = 1; }");
+    broken.frame();
+    EXPECT_NE(broken.problems().find("SyntaxError"), std::string::npos) << broken.problems();
+}
+
+TEST(Script, AnEndlessLoopIsStoppedAndNotCalledAgain) {
+    ScriptScene s("inputOnly SFBool go outputOnly SFInt32 n", R"(
+        function initialize() { n = 1; }
+        function go() { try { for (;;); } catch (e) { n = 3; } n = 2; })",
+                  {}, limits(true, 0.05));
+    s.send("go", true);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 1);
+    EXPECT_NE(s.problems().find("ran longer"), std::string::npos) << s.problems();
+    const std::size_t before = s.scene.diagnostics().all().size();
+    s.send("go", true);
+    s.frame();
+    EXPECT_EQ(s.scene.diagnostics().all().size(), before);
+}
+
+TEST(Script, EndlessRecursionAndHungerForMemoryAreErrorsNotCrashes) {
+    ScriptScene deep("", "function initialize() { initialize(); }");
+    deep.frame();
+    EXPECT_NE(deep.problems().find("recursion"), std::string::npos) << deep.problems();
+
+    // A thread of its own: the limit is read when the first script of a thread runs.
+    std::string problems;
+    std::thread([&] {
+        ScriptScene hungry("", "function initialize() { var a = []; for (;;) a.push(new Array(10000).fill(7)); }", {},
+                           limits(true, 30, std::size_t{64} << 20));
+        hungry.frame();
+        problems = hungry.problems();
+    }).join();
+    EXPECT_NE(problems.find("memory"), std::string::npos) << problems;
+}
+
+TEST(Script, ACircleOfDirectOutputsIsCutOff) {
+    ScriptScene s("directOutput TRUE inputOnly SFInt32 step initializeOnly SFNode other USE O",
+                  "function step(n) { other.step = n + 1; }",
+                  "DEF O Script { directOutput TRUE inputOnly SFInt32 step url \"ecmascript: function step(n) { "
+                  "Browser.currentScene.getNamedNode('S').step = n + 1; }\" }");
+    s.send("step", 1);
+    s.frame();
+    EXPECT_NE(s.problems().find("circle"), std::string::npos) << s.problems();
+}
+
+TEST(Script, ANewUrlIsANewProgram) {
+    ScriptScene s("inputOnly SFBool go outputOnly SFInt32 n",
+                  "function initialize() { n = 1; } function go() { n = 2; }");
+    s.frame();
+    s.send("url", Array<String>{String("ecmascript: function go() { n = 7; }")});
+    s.frame();
+    s.send("go", true);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 7) << s.problems();
+}
+
+TEST(Script, FilesAreReadAndWhatIsNotThereIsReported) {
+    const auto folder = std::filesystem::temp_directory_path() / "rtsg_script_test";
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder / "program.js") << "function initialize() { n = 5; }";
+    Scene scene;
+    Diagnostics diagnostics;
+    ScriptOptions options;
+    options.base = folder;
+    scene.setScriptOptions(options);
+    ASSERT_TRUE(loadText(
+        scene,
+        "#X3D V4.0 utf8\nPROFILE Full\nDEF S Script { outputOnly SFInt32 n url [ \"gone.js\" \"program.js\" ] }"
+        "DEF R Script { outputOnly SFInt32 n url \"https://example.org/a.js\" }",
+        diagnostics));
+    scene.newFrame(0);
+    const Node& node = scene.node(scene.findName("S"));
+    EXPECT_EQ(node.value(node.type().find("n")).as<std::int32_t>(), 5);
+    ASSERT_EQ(scene.diagnostics().all().size(), 1u);
+    EXPECT_NE(scene.diagnostics().all()[0].text.find("not fetched"), std::string::npos);
+    std::filesystem::remove_all(folder);
+}
+
+TEST(Script, TwoRunsAgreeBitForBitThoughScriptsAskForChanceAndTime) {
+    const auto run = [] {
+        ScriptScene s("outputOnly SFFloat chance outputOnly SFTime when",
+                      "function prepareEvents() { chance = Math.random(); when = Date.now() + new Date().getTime(); }");
+        for (int i = 0; i < 5; ++i) s.frame();
+        EXPECT_GT(s.get<float>("chance"), 0);
+        return s.scene.hash();
+    };
+    EXPECT_EQ(run(), run());
+}
+
+TEST(Script, RotationsAgreeWithDoublePrecisionFormulas) {
+    ScriptScene s(
+        "outputOnly SFVec3f turned outputOnly SFRotation product outputOnly SFRotation half outputOnly SFRotation "
+        "between",
+        R"(
+        function initialize() {
+            var a = new SFRotation(0, 0, 1, Math.PI / 2), b = new SFRotation(1, 0, 0, Math.PI / 2);
+            turned = a.multVec(new SFVec3f(1, 0, 0));
+            product = a.multiply(b);
+            half = new SFRotation(0, 1, 0, 0).slerp(new SFRotation(0, 1, 0, 1), 0.5);
+            between = new SFRotation(new SFVec3f(1, 0, 0), new SFVec3f(-2, 0, 0));
+        })");
+    s.frame();
+    const Vec3f turned = s.get<Vec3f>("turned");
+    EXPECT_NEAR(turned.x, 0, 1e-6);
+    EXPECT_NEAR(turned.y, 1, 1e-6);
+    // Quaternions (0 0 s c)(s 0 0 c) = (1/2 1/2 1/2 1/2): 120 degrees about the diagonal.
+    const Rotation product = s.get<Rotation>("product");
+    EXPECT_NEAR(product.x, std::sqrt(1 / 3.0), 1e-6);
+    EXPECT_NEAR(product.y, std::sqrt(1 / 3.0), 1e-6);
+    EXPECT_NEAR(product.angle, 2 * M_PI / 3, 1e-6);
+    EXPECT_NEAR(s.get<Rotation>("half").angle, 0.5, 1e-6);
+    EXPECT_NEAR(s.get<Rotation>("between").angle, M_PI, 1e-6);
+    EXPECT_NEAR(s.get<Rotation>("between").x, 0, 1e-6);
+}
+
+TEST(Script, AProgramSeesNothingOfAnother) {
+    ScriptScene s(
+        "outputOnly SFBool seen", "function initialize() { seen = typeof secret !== 'undefined'; }",
+        "DEF O Script { url \"ecmascript: var secret = 1; Object.prototype.secret = 2; function initialize() {}\" }");
+    s.frame();
+    EXPECT_FALSE(s.get<bool>("seen"));
+}
+
+TEST(Script, ADestroyedScriptShutsDownWithoutTouchingTheScene) {
+    ScriptScene s("outputOnly SFInt32 n", "function shutdown() { print('bye'); n = 3; }");
+    s.frame();
+    ASSERT_TRUE(s.scene.destroyNode(s.script()));
+    s.frame();
+    EXPECT_EQ(s.printed, "bye\n");
+}
+
+}  // namespace
+}  // namespace rtsg
