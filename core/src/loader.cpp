@@ -18,7 +18,10 @@ BuildOptions buildOptions(const LoadOptions& options) {
 bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics, const LoadOptions& options) {
     if (diagnostics.file().empty()) diagnostics.setFile(file == "-" ? "<stdin>" : file.string());
     BuildOptions build = buildOptions(options);
-    if (file != "-") build.file = file;
+    if (file != "-") {
+        build.file = file;
+        scene.setScriptBase(file.parent_path());
+    }
     SceneBuilder builder(scene, diagnostics, build);
     const bool complete = readDocumentFile(file, builder, diagnostics, options.progress);
     builder.finish();

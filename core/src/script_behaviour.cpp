@@ -30,4 +30,8 @@ void Scene::setScriptOptions(ScriptOptions options) {
     state_->scripts.reset();
 }
 
+void Scene::setScriptBase(const std::filesystem::path& base) {
+    if (state_->scriptOptions.base.empty() && !state_->scripts) state_->scriptOptions.base = base;
+}
+
 }  // namespace rtsg

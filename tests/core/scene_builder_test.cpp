@@ -184,8 +184,7 @@ TEST(SceneBuilder, ScriptsHaveTheirOwnFields) {
         "DEF S2 Script { initializeOnly SFFloat size 3 inputOnly SFBool on outputOnly SFVec3f moved\n"
         "  inputOutput MFNode things [ ] initializeOnly SFNode me NULL }\n"
         "ROUTE S.moved TO T.set_translation");
-    // The one that has code is told that it will not run.
-    EXPECT_EQ(l.problems(), "test.x3dv:3:1: warning: Script S is kept, but scripts are not executed\n");
+    EXPECT_EQ(l.problems(), "");
     EXPECT_EQ(l.get("S", "size"), "2.5");
     EXPECT_EQ(l.get("S", "directOutput"), "TRUE");
     EXPECT_EQ(l.nodes(l.named("S"), "things").size(), 2u);

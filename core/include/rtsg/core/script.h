@@ -22,7 +22,8 @@ struct ScriptOptions {
     /// Bytes that all scripts of one thread may hold in objects, and by which one call may let the process grow (arrays
     /// live outside the engine's heap). Read when the first script of the thread runs.
     std::size_t heapLimit = std::size_t{256} << 20;
-    /// Folder that relative urls of script files start from. No other urls but files are followed.
+    /// Folder that relative urls of script files start from; that of the first file loaded, if empty. No other urls are
+    /// followed.
     std::filesystem::path base;
     /// Gets what scripts print, as it comes; standard output if empty.
     std::function<void(std::string_view)> print;
