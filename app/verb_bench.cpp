@@ -5,7 +5,9 @@
 #include <fmt/format.h>
 
 #include "bench/bench.h"
+#include "bench/bench_frames.h"
 #include "bench/bench_sync.h"
+#include "bench/scenes/scenes.h"
 #include "cli.h"
 
 namespace rtsg::app {
@@ -16,6 +18,7 @@ struct Bench {
     const char* name;
     const char* about;
     bool (*run)(const bench::Report& report, bool quick);
+    bool onlyByName = false;  // takes minutes and gigabytes
 };
 
 /// A bench that cannot fail as one that can.
@@ -37,12 +40,17 @@ bool synced(const bench::Report& report, bool quick) {
     }
 }
 
+bool frames(const bench::Report& report, bool quick) {
+    return bench::frames({.scale = quick ? .01 : 1.0}, report);
+}
+
 constexpr Bench kBenches[] = {
     {"read", "a ClassicVRML mesh of 2 M triangles: MB/s and peak memory", always<bench::read>},
     {"transform", "one animated Transform among many shapes: scene and bus work of a frame", always<bench::transform>},
     {"animated", "10,000 animated Transforms: cascade and change set", always<bench::animated>},
     {"changes", "a changed field on its way to three subscribers", always<bench::changes>},
     {"rays", "primary rays with shading against the bare intersections", bench::rays},
+    {"frames", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},
     {"codec", "encoding and decoding a changed field", synced<bench::codec>},
     {"mirror", "transform changes a second over loopback TCP, hash equal each frame", synced<bench::mirrorThroughput>},
     {"latency", "one change from newFrame() to the replica", synced<bench::mirrorLatency>},
@@ -61,12 +69,28 @@ void printLine(const bench::Line& l) {
     std::fflush(stdout);
 }
 
+int writeScenes(const bench::FrameOptions& options, const std::string& folder) {
+    std::vector<std::string> names = options.scenes;
+    if (names.empty())
+        for (const bench::SceneInfo& s : bench::benchScenes()) names.emplace_back(s.name);
+    for (const std::string& name : names) {
+        const std::size_t plus = name.find("+teapot");
+        const auto written =
+            bench::writeBenchScene(name.substr(0, plus), options.scale, plus != std::string::npos, folder);
+        if (!written) return printError(written.error()), kBad;
+        fmt::print("{}: {} triangles\n", name, *written);
+    }
+    return kDone;
+}
+
 }  // namespace
 
 Verb addBench(CLI::App& program) {
     struct Options {
         std::vector<std::string> names;
-        bool quick = false, list = false;
+        bool quick = false, list = false, json = false;
+        bench::FrameOptions frames;
+        std::string folder;
     };
     auto options = std::make_shared<Options>();
     CLI::App* command =
@@ -74,23 +98,36 @@ Verb addBench(CLI::App& program) {
     command->add_option("NAME", options->names, "benches to run; all if none is named");
     command->add_flag("--quick", options->quick, "smaller sizes, for a first look");
     command->add_flag("--list", options->list, "say what there is");
-    command->footer("Example: rtsg bench transform mirror");
-    return {
-        command, [options] {
-            for (const std::string& name : options->names)
-                if (std::ranges::find(kBenches, name, &Bench::name) == std::end(kBenches)) {
-                    printError(fmt::format("no bench is called {}; rtsg bench --list names them", name));
-                    return static_cast<int>(kUsage);
+    command->add_option("--scene", options->frames.scenes,
+                        "of `frames`: Beetles, Venice, Conference[+teapot], Campus[+teapot], Kitchen, Troopers, "
+                        "Escherknot, City");
+    command->add_option("--scale", options->frames.scale, "of `frames`: share of the triangles")
+        ->check(CLI::Range(1e-4, 1.0));
+    command->add_option("--write", options->folder,
+                        "write the scenes of `frames` into this folder instead of measuring");
+    command->add_flag("--json", options->json, "as it is anyway");
+    command->footer(
+        "Examples: rtsg bench transform mirror\n          rtsg bench frames --scene Campus+teapot --scale 0.1");
+    return {command, [options] {
+                for (const std::string& name : options->names)
+                    if (std::ranges::find(kBenches, name, &Bench::name) == std::end(kBenches)) {
+                        printError(fmt::format("no bench is called {}; rtsg bench --list names them", name));
+                        return static_cast<int>(kUsage);
+                    }
+                const bool chosen = !options->frames.scenes.empty() || options->frames.scale < 1;
+                if (!options->folder.empty()) return writeScenes(options->frames, options->folder);
+                bool good = true;
+                for (const Bench& b : kBenches) {
+                    if (options->list)
+                        fmt::print("{:<12} {}\n", b.name, b.about);
+                    else if (chosen && b.run == frames)
+                        good = bench::frames(options->frames, printLine) && good;
+                    else if ((options->names.empty() && !b.onlyByName && !chosen) ||
+                             std::ranges::find(options->names, b.name) != options->names.end())
+                        good = b.run(printLine, options->quick) && good;
                 }
-            bool good = true;
-            for (const Bench& b : kBenches) {
-                if (options->list)
-                    fmt::print("{:<12} {}\n", b.name, b.about);
-                else if (options->names.empty() || std::ranges::find(options->names, b.name) != options->names.end())
-                    good = b.run(printLine, options->quick) && good;
-            }
-            return static_cast<int>(good ? kDone : kBad);
-        }};
+                return static_cast<int>(good ? kDone : kBad);
+            }};
 }
 
 }  // namespace rtsg::app

@@ -1,6 +1,7 @@
 #include "bench.h"
 
 #include <algorithm>
+#include <charconv>
 #include <ctime>
 
 namespace rtsg::bench {
@@ -27,6 +28,36 @@ double median(std::vector<double> values) {
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());
     return *middle;
+}
+
+double cpuClockSeconds() {
+    static const double cost = [] {
+        std::vector<double> times;
+        for (int i = 0; i < 1000; ++i) {
+            const double start = cpuSeconds();
+            times.push_back(cpuSeconds() - start);
+        }
+        return median(times);
+    }();
+    return cost;
+}
+
+double fromCharsSeconds(const std::string& text) {
+    const double start = cpuSeconds();
+    const char *p = text.data(), *end = p + text.size();
+    double sum = 0;
+    while (p < end) {
+        float value = 0;
+        const auto result = std::from_chars(p, end, value);
+        if (result.ec == std::errc()) {
+            sum += static_cast<double>(value);
+            p = result.ptr;
+        } else {
+            ++p;
+        }
+    }
+    keep(sum);
+    return cpuSeconds() - start;
 }
 
 }  // namespace rtsg::bench

@@ -31,7 +31,11 @@ bool rays(const Report& report, bool quick);
 /// CPU time of this process in seconds.
 double cpuSeconds();
 double wallSeconds();
+/// What reading cpuSeconds() costs, which every figure taken with it contains once.
+double cpuClockSeconds();
 double median(std::vector<double> values);
+/// CPU seconds to parse every number in `text` with std::from_chars: the least a reader of text takes.
+double fromCharsSeconds(const std::string& text);
 /// Keeps a value from being optimised away.
 inline void keep(const auto& value) {
     asm volatile("" : : "r,m"(value) : "memory");

@@ -1,5 +1,4 @@
 // Reading: text to arrays, against the text's own bytes.
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -49,25 +48,6 @@ struct Keeper final : Filter {
         values.push_back(std::move(value));
     }
 };
-
-/// Bare number parsing of the same text by the standard library.
-double fromCharsSeconds(const std::string& text) {
-    const double start = cpuSeconds();
-    const char *p = text.data(), *end = p + text.size();
-    double sum = 0;
-    while (p < end) {
-        float value = 0;
-        const auto result = std::from_chars(p, end, value);
-        if (result.ec == std::errc()) {
-            sum += static_cast<double>(value);
-            p = result.ptr;
-        } else {
-            ++p;
-        }
-    }
-    keep(sum);
-    return cpuSeconds() - start;
-}
 
 struct PeakMemory {
     double peakBytes = 0, arrayBytes = 0;

@@ -56,7 +56,7 @@ struct Stages {
         s.newFrame(s.now() + .01);
         scene.push_back(cpuSeconds() - start - follower.allSeconds() - cpuClockSeconds());
         flatten.push_back(follower.flattenSeconds());
-        world.push_back(follower.worldSeconds(0));
+        world.push_back(follower.worldSeconds());
     }
 };
 
@@ -88,7 +88,7 @@ bool chartScale(const ChartSink& sink, bool quick) {
         if (quick && shapes > 5000) break;
         Lattice lattice(shapes);
         Scene& scene = lattice.scene;
-        Follower follower(std::vector<RayWorld::Options>(1));
+        Follower follower;
         const Attachment attachment = scene.bus().attach(follower);
         scene.newFrame(0);
         const auto nodes = static_cast<int>(scene.nodeCount());

@@ -4,37 +4,26 @@
 
 namespace rtsg::bench {
 
-double cpuClockSeconds() {
-    static const double cost = [] {
-        std::vector<double> times;
-        for (int i = 0; i < 1000; ++i) {
-            const double start = cpuSeconds();
-            times.push_back(cpuSeconds() - start);
-        }
-        return median(times);
-    }();
-    return cost;
+namespace {
+
+RayWorld::Options oneThread(RayWorld::Options options) {
+    options.buildThreads = 1;
+    return options;
 }
 
-Follower::Follower(const std::vector<RayWorld::Options>& worlds, LightTracer* tracer)
-    : paused_(worlds.size()), seconds_(worlds.size()), tracer_(tracer) {
-    for (RayWorld::Options options : worlds) {
-        options.buildThreads = 1;
-        worlds_.push_back(std::make_unique<RayWorld>(options));
-    }
-}
+}  // namespace
+
+Follower::Follower(RayWorld::Options options, LightTracer* tracer) : world_(oneThread(options)), tracer_(tracer) {}
 
 Result<> Follower::apply(const Scene& scene, const ChangeSet& changes) {
     const double start = cpuSeconds(), clock = cpuClockSeconds();
     const InstanceDelta& delta = flattener_.apply(scene, changes);
-    double before = cpuSeconds();
-    flatten_ = before - start - clock;
-    for (std::size_t i = 0; i < worlds_.size(); ++i) {
-        if (!paused_[i]) worlds_[i]->apply(delta);
-        const double after = cpuSeconds();
-        seconds_[i] = paused_[i] ? 0 : after - before - clock;
-        before = after;
-    }
+    delta_ = &delta;
+    const double flattened = cpuSeconds();
+    world_.apply(delta);
+    const double done = cpuSeconds();
+    flatten_ = flattened - start - clock;
+    update_ = done - flattened - clock;
     Result<> result;
     if (tracer_) result = tracer_->apply(scene, changes, delta);
     all_ = cpuSeconds() - start;

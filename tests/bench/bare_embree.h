@@ -1,0 +1,75 @@
+// Embree alone, as the limit of what a ray world can do: the same triangles, flags and quality, nothing around them.
+//
+// Threading: one thread, for building and for tracing.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <rtsg/renderers/camera.h>
+#include <rtsg/renderers/ray_world.h>
+
+namespace rtsg::bench {
+
+/// Everything of a ray world in one flat scene: each instance's triangles in ray space.
+class FlatScene {
+  public:
+    explicit FlatScene(const RayWorld& world);
+    ~FlatScene();
+    FlatScene(const FlatScene&) = delete;
+    FlatScene& operator=(const FlatScene&) = delete;
+
+    /// CPU seconds to copy the triangles, not counted, and to build.
+    double buildSeconds() const;
+    std::size_t bvhBytes() const;
+    std::size_t triangles() const;
+
+    struct Impl;
+    const Impl& impl() const { return *impl_; }
+
+  private:
+    std::unique_ptr<Impl> impl_;
+};
+
+/// The least that can follow a frame: one Embree instance for each thing that moves, the rest in one; and the deforming
+/// meshes alone, refitted.
+class LeastUpdate {
+  public:
+    /// `delta`: what a typical frame moves and deforms.
+    LeastUpdate(const RayWorld& world, const InstanceDelta& delta);
+    ~LeastUpdate();
+    LeastUpdate(const LeastUpdate&) = delete;
+    LeastUpdate& operator=(const LeastUpdate&) = delete;
+
+    /// CPU seconds to set the transforms, to hand over the points, and to commit.
+    double follow(const RayWorld& world, const InstanceDelta& delta);
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+/// Primary rays of a picture, in blocks of 4 x 4.
+class ViewRays {
+  public:
+    ViewRays(const RayWorld& world, const Camera& camera, int width, int height);
+
+    std::size_t count() const { return directions_.size(); }
+    /// CPU seconds to trace them all.
+    double trace(const RayWorld& world) const;
+    double trace(const FlatScene& scene) const;
+    /// Distance along each ray, infinite for a miss.
+    std::vector<float> distances(const RayWorld& world) const;
+    std::vector<float> distances(const FlatScene& scene) const;
+
+  private:
+    std::vector<Vec3f> directions_;
+    Vec3f origin_{0};
+};
+
+/// Share of rays whose distances differ by more than `tolerance` of them, or where one misses.
+double differing(std::span<const float> a, std::span<const float> b, float tolerance = 1e-3f);
+
+}  // namespace rtsg::bench
