@@ -179,11 +179,6 @@ void Group::hide(std::uint32_t local) {
     hiddenTriangles_ += entries_[local].triangles.mesh->triangleCount;
 }
 
-void Group::drop() {
-    for (std::uint32_t local = 0; local < entries_.size(); ++local)
-        if (entries_[local].geometry) detach(local);
-}
-
 void Group::commit() {
     if (!dirty_) return;
     rtcCommitScene(scene_.get());

@@ -83,7 +83,7 @@ class MeshBvh {
     RTCBounds bounds_{};
 };
 
-/// Resting triangles, merged.
+/// Triangles of several instances in one frame, merged.
 class Group {
   public:
     explicit Group(const Device& device);
@@ -93,8 +93,6 @@ class Group {
     void detach(std::uint32_t local);
     /// Makes it invisible at once, without any building; it stays attached.
     void hide(std::uint32_t local);
-    /// Lets go of everything.
-    void drop();
     void commit();
 
     RTCScene scene() const { return scene_.get(); }
@@ -119,8 +117,7 @@ class Group {
         for (const Entry& entry : entries_)
             if (entry.geometry) visit(entry.triangles);
     }
-
-    std::uint32_t topObject = InstanceTree::kNone;  // the owner's note
+    const Triangles& triangles(std::uint32_t local) const { return entries_[local].triangles; }
 
   private:
     struct Entry {

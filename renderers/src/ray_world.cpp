@@ -30,8 +30,19 @@ RayWorld& RayWorld::operator=(RayWorld&& other) noexcept {
     return *this;
 }
 
+RayWorld::Impl::Impl(RayWorld& owner, const Options& o)
+    : world(&owner), options(o), device(o.buildThreads, o.robust), worker(o.background) {}
+RayWorld::Impl::~Impl() = default;
+
 void RayWorld::apply(const InstanceDelta& delta) {
     impl_->apply(delta);
+}
+
+void RayWorld::finishBackgroundWork() {
+    impl_->takeMerge(true);
+    impl_->tidyClusters();
+    if (!impl_->pending.empty()) impl_->placePending();
+    impl_->commit();
 }
 
 Bounds RayWorld::bounds() const {
@@ -58,6 +69,7 @@ std::uint64_t RayWorld::badRays() const {
 
 void RayWorld::Impl::apply(const InstanceDelta& delta) {
     const auto start = std::chrono::steady_clock::now();
+    ++now;
     for (const InstanceDelta::Geometry& geometry : delta.geometries) setGeometry(geometry.node, geometry.mesh);
     for (const InstanceId id : delta.removed) remove(id);
     for (const Instance& instance : delta.added) add(instance);
@@ -69,8 +81,13 @@ void RayWorld::Impl::apply(const InstanceDelta& delta) {
         const auto found = meshes.find(node.value);
         if (found != meshes.end() && found->second.users.empty()) meshes.erase(found);
     }
+    for (Cluster* body : touchedBodies) followBody(*body);
+    touchedBodies.clear();
+    takeMerge(false);
+    tidyClusters();
     if (!pending.empty()) placePending();
-    tidyGroups();
+    findRested();
+    startMerge();
     commit();
     if (!delta.empty()) ++world->version_;
     if (std::string error = device.takeError(); !error.empty())
@@ -135,48 +152,54 @@ void RayWorld::Impl::unlink(std::uint32_t slot) {
     place.mesh = nullptr;
 }
 
+WorldFromLocal inverse(const WorldFromLocal& m) {
+    const glm::dmat3 linear = glm::inverse(glm::dmat3(m[0], m[1], m[2]));
+    return {linear[0], linear[1], linear[2], -(linear * m[3])};
+}
+
+bool canEnter(const WorldFromLocal& m) {
+    /// Within these no valid ray is led out of the range that Embree accepts (1.8e18).
+    constexpr double kLargestInverse = 1e8;
+    constexpr float kLargestErrorScale = 1e5f;
+    if (determinantSign(m) == 0) return false;
+    const glm::dmat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
+    double largest = 0;
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 3; ++k) largest = std::max(largest, std::abs(cofactor[i][k]));
+    return largest / std::abs(glm::dot(m[0], cofactor[0])) <= kLargestInverse && errorScale(m) <= kLargestErrorScale;
+}
+
+float errorScale(const WorldFromLocal& m) {
+    const glm::dmat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
+    const double determinant = glm::dot(m[0], cofactor[0]);
+    Vec3d rows(0);
+    for (int k = 0; k < 3; ++k) {
+        const Vec3d inverseColumnSums = glm::abs(cofactor[k]) / std::abs(determinant);  // row k of the inverse
+        rows += glm::abs(m[k]) * (inverseColumnSums.x + inverseColumnSums.y + inverseColumnSums.z);
+    }
+    return static_cast<float>(std::clamp(std::max({rows.x, rows.y, rows.z}), 1.0, 1e6));
+}
+
+glm::mat3 normalMatrix(const WorldFromLocal& m) {
+    // The cofactor matrix is the inverse transpose times the determinant, and exists for singular matrices too.
+    const double size = std::max({glm::length(m[0]), glm::length(m[1]), glm::length(m[2])});
+    const glm::dmat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
+    return glm::mat3(cofactor * (size > 0 ? 1 / (size * size) : 0.0));
+}
+
 void RayWorld::Impl::setTransform(RayInstance& instance, const WorldFromLocal& m) {
     instance.info.worldFromLocal = m;
     instance.sign = determinantSign(m);
     WorldFromLocal inRaySpace = m;
     inRaySpace[3] -= world->origin_;
     instance.rayFromLocal = glm::mat4x3(inRaySpace);
-    // The cofactor matrix is the inverse transpose times the determinant, and exists for singular matrices too.
-    const double size = std::max({glm::length(m[0]), glm::length(m[1]), glm::length(m[2])});
-    const double factor = size > 0 ? (instance.sign < 0 ? -1.0 : 1.0) / (size * size) : 0.0;
-    const glm::dmat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
-    instance.normalFromLocal = glm::mat3(cofactor * factor);
-    instance.errorScale = 1;
-    if (instance.sign != 0) {
-        // |M| |M^-1|, largest row sum: by how much a relative error in local coordinates can grow on its way back.
-        const double determinant = glm::dot(m[0], cofactor[0]);
-        Vec3d rows(0);
-        for (int k = 0; k < 3; ++k) {
-            const Vec3d inverseColumnSums = glm::abs(cofactor[k]) / std::abs(determinant);  // row k of the inverse
-            rows += glm::abs(m[k]) * (inverseColumnSums.x + inverseColumnSums.y + inverseColumnSums.z);
-        }
-        instance.errorScale = static_cast<float>(std::clamp(std::max({rows.x, rows.y, rows.z}), 1.0, 1e6));
-    }
+    instance.normalFromLocal = normalMatrix(m);
+    if (instance.sign < 0) instance.normalFromLocal = -instance.normalFromLocal;
+    instance.errorScale = instance.sign == 0 ? 1 : errorScale(m);
 }
 
 void RayWorld::Impl::setPending(std::uint32_t slot) {
     if (!std::exchange(places[slot].pending, true)) pending.push_back(slot);
-}
-
-void RayWorld::Impl::lift(std::uint32_t slot) {
-    Place& place = places[slot];
-    if (place.kind == Kind::instanced) {
-        top.remove(place.local);
-    } else if (place.kind == Kind::baked) {
-        // Rebuilding all the triangles it rested among can wait until many are gone.
-        if (options.mapping == Mapping::merged || place.group->live() == 1)
-            place.group->detach(place.local);
-        else
-            place.group->hide(place.local);
-    }
-    place.kind = Kind::none;
-    place.group = nullptr;
-    world->instances_[slot].mesh = nullptr;
 }
 
 void RayWorld::Impl::cull(std::uint32_t slot, std::string reason) {
@@ -197,7 +220,7 @@ void RayWorld::Impl::add(const Instance& info) {
     if (instance.info.id) remove(instance.info.id);
     instance.info = info;
     setTransform(instance, info.worldFromLocal);
-    places[slot] = Place{.pending = places[slot].pending};
+    places[slot] = Place{.movedAt = now, .pending = places[slot].pending};
     link(slot, info.geometry);
     setPending(slot);
 }
@@ -217,19 +240,29 @@ void RayWorld::Impl::rebind(const Instance& info) {
     const bool moved = instance.info.worldFromLocal != info.worldFromLocal;
     const bool replace = instance.info.geometry != info.geometry;
     const bool masked = instance.info.castShadow != info.castShadow;
+    const bool elsewhere = instance.info.rigid != info.rigid, otherwise = instance.info.motion != info.motion;
+    Place& place = places[slot];
     if (replace) {
         lift(slot);
         unlink(slot);
         link(slot, info.geometry);
-        places[slot].culled = false;
+        place.culled = false;
         setPending(slot);
     }
     const WorldFromLocal before = instance.info.worldFromLocal;
     instance.info = info;
     instance.info.worldFromLocal = before;
-    Place& place = places[slot];
-    if (masked && place.kind == Kind::baked) place.group->setMask(place.local, maskOf(info));
-    if (masked && place.kind == Kind::instanced) top.setMask(place.local, maskOf(info));
+    if (masked) setMask(slot);
+    if (elsewhere || otherwise) {
+        place.loose = false;
+        // What is known to move from now on leaves the others before it does, together with its like.
+        if (info.motion == Motion::moving || (place.kind == Kind::body && elsewhere)) {
+            lift(slot);
+            setPending(slot);
+        } else {
+            watchRest(slot);
+        }
+    }
     if (moved) move(info.id, info.worldFromLocal);
 }
 
@@ -238,15 +271,28 @@ void RayWorld::Impl::move(InstanceId id, const WorldFromLocal& worldFromLocal) {
     RayInstance& instance = world->instances_[id.slot];
     Place& place = places[id.slot];
     setTransform(instance, worldFromLocal);
-    place.moves = true;
     place.culled = false;
+    place.moves = true;
+    ++place.changes;
+    const bool again = std::exchange(place.movedAt, now) == now;
+    if (place.kind == Kind::body) {
+        Cluster& body = *place.cluster;
+        if (again) return;
+        if (body.movedNow.empty()) touchedBodies.push_back(&body);
+        body.movedNow.push_back(id.slot);
+        return;
+    }
     std::string reason;
     if (place.kind == Kind::instanced && fitness(id.slot, reason) == Fitness::instance) {
         top.move(place.local, rayFromLocal(instance.info), instanceBox(id.slot));
-    } else {
-        lift(id.slot);
-        setPending(id.slot);
+        return;
     }
+    if (place.kind == Kind::resting) {
+        ++stats.splits;
+        place.splits = static_cast<std::uint8_t>(std::min(place.splits + 1, kMostDoublings));
+    }
+    lift(id.slot);
+    setPending(id.slot);
 }
 
 void RayWorld::Impl::followMesh(MeshEntry& entry) {
@@ -259,6 +305,8 @@ void RayWorld::Impl::followMesh(MeshEntry& entry) {
     for (const std::uint32_t slot : entry.users) {
         Place& place = places[slot];
         place.culled = false;
+        place.movedAt = now;
+        ++place.changes;
         std::string reason;
         if (place.kind == Kind::instanced && entry.usable && fitness(slot, reason) == Fitness::instance) {
             top.changeMesh(place.local, entry.bvh->scene(), instanceBox(slot));
@@ -273,15 +321,11 @@ void RayWorld::Impl::followMesh(MeshEntry& entry) {
 
 void RayWorld::Impl::commit() {
     stats.groupsBuilt = 0;
-    for (const auto& group : groups) {
-        const bool isNew = group->topObject == bvh::InstanceTree::kNone;
-        if (!group->dirty() && !isNew) continue;
-        group->commit();
+    for (const auto& cluster : resting) {
+        if (!cluster->group->dirty()) continue;
+        cluster->group->commit();
         ++stats.groupsBuilt;
-        if (isNew)
-            group->topObject = top.addGroup(*group);
-        else
-            top.updateGroup(group->topObject);
+        top.updateGroup(cluster->object);
     }
     top.commit();
 }

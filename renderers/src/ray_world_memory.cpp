@@ -62,10 +62,11 @@ RayWorld::Stats RayWorld::stats() const {
             ++stats.traced;
             stats.instancedTriangles += place.mesh->mesh->triangleCount;
         }
-        stats.baked += place.kind == Impl::Kind::baked;
+        stats.baked += place.cluster != nullptr;
         stats.culled += place.culled;
     }
-    stats.groups = impl_->groups.size();
+    stats.groups = impl_->resting.size();
+    stats.bodies = impl_->bodies.size();
     stats.bvhBytes = impl_->device.bytes() + impl_->top.bytes();
     stats.topBuilds = impl_->top.builds();
     return stats;
@@ -80,13 +81,14 @@ RayWorld::Memory RayWorld::memory() const {
         memory.triangles += entry.mesh->triangleCount;
         arrays.add(*entry.mesh);
     }
-    for (const auto& group : impl_->groups)
-        group->forEachArray([&](const bvh::Triangles& triangles) {
-            if (triangles.positions.sameStorage(triangles.mesh->positions))
-                arrays.add(triangles.positions);
-            else
-                memory.copyBytes += triangles.positions.size() * sizeof(Vec3f);
-        });
+    for (const auto* clusters : {&impl_->resting, &impl_->bodies})
+        for (const auto& cluster : *clusters)
+            cluster->group->forEachArray([&](const bvh::Triangles& triangles) {
+                if (triangles.positions.sameStorage(triangles.mesh->positions))
+                    arrays.add(triangles.positions);
+                else
+                    memory.copyBytes += triangles.positions.size() * sizeof(Vec3f);
+            });
     for (const auto& [node, entry] : impl_->meshes)
         if (entry.bvh) arrays.add(entry.bvh->indexInUse());
     arrays.sum(memory.sceneBytes, memory.tessellatedBytes);

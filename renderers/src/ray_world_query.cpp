@@ -78,11 +78,14 @@ Hit RayWorld::Impl::resolve(float t, float u, float v, Vec3f normal, std::uint32
     hit.t = t, hit.u = u, hit.v = v, hit.triangle = triangle;
     hit.instance = top.slotOf(geometryId, instanceId);
     const RayInstance& instance = world->instances_[hit.instance];
-    // Instances report the normal in their own frame; triangles in ray space were turned inside out by a mirroring.
-    if (places[hit.instance].kind == Kind::instanced)
+    // Instances report the normal in their own frame; merged triangles were turned inside out by a mirroring.
+    const Place& place = places[hit.instance];
+    if (place.kind == Kind::instanced) {
         normal = instance.normalFromLocal * normal;
-    else if (instance.sign < 0)
-        normal = -normal;
+    } else {
+        if (place.kind == Kind::body) normal = place.cluster->normalFromBody * normal;
+        if (instance.sign < 0) normal = -normal;
+    }
     const float size = std::max(std::max(std::abs(normal.x), std::abs(normal.y)), std::abs(normal.z));
     if (size > 0) normal /= size;  // so that squares neither overflow nor vanish
     const float length = std::sqrt(glm::dot(normal, normal));
@@ -153,8 +156,12 @@ void RayWorld::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& o
         const std::uint32_t slot = impl_->top.slotOf(rays.geom_[i], rays.inst_[i]);
         out.instance[i] = slot;
         const RayInstance& instance = instances_[slot];
-        if (impl_->places[slot].kind == Impl::Kind::instanced) {
-            const Vec3f n = instance.normalFromLocal * Vec3f(out.normalX[i], out.normalY[i], out.normalZ[i]);
+        const Impl::Place& place = impl_->places[slot];
+        if (place.kind != Impl::Kind::resting) {
+            Vec3f n(out.normalX[i], out.normalY[i], out.normalZ[i]);
+            n = place.kind == Impl::Kind::instanced
+                    ? instance.normalFromLocal * n
+                    : place.cluster->normalFromBody * n * static_cast<float>(instance.sign);
             out.normalX[i] = n.x, out.normalY[i] = n.y, out.normalZ[i] = n.z;
         } else if (instance.sign < 0) {
             out.normalX[i] = -out.normalX[i], out.normalY[i] = -out.normalY[i], out.normalZ[i] = -out.normalZ[i];
@@ -192,7 +199,7 @@ HitPoint RayWorld::point(const Hit& hit) const {
     // through a transformed ray, whose errors the condition of the matrix magnifies on their way back.
     constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
     const Vec3f linear = glm::abs(m[0]) * size.x + glm::abs(m[1]) * size.y + glm::abs(m[2]) * size.z;
-    result.error = (linear * instance.errorScale + glm::abs(m[3])) * gamma;
+    result.error = (linear * instance.errorScale + glm::abs(m[3])) * gamma + instance.errorFloor;
     return result;
 }
 

@@ -350,7 +350,8 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
             return ((size.x * std::abs(m[0][r]) + size.y * std::abs(m[1][r]) + size.z * std::abs(m[2][r])) *
                         instance.errorScale +
                     std::abs(m[3][r])) *
-                   gamma;
+                       gamma +
+                   instance.errorFloor[r];
         };
         storeV(s.exact, at, {row(0), row(1), row(2)});
         storeV(s.error, at, {bound(0), bound(1), bound(2)});

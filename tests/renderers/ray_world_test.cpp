@@ -15,55 +15,6 @@ using Mapping = RayWorld::Mapping;
 constexpr std::uint32_t kSeed = 20090616;
 const Mapping kMappings[] = {Mapping::merged, Mapping::perShape, Mapping::hybrid};
 
-/// Compares single rays, packets and occlusion with the brute force. Rays too close to call are left out, and counted.
-void expectSameHits(const RayWorld& world, const BruteForce& truth, std::mt19937& random, int packets, float spread) {
-    int compared = 0, hits = 0;
-    for (int p = 0; p < packets; ++p) {
-        RayPacket16 packet, shadow;
-        Ray rays[16];
-        for (int i = 0; i < 16; ++i) {
-            rays[i] = randomRay(random, spread);
-            if (i % 5 == 4) rays[i].tMax = spread * .3f;
-            packet.set(i, rays[i]);
-            shadow.set(i, rays[i]);
-        }
-        packet.skip(7);
-        shadow.skip(7);
-        const std::uint32_t hitMask = world.intersect(packet), blockedMask = world.occluded(shadow);
-        EXPECT_FALSE(hitMask & 1u << 7);
-        EXPECT_FALSE(blockedMask & 1u << 7);
-        for (int i = 0; i < 16; ++i) {
-            const BruteForce::Answer expected = truth.intersect(rays[i], world.origin());
-            if (expected.margin < 1e-4) continue;
-            ++compared;
-            const bool hits1 = expected.instance != kNoInstance;
-            hits += hits1;
-            const Hit one = world.intersect(rays[i]);
-            ASSERT_EQ(bool(one), hits1) << "ray " << p << "/" << i;
-            EXPECT_EQ(world.occluded(rays[i]), hits1);
-            if (i != 7) {
-                EXPECT_EQ((hitMask >> i & 1u) != 0, hits1);
-                EXPECT_EQ((blockedMask >> i & 1u) != 0, hits1);
-            }
-            if (!hits1) continue;
-            for (const Hit& hit : {one, world.hit(packet, i)}) {
-                if (i == 7 && !hit) continue;
-                EXPECT_EQ(hit.instance, expected.instance);
-                EXPECT_EQ(hit.triangle, expected.triangle);
-                EXPECT_NEAR(hit.t, expected.t, 1e-4 * expected.t + 1e-5);
-                EXPECT_NEAR(hit.u, expected.u, 2e-3);
-                EXPECT_NEAR(hit.v, expected.v, 2e-3);
-                EXPECT_GT(glm::dot(Vec3d(hit.normal), expected.normal), .999);
-                EXPECT_EQ(world.instance(hit.instance).info.id, truth.things.at(hit.instance).info.id);
-            }
-        }
-    }
-    if (packets >= 20) {
-        EXPECT_GT(compared, packets * 8);
-        EXPECT_TRUE(truth.things.size() < 7 || hits > 0);
-    }
-}
-
 TEST(RayWorld, EmptyWorldMisses) {
     RayWorld world;
     EXPECT_FALSE(world.intersect(Ray{}));

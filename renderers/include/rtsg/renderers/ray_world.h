@@ -1,6 +1,8 @@
 // RayWorld: the speed-up graph and its bounding volume hierarchy, built from InstanceDeltas, queried by light, sound,
 // picking and collision alike.
 //
+// What rests is merged into few BVHs, what moves together is one object; a resting thing that moves is taken out alone,
+// one that has rested for long is merged again, by a thread of its own: apply() never waits for that.
 // Invariant: after apply() it answers as one built from scratch would. No ray and no transform that Embree would abort
 // on reaches it: a bad ray is a counted miss, an instance that cannot be traced is left out with a diagnostic.
 // Ray space is world space minus origin(), in float; origin() is 0 unless the scene lies far away from 0.
@@ -84,6 +86,7 @@ struct RayInstance {
         1.0f};             // directions only, to be normalised; right for mirrored and for flattened ones too
     int sign = 1;          // of the determinant
     float errorScale = 1;  // how much the transform magnifies rounding errors, at least 1
+    Vec3f errorFloor{0};   // what is added to every error bound: of those merged into a body that moves, its rounding
 };
 
 /// A point on a surface with what is needed to start a ray there.
@@ -104,6 +107,12 @@ class RayWorld {
         bool robust = true;
         /// Threads that build the BVH; 0 as many as cores.
         unsigned buildThreads = 0;
+        /// What rests for so many apply() calls is merged with the rest; after each time that this proves wrong, for a
+        /// thing twice as many, up to 256 times. A group of n triangles is rebuilt for that at most once in
+        /// restFrames (1 + n / 100,000) calls, or when half of it is gone or as much again has arrived.
+        unsigned restFrames = 256;
+        /// False: what else is left to a thread of its own is done by finishBackgroundWork() alone.
+        bool background = true;
     };
 
     struct Stats {
@@ -112,7 +121,10 @@ class RayWorld {
         std::size_t bvhBytes = 0, meshBytes = 0;
         std::size_t groups = 0, groupsBuilt = 0;  // of merged triangles; built: by the last apply()
         std::size_t topBuilds = 0;                // of the tree over groups and instances, since the start
-        std::size_t baked = 0;                    // instances whose triangles were copied into ray space
+        std::size_t baked = 0;                    // instances merged with others
+        std::size_t bodies = 0, bodiesBuilt = 0;  // groups that move as one; built: since the start
+        std::size_t merges = 0;                   // background rebuilds of what rests, since the start
+        std::size_t splits = 0;                   // resting ones that moved, since the start
         double applySeconds = 0;
     };
 
@@ -139,6 +151,9 @@ class RayWorld {
 
     /// Follows the scene by one delta and commits once. Instances that cannot be traced end up in diagnostics().
     void apply(const InstanceDelta& delta);
+
+    /// Waits for what is being done in the background, and takes it. On apply()'s thread.
+    void finishBackgroundWork();
 
     /// Closest hit with tMin <= t <= tMax. A ray that is not finite, has a negative tMin, starts beyond kMaxCoordinate
     /// or whose direction is shorter than 1e-12 or longer than 1e9 misses and is counted in badRays().

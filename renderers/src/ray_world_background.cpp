@@ -1,0 +1,195 @@
+// What has rested is merged, and what has been taken out of merged BVHs is cleared away, by a thread of its own.
+//
+// apply() makes a list of what goes in, a worker copies and builds, a later apply() takes the result: members that have
+// changed meanwhile are hidden in it. Making and taking cost apply() some tens of nanoseconds a member, the building
+// nothing. How often: see RayWorld::Options::restFrames.
+#include <algorithm>
+#include <utility>
+
+#include "ray_world_impl.h"
+
+namespace rtsg {
+
+namespace {
+
+/// So many that wait are looked at in one apply().
+constexpr int kLooks = 256;
+/// Whether to merge is considered in one apply() of so many.
+constexpr std::uint32_t kEvery = 8;
+/// Resting ones that are worth a BVH of their own while the larger ones may not be rebuilt yet.
+constexpr std::size_t kWorthwhile = 16;
+
+bool later(const auto& a, const auto& b) {
+    return a.due > b.due;
+}
+
+}  // namespace
+
+struct RayWorld::Impl::Merge {
+    struct Piece {
+        InstanceId id;
+        std::uint32_t changes, mask;
+        bvh::Triangles triangles;
+        bool isPlaced;  // `triangles` are in ray space already
+        WorldFromLocal rayFromLocal;
+    };
+    std::vector<Piece> pieces;
+    std::vector<Cluster*> sources;
+    std::unique_ptr<bvh::Group> group;
+    std::shared_ptr<const Worker::Job> job;
+
+    void run(const bvh::Device& device) {
+        auto made = std::make_unique<bvh::Group>(device);
+        for (Piece& piece : pieces) {
+            if (!piece.isPlaced) piece.triangles = transformedTriangles(piece.triangles.mesh, piece.rayFromLocal);
+            made->attach(device, piece.id.slot, piece.triangles, piece.mask);
+        }
+        made->commit();
+        group = std::move(made);
+    }
+};
+
+std::uint32_t RayWorld::Impl::patience(const Place& place) const {
+    return std::max(1u, options.restFrames) << place.splits;
+}
+
+void RayWorld::Impl::watchRest(std::uint32_t slot) {
+    Place& place = places[slot];
+    if (options.mapping != Mapping::hybrid || place.waiting || place.kind == Kind::none || place.kind == Kind::resting)
+        return;
+    const Instance& info = world->instances_[slot].info;
+    if (info.motion == Motion::moving || !canMerge(slot)) return;
+    place.waiting = true;
+    rests.push_back({place.movedAt + patience(place), info.id});
+    std::push_heap(rests.begin(), rests.end(), later<Rest, Rest>);
+}
+
+void RayWorld::Impl::findRested() {
+    for (int looks = 0; looks < kLooks && !rests.empty() && rests.front().due <= now; ++looks) {
+        const InstanceId id = rests.front().id;
+        std::pop_heap(rests.begin(), rests.end(), later<Rest, Rest>);
+        rests.pop_back();
+        if (!isLive(id)) continue;
+        Place& place = places[id.slot];
+        place.waiting = false;
+        if (now - place.movedAt < patience(place)) {
+            watchRest(id.slot);
+        } else if (canRestMerged(id.slot)) {
+            place.waiting = true;
+            rested.push_back(id);
+        }
+    }
+}
+
+bool RayWorld::Impl::canRestMerged(std::uint32_t slot) const {
+    const Place& place = places[slot];
+    std::string reason;
+    return (place.kind == Kind::instanced || place.kind == Kind::body) && canMerge(slot) &&
+           world->instances_[slot].info.motion != Motion::moving && fitness(slot, reason) != Fitness::none;
+}
+
+void RayWorld::Impl::startMerge() {
+    if (merge || options.mapping != Mapping::hybrid || now % kEvery != 0) return;
+    if (!rests.empty() && rests.front().due <= now) return;  // more are coming
+    if (rested.empty() && resting.empty()) return;
+    std::size_t triangles = 0;
+    std::erase_if(rested, [&](InstanceId id) {
+        if (!isLive(id)) return true;
+        Place& place = places[id.slot];
+        const bool stays = now - place.movedAt >= patience(place) && canRestMerged(id.slot);
+        if (stays) {
+            triangles += place.mesh->mesh->triangleCount;
+        } else {
+            place.waiting = false;
+            watchRest(id.slot);
+        }
+        return !stays;
+    });
+    std::vector<Cluster*>& sources = ripe;
+    sources.clear();
+    for (const auto& cluster : resting) sources.push_back(cluster.get());
+    std::sort(sources.begin(), sources.end(), [](const Cluster* a, const Cluster* b) {
+        const std::size_t m = a->group->triangles(), n = b->group->triangles();
+        return m != n ? m < n : a->index < b->index;
+    });
+    bool urgent = false;
+    std::erase_if(sources, [&](const Cluster* cluster) {
+        const bvh::Group& group = *cluster->group;
+        const std::size_t size = group.triangles();
+        const bool spoilt = group.hiddenTriangles() * 2 > size;
+        const double age = now - cluster->builtAt;
+        const bool isRipe = age >= options.restFrames * (1 + static_cast<double>(size) * 1e-5);
+        urgent = urgent || spoilt || (isRipe && group.hiddenTriangles() * 16 > size);
+        const bool takePart = spoilt || isRipe || size <= 2 * triangles;
+        if (takePart) triangles += size - group.hiddenTriangles();
+        return !takePart;
+    });
+    const bool worthwhile =
+        urgent || sources.size() > 1 || (!sources.empty() && !rested.empty()) || rested.size() >= kWorthwhile;
+    if (!worthwhile) return;
+
+    merge = std::make_shared<Merge>();
+    const auto add = [&](std::uint32_t slot, bvh::Triangles made, bool isPlaced) {
+        const Instance& info = world->instances_[slot].info;
+        merge->pieces.push_back(
+            {info.id, places[slot].changes, maskOf(info), std::move(made), isPlaced, rayFromLocal(info)});
+    };
+    for (Cluster* source : sources)
+        source->group->forEach(
+            [&](std::uint32_t slot) { add(slot, source->group->triangles(places[slot].local), true); });
+    for (const InstanceId id : rested) {
+        const std::shared_ptr<const Mesh>& mesh = places[id.slot].mesh->mesh;
+        places[id.slot].waiting = false;
+        add(id.slot, {mesh, mesh->positions}, false);
+    }
+    rested.clear();
+    merge->sources = sources;
+    merge->job = worker.start([job = merge, this] { job->run(device); });
+}
+
+void RayWorld::Impl::takeMerge(bool wait) {
+    if (!merge) return;
+    if (wait) worker.wait(*merge->job);
+    if (!merge->job->done()) return;
+    const std::shared_ptr<Merge> done = std::exchange(merge, nullptr);
+    if (!done->group) {
+        world->diagnostics_.error({}, "ray world: merging what rests has failed; it stays as it is");
+        for (const Merge::Piece& piece : done->pieces)
+            if (isLive(piece.id)) watchRest(piece.id.slot);
+        return;
+    }
+    ++stats.merges;
+    Cluster& cluster = newCluster(std::move(done->group), false);
+    for (std::uint32_t local = 0; local < done->pieces.size(); ++local) {
+        const Merge::Piece& piece = done->pieces[local];
+        const std::uint32_t slot = piece.id.slot;
+        if (!isLive(piece.id) || places[slot].changes != piece.changes) {
+            cluster.group->hide(local);
+            if (isLive(piece.id)) watchRest(slot);
+            continue;
+        }
+        Place& place = places[slot];
+        if (place.kind != Kind::resting) lift(slot);  // the sources of those at rest go as a whole
+        place.cluster = &cluster;
+        place.local = local;
+        place.kind = Kind::resting;
+        place.moves = place.loose = false;
+        world->instances_[slot].mesh = piece.triangles.mesh;
+        if (const std::uint32_t mask = maskOf(world->instances_[slot].info); mask != piece.mask)
+            cluster.group->setMask(local, mask);
+    }
+    for (Cluster* source : std::exchange(done->sources, {})) dropCluster(*source);
+    cluster.object = top.addGroup(*cluster.group);
+}
+
+void RayWorld::Impl::forgetSource(const Cluster& cluster) {
+    if (merge) std::erase(merge->sources, &cluster);
+}
+
+void RayWorld::Impl::discard(std::unique_ptr<bvh::Group> group) {
+    if (!options.background) return;
+    // Letting go of a large BVH takes a while, too.
+    worker.start([gone = std::shared_ptr<bvh::Group>(std::move(group))] {});
+}
+
+}  // namespace rtsg

@@ -1,0 +1,244 @@
+// Clusters: triangles of several instances in one BVH, resting in ray space or moving as one body.
+#include <algorithm>
+#include <utility>
+
+#include "ray_world_impl.h"
+
+namespace rtsg {
+
+namespace {
+
+/// Whether two transforms of a mesh are the same to well within a float's rounding of its points.
+bool agree(const WorldFromLocal& a, const WorldFromLocal& b, const Bounds& bounds) {
+    const Vec3d reach = glm::max(glm::abs(Vec3d(bounds.min)), glm::abs(Vec3d(bounds.max)));
+    Vec3d apart(0), size(0);
+    for (int i = 0; i < 3; ++i) {
+        apart += glm::abs(a[i] - b[i]) * reach[i];
+        size += glm::abs(a[i]) * reach[i];
+    }
+    apart += glm::abs(a[3] - b[3]);
+    const Vec3d allowed = size * 1e-9 + glm::abs(a[3]) * 1e-12;
+    const double most = std::max({allowed.x, allowed.y, allowed.z});
+    return apart.x <= most && apart.y <= most && apart.z <= most;  // false for NaN
+}
+
+}  // namespace
+
+bvh::Triangles transformedTriangles(const std::shared_ptr<const Mesh>& mesh, const WorldFromLocal& m) {
+    bvh::Triangles triangles{mesh, mesh->positions};
+    if (m == identityTransform()) return triangles;
+    triangles.positions = Array<Vec3f>::ofSize(mesh->positions.size());
+    Vec3f* out = triangles.positions.mutableData();
+    for (const Vec3f& p : mesh->positions)
+        *out++ = Vec3f(m[0] * double{p.x} + m[1] * double{p.y} + m[2] * double{p.z} + m[3]);
+    return triangles;
+}
+
+RayWorld::Impl::Cluster& RayWorld::Impl::newCluster(std::unique_ptr<bvh::Group> group, bool isBody) {
+    auto& list = isBody ? bodies : resting;
+    Cluster& cluster = *list.emplace_back(std::make_unique<Cluster>());
+    cluster.group = std::move(group);
+    cluster.index = static_cast<std::uint32_t>(list.size() - 1);
+    cluster.isBody = isBody;
+    cluster.builtAt = now;
+    return cluster;
+}
+
+void RayWorld::Impl::dropCluster(Cluster& cluster) {
+    if (cluster.object != bvh::InstanceTree::kNone) top.remove(cluster.object);
+    forgetSource(cluster);
+    if (cluster.thinned) std::erase(thinned, &cluster);
+    discard(std::move(cluster.group));
+    auto& list = cluster.isBody ? bodies : resting;
+    const std::uint32_t index = cluster.index;
+    std::swap(list[index], list.back());
+    list[index]->index = index;
+    list.pop_back();
+}
+
+void RayWorld::Impl::join(Cluster& cluster, std::uint32_t slot, bvh::Triangles triangles) {
+    RayInstance& instance = world->instances_[slot];
+    Place& place = places[slot];
+    instance.mesh = triangles.mesh;
+    place.local = cluster.group->attach(device, slot, std::move(triangles), maskOf(instance.info));
+    place.cluster = &cluster;
+    place.kind = cluster.isBody ? Kind::body : Kind::resting;
+    place.culled = false;
+}
+
+void RayWorld::Impl::placeResting(const std::vector<std::uint32_t>& slots) {
+    const bool fresh = options.mapping != Mapping::merged || resting.empty();
+    Cluster& cluster = fresh ? newCluster(std::make_unique<bvh::Group>(device), false) : *resting.front();
+    for (const std::uint32_t slot : slots) {
+        join(cluster, slot, transformedTriangles(places[slot].mesh->mesh, rayFromLocal(world->instances_[slot].info)));
+    }
+    if (fresh) cluster.object = top.addGroup(*cluster.group);
+}
+
+// ---- bodies -------------------------------------------------------------------------------------------------------
+
+void RayWorld::Impl::placeBody(const std::vector<std::uint32_t>& slots) {
+    const auto condition = [&](std::uint32_t slot) { return world->instances_[slot].errorScale; };
+    const std::uint32_t reference = *std::min_element(
+        slots.begin(), slots.end(), [&](std::uint32_t a, std::uint32_t b) { return condition(a) < condition(b); });
+    // The body's frame is that of a member, unless that one is distorted.
+    constexpr float kDistorted = 8;
+    WorldFromLocal frame = world->instances_[reference].info.worldFromLocal;
+    if (condition(reference) > kDistorted) frame[0] = {1, 0, 0}, frame[1] = {0, 1, 0}, frame[2] = {0, 0, 1};
+    const WorldFromLocal bodyFromWorld = inverse(frame);
+    Cluster& body = newCluster(std::make_unique<bvh::Group>(device), true);
+    ++stats.bodiesBuilt;
+    for (const std::uint32_t slot : slots) {
+        const WorldFromLocal m = compose(bodyFromWorld, world->instances_[slot].info.worldFromLocal);
+        const std::shared_ptr<const Mesh>& mesh = places[slot].mesh->mesh;
+        if (!transformed(mesh->bounds, m).inReach()) {
+            placeInstance(slot);
+            continue;
+        }
+        if (slot == reference) body.reference = static_cast<std::uint32_t>(body.bodyFromLocal.size());
+        body.bodyFromLocal.push_back(m);
+        join(body, slot, transformedTriangles(mesh, m));
+        watchRest(slot);
+    }
+    body.group->commit();
+    body.worldFromBody = frame;
+    body.object = top.addBody(*body.group, body.group->slots(), inRaySpace(frame), bodyBox(body));
+    setBodyTransform(body, frame);
+}
+
+WorldFromLocal RayWorld::Impl::inRaySpace(WorldFromLocal m) const {
+    m[3] -= world->origin_;
+    return m;
+}
+
+bvh::InstanceTree::Box RayWorld::Impl::bodyBox(const Cluster& body) const {
+    const bvh::InstanceTree::Box& box = body.group->box();
+    const WorldFromLocal m = inRaySpace(body.worldFromBody);
+    if (!(box.lower.x <= box.upper.x)) return {Vec3f(m[3]), Vec3f(m[3])};
+    Bounds local;
+    local.min = box.lower;
+    local.max = box.upper;
+    return floatBox(transformed(local, m));
+}
+
+void RayWorld::Impl::setBodyTransform(Cluster& body, const WorldFromLocal& m) {
+    body.worldFromBody = m;
+    body.normalFromBody = normalMatrix(m);
+    top.move(body.object, inRaySpace(m), bodyBox(body));
+    // The members' points were rounded in the body's frame, and rays are on their way into it.
+    constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
+    const bvh::InstanceTree::Box& box = body.group->box();
+    Vec3f floor(0);
+    if (box.lower.x <= box.upper.x) {
+        const Vec3d reach(glm::max(glm::abs(box.lower), glm::abs(box.upper)));
+        floor = Vec3f(glm::abs(m[0]) * reach.x + glm::abs(m[1]) * reach.y + glm::abs(m[2]) * reach.z) *
+                (gamma * errorScale(m));
+    }
+    body.group->forEach([&](std::uint32_t slot) { world->instances_[slot].errorFloor = floor; });
+}
+
+void RayWorld::Impl::followBody(Cluster& body) {
+    std::vector<std::uint32_t>& moved = body.movedNow;
+    std::erase_if(moved, [&](std::uint32_t slot) { return places[slot].cluster != &body; });
+    const std::size_t visible = body.group->live() - body.group->hidden();
+    const auto leave = [&](std::uint32_t slot, bool loose) {
+        places[slot].loose = loose;
+        lift(slot);
+        setPending(slot);
+    };
+    const auto worldOf = [&](std::uint32_t slot) -> const WorldFromLocal& {
+        return world->instances_[slot].info.worldFromLocal;
+    };
+    const auto fits = [&](std::uint32_t slot, const WorldFromLocal& frame) {
+        return agree(worldOf(slot), compose(frame, body.bodyFromLocal[places[slot].local]),
+                     places[slot].mesh->mesh->bounds);
+    };
+    WorldFromLocal frame = body.worldFromBody;
+    if (moved.size() * 2 > visible) {
+        // Where most go is where the body goes.
+        std::uint32_t guide = moved.front();
+        const std::uint32_t reference = body.group->slots()[body.reference];
+        if (places[reference].cluster == &body && places[reference].local == body.reference &&
+            places[reference].movedAt == now)
+            guide = reference;
+        frame = compose(worldOf(guide), inverse(body.bodyFromLocal[places[guide].local]));
+        if (!canEnter(frame) || !isFinite(frame) || !boxInReach(body, frame)) {
+            // Each is traced as far as it can be, and they come together again.
+            for (const std::uint32_t slot : moved) leave(slot, false);
+            frame = body.worldFromBody;
+        } else {
+            if (moved.size() < visible) {
+                std::vector<std::uint32_t> left;
+                body.group->forEach([&](std::uint32_t slot) {
+                    if (places[slot].movedAt != now) left.push_back(slot);
+                });
+                for (const std::uint32_t slot : left) leave(slot, true);
+            }
+            setBodyTransform(body, frame);
+        }
+    }
+    for (const std::uint32_t slot : moved)
+        if (places[slot].cluster == &body && !fits(slot, frame)) leave(slot, true);
+    moved.clear();
+}
+
+bool RayWorld::Impl::boxInReach(const Cluster& body, const WorldFromLocal& frame) const {
+    const bvh::InstanceTree::Box& box = body.group->box();
+    if (!(box.lower.x <= box.upper.x)) return true;
+    Bounds local;
+    local.min = box.lower;
+    local.max = box.upper;
+    return transformed(local, inRaySpace(frame)).inReach();
+}
+
+// ---- leaving ------------------------------------------------------------------------------------------------------
+
+void RayWorld::Impl::lift(std::uint32_t slot) {
+    Place& place = places[slot];
+    ++place.changes;
+    if (place.kind == Kind::instanced) {
+        top.remove(place.local);
+    } else if (Cluster* cluster = place.cluster) {
+        if (options.mapping == Mapping::merged)
+            cluster->group->detach(place.local);
+        else
+            cluster->group->hide(place.local);
+        if (!std::exchange(cluster->thinned, true)) thinned.push_back(cluster);
+    }
+    place.kind = Kind::none;
+    place.cluster = nullptr;
+    world->instances_[slot].mesh = nullptr;
+    world->instances_[slot].errorFloor = Vec3f(0);
+}
+
+void RayWorld::Impl::setMask(std::uint32_t slot) {
+    const Place& place = places[slot];
+    const std::uint32_t mask = maskOf(world->instances_[slot].info);
+    if (place.kind == Kind::instanced)
+        top.setMask(place.local, mask);
+    else if (place.cluster)
+        place.cluster->group->setMask(place.local, mask);
+}
+
+void RayWorld::Impl::tidyClusters() {
+    for (std::size_t i = 0; i < thinned.size(); ++i) {
+        Cluster& cluster = *thinned[i];
+        cluster.thinned = false;
+        const bvh::Group& group = *cluster.group;
+        if (cluster.isBody && group.hiddenTriangles() * 2 > group.triangles()) {
+            // Most of it has left: what remains makes another.
+            std::vector<std::uint32_t> rest;
+            group.forEach([&](std::uint32_t slot) { rest.push_back(slot); });
+            for (const std::uint32_t slot : rest) {
+                cluster.thinned = true;  // it is being seen to
+                lift(slot);
+                setPending(slot);
+            }
+            cluster.thinned = false;
+        }
+        if (group.live() == group.hidden()) dropCluster(cluster);
+    }
+    thinned.clear();
+}
+
+}  // namespace rtsg
