@@ -26,6 +26,7 @@ Verb addValidate(CLI::App& program);
 Verb addConvert(CLI::App& program);
 Verb addRun(CLI::App& program);
 Verb addRender(CLI::App& program);
+Verb addPick(CLI::App& program);
 Verb addBench(CLI::App& program);
 Verb addChart(CLI::App& program);
 Verb addListen(CLI::App& program);

@@ -174,6 +174,7 @@ void Group::detach(std::uint32_t local) {
 void Group::hide(std::uint32_t local) {
     if (entries_[local].isHidden) return;
     setMask(local, 0);
+    slots_[local] = kNoInstance;  // for queries that know no masks
     entries_[local].isHidden = true;
     ++hidden_;
     hiddenTriangles_ += entries_[local].triangles.mesh->triangleCount;

@@ -165,6 +165,9 @@ class Top {
     /// Blocked lanes end with tMax -inf.
     void occluded(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext& context) const;
 
+    /// As RayWorld's.
+    void visitNear(const Vec3f& center, float radius, const RayWorld::NearVisitor& visit) const;
+
     /// Whose hit it is. Precondition: the ray hit something.
     std::uint32_t slotOf(std::uint32_t geometryId, std::uint32_t instanceId) const {
         const Object& object = instanceId == RTC_INVALID_GEOMETRY_ID ? *main_ : objects_[instanceId];

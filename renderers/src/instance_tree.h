@@ -74,6 +74,10 @@ class InstanceTree {
     /// Calls leaf(object), which returns the segment's new end; a negative one ends the search.
     template <class Leaf>
     void traverse(const Ray& ray, Leaf leaf) const;
+    /// Calls leaf(object) for those whose box comes within `radius` of the point, roughly from near to far; it returns
+    /// the radius from then on.
+    template <class Leaf>
+    void traverseNear(const Vec3f& point, float radius, Leaf leaf) const;
     /// Calls leaf(object, lanes) with all-ones for the lanes that meet its box; it lowers rays.tMax itself. `active`
     /// and the packet's tMax tell the lanes still searching: a lane whose tMax is below its tMin is done.
     template <class Leaf>
@@ -189,6 +193,38 @@ void InstanceTree::traverse(const Ray& ray, Leaf leaf) const {
             --top;
         } while (stack[top] > end);
         current = static_cast<std::uint32_t>(stack[top]);
+    }
+}
+
+template <class Leaf>
+void InstanceTree::traverseNear(const Vec3f& point, float radius, Leaf leaf) const {
+    if (nodes_.empty()) return;
+    constexpr float margin = 1 - 0x1p-20f;  // for the roundings of a distance
+    std::array<std::pair<float, std::uint32_t>, kStack> stack;
+    std::size_t top = 0;
+    stack[top++] = {0.0f, kRoot};
+    while (top > 0) {
+        const auto [distance, current] = stack[--top];
+        if (distance > radius) continue;
+        if (current & kLeaf) {
+            radius = leaf(current & ~kLeaf);
+            continue;
+        }
+        const Node& n = nodes_[current];
+        simd::F8 squared{};
+        for (int k = 0; k < 3; ++k) {
+            const simd::F8 p = simd::all(point[k]), zero{};
+            const simd::F8 d =
+                simd::max(simd::max(simd::load(n.bounds[0][k]) - p, p - simd::load(n.bounds[1][k])), zero);
+            squared += d * d;
+        }
+        alignas(32) float distances[8];
+        simd::store(distances, simd::sqrt(squared) * margin);
+        const std::size_t first = top;
+        for (std::uint32_t i = 0; i < 8; ++i)
+            if (n.child[i] != kNone && distances[i] <= radius) stack[top++] = {distances[i], n.child[i]};
+        std::sort(stack.begin() + static_cast<std::ptrdiff_t>(first), stack.begin() + static_cast<std::ptrdiff_t>(top),
+                  [](const auto& a, const auto& b) { return a.first > b.first; });
     }
 }
 

@@ -182,6 +182,10 @@ void RayWorld::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& o
     }
 }
 
+void RayWorld::visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const {
+    impl_->top.visitNear(center, radius, visit);
+}
+
 HitPoint RayWorld::point(const Hit& hit) const {
     HitPoint result;
     result.normal = hit.normal;

@@ -12,6 +12,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <span>
@@ -168,6 +169,11 @@ class RayWorld {
     Hit hit(const RayPacket16& rays, int lane) const;
     /// The same for all lanes in `mask` (bits), which hit something; the others of `out` hold rubbish.
     void hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const;
+
+    /// Calls visit(slot, triangle) for every triangle whose box comes within `radius` of `center` (both in ray space,
+    /// metres), and maybe others; visit returns the radius from then on. What is nearer tends to come first.
+    using NearVisitor = std::function<float(std::uint32_t slot, std::uint32_t triangle)>;
+    void visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const;
 
     /// Precondition: the slot of a hit or of a live instance.
     const RayInstance& instance(std::uint32_t slot) const { return instances_[slot]; }

@@ -1,0 +1,86 @@
+#include <memory>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <rtsg/renderers/picking.h>
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+namespace {
+
+struct Options {
+    std::string scene, time = "0s";
+    std::vector<double> ray, point, sweep;
+    bool json = false;
+};
+
+void print(const Scene& scene, const Pick& pick, bool json) {
+    if (!pick) {
+        fmt::print("{}\n", json ? "{\"hit\":false}" : "nothing there");
+        return;
+    }
+    std::vector<std::string> path;
+    for (const NodeId node : pick.path) path.push_back(nodeLabel(scene, node));
+    if (!json) {
+        fmt::print(
+            "{} at {:.9g} m\n  point    {:.9g} {:.9g} {:.9g}\n  normal   {:.6g} {:.6g} {:.6g}\n  texture  {:.6g} "
+            "{:.6g}\n",
+            fmt::join(path, " / "), pick.distance, pick.point.x, pick.point.y, pick.point.z, pick.normal.x,
+            pick.normal.y, pick.normal.z, pick.texCoord.x, pick.texCoord.y);
+        return;
+    }
+    for (std::string& name : path) name = jsonString(name);
+    fmt::print(
+        "{{\"hit\":true,\"path\":[{}],\"distance_m\":{},\"point\":[{},{},{}],\"normal\":[{},{},{}],"
+        "\"texture\":[{},{}],\"triangle\":{}}}\n",
+        fmt::join(path, ","), pick.distance, pick.point.x, pick.point.y, pick.point.z, pick.normal.x, pick.normal.y,
+        pick.normal.z, pick.texCoord.x, pick.texCoord.y, pick.triangle);
+}
+
+int run(const Options& options) {
+    if (options.ray.empty() + options.point.empty() + options.sweep.empty() != 2) {
+        printError("one of --ray, --point and --sweep is needed");
+        return kUsage;
+    }
+    Scene scene;
+    Diagnostics diagnostics(options.scene);
+    if (!load(scene, options.scene, diagnostics)) return kBad;
+    runTo(scene, parseSeconds(options.time));
+    scene.seal();
+    Flattener flattener;
+    RayWorld world;
+    world.apply(flattener.apply(scene, scene.snapshot()));
+    app::print(flattener.diagnostics());
+    app::print(world.diagnostics());
+    const Picker picker(world, flattener);
+    const auto at = [](const std::vector<double>& numbers, std::size_t first) {
+        return Vec3d(numbers[first], numbers[first + 1], numbers[first + 2]);
+    };
+    const auto pick = !options.ray.empty() ? picker.ray(at(options.ray, 0), at(options.ray, 3))
+                      : !options.point.empty()
+                          ? picker.closest(at(options.point, 0))
+                          : picker.sweep(at(options.sweep, 0), options.sweep[3], at(options.sweep, 4));
+    if (!pick) return printError(pick.error().text), kUsage;
+    print(scene, *pick, options.json);
+    return kDone;
+}
+
+}  // namespace
+
+Verb addPick(CLI::App& program) {
+    auto options = std::make_shared<Options>();
+    CLI::App* command = program.add_subcommand("pick", "What a ray meets, what is nearest, where a moving ball stops");
+    command->add_option("SCENE", options->scene, "scene file, or -")->required();
+    command->add_option("--ray", options->ray, "origin and direction: X Y Z DX DY DZ")->expected(6);
+    command->add_option("--point", options->point, "nearest surface to X Y Z")->expected(3);
+    command->add_option("--sweep", options->sweep, "ball at X Y Z of radius R moved by DX DY DZ")->expected(7);
+    command->add_option("--time", options->time, "run the scene until then")->capture_default_str();
+    command->add_flag("--json", options->json, "one JSON object");
+    command->footer("Example: rtsg pick hall.x3dv --ray 0 1.6 10 0 0 -1");
+    return {command, [options] { return run(*options); }};
+}
+
+}  // namespace rtsg::app

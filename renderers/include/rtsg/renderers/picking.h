@@ -1,0 +1,62 @@
+// Picking and collision: what a ray meets, what lies nearest to a point, and how far a ball may travel.
+//
+// All three ask the BVH that light and sound are traced in, so they cost what a ray costs and need no update of their
+// own. Answers are exact for the triangles as they stand in world space, computed in double precision, whatever the
+// instances' transforms (unequal scaling and mirroring included); the BVH only proposes candidates, with a margin.
+// Threading: const; from any number of threads, while others trace, between two apply() of world and flattener.
+// Source: Ericson, Real-Time Collision Detection (2005), 5.1.5 (closest point) and 5.5.6 (moving sphere and triangle);
+// ISO/IEC 19775-1 V4.0 20.2 (what picking tells), 23.4.2 (Collision's proxies are not asked: the geometry is).
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/renderers/flattener.h>
+#include <rtsg/renderers/ray_world.h>
+
+namespace rtsg {
+
+/// One point of one surface. False when nothing was found; the rest then means nothing.
+struct Pick {
+    InstanceId instance;
+    NodeId shape, geometry;
+    std::vector<NodeId> path;    // from a root node to the Shape, both included
+    std::uint32_t triangle = 0;  // of the geometry's Mesh
+    float u = 0, v = 0;          // weights of the triangle's second and third corner
+    Vec3d point{0};              // world space, metres
+    /// Unit, world space. Of a ray: the surface's, on its front. Of a nearest point or a sweep: from the point towards
+    /// the query's centre, or the surface's where both coincide.
+    Vec3d normal{0};
+    Vec4f texCoord{0, 0, 0, 1};  // of channel 0: s, t, r, q
+    /// Metres: along the ray, to the query point, or travelled by the ball until it touches (0: it overlaps at once).
+    double distance = std::numeric_limits<double>::infinity();
+    explicit operator bool() const { return static_cast<bool>(instance); }
+};
+
+class Picker {
+  public:
+    /// Both must outlive the picker and have applied the same states.
+    Picker(const RayWorld& world, const Flattener& flattener) : world_(&world), flattener_(&flattener) {}
+
+    /// The first surface within `maximum` metres; the direction need not be a unit vector.
+    /// Error: origin or direction not finite, direction zero, origin farther than RayWorld::kMaxCoordinate.
+    Result<Pick> ray(const Vec3d& origin, const Vec3d& direction,
+                     double maximum = std::numeric_limits<double>::infinity()) const;
+    /// The point of any surface nearest to `point` within `maximum` metres. Error: as above.
+    Result<Pick> closest(const Vec3d& point, double maximum = std::numeric_limits<double>::infinity()) const;
+    /// Every instance that comes within `radius` of `center`, each with its nearest point, nearest first.
+    /// Error: as above, or the radius is negative or not finite.
+    Result<std::vector<Pick>> overlaps(const Vec3d& center, double radius) const;
+    /// Moves a ball by `displacement` until it first touches a surface. Error: as above, or the displacement is not
+    /// finite. A ball of radius 0 is a ray of that length; a displacement of 0 tells whether it overlaps now.
+    Result<Pick> sweep(const Vec3d& center, double radius, const Vec3d& displacement) const;
+
+  private:
+    struct Candidate;
+    Pick finish(const Candidate& candidate) const;
+    const RayWorld* world_;
+    const Flattener* flattener_;
+};
+
+}  // namespace rtsg

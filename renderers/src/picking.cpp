@@ -1,0 +1,175 @@
+#include <rtsg/renderers/picking.h>
+
+#include <algorithm>
+#include <map>
+
+#include <fmt/format.h>
+
+#include "triangle_distance.h"
+
+namespace rtsg {
+
+struct Picker::Candidate {
+    std::uint32_t slot = kNoInstance, triangle = 0;
+    exact::Weights where;
+    double distance = std::numeric_limits<double>::infinity();
+    Vec3d point{0}, normal{0};
+    bool surfaceNormal = false;
+};
+
+namespace {
+
+bool isFinite(const Vec3d& v) {
+    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+
+Result<> checkPoint(const RayWorld& world, const Vec3d& point, const char* what) {
+    if (!isFinite(point)) return fail(fmt::format("{} is not finite", what));
+    const Vec3d p = glm::abs(point - world.origin());
+    if (std::max({p.x, p.y, p.z}) > RayWorld::kMaxCoordinate)
+        return fail(fmt::format("{} is farther than {} m away", what, RayWorld::kMaxCoordinate));
+    return {};
+}
+
+exact::Triangle triangleOf(const RayInstance& instance, std::uint32_t triangle) {
+    const Mesh& mesh = *instance.mesh;
+    const WorldFromLocal& m = instance.info.worldFromLocal;
+    const auto corner = [&](std::uint32_t i) { return m * glm::dvec4(Vec3d(mesh.vertex(triangle, i)), 1); };
+    return {corner(0), corner(1), corner(2)};
+}
+
+/// How far from `center` the BVH must look so that no triangle within `radius` is missed: it holds floats.
+float searchRadius(const RayWorld& world, const Vec3d& center, double radius) {
+    constexpr double relative = 0x1p-20;
+    const Vec3d c = glm::abs(center - world.origin());
+    return static_cast<float>(radius * (1 + relative) + relative * std::max({c.x, c.y, c.z}) + 1e-30);
+}
+
+}  // namespace
+
+Pick Picker::finish(const Candidate& candidate) const {
+    Pick pick;
+    if (candidate.slot == kNoInstance) return pick;
+    const RayInstance& instance = world_->instance(candidate.slot);
+    pick.instance = instance.info.id;
+    pick.shape = instance.info.shape;
+    pick.geometry = instance.info.geometry;
+    pick.path = flattener_->path(instance.info.id);
+    pick.triangle = candidate.triangle;
+    pick.u = static_cast<float>(candidate.where.u);
+    pick.v = static_cast<float>(candidate.where.v);
+    pick.point = candidate.point;
+    pick.distance = candidate.distance;
+    pick.texCoord = instance.mesh->texCoord(candidate.triangle, pick.u, pick.v);
+    const double length = glm::length(candidate.normal);
+    if (!candidate.surfaceNormal && length > 0) {
+        pick.normal = candidate.normal / length;
+        return pick;
+    }
+    const exact::Triangle t = triangleOf(instance, candidate.triangle);
+    Vec3d normal = glm::cross(t.b - t.a, t.c - t.a);
+    if (instance.sign < 0) normal = -normal;
+    const double size = glm::length(normal);
+    pick.normal = size > 0 ? normal / size : Vec3d(0, 0, 1);
+    return pick;
+}
+
+Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, double maximum) const {
+    if (auto ok = checkPoint(*world_, origin, "the ray's origin"); !ok) return std::unexpected(ok.error());
+    const double largest = std::max({std::abs(direction.x), std::abs(direction.y), std::abs(direction.z)});
+    if (!isFinite(direction) || !(largest > 0)) return fail("the ray's direction is zero or not finite");
+    if (std::isnan(maximum)) return fail("the largest distance is not a number");
+    const Vec3d unit = glm::normalize(direction / largest);
+    const Hit hit =
+        world_->intersect({world_->fromWorld(origin), 0, Vec3f(unit), std::numeric_limits<float>::infinity()});
+    Candidate candidate;
+    if (hit) {
+        const exact::Triangle t = triangleOf(world_->instance(hit.instance), hit.triangle);
+        candidate = {hit.instance, hit.triangle, {hit.u, hit.v}, 0, t.at(hit.u, hit.v), {}, true};
+        candidate.distance = std::max(0.0, glm::dot(candidate.point - origin, unit));
+        if (candidate.distance > maximum) candidate = {};
+    }
+    return finish(candidate);
+}
+
+Result<Pick> Picker::closest(const Vec3d& point, double maximum) const {
+    if (auto ok = checkPoint(*world_, point, "the point"); !ok) return std::unexpected(ok.error());
+    if (!(maximum >= 0)) return fail("the largest distance is negative or not a number");
+    Candidate best;
+    best.distance = maximum;
+    const auto visit = [&](std::uint32_t slot, std::uint32_t triangle) {
+        const exact::Triangle t = triangleOf(world_->instance(slot), triangle);
+        const exact::Weights w = exact::nearest(point, t);
+        const Vec3d at = t.at(w.u, w.v);
+        const double distance = glm::distance(at, point);
+        if (distance < best.distance || (distance == best.distance && best.slot == kNoInstance))
+            best = {slot, triangle, w, distance, at, point - at, false};
+        return searchRadius(*world_, point, best.distance);
+    };
+    world_->visitNear(world_->fromWorld(point), searchRadius(*world_, point, maximum), std::ref(visit));
+    return finish(best);
+}
+
+Result<std::vector<Pick>> Picker::overlaps(const Vec3d& center, double radius) const {
+    if (auto ok = checkPoint(*world_, center, "the centre"); !ok) return std::unexpected(ok.error());
+    if (!(radius >= 0) || !std::isfinite(radius)) return fail("the radius is negative or not finite");
+    std::map<std::uint32_t, Candidate> bySlot;
+    const float search = searchRadius(*world_, center, radius);
+    const auto visit = [&](std::uint32_t slot, std::uint32_t triangle) {
+        const exact::Triangle t = triangleOf(world_->instance(slot), triangle);
+        const exact::Weights w = exact::nearest(center, t);
+        const Vec3d at = t.at(w.u, w.v);
+        const double distance = glm::distance(at, center);
+        if (distance > radius) return search;
+        Candidate& best = bySlot[slot];
+        if (distance < best.distance) best = {slot, triangle, w, distance, at, center - at, false};
+        return search;
+    };
+    world_->visitNear(world_->fromWorld(center), search, std::ref(visit));
+    std::vector<Pick> picks;
+    for (const auto& [slot, candidate] : bySlot) picks.push_back(finish(candidate));
+    std::ranges::stable_sort(picks, {}, &Pick::distance);
+    return picks;
+}
+
+Result<Pick> Picker::sweep(const Vec3d& center, double radius, const Vec3d& displacement) const {
+    if (auto ok = checkPoint(*world_, center, "the ball's centre"); !ok) return std::unexpected(ok.error());
+    if (!(radius >= 0) || !std::isfinite(radius)) return fail("the radius is negative or not finite");
+    if (!isFinite(displacement)) return fail("the displacement is not finite");
+    const double length = glm::length(displacement);
+    if (auto now = closest(center, radius); !now || *now) {
+        if (now) now->distance = 0;
+        return now;
+    }
+    if (radius == 0 && length > 0) return ray(center, displacement, length);
+    // Piece by piece, so that the ball around a piece is not much larger than what the piece sweeps.
+    constexpr double mostPieces = 256;
+    const double pieces = std::clamp(std::ceil(length / (2 * radius)), 1.0, mostPieces);
+    Candidate best;
+    for (double piece = 0; piece < pieces && best.slot == kNoInstance; ++piece) {
+        const Vec3d start = center + displacement * (piece / pieces), movement = displacement / pieces;
+        const Vec3d middle = start + 0.5 * movement;
+        const float search = searchRadius(*world_, middle, 0.5 * length / pieces + radius);
+        double soonest = std::numeric_limits<double>::infinity();
+        const auto visit = [&](std::uint32_t slot, std::uint32_t triangle) {
+            const exact::Triangle t = triangleOf(world_->instance(slot), triangle);
+            if (const auto contact = exact::sweep(start, radius, movement, t); contact && contact->time < soonest) {
+                soonest = contact->time;
+                const Vec3d at = t.at(contact->where.u, contact->where.v);
+                best = {slot,
+                        triangle,
+                        contact->where,
+                        length * (piece + contact->time) / pieces,
+                        at,
+                        start + contact->time * movement - at,
+                        false};
+            }
+            return search;
+        };
+        // A piece out of reach holds nothing: what is that far away is not traced.
+        if (checkPoint(*world_, middle, "")) world_->visitNear(world_->fromWorld(middle), search, std::ref(visit));
+    }
+    return finish(best);
+}
+
+}  // namespace rtsg
