@@ -22,7 +22,5 @@ enum Block : std::uint8_t {
 constexpr unsigned kSetOne = 0, kSetMany = 1, kInsert = 2, kRemove = 3, kLinkExternal = 4;
 constexpr unsigned kRouteRemove = 1, kRouteExternal = 2, kRouteIs = 4;
 constexpr unsigned kValueExternal = 1;
-/// Codings of a column's values; readers skip columns in a coding they do not know.
-constexpr unsigned kRaw = 0;
 
 }  // namespace rtsg::wire

@@ -5,6 +5,8 @@
 #include <fmt/format.h>
 
 #include "blocks.h"
+#include "column_codec.h"
+#include "column_rows.h"
 #include "type_mapping.h"
 #include "wire.h"
 
@@ -191,26 +193,44 @@ void readColumn(Reader& in, std::size_t count, FieldIndex field, bool external, 
         readFixed<T>(in, count, field, external, set);
 }
 
-/// False when the column's coding is unknown; the column is then skipped.
-bool readValues(Reader& in, std::size_t count, ChangeSet& set) {
+/// More fields than this in one stream's memory are taken for an attack.
+constexpr std::size_t kMostRemembered = std::size_t{1} << 27;
+
+/// False when the column's coding is unknown; the column is then skipped. `columns`: null if nothing is remembered.
+bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, ChangeSet& set) {
     const auto coding = in.number<std::uint8_t>();
-    if (coding != wire::kRaw) return in.problem != nullptr;
+    if (coding > wire::kCodingRanged) return in.problem != nullptr;
     const auto flags = in.number<std::uint8_t>();
     if (flags > wire::kValueExternal) in.refuse("unknown column flags");
-    const FieldType type = wire::readFieldType(in);
-    if (sf(type) == FieldType::SFNode) in.refuse("a column of nodes");
-    const FieldIndex field = readField(in);
+    wire::ColumnHead head;
+    head.external = flags & wire::kValueExternal;
+    head.type = wire::readFieldType(in);
+    if (sf(head.type) == FieldType::SFNode) in.refuse("a column of nodes");
+    head.field = readField(in);
     if (in.problem) return true;
-    switch (type) {
-#define RTSG_X(suffix, T)                                                           \
-    case FieldType::SF##suffix:                                                     \
-        readColumn<T>(in, count, field, flags & wire::kValueExternal, set);         \
-        break;                                                                      \
-    case FieldType::MF##suffix:                                                     \
-        readVarying<Array<T>>(in, count, field, flags & wire::kValueExternal, set); \
+    if (coding != wire::kCodingRaw) {
+        if (columns)
+            columns->read(in, count, coding, head, set);
+        else
+            in.refuse("predicted values in a record that remembers none");
+        return true;
+    }
+    if (count > in.left()) in.refuse("count exceeds the bytes that follow");
+    const std::size_t first = set.changes.size();
+    switch (head.type) {
+#define RTSG_X(suffix, T)                                                 \
+    case FieldType::SF##suffix:                                           \
+        readColumn<T>(in, count, head.field, head.external, set);         \
+        break;                                                            \
+    case FieldType::MF##suffix:                                           \
+        readVarying<Array<T>>(in, count, head.field, head.external, set); \
         break;
         RTSG_FIELD_TYPES(RTSG_X)
 #undef RTSG_X
+    }
+    if (columns && !in.problem) {
+        columns->remember(head, set, first);
+        if (columns->history().slots() > kMostRemembered) in.refuse("more values than a reader remembers");
     }
     return true;
 }
@@ -223,8 +243,16 @@ ChangeDecoder::~ChangeDecoder() = default;
 
 Result<> ChangeDecoder::setHead(const StreamHead& head) {
     mapping_.reset();
+    columns_.reset();
     if (head.dictionaryHash != localHash_) mapping_ = std::make_unique<TypeMapping>(local_, head.builtinTypes);
     return {};
+}
+
+void ChangeDecoder::goOnFrom(const ChangeDecoder& other) {
+    columns_.reset();
+    if (!other.columns_) return;
+    columns_ = std::make_unique<wire::ColumnReader>();
+    columns_->history() = other.columns_->history().clone();
 }
 
 Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set) {
@@ -243,6 +271,13 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     set.hash = header->hash;
     set.changes.clear();
     set.types.clear();
+    const bool remember = header->flags & kRemember;
+    if (header->kind == RecordKind::keyframe) {
+        if (columns_) columns_->history().clear();
+    } else if (remember) {
+        if (!columns_) columns_ = std::make_unique<wire::ColumnReader>();
+        columns_->begin(header->flags);
+    }
     Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
     unsigned previous = 0;
     bool any = false;
@@ -257,7 +292,8 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
         }
         if (any && (kind < previous || (kind == previous && kind != wire::kValues)))
             block.refuse("blocks out of order");
-        if (count > block.left()) block.refuse("count exceeds the bytes that follow");
+        // A predicted value may take less than a byte; their columns have another bound.
+        if (kind != wire::kValues && count > block.left()) block.refuse("count exceeds the bytes that follow");
         previous = kind;
         any = true;
         switch (kind) {
@@ -274,7 +310,7 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
                 readLinks(block, count, set);
                 break;
             case wire::kValues:
-                if (!readValues(block, count, set)) {
+                if (!readValues(block, count, remember ? columns_.get() : nullptr, set)) {
                     ++losses_.blocks;
                     continue;
                 }

@@ -4,6 +4,8 @@
 #include <array>
 
 #include "blocks.h"
+#include "column_codec.h"
+#include "column_rows.h"
 #include "wire.h"
 
 namespace rtsg {
@@ -31,6 +33,11 @@ struct Rows {
     }
 };
 
+/// A frame in so many lets readers in who do not know the ones before (kSync).
+constexpr unsigned kSyncEvery = 32;
+/// Fields remembered before the writer forgets them all, unless that many change in one frame.
+constexpr std::size_t kMostRemembered = std::size_t{1} << 20;
+
 /// Value changes of one (field, type, origin).
 struct Column {
     std::uint32_t key = 0;
@@ -38,7 +45,17 @@ struct Column {
     std::uint8_t elementSize = 0;  // 0 when values vary in size
     std::uint32_t lastNode = 0;
     std::uint64_t count = 0;
+    bool predicted = false;  // then `numbers` holds the nodes, else `nodes`
+    std::vector<std::uint32_t> numbers;
     ByteBuffer nodes, values;
+
+    void clear() {
+        lastNode = 0;
+        count = 0;
+        numbers.clear();
+        nodes.clear();
+        values.clear();
+    }
 };
 
 std::uint32_t keyOf(const Change& change) {
@@ -64,8 +81,8 @@ std::size_t varintSize(std::uint64_t number) {
 }  // namespace
 
 struct ChangeEncoder::Parts {
-    explicit Parts(const StreamMode& streamMode, TypeTable table)
-        : mode(streamMode), types(table), described(table.size()) {
+    Parts(const StreamMode& streamMode, TypeTable table)
+        : mode(streamMode), types(table), described(table.size()), writer(streamMode) {
         const auto scene = std::ranges::find(types, "RtsgScene", [](const auto& t) -> const auto& { return t->name; });
         rootType = static_cast<std::size_t>(scene - types.begin());
     }
@@ -74,6 +91,11 @@ struct ChangeEncoder::Parts {
     TypeTable types;
     std::size_t rootType = 0;
     std::vector<bool> described;  // since the last keyframe
+    wire::ColumnWriter writer;
+    bool forget = true;  // with the next frame
+    unsigned sinceSync = 0;
+    std::size_t predicted = 0;  // values of the last frame
+    bool predicting = false;    // in this one
     std::array<Rows, wire::kBlockEnd> rows;
     std::vector<Column> columns;  // the first `used` belong to the set at hand
     std::size_t used = 0;
@@ -96,10 +118,8 @@ struct ChangeEncoder::Parts {
             found->key = key;
             found->type = type;
             found->elementSize = wire::fixedSize(type) ? info(type).elementSize : 0;
-            found->lastNode = 0;
-            found->count = 0;
-            found->nodes.clear();
-            found->values.clear();
+            found->predicted = predicting && wire::lanesOf(type) > 0;
+            found->clear();
         }
         guess = static_cast<std::uint16_t>(found - columns.begin());
         return *found;
@@ -116,8 +136,12 @@ struct ChangeEncoder::Parts {
 
     void addValue(const Change& change) {
         Column& c = column(keyOf(change), change.value.type());
-        c.nodes.setEnd(writeVarint(c.nodes.room(10), zigzag(change.node.value, c.lastNode)));
-        c.lastNode = change.node.value;
+        if (c.predicted) {
+            c.numbers.push_back(change.node.value);
+        } else {
+            c.nodes.setEnd(writeVarint(c.nodes.room(10), zigzag(change.node.value, c.lastNode)));
+            c.lastNode = change.node.value;
+        }
         ++c.count;
         if (c.elementSize == 0) {
             wire::putValue(c.values, change.value);
@@ -234,15 +258,39 @@ ChangeEncoder::~ChangeEncoder() = default;
 
 void ChangeEncoder::restart() {
     parts_->described.assign(parts_->types.size(), false);
+    parts_->forget = true;
 }
 
 void ChangeEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
     Parts& parts = *parts_;
-    parts.clear();
+    std::uint8_t flags = 0;
     if (set.isSnapshot()) {
         restart();
-        parts.describe(parts.rootType);
+    } else if (parts.mode.coding != Coding::raw) {
+        flags = kRemember;
+        const std::size_t most = std::max(kMostRemembered, 2 * parts.predicted);
+        if (parts.forget || parts.writer.history().slots() > most)
+            flags |= kForget | kSync;
+        else if (++parts.sinceSync >= kSyncEvery)
+            flags |= kSync;
+        if (flags & kSync) parts.sinceSync = 0;
+        parts.forget = false;
+        parts.writer.begin(flags);
     }
+    write(set, flags, flags != 0, record);
+}
+
+void ChangeEncoder::encodeMerged(const ChangeSet& set, ByteBuffer& record) {
+    restart();
+    write(set, parts_->mode.coding == Coding::raw || set.isSnapshot() ? 0 : kRemember | kSync, false, record);
+}
+
+void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predicting, ByteBuffer& record) {
+    Parts& parts = *parts_;
+    parts.clear();
+    parts.predicting = predicting;
+    parts.predicted = 0;
+    if (set.isSnapshot()) parts.describe(parts.rootType);
     for (const Change& change : set.changes) {
         if (change.kind == ChangeKind::setField && sf(change.value.type()) != FieldType::SFNode)
             parts.addValue(change);
@@ -253,7 +301,7 @@ void ChangeEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
     std::size_t size = kRecordHeaderSize;
     for (const Rows& r : parts.rows) size += r.bytes.size() + 32;
     for (std::size_t i = 0; i < parts.used; ++i)
-        size += parts.columns[i].nodes.size() + parts.columns[i].values.size() + 32;
+        size += parts.columns[i].nodes.size() + parts.columns[i].values.size() + 64;
     record.clear();
     record.room(size);
     record.advance(kRecordHeaderSize);
@@ -271,8 +319,14 @@ void ChangeEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
         for (std::size_t i = 0; i < parts.used; ++i) {
             const Column& c = parts.columns[i];
             const std::uint64_t field = c.key >> 16;
+            if (c.predicted) {
+                parts.predicted += c.numbers.size();
+                parts.writer.write({static_cast<FieldIndex>(field), c.type, (c.key & wire::kValueExternal) != 0},
+                                   c.numbers, reinterpret_cast<const float*>(c.values.data()), record);
+                continue;
+            }
             putHeader(wire::kValues, c.count, 3 + varintSize(field) + c.nodes.size() + c.values.size());
-            record.put(static_cast<std::uint8_t>(wire::kRaw));
+            record.put(static_cast<std::uint8_t>(wire::kCodingRaw));
             record.put(static_cast<std::uint8_t>(c.key & 0xFF));
             record.put(static_cast<std::uint8_t>(c.type));
             record.putVarint(field);
@@ -282,6 +336,7 @@ void ChangeEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
     }
     RecordHeader header;
     header.kind = set.isSnapshot() ? RecordKind::keyframe : RecordKind::frame;
+    header.flags = flags;
     header.from = set.from;
     header.to = set.to;
     header.time = set.time;

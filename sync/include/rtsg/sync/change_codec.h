@@ -1,7 +1,8 @@
 // Change codec: a ChangeSet to a record and back; wire and log use the same bytes (PROTOCOL.md, "Changes").
 //
-// Invariant: encoding needs nothing but the set. decode(encode(x)) has the effect of x: value changes come grouped
-// by (field, type, origin), every other kind keeps its order, and encode(decode(b)) == b for what encode wrote.
+// Invariant: encoding needs nothing but the sets so far. decode(encode(x)) has the effect of x: value changes come
+// grouped by (field, type, origin), every other kind keeps its order. Both sides remember the last values of a stream
+// whose mode asks for a coding; where a reader may start, flags in a record say (record.h).
 // Input is never trusted: every count is checked against the bytes that are there before anything is allocated.
 // Threading: one thread an object; objects keep buffers, so that the steady state allocates nothing.
 #pragma once
@@ -19,6 +20,9 @@
 namespace rtsg {
 
 class TypeMapping;
+namespace wire {
+class ColumnReader;
+}
 
 class ChangeEncoder {
   public:
@@ -30,8 +34,13 @@ class ChangeEncoder {
     void restart();
     /// `record` becomes one whole record: a keyframe if the set is a snapshot, else a frame.
     void encode(const ChangeSet& set, ByteBuffer& record);
+    /// The same for frames of another encoder of this mode that were merged into one, for a reader that has all up to
+    /// `set.from`. It refers to nothing; to go on from `set.to` takes a frame with kSync or kForget (record.h).
+    void encodeMerged(const ChangeSet& set, ByteBuffer& record);
 
   private:
+    void write(const ChangeSet& set, std::uint8_t flags, bool predicting, ByteBuffer& record);
+
     struct Parts;
     std::unique_ptr<Parts> parts_;
 };
@@ -57,6 +66,9 @@ class ChangeDecoder {
     /// the record's start; `set` is then unspecified.
     Result<> decode(std::span<const std::byte> record, ChangeSet& set);
 
+    /// Goes on where `other` is in the same stream: predicted values refer to what came before.
+    void goOnFrom(const ChangeDecoder& other);
+
     /// Of this program's own types.
     std::uint64_t localHash() const { return localHash_; }
     /// True while numbers are taken as they come: the state hash then has to agree with the origin's.
@@ -67,6 +79,7 @@ class ChangeDecoder {
     TypeTable local_;
     std::uint64_t localHash_ = 0;
     std::unique_ptr<TypeMapping> mapping_;  // only for streams of another build
+    std::unique_ptr<wire::ColumnReader> columns_;
     DecoderLosses losses_;
 };
 
