@@ -39,7 +39,7 @@ LogWriter::LogWriter(std::filesystem::path file, TypeTable types, LogOptions opt
     : file_(std::move(file)),
       types_(types),
       options_(std::move(options)),
-      encoder_(StreamMode{.coding = options_.mode.coding}, types) {}
+      encoder_(options_.mode, types) {}
 
 Diagnostic LogWriter::failure(std::string_view what, int error) const {
     return {Severity::error, file_.string(), {}, fmt::format("{}: {}", what, std::strerror(error))};

@@ -148,6 +148,7 @@ std::optional<Divergence> Replayer::compareAtNextKeyframe() const {
     ahead->seek(log_.position());
     ChangeDecoder decoder(builtinTypes(), decoder_.localHash());
     if (!decoder.setHead(head_) || !decoder.exact()) return std::nullopt;
+    decoder.goOnFrom(decoder_);
     Scene suspect, truth;
     suspect.setBehavioursEnabled(false);
     truth.setBehavioursEnabled(false);

@@ -6,9 +6,12 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <rtsg/core/x3d.h>
 #include <rtsg/sync/log.h>
+#include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/replay.h>
 
+#include "bench/motion.h"
 #include "support/random_edits.h"
 
 namespace rtsg {
@@ -154,6 +157,68 @@ TEST(Protocol, AnIndependentReaderAgrees) {
             EXPECT_EQ(line["length"], length);
         }
     EXPECT_TRUE(reported);
+}
+
+struct Kind {
+    StreamMode mode;
+    const char* name;
+};
+class ProtocolPrediction : public testing::TestWithParam<Kind> {};
+INSTANTIATE_TEST_SUITE_P(Modes, ProtocolPrediction,
+                         testing::Values(Kind{{Mode::state, Coding::compact, 0}, "compact"},
+                                         Kind{{Mode::state, Coding::smallest, 0}, "smallest"},
+                                         Kind{{Mode::lossy, Coding::compact, 1e-3}, "lossyCompact"},
+                                         Kind{{Mode::lossy, Coding::smallest, 1e-3}, "lossySmallest"}),
+                         [](const auto& p) { return p.param.name; });
+
+TEST_P(ProtocolPrediction, AnIndependentReaderAgreesOnPredictedValues) {
+    if (std::system("python3 -c '' 2>/dev/null") != 0) GTEST_SKIP() << "python3 is not installed";
+    char pattern[] = "/tmp/rtsg-protocol-XXXXXX";
+    const std::filesystem::path folder = mkdtemp(pattern);
+    struct Remove {
+        std::filesystem::path path;
+        ~Remove() { std::filesystem::remove_all(path); }
+    } remove{folder};
+    const std::uint64_t seed = 7;
+    Scene origin;
+    auto lossy = LossyScene::follow(origin, 1e-3);
+    ASSERT_TRUE(lossy);
+    Scene& scene = GetParam().mode.mode == Mode::lossy ? (*lossy)->scene() : origin;
+    constexpr std::size_t kBodies = 30;
+    std::vector<NodeId> nodes;
+    for (std::size_t i = 0; i < kBodies; ++i) {
+        nodes.push_back(origin.createNode(x3d::Transform::type));
+        ASSERT_TRUE(origin.setName(nodes.back(), "B" + std::to_string(i)));
+    }
+    {
+        LogOptions options;
+        options.mode = GetParam().mode;
+        auto log = LogWriter::create(folder / "a.rlog", builtinTypes(), options);
+        ASSERT_TRUE(log);
+        Attachment attachment = scene.bus().attach(**log);
+        bench::Motion motion(bench::Movement::mixed, kBodies, seed);
+        for (int frame = 0; frame < 120; ++frame) {
+            for (const Change& change : motion.next().changes)
+                ASSERT_TRUE(origin.setField(nodes[(change.node.value - bench::Motion::kFirstNode) / 3], change.field,
+                                            change.value));
+            origin.newFrame(frame / 60.);
+        }
+        ASSERT_EQ(attachment.failure(), "");
+    }
+    const std::vector<json> lines = runReader((folder / "a.rlog").string() + " --values");
+    ASSERT_GT(lines.size(), 100u);
+    std::uint64_t predicted = 0;
+    for (const json& line : lines)
+        if (line.contains("blocks") && line["blocks"].contains("predicted"))
+            predicted += line["blocks"]["predicted"].get<std::uint64_t>();
+    EXPECT_GT(predicted, 3000u);
+    EXPECT_EQ(lines.back()["state"], scene.sequence());
+    for (std::size_t i = 0; i < kBodies; ++i) {
+        const Node& node = scene.node(nodes[i]);
+        const std::string name = "B" + std::to_string(i);
+        EXPECT_EQ(lines.back()["values"][name + ".translation"], asJson(node.value(x3d::Transform::translation.index)));
+        EXPECT_EQ(lines.back()["values"][name + ".rotation"], asJson(node.value(x3d::Transform::rotation.index)));
+    }
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 record, what bytes are damaged, and at the end a summary with the last value of every field of every node.
 usage: reader.py LOG [--values]"""
 import json, struct, sys
+import prediction
 
 M64 = (1 << 64) - 1
 SECRET = bytes.fromhex(
@@ -110,7 +111,7 @@ def read_type(outer):
         t["fields"].append(field)
     return t
 
-def read_changes(payload, types, state):
+def read_changes(payload, types, state, memory):
     """Applies a frame's blocks to state = {"nodes": {id: type index}, "values": {(node, field): value}, ...}."""
     r, counts = Reader(payload), {}
     nodes, values, names, routes = state.values()
@@ -120,9 +121,13 @@ def read_changes(payload, types, state):
         counts[kind] = counts.get(kind, 0) + count
         if kind == 4:  # values, a column
             coding, flags, kind_of_value, field = b.number("B"), b.number("B"), b.number("B"), b.varint()
-            column = [node := b.node(node) for _ in range(count)] if coding == 0 else []
-            for node in column:
-                values[node, field] = b.value(kind_of_value)
+            for node in [node := b.node(node) for _ in range(count)] if coding == 0 else []:
+                start, values[node, field] = b.at, b.value(kind_of_value)
+                if memory and kind_of_value in prediction.LANES:
+                    memory.raw(node, field, kind_of_value, b.data[start:b.at])
+            if coding in (1, 2):
+                values.update({(n, field): v for n, v in memory.column(b, count, coding, kind_of_value, field)})
+                counts["predicted"] = counts.get("predicted", 0) + count
         for _ in range(count if kind in (0, 1, 2, 3, 5, 6, 7, 8) else 0):
             if kind == 0:  # built-in types at their first use
                 number = b.varint()
@@ -167,6 +172,7 @@ fresh = lambda: {"nodes": {1: 0}, "values": {}, "names": {}, "routes": set()}
 def main(path, show_values):
     data = open(path, "rb").read()
     at, state, at_state, at_epoch, types, frames, damaged = 0, fresh(), None, None, {}, 0, None
+    memory = prediction.Memory()
     while at < len(data):
         head = data[at:at + 64]
         length = int.from_bytes(head[18:24], "little")
@@ -191,7 +197,8 @@ def main(path, show_values):
                 origin == at_state or (kind == 3 and (at_state is None or to > at_state))):
             if origin != at_state:
                 state = fresh()
-            blocks = read_changes(payload, types, state)
+            memory.begin(head[17] if kind == 2 else 4)
+            blocks = read_changes(payload, types, state, memory if kind == 2 and head[17] & 1 else None)
             at_state, frames = to, frames + 1
             print(json.dumps({"state": to, "from": origin, "t": time, "hash": head[48:64][::-1].hex(),
                               "blocks": blocks}))
