@@ -9,7 +9,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/change_codec.h>
 
-#include "bench/motion.h"
+#include "bench/motion_sync.h"
 #include "support/random_edits.h"
 
 namespace rtsg {

@@ -11,7 +11,7 @@
 #include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/replay.h>
 
-#include "bench/motion.h"
+#include "bench/motion_sync.h"
 #include "support/random_edits.h"
 
 namespace rtsg {

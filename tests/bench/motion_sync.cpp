@@ -1,4 +1,4 @@
-#include "bench/motion.h"
+#include "bench/motion_sync.h"
 
 #include <cmath>
 
