@@ -5,9 +5,11 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/scene_builder.h>
 #include <rtsg/sync/log.h>
 
 #include "cli.h"
+#include "injections.h"
 
 namespace rtsg::app {
 
@@ -15,6 +17,7 @@ namespace {
 
 struct Options {
     std::string scene, out, duration = "1s";
+    std::vector<std::string> set;
     double fps = 60;
     bool realtime = false, json = false;
 };
@@ -24,6 +27,12 @@ int record(const Options& options) {
     Scene scene;
     Diagnostics diagnostics(options.scene);
     if (!load(scene, options.scene, diagnostics)) return kBad;
+    auto injections = Injections::parse(scene, options.set);
+    if (!injections) return printError(injections.error().text), kUsage;
+    Diagnostics inlineDiagnostics(options.scene);
+    BuildOptions build;
+    if (options.scene != "-") build.file = options.scene;
+    InlineLoader inlines(scene, inlineDiagnostics, build);
     auto log = LogWriter::create(options.out, builtinTypes());
     if (!log) return printError(log.error()), kBad;
     Attachment attachment = scene.bus().attach(**log);
@@ -34,9 +43,13 @@ int record(const Options& options) {
     for (; done < frames && attachment.attached() && !interrupted(); ++done) {
         const double t = static_cast<double>(done) / options.fps;
         if (options.realtime) std::this_thread::sleep_until(start + std::chrono::duration<double>(t));
+        injections->sendUntil(t);
         scene.newFrame(t);
+        inlines.update();
         if (progress) progress(done + 1, frames);
     }
+    scene.seal();
+    print(inlineDiagnostics);
     print(scene.diagnostics());
     if (!attachment.attached()) return printError(attachment.failure()), kBad;
     attachment.detach();
@@ -61,9 +74,13 @@ Verb addRecord(CLI::App& program) {
     command->add_option("-o,--output", options->out, "log to write (.rlog)")->required();
     command->add_option("--for", options->duration, "how long")->capture_default_str();
     command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e6));
+    command->add_option("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
     command->add_flag("--realtime", options->realtime, "one second a second");
     command->add_flag("--json", options->json, "the summary as JSON");
-    command->footer("Example: rtsg record hall.x3dv -o hall.rlog --for 10s\nCtrl-C ends the log in order.");
+    command->footer(
+        "Example: rtsg record hall.x3dv -o hall.rlog --for 10s\n"
+        "Example: rtsg record door.x3dv -o door.rlog --for 3s --set DOOR_TOUCH.touchTime=0.5@0.5\n"
+        "Ctrl-C ends the log in order.");
     return {command, [options] { return record(*options); }};
 }
 

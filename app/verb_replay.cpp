@@ -8,6 +8,7 @@
 
 #include "cli.h"
 #include "outputs.h"
+#include "replay_test.h"
 
 namespace rtsg::app {
 
@@ -16,29 +17,15 @@ namespace {
 struct Options {
     std::string log, seek, duration, diff;
     OutputArguments outputs;
+    ReplayTestArguments test;
     bool verify = false, json = false;
 };
-
-std::string orNull(const std::string& text) {
-    return text.empty() ? "null" : jsonString(text);
-}
-
-std::string toJson(const std::optional<Divergence>& d) {
-    if (!d) return "null";
-    return fmt::format("{{\"frame\":{},\"t\":{},\"node\":{},\"field\":{},\"text\":{}}}", d->frame, d->time,
-                       orNull(d->node), orNull(d->field), jsonString(d->text));
-}
-
-void printDivergence(const Divergence& d) {
-    printError(fmt::format("frame {} (t = {} s), {}.{}: {}", d.frame, d.time, d.node.empty() ? "?" : d.node,
-                           d.field.empty() ? "?" : d.field, d.text));
-}
 
 int diff(const Options& options) {
     const auto result = diffLogs(options.log, options.diff);
     if (!result) return printError(result.error()), kBad;
     fmt::print("{{\"equal\":{},\"first_divergence\":{}}}\n", !*result, toJson(*result));
-    if (*result) printDivergence(**result);
+    if (*result) printError((*result)->format());
     return *result ? kBad : kDone;
 }
 
@@ -88,6 +75,7 @@ int replay(const Options& options) {
     const double from = seeks ? parseSeconds(options.seek) : 0;
     const double length = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
     if (!options.diff.empty()) return diff(options);
+    if (options.test.any()) return runReplayTest(options.log, options.test, options.outputs);
 
     auto opened = Replayer::open(options.log);
     if (!opened) return printError(opened.error()), kBad;
@@ -123,7 +111,7 @@ int replay(const Options& options) {
         "\"bytes\":{}}}\n",
         replayer.frames(), replayer.verified(), toJson(check.first()), replayer.scene().now(),
         replayer.scene().hash().hex(), replayer.gaps(), replayer.log().damage().size(), replayer.log().size());
-    if (check.first()) printDivergence(*check.first());
+    if (check.first()) printError(check.first()->format());
     return good ? kDone : kBad;
 }
 
@@ -138,10 +126,12 @@ Verb addReplay(CLI::App& program) {
     command->add_option("--for", options->duration, "how much to play");
     command->add_option("--diff", options->diff, "compare with another log, state by state");
     options->outputs.addTo(*command, false);
+    options->test.addTo(*command);
     command->add_flag("--json", options->json, "JSON is what is printed in any case");
     command->footer(
         "Example: rtsg replay hall.rlog --verify\n"
         "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"
+        "Example: rtsg replay door.rlog --rerun door.x3dv --expect-picture door.png --size 160x120\n"
         "Exit status 1, naming frame, node and field, where a state is not the one recorded.");
     return {command, [options] { return replay(*options); }};
 }

@@ -9,6 +9,7 @@
 #include <rtsg/core/scene_builder.h>
 
 #include "cli.h"
+#include "injections.h"
 
 namespace rtsg::app {
 
@@ -20,26 +21,6 @@ struct Options {
     std::vector<std::string> watch, set;
     bool realtime = false, hash = false, json = false;
 };
-
-struct Injection {
-    double time = 0;
-    FieldRef target;
-    Value value;
-};
-
-/// "DEF.field=VALUE@TIME"
-Result<Injection> parseInjection(const Scene& scene, const std::string& text) {
-    const auto equals = text.find('='), at = text.rfind('@');
-    if (equals == std::string::npos || at == std::string::npos || at < equals)
-        return fail(fmt::format("{}: expected DEF.field=VALUE@TIME", text));
-    const auto target = findField(scene, text.substr(0, equals));
-    if (!target) return std::unexpected(target.error());
-    const FieldDef& def = scene.node(target->node).type().fields[target->field];
-    if (!def.writable()) return fail(fmt::format("{}: {} takes no events", text, def.name));
-    auto value = parseFieldText(def.type, text.substr(equals + 1, at - equals - 1));
-    if (!value) return fail(fmt::format("{}: {}", text, value.error().text));
-    return Injection{parseSeconds(text.substr(at + 1)), *target, std::move(*value)};
-}
 
 /// "DEF.field", "DEF.*" or "*"; empty field: all of the node's.
 struct Watch {
@@ -63,13 +44,8 @@ int run(const Options& options) {
     Scene scene;
     Diagnostics diagnostics(options.scene);
     if (!load(scene, options.scene, diagnostics)) return kBad;
-    std::vector<Injection> injections;
-    for (const std::string& text : options.set) {
-        auto injection = parseInjection(scene, text);
-        if (!injection) return printError(injection.error().text), kUsage;
-        injections.push_back(std::move(*injection));
-    }
-    std::ranges::stable_sort(injections, {}, &Injection::time);
+    auto injections = Injections::parse(scene, options.set);
+    if (!injections) return printError(injections.error().text), kUsage;
     std::vector<Watch> watches;
     for (const std::string& text : options.watch) {
         const auto watch = parseWatch(scene, text);
@@ -94,15 +70,10 @@ int run(const Options& options) {
     const auto frames = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9)) + 1;
     const auto start = std::chrono::steady_clock::now();
     const Progress progress = progressBar("running " + options.scene);
-    std::size_t next = 0;
     for (std::uint64_t frame = 0; frame < frames; ++frame) {
         const double t = static_cast<double>(frame) / options.fps;
         if (options.realtime) std::this_thread::sleep_until(start + std::chrono::duration<double>(t));
-        for (; next < injections.size() && injections[next].time <= t; ++next)
-            if (auto ok = scene.sendEvent(injections[next].target.node, injections[next].target.field,
-                                          injections[next].value);
-                !ok)
-                printError(ok.error().text);
+        injections->sendUntil(t);
         const auto set = scene.newFrame(t);
         if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", frame, t, set->hash.hex());
         inlines.update();

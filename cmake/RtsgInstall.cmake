@@ -3,7 +3,7 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 install(TARGETS rtsg_core rtsg_renderers rtsg_audio rtsg_sync EXPORT rtsgTargets)
-install(TARGETS rtsg RUNTIME)
+install(TARGETS rtsg EXPORT rtsgTargets RUNTIME)
 install(TARGETS spec_compiler EXPORT rtsgTargets RUNTIME DESTINATION "${CMAKE_INSTALL_LIBEXECDIR}/rtsg")
 foreach(folder core renderers audio sync)
   install(DIRECTORY "${PROJECT_SOURCE_DIR}/${folder}/include/" TYPE INCLUDE)
@@ -20,4 +20,5 @@ install(DIRECTORY "${PROJECT_SOURCE_DIR}/core/spec" DESTINATION "${destination}"
 install(FILES "${PROJECT_BINARY_DIR}/rtsgConfig.cmake" "${PROJECT_BINARY_DIR}/rtsgConfigVersion.cmake"
               "${PROJECT_SOURCE_DIR}/cmake/RtsgNodeTable.cmake"
               "${PROJECT_SOURCE_DIR}/cmake/FindMozjs.cmake"
+              "${PROJECT_SOURCE_DIR}/cmake/RtsgReplayTest.cmake"
         DESTINATION "${destination}")

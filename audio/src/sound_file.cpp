@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 
 #include <fmt/format.h>
@@ -115,6 +116,23 @@ float normalise(SoundBuffer& sound, float limit) {
     const float factor = limit / peak;
     for (float& sample : sound.samples) sample = std::clamp(sample * factor, -limit, limit);
     return factor;
+}
+
+Result<double> differenceDb(const SoundBuffer& reference, const SoundBuffer& other) {
+    if (reference.channels != other.channels || reference.sampleRate != other.sampleRate)
+        return fail(fmt::format("{} channels at {} Hz and {} at {} Hz", reference.channels, reference.sampleRate,
+                                other.channels, other.sampleRate));
+    const double lengths[] = {reference.seconds(), other.seconds()};
+    if (std::abs(lengths[0] - lengths[1]) > 1e-3 * std::max(lengths[0], lengths[1]))
+        return fail(fmt::format("{:.4g} s and {:.4g} s long", lengths[0], lengths[1]));
+    double signal = 0, difference = 0;
+    for (std::size_t i = 0; i < std::max(reference.samples.size(), other.samples.size()); ++i) {
+        const double a = i < reference.samples.size() ? reference.samples[i] : 0;
+        const double b = i < other.samples.size() ? other.samples[i] : 0;
+        signal += a * a;
+        difference += (a - b) * (a - b);
+    }
+    return difference == 0 ? -std::numeric_limits<double>::infinity() : 10 * std::log10(difference / signal);
 }
 
 }  // namespace rtsg

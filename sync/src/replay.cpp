@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "node_label.h"
+#include "replay_input.h"
 
 namespace rtsg {
 
@@ -121,24 +122,51 @@ void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
     }
     if (divergence_) return;
     Divergence found{header.to, header.time, {}, {}, {}};
-    const Change* unheeded = firstUnheeded(*scene_, set);
-    std::optional<Divergence> exact = unheeded ? std::nullopt : compareAtNextKeyframe();
-    if (unheeded) {
-        name(*scene_, *unheeded, found);
-        found.text = "the scene does not hold the value that is in the log";
-    } else if (exact) {
+    const auto adopt = [&found](std::optional<Divergence> exact, std::string_view seen) {
+        if (!exact) return false;
         found.node = std::move(exact->node);
         found.field = std::move(exact->field);
-        found.text = fmt::format("{}, seen at the keyframe of state {}", exact->text, exact->frame);
-    } else if (!set.changes.empty()) {
+        found.text = fmt::format("{}, seen {}", exact->text, seen);
+        return true;
+    };
+    if (const Change* unheeded = firstUnheeded(*scene_, set)) {
+        name(*scene_, *unheeded, found);
+        found.text = "the scene does not hold the value that is in the log";
+    } else if (!adopt(compareWithRerun(header, set), "by running the frame again from its input") &&
+               !adopt(compareAtNextKeyframe(), "at the next keyframe") && !set.changes.empty()) {
         const auto first = std::ranges::find_if(set.changes, [](const Change& c) {
             return c.kind != ChangeKind::defineType && c.kind != ChangeKind::event;
         });
         if (first != set.changes.end()) name(*scene_, *first, found);
-        found.text = fmt::format("one of the {} changes of this state; this is the first", set.changes.size());
+        found.text = set.changes.size() == 1
+                         ? "the value in the log is not the one that the origin had"
+                         : fmt::format(
+                               "one of the {} changes of this state, this is the first: nothing in the log "
+                               "tells which",
+                               set.changes.size());
     }
     found.text += fmt::format(" (hash {}, recorded {})", scene_->hash().hex(), header.hash.hex());
     divergence_ = std::move(found);
+}
+
+/// Goes to the state before again, runs the frame from what came into it, and compares, if that leads to the hash that
+/// was recorded: then what the cascade makes is what the origin had.
+std::optional<Divergence> Replayer::compareWithRerun(const RecordHeader& header, const ChangeSet& set) const {
+    if (header.kind != RecordKind::frame || header.to != header.from + 1 || divergence_) return std::nullopt;
+    Result<std::unique_ptr<Replayer>> before = open(log_.file());
+    if (!before) return std::nullopt;
+    Replayer& other = **before;
+    for (const LogKeyframe& keyframe : other.log_.keyframes())
+        if (keyframe.offset < log_.position() && keyframe.to <= header.from) other.log_.seek(keyframe.head);
+    other.headed_ = false;
+    while (other.lost_ || other.scene_->sequence() < header.from) {
+        const Result<bool> more = other.step();
+        if (!more || !*more || other.divergence_) return std::nullopt;
+    }
+    Scene& truth = other.scene();
+    truth.setBehavioursEnabled(true);
+    if (!InputPlayer(truth).run(set) || truth.hash() != header.hash) return std::nullopt;
+    return firstDifference(truth, *scene_, {"the origin had", "the log has"});
 }
 
 /// Carries a copy of the scene on to where the log holds a whole state, and compares it with that.
@@ -166,7 +194,7 @@ std::optional<Divergence> Replayer::compareAtNextKeyframe() const {
             continue;
         }
         if (record->header.to != suspect.sequence() || !truth.apply(set)) return std::nullopt;
-        return firstDifference(suspect, truth);
+        return firstDifference(truth, suspect, {"the origin had", "the log leads to"});
     }
     return std::nullopt;
 }
@@ -202,6 +230,7 @@ Result<> Replayer::composeUntil(double time) {
     const auto flush = [&]() -> Result<> {
         if (!last) return {};
         auto merged = std::make_shared<ChangeSet>(composer.take());
+        set_ = merged;
         if (auto ok = scene_->apply(merged); !ok) return lose(log_.position(), last->to, ok.error().text);
         ++frames_;
         check(*last, *merged);

@@ -36,4 +36,8 @@ Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate);
 /// Scales down, never up, so that no sample exceeds `limit`; returns the factor used (1: nothing done).
 float normalise(SoundBuffer& sound, float limit = 0.891251f /* -1 dB */);
 
+/// Level of the difference relative to `reference`, dB: -inf when equal; above -20 dB one hears it. Errors: other
+/// channels, rate or, by more than a thousandth, length (what is left over counts as difference).
+Result<double> differenceDb(const SoundBuffer& reference, const SoundBuffer& other);
+
 }  // namespace rtsg

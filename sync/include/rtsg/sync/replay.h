@@ -21,10 +21,20 @@ struct Divergence {
     std::uint64_t frame = 0;  // state number
     double time = 0;          // seconds
     std::string node, field, text;
+
+    /// One line: frame, time, node.field and what is wrong with it.
+    std::string format() const;
 };
 
-/// In order of node numbers and fields; nothing when the states are equal. `frame` and `time` are those of `a`.
-std::optional<Divergence> firstDifference(const Scene& a, const Scene& b);
+/// What the two sides are called in a Divergence's text: "recorded 1, now 2".
+struct DifferenceWords {
+    std::string_view a = "first", b = "second";
+};
+
+/// Nothing when the states are equal. Of several differences, one that no other leads to by a route: the cause rather
+/// than what followed from it; of those the first in order of node numbers and fields. `frame` and `time` are those of
+/// `a`.
+std::optional<Divergence> firstDifference(const Scene& a, const Scene& b, DifferenceWords words = {});
 
 class Replayer {
   public:
@@ -42,7 +52,10 @@ class Replayer {
     std::uint64_t frames() const { return frames_; }      // states reached by step() and seek()
     std::uint64_t verified() const { return verified_; }  // of these, with the origin's hash
     std::uint64_t gaps() const { return gaps_; }          // times that frames were missing
-    /// The first state with another hash than the origin's.
+    /// The last set applied: what led to the state the scene is in. After seek() it may be several in one.
+    const ChangeSet& lastSet() const { return *set_; }
+    /// The first state with another hash than the origin's. The node and field are exact where the log itself can tell:
+    /// by running the frame again from its input, or at the next keyframe; else the text says that they are a guess.
     const std::optional<Divergence>& divergence() const { return divergence_; }
     const LogReader& log() const { return log_; }
     const StreamHead& head() const { return head_; }
@@ -57,6 +70,7 @@ class Replayer {
     Result<> composeUntil(double time);
     Result<> lose(std::uint64_t offset, std::uint64_t state, std::string_view why);
     void check(const RecordHeader& header, const ChangeSet& set);
+    std::optional<Divergence> compareWithRerun(const RecordHeader& header, const ChangeSet& set) const;
     std::optional<Divergence> compareAtNextKeyframe() const;
 
     LogReader log_;
@@ -67,7 +81,7 @@ class Replayer {
     bool lost_ = true;     // waiting for a keyframe
     std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0;
     std::optional<Divergence> divergence_;
-    std::shared_ptr<ChangeSet> set_;
+    std::shared_ptr<ChangeSet> set_ = std::make_shared<ChangeSet>();
 };
 
 /// Compares two logs state by state. Nothing when all their common state numbers agree and both end with the same.

@@ -1,0 +1,43 @@
+#include "injections.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/field_text.h>
+
+namespace rtsg::app {
+
+Result<Injections::Injection> Injections::parseOne(const Scene& scene, const std::string& text) {
+    const auto equals = text.find('='), at = text.rfind('@');
+    if (equals == std::string::npos || at == std::string::npos || at < equals)
+        return fail(fmt::format("{}: expected DEF.field=VALUE@TIME", text));
+    const auto target = findField(scene, text.substr(0, equals));
+    if (!target) return std::unexpected(target.error());
+    const FieldDef& def = scene.node(target->node).type().fields[target->field];
+    if (!def.writable()) return fail(fmt::format("{}: {} takes no events", text, def.name));
+    auto value = parseFieldText(def.type, text.substr(equals + 1, at - equals - 1));
+    if (!value) return fail(fmt::format("{}: {}", text, value.error().text));
+    return Injection{parseSeconds(text.substr(at + 1)), *target, std::move(*value)};
+}
+
+Result<Injections> Injections::parse(Scene& scene, const std::vector<std::string>& texts) {
+    Injections result;
+    result.scene_ = &scene;
+    for (const std::string& text : texts) {
+        auto injection = parseOne(scene, text);
+        if (!injection) return std::unexpected(injection.error());
+        result.all_.push_back(std::move(*injection));
+    }
+    std::ranges::stable_sort(result.all_, {}, &Injection::time);
+    return result;
+}
+
+void Injections::sendUntil(double t) {
+    for (; next_ < all_.size() && all_[next_].time <= t; ++next_) {
+        const Injection& due = all_[next_];
+        if (auto ok = scene_->sendEvent(due.target.node, due.target.field, due.value); !ok) printError(ok.error().text);
+    }
+}
+
+}  // namespace rtsg::app

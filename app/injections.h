@@ -1,0 +1,31 @@
+// --set DEF.field=VALUE@TIME: events that come into a scene from outside while it runs.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+class Injections {
+  public:
+    /// The scene must outlive this. Errors name what is wrong with one of `texts`.
+    static Result<Injections> parse(Scene& scene, const std::vector<std::string>& texts);
+    /// Queues those that are due for the frame at `t`; what the scene refuses goes to standard error.
+    void sendUntil(double t);
+
+  private:
+    struct Injection {
+        double time = 0;
+        FieldRef target;
+        Value value;
+    };
+    static Result<Injection> parseOne(const Scene& scene, const std::string& text);
+
+    Scene* scene_ = nullptr;
+    std::vector<Injection> all_;
+    std::size_t next_ = 0;
+};
+
+}  // namespace rtsg::app

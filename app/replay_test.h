@@ -1,0 +1,29 @@
+// The part of `rtsg replay` that is a test: the scene run afresh on the log's input, and pictures and sound compared
+// with those kept beside the log.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include <rtsg/sync/replay.h>
+
+#include "outputs.h"
+
+namespace rtsg::app {
+
+struct ReplayTestArguments {
+    std::string rerun, expectPicture, expectSound;
+    double pictureTolerance = 0.01, soundTolerance = -40;
+    bool update = false;
+
+    void addTo(CLI::App& command);
+    bool any() const { return update || !rerun.empty() || !expectPicture.empty() || !expectSound.empty(); }
+};
+
+/// The exit status. Throws CLI::ValidationError for options that do not go together.
+int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs);
+
+/// {"frame":…,"t":…,"node":…,"field":…,"text":…} or null.
+std::string toJson(const std::optional<Divergence>& divergence);
+
+}  // namespace rtsg::app
