@@ -52,6 +52,7 @@ constexpr Bench kBenches[] = {
     {"rays", "primary rays with shading against the bare intersections", bench::rays},
     {"frames", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},
     {"codec", "encoding and decoding a changed field", synced<bench::codec>},
+    {"input", "input mode: bytes and time of a frame that derives from the clock", synced<bench::input>},
     {"mirror", "transform changes a second over loopback TCP, hash equal each frame", synced<bench::mirrorThroughput>},
     {"latency", "one change from newFrame() to the replica", synced<bench::mirrorLatency>},
     {"join", "a late joiner's verified replica", synced<bench::mirrorJoin>},

@@ -319,7 +319,8 @@ bool logThroughput(const SyncSizes& sizes, const Report& report) {
 
 bool sync(const SyncSizes& sizes, const Report& report) {
     codec(sizes, report);
-    bool ok = mirrorThroughput(sizes, report);
+    bool ok = input(sizes, report);
+    ok = mirrorThroughput(sizes, report) && ok;
     ok = mirrorLatency(sizes, report) && ok;
     ok = mirrorJoin(sizes, report) && ok;
     return logThroughput(sizes, report) && ok;

@@ -25,6 +25,9 @@ bool mirrorJoin(const SyncSizes& sizes, const Report& report);
 /// Bytes per second written and scanned, states per second replayed with verification.
 bool logThroughput(const SyncSizes& sizes, const Report& report);
 
+/// Bytes and CPU time of a frame in input mode, state mode beside it. Fails (false) if a replica's state differs.
+bool input(const SyncSizes& sizes, const Report& report);
+
 /// All of them; false if one failed.
 bool sync(const SyncSizes& sizes, const Report& report);
 
