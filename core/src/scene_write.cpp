@@ -296,8 +296,10 @@ void Scene::State::appendOtherEdits(std::vector<Change>& out) {
 std::shared_ptr<ChangeSet> Scene::State::freshSet() {
     for (auto& pooled : pool)
         if (pooled.use_count() == 1) {
-            pooled->clear();
-            return pooled;
+            // Taking it synchronises with the thread that let go of it last; its count alone would not.
+            std::shared_ptr<ChangeSet> set = pooled;
+            set->clear();
+            return set;
         }
     constexpr std::size_t kPooled = 4;
     auto set = std::make_shared<ChangeSet>();
