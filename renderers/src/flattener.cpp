@@ -47,13 +47,13 @@ void Flattener::Impl::startOver() {
 void Flattener::Impl::follow(const ChangeSet& changes) {
     for (const Change& change : changes.changes) sortOut(change);
     runChildOps();
+    runMobility();
     runTransforms();
     for (const Content& content : contents) walkUp(content.node, content.structural);
     contents.clear();
     runShapes();
     runLights();
-    if (std::exchange(viewerMoved, false)) movedLevels = levels;
-    runLevels();
+    runViewer();
 }
 
 void Flattener::Impl::sortOut(const Change& change) {
@@ -139,6 +139,51 @@ void Flattener::Impl::runChildOps() {
     childOps.clear();
 }
 
+void Flattener::Impl::runMobility() {
+    for (const NodeId id : mobility.changedNodes()) {
+        const Node* node = scene->find(id);
+        if (!node) continue;
+        const TypeRole& role = roles.of(*node);
+        if (role.role == Role::none || role.role == Role::first) shapesAbove(id);
+        if (role.role == Role::none || role.role == Role::shape || role.role == Role::placed) continue;
+        const bool mover = isMover(*node, role);
+        oldOccurrences(id, found);
+        for (const std::uint32_t index : found)
+            if (std::exchange(tree[index].isMover, mover) != mover) spreadMotion(index);
+    }
+    if (mobility.changedScopes().empty()) return;
+    // A whole name space has come into or left a script's hands: everything is looked at anew.
+    for (std::uint32_t index = 0; index < tree.size(); ++index) {
+        Occurrence& o = tree[index];
+        if (!o.node || o.created == stamp) continue;
+        const Node& node = scene->node(o.node);
+        if (o.role == Role::shape) {
+            if (o.slot != kNone && bind(instances.records[o.slot], node, roles.of(node), o))
+                instances.markRebound(o.slot, stamp);
+        } else if (o.role != Role::placed) {
+            const bool mover = isMover(node, roles.of(node));
+            if (std::exchange(o.isMover, mover) != mover) spreadMotion(index);
+        }
+    }
+}
+
+void Flattener::Impl::shapesAbove(NodeId changed) {
+    ++walk;
+    climbing.assign(1, changed);
+    while (!climbing.empty()) {
+        const NodeId id = climbing.back();
+        climbing.pop_back();
+        if (std::exchange(state(id).visited, walk) == walk) continue;
+        for (const ParentRef& parent : scene->parents(id)) {
+            const Role role = roles.of(scene->node(parent.node)).role;
+            if (role == Role::none || role == Role::first)
+                climbing.push_back(parent.node);
+            else if (role == Role::shape && std::exchange(state(parent.node).visited, walk) != walk)
+                shapes.push_back(parent.node);
+        }
+    }
+}
+
 void Flattener::Impl::runTransforms() {
     if (transformed.empty()) return;
     found.clear();
@@ -166,7 +211,7 @@ void Flattener::Impl::runShapes() {
                     dropInstance(index);
                 else
                     makeInstance(index, node, role);
-            } else if (o.slot != kNone && bind(instances.records[o.slot], node, role, o.moving)) {
+            } else if (o.slot != kNone && bind(instances.records[o.slot], node, role, o)) {
                 instances.markRebound(o.slot, stamp);
             }
         }
@@ -188,6 +233,15 @@ void Flattener::Impl::runLights() {
         }
     }
     lights.clear();
+}
+
+void Flattener::Impl::runViewer() {
+    if (std::exchange(viewerMoved, false)) {
+        for (const std::uint32_t index : levels)
+            if (std::exchange(tree[index].isMover, viewer.has_value()) != viewer.has_value()) spreadMotion(index);
+        movedLevels = levels;
+    }
+    runLevels();
 }
 
 void Flattener::Impl::runLevels() {
@@ -290,6 +344,7 @@ Flattener& Flattener::operator=(Flattener&&) noexcept = default;
 
 const InstanceDelta& Flattener::apply(const Scene& scene, const ChangeSet& changes) {
     impl_->begin(scene, changes.to);
+    (void)impl_->mobility.apply(scene, changes);  // does not fail
     if (changes.isSnapshot() || impl_->tree.empty())
         impl_->startOver();
     else
@@ -306,10 +361,7 @@ void Flattener::setViewer(std::optional<Vec3d> position) {
 
 const InstanceDelta& Flattener::updateViewer(const Scene& scene) {
     impl_->begin(scene, impl_->delta.sequence);
-    if (std::exchange(impl_->viewerMoved, false)) {
-        impl_->movedLevels = impl_->levels;
-        impl_->runLevels();
-    }
+    impl_->runViewer();
     impl_->finish();
     return impl_->delta;
 }

@@ -9,6 +9,7 @@
 #include <string>
 #include <unordered_map>
 
+#include <rtsg/core/mobility.h>
 #include <rtsg/renderers/flattener.h>
 
 #include "flattener_roles.h"
@@ -32,8 +33,12 @@ struct Occurrence {
     std::uint32_t scope = 0;        // occurrence whose local lights reach its content; 0: none but the root's
     std::uint32_t localLights = 0;  // lights whose scope it is
     std::uint32_t level = 0;        // LOD: the chosen one
+    std::uint32_t rigid = 0;  // innermost one around its content that is a mover or has been seen to move; 0: none
     Role role = Role::none;
-    bool ownsFrame = false, hidden = false, moving = false, isLocal = false;
+    bool ownsFrame = false, hidden = false, isLocal = false;
+    bool isMover = false;  // its transform or choice may change by itself
+    bool wasSeen = false;  // its transform has changed though that was not foreseen
+    bool moving = false;   // it or one around it is a mover
     std::uint16_t layer = 0;
 };
 
@@ -126,9 +131,13 @@ struct Flattener::Impl {
     void sortOut(const Change& change);
     void runChildOps();
     void reconcileOnce(NodeId group);
+    /// Does what other answers about what may change ask for.
+    void runMobility();
+    void shapesAbove(NodeId changed);
     void runTransforms();
     void runShapes();
     void runLights();
+    void runViewer();
     void runLevels();
     void runScopes();
     /// Tells whatever holds `changed`, directly or through other nodes, that its content changed.
@@ -159,18 +168,26 @@ struct Flattener::Impl {
     void dropInstance(std::uint32_t occurrence);
     void makePlaced(std::uint32_t occurrence, const Node& node, const TypeRole& role);
     /// Sets geometry, appearance ... from the shape's fields; true if anything differs.
-    bool bind(Instance& instance, const Node& shape, const TypeRole& role, bool moving);
+    bool bind(Instance& instance, const Node& shape, const TypeRole& role, const Occurrence& occurrence);
     void use(NodeId node, std::uint32_t NodeState::* uses, int change);
     void touchGeometry(NodeId geometry);
     void updateFrames(std::uint32_t top);
     static ScopeId scopeOf(std::uint32_t occurrence) { return ScopeId{occurrence}; }
     std::uint32_t lightGroup(std::uint32_t light) const;
     void changeLocalLights(std::uint32_t light, int change);
-    bool isRoutedTo(const Node& node, Aspect aspect) const;
+    bool mayChange(const Node& node, Aspect aspect) const {
+        return (mobility.mayChange(node) & aspectBit(aspect)) != 0;
+    }
+    bool isMover(const Node& node, const TypeRole& role) const;
     bool deforms(NodeId geometry) const;
+    /// Sets what it hangs below; true if that is something else.
+    bool setMotion(std::uint32_t occurrence);
+    /// The same for all below it, and tells of those that differ.
+    void spreadMotion(std::uint32_t top);
     std::vector<NodeId> path(std::uint32_t occurrence) const;
 
     Options options;
+    Mobility mobility;
     flatten::RoleTable roles;
     std::vector<Occurrence> tree;
     std::vector<std::uint32_t> freeOccurrences, freedOccurrences;

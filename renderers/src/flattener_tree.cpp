@@ -35,7 +35,6 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
         o.scope = p.scope;
         o.layer = p.layer;
         o.hidden = p.hidden;
-        o.moving = p.moving;
         if (p.role == Role::layers) {
             const Node& set = scene->node(p.node);
             const auto& layers = flatten::read<Array<NodeId>>(set, roles.of(set).children[0]);
@@ -50,7 +49,6 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
     s.firstOccurrence = index;
     if (role.hasTransform) {
         o.ownsFrame = true;
-        if (!o.moving) o.moving = isRoutedTo(node, Aspect::transform);
         WorldFromLocal local, world = frames[o.frame];
         if (flatten::localTransform(node, role, local)) world = compose(world, local);
         if (freeFrames.empty()) {
@@ -61,15 +59,13 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
             freeFrames.pop_back();
             frames[o.frame] = world;
         }
-    } else if (role.role == Role::choice) {
-        // What a switch shows comes and goes: it must not be merged with what rests.
-        if (!o.moving) o.moving = isRoutedTo(node, Aspect::structure);
     } else if (role.role == Role::level) {
         o.slot = static_cast<std::uint32_t>(levels.size());
         levels.push_back(index);
         o.level = flatten::chooseLevel(node, role, frames[o.frame], viewer ? &*viewer : nullptr);
-        if (viewer) o.moving = true;
     }
+    o.isMover = isMover(node, role);
+    setMotion(index);
     return index;
 }
 
@@ -124,7 +120,7 @@ void Flattener::Impl::makeInstance(std::uint32_t index, const Node& node, const 
     instance.scope = scopeOf(o.scope);
     instance.layer = o.layer;
     instance.worldFromLocal = frames[o.frame];
-    bind(instance, node, role, o.moving);
+    bind(instance, node, role, o);
 }
 
 void Flattener::Impl::dropInstance(std::uint32_t index) {
@@ -155,7 +151,7 @@ void Flattener::Impl::makePlaced(std::uint32_t index, const Node& node, const Ty
     changeLocalLights(index, 1);
 }
 
-bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole& role, bool moving) {
+bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole& role, const Occurrence& o) {
     const NodeId geometry = flatten::resolve(*scene, roles, flatten::read<NodeId>(shape, role.geometry));
     const NodeId appearance = flatten::resolve(*scene, roles, flatten::read<NodeId>(shape, role.appearance));
     NodeId acoustics;
@@ -171,10 +167,12 @@ bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole
         return true;
     };
     bool changed = false;
-    if (change(instance.geometry, geometry, &NodeState::geometryUses)) {
-        instance.motion = moving || deforms(geometry) ? Motion::moving : Motion::unknown;
-        changed = true;
-    }
+    changed |= change(instance.geometry, geometry, &NodeState::geometryUses);
+    const bool bends = deforms(geometry);
+    const Motion motion = o.moving || bends ? Motion::moving : Motion::unknown;
+    changed |= std::exchange(instance.motion, motion) != motion;
+    const std::uint32_t rigid = bends ? 0 : o.rigid;
+    changed |= std::exchange(instance.rigid, rigid) != rigid;
     changed |= change(instance.appearance, appearance, &NodeState::appearanceUses);
     changed |= change(instance.acoustics, acoustics, &NodeState::acousticsUses);
     changed |= std::exchange(instance.castShadow, castShadow) != castShadow;
@@ -191,23 +189,52 @@ void Flattener::Impl::touchGeometry(NodeId geometry) {
     if (!std::exchange(state(geometry).touched, true)) geometries.push_back(geometry);
 }
 
-bool Flattener::Impl::isRoutedTo(const Node& node, Aspect aspect) const {
-    for (const Route& route : scene->routesTo(node.id()))
-        if (node.type().fields[route.toField].aspect == aspect) return true;
-    return false;
+bool Flattener::Impl::isMover(const Node& node, const TypeRole& role) const {
+    // What a switch or a level of detail shows comes and goes: it must not be merged with what rests.
+    if (role.role == Role::level) return viewer.has_value();
+    if (role.role == Role::choice) return mayChange(node, Aspect::structure);
+    return role.hasTransform && mayChange(node, Aspect::transform);
 }
 
 bool Flattener::Impl::deforms(NodeId geometry) const {
     const Node* node = geometry ? scene->find(geometry) : nullptr;
     if (!node) return false;
-    if (isRoutedTo(*node, Aspect::geometry)) return true;
+    if (mayChange(*node, Aspect::geometry)) return true;
     for (const FieldIndex field : node->type().nodeFields()) {
         const FieldDef& def = node->type().fields[field];
         if (def.type != FieldType::SFNode || !def.readable()) continue;
         const Node* below = scene->find(flatten::read<NodeId>(*node, field));
-        if (below && isRoutedTo(*below, Aspect::geometry)) return true;
+        if (below && mayChange(*below, Aspect::geometry)) return true;
     }
     return false;
+}
+
+// ---- what moves together ------------------------------------------------------------------------------------------
+
+bool Flattener::Impl::setMotion(std::uint32_t index) {
+    Occurrence& o = tree[index];
+    const bool moving = o.isMover || (o.parent != kNone && tree[o.parent].moving);
+    const std::uint32_t rigid = o.isMover || o.wasSeen ? index : o.parent != kNone ? tree[o.parent].rigid : 0;
+    const bool movingBefore = std::exchange(o.moving, moving);
+    return (std::exchange(o.rigid, rigid) != rigid) | (movingBefore != moving);
+}
+
+void Flattener::Impl::spreadMotion(std::uint32_t top) {
+    walking.assign(1, top);
+    while (!walking.empty()) {
+        const std::uint32_t index = walking.back();
+        walking.pop_back();
+        Occurrence& o = tree[index];
+        if (!setMotion(index)) continue;
+        if (o.role == Role::shape && o.slot != kNone) {
+            const Node& node = scene->node(o.node);
+            if (bind(instances.records[o.slot], node, roles.of(node), o)) instances.markRebound(o.slot, stamp);
+        } else if (o.role == Role::placed && o.slot != kNone) {
+            placed.records[o.slot].motion = o.moving ? Motion::moving : Motion::unknown;
+            placed.markRebound(o.slot, stamp);
+        }
+        for (std::uint32_t c = o.firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
+    }
 }
 
 // ---- pruning ------------------------------------------------------------------------------------------------------
@@ -344,6 +371,7 @@ void Flattener::Impl::updateFrames(std::uint32_t top) {
         }
         for (std::uint32_t c = o.firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
     }
+    if (!tree[top].isMover && !std::exchange(tree[top].wasSeen, true)) spreadMotion(top);
 }
 
 // ---- scopes of local lights ---------------------------------------------------------------------------------------

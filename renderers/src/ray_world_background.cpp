@@ -14,6 +14,8 @@ namespace {
 
 /// So many that wait are looked at in one apply().
 constexpr int kLooks = 256;
+/// What may move by all that is known must rest longer, as merging it is more likely to be wrong.
+constexpr int kForeseenDoublings = 4;
 /// Whether to merge is considered in one apply() of so many.
 constexpr std::uint32_t kEvery = 8;
 /// Resting ones that are worth a BVH of their own while the larger ones may not be rebuilt yet.
@@ -49,8 +51,9 @@ struct RayWorld::Impl::Merge {
     }
 };
 
-std::uint32_t RayWorld::Impl::patience(const Place& place) const {
-    return std::max(1u, options.restFrames) << place.splits;
+std::uint32_t RayWorld::Impl::patience(std::uint32_t slot) const {
+    const bool foreseen = world->instances_[slot].info.motion == Motion::moving;
+    return std::max(1u, options.restFrames) << (places[slot].splits + (foreseen ? kForeseenDoublings : 0));
 }
 
 void RayWorld::Impl::watchRest(std::uint32_t slot) {
@@ -58,9 +61,9 @@ void RayWorld::Impl::watchRest(std::uint32_t slot) {
     if (options.mapping != Mapping::hybrid || place.waiting || place.kind == Kind::none || place.kind == Kind::resting)
         return;
     const Instance& info = world->instances_[slot].info;
-    if (info.motion == Motion::moving || !canMerge(slot)) return;
+    if (!canMerge(slot)) return;
     place.waiting = true;
-    rests.push_back({place.movedAt + patience(place), info.id});
+    rests.push_back({place.movedAt + patience(slot), info.id});
     std::push_heap(rests.begin(), rests.end(), later<Rest, Rest>);
 }
 
@@ -72,7 +75,7 @@ void RayWorld::Impl::findRested() {
         if (!isLive(id)) continue;
         Place& place = places[id.slot];
         place.waiting = false;
-        if (now - place.movedAt < patience(place)) {
+        if (now - place.movedAt < patience(id.slot)) {
             watchRest(id.slot);
         } else if (canRestMerged(id.slot)) {
             place.waiting = true;
@@ -85,7 +88,7 @@ bool RayWorld::Impl::canRestMerged(std::uint32_t slot) const {
     const Place& place = places[slot];
     std::string reason;
     return (place.kind == Kind::instanced || place.kind == Kind::body) && canMerge(slot) &&
-           world->instances_[slot].info.motion != Motion::moving && fitness(slot, reason) != Fitness::none;
+           fitness(slot, reason) != Fitness::none;
 }
 
 void RayWorld::Impl::startMerge() {
@@ -96,7 +99,7 @@ void RayWorld::Impl::startMerge() {
     std::erase_if(rested, [&](InstanceId id) {
         if (!isLive(id)) return true;
         Place& place = places[id.slot];
-        const bool stays = now - place.movedAt >= patience(place) && canRestMerged(id.slot);
+        const bool stays = now - place.movedAt >= patience(id.slot) && canRestMerged(id.slot);
         if (stays) {
             triangles += place.mesh->mesh->triangleCount;
         } else {

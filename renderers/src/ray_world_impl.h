@@ -124,7 +124,7 @@ struct RayWorld::Impl {
     void tidyClusters();
 
     // ray_world_background.cpp: what has rested is merged
-    std::uint32_t patience(const Place& place) const;
+    std::uint32_t patience(std::uint32_t slot) const;
     /// Has it merged when it has rested; more often than once does nothing.
     void watchRest(std::uint32_t slot);
     void findRested();

@@ -109,8 +109,9 @@ class RayWorld {
         /// Threads that build the BVH; 0 as many as cores.
         unsigned buildThreads = 0;
         /// What rests for so many apply() calls is merged with the rest; after each time that this proves wrong, for a
-        /// thing twice as many, up to 256 times. A group of n triangles is rebuilt for that at most once in
-        /// restFrames (1 + n / 100,000) calls, or when half of it is gone or as much again has arrived.
+        /// thing twice as many, up to 256 times; for one that is known to be able to move 16 times as many. A group of
+        /// n triangles is rebuilt for that at most once in restFrames (1 + n / 100,000) calls, or when half of it is
+        /// gone or as much again has arrived.
         unsigned restFrames = 256;
         /// False: what else is left to a thread of its own is done by finishBackgroundWork() alone.
         bool background = true;
