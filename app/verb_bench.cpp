@@ -51,6 +51,7 @@ constexpr Bench kBenches[] = {
     {"changes", "a changed field on its way to three subscribers", always<bench::changes>},
     {"rays", "primary rays with shading against the bare intersections", bench::rays},
     {"frames", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},
+    {"deform", "following a deforming mesh against a bare refit; rays against a rebuilt BVH", always<bench::deform>},
     {"codec", "encoding and decoding a changed field", synced<bench::codec>},
     {"input", "input mode: bytes and time of a frame that derives from the clock", synced<bench::input>},
     {"mirror", "transform changes a second over loopback TCP, hash equal each frame", synced<bench::mirrorThroughput>},

@@ -19,6 +19,7 @@ struct Source {
 
 constexpr Source kSources[] = {
     {"scale", "work of one change in scenes of 10^3 to 10^6 nodes", bench::chartScale},
+    {"deform", "speed of rays through deforming meshes against rebuilt ones", bench::chartDeform},
 };
 
 struct Options {

@@ -9,14 +9,6 @@
 
 namespace rtsg::bvh {
 
-namespace {
-
-/// After so many refits the BVH is built anew: refits keep the tree's shape, and a shape that has moved on costs rays
-/// up to half their speed (a build costs about ten refits).
-constexpr unsigned kRefitsBeforeRebuild = 64;
-
-}  // namespace
-
 struct Device::Watch {
     std::atomic<std::int64_t> bytes{0};
     std::mutex mutex;
@@ -75,51 +67,6 @@ GeometryHandle makeTriangles(const Device& device, const Triangles& triangles, R
     rtcSetGeometryMask(geometry.get(), ~0u);
     rtcCommitGeometry(geometry.get());
     return geometry;
-}
-
-// ---- MeshBvh ------------------------------------------------------------------------------------------------------
-
-MeshBvh::MeshBvh(const Device& device, std::shared_ptr<const Mesh> mesh)
-    : mesh_(std::move(mesh)), indexInUse_(mesh_->triangles), scene_(device.newScene(RTC_BUILD_QUALITY_MEDIUM)) {
-    geometry_ = makeTriangles(device, {mesh_, mesh_->positions}, RTC_BUILD_QUALITY_MEDIUM);
-    rtcAttachGeometryByID(scene_.get(), geometry_.get(), 0);
-}
-
-void MeshBvh::commit() {
-    if (built_) return;
-    rtcCommitScene(scene_.get());
-    rtcGetSceneBounds(scene_.get(), &bounds_);
-    built_ = true;
-}
-
-void MeshBvh::update(const Device& device, std::shared_ptr<const Mesh> mesh) {
-    const bool sameTriangles = mesh->triangles == mesh_->triangles && mesh->triangleCount == mesh_->triangleCount &&
-                               mesh->triangleStride == mesh_->triangleStride &&
-                               mesh->positions.size() == mesh_->positions.size();
-    if (!sameTriangles || !deforming_) {
-        // Embree refits only in scenes of low build quality; the geometry in it is built by the full method all the
-        // same.
-        SceneHandle scene = device.newScene(sameTriangles ? RTC_BUILD_QUALITY_LOW : RTC_BUILD_QUALITY_MEDIUM);
-        GeometryHandle geometry = makeTriangles(device, {mesh, mesh->positions}, RTC_BUILD_QUALITY_MEDIUM);
-        rtcAttachGeometryByID(scene.get(), geometry.get(), 0);
-        scene_ = std::move(scene);
-        geometry_ = std::move(geometry);
-        indexInUse_ = mesh->triangles;
-        deforming_ = sameTriangles;
-        refitted_ = false;
-        refitsSinceBuild_ = 0;
-    } else {
-        refitted_ = ++refitsSinceBuild_ < kRefitsBeforeRebuild;
-        if (!refitted_) refitsSinceBuild_ = 0;
-        rtcSetGeometryBuildQuality(geometry_.get(), refitted_ ? RTC_BUILD_QUALITY_REFIT : RTC_BUILD_QUALITY_MEDIUM);
-        rtcSetSharedGeometryBuffer(geometry_.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                   mesh->positions.data(), 0, sizeof(Vec3f), mesh->positions.size());
-        rtcUpdateGeometryBuffer(geometry_.get(), RTC_BUFFER_TYPE_VERTEX, 0);
-        rtcCommitGeometry(geometry_.get());
-    }
-    // A refit reads the index it was built with, which may be equal to the new one and yet lie elsewhere.
-    mesh_ = std::move(mesh);
-    built_ = false;
 }
 
 // ---- Group --------------------------------------------------------------------------------------------------------

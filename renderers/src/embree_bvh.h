@@ -1,4 +1,4 @@
-// The only door to Embree: meshes' BVHs, groups of resting triangles, and the top above both.
+// The door to Embree: groups of resting triangles, and the top above them and the meshes' own BVHs (mesh_bvh.h).
 //
 // Invariant: what is attached here has been checked by RayWorld; Embree's asserts cannot fire.
 // A group is one Embree scene of triangles already in ray space. An instance is a mesh's BVH and a transform; it is no
@@ -58,30 +58,6 @@ struct Triangles {
     Array<Vec3f> positions;  // mesh->positions, or the copy
 };
 GeometryHandle makeTriangles(const Device& device, const Triangles& triangles, RTCBuildQuality quality);
-
-/// One mesh's own BVH, shared by all its instances.
-class MeshBvh {
-  public:
-    MeshBvh(const Device& device, std::shared_ptr<const Mesh> mesh);
-    /// Builds what is not built yet. Deforming meshes are built so that they can be refitted.
-    void commit();
-    /// Takes other positions for the same triangles and refits, or another mesh altogether and rebuilds.
-    void update(const Device& device, std::shared_ptr<const Mesh> mesh);
-    RTCScene scene() const { return scene_.get(); }
-    /// Of the last commit, in the mesh's frame.
-    const RTCBounds& bounds() const { return bounds_; }
-    bool refitted() const { return refitted_; }
-    const Array<std::int32_t>& indexInUse() const { return indexInUse_; }
-
-  private:
-    std::shared_ptr<const Mesh> mesh_;
-    Array<std::int32_t> indexInUse_;
-    SceneHandle scene_;
-    GeometryHandle geometry_;
-    bool built_ = false, deforming_ = false, refitted_ = false;
-    unsigned refitsSinceBuild_ = 0;
-    RTCBounds bounds_{};
-};
 
 /// Triangles of several instances in one frame, merged.
 class Group {

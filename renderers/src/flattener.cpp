@@ -27,7 +27,10 @@ void Flattener::Impl::startOver() {
         state(tree[0].node).firstOccurrence = kNone;
         --live;
     }
-    for (const auto& [node, mesh] : meshes) state(NodeId{node}).meshStale = true;
+    for (const auto& [node, mesh] : meshes) {
+        state(NodeId{node}).meshStale = true;
+        tessellator.forget(NodeId{node});
+    }
     roles.clear();
     overflow = false;
     const Node& root = scene->node(scene->root());
@@ -299,13 +302,9 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural) {
 
 std::shared_ptr<const Mesh> Flattener::Impl::makeMesh(NodeId geometry) {
     if (options.meshes) return options.meshes(*scene, geometry);
-    Result<std::shared_ptr<const Mesh>> made = tessellate(*scene, geometry);
-    if (!made) {
-        diagnostics.error({}, made.error().text);
-        return nullptr;
-    }
-    if (*made) diagnostics.append((*made)->diagnostics);
-    return *std::move(made);
+    std::shared_ptr<const Mesh> mesh = tessellator.mesh(*scene, geometry);
+    if (!tessellator.diagnostics().all().empty()) diagnostics.append(tessellator.takeDiagnostics());
+    return mesh;
 }
 
 void Flattener::Impl::finish() {
@@ -317,6 +316,7 @@ void Flattener::Impl::finish() {
             if (std::exchange(s.meshSent, false)) {
                 delta.geometriesRemoved.push_back(geometry);
                 meshes.erase(geometry.value);
+                tessellator.forget(geometry);
             }
         } else if (!s.meshSent || s.meshStale) {
             std::shared_ptr<const Mesh> mesh = makeMesh(geometry);

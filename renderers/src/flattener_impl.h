@@ -11,6 +11,7 @@
 
 #include <rtsg/core/mobility.h>
 #include <rtsg/renderers/flattener.h>
+#include <rtsg/renderers/tessellator.h>
 
 #include "flattener_roles.h"
 
@@ -144,6 +145,7 @@ struct Flattener::Impl {
     void walkUp(NodeId changed, bool structural);
     void report(NodeId node, std::vector<NodeId>& list);
     std::shared_ptr<const Mesh> makeMesh(NodeId geometry);
+    Tessellator tessellator;  // unless the options have something else
     void finish();
 
     // flattener_tree.cpp: occurrences

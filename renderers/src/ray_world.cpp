@@ -39,6 +39,8 @@ void RayWorld::apply(const InstanceDelta& delta) {
 }
 
 void RayWorld::finishBackgroundWork() {
+    impl_->lookForRebuilt(true);
+    impl_->followMeshes();
     impl_->takeMerge(true);
     impl_->tidyClusters();
     if (!impl_->pending.empty()) impl_->placePending();
@@ -75,8 +77,8 @@ void RayWorld::Impl::apply(const InstanceDelta& delta) {
     for (const Instance& instance : delta.added) add(instance);
     for (const Instance& instance : delta.rebound) rebind(instance);
     for (const InstanceDelta::Moved& moved : delta.moved) move(moved.id, moved.worldFromLocal);
-    for (MeshEntry* entry : changedMeshes) followMesh(*entry);
-    changedMeshes.clear();
+    lookForRebuilt(false);
+    followMeshes();
     for (const NodeId node : delta.geometriesRemoved) {
         const auto found = meshes.find(node.value);
         if (found != meshes.end() && found->second.users.empty()) meshes.erase(found);
@@ -115,10 +117,18 @@ std::string_view defect(const Mesh& mesh) {
 
 void RayWorld::Impl::setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh) {
     MeshEntry& entry = meshes[node.value];
+    entry.node = node.value;
     const bool known = entry.mesh != nullptr;
     if (known && entry.mesh == mesh) return;
+    // Of a mesh that deforms the triangles are known already.
+    const bool sameTriangles = known && mesh && entry.usable && mesh->triangles.sameStorage(entry.mesh->triangles) &&
+                               mesh->triangleCount == entry.mesh->triangleCount &&
+                               mesh->triangleStride == entry.mesh->triangleStride &&
+                               mesh->positions.size() == entry.mesh->positions.size();
     entry.mesh = std::move(mesh);
-    const std::string_view problem = entry.mesh ? defect(*entry.mesh) : "it has no triangles";
+    const std::string_view problem = sameTriangles ? std::string_view{}
+                                     : entry.mesh  ? defect(*entry.mesh)
+                                                   : "it has no triangles";
     entry.usable = problem.empty();
     if (!entry.usable && entry.mesh && !entry.mesh->empty())
         world->diagnostics_.warning(
@@ -299,8 +309,9 @@ void RayWorld::Impl::followMesh(MeshEntry& entry) {
     entry.changed = false;
     if (entry.users.empty()) entry.bvh.reset();
     if (entry.bvh && entry.usable) {
-        entry.bvh->update(device, entry.mesh);
+        entry.bvh->update(entry.mesh);
         entry.bvh->commit();
+        if (entry.bvh->busy() && !std::exchange(entry.isBusy, true)) busyMeshes.push_back(entry.node);
     }
     for (const std::uint32_t slot : entry.users) {
         Place& place = places[slot];
@@ -317,6 +328,26 @@ void RayWorld::Impl::followMesh(MeshEntry& entry) {
         }
     }
     if (!entry.usable) entry.bvh.reset();
+}
+
+void RayWorld::Impl::followMeshes() {
+    for (MeshEntry* entry : changedMeshes) followMesh(*entry);
+    changedMeshes.clear();
+}
+
+void RayWorld::Impl::lookForRebuilt(bool wait) {
+    std::erase_if(busyMeshes, [&](std::uint32_t node) {
+        const auto found = meshes.find(node);
+        if (found == meshes.end()) return true;
+        MeshEntry& entry = found->second;
+        if (!entry.bvh || !entry.bvh->busy()) {
+            entry.isBusy = false;
+            return true;
+        }
+        if (wait) entry.bvh->wait();
+        if (entry.bvh->ready() && !std::exchange(entry.changed, true)) changedMeshes.push_back(&entry);
+        return false;
+    });
 }
 
 void RayWorld::Impl::commit() {

@@ -11,7 +11,7 @@
 #include <string>
 #include <unordered_map>
 
-#include "embree_bvh.h"
+#include "mesh_bvh.h"
 #include "worker.h"
 
 namespace rtsg {
@@ -21,9 +21,11 @@ struct RayWorld::Impl {
         std::shared_ptr<const Mesh> mesh;
         std::unique_ptr<bvh::MeshBvh> bvh;  // made when the first instance needs it
         std::vector<std::uint32_t> users;   // slots
+        std::uint32_t node = 0;             // its key
         bool usable = false;                // has triangles, and they are valid
         bool deforms = false;               // has changed since it came
         bool changed = false;               // in `changedMeshes`
+        bool isBusy = false;                // in `busyMeshes`
     };
     /// Triangles merged into one BVH.
     struct Cluster {
@@ -82,6 +84,10 @@ struct RayWorld::Impl {
     void rebind(const Instance& instance);
     void move(InstanceId id, const WorldFromLocal& worldFromLocal);
     void followMesh(MeshEntry& entry);
+    /// Adds the meshes whose rebuild is ready to those that have changed.
+    void lookForRebuilt(bool wait);
+    void followMeshes();
+
     bool isLive(InstanceId id) const;
     void link(std::uint32_t slot, NodeId geometry);
     void unlink(std::uint32_t slot);
@@ -145,6 +151,7 @@ struct RayWorld::Impl {
     std::vector<Cluster*> touchedBodies;  // with members in movedNow
     std::vector<Cluster*> thinned;        // lost members
     std::vector<MeshEntry*> changedMeshes;
+    std::vector<std::uint32_t> busyMeshes;  // keys of `meshes` for which the worker may have something to do
     bvh::Top top;
     std::uint32_t now = 0;           // apply() number
     std::vector<Rest> rests;         // a heap, the earliest first

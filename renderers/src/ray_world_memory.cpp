@@ -65,6 +65,12 @@ RayWorld::Stats RayWorld::stats() const {
         stats.baked += place.cluster != nullptr;
         stats.culled += place.culled;
     }
+    for (const auto& [node, entry] : impl_->meshes) {
+        if (!entry.bvh) continue;
+        stats.meshBuilds += entry.bvh->counts().builds;
+        stats.meshRefits += entry.bvh->counts().refits;
+        stats.meshRebuilds += entry.bvh->counts().rebuilds;
+    }
     stats.groups = impl_->resting.size();
     stats.bodies = impl_->bodies.size();
     stats.bvhBytes = impl_->device.bytes() + impl_->top.bytes();

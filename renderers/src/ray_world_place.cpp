@@ -165,8 +165,9 @@ void RayWorld::Impl::placeInstance(std::uint32_t slot) {
     Place& place = places[slot];
     MeshEntry& entry = *place.mesh;
     if (!entry.bvh) {
-        entry.bvh = std::make_unique<bvh::MeshBvh>(device, entry.mesh);
+        entry.bvh = std::make_unique<bvh::MeshBvh>(device, worker, entry.mesh, entry.deforms);
         entry.bvh->commit();
+        if (entry.bvh->busy() && !std::exchange(entry.isBusy, true)) busyMeshes.push_back(entry.node);
     }
     place.local = top.addInstance(slot, entry.bvh->scene(), rayFromLocal(instance.info), instanceBox(slot),
                                   maskOf(instance.info));

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <span>
 #include <string>
@@ -96,6 +97,45 @@ TexCoords defaultTexCoords(const Bounds& bounds);
 /// Absent (faceted) for an angle of 0 or less; per vertex for pi or more.
 MeshAttribute generateNormals(const Mesh& mesh, float creaseAngle);
 
+/// The same, again and again for one list of triangles whose positions change: what depends on the triangles alone is
+/// found once, and which corners share a normal is found again only when an edge has turned sharp or smooth.
+class NormalGenerator {
+  public:
+    NormalGenerator(float creaseAngle, bool remember)
+        : creaseAngle_(creaseAngle), chord_(2.0f * std::sin(0.5f * creaseAngle)), remember_(remember) {}
+    /// Precondition: the same triangles each time.
+    MeshAttribute make(const Mesh& mesh);
+
+  private:
+    struct Pair {
+        std::uint32_t a, b, neighbour;  // corners of a vertex, by their place in its run of incident_
+    };
+    struct Check {
+        std::uint32_t a, b;  // triangles that share an edge
+        bool smooth;
+    };
+    MeshAttribute smoothEverywhere(const Mesh& mesh);
+    MeshAttribute smoothWithinCrease(const Mesh& mesh);
+    void findFrames(const Mesh& mesh);
+    void findCorners(const Mesh& mesh);
+    void findGroups(const Mesh& mesh);
+    bool isSmooth(std::uint32_t a, std::uint32_t b) const;
+    template <class Visit>
+    void forEachPair(const Mesh& mesh, std::size_t v, Visit visit);
+
+    float creaseAngle_, chord_;
+    bool remember_;
+    std::vector<Vec3f> normals_;                   // per triangle: unit, or zero for one without area
+    std::vector<float> angles_;                    // per corner
+    std::vector<std::uint32_t> first_, incident_;  // per vertex its corners, as triangle * 3 + corner
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> edges_;
+    std::vector<Pair> pairs_;
+    std::vector<std::uint32_t> pairEnd_;  // per vertex, in pairs_
+    std::vector<Check> checks_;           // every edge once
+    Array<std::int32_t> index_;           // per corner its normal
+    std::size_t values_ = 0;
+};
+
 /// Returns a usable crease angle, with a warning when it had to be replaced.
 float checkedCreaseAngle(Mesh& mesh, float creaseAngle);
 
@@ -123,6 +163,28 @@ class PolygonCutter {
     std::vector<Vec2d> flat_;
     std::vector<int> kept_;
 };
+
+/// The polygons of a face set and how they were cut, to find out whether other points would cut them alike.
+struct FacePlan {
+    struct Polygon {
+        std::uint32_t end, cutEnd;  // in vertices and cuts
+        bool isQuad;                // of four corners, cut from the first to the third
+    };
+    std::vector<std::int32_t> vertices;    // of each polygon's corners
+    std::vector<std::array<int, 3>> cuts;  // corners of each polygon's triangles
+    std::vector<Polygon> polygons;         // of four corners and more
+    /// Faces were left out or cut badly for where their points are.
+    bool dependsOnPoints = false;
+
+    void add(const Array<std::int32_t>& index, const std::vector<std::size_t>& corners,
+             const std::vector<std::array<int, 3>>& triangles);
+    /// Whether these points lead to the same triangles. Precondition: vertices are in range.
+    bool cutsAlike(const Array<Vec3f>& points, PolygonCutter& cutter) const;
+};
+
+/// As the public ones; `plan`, if any, is filled.
+Mesh tessellateFaces(const IndexedFaceSetParams& params, FacePlan* plan);
+Mesh tessellateSet(const PrimitiveSetParams& params, FacePlan* plan);
 
 /// For shapes that are generated: positions, normals and texture coordinates with an index each.
 struct CornerMesh {

@@ -4,6 +4,7 @@
 
 namespace rtsg {
 
+using detail::FacePlan;
 using detail::PolygonCutter;
 using detail::Topology;
 using detail::TopologyBuilder;
@@ -26,8 +27,8 @@ bool isTrianglesOnly(const Array<std::int32_t>& index, std::size_t& count) {
 /// Walks the faces of an index list one by one and cuts them.
 class FaceCutter {
   public:
-    FaceCutter(Mesh& mesh, const IndexedFaceSetParams& params, TopologyBuilder& builder)
-        : mesh_(mesh), index_(params.coordIndex), builder_(builder) {}
+    FaceCutter(Mesh& mesh, const IndexedFaceSetParams& params, TopologyBuilder& builder, FacePlan* plan)
+        : mesh_(mesh), index_(params.coordIndex), builder_(builder), plan_(plan) {}
 
     void run() {
         const std::size_t size = index_.size();
@@ -71,7 +72,8 @@ class FaceCutter {
             return;
         }
         const PolygonCutter::Outcome outcome = cutter_.cut(points_, triangles_);
-        degenerate_ += outcome == PolygonCutter::Outcome::degenerate;
+        if (plan_) plan_->add(index_, corners_, triangles_);
+        cutAway_ += outcome == PolygonCutter::Outcome::degenerate;
         tooLong_ += outcome == PolygonCutter::Outcome::tooLong;
         crossing_ += outcome == PolygonCutter::Outcome::selfIntersecting;
         for (const auto& [a, b, c] : triangles_)
@@ -80,12 +82,14 @@ class FaceCutter {
     }
 
     void report() {
+        if (plan_) plan_->dependsOnPoints = notFinite_ + cutAway_ + crossing_ + tooLong_ > 0;
         if (outOfRange_)
             warn(mesh_,
                  fmt::format("coordIndex: {} faces left out, first face {}: it refers to point {} of {}", outOfRange_,
                              firstOutOfRange_.first, firstOutOfRange_.second, mesh_.positions.size()));
         if (notFinite_) warn(mesh_, fmt::format("coord: {} faces left out: their points are not finite", notFinite_));
-        if (degenerate_) warn(mesh_, fmt::format("coordIndex: {} faces left out: they have no area", degenerate_));
+        if (degenerate_ + cutAway_)
+            warn(mesh_, fmt::format("coordIndex: {} faces left out: they have no area", degenerate_ + cutAway_));
         if (crossing_) warn(mesh_, fmt::format("coordIndex: {} faces cross themselves", crossing_));
         if (tooLong_)
             warn(mesh_, fmt::format("coordIndex: {} faces left out: they cross or touch themselves and have too many "
@@ -97,17 +101,23 @@ class FaceCutter {
     Mesh& mesh_;
     const Array<std::int32_t>& index_;
     TopologyBuilder& builder_;
+    FacePlan* plan_;
     PolygonCutter cutter_;
     std::vector<std::size_t> corners_;
     std::vector<Vec3f> points_;
     std::vector<std::array<int, 3>> triangles_;
-    std::size_t outOfRange_ = 0, notFinite_ = 0, degenerate_ = 0, crossing_ = 0, tooLong_ = 0, oddEnds_ = 0;
+    std::size_t outOfRange_ = 0, notFinite_ = 0, degenerate_ = 0, cutAway_ = 0, crossing_ = 0, tooLong_ = 0,
+                oddEnds_ = 0;
     std::pair<std::size_t, std::size_t> firstOutOfRange_;
 };
 
 }  // namespace
 
 Mesh tessellate(const IndexedFaceSetParams& params) {
+    return detail::tessellateFaces(params, nullptr);
+}
+
+Mesh detail::tessellateFaces(const IndexedFaceSetParams& params, FacePlan* plan) {
     Mesh mesh;
     mesh.solid = params.solid;
     if (params.coordIndex.empty() || params.coord.empty()) return mesh;
@@ -125,7 +135,7 @@ Mesh tessellate(const IndexedFaceSetParams& params) {
         const bool faceColors = !params.colorPerVertex && (!params.color.empty() || !params.colorRGBA.empty());
         const bool faceNormals = !params.normalPerVertex && !params.normal.empty();
         builder.reserve(params.coordIndex.size() / 4 + 1, faceColors || faceNormals);
-        FaceCutter(mesh, params, builder).run();
+        FaceCutter(mesh, params, builder, plan).run();
         topology = builder.finish(mesh);
     }
     if (mesh.empty()) return mesh;

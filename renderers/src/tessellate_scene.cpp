@@ -3,17 +3,11 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
-#include "tessellate_detail.h"
+#include "tessellate_deform.h"
 
 namespace rtsg {
 
-namespace {
-
-using detail::warn;
-using Kind = PrimitiveSetParams::Kind;
-
-/// A PROTO instance stands for the first node of its body (4.4.4.3), maybe another instance. Null if there is none.
-const Node* resolve(const Scene& scene, NodeId id) {
+const Node* detail::resolveNode(const Scene& scene, NodeId id) {
     const Node* node = scene.find(id);
     for (int depth = 0; node && depth < 1000; ++depth) {
         const NodeType& type = node->type();
@@ -26,13 +20,20 @@ const Node* resolve(const Scene& scene, NodeId id) {
     return nullptr;
 }
 
+namespace {
+
+using detail::ComposedParams;
+using detail::resolveNode;
+using detail::warn;
+using Kind = PrimitiveSetParams::Kind;
+
 /// Reads the nodes that a geometry refers to; what cannot be used is noted in `problems`.
 class PropertyReader {
   public:
     PropertyReader(const Scene& scene, Mesh& problems) : scene_(scene), problems_(problems) {}
 
     Array<Vec3f> points(NodeId id) {
-        const Node* node = resolve(scene_, id);
+        const Node* node = resolveNode(scene_, id);
         if (!node) return {};
         if (node->is(x3d::Coordinate::type)) return node->get(x3d::Coordinate::point);
         if (node->is(x3d::CoordinateDouble::type)) {
@@ -53,7 +54,7 @@ class PropertyReader {
         params.solid = node.get(T::solid);
         params.colorPerVertex = node.get(T::colorPerVertex);
         params.normalPerVertex = node.get(T::normalPerVertex);
-        if (const Node* color = resolve(scene_, node.get(T::color))) {
+        if (const Node* color = resolveNode(scene_, node.get(T::color))) {
             if (color->is(x3d::Color::type))
                 params.color = color->get(x3d::Color::color);
             else if (color->is(x3d::ColorRGBA::type))
@@ -61,7 +62,7 @@ class PropertyReader {
             else
                 notUsed("color", *color);
         }
-        if (const Node* normal = resolve(scene_, node.get(T::normal))) {
+        if (const Node* normal = resolveNode(scene_, node.get(T::normal))) {
             if (normal->is(x3d::Normal::type))
                 params.normal = normal->get(x3d::Normal::vector);
             else
@@ -72,7 +73,7 @@ class PropertyReader {
 
   private:
     void texCoord(NodeId id, std::vector<TexCoordParams>& channels, bool mayBeMulti) {
-        const Node* node = resolve(scene_, id);
+        const Node* node = resolveNode(scene_, id);
         if (!node) return;
         if (mayBeMulti && node->is(x3d::MultiTextureCoordinate::type)) {
             for (const NodeId channel : node->get(x3d::MultiTextureCoordinate::texCoord))
@@ -113,45 +114,13 @@ class PropertyReader {
     Mesh& problems_;
 };
 
-class SceneTessellator {
+/// The fields of a composed geometry node.
+class ComposedReader {
   public:
-    SceneTessellator(const Scene& scene, const Node& node, const TessellationOptions& options)
-        : node_(node), options_(options), properties_(scene, problems_) {}
+    ComposedReader(const Scene& scene, const Node& node, Mesh& problems) : node_(node), properties_(scene, problems) {}
 
-    Mesh run() {
-        Mesh mesh = dispatch();
-        problems_.diagnostics.append(mesh.diagnostics);
-        mesh.diagnostics = std::move(problems_.diagnostics);
-        return mesh;
-    }
-
-  private:
-    template <class T>
-    const T& get(Field<T> field) const {
-        return node_.get(field);
-    }
-
-    Mesh dispatch() {
+    ComposedParams read() {
         switch (node_.typeIndex().value) {
-            case x3d::Box::type.value:
-                return tessellate(BoxParams{get(x3d::Box::size), get(x3d::Box::solid)});
-            case x3d::Sphere::type.value:
-                return tessellate(SphereParams{get(x3d::Sphere::radius), get(x3d::Sphere::solid)}, options_);
-            case x3d::Cone::type.value:
-                return tessellate(ConeParams{get(x3d::Cone::bottomRadius), get(x3d::Cone::height), get(x3d::Cone::side),
-                                             get(x3d::Cone::bottom), get(x3d::Cone::solid)},
-                                  options_);
-            case x3d::Cylinder::type.value:
-                return tessellate(
-                    CylinderParams{get(x3d::Cylinder::radius), get(x3d::Cylinder::height), get(x3d::Cylinder::side),
-                                   get(x3d::Cylinder::top), get(x3d::Cylinder::bottom), get(x3d::Cylinder::solid)},
-                    options_);
-            case x3d::IndexedFaceSet::type.value:
-                return faces();
-            case x3d::ElevationGrid::type.value:
-                return grid();
-            case x3d::Extrusion::type.value:
-                return extrusion();
             case x3d::TriangleSet::type.value:
                 return set<x3d::TriangleSet>(Kind::triangleSet);
             case x3d::TriangleStripSet::type.value:
@@ -168,6 +137,87 @@ class SceneTessellator {
                 return set<x3d::IndexedTriangleFanSet>(Kind::indexedTriangleFanSet);
             case x3d::IndexedQuadSet::type.value:
                 return set<x3d::IndexedQuadSet>(Kind::indexedQuadSet);
+            default:
+                return faces();
+        }
+    }
+
+  private:
+    template <class T>
+    const T& get(Field<T> field) const {
+        return node_.get(field);
+    }
+
+    IndexedFaceSetParams faces() {
+        using T = x3d::IndexedFaceSet;
+        IndexedFaceSetParams p;
+        properties_.surface<T>(node_, p);
+        p.coord = properties_.points(get(T::coord));
+        p.coordIndex = get(T::coordIndex);
+        p.colorIndex = get(T::colorIndex);
+        p.normalIndex = get(T::normalIndex);
+        p.texCoordIndex = get(T::texCoordIndex);
+        p.convex = get(T::convex);
+        p.creaseAngle = get(T::creaseAngle);
+        return p;
+    }
+
+    template <class T>
+    PrimitiveSetParams set(Kind kind) {
+        PrimitiveSetParams p;
+        p.kind = kind;
+        properties_.surface<T>(node_, p);
+        p.coord = properties_.points(get(T::coord));
+        if constexpr (requires { T::index; }) p.index = get(T::index);
+        if constexpr (requires { T::stripCount; }) p.count = get(T::stripCount);
+        if constexpr (requires { T::fanCount; }) p.count = get(T::fanCount);
+        return p;
+    }
+
+    const Node& node_;
+    PropertyReader properties_;
+};
+
+class SceneTessellator {
+  public:
+    SceneTessellator(const Scene& scene, const Node& node, const TessellationOptions& options)
+        : scene_(scene), node_(node), options_(options), properties_(scene, problems_) {}
+
+    Mesh run() {
+        Mesh mesh = dispatch();
+        problems_.diagnostics.append(mesh.diagnostics);
+        mesh.diagnostics = std::move(problems_.diagnostics);
+        return mesh;
+    }
+
+  private:
+    template <class T>
+    const T& get(Field<T> field) const {
+        return node_.get(field);
+    }
+
+    Mesh dispatch() {
+        if (detail::isComposed(node_))
+            return std::visit([](const auto& p) { return tessellate(p); },
+                              detail::readComposed(scene_, node_, problems_));
+        switch (node_.typeIndex().value) {
+            case x3d::Box::type.value:
+                return tessellate(BoxParams{get(x3d::Box::size), get(x3d::Box::solid)});
+            case x3d::Sphere::type.value:
+                return tessellate(SphereParams{get(x3d::Sphere::radius), get(x3d::Sphere::solid)}, options_);
+            case x3d::Cone::type.value:
+                return tessellate(ConeParams{get(x3d::Cone::bottomRadius), get(x3d::Cone::height), get(x3d::Cone::side),
+                                             get(x3d::Cone::bottom), get(x3d::Cone::solid)},
+                                  options_);
+            case x3d::Cylinder::type.value:
+                return tessellate(
+                    CylinderParams{get(x3d::Cylinder::radius), get(x3d::Cylinder::height), get(x3d::Cylinder::side),
+                                   get(x3d::Cylinder::top), get(x3d::Cylinder::bottom), get(x3d::Cylinder::solid)},
+                    options_);
+            case x3d::ElevationGrid::type.value:
+                return grid();
+            case x3d::Extrusion::type.value:
+                return extrusion();
             case x3d::Disk2D::type.value:
                 return tessellate(
                     Disk2DParams{get(x3d::Disk2D::innerRadius), get(x3d::Disk2D::outerRadius), get(x3d::Disk2D::solid)},
@@ -185,32 +235,6 @@ class SceneTessellator {
         Mesh mesh;
         warn(mesh, "has no triangles that could be made here: it is not drawn");
         return mesh;
-    }
-
-    Mesh faces() {
-        using T = x3d::IndexedFaceSet;
-        IndexedFaceSetParams p;
-        properties_.surface<T>(node_, p);
-        p.coord = properties_.points(get(T::coord));
-        p.coordIndex = get(T::coordIndex);
-        p.colorIndex = get(T::colorIndex);
-        p.normalIndex = get(T::normalIndex);
-        p.texCoordIndex = get(T::texCoordIndex);
-        p.convex = get(T::convex);
-        p.creaseAngle = get(T::creaseAngle);
-        return tessellate(p);
-    }
-
-    template <class T>
-    Mesh set(Kind kind) {
-        PrimitiveSetParams p;
-        p.kind = kind;
-        properties_.surface<T>(node_, p);
-        p.coord = properties_.points(get(T::coord));
-        if constexpr (requires { T::index; }) p.index = get(T::index);
-        if constexpr (requires { T::stripCount; }) p.count = get(T::stripCount);
-        if constexpr (requires { T::fanCount; }) p.count = get(T::fanCount);
-        return tessellate(p);
     }
 
     Mesh grid() {
@@ -257,6 +281,7 @@ class SceneTessellator {
         return tessellate(p, options_);
     }
 
+    const Scene& scene_;
     const Node& node_;
     const TessellationOptions& options_;
     Mesh problems_;  // only its diagnostics
@@ -265,18 +290,43 @@ class SceneTessellator {
 
 }  // namespace
 
+bool detail::isComposed(const Node& geometry) {
+    switch (geometry.typeIndex().value) {
+        case x3d::IndexedFaceSet::type.value:
+        case x3d::TriangleSet::type.value:
+        case x3d::TriangleStripSet::type.value:
+        case x3d::TriangleFanSet::type.value:
+        case x3d::QuadSet::type.value:
+        case x3d::IndexedTriangleSet::type.value:
+        case x3d::IndexedTriangleStripSet::type.value:
+        case x3d::IndexedTriangleFanSet::type.value:
+        case x3d::IndexedQuadSet::type.value:
+            return true;
+        default:
+            return false;
+    }
+}
+
+detail::ComposedParams detail::readComposed(const Scene& scene, const Node& geometry, Mesh& problems) {
+    return ComposedReader(scene, geometry, problems).read();
+}
+
+void detail::labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& mesh) {
+    if (mesh.diagnostics.all().empty()) return;
+    const std::string_view name = scene.name(geometry.id());
+    const std::string label = name.empty() ? geometry.type().name : fmt::format("{} {}", geometry.type().name, name);
+    Diagnostics named(mesh.diagnostics.file());
+    for (const Diagnostic& d : mesh.diagnostics.all()) named.add(d.severity, d.where, label + ": " + d.text);
+    mesh.diagnostics = std::move(named);
+}
+
 Result<std::shared_ptr<const Mesh>> tessellate(const Scene& scene, NodeId geometry,
                                                const TessellationOptions& options) {
-    const Node* node = resolve(scene, geometry);
+    const Node* node = resolveNode(scene, geometry);
     if (!node) return fail(fmt::format("node {} does not exist or has no body", geometry.value));
     if (!node->type().isA("X3DGeometryNode")) return fail(fmt::format("{} is not a geometry node", node->type().name));
     std::shared_ptr<Mesh> mesh(new Mesh(SceneTessellator(scene, *node, options).run()));
-
-    const std::string_view name = scene.name(node->id());
-    const std::string label = name.empty() ? node->type().name : fmt::format("{} {}", node->type().name, name);
-    Diagnostics named(mesh->diagnostics.file());
-    for (const Diagnostic& d : mesh->diagnostics.all()) named.add(d.severity, d.where, label + ": " + d.text);
-    mesh->diagnostics = std::move(named);
+    detail::labelDiagnostics(scene, *node, *mesh);
     return mesh;
 }
 

@@ -56,6 +56,8 @@ class RunCutter {
         if (leftOver_) warn(mesh_, fmt::format("{} points left over, too few for a triangle or quad", leftOver_));
     }
 
+    bool leftOutForPoints() const { return notFinite_ > 0; }
+
   private:
     void add(std::size_t a, std::size_t b, std::size_t c, std::size_t face) {
         const std::int32_t v[3] = {index_[a], index_[b], index_[c]};
@@ -131,6 +133,10 @@ void cutRuns(Mesh& mesh, const PrimitiveSetParams& params, const Array<std::int3
 }  // namespace
 
 Mesh tessellate(const PrimitiveSetParams& params) {
+    return detail::tessellateSet(params, nullptr);
+}
+
+Mesh detail::tessellateSet(const PrimitiveSetParams& params, FacePlan* plan) {
     Mesh mesh;
     mesh.solid = params.solid;
     if (params.coord.empty()) return mesh;
@@ -155,6 +161,7 @@ Mesh tessellate(const PrimitiveSetParams& params) {
         RunCutter cutter(mesh, index, builder);
         cutRuns(mesh, params, index, cutter);
         cutter.report();
+        if (plan) plan->dependsOnPoints = cutter.leftOutForPoints();
         topology = builder.finish(mesh);
     }
     if (mesh.empty()) return mesh;

@@ -2,11 +2,19 @@
 
 #include <algorithm>
 #include <bit>
+#include <utility>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
+#include "tessellate_deform.h"
+
 namespace rtsg {
+
+Tessellator::Tessellator(TessellationOptions options) : options_(options) {}
+Tessellator::~Tessellator() = default;
+Tessellator::Tessellator(Tessellator&&) noexcept = default;
+Tessellator& Tessellator::operator=(Tessellator&&) noexcept = default;
 
 std::size_t Tessellator::KeyHash::operator()(const Key& key) const {
     std::uint64_t hash = 0xcbf29ce484222325ull;
@@ -66,7 +74,10 @@ bool Tessellator::keyOf(const Scene& scene, NodeId geometry, Key& key) {
 
 std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometry) {
     Key key;
-    if (!keyOf(scene, geometry, key)) return make(scene, geometry, false);
+    if (!keyOf(scene, geometry, key)) {
+        auto mesh = deform(scene, geometry);
+        return mesh ? mesh : make(scene, geometry, false);
+    }
     if (const auto found = shared_.find(key); found != shared_.end())
         if (auto mesh = found->second.lock()) return mesh;
     auto mesh = make(scene, geometry, key[0] == x3d::Sphere::type.value);
@@ -76,6 +87,35 @@ std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometr
         shared_[key] = mesh;
     }
     return mesh;
+}
+
+/// Null for what is no composed geometry, and for one seen for the first time: most never change, and what is
+/// remembered of those that do is not free.
+std::shared_ptr<const Mesh> Tessellator::deform(const Scene& scene, NodeId geometry) {
+    const Node* node = detail::resolveNode(scene, geometry);
+    if (!node || !detail::isComposed(*node)) return nullptr;
+    const auto [found, isNew] = surfaces_.try_emplace(geometry.value);
+    if (isNew) return nullptr;
+    Mesh problems;
+    const detail::ComposedParams params = detail::readComposed(scene, *node, problems);
+    std::unique_ptr<detail::DeformingSurface>& surface = found->second;
+    if (surface)
+        if (auto mesh = surface->deform(params)) return mesh;
+    surface = std::make_unique<detail::DeformingSurface>(params);
+    Mesh& mesh = *surface->mesh();
+    problems.diagnostics.append(mesh.diagnostics);
+    mesh.diagnostics = std::move(problems.diagnostics);
+    detail::labelDiagnostics(scene, *node, mesh);
+    diagnostics_.append(mesh.diagnostics);
+    return surface->mesh();
+}
+
+void Tessellator::forget(NodeId geometry) {
+    surfaces_.erase(geometry.value);
+}
+
+Diagnostics Tessellator::takeDiagnostics() {
+    return std::exchange(diagnostics_, Diagnostics());
 }
 
 std::shared_ptr<const Mesh> Tessellator::make(const Scene& scene, NodeId geometry, bool isSphere) {

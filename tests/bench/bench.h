@@ -27,6 +27,7 @@ void transform(const Report& report, bool quick);
 void animated(const Report& report, bool quick);
 void changes(const Report& report, bool quick);
 bool rays(const Report& report, bool quick);
+void deform(const Report& report, bool quick);
 
 /// CPU time of this process in seconds.
 double cpuSeconds();

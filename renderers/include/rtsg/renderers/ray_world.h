@@ -127,6 +127,8 @@ class RayWorld {
         std::size_t bodies = 0, bodiesBuilt = 0;  // groups that move as one; built: since the start
         std::size_t merges = 0;                   // background rebuilds of what rests, since the start
         std::size_t splits = 0;                   // resting ones that moved, since the start
+        // Of the BVHs of single meshes there are; rebuilt: because refits had spoilt it.
+        std::size_t meshBuilds = 0, meshRefits = 0, meshRebuilds = 0;
         double applySeconds = 0;
     };
 

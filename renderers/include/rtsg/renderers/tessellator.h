@@ -1,7 +1,9 @@
 // Tessellator: the meshes of a scene's geometry nodes, with equal primitives made once.
 //
 // Invariant: mesh(scene, node) equals tessellate(scene, node) but for storage: boxes, cones, ... with the same fields
-// are one Mesh, and spheres of any radius share all but their positions. A mesh lives as long as somebody holds it.
+// are one Mesh, and spheres of any radius share all but their positions. A composed geometry of which only the
+// coordinates have changed keeps its triangles, and all that follows from them. A mesh lives as long as somebody holds
+// it; of geometries that change, the last mesh is held until forget().
 // Threading: one thread at a time; the meshes may go to any.
 // Source: paper section 4.2; the sharing is ours (a scene may hold 100,000 spheres that are no USE of each other).
 #pragma once
@@ -14,16 +16,26 @@
 
 namespace rtsg {
 
+namespace detail {
+class DeformingSurface;
+}
+
 class Tessellator {
   public:
-    explicit Tessellator(TessellationOptions options = {}) : options_(options) {}
+    explicit Tessellator(TessellationOptions options = {});
+    ~Tessellator();
+    Tessellator(Tessellator&&) noexcept;
+    Tessellator& operator=(Tessellator&&) noexcept;
 
     /// Null when the node is missing or no geometry; empty when it has no triangles. Fits Flattener's MeshSource as
     /// `[&](const Scene& scene, NodeId node) { return tessellator.mesh(scene, node); }`.
     std::shared_ptr<const Mesh> mesh(const Scene& scene, NodeId geometry);
+    /// Lets go of what is remembered of a node to follow its coordinates.
+    void forget(NodeId geometry);
 
-    /// Of all meshes made so far.
+    /// Of all meshes made so far, or since they were taken; what only moves its coordinates is not told about again.
     const Diagnostics& diagnostics() const { return diagnostics_; }
+    Diagnostics takeDiagnostics();
     /// Primitives that are shared now, for statistics.
     std::size_t sharedCount() const { return shared_.size(); }
 
@@ -34,6 +46,7 @@ class Tessellator {
         std::size_t operator()(const Key& key) const;
     };
     static bool keyOf(const Scene& scene, NodeId geometry, Key& key);
+    std::shared_ptr<const Mesh> deform(const Scene& scene, NodeId geometry);
     std::shared_ptr<const Mesh> make(const Scene& scene, NodeId geometry, bool isSphere);
     void forgetUnused();
 
@@ -42,6 +55,8 @@ class Tessellator {
     std::unordered_map<Key, std::weak_ptr<const Mesh>, KeyHash> shared_;
     std::size_t forgetAt_ = 64;
     std::shared_ptr<const Mesh> unitSphere_;
+    /// Composed geometries by NodeId; null until they are asked for a second time.
+    std::unordered_map<std::uint32_t, std::unique_ptr<detail::DeformingSurface>> surfaces_;
 };
 
 }  // namespace rtsg
