@@ -10,7 +10,7 @@
 
 #include "../../renderers/src/bvh_watch.h"
 #include "../../renderers/src/embree_bvh.h"
-#include "ray_support.h"
+#include "deform_support.h"
 
 namespace rtsg {
 namespace {
@@ -166,18 +166,7 @@ TEST(Deform, WarningsAreGivenOnce) {
 
 // ---- the tree -----------------------------------------------------------------------------------------------------
 
-std::shared_ptr<Mesh> moved(const Mesh& mesh, auto move) {
-    auto result = std::make_shared<Mesh>(mesh);
-    Vec3f* out = result->positions.mutableData();
-    result->bounds = {};
-    for (std::size_t i = 0; i < result->positions.size(); ++i) result->bounds.extend(out[i] = move(out[i]));
-    return result;
-}
-
-Vec3f twist(Vec3f p, float amount) {
-    const float a = amount * p.y, c = std::cos(a), s = std::sin(a);
-    return {c * p.x - s * p.z, p.y, s * p.x + c * p.z};
-}
+using test::moved, test::sameHits, test::twist;
 
 TEST(Deform, WatchIgnoresPlaceAndScale) {
     const auto mesh = test::makeSphere(4);
@@ -207,57 +196,19 @@ TEST(Deform, WatchOfAPointWantsATreeOnReturn) {
     EXPECT_TRUE(std::isinf(watch.look(mesh->positions).change));
 }
 
-/// One shape whose mesh is given anew each time.
-struct Follow {
-    RayWorld world{{.buildThreads = 1, .waitForBackground = true}};
-    void show(const std::shared_ptr<const Mesh>& mesh) {
-        InstanceDelta delta;
-        if (!shown) {
-            Instance instance;
-            instance.id = {0, 1};
-            instance.shape = NodeId{2};
-            instance.geometry = NodeId{1};
-            instance.motion = Motion::moving;
-            delta.added.push_back(instance);
-        }
-        shown = true;
-        delta.geometries.push_back({NodeId{1}, mesh});
-        world.apply(delta);
-    }
-    bool shown = false;
-};
-
-::testing::AssertionResult sameHits(const RayWorld& a, const RayWorld& b, std::mt19937& random, int rays) {
-    const Bounds box = b.bounds();
-    std::uniform_real_distribution<float> unit(-1, 1);
-    int hits = 0;
-    for (int i = 0; i < rays; ++i) {
-        const Vec3f direction(unit(random), unit(random), unit(random));
-        const Vec3f at = box.center() + .5f * box.size() * Vec3f(unit(random), unit(random), unit(random));
-        const Ray ray{.origin = at - direction * (3 + glm::length(box.size())), .direction = direction};
-        const Hit x = a.intersect(ray), y = b.intersect(ray);
-        hits += static_cast<bool>(y);
-        // At an edge or where two surfaces cross either triangle may be named: the distance is the same.
-        if (static_cast<bool>(x) != static_cast<bool>(y) || (x && std::abs(x.t - y.t) > 1e-5f * (1 + y.t)))
-            return ::testing::AssertionFailure() << "ray " << i << ": " << x.t << ", from scratch " << y.t;
-    }
-    if (hits == 0) return ::testing::AssertionFailure() << "no ray hit anything";
-    return ::testing::AssertionSuccess();
-}
-
 TEST(Deform, RefittedAndRebuiltGiveTheHitsOfFromScratch) {
     const unsigned seed = std::random_device{}();
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
     for (const int levels : {2, 5}) {  // one is rebuilt at once, the other in the background
         const auto rest = test::makeSphere(levels);
-        Follow follow;
+        test::OneShape follow;
         for (int step = 0; step < 40; ++step) {
             const auto mesh =
                 moved(*rest, [&](Vec3f p) { return twist(p * Vec3f(1, 3, .3f), .1f * static_cast<float>(step)); });
             follow.show(mesh);
             if (step % 8 != 7) continue;
-            Follow fresh;
+            test::OneShape fresh;
             fresh.show(mesh);
             ASSERT_TRUE(sameHits(follow.world, fresh.world, random, 500)) << "step " << step;
         }
@@ -270,7 +221,7 @@ TEST(Deform, RefittedAndRebuiltGiveTheHitsOfFromScratch) {
 
 TEST(Deform, TravelNeedsNoRebuild) {
     const auto rest = test::makeSphere(5);
-    Follow follow;
+    test::OneShape follow;
     for (int step = 0; step < 200; ++step)
         follow.show(moved(*rest, [&](Vec3f p) { return p + static_cast<float>(step) * Vec3f(1, .5f, .25f); }));
     EXPECT_EQ(follow.world.stats().meshRebuilds, 0u);
@@ -281,7 +232,7 @@ TEST(Deform, TheSameUpdatesGiveTheSameTreesWhenWaitedFor) {
     const auto rest = test::makeSphere(5);
     std::size_t rebuilds[2];
     for (std::size_t& count : rebuilds) {
-        Follow follow;
+        test::OneShape follow;
         for (int step = 0; step < 60; ++step)
             follow.show(moved(
                 *rest, [&](Vec3f p) { return twist(p * Vec3f(1, 3, .3f), std::sin(.1f * static_cast<float>(step))); }));
