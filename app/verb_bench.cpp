@@ -50,6 +50,7 @@ constexpr Bench kBenches[] = {
     {"animated", "10,000 animated Transforms: cascade and change set", always<bench::animated>},
     {"changes", "a changed field on its way to three subscribers", always<bench::changes>},
     {"rays", "primary rays with shading against the bare intersections", bench::rays},
+    {"overlap", "the next frame's cascade while this one is pictured, against one after the other", bench::overlap},
     {"frames", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},
     {"deform", "following a deforming mesh against a bare refit; rays against a rebuilt BVH", always<bench::deform>},
     {"codec", "encoding and decoding a changed field", synced<bench::codec>},

@@ -17,9 +17,10 @@ namespace {
 
 struct Options {
     std::string scene, out, duration = "1s";
+    std::string mode = "state";
     std::vector<std::string> set;
     double fps = 60;
-    bool realtime = false, json = false;
+    bool realtime = false, json = false, inputs = false;
 };
 
 int record(const Options& options) {
@@ -33,7 +34,11 @@ int record(const Options& options) {
     BuildOptions build;
     if (options.scene != "-") build.file = options.scene;
     InlineLoader inlines(scene, inlineDiagnostics, build);
-    auto log = LogWriter::create(options.out, builtinTypes());
+    LogOptions logOptions;
+    logOptions.mode.mode = *modeFromName(options.mode);
+    logOptions.inputs = options.inputs;
+    scene.setInputRecording(options.inputs || logOptions.mode.mode == Mode::input);
+    auto log = LogWriter::create(options.out, builtinTypes(), logOptions);
     if (!log) return printError(log.error()), kBad;
     Attachment attachment = scene.bus().attach(**log);
     const auto frames = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9)) + 1;
@@ -75,6 +80,10 @@ Verb addRecord(CLI::App& program) {
     command->add_option("--for", options->duration, "how long")->capture_default_str();
     command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e6));
     command->add_option("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
+    command->add_option("--mode", options->mode, "state: the changes; input: only what came into each frame")
+        ->check(CLI::IsMember({"state", "input"}))
+        ->capture_default_str();
+    command->add_flag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
     command->add_flag("--realtime", options->realtime, "one second a second");
     command->add_flag("--json", options->json, "the summary as JSON");
     command->footer(

@@ -194,6 +194,8 @@ Result<> Scene::reset() {
     fresh->recording = state_->recording;
     for (const BehaviourUse& use : state_->uses)
         if (use.type.value < builtinTypes().size()) fresh->uses.push_back(use);
+    for (const auto& [type, behaviour] : state_->dormant)
+        if (type < builtinTypes().size()) fresh->dormant.emplace(type, behaviour);
     fresh->scriptOptions = state_->scriptOptions;
     for (std::size_t i = 0; i < builtinTypes().size(); ++i) fresh->types[i].behaviour = state_->types[i].behaviour;
     state_ = std::move(fresh);

@@ -64,6 +64,7 @@ RunState Scene::State::runState() const {
 void Scene::State::noteUse(TypeIndex type, const Behaviour& behaviour) {
     const BehaviourUse use{type, behaviour.deterministic, behaviour.accepts != nullptr, behaviour.onEvent != nullptr,
                            behaviour.onTime != nullptr};
+    dormant.erase(type.value);
     const auto known = std::ranges::find(uses, type, &BehaviourUse::type);
     if (known != uses.end())
         *known = use;
@@ -212,14 +213,27 @@ void Scene::State::playEffects(Cascade& cascade, const BehaviourCall& call) {
 // ---- running a record --------------------------------------------------------------------------------------------
 
 Result<> Scene::State::adoptUses(std::span<const BehaviourUse> list, bool all) {
-    if (all)
-        for (const BehaviourUse& use : uses)
-            if (std::ranges::find(list, use.type, &BehaviourUse::type) == list.end())
-                return fail(fmt::format("the behaviour of {} is registered here, but not at the origin",
-                                        types[use.type.value].type->name));
+    // What is registered here and not there does nothing, until it is registered there too.
+    for (std::size_t i = 0; all && i < uses.size();) {
+        const TypeIndex type = uses[i].type;
+        if (std::ranges::find(list, type, &BehaviourUse::type) != list.end()) {
+            ++i;
+            continue;
+        }
+        Behaviour& current = types[type.value].behaviour;
+        dormant[type.value] = std::exchange(current, Behaviour{});
+        for (const BuiltinBehaviour& builtin : builtinBehaviours())
+            if (builtin.type == type) current = builtin.behaviour;
+        uses.erase(uses.begin() + static_cast<std::ptrdiff_t>(i));
+    }
     for (const BehaviourUse& use : list) {
         if (use.type.value >= types.size()) return fail("a behaviour of an unknown node type");
         TypeEntry& entry = types[use.type.value];
+        if (const auto asleep = dormant.find(use.type.value); asleep != dormant.end()) {
+            entry.behaviour = asleep->second;
+            dormant.erase(asleep);
+            noteUse(use.type, entry.behaviour);
+        }
         const bool same = sameParts(use, entry.behaviour);
         if (use.deterministic) {
             const bool own = std::ranges::find(uses, use) != uses.end();

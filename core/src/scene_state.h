@@ -209,7 +209,8 @@ struct Scene::State {
     const FrameInput* playing = nullptr;  // whose calls are played back
     std::size_t nextCall = 0;
     std::string playProblem;
-    std::vector<BehaviourUse> uses, newUses;  // behaviours that the application has registered
+    std::map<std::uint16_t, Behaviour> dormant;  // registered here, but not at the origin whose frames are run
+    std::vector<BehaviourUse> uses, newUses;     // behaviours that the application has registered
     std::vector<std::shared_ptr<FrameInput>> inputPool;
     void captureInput(bool running);
     /// Completes the input of the set that is being sealed.
@@ -229,7 +230,7 @@ struct Scene::State {
     void playEffects(Cascade& cascade, const BehaviourCall& call);
 
     ScriptOptions scriptOptions;
-    std::unique_ptr<ScriptEngine> scripts;  // made when the first Script runs
+    std::unique_ptr<ScriptEngine> scripts;         // made when the first Script runs
     std::vector<std::shared_ptr<ChangeSet>> pool;  // sealed sets come back when no subscriber holds them
 
     void wake(const Node& node) {

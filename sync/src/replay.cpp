@@ -68,6 +68,16 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
     headed_ = false;
     head_ = std::move(*head);
     if (auto ok = decoder_.setHead(head_); !ok) return failed(ok.error());
+    const bool runs = head_.mode.mode == Mode::input;
+    const Result<> fit = inputDecoder_.setHead(head_);
+    if (runs && !fit) return failed(fit.error());
+    inputsFit_ = fit.has_value();
+    if (!runs) {
+        runner_.reset();
+        scene_->setBehavioursEnabled(false);
+    } else if (!runner_) {
+        runner_ = std::make_unique<InputReplica>(*scene_);
+    }
     headed_ = true;
     return {};
 }
@@ -98,7 +108,13 @@ Result<> Replayer::apply(const LogReader::Record& record) {
     // Subscribers may still hold the last one.
     if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
     Result<> ok = decoder_.decode(record.bytes, *set_);
-    if (ok) ok = scene_->apply(set_);
+    set_->input.reset();
+    if (input_ && input_->from == header.from && input_->to == header.to) set_->input = std::move(input_->input);
+    if (ok && runner_) {
+        if (const Result<bool> taken = runner_->take(set_); !taken) ok = std::unexpected(taken.error());
+    } else if (ok) {
+        ok = scene_->apply(set_);
+    }
     if (!ok) return lose(record.offset, header.to, ok.error().text);
     lost_ = false;
     ++frames_;
@@ -110,8 +126,44 @@ Result<> Replayer::apply(const LogReader::Record& record) {
 Result<bool> Replayer::take(const LogReader::Record& record) {
     if (record.header.kind == RecordKind::head)
         if (auto ok = adoptHead(record.bytes); !ok) return std::unexpected(ok.error());
+    if (record.header.kind == RecordKind::input) return takeInput(record);
     if (!leadsOn(record.header)) return false;
     if (auto ok = apply(record); !ok) return std::unexpected(ok.error());
+    return true;
+}
+
+/// In input mode: runs the frame. Else: keeps what came into it until its changes come.
+Result<bool> Replayer::takeInput(const LogReader::Record& record) {
+    const RecordHeader& header = record.header;
+    const bool isRunState = header.from == header.to;
+    if (!headed_ || lost_ || !inputsFit_ ||
+        (isRunState ? !runner_ || header.to != scene_->sequence() : header.to <= scene_->sequence()))
+        return false;
+    if (header.from != scene_->sequence()) {
+        if (runner_) lost_ = true, ++gaps_;
+        return false;
+    }
+    auto input = std::make_shared<ChangeSet>();
+    if (auto ok = inputDecoder_.decode(record.bytes, *input); !ok) {
+        if (!runner_) return false;  // the changes themselves are what counts
+        return std::unexpected(lose(record.offset, header.to, ok.error().text).error());
+    }
+    if (!runner_) {
+        input_ = std::move(input);
+        return false;
+    }
+    if (!isRunState && !runner_->exact())
+        return std::unexpected(lose(record.offset, header.to, runner_->why()).error());
+    const Result<bool> taken = runner_->take(input);
+    if (!taken) return std::unexpected(lose(record.offset, header.to, taken.error().text).error());
+    if (isRunState) {
+        if (!*taken) return std::unexpected(lose(record.offset, header.to, runner_->why()).error());
+        return false;
+    }
+    set_ = std::move(input);
+    ++frames_;
+    check(header, *set_);
+    lost_ = !*taken;
     return true;
 }
 
@@ -132,6 +184,9 @@ void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
     if (const Change* unheeded = firstUnheeded(*scene_, set)) {
         name(*scene_, *unheeded, found);
         found.text = "the scene does not hold the value that is in the log";
+    } else if (runner_) {
+        if (!adopt(compareAtNextKeyframe(), "at the next keyframe"))
+            found.text = "run again from its input, the frame comes out otherwise";
     } else if (!adopt(compareWithRerun(header, set), "by running the frame again from its input") &&
                !adopt(compareAtNextKeyframe(), "at the next keyframe") && !set.changes.empty()) {
         const auto first = std::ranges::find_if(set.changes, [](const Change& c) {
@@ -243,6 +298,13 @@ Result<> Replayer::composeUntil(double time) {
         if (header.kind == RecordKind::head) {
             if (auto ok = flush(); !ok) return ok;
             if (auto ok = adoptHead(record->bytes); !ok) return ok;
+        } else if (header.kind == RecordKind::input && runner_) {
+            if (header.from != header.to && header.time > time) {
+                log_.seek(record->offset);
+                break;
+            }
+            if (auto ok = flush(); !ok) return ok;
+            if (auto ran = takeInput(*record); !ran) return std::unexpected(ran.error());
         } else if (!frame && header.kind != RecordKind::keyframe) {
             continue;
         } else if (header.time > time) {

@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/frame_input.h>
+
 #include "node_label.h"
 
 namespace rtsg {
@@ -134,10 +136,18 @@ Result<> InputPlayer::run(const ChangeSet& set) {
     for (const Change& change : set.changes)
         if (change.kind == ChangeKind::event) sent_.emplace_back(change.node, change.field);
     std::ranges::sort(sent_);
-    bool ran = set.changes.empty() || set.time != live_.now();
-    for (const Change& change : set.changes) {
+    // What came in, where the log says so; else it is read off the changes, as far as the cascade has left it there.
+    std::vector<Change> noted;
+    const bool exact = set.input && set.input->complete;
+    bool ran = exact ? set.input->ran : set.changes.empty() || set.time != live_.now();
+    if (exact) {
+        sent_.clear();
+        noted = set.input->edits;
+        noted.insert(noted.end(), set.input->events.begin(), set.input->events.end());
+    }
+    for (const Change& change : exact ? noted : set.changes) {
         // Edits that were sealed between two frames did not run the cascade.
-        ran |= !change.external || change.kind == ChangeKind::event;
+        ran |= !exact && (!change.external || change.kind == ChangeKind::event);
         if (!change.external || (which_ == ReplayInput::eventsOnly && change.kind != ChangeKind::event)) continue;
         if (auto ok = edit(set, change); !ok)
             return fail(fmt::format("recorded input of {} is refused: {}", describe(change), ok.error().text));

@@ -27,6 +27,8 @@ void transform(const Report& report, bool quick);
 void animated(const Report& report, bool quick);
 void changes(const Report& report, bool quick);
 bool rays(const Report& report, bool quick);
+/// False if the copy on the other thread differs.
+bool overlap(const Report& report, bool quick);
 void deform(const Report& report, bool quick);
 
 /// CPU time of this process in seconds.

@@ -11,6 +11,7 @@
 #include <string>
 
 #include <rtsg/core/scene.h>
+#include <rtsg/sync/input_replica.h>
 #include <rtsg/sync/log.h>
 
 namespace rtsg {
@@ -40,7 +41,8 @@ class Replayer {
   public:
     static Result<std::unique_ptr<Replayer>> open(const std::filesystem::path& file);
 
-    /// Its behaviours are off: everything they did is in the log.
+    /// Its behaviours are off: everything they did is in the log. Of a log in input mode they are on, and do it again;
+    /// the application's deterministic ones have to be registered (by name) before the first step.
     Scene& scene() { return *scene_; }
     /// Brings the scene to the log's next state. False at the end. An error means that an intact record could not be
     /// applied; stepping on then resumes at the next keyframe.
@@ -52,7 +54,8 @@ class Replayer {
     std::uint64_t frames() const { return frames_; }      // states reached by step() and seek()
     std::uint64_t verified() const { return verified_; }  // of these, with the origin's hash
     std::uint64_t gaps() const { return gaps_; }          // times that frames were missing
-    /// The last set applied: what led to the state the scene is in. After seek() it may be several in one.
+    /// The last set applied: what led to the state the scene is in. After seek() it may be several in one. Has its
+    /// `input` where the log has it; in input mode, that only.
     const ChangeSet& lastSet() const { return *set_; }
     /// The first state with another hash than the origin's. The node and field are exact where the log itself can tell:
     /// by running the frame again from its input, or at the next keyframe; else the text says that they are a guess.
@@ -63,6 +66,7 @@ class Replayer {
   private:
     explicit Replayer(LogReader log);
     Result<bool> take(const LogReader::Record& record);
+    Result<bool> takeInput(const LogReader::Record& record);
     bool leadsOn(const RecordHeader& header);
     Result<> apply(const LogReader::Record& record);
     Result<> adoptHead(std::span<const std::byte> record);
@@ -76,9 +80,13 @@ class Replayer {
     LogReader log_;
     StreamHead head_;
     ChangeDecoder decoder_;
+    InputDecoder inputDecoder_;
     std::unique_ptr<Scene> scene_;
-    bool headed_ = false;  // head_ is of this epoch
-    bool lost_ = true;     // waiting for a keyframe
+    std::unique_ptr<InputReplica> runner_;  // in input mode: it computes the frames
+    std::shared_ptr<ChangeSet> input_;      // else: what came into the frame that follows in the log
+    bool inputsFit_ = false;                // they are of this program's node types
+    bool headed_ = false;                   // head_ is of this epoch
+    bool lost_ = true;                      // waiting for a keyframe
     std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0;
     std::optional<Divergence> divergence_;
     std::shared_ptr<ChangeSet> set_ = std::make_shared<ChangeSet>();
