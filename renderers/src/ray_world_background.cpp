@@ -168,6 +168,7 @@ void RayWorld::Impl::takeMerge(bool wait) {
         const std::uint32_t slot = piece.id.slot;
         if (!isLive(piece.id) || places[slot].changes != piece.changes) {
             cluster.group->hide(local);
+            if (!std::exchange(cluster.thinned, true)) thinned.push_back(&cluster);
             if (isLive(piece.id)) watchRest(slot);
             continue;
         }

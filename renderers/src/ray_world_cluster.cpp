@@ -158,9 +158,7 @@ void RayWorld::Impl::followBody(Cluster& body) {
         // Where most go is where the body goes.
         std::uint32_t guide = moved.front();
         const std::uint32_t reference = body.group->slots()[body.reference];
-        if (places[reference].cluster == &body && places[reference].local == body.reference &&
-            places[reference].movedAt == now)
-            guide = reference;
+        if (reference != kNoInstance && places[reference].movedAt == now) guide = reference;  // it has not left
         frame = compose(worldOf(guide), inverse(body.bodyFromLocal[places[guide].local]));
         if (!canEnter(frame) || !isFinite(frame) || !boxInReach(body, frame)) {
             // Each is traced as far as it can be, and they come together again.

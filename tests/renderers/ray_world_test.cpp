@@ -372,6 +372,7 @@ TEST(RayWorld, ThousandsOfAdditionsAndRemovalsLeaveNothingBehind) {
             makeInstance(slot, NodeId{1 + cycle % 2}, translation({4.0 * slot, 0, 0}), generation + 1));
         world.apply(delta);
         ASSERT_EQ(world.intersect({{4.0f * static_cast<float>(slot), 0, 9}, 0, {0, 0, -1}}).instance, slot);
+        if (cycle % 500 == 0) world.finishBackgroundWork();
         if (cycle == 500) bytesEarly = world.stats().bvhBytes;
     }
     EXPECT_LE(world.stats().bvhBytes, bytesEarly * 3 / 2 + 65536);
@@ -379,6 +380,7 @@ TEST(RayWorld, ThousandsOfAdditionsAndRemovalsLeaveNothingBehind) {
     for (std::uint32_t i = 0; i < 50; ++i) last.removed.push_back(world.instance(i).info.id);
     last.geometriesRemoved = {NodeId{1}, NodeId{2}};
     world.apply(last);
+    world.finishBackgroundWork();
     EXPECT_TRUE(world.bounds().empty());
     EXPECT_EQ(world.stats().meshes, 0u);
     EXPECT_EQ(world.stats().groups, 0u);
