@@ -126,33 +126,6 @@ bool pollTo(MirrorClient& client, std::uint64_t target) {
 
 }  // namespace
 
-void codec(const SyncSizes& sizes, const Report& report) {
-    const ChangeSet set = animatedSet(sizes.transforms);
-    const int rounds = std::max(1, 20000000 / (sizes.transforms * 2) / 10);
-    ChangeEncoder encoder;
-    ChangeDecoder decoder(builtinTypes());
-    ByteBuffer record, copy;
-    ChangeSet decoded;
-    const auto measure = [&](const auto& work) {
-        work();
-        const auto start = Clock::now();
-        for (int i = 0; i < rounds; ++i) work();
-        return secondsSince(start) * 1e9 / rounds / double(set.changes.size());
-    };
-    const double encode = measure([&] { encoder.encode(set, record); });
-    const double decode = measure([&] { (void)decoder.decode(record.bytes(), decoded); });
-    const double check = measure([&] { (void)checkRecord(record.bytes()); });
-    const double copying = measure([&] {
-        copy.clear();
-        copy.append(record.bytes());
-    });
-    report({"sync", "encode", "time per change", "ns", encode, "memcpy of the bytes", copying, "goal", 10});
-    report({"sync", "decode", "time per change", "ns", decode, "memcpy of the bytes", copying, "goal", 10});
-    report({"sync", "checksum", "time per change", "ns", check, "memcpy of the bytes", copying, "goal", 1});
-    report({"sync", "size", "per changed transform", "bytes", double(record.size()) / sizes.transforms,
-            "raw translation and rotation", 28, "raw", 28});
-}
-
 bool mirrorThroughput(const SyncSizes& sizes, const Report& report) {
     Moving origin(sizes.transforms);
     auto server = MirrorServer::start(origin.scene, kAnyPort);
@@ -318,8 +291,8 @@ bool logThroughput(const SyncSizes& sizes, const Report& report) {
 }
 
 bool sync(const SyncSizes& sizes, const Report& report) {
-    codec(sizes, report);
-    bool ok = input(sizes, report);
+    bool ok = codec(sizes, report);
+    ok = input(sizes, report) && ok;
     ok = mirrorThroughput(sizes, report) && ok;
     ok = mirrorLatency(sizes, report) && ok;
     ok = mirrorJoin(sizes, report) && ok;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "bench/bench.h"
+#include "bench/chart.h"
 
 namespace rtsg::bench {
 
@@ -13,8 +14,9 @@ struct SyncSizes {
     int joinNodes = 200000;
 };
 
-/// Nanoseconds per changed field to encode, decode and check.
-void codec(const SyncSizes& sizes, const Report& report);
+/// Bytes and nanoseconds of a changed transform for every coding and mode, on three kinds of motion, beside general
+/// compressors. False if anything failed to decode.
+bool codec(const SyncSizes& sizes, const Report& report);
 /// Transforms per second from Scene::set to the replica's verified hash, over loopback TCP; raw ZeroMQ with the same
 /// bytes beside it. Fails (false) if any replica state differs.
 bool mirrorThroughput(const SyncSizes& sizes, const Report& report);
@@ -27,6 +29,9 @@ bool logThroughput(const SyncSizes& sizes, const Report& report);
 
 /// Bytes and CPU time of a frame in input mode, state mode beside it. Fails (false) if a replica's state differs.
 bool input(const SyncSizes& sizes, const Report& report);
+
+/// Bytes of a changed transform against error and against time.
+bool chartCodec(const ChartSink& sink, bool quick);
 
 /// All of them; false if one failed.
 bool sync(const SyncSizes& sizes, const Report& report);

@@ -37,6 +37,12 @@ glm::dquat Motion::someTurn() {
     return glm::normalize(glm::dquat(w, x, y, z));
 }
 
+glm::dquat Motion::turnFrom(const glm::dquat& before) {
+    const glm::dvec3 axis = glm::normalize(somewhere(1));
+    const double angle = std::uniform_real_distribution<double>(0, 1.05)(random_);
+    return glm::angleAxis(angle, axis) * before;
+}
+
 Motion::Motion(Movement movement, std::size_t bodies, std::uint64_t seed) : random_(seed), bodies_(bodies) {
     std::uniform_real_distribution<double> part(0, 1);
     for (std::size_t i = 0; i < bodies; ++i) {
@@ -46,8 +52,12 @@ Motion::Motion(Movement movement, std::size_t bodies, std::uint64_t seed) : rand
         b.velocity = somewhere(3);
         b.spin = somewhere(5);
         b.turn = someTurn();
-        for (glm::dvec3& knot : b.knots) knot = somewhere(10);
-        for (glm::dquat& turn : b.turns) turn = someTurn();
+        b.knots[0] = b.position;
+        b.turns[0] = b.turn;
+        for (int k = 1; k < 4; ++k) {
+            b.knots[k] = b.knots[k - 1] + somewhere(2);
+            b.turns[k] = turnFrom(b.turns[k - 1]);
+        }
         b.phase = part(random_);
         b.still = 1 + part(random_);
     }
@@ -62,7 +72,7 @@ void Motion::glide(Body& b) {
             b.turns[k] = b.turns[k + 1];
         }
         b.knots[3] = b.knots[2] + somewhere(2);
-        b.turns[3] = someTurn();
+        b.turns[3] = turnFrom(b.turns[2]);
     }
     for (int k = 1; k < 4; ++k)
         if (glm::dot(b.turns[k - 1], b.turns[k]) < 0) b.turns[k] = -b.turns[k];

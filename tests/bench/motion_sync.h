@@ -1,7 +1,8 @@
 // Motion: bodies that move in one of three ways, 60 frames a second, as change sets; what the codec's figures are
 // measured on.
 //
-//   smooth   positions and orientations on Catmull-Rom splines through random knots, one a second
+//   smooth   positions and orientations on Catmull-Rom splines through random knots: one a second, up to 2 m along each
+//            axis and 60 degrees from the one before
 //   chaotic  tumbling cubes: gravity, torque-free spin, bounces with friction, kicks when they come to rest
 //   mixed    a third each of the two and of bodies that start, go a straight way and stop
 //
@@ -42,6 +43,7 @@ class Motion {
     };
     glm::dvec3 somewhere(double size);
     glm::dquat someTurn();
+    glm::dquat turnFrom(const glm::dquat& before);
     void glide(Body& body);
     void tumble(Body& body);
     void travel(Body& body);

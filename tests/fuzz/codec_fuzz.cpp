@@ -1,8 +1,11 @@
-// Feeds arbitrary bytes to every decoder of rtsg::sync, once as they come and once behind a valid header and checksum
-// (what a hostile peer would send), and checks that whatever is accepted survives another round unchanged.
+// Feeds arbitrary bytes to every decoder of rtsg::sync: as they come, behind a valid header and checksum (what a
+// hostile peer would send), and as changed columns and flipped bits in a stream that was honest so far, in every
+// coding. What is accepted survives another round; a change set made from the bytes comes back as it went in.
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <ranges>
 #include <span>
 
@@ -10,38 +13,118 @@
 
 namespace {
 
-rtsg::ByteBuffer withHeader(std::span<const std::byte> payload, rtsg::RecordKind kind) {
-    rtsg::ByteBuffer record;
-    record.room(rtsg::kRecordHeaderSize);
-    record.advance(rtsg::kRecordHeaderSize);
+using namespace rtsg;
+
+ByteBuffer withHeader(std::span<const std::byte> payload, RecordKind kind, std::uint8_t flags = 0) {
+    ByteBuffer record;
+    record.room(kRecordHeaderSize);
+    record.advance(kRecordHeaderSize);
     record.append(payload);
-    rtsg::RecordHeader header;
+    RecordHeader header;
     header.kind = kind;
-    header.from = kind == rtsg::RecordKind::frame ? 1 : 0;
+    header.flags = flags;
+    header.from = kind == RecordKind::frame ? 1 : 0;
     header.to = 2;
-    rtsg::sealRecord(record, header);
+    sealRecord(record, header);
     return record;
 }
 
 void decodeChanges(std::span<const std::byte> record) {
-    rtsg::ChangeDecoder decoder({});
-    rtsg::ChangeSet set;
+    ChangeDecoder decoder({});
+    ChangeSet set;
     if (!decoder.decode(record, set)) return;
-    rtsg::ByteBuffer first, second;
-    rtsg::ChangeEncoder encoder({}, {});
+    ByteBuffer first, second;
+    ChangeEncoder encoder({}, {});
     encoder.encode(set, first);
-    if (!rtsg::checkRecord(first.bytes()) || !decoder.decode(first.bytes(), set)) std::abort();
+    if (!checkRecord(first.bytes()) || !decoder.decode(first.bytes(), set)) std::abort();
     encoder.encode(set, second);
     if (!std::ranges::equal(first.bytes(), second.bytes())) std::abort();
+}
+
+/// Bytes as numbers, then zeros.
+struct Source {
+    std::span<const std::byte> bytes;
+    std::uint32_t next() {
+        if (bytes.empty()) return 0;
+        const auto value = std::to_integer<std::uint32_t>(bytes.front());
+        bytes = bytes.subspan(1);
+        return value;
+    }
+    float real() {
+        std::uint32_t bits = 0;
+        for (int i = 0; i < 4; ++i) bits = bits << 8 | next();
+        float result;
+        std::memcpy(&result, &bits, 4);
+        return next() & 1 ? result : static_cast<float>(bits & 0xFFFF) * 1e-3f;
+    }
+};
+
+ChangeSet setFrom(Source& source, std::uint64_t frame) {
+    constexpr FieldType kTypes[] = {FieldType::SFVec3f, FieldType::SFRotation, FieldType::SFFloat, FieldType::SFVec2f,
+                                    FieldType::SFColorRGBA};
+    ChangeSet set;
+    set.from = frame;
+    set.to = frame + 1;
+    for (std::uint32_t n = source.next() % 24; n > 0; --n) {
+        const std::uint32_t which = source.next();
+        float values[4];
+        for (float& value : values) value = source.real();
+        Change change;
+        change.node = NodeId{1 + which / 5};
+        change.field = static_cast<FieldIndex>(which % 5);
+        change.external = which & 64;
+        change.value = Value::fromStorage(kTypes[which % 5], values);
+        set.changes.push_back(std::move(change));
+    }
+    return set;
+}
+
+std::vector<Change> sorted(std::vector<Change> changes) {
+    std::ranges::stable_sort(changes, {}, [](const Change& c) { return std::pair(c.node.value, c.field); });
+    return changes;
+}
+
+/// An honest stream made of the first bytes; the rest then comes as its next record.
+void decodeStream(std::span<const std::byte> bytes, const StreamMode& mode) {
+    Source source{bytes};
+    ChangeEncoder encoder(mode, {});
+    ChangeDecoder decoder({});
+    ByteBuffer record;
+    ChangeSet found;
+    for (std::uint64_t frame = 1; frame <= 4; ++frame) {
+        const ChangeSet set = setFrom(source, frame);
+        encoder.encode(set, record);
+        if (!decoder.decode(record.bytes(), found)) std::abort();
+        if (sorted(set.changes) != sorted(found.changes)) std::abort();
+    }
+    ChangeDecoder twin({});
+    twin.goOnFrom(decoder);
+    (void)decoder.decode(withHeader(source.bytes, RecordKind::frame, kRemember).bytes(), found);
+    if (record.size() == kRecordHeaderSize) return;
+    const RecordHeader header = *parseRecordHeader(record.bytes());
+    while (!source.bytes.empty()) {
+        const std::uint32_t at = source.next() << 8 | source.next();
+        record.data()[kRecordHeaderSize + at % (record.size() - kRecordHeaderSize)] ^=
+            static_cast<std::byte>(source.next());
+    }
+    RecordHeader next = header;
+    next.flags = kRemember;
+    sealRecord(record, next);
+    (void)twin.decode(record.bytes(), found);
 }
 
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     const std::span bytes(reinterpret_cast<const std::byte*>(data), size);
-    if (rtsg::checkRecord(bytes)) decodeChanges(bytes);
-    decodeChanges(withHeader(bytes, rtsg::RecordKind::frame).bytes());
-    decodeChanges(withHeader(bytes, rtsg::RecordKind::keyframe).bytes());
-    (void)rtsg::decodeHead(withHeader(bytes, rtsg::RecordKind::head).bytes());
+    if (checkRecord(bytes)) decodeChanges(bytes);
+    decodeChanges(withHeader(bytes, RecordKind::frame).bytes());
+    decodeChanges(withHeader(bytes, RecordKind::frame, kRemember | kForget).bytes());
+    decodeChanges(withHeader(bytes, RecordKind::keyframe).bytes());
+    (void)decodeHead(withHeader(bytes, RecordKind::head).bytes());
+    for (const Coding coding : {Coding::compact, Coding::smallest}) {
+        decodeStream(bytes, {Mode::state, coding, 0});
+        decodeStream(bytes, {Mode::lossy, coding, 1e-3});
+    }
     return 0;
 }

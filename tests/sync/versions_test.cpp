@@ -1,0 +1,207 @@
+// Versions one apart, in both directions: an older reader follows a newer stream but for what it does not know, and a
+// newer reader an older stream.
+#include <rtsg/sync/log.h>
+#include <rtsg/sync/replay.h>
+
+#include <fstream>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
+#include <rtsg/sync/change_codec.h>
+
+namespace rtsg {
+namespace {
+
+std::unique_ptr<NodeType> copyOf(const NodeType& type) {
+    auto copy = std::make_unique<NodeType>();
+    copy->name = type.name;
+    copy->component = type.component;
+    copy->level = type.level;
+    copy->kind = type.kind;
+    copy->containerField = type.containerField;
+    copy->implements = type.implements;
+    copy->fields = type.fields;
+    copy->internal = type.internal;
+    return copy;
+}
+
+/// This program's types as another version has them: Transform has one field more in front, Box one less, one type is
+/// new and one is gone.
+std::vector<std::unique_ptr<NodeType>> otherVersion() {
+    std::vector<std::unique_ptr<NodeType>> types;
+    for (const auto& type : builtinTypes()) {
+        if (type->name == "Sphere") {  // in its place, so that all after it have other numbers
+            for (const char* name : {"Torus", "Helix"}) {
+                auto added = copyOf(*type);
+                added->name = name;
+                if (!added->finish()) std::abort();
+                types.push_back(std::move(added));
+            }
+            continue;
+        }
+        auto copy = copyOf(*type);
+        if (type->name == "Transform") {
+            FieldDef field;
+            field.name = "wobble";
+            field.type = FieldType::SFVec3f;
+            field.defaultValue = Vec3f(0);
+            copy->fields.insert(copy->fields.begin(), field);
+        }
+        if (type->name == "Box") std::erase_if(copy->fields, [](const FieldDef& f) { return f.name == "solid"; });
+        if (!copy->finish()) std::abort();
+        types.push_back(std::move(copy));
+    }
+    return types;
+}
+
+std::uint32_t numberOf(TypeTable types, std::string_view name) {
+    for (std::size_t i = 0; i < types.size(); ++i)
+        if (types[i]->name == name) return static_cast<std::uint32_t>(i);
+    return 0xFFFF;
+}
+
+/// A document of a Transform over a Shape with a box, in the numbers of `types`; then it moves.
+struct Stream {
+    explicit Stream(TypeTable table) : types(table) {
+        ChangeSet set;
+        set.to = 1;
+        const auto create = [&](std::uint32_t node, std::string_view type) {
+            Change& change = set.changes.emplace_back();
+            change.kind = ChangeKind::createNode;
+            change.node = NodeId{node};
+            change.index = numberOf(types, type);
+        };
+        create(2, "Transform");
+        create(3, "Shape");
+        create(4, "Box");
+        assign(set, 1, "RtsgScene", "children", Array<NodeId>{NodeId{2}});
+        assign(set, 2, "Transform", "children", Array<NodeId>{NodeId{3}});
+        assign(set, 3, "Shape", "geometry", NodeId{4});
+        assign(set, 4, "Box", "size", Vec3f(1, 2, 3));
+        sets.push_back(set);
+        for (std::uint64_t frame = 1; frame < 60; ++frame) {
+            ChangeSet move;
+            move.from = frame;
+            move.to = frame + 1;
+            move.time = double(frame) / 60;
+            assign(move, 2, "Transform", "translation", Vec3f(float(frame) * .125f, std::sin(float(frame)), 3));
+            assign(move, 2, "Transform", "rotation", Rotation{0, 1, 0, float(frame) * .01f});
+            if (numberOf(types, "Torus") != 0xFFFF)
+                assign(move, 2, "Transform", "wobble", Vec3f(float(frame), 0, 0));
+            else
+                assign(move, 4, "Box", "solid", frame % 2 == 0);
+            sets.push_back(move);
+        }
+    }
+    void assign(ChangeSet& set, std::uint32_t node, std::string_view type, std::string_view field, Value value) const {
+        Change& change = set.changes.emplace_back();
+        change.node = NodeId{node};
+        change.field = types[numberOf(types, type)]->findExact(field);
+        change.value = std::move(value);
+    }
+    TypeTable types;
+    std::vector<ChangeSet> sets;
+};
+
+class Versions : public testing::TestWithParam<Coding> {};
+INSTANTIATE_TEST_SUITE_P(Codings, Versions, testing::Values(Coding::raw, Coding::compact, Coding::smallest),
+                         [](const auto& p) { return std::string(nameOf(p.param)); });
+
+TEST_P(Versions, AReaderOneApartFollowsWhatItKnows) {
+    const std::vector<std::unique_ptr<NodeType>> other = otherVersion();
+    for (const bool newer : {true, false}) {
+        SCOPED_TRACE(newer ? "a stream of the other version, read here" : "the other way round");
+        const TypeTable there = newer ? TypeTable(other) : builtinTypes(),
+                        here = newer ? builtinTypes() : TypeTable(other);
+        const Stream stream(there);
+        ByteBuffer head, record;
+        encodeHead(7, "another version", there, {}, head);
+        StreamMode mode;
+        mode.coding = GetParam();
+        ChangeEncoder encoder(mode, there);
+        ChangeDecoder decoder(here);
+        ASSERT_TRUE(decoder.setHead(*decodeHead(head.bytes())));
+        EXPECT_FALSE(decoder.exact());
+        std::map<std::pair<std::uint32_t, std::string>, Value> values;
+        std::map<std::uint32_t, std::uint32_t> typeOf{{1, numberOf(here, "RtsgScene")}};
+        ChangeSet found;
+        for (const ChangeSet& set : stream.sets) {
+            encoder.encode(set, record);
+            const Result<> decoded = decoder.decode(record.bytes(), found);
+            ASSERT_TRUE(decoded) << decoded.error().text;
+            for (const Change& change : found.changes) {
+                if (change.kind == ChangeKind::createNode) typeOf[change.node.value] = change.index;
+                if (change.kind != ChangeKind::setField) continue;
+                const NodeType& type = *here[typeOf.at(change.node.value)];
+                ASSERT_LT(change.field, type.fields.size());
+                EXPECT_EQ(type.fields[change.field].type, change.value.type());
+                values[{change.node.value, type.fields[change.field].name}] = change.value;
+            }
+        }
+        EXPECT_EQ(typeOf.at(2), numberOf(here, "Transform"));
+        EXPECT_EQ(typeOf.at(4), numberOf(here, "Box"));
+        EXPECT_EQ((values.at({1, "children"})), Value(Array<NodeId>{NodeId{2}}));
+        EXPECT_EQ((values.at({4, "size"})), Value(Vec3f(1, 2, 3)));
+        EXPECT_EQ((values.at({2, "translation"})), Value(Vec3f(59 * .125f, std::sin(59.f), 3)));
+        EXPECT_EQ((values.at({2, "rotation"})), Value(Rotation{0, 1, 0, 59 * .01f}));
+        EXPECT_EQ(decoder.losses().changes, 59u) << "a field that is not here";
+    }
+}
+
+/// A log of another version, with records and columns that nobody knows yet among the rest.
+TEST_P(Versions, ALogOfAnotherVersionIsReplayedButForWhatIsUnknown) {
+    const std::vector<std::unique_ptr<NodeType>> other = otherVersion();
+    const Stream stream{TypeTable(other)};
+    char pattern[] = "/tmp/rtsg-versions-XXXXXX";
+    const std::filesystem::path folder = mkdtemp(pattern);
+    struct Remove {
+        std::filesystem::path path;
+        ~Remove() { std::filesystem::remove_all(path); }
+    } remove{folder};
+    {
+        std::ofstream out(folder / "a.rlog", std::ios::binary);
+        const auto write = [&](const ByteBuffer& record) {
+            out.write(reinterpret_cast<const char*>(record.data()), std::streamsize(record.size()));
+        };
+        ByteBuffer record;
+        encodeHead(7, "another version", other, {}, record);
+        write(record);
+        StreamMode mode;
+        mode.coding = GetParam();
+        ChangeEncoder encoder(mode, other);
+        for (const ChangeSet& set : stream.sets) {
+            encoder.encode(set, record);
+            RecordHeader header = *parseRecordHeader(record.bytes());
+            record.put(std::uint8_t{4});  // a column in a coding of the future
+            record.putVarint(3);
+            record.putVarint(2);
+            record.put(std::uint8_t{99});
+            record.put(std::uint8_t{0});
+            record.put(std::uint8_t{240});  // a kind of block of the future
+            record.putVarint(1);
+            record.putVarint(1);
+            record.put(std::uint8_t{5});
+            sealRecord(record, header);
+            write(record);
+            header.kind = static_cast<RecordKind>(77);  // a kind of record of the future
+            sealRecord(record, header);
+            write(record);
+        }
+    }
+    auto replayer = Replayer::open(folder / "a.rlog");
+    ASSERT_TRUE(replayer) << replayer.error().text;
+    while (true) {
+        const Result<bool> more = (*replayer)->step();
+        ASSERT_TRUE(more) << more.error().text;
+        if (!*more) break;
+    }
+    const Scene& scene = (*replayer)->scene();
+    EXPECT_EQ(scene.sequence(), 60u);
+    EXPECT_EQ(scene.node(NodeId{2}).get(x3d::Transform::translation), Vec3f(59 * .125f, std::sin(59.f), 3));
+    EXPECT_EQ(scene.node(NodeId{4}).get(x3d::Box::size), Vec3f(1, 2, 3));
+    EXPECT_TRUE((*replayer)->log().damage().empty());
+}
+
+}  // namespace
+}  // namespace rtsg
