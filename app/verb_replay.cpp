@@ -4,9 +4,11 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/sync/log_compact.h>
 #include <rtsg/sync/replay.h>
 
 #include "cli.h"
+#include "mcap_export.h"
 #include "outputs.h"
 #include "replay_test.h"
 
@@ -15,7 +17,9 @@ namespace rtsg::app {
 namespace {
 
 struct Options {
-    std::string log, seek, duration, diff;
+    std::string log, seek, duration, diff, compact, exported, interval = "0s";
+    std::uint64_t every = 1;
+    bool exportPlain = false;
     OutputArguments outputs;
     ReplayTestArguments test;
     bool verify = false, json = false;
@@ -27,6 +31,19 @@ int diff(const Options& options) {
     fmt::print("{{\"equal\":{},\"first_divergence\":{}}}\n", !*result, toJson(*result));
     if (*result) printError((*result)->format());
     return *result ? kBad : kDone;
+}
+
+int compact(const Options& options) {
+    CompactOptions to;
+    if (!options.seek.empty()) to.from = parseSeconds(options.seek);
+    if (!options.duration.empty()) to.to = (options.seek.empty() ? 0 : to.from) + parseSeconds(options.duration);
+    to.every = options.every;
+    to.interval = parseSeconds(options.interval);
+    const auto report = compactLog(options.log, options.compact, to);
+    if (!report) return printError(report.error()), kBad;
+    fmt::print("{{\"states\":{},\"states_before\":{},\"bytes\":{},\"bytes_before\":{},\"damaged\":{}}}\n",
+               report->statesWritten, report->statesRead, report->bytesWritten, report->bytesRead, report->damaged);
+    return kDone;
 }
 
 /// Steps to the log's end or `until`, and notes where it first was not what the origin had.
@@ -75,6 +92,7 @@ int replay(const Options& options) {
     const double from = seeks ? parseSeconds(options.seek) : 0;
     const double length = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
     if (!options.diff.empty()) return diff(options);
+    if (!options.compact.empty()) return compact(options);
     if (options.test.any()) return runReplayTest(options.log, options.test, options.outputs);
 
     auto opened = Replayer::open(options.log);
@@ -90,9 +108,17 @@ int replay(const Options& options) {
     if (replayer.frames() > 0) {
         auto outputs = Outputs::attach(replayer.scene(), options.outputs, base);
         if (!outputs) return printError(outputs.error()), kBad;
+        std::unique_ptr<McapExport> exported;
+        if (!options.exported.empty()) {
+            McapOptions mcap;
+            mcap.compress = !options.exportPlain;
+            auto attached = McapExport::attach(replayer.scene(), options.exported, mcap);
+            if (!attached) return printError(attached.error()), kBad;
+            exported = std::move(*attached);
+        }
         // A state that was asked for by its time is what is shown or saved; anything that has a length plays on.
-        const bool plays = !seeks || !options.duration.empty() || options.verify || !options.outputs.listen.empty() ||
-                           options.outputs.animated();
+        const bool plays = !seeks || !options.duration.empty() || options.verify || exported ||
+                           !options.outputs.listen.empty() || options.outputs.animated();
         const double until = replayer.scene().now() + length;
         const Progress progress = progressBar("replaying " + options.log);
         while (plays && more && replayer.scene().now() < until && !interrupted() && (*outputs)->failure().empty()) {
@@ -100,6 +126,8 @@ int replay(const Options& options) {
             if (progress) progress(replayer.log().position(), replayer.log().size());
         }
         if (progress) progress(1, 1);
+        if (exported)
+            if (auto ok = exported->finish(); !ok) return printError(ok.error()), kBad;
         if (auto ok = (*outputs)->finish(); !ok) return printError(ok.error()), kBad;
     } else {
         printError(options.log + ": no intact state");
@@ -125,12 +153,23 @@ Verb addReplay(CLI::App& program) {
     command->add_option("--seek", options->seek, "begin with the state of this scene time");
     command->add_option("--for", options->duration, "how much to play");
     command->add_option("--diff", options->diff, "compare with another log, state by state");
+    command->add_option("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
+    command->add_flag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");
+    command->add_option("--compact", options->compact,
+                        "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
+    command->add_option("--every", options->every, "with --compact: so many frames become one")
+        ->capture_default_str()
+        ->check(CLI::Range(std::uint64_t{1}, UINT64_MAX));
+    command->add_option("--interval", options->interval, "with --compact: frames closer than this become one")
+        ->capture_default_str();
     options->outputs.addTo(*command, false);
     options->test.addTo(*command);
     command->add_flag("--json", options->json, "JSON is what is printed in any case");
     command->footer(
         "Example: rtsg replay hall.rlog --verify\n"
         "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"
+        "Example: rtsg replay hall.rlog --export hall.mcap\n"
+        "Example: rtsg replay hall.rlog --compact short.rlog --seek 60s --for 10s --every 6\n"
         "Example: rtsg replay door.rlog --rerun door.x3dv --expect-picture door.png --size 160x120\n"
         "Exit status 1, naming frame, node and field, where a state is not the one recorded.");
     return {command, [options] { return replay(*options); }};

@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/sync/log.h>
+#include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/mirror_server.h>
 
 #include "cli.h"
@@ -54,13 +54,11 @@ int serve(const Options& options) {
     serverOptions.insecure = options.insecure;
     auto server = MirrorServer::start(scene, options.endpoint, serverOptions);
     if (!server) return printError(server.error()), kBad;
-    std::unique_ptr<LogWriter> log;
-    Attachment logAttachment;
+    std::unique_ptr<LogRecorder> log;
     if (!options.record.empty()) {
-        auto created = LogWriter::create(options.record, builtinTypes());
+        auto created = LogRecorder::start(scene, options.record);
         if (!created) return printError(created.error()), kBad;
         log = std::move(*created);
-        logAttachment = scene.bus().attach(*log);
     }
     if (options.json)
         fmt::print("{{\"endpoint\":{}}}\n", jsonString((*server)->endpoint()));
@@ -80,11 +78,7 @@ int serve(const Options& options) {
         (*server)->service();
         mostPeers = std::max(mostPeers, (*server)->statistics().peers);
         printNews(**server);
-        if (log && !logAttachment.attached()) {
-            printError(logAttachment.failure());
-            failed = true;
-            break;
-        }
+        if (log && !log->failure().empty()) break;  // said at the end
         const double elapsed = std::chrono::duration<double>(Clock::now() - start).count();
         slot = std::max(slot + 1, static_cast<std::uint64_t>(elapsed * options.fps));
         const auto due = start + std::chrono::duration_cast<Clock::duration>(
@@ -101,8 +95,7 @@ int serve(const Options& options) {
     printNews(**server);
     server->reset();
     if (log) {
-        logAttachment.detach();
-        if (auto ok = log->close(); !ok) {
+        if (auto ok = log->stop(); !ok) {
             printError(ok.error());
             failed = true;
         }

@@ -3,21 +3,18 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <filesystem>
 #include <thread>
 #include <vector>
 
-#include <fcntl.h>
-#include <unistd.h>
 #include <zmq.h>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/change_codec.h>
-#include <rtsg/sync/log.h>
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
-#include <rtsg/sync/replay.h>
+
+#include "bench/moving.h"
 
 namespace rtsg::bench {
 
@@ -30,47 +27,6 @@ constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
 double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
-
-/// Translation and rotation of `transforms` nodes, chaotic enough that nothing repeats.
-ChangeSet animatedSet(int transforms) {
-    ChangeSet set;
-    set.from = 1;
-    set.to = 2;
-    for (int i = 0; i < transforms; ++i) {
-        Change change;
-        change.node = NodeId{static_cast<std::uint32_t>(100 + 3 * i)};
-        change.field = x3d::Transform::translation.index;
-        change.value = Vec3f(float(i), float(i % 17), 1);
-        set.changes.push_back(change);
-        change.field = x3d::Transform::rotation.index;
-        change.value = Rotation{0, 1, 0, float(i) * .01f};
-        set.changes.push_back(change);
-    }
-    return set;
-}
-
-/// A scene whose transforms all move in every frame.
-struct Moving {
-    Scene scene;
-    std::vector<NodeId> nodes;
-    float phase = 0;
-
-    explicit Moving(int transforms) {
-        Array<NodeId> children;
-        for (int i = 0; i < transforms; ++i) {
-            nodes.push_back(scene.createNode(x3d::Transform::type));
-            children.push_back(nodes.back());
-        }
-        (void)scene.setField(scene.root(), x3d::RtsgScene::children.index, children);
-        scene.newFrame(0);
-    }
-    void frame(int number) {
-        phase += .01f;
-        for (std::size_t i = 0; i < nodes.size(); ++i)
-            (void)scene.set(nodes[i], x3d::Transform::translation, Vec3f(phase, float(i), phase * float(i)));
-        scene.newFrame(number);
-    }
-};
 
 /// Bytes per second that ROUTER/DEALER over loopback TCP moves in messages of `size`, between two threads.
 double rawZmq(std::size_t size, int messages) {
@@ -229,74 +185,13 @@ bool mirrorJoin(const SyncSizes& sizes, const Report& report) {
     return (*client)->statistics().equal;
 }
 
-bool logThroughput(const SyncSizes& sizes, const Report& report) {
-    const std::filesystem::path file =
-        std::filesystem::temp_directory_path() / ("rtsg-bench-" + std::to_string(::getpid()) + ".rlog");
-    struct Remove {
-        std::filesystem::path path;
-        ~Remove() { std::filesystem::remove(path); }
-    } remove{file};
-    ChangeSet set = animatedSet(sizes.transforms);
-    std::uint64_t bytes = 0;
-    {
-        auto log = LogWriter::create(file, builtinTypes());
-        if (!log) return false;
-        const auto start = Clock::now();
-        for (int i = 1; i <= sizes.frames; ++i) {
-            set.from = static_cast<std::uint64_t>(i);
-            set.to = set.from + 1;
-            if (!(*log)->write(set)) return false;
-        }
-        bytes = (*log)->bytes();
-        const double rate = double(bytes) / secondsSince(start);
-
-        const std::vector<char> block(bytes / static_cast<std::uint64_t>(sizes.frames), 'x');
-        const int descriptor = ::open((file.string() + ".raw").c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
-        const auto rawStart = Clock::now();
-        for (int i = 0; i < sizes.frames; ++i)
-            if (::write(descriptor, block.data(), block.size()) < 0) break;
-        const double raw = double(bytes) / secondsSince(rawStart);
-        ::close(descriptor);
-        std::filesystem::remove(file.string() + ".raw");
-        report({"sync", "log", "written with checksums", "MB/s", rate / 1e6, "raw write", raw / 1e6, "goal", 1000});
-    }
-    {
-        auto log = LogReader::open(file);
-        if (!log) return false;
-        const auto start = Clock::now();
-        std::uint64_t records = 0;
-        while (log->next()) ++records;
-        report({"sync", "log", "scanned with checksums", "MB/s", double(bytes) / secondsSince(start) / 1e6, "records",
-                double(records), "goal", 3000});
-    }
-    Moving origin(sizes.transforms);
-    {
-        auto log = LogWriter::create(file, builtinTypes());
-        if (!log) return false;
-        Attachment attachment = origin.scene.bus().attach(**log);
-        for (int i = 1; i <= sizes.frames; ++i) origin.frame(i);
-    }
-    auto replayer = Replayer::open(file);
-    if (!replayer) return false;
-    const auto start = Clock::now();
-    while (true) {
-        const Result<bool> more = (*replayer)->step();
-        if (!more) return false;
-        if (!*more) break;
-    }
-    const double rate = double((*replayer)->frames()) / secondsSince(start);
-    report({"sync", "replay", "verified states of " + std::to_string(sizes.transforms) + " transforms", "1/s", rate,
-            "real time at 60 Hz", 60, "goal", 3600});
-    return (*replayer)->frames() == (*replayer)->verified();
-}
-
 bool sync(const SyncSizes& sizes, const Report& report) {
     bool ok = codec(sizes, report);
     ok = input(sizes, report) && ok;
     ok = mirrorThroughput(sizes, report) && ok;
     ok = mirrorLatency(sizes, report) && ok;
     ok = mirrorJoin(sizes, report) && ok;
-    return logThroughput(sizes, report) && ok;
+    return log(sizes, report) && ok;
 }
 
 }  // namespace rtsg::bench

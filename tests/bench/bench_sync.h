@@ -12,6 +12,7 @@ struct SyncSizes {
     int frames = 400;
     int roundTrips = 2000;
     int joinNodes = 200000;
+    int hourFrames = 216000;  // of the log that is sought in
 };
 
 /// Bytes and nanoseconds of a changed transform for every coding and mode, on three kinds of motion, beside general
@@ -24,8 +25,9 @@ bool mirrorThroughput(const SyncSizes& sizes, const Report& report);
 bool mirrorLatency(const SyncSizes& sizes, const Report& report);
 /// Milliseconds from connect() to a verified replica of a still scene.
 bool mirrorJoin(const SyncSizes& sizes, const Report& report);
-/// Bytes per second written and scanned, states per second replayed with verification.
-bool logThroughput(const SyncSizes& sizes, const Report& report);
+/// Bytes per second written and scanned, states per second replayed with verification, milliseconds to seek in an hour's
+/// log, microseconds of the scene's thread.
+bool log(const SyncSizes& sizes, const Report& report);
 
 /// Bytes and CPU time of a frame in input mode, state mode beside it. Fails (false) if a replica's state differs.
 bool input(const SyncSizes& sizes, const Report& report);

@@ -38,7 +38,7 @@ class DamagedLog : public LogFolder {
 };
 
 TEST_F(DamagedLog, EveryTruncationKeepsWhatCameBeforeAndIsReported) {
-    const Recorded recorded = record(file(), 6, 7, denseKeyframes());
+    const Recorded recorded = record(file(), 4, 7, denseKeyframes());
     const std::string bytes = readAll(file());
     const Records records = recordsOf(file());
     for (const std::size_t size : offsetsToTry(records)) {
@@ -57,7 +57,7 @@ TEST_F(DamagedLog, EveryTruncationKeepsWhatCameBeforeAndIsReported) {
 }
 
 TEST_F(DamagedLog, AFlippedByteCostsAtMostTheFramesUpToTheNextKeyframe) {
-    const Recorded recorded = record(file(), 8, 8, denseKeyframes());
+    const Recorded recorded = record(file(), 5, 8, denseKeyframes());
     const std::string bytes = readAll(file());
     const Records records = recordsOf(file());
     const std::vector<std::uint64_t> all = statesOf(records);
@@ -115,7 +115,7 @@ TEST_F(DamagedLog, RandomDamageNeverYieldsAWrongState) {
     const Recorded recorded = record(file(), 40, seed, denseKeyframes());
     const std::string bytes = readAll(file());
     const Records records = recordsOf(file());
-    for (int round = 0; round < 150; ++round) {
+    for (int round = 0; round < 100; ++round) {
         std::string bent = bytes;
         // Half of the damage where the frames are: the dictionary is most of so short a log.
         const std::size_t begin = round % 2 ? records[1].first : 0;

@@ -11,6 +11,7 @@ TEST(BenchSync, RunsAndVerifiesAtASmallSize) {
     sizes.transforms = 200;
     sizes.frames = 20;
     sizes.roundTrips = 20;
+    sizes.hourFrames = 600;
     sizes.joinNodes = 1000;
     int lines = 0;
     EXPECT_TRUE(bench::sync(sizes, [&](const bench::Line& line) {

@@ -62,6 +62,7 @@ class Replayer {
     const std::optional<Divergence>& divergence() const { return divergence_; }
     const LogReader& log() const { return log_; }
     const StreamHead& head() const { return head_; }
+    const std::vector<LogKeyframe>& keyframes() { return log_.keyframes(); }
 
   private:
     explicit Replayer(LogReader log);

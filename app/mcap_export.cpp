@@ -1,0 +1,372 @@
+#include "mcap_export.h"
+
+#include <cmath>
+#include <unordered_map>
+#include <unordered_set>
+
+#include <fmt/format.h>
+#include <glm/gtc/quaternion.hpp>
+
+#include <rtsg/core/field_text.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/flattener.h>
+#include <rtsg/renderers/mesh.h>
+
+#include "cli.h"
+#include "mcap_schemas.h"
+
+namespace rtsg::app {
+
+namespace {
+
+/// Messages up to these sizes are always whole; of longer ones, only after so many seconds.
+constexpr std::size_t kWholeFrames = 256, kWholeSceneBytes = 256 << 10;
+constexpr double kWholeFramesEvery = 1, kWholeSceneEvery = 10;
+/// Values whose text is longer are left out of /rtsg/changes: meshes would be most of the file.
+constexpr std::size_t kLongestValue = 4096;
+
+std::string number(double value) {
+    return std::isfinite(value) ? fmt::format("{}", value) : "0";
+}
+std::string vector(double x, double y, double z) {
+    return fmt::format(R"({{"x":{},"y":{},"z":{}}})", number(x), number(y), number(z));
+}
+std::string vector(const glm::dvec3& v) {
+    return vector(v.x, v.y, v.z);
+}
+std::string quaternion(const glm::dquat& q) {
+    return fmt::format(R"({{"x":{},"y":{},"z":{},"w":{}}})", number(q.x), number(q.y), number(q.z), number(q.w));
+}
+std::string moment(double time) {
+    const auto nanoseconds = static_cast<std::uint64_t>(std::llround(std::max(0., time) * 1e9));
+    return fmt::format(R"({{"sec":{},"nsec":{}}})", nanoseconds / 1000000000, nanoseconds % 1000000000);
+}
+std::string pose(const glm::dquat& turn = {1, 0, 0, 0}) {
+    return fmt::format(R"({{"position":{},"orientation":{}}})", vector(0, 0, 0), quaternion(turn));
+}
+
+/// A place in the world: where, turned how, and what is left of the linear part after that.
+struct Place {
+    glm::dvec3 position{0};
+    glm::dquat rotation{1, 0, 0, 0};
+    glm::dmat3 rest{1};
+
+    explicit Place(const WorldFromLocal& m) : position(m[3]) {
+        const glm::dmat3 linear(m[0], m[1], m[2]);
+        const double a = glm::length(linear[0]);
+        glm::dvec3 x = linear[0] / a, y = linear[1] - x * glm::dot(x, linear[1]);
+        const double b = glm::length(y);
+        if (!(a > 0) || !(b > 0) || !std::isfinite(a * b)) {
+            rest = linear;  // flat: no direction to turn to
+            return;
+        }
+        y /= b;
+        const glm::dmat3 turn(x, y, glm::cross(x, y));
+        rotation = glm::quat_cast(turn);
+        rest = glm::transpose(turn) * linear;
+    }
+    bool sameShape(const Place& other) const {
+        double difference = 0, size = 0;
+        for (int i = 0; i < 3; ++i) {
+            difference = std::max(difference, glm::length(rest[i] - other.rest[i]));
+            size = std::max(size, glm::length(rest[i]));
+        }
+        return difference <= 1e-6 * size;
+    }
+    /// Scales along the axes, if that is all there is.
+    std::optional<glm::dvec3> scale() const {
+        const glm::dvec3 s(rest[0][0], rest[1][1], rest[2][2]);
+        const double largest = std::max({s.x, s.y, s.z}), slack = 1e-6 * largest;
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j)
+                if (i != j && std::abs(rest[i][j]) > slack) return std::nullopt;
+        if (!(std::min({s.x, s.y, s.z}) > 0)) return std::nullopt;
+        return s;
+    }
+};
+
+/// What the viewer shows of an appearance: one colour.
+std::string colorOf(const Scene& scene, NodeId appearance) {
+    Color color{1, 1, 1};
+    float opacity = 1;
+    const Node* node = appearance ? scene.find(appearance) : nullptr;
+    const Node* material = nullptr;
+    if (node && node->is(x3d::Appearance::type)) material = scene.find(node->get(x3d::Appearance::material));
+    const auto read = [&](const char* name, auto& into) {
+        if (!material) return false;
+        const FieldIndex index = material->type().findExact(name);
+        using T = std::remove_reference_t<decltype(into)>;
+        if (index == kNoField || material->type().fields[index].type != FieldTypeOf<T>::value) return false;
+        into = *static_cast<const T*>(material->storage(index));
+        return true;
+    };
+    if (!read("diffuseColor", color) && !read("baseColor", color)) read("emissiveColor", color);
+    float transparency = 0;
+    if (read("transparency", transparency)) opacity = 1 - transparency;
+    return fmt::format(R"({{"r":{},"g":{},"b":{},"a":{}}})", number(color.r), number(color.g), number(color.b),
+                       number(opacity));
+}
+
+std::string_view kindName(ChangeKind kind) {
+    switch (kind) {
+        case ChangeKind::defineType:
+            return "type";
+        case ChangeKind::createNode:
+            return "create";
+        case ChangeKind::setField:
+            return "set";
+        case ChangeKind::insertChild:
+            return "insert";
+        case ChangeKind::removeChild:
+            return "remove";
+        case ChangeKind::setName:
+            return "name";
+        case ChangeKind::addRoute:
+            return "route";
+        case ChangeKind::removeRoute:
+            return "unroute";
+        case ChangeKind::destroyNode:
+            return "destroy";
+        case ChangeKind::event:
+            return "event";
+    }
+    return "?";
+}
+
+void appendChange(std::string& out, const Scene& scene, const Change& c) {
+    const Node* node = scene.find(c.node);
+    out += fmt::format(R"({{"kind":"{}","id":{},"external":{})", kindName(c.kind), c.node.value, bool(c.external));
+    if (node) {
+        out +=
+            fmt::format(R"(,"node":{},"type":{})", jsonString(nodeLabel(scene, c.node)), jsonString(node->type().name));
+        if (c.field < node->type().fields.size())
+            out += fmt::format(R"(,"field":{})", jsonString(node->type().fields[c.field].name));
+    }
+    if (c.kind == ChangeKind::setField || c.kind == ChangeKind::setName || c.kind == ChangeKind::event) {
+        const std::string text = printFieldText(c.value, TextSyntax::json);
+        out += text.size() <= kLongestValue ? ",\"value\":" + text : fmt::format(R"(,"omitted":{})", text.size());
+    }
+    if (c.other) out += fmt::format(R"(,"other":{},"index":{})", c.other.value, c.index);
+    out += '}';
+}
+
+}  // namespace
+
+struct McapExport::Impl : InstanceSubscriber {
+    struct Thing {
+        std::string frame;
+        Place place;
+        Instance instance;   // of shapes
+        std::string entity;  // as JSON, without its beginning, of shapes
+        bool moved = true, changed = true;
+    };
+    std::unique_ptr<McapWriter> writer;
+    std::uint16_t frames = 0, entities = 0, changes = 0;
+    FlattenedScene flattened;
+    std::unordered_map<std::uint32_t, Thing> shapes, placed;  // by slot
+    std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
+    std::unordered_set<std::string> names;
+    std::vector<std::string> gone;
+    std::size_t entityBytes = 0;
+    double wholeFrames = -INFINITY, wholeScene = -INFINITY;
+    Attachment attachment;
+
+    std::string nameFor(const Scene& scene, const std::vector<NodeId>& path) {
+        std::string name;
+        for (const NodeId id : path)
+            if (id != scene.root()) name += (name.empty() ? "" : "/") + nodeLabel(scene, id);
+        std::string unique = name;
+        for (int i = 2; !names.insert(unique).second; ++i) unique = fmt::format("{} ({})", name, i);
+        return unique;
+    }
+    void forget(std::unordered_map<std::uint32_t, Thing>& things, InstanceId id) {
+        const auto found = things.find(id.slot);
+        if (found == things.end()) return;
+        names.erase(found->second.frame);
+        entityBytes -= found->second.entity.size();
+        if (&things == &shapes) gone.push_back(found->second.frame);
+        things.erase(found);
+    }
+    void describe(const Scene& scene, Thing& thing) {
+        const Node* geometry = scene.find(thing.instance.geometry);
+        const std::string color = colorOf(scene, thing.instance.appearance);
+        const auto scale = thing.place.scale();
+        std::string body;
+        const auto solid = [&](const char* list, const glm::dvec3& size, const std::string& more,
+                               const glm::dquat& turn) {
+            body = fmt::format(R"("{}":[{{"pose":{},"size":{},{}"color":{}}}])", list, pose(turn), vector(size), more,
+                               color);
+        };
+        // Their axis is y, the viewer's z.
+        const glm::dquat upright(std::sqrt(.5), -std::sqrt(.5), 0, 0);
+        const glm::dquat none(1, 0, 0, 0);
+        if (geometry && scale && geometry->is(x3d::Box::type)) {
+            const Vec3f size = geometry->get(x3d::Box::size);
+            solid("cubes", glm::dvec3(size.x, size.y, size.z) * *scale, "", none);
+        } else if (geometry && scale && geometry->is(x3d::Sphere::type)) {
+            solid("spheres", 2. * double(geometry->get(x3d::Sphere::radius)) * *scale, "", none);
+        } else if (geometry && scale && geometry->is(x3d::Cylinder::type) && geometry->get(x3d::Cylinder::side) &&
+                   geometry->get(x3d::Cylinder::top) && geometry->get(x3d::Cylinder::bottom)) {
+            const double d = 2. * double(geometry->get(x3d::Cylinder::radius)),
+                         h = geometry->get(x3d::Cylinder::height);
+            solid("cylinders", {d * scale->x, d * scale->z, h * scale->y}, R"("bottom_scale":1,"top_scale":1,)",
+                  upright);
+        } else if (geometry && scale && geometry->is(x3d::Cone::type) && geometry->get(x3d::Cone::side) &&
+                   geometry->get(x3d::Cone::bottom)) {
+            const double d = 2. * double(geometry->get(x3d::Cone::bottomRadius)), h = geometry->get(x3d::Cone::height);
+            solid("cylinders", {d * scale->x, d * scale->z, h * scale->y}, R"("bottom_scale":1,"top_scale":0,)",
+                  upright);
+        } else if (const auto mesh = meshes.find(thing.instance.geometry.value); mesh != meshes.end() && mesh->second) {
+            body = fmt::format(R"("triangles":[{{"pose":{},"color":{},"points":[)", pose(), color);
+            const Mesh& m = *mesh->second;
+            bool first = true;
+            for (const Vec3f p : m.positions) {
+                if (!std::exchange(first, false)) body += ',';
+                body += vector(thing.place.rest * glm::dvec3(p.x, p.y, p.z));
+            }
+            body += "],\"indices\":[";
+            for (std::uint32_t t = 0; t < m.triangleCount; ++t)
+                for (std::uint32_t c = 0; c < 3; ++c)
+                    body += fmt::format("{}{}", t + c ? "," : "", m.vertexIndex(t, c));
+            body += "]}]";
+        }
+        entityBytes -= thing.entity.size();
+        const std::string name = jsonString(thing.frame);
+        thing.entity = fmt::format(R"(,"frame_id":{},"id":{},"lifetime":{{"sec":0,"nsec":0}},"frame_locked":true,)"
+                                   R"("metadata":[{{"key":"node","value":{}}}])",
+                                   name, name, jsonString(nodeLabel(scene, thing.instance.shape)));
+        if (!body.empty()) thing.entity += "," + body;
+        thing.entity += '}';
+        entityBytes += thing.entity.size();
+    }
+
+    Result<> apply(const Scene& scene, const ChangeSet& set, const InstanceDelta& delta) override {
+        take(scene, delta);
+        const double t = std::max(0., scene.now());
+        if (auto ok = writeFrames(t); !ok) return ok;
+        if (auto ok = writeScene(t); !ok) return ok;
+        std::string text = fmt::format(R"({{"frame":{},"from":{},"t":{},"hash":"{}","changes":[)", set.to, set.from,
+                                       set.time, set.hash.hex());
+        for (const Change& change : set.changes) {
+            if (&change != set.changes.data()) text += ',';
+            appendChange(text, scene, change);
+        }
+        text += "]}";
+        return writer->write(changes, t, text);
+    }
+
+    void take(const Scene& scene, const InstanceDelta& delta) {
+        const Flattener& flattener = flattened.flattener();
+        for (const auto& geometry : delta.geometries) meshes[geometry.node.value] = geometry.mesh;
+        for (const InstanceId id : delta.removed) forget(shapes, id);
+        for (const InstanceId id : delta.placedRemoved) forget(placed, id);
+        for (const Instance& i : delta.added)
+            shapes.insert_or_assign(i.id.slot,
+                                    Thing{nameFor(scene, flattener.path(i.id)), Place(i.worldFromLocal), i, {}});
+        for (const Placed& p : delta.placedAdded)
+            placed.insert_or_assign(p.id.slot,
+                                    Thing{nameFor(scene, flattener.placedPath(p.id)), Place(p.worldFromLocal), {}, {}});
+        const auto move = [](auto& things, const InstanceDelta::Moved& moved) {
+            Thing& thing = things.at(moved.id.slot);
+            const Place place(moved.worldFromLocal);
+            thing.changed |= !place.sameShape(thing.place);
+            thing.place = place;
+            thing.moved = true;
+        };
+        for (const auto& moved : delta.moved) move(shapes, moved);
+        for (const auto& moved : delta.placedMoved) move(placed, moved);
+        for (const Instance& i : delta.rebound) {
+            shapes.at(i.id.slot).instance = i;
+            shapes.at(i.id.slot).changed = true;
+        }
+        std::unordered_set<std::uint32_t> touched;
+        for (const NodeId id : delta.appearanceChanged) touched.insert(id.value);
+        for (const auto& geometry : delta.geometries) touched.insert(geometry.node.value);
+        for (auto& [slot, thing] : shapes) {
+            const Instance& i = thing.instance;
+            thing.changed |=
+                !touched.empty() && (touched.contains(i.geometry.value) || touched.contains(i.appearance.value));
+            if (thing.changed) describe(scene, thing);
+        }
+        for (const NodeId id : delta.geometriesRemoved) meshes.erase(id.value);
+    }
+
+    Result<> writeFrames(double t) {
+        bool any = false;
+        for (const auto* things : {&shapes, &placed})
+            for (const auto& [slot, thing] : *things) any |= thing.moved;
+        if (!any) return {};
+        const bool whole = shapes.size() + placed.size() <= kWholeFrames || t - wholeFrames >= kWholeFramesEvery;
+        if (whole) wholeFrames = t;
+        std::string text = R"({"transforms":[)";
+        bool first = true;
+        for (auto* things : {&shapes, &placed})
+            for (auto& [slot, thing] : *things) {
+                if (!std::exchange(thing.moved, false) && !whole) continue;
+                text += fmt::format(R"({}{{"timestamp":{},"parent_frame_id":"world","child_frame_id":{},)"
+                                    R"("translation":{},"rotation":{}}})",
+                                    std::exchange(first, false) ? "" : ",", moment(t), jsonString(thing.frame),
+                                    vector(thing.place.position), quaternion(thing.place.rotation));
+            }
+        return writer->write(frames, t, text + "]}");
+    }
+
+    Result<> writeScene(double t) {
+        bool any = !gone.empty();
+        for (const auto& [slot, thing] : shapes) any |= thing.changed;
+        if (!any) return {};
+        const bool whole = entityBytes <= kWholeSceneBytes || t - wholeScene >= kWholeSceneEvery;
+        if (whole) wholeScene = t;
+        std::string text = R"({"deletions":[)";
+        if (whole) gone.assign(1, "");
+        for (std::size_t i = 0; i < gone.size(); ++i)
+            text += fmt::format(R"({}{{"timestamp":{},"type":{},"id":{}}})", i ? "," : "", moment(t), whole ? 1 : 0,
+                                jsonString(gone[i]));
+        gone.clear();
+        text += R"(],"entities":[)";
+        bool first = true;
+        for (auto& [slot, thing] : shapes) {
+            if (!std::exchange(thing.changed, false) && !whole) continue;
+            text += fmt::format(R"({}{{"timestamp":{})", std::exchange(first, false) ? "" : ",", moment(t));
+            text += thing.entity;
+        }
+        return writer->write(entities, t, text + "]}");
+    }
+};
+
+McapExport::McapExport(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+McapExport::~McapExport() = default;
+
+Result<std::unique_ptr<McapExport>> McapExport::attach(Scene& scene, const std::string& file, McapOptions options) {
+    auto impl = std::make_unique<Impl>();
+    auto writer = McapWriter::create(file, std::move(options));
+    if (!writer) return std::unexpected(writer.error());
+    impl->writer = std::move(*writer);
+    const auto topic = [&](std::uint16_t& number, const char* name, const char* schemaName, const std::string& schema) {
+        const auto added = impl->writer->addTopic(name, schemaName, schema);
+        if (added) number = *added;
+        return added ? Result<>{} : Result<>(std::unexpected(added.error()));
+    };
+    if (auto ok = topic(impl->frames, "/tf", "foxglove.FrameTransforms", frameTransformsSchema()); !ok)
+        return std::unexpected(ok.error());
+    if (auto ok = topic(impl->entities, "/scene", "foxglove.SceneUpdate", sceneUpdateSchema()); !ok)
+        return std::unexpected(ok.error());
+    if (auto ok = topic(impl->changes, "/rtsg/changes", "rtsg.Changes", changesSchema()); !ok)
+        return std::unexpected(ok.error());
+    impl->flattened.add(*impl);
+    impl->attachment = scene.bus().attach(impl->flattened);
+    if (!impl->attachment.attached()) return fail(impl->attachment.failure());
+    return std::unique_ptr<McapExport>(new McapExport(std::move(impl)));
+}
+
+std::string McapExport::failure() const {
+    return impl_->attachment.attached() ? "" : impl_->attachment.failure();
+}
+
+Result<> McapExport::finish() {
+    if (!failure().empty()) return fail(failure());
+    impl_->attachment.detach();
+    return impl_->writer->close();
+}
+
+}  // namespace rtsg::app

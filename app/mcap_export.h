@@ -1,0 +1,36 @@
+// A scene that something else drives, written as an MCAP file for Foxglove and other viewers:
+//
+//   /tf            foxglove.FrameTransforms: where each shape, light, viewpoint and sound is, as a frame below "world"
+//   /scene         foxglove.SceneUpdate: each shape in its frame, as a cube, sphere, cylinder or triangles, in its
+//   colour /rtsg/changes  rtsg.Changes: every frame with its hash and every change in it
+//
+// Invariant: time stamps are scene time. What is scaled or sheared is so in /scene, since frames only turn and move.
+// Viewers that jump get the last message of each topic: one that holds only what has changed is followed by a whole one
+// within seconds. Threading: the scene's thread.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/sync/mcap.h>
+
+namespace rtsg::app {
+
+class McapExport {
+  public:
+    /// Attaches to the scene, which must outlive this and be in its first state.
+    static Result<std::unique_ptr<McapExport>> attach(Scene& scene, const std::string& file, McapOptions options = {});
+    ~McapExport();
+
+    /// Why it follows no longer; empty if it does.
+    std::string failure() const;
+    Result<> finish();
+
+  private:
+    struct Impl;
+    explicit McapExport(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg::app

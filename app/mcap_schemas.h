@@ -1,0 +1,15 @@
+// The JSON Schemas of what is exported. Foxglove knows its own by their names; fields that we leave out are optional.
+#pragma once
+
+#include <string>
+
+namespace rtsg::app {
+
+/// foxglove.FrameTransforms
+std::string frameTransformsSchema();
+/// foxglove.SceneUpdate
+std::string sceneUpdateSchema();
+/// rtsg.Changes
+std::string changesSchema();
+
+}  // namespace rtsg::app

@@ -1,0 +1,67 @@
+// McapWriter: messages on topics into an MCAP file, the container that Foxglove and other viewers of robots' recordings
+// read: chunks with an index, a summary, checksums.
+//
+// Invariant: after close() the file is complete and every checksum of the format is filled in; a file that was not
+// closed is no valid one. Memory is bounded by a chunk and 16 bytes a message in it, beside 60 bytes a chunk.
+// Threading: one thread an object. Source: the MCAP specification, version 0 (mcap.dev/spec).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/sync/byte_buffer.h>
+
+namespace rtsg {
+
+struct McapOptions {
+    std::uint64_t chunkBytes = std::uint64_t{1} << 20;
+    bool compress = true;  // chunks by zstd
+    std::string library = "rtsg";
+};
+
+class McapWriter {
+  public:
+    static Result<std::unique_ptr<McapWriter>> create(const std::filesystem::path& file, McapOptions options = {});
+    ~McapWriter();
+
+    /// A topic of JSON messages; `schema` is a JSON Schema, `schemaName` what viewers know it by. Before any message of
+    /// it. Returns its number.
+    Result<std::uint16_t> addTopic(std::string_view topic, std::string_view schemaName, std::string_view schema);
+    /// `time`: seconds, >= 0, not before the message before.
+    Result<> write(std::uint16_t topic, double time, std::string_view json);
+    /// Index, summary, footer. Errors of the last writes are only seen here; without it the file is left incomplete.
+    Result<> close();
+
+    std::uint64_t messages() const { return messages_; }
+    std::uint64_t bytes() const { return size_; }
+
+  private:
+    struct Chunk {
+        std::uint64_t start = 0, end = 0, offset = 0, length = 0, indexLength = 0, compressed = 0, plain = 0;
+        std::map<std::uint16_t, std::uint64_t> indexOffsets;
+    };
+    McapWriter(std::filesystem::path file, McapOptions options);
+    Result<> put(const ByteBuffer& bytes);
+    Result<> endChunk();
+
+    std::filesystem::path file_;
+    McapOptions options_;
+    int descriptor_ = -1;
+    std::uint64_t size_ = 0, messages_ = 0, start_ = 0, end_ = 0;
+    std::uint32_t crc_ = 0;          // of all bytes so far
+    ByteBuffer schemas_, channels_;  // their records, as the summary repeats them
+    std::uint16_t topics_ = 0;
+    std::map<std::uint16_t, std::uint64_t> counts_;
+    ByteBuffer chunk_;  // records of the chunk being filled
+    std::uint64_t chunkStart_ = 0, chunkEnd_ = 0;
+    std::map<std::uint16_t, std::vector<std::pair<std::uint64_t, std::uint64_t>>> chunkIndex_;
+    std::vector<Chunk> chunks_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,106 @@
+#include <rtsg/sync/log_compact.h>
+
+#include <fmt/format.h>
+
+#include <rtsg/sync/replay.h>
+
+namespace rtsg {
+
+namespace {
+
+/// Merges what it is given until it is told to write.
+class Merger {
+  public:
+    explicit Merger(LogWriter& log) : log_(log) {}
+
+    Result<> take(const Scene& scene, const ChangeSet& set) {
+        if (set.isSnapshot()) {
+            // Frames were missing, or another session begins.
+            if (auto ok = flush(scene); !ok) return ok;
+            return write(scene, set);
+        }
+        composer_.add(set);
+        ++waiting_;
+        return {};
+    }
+    /// `scene` is in the state that the last set led to, or one further that was not taken yet.
+    Result<> flush(const Scene& scene) {
+        if (waiting_ == 0) return {};
+        waiting_ = 0;
+        return write(scene, composer_.take());
+    }
+    std::uint64_t waiting() const { return waiting_; }
+    std::uint64_t written() const { return written_; }
+    double lastTime() const { return lastTime_; }
+
+  private:
+    Result<> write(const Scene& scene, const ChangeSet& set) {
+        ++written_;
+        lastTime_ = set.time;
+        return log_.apply(scene, set);
+    }
+
+    LogWriter& log_;
+    ChangeComposer composer_;
+    std::uint64_t waiting_ = 0, written_ = 0;
+    double lastTime_ = 0;
+};
+
+Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOptions& options) {
+    Merger merger(to);
+    if (options.from > -std::numeric_limits<double>::infinity()) {
+        if (auto ok = from.seek(options.from); !ok) return std::unexpected(ok.error());
+    } else if (const Result<bool> first = from.step(); !first || !*first) {
+        return first ? fail("no intact state", {}, from.log().file().string()) : std::unexpected(first.error());
+    }
+    CompactReport report;
+    report.bytesRead = from.log().size();
+    report.statesRead = 1;
+    if (auto ok = merger.take(from.scene(), from.scene().snapshot()); !ok) return std::unexpected(ok.error());
+    while (true) {
+        const std::uint64_t epoch = from.head().epoch;
+        const Result<bool> more = from.step();
+        if (more && !*more) break;
+        if (!more) continue;  // goes on at the next keyframe
+        const Scene& scene = from.scene();
+        if (scene.now() > options.to && from.head().epoch == epoch) break;
+        ++report.statesRead;
+        if (auto ok = merger.take(scene, from.lastSet()); !ok) return std::unexpected(ok.error());
+        if (merger.waiting() >= options.every && scene.now() - merger.lastTime() >= options.interval)
+            if (auto ok = merger.flush(scene); !ok) return std::unexpected(ok.error());
+    }
+    if (auto ok = merger.flush(from.scene()); !ok) return std::unexpected(ok.error());
+    if (from.divergence()) return fail(from.divergence()->format(), {}, from.log().file().string());
+    if (auto ok = to.close(); !ok) return std::unexpected(ok.error());
+    report.statesWritten = merger.written();
+    report.bytesWritten = to.bytes();
+    report.damaged = from.log().damage().size();
+    return report;
+}
+
+}  // namespace
+
+Result<CompactReport> compactLog(const std::filesystem::path& in, const std::filesystem::path& out,
+                                 const CompactOptions& options) {
+    std::error_code error;
+    if (std::filesystem::equivalent(in, out, error))
+        return fail("a log cannot be compacted onto itself", {}, in.string());
+    auto from = Replayer::open(in);
+    if (!from) return std::unexpected(from.error());
+    std::filesystem::path fresh = out;
+    fresh += ".new";
+    Result<CompactReport> report;
+    {
+        auto to = LogWriter::create(fresh, builtinTypes(), options.log);
+        if (!to) return std::unexpected(to.error());
+        report = compact(**from, **to, options);
+    }
+    if (report) {
+        std::filesystem::rename(fresh, out, error);
+        if (error) report = fail(error.message(), {}, out.string());
+    }
+    if (!report) std::filesystem::remove(fresh, error);
+    return report;
+}
+
+}  // namespace rtsg

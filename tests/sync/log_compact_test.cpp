@@ -1,0 +1,83 @@
+#include <rtsg/sync/log_compact.h>
+
+#include "support/log_support.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+using Compaction = LogFolder;
+
+TEST_F(Compaction, MergedFramesLeadToTheSameStates) {
+    for (std::uint64_t seed = 1; seed <= 6; ++seed)
+        for (const std::uint64_t every : {1, 2, 7, 1000}) {
+            SCOPED_TRACE(testing::Message() << "seed " << seed << ", every " << every);
+            const Recorded recorded = record(file(), 50, seed, seed % 2 ? LogOptions{} : denseKeyframes());
+            CompactOptions options;
+            options.every = every;
+            const auto report = compactLog(file(), file("b.rlog"), options);
+            ASSERT_TRUE(report) << report.error().text;
+            const Replayed replayed = replay(file("b.rlog"), recorded);
+            ASSERT_FALSE(replayed.states.empty());
+            EXPECT_EQ(replayed.states.back(), recorded.last);
+            EXPECT_EQ(replayed.damage, 0u);
+            EXPECT_EQ(report->statesWritten, 2 + (report->statesRead - 2 + every - 1) / every);
+            EXPECT_EQ(report->bytesWritten, std::filesystem::file_size(file("b.rlog")));
+            const auto difference = diffLogs(file(), file("b.rlog"));
+            ASSERT_TRUE(difference);
+            EXPECT_FALSE(*difference) << (*difference)->format();
+        }
+}
+
+TEST_F(Compaction, APartInTimeBeginsAndEndsWithTheStatesAskedFor) {
+    const Recorded recorded = record(file(), 60, 9);
+    CompactOptions options;
+    options.from = 2.05;
+    options.to = 4.0;
+    ASSERT_TRUE(compactLog(file(), file("b.rlog"), options));
+    const Replayed replayed = replay(file("b.rlog"), recorded);
+    ASSERT_FALSE(replayed.states.empty());
+    EXPECT_NEAR(recorded.times.at(replayed.states.front()), 2.0, 1e-9);
+    EXPECT_NEAR(recorded.times.at(replayed.states.back()), 4.0, 1e-9);
+    EXPECT_EQ(replayed.states.size(), 21u);
+    EXPECT_LT(std::filesystem::file_size(file("b.rlog")), std::filesystem::file_size(file()));
+}
+
+TEST_F(Compaction, AnIntervalThinsFramesOut) {
+    const Recorded recorded = record(file(), 60, 10);
+    CompactOptions options;
+    options.interval = .5;
+    ASSERT_TRUE(compactLog(file(), file("b.rlog"), options));
+    const Replayed replayed = replay(file("b.rlog"), recorded);
+    EXPECT_LE(replayed.states.size(), 14u);
+    EXPECT_GE(replayed.states.size(), 11u);
+    for (std::size_t i = 1; i + 1 < replayed.states.size(); ++i)
+        EXPECT_GE(recorded.times.at(replayed.states[i]) - recorded.times.at(replayed.states[i - 1]), .5 - 1e-9);
+}
+
+TEST_F(Compaction, DamageIsLeftOutAndSaid) {
+    const Recorded recorded = record(file(), 40, 11, denseKeyframes());
+    std::string bytes = readAll(file());
+    const auto records = recordsOf(file());
+    bytes[records[records.size() / 2].first + 70] ^= 1;
+    writeAll(file(), bytes);
+    const auto report = compactLog(file(), file("b.rlog"));
+    ASSERT_TRUE(report) << report.error().text;
+    EXPECT_EQ(report->damaged, 1u);
+    const Replayed before = replay(file(), recorded), after = replay(file("b.rlog"), recorded);
+    EXPECT_EQ(after.damage, 0u);
+    EXPECT_EQ(after.states, before.states);
+}
+
+TEST_F(Compaction, FilesThatCannotBeAreErrorsAndNothingIsLost) {
+    const Recorded recorded = record(file(), 5, 12);
+    EXPECT_FALSE(compactLog(file(), file()));
+    EXPECT_FALSE(compactLog(file("none.rlog"), file("b.rlog")));
+    EXPECT_FALSE(compactLog(file(), folder / "gone" / "b.rlog"));
+    EXPECT_FALSE(std::filesystem::exists(file("b.rlog")));
+    EXPECT_FALSE(std::filesystem::exists(file("b.rlog.new")));
+    EXPECT_EQ(replay(file(), recorded).states.size(), recorded.dumps.size());
+}
+
+}  // namespace
+}  // namespace rtsg
