@@ -7,6 +7,7 @@
 
 #include <rtsg/core/scene_builder.h>
 #include <rtsg/sync/log.h>
+#include <rtsg/sync/lossy_scene.h>
 
 #include "cli.h"
 #include "injections.h"
@@ -17,7 +18,8 @@ namespace {
 
 struct Options {
     std::string scene, out, duration = "1s";
-    std::string mode = "state";
+    std::string mode = "state", coding = "raw";
+    double error = 1e-3;
     std::vector<std::string> set;
     double fps = 60;
     bool realtime = false, json = false, inputs = false;
@@ -36,11 +38,19 @@ int record(const Options& options) {
     InlineLoader inlines(scene, inlineDiagnostics, build);
     LogOptions logOptions;
     logOptions.mode.mode = *modeFromName(options.mode);
+    logOptions.mode.coding = *codingFromName(options.coding);
+    std::unique_ptr<LossyScene> lossy;
+    if (logOptions.mode.mode == Mode::lossy) {
+        auto followed = LossyScene::follow(scene, options.error);
+        if (!followed) return printError(followed.error()), kUsage;
+        lossy = std::move(*followed);
+        logOptions.mode.maxError = options.error;
+    }
     logOptions.inputs = options.inputs;
     scene.setInputRecording(options.inputs || logOptions.mode.mode == Mode::input);
     auto log = LogWriter::create(options.out, builtinTypes(), logOptions);
     if (!log) return printError(log.error()), kBad;
-    Attachment attachment = scene.bus().attach(**log);
+    Attachment attachment = (lossy ? lossy->scene() : scene).bus().attach(**log);
     const auto frames = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9)) + 1;
     const auto start = std::chrono::steady_clock::now();
     const Progress progress = progressBar("recording " + options.out);
@@ -80,8 +90,16 @@ Verb addRecord(CLI::App& program) {
     command->add_option("--for", options->duration, "how long")->capture_default_str();
     command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e6));
     command->add_option("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
-    command->add_option("--mode", options->mode, "state: the changes; input: only what came into each frame")
-        ->check(CLI::IsMember({"state", "input"}))
+    command
+        ->add_option("--mode", options->mode,
+                     "state: the changes; input: only what came into each frame; lossy: as state, within --error")
+        ->check(CLI::IsMember(std::vector<std::string>(kModeNames.begin(), kModeNames.end())))
+        ->capture_default_str();
+    command->add_option("--error", options->error, "lossy: largest error in motion, metres and radians; rest is exact")
+        ->capture_default_str()
+        ->check(CLI::PositiveNumber);
+    command->add_option("--coding", options->coding, "of values: raw, fastest; compact; smallest")
+        ->check(CLI::IsMember(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end())))
         ->capture_default_str();
     command->add_flag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
     command->add_flag("--realtime", options->realtime, "one second a second");
