@@ -1,7 +1,9 @@
 // Tracing: from the tree over everything into Embree's BVHs.
+#include <cstring>
 #include <utility>
 
 #include "embree_bvh.h"
+#include "packet_avx512.h"
 
 namespace rtsg::bvh {
 
@@ -173,18 +175,25 @@ bool Top::occluded(const Ray& ray, RTCRay& r, RTCIntersectContext& context) cons
 
 namespace {
 
+/// AVX-512 where the machine has it.
+const bool kWide = avx512::isSupported();
+
 /// The rays of a packet in an object's frame; in their own again when this ends.
 class Entered {
   public:
     Entered(RayPacket16& rays, const glm::mat3& m, const Vec3f& translation) : rays_(rays) {
-        for (int h = 0; h < 2; ++h) {
-            const int at = 8 * h;
-            const simd::F8 x = origin_[0][h] = simd::load(rays.originX + at);
-            const simd::F8 y = origin_[1][h] = simd::load(rays.originY + at);
-            const simd::F8 z = origin_[2][h] = simd::load(rays.originZ + at);
-            const simd::F8 dx = direction_[0][h] = simd::load(rays.directionX + at);
-            const simd::F8 dy = direction_[1][h] = simd::load(rays.directionY + at);
-            const simd::F8 dz = direction_[2][h] = simd::load(rays.directionZ + at);
+        if (kWide) {
+            avx512::enter(rays, &m[0].x, &translation.x, saved_);
+            return;
+        }
+        for (int at = 0; at < 16; at += 8) {
+            const auto take = [&](int k, const float* from) {
+                const simd::F8 v = simd::load(from + at);
+                simd::store(saved_.values[k] + at, v);
+                return v;
+            };
+            const simd::F8 x = take(0, rays.originX), y = take(1, rays.originY), z = take(2, rays.originZ);
+            const simd::F8 dx = take(3, rays.directionX), dy = take(4, rays.directionY), dz = take(5, rays.directionZ);
             const simd::F8 ox = x - translation.x, oy = y - translation.y, oz = z - translation.z;
             simd::store(rays.originX + at, m[0].x * ox + m[1].x * oy + m[2].x * oz);
             simd::store(rays.originY + at, m[0].y * ox + m[1].y * oy + m[2].y * oz);
@@ -195,23 +204,30 @@ class Entered {
         }
     }
     ~Entered() {
-        for (int h = 0; h < 2; ++h) {
-            const int at = 8 * h;
-            simd::store(rays_.originX + at, origin_[0][h]);
-            simd::store(rays_.originY + at, origin_[1][h]);
-            simd::store(rays_.originZ + at, origin_[2][h]);
-            simd::store(rays_.directionX + at, direction_[0][h]);
-            simd::store(rays_.directionY + at, direction_[1][h]);
-            simd::store(rays_.directionZ + at, direction_[2][h]);
+        if (kWide) {
+            avx512::leave(rays_, saved_);
+            return;
         }
+        float* const targets[] = {rays_.originX,    rays_.originY,    rays_.originZ,
+                                  rays_.directionX, rays_.directionY, rays_.directionZ};
+        for (int k = 0; k < 6; ++k) std::memcpy(targets[k], saved_.values[k], sizeof saved_.values[k]);
     }
     Entered(const Entered&) = delete;
     Entered& operator=(const Entered&) = delete;
 
   private:
     RayPacket16& rays_;
-    simd::F8 origin_[3][2], direction_[3][2];
+    avx512::SavedRays saved_;
 };
+
+template <class Leaf>
+void traverse(const InstanceTree& tree, const RayPacket16& rays, const std::int32_t* valid, Leaf leaf) {
+    if (!kWide) return tree.traverse(rays, valid, leaf);
+    avx512::traverse(
+        tree.nodes(), tree.nodeCount(), rays, valid,
+        [](void* self, std::uint32_t object, const std::int32_t* lanes) { (*static_cast<Leaf*>(self))(object, lanes); },
+        &leaf);
+}
 
 }  // namespace
 
@@ -219,9 +235,9 @@ void Top::intersect(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext&
     auto& packet = reinterpret_cast<RTCRayHit16&>(rays);
     if (main_) {
         rtcIntersect16(valid, main_->scene, &context, &packet);
-        if (tree_.empty()) return;
     }
-    tree_.traverse(rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
+    if (tree_.empty()) return;
+    traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
         const Object& object = objects_[index];
         context.instID[0] = index;  // what Embree notes in the hits it finds
         if (object.resting) {
@@ -238,10 +254,10 @@ void Top::occluded(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext& 
     auto& packet = reinterpret_cast<RTCRay16&>(rays);
     if (main_) {
         rtcOccluded16(valid, main_->scene, &context, &packet);
-        if (tree_.empty()) return;
     }
+    if (tree_.empty()) return;
     // A blocked lane's segment ends before it begins, so that it meets no further box.
-    tree_.traverse(rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
+    traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
         const Object& object = objects_[index];
         if (object.resting) {
             rtcOccluded16(lanes, object.scene, &context, &packet);

@@ -45,6 +45,8 @@ void Flattener::Impl::startOver() {
         ++live;
     }
     growContent(0);
+    skins.startOver(*scene);
+    followSkins();
 }
 
 void Flattener::Impl::follow(const ChangeSet& changes) {
@@ -54,9 +56,16 @@ void Flattener::Impl::follow(const ChangeSet& changes) {
     runTransforms();
     for (const Content& content : contents) walkUp(content.node, content.structural);
     contents.clear();
+    followSkins();
     runShapes();
     runLights();
     runViewer();
+}
+
+void Flattener::Impl::followSkins() {
+    std::vector<NodeId> moved;
+    skins.update(*scene, roles, moved);
+    for (const NodeId coordinate : moved) walkUp(coordinate, false, false);
 }
 
 void Flattener::Impl::sortOut(const Change& change) {
@@ -67,6 +76,7 @@ void Flattener::Impl::sortOut(const Change& change) {
     if (!node) return;  // gone by now; what held it has changed as well
     const TypeRole& role = roles.of(*node);
     const Aspect aspect = node->type().fields[change.field].aspect;
+    if (role.ofHumanoid && aspect != Aspect::none) skins.mark(*scene, node->id());
     switch (role.role) {
         case Role::none:
             if (aspect != Aspect::none && aspect != Aspect::time)
@@ -262,7 +272,7 @@ void Flattener::Impl::report(NodeId node, std::vector<NodeId>& list) {
     if (std::exchange(state(node).reported, stamp) != stamp) list.push_back(node);
 }
 
-void Flattener::Impl::walkUp(NodeId changed, bool structural) {
+void Flattener::Impl::walkUp(NodeId changed, bool structural, bool marksSkins) {
     ++walk;
     climbing.assign(1, changed);
     while (!climbing.empty()) {
@@ -282,6 +292,7 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural) {
         const bool rebinds = structural && (roles.of(*node).role == Role::first || node->is(x3d::Appearance::type));
         for (const ParentRef& parent : scene->parents(id)) {
             const Node& above = scene->node(parent.node);
+            if (marksSkins && roles.of(above).ofHumanoid) skins.mark(*scene, parent.node);
             switch (roles.of(above).role) {
                 case Role::none:
                 case Role::first:
@@ -302,7 +313,7 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural) {
 
 std::shared_ptr<const Mesh> Flattener::Impl::makeMesh(NodeId geometry) {
     if (options.meshes) return options.meshes(*scene, geometry);
-    std::shared_ptr<const Mesh> mesh = tessellator.mesh(*scene, geometry);
+    std::shared_ptr<const Mesh> mesh = tessellator.mesh(*scene, geometry, &skins.points());
     if (!tessellator.diagnostics().all().empty()) diagnostics.append(tessellator.takeDiagnostics());
     return mesh;
 }

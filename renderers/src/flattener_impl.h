@@ -14,6 +14,7 @@
 #include <rtsg/renderers/tessellator.h>
 
 #include "flattener_roles.h"
+#include "skin.h"
 
 namespace rtsg {
 
@@ -142,9 +143,11 @@ struct Flattener::Impl {
     void runLevels();
     void runScopes();
     /// Tells whatever holds `changed`, directly or through other nodes, that its content changed.
-    void walkUp(NodeId changed, bool structural);
+    void walkUp(NodeId changed, bool structural, bool marksSkins = true);
+    void followSkins();
     void report(NodeId node, std::vector<NodeId>& list);
     std::shared_ptr<const Mesh> makeMesh(NodeId geometry);
+    flatten::Skins skins;
     Tessellator tessellator;  // unless the options have something else
     void finish();
 

@@ -65,6 +65,7 @@ TypeRole RoleTable::work(const NodeType& type) {
         }
     };
     role.visible = findTyped(type, "visible", FieldType::SFBool);
+    role.ofHumanoid = type.name == "HAnimHumanoid" || type.name == "HAnimJoint" || type.name == "HAnimDisplacer";
     if (type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto) {
         role.role = Role::first;
         role.visible = kNoField;  // whatever the author means by it

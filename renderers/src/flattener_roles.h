@@ -28,6 +28,7 @@ struct TypeRole {
     Role role = Role::none;
     PlacedKind kind = PlacedKind::light;
     bool hasTransform = false;
+    bool ofHumanoid = false;  // what it holds may move a skin: a humanoid, joint or displacer
     std::uint8_t childFields = 0;
     std::array<FieldIndex, 3> children{kNoField, kNoField, kNoField};
     FieldIndex visible = kNoField, global = kNoField, choice = kNoField, range = kNoField, order = kNoField;

@@ -63,6 +63,28 @@ class InstanceTree {
     void remove(std::uint32_t object);
     void commit();
 
+    // What another traversal needs (packet_avx512.h):
+    static constexpr std::uint32_t kLeaf = 0x80000000, kRoot = 0;
+    static constexpr std::size_t kMostLevels = 28, kStack = kMostLevels * 7 + 8;
+    struct alignas(32) Node {
+        float bounds[2][3][8];   // lower and upper, by axis, by child; inverted where there is none
+        std::uint32_t child[8];  // a node, or an object and kLeaf; kNone
+        std::uint32_t parent = kNone, lane = 0;
+        void setBox(std::uint32_t i, const Box& b) {
+            for (int k = 0; k < 3; ++k) bounds[0][k][i] = b.lower[k], bounds[1][k][i] = b.upper[k];
+        }
+        Box box(std::uint32_t i) const {
+            return {{bounds[0][0][i], bounds[0][1][i], bounds[0][2][i]},
+                    {bounds[1][0][i], bounds[1][1][i], bounds[1][2][i]}};
+        }
+        void clear(std::uint32_t i) { setBox(i, Box{}), child[i] = kNone; }
+    };
+    // A few units in the last place beyond the three roundings of (bound - origin) * reciprocal.
+    static constexpr float kCloser = 1 - 0x1p-21f, kFarther = 1 + 0x1p-21f;
+    static constexpr float kSmall = 1e-18f;  // Embree's own limit
+    const Node* nodes() const { return nodes_.data(); }
+    std::size_t nodeCount() const { return nodes_.size(); }
+
     bool empty() const { return count_ == 0; }
     std::size_t size() const { return count_; }
     /// The one object when size() is 1.
@@ -84,21 +106,6 @@ class InstanceTree {
     void traverse(const RayPacket16& rays, const std::int32_t* active, Leaf leaf) const;
 
   private:
-    static constexpr std::uint32_t kLeaf = 0x80000000, kRoot = 0;
-    static constexpr std::size_t kMostLevels = 28, kStack = kMostLevels * 7 + 8;
-    struct alignas(32) Node {
-        float bounds[2][3][8];   // lower and upper, by axis, by child; inverted where there is none
-        std::uint32_t child[8];  // a node, or an object and kLeaf; kNone
-        std::uint32_t parent = kNone, lane = 0;
-        void setBox(std::uint32_t i, const Box& b) {
-            for (int k = 0; k < 3; ++k) bounds[0][k][i] = b.lower[k], bounds[1][k][i] = b.upper[k];
-        }
-        Box box(std::uint32_t i) const {
-            return {{bounds[0][0][i], bounds[0][1][i], bounds[0][2][i]},
-                    {bounds[1][0][i], bounds[1][1][i], bounds[1][2][i]}};
-        }
-        void clear(std::uint32_t i) { setBox(i, Box{}), child[i] = kNone; }
-    };
     struct ObjectState {
         Box box;
         std::uint32_t node = kNone, lane = 0;
@@ -107,9 +114,6 @@ class InstanceTree {
     };
     struct Packet;
 
-    // A few units in the last place beyond the three roundings of (bound - origin) * reciprocal.
-    static constexpr float kCloser = 1 - 0x1p-21f, kFarther = 1 + 0x1p-21f;
-    static constexpr float kSmall = 1e-18f;  // Embree's own limit
     static float safeReciprocal(float d) { return 1 / (std::abs(d) < kSmall ? std::copysign(kSmall, d) : d); }
     static simd::F8 safeReciprocal(simd::F8 d) {
         const simd::F8 small = simd::all(kSmall), zero{};

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <memory>
+#include <unordered_map>
 #include <variant>
 
 #include "tessellate_detail.h"
@@ -19,6 +20,8 @@ class Scene;
 
 namespace rtsg::detail {
 
+/// Points that stand for those of a coordinate node, by its NodeId.
+using PointsOf = std::unordered_map<std::uint32_t, Array<Vec3f>>;
 using ComposedParams = std::variant<IndexedFaceSetParams, PrimitiveSetParams>;
 
 class DeformingSurface {
@@ -47,7 +50,7 @@ class DeformingSurface {
 const Node* resolveNode(const Scene& scene, NodeId id);
 bool isComposed(const Node& geometry);
 /// Precondition: isComposed(). What cannot be used is noted in the diagnostics of `problems`.
-ComposedParams readComposed(const Scene& scene, const Node& geometry, Mesh& problems);
+ComposedParams readComposed(const Scene& scene, const Node& geometry, Mesh& problems, const PointsOf* points = nullptr);
 /// Puts the node's type and name before each of the mesh's diagnostics.
 void labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& mesh);
 

@@ -30,11 +30,14 @@ using Kind = PrimitiveSetParams::Kind;
 /// Reads the nodes that a geometry refers to; what cannot be used is noted in `problems`.
 class PropertyReader {
   public:
-    PropertyReader(const Scene& scene, Mesh& problems) : scene_(scene), problems_(problems) {}
+    PropertyReader(const Scene& scene, Mesh& problems, const detail::PointsOf* points = nullptr)
+        : scene_(scene), problems_(problems), points_(points) {}
 
     Array<Vec3f> points(NodeId id) {
         const Node* node = resolveNode(scene_, id);
         if (!node) return {};
+        if (points_)
+            if (const auto found = points_->find(node->id().value); found != points_->end()) return found->second;
         if (node->is(x3d::Coordinate::type)) return node->get(x3d::Coordinate::point);
         if (node->is(x3d::CoordinateDouble::type)) {
             const Array<Vec3d>& source = node->get(x3d::CoordinateDouble::point);
@@ -112,12 +115,14 @@ class PropertyReader {
 
     const Scene& scene_;
     Mesh& problems_;
+    const detail::PointsOf* points_;
 };
 
 /// The fields of a composed geometry node.
 class ComposedReader {
   public:
-    ComposedReader(const Scene& scene, const Node& node, Mesh& problems) : node_(node), properties_(scene, problems) {}
+    ComposedReader(const Scene& scene, const Node& node, Mesh& problems, const detail::PointsOf* points)
+        : node_(node), properties_(scene, problems, points) {}
 
     ComposedParams read() {
         switch (node_.typeIndex().value) {
@@ -307,8 +312,9 @@ bool detail::isComposed(const Node& geometry) {
     }
 }
 
-detail::ComposedParams detail::readComposed(const Scene& scene, const Node& geometry, Mesh& problems) {
-    return ComposedReader(scene, geometry, problems).read();
+detail::ComposedParams detail::readComposed(const Scene& scene, const Node& geometry, Mesh& problems,
+                                            const PointsOf* points) {
+    return ComposedReader(scene, geometry, problems, points).read();
 }
 
 void detail::labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& mesh) {

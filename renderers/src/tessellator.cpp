@@ -72,10 +72,10 @@ bool Tessellator::keyOf(const Scene& scene, NodeId geometry, Key& key) {
     }
 }
 
-std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometry) {
+std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometry, const detail::PointsOf* points) {
     Key key;
     if (!keyOf(scene, geometry, key)) {
-        auto mesh = deform(scene, geometry);
+        auto mesh = deform(scene, geometry, points);
         return mesh ? mesh : make(scene, geometry, false);
     }
     if (const auto found = shared_.find(key); found != shared_.end())
@@ -91,13 +91,13 @@ std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometr
 
 /// Null for what is no composed geometry, and for one seen for the first time: most never change, and what is
 /// remembered of those that do is not free.
-std::shared_ptr<const Mesh> Tessellator::deform(const Scene& scene, NodeId geometry) {
+std::shared_ptr<const Mesh> Tessellator::deform(const Scene& scene, NodeId geometry, const detail::PointsOf* points) {
     const Node* node = detail::resolveNode(scene, geometry);
     if (!node || !detail::isComposed(*node)) return nullptr;
     const auto [found, isNew] = surfaces_.try_emplace(geometry.value);
-    if (isNew) return nullptr;
+    if (isNew && (!points || points->empty())) return nullptr;
     Mesh problems;
-    const detail::ComposedParams params = detail::readComposed(scene, *node, problems);
+    const detail::ComposedParams params = detail::readComposed(scene, *node, problems, points);
     std::unique_ptr<detail::DeformingSurface>& surface = found->second;
     if (surface)
         if (auto mesh = surface->deform(params)) return mesh;

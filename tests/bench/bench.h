@@ -30,6 +30,7 @@ bool rays(const Report& report, bool quick);
 /// False if the copy on the other thread differs.
 bool overlap(const Report& report, bool quick);
 void deform(const Report& report, bool quick);
+void instances(const Report& report, bool quick);
 
 /// CPU time of this process in seconds.
 double cpuSeconds();

@@ -29,7 +29,9 @@ class Tessellator {
 
     /// Null when the node is missing or no geometry; empty when it has no triangles. Fits Flattener's MeshSource as
     /// `[&](const Scene& scene, NodeId node) { return tessellator.mesh(scene, node); }`.
-    std::shared_ptr<const Mesh> mesh(const Scene& scene, NodeId geometry);
+    /// `points`, if any, stand for those of coordinate nodes, by NodeId: of skins, say.
+    std::shared_ptr<const Mesh> mesh(const Scene& scene, NodeId geometry,
+                                     const std::unordered_map<std::uint32_t, Array<Vec3f>>* points = nullptr);
     /// Lets go of what is remembered of a node to follow its coordinates.
     void forget(NodeId geometry);
 
@@ -46,7 +48,8 @@ class Tessellator {
         std::size_t operator()(const Key& key) const;
     };
     static bool keyOf(const Scene& scene, NodeId geometry, Key& key);
-    std::shared_ptr<const Mesh> deform(const Scene& scene, NodeId geometry);
+    std::shared_ptr<const Mesh> deform(const Scene& scene, NodeId geometry,
+                                       const std::unordered_map<std::uint32_t, Array<Vec3f>>* points);
     std::shared_ptr<const Mesh> make(const Scene& scene, NodeId geometry, bool isSphere);
     void forgetUnused();
 

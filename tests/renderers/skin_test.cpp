@@ -1,0 +1,192 @@
+// Skinned humanoids against a closed form in double: an arm of two bones.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/flattener.h>
+#include <rtsg/renderers/mesh.h>
+#include <rtsg/renderers/ray_world.h>
+
+namespace rtsg {
+namespace {
+
+/// About z, in the plane.
+Vec3d turned(Vec3d p, double angle) {
+    const double c = std::cos(angle), s = std::sin(angle);
+    return {c * p.x - s * p.y, s * p.x + c * p.y, p.z};
+}
+
+/// Upper arm from 0 to 1 along y, forearm from 1 to 2; a tube around both, blended across the elbow.
+struct Arm final : Subscriber {
+    Scene scene;
+    NodeId humanoid, upper, fore, coordinate, faces;
+    Array<Vec3f> rest;
+    std::vector<double> foreWeight;
+    Flattener flattener;
+    RayWorld world{{.buildThreads = 1}};
+    std::shared_ptr<const Mesh> mesh;
+    Attachment attachment;
+    double time = 0;
+
+    Arm() {
+        humanoid = scene.createNode(x3d::HAnimHumanoid::type);
+        upper = scene.createNode(x3d::HAnimJoint::type), fore = scene.createNode(x3d::HAnimJoint::type);
+        coordinate = scene.createNode(x3d::Coordinate::type), faces = scene.createNode(x3d::IndexedFaceSet::type);
+        const NodeId shape = scene.createNode(x3d::Shape::type);
+        Array<std::int32_t> index, upperIndex, foreIndex;
+        Array<float> upperWeights, foreWeights;
+        constexpr int kRings = 21, kAround = 8;
+        for (int ring = 0; ring < kRings; ++ring)
+            for (int k = 0; k < kAround; ++k) {
+                const float y = 2.f * static_cast<float>(ring) / (kRings - 1),
+                            a = 6.2831853f * static_cast<float>(k) / kAround;
+                const auto i = static_cast<std::int32_t>(rest.size());
+                rest.push_back({.2f * std::cos(a), y, .2f * std::sin(a)});
+                const float w = std::clamp((y - .7f) / .6f, 0.f, 1.f);
+                foreWeight.push_back(double{w});
+                if (w < 1) upperIndex.push_back(i), upperWeights.push_back(1 - w);
+                if (w > 0) foreIndex.push_back(i), foreWeights.push_back(w);
+                if (ring + 1 == kRings) continue;
+                const std::int32_t b = ring * kAround + (k + 1) % kAround;
+                for (const std::int32_t v : {i, i + kAround, b, -1, b, i + kAround, b + kAround, -1})
+                    index.push_back(v);
+            }
+        const auto set = [&](NodeId node, auto field, auto value) { EXPECT_TRUE(scene.set(node, field, value)); };
+        set(coordinate, x3d::Coordinate::point, rest);
+        set(faces, x3d::IndexedFaceSet::coordIndex, index);
+        set(faces, x3d::IndexedFaceSet::coord, coordinate);
+        set(shape, x3d::Shape::geometry, faces);
+        set(upper, x3d::HAnimJoint::skinCoordIndex, upperIndex);
+        set(upper, x3d::HAnimJoint::skinCoordWeight, upperWeights);
+        set(fore, x3d::HAnimJoint::skinCoordIndex, foreIndex);
+        set(fore, x3d::HAnimJoint::skinCoordWeight, foreWeights);
+        set(fore, x3d::HAnimJoint::center, Vec3f(0, 1, 0));
+        set(humanoid, x3d::HAnimHumanoid::skinCoord, coordinate);
+        set(humanoid, x3d::HAnimHumanoid::translation, Vec3f(5, 0, 0));
+        EXPECT_TRUE(scene.insertChild(upper, x3d::HAnimJoint::children, fore));
+        EXPECT_TRUE(scene.insertChild(humanoid, x3d::HAnimHumanoid::skeleton, upper));
+        for (const NodeId joint : {upper, fore})
+            EXPECT_TRUE(scene.insertChild(humanoid, x3d::HAnimHumanoid::joints, joint));
+        EXPECT_TRUE(scene.insertChild(humanoid, x3d::HAnimHumanoid::skin, shape));
+        EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, humanoid));
+        attachment = scene.bus().attach(*this);
+    }
+    Result<> apply(const Scene& s, const ChangeSet& changes) override {
+        const InstanceDelta& delta = flattener.apply(s, changes);
+        for (const InstanceDelta::Geometry& geometry : delta.geometries) mesh = geometry.mesh;
+        world.apply(delta);
+        return {};
+    }
+    void pose(float shoulder, float elbow) {
+        EXPECT_TRUE(scene.set(upper, x3d::HAnimJoint::rotation, Rotation{0, 0, 1, shoulder}));
+        EXPECT_TRUE(scene.set(fore, x3d::HAnimJoint::rotation, Rotation{0, 0, 1, elbow}));
+        frame();
+    }
+    void frame() { scene.newFrame(time += .01); }
+
+    Vec3d expected(std::size_t i, double shoulder, double elbow) const {
+        const Vec3d p(rest[i]), joint(0, 1, 0);
+        const Vec3d byUpper = turned(p, shoulder), byFore = turned(joint + turned(p - joint, elbow), shoulder);
+        return (1 - foreWeight[i]) * byUpper + foreWeight[i] * byFore;
+    }
+    void expectPose(double shoulder, double elbow, double tolerance = 1e-6) const {
+        ASSERT_TRUE(mesh);
+        ASSERT_EQ(mesh->positions.size(), rest.size());
+        for (std::size_t i = 0; i < rest.size(); ++i)
+            EXPECT_LT(glm::length(Vec3d(mesh->positions[i]) - expected(i, shoulder, elbow)), tolerance)
+                << "point " << i;
+    }
+};
+
+TEST(Skin, FollowsTwoBones) {
+    Arm arm;
+    arm.frame();
+    arm.expectPose(0, 0);
+    for (int step = 0; step < 40; ++step) {
+        const float shoulder = std::sin(.3f * static_cast<float>(step)),
+                    elbow = 1.2f * std::sin(.5f * static_cast<float>(step));
+        const std::shared_ptr<const Mesh> before = arm.mesh;
+        arm.pose(shoulder, elbow);
+        arm.expectPose(double{shoulder}, double{elbow});
+        EXPECT_EQ(findDefect(*arm.mesh), "");
+        EXPECT_TRUE(arm.mesh->triangles.sameStorage(before->triangles));
+    }
+    EXPECT_GT(arm.world.stats().meshRefits, 20u);
+}
+
+TEST(Skin, RaysMeetTheBentArm) {
+    Arm arm;
+    arm.frame();
+    arm.pose(0, 1.5707963f);
+    // The forearm now lies along -x at height 1, the humanoid stands at x = 5.
+    const Hit hit = arm.world.intersect({.origin = {4.3f, 5, 0}, .direction = {0, -1, 0}});
+    ASSERT_TRUE(hit);
+    EXPECT_NEAR(hit.t, 3.8f, .02f);
+    EXPECT_FALSE(arm.world.intersect({.origin = {5, 1.9f, 5}, .direction = {0, 0, -1}}));
+}
+
+TEST(Skin, FollowedEqualsFromScratch) {
+    Arm arm;
+    arm.frame();
+    for (const float angle : {.3f, -.8f, 2.f}) {
+        arm.pose(angle, -angle);
+        Flattener fresh;
+        std::shared_ptr<const Mesh> mesh;
+        const ChangeSet snapshot = arm.scene.snapshot();
+        for (const auto& geometry : fresh.apply(arm.scene, snapshot).geometries) mesh = geometry.mesh;
+        ASSERT_TRUE(mesh);
+        EXPECT_EQ(mesh->positions, arm.mesh->positions);
+    }
+}
+
+TEST(Skin, FollowsRestPointsWeightsAndDisplacers) {
+    Arm arm;
+    arm.frame();
+    arm.pose(.4f, .6f);
+    // The rest points move: so does the skin.
+    Vec3f* points = arm.rest.mutableData();
+    for (std::size_t i = 0; i < arm.rest.size(); ++i) points[i].z *= 2;
+    ASSERT_TRUE(arm.scene.set(arm.coordinate, x3d::Coordinate::point, arm.rest));
+    arm.frame();
+    arm.expectPose(double{.4f}, double{.6f});
+    // A displacer of the forearm, in its frame.
+    const NodeId displacer = arm.scene.createNode(x3d::HAnimDisplacer::type);
+    const auto last = static_cast<std::int32_t>(arm.rest.size() - 1);
+    ASSERT_TRUE(arm.scene.set(displacer, x3d::HAnimDisplacer::coordIndex, Array<std::int32_t>{last, 99999, -7}));
+    ASSERT_TRUE(
+        arm.scene.set(displacer, x3d::HAnimDisplacer::displacements, Array<Vec3f>{{0, 1, 0}, {1, 1, 1}, {1, 1, 1}}));
+    ASSERT_TRUE(arm.scene.insertChild(arm.fore, x3d::HAnimJoint::displacers, displacer));
+    arm.frame();
+    arm.expectPose(double{.4f}, double{.6f});
+    ASSERT_TRUE(arm.scene.set(displacer, x3d::HAnimDisplacer::weight, .5f));
+    arm.frame();
+    const auto at = static_cast<std::size_t>(last);
+    const Vec3d wanted = arm.expected(at, double{.4f}, double{.6f}) + turned({0, .5, 0}, double{.4f} + double{.6f});
+    EXPECT_LT(glm::length(Vec3d(arm.mesh->positions[at]) - wanted), 1e-6);
+    // Indices that are not there and weights that are none move nothing.
+    ASSERT_TRUE(arm.scene.set(displacer, x3d::HAnimDisplacer::weight, 0.f));
+    ASSERT_TRUE(arm.scene.set(arm.fore, x3d::HAnimJoint::skinCoordIndex, Array<std::int32_t>{-1, 1 << 30, 3}));
+    ASSERT_TRUE(arm.scene.set(arm.fore, x3d::HAnimJoint::skinCoordWeight, Array<float>{1, 1, NAN}));
+    arm.frame();
+    EXPECT_EQ(findDefect(*arm.mesh), "");
+}
+
+TEST(Skin, WithoutJointsOrWithoutSkinItIsTheRestPose) {
+    Arm arm;
+    arm.frame();
+    arm.pose(1, 1);
+    ASSERT_TRUE(arm.scene.set(arm.humanoid, x3d::HAnimHumanoid::skinCoord, NodeId{}));
+    arm.frame();
+    EXPECT_EQ(arm.mesh->positions, arm.rest);
+    ASSERT_TRUE(arm.scene.set(arm.humanoid, x3d::HAnimHumanoid::skinCoord, arm.coordinate));
+    arm.frame();
+    arm.expectPose(1, 1);
+    ASSERT_TRUE(arm.scene.removeChild(arm.humanoid, x3d::HAnimHumanoid::skeleton.index, 0));
+    arm.frame();
+    EXPECT_EQ(arm.mesh->positions, arm.rest);
+}
+
+}  // namespace
+}  // namespace rtsg
