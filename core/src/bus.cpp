@@ -1,9 +1,9 @@
 #include <rtsg/core/bus.h>
 
 #include <algorithm>
-#include <deque>
 #include <exception>
 #include <mutex>
+#include <vector>
 
 #include <rtsg/core/scene.h>
 
@@ -26,7 +26,13 @@ struct Attachment::Cursor {
     std::string failure;
     std::uint64_t seen = 0;
     bool restarted = false;  // the next set counts whatever its number
-    std::deque<std::shared_ptr<const ChangeSet>> backlog;
+    using Sets = std::vector<std::shared_ptr<const ChangeSet>>;
+    Sets backlog;
+
+    // The polling thread's own: memory that is used again with every poll.
+    Sets taken;
+    ChangeComposer composer;
+    ChangeSet merged;
 
     /// Whatever the subscriber does, nothing is thrown across the bus.
     Result<> call(const ChangeSet& set) {
@@ -48,10 +54,17 @@ struct Attachment::Cursor {
         backlog.clear();
         return false;
     }
-    std::deque<std::shared_ptr<const ChangeSet>> takeBacklog() {
+    /// Give it back with putBack: a subscriber may poll from within its own apply.
+    Sets takeBacklog() {
+        Sets sets = std::move(taken);
+        sets.clear();
         const std::scoped_lock lock(mutex);
-        if (!attached) return {};
-        return std::exchange(backlog, {});
+        if (attached) sets.swap(backlog);
+        return sets;
+    }
+    void putBack(Sets sets) {
+        sets.clear();
+        taken = std::move(sets);
     }
 };
 
@@ -173,26 +186,34 @@ void Attachment::detach() {
 
 bool Attachment::poll() {
     if (!cursor_) return false;
-    auto sets = cursor_->takeBacklog();
-    if (sets.empty()) return false;
+    const auto cursor = cursor_;  // a subscriber may detach itself
+    auto sets = cursor->takeBacklog();
+    const bool any = !sets.empty();
     if (sets.size() == 1) {
-        cursor_->deliver(*sets.front());
-        return true;
+        cursor->deliver(*sets.front());
+    } else if (any) {
+        for (const auto& set : sets) cursor->composer.add(*set);
+        ChangeSet merged = std::move(cursor->merged);
+        cursor->composer.take(merged);
+        sets.clear();  // what they hold can go back to the scene's pool
+        cursor->deliver(merged);
+        merged.clear();
+        cursor->merged = std::move(merged);
     }
-    ChangeComposer composer;
-    for (const auto& set : sets) composer.add(*set);
-    cursor_->deliver(composer.take());
-    return true;
+    cursor->putBack(std::move(sets));
+    return any;
 }
 
 std::size_t Attachment::drain() {
     if (!cursor_) return 0;
-    auto sets = cursor_->takeBacklog();
+    const auto cursor = cursor_;
+    auto sets = cursor->takeBacklog();
     std::size_t count = 0;
     for (const auto& set : sets) {
         ++count;
-        if (!cursor_->deliver(*set)) break;
+        if (!cursor->deliver(*set)) break;
     }
+    cursor->putBack(std::move(sets));
     return count;
 }
 

@@ -15,87 +15,168 @@ void ChangeSet::clear() {
     input.reset();
 }
 
+namespace {
+
+/// Open addressing, linear probing, nothing is ever taken out: the table of a merge, which lives for a frame.
+class SlotIndex {
+  public:
+    static constexpr std::uint32_t kNone = 0xFFFFFFFF;
+
+    /// kNone when new.
+    std::uint32_t& at(std::uint32_t node, std::uint32_t mark) {
+        if (2 * (used_ + 1) > entries_.size()) grow();
+        const std::uint64_t key = keyOf(node, mark);
+        Entry& entry = *place(key);
+        if (entry.key == 0) {
+            entry = {key, kNone};
+            ++used_;
+        }
+        return entry.value;
+    }
+    std::uint32_t find(std::uint32_t node, std::uint32_t mark) const {
+        if (entries_.empty()) return kNone;
+        return const_cast<SlotIndex*>(this)->place(keyOf(node, mark))->value;
+    }
+    void clear() {
+        if (used_ == 0) return;
+        if (entries_.size() > 64 * (used_ + 16))
+            entries_ = {};  // one large merge must not make all later ones sweep its table
+        else
+            std::ranges::fill(entries_, Entry{});
+        used_ = 0;
+    }
+
+  private:
+    struct Entry {
+        std::uint64_t key = 0;
+        std::uint32_t value = kNone;
+    };
+    static std::uint64_t keyOf(std::uint32_t node, std::uint32_t mark) {
+        return (std::uint64_t{node} << 20 | mark) + 1;
+    }
+    Entry* place(std::uint64_t key) {
+        const std::size_t mask = entries_.size() - 1;
+        std::size_t i = (key * 0x9E3779B97F4A7C15ull >> 20) & mask;
+        while (entries_[i].key != 0 && entries_[i].key != key) i = (i + 1) & mask;
+        return &entries_[i];
+    }
+    void grow() {
+        std::vector<Entry> before(std::max<std::size_t>(64, 2 * entries_.size()));
+        before.swap(entries_);
+        for (const Entry& entry : before)
+            if (entry.key != 0) *place(entry.key) = entry;
+    }
+    std::vector<Entry> entries_;  // a power of two
+    std::size_t used_ = 0;
+};
+
+}  // namespace
+
 /// Keeps changes in one vector with tombstones and the newest position of each key.
 struct ChangeComposer::State {
+    static constexpr std::uint32_t kNone = SlotIndex::kNone;
     struct Slot {
         Change change;
         bool live = true;
+        std::uint32_t ofNode = kNone;  // the slot before that is about the same node
     };
     struct KeyHash {
         std::size_t operator()(const std::pair<std::uint32_t, std::uint32_t>& k) const {
             return (std::uint64_t{k.first} << 20 ^ k.second) * 0x9E3779B97F4A7C15ull >> 7;
         }
     };
-    using Key = std::pair<std::uint32_t, std::uint32_t>;  // node, field (or one of the marks below)
-    static constexpr std::uint32_t kName = 0x10000, kCreate = 0x10001, kEvent = 0x20000;
+    using Key = std::pair<std::uint32_t, std::uint32_t>;  // node, field
+    // Beside fields: an event is kEvent plus its field.
+    static constexpr std::uint32_t kName = 0x10000, kCreate = 0x10001, kNode = 0x10002, kEvent = 0x20000;
     using RouteKey = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, bool>;
 
     bool any = false;
     ChangeSet result;  // header and types
     std::vector<Slot> slots;
-    std::unordered_map<Key, std::size_t, KeyHash> newest;                   // setField, setName, createNode, event
+    SlotIndex newest;           // of setField, setName, createNode, event; under kNode the last slot about a node
+    std::size_t following = 0;  // the slot after the last one met: frames tend to repeat the order of the last one
     std::unordered_map<Key, std::vector<std::size_t>, KeyHash> childOps;    // not yet under a setField
-    std::unordered_map<std::uint32_t, std::vector<std::size_t>> ofNode;     // every slot about a node
     std::unordered_map<std::uint32_t, std::vector<std::size_t>> insertsOf;  // of children created in this set
     std::map<RouteKey, std::size_t> addedRoutes;
 
-    std::size_t append(const Change& change) {
-        slots.push_back({change});
-        ofNode[change.node.value].push_back(slots.size() - 1);
-        return slots.size() - 1;
+    std::uint32_t append(const Change& change) {
+        const auto slot = static_cast<std::uint32_t>(slots.size());
+        std::uint32_t& last = newest.at(change.node.value, kNode);
+        slots.push_back({change, true, last});
+        last = slot;
+        return slot;
     }
-    bool isCreated(NodeId node) const { return newest.contains({node.value, kCreate}); }
+    bool isCreated(NodeId node) const { return newest.find(node.value, kCreate) != kNone; }
 
+    /// The live slot of a key; null if there is none.
+    Slot* latest(NodeId node, std::uint32_t mark) {
+        const std::uint32_t slot = newest.find(node.value, mark);
+        return slot != kNone && slots[slot].live ? &slots[slot] : nullptr;
+    }
     void setLatest(std::uint32_t mark, const Change& change) {
-        const Key key{change.node.value, mark};
-        const auto found = newest.find(key);
-        if (found != newest.end() && slots[found->second].live)
-            slots[found->second].change = change;
-        else
-            newest[key] = append(change);
+        if (following < slots.size()) {
+            Slot& slot = slots[following];
+            if (slot.live && slot.change.kind == change.kind && slot.change.node == change.node &&
+                slot.change.field == change.field) {
+                slot.change = change;
+                ++following;
+                return;
+            }
+        }
+        const std::uint32_t known = newest.find(change.node.value, mark);
+        if (known != kNone && slots[known].live) {
+            slots[known].change = change;
+            following = known + std::size_t{1};
+        } else {
+            const std::uint32_t slot = append(change);
+            newest.at(change.node.value, mark) = slot;
+        }
     }
     void editChildren(const Change& change) {
-        const Key key{change.node.value, change.field};
-        auto found = newest.find(key);
-        if ((found == newest.end() || !slots[found->second].live) && isCreated(change.node)) {
-            Change whole = change;
-            whole.kind = ChangeKind::setField;
-            whole.other = {};
-            whole.index = 0;
-            whole.value = Array<NodeId>();
-            newest[key] = append(whole);
-            found = newest.find(key);
+        Slot* whole = latest(change.node, change.field);
+        if (!whole && isCreated(change.node)) {
+            Change list = change;
+            list.kind = ChangeKind::setField;
+            list.other = {};
+            list.index = 0;
+            list.value = Array<NodeId>();
+            const std::uint32_t slot = append(list);
+            newest.at(change.node.value, change.field) = slot;
+            whole = &slots[slot];
         }
-        if (found == newest.end() || !slots[found->second].live) {
+        if (!whole) {
             const std::size_t slot = append(change);
-            childOps[key].push_back(slot);
+            childOps[{change.node.value, change.field}].push_back(slot);
             if (change.kind == ChangeKind::insertChild && isCreated(change.other))
                 insertsOf[change.other.value].push_back(slot);
             return;
         }
-        Change& whole = slots[found->second].change;
-        Array<NodeId> children = whole.value.as<Array<NodeId>>();
-        whole.value = Value();  // leaves `children` the sole owner, so that it is edited in place
+        Array<NodeId> children = whole->change.value.as<Array<NodeId>>();
+        whole->change.value = Value();  // leaves `children` the sole owner, so that it is edited in place
         if (change.kind == ChangeKind::insertChild)
             children.insert(std::min<std::size_t>(change.index, children.size()), change.other);
         else if (change.index < children.size())
             children.erase(change.index);
-        whole.value = std::move(children);
-        whole.external = change.external;
+        whole->change.value = std::move(children);
+        whole->change.external = change.external;
     }
     void add(const Change& change) {
         switch (change.kind) {
             case ChangeKind::defineType:
                 append(change);
                 break;
-            case ChangeKind::createNode:
-                newest[{change.node.value, kCreate}] = append(change);
+            case ChangeKind::createNode: {
+                const std::uint32_t slot = append(change);
+                newest.at(change.node.value, kCreate) = slot;
                 break;
+            }
             case ChangeKind::setField: {
-                const auto ops = childOps.find({change.node.value, change.field});
-                if (ops != childOps.end()) {
-                    for (const std::size_t i : ops->second) slots[i].live = false;
-                    childOps.erase(ops);
+                if (!childOps.empty()) {
+                    const auto ops = childOps.find({change.node.value, change.field});
+                    if (ops != childOps.end()) {
+                        for (const std::size_t i : ops->second) slots[i].live = false;
+                        childOps.erase(ops);
+                    }
                 }
                 setLatest(change.field, change);
                 break;
@@ -162,13 +243,14 @@ struct ChangeComposer::State {
             for (const std::size_t slot : inserts->second) cancelInsertion(slot);
             insertsOf.erase(inserts);
         }
-        for (const std::size_t i : ofNode[change.node.value]) {
+        std::uint32_t& last = newest.at(change.node.value, kNode);
+        for (std::uint32_t i = last; i != kNone; i = slots[i].ofNode) {
             const ChangeKind kind = slots[i].change.kind;
             // Its removed routes must still be removed where they are known.
             if (kind != ChangeKind::removeRoute || created) slots[i].live = false;
         }
-        ofNode.erase(change.node.value);
-        newest.erase({change.node.value, kCreate});
+        last = kNone;
+        if (created) newest.at(change.node.value, kCreate) = kNone;
         if (!created) append(change);
     }
 };
@@ -188,12 +270,18 @@ void ChangeComposer::add(const ChangeSet& set) {
     s.result.time = set.time;
     s.result.hash = set.hash;
     s.result.types.insert(s.result.types.end(), set.types.begin(), set.types.end());
+    s.following = 0;
     for (const Change& change : set.changes) s.add(change);
 }
 
 ChangeSet ChangeComposer::take() {
+    ChangeSet result;
+    take(result);
+    return result;
+}
+
+void ChangeComposer::take(ChangeSet& into) {
     State& s = *state_;
-    ChangeSet result = std::move(s.result);
     static constexpr int kPhases = 7;
     const auto phase = [](ChangeKind kind) {
         switch (kind) {
@@ -217,11 +305,27 @@ ChangeSet ChangeComposer::take() {
         }
         return 6;
     };
-    for (int p = 0; p < kPhases; ++p)
-        for (State::Slot& slot : s.slots)
-            if (slot.live && phase(slot.change.kind) == p) result.changes.push_back(std::move(slot.change));
-    *state_ = State();
-    return result;
+    into.clear();
+    into.from = s.result.from;
+    into.to = s.result.to;
+    into.time = s.result.time;
+    into.hash = s.result.hash;
+    into.types.swap(s.result.types);
+    std::size_t counts[kPhases] = {};
+    for (const State::Slot& slot : s.slots)
+        if (slot.live) ++counts[phase(slot.change.kind)];
+    std::size_t total = 0;
+    for (std::size_t& count : counts) total += std::exchange(count, total);
+    into.changes.resize(total);
+    for (State::Slot& slot : s.slots)
+        if (slot.live) into.changes[counts[phase(slot.change.kind)]++] = std::move(slot.change);
+    s.any = false;
+    s.slots.clear();
+    s.newest.clear();
+    s.following = 0;
+    s.childOps.clear();
+    s.insertsOf.clear();
+    s.addedRoutes.clear();
 }
 
 ChangeSet compose(std::span<const std::shared_ptr<const ChangeSet>> sets) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <tuple>
 
 namespace rtsg {
 
@@ -48,10 +49,13 @@ bool NodeType::finish() {
     for (std::size_t i = 1; i < byName_.size(); ++i)
         if (key(byName_[i - 1]) == key(byName_[i])) return false;
 
-    // Widest alignment first: no padding between fields, so that a million Transforms stay small.
+    // Widest alignment first: no padding between fields, so that a million Transforms stay small. Then what moves every
+    // frame, so that it shares a cache line.
     std::vector<FieldIndex> order(fields.size());
     std::iota(order.begin(), order.end(), FieldIndex{0});
-    std::ranges::sort(order, {}, [&](FieldIndex i) { return std::pair(-info(fields[i].type).alignment, i); });
+    std::ranges::sort(order, {}, [&](FieldIndex i) {
+        return std::tuple(-info(fields[i].type).alignment, fields[i].aspect != Aspect::transform, i);
+    });
     std::size_t size = 0;
     for (const FieldIndex i : order) {
         FieldDef& field = fields[i];
@@ -65,6 +69,17 @@ bool NodeType::finish() {
     }
     blockSize_ = (size + 7) / 8 * 8;
     defaults_.assign(blockSize_, std::byte{0});
+    slots_.clear();
+    for (const FieldDef& field : fields) {
+        const FieldTypeInfo& i = info(field.type);
+        const bool given =
+            field.hidden || field.access == Access::initializeOnly || field.access == Access::inputOutput;
+        // A PROTO instance's fields go on to its body.
+        const bool ownOnly = kind != Kind::proto && kind != Kind::externProto;
+        slots_.push_back({field.offset, field.type, i.size, field.aspect,
+                          given && ownOnly && !i.shared && i.size <= 16 && field.type != FieldType::SFNode &&
+                              field.offset != FieldDef::kNoOffset});
+    }
     for (std::size_t i = 0; i < fields.size(); ++i) {
         const FieldDef& field = fields[i];
         const auto index = static_cast<FieldIndex>(i);

@@ -18,13 +18,25 @@ Scene::Scene() : state_(std::make_unique<State>(*this)), bus_(std::make_unique<B
 Scene::~Scene() = default;
 
 Result<> Scene::State::checkThread() const {
-    if (std::this_thread::get_id() == thread) return {};
+    if (onOwnThread()) return {};
     return fail("the scene belongs to another thread");
 }
 
 Result<> Scene::State::checkEdit() {
-    editedWithin |= cascading;
-    return checkThread();
+    auto ok = checkThread();
+    if (ok) editedWithin |= cascading;
+    return ok;
+}
+
+bool Scene::State::refuseForeign() {
+    if (onOwnThread()) return false;
+    foreignCalls.fetch_add(1, std::memory_order_relaxed);
+    return true;
+}
+
+void Scene::State::reportForeign() {
+    if (const std::size_t calls = foreignCalls.exchange(0, std::memory_order_relaxed))
+        diagnostics.error({}, fmt::format("the scene belongs to another thread: {} calls refused", calls));
 }
 
 // ---- reading ---------------------------------------------------------------------------------------------------
@@ -35,14 +47,24 @@ const Node* Scene::find(NodeId id) const {
 const Node& Scene::node(NodeId id) const {
     return *state_->find(id);
 }
+const Node* Scene::effectiveNode(NodeId id) const {
+    const Node* node = find(id);
+    while (node && (node->type().kind == NodeType::Kind::proto || node->type().kind == NodeType::Kind::externProto)) {
+        const FieldIndex body = node->type().body();
+        if (body == kNoField) return nullptr;
+        const auto& nodes = node->get(Field<Array<NodeId>>{body});
+        node = nodes.empty() ? nullptr : find(nodes[0]);  // bodies are part of the hierarchy: no cycles
+    }
+    return node;
+}
 std::size_t Scene::nodeCount() const {
     return state_->nodeCount;
 }
 void Scene::forEachNode(const std::function<void(const Node&)>& visit) const {
-    for (const auto& page : state_->pages)
+    for (Node* const* page : state_->pages)
         if (page)
-            for (const Node* node : *page)
-                if (node) visit(*node);
+            for (std::uint32_t i = 0; i < State::kPage; ++i)
+                if (page[i]) visit(*page[i]);
 }
 std::vector<ParentRef> Scene::parents(NodeId id) const {
     std::vector<ParentRef> result;
@@ -99,21 +121,25 @@ std::uint64_t Scene::sequence() const {
     return state_->sequence;
 }
 Hash128 Scene::hash() const {
-    // Pending writes are out of the running sum: put their current terms back in.
+    // Pending writes are not yet in the running sum.
     detail::StateHash sum = state_->hash;
-    for (const auto& dirty : state_->dirtyNodes)
-        if (const Node* node = find(dirty.node))
-            for (FieldIndex i = 0; i < node->type().fields.size(); ++i)
-                if (node->type().fields[i].readable() && state_->isDirty(*node, i)) sum.add(state_->termOf(*node, i));
+    for (const State::WrittenField& entry : state_->written)
+        if (const Node* node = find(entry.node)) {
+            sum.subtract(state_->termBefore(*node, entry));
+            sum.add(state_->termOf(*node, entry.field));
+        }
     return sum.value();
 }
 Diagnostics& Scene::diagnostics() {
+    if (state_->onOwnThread()) state_->reportForeign();
     return state_->diagnostics;
 }
 void Scene::setEventListener(EventListener listener) {
+    if (state_->refuseForeign()) return;
     state_->listener = std::move(listener);
 }
 void Scene::registerBehaviour(TypeIndex type, const Behaviour& behaviour) {
+    if (state_->refuseForeign()) return;
     state_->types[type.value].behaviour = behaviour;
     state_->noteUse(type, behaviour);
     forEachNode([&](const Node& node) {
@@ -121,11 +147,13 @@ void Scene::registerBehaviour(TypeIndex type, const Behaviour& behaviour) {
     });
 }
 void Scene::registerBehaviour(std::string_view type, const Behaviour& behaviour) {
+    if (state_->refuseForeign()) return;
     state_->behavioursByName.insert_or_assign(std::string(type), behaviour);
     for (std::size_t i = 0; i < state_->types.size(); ++i)
         if (state_->types[i].type->name == type) registerBehaviour(TypeIndex{static_cast<std::uint16_t>(i)}, behaviour);
 }
 void Scene::setBehavioursEnabled(bool enabled) {
+    if (state_->refuseForeign()) return;
     if (enabled == state_->behavioursEnabled) return;
     state_->behavioursEnabled = enabled;
     state_->active.clear();
@@ -177,6 +205,7 @@ Result<> Scene::destroyNode(NodeId id) {
 
 std::size_t Scene::destroyUnreachable() {
     State& s = *state_;
+    if (s.refuseForeign()) return 0;
     std::vector<bool> reached(s.nextId);
     std::vector<NodeId> pending;
     const auto reach = [&](NodeId id) {
@@ -210,6 +239,7 @@ std::size_t Scene::destroyUnreachable() {
 }
 
 Result<> Scene::setField(NodeId id, FieldIndex field, Value value) {
+    if (setPlain(id, field, value.type(), value.storage())) return {};
     State& s = *state_;
     if (auto ok = s.checkEdit(); !ok) return ok;
     Node* node = s.find(id);

@@ -101,16 +101,7 @@ Result<> Scene::State::applyChange(const Change& c, bool pending) {
                 wake(*node);
                 return {};
             }
-            hash.subtract(termOf(*node, c.field));
-            // write() would note the field as pending: here it is already sealed.
-            const std::uint64_t dirty = node->dirty_;
-            node->dirty_ = ~std::uint64_t{0};
-            node->dirtySlot_ = 0;
-            if (dirtyNodes.empty()) dirtyNodes.push_back({});
-            if (c.field >= 63) dirtyHighFields.assign(1, {node->id_, c.field});
-            write(*node, c.field, c.value.storage());
-            node->dirty_ = dirty;
-            hash.add(termOf(*node, c.field));
+            writeSealed(*node, c.field, c.value);
             wake(*node);
             return {};
         }
@@ -240,6 +231,7 @@ Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<c
     bool released = false;
     std::vector<NodeId> changedParents;
     deferCycleCheck = true;
+    noting = pending;
     for (const Change& change : changes) {
         // Nodes that go together may still refer to each other: all let go before any is destroyed.
         if (change.kind == ChangeKind::destroyNode && !released) {
@@ -247,18 +239,14 @@ Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<c
             if (auto ok = releaseDestroyed(changes); !ok) return ok;
         }
         auto ok = applyChange(change, pending);
-        if (!pending) {
-            childOps.clear();
-            childOpCounts.clear();
-            dirtyNodes.clear();
-            dirtyHighFields.clear();
-        }
         if (!ok) return ok;
         if (change.kind == ChangeKind::insertChild ||
             (change.kind == ChangeKind::setField && sf(change.value.type()) == FieldType::SFNode))
             if (changedParents.empty() || changedParents.back() != change.node) changedParents.push_back(change.node);
     }
     deferCycleCheck = false;
+    noting = true;
+    if (!pending) keepTerms();
     std::erase_if(changedParents, [&](NodeId id) { return !find(id); });
     return checkAcyclic(changedParents);
 }

@@ -96,15 +96,13 @@ void Scene::State::captureInput(bool running) {
     currentCall = kNoCall;
     appendDefinitions(in.edits, newTypes);
     appendCreations(in.edits);
-    for (const DirtyNode& dirty : dirtyNodes) {
-        const Node* node = find(dirty.node);
+    for (const WrittenField& entry : written) {
+        const Node* node = find(entry.node);
         if (!node) continue;
-        forEachDirtyField(*node, [&](FieldIndex field) {
-            Change& change = in.edits.emplace_back();
-            change.node = node->id_;
-            change.field = field;
-            change.value = node->value(field);
-        });
+        Change& change = in.edits.emplace_back();
+        change.node = entry.node;
+        change.field = entry.field;
+        change.value = node->value(entry.field);
     }
     appendOtherEdits(in.edits);
 }

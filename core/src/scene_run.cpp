@@ -224,10 +224,8 @@ void Scene::State::runTime(Cascade& cascade) {
 
 std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) {
-        s.diagnostics.error({}, ok.error().text);
-        return std::make_shared<ChangeSet>();
-    }
+    if (s.refuseForeign()) return std::make_shared<ChangeSet>();
+    s.reportForeign();
     if (s.started && t < s.now) {
         s.diagnostics.warning({}, fmt::format("time went back from {} to {}: kept", s.now, t));
         t = s.now;
@@ -270,6 +268,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
 }
 
 std::shared_ptr<const ChangeSet> Scene::seal() {
+    if (state_->refuseForeign()) return nullptr;
     return state_->hasPending() ? state_->seal() : nullptr;
 }
 

@@ -6,18 +6,18 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <bit>
 #include <map>
-#include <memory_resource>
 #include <queue>
 #include <set>
-#include <thread>
 #include <unordered_map>
 
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/frame_input.h>
 #include <rtsg/core/scene.h>
 
+#include "node_arena.h"
 #include "script_engine.h"
 #include "state_hash.h"
 
@@ -79,21 +79,27 @@ struct Scene::State {
     Result<> passToBody(NodeId id, FieldIndex field);
 
     Scene& owner;
-    std::thread::id thread = std::this_thread::get_id();
+    /// The address of a thread's own variable names the thread, at no cost.
+    static const void* currentThread() {
+        static thread_local char own;
+        return &own;
+    }
+    const void* thread = currentThread();
 
     // ---- nodes ----
     static constexpr std::uint32_t kPage = 1024;
-    std::pmr::unsynchronized_pool_resource memory;
-    std::vector<std::unique_ptr<std::array<Node*, kPage>>> pages;
+    NodeArena memory;
+    std::vector<Node**> pages;  // of kPage nodes each; null while empty
     std::vector<std::uint32_t> pageCounts;
     std::uint32_t nextId = 1;
     std::size_t nodeCount = 0;
     Node* find(NodeId id) const {
         const std::uint32_t page = id.value / kPage;
-        return page < pages.size() && pages[page] ? (*pages[page])[id.value % kPage] : nullptr;
+        return page < pages.size() && pages[page] ? pages[page][id.value % kPage] : nullptr;
     }
     Node& allocate(NodeId id, TypeIndex type, NodeId scope);
     void release(Node& node);
+    static void destroyInPlace(Node& node);
     std::size_t bytesOf(const Node& node) const { return sizeof(Node) + node.type_->blockSize(); }
     Node::Links& links(Node& node);
     void trimLinks(Node& node);
@@ -119,13 +125,29 @@ struct Scene::State {
 
     // ---- writing ----
     detail::StateHash hash;
-    struct DirtyNode {
-        NodeId node;
-        std::uint64_t externalMask = 0;
+    /// One field written since the last seal. Sealed ones are kept until the next set: what was written in one frame is
+    /// likely to be written in the next, and then the term of the value before is there already.
+    struct WrittenField {
+        NodeId node;             // none once the node is destroyed or the term used
+        std::uint32_t next = 0;  // index + 1 of the entry of the same node before
+        FieldIndex field = kNoField;
+        FieldType type = FieldType::SFBool;
+        bool external : 1 = true;
+        bool hashed : 1 = false;  // `before` is the term of the value before, not its bytes
+        std::uint64_t before[2] = {};
+        Hash128 term() const { return {before[0], before[1]}; }
+        void setTerm(Hash128 term) {
+            before[0] = term.low;
+            before[1] = term.high;
+            hashed = true;
+        }
     };
-    std::vector<DirtyNode> dirtyNodes;
-    std::vector<std::pair<NodeId, FieldIndex>> dirtyHighFields;  // those with index >= 63
-    std::uint32_t firstNewId = 1;                                // ids from here on were created since the last seal
+    static_assert(sizeof(WrittenField) == 32);
+    std::vector<WrittenField> written, sealed;
+    // In `sealed`: what the next write is if this frame is like the last one, and the end.
+    WrittenField *expected = nullptr, *sealedEnd = nullptr;
+    std::uint32_t firstNewId = 1;  // ids from here on were created since the last seal
+    bool noting = true;            // false while a sealed set is applied: nothing of it is pending
     std::vector<DefinedType> newTypes;
     std::vector<NodeId> newNodes, destroyedNodes, renamedNodes;
     std::vector<Change> childOps, routeOps, events;
@@ -136,7 +158,28 @@ struct Scene::State {
     bool isDirty(const Node& node, FieldIndex field) const;
     /// The term of the current value (zero for the default).
     Hash128 termOf(const Node& node, FieldIndex field) const;
+    /// The term before the first write of this frame.
+    Hash128 termBefore(const Node& node, const WrittenField& entry) const;
+    WrittenField* entryOf(const Node& node, FieldIndex field);
+    /// The entry of the last set for a field about to be written, whose term is the value's; null if there is none.
+    WrittenField* knownTerm(const Node& node, FieldIndex field) const;
+    /// Adds an entry with what is known of the field before it is written: its term, or the bytes it is made of.
+    WrittenField& newEntry(Node& node, FieldIndex field, const FieldSlot& slot);
+    /// The entries of this set become those that the next one looks for.
+    void keepTerms();
     void beginWrite(Node& node, FieldIndex field);
+    void beginWrite(Node& node, FieldIndex field, const FieldSlot& slot);
+    /// A whole new value makes the insertions and removals noted so far void.
+    void dropChildOps(const Node& node, FieldIndex field);
+    bool setPlain(Node* node, FieldIndex field, FieldType type, const void* value);
+    void prefetchPlace(NodeId id) const {
+        const std::uint32_t page = id.value / kPage;
+        if (page < pages.size() && pages[page]) __builtin_prefetch(&pages[page][id.value % kPage]);
+    }
+    /// Writes what comes from a sealed set: into the hash at once, and not pending.
+    void writeSealed(Node& node, FieldIndex field, const Value& value);
+    /// Stores only; precondition: beginWrite, or this comes from a sealed set.
+    void store(Node& node, FieldIndex field, const void* value);
     void write(Node& node, FieldIndex field, const void* value);
     void addParent(Node& child, ParentRef parent);
     void removeParent(Node& child, ParentRef parent);
@@ -159,6 +202,11 @@ struct Scene::State {
     /// Precondition: detached, children released.
     void destroy(Node& node, bool record);
     Result<> checkThread() const;
+    /// For calls that return no Result: counts them; reportForeign, on the scene's thread, tells.
+    bool refuseForeign();
+    void reportForeign();
+    std::atomic<std::size_t> foreignCalls{0};
+    bool onOwnThread() const { return thread == currentThread(); }
     /// As checkThread; an edit from within the cascade is noted.
     Result<> checkEdit();
     bool hasPending() const;
@@ -168,14 +216,6 @@ struct Scene::State {
     void appendCreations(std::vector<Change>& out) const;
     /// Child lists, names, routes, destructions.
     void appendOtherEdits(std::vector<Change>& out);
-    template <class Visit>
-    void forEachDirtyField(const Node& node, Visit visit) const {
-        std::uint64_t mask = node.dirty_ & ~(std::uint64_t{1} << 63);
-        for (; mask; mask &= mask - 1) visit(static_cast<FieldIndex>(std::countr_zero(mask)));
-        if (node.dirty_ >> 63)
-            for (const auto& [id, field] : dirtyHighFields)
-                if (id == node.id_) visit(field);
-    }
 
     // ---- running ----
     double now = 0;

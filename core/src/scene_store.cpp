@@ -46,10 +46,9 @@ Scene::State::State(Scene& scene) : owner(scene), diagnostics("scene") {
 }
 
 Scene::State::~State() {
-    for (auto& page : pages)
-        if (page)
-            for (Node* node : *page)
-                if (node) release(*node);
+    for (Node** page : pages)
+        for (std::uint32_t i = 0; page && i < kPage; ++i)
+            if (page[i]) destroyInPlace(*page[i]);
 }
 
 void Scene::State::addTypeEntry(const NodeType& type) {
@@ -72,7 +71,7 @@ void Scene::State::addTypeEntry(const NodeType& type) {
 
 Node& Scene::State::allocate(NodeId id, TypeIndex typeIndex, NodeId scope) {
     const NodeType& type = *types[typeIndex.value].type;
-    void* bytes = memory.allocate(sizeof(Node) + type.blockSize(), alignof(Node));
+    void* bytes = memory.allocate(sizeof(Node) + type.blockSize());
     Node* node = new (bytes) Node;
     node->id_ = id;
     node->scope_ = scope;
@@ -89,25 +88,35 @@ Node& Scene::State::allocate(NodeId id, TypeIndex typeIndex, NodeId scope) {
         pages.resize(page + 1);
         pageCounts.resize(page + 1);
     }
-    if (!pages[page]) pages[page] = std::make_unique<std::array<Node*, kPage>>();
-    (*pages[page])[id.value % kPage] = node;
+    if (!pages[page]) {
+        pages[page] = static_cast<Node**>(memory.allocate(kPage * sizeof(Node*)));
+        std::fill_n(pages[page], kPage, nullptr);
+    }
+    pages[page][id.value % kPage] = node;
     ++pageCounts[page];
     ++nodeCount;
     nextId = std::max(nextId, id.value + 1);
     return *node;
 }
 
+void Scene::State::destroyInPlace(Node& node) {
+    for (const FieldIndex i : node.type_->sharedFields())
+        destroyStorage(node.type_->fields[i].type, node.block() + node.type_->fields[i].offset);
+    node.~Node();
+}
+
 void Scene::State::release(Node& node) {
     const std::uint32_t page = node.id_.value / kPage;
     const std::uint32_t slot = node.id_.value % kPage;
-    for (const FieldIndex i : node.type_->sharedFields())
-        destroyStorage(node.type_->fields[i].type, node.block() + node.type_->fields[i].offset);
     const std::size_t bytes = bytesOf(node);
-    node.~Node();
-    memory.deallocate(&node, bytes, alignof(Node));
-    (*pages[page])[slot] = nullptr;
+    destroyInPlace(node);
+    memory.deallocate(&node, bytes);
+    pages[page][slot] = nullptr;
     --nodeCount;
-    if (--pageCounts[page] == 0 && page != nextId / kPage) pages[page].reset();
+    if (--pageCounts[page] == 0 && page != nextId / kPage) {
+        memory.deallocate(pages[page], kPage * sizeof(Node*));
+        pages[page] = nullptr;
+    }
 }
 
 Node::Links& Scene::State::links(Node& node) {

@@ -1,4 +1,4 @@
-// Every write to a scene: fields, children, creation, destruction; and sealing what was written into a ChangeSet.
+// Children, destruction; and sealing what was written into a ChangeSet.
 #include <algorithm>
 #include <tuple>
 
@@ -8,76 +8,11 @@ namespace rtsg {
 
 namespace {
 
-constexpr FieldIndex kHighField = 63;
-
-std::uint64_t dirtyBit(FieldIndex field) {
-    return std::uint64_t{1} << std::min(field, kHighField);
-}
-
 const Array<NodeId>& childrenAt(const void* storage) {
     return *static_cast<const Array<NodeId>*>(storage);
 }
 
 }  // namespace
-
-bool Node::isDefault(FieldIndex field) const {
-    const FieldDef& def = type_->fields[field];
-    return equalStorage(def.type, block() + def.offset, type_->defaults() + def.offset);
-}
-
-bool Scene::State::isDirty(const Node& node, FieldIndex field) const {
-    if (!(node.dirty_ & dirtyBit(field))) return false;
-    return field < kHighField ||
-           std::ranges::find(dirtyHighFields, std::pair(node.id_, field)) != dirtyHighFields.end();
-}
-
-Hash128 Scene::State::termOf(const Node& node, FieldIndex field) const {
-    if (node.isDefault(field)) return {};
-    return detail::fieldTerm(node.id_, field, node.type_->fields[field].type, node.storage(field));
-}
-
-void Scene::State::beginWrite(Node& node, FieldIndex field) {
-    if (!isDirty(node, field)) {
-        hash.subtract(termOf(node, field));
-        if (!node.dirty_) {
-            node.dirtySlot_ = static_cast<std::uint32_t>(dirtyNodes.size());
-            dirtyNodes.push_back({node.id_, 0});
-        }
-        node.dirty_ |= dirtyBit(field);
-        if (field >= kHighField) dirtyHighFields.emplace_back(node.id_, field);
-        // A whole new value makes the insertions and removals noted so far void.
-        if (!childOpCounts.empty()) {
-            const auto ops = childOpCounts.find({node.id_, field});
-            if (ops != childOpCounts.end()) {
-                std::erase_if(childOps, [&](const Change& c) { return c.node == node.id_ && c.field == field; });
-                childOpCounts.erase(ops);
-            }
-        }
-    }
-    DirtyNode& dirty = dirtyNodes[node.dirtySlot_];
-    if (writingExternally)
-        dirty.externalMask |= dirtyBit(field);
-    else
-        dirty.externalMask &= ~dirtyBit(field);
-}
-
-void Scene::State::write(Node& node, FieldIndex field, const void* value) {
-    beginWrite(node, field);
-    const FieldDef& def = node.type_->fields[field];
-    std::byte* target = node.block() + def.offset;
-    const ParentRef parent{node.id_, field};
-    if (def.type == FieldType::SFNode) {
-        const NodeId before = *reinterpret_cast<const NodeId*>(target);
-        const NodeId after = *static_cast<const NodeId*>(value);
-        if (after) addParent(*find(after), parent);
-        if (before) removeParent(*find(before), parent);
-    } else if (def.type == FieldType::MFNode) {
-        const Array<NodeId> before = childrenAt(target), after = childrenAt(value);
-        for (const NodeId id : after) addParent(*find(id), parent);
-        for (const NodeId id : before) removeParent(*find(id), parent);
-    }
-    copyStorage(def.type, target, value);
-}
 
 Result<> Scene::State::checkNodes(const Node& node, FieldIndex field, const void* value) const {
     const FieldType type = node.type_->fields[field].type;
@@ -117,8 +52,10 @@ Result<> Scene::State::insertChild(Node& parent, FieldIndex field, Node& child, 
         change.other = child.id_;
         change.index = static_cast<std::uint32_t>(index);
         change.external = writingExternally;
-        childOps.push_back(change);
-        ++childOpCounts[{parent.id_, field}];
+        if (noting) {
+            childOps.push_back(change);
+            ++childOpCounts[{parent.id_, field}];
+        }
     }
     children.insert(index, child.id_);
     addParent(child, {parent.id_, field});
@@ -142,8 +79,10 @@ void Scene::State::removeChildAt(Node& parent, FieldIndex field, std::size_t ind
         change.other = child;
         change.index = static_cast<std::uint32_t>(index);
         change.external = writingExternally;
-        childOps.push_back(change);
-        ++childOpCounts[{parent.id_, field}];
+        if (noting) {
+            childOps.push_back(change);
+            ++childOpCounts[{parent.id_, field}];
+        }
     }
     children.erase(index);
     removeParent(*find(child), {parent.id_, field});
@@ -204,8 +143,15 @@ void Scene::State::releaseChildren(Node& node) {
 
 void Scene::State::destroy(Node& node, bool record) {
     if (scripts) scripts->forget(node.id_);
-    for (FieldIndex i = 0; i < node.type_->fields.size(); ++i)
-        if (node.type_->fields[i].readable() && !isDirty(node, i)) hash.subtract(termOf(node, i));
+    for (FieldIndex i = 0; i < node.type_->fields.size(); ++i) {
+        if (!node.type_->fields[i].readable()) continue;
+        if (WrittenField* entry = entryOf(node, i)) {
+            hash.subtract(termBefore(node, *entry));
+            entry->node = {};
+        } else {
+            hash.subtract(termOf(node, i));
+        }
+    }
     setName(node, {});
     hash.subtract(detail::nodeTerm(node.id_, types[node.typeIndex_.value].nameHash, node.scope_));
     if (!childOpCounts.empty()) {
@@ -217,28 +163,8 @@ void Scene::State::destroy(Node& node, bool record) {
 }
 
 bool Scene::State::hasPending() const {
-    return !dirtyNodes.empty() || !newTypes.empty() || !newNodes.empty() || !destroyedNodes.empty() ||
+    return !written.empty() || !newTypes.empty() || !newNodes.empty() || !destroyedNodes.empty() ||
            !renamedNodes.empty() || !childOps.empty() || !routeOps.empty() || !events.empty();
-}
-
-void Scene::State::appendFieldChanges(ChangeSet& set) {
-    for (const DirtyNode& dirty : dirtyNodes) {
-        Node* node = find(dirty.node);
-        if (!node) continue;
-        const auto append = [&](FieldIndex field) {
-            hash.add(termOf(*node, field));
-            Change& change = set.changes.emplace_back();
-            change.node = node->id_;
-            change.field = field;
-            change.kind = ChangeKind::setField;
-            change.external = (dirty.externalMask & dirtyBit(field)) != 0;
-            change.value = node->value(field);
-        };
-        forEachDirtyField(*node, append);
-        node->dirty_ = 0;
-    }
-    dirtyNodes.clear();
-    dirtyHighFields.clear();
 }
 
 void Scene::State::appendDefinitions(std::vector<Change>& out, std::span<const DefinedType> defined) const {
@@ -301,7 +227,7 @@ std::shared_ptr<ChangeSet> Scene::State::freshSet() {
             set->clear();
             return set;
         }
-    constexpr std::size_t kPooled = 4;
+    constexpr std::size_t kPooled = 16;
     auto set = std::make_shared<ChangeSet>();
     if (pool.size() < kPooled) pool.push_back(set);
     return set;

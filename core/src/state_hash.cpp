@@ -1,15 +1,8 @@
-#include "state_hash.h"
-
-#define XXH_INLINE_ALL
-#include <xxhash.h>
+#include "plain_term.h"
 
 namespace rtsg::detail {
 
 namespace {
-
-std::uint64_t seed(NodeId node, FieldIndex field, HashTerm term) {
-    return std::uint64_t{node.value} << 32 | std::uint64_t{field} << 16 | static_cast<std::uint64_t>(term);
-}
 
 Hash128 hashBytes(const void* bytes, std::size_t size, std::uint64_t seedValue) {
     const XXH128_hash_t hash = XXH3_128bits_withSeed(bytes, size, seedValue);
@@ -26,11 +19,11 @@ const ArrayHeader* headerAt(const void* storage) {
 
 Hash128 childTerm(NodeId node, FieldIndex field, NodeId before, NodeId after) {
     const std::uint32_t pair[2] = {before.value, after.value};
-    return hashBytes(pair, sizeof(pair), seed(node, field, HashTerm::children));
+    return hashBytes(pair, sizeof(pair), termSeed(node, field, HashTerm::children));
 }
 
 Hash128 fieldTerm(NodeId node, FieldIndex field, FieldType type, const void* storage) {
-    const std::uint64_t s = seed(node, field, HashTerm::field);
+    const std::uint64_t s = termSeed(node, field, HashTerm::field);
     const FieldTypeInfo& i = info(type);
     if (!i.shared) return hashBytes(storage, i.size, s);
     const ArrayHeader* header = headerAt(storage);
@@ -65,16 +58,16 @@ Hash128 fieldTerm(NodeId node, FieldIndex field, FieldType type, const void* sto
 
 Hash128 nodeTerm(NodeId node, std::uint64_t nameHash, NodeId scope) {
     const std::uint64_t parts[2] = {nameHash, scope.value};
-    return hashBytes(parts, sizeof(parts), seed(node, kNoField, HashTerm::node));
+    return hashBytes(parts, sizeof(parts), termSeed(node, kNoField, HashTerm::node));
 }
 
 Hash128 nameTerm(NodeId node, std::string_view name) {
-    return hashBytes(name.data(), name.size(), seed(node, kNoField, HashTerm::name));
+    return hashBytes(name.data(), name.size(), termSeed(node, kNoField, HashTerm::name));
 }
 
 Hash128 routeTerm(NodeId from, FieldIndex fromField, NodeId to, FieldIndex toField, bool isConnection) {
     const std::uint32_t parts[2] = {to.value, std::uint32_t{toField} | (isConnection ? 0x10000u : 0u)};
-    return hashBytes(parts, sizeof(parts), seed(from, fromField, HashTerm::route));
+    return hashBytes(parts, sizeof(parts), termSeed(from, fromField, HashTerm::route));
 }
 
 std::uint64_t typeNameHash(std::string_view name) {

@@ -127,13 +127,24 @@ class Array {
     }
     void insert(std::size_t index, T element) {
         push_back(std::move(element));
-        T* first = mutableData();
-        for (std::size_t i = size() - 1; i > index; --i) std::swap(first[i], first[i - 1]);
+        T* first = reinterpret_cast<T*>(header_ + 1);
+        const std::size_t last = size() - 1;
+        if constexpr (std::is_trivially_copyable_v<T>) {
+            const T added = first[last];
+            std::memmove(static_cast<void*>(first + index + 1), first + index, (last - index) * sizeof(T));
+            first[index] = added;
+        } else {
+            for (std::size_t i = last; i > index; --i) std::swap(first[i], first[i - 1]);
+        }
     }
     void erase(std::size_t index) {
         T* first = mutableData();
-        for (std::size_t i = index; i + 1 < size(); ++i) first[i] = std::move(first[i + 1]);
-        resize(size() - 1);
+        const std::size_t last = size() - 1;
+        if constexpr (std::is_trivially_copyable_v<T>)
+            std::memmove(static_cast<void*>(first + index), first + index + 1, (last - index) * sizeof(T));
+        else
+            for (std::size_t i = index; i < last; ++i) first[i] = std::move(first[i + 1]);
+        resize(last);
     }
 
     friend bool operator==(const Array& a, const Array& b) noexcept {

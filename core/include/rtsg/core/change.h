@@ -84,6 +84,8 @@ class ChangeComposer {
     void add(const ChangeSet& set);
     bool empty() const;
     ChangeSet take();
+    /// As above into a set whose memory is used again; so is the composer's own.
+    void take(ChangeSet& into);
 
   private:
     struct State;

@@ -65,6 +65,17 @@ struct FieldDef {
     bool inRange(const Value& value) const;
 };
 
+/// Where and how a field is stored, small enough that a type's fields share a cache line or two.
+struct FieldSlot {
+    std::uint32_t offset = FieldDef::kNoOffset;
+    FieldType type = FieldType::SFBool;
+    std::uint8_t size = 0;  // bytes in the block
+    Aspect aspect = Aspect::none;
+    /// Plain bytes, at most 16, no node, and an author may give it a value: written without further ado.
+    bool plain = false;
+};
+static_assert(sizeof(FieldSlot) == 8);
+
 class NodeType {
   public:
     enum class Kind : std::uint8_t { builtin, user, proto, externProto, script };
@@ -93,6 +104,8 @@ class NodeType {
     /// have that name too: do not look it up by name.
     FieldIndex body() const;
 
+    std::size_t fieldCount() const { return slots_.size(); }
+    const FieldSlot& slot(FieldIndex field) const { return slots_[field]; }
     std::size_t blockSize() const { return blockSize_; }
     /// `blockSize()` bytes; shared values inside are owned by the type.
     const std::byte* defaults() const { return defaults_.data(); }
@@ -108,6 +121,7 @@ class NodeType {
 
   private:
     std::size_t blockSize_ = 0;
+    std::vector<FieldSlot> slots_;
     std::vector<std::byte> defaults_;
     std::vector<FieldIndex> sharedFields_, nodeFields_;
     std::vector<std::pair<std::string_view, FieldIndex>> byName_;  // sorted; public before hidden

@@ -146,6 +146,27 @@ constexpr std::uint64_t kBoxed = bit(FieldType::SFVec3d) | bit(FieldType::SFVec4
 constexpr std::uint64_t kOwns = kBoxed | bit(FieldType::SFString) | bit(FieldType::SFImage) | 0xAAAAAAAAAAAAAAAAull;
 }  // namespace detail
 
+/// Copies 1, 4, 8, 12 or 16 bytes, the sizes of plain field types; faster than memcpy when the size is not constant.
+inline void copyPlain(void* target, const void* source, std::size_t size) noexcept {
+    switch (size) {
+        case 1:
+            std::memcpy(target, source, 1);
+            break;
+        case 4:
+            std::memcpy(target, source, 4);
+            break;
+        case 8:
+            std::memcpy(target, source, 8);
+            break;
+        case 12:
+            std::memcpy(target, source, 12);
+            break;
+        default:
+            std::memcpy(target, source, 16);
+            break;
+    }
+}
+
 /// One value of any field type.
 class Value {
   public:
@@ -188,6 +209,12 @@ class Value {
     static Value zero(FieldType type);
     /// Reads the block representation (`info(type).size` bytes) at `storage`.
     static Value fromStorage(FieldType type, const void* storage);
+    /// Becomes the value at `storage`, of a type that owns nothing. Precondition: `size == info(type).size`.
+    void setPlain(FieldType type, const void* storage, std::size_t size) noexcept {
+        if (owns()) dropOwned();
+        type_ = type;
+        copyPlain(inline_, storage, size);
+    }
 
     FieldType type() const noexcept { return type_; }
     template <class T>
