@@ -88,16 +88,16 @@ std::vector<Route> Scene::routesFrom(NodeId id) const {
     const Node* node = find(id);
     if (node && node->links_)
         for (const RouteGroup& group : node->links_->out)
-            for (const RouteTarget& t : group.targets)
-                result.push_back({id, group.field, t.node, t.field, t.isConnection});
+            for (const OutgoingRoute& r : group.targets.items())
+                if (r.to.node) result.push_back({id, group.field, r.to.node, r.to.field, r.to.isConnection});
     return result;
 }
 std::vector<Route> Scene::routesTo(NodeId id) const {
     std::vector<Route> result;
     const Node* node = find(id);
     if (node && node->links_)
-        for (const IncomingRoute& r : node->links_->in)
-            result.push_back({r.from, r.fromField, id, r.toField, r.isConnection});
+        for (const IncomingRoute& r : node->links_->in.items())
+            if (r.from) result.push_back({r.from, r.fromField, id, r.toField, r.isConnection});
     return result;
 }
 std::size_t Scene::routeCount() const {
@@ -337,9 +337,7 @@ Result<> Scene::addRoute(NodeId fromNode, FieldIndex fromField, NodeId toNode, F
         return fail(fmt::format("route from {} {} to {} {}", info(a.type).name, a.name, info(b.type).name, b.name));
     if (from->links_)
         for (const RouteGroup& group : from->links_->out)
-            if (group.field == fromField &&
-                std::ranges::find(group.targets, RouteTarget{toNode, toField, false}) != group.targets.end())
-                return {};
+            if (group.field == fromField && group.targets.contains({{toNode, toField, false}})) return {};
     s.linkRoute({fromNode, fromField, toNode, toField, false}, true);
     return {};
 }

@@ -54,7 +54,9 @@ ChangeSet Scene::snapshot() const {
     forEachNode([&](const Node& node) {
         if (!node.links_) return;
         for (const RouteGroup& group : node.links_->out)
-            for (const RouteTarget& t : group.targets) {
+            for (const OutgoingRoute& route : group.targets.items()) {
+                const RouteTarget& t = route.to;
+                if (!t.node) continue;
                 Change& change = set.changes.emplace_back();
                 change.kind = ChangeKind::addRoute;
                 change.node = node.id();

@@ -101,9 +101,9 @@ void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const
         if (node.links_) {
             const auto group = std::ranges::find(node.links_->out, field, &RouteGroup::field);
             if (group != node.links_->out.end()) {
-                const std::vector<RouteTarget> targets = group->targets;
-                for (const RouteTarget& t : targets)
-                    if (Node* target = find(t.node)) deliver(cascade, *target, t.field, value);
+                const std::vector<OutgoingRoute> targets = group->targets.items();
+                for (const OutgoingRoute& r : targets)
+                    if (Node* target = find(r.to.node)) deliver(cascade, *target, r.to.field, value);
             }
         }
     }
@@ -145,11 +145,11 @@ void Scene::State::runRoutes(Cascade& cascade) {
         };
         RouteGroup* group = groupOf(*from);
         // Routes added while this event is on its way are not retroactive.
-        const std::size_t count = group ? group->targets.size() : 0;
+        const std::size_t count = group ? group->targets.items().size() : 0;
         for (std::size_t i = 0; i < count; ++i) {
             group = groupOf(*from);
-            if (!group || i >= group->targets.size()) break;
-            const RouteTarget target = group->targets[i];
+            if (!group || i >= group->targets.items().size()) break;
+            const RouteTarget target = group->targets.items()[i].to;
             Node* to = find(target.node);
             if (!to) continue;
             const FieldDef& def = to->type_->fields[target.field];

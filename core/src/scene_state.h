@@ -18,21 +18,36 @@
 #include <rtsg/core/scene.h>
 
 #include "node_arena.h"
+#include "route_list.h"
 #include "script_engine.h"
 #include "state_hash.h"
 
 namespace rtsg {
 
+struct OutgoingRoute {
+    RouteTarget to;
+    std::size_t hash() const {
+        return (std::uint64_t{to.node.value} << 17 ^ std::uint64_t{to.field} << 1 ^ (to.isConnection ? 1u : 0u)) *
+               0x9E3779B97F4A7C15ull;
+    }
+    friend bool operator==(const OutgoingRoute&, const OutgoingRoute&) = default;
+};
+
 struct RouteGroup {
     FieldIndex field = kNoField;
     std::uint64_t stamp = 0;  // timestamp at which the field last sent: at most one event each (4.4.8.3)
-    std::vector<RouteTarget> targets;
+    RouteList<OutgoingRoute> targets;
 };
 
 struct IncomingRoute {
     NodeId from;
     FieldIndex fromField = kNoField, toField = kNoField;
     bool isConnection = false;
+    std::size_t hash() const {
+        return ((std::uint64_t{from.value} << 32 | std::uint64_t{fromField} << 16 | toField) ^
+                (isConnection ? 1u : 0u)) *
+               0x9E3779B97F4A7C15ull;
+    }
     friend bool operator==(const IncomingRoute&, const IncomingRoute&) = default;
 };
 
@@ -60,7 +75,7 @@ struct Node::Links {
     String name;
     ParentList parents;
     std::vector<RouteGroup> out;
-    std::vector<IncomingRoute> in;
+    RouteList<IncomingRoute> in;
     bool empty() const { return name.empty() && parents.empty() && out.empty() && in.empty(); }
 };
 

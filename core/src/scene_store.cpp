@@ -243,8 +243,8 @@ void Scene::State::linkRoute(const Route& route, bool record) {
     auto& out = links(from).out;
     auto group = std::ranges::find(out, route.fromField, &RouteGroup::field);
     if (group == out.end()) group = out.insert(out.end(), RouteGroup{route.fromField, 0, {}});
-    group->targets.push_back({route.toNode, route.toField, route.isConnection});
-    links(to).in.push_back({route.fromNode, route.fromField, route.toField, route.isConnection});
+    group->targets.add({{route.toNode, route.toField, route.isConnection}});
+    links(to).in.add({route.fromNode, route.fromField, route.toField, route.isConnection});
     hash.add(detail::routeTerm(route.fromNode, route.fromField, route.toNode, route.toField, route.isConnection));
     if (!route.isConnection) ++routeCount;
     if (!record) return;
@@ -266,14 +266,9 @@ bool Scene::State::unlinkRoute(const Route& route, bool record) {
     auto& out = from->links_->out;
     const auto group = std::ranges::find(out, route.fromField, &RouteGroup::field);
     if (group == out.end()) return false;
-    const auto target = std::ranges::find(group->targets, RouteTarget{route.toNode, route.toField, route.isConnection});
-    if (target == group->targets.end()) return false;
-    group->targets.erase(target);
+    if (!group->targets.remove({{route.toNode, route.toField, route.isConnection}})) return false;
     if (group->targets.empty()) out.erase(group);
-    auto& in = to->links_->in;
-    const auto incoming =
-        std::ranges::find(in, IncomingRoute{route.fromNode, route.fromField, route.toField, route.isConnection});
-    if (incoming != in.end()) in.erase(incoming);
+    to->links_->in.remove({route.fromNode, route.fromField, route.toField, route.isConnection});
     hash.subtract(detail::routeTerm(route.fromNode, route.fromField, route.toNode, route.toField, route.isConnection));
     if (!route.isConnection) --routeCount;
     trimLinks(*from);

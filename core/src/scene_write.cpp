@@ -122,9 +122,10 @@ void Scene::State::detachEverything(Node& node) {
     const Node::Links& l = *node.links_;
     std::vector<Route> routes;
     for (const RouteGroup& group : l.out)
-        for (const RouteTarget& t : group.targets)
-            routes.push_back({node.id_, group.field, t.node, t.field, t.isConnection});
-    for (const IncomingRoute& r : l.in) routes.push_back({r.from, r.fromField, node.id_, r.toField, r.isConnection});
+        for (const OutgoingRoute& r : group.targets.items())
+            if (r.to.node) routes.push_back({node.id_, group.field, r.to.node, r.to.field, r.to.isConnection});
+    for (const IncomingRoute& r : l.in.items())
+        if (r.from) routes.push_back({r.from, r.fromField, node.id_, r.toField, r.isConnection});
     for (const Route& route : routes) unlinkRoute(route, true);
 }
 

@@ -1,0 +1,75 @@
+// RouteList: routes at one end, in the order in which they were made; adding, finding and removing one costs the same
+// among a hundred thousand as among ten.
+//
+// A removed route leaves a hole (an entry without a node), so that places stay; holes go once they are half of the
+// list.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+/// T: equality comparable, with a NodeId that is none in T(), named by nodeOf(T&).
+template <class T>
+class RouteList {
+  public:
+    /// With holes.
+    const std::vector<T>& items() const { return items_; }
+    bool empty() const { return items_.size() == holes_; }
+    bool contains(const T& item) const { return find(item) != kNone; }
+    void add(const T& item) {
+        items_.push_back(item);
+        if (!places_.empty())
+            places_.emplace(item, items_.size() - 1);
+        else if (items_.size() > kFew)
+            index();
+    }
+    bool remove(const T& item) {
+        const std::size_t place = find(item);
+        if (place == kNone) return false;
+        if (!places_.empty()) {
+            auto [at, end] = places_.equal_range(item);
+            while (at->second != place) ++at;
+            places_.erase(at);
+        }
+        items_[place] = T();
+        if (place + 1 == items_.size()) {
+            items_.pop_back();
+        } else if (++holes_; 2 * holes_ > items_.size()) {
+            std::erase(items_, T());
+            holes_ = 0;
+            places_.clear();
+            if (items_.size() > kFew) index();
+        }
+        return true;
+    }
+
+  private:
+    static constexpr std::size_t kFew = 32, kNone = SIZE_MAX;  // beyond a few, hashing beats a linear search
+    struct Hash {
+        std::size_t operator()(const T& item) const { return item.hash(); }
+    };
+    std::size_t find(const T& item) const {
+        if (places_.empty()) {
+            const auto found = std::ranges::find(items_, item);
+            return found == items_.end() ? kNone : static_cast<std::size_t>(found - items_.begin());
+        }
+        const auto found = places_.find(item);
+        return found == places_.end() ? kNone : found->second;
+    }
+    void index() {
+        for (std::size_t i = 0; i < items_.size(); ++i)
+            if (!(items_[i] == T())) places_.emplace(items_[i], i);
+    }
+
+    std::vector<T> items_;
+    std::size_t holes_ = 0;
+    std::unordered_multimap<T, std::size_t, Hash> places_;  // empty while there are few
+};
+
+}  // namespace rtsg
