@@ -142,7 +142,8 @@ void InstanceTree::refitUp(std::uint32_t node) {
 void InstanceTree::refitAll() {
     area_ = 0;
     // Depth first with the children done when a node is left; parents may lie anywhere in the array.
-    std::vector<std::pair<std::uint32_t, bool>> stack{{kRoot, false}};
+    std::vector<std::pair<std::uint32_t, bool>>& stack = refitting_;
+    stack.assign(1, {kRoot, false});
     while (!stack.empty()) {
         const auto [node, done] = stack.back();
         stack.pop_back();

@@ -136,6 +136,7 @@ class InstanceTree {
     std::vector<std::uint32_t> freeNodes_;
     std::vector<ObjectState> objects_;
     std::vector<std::uint32_t> dirty_, order_;
+    std::vector<std::pair<std::uint32_t, bool>> refitting_;  // kept for its memory
     Box bounds_;
     std::size_t count_ = 0, inserted_ = 0, changesSinceBuild_ = 0, builds_ = 0;
     std::uint32_t only_ = kNone;
