@@ -272,7 +272,7 @@ bool codec(const SyncSizes& sizes, const Report& report) {
             const std::string name = motion + ", " + v.name;
             report({"codec", name, "size of a changed transform", "bytes", cost.bytes,
                     published.bytes > 0 ? others.back().name : "", published.bytes,
-                    "entropy of the nearest fixed extrapolation", bound});
+                    "entropy of one fixed extrapolation", bound});
             report({"codec", name, "time to encode it", "ns", cost.encode, others.back().name, published.encode,
                     "memcpy", copying.encode});
             report({"codec", name, "time to decode it", "ns", cost.decode, others.back().name, published.decode,
