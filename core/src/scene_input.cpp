@@ -41,6 +41,7 @@ void FrameInput::clear() {
 // ---- recording -------------------------------------------------------------------------------------------------
 
 void Scene::setInputRecording(bool on) {
+    if (state_->recording == on) return;
     state_->recording = on;
     state_->input.reset();
     state_->newUses.clear();
@@ -188,6 +189,13 @@ const BehaviourCall* Scene::State::playCall(BehaviourCall::Kind kind, NodeId nod
 }
 
 void Scene::State::playEffects(Cascade& cascade, const BehaviourCall& call) {
+    // Deliveries nest; a record that is forged shall not exhaust the stack.
+    constexpr std::size_t kDeepest = 256;
+    if (playDepth == kDeepest) {
+        if (playProblem.empty()) playProblem = "the recorded calls nest too deeply";
+        return;
+    }
+    ++playDepth;
     for (const BehaviourEffect& effect : call.effects) {
         Node* node = find(effect.node);
         const bool fits =
@@ -206,6 +214,7 @@ void Scene::State::playEffects(Cascade& cascade, const BehaviourCall& call) {
             cascade.storeStorage(*node, effect.field, value);
         }
     }
+    --playDepth;
 }
 
 // ---- running a record --------------------------------------------------------------------------------------------

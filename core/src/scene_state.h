@@ -262,7 +262,7 @@ struct Scene::State {
     std::shared_ptr<FrameInput> input;    // of the frame under way, while recording
     std::size_t currentCall = kNoCall;    // in input->calls: whose effects are being recorded
     const FrameInput* playing = nullptr;  // whose calls are played back
-    std::size_t nextCall = 0;
+    std::size_t nextCall = 0, playDepth = 0;
     std::string playProblem;
     std::map<std::uint16_t, Behaviour> dormant;  // registered here, but not at the origin whose frames are run
     std::vector<BehaviourUse> uses, newUses;     // behaviours that the application has registered

@@ -271,6 +271,7 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     set.hash = header->hash;
     set.changes.clear();
     set.types.clear();
+    set.input.reset();
     const bool remember = header->flags & kRemember;
     if (header->kind == RecordKind::keyframe) {
         if (columns_) columns_->history().clear();

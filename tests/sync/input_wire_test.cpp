@@ -117,6 +117,30 @@ TEST(InputWire, ReplicasNeedTheSameDeterministicBehaviours) {
     EXPECT_EQ(second.take(*origin.newFrame(2)), "");
 }
 
+TEST(InputWire, ForgedCallsDoNotNestWithoutEnd) {
+    Scene scene;
+    const NodeId light = scene.createNode(x3d::PointLight::type);
+    scene.newFrame(0);
+    FrameInput input;
+    input.ran = true;
+    input.behaviours.push_back({.type = x3d::PointLight::type, .onEvent = true});
+    Change event;
+    event.kind = ChangeKind::event;
+    event.node = light;
+    event.field = x3d::PointLight::intensity.index;
+    event.value = Value(2.0f);
+    input.events.push_back(event);
+    BehaviourCall call;  // each delivers the event that is answered by the next
+    call.node = light;
+    call.field = event.field;
+    call.effects.push_back({BehaviourEffect::Kind::deliver, light, event.field, event.value});
+    input.calls.assign(200'000, call);
+    const auto done = scene.runInput(input, 1);
+    ASSERT_TRUE(done) << done.error().text;
+    ASSERT_FALSE(scene.diagnostics().all().empty());
+    EXPECT_NE(scene.diagnostics().all().back().text.find("too deeply"), std::string::npos);
+}
+
 TEST(InputWire, BehavioursOfOwnTypesAreFoundByName) {
     const auto type = [] {
         auto made = std::make_shared<NodeType>();
