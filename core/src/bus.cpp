@@ -106,9 +106,10 @@ Attachment Bus::attach(Subscriber& subscriber, Delivery delivery) {
 }
 
 void Bus::publish(std::shared_ptr<const ChangeSet> set) {
-    // By index: a subscriber may attach or detach others while it runs.
+    // By index: a subscriber may attach or detach others while it runs; who attaches has this state already.
     bool anyGone = false;
-    for (std::size_t i = 0; i < state_->cursors.size(); ++i) {
+    const std::size_t count = state_->cursors.size();
+    for (std::size_t i = 0; i < std::min(count, state_->cursors.size()); ++i) {
         const auto cursor = state_->cursors[i];
         {
             const std::scoped_lock lock(cursor->mutex);
@@ -117,7 +118,9 @@ void Bus::publish(std::shared_ptr<const ChangeSet> set) {
                 continue;
             }
             const std::uint64_t have = cursor->backlog.empty() ? cursor->seen : cursor->backlog.back()->to;
-            if (have >= set->to && !cursor->restarted) continue;  // attached during this very publication
+            // A set that leads to the state it starts from puts right what had gone wrong in it.
+            const bool repairs = set->from == set->to && have == set->to && have != 0;
+            if (have >= set->to && !repairs && !cursor->restarted) continue;
             cursor->restarted = false;
             if (cursor->delivery == Delivery::polled) {
                 cursor->backlog.push_back(set);

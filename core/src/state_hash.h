@@ -13,6 +13,8 @@ enum class HashTerm : std::uint8_t { node = 1, field = 2, children = 3, name = 4
 
 class StateHash {
   public:
+    StateHash() = default;
+    explicit StateHash(Hash128 sum) : low_(sum.low), high_(sum.high) {}
     void add(Hash128 term) {
         low_ += term.low;
         high_ += term.high + (low_ < term.low ? 1 : 0);

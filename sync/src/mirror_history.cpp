@@ -21,6 +21,7 @@ std::shared_ptr<EncodedRecord> RecordPool::take() {
         }
     }
     if (!record) record = std::make_unique<EncodedRecord>();
+    record->published = 0;
     return {record.release(), [pool = weak_from_this()](EncodedRecord* r) {
                 std::unique_ptr<EncodedRecord> owned(r);
                 if (const auto alive = pool.lock()) alive->giveBack(std::move(owned));
@@ -35,10 +36,10 @@ void RecordPool::giveBack(std::unique_ptr<EncodedRecord> record) {
 
 void MirrorHistory::clear() {
     keyframe_.reset();
-    lastMerged_.reset();
     frames_.clear();
     ends_.clear();
     bytes_ = total_ = newest_ = 0;
+    started_ = false;
 }
 
 bool MirrorHistory::add(SharedRecord record) {
@@ -48,10 +49,20 @@ bool MirrorHistory::add(SharedRecord record) {
         if (!empty() && header.to != newest_ && newest_ != 0) return false;
         if (newest_ != header.to) frames_.clear(), ends_.clear(), bytes_ = 0;
         newest_ = header.to;
+        started_ = true;
         keyframe_ = std::move(record);
         return true;
     }
     if (empty() || header.from != newest_) return false;
+    if (header.to == header.from) {
+        // The served replica was wrong and has been put right: who follows finds out by the hash; nobody else may get
+        // what led here.
+        keyframe_.reset();
+        frames_.clear();
+        ends_.clear();
+        bytes_ = 0;
+        return true;
+    }
     newest_ = header.to;
     bytes_ += record->bytes.size();
     total_ += record->bytes.size();
@@ -86,24 +97,18 @@ std::uint64_t MirrorHistory::bytesFrom(std::uint64_t state) const {
     return index < frames_.size() ? total_ - ends_[index] + frames_[index]->bytes.size() : 0;
 }
 
-SharedRecord MirrorHistory::mergedFrom(std::uint64_t state, RecordPool& pool, std::uint64_t& merged) {
-    const std::size_t index = indexOf(state);
-    if (index >= frames_.size()) return nullptr;
-    merged += frames_.size() - index;
-    // Several peers often fall behind together.
-    if (lastMerged_ && lastMerged_->header.from == state && lastMerged_->header.to == newest_) return lastMerged_;
-    ChangeDecoder decoder({}, 0);  // our own bytes
-    ChangeComposer composer;
-    ChangeSet set;
-    for (std::size_t i = index; i < frames_.size(); ++i) {
-        if (!decoder.decode(frames_[i]->bytes.bytes(), set)) return nullptr;
-        composer.add(set);
-    }
-    std::shared_ptr<EncodedRecord> record = pool.take();
-    encoder_.encode(composer.take(), record->bytes);
-    record->header = *parseRecordHeader(record->bytes.bytes());
-    lastMerged_ = record;
-    return record;
+std::vector<SharedRecord> MirrorHistory::framesFrom(std::uint64_t state, std::size_t most) const {
+    const auto first = frames_.begin() + static_cast<std::ptrdiff_t>(indexOf(state));
+    return {first, first + static_cast<std::ptrdiff_t>(std::min<std::size_t>(
+                               most, static_cast<std::size_t>(frames_.end() - first)))};
+}
+
+SharedRecord MirrorHistory::keyframe() const {
+    return keyframe_ && continues(keyframe_->header.to) ? keyframe_ : nullptr;
+}
+
+void MirrorHistory::setKeyframe(SharedRecord record) {
+    if (continues(record->header.to)) keyframe_ = std::move(record);
 }
 
 }  // namespace rtsg

@@ -16,6 +16,7 @@ namespace rtsg {
 struct EncodedRecord {
     ByteBuffer bytes;
     RecordHeader header;
+    std::uint64_t published = 0;  // on the server's clock, ns; 0: not a frame that has just happened
 };
 using SharedRecord = std::shared_ptr<const EncodedRecord>;
 
@@ -36,20 +37,23 @@ class MirrorHistory {
 
     /// False when the record does not continue what is here: the scene has started over.
     bool add(SharedRecord record);
+    /// A keyframe that was made later, of a state within the frames that are here. Others are ignored.
+    void setKeyframe(SharedRecord record);
     void clear();
 
-    bool empty() const { return !keyframe_ && frames_.empty(); }
+    bool empty() const { return !started_; }
     std::uint64_t newest() const { return newest_; }
     /// A peer in this state can go on with frames alone.
     bool continues(std::uint64_t state) const;
     /// The frame that starts at `state`; null if there is none.
     SharedRecord frameFrom(std::uint64_t state) const;
+    /// All frames from `state` on, at most `most`.
+    std::vector<SharedRecord> framesFrom(std::uint64_t state, std::size_t most) const;
     /// Bytes of all frames from `state` on.
     std::uint64_t bytesFrom(std::uint64_t state) const;
-    /// The last keyframe, whether or not frames lead on from it.
-    const SharedRecord& keyframe() const { return keyframe_; }
-    /// All frames from `state` on merged into one; null if that is impossible. Adds their number to `merged`.
-    SharedRecord mergedFrom(std::uint64_t state, RecordPool& pool, std::uint64_t& merged);
+    /// The last keyframe; null when frames do not lead on from it any more.
+    SharedRecord keyframe() const;
+    std::uint64_t limit() const { return limit_; }
 
   private:
     std::size_t indexOf(std::uint64_t state) const;
@@ -59,8 +63,7 @@ class MirrorHistory {
     std::deque<SharedRecord> frames_;
     std::deque<std::uint64_t> ends_;  // running total of bytes up to and including each frame
     std::uint64_t total_ = 0;
-    SharedRecord lastMerged_;
-    ChangeEncoder encoder_;
+    bool started_ = false;
 };
 
 }  // namespace rtsg

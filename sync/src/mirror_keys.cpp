@@ -21,6 +21,13 @@ bool isKey(const std::string& text) {
 
 }  // namespace
 
+std::optional<MirrorUpstream> mirrorUpstreamFromName(std::string_view name) {
+    if (name == "none") return MirrorUpstream::none;
+    if (name == "events") return MirrorUpstream::events;
+    if (name == "edits") return MirrorUpstream::edits;
+    return std::nullopt;
+}
+
 Result<MirrorKeys> MirrorKeys::load(const std::filesystem::path& file) {
     std::ifstream in(file);
     if (!in) return fail(fmt::format("cannot read: {}", std::strerror(errno)), {}, file.string());
@@ -34,6 +41,15 @@ Result<MirrorKeys> MirrorKeys::load(const std::filesystem::path& file) {
         const std::string what = line.substr(first, space == line.npos ? space : space - first);
         std::string key = space == line.npos ? "" : line.substr(line.find_first_not_of(" \t", space));
         while (!key.empty() && std::strchr(" \t\r", key.back())) key.pop_back();
+        std::optional<MirrorUpstream> upstream;
+        if (const std::size_t end = key.find_first_of(" \t"); what == "client-public" && end != key.npos) {
+            const std::string permission = key.substr(key.find_first_not_of(" \t", end));
+            upstream = mirrorUpstreamFromName(permission);
+            if (!upstream)
+                return fail(fmt::format("'{}' after a key is none of none, events, edits", permission), {number, 1},
+                            file.string());
+            key.resize(end);
+        }
         if (!isKey(key))
             return fail(fmt::format("no key of 40 Z85 characters after '{}'", what), {number, 1}, file.string());
         if (what == "server-public")
@@ -46,6 +62,7 @@ Result<MirrorKeys> MirrorKeys::load(const std::filesystem::path& file) {
             keys.clientSecret = key;
         else
             return fail(fmt::format("unknown kind of key '{}'", what), {number, 1}, file.string());
+        if (upstream) keys.upstream[key] = *upstream;
     }
     return keys;
 }

@@ -20,6 +20,10 @@ void MirrorServer::Shared::post(Item item) {
         const std::scoped_lock lock(mutex);
         inbox.push_back(std::move(item));
     }
+    awaken();
+}
+
+void MirrorServer::Shared::awaken() const {
     const std::uint64_t one = 1;
     (void)!::write(wake, &one, sizeof(one));
 }
@@ -89,6 +93,7 @@ void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
     const std::shared_ptr<EncodedRecord> record = shared_->pool->take();
     encoder_->encoder.encode(changes, record->bytes);
     record->header = *parseRecordHeader(record->bytes.bytes());
+    record->published = mirror::clockNow();
     // A snapshot in the middle of a stream: the scene is a replica that joined anew.
     const bool restart = !requested && changes.isSnapshot() && encoder_->started && encoder_->last != 0;
     encoder_->started = true;
@@ -96,13 +101,32 @@ void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
     shared_->post({record, requested, restart});
 }
 
+void MirrorServer::waitForThoseWhoBlock() {
+    std::unique_lock lock(shared_->mutex);
+    if (!shared_->heldUp) return;
+    shared_->caughtUp.wait_for(lock, shared_->options.blockFor, [this] { return !shared_->heldUp; });
+}
+
 Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
     encodeAndPost(changes, false);
     if (scene.sequence() == changes.to && shared_->wantSnapshot.exchange(false)) encodeAndPost(scene.snapshot(), true);
+    if (shared_->options.blockFor.count() > 0) waitForThoseWhoBlock();
     return {};
 }
 
 void MirrorServer::service() {
+    std::vector<mirror::Submission> submissions;
+    {
+        const std::scoped_lock lock(shared_->mutex);
+        submissions.swap(shared_->submissions);
+        shared_->submittedBytes = 0;
+    }
+    for (const mirror::Submission& submission : submissions) {
+        mirror::Verdict verdict = mirror::carryOut(scene_, submission);
+        const std::scoped_lock lock(shared_->mutex);
+        shared_->verdicts.push_back(std::move(verdict));
+    }
+    if (!submissions.empty()) shared_->awaken();
     if (!shared_->wantSnapshot) return;
     scene_.seal();  // publishes what is pending, and with it the snapshot
     if (shared_->wantSnapshot.exchange(false)) encodeAndPost(scene_.snapshot(), true);

@@ -1,11 +1,12 @@
 // The side of a mirror server that talks to peers: one thread, one ROUTER socket, the history and every peer's place.
 //
-// Invariant: only this thread touches peers, history and sockets. The scene's thread hands over records through
-// `Inbox` and never waits.
+// Invariant: only this thread touches peers, histories and sockets, and it does nothing that takes long: what does is
+// the shadow's. The scene's thread hands over records through the inbox; it waits only for peers that may hold it up.
 #pragma once
 
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <map>
 #include <mutex>
 #include <string>
@@ -14,8 +15,11 @@
 
 #include <rtsg/sync/mirror_server.h>
 
+#include "mirror_gate.h"
 #include "mirror_history.h"
 #include "mirror_message.h"
+#include "mirror_shadow.h"
+#include "mirror_upstream.h"
 #include "zmq_socket.h"
 
 namespace rtsg {
@@ -24,7 +28,7 @@ namespace rtsg {
 struct MirrorServer::Shared {
     struct Item {
         SharedRecord record;
-        bool requested = false;  // a snapshot taken for late joiners
+        bool requested = false;  // a snapshot that the scene's thread was asked for
         bool restart = false;    // the scene has started over: nothing before counts
     };
     MirrorServerOptions options;
@@ -35,12 +39,18 @@ struct MirrorServer::Shared {
     int wake = -1;  // eventfd
 
     std::mutex mutex;  // guards the rest
+    std::condition_variable caughtUp;
+    bool heldUp = false;  // a peer that may hold the scene up is behind
     std::vector<Item> inbox;
+    std::vector<mirror::Submission> submissions;
+    std::uint64_t submittedBytes = 0;
+    std::vector<mirror::Verdict> verdicts;
     MirrorServerStatistics statistics;
     std::vector<Diagnostic> diagnostics;
 
     ~Shared();
     void post(Item item);
+    void awaken() const;
     void report(Severity severity, std::string text);
 };
 
@@ -64,23 +74,48 @@ class MirrorServer::Io {
         SharedRecord sending;     // partly sent
         std::size_t sent = 0;     // bytes of it
         Clock::time_point heard, spoken, waitingSince{};
+        MirrorWhenSlow whenSlow = MirrorWhenSlow::coalesce;
+        Clock::duration interval{};  // least time between frames
+        Clock::time_point due{};
+        Clock::time_point behindSince{};
+        std::uint64_t client = 0;  // its name across connections
+        MirrorUpstream upstream = MirrorUpstream::none;
+        bool sameTypes = false;
+        // A question to the shadow: nothing is sent until there is an answer, then frames up to the state it is about.
+        bool asking = false;
+        std::optional<MirrorShadow::Answer> answer;
+        double allowance = 0;  // questions it may ask
+        Clock::time_point allowed{};
+        mirror::Assembly submission;
+        std::vector<mirror::Verdict> verdicts;  // of requests whose frames have not been sent yet
     };
     using Peers = std::map<std::string, Peer, std::less<>>;
 
     void run();
     void sayGoodbye();
     void takeInbox();
+    void takeAnswers();
     void receive();
-    void handle(const std::string& identity, std::span<const std::byte> bytes);
-    void hello(const std::string& identity, const mirror::Hello& hello);
-    void authenticate();
-    void watchConnections();
+    void handle(const std::string& identity, std::span<const std::byte> bytes, const ZmqMessage& body,
+                const std::string& user);
+    void handleOf(Peer& peer, mirror::Message type, wire::Reader& in, std::span<const std::byte> bytes,
+                  const ZmqMessage& body);
+    void hello(const std::string& identity, const mirror::Hello& hello, const std::string& user);
+    void question(Peer& peer, std::span<const std::byte> bytes);
+    void submission(Peer& peer, wire::Reader& in, const ZmqMessage& body);
     void restart();
     void tick(Clock::time_point now);
+    /// How long the thread may sleep.
+    std::chrono::milliseconds patience() const;
+    void askForKeyframe();
+    bool behind(const Peer& peer) const;
     /// False when the peer is gone.
     bool pump(Peer& peer);
+    bool deliverAnswer(Peer& peer);
+    bool deliverVerdicts(Peer& peer);
     SharedRecord nextFor(Peer& peer);
     SharedRecord keyframeFor(Peer& peer);
+    SharedRecord frameFor(Peer& peer);
     bool sendChunk(Peer& peer);
     bool sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body = nullptr);
     void garbage(std::string text);
@@ -88,8 +123,12 @@ class MirrorServer::Io {
 
     std::shared_ptr<Shared> shared_;
     ZmqContext context_;
-    ZmqSocket router_, monitor_, zap_;
+    ZmqSocket router_;
+    MirrorGate gate_;
     MirrorHistory history_;
+    MirrorShadow shadow_;
+    mirror::RequestLedger ledger_;
+    bool keyframeAsked_ = false;
     Peers peers_;
     MirrorServerStatistics statistics_;
     ByteBuffer message_, head_;

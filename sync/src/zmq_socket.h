@@ -38,8 +38,9 @@ class ZmqMessage {
     std::span<const std::byte> bytes() const {
         return {static_cast<const std::byte*>(zmq_msg_data(&message_)), zmq_msg_size(&message_)};
     }
+    std::string text() const { return {static_cast<const char*>(zmq_msg_data(&message_)), zmq_msg_size(&message_)}; }
     bool more() const { return zmq_msg_more(&message_) != 0; }
-    zmq_msg_t* get() { return &message_; }
+    zmq_msg_t* get() const { return &message_; }
 
   private:
     mutable zmq_msg_t message_;

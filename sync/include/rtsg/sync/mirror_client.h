@@ -1,13 +1,15 @@
 // MirrorClient: keeps a replica scene in step with a MirrorServer's (PROTOCOL.md, "Mirror").
 //
 // Invariant: the replica is always in a state that the origin had. After every frame its hash is compared with the
-// origin's; if they differ, that is counted and reported, and a new snapshot repairs it. Lost connections, gaps and
-// restarts of the server heal by themselves, by resuming where possible, else by a snapshot (Scene::reset).
+// origin's; if they differ, both sides compare hashes of ranges of nodes, then of fields, until the culprits are named,
+// and only these are sent again (a change set from the state to itself). Lost connections, gaps and restarts of the
+// server heal by themselves, by resuming where possible, else by a snapshot (Scene::reset).
 // Threading: everything on the replica's thread, inside poll(); ZeroMQ does the waiting.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -15,6 +17,8 @@
 
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/mirror_keys.h>
+#include <rtsg/sync/mirror_server.h>
+#include <rtsg/sync/replay.h>
 
 namespace rtsg {
 
@@ -27,20 +31,46 @@ struct MirrorClientOptions {
     std::uint64_t maxRecord = std::uint64_t{1} << 32;
     /// Without a sign of the server for this long, the client introduces itself again.
     std::chrono::milliseconds timeout{2500};
+    MirrorWhenSlow whenSlow = MirrorWhenSlow::coalesce;
+    /// At most so many frames a second, those in between merged; 0: all.
+    double framesPerSecond = 0;
+    /// Memory that changes behind the replica's back shows in no running hash: every so often a few thousand nodes are
+    /// compared with the origin's from what is stored. 0: never.
+    std::chrono::milliseconds scrub{5000};
+    /// Frames are held back until this long after the origin published them, so that they come as evenly as they were
+    /// made. 0: applied as they come.
+    std::chrono::milliseconds latency{0};
+    /// Called from poll() for everything that was found to differ from the origin, once it has a name.
+    std::function<void(const Divergence&)> onDivergence;
 };
 
 struct MirrorStatistics {
-    std::uint64_t frames = 0;       // change sets applied, snapshots included
+    std::uint64_t frames = 0;       // change sets applied, snapshots included, repairs not
     std::uint64_t snapshots = 0;    // of these, whole states
     std::uint64_t gaps = 0;         // frames found missing
     std::uint64_t bytes = 0;        // of records received
-    std::uint64_t divergences = 0;  // states with another hash than the origin's
+    std::uint64_t divergences = 0;  // times that the replica was found to differ from the origin
+    std::uint64_t repairs = 0;      // of these, put right without a snapshot
+    std::uint64_t questions = 0;    // asked to find out where
     std::uint64_t garbage = 0;      // messages that made no sense
     std::uint64_t restarts = 0;     // times the server was found to be another run
     std::uint64_t sequence = 0;     // state of the replica
     Hash128 hash, originHash;       // of that state: computed here, and as the origin gave it
     /// The two hashes are the same and there is a state. False as well if the server's types are others than ours.
     bool equal = false;
+    // Clock, seconds: the server's steady clock less ours, as good as half the delay; the shortest round trip lately;
+    // the mean deviation of frames' transit times (as RFC 3550 has it).
+    double clockOffset = 0, delay = 0, jitter = 0;
+    std::uint64_t clockSamples = 0;
+    std::uint64_t late = 0;  // frames that came after the time they were to be shown at
+};
+
+/// What the origin made of a request.
+struct MirrorVerdict {
+    std::uint64_t request = 0;
+    std::string refusal;      // why it was not carried out; empty if it was
+    std::uint64_t state = 0;  // the state with its effect, in which the replica is already
+    std::vector<std::pair<NodeId, NodeId>> created;  // numbers of newNode() and what they have become
 };
 
 class MirrorClient {
@@ -62,6 +92,25 @@ class MirrorClient {
     const std::string& refusal() const;
     /// The server said goodbye, and nothing has been heard of one since.
     bool serverLeft() const;
+
+    // ---- upstream -------------------------------------------------------------------------------------------
+    /// Sends edits and input events to the origin, which orders them, carries them out in the order of a ChangeSet and
+    /// answers with a verdict; their effect comes back like any change. A request is carried out at most once, also if
+    /// the connection is cut meanwhile. Fails at once if it is longer than 1 MiB.
+    Result<std::uint64_t> submit(std::vector<Change> changes);
+    Result<std::uint64_t> submitEvent(NodeId node, FieldIndex field, Value value);
+    Result<std::uint64_t> submitEdit(NodeId node, FieldIndex field, Value value);
+    /// A number for a node that a request creates, for use inside that request.
+    NodeId newNode();
+    /// Answers since the last call, in the order of the requests' arrival at the origin.
+    std::vector<MirrorVerdict> takeVerdicts();
+    /// Requests without an answer yet.
+    std::size_t unanswered() const;
+
+    // ---- presentation ---------------------------------------------------------------------------------------
+    /// The value to show now: with a latency and a later frame in store, between the replica's and that frame's, by
+    /// time (rotations along the shorter arc); else the replica's. The replica itself is never between two states.
+    Value presented(NodeId node, FieldIndex field) const;
 
   private:
     class Impl;

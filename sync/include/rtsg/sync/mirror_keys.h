@@ -2,21 +2,30 @@
 //
 // The file has lines `server-public KEY`, `server-secret KEY`, `client-public KEY` (any number of them),
 // `client-secret KEY` and comments from `#` on; keys are Z85, 40 characters. A server needs the server's pair and lets
-// in the clients listed; a client needs the server's public key and a pair of its own (the first client-public).
+// in the clients listed; a client needs the server's public key and a pair of its own (the first client-public). After a
+// client's public key may stand what it may send upstream: none, events or edits.
 // Threading: values.
 #pragma once
 
 #include <filesystem>
+#include <map>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
 
 namespace rtsg {
 
+/// What a peer may send to the origin: nothing, input events, or edits as well.
+enum class MirrorUpstream : std::uint8_t { none, events, edits };
+std::optional<MirrorUpstream> mirrorUpstreamFromName(std::string_view name);
+
 struct MirrorKeys {
     std::string serverPublic, serverSecret, clientSecret;
     std::vector<std::string> clientPublic;
+    std::map<std::string, MirrorUpstream> upstream;  // of clients' public keys for which the file says it
 
     static Result<MirrorKeys> load(const std::filesystem::path& file);
     /// Fresh keys for one server and one client, in a new file that only its owner may read.

@@ -1,9 +1,10 @@
 // MirrorServer: a scene to any number of replicas elsewhere, over a ZeroMQ ROUTER socket (PROTOCOL.md, "Mirror").
 //
 // Invariant: a change set is encoded once, whoever follows. A peer gets a keyframe, then frames without a gap; one
-// that is slow gets those it missed merged into one; none can hold up the scene or the others. Memory is bounded by
-// the options, whatever peers do.
-// Threading: apply() and service() on the scene's thread; everything to do with peers on a thread of its own.
+// that is slow gets those it missed merged into one; none can hold up the scene (unless allowed to) or the others.
+// Memory is bounded by the options and one more copy of the scene, whatever peers do: keyframes, hashes to compare and
+// repairs come from a replica of the server's own, so the scene's thread does nothing for a peer that joins.
+// Threading: apply() and service() on the scene's thread; peers and the replica on threads of their own.
 #pragma once
 
 #include <chrono>
@@ -18,6 +19,13 @@
 
 namespace rtsg {
 
+/// What becomes of a peer that falls behind by more than its window.
+enum class MirrorWhenSlow : std::uint8_t {
+    coalesce,  // it gets the frames that it missed merged into one
+    block,     // the scene waits for it, as long as the server allows
+    resync,    // it gets a keyframe and starts over
+};
+
 struct MirrorServerOptions {
     std::string creator = "rtsg";
     /// With keys, peers are authenticated and the traffic is encrypted.
@@ -27,6 +35,10 @@ struct MirrorServerOptions {
     std::size_t maximumPeers = 64;
     /// Frames kept for peers that resume, bytes.
     std::uint64_t history = std::uint64_t{64} << 20;
+    /// What peers may send to the scene if the keys do not say it of theirs.
+    MirrorUpstream upstream = MirrorUpstream::none;
+    /// How long peers that ask for MirrorWhenSlow::block may hold up a frame; after that they count as coalesce.
+    std::chrono::milliseconds blockFor{0};
     /// A peer is pinged after this much silence, and forgotten after `peerTimeout` without a sign of it.
     std::chrono::milliseconds heartbeat{500}, peerTimeout{10000};
 };
@@ -41,6 +53,10 @@ struct MirrorServerStatistics {
     std::uint64_t garbage = 0;    // messages that made no sense, and connections that never became any
     std::uint64_t refused = 0;    // peers turned away
     std::uint64_t lost = 0;       // peers forgotten after silence
+    std::uint64_t repairs = 0;    // differing nodes sent again, in how many records
+    std::uint64_t questions = 0;  // about hashes, answered
+    std::uint64_t requests = 0;   // from upstream, carried out or refused
+    std::uint64_t stalls = 0;     // snapshots that the scene's thread had to take
     /// The least advanced peer's acknowledged state, and the scene's.
     std::uint64_t acknowledged = 0, sequence = 0;
 };
@@ -61,8 +77,8 @@ class MirrorServer : public Subscriber {
     /// What went wrong since the last call (garbage received, peers refused), at most a hundred.
     std::vector<Diagnostic> takeDiagnostics();
 
-    /// A late joiner may need a snapshot that only the scene's thread can take; publishing does that on the way. Call
-    /// this now and then while the scene stands still.
+    /// Carries out what peers have sent, between frames. Call it once a frame, and now and then while the scene stands
+    /// still. Takes a snapshot if the server's replica could not keep up and was given up (statistics: stalls).
     void service();
     /// Waits until all peers have acknowledged the scene's state; false if `timeout` passes first.
     bool drain(std::chrono::milliseconds timeout);
@@ -76,6 +92,7 @@ class MirrorServer : public Subscriber {
     class Io;
     MirrorServer(Scene& scene, std::shared_ptr<Shared> shared);
     void encodeAndPost(const ChangeSet& changes, bool requested);
+    void waitForThoseWhoBlock();
 
     Scene& scene_;
     std::shared_ptr<Shared> shared_;

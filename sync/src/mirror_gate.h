@@ -1,0 +1,42 @@
+// Who gets in: the ZAP handler of an encrypted mirror (ZeroMQ RFC 27) and the watch over connections that never
+// became peers.
+//
+// Invariant: with keys, a connection's user id is its public key, and only keys on the list get one.
+// Threading: the thread of the socket that is watched.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <rtsg/sync/mirror_keys.h>
+
+#include "zmq_socket.h"
+
+namespace rtsg {
+
+class MirrorGate {
+  public:
+    explicit MirrorGate(const ZmqContext& context) : zap_(context, ZMQ_REP), monitor_(context, ZMQ_PAIR) {}
+    /// Before `router` is bound. `keys` may be null: everybody gets in.
+    Result<> guard(ZmqSocket& router, const MirrorKeys* keys);
+    void stopWatching(ZmqSocket& router);
+
+    /// Answers who has knocked.
+    void authenticate();
+    /// What has become of connections since the last call.
+    struct Failures {
+        std::uint64_t refused = 0, garbage = 0;
+    };
+    Failures failures();
+    void* zap() const { return zap_.get(); }
+    void* monitor() const { return monitor_.get(); }
+
+  private:
+    ZmqSocket zap_, monitor_;
+    const MirrorKeys* keys_ = nullptr;
+};
+
+/// The public key that a message's connection was let in with; empty without keys.
+std::string userOf(const ZmqMessage& message);
+
+}  // namespace rtsg
