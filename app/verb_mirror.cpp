@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -17,7 +18,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-    std::string endpoint, duration, patience = "5s", key;
+    std::string endpoint, duration, patience = "5s", key, latency = "0", whenSlow = "merge";
+    std::vector<std::string> set;
+    double fps = 0;
     OutputArguments outputs;
     bool json = false;
 };
@@ -25,6 +28,48 @@ struct Options {
 double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
+
+/// --set: events for the origin, sent when the replica has come so far since it joined.
+class Injections {
+  public:
+    explicit Injections(const std::vector<std::string>& texts) : texts_(texts) {}
+    /// The names are known once there is a replica.
+    Result<> parse(const Scene& scene) {
+        for (const std::string& text : texts_) {
+            auto injection = parseInjection(scene, text);
+            if (!injection) return std::unexpected(injection.error());
+            waiting_.push_back(std::move(*injection));
+        }
+        std::ranges::stable_sort(waiting_, {}, &Injection::time);
+        return {};
+    }
+    Result<> send(MirrorClient& client, double since) {
+        for (; next_ < waiting_.size() && waiting_[next_].time <= since; ++next_) {
+            Injection& i = waiting_[next_];
+            const auto request = client.submitEvent(i.target.node, i.target.field, std::move(i.value));
+            if (!request) return std::unexpected(request.error());
+            ++sent_;
+        }
+        for (const MirrorVerdict& verdict : client.takeVerdicts()) {
+            if (verdict.refusal.empty()) {
+                ++accepted_;
+            } else {
+                ++refused_;
+                printError(fmt::format("request {} refused: {}", verdict.request, verdict.refusal));
+            }
+        }
+        return {};
+    }
+    std::uint64_t sent() const { return sent_; }
+    std::uint64_t accepted() const { return accepted_; }
+    std::uint64_t refused() const { return refused_; }
+
+  private:
+    const std::vector<std::string>& texts_;
+    std::vector<Injection> waiting_;
+    std::size_t next_ = 0;
+    std::uint64_t sent_ = 0, accepted_ = 0, refused_ = 0;
+};
 
 int mirror(const Options& options) {
     options.outputs.check();
@@ -36,7 +81,13 @@ int mirror(const Options& options) {
         if (!keys) return printError(keys.error()), kBad;
         clientOptions.keys = std::move(*keys);
     }
+    clientOptions.latency = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.latency)));
+    clientOptions.framesPerSecond = options.fps;
+    clientOptions.whenSlow = options.whenSlow == "block"    ? MirrorWhenSlow::block
+                             : options.whenSlow == "resync" ? MirrorWhenSlow::resync
+                                                            : MirrorWhenSlow::coalesce;
     Scene replica;
+    Injections injections(options.set);
     auto connected = MirrorClient::connect(replica, options.endpoint, clientOptions);
     if (!connected) return printError(connected.error()), kUsage;
     MirrorClient& client = **connected;
@@ -62,7 +113,10 @@ int mirror(const Options& options) {
             auto attached = Outputs::attach(replica, options.outputs, options.outputs.base);
             if (!attached) return printError(attached.error()), kBad;
             outputs = std::move(*attached);
+            if (auto ok = injections.parse(replica); !ok) return printError(ok.error().text), kUsage;
         }
+        if (outputs)
+            if (auto ok = injections.send(client, replica.now() - firstTime); !ok) printError(ok.error());
         if (outputs && !outputs->failure().empty()) break;
         if (client.serverLeft() && applied == 0) break;
         if (applied > 0 || client.inStep()) heard = Clock::now();
@@ -86,16 +140,19 @@ int mirror(const Options& options) {
         pictures = outputs->pictures();
         soundSeconds = outputs->soundSeconds();
     }
-    good = good && statistics.equal && statistics.divergences == 0;
+    good = good && statistics.equal && statistics.divergences == 0 && injections.refused() == 0;
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
     fmt::print(
         "{{\"frames\":{},\"snapshots\":{},\"gaps\":{},\"bytes\":{},\"hash\":\"{}\",\"origin_hash\":\"{}\",\"equal\":{},"
-        "\"divergences\":{},\"sequence\":{},\"t\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"bytes_per_frame\":{:.1f},"
-        "\"restarts\":{},\"garbage\":{},\"pictures\":{},\"sound_seconds\":{:.3f}}}\n",
+        "\"divergences\":{},\"repairs\":{},\"sequence\":{},\"t\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"bytes_per_"
+        "frame\":{:.1f},"
+        "\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},\"delay_s\":{:.6f},\"jitter_s\":{:.6f},\"late\":{},"
+        "\"sent\":{},\"accepted\":{},\"refused\":{},\"pictures\":{},\"sound_seconds\":{:.3f}}}\n",
         statistics.frames, statistics.snapshots, statistics.gaps, statistics.bytes, statistics.hash.hex(),
-        statistics.originHash.hex(), statistics.equal, statistics.divergences, statistics.sequence, replica.now(),
-        seconds, frames / std::max(seconds, 1e-9), static_cast<double>(statistics.bytes) / frames, statistics.restarts,
-        statistics.garbage, pictures, soundSeconds);
+        statistics.originHash.hex(), statistics.equal, statistics.divergences, statistics.repairs, statistics.sequence,
+        replica.now(), seconds, frames / std::max(seconds, 1e-9), static_cast<double>(statistics.bytes) / frames,
+        statistics.restarts, statistics.garbage, statistics.clockOffset, statistics.delay, statistics.jitter,
+        statistics.late, injections.sent(), injections.accepted(), injections.refused(), pictures, soundSeconds);
     return good ? kDone : kBad;
 }
 
@@ -109,12 +166,26 @@ Verb addMirror(CLI::App& program) {
     command->add_option("--for", options->duration, "how long, in scene time; else until the server leaves or Ctrl-C");
     command->add_option("--wait", options->patience, "give up after so long without a server")->capture_default_str();
     command->add_option("--key", options->key, "key file, the server's or one with its public key and a pair");
+    command->add_option("--set", options->set,
+                        "send an event to the origin: DEF.field=VALUE@TIME, TIME in scene time since joining");
+    command->add_option("--latency", options->latency, "hold frames this long after they were published, for evenness")
+        ->capture_default_str();
+    command->add_option("--most-fps", options->fps, "at most so many frames a second, others merged; 0: all")
+        ->capture_default_str()
+        ->check(CLI::Range(0.0, 1e4));
+    command
+        ->add_option("--when-slow", options->whenSlow,
+                     "what to get when too slow: merged frames, every frame while the scene waits (if the server "
+                     "lets it), or a new snapshot")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"merge", "block", "resync"}));
     options->outputs.addTo(*command, true);
     command->add_flag("--json", options->json, "JSON is what is printed in any case");
     command->footer(
         "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --listen out.wav --base "
         "examples/demo\n"
-        "Exit status 1 unless the replica had the origin's state hash in every frame.");
+        "Exit status 1 unless the replica had the origin's state hash in every frame, and the origin took every "
+        "event.");
     return {command, [options] { return mirror(*options); }};
 }
 

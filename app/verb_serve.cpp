@@ -20,9 +20,10 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-    std::string scene, endpoint = "tcp://127.0.0.1:*", duration, record, key;
+    std::string scene, endpoint = "tcp://127.0.0.1:*", duration, record, key, upstream = "none", block = "0";
     double fps = 60;
     std::string linger = "10s";
+    std::size_t peers = 64;
     bool insecure = false, json = false;
 };
 
@@ -52,6 +53,9 @@ int serve(const Options& options) {
     MirrorServerOptions serverOptions;
     serverOptions.keys = std::move(*keys);
     serverOptions.insecure = options.insecure;
+    serverOptions.upstream = *mirrorUpstreamFromName(options.upstream);
+    serverOptions.maximumPeers = options.peers;
+    serverOptions.blockFor = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.block)));
     auto server = MirrorServer::start(scene, options.endpoint, serverOptions);
     if (!server) return printError(server.error()), kBad;
     std::unique_ptr<LogRecorder> log;
@@ -73,9 +77,9 @@ int serve(const Options& options) {
     std::size_t mostPeers = 0;
     bool failed = false;
     while (!interrupted() && slot <= last) {
+        (*server)->service();  // what mirrors have sent takes effect in this frame
         scene.newFrame(static_cast<double>(slot) / options.fps);
         ++frames;
-        (*server)->service();
         mostPeers = std::max(mostPeers, (*server)->statistics().peers);
         printNews(**server);
         if (log && !log->failure().empty()) break;  // said at the end
@@ -104,9 +108,11 @@ int serve(const Options& options) {
     if (options.json)
         fmt::print(
             "{{\"frames\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"t\":{},\"sequence\":{},\"peers\":{},\"bytes\":{},"
-            "\"snapshots\":{},\"merged\":{},\"log_bytes\":{},\"hash\":\"{}\"}}\n",
+            "\"snapshots\":{},\"merged\":{},\"resumed\":{},\"repairs\":{},\"requests\":{},\"stalls\":{},"
+            "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"hash\":\"{}\"}}\n",
             frames, seconds, fps, scene.now(), scene.sequence(), mostPeers, statistics.bytes, statistics.snapshots,
-            statistics.merged, log ? log->bytes() : 0, scene.hash().hex());
+            statistics.merged, statistics.resumed, statistics.repairs, statistics.requests, statistics.stalls,
+            statistics.garbage, statistics.refused, statistics.lost, log ? log->bytes() : 0, scene.hash().hex());
     else
         fmt::print("{} frames in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", frames,
                    seconds, fps, statistics.bytes, mostPeers, scene.hash().hex());
@@ -125,6 +131,12 @@ Verb addServe(CLI::App& program) {
     command->add_option("--record", options->record, "log to write as well (.rlog)");
     command->add_option("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
     command->add_option("--linger", options->linger, "how long mirrors may catch up at the end")->capture_default_str();
+    command->add_option("--upstream", options->upstream, "what mirrors may send, if the key file does not say it")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"none", "events", "edits"}));
+    command->add_option("--peers", options->peers, "how many mirrors may follow")->capture_default_str();
+    command->add_option("--block", options->block, "how long a mirror that asks for it may hold up a frame")
+        ->capture_default_str();
     command->add_flag("--insecure", options->insecure, "serve other machines without keys");
     command->add_flag("--json", options->json, "first the endpoint, then the summary as JSON lines");
     command->footer(

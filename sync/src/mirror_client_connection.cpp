@@ -19,6 +19,7 @@ constexpr auto kLongestTurn = 20ms;  // of poll() beyond its timeout, while fram
 constexpr auto kPing = 500ms;
 constexpr auto kPingAtFirst = 20ms;  // until there are a few samples of the clock
 constexpr std::uint64_t kFewSamples = 8;
+constexpr auto kRequestAgain = 1s;  // without a verdict
 constexpr auto kAnswerWithin = 3s;  // to a question about hashes
 
 std::uint64_t randomNumber() {
@@ -310,8 +311,11 @@ void MirrorClient::Impl::acknowledge() {
 
 /// False when the socket takes no more for now.
 bool MirrorClient::Impl::sendRequests() {
+    const Clock::time_point now = Clock::now();
     for (Request& request : requests_) {
         const std::span<const std::byte> whole = request.record.bytes();
+        // Again, as the answer may have been lost; the server does none twice.
+        if (request.sent == whole.size() && now - request.sentAt > kRequestAgain) request.sent = 0;
         while (request.sent < whole.size()) {
             const auto part = whole.subspan(request.sent, std::min(mirror::kSubmitPart, whole.size() - request.sent));
             const std::uint64_t numbers[] = {session_, request.number, whole.size(), request.sent};
@@ -319,6 +323,7 @@ bool MirrorClient::Impl::sendRequests() {
             ZmqMessage head(message_.bytes()), body(part);
             if (!socket_.send(head, true) || !socket_.send(body)) return false;
             request.sent += part.size();
+            request.sentAt = now;
         }
     }
     return true;

@@ -1,8 +1,8 @@
 // The inside of MirrorClient: connection and messages in mirror_client_connection.cpp, what they do to the replica in
 // mirror_client_replica.cpp.
 //
-// Invariant: `state_` is the origin's state that the replica was brought to; if the replica's own number is another, its
-// owner has edited it. Threading: the replica's thread.
+// Invariant: `state_` is the origin's state that the replica was brought to; if the replica's own number is another,
+// its owner has edited it. Threading: the replica's thread.
 #pragma once
 
 #include <deque>
@@ -45,6 +45,7 @@ class MirrorClient::Impl {
         std::uint64_t number = 0;
         ByteBuffer record;
         std::size_t sent = 0;
+        Clock::time_point sentAt{};
     };
     std::deque<Request> requests_;  // without an answer yet
 

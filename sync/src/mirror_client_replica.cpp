@@ -49,8 +49,7 @@ void MirrorClient::Impl::arrived(std::span<const std::byte> bytes, bool isRecord
 }
 
 void MirrorClient::Impl::playDue() {
-    while (!playout_.empty() &&
-           (playout_.front().due <= mirror::clockNow() || playout_.bytes() > options_.window)) {
+    while (!playout_.empty() && (playout_.front().due <= mirror::clockNow() || playout_.bytes() > options_.window)) {
         const MirrorPlayout::Item item = playout_.pop();
         if (item.published != 0) shownAt_ = item.published;
         take(item.bytes, item.isRecord);
@@ -70,8 +69,8 @@ Value MirrorClient::Impl::presented(NodeId node, FieldIndex field) const {
     const Value* next = playout_.next(decoder_, node, field);
     const std::uint64_t from = shownAt_, to = playout_.front().published;
     if (!next || from == 0 || to <= from) return value;
-    const double shown = static_cast<double>(mirror::clockNow()) -
-                         static_cast<double>(options_.latency.count()) * 1e6 - static_cast<double>(clock_.here(from));
+    const double shown = static_cast<double>(mirror::clockNow()) - static_cast<double>(options_.latency.count()) * 1e6 -
+                         static_cast<double>(clock_.here(from));
     return interpolate(value, *next, shown / static_cast<double>(to - from));
 }
 
@@ -269,7 +268,8 @@ void MirrorClient::Impl::answer(std::span<const std::byte> message) {
     }
 }
 
-/// The stored values are the origin's. If the running hash is not, one was changed behind it and has been written since.
+/// The stored values are the origin's. If the running hash is not, one was changed behind it and has been written
+/// since.
 void MirrorClient::Impl::nothingDiffers() {
     bisection_.stop();
     if (!diverged_) return;
@@ -280,10 +280,11 @@ void MirrorClient::Impl::nothingDiffers() {
     (void)replica_.apply(set);  // computes the hash anew
     statistics_.hash = replica_.hash();
     if (statistics_.hash != statistics_.originHash) return giveUpRepair("the state hash stays wrong");
-    announce({state_, replica_.now(), "", "",
-              fmt::format("a value had been changed behind the replica's back; a frame has written it since, of {} that "
-                          "the frame before this wrote",
-                          lastChanges_)});
+    announce(
+        {state_, replica_.now(), "", "",
+         fmt::format("a value had been changed behind the replica's back; a frame has written it since, of {} that "
+                     "the frame before this wrote",
+                     lastChanges_)});
     healed();
 }
 
@@ -324,8 +325,8 @@ Result<std::uint64_t> MirrorClient::Impl::submit(std::vector<Change> changes) {
     Request request;
     encoder_.encode(set, request.record);
     if (request.record.size() > mirror::kLongestSubmission)
-        return fail(fmt::format("a request of {} bytes, the most is {}", request.record.size(),
-                                mirror::kLongestSubmission));
+        return fail(
+            fmt::format("a request of {} bytes, the most is {}", request.record.size(), mirror::kLongestSubmission));
     request.number = nextRequest_++;
     const std::uint64_t number = request.number;
     requests_.push_back(std::move(request));

@@ -12,7 +12,8 @@ void MirrorClock::sample(std::uint64_t asked, std::uint64_t theirs, std::uint64_
     samples_[count_ % samples_.size()] = {static_cast<double>(ahead) * 1e-9, static_cast<double>(trip) * 1e-9};
     ++count_;
     const auto last = samples_.begin() + static_cast<std::ptrdiff_t>(std::min<std::uint64_t>(count_, samples_.size()));
-    best_ = *std::min_element(samples_.begin(), last, [](const Sample& a, const Sample& b) { return a.delay < b.delay; });
+    best_ =
+        *std::min_element(samples_.begin(), last, [](const Sample& a, const Sample& b) { return a.delay < b.delay; });
 }
 
 std::uint64_t MirrorClock::here(std::uint64_t theirs) const {

@@ -99,8 +99,8 @@ std::uint64_t MirrorHistory::bytesFrom(std::uint64_t state) const {
 
 std::vector<SharedRecord> MirrorHistory::framesFrom(std::uint64_t state, std::size_t most) const {
     const auto first = frames_.begin() + static_cast<std::ptrdiff_t>(indexOf(state));
-    return {first, first + static_cast<std::ptrdiff_t>(std::min<std::size_t>(
-                               most, static_cast<std::size_t>(frames_.end() - first)))};
+    return {first, first + static_cast<std::ptrdiff_t>(
+                               std::min<std::size_t>(most, static_cast<std::size_t>(frames_.end() - first)))};
 }
 
 SharedRecord MirrorHistory::keyframe() const {

@@ -18,8 +18,8 @@ namespace rtsg::mirror {
 constexpr std::uint8_t kVersion = 1;
 constexpr std::size_t kPrologue = 8;
 constexpr std::size_t kLongestName = 200;
-constexpr std::size_t kMostParts = 32;          // of a scene that a peer may name in its hello
-constexpr std::size_t kSubmitPart = 8 << 10;    // bytes of a submission in one message
+constexpr std::size_t kMostParts = 32;        // of a scene that a peer may name in its hello
+constexpr std::size_t kSubmitPart = 8 << 10;  // bytes of a submission in one message
 constexpr std::size_t kLongestSubmission = 1 << 20;
 
 enum class Message : std::uint8_t {
@@ -69,11 +69,11 @@ inline std::optional<Message> readPrologue(wire::Reader& in) {
 
 /// What a client asks for beyond following; all of it may be left out.
 struct Wishes {
- std::uint64_t client = 0;            // names it across connections, for its requests
-    std::uint8_t whenSlow = 0;           // 0 merged frames, 1 hold the scene up, 2 a keyframe instead
-    std::uint32_t milliFrames = 0;       // most frames in 1000 s; 0: all
-    std::uint32_t aspects = 0;           // bit n: aspect n; 0: all
-    std::vector<std::string> parts;      // DEF names or #numbers of subtrees; none: all
+    std::uint64_t client = 0;        // names it across connections, for its requests
+    std::uint8_t whenSlow = 0;       // 0 merged frames, 1 hold the scene up, 2 a keyframe instead
+    std::uint32_t milliFrames = 0;   // most frames in 1000 s; 0: all
+    std::uint32_t aspects = 0;       // bit n: aspect n; 0: all
+    std::vector<std::string> parts;  // DEF names or #numbers of subtrees; none: all
 
     bool partial() const { return aspects != 0 || !parts.empty(); }
     void write(ByteBuffer& out) const {

@@ -1,4 +1,5 @@
-// What a client has received and not applied yet: everything in the order in which it came, frames held until their time.
+// What a client has received and not applied yet: everything in the order in which it came, frames held until their
+// time.
 //
 // Invariant: an item never overtakes another. Threading: the replica's thread.
 #pragma once

@@ -162,8 +162,7 @@ bool answerWant(const Scene& scene, wire::Reader& in, ChangeSet& out) {
         if (part == kWholeNode || part == kNamePart)
             names.emplace_back(changeOf(ChangeKind::setName, id)).value = String(scene.name(id));
         if (part == kWholeNode || part == kRoutesPart)
-            for (const Route& route : scene.routesFrom(id))
-                routes.push_back(routeChange(ChangeKind::addRoute, route));
+            for (const Route& route : scene.routesFrom(id)) routes.push_back(routeChange(ChangeKind::addRoute, route));
     }
     for (std::vector<Change>* some : {&values, &names, &routes})
         out.changes.insert(out.changes.end(), std::make_move_iterator(some->begin()),
@@ -190,8 +189,9 @@ void Bisection::begin(std::uint64_t session, std::vector<NodeRange> ranges, Byte
 
 void Bisection::differs(const Scene& replica, NodeId node, std::string field, std::string text) {
     const std::string_view name = replica.name(node);
-    found_.push_back({replica.sequence(), replica.now(), name.empty() ? fmt::format("#{}", node.value) : std::string(name),
-                      std::move(field), std::move(text)});
+    found_.push_back({replica.sequence(), replica.now(),
+                      name.empty() ? fmt::format("#{}", node.value) : std::string(name), std::move(field),
+                      std::move(text)});
 }
 
 Bisection::Step Bisection::digest(const Scene& replica, wire::Reader& in, ByteBuffer& question) {
@@ -299,9 +299,8 @@ void Bisection::complete(const Scene& replica, ChangeSet& set) const {
     };
     for (const NodeId id : routes_) {
         for (const Route& own : replica.routesFrom(id)) {
-            const auto wanted = std::ranges::find_if(set.changes, [&](const Change& c) {
-                return c.kind == ChangeKind::addRoute && routeOf(c) == own;
-            });
+            const auto wanted = std::ranges::find_if(
+                set.changes, [&](const Change& c) { return c.kind == ChangeKind::addRoute && routeOf(c) == own; });
             if (wanted == set.changes.end())
                 remove(own);
             else

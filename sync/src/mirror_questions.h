@@ -1,8 +1,8 @@
 // Finding where two scenes differ by comparing hashes, and putting it right (PROTOCOL.md, "Differences").
 //
-// Invariant: an answer has at most kLongestAnswer bytes however large the scene; from a whole scene of n nodes to one node
-// takes log256(n) questions. Answers are about one state, which they name.
-// Threading: on the thread of the scene that is asked or compared.
+// Invariant: an answer has at most kLongestAnswer bytes however large the scene; from a whole scene of n nodes to one
+// node takes log256(n) questions. Answers are about one state, which they name. Threading: on the thread of the scene
+// that is asked or compared.
 #pragma once
 
 #include <cstdint>
@@ -18,10 +18,10 @@
 
 namespace rtsg::mirror {
 
-constexpr unsigned kFanOutBits = 8;        // a range is answered in 256 parts
-constexpr std::size_t kMostRanges = 16;    // in one question
-constexpr std::size_t kMostNodes = 64;     // inspected at once; more that differ are sent as a whole snapshot
-constexpr std::size_t kMostWants = 512;    // parts of nodes re-sent at once
+constexpr unsigned kFanOutBits = 8;      // a range is answered in 256 parts
+constexpr std::size_t kMostRanges = 16;  // in one question
+constexpr std::size_t kMostNodes = 64;   // inspected at once; more that differ are sent as a whole snapshot
+constexpr std::size_t kMostWants = 512;  // parts of nodes re-sent at once
 constexpr std::size_t kLongestAnswer = std::size_t{128} << 10;
 
 /// 2^bits node numbers from `first` on.

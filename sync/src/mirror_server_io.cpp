@@ -1,5 +1,5 @@
-// The thread of a mirror server that talks to peers: its loop, what comes in from the other threads, and what goes to them.
-// What it says to each peer is in mirror_server_peers.cpp.
+// The thread of a mirror server that talks to peers: its loop, what comes in from the other threads, and what goes to
+// them. What it says to each peer is in mirror_server_peers.cpp.
 #include "mirror_server_io.h"
 
 #include <algorithm>
@@ -154,8 +154,8 @@ void MirrorServer::Io::takeInbox() {
     if (!items.empty()) {
         const SharedRecord keyframe = history_.keyframe();
         const std::uint64_t since = keyframe ? history_.bytesFrom(keyframe->header.to) : 0;
-        if (!keyframe || since > std::min(std::max<std::uint64_t>(2 * keyframe->bytes.size(), kKeyframeEvery),
-                                          history_.limit() / 2))
+        if (!keyframe ||
+            since > std::min(std::max<std::uint64_t>(2 * keyframe->bytes.size(), kKeyframeEvery), history_.limit() / 2))
             askForKeyframe();
     }
     for (mirror::Verdict& verdict : verdicts) {

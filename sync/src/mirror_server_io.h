@@ -132,6 +132,7 @@ class MirrorServer::Io {
     Peers peers_;
     MirrorServerStatistics statistics_;
     ByteBuffer message_, head_;
+    std::uint64_t dictionaryHash_ = 0;
     std::thread thread_;
 };
 

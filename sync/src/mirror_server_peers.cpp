@@ -17,12 +17,12 @@ constexpr std::size_t kChunk = std::size_t{256} << 10;
 constexpr std::size_t kCopyBelow = 1024;  // smaller bodies are copied: cheaper than counting references
 constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64_t{64} << 20;
 constexpr std::uint64_t kLargestDebt = 2 * kLargestWindow;
-constexpr std::uint64_t kAnswerCost = 1024;      // of an answer that waits to be read, beside its bytes
-constexpr auto kPatience = 200ms;               // with the shadow, for a keyframe nearer than the one there is
-constexpr double kMostQuestions = 24;           // of a peer at once
-constexpr double kQuestionsPerSecond = 4;       // in the long run
-constexpr std::size_t kMostMerged = 20000;      // frames
-constexpr std::size_t kMostVerdicts = 1000;     // that wait for their frame
+constexpr std::uint64_t kAnswerCost = 1024;  // of an answer that waits to be read, beside its bytes
+constexpr auto kPatience = 200ms;            // with the shadow, for a keyframe nearer than the one there is
+constexpr double kMostQuestions = 24;        // of a peer at once
+constexpr double kQuestionsPerSecond = 4;    // in the long run
+constexpr std::size_t kMostMerged = 20000;   // frames
+constexpr std::size_t kMostVerdicts = 1000;  // that wait for their frame
 
 }  // namespace
 
@@ -167,7 +167,7 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
         case mirror::RequestLedger::Standing::pending:
             return;
         case mirror::RequestLedger::Standing::answered:
-            peer.verdicts.push_back(*known);
+            if (known) peer.verdicts.push_back(*known);
             return;
         case mirror::RequestLedger::Standing::fresh:
             break;
@@ -177,10 +177,10 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
         refusal.refusal = "the node types here are others than there";
     } else {
         const std::scoped_lock lock(shared_->mutex);
-        if (shared_->submittedBytes + whole.record.size() <= mirror::kMostSubmitted) {
+        if (shared_->submittedBytes + whole.record.size() <= mirror::kMostSubmitted &&
+            ledger_.begin(peer.client, request)) {
             shared_->submittedBytes += whole.record.size();
             shared_->submissions.push_back(std::move(whole));
-            ledger_.begin(peer.client, request);
             return;
         }
         refusal.refusal = "too many requests wait for the scene";
@@ -195,8 +195,8 @@ bool MirrorServer::Io::behind(const Peer& peer) const {
 /// For a peer that has no state of ours: the last keyframe if frames lead on from it and are few, else a fresh one.
 SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
     const SharedRecord keyframe = history_.keyframe();
-    const bool near =
-        keyframe && history_.bytesFrom(keyframe->header.to) <= 2 * keyframe->bytes.size() + std::min<std::uint64_t>(kChunk, peer.window / 2);
+    const bool near = keyframe && history_.bytesFrom(keyframe->header.to) <=
+                                      2 * keyframe->bytes.size() + std::min<std::uint64_t>(kChunk, peer.window / 2);
     const Clock::time_point now = Clock::now();
     if (peer.waitingSince == Clock::time_point{}) peer.waitingSince = now;
     if (!near) {

@@ -84,9 +84,8 @@ void MirrorShadow::run() {
     scene.setBehavioursEnabled(false);
     std::unique_lock lock(mutex_);
     while (!stop_) {
-        some_.wait_for(lock, kLeisure, [this] {
-            return stop_ || waitingBytes_ >= kBatch || (!questions_.empty() && !lost_);
-        });
+        some_.wait_for(lock, kLeisure,
+                       [this] { return stop_ || waitingBytes_ >= kBatch || (!questions_.empty() && !lost_); });
         while (!waiting_.empty() && !stop_) {
             const SharedRecord record = std::move(waiting_.front());
             waiting_.pop_front();

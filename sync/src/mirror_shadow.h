@@ -4,7 +4,8 @@
 // Invariant: the replica is in a state that was published; a question is answered in a state not before the last record
 // posted before it. It costs the memory of one more scene. It follows lazily, in batches; records that wait are bounded
 // by `limit` bytes, beyond which the replica is given up until a keyframe comes.
-// Threading: post, ask and takeAnswers from one thread; the work on another; `wake` (an eventfd) is written for answers.
+// Threading: post, ask and takeAnswers from one thread; the work on another; `wake` (an eventfd) is written for
+// answers.
 #pragma once
 
 #include <condition_variable>
@@ -27,8 +28,8 @@ class MirrorShadow {
     struct Question {
         enum class Kind : std::uint8_t { keyframe, merge, peers };
         Kind kind = Kind::keyframe;
-        std::string peer;           // whose; empty for keyframes
-        std::uint64_t session = 0;  // of the peer
+        std::string peer;                  // whose; empty for keyframes
+        std::uint64_t session = 0;         // of the peer
         std::vector<std::byte> text;       // of a peer: its message, whole
         std::vector<SharedRecord> frames;  // to merge
     };

@@ -14,7 +14,8 @@ namespace rtsg::mirror {
 namespace {
 
 constexpr std::size_t kMostClients = 256;
-constexpr std::size_t kMostAnswers = 64;  // kept per client
+constexpr std::size_t kMostAnswers = 256;   // kept per client
+constexpr std::size_t kMostPending = 4096;  // of a client
 constexpr std::size_t kLongestReason = 300;
 
 /// Judges and carries out one submission; numbers of its own nodes are replaced as they are created.
@@ -57,8 +58,8 @@ Result<> Request::checkField(NodeId id, FieldIndex field, FieldType type, bool e
         return fail(fmt::format("{} has no field {}", node.name, field));
     const FieldDef& def = node.fields[field];
     if (def.type != type)
-        return fail(fmt::format("{}.{} is of type {}, not {}", node.name, def.name, info(def.type).name,
-                                info(type).name));
+        return fail(
+            fmt::format("{}.{} is of type {}, not {}", node.name, def.name, info(def.type).name, info(type).name));
     if (event ? !def.writable() : def.access == Access::outputOnly || def.access == Access::inputOnly)
         return fail(fmt::format("{}.{} cannot be {}", node.name, def.name, event ? "sent an event" : "set"));
     return {};
@@ -195,7 +196,8 @@ Verdict carryOut(Scene& scene, const Submission& submission) {
     const auto refuse = [&](const Change& change, const Diagnostic& why, bool begun) {
         std::string text = why.text;
         if (const Node* node = scene.find(change.node); node && change.field < node->type().fields.size())
-            text = fmt::format("{}.{}: {}", nodeLabel(scene, change.node), node->type().fields[change.field].name, text);
+            text =
+                fmt::format("{}.{}: {}", nodeLabel(scene, change.node), node->type().fields[change.field].name, text);
         if (begun) text += " (changes of the request before this one are made)";
         verdict.refusal = text.substr(0, kLongestReason);
     };
@@ -243,27 +245,32 @@ bool Assembly::add(std::uint64_t newRequest, std::uint64_t newSize, std::uint64_
 }
 
 RequestLedger::Standing RequestLedger::standing(std::uint64_t client, std::uint64_t request, const Verdict*& verdict) {
+    verdict = nullptr;
     const auto found = clients_.find(client);
-    if (found == clients_.end() || request > found->second.newest) return Standing::fresh;
+    if (found == clients_.end()) return Standing::fresh;
+    if (found->second.pending.contains(request)) return Standing::pending;
     const auto answer = std::ranges::find(found->second.answers, request, &Verdict::request);
-    if (answer == found->second.answers.end()) return Standing::pending;
-    verdict = &*answer;
-    return Standing::answered;
+    if (answer != found->second.answers.end()) verdict = &*answer;
+    return verdict || request <= found->second.forgotten ? Standing::answered : Standing::fresh;
 }
 
-void RequestLedger::begin(std::uint64_t client, std::uint64_t request) {
+bool RequestLedger::begin(std::uint64_t client, std::uint64_t request) {
     if (!clients_.contains(client) && clients_.size() >= kMostClients)
         clients_.erase(std::ranges::min_element(clients_, {}, [](const auto& c) { return c.second.used; }));
     Client& c = clients_[client];
-    c.newest = request;
     c.used = ++uses_;
+    return c.pending.size() < kMostPending && c.pending.insert(request).second;
 }
 
 void RequestLedger::answer(const Verdict& verdict) {
     const auto found = clients_.find(verdict.client);
     if (found == clients_.end()) return;
-    found->second.answers.push_back(verdict);
-    if (found->second.answers.size() > kMostAnswers) found->second.answers.pop_front();
+    Client& c = found->second;
+    c.pending.erase(verdict.request);
+    c.answers.push_back(verdict);
+    if (c.answers.size() <= kMostAnswers) return;
+    c.forgotten = std::max(c.forgotten, c.answers.front().request);
+    c.answers.pop_front();
 }
 
 }  // namespace rtsg::mirror

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -33,8 +34,8 @@ struct Submission {
 
 struct Verdict {
     std::uint64_t client = 0, request = 0;
-    std::uint64_t state = 0;  // by which its effect is there
-    std::string refusal;      // empty: done
+    std::uint64_t state = 0;                                       // by which its effect is there
+    std::string refusal;                                           // empty: done
     std::vector<std::pair<std::uint32_t, std::uint32_t>> created;  // provisional and real numbers
 
     void write(ByteBuffer& out, std::uint64_t session) const;
@@ -57,14 +58,17 @@ struct Assembly {
 class RequestLedger {
   public:
     enum class Standing : std::uint8_t { fresh, pending, answered };
+    /// `verdict`: of one that was answered; null if that is so long ago that it is forgotten.
     Standing standing(std::uint64_t client, std::uint64_t request, const Verdict*& verdict);
-    void begin(std::uint64_t client, std::uint64_t request);
+    /// False when as many of the client's wait as may.
+    bool begin(std::uint64_t client, std::uint64_t request);
     void answer(const Verdict& verdict);
     void clear() { clients_.clear(); }
 
   private:
     struct Client {
-        std::uint64_t newest = 0, used = 0;
+        std::uint64_t used = 0, forgotten = 0;  // the highest number whose answer is not kept any more
+        std::set<std::uint64_t> pending;
         std::deque<Verdict> answers;
     };
     std::map<std::uint64_t, Client> clients_;

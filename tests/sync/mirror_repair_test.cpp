@@ -218,7 +218,8 @@ TEST(MirrorRepair, AValueBentOnTheWayIsNoticedByItsFrameAndRepaired) {
     EXPECT_EQ(client->statistics().repairs, 1u);
     bool named = false;
     for (const Diagnostic& d : client->takeDiagnostics())
-        named |= d.severity == Severity::error && d.text.starts_with("state 6: #") && d.text.find(".translation") != d.text.npos;
+        named |= d.severity == Severity::error && d.text.starts_with("state 6: #") &&
+                 d.text.find(".translation") != d.text.npos;
     EXPECT_TRUE(named);
 }
 
@@ -232,8 +233,8 @@ TEST(MirrorRepair, NodesNamesAndRoutesThatAreMissingOrTooManyAreRepaired) {
                                      x3d::PositionInterpolator::set_fraction.index));
     pair.origin.newFrame(++pair.frame);
     ASSERT_TRUE(pair.settle());
-    // The replica loses a route, a name and a node, and gains another, without its client's knowledge: applied as if from
-    // the origin, so that only hashes tell.
+    // The replica loses a route, a name and a node, and gains another, without its client's knowledge: applied as if
+    // from the origin, so that only hashes tell.
     const auto set = std::make_shared<ChangeSet>();
     set->from = set->to = pair.replica.sequence();
     set->time = pair.replica.now();

@@ -1,9 +1,9 @@
 // Partial hashes: the terms of the state hash by node and by field, computed from what is stored now.
 //
-// Invariant: the sum of hashOfNode() over all nodes of a sealed scene is Scene::hash(), unless memory was changed behind
-// the scene's back: then this sees it, as the running hash cannot. Two scenes that differ are compared by the sums of
-// ranges of nodes, so that the place is found in a logarithmic number of steps.
-// Threading: the scene's thread, or any while it stands still.
+// Invariant: the sum of hashOfNode() over all nodes of a sealed scene is Scene::hash(), unless memory was changed
+// behind the scene's back: then this sees it, as the running hash cannot. Two scenes that differ are compared by the
+// sums of ranges of nodes, so that the place is found in a logarithmic number of steps. Threading: the scene's thread,
+// or any while it stands still.
 #pragma once
 
 #include <vector>

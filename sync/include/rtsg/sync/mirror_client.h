@@ -68,8 +68,8 @@ struct MirrorStatistics {
 /// What the origin made of a request.
 struct MirrorVerdict {
     std::uint64_t request = 0;
-    std::string refusal;      // why it was not carried out; empty if it was
-    std::uint64_t state = 0;  // the state with its effect, in which the replica is already
+    std::string refusal;                             // why it was not carried out; empty if it was
+    std::uint64_t state = 0;                         // the state with its effect, in which the replica is already
     std::vector<std::pair<NodeId, NodeId>> created;  // numbers of newNode() and what they have become
 };
 

@@ -2,9 +2,8 @@
 //
 // The file has lines `server-public KEY`, `server-secret KEY`, `client-public KEY` (any number of them),
 // `client-secret KEY` and comments from `#` on; keys are Z85, 40 characters. A server needs the server's pair and lets
-// in the clients listed; a client needs the server's public key and a pair of its own (the first client-public). After a
-// client's public key may stand what it may send upstream: none, events or edits.
-// Threading: values.
+// in the clients listed; a client needs the server's public key and a pair of its own (the first client-public). After
+// a client's public key may stand what it may send upstream: none, events or edits. Threading: values.
 #pragma once
 
 #include <filesystem>

@@ -1,0 +1,227 @@
+// Upstream: what replicas send is ordered at the origin, judged, carried out once, and comes back.
+#include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
+
+#include "mirror_support.h"
+
+namespace rtsg {
+namespace {
+
+using namespace std::chrono_literals;
+using test::Middleman;
+using test::pollUntil;
+
+constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
+
+struct Origin {
+    Scene scene;
+    std::unique_ptr<MirrorServer> server;
+    NodeId box, toggle, group;
+    int frame = 0;
+
+    explicit Origin(MirrorUpstream upstream, const std::string& endpoint = kAnyPort) {
+        box = scene.createNode(x3d::Transform::type);
+        toggle = scene.createNode(x3d::BooleanToggle::type);
+        group = scene.createNode(x3d::Group::type);
+        EXPECT_TRUE(scene.setName(box, "BOX"));
+        EXPECT_TRUE(scene.setField(scene.root(), x3d::RtsgScene::children.index, Array<NodeId>{box, toggle, group}));
+        scene.newFrame(0);
+        MirrorServerOptions options;
+        options.upstream = upstream;
+        server = *MirrorServer::start(scene, endpoint, options);
+    }
+    /// As an application does: what has come, then a frame.
+    void turn() {
+        server->service();
+        scene.newFrame(++frame * .1);
+    }
+};
+
+struct Replica {
+    Scene scene;
+    std::unique_ptr<MirrorClient> client;
+    std::vector<MirrorVerdict> verdicts;
+
+    explicit Replica(const std::string& endpoint) { client = *MirrorClient::connect(scene, endpoint); }
+    bool settle(Origin& origin, std::size_t answers) {
+        return pollUntil(*client, [&] {
+            origin.turn();
+            client->poll(2ms);
+            for (MirrorVerdict& v : client->takeVerdicts()) {
+                // The effect is there when the verdict is.
+                if (v.refusal.empty()) {
+                    EXPECT_GE(client->statistics().sequence, v.state);
+                }
+                verdicts.push_back(std::move(v));
+            }
+            return verdicts.size() >= answers;
+        });
+    }
+};
+
+Change change(ChangeKind kind, NodeId node, FieldIndex field = kNoField, Value value = {}) {
+    Change c;
+    c.kind = kind;
+    c.node = node;
+    c.field = field;
+    c.value = std::move(value);
+    return c;
+}
+
+TEST(MirrorUpstream, AnEditComesBackToEveryReplica) {
+    Origin origin(MirrorUpstream::edits);
+    Replica first(origin.server->endpoint()), second(origin.server->endpoint());
+    const auto request = first.client->submitEdit(origin.box, x3d::Transform::translation.index, Vec3f(1, 2, 3));
+    ASSERT_TRUE(request);
+    EXPECT_EQ(first.client->unanswered(), 1u);
+    ASSERT_TRUE(first.settle(origin, 1));
+    EXPECT_EQ(first.verdicts[0].request, *request);
+    EXPECT_EQ(first.verdicts[0].refusal, "");
+    EXPECT_EQ(first.client->unanswered(), 0u);
+    EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(1, 2, 3));
+    EXPECT_EQ(first.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(1, 2, 3));
+    ASSERT_TRUE(test::pollUntilAt(*second.client, origin.scene));
+    EXPECT_EQ(second.scene.dump(), origin.scene.dump());
+    EXPECT_EQ(first.client->statistics().divergences, 0u);
+}
+
+TEST(MirrorUpstream, EventsRunTheOriginsCascadeAndMayBeAllThatIsAllowed) {
+    Origin origin(MirrorUpstream::events);
+    Replica replica(origin.server->endpoint());
+    ASSERT_TRUE(replica.client->submitEvent(origin.toggle, x3d::BooleanToggle::set_boolean.index, true));
+    ASSERT_TRUE(replica.client->submitEdit(origin.box, x3d::Transform::scale.index, Vec3f(2, 2, 2)));
+    ASSERT_TRUE(replica.settle(origin, 2));
+    EXPECT_EQ(replica.verdicts[0].refusal, "");
+    EXPECT_TRUE(replica.scene.node(origin.toggle).get(x3d::BooleanToggle::toggle));
+    EXPECT_NE(replica.verdicts[1].refusal.find("BOX.scale"), std::string::npos) << replica.verdicts[1].refusal;
+    EXPECT_NE(replica.verdicts[1].refusal.find("may send events, not edit"), std::string::npos);
+    EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::scale), Vec3f(1, 1, 1));
+}
+
+TEST(MirrorUpstream, WithoutPermissionNothingIsCarriedOutAndTheReasonNamed) {
+    Origin origin(MirrorUpstream::none);
+    Replica replica(origin.server->endpoint());
+    ASSERT_TRUE(replica.client->submitEvent(origin.toggle, x3d::BooleanToggle::set_boolean.index, true));
+    ASSERT_TRUE(replica.settle(origin, 1));
+    EXPECT_NE(replica.verdicts[0].refusal.find("may only follow"), std::string::npos);
+    EXPECT_FALSE(origin.scene.node(origin.toggle).get(x3d::BooleanToggle::toggle));
+}
+
+TEST(MirrorUpstream, NodesGetTheirNumbersFromTheOrigin) {
+    Origin origin(MirrorUpstream::edits);
+    Replica replica(origin.server->endpoint());
+    const NodeId shape = replica.client->newNode(), geometry = replica.client->newNode();
+    Change createShape = change(ChangeKind::createNode, shape), createBox = change(ChangeKind::createNode, geometry);
+    createShape.index = x3d::Shape::type.value;
+    createBox.index = x3d::Box::type.value;
+    Change insert = change(ChangeKind::insertChild, origin.group, x3d::Group::children.index);
+    insert.other = shape;
+    ASSERT_TRUE(replica.client->submit({createShape, createBox,
+                                        change(ChangeKind::setField, shape, x3d::Shape::geometry.index, geometry),
+                                        change(ChangeKind::setField, geometry, x3d::Box::size.index, Vec3f(3, 4, 5)),
+                                        change(ChangeKind::setName, shape, kNoField, String("NEW")), insert}));
+    ASSERT_TRUE(replica.settle(origin, 1));
+    ASSERT_EQ(replica.verdicts[0].refusal, "");
+    ASSERT_EQ(replica.verdicts[0].created.size(), 2u);
+    EXPECT_EQ(replica.verdicts[0].created[0].first, shape);
+    const NodeId made = replica.scene.findName("NEW");
+    EXPECT_EQ(made, replica.verdicts[0].created[0].second);
+    const NodeId box = replica.scene.node(made).get(x3d::Shape::geometry);
+    EXPECT_EQ(box, replica.verdicts[0].created[1].second);
+    EXPECT_EQ(replica.scene.node(box).get(x3d::Box::size), Vec3f(3, 4, 5));
+    EXPECT_EQ(replica.scene.node(origin.group).get(x3d::Group::children).size(), 1u);
+}
+
+TEST(MirrorUpstream, ARequestIsCheckedWhollyBeforeAnythingIsDone) {
+    Origin origin(MirrorUpstream::edits);
+    Replica replica(origin.server->endpoint());
+    const auto good = change(ChangeKind::setField, origin.box, x3d::Transform::translation.index, Vec3f(9, 9, 9));
+    const std::vector<std::pair<Change, std::string>> bad = {
+        {change(ChangeKind::setField, NodeId{99999}, 0, Vec3f()), "no node 99999"},
+        {change(ChangeKind::setField, origin.box, x3d::Transform::scale.index, 1.f), "is of type SFVec3f"},
+        {change(ChangeKind::event, origin.toggle, 60000, true), "no field"},
+        {change(ChangeKind::setField, origin.group, x3d::Group::children.index, Array<NodeId>{NodeId{88888}}),
+         "no node 88888"},
+        {change(ChangeKind::createNode, NodeId{500}), "gives nodes their numbers"},
+    };
+    for (const auto& [c, reason] : bad) {
+        ASSERT_TRUE(replica.client->submit({good, c}));
+        replica.verdicts.clear();
+        ASSERT_TRUE(replica.settle(origin, 1));
+        EXPECT_NE(replica.verdicts[0].refusal.find(reason), std::string::npos) << replica.verdicts[0].refusal;
+        EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(0, 0, 0));
+    }
+    // What only doing it shows.
+    ASSERT_TRUE(replica.client->submit(
+        {change(ChangeKind::setField, origin.group, x3d::Group::children.index, Array<NodeId>{origin.group})}));
+    replica.verdicts.clear();
+    ASSERT_TRUE(replica.settle(origin, 1));
+    EXPECT_NE(replica.verdicts[0].refusal.find("cannot contain itself"), std::string::npos);
+}
+
+TEST(MirrorUpstream, TooLongARequestIsRefusedHere) {
+    Origin origin(MirrorUpstream::edits);
+    Replica replica(origin.server->endpoint());
+    const auto tooLong =
+        replica.client->submitEdit(origin.box, x3d::Transform::translation.index, Array<Vec3f>::ofSize(200000));
+    ASSERT_FALSE(tooLong);
+    EXPECT_NE(tooLong.error().text.find("the most is"), std::string::npos);
+    // One in many parts is carried out.
+    const NodeId points = replica.client->newNode();
+    Change create = change(ChangeKind::createNode, points);
+    create.index = x3d::Coordinate::type.value;
+    ASSERT_TRUE(replica.client->submit(
+        {create, change(ChangeKind::setField, points, x3d::Coordinate::point.index, Array<Vec3f>::ofSize(50000))}));
+    ASSERT_TRUE(replica.settle(origin, 1));
+    ASSERT_EQ(replica.verdicts[0].refusal, "");
+    EXPECT_EQ(replica.scene.node(replica.verdicts[0].created[0].second).get(x3d::Coordinate::point).size(), 50000u);
+}
+
+/// Each request adds a child. Whatever is cut and repeated: each is there once.
+TEST(MirrorUpstream, NothingIsLostOrDoubledWhenMessagesAreDropped) {
+    Origin origin(MirrorUpstream::edits);
+    std::atomic<int> passed{0};
+    Middleman middle(origin.server->endpoint(), [&](bool toClient, Middleman::Parts& parts) {
+        const int type = parts[0].size() > 5 ? parts[0][5] : 0;
+        if (!toClient && type == 9) return ++passed % 3 != 0;  // submissions
+        if (toClient && type == 22) return ++passed % 4 != 0;  // verdicts
+        return true;
+    });
+    Replica replica(middle.endpoint);
+    constexpr int kRequests = 12;
+    for (int i = 0; i < kRequests; ++i) {
+        const NodeId node = replica.client->newNode();
+        Change create = change(ChangeKind::createNode, node);
+        create.index = x3d::Transform::type.value;
+        Change insert = change(ChangeKind::insertChild, origin.group, x3d::Group::children.index);
+        insert.other = node;
+        ASSERT_TRUE(replica.client->submit({create, insert}));
+    }
+    const auto end = std::chrono::steady_clock::now() + 60s;
+    while (replica.client->unanswered() > 0 && std::chrono::steady_clock::now() < end) {
+        origin.turn();
+        replica.client->poll(5ms);
+    }
+    EXPECT_EQ(replica.client->unanswered(), 0u);
+    EXPECT_EQ(origin.scene.node(origin.group).get(x3d::Group::children).size(), std::size_t{kRequests});
+    ASSERT_TRUE(test::pollUntilAt(*replica.client, origin.scene));
+    EXPECT_EQ(replica.scene.dump(), origin.scene.dump());
+}
+
+TEST(MirrorUpstream, AnotherRunOfTheServerSaysThatRequestsAreLost) {
+    auto origin = std::make_unique<Origin>(MirrorUpstream::edits);
+    const std::string endpoint = origin->server->endpoint();
+    Replica replica(endpoint);
+    ASSERT_TRUE(test::pollUntilAt(*replica.client, origin->scene));
+    origin.reset();
+    pollUntil(*replica.client, [&] { return !replica.client->inStep(); });
+    ASSERT_TRUE(replica.client->submitEdit(NodeId{2}, x3d::Transform::translation.index, Vec3f(1, 1, 1)));
+    Origin second(MirrorUpstream::edits, endpoint);
+    ASSERT_TRUE(replica.settle(second, 1));
+    EXPECT_NE(replica.verdicts[0].refusal.find("started over"), std::string::npos);
+    EXPECT_EQ(second.scene.node(second.box).get(x3d::Transform::translation), Vec3f(0, 0, 0));
+}
+
+}  // namespace
+}  // namespace rtsg
