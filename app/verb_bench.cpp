@@ -7,6 +7,7 @@
 #include "bench/bench.h"
 #include "bench/bench_frames.h"
 #include "bench/bench_sync.h"
+#include "bench/bench_sync_mirror.h"
 #include "bench/scenes/scenes.h"
 #include "cli.h"
 
@@ -31,7 +32,9 @@ bool always(const bench::Report& report, bool quick) {
 template <auto Run>
 bool synced(const bench::Report& report, bool quick) {
     bench::SyncSizes sizes;
-    if (quick) sizes = {.transforms = 1000, .frames = 100, .roundTrips = 200, .joinNodes = 20000, .hourFrames = 20000};
+    if (quick)
+        sizes = {
+            .transforms = 1000, .frames = 100, .roundTrips = 200, .joinNodes = 20000, .peers = 8, .hourFrames = 20000};
     if constexpr (std::is_same_v<decltype(Run(sizes, report)), bool>) {
         return Run(sizes, report);
     } else {
@@ -58,7 +61,9 @@ constexpr Bench kBenches[] = {
     {"input", "input mode: bytes and time of a frame that derives from the clock", synced<bench::input>},
     {"mirror", "transform changes a second over loopback TCP, hash equal each frame", synced<bench::mirrorThroughput>},
     {"latency", "one change from newFrame() to the replica", synced<bench::mirrorLatency>},
-    {"join", "a late joiner's verified replica", synced<bench::mirrorJoin>},
+    {"join", "a late joiner's verified replica, and what it costs the scene", synced<bench::mirrorJoin>},
+    {"resume", "from the return of a link to a replica in step", synced<bench::mirrorResume>},
+    {"peers", "many replicas, and a part of them stopped", synced<bench::mirrorPeers>},
     {"log", "a log: written, scanned, replayed, sought in; what it costs the scene", synced<bench::log>},
 };
 

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "bench/bench_sync.h"
+#include "bench/bench_sync_mirror.h"
 #include "bench/charts.h"
 #include "cli.h"
 
@@ -19,6 +20,7 @@ struct Source {
 };
 
 constexpr Source kSources[] = {
+    {"mirror", "replicas against throughput, late joins against the size of the scene", bench::chartMirror},
     {"scale", "work of one change in scenes of 10^3 to 10^6 nodes", bench::chartScale},
     {"deform", "speed of rays through deforming meshes against rebuilt ones", bench::chartDeform},
     {"codec", "bytes of a changed transform against error and against time, by coding and mode", bench::chartCodec},

@@ -14,6 +14,9 @@ using mirror::Message;
 namespace {
 
 constexpr int kLinger = 100;         // ms, for the goodbye
+constexpr int kReconnect = 10;       // ms between attempts
+constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms that an attempt may take: at most, at least
+constexpr auto kAttemptsFor = 2s;    // with one such time
 constexpr auto kHelloAgain = 500ms;  // without an answer
 constexpr auto kLongestTurn = 20ms;  // of poll() beyond its timeout, while frames keep coming
 constexpr auto kPing = 500ms;
@@ -61,8 +64,8 @@ void MirrorClient::Impl::garbage(std::string text) {
 Result<> MirrorClient::Impl::start(const std::string& endpoint) {
     endpoint_ = endpoint;
     socket_.set(ZMQ_LINGER, kLinger);
-    socket_.set(ZMQ_RECONNECT_IVL, 5);
-    socket_.set(ZMQ_RECONNECT_IVL_MAX, 200);
+    socket_.set(ZMQ_RECONNECT_IVL, kReconnect);
+    socket_.set(ZMQ_CONNECT_TIMEOUT, kConnectWithin);
     socket_.set(ZMQ_IMMEDIATE, 1);  // nothing is queued for a server that is not there
     socket_.set(ZMQ_RCVHWM, 0);     // bounded by the window
     socket_.set(ZMQ_MAXMSGSIZE, std::int64_t{16} << 20);
@@ -124,9 +127,15 @@ void MirrorClient::Impl::keepInTouch() {
         hello(false);
     } else if (connected_ && now - heard_ > options_.timeout) {
         report(Severity::note, "the server has gone silent");
-        hello(false);
+        connected_ = false;
+        helloPending_ = true;
+        attempts_ = 0;
+        reconnect(now);
+    } else if (!connected_ && attempts_ > 0 && now - reconnected_ > kAttemptsFor) {
+        reconnect(now);
     }
     if (!connected_) return;
+    attempts_ = 0;
     pingNow(now);
     sendRequests();
     if (bisection_.running() && now - asked_ > kAnswerWithin) {
@@ -136,6 +145,17 @@ void MirrorClient::Impl::keepInTouch() {
             bisection_.stop();
     }
     scrub(now);
+}
+
+/// TCP tries a link that was silent again only after as long as it has been silent. A connection of its own, tried every
+/// few round trips, is there as soon as the link is; every other time more slowly, as the way may have become longer.
+void MirrorClient::Impl::reconnect(Clock::time_point now) {
+    reconnected_ = now;
+    const int trips = clock_.known() ? static_cast<int>(4e3 * clock_.delay()) : kConnectWithin;
+    socket_.set(ZMQ_CONNECT_TIMEOUT,
+                attempts_++ % 2 ? kConnectWithin : std::clamp(trips, kConnectQuickly, kConnectWithin));
+    zmq_disconnect(socket_.get(), endpoint_.c_str());
+    zmq_connect(socket_.get(), endpoint_.c_str());
 }
 
 void MirrorClient::Impl::pingNow(Clock::time_point now) {

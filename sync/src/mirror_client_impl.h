@@ -58,6 +58,7 @@ class MirrorClient::Impl {
     void hello(bool afresh);
     void watchConnection();
     void keepInTouch();
+    void reconnect(Clock::time_point now);
     void pingNow(Clock::time_point now);
     bool receiveOne();
     void receive(mirror::Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second);
@@ -101,7 +102,8 @@ class MirrorClient::Impl {
     std::uint64_t received_ = 0, acknowledged_ = 0;  // bytes of this session
     ByteBuffer partial_;                             // a record that comes in several parts
     std::uint64_t partialSize_ = 0;
-    Clock::time_point heard_{}, greeted_{}, repaired_{}, pinged_{}, asked_{}, scrubbed_{};
+    int attempts_ = 0;  // to reconnect, since the server was heard
+    Clock::time_point reconnected_{}, heard_{}, greeted_{}, repaired_{}, pinged_{}, asked_{}, scrubbed_{};
     std::vector<std::shared_ptr<ChangeSet>> sets_;
     std::size_t applied_ = 0;  // in this turn of poll()
 

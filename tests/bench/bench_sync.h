@@ -11,20 +11,14 @@ struct SyncSizes {
     int transforms = 10000;  // changed in every frame
     int frames = 400;
     int roundTrips = 2000;
-    int joinNodes = 200000;
+    int joinNodes = 1000000;
+    int peers = 64;
     int hourFrames = 216000;  // of the log that is sought in
 };
 
 /// Bytes and nanoseconds of a changed transform for every coding and mode, on three kinds of motion, beside general
 /// compressors. False if anything failed to decode.
 bool codec(const SyncSizes& sizes, const Report& report);
-/// Transforms per second from Scene::set to the replica's verified hash, over loopback TCP; raw ZeroMQ with the same
-/// bytes beside it. Fails (false) if any replica state differs.
-bool mirrorThroughput(const SyncSizes& sizes, const Report& report);
-/// Microseconds from newFrame() to the replica's state, one change at a time.
-bool mirrorLatency(const SyncSizes& sizes, const Report& report);
-/// Milliseconds from connect() to a verified replica of a still scene.
-bool mirrorJoin(const SyncSizes& sizes, const Report& report);
 /// Bytes per second written and scanned, states per second replayed with verification, milliseconds to seek in an hour's
 /// log, microseconds of the scene's thread.
 bool log(const SyncSizes& sizes, const Report& report);

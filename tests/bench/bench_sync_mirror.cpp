@@ -1,0 +1,352 @@
+#include "bench_sync_mirror.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <ctime>
+#include <thread>
+
+#include <unistd.h>
+#include <zmq.h>
+
+#include <rtsg/sync/change_codec.h>
+#include <rtsg/sync/mirror_client.h>
+#include <rtsg/sync/mirror_server.h>
+
+#include "bench/moving.h"
+#include "bench/bench_sync_raw.h"
+#include "support/tcp_proxy.h"
+
+namespace rtsg::bench {
+
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
+
+double secondsSince(Clock::time_point start) {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+}
+/// Of this thread: what others do on a busy machine does not count.
+double threadSeconds() {
+    timespec now{};
+    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
+}
+
+/// Polls `client` on this thread until it is where `target` says; false after 60 s.
+bool pollTo(MirrorClient& client, std::uint64_t target) {
+    const auto end = Clock::now() + 60s;
+    while (client.statistics().sequence < target || !client.inStep()) {
+        client.poll(1ms);
+        if (Clock::now() > end) return false;
+    }
+    return true;
+}
+
+/// A replica on a thread of its own.
+class Follower {
+  public:
+    explicit Follower(std::string endpoint, MirrorClientOptions options = {})
+        : endpoint_(std::move(endpoint)), options_(std::move(options)), thread_([this] { run(); }) {}
+    ~Follower() {
+        stop_ = true;
+        thread_.join();
+    }
+    std::uint64_t reached() const { return reached_; }
+    bool waitFor(std::uint64_t state, std::chrono::seconds patience = 60s) const {
+        const auto end = Clock::now() + patience;
+        while (reached_ < state && Clock::now() < end) std::this_thread::yield();
+        return reached_ >= state;
+    }
+    /// Stops reading, as a process does that is stopped.
+    void pause(bool paused) { paused_ = paused; }
+    /// Once stopped.
+    MirrorStatistics finish() {
+        stop_ = true;
+        thread_.join();
+        thread_ = std::thread([] {});
+        return statistics_;
+    }
+
+  private:
+    void run() {
+        Scene replica;
+        auto client = MirrorClient::connect(replica, endpoint_, options_);
+        if (!client) return;
+        while (!stop_) {
+            if (paused_) {
+                std::this_thread::sleep_for(1ms);
+                continue;
+            }
+            (*client)->poll(20ms);
+            reached_ = (*client)->statistics().equal ? (*client)->statistics().sequence : 0;
+        }
+        statistics_ = (*client)->statistics();
+    }
+    std::string endpoint_;
+    MirrorClientOptions options_;
+    std::atomic<bool> stop_{false}, paused_{false};
+    std::atomic<std::uint64_t> reached_{0};
+    MirrorStatistics statistics_;
+    std::thread thread_;
+};
+
+struct Flow {
+    double changesPerSecond = 0, bytesPerFrame = 0, framesPerSecond = 0;
+    bool good = false;
+};
+
+/// All transforms move in every frame; `followers` of them are waited for, at most 16 frames under way.
+Flow flow(const SyncSizes& sizes, const std::string& endpoint, int transforms, int frames, int followers,
+          int stopped = 0) {
+    Moving origin(transforms);
+    MirrorServerOptions options;
+    options.maximumPeers = static_cast<std::size_t>(followers + stopped);
+    options.peerTimeout = 60s;
+    (void)sizes;
+    auto server = MirrorServer::start(origin.scene, endpoint, options);
+    if (!server) return {};
+    std::vector<std::unique_ptr<Follower>> all;
+    for (int i = 0; i < followers + stopped; ++i) all.push_back(std::make_unique<Follower>((*server)->endpoint()));
+    for (const auto& f : all)
+        if (!f->waitFor(origin.scene.sequence())) return {};
+    for (int i = followers; i < followers + stopped; ++i) all[static_cast<std::size_t>(i)]->pause(true);
+    const auto slowest = [&] {
+        std::uint64_t least = UINT64_MAX;
+        for (int i = 0; i < followers; ++i) least = std::min(least, all[static_cast<std::size_t>(i)]->reached());
+        return least;
+    };
+    const auto end = Clock::now() + 120s;
+    const std::uint64_t bytesBefore = (*server)->statistics().bytes;
+    const auto start = Clock::now();
+    for (int i = 1; i <= frames; ++i) {
+        origin.frame(i);
+        while (origin.scene.sequence() > slowest() + 16 && Clock::now() < end) std::this_thread::yield();
+    }
+    while (slowest() < origin.scene.sequence() && Clock::now() < end) std::this_thread::yield();
+    const double seconds = secondsSince(start);
+    Flow result;
+    result.good = slowest() == origin.scene.sequence();
+    result.changesPerSecond = double(transforms) * frames / seconds;
+    result.framesPerSecond = frames / seconds;
+    result.bytesPerFrame =
+        double((*server)->statistics().bytes - bytesBefore) / frames / std::max(1, followers + stopped);
+    // Those who were stopped go on and end in the same state.
+    for (const auto& f : all) f->pause(false);
+    for (const auto& f : all) result.good = f->waitFor(origin.scene.sequence()) && result.good;
+    for (const auto& f : all) result.good = f->finish().divergences == 0 && result.good;
+    return result;
+}
+
+std::string ipcEndpoint() {
+    return "ipc:///tmp/rtsg-bench-" + std::to_string(::getpid());
+}
+
+}  // namespace
+
+bool mirrorThroughput(const SyncSizes& sizes, const Report& report) {
+    for (const auto& [name, endpoint, goal] : {std::tuple("mirror tcp", std::string(kAnyPort), 15e6),
+                                               std::tuple("mirror ipc", ipcEndpoint(), 20e6)}) {
+        Flow best;
+        double raw = 0;
+        for (int round = 0; round < 3; ++round) {  // the machine may be busy with other things
+            const Flow now = flow(sizes, endpoint, sizes.transforms, sizes.frames, 1);
+            if (!now.good) return false;
+            if (now.changesPerSecond > best.changesPerSecond) best = now;
+            raw = std::max(raw, rawThroughput(endpoint, static_cast<std::size_t>(now.bytesPerFrame), sizes.frames));
+        }
+        report({"sync", name, "verified transforms", "1/s", best.changesPerSecond, "goal", goal,
+                "raw ZeroMQ, same bytes", raw / best.bytesPerFrame * sizes.transforms});
+    }
+    // What the scene alone costs, without anybody following.
+    Moving alone(sizes.transforms);
+    const auto begin = Clock::now();
+    for (int i = 1; i <= sizes.frames; ++i) alone.frame(i);
+    report({"sync", "scene alone", "transforms", "1/s", double(sizes.transforms) * sizes.frames / secondsSince(begin),
+            "", 0, "", 0});
+    return true;
+}
+
+bool mirrorLatency(const SyncSizes& sizes, const Report& report) {
+    Moving origin(1);
+    auto server = MirrorServer::start(origin.scene, kAnyPort);
+    if (!server) return false;
+    Follower follower((*server)->endpoint());
+    if (!follower.waitFor(origin.scene.sequence())) return false;
+    std::vector<double> times;
+    for (int i = 1; i <= sizes.roundTrips; ++i) {
+        const auto start = Clock::now();
+        origin.frame(i);
+        if (!follower.waitFor(origin.scene.sequence(), 10s)) return false;
+        times.push_back(secondsSince(start) * 1e6);
+    }
+    if (follower.finish().divergences != 0) return false;
+    std::ranges::sort(times);
+    const std::vector<double> raw = rawLatency(100, sizes.roundTrips);
+    report({"sync", "mirror tcp", "one change applied remotely, median", "us", times[times.size() / 2], "goal", 60,
+            "raw ZeroMQ, one way", raw[raw.size() / 2]});
+    report({"sync", "mirror tcp", "one change applied remotely, p99", "us", times[times.size() * 99 / 100], "", 0,
+            "raw ZeroMQ, one way", raw[raw.size() * 99 / 100]});
+    return true;
+}
+
+bool mirrorJoin(const SyncSizes& sizes, const Report& report) {
+    const std::string size = std::to_string(sizes.joinNodes) + " nodes";
+    Moving origin(sizes.joinNodes);
+    auto server = MirrorServer::start(origin.scene, kAnyPort);
+    if (!server) return false;
+    const auto begin = Clock::now();
+    ByteBuffer record;
+    ChangeEncoder().encode(origin.scene.snapshot(), record);
+    const double taking = secondsSince(begin) * 1e3;
+    const double raw = double(record.size()) / rawThroughput(kAnyPort, record.size(), 3, 1) * 1e3;
+    double still = 1e9;
+    for (int round = 0; round < 3; ++round) {
+        Scene replica;
+        const auto start = Clock::now();
+        auto client = MirrorClient::connect(replica, (*server)->endpoint());
+        if (!client || !pollTo(**client, origin.scene.sequence()) || replica.hash() != origin.scene.hash()) return false;
+        still = std::min(still, secondsSince(start) * 1e3);
+    }
+    report({"sync", "late join", size, "ms", still, "goal for 1 M nodes", 250, "raw ZeroMQ, same bytes", raw});
+
+    // While the scene runs on: what its thread needs for a frame of a hundred changes, as nobody joins and as one does.
+    int frame = 0;
+    const auto step = [&] {
+        ++frame;
+        for (std::size_t i = 0; i < 100; ++i)
+            (void)origin.scene.set(origin.nodes[(i * 7919 + std::size_t(frame)) % origin.nodes.size()],
+                                   x3d::Transform::translation, Vec3f(float(frame), float(i), 0));
+        const double start = threadSeconds();
+        origin.scene.newFrame(frame);
+        (*server)->service();
+        return (threadSeconds() - start) * 1e3;
+    };
+    double alone = 0, joining = 0;
+    for (int i = 0; i < 500; ++i) alone = std::max(alone, step());
+    Follower follower((*server)->endpoint());
+    const auto end = Clock::now() + 60s;
+    const auto start = Clock::now();
+    while (follower.reached() + 2 < origin.scene.sequence() && Clock::now() < end) {
+        joining = std::max(joining, step());
+        std::this_thread::sleep_for(1ms);
+    }
+    const double live = secondsSince(start) * 1e3;
+    if (!follower.waitFor(origin.scene.sequence())) return false;
+    report({"sync", "late join, live", size, "ms", live, "goal for 1 M nodes", 250, "still scene", still});
+    report({"sync", "late join, live", "longest frame of the scene's thread, CPU time", "ms", joining,
+            "a snapshot taken there", taking, "nobody joins", alone});
+    return (*server)->statistics().stalls == 0;
+}
+
+bool mirrorResume(const SyncSizes& sizes, const Report& report) {
+    Moving origin(std::min(sizes.transforms, 1000));
+    auto server = MirrorServer::start(origin.scene, kAnyPort);
+    if (!server) return false;
+    test::TcpProxy proxy((*server)->endpoint());
+    Follower follower(proxy.endpoint);
+    if (!follower.waitFor(origin.scene.sequence())) return false;
+    std::vector<double> times, rawTimes;
+    const int rounds = std::max(3, sizes.roundTrips / 100);
+    for (int i = 1; i <= rounds; ++i) {
+        proxy.cut();
+        for (int k = 0; k < 5; ++k) origin.frame(i * 5 + k);
+        std::this_thread::sleep_for(50ms);
+        const auto start = Clock::now();
+        proxy.restore();
+        if (!follower.waitFor(origin.scene.sequence())) return false;
+        times.push_back(secondsSince(start) * 1e3);
+    }
+    const MirrorStatistics statistics = follower.finish();
+    // Raw: from the link's return to the first message, with the same interval between attempts.
+    void* context = zmq_ctx_new();
+    void *router = zmq_socket(context, ZMQ_ROUTER), *dealer = zmq_socket(context, ZMQ_DEALER);
+    const int interval = 10, on = 1, none = 0;
+    zmq_setsockopt(dealer, ZMQ_RECONNECT_IVL, &interval, sizeof(interval));
+    zmq_setsockopt(dealer, ZMQ_IMMEDIATE, &on, sizeof(on));
+    for (void* socket : {router, dealer}) zmq_setsockopt(socket, ZMQ_LINGER, &none, sizeof(none));
+    zmq_bind(router, kAnyPort);
+    char bound[256];
+    std::size_t length = sizeof(bound);
+    zmq_getsockopt(router, ZMQ_LAST_ENDPOINT, bound, &length);
+    {
+        test::TcpProxy rawProxy(bound);
+        zmq_connect(dealer, rawProxy.endpoint.c_str());
+        for (int i = 0; i < rounds; ++i) {
+            rawProxy.cut();
+            std::this_thread::sleep_for(50ms);
+            char text[64];
+            while (zmq_recv(router, text, sizeof(text), ZMQ_DONTWAIT) >= 0) continue;
+            const auto start = Clock::now();
+            rawProxy.restore();
+            while (zmq_send(dealer, "x", 1, ZMQ_DONTWAIT) < 0) std::this_thread::sleep_for(100us);
+            zmq_recv(router, text, sizeof(text), 0);
+            zmq_recv(router, text, sizeof(text), 0);
+            rawTimes.push_back(secondsSince(start) * 1e3);
+        }
+    }
+    for (void* socket : {router, dealer}) zmq_close(socket);
+    zmq_ctx_term(context);
+    std::ranges::sort(times);
+    std::ranges::sort(rawTimes);
+    report({"sync", "resume", "after the link's return, median", "ms", times[times.size() / 2], "goal", 20,
+            "raw ZeroMQ, first message", rawTimes[rawTimes.size() / 2]});
+    return statistics.snapshots == 1 && statistics.divergences == 0;
+}
+
+bool mirrorPeers(const SyncSizes& sizes, const Report& report) {
+    const int transforms = std::max(100, sizes.transforms / 10), frames = std::max(20, sizes.frames / 2);
+    const int stopped = sizes.peers / 4, running = sizes.peers - stopped;
+    double best = 0, hindered = 0;
+    for (int round = 0; round < 3; ++round) {
+        const Flow all = flow(sizes, kAnyPort, transforms, frames, running);
+        const Flow some = flow(sizes, kAnyPort, transforms, frames, running, stopped);
+        if (!all.good || !some.good) return false;
+        best = std::max(best, all.framesPerSecond);
+        hindered = std::max(hindered, some.framesPerSecond);
+    }
+    const std::string name = std::to_string(running) + " peers";
+    report({"sync", name, "frames of " + std::to_string(transforms) + " transforms", "1/s", best, "", 0, "", 0});
+    report({"sync", name + " and " + std::to_string(stopped) + " stopped", "frames, as a share of without those", "%",
+            100 * hindered / best, "goal", 95, "", 0});
+    return true;
+}
+
+bool chartMirror(const ChartSink& sink, bool quick) {
+    Chart peers{.name = "sync-replicas",
+                .title = "Replicas against throughput",
+                .note = "1,000 transforms a frame over loopback TCP, every replica's hash compared in every frame, all on one machine",
+                .x = {.label = "replicas", .logarithmic = true},
+                .y = {.label = "changes applied by all replicas (1/s)"},
+                .series = {{.name = "mirror", .points = {}}}};
+    SyncSizes sizes;
+    for (const int count : {1, 2, 4, 8, 16, 32, 64}) {
+        if (quick && count > 8) break;
+        const Flow f = flow(sizes, kAnyPort, 1000, quick ? 50 : 200, count);
+        if (!f.good) return false;
+        peers.series[0].points.push_back({double(count), f.changesPerSecond * count, ""});
+    }
+    sink(peers);
+    Chart joins{.name = "sync-late-join",
+                .title = "Late join against the size of the scene",
+                .note = "from connect() to a replica with the origin's hash, over loopback TCP",
+                .x = {.label = "nodes", .logarithmic = true},
+                .y = {.label = "time (ms)", .logarithmic = true},
+                .series = {{.name = "late join", .points = {}}, {.name = "raw ZeroMQ, same bytes", .points = {}, .reference = true}}};
+    for (int nodes = 1000; nodes <= (quick ? 10000 : 1000000); nodes *= 10) {
+        SyncSizes one;
+        one.joinNodes = nodes;
+        bool good = mirrorJoin(one, [&](const Line& line) {
+            if (line.name != "late join") return;
+            joins.series[0].points.push_back({double(nodes), line.value, ""});
+            joins.series[1].points.push_back({double(nodes), line.limit, ""});
+        });
+        if (!good) return false;
+    }
+    sink(joins);
+    return true;
+}
+
+}  // namespace rtsg::bench

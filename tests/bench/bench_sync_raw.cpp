@@ -1,0 +1,129 @@
+#include "bench_sync_raw.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <thread>
+
+#include <zmq.h>
+
+namespace rtsg::bench {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kHead = 40, kPart = std::size_t{256} << 10;  // as the mirror's
+
+/// A ROUTER that has heard of one DEALER.
+struct Pair {
+    void *server = zmq_ctx_new(), *client = zmq_ctx_new();
+    void *router = zmq_socket(server, ZMQ_ROUTER), *dealer = zmq_socket(client, ZMQ_DEALER);
+    char identity[64];
+    int identitySize = 0;
+
+    explicit Pair(const std::string& endpoint) {
+        const int unlimited = 0;
+        for (void* socket : {router, dealer}) {
+            zmq_setsockopt(socket, ZMQ_SNDHWM, &unlimited, sizeof(unlimited));
+            zmq_setsockopt(socket, ZMQ_RCVHWM, &unlimited, sizeof(unlimited));
+            zmq_setsockopt(socket, ZMQ_LINGER, &unlimited, sizeof(unlimited));
+        }
+        zmq_bind(router, endpoint.c_str());
+        char bound[256];
+        std::size_t length = sizeof(bound);
+        zmq_getsockopt(router, ZMQ_LAST_ENDPOINT, bound, &length);
+        zmq_connect(dealer, bound);
+        zmq_send(dealer, "hi", 2, 0);
+        char text[8];
+        identitySize = zmq_recv(router, identity, sizeof(identity), 0);
+        zmq_recv(router, text, sizeof(text), 0);
+    }
+    ~Pair() {
+        for (void* socket : {router, dealer}) zmq_close(socket);
+        zmq_ctx_term(server);
+        zmq_ctx_term(client);
+    }
+    void send(const std::vector<char>& payload) {
+        const char head[kHead] = {};
+        for (std::size_t at = 0; at < payload.size(); at += kPart) {
+            const std::size_t part = std::min(kPart, payload.size() - at);
+            char* fresh = static_cast<char*>(std::malloc(part));
+            std::memcpy(fresh, payload.data() + at, part);
+            zmq_msg_t message;
+            zmq_msg_init_data(&message, fresh, part, [](void* data, void*) { std::free(data); }, nullptr);
+            zmq_send(router, identity, static_cast<std::size_t>(identitySize), ZMQ_SNDMORE);
+            zmq_send(router, head, sizeof(head), ZMQ_SNDMORE);
+            zmq_msg_send(&message, router, 0);
+        }
+    }
+    /// Of one message of `size`; reads every cache line.
+    unsigned receive(std::size_t size) {
+        unsigned sum = 0;
+        for (std::size_t got = 0; got < size;) {
+            zmq_msg_t head, body;
+            zmq_msg_init(&head);
+            zmq_msg_init(&body);
+            zmq_msg_recv(&head, dealer, 0);
+            zmq_msg_recv(&body, dealer, 0);
+            const auto* bytes = static_cast<const unsigned char*>(zmq_msg_data(&body));
+            for (std::size_t i = 0; i < zmq_msg_size(&body); i += 64) sum += bytes[i];
+            got += zmq_msg_size(&body);
+            zmq_msg_close(&head);
+            zmq_msg_close(&body);
+        }
+        return sum;
+    }
+};
+
+double since(Clock::time_point start) {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+}  // namespace
+
+double rawThroughput(const std::string& endpoint, std::size_t size, int messages, int underWay) {
+    Pair pair(endpoint);
+    const std::vector<char> payload(size, 'x');
+    std::atomic<int> received{0};
+    std::atomic<unsigned> sum{0};
+    std::thread receiver([&] {
+        for (int i = 0; i < messages; ++i) {
+            sum += pair.receive(size);
+            received = i + 1;
+        }
+    });
+    const auto start = Clock::now();
+    for (int i = 0; i < messages; ++i) {
+        pair.send(payload);
+        while (i - received > underWay) std::this_thread::yield();
+    }
+    receiver.join();
+    return double(size) * messages / since(start);
+}
+
+std::vector<double> rawLatency(std::size_t size, int messages) {
+    Pair pair("tcp://127.0.0.1:*");
+    const std::vector<char> payload(size, 'x');
+    std::atomic<int> received{0};
+    std::thread receiver([&] {
+        for (int i = 0; i < messages; ++i) {
+            pair.receive(size);
+            received = i + 1;
+        }
+    });
+    std::vector<double> times;
+    for (int i = 0; i < messages; ++i) {
+        const auto start = Clock::now();
+        pair.send(payload);
+        while (received <= i) std::this_thread::yield();
+        times.push_back(since(start) * 1e6);
+    }
+    receiver.join();
+    std::ranges::sort(times);
+    return times;
+}
+
+}  // namespace rtsg::bench

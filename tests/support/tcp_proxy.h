@@ -1,0 +1,132 @@
+// A link that can be cut: passes bytes between clients and one server on loopback, until it does not.
+//
+// Threading: one thread of its own; cut() and restore() from any other.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <arpa/inet.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+namespace rtsg::test {
+
+class TcpProxy {
+  public:
+    /// `server`: tcp://127.0.0.1:PORT
+    explicit TcpProxy(const std::string& server) : target_(addressOf(std::stoi(server.substr(server.rfind(':') + 1)))) {
+        listen();
+        endpoint = "tcp://127.0.0.1:" + std::to_string(ntohs(own_.sin_port));
+        thread_ = std::thread([this] { run(); });
+    }
+    ~TcpProxy() {
+        stop_ = true;
+        thread_.join();
+        closeAll();
+    }
+    TcpProxy(const TcpProxy&) = delete;
+    TcpProxy& operator=(const TcpProxy&) = delete;
+
+    /// Connections end and new ones are refused; returns when that is so.
+    void cut() { change(true); }
+    void restore() { change(false); }
+    std::string endpoint;
+
+  private:
+    static sockaddr_in addressOf(int port) {
+        sockaddr_in address{};
+        address.sin_family = AF_INET;
+        address.sin_port = htons(static_cast<std::uint16_t>(port));
+        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+        return address;
+    }
+    void listen() {
+        listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+        const int on = 1;
+        ::setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
+        if (own_.sin_port == 0) own_ = addressOf(0);
+        ::bind(listener_, reinterpret_cast<const sockaddr*>(&own_), sizeof(own_));
+        ::listen(listener_, 100);
+        socklen_t length = sizeof(own_);
+        ::getsockname(listener_, reinterpret_cast<sockaddr*>(&own_), &length);
+    }
+    void change(bool cut) {
+        wanted_ = cut;
+        while (is_ != cut) std::this_thread::yield();
+    }
+    void closeAll() {
+        for (const auto& pair : pairs_)
+            for (const int descriptor : pair) ::close(descriptor);
+        pairs_.clear();
+        if (listener_ >= 0) ::close(listener_);
+        listener_ = -1;
+    }
+    void accept() {
+        const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+        const int server = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+        const int on = 1;
+        for (const int descriptor : {client, server})
+            ::setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+        if (client < 0 || ::connect(server, reinterpret_cast<const sockaddr*>(&target_), sizeof(target_)) != 0) {
+            ::close(client);
+            ::close(server);
+            return;
+        }
+        pairs_.push_back({client, server});
+    }
+    /// False at the end of the stream.
+    bool pass(int from, int to) {
+        const ssize_t got = ::recv(from, buffer_.data(), buffer_.size(), 0);
+        for (ssize_t sent = 0; sent < got;) {
+            const ssize_t n = ::send(to, buffer_.data() + sent, static_cast<std::size_t>(got - sent), MSG_NOSIGNAL);
+            if (n <= 0) return false;
+            sent += n;
+        }
+        return got > 0;
+    }
+    void run() {
+        while (!stop_) {
+            if (wanted_ != is_) {
+                if (wanted_)
+                    closeAll();
+                else
+                    listen();
+                is_ = wanted_.load();
+            }
+            std::vector<pollfd> items;
+            if (listener_ >= 0) items.push_back({listener_, POLLIN, 0});
+            for (const auto& pair : pairs_)
+                for (const int descriptor : pair) items.push_back({descriptor, POLLIN, 0});
+            ::poll(items.data(), items.size(), 1);
+            std::size_t at = listener_ >= 0 ? 1 : 0;
+            for (std::size_t i = 0; i < pairs_.size();) {
+                bool open = true;
+                for (std::size_t side = 0; side < 2; ++side)
+                    if (items[at + side].revents) open = pass(pairs_[i][side], pairs_[i][1 - side]) && open;
+                at += 2;
+                if (open) {
+                    ++i;
+                    continue;
+                }
+                for (const int descriptor : pairs_[i]) ::close(descriptor);
+                pairs_.erase(pairs_.begin() + static_cast<std::ptrdiff_t>(i));
+            }
+            if (listener_ >= 0 && items[0].revents) accept();
+        }
+    }
+
+    sockaddr_in target_, own_{};
+    int listener_ = -1;
+    std::vector<std::array<int, 2>> pairs_;
+    std::array<char, 65536> buffer_;
+    std::atomic<bool> stop_{false}, wanted_{false}, is_{false};
+    std::thread thread_;
+};
+
+}  // namespace rtsg::test
