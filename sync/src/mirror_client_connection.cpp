@@ -13,12 +13,12 @@ using mirror::Message;
 
 namespace {
 
-constexpr int kLinger = 100;         // ms, for the goodbye
-constexpr int kReconnect = 10;       // ms between attempts
+constexpr int kLinger = 100;                                // ms, for the goodbye
+constexpr int kReconnect = 10;                              // ms between attempts
 constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms that an attempt may take: at most, at least
-constexpr auto kAttemptsFor = 2s;    // with one such time
-constexpr auto kHelloAgain = 500ms;  // without an answer
-constexpr auto kLongestTurn = 20ms;  // of poll() beyond its timeout, while frames keep coming
+constexpr auto kAttemptsFor = 2s;                           // with one such time
+constexpr auto kHelloAgain = 500ms;                         // without an answer
+constexpr auto kLongestTurn = 20ms;                         // of poll() beyond its timeout, while frames keep coming
 constexpr auto kPing = 500ms;
 constexpr auto kPingAtFirst = 20ms;  // until there are a few samples of the clock
 constexpr std::uint64_t kFewSamples = 8;
@@ -147,8 +147,9 @@ void MirrorClient::Impl::keepInTouch() {
     scrub(now);
 }
 
-/// TCP tries a link that was silent again only after as long as it has been silent. A connection of its own, tried every
-/// few round trips, is there as soon as the link is; every other time more slowly, as the way may have become longer.
+/// TCP tries a link that was silent again only after as long as it has been silent. A connection of its own, tried
+/// every few round trips, is there as soon as the link is; every other time more slowly, as the way may have become
+/// longer.
 void MirrorClient::Impl::reconnect(Clock::time_point now) {
     reconnected_ = now;
     const int trips = clock_.known() ? static_cast<int>(4e3 * clock_.delay()) : kConnectWithin;

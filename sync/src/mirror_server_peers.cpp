@@ -91,9 +91,8 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     auto found = peers_.find(identity);
     // It comes by another connection than before: the old one is of no use any more.
     if (hello.wishes.client != 0)
-        std::erase_if(peers_, [&](const auto& p) {
-            return p.first != identity && p.second.client == hello.wishes.client;
-        });
+        std::erase_if(peers_,
+                      [&](const auto& p) { return p.first != identity && p.second.client == hello.wishes.client; });
     if (found == peers_.end()) {
         if (peers_.size() >= shared_->options.maximumPeers) {
             ++statistics_.refused;

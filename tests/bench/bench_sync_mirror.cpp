@@ -13,8 +13,8 @@
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
 
-#include "bench/moving.h"
 #include "bench/bench_sync_raw.h"
+#include "bench/moving.h"
 #include "support/tcp_proxy.h"
 
 namespace rtsg::bench {
@@ -147,8 +147,8 @@ std::string ipcEndpoint() {
 }  // namespace
 
 bool mirrorThroughput(const SyncSizes& sizes, const Report& report) {
-    for (const auto& [name, endpoint, goal] : {std::tuple("mirror tcp", std::string(kAnyPort), 15e6),
-                                               std::tuple("mirror ipc", ipcEndpoint(), 20e6)}) {
+    for (const auto& [name, endpoint, goal] :
+         {std::tuple("mirror tcp", std::string(kAnyPort), 15e6), std::tuple("mirror ipc", ipcEndpoint(), 20e6)}) {
         Flow best;
         double raw = 0;
         for (int round = 0; round < 3; ++round) {  // the machine may be busy with other things
@@ -207,7 +207,8 @@ bool mirrorJoin(const SyncSizes& sizes, const Report& report) {
         Scene replica;
         const auto start = Clock::now();
         auto client = MirrorClient::connect(replica, (*server)->endpoint());
-        if (!client || !pollTo(**client, origin.scene.sequence()) || replica.hash() != origin.scene.hash()) return false;
+        if (!client || !pollTo(**client, origin.scene.sequence()) || replica.hash() != origin.scene.hash())
+            return false;
         still = std::min(still, secondsSince(start) * 1e3);
     }
     report({"sync", "late join", size, "ms", still, "goal for 1 M nodes", 250, "raw ZeroMQ, same bytes", raw});
@@ -317,7 +318,9 @@ bool mirrorPeers(const SyncSizes& sizes, const Report& report) {
 bool chartMirror(const ChartSink& sink, bool quick) {
     Chart peers{.name = "sync-replicas",
                 .title = "Replicas against throughput",
-                .note = "1,000 transforms a frame over loopback TCP, every replica's hash compared in every frame, all on one machine",
+                .note =
+                    "1,000 transforms a frame over loopback TCP, every replica's hash compared in every frame, all on "
+                    "one machine",
                 .x = {.label = "replicas", .logarithmic = true},
                 .y = {.label = "changes applied by all replicas (1/s)"},
                 .series = {{.name = "mirror", .points = {}}}};
@@ -334,7 +337,8 @@ bool chartMirror(const ChartSink& sink, bool quick) {
                 .note = "from connect() to a replica with the origin's hash, over loopback TCP",
                 .x = {.label = "nodes", .logarithmic = true},
                 .y = {.label = "time (ms)", .logarithmic = true},
-                .series = {{.name = "late join", .points = {}}, {.name = "raw ZeroMQ, same bytes", .points = {}, .reference = true}}};
+                .series = {{.name = "late join", .points = {}},
+                           {.name = "raw ZeroMQ, same bytes", .points = {}, .reference = true}}};
     for (int nodes = 1000; nodes <= (quick ? 10000 : 1000000); nodes *= 10) {
         SyncSizes one;
         one.joinNodes = nodes;

@@ -8,8 +8,8 @@
 
 namespace rtsg::bench {
 
-/// Transforms per second from Scene::set to the replica's verified hash, over loopback TCP and ipc. Fails (false) if any
-/// replica state differs.
+/// Transforms per second from Scene::set to the replica's verified hash, over loopback TCP and ipc. Fails (false) if
+/// any replica state differs.
 bool mirrorThroughput(const SyncSizes& sizes, const Report& report);
 /// Microseconds from newFrame() to the replica's state, one change at a time.
 bool mirrorLatency(const SyncSizes& sizes, const Report& report);

@@ -1,4 +1,5 @@
-// Raw ZeroMQ as the mirror's baseline: the same sockets (ROUTER to DEALER), the same parts and bytes, but nothing in them.
+// Raw ZeroMQ as the mirror's baseline: the same sockets (ROUTER to DEALER), the same parts and bytes, but nothing in
+// them.
 #pragma once
 
 #include <cstddef>
