@@ -17,9 +17,12 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+constexpr const char* kAspects[] = {"none",  "structure", "transform", "geometry", "appearance",
+                                    "light", "view",      "sound",     "time"};  // in the order of Aspect
+
 struct Options {
     std::string endpoint, duration, patience = "5s", key, latency = "0", whenSlow = "merge";
-    std::vector<std::string> set;
+    std::vector<std::string> set, parts, aspects;
     double fps = 0;
     OutputArguments outputs;
     bool json = false;
@@ -83,6 +86,10 @@ int mirror(const Options& options) {
     }
     clientOptions.latency = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.latency)));
     clientOptions.framesPerSecond = options.fps;
+    clientOptions.parts = options.parts;
+    for (const std::string& name : options.aspects)
+        clientOptions.aspects.push_back(
+            static_cast<Aspect>(std::ranges::find(kAspects, name) - std::ranges::begin(kAspects)));
     clientOptions.whenSlow = options.whenSlow == "block"    ? MirrorWhenSlow::block
                              : options.whenSlow == "resync" ? MirrorWhenSlow::resync
                                                             : MirrorWhenSlow::coalesce;
@@ -168,6 +175,9 @@ Verb addMirror(CLI::App& program) {
     command->add_option("--key", options->key, "key file, the server's or one with its public key and a pair");
     command->add_option("--set", options->set,
                         "send an event to the origin: DEF.field=VALUE@TIME, TIME in scene time since joining");
+    command->add_option("--part", options->parts, "follow only this subtree: a DEF name, or # and a node's number");
+    command->add_option("--aspect", options->aspects, "follow only fields of this aspect, as transform or geometry")
+        ->check(CLI::IsMember(std::vector<std::string>(std::begin(kAspects), std::end(kAspects))));
     command->add_option("--latency", options->latency, "hold frames this long after they were published, for evenness")
         ->capture_default_str();
     command->add_option("--most-fps", options->fps, "at most so many frames a second, others merged; 0: all")

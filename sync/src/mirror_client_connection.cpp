@@ -104,6 +104,9 @@ void MirrorClient::Impl::hello(bool afresh) {
     greeting.wishes.client = client_;
     greeting.wishes.whenSlow = static_cast<std::uint8_t>(options_.whenSlow);
     greeting.wishes.milliFrames = static_cast<std::uint32_t>(std::clamp(options_.framesPerSecond, 0.0, 1e6) * 1000);
+    greeting.wishes.parts = options_.parts;
+    for (const Aspect aspect : options_.aspects)
+        greeting.wishes.aspects |= std::uint32_t{1} << static_cast<unsigned>(aspect);
     greeting.write(message_);
     helloPending_ = !send();
     greeted_ = Clock::now();

@@ -12,6 +12,7 @@ namespace rtsg {
 
 using namespace std::chrono_literals;
 using mirror::Message;
+using Kind = MirrorShadow::Question::Kind;
 
 namespace {
 
@@ -19,6 +20,7 @@ constexpr std::int64_t kLongestIncoming = mirror::kSubmitPart + 512;  // bytes; 
 constexpr int kIncoming = 64;                                         // messages waiting per connection
 constexpr int kLinger = 200;                                          // ms
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
+constexpr auto kUnusedPart = 10s;                                     // until a part without peers is let go
 constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;      // bytes of frames, at least
 
 }  // namespace
@@ -27,7 +29,7 @@ MirrorServer::Io::Io(std::shared_ptr<Shared> shared)
     : shared_(std::move(shared)),
       router_(context_, ZMQ_ROUTER),
       gate_(context_),
-      history_(shared_->options.history),
+      history_(streams_.try_emplace(0, shared_->options.history).first->second.history),
       shadow_(shared_->pool, shared_->wake, std::max<std::uint64_t>(shared_->options.history, 64 << 20)) {}
 
 MirrorServer::Io::~Io() {
@@ -62,10 +64,11 @@ void MirrorServer::Io::restart() {
         std::random_device device;
         shared_->epoch = std::uint64_t{device()} << 32 | device();
     }
+    std::erase_if(streams_, [](const auto& s) { return s.first != 0; });
     history_.clear();
+    streams_.begin()->second.keyframeAsked = false;
     shadow_.restart();
     ledger_.clear();
-    keyframeAsked_ = false;
     encodeHead(shared_->epoch, shared_->options.creator, builtinTypes(), {}, head_);
     mirror::begin(message_, Message::unknown);
     for (const auto& [identity, peer] : peers_) sendTo(identity, message_);
@@ -108,7 +111,7 @@ std::chrono::milliseconds MirrorServer::Io::patience() const {
     const Clock::time_point now = Clock::now();
     for (const auto& [identity, peer] : peers_) {
         if (!peer.placed) result = std::min(result, 20ms);
-        if (peer.interval.count() > 0 && peer.placed && peer.state != history_.newest())
+        if (peer.interval.count() > 0 && peer.placed && peer.state != historyOf(peer).newest())
             result = std::min(result, std::max(1ms, std::chrono::ceil<std::chrono::milliseconds>(peer.due - now)));
     }
     return result;
@@ -138,7 +141,7 @@ void MirrorServer::Io::takeInbox() {
         if (item.restart) restart();
         if (item.requested) {
             ++statistics_.stalls;
-            keyframeAsked_ = false;
+            streams_.begin()->second.keyframeAsked = false;
             history_.setKeyframe(item.record);
             shadow_.post(std::move(item.record));
             continue;
@@ -150,14 +153,7 @@ void MirrorServer::Io::takeInbox() {
         else if (!shadow_.post(record))
             shared_->wantSnapshot = true;
     }
-    // A keyframe is always there before anybody asks, and costs no more than a share of what the frames do.
-    if (!items.empty()) {
-        const SharedRecord keyframe = history_.keyframe();
-        const std::uint64_t since = keyframe ? history_.bytesFrom(keyframe->header.to) : 0;
-        if (!keyframe ||
-            since > std::min(std::max<std::uint64_t>(2 * keyframe->bytes.size(), kKeyframeEvery), history_.limit() / 2))
-            askForKeyframe();
-    }
+    if (!items.empty()) keepKeyframeNear(0);
     for (mirror::Verdict& verdict : verdicts) {
         ++statistics_.requests;
         ledger_.answer(verdict);
@@ -166,16 +162,36 @@ void MirrorServer::Io::takeInbox() {
     }
 }
 
-void MirrorServer::Io::askForKeyframe() {
-    if (std::exchange(keyframeAsked_, true)) return;
-    shadow_.ask({});
+void MirrorServer::Io::askForKeyframe(std::uint32_t part) {
+    if (std::exchange(streams_.find(part)->second.keyframeAsked, true)) return;
+    MirrorShadow::Question question;
+    question.part = part;
+    shadow_.ask(std::move(question));
+}
+
+/// A keyframe is always there before anybody asks, and costs no more than a share of what the frames do.
+void MirrorServer::Io::keepKeyframeNear(std::uint32_t part) {
+    const MirrorHistory& history = streams_.find(part)->second.history;
+    const SharedRecord keyframe = history.keyframe();
+    const std::uint64_t since = keyframe ? history.bytesFrom(keyframe->header.to) : 0;
+    if (!keyframe ||
+        since > std::min(std::max<std::uint64_t>(2 * keyframe->bytes.size(), kKeyframeEvery), history.limit() / 2))
+        askForKeyframe(part);
 }
 
 void MirrorServer::Io::takeAnswers() {
     for (MirrorShadow::Answer& answer : shadow_.takeAnswers()) {
-        if (answer.kind == MirrorShadow::Question::Kind::keyframe) {
-            keyframeAsked_ = false;
-            history_.setKeyframe(std::move(answer.record));
+        if (answer.kind == Kind::keyframe || answer.kind == Kind::frame) {
+            const auto stream = streams_.find(answer.part);
+            if (stream == streams_.end()) continue;
+            if (answer.kind == Kind::keyframe) {
+                stream->second.keyframeAsked = false;
+                if (answer.record) stream->second.history.setKeyframe(std::move(answer.record));
+            } else if (answer.record && stream->second.history.add(answer.record)) {
+                keepKeyframeNear(answer.part);
+            } else {
+                dropStream(answer.part);
+            }
             continue;
         }
         const auto peer = peers_.find(answer.peer);
@@ -203,7 +219,24 @@ void MirrorServer::Io::receive() {
     }
 }
 
+/// Its peers say hello again.
+void MirrorServer::Io::dropStream(std::uint32_t part) {
+    mirror::begin(message_, Message::unknown);
+    std::erase_if(peers_, [&](const auto& p) { return p.second.part == part && (sendTo(p.first, message_), true); });
+    streams_.erase(part);
+    MirrorShadow::Question question;
+    question.kind = Kind::close;
+    question.part = part;
+    shadow_.ask(std::move(question));
+}
+
 void MirrorServer::Io::tick(Clock::time_point now) {
+    for (const auto& [identity, peer] : peers_) streamOf(peer).used = now;
+    for (auto s = std::next(streams_.begin()); s != streams_.end();) {
+        const auto next = std::next(s);
+        if (now - s->second.used > kUnusedPart) dropStream(s->first);
+        s = next;
+    }
     for (auto p = peers_.begin(); p != peers_.end();) {
         Peer& peer = p->second;
         bool gone = now - peer.heard > shared_->options.peerTimeout;

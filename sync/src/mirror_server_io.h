@@ -7,6 +7,7 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <deque>
 #include <map>
 #include <mutex>
 #include <string>
@@ -79,6 +80,7 @@ class MirrorServer::Io {
         Clock::time_point due{};
         Clock::time_point behindSince{};
         std::uint64_t client = 0;  // its name across connections
+        std::uint32_t part = 0;    // which stream it follows
         MirrorUpstream upstream = MirrorUpstream::none;
         bool sameTypes = false;
         // A question to the shadow: nothing is sent until there is an answer, then frames up to the state it is about.
@@ -87,9 +89,18 @@ class MirrorServer::Io {
         double allowance = 0;  // questions it may ask
         Clock::time_point allowed{};
         mirror::Assembly submission;
-        std::vector<mirror::Verdict> verdicts;  // of requests whose frames have not been sent yet
+        std::deque<mirror::Verdict> verdicts;  // of requests whose frames have not been sent yet
     };
     using Peers = std::map<std::string, Peer, std::less<>>;
+    /// What peers follow: the scene, or a part of it.
+    struct Stream {
+        explicit Stream(std::uint64_t limit) : history(limit) {}
+        MirrorHistory history;
+        bool keyframeAsked = false;
+        mirror::Wishes wishes;
+        std::uint64_t epochMix = 0;  // states of a part have the same numbers as others: its epoch tells them apart
+        Clock::time_point used{};
+    };
 
     void run();
     void sayGoodbye();
@@ -107,7 +118,14 @@ class MirrorServer::Io {
     void tick(Clock::time_point now);
     /// How long the thread may sleep.
     std::chrono::milliseconds patience() const;
-    void askForKeyframe();
+    void askForKeyframe(std::uint32_t part);
+    void keepKeyframeNear(std::uint32_t part);
+    /// The number of the stream with these parts and aspects; nothing when there are as many as there may be.
+    std::optional<std::uint32_t> streamFor(const mirror::Wishes& wishes);
+    void dropStream(std::uint32_t part);
+    void refuse(const std::string& identity, const std::string& reason);
+    Stream& streamOf(const Peer& peer) { return streams_.find(peer.part)->second; }
+    const MirrorHistory& historyOf(const Peer& peer) const { return streams_.find(peer.part)->second.history; }
     bool behind(const Peer& peer) const;
     /// False when the peer is gone.
     bool pump(Peer& peer);
@@ -125,10 +143,11 @@ class MirrorServer::Io {
     ZmqContext context_;
     ZmqSocket router_;
     MirrorGate gate_;
-    MirrorHistory history_;
+    std::map<std::uint32_t, Stream> streams_;  // 0 is the whole scene
+    MirrorHistory& history_;                   // of that
+    std::uint32_t nextPart_ = 1;
     MirrorShadow shadow_;
     mirror::RequestLedger ledger_;
-    bool keyframeAsked_ = false;
     Peers peers_;
     MirrorServerStatistics statistics_;
     ByteBuffer message_, head_;

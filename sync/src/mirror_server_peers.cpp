@@ -87,6 +87,33 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
     peer.heard = Clock::now();
 }
 
+void MirrorServer::Io::refuse(const std::string& identity, const std::string& reason) {
+    ++statistics_.refused;
+    mirror::begin(message_, Message::refused);
+    wire::putText(message_, reason);
+    sendTo(identity, message_);
+}
+
+std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Wishes& wishes) {
+    for (const auto& [part, stream] : streams_)
+        if (part != 0 && stream.wishes.aspects == wishes.aspects && stream.wishes.parts == wishes.parts) return part;
+    if (streams_.size() > shared_->options.maximumParts) return std::nullopt;
+    const std::uint32_t part = nextPart_++;
+    Stream& stream = streams_.try_emplace(part, shared_->options.history).first->second;
+    stream.wishes.aspects = wishes.aspects;
+    stream.wishes.parts = wishes.parts;
+    ByteBuffer text;
+    stream.wishes.write(text);
+    stream.epochMix = checksumOf(text.bytes());
+    stream.used = Clock::now();
+    MirrorShadow::Question question;
+    question.kind = Kind::open;
+    question.part = part;
+    question.wishes = stream.wishes;
+    shadow_.ask(std::move(question));
+    return part;
+}
+
 void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& hello, const std::string& user) {
     auto found = peers_.find(identity);
     // It comes by another connection than before: the old one is of no use any more.
@@ -95,15 +122,13 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
                       [&](const auto& p) { return p.first != identity && p.second.client == hello.wishes.client; });
     if (found == peers_.end()) {
         if (peers_.size() >= shared_->options.maximumPeers) {
-            ++statistics_.refused;
             shared_->report(Severity::warning, fmt::format("refused a peer: {} are here already", peers_.size()));
-            mirror::begin(message_, Message::refused);
-            wire::putText(message_, "the server has as many peers as it takes");
-            sendTo(identity, message_);
-            return;
+            return refuse(identity, "the server has as many peers as it takes");
         }
-        found = peers_.emplace(identity, Peer{}).first;
     }
+    const std::optional<std::uint32_t> part = hello.wishes.partial() ? streamFor(hello.wishes) : 0;
+    if (!part) return refuse(identity, "the server follows as many parts of the scene as it does at once");
+    if (found == peers_.end()) found = peers_.emplace(identity, Peer{}).first;
     Peer& peer = found->second;
     const std::uint64_t debt = peer.debt + (peer.sentBytes - peer.ackedBytes) + head_.size() + kAnswerCost;
     if (debt > kLargestDebt) return garbage("a hello from a peer that reads no answers");
@@ -126,12 +151,14 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
         if (const auto own = shared_->options.keys->upstream.find(user); own != shared_->options.keys->upstream.end())
             peer.upstream = own->second;
     peer.sameTypes = hello.dictionaryHash == dictionaryHash_;
-    if (hello.epoch == shared_->epoch && history_.continues(hello.sequence)) {
+    peer.part = *part;
+    const std::uint64_t epoch = shared_->epoch ^ streamOf(peer).epochMix;
+    if (hello.epoch == epoch && historyOf(peer).continues(hello.sequence)) {
         peer.placed = true;
         peer.state = peer.ackedState = hello.sequence;
         ++statistics_.resumed;
     }
-    const std::uint64_t numbers[] = {hello.session, shared_->epoch,
+    const std::uint64_t numbers[] = {hello.session, epoch,
                                      static_cast<std::uint64_t>(shared_->options.heartbeat.count())};
     mirror::write(message_, Message::welcome, numbers);
     ZmqMessage body(head_.bytes());
@@ -149,6 +176,7 @@ void MirrorServer::Io::question(Peer& peer, std::span<const std::byte> bytes) {
     peer.answer.reset();
     MirrorShadow::Question question;
     question.kind = Kind::peers;
+    question.part = peer.part;
     question.peer = peer.identity;
     question.session = peer.session;
     question.text.assign(bytes.begin(), bytes.end());
@@ -193,18 +221,18 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
 }
 
 bool MirrorServer::Io::behind(const Peer& peer) const {
-    return peer.placed && history_.bytesFrom(peer.state) > peer.window;
+    return peer.placed && historyOf(peer).bytesFrom(peer.state) > peer.window;
 }
 
 /// For a peer that has no state of ours: the last keyframe if frames lead on from it and are few, else a fresh one.
 SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
-    const SharedRecord keyframe = history_.keyframe();
-    const bool near = keyframe && history_.bytesFrom(keyframe->header.to) <=
+    const SharedRecord keyframe = historyOf(peer).keyframe();
+    const bool near = keyframe && historyOf(peer).bytesFrom(keyframe->header.to) <=
                                       2 * keyframe->bytes.size() + std::min<std::uint64_t>(kChunk, peer.window / 2);
     const Clock::time_point now = Clock::now();
     if (peer.waitingSince == Clock::time_point{}) peer.waitingSince = now;
     if (!near) {
-        askForKeyframe();
+        askForKeyframe(peer.part);
         if (!keyframe || now - peer.waitingSince < kPatience) return nullptr;
     }
     peer.waitingSince = {};
@@ -214,13 +242,13 @@ SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
 
 /// Everything that the peer has not got merged into one, if that is more than a frame; made by the shadow.
 SharedRecord MirrorServer::Io::frameFor(Peer& peer) {
-    const SharedRecord next = history_.frameFrom(peer.state);
-    if (!next || next->header.to == history_.newest()) return next;
+    const SharedRecord next = historyOf(peer).frameFrom(peer.state);
+    if (!next || next->header.to == historyOf(peer).newest()) return next;
     MirrorShadow::Question question;
     question.kind = Kind::merge;
     question.peer = peer.identity;
     question.session = peer.session;
-    question.frames = history_.framesFrom(peer.state, kMostMerged);
+    question.frames = historyOf(peer).framesFrom(peer.state, kMostMerged);
     statistics_.merged += question.frames.size();
     peer.asking = true;
     peer.answer.reset();
@@ -229,23 +257,23 @@ SharedRecord MirrorServer::Io::frameFor(Peer& peer) {
 }
 
 SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
-    if (history_.empty() || (peer.asking && !peer.answer)) return nullptr;
-    if (peer.placed && !history_.continues(peer.state)) peer.placed = false;
+    if (historyOf(peer).empty() || (peer.asking && !peer.answer)) return nullptr;
+    if (peer.placed && !historyOf(peer).continues(peer.state)) peer.placed = false;
     SharedRecord next;
     if (!peer.placed) {
         peer.asking = false;
         peer.answer.reset();
         next = keyframeFor(peer);
-    } else if (peer.state != history_.newest()) {
+    } else if (peer.state != historyOf(peer).newest()) {
         if (peer.answer) {  // up to the state it is about, frame by frame
-            next = history_.frameFrom(peer.state);
+            next = historyOf(peer).frameFrom(peer.state);
         } else if (peer.interval.count() > 0) {
             const Clock::time_point now = Clock::now();
             if (now < peer.due) return nullptr;
             peer.due = std::max(peer.due + peer.interval, now);
             next = frameFor(peer);
         } else if (!behind(peer) || peer.whenSlow == MirrorWhenSlow::block) {
-            next = history_.frameFrom(peer.state);
+            next = historyOf(peer).frameFrom(peer.state);
         } else if (peer.whenSlow == MirrorWhenSlow::resync) {
             peer.placed = false;
             next = keyframeFor(peer);
@@ -266,7 +294,7 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
     MirrorShadow::Answer& answer = *peer.answer;
     const bool merged = answer.kind == Kind::merge;
     const std::uint64_t needed = merged && answer.record ? answer.record->header.from : answer.state;
-    if (peer.placed && peer.state < needed && history_.continues(peer.state)) return true;  // frames come first
+    if (peer.placed && peer.state < needed && historyOf(peer).continues(peer.state)) return true;  // frames come first
     bool there = true;
     if (!answer.record && !answer.message) {
         if (merged)
@@ -290,14 +318,12 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
 
 bool MirrorServer::Io::deliverVerdicts(Peer& peer) {
     if (peer.verdicts.size() > kMostVerdicts) peer.verdicts.clear();  // nobody honest has asked for so many
-    for (auto verdict = peer.verdicts.begin(); verdict != peer.verdicts.end();) {
-        if (verdict->refusal.empty() && (!peer.placed || peer.sending || peer.state < verdict->state)) {
-            ++verdict;
-            continue;
-        }
-        verdict->write(message_, peer.session);
+    while (!peer.verdicts.empty()) {
+        const mirror::Verdict& verdict = peer.verdicts.front();
+        if (verdict.refusal.empty() && (!peer.placed || peer.sending || peer.state < verdict.state)) break;
+        verdict.write(message_, peer.session);
         if (!sendTo(peer.identity, message_)) return false;
-        verdict = peer.verdicts.erase(verdict);
+        peer.verdicts.pop_front();
     }
     return true;
 }

@@ -51,13 +51,14 @@ bool MirrorShadow::post(SharedRecord record) {
         lost_ = true;
         return false;
     }
-    if (waitingBytes_ >= kBatch) some_.notify_one();
+    if (waitingBytes_ >= kBatch || eager_) some_.notify_one();
     return true;
 }
 
 void MirrorShadow::ask(Question question) {
     {
         const std::scoped_lock lock(mutex_);
+        if (question.kind == Question::Kind::open) eager_ = true;
         questions_.push_back(std::move(question));
     }
     some_.notify_one();
@@ -75,6 +76,7 @@ void MirrorShadow::restart() {
     waiting_.clear();
     waitingBytes_ = 0;
     lost_ = true;
+    eager_ = false;
     ++era_;
 }
 
@@ -84,8 +86,11 @@ void MirrorShadow::run() {
     scene.setBehavioursEnabled(false);
     std::unique_lock lock(mutex_);
     while (!stop_) {
-        some_.wait_for(lock, kLeisure,
-                       [this] { return stop_ || waitingBytes_ >= kBatch || (!questions_.empty() && !lost_); });
+        some_.wait_for(lock, kLeisure, [this] {
+            return stop_ || waitingBytes_ >= kBatch || (eager_ && !waiting_.empty()) || (!questions_.empty() && !lost_);
+        });
+        if (eraHere_ != era_) parts_.clear();
+        eraHere_ = era_;
         while (!waiting_.empty() && !stop_) {
             const SharedRecord record = std::move(waiting_.front());
             waiting_.pop_front();
@@ -97,14 +102,51 @@ void MirrorShadow::run() {
         if (stop_ || questions_.empty() || lost_) continue;
         const Question question = std::move(questions_.front());
         questions_.pop_front();
-        const std::uint64_t era = era_;
         lock.unlock();
-        Answer result = answer(scene, question);
+        if (question.kind == Question::Kind::open)
+            openPart(scene, question);
+        else if (question.kind == Question::Kind::close)
+            parts_.erase(question.part);
+        else
+            reply(answer(scene, question));
         lock.lock();
-        if (era != era_) continue;
-        answers_.push_back(std::move(result));
-        const std::uint64_t one = 1;
-        (void)!::write(wake_, &one, sizeof(one));
+        if (parts_.empty() && questions_.empty()) eager_ = false;
+    }
+}
+
+void MirrorShadow::reply(Answer answer) {
+    const std::scoped_lock lock(mutex_);
+    if (eraHere_ != era_) return;
+    answers_.push_back(std::move(answer));
+    const std::uint64_t one = 1;
+    (void)!::write(wake_, &one, sizeof(one));
+}
+
+void MirrorShadow::openPart(const Scene& scene, const Question& question) {
+    const auto [part, fresh] = parts_.try_emplace(question.part, question.wishes);
+    if (!fresh) return;
+    Answer first;
+    first.kind = Question::Kind::frame;
+    first.part = question.part;
+    if (const auto set = part->second.follow(scene, nullptr))
+        first.record = encode(**set);
+    else
+        parts_.erase(part);
+    reply(std::move(first));
+}
+
+void MirrorShadow::followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published) {
+    for (auto part = parts_.begin(); part != parts_.end();) {
+        Answer frame;
+        frame.kind = Question::Kind::frame;
+        frame.part = part->first;
+        if (const auto step = part->second.follow(scene, set)) {
+            const std::shared_ptr<EncodedRecord> record = encode(**step);
+            record->published = published;
+            frame.record = record;
+        }
+        part = frame.record ? std::next(part) : parts_.erase(part);
+        reply(std::move(frame));
     }
 }
 
@@ -112,12 +154,13 @@ void MirrorShadow::follow(Scene& scene, const SharedRecord& record) {
     if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
     if (record->header.kind == RecordKind::keyframe && (scene.sequence() != 0 || scene.nodeCount() > 1))
         (void)scene.reset();
-    if (decoder_.decode(record->bytes.bytes(), *set_) && scene.apply(set_)) return;
+    if (decoder_.decode(record->bytes.bytes(), *set_) && scene.apply(set_))
+        return followParts(scene, set_.get(), record->published);
     const std::scoped_lock lock(mutex_);
     lost_ = true;
 }
 
-SharedRecord MirrorShadow::encode(const ChangeSet& set) {
+std::shared_ptr<EncodedRecord> MirrorShadow::encode(const ChangeSet& set) {
     const std::shared_ptr<EncodedRecord> record = pool_->take();
     encoder_.encode(set, record->bytes);
     record->header = *parseRecordHeader(record->bytes.bytes());
@@ -138,13 +181,17 @@ SharedRecord MirrorShadow::merge(const std::vector<SharedRecord>& frames) {
     return lastMerged_ = encode(composer.take());
 }
 
-MirrorShadow::Answer MirrorShadow::answer(Scene& scene, const Question& question) {
+MirrorShadow::Answer MirrorShadow::answer(const Scene& whole, const Question& question) {
+    const auto part = parts_.find(question.part);
+    const Scene& scene = part == parts_.end() ? whole : part->second.scene();
     Answer result;
     result.kind = question.kind;
+    result.part = question.part;
     result.peer = question.peer;
     result.session = question.session;
     result.state = scene.sequence();
     if (question.kind == Question::Kind::keyframe) {
+        if (question.part != 0 && part == parts_.end()) return result;
         result.record = encode(scene.snapshot());
         lastMerged_.reset();
         return result;

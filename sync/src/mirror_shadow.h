@@ -10,6 +10,7 @@
 
 #include <condition_variable>
 #include <deque>
+#include <map>
 #include <mutex>
 #include <string>
 #include <thread>
@@ -20,14 +21,19 @@
 
 #include "mirror_history.h"
 #include "mirror_message.h"
+#include "mirror_part.h"
 
 namespace rtsg {
 
 class MirrorShadow {
   public:
     struct Question {
-        enum class Kind : std::uint8_t { keyframe, merge, peers };
+        /// A keyframe; frames merged; what a peer asks; a part to be followed from now on, or no more; a part's frame
+        /// (answers only, without a question; no record: the part cannot be followed any more).
+        enum class Kind : std::uint8_t { keyframe, merge, peers, open, close, frame };
         Kind kind = Kind::keyframe;
+        std::uint32_t part = 0;            // of which part of the scene; 0: all of it
+        mirror::Wishes wishes;             // to open one
         std::string peer;                  // whose; empty for keyframes
         std::uint64_t session = 0;         // of the peer
         std::vector<std::byte> text;       // of a peer: its message, whole
@@ -36,6 +42,7 @@ class MirrorShadow {
     /// Either a message or a record, or neither when there is no answer.
     struct Answer {
         Question::Kind kind = Question::Kind::keyframe;
+        std::uint32_t part = 0;
         std::string peer;
         std::uint64_t session = 0, state = 0;
         SharedRecord record;
@@ -55,10 +62,13 @@ class MirrorShadow {
   private:
     void run();
     void follow(Scene& scene, const SharedRecord& record);
-    Answer answer(Scene& scene, const Question& question);
+    void followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published);
+    void openPart(const Scene& scene, const Question& question);
+    void reply(Answer answer);
+    Answer answer(const Scene& whole, const Question& question);
     SharedRecord keyframe(const Scene& scene);
     SharedRecord merge(const std::vector<SharedRecord>& frames);
-    SharedRecord encode(const ChangeSet& set);
+    std::shared_ptr<EncodedRecord> encode(const ChangeSet& set);
 
     const std::shared_ptr<RecordPool> pool_;
     const int wake_;
@@ -70,6 +80,7 @@ class MirrorShadow {
     std::uint64_t waitingBytes_ = 0;
     std::deque<Question> questions_;
     std::vector<Answer> answers_;
+    bool eager_ = false;               // a part is followed: its peers wait for every frame
     bool stop_ = false, lost_ = true;  // lost: only a keyframe helps
     std::uint64_t era_ = 0;            // answers to questions of before a restart are dropped
 
@@ -77,6 +88,8 @@ class MirrorShadow {
     ChangeEncoder encoder_;
     std::shared_ptr<ChangeSet> set_;
     SharedRecord lastMerged_;
+    std::map<std::uint32_t, MirrorPart> parts_;
+    std::uint64_t eraHere_ = 0;
     std::thread thread_;
 };
 

@@ -323,7 +323,8 @@ bool chartMirror(const ChartSink& sink, bool quick) {
                     "one machine",
                 .x = {.label = "replicas", .logarithmic = true},
                 .y = {.label = "changes applied by all replicas (1/s)"},
-                .series = {{.name = "mirror", .points = {}}}};
+                .series = {{.name = "mirror", .points = {}}},
+                .rows = {}};
     SyncSizes sizes;
     for (const int count : {1, 2, 4, 8, 16, 32, 64}) {
         if (quick && count > 8) break;
@@ -338,7 +339,8 @@ bool chartMirror(const ChartSink& sink, bool quick) {
                 .x = {.label = "nodes", .logarithmic = true},
                 .y = {.label = "time (ms)", .logarithmic = true},
                 .series = {{.name = "late join", .points = {}},
-                           {.name = "raw ZeroMQ, same bytes", .points = {}, .reference = true}}};
+                           {.name = "raw ZeroMQ, same bytes", .points = {}, .reference = true}},
+                .rows = {}};
     for (int nodes = 1000; nodes <= (quick ? 10000 : 1000000); nodes *= 10) {
         SyncSizes one;
         one.joinNodes = nodes;

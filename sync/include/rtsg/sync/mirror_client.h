@@ -34,6 +34,11 @@ struct MirrorClientOptions {
     MirrorWhenSlow whenSlow = MirrorWhenSlow::coalesce;
     /// At most so many frames a second, those in between merged; 0: all.
     double framesPerSecond = 0;
+    /// Only these subtrees (DEF names, or # and a node's number), with the nodes on the way to them; none: everything.
+    /// The state hash is then that of a scene that holds just this; the server computes the same.
+    std::vector<std::string> parts;
+    /// Only fields of these aspects, and those that refer to nodes; none: all.
+    std::vector<Aspect> aspects;
     /// Memory that changes behind the replica's back shows in no running hash: every so often a few thousand nodes are
     /// compared with the origin's from what is stored. 0: never.
     std::chrono::milliseconds scrub{5000};

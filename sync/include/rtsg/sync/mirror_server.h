@@ -33,6 +33,9 @@ struct MirrorServerOptions {
     /// Allows an endpoint that other machines reach without keys.
     bool insecure = false;
     std::size_t maximumPeers = 64;
+    /// Different parts of the scene that are followed at once by peers that ask for parts (each costs its memory
+    /// again).
+    std::size_t maximumParts = 8;
     /// Frames kept for peers that resume, bytes.
     std::uint64_t history = std::uint64_t{64} << 20;
     /// What peers may send to the scene if the keys do not say it of theirs.
