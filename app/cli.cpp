@@ -9,8 +9,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <rtsg/core/field_text.h>
-
 namespace rtsg::app {
 
 void print(const Diagnostics& diagnostics) {
@@ -100,19 +98,6 @@ Result<FieldRef> findField(const Scene& scene, const std::string& path) {
     const FieldIndex field = type.find(path.substr(dot + 1));
     if (field == kNoField) return fail(fmt::format("{}: {} has no field {}", path, type.name, path.substr(dot + 1)));
     return FieldRef{node, field};
-}
-
-Result<Injection> parseInjection(const Scene& scene, const std::string& text) {
-    const auto equals = text.find('='), at = text.rfind('@');
-    if (equals == std::string::npos || at == std::string::npos || at < equals)
-        return fail(fmt::format("{}: expected DEF.field=VALUE@TIME", text));
-    const auto target = findField(scene, text.substr(0, equals));
-    if (!target) return std::unexpected(target.error());
-    const FieldDef& def = scene.node(target->node).type().fields[target->field];
-    if (!def.writable()) return fail(fmt::format("{}: {} takes no events", text, def.name));
-    auto value = parseFieldText(def.type, text.substr(equals + 1, at - equals - 1));
-    if (!value) return fail(fmt::format("{}: {}", text, value.error().text));
-    return Injection{parseSeconds(text.substr(at + 1)), *target, std::move(*value)};
 }
 
 double parseSeconds(const std::string& text) {

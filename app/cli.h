@@ -59,14 +59,6 @@ struct FieldRef {
 };
 Result<FieldRef> findField(const Scene& scene, const std::string& path);
 
-/// "DEF.field=VALUE@TIME": an input event.
-struct Injection {
-    double time = 0;  // seconds
-    FieldRef target;
-    Value value;
-};
-Result<Injection> parseInjection(const Scene& scene, const std::string& text);
-
 /// "2s", "500ms", "1.5" (seconds). Throws CLI::ValidationError.
 double parseSeconds(const std::string& text);
 

@@ -33,11 +33,14 @@ Result<Injections> Injections::parse(Scene& scene, const std::vector<std::string
     return result;
 }
 
+const Injections::Injection* Injections::next(double t) {
+    return next_ < all_.size() && all_[next_].time <= t ? &all_[next_++] : nullptr;
+}
+
 void Injections::sendUntil(double t) {
-    for (; next_ < all_.size() && all_[next_].time <= t; ++next_) {
-        const Injection& due = all_[next_];
-        if (auto ok = scene_->sendEvent(due.target.node, due.target.field, due.value); !ok) printError(ok.error().text);
-    }
+    while (const Injection* due = next(t))
+        if (auto ok = scene_->sendEvent(due->target.node, due->target.field, due->value); !ok)
+            printError(ok.error().text);
 }
 
 }  // namespace rtsg::app

@@ -12,15 +12,17 @@ class Injections {
   public:
     /// The scene must outlive this. Errors name what is wrong with one of `texts`.
     static Result<Injections> parse(Scene& scene, const std::vector<std::string>& texts);
+    struct Injection {
+        double time = 0;  // seconds
+        FieldRef target;
+        Value value;
+    };
+    /// The next one that is due at `t`, each once; null when none is.
+    const Injection* next(double t);
     /// Queues those that are due for the frame at `t`; what the scene refuses goes to standard error.
     void sendUntil(double t);
 
   private:
-    struct Injection {
-        double time = 0;
-        FieldRef target;
-        Value value;
-    };
     static Result<Injection> parseOne(const Scene& scene, const std::string& text);
 
     Scene* scene_ = nullptr;

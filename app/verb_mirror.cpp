@@ -9,6 +9,7 @@
 #include <rtsg/sync/mirror_client.h>
 
 #include "cli.h"
+#include "injections.h"
 #include "outputs.h"
 
 namespace rtsg::app {
@@ -33,45 +34,37 @@ double secondsSince(Clock::time_point start) {
 }
 
 /// --set: events for the origin, sent when the replica has come so far since it joined.
-class Injections {
+class Requests {
   public:
-    explicit Injections(const std::vector<std::string>& texts) : texts_(texts) {}
+    explicit Requests(const std::vector<std::string>& texts) : texts_(texts) {}
     /// The names are known once there is a replica.
-    Result<> parse(const Scene& scene) {
-        for (const std::string& text : texts_) {
-            auto injection = parseInjection(scene, text);
-            if (!injection) return std::unexpected(injection.error());
-            waiting_.push_back(std::move(*injection));
-        }
-        std::ranges::stable_sort(waiting_, {}, &Injection::time);
+    Result<> parse(Scene& replica) {
+        auto parsed = Injections::parse(replica, texts_);
+        if (!parsed) return std::unexpected(parsed.error());
+        injections_ = std::move(*parsed);
         return {};
     }
-    Result<> send(MirrorClient& client, double since) {
-        for (; next_ < waiting_.size() && waiting_[next_].time <= since; ++next_) {
-            Injection& i = waiting_[next_];
-            const auto request = client.submitEvent(i.target.node, i.target.field, std::move(i.value));
-            if (!request) return std::unexpected(request.error());
-            ++sent_;
+    void turn(MirrorClient& client, double since) {
+        while (const Injections::Injection* due = injections_.next(since)) {
+            if (const auto request = client.submitEvent(due->target.node, due->target.field, due->value))
+                ++sent;
+            else
+                printError(request.error());
         }
         for (const MirrorVerdict& verdict : client.takeVerdicts()) {
             if (verdict.refusal.empty()) {
-                ++accepted_;
-            } else {
-                ++refused_;
-                printError(fmt::format("request {} refused: {}", verdict.request, verdict.refusal));
+                ++accepted;
+                continue;
             }
+            ++refused;
+            printError(fmt::format("request {} refused: {}", verdict.request, verdict.refusal));
         }
-        return {};
     }
-    std::uint64_t sent() const { return sent_; }
-    std::uint64_t accepted() const { return accepted_; }
-    std::uint64_t refused() const { return refused_; }
+    std::uint64_t sent = 0, accepted = 0, refused = 0;
 
   private:
     const std::vector<std::string>& texts_;
-    std::vector<Injection> waiting_;
-    std::size_t next_ = 0;
-    std::uint64_t sent_ = 0, accepted_ = 0, refused_ = 0;
+    Injections injections_;
 };
 
 int mirror(const Options& options) {
@@ -94,7 +87,7 @@ int mirror(const Options& options) {
                              : options.whenSlow == "resync" ? MirrorWhenSlow::resync
                                                             : MirrorWhenSlow::coalesce;
     Scene replica;
-    Injections injections(options.set);
+    Requests requests(options.set);
     auto connected = MirrorClient::connect(replica, options.endpoint, clientOptions);
     if (!connected) return printError(connected.error()), kUsage;
     MirrorClient& client = **connected;
@@ -120,10 +113,9 @@ int mirror(const Options& options) {
             auto attached = Outputs::attach(replica, options.outputs, options.outputs.base);
             if (!attached) return printError(attached.error()), kBad;
             outputs = std::move(*attached);
-            if (auto ok = injections.parse(replica); !ok) return printError(ok.error().text), kUsage;
+            if (auto ok = requests.parse(replica); !ok) return printError(ok.error().text), kUsage;
         }
-        if (outputs)
-            if (auto ok = injections.send(client, replica.now() - firstTime); !ok) printError(ok.error());
+        if (outputs) requests.turn(client, replica.now() - firstTime);
         if (outputs && !outputs->failure().empty()) break;
         if (client.serverLeft() && applied == 0) break;
         if (applied > 0 || client.inStep()) heard = Clock::now();
@@ -147,7 +139,7 @@ int mirror(const Options& options) {
         pictures = outputs->pictures();
         soundSeconds = outputs->soundSeconds();
     }
-    good = good && statistics.equal && statistics.divergences == 0 && injections.refused() == 0;
+    good = good && statistics.equal && statistics.divergences == 0 && requests.refused == 0;
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
     fmt::print(
         "{{\"frames\":{},\"snapshots\":{},\"gaps\":{},\"bytes\":{},\"hash\":\"{}\",\"origin_hash\":\"{}\",\"equal\":{},"
@@ -159,7 +151,7 @@ int mirror(const Options& options) {
         statistics.originHash.hex(), statistics.equal, statistics.divergences, statistics.repairs, statistics.sequence,
         replica.now(), seconds, frames / std::max(seconds, 1e-9), static_cast<double>(statistics.bytes) / frames,
         statistics.restarts, statistics.garbage, statistics.clockOffset, statistics.delay, statistics.jitter,
-        statistics.late, injections.sent(), injections.accepted(), injections.refused(), pictures, soundSeconds);
+        statistics.late, requests.sent, requests.accepted, requests.refused, pictures, soundSeconds);
     return good ? kDone : kBad;
 }
 

@@ -253,7 +253,7 @@ class Test:
         return server
 
     def mirror(self, *more):
-        return Program(self, "client", "mirror", f"tcp://{SERVER}:{PORT}", "--wait", "90s", *more)
+        return Program(self, "client", "mirror", f"tcp://{SERVER}:{PORT}", "--wait", "20s", *more)
 
     def compare(self, server, mirrors, seconds):
         """Both end in order, in the same state."""
@@ -299,6 +299,20 @@ def cut(test, length, seconds):
     return replica
 
 
+def stopped(test, length, seconds, count=4):
+    """Half of the mirrors are stopped (SIGSTOP) for a while: the others do not wait, and they end like these."""
+    test.link.set()
+    server = test.serve(seconds)
+    mirrors = [test.mirror() for _ in range(count)]
+    time.sleep(1)
+    for mirror in mirrors[: count // 2]:
+        mirror.process.send_signal(signal.SIGSTOP)
+    time.sleep(length)
+    for mirror in mirrors[: count // 2]:
+        mirror.process.send_signal(signal.SIGCONT)
+    test.compare(server, mirrors, 60 + length + seconds)
+
+
 def killed(test, seed, seconds):
     """Server and client are killed at random; the last ones end in order."""
     dice = random.Random(seed)
@@ -336,6 +350,9 @@ def short(test, seed):
     print("  cut for 1 s:", end=" ", flush=True)
     r = cut(test, 1, 3)
     print(f"{r['frames']} frames, {r['snapshots']} snapshots", flush=True)
+    print("  half of the mirrors stopped for 1 s:", end=" ", flush=True)
+    stopped(test, 1, 3)
+    print("equal", flush=True)
     print("  killed at random:", end=" ", flush=True)
     print(f"{killed(test, seed, 4)} times", flush=True)
 
@@ -354,6 +371,7 @@ def soak(test, seed, seconds):
         length = dice.uniform(1, min(60, left / 3))
         print(f"  {rounds}: cut for {length:.1f} s", flush=True)
         cut(test, length, 4)
+        stopped(test, dice.uniform(1, min(15, left / 4)), 5, 8)
         print(f"  {rounds}: killed {killed(test, dice.random(), min(120, left / 3))} times", flush=True)
 
 
