@@ -253,7 +253,19 @@ class Test:
         return server
 
     def mirror(self, *more):
-        return Program(self, "client", "mirror", f"tcp://{SERVER}:{PORT}", "--wait", "20s", *more)
+        """Its log is there once it has joined."""
+        log = os.path.join(self.folder, f"mirror{self.started}.rlog")
+        mirror = Program(self, "client", "mirror", f"tcp://{SERVER}:{PORT}", "--wait", "40s", "--record", log, *more)
+        mirror.log = log
+        return mirror
+
+    @staticmethod
+    def wait_for(mirrors):
+        end = time.monotonic() + 60
+        while not all(os.path.exists(m.log) for m in mirrors):
+            if time.monotonic() > end:
+                raise Failure("a mirror did not join: " + " ".join(m.errors() for m in mirrors))
+            time.sleep(0.02)
 
     def compare(self, server, mirrors, seconds):
         """Both end in order, in the same state."""
@@ -270,18 +282,17 @@ class Test:
         return origin, [m.report() for m, _ in results]
 
 
-def badly(test, name, there, back=None, seconds=3.0, **wanted):
+def badly(test, name, there, back=None, seconds=4.0):
     """A whole session across a bad link, events sent upstream meanwhile."""
     test.link.set(there, back)
-    log = os.path.join(test.folder, name + ".rlog")
     server = test.serve(seconds)
-    mirror = test.mirror("--record", log, "--set", "FLAG.set_boolean=TRUE@0.5", "--set", "FLAG.set_boolean=FALSE@0.7")
+    mirror = test.mirror("--set", "FLAG.set_boolean=TRUE@0.5", "--set", "FLAG.set_boolean=FALSE@0.7")
     _, [replica] = test.compare(server, [mirror], 120)
     test.link.set()
     if replica["accepted"] + replica["refused"] != replica["sent"] and replica["sent"] == 2:
         print(f"  {name}: an answer did not come before the end", flush=True)
     # What it has recorded is the same session: every state is there once and has its hash.
-    verified = subprocess.run([test.program, "replay", log, "--verify"], stdout=subprocess.PIPE, text=True)
+    verified = subprocess.run([test.program, "replay", mirror.log, "--verify"], stdout=subprocess.PIPE, text=True)
     if verified.returncode != 0:
         raise Failure(f"{name}: the replica's log does not verify: {verified.stdout}")
     return replica
@@ -291,7 +302,7 @@ def cut(test, length, seconds):
     """The link is gone for a while; afterwards it goes on from where it was."""
     server = test.serve(seconds)
     mirror = test.mirror()
-    time.sleep(min(1.0, seconds / 4))
+    test.wait_for([mirror])
     test.link.set_cut(True)
     time.sleep(length)
     test.link.set_cut(False)
@@ -304,7 +315,7 @@ def stopped(test, length, seconds, count=4):
     test.link.set()
     server = test.serve(seconds)
     mirrors = [test.mirror() for _ in range(count)]
-    time.sleep(1)
+    test.wait_for(mirrors)
     for mirror in mirrors[: count // 2]:
         mirror.process.send_signal(signal.SIGSTOP)
     time.sleep(length)
@@ -330,6 +341,7 @@ def killed(test, seed, seconds):
         else:
             mirrors[which].kill()
             mirrors[which] = test.mirror()
+    test.wait_for(mirrors)
     server.kill()
     server = test.serve(3)
     test.compare(server, mirrors, 120)
@@ -348,10 +360,10 @@ def short(test, seed):
     r = badly(test, "asymmetric", Way(delay=0.08, loss=0.05), Way(delay=0.002))
     print(f"{r['frames']} frames, offset {r['clock_offset_s'] * 1e3:.1f} ms", flush=True)
     print("  cut for 1 s:", end=" ", flush=True)
-    r = cut(test, 1, 3)
+    r = cut(test, 1, 4)
     print(f"{r['frames']} frames, {r['snapshots']} snapshots", flush=True)
     print("  half of the mirrors stopped for 1 s:", end=" ", flush=True)
-    stopped(test, 1, 3)
+    stopped(test, 1, 5)
     print("equal", flush=True)
     print("  killed at random:", end=" ", flush=True)
     print(f"{killed(test, seed, 4)} times", flush=True)
