@@ -52,6 +52,7 @@ constexpr Bench kBenches[] = {
     {"transform", "one animated Transform among many shapes: scene and bus work of a frame", always<bench::transform>},
     {"animated", "10,000 animated Transforms: cascade and change set", always<bench::animated>},
     {"changes", "a changed field on its way to three subscribers", always<bench::changes>},
+    {"structure", "adding, removing and moving one node of many; bytes a node", always<bench::structure>},
     {"rays", "primary rays with shading against the bare intersections", bench::rays},
     {"overlap", "the next frame's cascade while this one is pictured, against one after the other", bench::overlap},
     {"frames", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},

@@ -40,7 +40,7 @@ class SlotIndex {
     void clear() {
         if (used_ == 0) return;
         if (entries_.size() > 64 * (used_ + 16))
-            entries_ = {};  // one large merge must not make all later ones sweep its table
+            std::vector<Entry>().swap(entries_);  // one large merge must not make all later ones sweep its table
         else
             std::ranges::fill(entries_, Entry{});
         used_ = 0;

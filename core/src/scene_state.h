@@ -159,6 +159,8 @@ struct Scene::State {
     };
     static_assert(sizeof(WrittenField) == 32);
     std::vector<WrittenField> written, sealed;
+    /// Memory for more entries than this is given back when it is no longer used.
+    static constexpr std::size_t kMuch = 1u << 14;
     // In `sealed`: what the next write is if this frame is like the last one, and the end.
     WrittenField *expected = nullptr, *sealedEnd = nullptr;
     std::uint32_t firstNewId = 1;  // ids from here on were created since the last seal

@@ -12,6 +12,21 @@ const Array<NodeId>& childrenAt(const void* storage) {
     return *static_cast<const Array<NodeId>*>(storage);
 }
 
+/// Backwards, as what was added last tends to go first; in blocks, which compilers make many comparisons at once of.
+/// Precondition: it is there.
+std::size_t lastPlace(const Array<NodeId>& children, NodeId id) {
+    constexpr std::size_t kBlock = 64;
+    std::size_t end = children.size();
+    const NodeId* ids = children.data();
+    for (; end >= kBlock; end -= kBlock) {
+        std::uint32_t found = 0;
+        for (std::size_t i = end - kBlock; i < end; ++i) found |= ids[i] == id ? 1u : 0u;
+        if (found) break;
+    }
+    while (ids[end - 1] != id) --end;
+    return end - 1;
+}
+
 }  // namespace
 
 Result<> Scene::State::checkNodes(const Node& node, FieldIndex field, const void* value) const {
@@ -106,13 +121,7 @@ void Scene::State::detachEverything(Node& node) {
             const NodeId none;
             write(parent, p.field, &none);
         } else {
-            // Backwards: what was added last tends to go first.
-            const Array<NodeId>& children = childrenAt(parent.storage(p.field));
-            for (std::size_t i = children.size(); i-- > 0;)
-                if (children[i] == node.id_) {
-                    removeChildAt(parent, p.field, i);
-                    break;
-                }
+            removeChildAt(parent, p.field, lastPlace(childrenAt(parent.storage(p.field)), node.id_));
         }
         wake(parent);
         if (def.hidden && def.type == FieldType::MFNode)  // a binding stack: who has come to its top must hear of it
@@ -225,7 +234,10 @@ std::shared_ptr<ChangeSet> Scene::State::freshSet() {
         if (pooled.use_count() == 1) {
             // Taking it synchronises with the thread that let go of it last; its count alone would not.
             std::shared_ptr<ChangeSet> set = pooled;
+            const std::size_t used = set->changes.size();
             set->clear();
+            if (set->changes.capacity() > kMuch && used < set->changes.capacity() / 8)
+                std::vector<Change>().swap(set->changes);
             return set;
         }
     constexpr std::size_t kPooled = 16;

@@ -1,4 +1,8 @@
 // Scene and bus: what a frame costs, against a traversal of the scene and against the bare writes.
+#include <bit>
+#include <cstring>
+#include <memory>
+
 #include <fmt/format.h>
 
 #include <rtsg/core/scene.h>
@@ -10,13 +14,30 @@ namespace rtsg::bench {
 
 namespace {
 
-/// Reads every change, as the least that a subscriber does.
+/// Looks at every change: which node, and its value; the least that a subscriber does.
 struct Reader final : Subscriber {
-    double sum = 0;
+    std::uint64_t seen = 0;
     Result<> apply(const Scene&, const ChangeSet& changes) override {
-        for (const Change& c : changes.changes)
-            if (c.value.holds<Vec3f>()) sum += static_cast<double>(c.value.as<Vec3f>().x);
+        std::uint64_t sum = 0;
+        for (const Change& c : changes.changes) {
+            std::uint32_t first = 0;
+            if (c.kind == ChangeKind::setField) std::memcpy(&first, c.value.storage(), sizeof(first));
+            sum += c.node.value ^ first;
+        }
+        seen += sum;
         return {};
+    }
+};
+
+/// What others do: told at each write, one by one.
+struct Listener {
+    virtual ~Listener() = default;
+    virtual void changed(std::uint32_t node, const Vec3f& value) = 0;
+};
+struct Counter final : Listener {
+    std::uint64_t seen = 0;
+    void changed(std::uint32_t node, const Vec3f& value) override {
+        seen += node ^ std::bit_cast<std::uint32_t>(value.x);
     }
 };
 
@@ -71,16 +92,6 @@ double traversalSeconds(const Scene& scene) {
     return median(times);
 }
 
-/// The clock's own cost, which every figure above contains once.
-double clockSeconds() {
-    std::vector<double> times;
-    for (int i = 0; i < 200; ++i) {
-        const double start = cpuSeconds();
-        times.push_back(cpuSeconds() - start);
-    }
-    return median(times);
-}
-
 }  // namespace
 
 void transform(const Report& report, bool quick) {
@@ -97,7 +108,7 @@ void transform(const Report& report, bool quick) {
         const double frame = frameSeconds(scene, 2000);
         report({"transform", fmt::format("1 animated among {} shapes, 3 subscribers", shapes),
                 "scene and bus work per frame", "us", frame * 1e6, "a look at every node",
-                traversalSeconds(scene) * 1e6, "reading the clock", clockSeconds() * 1e6});
+                traversalSeconds(scene) * 1e6, "reading the clock", cpuClockSeconds() * 1e6});
     }
 }
 
@@ -127,40 +138,80 @@ void animated(const Report& report, bool quick) {
             frame * 1e3, "", 0, "the interpolation alone", median(bare) * 1e3});
 }
 
+// "Deliver" is what others' figures mean: the value is stored, now three subscribers hear of it; ours hashes it as
+// well. "All in" begins with the application's call. In both, `writes` of the same field in a frame arrive as one
+// change.
 void changes(const Report& report, bool quick) {
-    const int nodes = quick ? 100'000 : 1'000'000, perFrame = 10'000;
+    const std::size_t nodes = quick ? 100'000 : 1'000'000, perFrame = 10'000;
     Scene scene;
     std::vector<NodeId> transforms;
-    for (int i = 0; i < nodes; ++i) transforms.push_back(scene.createNode(x3d::Transform::type));
+    for (std::size_t i = 0; i < nodes; ++i) transforms.push_back(scene.createNode(x3d::Transform::type));
     Reader readers[3];
     Attachment attachments[3];
     for (int i = 0; i < 3; ++i) attachments[i] = scene.bus().attach(readers[i]);
     scene.newFrame(0);
-    const auto measure = [&](const std::string& name, auto pick) {
-        std::vector<double> ours, bare;
-        std::vector<Vec3f> array(static_cast<std::size_t>(nodes));
-        for (int frame = 1; frame <= 40; ++frame) {
-            const Vec3f value(static_cast<float>(frame), 2, 3);
-            double start = cpuSeconds();
-            for (int i = 0; i < perFrame; ++i)
-                (void)scene.set(transforms[pick(i, frame)], x3d::Transform::translation, value);
+    std::vector<Vec3f> array(nodes);
+    std::vector<std::unique_ptr<Listener>> listeners;
+    for (int i = 0; i < 3; ++i) listeners.push_back(std::make_unique<Counter>());
+    std::vector<std::size_t> places(perFrame);
+    std::vector<NodeId> ids(perFrame);
+    std::vector<Vec3f> values(perFrame);
+    int tick = 0;
+    const auto measure = [&](const std::string& name, int writes, bool together, auto pick) {
+        std::vector<double> all, deliver, bare, told;
+        for (int frame = 0; frame < 60; ++frame) {
+            for (std::size_t i = 0; i < perFrame; ++i) {
+                places[i] = pick(i, ++tick);
+                ids[i] = transforms[places[i]];
+            }
+            const double start = cpuSeconds();
+            for (int w = 0; w < writes; ++w) {
+                const Vec3f value(static_cast<float>(tick + w), 2, 3);
+                if (together) {
+                    values.assign(perFrame, value);
+                    (void)scene.setEach<Vec3f>(ids, x3d::Transform::translation, values);
+                } else {
+                    for (const NodeId id : ids) (void)scene.set(id, x3d::Transform::translation, value);
+                }
+            }
+            const double stored = cpuSeconds();
             scene.newFrame(scene.now() + 1);
-            ours.push_back(cpuSeconds() - start);
-            start = cpuSeconds();
-            for (int i = 0; i < perFrame; ++i) array[pick(i, frame)] = value;
+            const double end = cpuSeconds();
+            all.push_back(end - start);
+            deliver.push_back(end - stored);
+            const Vec3f value(static_cast<float>(tick), 2, 3);
+            double before = cpuSeconds();
+            for (const std::size_t place : places) array[place] = value;
             keep(array.data());
-            bare.push_back(cpuSeconds() - start);
+            bare.push_back(cpuSeconds() - before);
+            before = cpuSeconds();
+            for (const std::size_t place : places) {
+                array[place] = value;
+                for (const auto& listener : listeners) listener->changed(static_cast<std::uint32_t>(place), value);
+            }
+            keep(array.data());
+            told.push_back(cpuSeconds() - before);
         }
-        report({"changes", fmt::format("{}, {} of {} Transforms a frame", name, perFrame, nodes),
-                "a field to three subscribers", "ns", median(ours) / perFrame * 1e9, "", 0, "a write to an array",
-                median(bare) / perFrame * 1e9});
+        const auto nanoseconds = [&](const std::vector<double>& times, int each) {
+            return median(times) / static_cast<double>(perFrame) / each * 1e9;
+        };
+        const std::string what = fmt::format("{}, {} of {} Transforms a frame", name, perFrame, nodes);
+        const auto line = [&](const char* metric, double value) {
+            report({"changes", what, metric, "ns", value, "an array, a virtual call to each of three listeners",
+                    nanoseconds(told, 1), "a write to an array", nanoseconds(bare, 1)});
+        };
+        if (writes == 1) line("deliver: hash, seal, three subscribers", nanoseconds(deliver, 1));
+        line("all in: set, hash, seal, three subscribers", nanoseconds(all, writes));
     };
-    const auto n = static_cast<std::uint64_t>(nodes);
-    measure("the same ones", [](int i, int) { return static_cast<std::size_t>(i); });
-    measure("in turn",
-            [&](int i, int f) { return (static_cast<std::size_t>(i) + static_cast<std::size_t>(f) * 10'000) % n; });
-    measure("at random",
-            [&](int i, int f) { return (static_cast<std::uint64_t>(i * 1000 + f) * 0x9E3779B97F4A7C15ull >> 20) % n; });
+    const auto same = [](std::size_t i, int) { return i; };
+    const auto random = [&](std::size_t, int t) {
+        return static_cast<std::size_t>((static_cast<std::uint64_t>(t) * 0x9E3779B97F4A7C15ull >> 20) % nodes);
+    };
+    measure("the same ones", 1, false, same);
+    measure("the same ones, four writes each, a write", 4, false, same);
+    measure("in turn", 1, false, [&](std::size_t, int t) { return static_cast<std::size_t>(t) % nodes; });
+    measure("at random", 1, false, random);
+    measure("at random, setEach", 1, true, random);
 }
 
 }  // namespace rtsg::bench
