@@ -14,22 +14,6 @@ namespace {
 /// Where things without a place are: out of hearing, but a number (metres).
 constexpr double kNowhere = 1e12;
 
-/// What stands for a node: a PROTO instance is its body's first node.
-const Node* effective(const Scene& scene, NodeId id) {
-    for (int depth = 0; depth < 64; ++depth) {
-        const Node* node = scene.find(id);
-        if (!node) return nullptr;
-        const NodeType::Kind kind = node->type().kind;
-        if (kind != NodeType::Kind::proto && kind != NodeType::Kind::externProto) return node;
-        const FieldIndex body = node->type().body();
-        if (body == kNoField) return nullptr;
-        const auto& children = node->get(Field<Array<NodeId>>{body});
-        if (children.empty()) return nullptr;
-        id = children[0];
-    }
-    return nullptr;
-}
-
 std::string nameOf(const Scene& scene, const Node& node) {
     const std::string_view name = scene.name(node.id());
     return name.empty() ? fmt::format("{}#{}", node.type().name, node.id().value) : std::string(name);
@@ -175,7 +159,7 @@ glm::dvec3 SoundScene::position(const SoundEmitter& emitter) const {
 }
 
 void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound) {
-    const Node* node = effective(scene, id);
+    const Node* node = scene.effectiveNode(id);
     if (!node || depth > 32) return;
     if (!fieldOr(*node, "enabled", true)) return;
     gain *= number(fieldOr(*node, "gain", 1.0f), 0);
@@ -307,7 +291,7 @@ void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const Insta
     // Walls.
     if (geometry_) {
         const auto read = [&](NodeId id) {
-            if (const Node* node = effective(scene, id); node && node->is(x3d::AcousticProperties::type))
+            if (const Node* node = scene.effectiveNode(id); node && node->is(x3d::AcousticProperties::type))
                 geometry_->setMaterial(id, acousticMaterial(scene, *node, defaults_));
         };
         for (const auto* list : {&delta.added, &delta.rebound})

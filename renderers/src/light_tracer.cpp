@@ -284,7 +284,7 @@ struct LightTracer::Impl {
             const Field<NodeId> sides[] = {B::frontTexture, B::backTexture, B::leftTexture,
                                            B::rightTexture, B::topTexture,  B::bottomTexture};
             for (std::size_t i = 0; i < 6; ++i)
-                if (const Node* side = resolveNode(scene, node.get(sides[i])))
+                if (const Node* side = scene.effectiveNode(node.get(sides[i])))
                     entry.sky.panorama[i] = textures.ofNode(scene, *side, color, diagnostics);
         }
         entry.sky.localFromWorld = glm::mat3(glm::transpose(turningOf(worldFromLocal)));

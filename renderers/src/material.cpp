@@ -101,7 +101,7 @@ struct Reader {
         if (node && node->is(x3d::MultiTextureTransform::type)) {
             const Node* chosen = nullptr;
             for (const NodeId id : node->get(x3d::MultiTextureTransform::textureTransform)) {
-                const Node* candidate = resolveNode(scene, id);
+                const Node* candidate = scene.effectiveNode(id);
                 if (!candidate || !candidate->is(x3d::TextureTransform::type)) continue;
                 if (!chosen || candidate->get(x3d::TextureTransform::mapping) == mapping) chosen = candidate;
                 if (candidate->get(x3d::TextureTransform::mapping) == mapping) break;
@@ -118,14 +118,14 @@ struct Reader {
     }
 
     TextureUse use(NodeId id, const String& mapping, Texture::Content content) {
-        const Node* node = resolveNode(scene, id);
+        const Node* node = scene.effectiveNode(id);
         if (!node) return {};
         TextureUse result;
         result.texture = store.ofNode(scene, *node, content, diagnostics);
         if (!result.texture) return result;
         if (node->is(x3d::MultiTexture::type))
             for (const NodeId inner : node->get(x3d::MultiTexture::texture))
-                if (const Node* first = resolveNode(scene, inner)) {
+                if (const Node* first = scene.effectiveNode(inner)) {
                     node = first;
                     break;
                 }
@@ -140,7 +140,7 @@ struct Reader {
         }
         result.access.wrapS = repeatS ? TextureWrap::repeat : TextureWrap::clamp;
         result.access.wrapT = repeatT ? TextureWrap::repeat : TextureWrap::clamp;
-        if (const Node* p = resolveNode(scene, properties); p && p->is(x3d::TextureProperties::type)) {
+        if (const Node* p = scene.effectiveNode(properties); p && p->is(x3d::TextureProperties::type)) {
             // 18.4.7: the properties override repeatS and repeatT.
             result.access.wrapS = wrapOf(p->get(x3d::TextureProperties::boundaryModeS).view());
             result.access.wrapT = wrapOf(p->get(x3d::TextureProperties::boundaryModeT).view());
@@ -270,12 +270,12 @@ Material defaultMaterial() {
 
 Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textures, Diagnostics& diagnostics) {
     Material material = defaultMaterial();
-    const Node* node = resolveNode(scene, appearance);
+    const Node* node = scene.effectiveNode(appearance);
     if (!node || !node->is(x3d::Appearance::type)) return material;
     using A = x3d::Appearance;
-    Reader reader{scene, textures, diagnostics, resolveNode(scene, node->get(A::textureTransform))};
+    Reader reader{scene, textures, diagnostics, scene.effectiveNode(node->get(A::textureTransform))};
 
-    const Node* front = resolveNode(scene, node->get(A::material));
+    const Node* front = scene.effectiveNode(node->get(A::material));
     if (front && !reader.read(*front, material)) {
         diagnostics.warning({}, "the light tracer has no " + front->type().name + "; drawn unlit");
         material = defaultMaterial();
@@ -289,7 +289,7 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
     // 12.2.3: Appearance.texture stands in for the material's main texture where that is not given.
     if (!material.texture(TextureRole::base)) reader.set(material, TextureRole::base, node->get(A::texture), String());
 
-    if (const Node* behind = resolveNode(scene, node->get(A::backMaterial))) {
+    if (const Node* behind = scene.effectiveNode(node->get(A::backMaterial))) {
         Material back;
         back.alphaMode = material.alphaMode, back.alphaCutoff = material.alphaCutoff;
         if (reader.read(*behind, back)) {

@@ -46,8 +46,6 @@ class DeformingSurface {
 
 // ---- in tessellate_scene.cpp ----------------------------------------------------------------------------------------
 
-/// A PROTO instance stands for the first node of its body (4.4.4.3), maybe another instance. Null if there is none.
-const Node* resolveNode(const Scene& scene, NodeId id);
 bool isComposed(const Node& geometry);
 /// Precondition: isComposed(). What cannot be used is noted in the diagnostics of `problems`.
 ComposedParams readComposed(const Scene& scene, const Node& geometry, Mesh& problems, const PointsOf* points = nullptr);

@@ -7,23 +7,9 @@
 
 namespace rtsg {
 
-const Node* detail::resolveNode(const Scene& scene, NodeId id) {
-    const Node* node = scene.find(id);
-    for (int depth = 0; node && depth < 1000; ++depth) {
-        const NodeType& type = node->type();
-        if (type.kind != NodeType::Kind::proto && type.kind != NodeType::Kind::externProto) return node;
-        const FieldIndex body = type.body();
-        if (body == kNoField) return nullptr;
-        const auto& nodes = node->get(Field<Array<NodeId>>{body});
-        node = nodes.empty() ? nullptr : scene.find(nodes[0]);
-    }
-    return nullptr;
-}
-
 namespace {
 
 using detail::ComposedParams;
-using detail::resolveNode;
 using detail::warn;
 using Kind = PrimitiveSetParams::Kind;
 
@@ -34,7 +20,7 @@ class PropertyReader {
         : scene_(scene), problems_(problems), points_(points) {}
 
     Array<Vec3f> points(NodeId id) {
-        const Node* node = resolveNode(scene_, id);
+        const Node* node = scene_.effectiveNode(id);
         if (!node) return {};
         if (points_)
             if (const auto found = points_->find(node->id().value); found != points_->end()) return found->second;
@@ -57,7 +43,7 @@ class PropertyReader {
         params.solid = node.get(T::solid);
         params.colorPerVertex = node.get(T::colorPerVertex);
         params.normalPerVertex = node.get(T::normalPerVertex);
-        if (const Node* color = resolveNode(scene_, node.get(T::color))) {
+        if (const Node* color = scene_.effectiveNode(node.get(T::color))) {
             if (color->is(x3d::Color::type))
                 params.color = color->get(x3d::Color::color);
             else if (color->is(x3d::ColorRGBA::type))
@@ -65,7 +51,7 @@ class PropertyReader {
             else
                 notUsed("color", *color);
         }
-        if (const Node* normal = resolveNode(scene_, node.get(T::normal))) {
+        if (const Node* normal = scene_.effectiveNode(node.get(T::normal))) {
             if (normal->is(x3d::Normal::type))
                 params.normal = normal->get(x3d::Normal::vector);
             else
@@ -76,7 +62,7 @@ class PropertyReader {
 
   private:
     void texCoord(NodeId id, std::vector<TexCoordParams>& channels, bool mayBeMulti) {
-        const Node* node = resolveNode(scene_, id);
+        const Node* node = scene_.effectiveNode(id);
         if (!node) return;
         if (mayBeMulti && node->is(x3d::MultiTextureCoordinate::type)) {
             for (const NodeId channel : node->get(x3d::MultiTextureCoordinate::texCoord))
@@ -328,7 +314,7 @@ void detail::labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& me
 
 Result<std::shared_ptr<const Mesh>> tessellate(const Scene& scene, NodeId geometry,
                                                const TessellationOptions& options) {
-    const Node* node = resolveNode(scene, geometry);
+    const Node* node = scene.effectiveNode(geometry);
     if (!node) return fail(fmt::format("node {} does not exist or has no body", geometry.value));
     if (!node->type().isA("X3DGeometryNode")) return fail(fmt::format("{} is not a geometry node", node->type().name));
     std::shared_ptr<Mesh> mesh(new Mesh(SceneTessellator(scene, *node, options).run()));

@@ -92,7 +92,7 @@ std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometr
 /// Null for what is no composed geometry, and for one seen for the first time: most never change, and what is
 /// remembered of those that do is not free.
 std::shared_ptr<const Mesh> Tessellator::deform(const Scene& scene, NodeId geometry, const detail::PointsOf* points) {
-    const Node* node = detail::resolveNode(scene, geometry);
+    const Node* node = scene.effectiveNode(geometry);
     if (!node || !detail::isComposed(*node)) return nullptr;
     const auto [found, isNew] = surfaces_.try_emplace(geometry.value);
     if (isNew && (!points || points->empty())) return nullptr;

@@ -81,20 +81,6 @@ std::optional<std::string> decodeDataUrl(std::string_view url) {
     return head.ends_with(";base64") ? decodeBase64(decodePercent(body)) : decodePercent(body);
 }
 
-const Node* resolveNode(const Scene& scene, NodeId id) {
-    const Node* node = scene.find(id);
-    // The bound is against a scene that is broken, not against deep nesting.
-    for (int depth = 0; node && depth < 10000; ++depth) {
-        const NodeType::Kind kind = node->type().kind;
-        if (kind != NodeType::Kind::proto && kind != NodeType::Kind::externProto) return node;
-        const FieldIndex body = node->type().body();
-        if (body == kNoField) return nullptr;
-        const auto& nodes = node->get(Field<Array<NodeId>>{body});
-        node = nodes.empty() ? nullptr : scene.find(nodes[0]);
-    }
-    return nullptr;
-}
-
 std::filesystem::path TextureStore::folderOf(const Scene& scene, const Node& node) const {
     std::vector<std::string> steps;
     for (const Node* scope = scene.find(node.scope()); scope; scope = scene.find(scope->scope()))
@@ -191,7 +177,7 @@ std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const No
     }
     if (node.is(x3d::MultiTexture::type)) {
         for (const NodeId id : node.get(x3d::MultiTexture::texture))
-            if (const Node* first = resolveNode(scene, id)) return ofNode(scene, *first, content, diagnostics);
+            if (const Node* first = scene.effectiveNode(id)) return ofNode(scene, *first, content, diagnostics);
         return nullptr;
     }
     const std::string key = fmt::format("\nunsupported {}", node.type().name);

@@ -18,9 +18,6 @@
 
 namespace rtsg {
 
-/// The node itself, or the first node of its body when it is a PROTO instance, as deep as they nest. Null for none, and
-/// for an EXTERNPROTO that was not found.
-const Node* resolveNode(const Scene& scene, NodeId id);
 
 class TextureStore {
   public:
