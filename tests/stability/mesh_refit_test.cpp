@@ -78,6 +78,34 @@ TEST(MeshRefit, ThousandsOfRefitsKeepHitsAndQuality) {
     EXPECT_LT(bvhs.followed->counts().rebuilds, 600u);
 }
 
+TEST(MeshRefit, RebuiltBehindTheFramesItIsSound) {
+    // Nobody waits: refits and rays go on while the worker builds.
+    const auto rest = test::makeSphere(6);
+    std::mt19937 random(8);
+    RayWorld world({.buildThreads = 1});
+    InstanceDelta delta;
+    delta.added.push_back(test::makeInstance(0, NodeId{1}));
+    delta.added[0].motion = Motion::moving;
+    std::shared_ptr<Mesh> mesh;
+    for (int step = 0; step < 120; ++step) {
+        const float t = .05f * static_cast<float>(step);
+        mesh = moved(*rest, [&](Vec3f p) { return twist(p * Vec3f(1, 3, .4f), 3 * std::sin(t)); });
+        delta.geometries.push_back({NodeId{1}, mesh});
+        world.apply(delta);
+        delta.clear();
+        for (int i = 0; i < 20; ++i) {
+            std::uniform_real_distribution<float> unit(-.1f, .1f);
+            const Vec3f from = 6.f * glm::normalize(Vec3f(unit(random), unit(random), 1));
+            ASSERT_TRUE(
+                world.intersect({.origin = from, .direction = Vec3f(unit(random), unit(random), 0) * .1f - from}));
+        }
+    }
+    world.finishBackgroundWork();
+    test::OneShape fresh;
+    fresh.show(mesh);
+    EXPECT_TRUE(test::sameHits(world, fresh.world, random, 500));
+}
+
 TEST(MeshRefit, WithoutRebuildsTheSameWouldSpoilTheTree) {
     // What the bound above is worth: one refit over the whole way.
     const auto rest = test::makeSphere(5);
