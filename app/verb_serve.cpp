@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/sync/log_recorder.h>
+#include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/mirror_server.h>
 
 #include "cli.h"
@@ -21,7 +22,8 @@ using Clock = std::chrono::steady_clock;
 
 struct Options {
     std::string scene, endpoint = "tcp://127.0.0.1:*", duration, record, key, upstream = "none", block = "0";
-    double fps = 60;
+    std::string mode = "state", coding = "raw";
+    double fps = 60, error = 1e-3;
     std::string linger = "10s";
     std::size_t peers = 64;
     bool insecure = false, json = false;
@@ -56,7 +58,16 @@ int serve(const Options& options) {
     serverOptions.upstream = *mirrorUpstreamFromName(options.upstream);
     serverOptions.maximumPeers = options.peers;
     serverOptions.blockFor = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.block)));
-    auto server = MirrorServer::start(scene, options.endpoint, serverOptions);
+    serverOptions.mode.coding = *codingFromName(options.coding);
+    std::unique_ptr<LossyScene> lossy;
+    if (options.mode == nameOf(Mode::lossy)) {
+        auto followed = LossyScene::follow(scene, options.error);
+        if (!followed) return printError(followed.error()), kUsage;
+        lossy = std::move(*followed);
+        serverOptions.mode.mode = Mode::lossy;
+        serverOptions.mode.maxError = options.error;
+    }
+    auto server = MirrorServer::start(lossy ? lossy->scene() : scene, options.endpoint, serverOptions);
     if (!server) return printError(server.error()), kBad;
     std::unique_ptr<LogRecorder> log;
     if (!options.record.empty()) {
@@ -128,6 +139,15 @@ Verb addServe(CLI::App& program) {
     command->add_option("--bind", options->endpoint, "ZeroMQ endpoint; * picks a free port")->capture_default_str();
     command->add_option("--for", options->duration, "how long; else until Ctrl-C");
     command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e4));
+    command->add_option("--mode", options->mode, "state: bit for bit; lossy: within --error while in motion")
+        ->check(CLI::IsMember({"state", "lossy"}))
+        ->capture_default_str();
+    command->add_option("--error", options->error, "lossy: largest error, metres and radians; what rests is exact")
+        ->check(CLI::PositiveNumber)
+        ->capture_default_str();
+    command->add_option("--coding", options->coding, "of values: raw, fastest; compact; smallest")
+        ->check(CLI::IsMember(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end())))
+        ->capture_default_str();
     command->add_option("--record", options->record, "log to write as well (.rlog)");
     command->add_option("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
     command->add_option("--linger", options->linger, "how long mirrors may catch up at the end")->capture_default_str();

@@ -22,6 +22,7 @@ std::shared_ptr<EncodedRecord> RecordPool::take() {
     }
     if (!record) record = std::make_unique<EncodedRecord>();
     record->published = 0;
+    record->predicted.reset();
     return {record.release(), [pool = weak_from_this()](EncodedRecord* r) {
                 std::unique_ptr<EncodedRecord> owned(r);
                 if (const auto alive = pool.lock()) alive->giveBack(std::move(owned));

@@ -14,8 +14,10 @@
 namespace rtsg {
 
 struct EncodedRecord {
-    ByteBuffer bytes;
+    ByteBuffer bytes;  // values as they are, so that any reader in the state before can take it
     RecordHeader header;
+    /// The same frame with predicted values, for those who have all since the last one with kForget; or null.
+    std::shared_ptr<const EncodedRecord> predicted;
     std::uint64_t published = 0;  // on the server's clock, ns; 0: not a frame that has just happened
 };
 using SharedRecord = std::shared_ptr<const EncodedRecord>;

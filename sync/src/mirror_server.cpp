@@ -35,13 +35,14 @@ void MirrorServer::Shared::report(Severity severity, std::string text) {
 
 /// The scene's thread's own; the encoder keeps its buffers between frames.
 struct MirrorServer::Encoder {
-    ChangeEncoder encoder;
+    explicit Encoder(const StreamMode& mode) : predicting(mode) {}
+    ChangeEncoder encoder, predicting;
     std::uint64_t last = 0;
     bool started = false;
 };
 
 MirrorServer::MirrorServer(Scene& scene, std::shared_ptr<Shared> shared)
-    : scene_(scene), shared_(std::move(shared)), encoder_(std::make_unique<Encoder>()) {}
+    : scene_(scene), shared_(std::move(shared)), encoder_(std::make_unique<Encoder>(shared_->options.mode)) {}
 
 Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const std::string& endpoint,
                                                           MirrorServerOptions options) {
@@ -52,6 +53,10 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
             fmt::format("'{}' can be reached from other machines: give keys, or ask for an insecure server", endpoint));
     if (options.keys)
         if (auto ok = options.keys->checkForServer(); !ok) return std::unexpected(ok.error());
+    if (options.mode.mode == Mode::input) return fail("a mirror carries results: mode state or lossy");
+    if (options.mode.mode == Mode::lossy &&
+        (options.upstream != MirrorUpstream::none || (options.keys && !options.keys->upstream.empty())))
+        return fail("a lossy mirror takes no requests: the scene that it serves is not the one to be changed");
     auto shared = std::make_shared<Shared>();
     shared->options = std::move(options);
     shared->wake = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
@@ -94,6 +99,14 @@ void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
     encoder_->encoder.encode(changes, record->bytes);
     record->header = *parseRecordHeader(record->bytes.bytes());
     record->published = mirror::clockNow();
+    if (shared_->options.mode.coding != Coding::raw && !changes.isSnapshot()) {
+        const std::shared_ptr<EncodedRecord> predicted = shared_->pool->take();
+        if (shared_->wantForget.exchange(false)) encoder_->predicting.restart();
+        encoder_->predicting.encode(changes, predicted->bytes);
+        predicted->header = *parseRecordHeader(predicted->bytes.bytes());
+        predicted->published = record->published;
+        record->predicted = predicted;
+    }
     // A snapshot in the middle of a stream: the scene is a replica that joined anew.
     const bool restart = !requested && changes.isSnapshot() && encoder_->started && encoder_->last != 0;
     encoder_->started = true;

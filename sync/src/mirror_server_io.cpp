@@ -69,7 +69,7 @@ void MirrorServer::Io::restart() {
     streams_.begin()->second.keyframeAsked = false;
     shadow_.restart();
     ledger_.clear();
-    encodeHead(shared_->epoch, shared_->options.creator, builtinTypes(), {}, head_);
+    encodeHead(shared_->epoch, shared_->options.creator, builtinTypes(), shared_->options.mode, head_);
     mirror::begin(message_, Message::unknown);
     for (const auto& [identity, peer] : peers_) sendTo(identity, message_);
     peers_.clear();

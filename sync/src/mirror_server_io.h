@@ -36,6 +36,7 @@ struct MirrorServer::Shared {
     std::string endpoint;
     std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
     std::atomic<bool> wantSnapshot{false}, stop{false};
+    std::atomic<bool> wantForget{false};  // somebody has not got what predicted values refer to
     std::atomic<std::uint64_t> epoch{0};
     int wake = -1;  // eventfd
 
@@ -71,6 +72,7 @@ class MirrorServer::Io {
         std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
         std::uint64_t debt = 0;   // bytes sent before its last hello that it may not have read yet
         bool placed = false;      // `state` means something
+        bool remembers = false;   // all frames since the last one with kForget, predicted
         std::uint64_t state = 0;  // that it will be in once everything sent has arrived
         SharedRecord sending;     // partly sent
         std::size_t sent = 0;     // bytes of it
@@ -134,6 +136,7 @@ class MirrorServer::Io {
     SharedRecord nextFor(Peer& peer);
     SharedRecord keyframeFor(Peer& peer);
     SharedRecord frameFor(Peer& peer);
+    SharedRecord codedFor(Peer& peer, SharedRecord record);
     bool sendChunk(Peer& peer);
     bool sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body = nullptr);
     void garbage(std::string text);
@@ -152,6 +155,7 @@ class MirrorServer::Io {
     MirrorServerStatistics statistics_;
     ByteBuffer message_, head_;
     std::uint64_t dictionaryHash_ = 0;
+    Clock::time_point forgetAsked_{};
     std::thread thread_;
 };
 

@@ -21,6 +21,7 @@ constexpr std::uint64_t kAnswerCost = 1024;  // of an answer that waits to be re
 constexpr auto kPatience = 200ms;            // with the shadow, for a keyframe nearer than the one there is
 constexpr double kMostQuestions = 24;        // of a peer at once
 constexpr double kQuestionsPerSecond = 4;    // in the long run
+constexpr auto kForgetEvery = 250ms;         // raw frames for the sake of those who cannot read predicted ones
 constexpr std::size_t kMostMerged = 20000;   // frames
 constexpr std::size_t kMostVerdicts = 1000;  // that wait for their frame
 
@@ -304,7 +305,7 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
     } else if (peer.placed && peer.state == needed) {
         if (!merged) ++(answer.record ? statistics_.repairs : statistics_.questions);
         if (answer.record) {
-            peer.sending = answer.record;
+            peer.sending = codedFor(peer, answer.record);
             peer.sent = 0;
             peer.state = answer.record->header.to;
         } else {
@@ -326,6 +327,23 @@ bool MirrorServer::Io::deliverVerdicts(Peer& peer) {
         peer.verdicts.pop_front();
     }
     return true;
+}
+
+/// The record as this peer can read it. One that lacks what predictions refer to, having got a keyframe or frames
+/// merged into one, gets raw frames until the next that refers to nothing before it; such a frame is asked for.
+SharedRecord MirrorServer::Io::codedFor(Peer& peer, SharedRecord record) {
+    if (!record || record->header.from == record->header.to) return record;
+    const bool predicted = record->predicted != nullptr;
+    peer.remembers = predicted && (peer.remembers || record->predicted->header.flags & kForget);
+    if (peer.remembers) return record->predicted;
+    // Not for those to whom frames always come merged, nor more often than it pays.
+    const Clock::time_point now = Clock::now();
+    if (shared_->options.mode.coding != Coding::raw && peer.part == 0 && peer.interval.count() == 0 &&
+        now - forgetAsked_ > kForgetEvery) {
+        forgetAsked_ = now;
+        shared_->wantForget = true;
+    }
+    return record;
 }
 
 bool MirrorServer::Io::sendChunk(Peer& peer) {
@@ -354,7 +372,7 @@ bool MirrorServer::Io::pump(Peer& peer) {
     while (peer.sentBytes - peer.ackedBytes < peer.window) {
         if (peer.answer && !peer.sending && !deliverAnswer(peer)) return false;
         if (!peer.sending) {
-            peer.sending = nextFor(peer);
+            peer.sending = codedFor(peer, nextFor(peer));
             peer.sent = 0;
         }
         if (!peer.sending) break;

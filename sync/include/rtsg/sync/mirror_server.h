@@ -16,6 +16,7 @@
 
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/mirror_keys.h>
+#include <rtsg/sync/stream_mode.h>
 
 namespace rtsg {
 
@@ -28,6 +29,8 @@ enum class MirrorWhenSlow : std::uint8_t {
 
 struct MirrorServerOptions {
     std::string creator = "rtsg";
+    /// What the head says of the stream, and how values are coded. For Mode::lossy, serve a LossyScene's scene.
+    StreamMode mode;
     /// With keys, peers are authenticated and the traffic is encrypted.
     std::optional<MirrorKeys> keys;
     /// Allows an endpoint that other machines reach without keys.

@@ -1,0 +1,123 @@
+// Mirrors in every coding: those who follow, join, lag and come back get the same states in fewer bytes.
+#include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
+#include <rtsg/sync/lossy_scene.h>
+
+#include "bench/motion_sync.h"
+#include "mirror_support.h"
+
+namespace rtsg {
+namespace {
+
+using namespace std::chrono_literals;
+using test::pollUntilAt;
+
+constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
+
+struct Kind {
+    StreamMode mode;
+    const char* name;
+};
+
+struct Replica {
+    Scene scene;
+    std::unique_ptr<MirrorClient> client;
+    explicit Replica(const std::string& endpoint, MirrorClientOptions options = {})
+        : client(*MirrorClient::connect(scene, endpoint, std::move(options))) {}
+};
+
+/// Bodies that tumble, and who follows them.
+struct Served {
+    explicit Served(const StreamMode& mode) {
+        for (std::size_t i = 0; i < 60; ++i) {
+            nodes.push_back(origin.createNode(x3d::Transform::type));
+            EXPECT_TRUE(origin.setName(nodes.back(), "B" + std::to_string(i)));
+        }
+        origin.newFrame(0);
+        if (mode.mode == Mode::lossy) lossy = *LossyScene::follow(origin, mode.maxError);
+        MirrorServerOptions options;
+        options.mode = mode;
+        server = *MirrorServer::start(shown(), kAnyPort, options);
+    }
+    Scene& shown() { return lossy ? lossy->scene() : origin; }
+    void step() {
+        for (const Change& change : motion.next().changes)
+            ASSERT_TRUE(origin.setField(nodes[(change.node.value - bench::Motion::kFirstNode) / 3], change.field,
+                                        change.value));
+        origin.newFrame(++frame / 60.);
+    }
+    Scene origin;
+    std::vector<NodeId> nodes;
+    std::unique_ptr<LossyScene> lossy;
+    std::unique_ptr<MirrorServer> server;
+    bench::Motion motion{bench::Movement::chaotic, 60, 5};
+    int frame = 0;
+};
+
+class MirrorCoding : public testing::TestWithParam<Kind> {};
+INSTANTIATE_TEST_SUITE_P(Modes, MirrorCoding,
+                         testing::Values(Kind{{Mode::state, Coding::compact, 0}, "compact"},
+                                         Kind{{Mode::state, Coding::smallest, 0}, "smallest"},
+                                         Kind{{Mode::lossy, Coding::smallest, 1e-3}, "lossy"}),
+                         [](const auto& p) { return p.param.name; });
+
+TEST_P(MirrorCoding, WhoFollowsJoinsAndLagsIsInStepWithFewerBytes) {
+    Served served(GetParam().mode);
+    Replica first(served.server->endpoint());
+    ASSERT_TRUE(pollUntilAt(*first.client, served.shown()));
+    MirrorClientOptions narrow;
+    narrow.window = 1;  // as small as servers allow
+    Replica lagging(served.server->endpoint(), narrow);
+    ASSERT_TRUE(pollUntilAt(*lagging.client, served.shown()));
+    MirrorClientOptions paced;
+    paced.framesPerSecond = 20;
+    Replica slow(served.server->endpoint(), paced);
+    std::unique_ptr<Replica> late;
+    const auto verified = [&](Replica& replica, const char* who) {
+        SCOPED_TRACE(who);
+        ASSERT_TRUE(pollUntilAt(*replica.client, served.shown()));
+        EXPECT_EQ(replica.client->statistics().divergences, 0u);
+        EXPECT_EQ(replica.client->statistics().garbage, 0u);
+        EXPECT_EQ(replica.client->statistics().gaps, 0u);
+        EXPECT_EQ(replica.scene.hash(), served.shown().hash());
+    };
+    std::uint64_t before = 0;
+    for (int i = 0; i < 400; ++i) {
+        served.step();
+        served.server->service();
+        first.client->poll(1ms);
+        ASSERT_TRUE(pollUntilAt(*first.client, served.shown())) << i;
+        ASSERT_EQ(first.client->statistics().divergences, 0u) << i;
+        if (i % 100 == 99) slow.client->poll(1ms);
+        if (i == 150) late = std::make_unique<Replica>(served.server->endpoint());
+        if (late) late->client->poll(0ms);
+        if (i == 300) before = first.client->statistics().bytes;
+    }
+    verified(*late, "late");
+    verified(lagging, "lagging");
+    verified(slow, "slow");
+    for (int i = 0; i < 60; ++i) {
+        served.step();
+        served.server->service();
+        for (Replica* replica : {&first, &lagging, &slow, late.get()}) replica->client->poll(1ms);
+        std::this_thread::sleep_for(5ms);
+    }
+    for (Replica* replica : {&first, &lagging, &slow, late.get()}) verified(*replica, "at the end");
+    // A frame's own head is 64 bytes; raw, its values take 60 times 30.
+    const double perFrame = double(first.client->statistics().bytes - before) / 159;
+    EXPECT_LT(perFrame, GetParam().mode.mode == Mode::lossy ? 600 : 1000);
+}
+
+TEST(MirrorCodingModes, RefuseWhatTheyCannotCarry) {
+    Scene scene;
+    MirrorServerOptions options;
+    options.mode.mode = Mode::input;
+    EXPECT_FALSE(MirrorServer::start(scene, kAnyPort, options));
+    options.mode = {Mode::lossy, Coding::smallest, 1e-3};
+    options.upstream = MirrorUpstream::events;
+    EXPECT_FALSE(MirrorServer::start(scene, kAnyPort, options));
+}
+
+}  // namespace
+}  // namespace rtsg
