@@ -20,6 +20,9 @@ struct Source {
 };
 
 constexpr Source kSources[] = {
+    {"frames", "the paper's scenes: a frame's cost in each mapping; minutes", bench::chartFrames},
+    {"rays", "error of path-traced pictures against time", bench::chartRays},
+    {"sound", "error of reverberation times against time", bench::chartSound},
     {"mirror", "replicas against throughput, late joins against the size of the scene", bench::chartMirror},
     {"scale", "work of one change in scenes of 10^3 to 10^6 nodes", bench::chartScale},
     {"deform", "speed of rays through deforming meshes against rebuilt ones", bench::chartDeform},

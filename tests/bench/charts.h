@@ -5,6 +5,12 @@
 
 namespace rtsg::bench {
 
+/// Frames of the paper's scenes in each mapping: following, rays, both, memory.
+bool chartFrames(const ChartSink& sink, bool quick);
+/// Error of path-traced pictures against time.
+bool chartRays(const ChartSink& sink, bool quick);
+/// Error of reverberation times against time.
+bool chartSound(const ChartSink& sink, bool quick);
 /// Work of one change against the size of the scene. False: something could not be measured.
 bool chartScale(const ChartSink& sink, bool quick);
 /// Speed of rays through deforming meshes against meshes built afresh.
