@@ -263,7 +263,9 @@ class Drawing {
                 s.reference ? 1.2 : 2, s.reference ? " stroke-dasharray=\"5 4\"" : "");
         for (const ChartPoint* p : shown) {
             if (!s.reference && shown.size() <= 60) mark(x_(p->x), y_(p->y), index, colour);
-            if (!p->label.empty()) text(x_(p->x) + 7, y_(p->y) - 6, "start", colour, p->label, "font-size=\"11\"");
+            if (!p->label.empty())
+                text(x_(p->x) + 7, y_(p->y) - 6, "start", colour, p->label,
+                     "font-size=\"11\" paint-order=\"stroke\" stroke=\"white\" stroke-width=\"3\"");
         }
         return std::pair{x_(last->x), y_(last->y)};
     }
