@@ -170,7 +170,7 @@ LeastUpdate::~LeastUpdate() {
 
 double LeastUpdate::follow(const RayWorld& world, const InstanceDelta& delta) {
     Impl& i = *impl_;
-    const double start = cpuSeconds();
+    const double start = threadSeconds();
     for (const InstanceDelta::Moved& m : delta.moved) {
         const auto found = i.moving.find(m.id.slot);
         if (found == i.moving.end()) continue;
@@ -189,7 +189,7 @@ double LeastUpdate::follow(const RayWorld& world, const InstanceDelta& delta) {
         rtcCommitScene(d.scene);
     }
     if (i.deforming.empty()) rtcCommitScene(i.top);
-    return cpuSeconds() - start - cpuClockSeconds();
+    return threadSeconds() - start - cpuClockSeconds();
 }
 
 ViewRays::ViewRays(const RayWorld& world, const Camera& camera, int width, int height)

@@ -19,6 +19,9 @@ double clockSeconds(clockid_t clock) {
 double cpuSeconds() {
     return clockSeconds(CLOCK_PROCESS_CPUTIME_ID);
 }
+double threadSeconds() {
+    return clockSeconds(CLOCK_THREAD_CPUTIME_ID);
+}
 double wallSeconds() {
     return clockSeconds(CLOCK_MONOTONIC);
 }

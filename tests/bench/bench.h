@@ -36,7 +36,9 @@ void instances(const Report& report, bool quick);
 /// CPU time of this process in seconds.
 double cpuSeconds();
 double wallSeconds();
-/// What reading cpuSeconds() costs, which every figure taken with it contains once.
+/// CPU time of the calling thread alone: what work costs who waits for it, whatever others do in the background.
+double threadSeconds();
+/// What reading cpuSeconds() or threadSeconds() costs, which every figure taken with it contains once.
 double cpuClockSeconds();
 double median(std::vector<double> values);
 /// CPU seconds to parse every number in `text` with std::from_chars: the least a reader of text takes.

@@ -58,7 +58,8 @@ struct Stages final : Subscriber {
 /// Embree alone, in the mode in which it refits.
 class BareRefit {
   public:
-    explicit BareRefit(const Mesh& mesh) : index_(mesh.triangles), device_(rtcNewDevice("threads=1")), scene_(rtcNewScene(device_)) {
+    explicit BareRefit(const Mesh& mesh)
+        : index_(mesh.triangles), device_(rtcNewDevice("threads=1")), scene_(rtcNewScene(device_)) {
         rtcSetSceneFlags(scene_, static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC));
         rtcSetSceneBuildQuality(scene_, RTC_BUILD_QUALITY_LOW);
         geometry_ = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);

@@ -135,9 +135,9 @@ Result<> Measurement::firstPicture(const std::filesystem::path& folder) {
 }
 
 double Measurement::newFrame() {
-    const double start = cpuSeconds();
+    const double start = threadSeconds();
     scene_->newFrame(scene_->now() + 1.0 / 60);
-    return cpuSeconds() - start - cpuClockSeconds();
+    return threadSeconds() - start - cpuClockSeconds();
 }
 
 void Measurement::follow(Contest& contest, std::size_t mapping, int frames, LeastUpdate* least, Samples& out) {
@@ -156,9 +156,9 @@ void Measurement::follow(Contest& contest, std::size_t mapping, int frames, Leas
 Result<> Measurement::traverse(Contest& contest, int frames, Samples& out) {
     for (int i = 0; i < frames; ++i) {
         newFrame();
-        const double start = cpuSeconds(), wall = wallSeconds();
+        const double start = threadSeconds(), wall = wallSeconds();
         if (auto ok = contest.full.renderFrame(); !ok) return ok;
-        const double all = cpuSeconds() - start;
+        const double all = threadSeconds() - start;
         const double share = contest.full.stats().traverseSeconds / std::max(1e-9, wallSeconds() - wall);
         out.traversal.push_back(all * std::min(1.0, share));
         out.fullUpdate.push_back(all);

@@ -312,9 +312,15 @@ class Drawing {
             if (low < high) line(x_(low), y, x_(high), y, "#cccccc", 2);
             text(left_ - 12, y + 4.5, "end", "#222222", chart_.rows[r]);
         }
-        for (std::size_t i = 0; i < chart_.series.size(); ++i)
+        // A little below one another, and the first on top, so that equal values can be told apart.
+        const double apart = std::min(4.0, 20.0 / static_cast<double>(chart_.series.size()));
+        for (std::size_t i = chart_.series.size(); i-- > 0;)
             for (const ChartPoint& p : chart_.series[i].points)
-                if (x_.shows(p.x)) mark(x_(p.x), height(p.y), i, colourOf(i));
+                if (x_.shows(p.x))
+                    mark(x_(p.x),
+                         height(p.y) +
+                             apart * (static_cast<double>(i) - static_cast<double>(chart_.series.size() - 1) / 2),
+                         i, colourOf(i));
     }
 
     const Chart& chart_;

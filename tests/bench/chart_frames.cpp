@@ -22,10 +22,11 @@ bool chartFrames(const ChartSink& sink, bool quick) {
     FrameOptions options;
     if (quick) options.scale = .01, options.width = 320, options.height = 180, options.budget = .2;
     const std::string size = fmt::format("{} x {}", options.width, options.height);
-    Chart update = chartOf("frames-update", "Following one frame: from the clock's tick to a BVH ready for rays",
-                           "Cascade, change set, flattener and update of the ray world; scenes that move. CPU time of "
-                           "one thread, medians, competitors in turn. Bare Embree: commit of what moves, or refit.",
-                           {"time (µs)", true}, true);
+    Chart update =
+        chartOf("frames-update", "Following one frame: from the clock's tick to a BVH ready for rays",
+                "Cascade, change set, flattener and update of the ray world; scenes that move. CPU time of "
+                "the scene's thread, medians, competitors in turn. Bare Embree: commit of what moves, or refit.",
+                {"time (µs)", true}, true);
     update.series.push_back({"bare Embree", {}, true});
     Chart rays = chartOf("frames-rays", "Primary rays through each mapping, against one flat scene of bare Embree",
                          fmt::format("Time for {} rays in packets of 16, divided by rtcIntersect16's for the same rays "
@@ -47,14 +48,14 @@ bool chartFrames(const ChartSink& sink, bool quick) {
             good = false;
             return;
         }
-        const auto row = static_cast<double>(total.rows.size());
+        const auto row = static_cast<double>(total.rows.size()), tested = static_cast<double>(rays.rows.size());
         const bool moves = f->moved + f->deformed > 0;
         const auto moving = static_cast<double>(update.rows.size());
         const double work = f->sceneWork + f->flatten;
         for (std::size_t i = 0; i < kMappings.size(); ++i) {
             if (f->trace[i] == 0) continue;
             if (moves) update.series[i].points.push_back({(work + f->update[i]) * 1e6, moving, {}});
-            if (f->flatTrace > 0) rays.series[i].points.push_back({f->trace[i] / f->flatTrace, row, {}});
+            if (f->flatTrace > 0) rays.series[i].points.push_back({f->trace[i] / f->flatTrace, tested, {}});
             total.series[i].points.push_back({(work + f->update[i] + f->trace[i]) * 1e3, row, {}});
             const RayWorld::Memory& m = f->memory[i];
             memory.series[i].points.push_back({static_cast<double>(m.bvhBytes + m.copyBytes + m.instanceBytes) /
@@ -65,7 +66,8 @@ bool chartFrames(const ChartSink& sink, bool quick) {
         // The baseline traces the world that it updates, a hybrid one.
         total.series[3].points.push_back({(f->sceneWork + f->fullUpdate + f->trace[0]) * 1e3, row, {}});
         memory.series[3].points.push_back({f->memory[0].sceneBytesPerTriangle(), row, {}});
-        for (Chart* chart : {&rays, &total, &memory}) chart->rows.push_back(f->scene);
+        for (Chart* chart : {&total, &memory}) chart->rows.push_back(f->scene);
+        if (f->flatTrace > 0) rays.rows.push_back(f->scene);
         if (!moves) return;
         update.series[3].points.push_back({(f->sceneWork + f->fullUpdate) * 1e6, moving, {}});
         if (f->leastUpdate > 0) update.series[4].points.push_back({f->leastUpdate * 1e6, moving, {}});

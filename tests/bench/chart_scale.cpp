@@ -54,7 +54,7 @@ struct Stages {
     /// Seals the edits made since `start` (CPU s) and books what each stage took.
     void frame(Scene& s, const Follower& follower, double start) {
         s.newFrame(s.now() + .01);
-        scene.push_back(cpuSeconds() - start - follower.allSeconds() - cpuClockSeconds());
+        scene.push_back(threadSeconds() - start - follower.allSeconds() - cpuClockSeconds());
         flatten.push_back(follower.flattenSeconds());
         world.push_back(follower.worldSeconds());
     }
@@ -95,13 +95,13 @@ bool chartScale(const ChartSink& sink, bool quick) {
         const NodeId moving = lattice.last;
         Stages moves, adds;
         for (int i = 0; i < 300; ++i) {
-            const double start = cpuSeconds();
+            const double start = threadSeconds();
             (void)scene.set(moving, x3d::Transform::translation, lattice.at(shapes - 1, static_cast<float>(i % 7) + 1));
             moves.frame(scene, follower, start);
         }
         add(move, nodes, moves);
         for (int i = 0; i < 200; ++i) {
-            const double start = cpuSeconds();
+            const double start = threadSeconds();
             (void)scene.insertChild(lattice.group(), x3d::Group::children, lattice.shapeAt(shapes + i));
             adds.frame(scene, follower, start);
         }
@@ -110,9 +110,9 @@ bool chartScale(const ChartSink& sink, bool quick) {
         if (!full.attachToScene(scene)) return false;
         std::vector<double> traversals;
         for (int i = 0; i < 5; ++i) {
-            const double start = cpuSeconds();
+            const double start = threadSeconds();
             if (!full.renderFrame()) return false;
-            traversals.push_back(cpuSeconds() - start);
+            traversals.push_back(threadSeconds() - start);
         }
         move.series[3].points.push_back({static_cast<double>(nodes), median(traversals) * 1e6, {}});
     }

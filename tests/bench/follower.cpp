@@ -16,17 +16,17 @@ RayWorld::Options oneThread(RayWorld::Options options) {
 Follower::Follower(RayWorld::Options options, LightTracer* tracer) : world_(oneThread(options)), tracer_(tracer) {}
 
 Result<> Follower::apply(const Scene& scene, const ChangeSet& changes) {
-    const double start = cpuSeconds(), clock = cpuClockSeconds();
+    const double start = threadSeconds(), clock = cpuClockSeconds();
     const InstanceDelta& delta = flattener_.apply(scene, changes);
     delta_ = &delta;
-    const double flattened = cpuSeconds();
+    const double flattened = threadSeconds();
     world_.apply(delta);
-    const double done = cpuSeconds();
+    const double done = threadSeconds();
     flatten_ = flattened - start - clock;
     update_ = done - flattened - clock;
     Result<> result;
     if (tracer_) result = tracer_->apply(scene, changes, delta);
-    all_ = cpuSeconds() - start;
+    all_ = threadSeconds() - start;
     return result;
 }
 

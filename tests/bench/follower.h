@@ -1,6 +1,6 @@
 // Follower: one flattener and one ray world that follow a scene, each stage timed apart, for benches.
 //
-// Threading: the scene's thread; the world builds with one thread, so that CPU time is work.
+// Threading: the scene's thread, in which the world builds too, but for what it does in the background.
 #pragma once
 
 #include <rtsg/core/scene.h>
@@ -20,7 +20,7 @@ class Follower final : public Subscriber {
     const RayWorld& world() const { return world_; }
     /// Of the last change set; valid until the next.
     const InstanceDelta& delta() const { return *delta_; }
-    /// CPU seconds of the last change set, without the clock's own.
+    /// CPU seconds of the scene's thread in the last change set, without the clock's own.
     double flattenSeconds() const { return flatten_; }
     double worldSeconds() const { return update_; }
     /// All of the last apply(), clocks included: to be taken off a frame's time.
