@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/replica.h>
+
 namespace rtsg {
 
 struct LogRecorder::Impl {
@@ -30,22 +32,23 @@ struct LogRecorder::Impl {
         }
         std::string subscriberName() const override { return "log " + impl.file; }
     };
-    /// On the recorder's thread: into the replica, which the log follows.
-    struct Follower final : Subscriber {
+    /// On the recorder's thread, behind the log: what has come so far is in the file.
+    struct Acknowledger final : Subscriber {
         Impl& impl;
-        explicit Follower(Impl& i) : impl(i) {}
-        Result<> apply(const Scene&, const ChangeSet& changes) override { return impl.take(changes); }
-        std::string subscriberName() const override { return "log recorder"; }
+        explicit Acknowledger(Impl& i) : impl(i) {}
+        Result<> apply(const Scene& scene, const ChangeSet& changes) override {
+            return impl.acknowledge(scene, changes);
+        }
+        std::string subscriberName() const override { return "log acknowledger"; }
     };
 
-    std::unique_ptr<LogWriter> log;
     std::string file;
+    std::uint64_t start = 0;  // state of the scene when the recorder was attached
+    std::unique_ptr<LogWriter> log;
+    std::unique_ptr<Replica> replica;  // the recorder's thread's own
     Bell bell{*this};
-    Follower follower{*this};
-    Attachment attachment, bellAttachment;
-    std::unique_ptr<Scene> replica;  // the recorder's thread's own
-    Attachment logAttachment;
-    bool following = false;
+    Acknowledger acknowledger{*this};
+    Attachment bellAttachment, logAttachment, acknowledgerAttachment;
     std::atomic<bool> stopping{false}, failed{false};
     std::atomic<std::uint64_t> acknowledged{0}, merged{0}, bytes{0};
     mutable std::mutex mutex;
@@ -53,17 +56,12 @@ struct LogRecorder::Impl {
     Result<> result;  // guarded by mutex
     std::thread thread;
 
-    Result<> take(const ChangeSet& changes) {
-        if (changes.isSnapshot() && replica->sequence() > 0)
-            if (auto ok = replica->reset(); !ok) return ok;
-        if (!changes.isSnapshot() && changes.to > changes.from + 1) merged += changes.to - changes.from - 1;
-        if (auto ok = replica->apply(std::make_shared<const ChangeSet>(changes)); !ok) return ok;
-        if (!following) logAttachment = replica->bus().attach(*log);
-        following = true;
+    Result<> acknowledge(const Scene& scene, const ChangeSet& changes) {
         if (!logAttachment.attached()) return fail(logAttachment.failure());
-        if (replica->hash() != changes.hash)
+        if (scene.hash() != changes.hash)
             return fail(fmt::format("the replica at state {} has hash {}, the scene had {}", changes.to,
-                                    replica->hash().hex(), changes.hash.hex()));
+                                    scene.hash().hex(), changes.hash.hex()));
+        if (!changes.isSnapshot() && changes.to > changes.from + 1) merged += changes.to - changes.from - 1;
         const std::scoped_lock lock(mutex);
         acknowledged = changes.to;
         bytes = log->bytes();
@@ -72,24 +70,31 @@ struct LogRecorder::Impl {
     }
 
     void run() {
-        replica = std::make_unique<Scene>();
-        replica->setBehavioursEnabled(false);
+        Result<> ended;
         std::uint64_t heard = 0;
-        while (true) {
+        // As one set: an empty replica is no state of the scene's, and the log shall begin with one.
+        replica->poll();
+        merged = replica->scene().sequence() - start;
+        Bus& bus = replica->scene().bus();
+        logAttachment = bus.attach(*log);
+        acknowledgerAttachment = bus.attach(acknowledger);
+        for (bool last = false; !last && acknowledgerAttachment.attached() && replica->attached();) {
             bell.rung.wait(heard, std::memory_order_acquire);
             heard = bell.rung.load(std::memory_order_acquire);
-            const bool last = stopping;
-            attachment.drain();
-            if (last || !attachment.attached()) break;
+            last = stopping;
+            replica->drain();
         }
+        if (!acknowledgerAttachment.attached())
+            ended = fail(acknowledgerAttachment.failure());
+        else if (!replica->failure().empty())
+            ended = fail(replica->failure());
+        acknowledgerAttachment.detach();
         logAttachment.detach();
-        Result<> closed = attachment.attached() ? Result<>{} : fail(attachment.failure());
-        attachment.detach();
-        if (auto ok = log->close(); !ok && closed) closed = ok;
+        if (auto ok = log->close(); !ok && ended) ended = ok;
         replica.reset();
         const std::scoped_lock lock(mutex);
-        result = closed;
-        failed = !closed;
+        result = ended;
+        failed = !ended;
         bytes = log->bytes();
         progress.notify_all();
     }
@@ -110,7 +115,8 @@ Result<std::unique_ptr<LogRecorder>> LogRecorder::start(Scene& scene, const std:
     if (!log) return std::unexpected(log.error());
     impl->log = std::move(*log);
     impl->file = file.string();
-    impl->attachment = scene.bus().attach(impl->follower, Delivery::polled);
+    impl->replica = std::make_unique<Replica>(scene);
+    impl->start = scene.sequence();
     impl->bellAttachment = scene.bus().attach(impl->bell);
     impl->thread = std::thread([i = impl.get()] { i->run(); });
     return std::unique_ptr<LogRecorder>(new LogRecorder(std::move(impl)));
