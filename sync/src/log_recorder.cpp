@@ -74,7 +74,7 @@ struct LogRecorder::Impl {
         std::uint64_t heard = 0;
         // As one set: an empty replica is no state of the scene's, and the log shall begin with one.
         replica->poll();
-        merged = replica->scene().sequence() - start;
+        if (const std::uint64_t first = replica->scene().sequence(); first > start) merged = first - start - 1;
         Bus& bus = replica->scene().bus();
         logAttachment = bus.attach(*log);
         acknowledgerAttachment = bus.attach(acknowledger);
