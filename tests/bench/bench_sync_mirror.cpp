@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <ctime>
 #include <thread>
 
 #include <unistd.h>
@@ -27,12 +26,6 @@ constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
 
 double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
-}
-/// Of this thread: what others do on a busy machine does not count.
-double threadSeconds() {
-    timespec now{};
-    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
 }
 
 /// Polls `client` on this thread until it is where `target` says; false after 60 s.
