@@ -167,50 +167,56 @@ void Scene::State::keepTerms() {
 
 void Scene::State::appendFieldChanges(ChangeSet& set) {
     if (written.empty()) return;
-    set.changes.reserve(set.changes.size() + written.size());
+    // All in locals: the bytes written below might be anything, for all a compiler knows.
+    const std::size_t count = written.size(), pageCount = pages.size();
+    WrittenField* const entries = written.data();
+    Node** const* const table = pages.data();
+    set.changes.reserve(set.changes.size() + count);
     detail::StateHash sum = hash;
     // Nodes are looked up so far ahead that a trip to memory is over when their turn comes.
     constexpr std::size_t kAhead = 16;
     Node* nodes[kAhead];
-    const std::size_t count = written.size();
     const auto lookUp = [&](std::size_t i) {
-        Node* node = i < count ? find(written[i].node) : nullptr;
+        const std::uint32_t id = entries[i].node.value, page = id / kPage;
+        Node* node = page < pageCount && table[page] ? table[page][id % kPage] : nullptr;
         nodes[i % kAhead] = node;
         if (!node) return;
         __builtin_prefetch(node, 1);
         __builtin_prefetch(reinterpret_cast<const std::byte*>(node) + 64);
     };
-    for (std::size_t i = 0; i < kAhead; ++i) lookUp(i);
+    for (std::size_t i = 0; i < std::min(kAhead, count); ++i) lookUp(i);
     for (std::size_t i = 0; i < count; ++i) {
-        Node* node = nodes[i % kAhead];
-        lookUp(i + kAhead);
+        Node* const node = nodes[i % kAhead];
+        if (i + kAhead < count) lookUp(i + kAhead);
         if (!node) continue;
-        WrittenField& entry = written[i];
-        const FieldSlot& slot = node->type_->slot(entry.field);
-        Change& change = set.changes.emplace_back();
-        change.node = entry.node;
-        change.field = entry.field;
-        change.external = entry.external;
+        WrittenField& entry = entries[i];
+        const FieldIndex field = entry.field;
+        const NodeType& type = *node->type_;
+        const FieldSlot slot = type.slot(field);
         node->dirty_ = 0;
-        if (isShared(entry.type)) {
-            change.value = node->value(entry.field);
+        Change* const change = &set.changes.emplace_back();
+        change->node = entry.node;
+        change->field = field;
+        change->external = entry.external;
+        if (isShared(slot.type)) {
+            change->value = node->value(field);
             sum.subtract(entry.term());
-            sum.add(termOf(*node, entry.field));
+            sum.add(termOf(*node, field));
             entry.node = {};  // lists change in place: their terms do not last
-            continue;
+        } else {
+            const std::byte* value = node->block() + slot.offset;
+            const std::byte* fallback = type.defaults() + slot.offset;
+            detail::withPlainSize(slot.size, [&]<std::size_t size>() {
+                change->value.setPlain(slot.type, value, size);
+                const auto termOfBytes = [&](const void* bytes) {
+                    return detail::plainTermOfSize<size>(change->node, field, bytes, fallback);
+                };
+                sum.subtract(entry.hashed ? entry.term() : termOfBytes(entry.before));
+                const Hash128 after = termOfBytes(value);
+                sum.add(after);
+                entry.setTerm(after);
+            });
         }
-        const std::byte* value = node->block() + slot.offset;
-        const std::byte* fallback = node->type_->defaults() + slot.offset;
-        detail::withPlainSize(slot.size, [&]<std::size_t size>() {
-            change.value.setPlain(entry.type, value, size);
-            const auto termOfBytes = [&](const void* bytes) {
-                return detail::plainTermOfSize<size>(entry.node, entry.field, bytes, fallback);
-            };
-            sum.subtract(entry.hashed ? entry.term() : termOfBytes(entry.before));
-            const Hash128 after = termOfBytes(value);
-            sum.add(after);
-            entry.setTerm(after);
-        });
     }
     hash = sum;
     keepTerms();
