@@ -1,5 +1,6 @@
 // The connection of a mirror's client: greeting, staying in touch, messages in and out, credit.
 #include <algorithm>
+#include <cstring>
 #include <random>
 
 #include <fmt/format.h>
@@ -75,7 +76,8 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
         socket_.set(ZMQ_CURVE_SECRETKEY, options_.keys->clientSecret);
     }
     monitor_.set(ZMQ_LINGER, 0);
-    if (zmq_socket_monitor(socket_.get(), "inproc://connection", ZMQ_EVENT_DISCONNECTED) != 0 ||
+    constexpr int events = ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED;
+    if (zmq_socket_monitor(socket_.get(), "inproc://connection", events) != 0 ||
         zmq_connect(monitor_.get(), "inproc://connection") != 0)
         return std::unexpected(zmqFailure("cannot watch the connection"));
     if (zmq_connect(socket_.get(), endpoint.c_str()) != 0)
@@ -117,9 +119,15 @@ void MirrorClient::Impl::watchConnection() {
     while (true) {
         ZmqMessage event;
         if (!monitor_.receive(event)) return;
+        std::uint16_t what = 0;
+        if (event.bytes().size() >= sizeof(what)) std::memcpy(&what, event.bytes().data(), sizeof(what));
         monitor_.skipRest(event);
-        connected_ = false;
-        helloPending_ = true;
+        if (what == ZMQ_EVENT_DISCONNECTED) {
+            connected_ = false;
+            helloPending_ = true;
+        } else if (helloPending_) {
+            greeted_ = {};  // at once
+        }
     }
 }
 
