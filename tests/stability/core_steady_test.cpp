@@ -8,7 +8,13 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(__has_feature)
+#define RTSG_HAS(feature) __has_feature(feature)
+#else
+#define RTSG_HAS(feature) 0
+#endif
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || RTSG_HAS(address_sanitizer) || \
+    RTSG_HAS(thread_sanitizer)
 #define RTSG_HEAP_IS_OURS 0
 #else
 #define RTSG_HEAP_IS_OURS 1
@@ -24,15 +30,15 @@ extern "C" {
 void* __libc_malloc(std::size_t size);
 void* __libc_calloc(std::size_t count, std::size_t size);
 void* __libc_realloc(void* block, std::size_t size);
-void* malloc(std::size_t size) {
+void* malloc(std::size_t size) noexcept {
     if (counting) ++allocations;
     return __libc_malloc(size);
 }
-void* calloc(std::size_t count, std::size_t size) {
+void* calloc(std::size_t count, std::size_t size) noexcept {
     if (counting) ++allocations;
     return __libc_calloc(count, size);
 }
-void* realloc(void* block, std::size_t size) {
+void* realloc(void* block, std::size_t size) noexcept {
     if (counting) ++allocations;
     return __libc_realloc(block, size);
 }
