@@ -107,6 +107,8 @@ void MirrorClient::Impl::hello(bool afresh) {
     greeting.wishes.whenSlow = static_cast<std::uint8_t>(options_.whenSlow);
     greeting.wishes.milliFrames = static_cast<std::uint32_t>(std::clamp(options_.framesPerSecond, 0.0, 1e6) * 1000);
     greeting.wishes.parts = options_.parts;
+    greeting.wishes.inputs = options_.inputs && options_.latency.count() == 0 && inputTroubles_ < kMostInputTroubles;
+    running_ = false;
     for (const Aspect aspect : options_.aspects)
         greeting.wishes.aspects |= std::uint32_t{1} << static_cast<unsigned>(aspect);
     greeting.write(message_);
@@ -282,6 +284,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
         refusal_ = ok.error().text;
         return;
     }
+    (void)inputDecoder_.setHead(*head);  // servers send inputs to equals only
     if (numbers[1] != epoch_) {
         if (epoch_ != 0) {
             ++statistics_.restarts;

@@ -8,6 +8,7 @@
 #include <deque>
 
 #include <rtsg/sync/change_codec.h>
+#include <rtsg/sync/input_codec.h>
 #include <rtsg/sync/mirror_client.h>
 
 #include "mirror_clock.h"
@@ -74,6 +75,8 @@ class MirrorClient::Impl {
     void record(std::span<const std::byte> bytes);
     bool editedByItsOwner();
     void apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh);
+    void input(std::span<const std::byte> bytes, const RecordHeader& header);
+    void stopRunning(const std::string& why);
     void compare(const RecordHeader& header);
     void repair(std::span<const std::byte> bytes, const RecordHeader& header);
     void answer(std::span<const std::byte> message);
@@ -91,6 +94,7 @@ class MirrorClient::Impl {
     ZmqSocket socket_, monitor_;
     mutable ChangeDecoder decoder_;
     ChangeEncoder encoder_;
+    InputDecoder inputDecoder_;
     std::uint64_t dictionaryHash_;
     ByteBuffer message_;
 
@@ -107,6 +111,9 @@ class MirrorClient::Impl {
     std::vector<std::shared_ptr<ChangeSet>> sets_;
     std::size_t applied_ = 0;  // in this turn of poll()
 
+    bool running_ = false;        // from a run state on; inputs can be run
+    unsigned inputTroubles_ = 0;  // so many that it is left be
+    static constexpr unsigned kMostInputTroubles = 3;
     bool diverged_ = false;
     mirror::Bisection bisection_;
     std::size_t lastChanges_ = 0;  // of the frame after which the hash was found to differ

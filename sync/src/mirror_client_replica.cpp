@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/frame_input.h>
+
 #include "mirror_client_impl.h"
 #include "mirror_upstream.h"
 #include "node_label.h"
@@ -106,7 +108,9 @@ void MirrorClient::Impl::record(std::span<const std::byte> bytes) {
         garbage("a damaged record: " + header.error().text);
         return hello(false);
     }
+    if (header->kind == RecordKind::input) return input(bytes, *header);
     if (header->kind != RecordKind::frame && header->kind != RecordKind::keyframe) return;
+    running_ = false;
     if (editedByItsOwner()) return;
     newestHeard_ = std::max(newestHeard_, header->to);
     const bool follows = haveState_ && header->from == state_;
@@ -165,6 +169,52 @@ void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHea
     }
     state_ = statistics_.sequence = header.to;
     compare(header);
+}
+
+/// What came into a frame, to be run here; or how things go on, from which inputs can be.
+void MirrorClient::Impl::input(std::span<const std::byte> bytes, const RecordHeader& header) {
+    if (editedByItsOwner()) return;
+    const bool isRunState = header.from == header.to;
+    newestHeard_ = std::max(newestHeard_, header.to);
+    if (!haveState_ || (!isRunState && header.to <= state_)) return;
+    if (header.from != state_) {
+        if (isRunState) return;
+        ++statistics_.gaps;
+        return hello(false);
+    }
+    const std::shared_ptr<ChangeSet> set = freshSet();
+    if (auto ok = inputDecoder_.decode(bytes, *set); !ok) {
+        garbage("an input that makes no sense: " + ok.error().text);
+        return hello(false);
+    }
+    if (isRunState) {
+        if (diverged_ || replica_.hash() != header.hash) return;
+        replica_.setBehavioursEnabled(true);
+        if (auto ok = replica_.resumeFrom(*set->input->runState); !ok) return stopRunning(ok.error().text);
+        running_ = true;
+        return;
+    }
+    if (!running_) return hello(false);
+    const auto ran = replica_.runInput(*set->input, header.time);
+    touched_ = true;
+    if (!ran) return stopRunning(ran.error().text);
+    state_ = statistics_.sequence = header.to;
+    ++applied_;
+    ++statistics_.frames;
+    ++statistics_.inputs;
+    if (replica_.hash() == header.hash) return compare(header);
+    ++statistics_.divergences;
+    statistics_.equal = false;
+    stopRunning(fmt::format("hash {} here, {} at the origin", replica_.hash().hex(), header.hash.hex()));
+}
+
+/// Back to a state of the origin's; after a few times of this, changes will do.
+void MirrorClient::Impl::stopRunning(const std::string& why) {
+    ++inputTroubles_;
+    report(Severity::warning,
+           fmt::format("state {}, run here from its input: {}{}", state_, why,
+                       inputTroubles_ < kMostInputTroubles ? "" : "; changes are taken from now on"));
+    hello(true);
 }
 
 // ---- hashes compared, differences named and repaired -------------------------------------------------------------

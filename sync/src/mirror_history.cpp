@@ -30,6 +30,8 @@ std::shared_ptr<EncodedRecord> RecordPool::take() {
 }
 
 void RecordPool::giveBack(std::unique_ptr<EncodedRecord> record) {
+    record->input.reset();
+    record->runState.reset();
     if (record->bytes.capacity() > kLargestPooled) return;
     const std::scoped_lock lock(mutex_);
     if (free_.size() < kPooled) free_.push_back(std::move(record));

@@ -19,6 +19,9 @@ struct EncodedRecord {
     /// The same frame with predicted values, for those who have all since the last one with kForget; or null.
     std::shared_ptr<const EncodedRecord> predicted;
     std::uint64_t published = 0;  // on the server's clock, ns; 0: not a frame that has just happened
+    /// For peers in input mode: what came into the frame, to be sent in its place; how things go on, to be sent after
+    /// it.
+    std::shared_ptr<const EncodedRecord> input, runState;
 };
 using SharedRecord = std::shared_ptr<const EncodedRecord>;
 

@@ -74,6 +74,7 @@ struct Wishes {
     std::uint32_t milliFrames = 0;   // most frames in 1000 s; 0: all
     std::uint32_t aspects = 0;       // bit n: aspect n; 0: all
     std::vector<std::string> parts;  // DEF names or #numbers of subtrees; none: all
+    bool inputs = false;             // runs the cascade itself, given what came into each frame
 
     bool partial() const { return aspects != 0 || !parts.empty(); }
     void write(ByteBuffer& out) const {
@@ -82,6 +83,7 @@ struct Wishes {
         out.put(milliFrames);
         out.put(aspects);
         wire::putTexts(out, parts);
+        out.put(static_cast<std::uint8_t>(inputs));
     }
     void read(wire::Reader& in) {
         client = in.number<std::uint64_t>();
@@ -91,6 +93,7 @@ struct Wishes {
         const std::size_t count = in.count(1);
         if (count > kMostParts) in.refuse("too many parts");
         for (std::size_t i = 0; i < count && !in.problem; ++i) parts.emplace_back(in.text());
+        if (in.left() && !in.problem) inputs = in.number<std::uint8_t>() & 1u;
     }
 };
 

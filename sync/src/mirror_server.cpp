@@ -7,6 +7,9 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include <rtsg/core/frame_input.h>
+#include <rtsg/sync/input_codec.h>
+
 #include "mirror_server_io.h"
 
 namespace rtsg {
@@ -37,6 +40,7 @@ void MirrorServer::Shared::report(Severity severity, std::string text) {
 struct MirrorServer::Encoder {
     explicit Encoder(const StreamMode& mode) : predicting(mode) {}
     ChangeEncoder encoder, predicting;
+    InputEncoder inputs;
     std::uint64_t last = 0;
     bool started = false;
 };
@@ -53,7 +57,6 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
             fmt::format("'{}' can be reached from other machines: give keys, or ask for an insecure server", endpoint));
     if (options.keys)
         if (auto ok = options.keys->checkForServer(); !ok) return std::unexpected(ok.error());
-    if (options.mode.mode == Mode::input) return fail("a mirror carries results: mode state or lossy");
     if (options.mode.mode == Mode::lossy &&
         (options.upstream != MirrorUpstream::none || (options.keys && !options.keys->upstream.empty())))
         return fail("a lossy mirror takes no requests: the scene that it serves is not the one to be changed");
@@ -65,6 +68,7 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
     std::unique_ptr<MirrorServer> server(new MirrorServer(scene, shared));
     server->io_ = std::make_unique<Io>(shared);
     if (auto ok = server->io_->start(endpoint); !ok) return std::unexpected(ok.error());
+    if (shared->options.mode.mode == Mode::input) scene.setInputRecording(true);
     server->attachment_ = scene.bus().attach(*server);
     return server;
 }
@@ -94,6 +98,34 @@ std::vector<Diagnostic> MirrorServer::takeDiagnostics() {
     return std::exchange(shared_->diagnostics, {});
 }
 
+/// Once for all peers that run the cascade themselves.
+void MirrorServer::encodeInput(const ChangeSet& changes, EncodedRecord& record) {
+    const auto finish = [&](const std::shared_ptr<EncodedRecord>& made) {
+        made->header = *parseRecordHeader(made->bytes.bytes());
+        made->published = record.published;
+        return made;
+    };
+    const std::shared_ptr<EncodedRecord> made = shared_->pool->take();
+    if (!needsState(changes)) {
+        encoder_->inputs.encode(changes, made->bytes);
+        record.input = finish(made);
+    }
+    ChangeSet state;
+    state.to = changes.to;
+    state.time = changes.time;
+    state.hash = changes.hash;
+    state.input = changes.input;
+    if (!state.input || !state.input->runState) {
+        // Only while the scene is in that very state, and somebody waits for it.
+        if (scene_.sequence() != changes.to || !shared_->wantRunState.exchange(false)) return;
+        auto input = std::make_shared<FrameInput>();
+        input->runState = std::make_shared<const RunState>(scene_.runState());
+        state.input = std::move(input);
+    }
+    const std::shared_ptr<EncodedRecord> after = shared_->pool->take();
+    if (encoder_->inputs.encodeRunState(state, after->bytes)) record.runState = finish(after);
+}
+
 void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
     const std::shared_ptr<EncodedRecord> record = shared_->pool->take();
     encoder_->encoder.encode(changes, record->bytes);
@@ -107,6 +139,7 @@ void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
         predicted->published = record->published;
         record->predicted = predicted;
     }
+    if (shared_->options.mode.mode == Mode::input && !requested) encodeInput(changes, *record);
     // A snapshot in the middle of a stream: the scene is a replica that joined anew.
     const bool restart = !requested && changes.isSnapshot() && encoder_->started && encoder_->last != 0;
     encoder_->started = true;

@@ -35,7 +35,7 @@ struct MirrorServer::Shared {
     MirrorServerOptions options;
     std::string endpoint;
     std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
-    std::atomic<bool> wantSnapshot{false}, stop{false};
+    std::atomic<bool> wantSnapshot{false}, wantRunState{false}, stop{false};
     std::atomic<bool> wantForget{false};  // somebody has not got what predicted values refer to
     std::atomic<std::uint64_t> epoch{0};
     int wake = -1;  // eventfd
@@ -75,6 +75,9 @@ class MirrorServer::Io {
         bool remembers = false;   // all frames since the last one with kForget, predicted
         std::uint64_t state = 0;  // that it will be in once everything sent has arrived
         SharedRecord sending;     // partly sent
+        bool inputs = false;      // wants those
+        bool running = false;     // has what it takes to go on with inputs
+        SharedRecord then;        // to be sent next, before anything else
         std::size_t sent = 0;     // bytes of it
         Clock::time_point heard, spoken, waitingSince{};
         MirrorWhenSlow whenSlow = MirrorWhenSlow::coalesce;
@@ -134,6 +137,8 @@ class MirrorServer::Io {
     bool deliverAnswer(Peer& peer);
     bool deliverVerdicts(Peer& peer);
     SharedRecord nextFor(Peer& peer);
+    /// The record as this peer gets it: the changes, or what came into the frame.
+    SharedRecord asFollowed(Peer& peer, SharedRecord next);
     SharedRecord keyframeFor(Peer& peer);
     SharedRecord frameFor(Peer& peer);
     SharedRecord codedFor(Peer& peer, SharedRecord record);

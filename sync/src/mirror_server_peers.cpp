@@ -153,6 +153,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
             peer.upstream = own->second;
     peer.sameTypes = hello.dictionaryHash == dictionaryHash_;
     peer.part = *part;
+    peer.inputs = hello.wishes.inputs && shared_->options.mode.mode == Mode::input && peer.sameTypes && !hello.wishes.partial();
     const std::uint64_t epoch = shared_->epoch ^ streamOf(peer).epochMix;
     if (hello.epoch == epoch && historyOf(peer).continues(hello.sequence)) {
         peer.placed = true;
@@ -306,6 +307,8 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
         if (!merged) ++(answer.record ? statistics_.repairs : statistics_.questions);
         if (answer.record) {
             peer.sending = codedFor(peer, answer.record);
+            peer.running = false;
+            peer.then.reset();
             peer.sent = 0;
             peer.state = answer.record->header.to;
         } else {
@@ -346,6 +349,18 @@ SharedRecord MirrorServer::Io::codedFor(Peer& peer, SharedRecord record) {
     return record;
 }
 
+SharedRecord MirrorServer::Io::asFollowed(Peer& peer, SharedRecord next) {
+    if (!next || !peer.inputs) return codedFor(peer, next);
+    if (peer.running && next->input) {
+        peer.remembers = false;
+        return next->input;
+    }
+    peer.then = next->runState;
+    peer.running = peer.then != nullptr;
+    if (!peer.running) shared_->wantRunState = true;
+    return codedFor(peer, next);
+}
+
 bool MirrorServer::Io::sendChunk(Peer& peer) {
     const std::span<const std::byte> whole = peer.sending->bytes.bytes();
     const std::span<const std::byte> part = whole.subspan(peer.sent, std::min(kChunk, whole.size() - peer.sent));
@@ -370,9 +385,9 @@ bool MirrorServer::Io::sendChunk(Peer& peer) {
 
 bool MirrorServer::Io::pump(Peer& peer) {
     while (peer.sentBytes - peer.ackedBytes < peer.window) {
-        if (peer.answer && !peer.sending && !deliverAnswer(peer)) return false;
+        if (peer.answer && !peer.sending && !peer.then && !deliverAnswer(peer)) return false;
         if (!peer.sending) {
-            peer.sending = codedFor(peer, nextFor(peer));
+            peer.sending = peer.then ? std::exchange(peer.then, nullptr) : asFollowed(peer, nextFor(peer));
             peer.sent = 0;
         }
         if (!peer.sending) break;

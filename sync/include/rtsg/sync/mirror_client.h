@@ -32,6 +32,10 @@ struct MirrorClientOptions {
     /// Without a sign of the server for this long, the client introduces itself again.
     std::chrono::milliseconds timeout{2500};
     MirrorWhenSlow whenSlow = MirrorWhenSlow::coalesce;
+    /// Asks for what comes into the frames rather than for what follows from it, and runs the cascade here: few bytes,
+    /// the work of the origin. Checked by the hash; changes come where that does not do, or the server does not offer
+    /// it. Not with `latency`, `parts` or `aspects`. The application's deterministic behaviours must be registered.
+    bool inputs = false;
     /// At most so many frames a second, those in between merged; 0: all.
     double framesPerSecond = 0;
     /// Only these subtrees (DEF names, or # and a node's number), with the nodes on the way to them; none: everything.
@@ -52,6 +56,7 @@ struct MirrorClientOptions {
 struct MirrorStatistics {
     std::uint64_t frames = 0;       // change sets applied, snapshots included, repairs not
     std::uint64_t snapshots = 0;    // of these, whole states
+    std::uint64_t inputs = 0;       // of these, computed here from what came into them
     std::uint64_t gaps = 0;         // frames found missing
     std::uint64_t bytes = 0;        // of records received
     std::uint64_t divergences = 0;  // times that the replica was found to differ from the origin

@@ -29,7 +29,9 @@ enum class MirrorWhenSlow : std::uint8_t {
 
 struct MirrorServerOptions {
     std::string creator = "rtsg";
-    /// What the head says of the stream, and how values are coded. For Mode::lossy, serve a LossyScene's scene.
+    /// What the head says of the stream, and how values are coded. For Mode::lossy, serve a LossyScene's scene. With
+    /// Mode::input, peers that ask for it get what came into each frame, where the scene can tell, and run the cascade
+    /// themselves; others get the changes. It makes the scene record its inputs.
     StreamMode mode;
     /// With keys, peers are authenticated and the traffic is encrypted.
     std::optional<MirrorKeys> keys;
@@ -67,6 +69,8 @@ struct MirrorServerStatistics {
     std::uint64_t acknowledged = 0, sequence = 0;
 };
 
+struct EncodedRecord;
+
 class MirrorServer : public Subscriber {
   public:
     /// Binds, attaches to the scene's bus and begins to serve. `endpoint`: tcp://127.0.0.1:* picks a free port.
@@ -98,6 +102,7 @@ class MirrorServer : public Subscriber {
     class Io;
     MirrorServer(Scene& scene, std::shared_ptr<Shared> shared);
     void encodeAndPost(const ChangeSet& changes, bool requested);
+    void encodeInput(const ChangeSet& changes, EncodedRecord& record);
     void waitForThoseWhoBlock();
 
     Scene& scene_;
