@@ -22,7 +22,7 @@ constexpr const char* kAspects[] = {"none",  "structure", "transform", "geometry
                                     "light", "view",      "sound",     "time"};  // in the order of Aspect
 
 struct Options {
-    std::string endpoint, duration, patience = "5s", key, latency = "0", whenSlow = "merge";
+    std::string endpoint, duration, patience = "5s", key, latency = "0", whenSlow = "merge", mode = "state";
     std::vector<std::string> set, parts, aspects;
     double fps = 0;
     OutputArguments outputs;
@@ -79,6 +79,7 @@ int mirror(const Options& options) {
     }
     clientOptions.latency = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.latency)));
     clientOptions.framesPerSecond = options.fps;
+    clientOptions.inputs = options.mode == "input";
     clientOptions.parts = options.parts;
     for (const std::string& name : options.aspects)
         clientOptions.aspects.push_back(
@@ -146,12 +147,12 @@ int mirror(const Options& options) {
         "\"divergences\":{},\"repairs\":{},\"sequence\":{},\"t\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"bytes_per_"
         "frame\":{:.1f},"
         "\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},\"delay_s\":{:.6f},\"jitter_s\":{:.6f},\"late\":{},"
-        "\"sent\":{},\"accepted\":{},\"refused\":{},\"pictures\":{},\"sound_seconds\":{:.3f}}}\n",
+        "\"sent\":{},\"accepted\":{},\"refused\":{},\"pictures\":{},\"sound_seconds\":{:.3f},\"inputs\":{}}}\n",
         statistics.frames, statistics.snapshots, statistics.gaps, statistics.bytes, statistics.hash.hex(),
         statistics.originHash.hex(), statistics.equal, statistics.divergences, statistics.repairs, statistics.sequence,
         replica.now(), seconds, frames / std::max(seconds, 1e-9), static_cast<double>(statistics.bytes) / frames,
         statistics.restarts, statistics.garbage, statistics.clockOffset, statistics.delay, statistics.jitter,
-        statistics.late, requests.sent, requests.accepted, requests.refused, pictures, soundSeconds);
+        statistics.late, requests.sent, requests.accepted, requests.refused, pictures, soundSeconds, statistics.inputs);
     return good ? kDone : kBad;
 }
 
@@ -170,6 +171,9 @@ Verb addMirror(CLI::App& program) {
     command->add_option("--part", options->parts, "follow only this subtree: a DEF name, or # and a node's number");
     command->add_option("--aspect", options->aspects, "follow only fields of this aspect, as transform or geometry")
         ->check(CLI::IsMember(std::vector<std::string>(std::begin(kAspects), std::end(kAspects))));
+    command->add_option("--mode", options->mode, "input: run the cascade here, from what comes into each frame")
+        ->check(CLI::IsMember({"state", "input"}))
+        ->capture_default_str();
     command->add_option("--latency", options->latency, "hold frames this long after they were published, for evenness")
         ->capture_default_str();
     command->add_option("--most-fps", options->fps, "at most so many frames a second, others merged; 0: all")

@@ -59,6 +59,7 @@ int serve(const Options& options) {
     serverOptions.maximumPeers = options.peers;
     serverOptions.blockFor = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.block)));
     serverOptions.mode.coding = *codingFromName(options.coding);
+    if (options.mode == nameOf(Mode::input)) serverOptions.mode.mode = Mode::input;
     std::unique_ptr<LossyScene> lossy;
     if (options.mode == nameOf(Mode::lossy)) {
         auto followed = LossyScene::follow(scene, options.error);
@@ -139,8 +140,11 @@ Verb addServe(CLI::App& program) {
     command->add_option("--bind", options->endpoint, "ZeroMQ endpoint; * picks a free port")->capture_default_str();
     command->add_option("--for", options->duration, "how long; else until Ctrl-C");
     command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e4));
-    command->add_option("--mode", options->mode, "state: bit for bit; lossy: within --error while in motion")
-        ->check(CLI::IsMember({"state", "lossy"}))
+    command
+        ->add_option("--mode", options->mode,
+                     "state: bit for bit; lossy: within --error while in motion; input: as state, and mirrors that ask "
+                     "for it get what comes into each frame and run it")
+        ->check(CLI::IsMember({"state", "lossy", "input"}))
         ->capture_default_str();
     command->add_option("--error", options->error, "lossy: largest error, metres and radians; what rests is exact")
         ->check(CLI::PositiveNumber)

@@ -153,7 +153,8 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
             peer.upstream = own->second;
     peer.sameTypes = hello.dictionaryHash == dictionaryHash_;
     peer.part = *part;
-    peer.inputs = hello.wishes.inputs && shared_->options.mode.mode == Mode::input && peer.sameTypes && !hello.wishes.partial();
+    peer.inputs =
+        hello.wishes.inputs && shared_->options.mode.mode == Mode::input && peer.sameTypes && !hello.wishes.partial();
     const std::uint64_t epoch = shared_->epoch ^ streamOf(peer).epochMix;
     if (hello.epoch == epoch && historyOf(peer).continues(hello.sequence)) {
         peer.placed = true;

@@ -112,8 +112,6 @@ TEST_P(MirrorCoding, WhoFollowsJoinsAndLagsIsInStepWithFewerBytes) {
 TEST(MirrorCodingModes, RefuseWhatTheyCannotCarry) {
     Scene scene;
     MirrorServerOptions options;
-    options.mode.mode = Mode::input;
-    EXPECT_FALSE(MirrorServer::start(scene, kAnyPort, options));
     options.mode = {Mode::lossy, Coding::smallest, 1e-3};
     options.upstream = MirrorUpstream::events;
     EXPECT_FALSE(MirrorServer::start(scene, kAnyPort, options));
