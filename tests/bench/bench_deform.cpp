@@ -22,13 +22,6 @@ namespace rtsg::bench {
 
 namespace {
 
-/// CPU time of this thread: rebuilding in the background is counted apart.
-double threadSeconds() {
-    timespec t{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec) * 1e-9;
-}
-
 /// Flattener and RayWorld behind a scene, each timed.
 struct Stages final : Subscriber {
     explicit Stages(bool wait) : world({.buildThreads = 1}), waits(wait) {}

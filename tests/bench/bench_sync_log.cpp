@@ -190,12 +190,6 @@ bool seeking(const SyncSizes& sizes, int changes, const Report& report) {
     return (*replayer)->frames() == (*replayer)->verified();
 }
 
-double threadSeconds() {
-    timespec now{};
-    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return double(now.tv_sec) + double(now.tv_nsec) * 1e-9;
-}
-
 /// What recording costs the scene's thread: CPU time of its own frames.
 bool recording(const SyncSizes& sizes, const Report& report) {
     const TemporaryFile file("record.rlog");
