@@ -15,6 +15,12 @@ namespace rtsg {
 void Flattener::Impl::begin(const Scene& now, std::uint64_t sequence) {
     scene = &now;
     ++stamp;
+    if (std::exchange(startedOver, false)) {
+        // What a whole scene needed no frame will.
+        delta = InstanceDelta{};
+        instances.createdNow = {};
+        placed.createdNow = {};
+    }
     delta.clear();
     delta.sequence = sequence;
     freeOccurrences.insert(freeOccurrences.end(), freedOccurrences.begin(), freedOccurrences.end());
@@ -22,6 +28,7 @@ void Flattener::Impl::begin(const Scene& now, std::uint64_t sequence) {
 }
 
 void Flattener::Impl::startOver() {
+    startedOver = true;
     if (!tree.empty() && tree[0].node) {
         pruneContent(0);
         state(tree[0].node).firstOccurrence = kNone;

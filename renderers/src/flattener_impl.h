@@ -208,6 +208,7 @@ struct Flattener::Impl {
     std::uint32_t stamp = 0, walk = 0;
     std::size_t live = 0;  // occurrences
     bool overflow = false;
+    bool startedOver = false;      // in the last call
     const Scene* scene = nullptr;  // during a call only
     InstanceDelta delta;
     Diagnostics diagnostics;

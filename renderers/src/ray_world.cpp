@@ -74,6 +74,7 @@ void RayWorld::Impl::apply(const InstanceDelta& delta) {
     ++now;
     for (const InstanceDelta::Geometry& geometry : delta.geometries) setGeometry(geometry.node, geometry.mesh);
     for (const InstanceId id : delta.removed) remove(id);
+    makeRoom(delta.added);
     for (const Instance& instance : delta.added) add(instance);
     for (const Instance& instance : delta.rebound) rebind(instance);
     for (const InstanceDelta::Moved& moved : delta.moved) move(moved.id, moved.worldFromLocal);
@@ -219,13 +220,17 @@ void RayWorld::Impl::cull(std::uint32_t slot, std::string reason) {
                                         " is not traced: " + std::move(reason));
 }
 
+void RayWorld::Impl::makeRoom(const std::vector<Instance>& added) {
+    // All at once: what is there is not copied more often than needed, and a whole scene takes no more than it needs.
+    std::size_t size = world->instances_.size();
+    for (const Instance& info : added) size = std::max<std::size_t>(size, info.id.slot + 1);
+    if (size == world->instances_.size()) return;
+    world->instances_.resize(size);
+    places.resize(size);
+}
+
 void RayWorld::Impl::add(const Instance& info) {
     const std::uint32_t slot = info.id.slot;
-    if (slot >= world->instances_.size()) {
-        const std::size_t size = std::max<std::size_t>(slot + 1, world->instances_.size() * 3 / 2);
-        world->instances_.resize(size);
-        places.resize(size);
-    }
     RayInstance& instance = world->instances_[slot];
     if (instance.info.id) remove(instance.info.id);
     instance.info = info;

@@ -79,6 +79,7 @@ struct RayWorld::Impl {
 
     // ray_world.cpp: following the delta
     void setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh);
+    void makeRoom(const std::vector<Instance>& added);
     void add(const Instance& instance);
     void remove(InstanceId id);
     void rebind(const Instance& instance);

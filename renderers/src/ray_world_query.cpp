@@ -210,14 +210,14 @@ HitPoint RayWorld::point(const Hit& hit) const {
 Vec3f RayWorld::leave(const HitPoint& from, const Vec3f& direction) {
     // pbrt-v4, section 6.8.6: far enough along the normal to clear the box of the error, then one float further.
     const float distance = glm::dot(glm::abs(from.normal), from.error);
-    Vec3f offset = distance * from.normal;
-    if (glm::dot(direction, from.normal) < 0) offset = -offset;
-    Vec3f start = from.position + offset;
+    const Vec3f away = glm::dot(direction, from.normal) < 0 ? -from.normal : from.normal;
+    Vec3f start = from.position + distance * away;
     for (int i = 0; i < 3; ++i) {
-        if (offset[i] > 0)
-            start[i] = std::nextafter(start[i], HUGE_VALF);
-        else if (offset[i] < 0)
-            start[i] = std::nextafter(start[i], -HUGE_VALF);
+        if (away[i] == 0) continue;
+        start[i] = std::nextafter(start[i], std::copysign(HUGE_VALF, away[i]));
+        // On a plane through 0 nothing is rounded and the next float is one that the processor may take for 0.
+        constexpr float least = 1e-30f;
+        if (std::abs(start[i]) < least) start[i] = std::copysign(least, away[i]);
     }
     return start;
 }

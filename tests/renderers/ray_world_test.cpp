@@ -302,6 +302,42 @@ TEST(RayWorld, LeavingRaysDoNotHitTheSurfaceTheyLeave) {
         }
 }
 
+// On planes through 0 nothing is rounded, so that no error moves the start off the surface.
+TEST(RayWorld, LeavingRaysDoNotHitTheCoordinatePlaneTheyLeave) {
+    std::mt19937 random(kSeed);
+    for (int axis = 0; axis < 3; ++axis)
+        for (const bool moving : {false, true}) {
+            SCOPED_TRACE(testing::Message() << axis << " " << moving << " seed " << kSeed);
+            std::vector<Vec3f> corners(4, Vec3f(0));
+            for (std::size_t i = 0; i < 4; ++i) {
+                corners[i][(axis + 1) % 3] = i & 1 ? 5.0f : -5.0f;
+                corners[i][(axis + 2) % 3] = i & 2 ? 5.0f : -5.0f;
+            }
+            RayWorld world;
+            InstanceDelta delta;
+            delta.geometries.push_back({NodeId{1}, makeMesh(corners, {0, 1, 3, 0, 3, 2})});
+            delta.added.push_back(makeInstance(0, NodeId{1}));
+            delta.added.back().motion = moving ? Motion::moving : Motion::unknown;
+            world.apply(delta);
+            int hits = 0;
+            for (int i = 0; i < 2000; ++i) {
+                Ray ray = randomRay(random, 4);
+                ray.direction[axis] = ray.origin[axis] > 0 ? -2 : 2;
+                const Hit hit = world.intersect(ray);
+                if (!hit) continue;
+                ++hits;
+                for (const float side : {1.0f, -1.0f}) {  // reflected and let through
+                    Vec3f out = glm::normalize(randomRay(random, 1).direction);
+                    out[axis] = side * (std::abs(out[axis]) + .01f);
+                    const Ray leaving{RayWorld::leave(world.point(hit), out), 0, out};
+                    EXPECT_FALSE(world.intersect(leaving));
+                    EXPECT_FALSE(world.occluded(leaving));
+                }
+            }
+            EXPECT_GT(hits, 200);
+        }
+}
+
 TEST(RayWorld, ShapesWithoutShadowLetShadowRaysThrough) {
     for (const bool moving : {false, true}) {
         RayWorld world;
