@@ -178,7 +178,7 @@ BvhWatch::Look BvhWatch::look(const Array<Vec3f>& positions) const {
         change[0] += std::abs(area_[i] * scale - share_[i]);
     }
     for (std::size_t k = 0; k < 8; ++k) result.cost += double{cost[k]}, result.change += double{change[k]};
-    result.change /= builtCost_;
+    result.change /= std::min(result.cost, builtCost_);
     return result;
 }
 

@@ -1,13 +1,13 @@
 // BvhWatch: tells how far refits have spoilt a mesh's BVH, without looking into Embree's own.
 //
 // Embree shows no nodes, so its builder is run once more over the same triangles, down to leaves of 16, and the areas
-// of these boxes are followed. Their sum over the root's is the expected number of nodes that a ray meets. Measured on
-// a knot, a cylinder and a room of 5 k to 100 k triangles, twisted, waved, scattered, flattened and back: the sum after
-// rebuilding over the sum after refitting is within .07 of the ratio of the rays' real speeds (within .25 where
-// scattering makes huge triangles, and then it cries wolf, not the other way round). The sum to be had by rebuilding is
-// not known before, and may fall while the sum of the old tree falls, too. So what is watched is the change of the
-// boxes' shares, summed without sign: nothing spoils a tree without changing it. Rays ran at .9 of a rebuilt tree's
-// speed at a change of .11 to .3, at .8 at .24 to .5, at .5 at 1 to 3. Threading: look() on one thread at a time.
+// of these boxes are followed. Their sum over the root's is the number of nodes a ray is expected to meet; on a knot, a
+// cylinder and a room, twisted, waved, flattened and back, that of a new tree over that of the refitted one was within
+// .07 of the ratio of ray speeds (within .25 where scattering makes huge triangles). What a new tree would have is not
+// known before, so what is watched is the change of the boxes' shares, summed without sign: nothing spoils a tree
+// without changing it. Rays ran at .9 of a rebuilt tree's speed at a change of .11 to .3, at .8 at .24 to .5.
+// Invariant: a look does not depend on scale or place. Threading: look() on one thread at a time.
+// Source: the surface area heuristic (Goldsmith and Salmon 1987); the signless change is ours.
 #pragma once
 
 #include <cstddef>
@@ -26,11 +26,12 @@ class BvhWatch {
     BvhWatch(RTCDevice device, const Mesh& mesh);
 
     struct Look {
-        double cost = 0;  // expected number of nodes that a ray meets, but for a factor
-        double change =
-            0;  // since the tree was built, in parts of the cost then; infinite for a mesh back from a point
+        double cost = 0;  // number of nodes a ray is expected to meet, but for a factor
+        /// Since the tree was built, in parts of its cost then or now, whichever is less: so one built over a tangle is
+        /// found out when the mesh untangles. Infinite for a mesh that was built as a point.
+        double change = 0;
     };
-    /// With other positions for the same triangles. Does not depend on scale or place.
+    /// With other positions for the same triangles.
     Look look(const Array<Vec3f>& positions) const;
 
     double builtCost() const { return builtCost_; }

@@ -14,9 +14,9 @@ constexpr std::uint32_t kTiny = 1024;
 /// So are those up to this many whose tree a single update has ruined: waiting would cost the rays more.
 constexpr std::uint32_t kSmall = 32768;
 constexpr double kRuined = 1;
-/// Looks that read more positions than this are taken in the background, and not after every update.
-constexpr std::size_t kLongLook = 1 << 16;
-constexpr unsigned kUpdatesPerLongLook = 4;
+/// Looks that read more positions than this (a refit takes ten times as long) are taken in the background, and those
+/// that read more than a million not after every update.
+constexpr std::size_t kLongLook = 1 << 16, kVeryLongLook = 1 << 20;
 
 GeometryHandle attach(const Device& device, RTCScene scene, const std::shared_ptr<const Mesh>& mesh, bool deforming) {
     // Embree refits only in scenes of low build quality, and only geometries that were of quality REFIT from their
@@ -121,7 +121,7 @@ void MeshBvh::update(std::shared_ptr<const Mesh> mesh) {
         return;
     }
     if (watch_ && !work_ && watch_->size() > kLongLook) {
-        if (++updatesSinceLook_ >= kUpdatesPerLongLook) start(Task::lookAndRebuild, {}, false);
+        if (++updatesSinceLook_ > watch_->size() / kVeryLongLook) start(Task::lookAndRebuild, {}, false);
     } else if (watch_ && !work_) {
         const BvhWatch::Look look = watch_->look(mesh_->positions);
         const bool atOnce = mesh_->triangleCount <= (look.change > kRuined ? kSmall : kTiny);
