@@ -134,7 +134,9 @@ TEST(MeshGeometry, IndicesOutOfRangeTakeTheirFacesOnly) {
         Stage stage;
         stage.show(points, index);
         for (const RayInstance& instance : stage.world.instances())
-            if (instance.mesh) EXPECT_EQ(findDefect(*instance.mesh), "");
+            if (instance.mesh) {
+                EXPECT_EQ(findDefect(*instance.mesh), "");
+            }
         (void)stage.down(.5f, .5f);
     }
 }

@@ -140,10 +140,12 @@ class Array {
     void erase(std::size_t index) {
         T* first = mutableData();
         const std::size_t last = size() - 1;
-        if constexpr (std::is_trivially_copyable_v<T>)
-            std::memmove(static_cast<void*>(first + index), first + index + 1, (last - index) * sizeof(T));
-        else
+        if constexpr (std::is_trivially_copyable_v<T>) {
+            if (index < last)
+                std::memmove(static_cast<void*>(first + index), first + index + 1, (last - index) * sizeof(T));
+        } else {
             for (std::size_t i = index; i < last; ++i) first[i] = std::move(first[i + 1]);
+        }
         resize(last);
     }
 
