@@ -54,8 +54,7 @@ TEST(Array, InsertAndErase) {
     a.insert(4, 4);
     EXPECT_EQ(a, (Array<int>{0, 1, 2, 3, 4}));
     const Array<int> shared = a;
-    a.erase(0);
-    a.erase(3);
+    for (const std::size_t index : {0, 3}) a.erase(index);
     EXPECT_EQ(a, (Array<int>{1, 2, 3}));
     EXPECT_EQ(shared.size(), 5u);
 }
