@@ -117,7 +117,7 @@ Verb addBench(CLI::App& program) {
                         "write the scenes of `frames` into this folder instead of measuring");
     command->add_flag("--json", options->json, "as it is anyway");
     command->footer(
-        "Examples: rtsg bench transform mirror\n          rtsg bench frames --scene Campus+teapot --scale 0.1");
+        "Example: rtsg bench transform mirror\nExample: rtsg bench frames --scene Campus+teapot --scale 0.1");
     return {command, [options] {
                 for (const std::string& name : options->names)
                     if (std::ranges::find(kBenches, name, &Bench::name) == std::end(kBenches)) {

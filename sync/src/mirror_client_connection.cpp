@@ -221,7 +221,8 @@ bool MirrorClient::Impl::receiveOne() {
         return true;
     }
     heard_ = Clock::now();
-    serverLeft_ = *type == Message::bye;
+    // Answers to what was under way may follow a goodbye; only a new welcome takes it back.
+    if (*type == Message::bye) serverLeft_ = true;
     receive(*type, in, first, second);
     return true;
 }
@@ -301,6 +302,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
     }
     for (Request& request : requests_) request.sent = 0;
     refusal_.clear();
+    serverLeft_ = false;
     connected_ = true;
     acknowledge();  // tells the server that everything before has been read
 }

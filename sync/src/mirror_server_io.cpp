@@ -119,6 +119,7 @@ std::chrono::milliseconds MirrorServer::Io::patience() const {
 
 /// A peer whose connection ends loses what it has not read yet (ZMQ_IMMEDIATE): it answers first.
 void MirrorServer::Io::sayGoodbye() {
+    leaving_ = true;
     mirror::begin(message_, Message::bye);
     std::erase_if(peers_, [this](const auto& peer) { return !sendTo(peer.first, message_); });
     const Clock::time_point end = Clock::now() + kFarewell;

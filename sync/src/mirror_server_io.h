@@ -157,6 +157,7 @@ class MirrorServer::Io {
     MirrorShadow shadow_;
     mirror::RequestLedger ledger_;
     Peers peers_;
+    bool leaving_ = false;  // goodbyes are out; only answers to them count
     MirrorServerStatistics statistics_;
     ByteBuffer message_, head_;
     std::uint64_t dictionaryHash_ = 0;

@@ -100,7 +100,7 @@ class MirrorClient {
     std::vector<Diagnostic> takeDiagnostics();
     /// The server said why it will not have us; empty otherwise.
     const std::string& refusal() const;
-    /// The server said goodbye, and nothing has been heard of one since.
+    /// The server said goodbye, and has not welcomed us since.
     bool serverLeft() const;
 
     // ---- upstream -------------------------------------------------------------------------------------------
