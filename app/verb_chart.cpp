@@ -23,10 +23,13 @@ constexpr Source kSources[] = {
     {"frames", "the paper's scenes: a frame's cost in each mapping; minutes", bench::chartFrames},
     {"rays", "error of path-traced pictures against time", bench::chartRays},
     {"sound", "error of reverberation times against time", bench::chartSound},
-    {"mirror", "replicas against throughput, late joins against the size of the scene", bench::chartMirror},
+    {"sync", "bytes of a change against error and time by coding and mode; replicas and late joins of a mirror",
+     [](const bench::ChartSink& sink, bool quick) {
+         const bool coded = bench::chartCodec(sink, quick);
+         return bench::chartMirror(sink, quick) && coded;
+     }},
     {"scale", "work of one change in scenes of 10^3 to 10^6 nodes", bench::chartScale},
     {"deform", "speed of rays through deforming meshes against rebuilt ones", bench::chartDeform},
-    {"codec", "bytes of a changed transform against error and against time, by coding and mode", bench::chartCodec},
 };
 
 struct Options {
