@@ -50,7 +50,8 @@ std::shared_ptr<Runtime> Runtime::ofThisThread(std::size_t heapLimit) {
 
 bool Runtime::start(std::size_t heapLimit) {
     if (!startLibrary()) return false;
-    context_ = JS_NewContext(static_cast<std::uint32_t>(std::min<std::size_t>(heapLimit, UINT32_MAX)));
+    // No limit of the library's own: reached while it moves objects about, that would end the process.
+    context_ = JS_NewContext(UINT32_MAX);
     if (!context_) return false;
     ++contexts;
     heapLimit_ = heapLimit;
@@ -98,7 +99,8 @@ bool Runtime::onInterrupt(JSContext* cx) {
     if (runtime.bytesAtStart_ == 0) runtime.bytesAtStart_ = bytes;
     if (steadyNow() > deadline)
         runtime.excess_ = Excess::time;
-    else if (bytes > runtime.bytesAtStart_ + runtime.heapLimit_)
+    else if (bytes > runtime.bytesAtStart_ + runtime.heapLimit_ ||
+             JS_GetGCParameter(cx, JSGC_BYTES) > runtime.heapLimit_)
         runtime.excess_ = Excess::memory;
     // False ends the program, which cannot catch this.
     return runtime.excess_ == Excess::none;
