@@ -13,7 +13,8 @@ int main(int argc, char** argv) {
     program.set_version_flag("--version", "rtsg " RTSG_VERSION);
     std::vector<Verb> verbs{addInfo(program),   addValidate(program), addConvert(program), addRun(program),
                             addRender(program), addListen(program),   addServe(program),   addMirror(program),
-                            addRecord(program), addReplay(program),   addPick(program),   addBench(program),   addChart(program)};
+                            addRecord(program), addReplay(program),   addPick(program),    addBench(program),
+                            addChart(program)};
     try {
         program.parse(argc, argv);
         for (const Verb& verb : verbs)

@@ -18,7 +18,6 @@
 
 namespace rtsg {
 
-
 class TextureStore {
   public:
     explicit TextureStore(std::filesystem::path folder = {}) : folder_(std::move(folder)) {}

@@ -7,14 +7,14 @@ namespace rtsg::wire {
 
 enum Block : std::uint8_t {
     kDescriptions = 0,  // built-in types at their first use
-    kTypes = 1,    // defineType
-    kCreate = 2,   // createNode
-    kLinks = 3,    // setField of SFNode and MFNode, insertChild, removeChild, in order
-    kValues = 4,   // setField of one field index and type: a column
-    kNames = 5,    // setName
-    kRoutes = 6,   // addRoute, removeRoute, in order
-    kDestroy = 7,  // destroyNode
-    kEvents = 8,   // event, in order
+    kTypes = 1,         // defineType
+    kCreate = 2,        // createNode
+    kLinks = 3,         // setField of SFNode and MFNode, insertChild, removeChild, in order
+    kValues = 4,        // setField of one field index and type: a column
+    kNames = 5,         // setName
+    kRoutes = 6,        // addRoute, removeRoute, in order
+    kDestroy = 7,       // destroyNode
+    kEvents = 8,        // event, in order
     kBlockEnd = 9,
 };
 

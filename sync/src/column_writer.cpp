@@ -201,7 +201,8 @@ void ColumnWriter::writeCoded(const ColumnHead& head, Table& table, bool grid, c
         break;
         RTSG_LANES(1)
         RTSG_LANES(2)
-        RTSG_LANES(3) RTSG_LANES(4)
+        RTSG_LANES(3)
+        RTSG_LANES(4)
 #undef RTSG_LANES
             default : return;
     }

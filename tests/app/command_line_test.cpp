@@ -23,8 +23,8 @@ std::vector<json> jsonLines(const std::string& text) {
 using Usage = CommandLine;
 
 TEST_F(Usage, EveryVerbHasHelpWithAnExample) {
-    for (const char* verb :
-         {"info", "validate", "convert", "run", "render", "listen", "serve", "mirror", "record", "replay", "pick", "bench"}) {
+    for (const char* verb : {"info", "validate", "convert", "run", "render", "listen", "serve", "mirror", "record",
+                             "replay", "pick", "bench"}) {
         const Outcome help = rtsg({verb, "--help"});
         EXPECT_EQ(help.status, 0) << verb;
         EXPECT_THAT(help.out, HasSubstr("Example: rtsg " + std::string(verb))) << verb;
@@ -33,12 +33,14 @@ TEST_F(Usage, EveryVerbHasHelpWithAnExample) {
 
 TEST_F(Usage, PickAnswersAsJson) {
     const std::string scene = folder / "ball.x3dv";
-    std::ofstream(scene) << "#X3D V4.0 utf8\nPROFILE Interchange\nDEF T Transform { translation 1 0 0 children DEF B Shape { geometry Box { } } }\n";
+    std::ofstream(scene) << "#X3D V4.0 utf8\nPROFILE Interchange\nDEF T Transform { translation 1 0 0 children DEF B "
+                            "Shape { geometry Box { } } }\n";
     const json ray = json::parse(rtsg({"pick", scene, "--json", "--ray", "1", "0", "5", "0", "0", "-1"}).out);
     EXPECT_EQ(ray["hit"], true);
     EXPECT_EQ(ray["path"], (json{"T", "B"}));
     EXPECT_NEAR(ray["distance_m"].get<double>(), 4, 1e-6);
-    const json sweep = json::parse(rtsg({"pick", scene, "--json", "--sweep", "-5", "0", "0", "0.5", "9", "0", "0"}).out);
+    const json sweep =
+        json::parse(rtsg({"pick", scene, "--json", "--sweep", "-5", "0", "0", "0.5", "9", "0", "0"}).out);
     EXPECT_NEAR(sweep["distance_m"].get<double>(), 4.5, 1e-9);
     const json nothing = json::parse(rtsg({"pick", scene, "--json", "--ray", "1", "0", "5", "0", "0", "1"}).out);
     EXPECT_EQ(nothing["hit"], false);

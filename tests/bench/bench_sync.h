@@ -19,8 +19,8 @@ struct SyncSizes {
 /// Bytes and nanoseconds of a changed transform for every coding and mode, on three kinds of motion, beside general
 /// compressors. False if anything failed to decode.
 bool codec(const SyncSizes& sizes, const Report& report);
-/// Bytes per second written and scanned, states per second replayed with verification, milliseconds to seek in an hour's
-/// log, microseconds of the scene's thread.
+/// Bytes per second written and scanned, states per second replayed with verification, milliseconds to seek in an
+/// hour's log, microseconds of the scene's thread.
 bool log(const SyncSizes& sizes, const Report& report);
 
 /// Bytes and CPU time of a frame in input mode, state mode beside it. Fails (false) if a replica's state differs.

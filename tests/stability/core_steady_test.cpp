@@ -8,17 +8,7 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
-#if defined(__has_feature)
-#define RTSG_HAS(feature) __has_feature(feature)
-#else
-#define RTSG_HAS(feature) 0
-#endif
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || RTSG_HAS(address_sanitizer) || \
-    RTSG_HAS(thread_sanitizer)
-#define RTSG_HEAP_IS_OURS 0
-#else
-#define RTSG_HEAP_IS_OURS 1
-#endif
+#include "support/own_heap.h"
 
 namespace {
 thread_local bool counting = false;

@@ -146,6 +146,22 @@ TEST(MirrorClockTest, TheShortestRoundTripCountsAndItsOffsetIsRight) {
     EXPECT_EQ(clock.samples(), 40u);
 }
 
+// Both ends use clocks that nobody sets. One that jumps all the same (a machine that was moved, say) is believed again
+// once its last 32 samples are of the new time, however good the ones before were.
+TEST(MirrorClockTest, AJumpIsForgottenAfterThirtyTwoSamples) {
+    MirrorClock clock;
+    std::uint64_t now = 5'000'000'000;
+    for (const double ahead : {10.0, 3610.0, -3590.0}) {
+        for (int i = 0; i < 32; ++i) {
+            const std::uint64_t way = ahead == 10.0 ? 1'000'000 : 20'000'000;
+            clock.sample(now, now + way + static_cast<std::uint64_t>(static_cast<std::int64_t>(ahead * 1e9)),
+                         now + 2 * way);
+            now += 500'000'000;
+        }
+        EXPECT_NEAR(clock.offset(), ahead, 1e-9);
+    }
+}
+
 TEST(MirrorClockTest, JitterIsTheMeanChangeOfTransitTimes) {
     MirrorClock clock;
     std::uint64_t published = 1'000'000'000;

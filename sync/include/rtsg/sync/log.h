@@ -38,8 +38,8 @@ struct LogOptions {
     /// Mode::input: keyframes, and of each frame only what came into it. The scene must record its inputs
     /// (Scene::setInputRecording) from before the log is attached.
     StreamMode mode;
-    /// Mode::state: in front of each frame goes what came into it, where the scene records that: what tests that run the
-    /// application again need. Other readers skip it.
+    /// Mode::state: in front of each frame goes what came into it, where the scene records that: what tests that run
+    /// the application again need. Other readers skip it.
     bool inputs = false;
     /// A keyframe is written once the frames since the last one take this many bytes and `keyframeFactor` times
     /// the last keyframe: its cost then stays a fixed share of the frames'.
