@@ -300,7 +300,7 @@ def badly(test, name, there, back=None, seconds=4.0):
 
 def cut(test, length, seconds):
     """The link is gone for a while; afterwards it goes on from where it was."""
-    server = test.serve(seconds)
+    server = test.serve(length + seconds)  # it takes a peer silent for 10 s for gone
     mirror = test.mirror()
     test.wait_for([mirror])
     test.link.set_cut(True)
@@ -313,7 +313,7 @@ def cut(test, length, seconds):
 def stopped(test, length, seconds, count=4):
     """Half of the mirrors are stopped (SIGSTOP) for a while: the others do not wait, and they end like these."""
     test.link.set()
-    server = test.serve(seconds)
+    server = test.serve(length + seconds)  # it takes a peer silent for 10 s for gone
     mirrors = [test.mirror() for _ in range(count)]
     test.wait_for(mirrors)
     for mirror in mirrors[: count // 2]:
