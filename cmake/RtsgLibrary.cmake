@@ -1,8 +1,8 @@
-# rtsg_library(NAME DEPENDS ... LIBRARIES ...): target rtsg_NAME, alias rtsg::NAME, from src/ and include/ of the
-# current folder. A folder sees only the headers of what it DEPENDS on: that is how the arrows are enforced.
+# rtsg_library(NAME DEPENDS ... LIBRARIES ...): target rtsg_NAME, alias rtsg::NAME, from src/ (whose folders are rooms, see
+# tests/rooms.py) and include/ of the current folder. A folder sees only the headers of what it DEPENDS on: that is how the arrows are enforced.
 function(rtsg_library name)
   cmake_parse_arguments(ARG "" "" "DEPENDS;LIBRARIES;PRIVATE_LIBRARIES" ${ARGN})
-  file(GLOB sources CONFIGURE_DEPENDS src/*.cpp)
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS src/*.cpp)
   if(NOT sources)
     return()
   endif()

@@ -1,5 +1,6 @@
 // rtsg replay --export: what an independent reader of MCAP, in Python, finds in it.
 #include "program.h"
+#include "test_paths.h"
 
 #include <sstream>
 

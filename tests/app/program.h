@@ -19,6 +19,8 @@
 
 #include <gtest/gtest.h>
 
+#include "test_paths.h"
+
 namespace rtsg::test {
 
 inline std::string readFile(const std::filesystem::path& file) {

@@ -13,8 +13,8 @@
 #include <rtsg/renderers/image.h>
 
 #include "bare_embree.h"
+#include "bench/scenes/scenes.h"
 #include "follower.h"
-#include "scenes/scenes.h"
 
 namespace rtsg::bench {
 

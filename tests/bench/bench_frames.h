@@ -12,7 +12,7 @@
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/renderers/ray_world.h>
 
-#include "bench/bench.h"
+#include "bench.h"
 
 namespace rtsg::bench {
 

@@ -1,6 +1,6 @@
 #include "bench_sync.h"
 
-#include "bench/bench_sync_mirror.h"
+#include "bench_sync_mirror.h"
 
 namespace rtsg::bench {
 

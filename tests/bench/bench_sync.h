@@ -2,8 +2,8 @@
 // same run. Plain functions, so that `rtsg bench` and tests can call them.
 #pragma once
 
-#include "bench/bench.h"
-#include "bench/chart.h"
+#include "bench.h"
+#include "chart.h"
 
 namespace rtsg::bench {
 

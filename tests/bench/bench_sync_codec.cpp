@@ -14,8 +14,8 @@
 #include <rtsg/sync/change_codec.h>
 #include <rtsg/sync/lossy_scene.h>
 
-#include "bench/motion_sync.h"
 #include "bench_sync.h"
+#include "motion_sync.h"
 
 namespace rtsg::bench {
 

@@ -1,5 +1,5 @@
 // The log: written, scanned, replayed, sought in, and what it costs the scene's thread.
-#include "bench/bench_sync.h"
+#include "bench_sync.h"
 
 #include <algorithm>
 #include <chrono>
@@ -20,7 +20,7 @@
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/replay.h>
 
-#include "bench/moving.h"
+#include "moving.h"
 
 namespace rtsg::bench {
 

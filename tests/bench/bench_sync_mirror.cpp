@@ -12,8 +12,8 @@
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
 
-#include "bench/bench_sync_raw.h"
-#include "bench/moving.h"
+#include "bench_sync_raw.h"
+#include "moving.h"
 #include "support/tcp_proxy.h"
 
 namespace rtsg::bench {

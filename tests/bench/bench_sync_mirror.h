@@ -2,9 +2,9 @@
 // number of frames under way, in the same run. Plain functions, so that `rtsg bench` and tests can call them.
 #pragma once
 
-#include "bench/bench.h"
-#include "bench/bench_sync.h"
-#include "bench/chart.h"
+#include "bench.h"
+#include "bench_sync.h"
+#include "chart.h"
 
 namespace rtsg::bench {
 

@@ -1,9 +1,9 @@
 // Charts "frames": the figures of rtsg bench frames, a row a scene.
 #include <fmt/format.h>
 
+#include "bench/scenes/scenes.h"
 #include "bench_frames.h"
 #include "charts.h"
-#include "scenes/scenes.h"
 
 namespace rtsg::bench {
 

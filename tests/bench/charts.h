@@ -1,7 +1,7 @@
 // The chart sources of rtsg chart that need the renderers; sync's are in bench_sync.h.
 #pragma once
 
-#include "bench/chart.h"
+#include "chart.h"
 
 namespace rtsg::bench {
 

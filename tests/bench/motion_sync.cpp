@@ -1,4 +1,4 @@
-#include "bench/motion_sync.h"
+#include "motion_sync.h"
 
 #include <cmath>
 

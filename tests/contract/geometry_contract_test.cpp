@@ -10,6 +10,7 @@
 #include <rtsg/renderers/mesh.h>
 
 #include "support/subscriber_contract.h"
+#include "test_paths.h"
 
 namespace rtsg::test {
 namespace {

@@ -8,7 +8,7 @@
 
 #include <rtsg/core/loader.h>
 
-#include "recording_handler.h"
+#include "core/document/recording_handler.h"
 
 namespace rtsg::test {
 

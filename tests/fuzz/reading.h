@@ -10,7 +10,7 @@
 #include <rtsg/core/loader.h>
 #include <rtsg/core/writer.h>
 
-#include "recording_handler.h"
+#include "core/document/recording_handler.h"
 
 namespace rtsg::fuzz {
 

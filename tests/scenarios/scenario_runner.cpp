@@ -14,7 +14,7 @@
 #include <rtsg/sync/change_codec.h>
 
 #include "scenario.h"
-#include "sync/input_wire.h"
+#include "sync/codec/input_wire.h"
 
 namespace rtsg::test {
 

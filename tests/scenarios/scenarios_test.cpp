@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "scenario.h"
+#include "test_paths.h"
 
 namespace rtsg::test {
 namespace {

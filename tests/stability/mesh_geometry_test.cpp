@@ -7,7 +7,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/flattener.h>
 
-#include "renderers/deform_support.h"
+#include "renderers/world/deform_support.h"
 
 namespace rtsg {
 namespace {

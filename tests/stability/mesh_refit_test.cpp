@@ -2,8 +2,8 @@
 // for the triangles near a point is shown all those in the leaves it comes to.
 #include <random>
 
-#include "../../renderers/src/mesh_bvh.h"
-#include "renderers/deform_support.h"
+#include "embree/mesh_bvh.h"
+#include "renderers/world/deform_support.h"
 
 namespace rtsg {
 namespace {

@@ -13,7 +13,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "support/own_heap.h"
-#include "sync/mirror_support.h"
+#include "sync/mirror/mirror_support.h"
 
 namespace rtsg {
 namespace {

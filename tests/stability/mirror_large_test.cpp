@@ -8,7 +8,7 @@
 
 #include <rtsg/core/x3d.h>
 
-#include "sync/mirror_support.h"
+#include "sync/mirror/mirror_support.h"
 
 namespace rtsg {
 namespace {

@@ -13,7 +13,7 @@
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/replay.h>
 
-#include "support/random_edits.h"
+#include "random_edits.h"
 
 namespace rtsg::test {
 

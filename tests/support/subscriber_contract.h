@@ -16,7 +16,8 @@
 #include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 
-#include "support/random_edits.h"
+#include "random_edits.h"
+#include "test_paths.h"
 
 namespace rtsg::test {
 

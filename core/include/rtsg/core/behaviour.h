@@ -43,7 +43,7 @@ class Cascade {
 
   private:
     friend class Scene;
-    friend class ScriptEngine;
+    friend class ScriptPrograms;
     Cascade(Scene& scene, double now, double previous) : scene_(scene), now_(now), previous_(previous) {}
     Scene& scene_;
     double now_, previous_;

@@ -207,7 +207,7 @@ class Scene {
 
   private:
     friend class Cascade;
-    friend class ScriptEngine;
+    friend class ScriptPrograms;
     /// The usual case of setField; false, and nothing done, if this is none.
     bool setPlain(NodeId id, FieldIndex field, FieldType type, const void* value);
     /// Returns how many were set before one that is not the usual case.

@@ -21,62 +21,9 @@
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/renderers/instance_delta.h>
 #include <rtsg/renderers/mesh.h>
+#include <rtsg/renderers/ray.h>
 
 namespace rtsg {
-
-/// Origin and ends of the ray in ray space; the direction need not be a unit vector, t counts in its lengths.
-struct Ray {
-    Vec3f origin{0};
-    float tMin = 0;
-    Vec3f direction{0, 0, -1};
-    float tMax = std::numeric_limits<float>::infinity();
-};
-
-/// What a ray stands for. A Shape whose castShadow is FALSE lets shadow rays through, and those only.
-enum class RayKind : std::uint32_t { view = 1, shadow = 2, sound = 4 };
-
-constexpr std::uint32_t kNoInstance = 0xFFFFFFFF;
-
-struct Hit {
-    float t = std::numeric_limits<float>::infinity();
-    std::uint32_t instance = kNoInstance;  // InstanceId::slot, for RayWorld::instance()
-    std::uint32_t triangle = 0;            // index into Mesh's triangles
-    float u = 0, v = 0;                    // weights of the triangle's second and third corner
-    /// Unit, in world space, on the side from which the corners run counter-clockwise in the local frame (so a mirrored
-    /// instance keeps its outside outside).
-    Vec3f normal{0};
-    explicit operator bool() const { return instance != kNoInstance; }
-};
-
-/// Sixteen rays in structure-of-arrays form, and room for their hits. Fill active, origin, direction, tMin, tMax; the
-/// rest is RayWorld's. After intersect(), tMax is the distance of the hit and hit(packet, lane) tells the rest; after
-/// occluded(), tMax is -inf in lanes that are blocked.
-struct alignas(64) RayPacket16 {
-    float originX[16], originY[16], originZ[16], tMin[16];
-    float directionX[16], directionY[16], directionZ[16], time_[16];
-    float tMax[16];
-    std::uint32_t mask_[16], id_[16], flags_[16];
-    float normalX_[16], normalY_[16], normalZ_[16];
-    float u_[16], v_[16];
-    std::uint32_t prim_[16], geom_[16], inst_[16];
-    std::int32_t active[16];  // -1 trace this lane, 0 do not
-
-    void set(int lane, const Ray& ray) {
-        originX[lane] = ray.origin.x, originY[lane] = ray.origin.y, originZ[lane] = ray.origin.z;
-        directionX[lane] = ray.direction.x, directionY[lane] = ray.direction.y, directionZ[lane] = ray.direction.z;
-        tMin[lane] = ray.tMin, tMax[lane] = ray.tMax, active[lane] = -1;
-    }
-    void skip(int lane) { active[lane] = 0; }
-    bool hasHit(int lane) const { return geom_[lane] != kNoInstance; }
-    bool isBlocked(int lane) const { return tMax[lane] < 0; }
-};
-
-/// What the lanes of an intersected packet hit; the other numbers of a Hit are tMax, and the packet's own.
-struct alignas(64) PacketHits16 {
-    float normalX[16], normalY[16], normalZ[16];  // as Hit::normal
-    float u[16], v[16];
-    std::uint32_t instance[16], triangle[16];
-};
 
 /// An instance as rays see it. Lives as long as the instance, at one slot; read it between two apply() calls.
 struct RayInstance {
@@ -175,7 +122,7 @@ class RayWorld {
 
     /// Calls visit(slot, triangle) for every triangle whose box comes within `radius` of `center` (both in ray space,
     /// metres), and maybe others; visit returns the radius from then on. What is nearer tends to come first.
-    using NearVisitor = std::function<float(std::uint32_t slot, std::uint32_t triangle)>;
+    using NearVisitor = rtsg::NearVisitor;
     void visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const;
 
     /// Precondition: the slot of a hit or of a live instance.

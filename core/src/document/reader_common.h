@@ -1,0 +1,72 @@
+// What the readers share: progress, checks of values against the spec table, and a handler that swallows commands.
+//
+// Threading: one thread a document.
+#pragma once
+
+#include <functional>
+
+#include "reader_types.h"
+#include "value/field_text_parser.h"
+
+namespace rtsg::detail {
+
+using ReaderProgress = std::function<void(std::uint64_t done, std::uint64_t total)>;
+
+/// Calls the progress function once per megabyte of input.
+class ProgressMeter {
+  public:
+    ProgressMeter(std::size_t total, const ReaderProgress& progress) : progress_(progress), total_(total) {}
+    void at(std::size_t done) {
+        if (done < next_ || !progress_) return;
+        next_ = done + kStep;
+        progress_(done, total_);
+    }
+    void finish() {
+        if (progress_) progress_(total_, total_);
+    }
+
+  private:
+    static constexpr std::size_t kStep = 1 << 20;
+    const ReaderProgress& progress_;
+    std::size_t total_, next_ = kStep;
+};
+
+/// Says what is wrong with a well-formed value: outside the field's range, no allowed word, an axis that is no
+/// direction. Empty if nothing is. `ranges` is false in documents with units of their own.
+std::string valueComplaint(const FieldDef& field, const Value& value, bool ranges);
+
+/// Takes everything and does nothing.
+class NullHandler final : public DocumentHandler {
+  public:
+    void beginDocument(const DocumentHeader&) override {}
+    void endDocument() override {}
+    void component(std::string_view, int) override {}
+    void meta(std::string_view, std::string_view) override {}
+    void unit(std::string_view, std::string_view, double) override {}
+    void beginNode(std::string_view, std::string_view, std::string_view, SourceLocation) override {}
+    void endNode(SourceLocation) override {}
+    void useNode(std::string_view, std::string_view, SourceLocation) override {}
+    void setField(std::string_view, Value, SourceLocation) override {}
+    void declareField(const FieldDeclaration&, std::optional<Value>, SourceLocation) override {}
+    void isConnection(std::string_view, std::string_view, SourceLocation) override {}
+    void beginProto(std::string_view, SourceLocation) override {}
+    void beginProtoBody(SourceLocation) override {}
+    void endProto(SourceLocation) override {}
+    void externProto(std::string_view, const std::vector<FieldDeclaration>&, const std::vector<std::string>&,
+                     SourceLocation) override {}
+    void route(std::string_view, std::string_view, std::string_view, std::string_view, SourceLocation) override {}
+    void importNode(std::string_view, std::string_view, std::string_view, SourceLocation) override {}
+    void exportNode(std::string_view, std::string_view, SourceLocation) override {}
+};
+
+/// Reads one document of the encoding; false if it had to stop early.
+bool readClassic(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
+                 const ReaderProgress& progress);
+/// `utf8`: the text is valid UTF-8; if not, it is in whatever encoding the XML declaration or a BOM names.
+bool readXml(std::string_view text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
+             const ReaderProgress& progress);
+
+bool readJson(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
+              const ReaderProgress& progress);
+
+}  // namespace rtsg::detail

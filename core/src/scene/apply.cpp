@@ -1,0 +1,264 @@
+// State in and out as ChangeSets: snapshot, apply, dump. Nothing that arrives here is trusted.
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/partial_hash.h>
+
+#include "state.h"
+
+namespace rtsg {
+
+ChangeSet Scene::snapshot() const {
+    ChangeSet set;
+    set.from = 0;
+    set.to = state_->sequence;
+    set.time = state_->now;
+    set.hash = hash();
+    if (state_->recording) {
+        auto input = std::make_shared<FrameInput>();
+        input->complete = false;
+        input->runState = std::make_shared<const RunState>(runState());
+        set.input = std::move(input);
+    }
+    for (std::size_t i = 0; i < state_->ownTypes.size(); ++i) {
+        const TypeIndex index{static_cast<std::uint16_t>(builtinTypes().size() + i)};
+        set.types.push_back({index, state_->ownTypes[i]});
+        Change& change = set.changes.emplace_back();
+        change.kind = ChangeKind::defineType;
+        change.index = index.value;
+    }
+    set.changes.reserve(set.changes.size() + 2 * state_->nodeCount);
+    forEachNode([&](const Node& node) {
+        if (node.id() == root()) return;
+        Change& change = set.changes.emplace_back();
+        change.kind = ChangeKind::createNode;
+        change.node = node.id();
+        change.index = node.typeIndex().value;
+        change.other = node.scope();
+    });
+    forEachNode([&](const Node& node) {
+        for (FieldIndex i = 0; i < node.type().fields.size(); ++i) {
+            if (!node.type().fields[i].readable() || node.isDefault(i)) continue;
+            Change& change = set.changes.emplace_back();
+            change.node = node.id();
+            change.field = i;
+            change.value = node.value(i);
+        }
+    });
+    forEachNode([&](const Node& node) {
+        if (!node.links_ || node.links_->name.empty()) return;
+        Change& change = set.changes.emplace_back();
+        change.kind = ChangeKind::setName;
+        change.node = node.id();
+        change.value = node.links_->name;
+    });
+    forEachNode([&](const Node& node) {
+        if (!node.links_) return;
+        for (const RouteGroup& group : node.links_->out)
+            for (const OutgoingRoute& route : group.targets.items()) {
+                const RouteTarget& t = route.to;
+                if (!t.node) continue;
+                Change& change = set.changes.emplace_back();
+                change.kind = ChangeKind::addRoute;
+                change.node = node.id();
+                change.field = group.field;
+                change.other = t.node;
+                change.index = t.field;
+                change.isConnection = t.isConnection;
+            }
+    });
+    return set;
+}
+
+Result<> Scene::State::applyChange(const Change& c, bool pending) {
+    const auto badNode = [](NodeId id) { return fail(fmt::format("no node {}", id.value)); };
+    Node* node = find(c.node);
+    const auto fieldOk = [&](FieldIndex field) {
+        return node && field < node->type_->fields.size() && node->type_->fields[field].readable();
+    };
+    switch (c.kind) {
+        case ChangeKind::defineType:
+            return {};  // done from ChangeSet::types before anything else
+        case ChangeKind::createNode: {
+            // Ids come in order; a leap over more than a page per node would let a hostile set allocate at will.
+            if (!c.node || node) return fail(fmt::format("node {} exists already", c.node.value));
+            if (c.index >= types.size()) return fail(fmt::format("unknown node type {}", c.index));
+            constexpr std::uint32_t kMaximumLeap = 1u << 30;
+            if (c.node.value - std::min(c.node.value, nextId) > kMaximumLeap)
+                return fail(fmt::format("node id {} is out of sequence", c.node.value));
+            Node& created = allocate(c.node, TypeIndex{static_cast<std::uint16_t>(c.index)}, c.other);
+            hash.add(detail::nodeTerm(created.id_, types[c.index].nameHash, c.other));
+            if (pending) newNodes.push_back(created.id_);
+            wake(created);
+            return {};
+        }
+        case ChangeKind::setField: {
+            if (!node) return badNode(c.node);
+            if (!fieldOk(c.field)) return fail(fmt::format("{} has no field {}", node->type_->name, c.field));
+            if (node->type_->fields[c.field].type != c.value.type())
+                return fail(fmt::format("{}.{}: wrong type", node->type_->name, node->type_->fields[c.field].name));
+            if (sf(c.value.type()) == FieldType::SFNode)
+                if (auto ok = checkNodes(*node, c.field, c.value.storage()); !ok) return ok;
+            if (pending) {
+                write(*node, c.field, c.value.storage());
+                wake(*node);
+                return {};
+            }
+            writeSealed(*node, c.field, c.value);
+            wake(*node);
+            return {};
+        }
+        case ChangeKind::insertChild:
+        case ChangeKind::removeChild: {
+            if (!fieldOk(c.field) || node->type_->fields[c.field].type != FieldType::MFNode) return badNode(c.node);
+            const auto& children = *static_cast<const Array<NodeId>*>(node->storage(c.field));
+            if (c.kind == ChangeKind::insertChild) {
+                Node* child = find(c.other);
+                if (!child) return badNode(c.other);
+                if (c.index > children.size()) return fail("insertion beyond the end");
+                return insertChild(*node, c.field, *child, c.index);
+            }
+            if (c.index >= children.size() || children[c.index] != c.other) return fail("no such child to remove");
+            removeChildAt(*node, c.field, c.index);
+            return {};
+        }
+        case ChangeKind::setName:
+            if (!node) return badNode(c.node);
+            if (!c.value.holds<String>()) return fail("a name is a string");
+            setName(*node, c.value.as<String>());
+            if (pending) renamedNodes.push_back(c.node);
+            return {};
+        case ChangeKind::addRoute:
+        case ChangeKind::removeRoute: {
+            const Node* to = find(c.other);
+            if (!node || !to) return badNode(node ? c.other : c.node);
+            if (c.field >= node->type_->fields.size() || c.field2() >= to->type_->fields.size() || c.index > 0xFFFF ||
+                node->type_->fields[c.field].type != to->type_->fields[c.field2()].type)
+                return fail("a route between fields that do not fit");
+            const Route route{c.node, c.field, c.other, c.field2(), c.isConnection};
+            if (c.kind == ChangeKind::addRoute) {
+                const FieldDef &a = node->type_->fields[c.field], &b = to->type_->fields[c.field2()];
+                if (!c.isConnection && (!a.sends() || !b.writable())) return fail("a route against the access rules");
+                linkRoute(route, pending);
+            } else if (!unlinkRoute(route, pending)) {
+                return fail("no such route to remove");
+            }
+            return {};
+        }
+        case ChangeKind::destroyNode:
+            if (!node || c.node == owner.root()) return badNode(c.node);
+            if (node->parent_.node || (node->links_ && (!node->links_->in.empty() || !node->links_->out.empty())))
+                return fail(fmt::format("node {} is still in use", c.node.value));
+            destroy(*node, pending);
+            return {};
+        case ChangeKind::event:
+            return {};
+    }
+    return fail("unknown kind of change");
+}
+
+Result<> Scene::State::releaseDestroyed(std::span<const Change> changes) {
+    bool begun = false;
+    std::vector<NodeId> seen;
+    for (const Change& change : changes) {
+        if (change.kind == ChangeKind::destroyNode) {
+            begun = true;
+            Node* node = find(change.node);
+            if (!node || change.node == owner.root())
+                return fail(fmt::format("no node {} to destroy", change.node.value));
+            releaseChildren(*node);
+            seen.push_back(change.node);
+        } else if (begun && change.kind != ChangeKind::event) {
+            return fail("a destruction before another change");
+        }
+    }
+    std::ranges::sort(seen);
+    if (std::ranges::adjacent_find(seen) != seen.end()) return fail("a node destroyed twice");
+    return {};
+}
+
+Result<> Scene::reset() {
+    if (auto ok = state_->checkThread(); !ok) return ok;
+    auto fresh = std::make_unique<State>(*this);
+    fresh->allocate(root(), state_->find(root())->typeIndex_, {});
+    fresh->firstNewId = fresh->nextId;
+    fresh->listener = std::move(state_->listener);
+    fresh->behavioursEnabled = state_->behavioursEnabled;
+    fresh->behavioursByName = std::move(state_->behavioursByName);
+    fresh->recording = state_->recording;
+    for (const BehaviourUse& use : state_->uses)
+        if (use.type.value < builtinTypes().size()) fresh->uses.push_back(use);
+    for (const auto& [type, behaviour] : state_->dormant)
+        if (type < builtinTypes().size()) fresh->dormant.emplace(type, behaviour);
+    fresh->scriptOptions = state_->scriptOptions;
+    for (std::size_t i = 0; i < builtinTypes().size(); ++i) fresh->types[i].behaviour = state_->types[i].behaviour;
+    state_ = std::move(fresh);
+    bus_->restart();
+    return {};
+}
+
+Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
+    State& s = *state_;
+    if (auto ok = s.checkThread(); !ok) return ok;
+    if (s.hasPending()) return fail("the scene has edits of its own that are not sealed");
+    if (set->from != s.sequence)
+        return fail(fmt::format("a set from {} does not follow state {}", set->from, s.sequence));
+    s.firstNewId = UINT32_MAX;  // nothing here is pending
+    if (auto ok = s.applyChanges(set->changes, set->types, false); !ok) return ok;
+    s.firstNewId = s.nextId;
+    // A set that leads to the state it starts from puts right what had gone wrong; the running hash may have as well.
+    if (set->from == set->to && set->from != 0) {
+        Hash128 sum;
+        forEachNode([&](const Node& node) { sum = sum + hashOfNode(*this, node); });
+        s.hash = detail::StateHash(sum);
+    }
+    s.sequence = set->to;
+    s.now = set->time;
+    s.started = true;
+    if (s.behavioursEnabled && set->input && set->input->runState) {
+        if (auto ok = s.adoptUses(set->input->runState->behaviours, true); !ok) return ok;
+        s.adoptRunState(*set->input->runState);
+    }
+    if (s.recording) {
+        s.captureInput(false);
+        auto own = std::make_shared<ChangeSet>(*set);
+        own->input = s.finishInput(true);
+        set = std::move(own);
+    }
+    bus_->publish(std::move(set));
+    return {};
+}
+
+Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<const DefinedType> defined,
+                                    bool pending) {
+    for (const DefinedType& type : defined) {
+        if (!type.type || type.index.value != types.size()) return fail("a node type out of sequence");
+        addTypeEntry(*type.type);
+        ownTypes.push_back(type.type);
+        if (pending) newTypes.push_back(type);
+    }
+    bool released = false;
+    std::vector<NodeId> changedParents;
+    deferCycleCheck = true;
+    noting = pending;
+    for (const Change& change : changes) {
+        // Nodes that go together may still refer to each other: all let go before any is destroyed.
+        if (change.kind == ChangeKind::destroyNode && !released) {
+            released = true;
+            if (auto ok = releaseDestroyed(changes); !ok) return ok;
+        }
+        auto ok = applyChange(change, pending);
+        if (!ok) return ok;
+        if (change.kind == ChangeKind::insertChild ||
+            (change.kind == ChangeKind::setField && sf(change.value.type()) == FieldType::SFNode))
+            if (changedParents.empty() || changedParents.back() != change.node) changedParents.push_back(change.node);
+    }
+    deferCycleCheck = false;
+    noting = true;
+    if (!pending) keepTerms();
+    std::erase_if(changedParents, [&](NodeId id) { return !find(id); });
+    return checkAcyclic(changedParents);
+}
+
+}  // namespace rtsg

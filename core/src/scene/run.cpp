@@ -1,0 +1,275 @@
+// The event cascade of one timestamp (ISO/IEC 19775-1 V4.0, 4.4.8.3): input events, time, routes, until nothing moves.
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "state.h"
+
+namespace rtsg {
+
+namespace {
+
+/// Sensors are evaluated again while events reach them; a network that never settles is cut off here.
+constexpr int kMaximumRounds = 100;
+
+}  // namespace
+
+// ---- what a behaviour may do ---------------------------------------------------------------------------------
+
+void Cascade::storeStorage(const Node& node, FieldIndex field, const void* value) {
+    Scene::State& s = *scene_.state_;
+    s.write(*s.find(node.id()), field, value);
+    if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::store, node.id(), field, value);
+}
+
+void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value) {
+    Scene::State& s = *scene_.state_;
+    Node& target = *s.find(node.id());
+    s.write(target, field, value);
+    if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::emit, node.id(), field, value);
+    s.send(target, field);
+}
+
+Result<> Cascade::output(const Node& node, FieldIndex field, const Value& value) {
+    Scene::State& s = *scene_.state_;
+    if (auto ok = s.checkNodes(node, field, value.storage()); !ok) return ok;
+    if (node.type_->fields[field].sends())
+        emitStorage(node, field, value.storage());
+    else
+        storeStorage(node, field, value.storage());
+    return {};
+}
+
+Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
+    Scene::State& s = *scene_.state_;
+    Node* node = s.find(id);
+    if (!node) return fail(fmt::format("no node {}", id.value));
+    if (field >= node->type_->fields.size()) return fail("no such field");
+    const FieldDef& def = node->type_->fields[field];
+    if (!def.writable() || def.type != value.type())
+        return fail(fmt::format("{}.{} takes no such event", node->type_->name, def.name));
+    if (auto ok = s.checkNodes(*node, field, value.storage()); !ok) return ok;
+    if (s.currentCall != Scene::State::kNoCall)
+        s.recordEffect(BehaviourEffect::Kind::deliver, id, field, value.storage());
+    // What other behaviours do about it is theirs.
+    const std::size_t call = std::exchange(s.currentCall, Scene::State::kNoCall);
+    s.deliver(*this, *node, field, value.storage());
+    s.currentCall = call;
+    return {};
+}
+
+void Cascade::warn(const Node& node, const std::string& text) {
+    Scene::State& s = *scene_.state_;
+    if (!s.warned.emplace(node.id(), text).second) return;
+    const std::string_view name = scene_.name(node.id());
+    s.diagnostics.warning(
+        {}, fmt::format("{} {}: {}", node.type().name, name.empty() ? std::to_string(node.id().value) : name, text));
+}
+
+// ---- propagation ---------------------------------------------------------------------------------------------
+
+/// An output field has a new value: tell the listener and queue its routes, once per timestamp.
+void Scene::State::send(Node& node, FieldIndex field) {
+    RouteGroup* group = nullptr;
+    if (node.links_) {
+        const auto found = std::ranges::find(node.links_->out, field, &RouteGroup::field);
+        if (found != node.links_->out.end()) group = &*found;
+    }
+    if (group && group->stamp == stamp) return;
+    // 4.4.8.4 holds for outputs without routes too; only a listener can tell.
+    if (listener && announced.emplace(node.id_, field).second) listener(now, node, field, node.value(field));
+    if (!group) return;
+    group->stamp = stamp;
+    emissions.push_back({node.id_, field});
+}
+
+/// An event arrives at an input field. `value` is in block representation and outlives the call.
+void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
+    const FieldDef& def = node.type_->fields[field];
+    const TypeEntry& entry = types[node.typeIndex_.value];
+    if (def.access == Access::inputOutput) {
+        if (behavioursEnabled && entry.behaviour.accepts && !accepts(entry.behaviour, node, field, value)) return;
+        write(node, field, value);
+        writingExternally = false;  // what follows from it is derived
+        send(node, field);
+    } else {
+        writingExternally = false;
+        if (listener) listener(now, node, field, Value::fromStorage(def.type, value));
+        if (field == entry.addChildren || field == entry.removeChildren)
+            deliverChildren(cascade, node, field, value, entry);
+        // An inputOnly field of a PROTO instance hands the event on to its body at once: it has no storage.
+        if (node.links_) {
+            const auto group = std::ranges::find(node.links_->out, field, &RouteGroup::field);
+            if (group != node.links_->out.end()) {
+                const std::vector<OutgoingRoute> targets = group->targets.items();
+                for (const OutgoingRoute& r : targets)
+                    if (Node* target = find(r.to.node)) deliver(cascade, *target, r.to.field, value);
+            }
+        }
+    }
+    if (entry.behaviour.onTime) wake(node);
+    if (behavioursEnabled && entry.behaviour.onEvent) onEvent(entry.behaviour, cascade, node, field, value);
+}
+
+/// 10.2.1: a present child is not added again, an absent one not removed.
+void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex field, const void* value,
+                                   const TypeEntry& entry) {
+    bool changed = false;
+    for (const NodeId id : *static_cast<const Array<NodeId>*>(value)) {
+        Node* child = find(id);
+        if (!child) continue;
+        const auto& children = *static_cast<const Array<NodeId>*>(node.storage(entry.children));
+        const auto found = std::ranges::find(children, id);
+        if (field == entry.addChildren && found == children.end()) {
+            if (auto ok = insertChild(node, entry.children, *child, SIZE_MAX); ok)
+                changed = true;
+            else
+                cascade.warn(node, ok.error().text);
+        } else if (field == entry.removeChildren && found != children.end()) {
+            removeChildAt(node, entry.children, static_cast<std::size_t>(found - children.begin()));
+            changed = true;
+        }
+    }
+    if (changed) send(node, entry.children);
+}
+
+void Scene::State::runRoutes(Cascade& cascade) {
+    for (std::size_t next = 0; next < emissions.size(); ++next) {
+        const auto [fromId, field] = emissions[next];
+        Node* from = find(fromId);
+        if (!from || !from->links_) continue;
+        const auto groupOf = [&](Node& node) -> RouteGroup* {
+            if (!node.links_) return nullptr;
+            const auto g = std::ranges::find(node.links_->out, field, &RouteGroup::field);
+            return g == node.links_->out.end() ? nullptr : &*g;
+        };
+        RouteGroup* group = groupOf(*from);
+        // Routes added while this event is on its way are not retroactive.
+        const std::size_t count = group ? group->targets.items().size() : 0;
+        for (std::size_t i = 0; i < count; ++i) {
+            group = groupOf(*from);
+            if (!group || i >= group->targets.items().size()) break;
+            const RouteTarget target = group->targets.items()[i].to;
+            Node* to = find(target.node);
+            if (!to) continue;
+            const FieldDef& def = to->type_->fields[target.field];
+            if (!def.writable() && target.isConnection && def.sends()) {
+                // IS from a body's outputOnly to the instance's: the instance sends it.
+                write(*to, target.field, from->storage(field));
+                send(*to, target.field);
+                continue;
+            }
+            const FieldType type = def.type;
+            if (sf(type) == FieldType::SFNode) {
+                if (auto ok = checkNodes(*to, target.field, from->storage(field)); !ok) {
+                    cascade.warn(*to, ok.error().text);
+                    continue;
+                }
+            }
+            if (target.isConnection && def.access == Access::inputOutput && to->links_) {
+                // The way back of a two-way connection: that field has already sent this event.
+                const auto back = std::ranges::find(to->links_->out, target.field, &RouteGroup::field);
+                if (back != to->links_->out.end() && back->stamp == stamp) continue;
+            }
+            deliver(cascade, *to, target.field, from->storage(field));
+            from = find(fromId);
+            if (!from) break;
+        }
+    }
+    emissions.clear();
+}
+
+void Scene::State::tick(Cascade& cascade, const std::vector<NodeId>& nodes) {
+    for (const NodeId id : nodes) {
+        Node* node = find(id);
+        if (!node) continue;
+        const Behaviour& behaviour = types[node->typeIndex_.value].behaviour;
+        if (!behaviour.onTime) continue;
+        const double next = onTime(behaviour, cascade, *node);
+        if (next <= now)
+            nextActive.push_back(id);
+        else if (next < kNever)
+            sleepers.emplace(next, id);
+    }
+}
+
+void Scene::State::runTime(Cascade& cascade) {
+    due.assign(active.begin(), active.end());
+    while (!sleepers.empty() && sleepers.top().first <= now) {
+        due.push_back(sleepers.top().second);
+        sleepers.pop();
+    }
+    nextActive.clear();
+    bool first = true;
+    for (int round = 0; first || !woken.empty(); ++round) {
+        if (round == kMaximumRounds) {
+            diagnostics.warning({}, fmt::format("events at t = {} did not settle in {} rounds", now, kMaximumRounds));
+            break;
+        }
+        if (!woken.empty()) {
+            due.insert(due.end(), woken.begin(), woken.end());
+            woken.clear();
+        }
+        if (!std::ranges::is_sorted(due)) std::ranges::sort(due);
+        due.erase(std::unique(due.begin(), due.end()), due.end());
+        tick(cascade, due);
+        due.clear();
+        runRoutes(cascade);
+        first = false;
+    }
+    if (!std::ranges::is_sorted(nextActive)) std::ranges::sort(nextActive);
+    nextActive.erase(std::unique(nextActive.begin(), nextActive.end()), nextActive.end());
+    active.swap(nextActive);
+}
+
+std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
+    State& s = *state_;
+    if (s.refuseForeign()) return std::make_shared<ChangeSet>();
+    s.reportForeign();
+    if (s.started && t < s.now) {
+        s.diagnostics.warning({}, fmt::format("time went back from {} to {}: kept", s.now, t));
+        t = s.now;
+    }
+    if (s.recording) s.captureInput(true);
+    Cascade cascade(*this, t, s.started ? s.now : t);
+    s.now = t;
+    s.started = true;
+    s.cascading = true;
+    ++s.stamp;
+    s.announced.clear();
+    std::vector<State::QueuedEvent> queued;
+    queued.swap(s.inputQueue);
+    for (State::QueuedEvent& event : queued) {
+        Node* node = s.find(event.node);
+        if (!node) continue;
+        if (auto ok = s.checkNodes(*node, event.field, event.value.storage()); !ok) {
+            cascade.warn(*node, ok.error().text);
+            continue;
+        }
+        Change change;
+        change.kind = ChangeKind::event;
+        change.node = event.node;
+        change.field = event.field;
+        change.value = event.value;
+        s.events.push_back(std::move(change));
+        s.writingExternally = true;
+        s.deliver(cascade, *node, event.field, event.value.storage());
+        s.writingExternally = false;
+        s.runRoutes(cascade);
+    }
+    s.writingExternally = false;
+    if (s.behavioursEnabled) s.runTime(cascade);
+    s.runRoutes(cascade);
+    s.writingExternally = true;
+    s.cascading = false;
+    queued.clear();
+    if (s.inputQueue.empty()) s.inputQueue.swap(queued);  // keeps the capacity
+    return s.seal();
+}
+
+std::shared_ptr<const ChangeSet> Scene::seal() {
+    if (state_->refuseForeign()) return nullptr;
+    return state_->hasPending() ? state_->seal() : nullptr;
+}
+
+}  // namespace rtsg

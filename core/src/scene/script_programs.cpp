@@ -1,0 +1,36 @@
+// Where the cascade meets the programs of Script nodes.
+#include "state.h"
+
+namespace rtsg {
+
+ScriptPrograms* ScriptPrograms::of(Cascade& cascade) {
+    Scene::State& s = *cascade.scene_.state_;
+    if (!s.scriptOptions.enabled) return nullptr;
+    if (!s.scripts) s.scripts = makeScriptPrograms(cascade.scene_, s.scriptOptions);
+    return s.scripts.get();
+}
+
+Behaviour ScriptPrograms::behaviour() {
+    return {
+        .onEvent =
+            [](Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+                if (ScriptPrograms* programs = of(cascade)) programs->onEvent(cascade, node, field, value);
+            },
+        .onTime =
+            [](Cascade& cascade, const Node& node) {
+                ScriptPrograms* programs = of(cascade);
+                return programs ? programs->onTime(cascade, node) : kNever;
+            },
+    };
+}
+
+void Scene::setScriptOptions(ScriptOptions options) {
+    state_->scriptOptions = std::move(options);
+    state_->scripts.reset();
+}
+
+void Scene::setScriptBase(const std::filesystem::path& base) {
+    if (state_->scriptOptions.base.empty() && !state_->scripts) state_->scriptOptions.base = base;
+}
+
+}  // namespace rtsg

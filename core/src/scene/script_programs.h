@@ -1,0 +1,34 @@
+// ScriptPrograms: the programs of one scene's Script nodes, as the cascade sees them.
+//
+// The scene does not know in what language they are written: who does, in script/, defines makeScriptPrograms(), and a
+// build without scripts has script/absent.cpp there instead. Threading: the scene's thread.
+#pragma once
+
+#include <memory>
+
+#include <rtsg/core/behaviour.h>
+#include <rtsg/core/script.h>
+
+namespace rtsg {
+
+class ScriptPrograms {
+  public:
+    virtual ~ScriptPrograms() = default;
+
+    /// Calls the function that handles events of `field`. `value`: block representation.
+    virtual void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) = 0;
+    /// initialize(), prepareEvents() or eventsProcessed(), as is due. As Behaviour::onTime.
+    virtual double onTime(Cascade& cascade, const Node& node) = 0;
+    /// Drops the program of a node that is about to be destroyed; shutdown() is called, its outputs go nowhere.
+    virtual void forget(NodeId node) = 0;
+
+    /// The behaviour of every Script type: finds the programs of the running scene, makes them on first use.
+    static Behaviour behaviour();
+
+  private:
+    static ScriptPrograms* of(Cascade& cascade);
+};
+
+std::unique_ptr<ScriptPrograms> makeScriptPrograms(Scene& scene, const ScriptOptions& options);
+
+}  // namespace rtsg

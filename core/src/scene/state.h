@@ -1,0 +1,311 @@
+// The inside of Scene: node storage, names, routes, pending changes. Shared by the files of this folder only.
+//
+// Every write goes through beginWrite (which takes the old value out of the hash and remembers the field), then
+// writes; seal() puts the new values into the hash and into the ChangeSet. So a field written a hundred times
+// in a frame is hashed and sent once.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <bit>
+#include <map>
+#include <queue>
+#include <set>
+#include <unordered_map>
+
+#include <rtsg/core/behaviour.h>
+#include <rtsg/core/frame_input.h>
+#include <rtsg/core/scene.h>
+
+#include "node_arena.h"
+#include "route_list.h"
+#include "script_programs.h"
+#include "state_hash.h"
+
+namespace rtsg {
+
+struct OutgoingRoute {
+    RouteTarget to;
+    std::size_t hash() const {
+        return (std::uint64_t{to.node.value} << 17 ^ std::uint64_t{to.field} << 1 ^ (to.isConnection ? 1u : 0u)) *
+               0x9E3779B97F4A7C15ull;
+    }
+    friend bool operator==(const OutgoingRoute&, const OutgoingRoute&) = default;
+};
+
+struct RouteGroup {
+    FieldIndex field = kNoField;
+    std::uint64_t stamp = 0;  // timestamp at which the field last sent: at most one event each (4.4.8.3)
+    RouteList<OutgoingRoute> targets;
+};
+
+struct IncomingRoute {
+    NodeId from;
+    FieldIndex fromField = kNoField, toField = kNoField;
+    bool isConnection = false;
+    std::size_t hash() const {
+        return ((std::uint64_t{from.value} << 32 | std::uint64_t{fromField} << 16 | toField) ^
+                (isConnection ? 1u : 0u)) *
+               0x9E3779B97F4A7C15ull;
+    }
+    friend bool operator==(const IncomingRoute&, const IncomingRoute&) = default;
+};
+
+/// Parents beyond the first: a multiset of (node, field) with constant-time removal, however many there are.
+class ParentList {
+  public:
+    void add(ParentRef parent);
+    bool remove(ParentRef parent);
+    bool empty() const { return few_.empty() && many_.empty(); }
+    /// Precondition: !empty().
+    ParentRef takeAny();
+    void appendTo(std::vector<ParentRef>& out) const;
+
+  private:
+    static constexpr std::size_t kFew = 32;  // beyond this, hashing beats a linear search
+    static std::uint64_t key(ParentRef p) { return std::uint64_t{p.node.value} << 16 | p.field; }
+    static ParentRef fromKey(std::uint64_t k) {
+        return {NodeId{static_cast<std::uint32_t>(k >> 16)}, static_cast<FieldIndex>(k & 0xFFFF)};
+    }
+    std::vector<ParentRef> few_;
+    std::unordered_map<std::uint64_t, std::uint32_t> many_;  // to the number of times; used instead of few_
+};
+
+struct Node::Links {
+    String name;
+    ParentList parents;
+    std::vector<RouteGroup> out;
+    RouteList<IncomingRoute> in;
+    bool empty() const { return name.empty() && parents.empty() && out.empty() && in.empty(); }
+};
+
+struct TypeEntry {
+    const NodeType* type = nullptr;
+    Behaviour behaviour;
+    std::uint64_t nameHash = 0;
+    FieldIndex children = kNoField, addChildren = kNoField, removeChildren = kNoField;
+};
+
+struct Scene::State {
+    explicit State(Scene& scene);
+    ~State();
+
+    /// What an edit gives a PROTO instance, its body has, through all levels of IS.
+    Result<> passToBody(NodeId id, FieldIndex field);
+
+    Scene& owner;
+    /// The address of a thread's own variable names the thread, at no cost.
+    static const void* currentThread() {
+        static thread_local char own;
+        return &own;
+    }
+    const void* thread = currentThread();
+
+    // ---- nodes ----
+    static constexpr std::uint32_t kPage = 1024;
+    NodeArena memory;
+    std::vector<Node**> pages;  // of kPage nodes each; null while empty
+    std::vector<std::uint32_t> pageCounts;
+    std::uint32_t nextId = 1;
+    std::size_t nodeCount = 0;
+    Node* find(NodeId id) const {
+        const std::uint32_t page = id.value / kPage;
+        return page < pages.size() && pages[page] ? pages[page][id.value % kPage] : nullptr;
+    }
+    Node& allocate(NodeId id, TypeIndex type, NodeId scope);
+    void release(Node& node);
+    static void destroyInPlace(Node& node);
+    std::size_t bytesOf(const Node& node) const { return sizeof(Node) + node.type_->blockSize(); }
+    Node::Links& links(Node& node);
+    void trimLinks(Node& node);
+
+    // ---- types, names, routes ----
+    std::vector<TypeEntry> types;
+    std::vector<std::shared_ptr<const NodeType>> ownTypes;
+    std::unordered_map<std::string_view, std::uint16_t> typeByName;
+    void addTypeEntry(const NodeType& type);
+    std::map<std::string, Behaviour, std::less<>> behavioursByName;  // for types defined later
+    struct NameKey {
+        std::uint32_t scope;
+        String name;
+        friend bool operator==(const NameKey&, const NameKey&) = default;
+    };
+    struct NameKeyHash {
+        std::size_t operator()(const NameKey& k) const {
+            return std::hash<std::string_view>()(k.name.view()) * 31 + k.scope;
+        }
+    };
+    std::unordered_map<NameKey, NodeId, NameKeyHash> names;
+    std::size_t routeCount = 0;
+
+    // ---- writing ----
+    detail::StateHash hash;
+    /// One field written since the last seal. Sealed ones are kept until the next set: what was written in one frame is
+    /// likely to be written in the next, and then the term of the value before is there already.
+    struct WrittenField {
+        NodeId node;             // none once the node is destroyed or the term used
+        std::uint32_t next = 0;  // index + 1 of the entry of the same node before
+        FieldIndex field = kNoField;
+        FieldType type = FieldType::SFBool;
+        bool external : 1 = true;
+        bool hashed : 1 = false;  // `before` is the term of the value before, not its bytes
+        std::uint64_t before[2] = {};
+        Hash128 term() const { return {before[0], before[1]}; }
+        void setTerm(Hash128 term) {
+            before[0] = term.low;
+            before[1] = term.high;
+            hashed = true;
+        }
+    };
+    static_assert(sizeof(WrittenField) == 32);
+    std::vector<WrittenField> written, sealed;
+    /// Memory for more entries than this is given back when it is no longer used.
+    static constexpr std::size_t kMuch = 1u << 14;
+    // In `sealed`: what the next write is if this frame is like the last one, and the end.
+    WrittenField *expected = nullptr, *sealedEnd = nullptr;
+    std::uint32_t firstNewId = 1;  // ids from here on were created since the last seal
+    bool noting = true;            // false while a sealed set is applied: nothing of it is pending
+    std::vector<DefinedType> newTypes;
+    std::vector<NodeId> newNodes, destroyedNodes, renamedNodes;
+    std::vector<Change> childOps, routeOps, events;
+    std::map<std::pair<NodeId, FieldIndex>, std::size_t> childOpCounts;
+    bool writingExternally = true;  // false while the cascade runs
+
+    bool isNew(NodeId id) const { return id.value >= firstNewId; }
+    bool isDirty(const Node& node, FieldIndex field) const;
+    /// The term of the current value (zero for the default).
+    Hash128 termOf(const Node& node, FieldIndex field) const;
+    /// The term before the first write of this frame.
+    Hash128 termBefore(const Node& node, const WrittenField& entry) const;
+    WrittenField* entryOf(const Node& node, FieldIndex field);
+    /// The entry of the last set for a field about to be written, whose term is the value's; null if there is none.
+    WrittenField* knownTerm(const Node& node, FieldIndex field) const;
+    /// Adds an entry with what is known of the field before it is written: its term, or the bytes it is made of.
+    WrittenField& newEntry(Node& node, FieldIndex field, const FieldSlot& slot);
+    /// The entries of this set become those that the next one looks for.
+    void keepTerms();
+    void beginWrite(Node& node, FieldIndex field);
+    void beginWrite(Node& node, FieldIndex field, const FieldSlot& slot);
+    /// A whole new value makes the insertions and removals noted so far void.
+    void dropChildOps(const Node& node, FieldIndex field);
+    bool setPlain(Node* node, FieldIndex field, FieldType type, const void* value);
+    void prefetchPlace(NodeId id) const {
+        const std::uint32_t page = id.value / kPage;
+        if (page < pages.size() && pages[page]) __builtin_prefetch(&pages[page][id.value % kPage]);
+    }
+    /// Writes what comes from a sealed set: into the hash at once, and not pending.
+    void writeSealed(Node& node, FieldIndex field, const Value& value);
+    /// Stores only; precondition: beginWrite, or this comes from a sealed set.
+    void store(Node& node, FieldIndex field, const void* value);
+    void write(Node& node, FieldIndex field, const void* value);
+    void addParent(Node& child, ParentRef parent);
+    void removeParent(Node& child, ParentRef parent);
+    /// Would `child` below `parent.field` close a cycle?
+    bool closesCycle(const Node& parent, FieldIndex field, const Node& child) const;
+    /// Applying a set passes through states that are none: there the check comes once, at the end.
+    bool deferCycleCheck = false;
+    /// No start contains itself.
+    Result<> checkAcyclic(std::span<const NodeId> starts) const;
+    bool isHierarchy(const Node& parent, FieldIndex field) const;
+    Result<> checkNodes(const Node& node, FieldIndex field, const void* value) const;
+    Result<> insertChild(Node& parent, FieldIndex field, Node& child, std::size_t index);
+    void removeChildAt(Node& parent, FieldIndex field, std::size_t index);
+    void setName(Node& node, std::string_view name);
+    void linkRoute(const Route& route, bool record);
+    bool unlinkRoute(const Route& route, bool record);
+    void detachEverything(Node& node);
+    /// Its children have one parent less; the fields keep their values until destroy().
+    void releaseChildren(Node& node);
+    /// Precondition: detached, children released.
+    void destroy(Node& node, bool record);
+    Result<> checkThread() const;
+    /// For calls that return no Result: counts them; reportForeign, on the scene's thread, tells.
+    bool refuseForeign();
+    void reportForeign();
+    std::atomic<std::size_t> foreignCalls{0};
+    bool onOwnThread() const { return thread == currentThread(); }
+    /// As checkThread; an edit from within the cascade is noted.
+    Result<> checkEdit();
+    bool hasPending() const;
+    std::shared_ptr<const ChangeSet> seal();
+    void appendFieldChanges(ChangeSet& set);
+    void appendDefinitions(std::vector<Change>& out, std::span<const DefinedType> defined) const;
+    void appendCreations(std::vector<Change>& out) const;
+    /// Child lists, names, routes, destructions.
+    void appendOtherEdits(std::vector<Change>& out);
+
+    // ---- running ----
+    double now = 0;
+    bool started = false;
+    bool behavioursEnabled = true;
+    std::uint64_t sequence = 0;
+    std::uint64_t stamp = 0;
+    struct QueuedEvent {
+        NodeId node;
+        FieldIndex field;
+        Value value;
+    };
+    std::vector<QueuedEvent> inputQueue;
+    struct Emission {
+        NodeId node;
+        FieldIndex field;
+    };
+    std::vector<Emission> emissions;
+    std::vector<NodeId> active, due, woken, nextActive;  // nodes with onTime; active is sorted
+    using Sleeper = std::pair<double, NodeId>;
+    std::priority_queue<Sleeper, std::vector<Sleeper>, std::greater<>> sleepers;
+    EventListener listener;
+    std::set<std::pair<NodeId, FieldIndex>> announced;  // outputs that the listener has heard at this timestamp
+    Diagnostics diagnostics;
+    std::set<std::pair<NodeId, std::string>> warned;
+    // ---- recording and running inputs (input.cpp) ----
+    static constexpr std::size_t kNoCall = SIZE_MAX;
+    bool recording = false, cascading = false, editedWithin = false;
+    std::shared_ptr<FrameInput> input;    // of the frame under way, while recording
+    std::size_t currentCall = kNoCall;    // in input->calls: whose effects are being recorded
+    const FrameInput* playing = nullptr;  // whose calls are played back
+    std::size_t nextCall = 0, playDepth = 0;
+    std::string playProblem;
+    std::map<std::uint16_t, Behaviour> dormant;  // registered here, but not at the origin whose frames are run
+    std::vector<BehaviourUse> uses, newUses;     // behaviours that the application has registered
+    std::vector<std::shared_ptr<FrameInput>> inputPool;
+    void captureInput(bool running);
+    /// Completes the input of the set that is being sealed.
+    std::shared_ptr<const FrameInput> finishInput(bool applied);
+    RunState runState() const;
+    void adoptRunState(const RunState& state);
+    /// `all`: the list says everything that is registered at the origin.
+    Result<> adoptUses(std::span<const BehaviourUse> list, bool all);
+    void noteUse(TypeIndex type, const Behaviour& behaviour);
+    void recordEffect(BehaviourEffect::Kind kind, NodeId node, FieldIndex field, const void* value);
+    bool accepts(const Behaviour& behaviour, const Node& node, FieldIndex field, const void* value);
+    void onEvent(const Behaviour& behaviour, Cascade& cascade, const Node& node, FieldIndex field, const void* value);
+    double onTime(const Behaviour& behaviour, Cascade& cascade, const Node& node);
+    bool isTraced(const Behaviour& behaviour) const { return (recording || playing) && !behaviour.deterministic; }
+    std::size_t beginCall(BehaviourCall::Kind kind, NodeId node, FieldIndex field);
+    const BehaviourCall* playCall(BehaviourCall::Kind kind, NodeId node, FieldIndex field);
+    void playEffects(Cascade& cascade, const BehaviourCall& call);
+
+    ScriptOptions scriptOptions;
+    std::unique_ptr<ScriptPrograms> scripts;       // made when the first Script runs
+    std::vector<std::shared_ptr<ChangeSet>> pool;  // sealed sets come back when no subscriber holds them
+
+    void wake(const Node& node) {
+        if (behavioursEnabled && types[node.typeIndex_.value].behaviour.onTime) woken.push_back(node.id_);
+    }
+    void send(Node& node, FieldIndex field);
+    void deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value);
+    void deliverChildren(Cascade& cascade, Node& node, FieldIndex field, const void* value, const TypeEntry& entry);
+    void runRoutes(Cascade& cascade);
+    void runTime(Cascade& cascade);
+    void tick(Cascade& cascade, const std::vector<NodeId>& nodes);
+    std::shared_ptr<ChangeSet> freshSet();
+
+    ChangeSet snapshot() const;
+    /// `pending`: as an edit that is yet to be sealed; else as one that is.
+    Result<> applyChange(const Change& change, bool pending);
+    Result<> applyChanges(std::span<const Change> changes, std::span<const DefinedType> defined, bool pending);
+    Result<> releaseDestroyed(std::span<const Change> changes);
+};
+
+}  // namespace rtsg

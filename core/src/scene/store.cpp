@@ -1,0 +1,289 @@
+// Node storage, parents, names and routes: what Scene::State keeps, without the running.
+#include <algorithm>
+
+#include "state.h"
+
+namespace rtsg {
+
+void ParentList::add(ParentRef parent) {
+    if (many_.empty() && few_.size() < kFew) {
+        few_.push_back(parent);
+        return;
+    }
+    for (const ParentRef& p : few_) ++many_[key(p)];
+    few_.clear();
+    ++many_[key(parent)];
+}
+
+bool ParentList::remove(ParentRef parent) {
+    if (many_.empty()) {
+        const auto found = std::ranges::find(few_, parent);
+        if (found == few_.end()) return false;
+        *found = few_.back();
+        few_.pop_back();
+        return true;
+    }
+    const auto found = many_.find(key(parent));
+    if (found == many_.end()) return false;
+    if (--found->second == 0) many_.erase(found);
+    return true;
+}
+
+ParentRef ParentList::takeAny() {
+    const ParentRef parent = many_.empty() ? few_.back() : fromKey(many_.begin()->first);
+    remove(parent);
+    return parent;
+}
+
+void ParentList::appendTo(std::vector<ParentRef>& out) const {
+    out.insert(out.end(), few_.begin(), few_.end());
+    for (const auto& [k, count] : many_) out.insert(out.end(), count, fromKey(k));
+}
+
+Scene::State::State(Scene& scene) : owner(scene), diagnostics("scene") {
+    for (const auto& type : builtinTypes()) addTypeEntry(*type);
+    for (const BuiltinBehaviour& b : builtinBehaviours()) types[b.type.value].behaviour = b.behaviour;
+}
+
+Scene::State::~State() {
+    for (Node** page : pages)
+        for (std::uint32_t i = 0; page && i < kPage; ++i)
+            if (page[i]) destroyInPlace(*page[i]);
+}
+
+void Scene::State::addTypeEntry(const NodeType& type) {
+    TypeEntry entry;
+    entry.type = &type;
+    entry.nameHash = detail::typeNameHash(type.name);
+    entry.children = type.findExact("children");
+    entry.addChildren = type.findExact("addChildren");
+    entry.removeChildren = type.findExact("removeChildren");
+    // A type of the same name that came first stays: built-in types are never shadowed (4.4.4.2).
+    if ((type.kind == NodeType::Kind::script || type.name == "Script") && type.isA("X3DScriptNode"))
+        entry.behaviour = ScriptPrograms::behaviour();
+    if (type.kind != NodeType::Kind::script) typeByName.emplace(type.name, static_cast<std::uint16_t>(types.size()));
+    types.push_back(entry);
+    if (const auto known = behavioursByName.find(type.name); known != behavioursByName.end()) {
+        types.back().behaviour = known->second;
+        noteUse(TypeIndex{static_cast<std::uint16_t>(types.size() - 1)}, known->second);
+    }
+}
+
+Node& Scene::State::allocate(NodeId id, TypeIndex typeIndex, NodeId scope) {
+    const NodeType& type = *types[typeIndex.value].type;
+    void* bytes = memory.allocate(sizeof(Node) + type.blockSize());
+    Node* node = new (bytes) Node;
+    node->id_ = id;
+    node->scope_ = scope;
+    node->typeIndex_ = typeIndex;
+    node->type_ = &type;
+    std::memcpy(node->block(), type.defaults(), type.blockSize());
+    for (const FieldIndex i : type.sharedFields()) {
+        detail::ArrayHeader* header = nullptr;
+        std::memcpy(&header, node->storage(i), sizeof(header));
+        detail::retain(header);
+    }
+    const std::uint32_t page = id.value / kPage;
+    if (page >= pages.size()) {
+        pages.resize(page + 1);
+        pageCounts.resize(page + 1);
+    }
+    if (!pages[page]) {
+        pages[page] = static_cast<Node**>(memory.allocate(kPage * sizeof(Node*)));
+        std::fill_n(pages[page], kPage, nullptr);
+    }
+    pages[page][id.value % kPage] = node;
+    ++pageCounts[page];
+    ++nodeCount;
+    nextId = std::max(nextId, id.value + 1);
+    return *node;
+}
+
+void Scene::State::destroyInPlace(Node& node) {
+    for (const FieldIndex i : node.type_->sharedFields())
+        destroyStorage(node.type_->fields[i].type, node.block() + node.type_->fields[i].offset);
+    node.~Node();
+}
+
+void Scene::State::release(Node& node) {
+    const std::uint32_t page = node.id_.value / kPage;
+    const std::uint32_t slot = node.id_.value % kPage;
+    const std::size_t bytes = bytesOf(node);
+    destroyInPlace(node);
+    memory.deallocate(&node, bytes);
+    pages[page][slot] = nullptr;
+    --nodeCount;
+    if (--pageCounts[page] == 0 && page != nextId / kPage) {
+        memory.deallocate(pages[page], kPage * sizeof(Node*));
+        pages[page] = nullptr;
+    }
+}
+
+Node::Links& Scene::State::links(Node& node) {
+    if (!node.links_) node.links_ = std::make_unique<Node::Links>();
+    return *node.links_;
+}
+
+void Scene::State::trimLinks(Node& node) {
+    if (node.links_ && node.links_->empty()) node.links_.reset();
+}
+
+void Scene::State::addParent(Node& child, ParentRef parent) {
+    if (!child.parent_.node)
+        child.parent_ = parent;
+    else
+        links(child).parents.add(parent);
+}
+
+void Scene::State::removeParent(Node& child, ParentRef parent) {
+    if (child.parent_ != parent) {
+        if (child.links_) child.links_->parents.remove(parent);
+    } else if (child.links_ && !child.links_->parents.empty()) {
+        child.parent_ = child.links_->parents.takeAny();
+    } else {
+        child.parent_ = {};
+    }
+    trimLinks(child);
+}
+
+bool Scene::State::isHierarchy(const Node& parent, FieldIndex field) const {
+    // A Script may refer to what contains it, a PROTO instance's interface to anything; hidden stacks only point.
+    const FieldDef& def = parent.type_->fields[field];
+    if (parent.type_->kind == NodeType::Kind::script) return false;
+    if (parent.type_->kind != NodeType::Kind::builtin && parent.type_->kind != NodeType::Kind::user) return def.hidden;
+    return !def.hidden || def.aspect == Aspect::structure;
+}
+
+bool Scene::State::closesCycle(const Node& parent, FieldIndex field, const Node& child) const {
+    if (deferCycleCheck || !isHierarchy(parent, field)) return false;
+    if (parent.id_ == child.id_) return true;
+    // Nothing above the parent, or nothing below the child: the usual cases while a scene is built.
+    if (!parent.parent_.node) return false;
+    bool childHasNodes = false;
+    for (const FieldIndex i : child.type_->nodeFields()) {
+        if (!child.type_->fields[i].readable()) continue;
+        const FieldType type = child.type_->fields[i].type;
+        childHasNodes |= type == FieldType::SFNode ? bool(*static_cast<const NodeId*>(child.storage(i)))
+                                                   : !static_cast<const Array<NodeId>*>(child.storage(i))->empty();
+    }
+    if (!childHasNodes) return false;
+    std::vector<NodeId> pending{parent.id_};
+    std::unordered_map<std::uint32_t, bool> seen;
+    std::vector<ParentRef> above;
+    while (!pending.empty()) {
+        const NodeId id = pending.back();
+        pending.pop_back();
+        if (id == child.id_) return true;
+        if (!seen.emplace(id.value, true).second) continue;
+        const Node& node = *find(id);
+        above.clear();
+        if (node.parent_.node) above.push_back(node.parent_);
+        if (node.links_) node.links_->parents.appendTo(above);
+        for (const ParentRef& p : above)
+            if (isHierarchy(*find(p.node), p.field)) pending.push_back(p.node);
+    }
+    return false;
+}
+
+Result<> Scene::State::checkAcyclic(std::span<const NodeId> starts) const {
+    // Upwards, depth first; each ancestor is visited once however many starts share it.
+    enum : std::uint8_t { entered = 1, left = 2 };
+    std::unordered_map<std::uint32_t, std::uint8_t> colour;
+    std::vector<std::pair<NodeId, bool>> pending;  // node, to be left
+    std::vector<ParentRef> above;
+    for (const NodeId start : starts) {
+        pending.emplace_back(start, false);
+        while (!pending.empty()) {
+            const auto [id, leaving] = pending.back();
+            pending.pop_back();
+            std::uint8_t& c = colour[id.value];
+            if (leaving) {
+                c = left;
+                continue;
+            }
+            if (c == left) continue;
+            if (c == entered) return fail("node " + std::to_string(id.value) + " would contain itself");
+            c = entered;
+            pending.emplace_back(id, true);
+            const Node& node = *find(id);
+            above.clear();
+            if (node.parent_.node) above.push_back(node.parent_);
+            if (node.links_) node.links_->parents.appendTo(above);
+            for (const ParentRef& p : above)
+                if (isHierarchy(*find(p.node), p.field)) {
+                    const auto seen = colour.find(p.node.value);
+                    if (seen != colour.end() && seen->second == entered)
+                        return fail("node " + std::to_string(p.node.value) + " would contain itself");
+                    if (seen == colour.end() || seen->second != left) pending.emplace_back(p.node, false);
+                }
+        }
+    }
+    return {};
+}
+
+void Scene::State::setName(Node& node, std::string_view name) {
+    const std::string_view old = node.links_ ? node.links_->name.view() : std::string_view();
+    if (old == name) return;
+    if (!old.empty()) {
+        hash.subtract(detail::nameTerm(node.id_, old));
+        const auto found = names.find(NameKey{node.scope_.value, node.links_->name});
+        if (found != names.end() && found->second == node.id_) names.erase(found);
+    }
+    links(node).name = String(name);
+    if (!name.empty()) {
+        hash.add(detail::nameTerm(node.id_, name));
+        names[NameKey{node.scope_.value, node.links_->name}] = node.id_;
+    }
+    trimLinks(node);
+}
+
+void Scene::State::linkRoute(const Route& route, bool record) {
+    Node& from = *find(route.fromNode);
+    Node& to = *find(route.toNode);
+    auto& out = links(from).out;
+    auto group = std::ranges::find(out, route.fromField, &RouteGroup::field);
+    if (group == out.end()) group = out.insert(out.end(), RouteGroup{route.fromField, 0, {}});
+    group->targets.add({{route.toNode, route.toField, route.isConnection}});
+    links(to).in.add({route.fromNode, route.fromField, route.toField, route.isConnection});
+    hash.add(detail::routeTerm(route.fromNode, route.fromField, route.toNode, route.toField, route.isConnection));
+    if (!route.isConnection) ++routeCount;
+    if (!record) return;
+    Change change;
+    change.kind = ChangeKind::addRoute;
+    change.node = route.fromNode;
+    change.field = route.fromField;
+    change.other = route.toNode;
+    change.index = route.toField;
+    change.isConnection = route.isConnection;
+    change.external = writingExternally;
+    routeOps.push_back(change);
+}
+
+bool Scene::State::unlinkRoute(const Route& route, bool record) {
+    Node* from = find(route.fromNode);
+    Node* to = find(route.toNode);
+    if (!from || !to || !from->links_ || !to->links_) return false;
+    auto& out = from->links_->out;
+    const auto group = std::ranges::find(out, route.fromField, &RouteGroup::field);
+    if (group == out.end()) return false;
+    if (!group->targets.remove({{route.toNode, route.toField, route.isConnection}})) return false;
+    if (group->targets.empty()) out.erase(group);
+    to->links_->in.remove({route.fromNode, route.fromField, route.toField, route.isConnection});
+    hash.subtract(detail::routeTerm(route.fromNode, route.fromField, route.toNode, route.toField, route.isConnection));
+    if (!route.isConnection) --routeCount;
+    trimLinks(*from);
+    if (to != from) trimLinks(*to);
+    if (!record) return true;
+    Change change;
+    change.kind = ChangeKind::removeRoute;
+    change.node = route.fromNode;
+    change.field = route.fromField;
+    change.other = route.toNode;
+    change.index = route.toField;
+    change.isConnection = route.isConnection;
+    change.external = writingExternally;
+    routeOps.push_back(change);
+    return true;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,278 @@
+// What a script can do to the scene. Each function checks everything that comes from the script; it answers with a
+// sentence (a string) where it refuses, which the prelude turns into an exception at the script's own line.
+#include <fmt/format.h>
+
+#include <rtsg/core/x3d.h>
+
+#include "runtime.h"
+
+namespace rtsg::script {
+
+namespace {
+
+Call& currentCall(JSContext* cx) {
+    return *static_cast<Runtime*>(JS_GetContextPrivate(cx))->current;
+}
+
+NodeId nodeArgument(const JS::CallArgs& args, unsigned index) {
+    return NodeId{args.get(index).isNumber() ? static_cast<std::uint32_t>(args.get(index).toNumber()) : 0u};
+}
+
+bool answer(JSContext* cx, const JS::CallArgs& args, std::string_view text) {
+    JSString* made = JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(text.data(), text.size()));
+    if (!made) return false;
+    args.rval().setString(made);
+    return true;
+}
+
+/// Nothing, or the sentence why not.
+bool answer(JSContext* cx, const JS::CallArgs& args, const Result<>& result) {
+    if (!result) return answer(cx, args, result.error().text);
+    args.rval().setUndefined();
+    return true;
+}
+
+bool print(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    std::string text;
+    if (!stringFrom(cx, args.get(0), text)) return false;
+    const Call& call = currentCall(cx);
+    if (call.options.print)
+        call.options.print(text);
+    else
+        std::fwrite(text.data(), 1, text.size(), stdout);
+    args.rval().setUndefined();
+    return true;
+}
+
+bool now(JSContext* cx, unsigned count, JS::Value* vp) {
+    JS::CallArgsFromVp(count, vp).rval().setNumber(currentCall(cx).now);
+    return true;
+}
+
+bool exists(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    args.rval().setBoolean(currentCall(cx).scene.find(nodeArgument(args, 0)) != nullptr);
+    return true;
+}
+
+bool type(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
+    args.rval().setInt32(node ? node->typeIndex().value : -1);
+    return true;
+}
+
+bool typeName(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
+    return answer(cx, args, node ? std::string_view(node->type().name) : std::string_view());
+}
+
+bool nodeName(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    return answer(cx, args, currentCall(cx).scene.name(nodeArgument(args, 0)));
+}
+
+/// field(node, name): index | type << 16 | access << 24, or -1.
+bool field(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    std::string name;
+    if (!stringFrom(cx, args.get(1), name)) return false;
+    const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
+    const FieldIndex index = node ? node->type().find(name) : kNoField;
+    if (index == kNoField) {
+        args.rval().setInt32(-1);
+        return true;
+    }
+    const FieldDef& def = node->type().fields[index];
+    args.rval().setInt32(index | static_cast<int>(def.type) << 16 | static_cast<int>(def.access) << 24);
+    return true;
+}
+
+/// The author's fields of a Script.
+bool fieldNames(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
+    JS::RootedObject names(cx, JS::NewArrayObject(cx, 0));
+    if (!names || !node) return false;
+    const NodeType& builtin = currentCall(cx).scene.type(x3d::Script::type);
+    std::uint32_t next = 0;
+    for (const FieldDef& def : node->type().fields) {
+        if (def.hidden || builtin.findExact(def.name) != kNoField) continue;
+        JS::RootedString name(cx, JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(def.name.data(), def.name.size())));
+        if (!name || !JS_SetElement(cx, names, next++, name)) return false;
+    }
+    args.rval().setObject(*names);
+    return true;
+}
+
+/// read(node, field)
+bool read(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
+    const auto index = static_cast<FieldIndex>(args.get(1).isNumber() ? args.get(1).toNumber() : kNoField);
+    if (!node || index >= node->type().fields.size() || !node->type().fields[index].readable()) {
+        args.rval().setUndefined();
+        return true;
+    }
+    return toScript(cx, node->type().fields[index].type, node->storage(index), args.rval());
+}
+
+/// Why `script` may not write the field, or nothing.
+std::string writeRefusal(const Call& call, const Node* script, const Node* node, FieldIndex index) {
+    if (!call.cascade) return "a script that shuts down can change nothing";
+    if (!script || !node || index >= node->type().fields.size()) return "the node is gone";
+    const FieldDef& def = node->type().fields[index];
+    if (node == script)
+        return def.access == Access::inputOnly ? "an input-only field cannot be written by its own script" : "";
+    if (!script->get(x3d::Script::directOutput))
+        return fmt::format("the script's directOutput is FALSE, so it may not write to {}", node->type().name);
+    if (def.writable()) return "";
+    if (def.access == Access::initializeOnly && call.scene.parents(node->id()).empty()) return "";
+    return fmt::format("{}.{} takes no events", node->type().name, def.name);
+}
+
+bool mayWrite(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    return answer(cx, args,
+                  writeRefusal(call, call.scene.find(nodeArgument(args, 0)), call.scene.find(nodeArgument(args, 1)),
+                               static_cast<FieldIndex>(args.get(2).isNumber() ? args.get(2).toNumber() : kNoField)));
+}
+
+/// write(script, node, field, plain value, assigned): assigned values are sent even if equal, others only if changed.
+bool write(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    const Node* script = call.scene.find(nodeArgument(args, 0));
+    const Node* node = call.scene.find(nodeArgument(args, 1));
+    const auto index = static_cast<FieldIndex>(args.get(2).isNumber() ? args.get(2).toNumber() : kNoField);
+    Value value;
+    if (node && index < node->type().fields.size()) {
+        const FieldDef& def = node->type().fields[index];
+        if (!fromScript(cx, def.type, args.get(3), value)) {
+            if (JS_IsExceptionPending(cx)) return false;
+            return answer(cx, args, fmt::format("{} was expected", info(def.type).name));
+        }
+        const bool assigned = args.get(4).isBoolean() && args.get(4).toBoolean();
+        if (!assigned && (!def.readable() || equalStorage(def.type, node->storage(index), value.storage()))) {
+            args.rval().setUndefined();
+            return true;
+        }
+    }
+    if (const std::string refusal = writeRefusal(call, script, node, index); !refusal.empty())
+        return answer(cx, args, refusal);
+    const FieldDef& def = node->type().fields[index];
+    if (node != script && def.access == Access::initializeOnly)
+        return answer(cx, args, call.scene.setField(node->id(), index, std::move(value)));
+    if (node != script) return answer(cx, args, call.cascade->deliver(node->id(), index, value));
+    return answer(cx, args, call.cascade->output(*node, index, value));
+}
+
+bool named(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    std::string name;
+    if (!stringFrom(cx, args.get(1), name)) return false;
+    const Node* script = call.scene.find(nodeArgument(args, 0));
+    args.rval().setNumber(call.scene.findName(name, script ? script->scope() : NodeId{}).value);
+    return true;
+}
+
+bool roots(JSContext* cx, unsigned count, JS::Value* vp) {
+    const Scene& scene = currentCall(cx).scene;
+    const Node& root = scene.node(scene.root());
+    return toScript(cx, FieldType::MFNode, &root.get(x3d::RtsgScene::children), JS::CallArgsFromVp(count, vp).rval());
+}
+
+bool createNode(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    std::string name;
+    if (!stringFrom(cx, args.get(1), name)) return false;
+    const Node* script = call.scene.find(nodeArgument(args, 0));
+    if (!call.cascade || !script) return answer(cx, args, "a script that shuts down can change nothing");
+    const auto made = call.scene.createNode(name, script->scope());
+    if (!made) return answer(cx, args, made.error().text);
+    args.rval().setNumber(made->value);
+    return true;
+}
+
+template <bool add>
+bool changeRoute(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    std::string names[2];
+    if (!stringFrom(cx, args.get(2), names[0]) || !stringFrom(cx, args.get(4), names[1])) return false;
+    const Node* from = call.scene.find(nodeArgument(args, 1));
+    const Node* to = call.scene.find(nodeArgument(args, 3));
+    if (!call.cascade || !from || !to) return answer(cx, args, "the node is gone");
+    const FieldIndex fields[2] = {from->type().find(names[0]), to->type().find(names[1])};
+    for (int end = 0; end < 2; ++end)
+        if (fields[end] == kNoField)
+            return answer(cx, args, fmt::format("{} has no field {}", (end ? to : from)->type().name, names[end]));
+    return answer(cx, args,
+                  add ? call.scene.addRoute(from->id(), fields[0], to->id(), fields[1])
+                      : call.scene.removeRoute(from->id(), fields[0], to->id(), fields[1]));
+}
+
+template <bool add>
+bool changeRoots(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    const NodeId node = nodeArgument(args, 0);
+    if (!call.cascade || !call.scene.find(node)) return answer(cx, args, "the node is gone");
+    const NodeId root = call.scene.root();
+    if constexpr (add) {
+        return answer(cx, args, call.scene.insertChild(root, x3d::RtsgScene::children, node));
+    } else {
+        const auto& children = call.scene.node(root).get(x3d::RtsgScene::children);
+        const auto found = std::ranges::find(children, node);
+        if (found == children.end()) return answer(cx, args, "the node is no root");
+        return answer(cx, args,
+                      call.scene.removeChild(root, x3d::RtsgScene::children.index,
+                                             static_cast<std::size_t>(found - children.begin())));
+    }
+}
+
+bool rename(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    std::string name;
+    if (!stringFrom(cx, args.get(1), name)) return false;
+    if (!call.cascade) return answer(cx, args, "a script that shuts down can change nothing");
+    return answer(cx, args, call.scene.setName(nodeArgument(args, 0), name));
+}
+
+}  // namespace
+
+JSObject* newBridge(JSContext* cx) {
+    static constexpr JSFunctionSpec functions[] = {
+        JS_FN("print", print, 1, 0),
+        JS_FN("now", now, 0, 0),
+        JS_FN("exists", exists, 1, 0),
+        JS_FN("type", type, 1, 0),
+        JS_FN("typeName", typeName, 1, 0),
+        JS_FN("nodeName", nodeName, 1, 0),
+        JS_FN("field", field, 2, 0),
+        JS_FN("fieldNames", fieldNames, 1, 0),
+        JS_FN("read", read, 2, 0),
+        JS_FN("mayWrite", mayWrite, 3, 0),
+        JS_FN("write", write, 5, 0),
+        JS_FN("named", named, 2, 0),
+        JS_FN("roots", roots, 0, 0),
+        JS_FN("createNode", createNode, 2, 0),
+        JS_FN("addRoute", changeRoute<true>, 5, 0),
+        JS_FN("deleteRoute", changeRoute<false>, 5, 0),
+        JS_FN("addRoot", changeRoots<true>, 1, 0),
+        JS_FN("removeRoot", changeRoots<false>, 1, 0),
+        JS_FN("rename", rename, 2, 0),
+        JS_FS_END,
+    };
+    JS::RootedObject bridge(cx, JS_NewPlainObject(cx));
+    if (!bridge || !JS_DefineFunctions(cx, bridge, functions)) return nullptr;
+    return bridge;
+}
+
+}  // namespace rtsg::script

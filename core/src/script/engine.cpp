@@ -1,0 +1,324 @@
+#include "engine.h"
+
+#include <fstream>
+#include <unordered_map>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/x3d.h>
+
+#include "runtime.h"
+
+namespace rtsg {
+
+using namespace script;
+
+namespace script {
+extern const char* const kPrelude;
+}
+
+namespace {
+
+/// Scripts that write to each other's fields directly nest; beyond this it is a circle.
+constexpr int kMaximumDepth = 16;
+
+constexpr JSClass kGlobalClass{"Script", JSCLASS_GLOBAL_FLAGS, &JS::DefaultGlobalClassOps, nullptr, nullptr, nullptr};
+
+/// The program's text, from the first url that has one; `problem` says why there is none.
+std::string sourceOf(const Array<String>& urls, const ScriptOptions& options, std::string& problem) {
+    for (const String& url : urls) {
+        const std::string_view text = url.view();
+        const auto start = text.find_first_not_of(" \t\r\n");
+        if (start == text.npos) continue;
+        for (const std::string_view scheme :
+             {"ecmascript:", "javascript:", "vrmlscript:", "data:text/javascript,", "data:application/javascript,"})
+            if (text.substr(start).starts_with(scheme)) return std::string(text.substr(start + scheme.size()));
+        if (text.find("://") != text.npos) {
+            problem = fmt::format("{} is not fetched: only files are", text);
+            continue;
+        }
+        std::ifstream file(options.base / text, std::ios::binary);
+        if (!file) {
+            problem = fmt::format("{} cannot be read", text);
+            continue;
+        }
+        return {std::istreambuf_iterator<char>(file), {}};
+    }
+    if (problem.empty()) problem = "no program in its url";
+    return {};
+}
+
+}  // namespace
+
+struct ScriptEngine::State {
+    struct Program {
+        std::unique_ptr<JS::PersistentRootedObject> global, controller;  // controller: null if it cannot run
+        bool eventsPending = false;
+        double preparedAt = -kNever;
+        bool stale = false;  // its url has changed
+        bool hasInitialize = false, hasPrepareEvents = false, hasEventsProcessed = false;
+        std::vector<std::string> handlers;  // by field: the function's name; empty if there is none
+    };
+
+    Scene& scene;
+    ScriptOptions options;
+    std::shared_ptr<Runtime> runtime;
+    bool refused = false;  // the engine does not start
+    std::unordered_map<std::uint32_t, Program> programs;
+
+    JSContext* context() const { return runtime->context(); }
+
+    /// The pending exception as a sentence with the script's own line; clears it.
+    std::string takeError() {
+        JSContext* cx = context();
+        if (runtime->takeExcess() == Runtime::Excess::time)
+            return fmt::format("stopped: it ran longer than {} s", options.timeLimit);
+        if (!JS_IsExceptionPending(cx)) return "stopped: out of memory";
+        JS::ExceptionStack stack(cx);
+        if (!JS::StealPendingExceptionStack(cx, &stack)) return "an unknown error";
+        JS::ErrorReportBuilder report(cx);
+        if (!report.init(cx, stack, JS::ErrorReportBuilder::NoSideEffects)) {
+            JS_ClearPendingException(cx);
+            return "an unknown error";
+        }
+        const unsigned line = lineIn(stack, report.report());
+        std::string text = report.toStringResult() ? report.toStringResult().c_str() : "an unknown error";
+        return line > 0 ? fmt::format("line {}: {}", line, text) : text;
+    }
+
+    /// The line of the script, where the prelude threw in its name: the first frame that is not the prelude's.
+    unsigned lineIn(const JS::ExceptionStack& stack, const JSErrorReport* report) const {
+        if (report->filename && std::string_view(report->filename) == "script") return report->lineno;
+        JS::RootedValue exception(context(), stack.exception()), text(context());
+        if (!exception.isObject()) return 0;
+        JS::RootedObject object(context(), &exception.toObject());
+        std::string frames;
+        if (!JS_GetProperty(context(), object, "stack", &text) || !stringFrom(context(), text, frames)) {
+            JS_ClearPendingException(context());
+            return 0;
+        }
+        const auto at = frames.find("@script:");
+        return at == frames.npos ? 0 : static_cast<unsigned>(std::strtoul(frames.c_str() + at + 8, nullptr, 10));
+    }
+
+    /// Runs `body` (returns false with an exception pending) as one call; reports what goes wrong.
+    template <class Body>
+    bool enter(Cascade* cascade, const Node& node, Program& program, const Body& body) {
+        if (runtime->depth >= kMaximumDepth) {
+            if (cascade) cascade->warn(node, "scripts write to each other in a circle: cut off");
+            return false;
+        }
+        Call call{scene, cascade, options, scene.now()};
+        Call* outer = std::exchange(runtime->current, &call);
+        if (++runtime->depth == 1) runtime->startWatch(options.timeLimit);
+        JSAutoRealm realm(context(), *program.global);
+        const NodeId id = node.id();  // the program may destroy its own node
+        bool ok = body();
+        if (!ok) {
+            const bool fatal = !JS_IsExceptionPending(context());  // time or memory: it would only happen again
+            const std::string error = takeError();
+            const Node* alive = scene.find(id);
+            if (cascade && alive) cascade->warn(*alive, fatal ? error + "; it is not called again" : error);
+            if (const auto found = programs.find(id.value); fatal && found != programs.end())
+                found->second.controller.reset();
+        }
+        if (--runtime->depth == 0) runtime->stopWatch();
+        runtime->current = outer;
+        return ok;
+    }
+
+    bool call(const Program& program, const char* function, JS::HandleValueArray arguments,
+              JS::MutableHandleValue result) const {
+        JS::RootedObject controller(context(), *program.controller);
+        return JS_CallFunctionName(context(), controller, function, arguments, result);
+    }
+
+    bool has(const Program& program, const std::string& name) const {
+        JS::RootedValueArray<1> arguments(context());
+        JSString* text = JS_NewStringCopyUTF8N(context(), JS::UTF8Chars(name.data(), name.size()));
+        if (!text) return false;
+        arguments[0].setString(text);
+        JS::RootedValue result(context());
+        if (!call(program, "has", arguments, &result)) {
+            JS_ClearPendingException(context());
+            return false;
+        }
+        return result.isBoolean() && result.toBoolean();
+    }
+
+    bool evaluate(std::string_view source, const char* name, JS::MutableHandleValue result) const {
+        JS::CompileOptions compile(context());
+        compile.setFileAndLine(name, 1);
+        JS::SourceText<mozilla::Utf8Unit> text;
+        return text.init(context(), source.data(), source.size(), JS::SourceOwnership::Borrowed) &&
+               JS::Evaluate(context(), compile, text, result);
+    }
+
+    /// The global object with the prelude's names in it, then the program itself.
+    bool load(Program& program, const Node& node, const std::string& source) const {
+        JSContext* cx = context();
+        JS::RootedObject global(cx, *program.global);
+        JS::RootedValue prelude(cx), made(cx), ignored(cx);
+        if (!JS::InitRealmStandardClasses(cx) || !evaluate(kPrelude, "prelude", &prelude)) return false;
+        JS::RootedObject bridge(cx, newBridge(cx));
+        if (!bridge) return false;
+        JS::RootedValue version(cx, JS::StringValue(JS_NewStringCopyZ(cx, RTSG_VERSION)));
+        if (!JS_SetProperty(cx, bridge, "version", version)) return false;
+        JS::RootedValueArray<3> arguments(cx);
+        arguments[0].setObject(*bridge);
+        arguments[1].setNumber(node.id().value);
+        arguments[2].setObject(*global);
+        if (!JS_CallFunctionValue(cx, nullptr, prelude, arguments, &made)) return false;
+        program.controller = std::make_unique<JS::PersistentRootedObject>(cx, &made.toObject());
+        if (!evaluate(source, "script", &ignored)) return false;
+        // Top-level statements may have assigned to fields.
+        return call(program, "flush", JS::HandleValueArray::empty(), &ignored);
+    }
+
+    /// The node's program, compiled and initialised; null if it has none that can run.
+    Program* ready(Cascade& cascade, const Node& node) {
+        // Not while programs run: one may have changed the url of another on the stack.
+        if (const auto old = programs.find(node.id().value);
+            old != programs.end() && old->second.stale && (!runtime || runtime->depth == 0))
+            programs.erase(old);
+        const auto [found, isNew] = programs.try_emplace(node.id().value);
+        Program& program = found->second;
+        if (isNew) create(cascade, node, program);
+        const auto still = programs.find(node.id().value);
+        return still != programs.end() && still->second.controller ? &still->second : nullptr;
+    }
+
+    void create(Cascade& cascade, const Node& node, Program& program) {
+        if (!runtime && !refused) {
+            runtime = Runtime::ofThisThread(options.heapLimit);
+            refused = !runtime;
+        }
+        if (refused) return cascade.warn(node, "the script engine does not start");
+        std::string problem;
+        const auto& urls = node.get(x3d::Script::url);
+        if (urls.empty()) return;
+        const std::string source = sourceOf(urls, options, problem);
+        if (source.empty()) {
+            if (!problem.empty()) cascade.warn(node, problem);
+            return;
+        }
+        JS::RealmOptions realm;
+        JS::RootedObject global(context(),
+                                JS_NewGlobalObject(context(), &kGlobalClass, nullptr, JS::FireOnNewGlobalHook, realm));
+        if (!global) {
+            JS_ClearPendingException(context());
+            return cascade.warn(node, "out of memory for scripts");
+        }
+        program.global = std::make_unique<JS::PersistentRootedObject>(context(), global);
+        const bool loaded = enter(&cascade, node, program, [&] { return load(program, node, source); });
+        if (!loaded) {
+            program.controller.reset();
+            return;
+        }
+        enter(&cascade, node, program, [&] {
+            program.hasPrepareEvents = has(program, "prepareEvents");
+            program.hasEventsProcessed = has(program, "eventsProcessed");
+            for (const FieldDef& def : node.type().fields) {
+                std::string name = def.access == Access::inputOutput ? "set_" + def.name : def.name;
+                if (def.hidden || !def.writable() || !has(program, name)) name.clear();
+                program.handlers.push_back(std::move(name));
+            }
+            program.hasInitialize = has(program, "initialize");
+            return true;
+        });
+        if (program.hasInitialize) run(cascade, node, program, "initialize");
+    }
+
+    /// Calls a function of the program without arguments.
+    void run(Cascade& cascade, const Node& node, Program& program, const char* name) {
+        enter(&cascade, node, program, [&] {
+            JS::RootedValueArray<1> arguments(context());
+            JS::RootedValue ignored(context());
+            arguments[0].setString(JS_NewStringCopyZ(context(), name));
+            return call(program, "call", arguments, &ignored);
+        });
+    }
+};
+
+std::unique_ptr<ScriptPrograms> makeScriptPrograms(Scene& scene, const ScriptOptions& options) {
+    return std::make_unique<ScriptEngine>(scene, options);
+}
+
+ScriptEngine::ScriptEngine(Scene& scene, const ScriptOptions& options)
+    : state_(new State{.scene = scene, .options = options, .runtime = {}, .programs = {}}) {}
+
+ScriptEngine::~ScriptEngine() {
+    // On a foreign thread the roots cannot be given back: they stay with the context, which is left alone too.
+    if (state_->runtime && !state_->runtime->onOwnThread())
+        for (auto& [id, program] : state_->programs) {
+            (void)program.global.release();
+            (void)program.controller.release();
+        }
+}
+
+void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+    State& s = *state_;
+    if (node.type().fields[field].name == "url") {
+        // The cascade wakes the node; onTime loads the new program.
+        if (const auto old = s.programs.find(node.id().value); old != s.programs.end()) old->second.stale = true;
+        return;
+    }
+    State::Program* program = s.ready(cascade, node);
+    if (!program) return;
+    program->eventsPending = true;
+    if (program->handlers[field].empty()) return;
+    s.enter(&cascade, node, *program, [&] {
+        JSContext* cx = s.context();
+        JS::RootedValueArray<3> arguments(cx);
+        const std::string& name = program->handlers[field];
+        JSString* text = JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(name.data(), name.size()));
+        if (!text) return false;
+        arguments[0].setString(text);
+        const FieldType type = node.type().fields[field].type;
+        JS::RootedValueArray<2> plain(cx);
+        plain[0].setInt32(static_cast<int>(type));
+        if (!toScript(cx, type, value, plain[1])) return false;
+        JS::RootedValue event(cx), ignored(cx);
+        if (!s.call(*program, "revive", plain, &event)) return false;
+        arguments[1].set(event);
+        arguments[2].setNumber(cascade.now());
+        return s.call(*program, "call", arguments, &ignored);
+    });
+}
+
+double ScriptEngine::onTime(Cascade& cascade, const Node& node) {
+    State& s = *state_;
+    const NodeId id = node.id();
+    State::Program* program = s.ready(cascade, node);
+    if (!program) return kNever;
+    const bool everyFrame = program->hasPrepareEvents;
+    if (program->preparedAt != cascade.now() && everyFrame) {
+        program->preparedAt = cascade.now();
+        s.run(cascade, node, *program, "prepareEvents");
+        const auto still = s.programs.find(id.value);
+        if (still == s.programs.end() || !still->second.controller) return kNever;
+        program = &still->second;
+    }
+    if (std::exchange(program->eventsPending, false) && program->hasEventsProcessed)
+        s.run(cascade, node, *program, "eventsProcessed");
+    return everyFrame ? cascade.now() : kNever;
+}
+
+void ScriptEngine::forget(NodeId id) {
+    State& s = *state_;
+    const auto found = s.programs.find(id.value);
+    if (found == s.programs.end()) return;
+    const Node* node = s.scene.find(id);
+    State::Program program = std::move(found->second);
+    s.programs.erase(found);
+    if (!program.controller || !node || !s.runtime->onOwnThread()) return;
+    s.enter(nullptr, *node, program, [&] {
+        if (!s.has(program, "shutdown")) return true;
+        JS::RootedValueArray<1> arguments(s.context());
+        JS::RootedValue ignored(s.context());
+        arguments[0].setString(JS_NewStringCopyZ(s.context(), "shutdown"));
+        return s.call(program, "call", arguments, &ignored);
+    });
+}
+
+}  // namespace rtsg

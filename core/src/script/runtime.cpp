@@ -1,0 +1,109 @@
+#include "runtime.h"
+
+#include <chrono>
+#include <fstream>
+
+namespace rtsg::script {
+
+namespace {
+
+std::int64_t steadyNow() {
+    return std::chrono::steady_clock::now().time_since_epoch().count();
+}
+
+std::atomic<int> contexts = 0;
+
+/// Started once, ended with the process, unless a context was left behind on a thread that is gone.
+bool startLibrary() {
+    struct Library {
+        bool started = JS_Init();
+        ~Library() {
+            if (started && contexts == 0) JS_ShutDown();
+        }
+    };
+    static const Library library;
+    return library.started;
+}
+
+/// How often a running program is looked at.
+constexpr std::chrono::milliseconds kWatchPeriod{20};
+/// Of the process, in memory; 0 if the system does not tell.
+std::size_t residentBytes() {
+    std::ifstream file("/proc/self/statm");
+    std::size_t all = 0, resident = 0;
+    file >> all >> resident;
+    return file ? resident * 4096 : 0;
+}
+
+constexpr std::size_t kStackBytes = std::size_t{512} << 10;
+
+}  // namespace
+
+std::shared_ptr<Runtime> Runtime::ofThisThread(std::size_t heapLimit) {
+    static thread_local std::weak_ptr<Runtime> known;
+    if (auto runtime = known.lock()) return runtime;
+    std::shared_ptr<Runtime> runtime(new Runtime);
+    if (!runtime->start(heapLimit)) return nullptr;
+    known = runtime;
+    return runtime;
+}
+
+bool Runtime::start(std::size_t heapLimit) {
+    if (!startLibrary()) return false;
+    // No limit of the library's own: reached while it moves objects about, that would end the process.
+    context_ = JS_NewContext(UINT32_MAX);
+    if (!context_) return false;
+    ++contexts;
+    heapLimit_ = heapLimit;
+    JS_SetContextPrivate(context_, this);
+    JS_SetNativeStackQuota(context_, kStackBytes);
+    if (!JS_AddInterruptCallback(context_, onInterrupt) || !JS::InitSelfHostedCode(context_)) return false;
+    watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
+    return true;
+}
+
+Runtime::~Runtime() {
+    watcher_ = {};
+    // Elsewhere the library would abort; what is left then is the memory of one context.
+    if (!context_ || !onOwnThread()) return;
+    JS_DestroyContext(context_);
+    --contexts;
+}
+
+void Runtime::startWatch(double seconds) {
+    bytesAtStart_ = 0;
+    deadline_.store(steadyNow() + static_cast<std::int64_t>(seconds * 1e9), std::memory_order_relaxed);
+    wakeUp_.notify_one();
+}
+
+void Runtime::stopWatch() {
+    deadline_.store(0, std::memory_order_relaxed);
+}
+
+void Runtime::watch(const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    const auto running = [this] { return deadline_.load(std::memory_order_relaxed) != 0; };
+    while (!stop.stop_requested()) {
+        wakeUp_.wait_for(lock, stop, std::chrono::seconds(1), running);
+        wakeUp_.wait_for(lock, stop, kWatchPeriod, [] { return false; });
+        const std::int64_t deadline = deadline_.load(std::memory_order_relaxed);
+        if (deadline != 0) JS_RequestInterruptCallback(context_);
+    }
+}
+
+bool Runtime::onInterrupt(JSContext* cx) {
+    auto& runtime = *static_cast<Runtime*>(JS_GetContextPrivate(cx));
+    const std::int64_t deadline = runtime.deadline_.load(std::memory_order_relaxed);
+    if (deadline == 0) return true;
+    const std::size_t bytes = residentBytes();
+    if (runtime.bytesAtStart_ == 0) runtime.bytesAtStart_ = bytes;
+    if (steadyNow() > deadline)
+        runtime.excess_ = Excess::time;
+    else if (bytes > runtime.bytesAtStart_ + runtime.heapLimit_ ||
+             JS_GetGCParameter(cx, JSGC_BYTES) > runtime.heapLimit_)
+        runtime.excess_ = Excess::memory;
+    // False ends the program, which cannot catch this.
+    return runtime.excess_ == Excess::none;
+}
+
+}  // namespace rtsg::script

@@ -1,0 +1,215 @@
+#include <rtsg/core/field_text.h>
+
+#include <charconv>
+#include <cmath>
+
+#include "field_text_parser.h"
+#include "field_text_printer.h"
+#include "text_position.h"
+
+namespace rtsg {
+
+namespace {
+
+class FirstError final : public detail::FieldTextReport {
+  public:
+    void report(Severity severity, const char* at, std::string text) override {
+        if (severity != Severity::error || position) return;
+        position = at;
+        message = std::move(text);
+    }
+    const char* position = nullptr;
+    std::string message;
+};
+
+class Printer {
+  public:
+    Printer(std::string& out, TextSyntax syntax) : out_(out), syntax_(syntax) {}
+
+    void print(bool value) {
+        out_ += syntax_ == TextSyntax::classicVrml ? (value ? "TRUE" : "FALSE") : (value ? "true" : "false");
+    }
+    template <class S>
+        requires std::is_arithmetic_v<S>
+    void print(S value) {
+        if constexpr (std::is_floating_point_v<S>) {
+            if (!std::isfinite(value) && syntax_ == TextSyntax::json) {
+                out_ += "null";
+                return;
+            }
+        }
+        char text[40];
+        const auto result = std::to_chars(text, text + sizeof(text), value);
+        out_.append(text, result.ptr);
+    }
+    void print(const Time& value) { print(value.seconds); }
+    void print(const Color& value) { list(&value.r, 3); }
+    void print(const ColorRGBA& value) { list(&value.r, 4); }
+    void print(const Rotation& value) { list(&value.x, 4); }
+    template <int N, class S, glm::qualifier Q>
+    void print(const glm::vec<N, S, Q>& value) {
+        list(&value[0], static_cast<std::size_t>(N));
+    }
+    template <class S, int N>
+    void print(const SquareMatrix<S, N>& value) {
+        list(value.elements.data(), value.elements.size());
+    }
+    void print(const Image& value) {
+        if (value.words.empty()) {
+            out_ += syntax_ == TextSyntax::json ? "[0,0,0]" : "0 0 0";
+            return;
+        }
+        if (syntax_ == TextSyntax::json) {
+            list(value.words.data(), value.words.size());
+            return;
+        }
+        for (std::size_t i = 0; i < value.words.size(); ++i) {
+            if (i) out_ += ' ';
+            if (i < 3)
+                print(value.words[i]);
+            else
+                hexadecimal(static_cast<std::uint32_t>(value.words[i]));
+        }
+    }
+    void print(const String& value) {
+        if (syntax_ == TextSyntax::json) {
+            json(value);
+            return;
+        }
+        out_ += '"';
+        escaped(value);
+        out_ += '"';
+    }
+    void print(NodeId value) {
+        if (syntax_ == TextSyntax::json) {
+            if (value)
+                print(value.value);
+            else
+                out_ += "null";
+        } else {
+            out_ += value ? "#" + std::to_string(value.value) : "NULL";
+        }
+    }
+    template <class T>
+    void print(const Array<T>& values) {
+        if (syntax_ != TextSyntax::xml) out_ += '[';
+        for (std::size_t i = 0; i < values.size(); ++i) {
+            if (i) out_ += syntax_ == TextSyntax::xml ? " " : ", ";
+            print(values[i]);
+        }
+        if (syntax_ != TextSyntax::xml) out_ += ']';
+    }
+    /// Without quotes: an XML attribute holding one SFString.
+    void escaped(std::string_view text) {
+        for (const char c : text) {
+            if (c == '"' || c == '\\') out_ += '\\';
+            out_ += c;
+        }
+    }
+
+  private:
+    template <class S>
+    void list(const S* numbers, std::size_t count) {
+        const bool json = syntax_ == TextSyntax::json;
+        if (json) out_ += '[';
+        for (std::size_t i = 0; i < count; ++i) {
+            if (i) out_ += json ? "," : " ";
+            print(numbers[i]);
+        }
+        if (json) out_ += ']';
+    }
+    void hexadecimal(std::uint32_t word) {
+        char text[16];
+        const auto result = std::to_chars(text, text + sizeof(text), word, 16);
+        out_ += "0x";
+        out_.append(text, result.ptr);
+    }
+    void json(std::string_view text) {
+        constexpr char digits[] = "0123456789abcdef";
+        out_ += '"';
+        for (const char c : text) {
+            const auto byte = static_cast<unsigned char>(c);
+            if (c == '"' || c == '\\') {
+                out_ += '\\';
+                out_ += c;
+            } else if (c == '\n') {
+                out_ += "\\n";
+            } else if (byte < 0x20) {
+                out_ += "\\u00";
+                out_ += digits[byte >> 4];
+                out_ += digits[byte & 15];
+            } else {
+                out_ += c;
+            }
+        }
+        out_ += '"';
+    }
+
+    std::string& out_;
+    TextSyntax syntax_;
+};
+
+}  // namespace
+
+Result<Value> parseFieldText(FieldType type, std::string_view text, TextSyntax syntax) {
+    if (syntax == TextSyntax::json) return fail("JSON values are not parsed");
+    FirstError errors;
+    detail::FieldTextParser parser(text.data(), text.data() + text.size(), syntax, errors);
+    Value value;
+    const bool usable = parser.parse(type, value);
+    if (usable && !errors.position) {
+        parser.skipSpace();
+        if (parser.p != text.data() + text.size())
+            errors.report(Severity::error, parser.p, "there is more than one " + std::string(info(type).name));
+    }
+    if (!usable || errors.position) {
+        const char* at = errors.position ? errors.position : parser.p;
+        return fail(errors.message, at ? detail::TextPosition(text.data()).of(at) : SourceLocation{});
+    }
+    return value;
+}
+
+void appendFieldText(std::string& out, const Value& value, TextSyntax syntax) {
+    Printer printer(out, syntax);
+    if (syntax == TextSyntax::xml && value.type() == FieldType::SFString) {
+        printer.escaped(value.as<String>());
+        return;
+    }
+    switch (value.type()) {
+#define RTSG_X(suffix, T)                    \
+    case FieldType::SF##suffix:              \
+        printer.print(value.as<T>());        \
+        break;                               \
+    case FieldType::MF##suffix:              \
+        printer.print(value.as<Array<T>>()); \
+        break;
+        RTSG_FIELD_TYPES(RTSG_X)
+#undef RTSG_X
+    }
+}
+
+namespace detail {
+
+void appendArrayElement(std::string& out, const Value& array, std::size_t index, TextSyntax syntax) {
+    Printer printer(out, syntax);
+    switch (array.type()) {
+#define RTSG_X(suffix, T)                           \
+    case FieldType::MF##suffix:                     \
+        printer.print(array.as<Array<T>>()[index]); \
+        break;
+        RTSG_FIELD_TYPES(RTSG_X)
+#undef RTSG_X
+        default:
+            break;
+    }
+}
+
+}  // namespace detail
+
+std::string printFieldText(const Value& value, TextSyntax syntax) {
+    std::string text;
+    appendFieldText(text, value, syntax);
+    return text;
+}
+
+}  // namespace rtsg

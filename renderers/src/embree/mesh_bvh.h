@@ -1,0 +1,77 @@
+// MeshBvh: one mesh's own BVH, shared by all its instances, and how it follows a mesh that deforms.
+//
+// Invariant: what scene() answers is that of the last commit(); a refit and a rebuilt tree give the same hits.
+// A mesh whose triangles stay while its positions change is refitted. A BvhWatch tells when that has spoilt the tree:
+// then a new one is built in the background over the positions of that moment, while the old one is refitted on; when
+// it is ready, the next update refits it to the positions of then and takes it. Small meshes are built anew at once.
+// Each rebuild shows what it gained, and from that the watch's limit is learnt: the aim is rays at .9 of a rebuilt
+// tree's speed.
+// Threading: changes on one thread; tracing from any, in between.
+// Source: Lauterbach et al. 2006 (RT-DEFORM: rebuild when the refitted tree's cost has grown).
+#pragma once
+
+#include <memory>
+
+#include "bvh.h"
+#include "bvh_watch.h"
+#include "worker.h"
+
+namespace rtsg::bvh {
+
+class MeshBvh {
+  public:
+    struct Counts {
+        std::size_t builds = 0, refits = 0, rebuilds = 0;  // rebuilds: because refits had spoilt the tree
+    };
+
+    /// The device outlives this and the worker. `deforming`: to be refitted; it turns out by itself, too.
+    MeshBvh(const Device& device, Worker& worker, std::shared_ptr<const Mesh> mesh, bool deforming = false);
+    ~MeshBvh();
+    MeshBvh(const MeshBvh&) = delete;
+    MeshBvh& operator=(const MeshBvh&) = delete;
+
+    /// Builds or refits what has changed.
+    void commit();
+    /// Takes other positions for the same triangles, or another mesh altogether. The same mesh again puts a finished
+    /// rebuild in place.
+    void update(std::shared_ptr<const Mesh> mesh);
+
+    RTCScene scene() const { return scene_.get(); }
+    const Array<std::int32_t>& indexInUse() const { return indexInUse_; }
+    /// Of the last commit, in the mesh's frame.
+    const RTCBounds& bounds() const { return bounds_; }
+    bool refitted() const { return refitted_; }
+    const Counts& counts() const { return counts_; }
+
+    /// Something is being done in the background.
+    bool busy() const { return work_ != nullptr; }
+    /// What was being done is done: an update will take it.
+    bool ready() const;
+    void wait() const;
+
+  private:
+    struct Work;
+    enum class Task : std::uint8_t { watch, rebuild, lookAndRebuild };
+    void build(std::shared_ptr<const Mesh> mesh, bool deforming);
+    void refit();
+    void start(Task task, const BvhWatch::Look& look, bool atOnce);
+    void take();
+
+    const Device& device_;
+    Worker& worker_;
+    std::shared_ptr<const Mesh> mesh_;
+    // What Embree reads: a refit goes on with the index of the build, equal to the mesh's and yet maybe another array.
+    Array<Vec3f> positionsInUse_;
+    Array<std::int32_t> indexInUse_;
+    SceneHandle scene_;
+    GeometryHandle geometry_;
+    std::shared_ptr<BvhWatch> watch_;  // of a deforming mesh, once it is made
+    std::shared_ptr<Work> work_;
+    double limit_;  // of the watch's change
+    bool committed_ = false, deforming_ = false, refitted_ = false;
+    unsigned updatesSinceLook_ = 0;
+    Counts counts_;
+    RTCBounds bounds_{};
+};
+
+}  // namespace rtsg::bvh

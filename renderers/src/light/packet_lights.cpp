@@ -1,0 +1,252 @@
+// The lighting equations, eight lanes at a time: ISO/IEC 19775-1 V4.0 17.2.2.
+#include <bit>
+
+#include "mesh/simd8.h"
+#include "surface_packet.h"
+
+namespace rtsg::trace {
+
+using namespace simd;
+
+namespace {
+
+// Not as coherent rays: Embree 3.13's frustum traversal of shadow rays has been seen to loop for ever.
+constexpr bool kCoherentShadows = false;
+
+/// What one light sends to sixteen points.
+struct alignas(64) Incoming {
+    Lanes3 direction;              // towards the light, unit
+    alignas(64) float factor[16];  // attenuation times spot; 0 where the light does not reach
+    alignas(64) float cosine[16];  // to the shading normal, at least 0
+    alignas(64) float distance[16];
+    Lanes3 visible;  // share that shadows leave
+};
+
+V8 loadV(const Lanes3& lanes, int at) {
+    return {load(lanes.x + at), load(lanes.y + at), load(lanes.z + at)};
+}
+void storeV(Lanes3& lanes, int at, const V8& v) {
+    store(lanes.x + at, v.x), store(lanes.y + at, v.y), store(lanes.z + at, v.z);
+}
+V8 broadcast(const Vec3f& v) {
+    return {all(v.x), all(v.y), all(v.z)};
+}
+
+/// Returns whether any lane is lit at all.
+bool gather(const TraceLight& light, const SurfacePacket& s, Incoming& in) {
+    I8 lit{};
+    for (int at = 0; at < 16; at += 8) {
+        V8 toLight;
+        F8 factor = all(1), distance = all(0);
+        if (light.kind == Light::Kind::directional) {
+            toLight = broadcast(-light.direction);
+        } else {
+            toLight = broadcast(light.position) - loadV(s.position, at);
+            distance = sqrt(dot(toLight, toLight));
+            toLight = toLight * (1.0f / max(distance, all(1e-30f)));
+            const F8 local = distance * light.localFromWorld;
+            const F8 falloff = light.attenuation.x + local * (light.attenuation.y + local * light.attenuation.z);
+            factor = 1.0f / max(falloff, all(1));
+            if (light.radius >= 0) factor = select(local > light.radius, all(0), factor);
+            if (light.kind == Light::Kind::spot) {
+                const F8 angle = acosOf(max(min(-dot(toLight, broadcast(light.direction)), all(1)), all(-1)));
+                const float width = light.beamWidth - light.cutOffAngle;
+                F8 spot = width < 0 ? (angle - light.cutOffAngle) / width : all(1);
+                spot = select(angle <= light.beamWidth, all(1), spot);
+                factor *= select(angle >= light.cutOffAngle, all(0), spot);
+            }
+        }
+        const F8 cosine = max(dot(loadV(s.normal, at), toLight), all(0));
+        storeV(in.direction, at, toLight);
+        store(in.factor + at, factor);
+        store(in.cosine + at, cosine);
+        store(in.distance + at, distance);
+        storeV(in.visible, at, {all(1), all(1), all(1)});
+        lit |= factor > 0.0f;
+    }
+    return any(lit);
+}
+
+/// Follows a shadow ray that is blocked by something through what is clear.
+Vec3f look(const TraceScene& scene, Ray ray) {
+    Vec3f left(1);
+    for (int step = 0; step < 64; ++step) {
+        const Hit hit = scene.world->intersect(ray, RayKind::shadow);
+        if (!hit) return left;
+        left *= straightTransmittance(scene, hit);
+        if (!(std::max({left.x, left.y, left.z}) > 1 / 1024.0f)) return Vec3f(0);
+        const Vec3f next = RayWorld::leave(scene.world->point(hit), ray.direction);
+        // For a light at a place, t counts in shares of the way that is left.
+        if (std::isfinite(ray.tMax)) {
+            ray.direction = ray.origin + ray.direction - next;
+            if (!(glm::dot(ray.direction, ray.direction) > 1e-20f)) return left;
+        }
+        ray.origin = next;
+    }
+    return Vec3f(0);
+}
+
+/// One representable number further in the direction of `step`, where that is not 0.
+F8 beyond(F8 x, F8 step) {
+    const I8 i = bits(x);
+    // Away from zero counts up, towards zero down; zero itself goes to the least number of the step's sign.
+    const I8 outwards = ((x > 0.0f) & (step > 0.0f)) | ((x < 0.0f) & (step < 0.0f));
+    const I8 atZero = x == 0.0f;
+    I8 moved = i + (outwards ? I8{} + 1 : I8{} - 1);
+    const I8 least =
+        (bits(step) & (I8{} + std::int32_t(0x80000000))) | 0x00800000;  // not denormal: Embree flushes those
+    moved = atZero ? least : moved;
+    return select(step == 0.0f, x, fromBits(moved));
+}
+
+/// As RayWorld::leave.
+V8 leave8(const SurfacePacket& s, int at, const V8& towards) {
+    const V8 n{load(s.hits.normalX + at), load(s.hits.normalY + at), load(s.hits.normalZ + at)}, e = loadV(s.error, at);
+    const auto absolute = [](F8 x) { return max(x, -x); };
+    const F8 far = absolute(n.x) * e.x + absolute(n.y) * e.y + absolute(n.z) * e.z;
+    const V8 offset = n * select(dot(towards, n) < 0.0f, -far, far);
+    const V8 start = loadV(s.exact, at) + offset;
+    return {beyond(start.x, offset.x), beyond(start.y, offset.y), beyond(start.z, offset.z)};
+}
+
+void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket& s, std::uint32_t mask, Incoming& in,
+                 std::uint64_t& shadowRays) {
+    RayPacket16 rays;
+    std::uint32_t tested = 0;
+    findPoints(scene, s);
+    const bool directional = light.kind == Light::Kind::directional;
+    for (int at = 0; at < 16; at += 8) {
+        const V8 towards = loadV(in.direction, at), start = leave8(s, at, towards);
+        V8 d = towards;
+        if (!directional) d = broadcast(light.position) - start;
+        store(rays.originX + at, start.x), store(rays.originY + at, start.y), store(rays.originZ + at, start.z);
+        store(rays.directionX + at, d.x), store(rays.directionY + at, d.y), store(rays.directionZ + at, d.z);
+        store(rays.tMin + at, all(kLeave));
+        store(rays.tMax + at, all(directional ? std::numeric_limits<float>::infinity() : 1.0f));
+        const I8 lit = (load(in.factor + at) > 0.0f) & (load(in.cosine + at) > 0.0f) & (dot(d, d) > 1e-20f);
+        for (int lane = 0; lane < 8; ++lane) {
+            const bool use = (mask >> (at + lane) & 1u) && lit[lane];
+            rays.active[at + lane] = use ? -1 : 0;
+            tested |= static_cast<std::uint32_t>(use) << (at + lane);
+        }
+    }
+    if (!tested) return;
+    shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
+    std::uint32_t blocked = scene.world->occluded(rays, kCoherentShadows) & tested;
+    for (; blocked; blocked &= blocked - 1) {
+        const int lane = std::countr_zero(blocked);
+        Vec3f left(0);
+        if (scene.anyTransmits) {
+            Ray ray;
+            ray.tMin = kLeave;
+            ray.origin = {rays.originX[lane], rays.originY[lane], rays.originZ[lane]};
+            ray.direction = {rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]};
+            if (!directional) ray.tMax = 1;
+            left = look(scene, ray);
+        }
+        in.visible.set(lane, Vec3f(1) - light.shadowIntensity * (Vec3f(1) - left));
+    }
+}
+
+void addPhong(const TraceLight& light, SurfacePacket& s, const Incoming& in, const std::int32_t* lanes, bool shiny) {
+    const V8 color = broadcast(light.color), ambientLight = broadcast(light.ambient);
+    for (int at = 0; at < 16; at += 8) {
+        I8 use;
+        std::memcpy(&use, lanes + at, sizeof use);
+        if (!any(use)) continue;
+        const V8 base = loadV(s.base, at), ambient = loadV(s.ambient, at), visible = loadV(in.visible, at);
+        const F8 cosine = load(in.cosine + at), factor = select(use, load(in.factor + at), all(0));
+        V8 direct = base * cosine;
+        if (shiny) {
+            const V8 toLight = loadV(in.direction, at);
+            const V8 half = toLight + loadV(s.view, at);
+            const F8 length = sqrt(dot(half, half));
+            const F8 cosHalf = dot(loadV(s.normal, at), half) / max(length, all(1e-20f));
+            F8 shine = power(min(max(cosHalf, all(0)), all(1)), load(s.exponent + at));
+            shine = select(cosine > 0.0f, shine, all(0));
+            direct = direct + loadV(s.specular, at) * shine;
+        }
+        V8 radiance = loadV(s.radiance, at);
+        radiance.x += factor * (color.x * direct.x * visible.x + ambientLight.x * ambient.x);
+        radiance.y += factor * (color.y * direct.y * visible.y + ambientLight.y * ambient.y);
+        radiance.z += factor * (color.z * direct.z * visible.z + ambientLight.z * ambient.z);
+        storeV(s.radiance, at, radiance);
+    }
+}
+
+/// metallicRoughness() of shading.h.
+V8 metallicRoughness8(const V8& base, F8 metallic, F8 roughness, F8 cosLight, F8 cosView, F8 cosHalf, F8 cosLightHalf) {
+    const F8 m = max(1.0f - cosLightHalf, all(0)), m2 = m * m, m5 = m2 * m2 * m;
+    const F8 alpha = max(roughness * roughness, all(1e-3f)), a2 = alpha * alpha;
+    const F8 d = cosHalf * cosHalf * (a2 - 1.0f) + 1.0f;
+    const F8 masking =
+        cosLight * sqrt(cosView * cosView * (1.0f - a2) + a2) + cosView * sqrt(cosLight * cosLight * (1.0f - a2) + a2);
+    const F8 specular = select(masking > 0.0f, 0.5f * (a2 / (d * d)) / masking, all(0));
+    const auto channel = [&](F8 color) {
+        const F8 f0 = 0.04f + (color - 0.04f) * metallic;
+        const F8 fresnel = f0 + (1.0f - f0) * m5;
+        return (1.0f - fresnel) * (1.0f - metallic) * color + fresnel * specular;
+    };
+    return {channel(base.x), channel(base.y), channel(base.z)};
+}
+
+void addPhysical(const TraceLight& light, SurfacePacket& s, const Incoming& in, const std::int32_t* lanes) {
+    const V8 color = broadcast(light.color), ambientLight = broadcast(light.ambient);
+    for (int at = 0; at < 16; at += 8) {
+        I8 use;
+        std::memcpy(&use, lanes + at, sizeof use);
+        if (!any(use)) continue;
+        const V8 base = loadV(s.base, at), ambient = loadV(s.ambient, at), visible = loadV(in.visible, at);
+        const F8 cosine = load(in.cosine + at), factor = select(use, load(in.factor + at), all(0));
+        const V8 n = loadV(s.normal, at), l = loadV(in.direction, at), v = loadV(s.view, at);
+        const V8 sum = l + v;
+        const V8 h = sum * (1.0f / max(sqrt(dot(sum, sum)), all(1e-20f)));
+        const V8 brdf = metallicRoughness8(base, load(s.metallic + at), load(s.roughness + at), cosine,
+                                           max(dot(n, v), all(1e-4f)), max(dot(n, h), all(0)), max(dot(l, h), all(0)));
+        V8 radiance = loadV(s.radiance, at);
+        radiance.x += factor * (color.x * visible.x * cosine * brdf.x + ambientLight.x * ambient.x);
+        radiance.y += factor * (color.y * visible.y * cosine * brdf.y + ambientLight.y * ambient.y);
+        radiance.z += factor * (color.z * visible.z * cosine * brdf.z + ambientLight.z * ambient.z);
+        storeV(s.radiance, at, radiance);
+    }
+}
+
+/// -1 in the lanes of `mask`.
+void spread(std::uint32_t mask, std::int32_t* lanes) {
+    for (int lane = 0; lane < 16; ++lane) lanes[lane] = -static_cast<std::int32_t>(mask >> lane & 1u);
+}
+
+}  // namespace
+
+void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowRays) {
+    alignas(32) std::int32_t unlit[16];
+    spread(s.unlit, unlit);
+    for (int at = 0; at < 16; at += 8) {
+        I8 plain;
+        std::memcpy(&plain, unlit + at, sizeof plain);
+        const V8 base = loadV(s.base, at), own = loadV(s.emissive, at);
+        storeV(s.radiance, at,
+               {select(plain, base.x, own.x), select(plain, base.y, own.y), select(plain, base.z, own.z)});
+    }
+    // Lanes that share their lights go together; nearly always all of them.
+    for (std::uint32_t lit = s.mask & ~s.unlit; lit;) {
+        const std::uint32_t list = s.lights[std::countr_zero(lit)];
+        std::uint32_t group = 0;
+        for (int lane = 0; lane < 16; ++lane) group |= static_cast<std::uint32_t>(s.lights[lane] == list) << lane;
+        group &= lit;
+        lit &= ~group;
+        const std::uint32_t phong = group & ~s.physical, physical = group & s.physical;
+        alignas(32) std::int32_t phongLanes[16], physicalLanes[16];
+        spread(phong, phongLanes);
+        spread(physical, physicalLanes);
+        for (const TraceLight& light : scene.lightLists[list]) {
+            Incoming in;
+            if (!gather(light, s, in)) continue;
+            if (light.shadows) castShadows(scene, light, s, group, in, shadowRays);
+            if (phong) addPhong(light, s, in, phongLanes, (phong & s.shiny) != 0);
+            if (physical) addPhysical(light, s, in, physicalLanes);
+        }
+    }
+}
+
+}  // namespace rtsg::trace

@@ -1,0 +1,378 @@
+#include "surface_packet.h"
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "mesh/simd8.h"
+
+namespace rtsg::trace {
+
+using namespace simd;
+
+namespace {
+
+/// A lane's way to its textures.
+struct TextureLookup {
+    const RayInstance& instance;
+    const SlotShading& slot;
+    const Hit& hit;
+    float footprint;  // metres, of a pixel on the surface
+
+    Vec2f coordinates(TextureRole role, const TextureUse& use) const {
+        const std::uint8_t channel = slot.channels[static_cast<std::size_t>(role)];
+        const Vec4f st = instance.mesh->texCoord(hit.triangle, hit.u, hit.v, channel);
+        return use.matrix.apply({st.x, st.y});
+    }
+    /// Side of the pixel on the texture, as a share of the texture's side.
+    float spread(TextureRole role, const TextureUse& use) const {
+        if (footprint <= 0) return 0;
+        const Mesh& mesh = *instance.mesh;
+        const std::uint8_t channel = slot.channels[static_cast<std::size_t>(role)];
+        Vec2f st[3];
+        Vec3f p[3];
+        const float corners[3][2] = {{0, 0}, {1, 0}, {0, 1}};
+        for (std::uint32_t c = 0; c < 3; ++c) {
+            const Vec4f value = mesh.texCoord(hit.triangle, corners[c][0], corners[c][1], channel);
+            st[c] = {value.x, value.y};
+            p[c] = glm::mat3(instance.rayFromLocal) * mesh.vertex(hit.triangle, c);
+        }
+        const Vec2f a = st[1] - st[0], b = st[2] - st[0];
+        const float textureArea = std::abs(a.x * b.y - a.y * b.x);
+        const float worldArea = glm::length(glm::cross(p[1] - p[0], p[2] - p[0]));
+        if (!(worldArea > 0) || !(textureArea > 0)) return 0;
+        return footprint * std::sqrt(textureArea / worldArea) * use.matrix.stretch();
+    }
+    Vec4f sample(const Material& material, TextureRole role) const {
+        const TextureUse& use = material.texture(role);
+        const Vec2f st = coordinates(role, use);
+        return use.texture->sample(st.x, st.y, spread(role, use), use.access);
+    }
+};
+
+Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Vec3f& normal) {
+    const Vec4f texel = look.sample(material, TextureRole::normal);
+    Vec3f dPds, dPdt;
+    const std::uint8_t channel = look.slot.channels[static_cast<std::size_t>(TextureRole::normal)];
+    if (!textureTangents(*look.instance.mesh, look.hit.triangle, channel, dPds, dPdt)) return normal;
+    Vec3f t = glm::mat3(look.instance.rayFromLocal) * dPds;
+    Vec3f b = glm::mat3(look.instance.rayFromLocal) * dPdt;
+    t -= glm::dot(t, normal) * normal;
+    b -= glm::dot(b, normal) * normal;
+    const float tl = glm::length(t), bl = glm::length(b);
+    if (!(tl > 0) || !(bl > 0)) return normal;
+    const Vec3f local((2 * texel.r - 1) * material.normalScale, (2 * texel.g - 1) * material.normalScale,
+                      2 * texel.b - 1);
+    const Vec3f mapped = t / tl * local.x + b / bl * local.y + normal * local.z;
+    const float length = glm::length(mapped);
+    return length > 0 ? mapped / length : normal;
+}
+
+float coverageOf(const Material& material, float textureAlpha) {
+    switch (material.alphaMode) {
+        case AlphaMode::opaque:
+            return 1;
+        case AlphaMode::mask:
+            return textureAlpha * material.opacity < material.alphaCutoff ? 0.0f : 1.0f;
+        case AlphaMode::automatic:
+        case AlphaMode::blend:
+            break;
+    }
+    return textureAlpha;
+}
+
+float opacityOf(const Material& material, float opacity) {
+    return material.alphaMode == AlphaMode::opaque || material.alphaMode == AlphaMode::mask ? 1.0f : opacity;
+}
+
+/// Colour, textures and maps of one lane whose material is more than plain numbers.
+void applyDetail(const TextureLookup& look, const Material& material, SurfacePacket& out, int lane) {
+    const Mesh& mesh = *look.instance.mesh;
+    Vec3f base = material.base, specular = material.specular, emissive = material.emissive;
+    Vec3f ambientBase = material.base;
+    float opacity = material.opacity, alpha = 1, ambient = material.ambient;
+    if (mesh.colors.present()) {
+        // 11.2.2: the colour stands in for the main colour, its alpha (if it has one) for the transparency.
+        const ColorRGBA color = mesh.color(look.hit.triangle, look.hit.u, look.hit.v);
+        base = ambientBase = {color.r, color.g, color.b};
+        if (mesh.colors.components() == 4) opacity = color.a;
+    }
+    if (material.texture(TextureRole::base)) {
+        const Vec4f texel = look.sample(material, TextureRole::base);
+        base *= Vec3f(texel);
+        alpha = texel.a;
+        ambientBase = base;
+    }
+    if (material.texture(TextureRole::emissive)) emissive *= Vec3f(look.sample(material, TextureRole::emissive));
+    if (material.texture(TextureRole::specular)) specular *= Vec3f(look.sample(material, TextureRole::specular));
+    if (material.texture(TextureRole::ambient)) ambientBase *= Vec3f(look.sample(material, TextureRole::ambient));
+    if (material.texture(TextureRole::shininess)) out.exponent[lane] *= look.sample(material, TextureRole::shininess).a;
+    if (material.texture(TextureRole::metallicRoughness)) {
+        const Vec4f texel = look.sample(material, TextureRole::metallicRoughness);
+        out.roughness[lane] *= texel.g;
+        out.metallic[lane] *= texel.b;
+    }
+    if (material.texture(TextureRole::occlusion))
+        ambient *= 1 + material.occlusionStrength * (look.sample(material, TextureRole::occlusion).r - 1);
+    if (material.texture(TextureRole::normal)) out.normal.set(lane, mappedNormal(look, material, out.normal.get(lane)));
+    out.base.set(lane, base);
+    out.specular.set(lane, specular);
+    out.emissive.set(lane, emissive);
+    out.ambient.set(lane, ambientBase * ambient);
+    out.coverage[lane] = coverageOf(material, alpha);
+    out.opacity[lane] = opacityOf(material, opacity);
+}
+
+const SlotShading& slotOf(const TraceScene& scene, std::uint32_t id) {
+    static const SlotShading unknown;
+    return id < scene.slots.size() ? scene.slots[id] : unknown;
+}
+
+/// What the lanes of one instance have in common.
+struct Common {
+    std::uint32_t id = kNoInstance;
+    const RayInstance* instance = nullptr;
+    const SlotShading* slot = nullptr;
+    const MaterialEntry* entry = nullptr;
+    const Mesh* mesh = nullptr;
+    bool colored = false, alphaColored = false;
+
+    void find(const TraceScene& scene, std::uint32_t which) {
+        if (which == id) return;
+        id = which;
+        instance = &scene.world->instance(which);
+        slot = &slotOf(scene, which);
+        entry = &scene.materials[slot->material];
+        mesh = instance->mesh.get();
+        colored = mesh->colors.present();
+        alphaColored = colored && mesh->colors.components() == 4;
+    }
+};
+
+V8 loadV(const Lanes3& lanes, int at) {
+    return {load(lanes.x + at), load(lanes.y + at), load(lanes.z + at)};
+}
+void storeV(Lanes3& lanes, int at, const V8& v) {
+    store(lanes.x + at, v.x), store(lanes.y + at, v.y), store(lanes.z + at, v.z);
+}
+void fill(float* lanes, float value) {
+    store(lanes, all(value)), store(lanes + 8, all(value));
+}
+void fill(Lanes3& lanes, const Vec3f& v) {
+    fill(lanes.x, v.x), fill(lanes.y, v.y), fill(lanes.z, v.z);
+}
+
+/// The authored normal of a corner of a hit, where corners differ; interpolated, not normalised.
+Vec3f smoothNormal(const MeshAttribute& normals, std::uint32_t triangle, float u, float v) {
+    const float* data = normals.data();
+    const auto corner = [&](std::uint32_t c) {
+        const float* p = data + std::size_t{normals.valueIndex(triangle, c)} * 3;
+        return Vec3f(p[0], p[1], p[2]);
+    };
+    const Vec3f a = corner(0);
+    if (normals.binding() == MeshAttribute::Binding::face) return a;
+    return a * (1 - u - v) + corner(1) * u + corner(2) * v;
+}
+
+/// Into `normal`: the mesh's normals in ray space, of any length, or the geometric ones.
+void gatherNormals(const TraceScene& scene, SurfacePacket& out) {
+    Common common;
+    std::memcpy(&out.normal, &out.hits, sizeof out.normal);  // normalX, normalY, normalZ
+    for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        common.find(scene, out.hits.instance[lane]);
+        const MeshAttribute& normals = common.mesh->normals;
+        if (!normals.present()) {
+            if (out.oneInstance) return;
+            continue;
+        }
+        out.normal.set(lane, common.instance->normalFromLocal *
+                                 smoothNormal(normals, out.hits.triangle[lane], out.hits.u[lane], out.hits.v[lane]));
+    }
+}
+
+/// Places, directions and unit normals, eight lanes at a time.
+void finishGeometry(const RayPacket16& rays, SurfacePacket& out) {
+    alignas(32) std::int32_t behind[16];
+    for (int at = 0; at < 16; at += 8) {
+        const V8 d{load(rays.directionX + at), load(rays.directionY + at), load(rays.directionZ + at)};
+        const V8 o{load(rays.originX + at), load(rays.originY + at), load(rays.originZ + at)};
+        const V8 outside{load(out.hits.normalX + at), load(out.hits.normalY + at), load(out.hits.normalZ + at)};
+        storeV(out.position, at, o + d * load(rays.tMax + at));
+        storeV(out.view, at, {-d.x, -d.y, -d.z});
+        V8 n = loadV(out.normal, at);
+        const F8 squared = dot(n, n);
+        // Negated comparisons would also catch NaN; these are false for it.
+        const I8 good = (squared > 1e-24f) & (squared < 1e30f);
+        const I8 back = dot(d, outside) > 0.0f;
+        F8 scale = 1.0f / sqrt(select(good, squared, all(1)));
+        n = {select(good, n.x * scale, outside.x), select(good, n.y * scale, outside.y),
+             select(good, n.z * scale, outside.z)};
+        storeV(out.normal, at, {select(back, -n.x, n.x), select(back, -n.y, n.y), select(back, -n.z, n.z)});
+        std::memcpy(behind + at, &back, sizeof back);
+    }
+    std::memcpy(out.distance, rays.tMax, sizeof out.distance);
+    out.back = 0;
+    for (int lane = 0; lane < 16; ++lane) out.back |= static_cast<std::uint32_t>(behind[lane] != 0) << lane;
+    out.back &= out.mask;
+}
+
+void addLanes(const Material& material, std::uint32_t lanes, SurfacePacket& out) {
+    if (material.model == ShadingModel::unlit) out.unlit |= lanes;
+    if (material.model == ShadingModel::physical) out.physical |= lanes;
+    const bool shiny = material.specular != Vec3f(0);
+    if (material.model == ShadingModel::phong && shiny) out.shiny |= lanes;
+}
+
+/// Sixteen times the same.
+void fillAll(const Material& material, SurfacePacket& out) {
+    fill(out.base, material.base);
+    fill(out.specular, material.specular);
+    fill(out.emissive, material.emissive);
+    fill(out.ambient, material.base * material.ambient);
+    fill(out.exponent, material.exponent);
+    fill(out.metallic, material.metallic);
+    fill(out.roughness, material.roughness);
+    fill(out.coverage, coverageOf(material, 1));
+    fill(out.opacity, opacityOf(material, material.opacity));
+    for (const Material*& m : out.material) m = &material;
+    addLanes(material, out.mask, out);
+}
+
+void fillLane(const Material& material, int lane, SurfacePacket& out) {
+    out.base.set(lane, material.base);
+    out.specular.set(lane, material.specular);
+    out.emissive.set(lane, material.emissive);
+    out.ambient.set(lane, material.base * material.ambient);
+    out.exponent[lane] = material.exponent;
+    out.metallic[lane] = material.metallic;
+    out.roughness[lane] = material.roughness;
+    out.coverage[lane] = coverageOf(material, 1);
+    out.opacity[lane] = opacityOf(material, material.opacity);
+    out.material[lane] = &material;
+    addLanes(material, 1u << lane, out);
+}
+
+/// `lanes` are all of one instance.
+void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t lanes, const PathTask* tasks,
+                   SurfacePacket& out) {
+    const MaterialEntry& entry = *common.entry;
+    const Material& front = entry.material;
+    if (lanes == out.mask && !front.back) {
+        fillAll(front, out);
+    } else {
+        for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            fillLane((out.back >> lane & 1u) && front.back ? *front.back : front, lane, out);
+        }
+    }
+    for (std::uint32_t rest = lanes; rest; rest &= rest - 1) out.lights[std::countr_zero(rest)] = common.slot->lights;
+    if (entry.mirrors || entry.transmits || common.alphaColored) out.special |= lanes;
+    if (entry.textured || common.colored) {
+        for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            const Hit hit = out.hit(lane);
+            const float run = (tasks ? tasks[lane].travelled : 0) + hit.t;
+            const float cosine = std::max(std::abs(glm::dot(out.view.get(lane), hit.normal)), 0.05f);
+            const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
+            applyDetail({*common.instance, *common.slot, hit, footprint}, *out.material[lane], out, lane);
+        }
+    }
+    // The back of a solid is not there, unless light is to find its way out of glass.
+    if (common.mesh->solid && front.refractiveIndex == 0) {
+        const std::uint32_t culled = lanes & out.back;
+        out.special |= culled;
+        for (std::uint32_t rest = culled; rest; rest &= rest - 1) out.coverage[std::countr_zero(rest)] = 0;
+    }
+}
+
+}  // namespace
+
+void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32_t mask, const PathTask* tasks,
+                   SurfacePacket& out) {
+    scene.world->hits(rays, mask, out.hits);
+    out.mask = mask;
+    out.special = out.unlit = out.physical = out.shiny = 0;
+    out.pointsFound = false;
+    const std::uint32_t first = out.hits.instance[std::countr_zero(mask)];
+    std::uint32_t same = 0;
+    for (int lane = 0; lane < 16; ++lane) same |= static_cast<std::uint32_t>(out.hits.instance[lane] == first) << lane;
+    out.oneInstance = (same & mask) == mask;
+    gatherNormals(scene, out);
+    finishGeometry(rays, out);
+    Common common;
+    for (std::uint32_t rest = mask; rest;) {
+        const std::uint32_t id = out.hits.instance[std::countr_zero(rest)];
+        std::uint32_t lanes = 0;
+        for (int lane = 0; lane < 16; ++lane)
+            lanes |= static_cast<std::uint32_t>(out.hits.instance[lane] == id) << lane;
+        lanes &= rest;
+        common.find(scene, id);
+        fetchMaterial(scene, common, lanes, tasks, out);
+        rest &= ~lanes;
+    }
+}
+
+void findPoints(const TraceScene& scene, SurfacePacket& s) {
+    if (s.pointsFound) return;
+    s.pointsFound = true;
+    if (!s.oneInstance) {
+        for (std::uint32_t rest = s.mask; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            const HitPoint point = scene.world->point(s.hit(lane));
+            s.exact.set(lane, point.position);
+            s.error.set(lane, point.error);
+        }
+        return;
+    }
+    // As RayWorld::point, eight lanes at a time.
+    const RayInstance& instance = scene.world->instance(s.hits.instance[std::countr_zero(s.mask)]);
+    const Mesh& mesh = *instance.mesh;
+    const Vec3f* positions = mesh.positions.data();
+    const std::int32_t* triangles = mesh.triangles.data();
+    Lanes3 corner[3];
+    for (int lane = 0; lane < 16; ++lane) {
+        const bool use = s.mask >> lane & 1u;
+        const std::int32_t* triangle = triangles + (use ? std::size_t{s.hits.triangle[lane]} * mesh.triangleStride : 0);
+        for (int c = 0; c < 3; ++c) corner[c].set(lane, positions[triangle[c]]);
+    }
+    constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
+    const glm::mat4x3& m = instance.rayFromLocal;
+    for (int at = 0; at < 16; at += 8) {
+        const F8 u = load(s.hits.u + at), v = load(s.hits.v + at), w = 1.0f - u - v;
+        const V8 a = loadV(corner[0], at) * w, b = loadV(corner[1], at) * u, c = loadV(corner[2], at) * v;
+        const auto absolute = [](F8 x) { return max(x, -x); };
+        const V8 local = a + b + c;
+        const V8 size{absolute(a.x) + absolute(b.x) + absolute(c.x), absolute(a.y) + absolute(b.y) + absolute(c.y),
+                      absolute(a.z) + absolute(b.z) + absolute(c.z)};
+        const auto row = [&](int r) { return local.x * m[0][r] + local.y * m[1][r] + local.z * m[2][r] + m[3][r]; };
+        const auto bound = [&](int r) {
+            return ((size.x * std::abs(m[0][r]) + size.y * std::abs(m[1][r]) + size.z * std::abs(m[2][r])) *
+                        instance.errorScale +
+                    std::abs(m[3][r])) *
+                       gamma +
+                   instance.errorFloor[r];
+        };
+        storeV(s.exact, at, {row(0), row(1), row(2)});
+        storeV(s.error, at, {bound(0), bound(1), bound(2)});
+    }
+}
+
+Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
+    const SlotShading& slot = slotOf(scene, hit.instance);
+    const MaterialEntry& entry = scene.materials[slot.material];
+    const RayInstance& instance = scene.world->instance(hit.instance);
+    const Mesh& mesh = *instance.mesh;
+    const bool colored = mesh.colors.present() && mesh.colors.components() == 4;
+    if (!entry.transmits && !colored) return Vec3f(0);
+    const Material& material = entry.material;
+    float opacity = colored ? mesh.color(hit.triangle, hit.u, hit.v).a : material.opacity, alpha = 1;
+    if (material.texture(TextureRole::base))
+        alpha = TextureLookup{instance, slot, hit, 0}.sample(material, TextureRole::base).a;
+    float through = 1 - coverageOf(material, alpha) * opacityOf(material, opacity);
+    // Two boundaries of a dielectric reflect some of what passes; the bending is not followed.
+    if (material.refractiveIndex > 0) through *= 1 - fresnelDielectric(1, material.refractiveIndex).mean();
+    return Vec3f(through) * (Vec3f(1) - material.reflectivity);
+}
+
+}  // namespace rtsg::trace

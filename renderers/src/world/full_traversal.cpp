@@ -1,0 +1,222 @@
+#include <rtsg/renderers/full_traversal.h>
+
+#include <chrono>
+#include <unordered_map>
+
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/tessellate.h>
+
+#include "flatten/flattener_roles.h"
+
+namespace rtsg {
+
+using flatten::Role;
+using flatten::TypeRole;
+
+struct FullTraversalRenderer::Impl {
+    struct Level {
+        WorldFromLocal worldFromLocal;
+        std::uint64_t key;  // of the path
+        bool hidden;
+    };
+    struct Known {
+        Instance instance;
+        std::uint64_t seen = 0;  // frame
+    };
+    /// A geometry's fields and those of the nodes it refers to, as they were when its mesh was made. Holding the values
+    /// keeps their arrays from being freed, and so a new array from being mistaken for an old one.
+    struct Shot {
+        NodeId node;
+        FieldIndex field;
+        Value value;
+    };
+    struct Geometry {
+        std::vector<Shot> shots;
+        std::uint64_t checked = 0, seen = 0;
+    };
+
+    Impl(const RayWorld::Options& options, MeshSource source) : meshes(std::move(source)), world(options) {}
+
+    Result<> enter(FullTraversalRenderer& renderer, const Node& node);
+    void leave() { stack.pop_back(); }
+    void shape(const Node& node, const TypeRole& role, const Level& level);
+    void checkGeometry(NodeId id);
+    void take(NodeId id, std::vector<Shot>& shots) const;
+
+    MeshSource meshes;
+    RayWorld world;
+    InstanceDelta delta;
+    flatten::RoleTable roles;
+    std::vector<Level> stack;
+    std::unordered_map<std::uint64_t, Known> known;  // by path
+    std::unordered_map<std::uint32_t, Geometry> geometries;
+    std::vector<std::uint32_t> freeSlots, freedSlots;
+    std::uint32_t slots = 0, generation = 0;
+    std::uint64_t frame = 0;
+    const Scene* scene = nullptr;
+    std::vector<NodeId> below;
+    Stats stats;
+};
+
+namespace {
+
+std::uint64_t mix(std::uint64_t h, std::uint64_t v) {
+    h = (h ^ v) * 0x9E3779B97F4A7C15ull;
+    h = (h ^ h >> 32) * 0xD6E8FEB86659FD93ull;
+    return h ^ h >> 29;
+}
+
+}  // namespace
+
+Result<> FullTraversalRenderer::Impl::enter(FullTraversalRenderer& renderer, const Node& node) {
+    ++stats.nodesVisited;
+    const TypeRole& role = roles.of(node);
+    Level level = stack.back();
+    level.key = mix(level.key, node.id().value);
+    if (role.visible != kNoField && !flatten::read<bool>(node, role.visible)) level.hidden = true;
+    if (role.role == Role::shape) {
+        if (!level.hidden) shape(node, role, level);
+        stack.push_back(level);
+        return {};
+    }
+    WorldFromLocal local;
+    if (role.hasTransform && flatten::localTransform(node, role, local))
+        level.worldFromLocal = compose(level.worldFromLocal, local);
+    stack.push_back(level);
+    below.clear();
+    flatten::desiredChildren(node, role, 0, below);
+    renderer.descend(below, collect);
+    return {};
+}
+
+void FullTraversalRenderer::Impl::shape(const Node& node, const TypeRole& role, const Level& level) {
+    Instance now;
+    now.shape = node.id();
+    now.geometry = flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.geometry));
+    now.appearance = flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.appearance));
+    now.castShadow = flatten::read<bool>(node, role.castShadow);
+    now.worldFromLocal = level.worldFromLocal;
+    if (now.geometry) checkGeometry(now.geometry);
+    std::uint64_t key = level.key;
+    Known* known_ = &known[key];
+    while (known_->seen == frame) known_ = &known[key = mix(key, 1)];  // the same path twice: a child listed twice
+    const bool isNew = known_->seen == 0;
+    known_->seen = frame;
+    Instance& before = known_->instance;
+    if (isNew) {
+        if (freeSlots.empty()) {
+            now.id = {slots++, generation};
+        } else {
+            now.id = {freeSlots.back(), generation};
+            freeSlots.pop_back();
+        }
+        before = now;
+        delta.added.push_back(now);
+        return;
+    }
+    now.id = before.id;
+    if (now.geometry != before.geometry || now.appearance != before.appearance || now.castShadow != before.castShadow)
+        delta.rebound.push_back(now);
+    else if (now.worldFromLocal != before.worldFromLocal)
+        delta.moved.push_back({now.id, now.worldFromLocal});
+    before = now;
+}
+
+void FullTraversalRenderer::Impl::take(NodeId id, std::vector<Shot>& shots) const {
+    // Geometry is shallow (IndexedFaceSet, TextureCoordinate below MultiTextureCoordinate), and the scene has no
+    // cycles.
+    const Node& node = scene->node(id);
+    for (std::size_t i = 0; i < node.type().fields.size(); ++i) {
+        const FieldDef& field = node.type().fields[i];
+        if (!field.readable() || field.aspect == Aspect::none || field.aspect == Aspect::time) continue;
+        const auto index = static_cast<FieldIndex>(i);
+        shots.push_back({id, index, node.value(index)});
+    }
+    for (const FieldIndex i : node.type().nodeFields()) {
+        if (!node.type().fields[i].readable() || node.type().fields[i].aspect == Aspect::none) continue;
+        const Value value = node.value(i);
+        if (value.type() == FieldType::SFNode) {
+            if (const NodeId child = value.as<NodeId>(); child && scene->find(child)) take(child, shots);
+        } else {
+            for (const NodeId child : value.as<Array<NodeId>>())
+                if (child && scene->find(child)) take(child, shots);
+        }
+    }
+}
+
+void FullTraversalRenderer::Impl::checkGeometry(NodeId id) {
+    Geometry& geometry = geometries[id.value];
+    if (std::exchange(geometry.seen, frame) == frame) return;
+    bool same = geometry.checked != 0;
+    for (std::size_t i = 0; same && i < geometry.shots.size(); ++i) {
+        const Shot& shot = geometry.shots[i];
+        const Node* node = scene->find(shot.node);
+        same = node && equalStorage(shot.value.type(), node->storage(shot.field), shot.value.storage());
+    }
+    geometry.checked = frame;
+    if (same) return;
+    geometry.shots.clear();
+    take(id, geometry.shots);
+    std::shared_ptr<const Mesh> mesh;
+    if (meshes)
+        mesh = meshes(*scene, id);
+    else if (auto made = tessellate(*scene, id))
+        mesh = *std::move(made);
+    delta.geometries.push_back({id, std::move(mesh)});
+}
+
+FullTraversalRenderer::FullTraversalRenderer(const RayWorld::Options& options, MeshSource meshes)
+    : impl_(std::make_unique<Impl>(options, std::move(meshes))) {
+    const NodeRenderer visit = nodeRendererFor<FullTraversalRenderer>(
+        [](FullTraversalRenderer& r, const Node& n, Operation) { return r.impl_->enter(r, n); },
+        [](FullTraversalRenderer& r, const Node&, Operation) { r.impl_->leave(); });
+    for (const std::string_view type : flatten::kGroupTypes) registerNodeRenderer(type, visit);
+    registerNodeRenderer("Shape", visit);
+}
+
+FullTraversalRenderer::~FullTraversalRenderer() = default;
+
+Result<> FullTraversalRenderer::attachToScene(Scene& scene) {
+    if (Result<> result = Renderer::attachToScene(scene); !result) return result;
+    impl_->scene = &scene;
+    return renderFrame();
+}
+
+Result<> FullTraversalRenderer::renderFrame() {
+    const auto start = std::chrono::steady_clock::now();
+    Impl& i = *impl_;
+    ++i.frame;
+    ++i.generation;
+    i.delta.clear();
+    i.stats = {};
+    i.freeSlots.insert(i.freeSlots.end(), i.freedSlots.begin(), i.freedSlots.end());
+    i.freedSlots.clear();
+    i.stack.assign(1, {identityTransform(), 0, false});
+    if (Result<> result = renderScene(collect); !result) return result;
+    std::erase_if(i.known, [&](const auto& entry) {
+        if (entry.second.seen == i.frame) return false;
+        i.delta.removed.push_back(entry.second.instance.id);
+        i.freedSlots.push_back(entry.second.instance.id.slot);
+        return true;
+    });
+    std::erase_if(i.geometries, [&](const auto& entry) {
+        if (entry.second.seen == i.frame) return false;
+        i.delta.geometriesRemoved.push_back(NodeId{entry.first});
+        return true;
+    });
+    i.stats.traverseSeconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    i.world.apply(i.delta);
+    return {};
+}
+
+const RayWorld& FullTraversalRenderer::world() const {
+    return impl_->world;
+}
+const InstanceDelta& FullTraversalRenderer::delta() const {
+    return impl_->delta;
+}
+FullTraversalRenderer::Stats FullTraversalRenderer::stats() const {
+    return impl_->stats;
+}
+
+}  // namespace rtsg

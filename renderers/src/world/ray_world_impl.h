@@ -1,0 +1,192 @@
+// The speed-up graph: which instance is traced how: merged with others as triangles, or as itself.
+//
+// Invariant: `places` has one entry per slot of RayWorld::instances_; a traced instance is in one cluster or is one
+// object of the top. Clusters are built once: a member that leaves is hidden (a mask, no building), and what arrives is
+// a cluster or an object of its own until the background makes one of several. (The merged mapping rebuilds its one.)
+// A cluster rests in ray space or is a body: it moves as one, and is dissolved as far as it does not.
+// Source: paper section 5.1.2.
+#pragma once
+
+#include <atomic>
+#include <string>
+#include <unordered_map>
+
+#include <rtsg/renderers/ray_world.h>
+
+#include "embree/mesh_bvh.h"
+#include "embree/worker.h"
+
+namespace rtsg {
+
+struct RayWorld::Impl {
+    struct MeshEntry {
+        std::shared_ptr<const Mesh> mesh;
+        std::unique_ptr<bvh::MeshBvh> bvh;  // made when the first instance needs it
+        std::vector<std::uint32_t> users;   // slots
+        std::uint32_t node = 0;             // its key
+        bool usable = false;                // has triangles, and they are valid
+        bool deforms = false;               // has changed since it came
+        bool changed = false;               // in `changedMeshes`
+        bool isBusy = false;                // in `busyMeshes`
+    };
+    /// Triangles merged into one BVH.
+    struct Cluster {
+        std::unique_ptr<bvh::Group> group;
+        std::uint32_t index = 0;                          // in `resting` or `bodies`
+        std::uint32_t object = bvh::InstanceTree::kNone;  // in the top
+        std::uint32_t builtAt = 0;                        // apply() number
+        bool isBody = false;
+        bool thinned = false;  // in `thinned`
+        // Bodies: its frame, and where the members are in it, by local number.
+        WorldFromLocal worldFromBody{1.0};
+        glm::mat3 normalFromBody{1.0f};
+        std::vector<WorldFromLocal> bodyFromLocal;
+        std::uint32_t reference = 0;          // the member that tells where the body is
+        std::vector<std::uint32_t> movedNow;  // slots, during apply()
+    };
+    enum class Kind : std::uint8_t {
+        none,
+        instanced,  // an object of the top: its mesh's BVH and a transform
+        resting,    // in a cluster in ray space
+        body,       // in a cluster that moves
+    };
+    struct Place {
+        MeshEntry* mesh = nullptr;
+        Cluster* cluster = nullptr;
+        std::uint32_t userIndex = 0;
+        std::uint32_t local = 0;    // number in its cluster, or of its object in the top
+        std::uint32_t changes = 0;  // of transform, mesh or tenant: what the background built of older ones is void
+        std::uint32_t movedAt = 0;  // apply() number
+        std::uint8_t splits = 0;    // how often it was merged and then moved; counts to kMostDoublings
+        Kind kind = Kind::none;
+        bool moves = false;    // has moved since it was merged, or came
+        bool loose = false;    // does not move as its body does
+        bool pending = false;  // in `pending`
+        bool culled = false;   // cannot be traced, which was said
+        bool waiting = false;  // in `rests`
+    };
+    /// What a transform and a mesh allow.
+    enum class Fitness : std::uint8_t { instance, bakeOnly, none };
+    /// One that is not merged now and may be when it has rested.
+    struct Rest {
+        std::uint32_t due;  // apply() number
+        InstanceId id;
+    };
+    struct Merge;  // what the background builds
+
+    Impl(RayWorld& owner, const Options& o);
+    ~Impl();
+
+    void apply(const InstanceDelta& delta);
+
+    // ray_world.cpp: following the delta
+    void setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh);
+    void makeRoom(const std::vector<Instance>& added);
+    void add(const Instance& instance);
+    void remove(InstanceId id);
+    void rebind(const Instance& instance);
+    void move(InstanceId id, const WorldFromLocal& worldFromLocal);
+    void followMesh(MeshEntry& entry);
+    /// Adds the meshes whose rebuild is ready to those that have changed.
+    void lookForRebuilt(bool wait);
+    void followMeshes();
+
+    bool isLive(InstanceId id) const;
+    void link(std::uint32_t slot, NodeId geometry);
+    void unlink(std::uint32_t slot);
+    void setTransform(RayInstance& instance, const WorldFromLocal& worldFromLocal);
+    void setPending(std::uint32_t slot);
+    void cull(std::uint32_t slot, std::string reason);
+    void commit();
+
+    Hit resolve(float t, float u, float v, Vec3f normal, std::uint32_t triangle, std::uint32_t geometryId,
+                std::uint32_t instanceId) const;
+
+    // ray_world_place.cpp: what goes where
+    static std::uint32_t maskOf(const Instance& info);
+    void chooseOrigin();
+    /// Sets `reason` when the answer is none.
+    Fitness fitness(std::uint32_t slot, std::string& reason) const;
+    /// Whether copying its triangles is worth it.
+    bool canMerge(std::uint32_t slot) const;
+    void placePending();
+    void placeInstance(std::uint32_t slot);
+    WorldFromLocal rayFromLocal(const Instance& info) const;
+    bvh::InstanceTree::Box instanceBox(std::uint32_t slot) const;
+
+    // ray_world_cluster.cpp: triangles of several in one BVH
+    Cluster& newCluster(std::unique_ptr<bvh::Group> group, bool isBody);
+    /// Nobody is in it any more.
+    void dropCluster(Cluster& cluster);
+    void join(Cluster& cluster, std::uint32_t slot, bvh::Triangles triangles);
+    void placeResting(const std::vector<std::uint32_t>& slots);
+    void placeBody(const std::vector<std::uint32_t>& slots);
+    WorldFromLocal inRaySpace(WorldFromLocal worldFromLocal) const;
+    bvh::InstanceTree::Box bodyBox(const Cluster& body) const;
+    bool boxInReach(const Cluster& body, const WorldFromLocal& worldFromBody) const;
+    void setBodyTransform(Cluster& body, const WorldFromLocal& worldFromBody);
+    /// After its members have moved: moves it, and takes out those that went elsewhere.
+    void followBody(Cluster& body);
+    /// Stops tracing it.
+    void lift(std::uint32_t slot);
+    void setMask(std::uint32_t slot);
+    void tidyClusters();
+
+    // ray_world_background.cpp: what has rested is merged
+    std::uint32_t patience(std::uint32_t slot) const;
+    /// Has it merged when it has rested; more often than once does nothing.
+    void watchRest(std::uint32_t slot);
+    void findRested();
+    bool canRestMerged(std::uint32_t slot) const;
+    void startMerge();
+    /// If there is one and it is done; waits for that if told so.
+    void takeMerge(bool wait);
+    void forgetSource(const Cluster& cluster);
+    void discard(std::unique_ptr<bvh::Group> group);
+
+    RayWorld* world;
+    Options options;
+    bvh::Device device;
+    std::unordered_map<std::uint32_t, MeshEntry> meshes;  // by geometry NodeId
+    std::vector<Place> places;
+    std::vector<std::unique_ptr<Cluster>> resting, bodies;
+    std::vector<std::uint32_t> pending;
+    std::vector<Cluster*> touchedBodies;  // with members in movedNow
+    std::vector<Cluster*> thinned;        // lost members
+    std::vector<MeshEntry*> changedMeshes;
+    std::vector<std::uint32_t> busyMeshes;  // keys of `meshes` for which the worker may have something to do
+    bvh::Top top;
+    std::uint32_t now = 0;           // apply() number
+    std::vector<Rest> rests;         // a heap, the earliest first
+    std::vector<InstanceId> rested;  // due for merging
+    std::vector<Cluster*> ripe;      // kept for its memory
+    std::shared_ptr<Merge> merge;    // the one under way
+    Stats stats;
+    mutable std::atomic<std::uint64_t> badRays{0};
+    Worker worker;  // last: ends before what its jobs use
+};
+
+/// A thing must rest at most 2^this times as long as Options::restFrames.
+constexpr int kMostDoublings = 8;
+
+/// Precondition: it has one.
+WorldFromLocal inverse(const WorldFromLocal& m);
+/// The mesh's triangles in the frame that `m` leads to; its own arrays where that is its own frame.
+bvh::Triangles transformedTriangles(const std::shared_ptr<const Mesh>& mesh, const WorldFromLocal& m);
+/// Whether rays can be taken into its frame.
+bool canEnter(const WorldFromLocal& m);
+/// |M| |M^-1|, largest row sum: by how much a relative error in local coordinates can grow on its way back.
+float errorScale(const WorldFromLocal& m);
+/// For the directions of normals of unmirrored ones, up to their lengths.
+glm::mat3 normalMatrix(const WorldFromLocal& m);
+struct DoubleBox {
+    Vec3d center{0}, half{-1};
+    /// Within what is traced.
+    bool inReach() const;
+};
+/// Of the box under the transform; contains it, and is not much larger.
+DoubleBox transformed(const Bounds& bounds, const WorldFromLocal& m);
+/// The same in float, with room for the rounding of the ray's transform and of the box itself.
+bvh::InstanceTree::Box floatBox(const DoubleBox& box);
+
+}  // namespace rtsg

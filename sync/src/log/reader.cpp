@@ -1,0 +1,236 @@
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <rtsg/sync/log.h>
+
+#include "codec/wire.h"
+#include "index.h"
+
+namespace rtsg {
+
+namespace {
+
+constexpr std::size_t kWindow = std::size_t{1} << 20;
+
+}  // namespace
+
+void encodeLogIndex(const std::vector<LogKeyframe>& keyframes, std::uint64_t offset, ByteBuffer& record) {
+    record.clear();
+    record.room(kRecordHeaderSize);
+    record.advance(kRecordHeaderSize);
+    record.putVarint(keyframes.size());
+    for (const LogKeyframe& keyframe : keyframes) {
+        record.put(keyframe.offset);
+        record.put(keyframe.to);
+        record.put(keyframe.time);
+        record.put(keyframe.head);
+    }
+    record.put(offset);
+    record.append(kIndexMagic.data(), kIndexMagic.size());
+    RecordHeader header;
+    header.kind = RecordKind::index;
+    sealRecord(record, header);
+}
+
+bool decodeLogIndex(std::span<const std::byte> record, std::uint64_t offset, std::vector<LogKeyframe>& keyframes) {
+    wire::Reader in(recordPayload(record), kRecordHeaderSize);
+    const std::size_t count = in.count(32);
+    keyframes.clear();
+    keyframes.reserve(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        LogKeyframe keyframe;
+        keyframe.offset = in.number<std::uint64_t>();
+        keyframe.to = in.number<std::uint64_t>();
+        keyframe.time = in.number<double>();
+        keyframe.head = in.number<std::uint64_t>();
+        if (keyframe.offset >= offset || keyframe.head >= keyframe.offset ||
+            (i > 0 && keyframe.offset <= keyframes.back().offset))
+            return false;
+        keyframes.push_back(keyframe);
+    }
+    return !in.problem && in.left() == kIndexTail;
+}
+
+Result<LogReader> LogReader::open(const std::filesystem::path& file, std::uint64_t maxPayload) {
+    LogReader log;
+    log.file_ = file;
+    log.maxPayload_ = maxPayload;
+    log.descriptor_ = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+    if (log.descriptor_ < 0) return fail(fmt::format("cannot read: {}", std::strerror(errno)), {}, file.string());
+    struct stat status{};
+    if (::fstat(log.descriptor_, &status) != 0 || !S_ISREG(status.st_mode))
+        return fail("not a regular file", {}, file.string());
+    log.size_ = static_cast<std::uint64_t>(status.st_size);
+    log.searchBudget_ = 4 * log.size_ + (std::uint64_t{16} << 20);
+    if (log.next()) {
+        log.position_ = 0;
+        log.intactEnd_ = 0;
+        return log;
+    }
+    return fail(log.damage_.empty() ? "not a log: at byte 0: it is empty" : "not a log: " + log.damage_.front().text,
+                {}, file.string());
+}
+
+LogReader::LogReader(LogReader&& other) noexcept {
+    *this = std::move(other);
+}
+
+LogReader& LogReader::operator=(LogReader&& other) noexcept {
+    std::swap(file_, other.file_);
+    std::swap(descriptor_, other.descriptor_);
+    std::swap(size_, other.size_);
+    std::swap(position_, other.position_);
+    std::swap(intactEnd_, other.intactEnd_);
+    std::swap(maxPayload_, other.maxPayload_);
+    std::swap(searchBudget_, other.searchBudget_);
+    std::swap(damage_, other.damage_);
+    std::swap(keyframes_, other.keyframes_);
+    std::swap(hadIndex_, other.hadIndex_);
+    std::swap(window_, other.window_);
+    std::swap(windowAt_, other.windowAt_);
+    return *this;
+}
+
+LogReader::~LogReader() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+bool LogReader::read(std::uint64_t offset, std::size_t length, ByteBuffer& into) {
+    into.clear();
+    std::byte* at = into.room(length);
+    while (length > 0) {
+        const ssize_t got = ::pread(descriptor_, at, length, static_cast<off_t>(offset));
+        if (got < 0 && errno == EINTR) continue;
+        if (got <= 0) break;  // shorter than it was when opened, or unreadable: as far as it goes
+        at += got;
+        into.advance(static_cast<std::size_t>(got));
+        offset += static_cast<std::uint64_t>(got);
+        length -= static_cast<std::size_t>(got);
+    }
+    return length == 0;
+}
+
+/// Makes the window hold the whole record at `offset`, and checks it.
+Result<RecordHeader> LogReader::load(std::uint64_t offset) {
+    const auto inWindow = [&](std::uint64_t length) {
+        return offset >= windowAt_ && offset + length <= windowAt_ + window_.size();
+    };
+    const auto view = [&] { return window_.bytes().subspan(offset - windowAt_); };
+    const std::uint64_t left = size_ - std::min(size_, offset);
+    if (!inWindow(std::min<std::uint64_t>(left, kRecordHeaderSize))) {
+        windowAt_ = offset;
+        read(offset, std::min<std::uint64_t>(left, kWindow), window_);
+    }
+    const Result<RecordHeader> header =
+        parseRecordHeader(left ? view() : std::span<const std::byte>(), offset, maxPayload_);
+    if (!header) return header;
+    if (header->size() > left)
+        return fail(fmt::format("at byte {}: record truncated: {} of {} bytes", offset, left, header->size()));
+    if (!inWindow(header->size())) {
+        windowAt_ = offset;
+        read(offset, std::max<std::uint64_t>(header->size(), std::min<std::uint64_t>(left, kWindow)), window_);
+    }
+    return checkRecord(view(), offset, maxPayload_);
+}
+
+std::uint64_t LogReader::findMagic(std::uint64_t from) {
+    ByteBuffer part;
+    while (from < size_) {
+        const std::size_t length = std::min<std::uint64_t>(size_ - from, kWindow);
+        read(from, length, part);
+        if (part.size() < kRecordMagic.size()) return size_;
+        const std::string_view text(reinterpret_cast<const char*>(part.data()), part.size());
+        if (const std::size_t found = text.find(kRecordMagic); found != text.npos) return from + found;
+        from += part.size() - (kRecordMagic.size() - 1);
+    }
+    return size_;
+}
+
+void LogReader::noteDamage(std::uint64_t from, std::uint64_t to, std::string text) {
+    const auto known = [from](const LogDamage& d) { return d.offset == from; };
+    if (damage_.size() < 1000 && std::ranges::none_of(damage_, known))
+        damage_.push_back({from, to - from, std::move(text)});
+}
+
+std::optional<LogReader::Record> LogReader::next() {
+    const std::uint64_t start = position_;
+    std::string problem;
+    while (position_ < size_) {
+        const Result<RecordHeader> header = load(position_);
+        if (header) {
+            if (!problem.empty()) noteDamage(start, position_, std::move(problem));
+            Record record{*header, position_, window_.bytes().subspan(position_ - windowAt_, header->size())};
+            position_ += header->size();
+            intactEnd_ = std::max(intactEnd_, position_);
+            return record;
+        }
+        if (problem.empty())
+            problem = header.error().text;
+        else if (const Result<RecordHeader> tried =
+                     parseRecordHeader(window_.bytes().subspan(position_ - windowAt_), position_, maxPayload_);
+                 tried && tried->size() <= size_ - position_) {
+            // A file full of forged headers would make this quadratic.
+            if (tried->size() > searchBudget_) {
+                noteDamage(start, size_, problem + "; gave up looking for an intact record");
+                position_ = size_;
+                return std::nullopt;
+            }
+            searchBudget_ -= tried->size();
+        }
+        position_ = findMagic(position_ + 1);
+    }
+    if (!problem.empty()) noteDamage(start, size_, std::move(problem));
+    return std::nullopt;
+}
+
+bool LogReader::readIndex() {
+    if (size_ < kRecordHeaderSize + kIndexTail) return false;
+    ByteBuffer tail;
+    if (!read(size_ - kIndexTail, kIndexTail, tail)) return false;
+    if (std::memcmp(tail.data() + 8, kIndexMagic.data(), kIndexMagic.size()) != 0) return false;
+    std::uint64_t offset = 0;
+    std::memcpy(&offset, tail.data(), sizeof(offset));
+    if (offset >= size_) return false;
+    const Result<RecordHeader> header = load(offset);
+    if (!header || header->kind != RecordKind::index || offset + header->size() != size_) return false;
+    std::vector<LogKeyframe> found;
+    if (!decodeLogIndex(window_.bytes().subspan(offset - windowAt_, header->size()), offset, found)) return false;
+    keyframes_ = std::move(found);
+    return true;
+}
+
+std::vector<LogKeyframe> scanLogKeyframes(LogReader& log) {
+    std::vector<LogKeyframe> found;
+    std::optional<std::uint64_t> head;
+    while (const std::optional<LogReader::Record> record = log.next()) {
+        if (record->header.kind == RecordKind::head) head = record->offset;
+        // One without any head before it cannot be read; the same state comes again behind the next head.
+        if (record->header.kind == RecordKind::keyframe && head)
+            found.push_back({record->offset, record->header.to, record->header.time, *head});
+    }
+    return found;
+}
+
+void LogReader::scanKeyframes() {
+    const std::uint64_t before = position_;
+    position_ = 0;
+    keyframes_ = scanLogKeyframes(*this);
+    position_ = before;
+}
+
+const std::vector<LogKeyframe>& LogReader::keyframes() {
+    if (!keyframes_) {
+        hadIndex_ = readIndex();
+        if (!hadIndex_) scanKeyframes();
+    }
+    return *keyframes_;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,382 @@
+#include <rtsg/sync/replay.h>
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "codec/node_label.h"
+#include "replay_input.h"
+
+namespace rtsg {
+
+namespace {
+
+/// "node.field" of a change, as far as it has them.
+void name(const Scene& scene, const Change& change, Divergence& into) {
+    into.node = nodeLabel(scene, change.node);
+    const Node* node = scene.find(change.node);
+    if (change.kind == ChangeKind::setName)
+        into.field = "name";
+    else if (change.kind == ChangeKind::createNode || change.kind == ChangeKind::destroyNode)
+        into.field = "existence";
+    else if (node && change.field < node->type().fields.size())
+        into.field = node->type().fields[change.field].name;
+}
+
+/// A value of `set` that is not in the scene after applying it: an error of the scene's, not of the log's.
+const Change* firstUnheeded(const Scene& scene, const ChangeSet& set) {
+    std::vector<NodeId> destroyed;
+    for (const Change& change : set.changes)
+        if (change.kind == ChangeKind::destroyNode) destroyed.push_back(change.node);
+    std::ranges::sort(destroyed);
+    for (const Change& change : set.changes) {
+        if (change.kind != ChangeKind::setField || std::ranges::binary_search(destroyed, change.node)) continue;
+        if (change.value.type() == FieldType::MFNode) continue;  // insertions may have followed
+        const Node* node = scene.find(change.node);
+        if (!node || change.field >= node->type().fields.size() ||
+            !equalStorage(change.value.type(), node->storage(change.field), change.value.storage()))
+            return &change;
+    }
+    return nullptr;
+}
+
+}  // namespace
+
+Replayer::Replayer(LogReader log) : log_(std::move(log)), decoder_(builtinTypes()), scene_(std::make_unique<Scene>()) {
+    scene_->setBehavioursEnabled(false);
+}
+
+Result<std::unique_ptr<Replayer>> Replayer::open(const std::filesystem::path& file) {
+    Result<LogReader> log = LogReader::open(file);
+    if (!log) return std::unexpected(log.error());
+    std::unique_ptr<Replayer> replayer(new Replayer(std::move(*log)));
+    while (const std::optional<LogReader::Record> record = replayer->log_.next()) {
+        if (record->header.kind != RecordKind::head) continue;
+        if (auto ok = replayer->adoptHead(record->bytes); !ok) return std::unexpected(ok.error());
+        return replayer;
+    }
+    return fail("no intact head record", {}, file.string());
+}
+
+Result<> Replayer::adoptHead(std::span<const std::byte> record) {
+    const auto failed = [this](const Diagnostic& why) { return fail(why.text, {}, log_.file().string()); };
+    Result<StreamHead> head = decodeHead(record);
+    if (!head) return failed(head.error());
+    // Heads are repeated; one that says nothing new changes nothing.
+    if (headed_ && head->epoch == head_.epoch && head->dictionaryHash == head_.dictionaryHash) return {};
+    lost_ = true;
+    headed_ = false;
+    head_ = std::move(*head);
+    if (auto ok = decoder_.setHead(head_); !ok) return failed(ok.error());
+    const bool runs = head_.mode.mode == Mode::input;
+    const Result<> fit = inputDecoder_.setHead(head_);
+    if (runs && !fit) return failed(fit.error());
+    inputsFit_ = fit.has_value();
+    if (!runs) {
+        runner_.reset();
+        scene_->setBehavioursEnabled(false);
+    } else if (!runner_) {
+        runner_ = std::make_unique<InputReplica>(*scene_);
+    }
+    headed_ = true;
+    return {};
+}
+
+/// Whether the record is to be applied; notes gaps. A keyframe that repeats the state one is in is not.
+bool Replayer::leadsOn(const RecordHeader& header) {
+    const bool keyframe = header.kind == RecordKind::keyframe;
+    if (!keyframe && header.kind != RecordKind::frame) return false;
+    if (!headed_) return false;
+    if (!lost_) {
+        if (header.from == scene_->sequence() && !(keyframe && header.to == 0)) return true;
+        if (header.to <= scene_->sequence()) return false;
+        lost_ = true;
+        ++gaps_;
+    }
+    return keyframe;
+}
+
+Result<> Replayer::lose(std::uint64_t offset, std::uint64_t state, std::string_view why) {
+    lost_ = true;
+    return fail(fmt::format("at byte {}: state {}: {}", offset, state, why), {}, log_.file().string());
+}
+
+Result<> Replayer::apply(const LogReader::Record& record) {
+    const RecordHeader& header = record.header;
+    if (lost_ && (scene_->sequence() != 0 || frames_ != 0))
+        if (auto ok = scene_->reset(); !ok) return ok;
+    // Subscribers may still hold the last one.
+    if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
+    Result<> ok = decoder_.decode(record.bytes, *set_);
+    set_->input.reset();
+    if (input_ && input_->from == header.from && input_->to == header.to) set_->input = std::move(input_->input);
+    if (ok && runner_) {
+        if (const Result<bool> taken = runner_->take(set_); !taken) ok = std::unexpected(taken.error());
+    } else if (ok) {
+        ok = scene_->apply(set_);
+    }
+    if (!ok) return lose(record.offset, header.to, ok.error().text);
+    lost_ = false;
+    ++frames_;
+    check(header, *set_);
+    return {};
+}
+
+/// True when the record brought the scene to a further state.
+Result<bool> Replayer::take(const LogReader::Record& record) {
+    if (record.header.kind == RecordKind::head)
+        if (auto ok = adoptHead(record.bytes); !ok) return std::unexpected(ok.error());
+    if (record.header.kind == RecordKind::input) return takeInput(record);
+    if (!leadsOn(record.header)) return false;
+    if (auto ok = apply(record); !ok) return std::unexpected(ok.error());
+    return true;
+}
+
+/// In input mode: runs the frame. Else: keeps what came into it until its changes come.
+Result<bool> Replayer::takeInput(const LogReader::Record& record) {
+    const RecordHeader& header = record.header;
+    const bool isRunState = header.from == header.to;
+    if (!headed_ || lost_ || !inputsFit_ ||
+        (isRunState ? !runner_ || header.to != scene_->sequence() : header.to <= scene_->sequence()))
+        return false;
+    if (header.from != scene_->sequence()) {
+        if (runner_) lost_ = true, ++gaps_;
+        return false;
+    }
+    auto input = std::make_shared<ChangeSet>();
+    if (auto ok = inputDecoder_.decode(record.bytes, *input); !ok) {
+        if (!runner_) return false;  // the changes themselves are what counts
+        return std::unexpected(lose(record.offset, header.to, ok.error().text).error());
+    }
+    if (!runner_) {
+        input_ = std::move(input);
+        return false;
+    }
+    if (!isRunState && !runner_->exact())
+        return std::unexpected(lose(record.offset, header.to, runner_->why()).error());
+    const Result<bool> taken = runner_->take(input);
+    if (!taken) return std::unexpected(lose(record.offset, header.to, taken.error().text).error());
+    if (isRunState) {
+        if (!*taken) return std::unexpected(lose(record.offset, header.to, runner_->why()).error());
+        return false;
+    }
+    set_ = std::move(input);
+    ++frames_;
+    check(header, *set_);
+    lost_ = !*taken;
+    return true;
+}
+
+void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
+    if (scene_->hash() == header.hash) {
+        ++verified_;
+        return;
+    }
+    if (divergence_) return;
+    Divergence found{header.to, header.time, {}, {}, {}};
+    const auto adopt = [&found](std::optional<Divergence> exact, std::string_view seen) {
+        if (!exact) return false;
+        found.node = std::move(exact->node);
+        found.field = std::move(exact->field);
+        found.text = fmt::format("{}, seen {}", exact->text, seen);
+        return true;
+    };
+    if (const Change* unheeded = firstUnheeded(*scene_, set)) {
+        name(*scene_, *unheeded, found);
+        found.text = "the scene does not hold the value that is in the log";
+    } else if (runner_) {
+        if (!adopt(compareAtNextKeyframe(), "at the next keyframe"))
+            found.text = "run again from its input, the frame comes out otherwise";
+    } else if (!adopt(compareWithRerun(header, set), "by running the frame again from its input") &&
+               !adopt(compareAtNextKeyframe(), "at the next keyframe") && !set.changes.empty()) {
+        const auto first = std::ranges::find_if(set.changes, [](const Change& c) {
+            return c.kind != ChangeKind::defineType && c.kind != ChangeKind::event;
+        });
+        if (first != set.changes.end()) name(*scene_, *first, found);
+        found.text = set.changes.size() == 1
+                         ? "the value in the log is not the one that the origin had"
+                         : fmt::format(
+                               "one of the {} changes of this state, this is the first: nothing in the log "
+                               "tells which",
+                               set.changes.size());
+    }
+    found.text += fmt::format(" (hash {}, recorded {})", scene_->hash().hex(), header.hash.hex());
+    divergence_ = std::move(found);
+}
+
+/// Goes to the state before again, runs the frame from what came into it, and compares, if that leads to the hash that
+/// was recorded: then what the cascade makes is what the origin had.
+std::optional<Divergence> Replayer::compareWithRerun(const RecordHeader& header, const ChangeSet& set) const {
+    if (header.kind != RecordKind::frame || header.to != header.from + 1 || divergence_) return std::nullopt;
+    Result<std::unique_ptr<Replayer>> before = open(log_.file());
+    if (!before) return std::nullopt;
+    Replayer& other = **before;
+    for (const LogKeyframe& keyframe : other.log_.keyframes())
+        if (keyframe.offset < log_.position() && keyframe.to <= header.from) other.log_.seek(keyframe.head);
+    other.headed_ = false;
+    while (other.lost_ || other.scene_->sequence() < header.from) {
+        const Result<bool> more = other.step();
+        if (!more || !*more || other.divergence_) return std::nullopt;
+    }
+    Scene& truth = other.scene();
+    truth.setBehavioursEnabled(true);
+    if (!InputPlayer(truth).run(set) || truth.hash() != header.hash) return std::nullopt;
+    return firstDifference(truth, *scene_, {"the origin had", "the log has"});
+}
+
+/// Carries a copy of the scene on to where the log holds a whole state, and compares it with that.
+std::optional<Divergence> Replayer::compareAtNextKeyframe() const {
+    Result<LogReader> ahead = LogReader::open(log_.file());
+    if (!ahead) return std::nullopt;
+    ahead->seek(log_.position());
+    ChangeDecoder decoder(builtinTypes(), decoder_.localHash());
+    if (!decoder.setHead(head_) || !decoder.exact()) return std::nullopt;
+    decoder.goOnFrom(decoder_);
+    Scene suspect, truth;
+    suspect.setBehavioursEnabled(false);
+    truth.setBehavioursEnabled(false);
+    if (!suspect.apply(std::make_shared<const ChangeSet>(scene_->snapshot()))) return std::nullopt;
+    while (const std::optional<LogReader::Record> record = ahead->next()) {
+        if (record->header.kind == RecordKind::head) {
+            const Result<StreamHead> head = decodeHead(record->bytes);
+            if (!head || head->epoch != head_.epoch) return std::nullopt;
+        }
+        if (record->header.kind != RecordKind::frame && record->header.kind != RecordKind::keyframe) continue;
+        const auto set = std::make_shared<ChangeSet>();
+        if (!decoder.decode(record->bytes, *set)) return std::nullopt;
+        if (record->header.kind == RecordKind::frame) {
+            if (!suspect.apply(set)) return std::nullopt;
+            continue;
+        }
+        if (record->header.to != suspect.sequence() || !truth.apply(set)) return std::nullopt;
+        return firstDifference(truth, suspect, {"the origin had", "the log leads to"});
+    }
+    return std::nullopt;
+}
+
+Result<bool> Replayer::step() {
+    while (const std::optional<LogReader::Record> record = log_.next()) {
+        const Result<bool> moved = take(*record);
+        if (!moved || *moved) return moved;
+    }
+    return false;
+}
+
+/// Brings the scene to a keyframe's state. False when it, or the head before it, is damaged.
+bool Replayer::startAt(const LogKeyframe& keyframe) {
+    const auto recordAt = [this](std::uint64_t offset, RecordKind kind) {
+        log_.seek(offset);
+        std::optional<LogReader::Record> record = log_.next();
+        if (record && (record->offset != offset || record->header.kind != kind)) record.reset();
+        return record;
+    };
+    const auto head = recordAt(keyframe.head, RecordKind::head);
+    if (!head || !adoptHead(head->bytes)) return false;
+    const auto record = recordAt(keyframe.offset, RecordKind::keyframe);
+    lost_ = true;
+    return record && record->header.to == keyframe.to && apply(*record);
+}
+
+/// Goes on to the last state that is not after `time`; frames between two heads come as one set.
+Result<> Replayer::composeUntil(double time) {
+    ChangeComposer composer;
+    ChangeSet set;
+    std::optional<RecordHeader> last;  // in the composer
+    const auto flush = [&]() -> Result<> {
+        if (!last) return {};
+        auto merged = std::make_shared<ChangeSet>(composer.take());
+        set_ = merged;
+        if (auto ok = scene_->apply(merged); !ok) return lose(log_.position(), last->to, ok.error().text);
+        ++frames_;
+        check(*last, *merged);
+        last.reset();
+        return {};
+    };
+    while (const std::optional<LogReader::Record> record = log_.next()) {
+        const RecordHeader& header = record->header;
+        const bool frame = header.kind == RecordKind::frame;
+        if (header.kind == RecordKind::head) {
+            if (auto ok = flush(); !ok) return ok;
+            if (auto ok = adoptHead(record->bytes); !ok) return ok;
+        } else if (header.kind == RecordKind::input && runner_) {
+            if (header.from != header.to && header.time > time) {
+                log_.seek(record->offset);
+                break;
+            }
+            if (auto ok = flush(); !ok) return ok;
+            if (auto ran = takeInput(*record); !ran) return std::unexpected(ran.error());
+        } else if (!frame && header.kind != RecordKind::keyframe) {
+            continue;
+        } else if (header.time > time) {
+            log_.seek(record->offset);
+            break;
+        } else if (frame && !lost_ && header.from == (last ? last->to : scene_->sequence())) {
+            if (auto ok = decoder_.decode(record->bytes, set); !ok)
+                return lose(record->offset, header.to, ok.error().text);
+            composer.add(set);
+            last = header;
+        } else {
+            if (auto ok = flush(); !ok) return ok;
+            if (leadsOn(header))
+                if (auto ok = apply(*record); !ok) return ok;
+        }
+    }
+    return flush();
+}
+
+Result<> Replayer::seek(double time) {
+    const std::vector<LogKeyframe>& keyframes = log_.keyframes();
+    if (keyframes.empty()) return fail("no keyframe to start from", {}, log_.file().string());
+    std::size_t best = 0;
+    for (std::size_t i = 0; i < keyframes.size(); ++i)
+        if (keyframes[i].time <= time) best = i;
+    const bool ahead = !lost_ && scene_->now() <= time && keyframes[best].offset < log_.position();
+    if (!ahead) {
+        // A damaged keyframe costs the way from the one before it; the first ones have nothing before them.
+        std::size_t tried = best + 1;
+        while (tried > 0 && !startAt(keyframes[tried - 1])) --tried;
+        for (std::size_t i = best + 1; tried == 0 && i < keyframes.size(); ++i)
+            if (startAt(keyframes[i])) tried = i + 1;
+        if (tried == 0) return fail("no intact keyframe to start from", {}, log_.file().string());
+    }
+    return composeUntil(time);
+}
+
+Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b) {
+    Result<std::unique_ptr<Replayer>> opened[] = {Replayer::open(a), Replayer::open(b)};
+    for (const auto& log : opened)
+        if (!log) return std::unexpected(log.error());
+    Replayer &x = **opened[0], &y = **opened[1];
+    Result<bool> moreX = x.step(), moreY = y.step();
+    while (true) {
+        for (const Result<bool>* more : {&moreX, &moreY})
+            if (!*more) return std::unexpected(more->error());
+        if (!*moreX || !*moreY) break;
+        const Scene &s = x.scene(), &t = y.scene();
+        if (s.sequence() == t.sequence()) {
+            if (s.hash() != t.hash()) {
+                if (auto difference = firstDifference(s, t)) return difference;
+                return Divergence{s.sequence(), s.now(), {}, {}, "other hash"};
+            }
+            if (s.now() != t.now())
+                return Divergence{s.sequence(), s.now(), {}, "time", fmt::format("{} s and {} s", s.now(), t.now())};
+            moreX = x.step();
+            moreY = y.step();
+        } else if (s.sequence() < t.sequence()) {
+            moreX = x.step();
+        } else {
+            moreY = y.step();
+        }
+    }
+    if (*moreX == *moreY) return std::nullopt;
+    const Replayer& longer = *moreX ? x : y;
+    const Replayer& shorter = *moreX ? y : x;
+    return Divergence{
+        (*moreX ? x : y).scene().sequence(),
+        (*moreX ? x : y).scene().now(),
+        {},
+        {},
+        fmt::format("{} ends before {} does", shorter.log().file().string(), longer.log().file().string())};
+}
+
+}  // namespace rtsg

@@ -1,0 +1,206 @@
+#include <cerrno>
+#include <cstring>
+#include <random>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <rtsg/core/frame_input.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/sync/log.h>
+
+#include "index.h"
+
+namespace rtsg {
+
+namespace {
+
+std::uint64_t freshEpoch() {
+    std::random_device device;
+    const std::uint64_t high = device();
+    return high << 32 | device();
+}
+
+/// So that a new file's name survives a loss of power as well.
+void syncFolderOf(const std::filesystem::path& file) {
+    const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
+    const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (descriptor < 0) return;
+    ::fsync(descriptor);
+    ::close(descriptor);
+}
+
+}  // namespace
+
+LogWriter::LogWriter(std::filesystem::path file, TypeTable types, LogOptions options)
+    : file_(std::move(file)), types_(types), options_(std::move(options)), encoder_(options_.mode, types) {}
+
+Diagnostic LogWriter::failure(std::string_view what, int error) const {
+    return {Severity::error, file_.string(), {}, fmt::format("{}: {}", what, std::strerror(error))};
+}
+
+Result<std::unique_ptr<LogWriter>> LogWriter::create(const std::filesystem::path& file, TypeTable types,
+                                                     LogOptions options) {
+    std::unique_ptr<LogWriter> log(new LogWriter(file, types, std::move(options)));
+    log->descriptor_ = ::open(file.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0644);
+    if (log->descriptor_ < 0) return std::unexpected(log->failure("cannot write", errno));
+    struct stat status{};
+    if (::fstat(log->descriptor_, &status) != 0) return std::unexpected(log->failure("cannot write", errno));
+    log->regular_ = S_ISREG(status.st_mode);
+    if (log->regular_) {
+        // Before anything of it is touched: two writers would destroy each other's log.
+        if (::flock(log->descriptor_, LOCK_EX | LOCK_NB) != 0)
+            return fail("another log writer has the file open", {}, file.string());
+        std::uint64_t keep = 0;
+        if (log->options_.append && status.st_size > 0) {
+            Result<LogReader> old = LogReader::open(file);
+            if (!old) return std::unexpected(old.error());
+            log->keyframes_ = scanLogKeyframes(*old);
+            keep = old->intactEnd();
+        }
+        if (::ftruncate(log->descriptor_, static_cast<off_t>(keep)) != 0)
+            return std::unexpected(log->failure(keep ? "cannot append" : "cannot write", errno));
+        log->size_ = keep;
+    }
+    if (auto ok = log->beginEpoch(); !ok) return std::unexpected(ok.error());
+    if (log->regular_ && log->options_.sync != LogOptions::Sync::atClose) syncFolderOf(file);
+    return log;
+}
+
+LogWriter::~LogWriter() {
+    (void)close();
+}
+
+Result<> LogWriter::beginEpoch() {
+    epoch_ = freshEpoch();
+    firstOfEpoch_ = true;
+    encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_);
+    return writeHead();
+}
+
+Result<> LogWriter::writeHead() {
+    head_ = size_;
+    return writeRecord(headRecord_);
+}
+
+Result<> LogWriter::writeRecord(const ByteBuffer& record) {
+    if (broken_ || descriptor_ < 0) return fail("the log is closed", {}, file_.string());
+    const std::byte* at = record.data();
+    std::size_t left = record.size();
+    while (left > 0) {
+        const ssize_t written = ::write(descriptor_, at, left);
+        if (written < 0 && errno == EINTR) continue;
+        if (written <= 0) {
+            const int error = written < 0 ? errno : ENOSPC;
+            broken_ = true;
+            // The file shall end with a whole record, whatever came of this one.
+            const bool cut = !regular_ || ::ftruncate(descriptor_, static_cast<off_t>(size_)) == 0;
+            return std::unexpected(failure(cut ? "cannot write" : "cannot write, nor cut back", error));
+        }
+        at += written;
+        left -= static_cast<std::size_t>(written);
+    }
+    size_ += record.size();
+    return {};
+}
+
+Result<> LogWriter::flush() {
+    if (::fdatasync(descriptor_) == 0 || errno == EINVAL || errno == EROFS) return {};  // pipes cannot be synced
+    return std::unexpected(failure("cannot flush", errno));
+}
+
+/// What a log that nobody can find any more, or that has a hole in it, has to say before its owner believes in it.
+Result<> LogWriter::checkFile() {
+    struct stat status{};
+    if (!regular_ || broken_ || ::fstat(descriptor_, &status) != 0) return {};
+    const auto found = static_cast<std::uint64_t>(status.st_size);
+    if (status.st_nlink > 0 && found == size_) return {};
+    broken_ = true;
+    return fail(status.st_nlink == 0 ? "the log was deleted while it was written"
+                                     : fmt::format("the log was changed by someone else while it was written: it has "
+                                                   "{} bytes, {} were written",
+                                                   found, size_),
+                {}, file_.string());
+}
+
+Result<> LogWriter::writeKeyframe(const ChangeSet& changes) {
+    if (auto ok = checkFile(); !ok) return ok;
+    const int copies = firstOfEpoch_ && record_.size() <= options_.repeatFirstUpTo ? 2 : 1;
+    for (int copy = 0; copy < copies; ++copy) {
+        if (auto ok = writeHead(); !ok) return ok;
+        const std::uint64_t offset = size_;
+        if (auto ok = writeRecord(record_); !ok) return ok;
+        keyframes_.push_back({offset, changes.to, changes.time, head_});
+    }
+    if (changes.to > 0) firstOfEpoch_ = false;  // else the first state with anything in it is yet to come
+    keyframeSize_ = record_.size();
+    sinceKeyframe_ = 0;
+    return {};
+}
+
+/// Its changes, what came into it, or both, as the mode wants it.
+Result<> LogWriter::writeFrame(const ChangeSet& changes) {
+    const bool inputMode = options_.mode.mode == Mode::input;
+    const bool withInput = !needsState(changes) && (inputMode || options_.inputs);
+    if (inputMode && !(changes.input && (withInput || changes.input->runState)))
+        return fail("a log in input mode needs a scene that records its inputs, set by set", {}, file_.string());
+    const std::uint64_t before = size_;
+    if (withInput) {
+        inputs_.encode(changes, record_);
+        if (auto ok = writeRecord(record_); !ok) return ok;
+    }
+    if (!inputMode || !withInput) {
+        encoder_.encode(changes, record_);
+        if (auto ok = changes.isSnapshot() ? writeKeyframe(changes) : writeRecord(record_); !ok) return ok;
+    }
+    if (!withInput && changes.input && changes.input->runState && (inputMode || options_.inputs)) {
+        if (auto ok = inputs_.encodeRunState(changes, record_); !ok) return ok;
+        if (auto ok = writeRecord(record_); !ok) return ok;
+    }
+    if (!changes.isSnapshot()) sinceKeyframe_ += size_ - before;
+    return {};
+}
+
+Result<> LogWriter::write(const ChangeSet& changes) {
+    if (changes.isSnapshot() && state_ != 0 && (changes.to != state_ || changes.hash != hash_))
+        if (auto ok = beginEpoch(); !ok) return ok;
+    state_ = changes.to;
+    hash_ = changes.hash;
+    if (auto ok = writeFrame(changes); !ok) return ok;
+    ++frames_;
+    if (options_.sync == LogOptions::Sync::always ||
+        (options_.sync == LogOptions::Sync::atKeyframes && changes.isSnapshot()))
+        return flush();
+    return {};
+}
+
+Result<> LogWriter::apply(const Scene& scene, const ChangeSet& changes) {
+    if (auto ok = write(changes); !ok) return ok;
+    const double due = options_.keyframeFactor * static_cast<double>(keyframeSize_);
+    if (sinceKeyframe_ < options_.keyframeBytes || static_cast<double>(sinceKeyframe_) < due) return {};
+    // Only while the scene is in the very state that was just written: a subscriber that is polled may lag behind.
+    if (scene.sequence() != changes.to) return {};
+    if (auto ok = write(scene.snapshot()); !ok) return ok;
+    --frames_;
+    return {};
+}
+
+Result<> LogWriter::writeIndex() {
+    encodeLogIndex(keyframes_, size_, record_);
+    return writeRecord(record_);
+}
+
+Result<> LogWriter::close() {
+    if (descriptor_ < 0) return {};
+    Result<> result = checkFile();
+    if (result && !broken_) result = writeIndex();
+    if (result && !broken_) result = flush();
+    if (::close(descriptor_) != 0 && result) result = std::unexpected(failure("cannot close", errno));
+    descriptor_ = -1;
+    return result;
+}
+
+}  // namespace rtsg

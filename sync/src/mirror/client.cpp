@@ -1,0 +1,75 @@
+#include <rtsg/sync/mirror_client.h>
+
+#include "client_impl.h"
+#include "upstream.h"
+
+namespace rtsg {
+
+MirrorClient::MirrorClient(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+MirrorClient::~MirrorClient() = default;
+
+Result<std::unique_ptr<MirrorClient>> MirrorClient::connect(Scene& replica, const std::string& endpoint,
+                                                            MirrorClientOptions options) {
+    if (const Result<bool> local = isLocalEndpoint(endpoint); !local) return std::unexpected(local.error());
+    if (options.keys)
+        if (auto ok = options.keys->checkForClient(); !ok) return std::unexpected(ok.error());
+    replica.setBehavioursEnabled(false);
+    auto impl = std::make_unique<Impl>(replica, std::move(options));
+    if (auto ok = impl->start(endpoint); !ok) return std::unexpected(ok.error());
+    return std::unique_ptr<MirrorClient>(new MirrorClient(std::move(impl)));
+}
+
+std::size_t MirrorClient::poll(std::chrono::milliseconds timeout) {
+    return impl_->poll(timeout);
+}
+bool MirrorClient::inStep() const {
+    return impl_->inStep();
+}
+const MirrorStatistics& MirrorClient::statistics() const {
+    return impl_->statistics_;
+}
+std::vector<Diagnostic> MirrorClient::takeDiagnostics() {
+    return std::exchange(impl_->diagnostics_, {});
+}
+bool MirrorClient::serverLeft() const {
+    return impl_->serverLeft_;
+}
+const std::string& MirrorClient::refusal() const {
+    return impl_->refusal_;
+}
+
+Result<std::uint64_t> MirrorClient::submit(std::vector<Change> changes) {
+    return impl_->submit(std::move(changes));
+}
+
+Result<std::uint64_t> MirrorClient::submitEvent(NodeId node, FieldIndex field, Value value) {
+    Change change;
+    change.kind = ChangeKind::event;
+    change.node = node;
+    change.field = field;
+    change.value = std::move(value);
+    return submit({std::move(change)});
+}
+
+Result<std::uint64_t> MirrorClient::submitEdit(NodeId node, FieldIndex field, Value value) {
+    Change change;
+    change.node = node;
+    change.field = field;
+    change.value = std::move(value);
+    return submit({std::move(change)});
+}
+
+NodeId MirrorClient::newNode() {
+    return NodeId{mirror::kFirstProvisional + impl_->nextProvisional_++ % mirror::kFirstProvisional};
+}
+std::vector<MirrorVerdict> MirrorClient::takeVerdicts() {
+    return std::exchange(impl_->verdicts_, {});
+}
+std::size_t MirrorClient::unanswered() const {
+    return impl_->requests_.size();
+}
+Value MirrorClient::presented(NodeId node, FieldIndex field) const {
+    return impl_->presented(node, field);
+}
+
+}  // namespace rtsg

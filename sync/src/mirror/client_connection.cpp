@@ -1,0 +1,369 @@
+// The connection of a mirror's client: greeting, staying in touch, messages in and out, credit.
+#include <algorithm>
+#include <cstring>
+#include <random>
+
+#include <fmt/format.h>
+
+#include "client_impl.h"
+
+namespace rtsg {
+
+using namespace std::chrono_literals;
+using mirror::Message;
+
+namespace {
+
+constexpr int kLinger = 100;                                // ms, for the goodbye
+constexpr int kReconnect = 10;                              // ms between attempts
+constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms that an attempt may take: at most, at least
+constexpr auto kAttemptsFor = 2s;                           // with one such time
+constexpr auto kHelloAgain = 500ms;                         // without an answer
+constexpr auto kLongestTurn = 20ms;                         // of poll() beyond its timeout, while frames keep coming
+constexpr auto kPing = 500ms;
+constexpr auto kPingAtFirst = 20ms;  // until there are a few samples of the clock
+constexpr std::uint64_t kFewSamples = 8;
+constexpr auto kRequestAgain = 1s;  // without a verdict
+constexpr auto kAnswerWithin = 3s;  // to a question about hashes
+
+std::uint64_t randomNumber() {
+    std::random_device device;
+    return std::uint64_t{device()} << 32 | device();
+}
+
+}  // namespace
+
+MirrorClient::Impl::Impl(Scene& replica, MirrorClientOptions options)
+    : replica_(replica),
+      nextProvisional_(0),
+      options_(std::move(options)),
+      socket_(context_, ZMQ_DEALER),
+      monitor_(context_, ZMQ_PAIR),
+      decoder_(builtinTypes()),
+      dictionaryHash_(decoder_.localHash()) {}
+
+MirrorClient::Impl::~Impl() {
+    mirror::begin(message_, Message::bye);
+    send();
+    zmq_socket_monitor(socket_.get(), nullptr, 0);
+}
+
+bool MirrorClient::Impl::send() {
+    ZmqMessage out(message_.bytes());
+    return socket_.send(out);
+}
+
+void MirrorClient::Impl::report(Severity severity, std::string text) {
+    if (diagnostics_.size() < 100) diagnostics_.push_back({severity, endpoint_, {}, std::move(text)});
+}
+
+void MirrorClient::Impl::garbage(std::string text) {
+    ++statistics_.garbage;
+    report(Severity::warning, "ignored " + std::move(text));
+}
+
+Result<> MirrorClient::Impl::start(const std::string& endpoint) {
+    endpoint_ = endpoint;
+    socket_.set(ZMQ_LINGER, kLinger);
+    socket_.set(ZMQ_RECONNECT_IVL, kReconnect);
+    socket_.set(ZMQ_CONNECT_TIMEOUT, kConnectWithin);
+    socket_.set(ZMQ_IMMEDIATE, 1);  // nothing is queued for a server that is not there
+    socket_.set(ZMQ_RCVHWM, 0);     // bounded by the window
+    socket_.set(ZMQ_MAXMSGSIZE, std::int64_t{16} << 20);
+    if (options_.keys) {
+        socket_.set(ZMQ_CURVE_SERVERKEY, options_.keys->serverPublic);
+        socket_.set(ZMQ_CURVE_PUBLICKEY, options_.keys->clientPublic.front());
+        socket_.set(ZMQ_CURVE_SECRETKEY, options_.keys->clientSecret);
+    }
+    monitor_.set(ZMQ_LINGER, 0);
+    constexpr int events = ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED;
+    if (zmq_socket_monitor(socket_.get(), "inproc://connection", events) != 0 ||
+        zmq_connect(monitor_.get(), "inproc://connection") != 0)
+        return std::unexpected(zmqFailure("cannot watch the connection"));
+    if (zmq_connect(socket_.get(), endpoint.c_str()) != 0)
+        return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", endpoint)));
+    session_ = randomNumber();
+    client_ = randomNumber();
+    return {};
+}
+
+/// `afresh`: whatever state the replica is in, begin with a keyframe.
+void MirrorClient::Impl::hello(bool afresh) {
+    ++session_;  // what is still under way of the last one is ignored
+    received_ = acknowledged_ = 0;
+    partial_.clear();
+    playout_.clear();
+    bisection_.stop();
+    connected_ = false;
+    if (afresh) haveState_ = false;
+    mirror::Hello greeting;
+    greeting.session = session_;
+    greeting.dictionaryHash = dictionaryHash_;
+    greeting.epoch = haveState_ ? epoch_ : 0;
+    greeting.sequence = haveState_ ? state_ : 0;
+    greeting.window = options_.window;
+    greeting.name = options_.name.substr(0, mirror::kLongestName);
+    greeting.wishes.client = client_;
+    greeting.wishes.whenSlow = static_cast<std::uint8_t>(options_.whenSlow);
+    greeting.wishes.milliFrames = static_cast<std::uint32_t>(std::clamp(options_.framesPerSecond, 0.0, 1e6) * 1000);
+    greeting.wishes.parts = options_.parts;
+    greeting.wishes.inputs = options_.inputs && options_.latency.count() == 0 && inputTroubles_ < kMostInputTroubles;
+    running_ = false;
+    for (const Aspect aspect : options_.aspects)
+        greeting.wishes.aspects |= std::uint32_t{1} << static_cast<unsigned>(aspect);
+    greeting.write(message_);
+    helloPending_ = !send();
+    greeted_ = Clock::now();
+}
+
+/// A lost connection is known at once, not after a silence; the next hello goes out when there is another one.
+void MirrorClient::Impl::watchConnection() {
+    while (true) {
+        ZmqMessage event;
+        if (!monitor_.receive(event)) return;
+        std::uint16_t what = 0;
+        if (event.bytes().size() >= sizeof(what)) std::memcpy(&what, event.bytes().data(), sizeof(what));
+        monitor_.skipRest(event);
+        if (what == ZMQ_EVENT_DISCONNECTED) {
+            connected_ = false;
+            helloPending_ = true;
+        } else if (helloPending_) {
+            greeted_ = {};  // at once
+        }
+    }
+}
+
+void MirrorClient::Impl::keepInTouch() {
+    watchConnection();
+    const Clock::time_point now = Clock::now();
+    if (helloPending_ ? now - greeted_ > 5ms : !connected_ && now - greeted_ > kHelloAgain) {
+        hello(false);
+    } else if (connected_ && now - heard_ > options_.timeout) {
+        report(Severity::note, "the server has gone silent");
+        connected_ = false;
+        helloPending_ = true;
+        attempts_ = 0;
+        reconnect(now);
+    } else if (!connected_ && attempts_ > 0 && now - reconnected_ > kAttemptsFor) {
+        reconnect(now);
+    }
+    if (!connected_) return;
+    attempts_ = 0;
+    pingNow(now);
+    sendRequests();
+    if (bisection_.running() && now - asked_ > kAnswerWithin) {
+        if (diverged_)
+            giveUpRepair("the server does not answer questions");
+        else
+            bisection_.stop();
+    }
+    scrub(now);
+}
+
+/// TCP tries a link that was silent again only after as long as it has been silent. A connection of its own, tried
+/// every few round trips, is there as soon as the link is; every other time more slowly, as the way may have become
+/// longer.
+void MirrorClient::Impl::reconnect(Clock::time_point now) {
+    reconnected_ = now;
+    const int trips = clock_.known() ? static_cast<int>(4e3 * clock_.delay()) : kConnectWithin;
+    socket_.set(ZMQ_CONNECT_TIMEOUT,
+                attempts_++ % 2 ? kConnectWithin : std::clamp(trips, kConnectQuickly, kConnectWithin));
+    zmq_disconnect(socket_.get(), endpoint_.c_str());
+    zmq_connect(socket_.get(), endpoint_.c_str());
+}
+
+void MirrorClient::Impl::pingNow(Clock::time_point now) {
+    if (now - pinged_ < (clock_.samples() < kFewSamples ? kPingAtFirst : Clock::duration(kPing))) return;
+    pinged_ = now;
+    const std::uint64_t token[] = {mirror::clockNow()};
+    mirror::write(message_, Message::ping, token);
+    send();
+}
+
+std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
+    applied_ = 0;
+    const Clock::time_point start = Clock::now();
+    const auto longest = std::max<Clock::duration>(timeout, kLongestTurn);
+    while (true) {
+        keepInTouch();
+        bool any = false;
+        // In portions: time passes while a long run of frames is applied.
+        for (int i = 0; i < 64 && receiveOne(); ++i) any = true;
+        playDue();
+        if (received_ != acknowledged_) acknowledge();
+        const auto spent = Clock::now() - start;
+        if (any && spent < longest) continue;
+        if (applied_ > 0 || spent >= timeout) break;
+        const auto left = std::chrono::ceil<std::chrono::milliseconds>(timeout - spent);
+        const auto most = std::clamp<std::chrono::milliseconds>(left, 1ms, helloPending_ ? 5ms : 100ms);
+        zmq_pollitem_t items[] = {{socket_.get(), 0, ZMQ_POLLIN, 0}, {monitor_.get(), 0, ZMQ_POLLIN, 0}};
+        zmq_poll(items, 2, untilDue(most).count());
+    }
+    statistics_.sequence = state_;
+    return applied_;
+}
+
+bool MirrorClient::Impl::receiveOne() {
+    ZmqMessage first, second;
+    if (!socket_.receive(first)) return false;
+    if (first.more()) {
+        socket_.receive(second);
+        if (second.more()) {
+            socket_.skipRest(second);
+            garbage("a message of too many parts");
+            return true;
+        }
+    }
+    wire::Reader in(first.bytes());
+    const std::optional<Message> type = mirror::readPrologue(in);
+    if (!type) {
+        garbage(fmt::format("a message of {} bytes that is none of this protocol", first.bytes().size()));
+        return true;
+    }
+    heard_ = Clock::now();
+    // Answers to what was under way may follow a goodbye; only a new welcome takes it back.
+    if (*type == Message::bye) serverLeft_ = true;
+    receive(*type, in, first, second);
+    return true;
+}
+
+void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second) {
+    std::uint64_t numbers[2];
+    switch (type) {
+        case Message::welcome:
+            return welcome(in, second);
+        case Message::data:
+            return data(in, second);
+        case Message::ping: {
+            std::uint64_t token[1];
+            if (!mirror::read(in, token)) return garbage("a malformed ping");
+            if (haveState_) newestHeard_ = std::max(newestHeard_, token[0]);
+            mirror::write(message_, Message::pong, token);
+            send();
+            return;
+        }
+        case Message::pong:
+            if (!mirror::read(in, numbers)) return;
+            clock_.sample(numbers[0], numbers[1], mirror::clockNow());
+            statistics_.clockOffset = clock_.offset();
+            statistics_.delay = clock_.delay();
+            statistics_.clockSamples = clock_.samples();
+            return;
+        case Message::bye:
+            mirror::begin(message_, Message::bye);
+            send();
+            connected_ = false;  // and hello again in a while
+            greeted_ = Clock::now();
+            return report(Severity::note, "the server said goodbye");
+        case Message::unknown:
+            if (connected_) hello(false);
+            return;
+        case Message::refused:
+            refusal_ = in.text();
+            connected_ = false;
+            greeted_ = Clock::now();
+            return;
+        case Message::digest:
+        case Message::anatomy:
+        case Message::verdict:
+            if (connected_) arrived(first.bytes(), false, 0);
+            return;
+        default:
+            return garbage(fmt::format("a message of unknown type {}", static_cast<unsigned>(type)));
+    }
+}
+
+void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
+    std::uint64_t numbers[3];  // session, epoch, heartbeat
+    if (!mirror::read(in, numbers)) return garbage("a malformed welcome");
+    if (numbers[0] != session_) return;
+    if (const auto intact = checkRecord(second.bytes(), 0, options_.maxRecord); !intact)
+        return garbage("a damaged head: " + intact.error().text);
+    const Result<StreamHead> head = decodeHead(second.bytes());
+    if (!head) return garbage("a head: " + head.error().text);
+    if (auto ok = decoder_.setHead(*head); !ok) {
+        refusal_ = ok.error().text;
+        return;
+    }
+    (void)inputDecoder_.setHead(*head);  // servers send inputs to equals only
+    if (numbers[1] != epoch_) {
+        if (epoch_ != 0) {
+            ++statistics_.restarts;
+            report(Severity::note, "the server is another run of the scene");
+            // Its numbers of nodes mean others now, and what was carried out of these nobody knows.
+            for (const Request& request : requests_)
+                verdicts_.push_back({request.number, "the server started over", 0, {}});
+            requests_.clear();
+        }
+        haveState_ = false;
+        newestHeard_ = 0;
+        epoch_ = numbers[1];
+        clock_.reset();
+    }
+    for (Request& request : requests_) request.sent = 0;
+    refusal_.clear();
+    serverLeft_ = false;
+    connected_ = true;
+    acknowledge();  // tells the server that everything before has been read
+}
+
+void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {
+    std::uint64_t numbers[4];  // session, size, offset, published
+    if (!mirror::read(in, numbers)) return garbage("malformed data");
+    const auto [session, size, offset, published] = numbers;
+    if (session != session_ || !connected_) return;
+    const std::span<const std::byte> part = second.bytes();
+    if (size > options_.maxRecord || part.empty() || part.size() > size || offset > size - part.size())
+        return garbage(fmt::format("{} bytes from {} on of a record of {}", part.size(), offset, size));
+    received_ += part.size();
+    statistics_.bytes += part.size();
+    if (offset == 0 && part.size() == size) {
+        partial_.clear();
+        return arrived(part, true, published);
+    }
+    if (offset == 0) {
+        partial_.clear();
+        partialSize_ = size;
+    }
+    if (offset != partial_.size() || size != partialSize_) {
+        ++statistics_.gaps;
+        return hello(false);
+    }
+    partial_.append(part);
+    // Credit for the next parts while this record is still incomplete.
+    if (received_ - acknowledged_ > options_.window / 4) acknowledge();
+    if (partial_.size() < size) return;
+    ByteBuffer whole;
+    whole.swap(partial_);
+    arrived(whole.bytes(), true, published);
+    whole.swap(partial_);
+    partial_.clear();
+}
+
+void MirrorClient::Impl::acknowledge() {
+    const std::uint64_t numbers[] = {session_, haveState_ ? state_ : 0, received_};
+    mirror::write(message_, Message::ack, numbers);
+    if (send()) acknowledged_ = received_;
+}
+
+/// False when the socket takes no more for now.
+bool MirrorClient::Impl::sendRequests() {
+    const Clock::time_point now = Clock::now();
+    for (Request& request : requests_) {
+        const std::span<const std::byte> whole = request.record.bytes();
+        // Again, as the answer may have been lost; the server does none twice.
+        if (request.sent == whole.size() && now - request.sentAt > kRequestAgain) request.sent = 0;
+        while (request.sent < whole.size()) {
+            const auto part = whole.subspan(request.sent, std::min(mirror::kSubmitPart, whole.size() - request.sent));
+            const std::uint64_t numbers[] = {session_, request.number, whole.size(), request.sent};
+            mirror::write(message_, Message::submit, numbers);
+            ZmqMessage head(message_.bytes()), body(part);
+            if (!socket_.send(head, true) || !socket_.send(body)) return false;
+            request.sent += part.size();
+            request.sentAt = now;
+        }
+    }
+    return true;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,127 @@
+// The inside of MirrorClient: connection and messages in client_connection.cpp, what they do to the replica in
+// client_replica.cpp.
+//
+// Invariant: `state_` is the origin's state that the replica was brought to; if the replica's own number is another,
+// its owner has edited it. Threading: the replica's thread.
+#pragma once
+
+#include <deque>
+
+#include <rtsg/sync/change_codec.h>
+#include <rtsg/sync/input_codec.h>
+#include <rtsg/sync/mirror_client.h>
+
+#include "clock.h"
+#include "message.h"
+#include "playout.h"
+#include "questions.h"
+#include "zmq_socket.h"
+
+namespace rtsg {
+
+class MirrorClient::Impl {
+  public:
+    using Clock = std::chrono::steady_clock;
+
+    Impl(Scene& replica, MirrorClientOptions options);
+    ~Impl();
+
+    Result<> start(const std::string& endpoint);
+    std::size_t poll(std::chrono::milliseconds timeout);
+    bool inStep() const {
+        return connected_ && haveState_ && partial_.empty() && playout_.empty() && !diverged_ &&
+               statistics_.sequence >= newestHeard_;
+    }
+    Result<std::uint64_t> submit(std::vector<Change> changes);
+    Value presented(NodeId node, FieldIndex field) const;
+
+    Scene& replica_;
+    MirrorStatistics statistics_;
+    std::vector<Diagnostic> diagnostics_;
+    std::vector<MirrorVerdict> verdicts_;
+    std::string refusal_;
+    bool serverLeft_ = false;
+    std::uint32_t nextProvisional_;
+    struct Request {
+        std::uint64_t number = 0;
+        ByteBuffer record;
+        std::size_t sent = 0;
+        Clock::time_point sentAt{};
+    };
+    std::deque<Request> requests_;  // without an answer yet
+
+  private:
+    // Connection.
+    bool send();
+    bool sendRequests();
+    void report(Severity severity, std::string text);
+    void garbage(std::string text);
+    void hello(bool afresh);
+    void watchConnection();
+    void keepInTouch();
+    void reconnect(Clock::time_point now);
+    void pingNow(Clock::time_point now);
+    bool receiveOne();
+    void receive(mirror::Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second);
+    void welcome(wire::Reader& in, const ZmqMessage& second);
+    void data(wire::Reader& in, const ZmqMessage& second);
+    void acknowledge();
+
+    // Replica.
+    void arrived(std::span<const std::byte> bytes, bool isRecord, std::uint64_t published);
+    void playDue();
+    std::chrono::milliseconds untilDue(std::chrono::milliseconds most) const;
+    void take(std::span<const std::byte> bytes, bool isRecord);
+    void record(std::span<const std::byte> bytes);
+    bool editedByItsOwner();
+    void apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh);
+    void input(std::span<const std::byte> bytes, const RecordHeader& header);
+    void stopRunning(const std::string& why);
+    void compare(const RecordHeader& header);
+    void repair(std::span<const std::byte> bytes, const RecordHeader& header);
+    void answer(std::span<const std::byte> message);
+    void nothingDiffers();
+    void giveUpRepair(const std::string& why);
+    void doubt(std::vector<mirror::NodeRange> ranges);
+    void scrub(Clock::time_point now);
+    void announce(const Divergence& divergence);
+    void healed();
+    std::shared_ptr<ChangeSet> freshSet();
+
+    MirrorClientOptions options_;
+    std::string endpoint_;
+    ZmqContext context_;
+    ZmqSocket socket_, monitor_;
+    mutable ChangeDecoder decoder_;
+    ChangeEncoder encoder_;
+    InputDecoder inputDecoder_;
+    std::uint64_t dictionaryHash_;
+    ByteBuffer message_;
+
+    std::uint64_t session_ = 0, epoch_ = 0, client_ = 0, nextRequest_ = 1;
+    bool helloPending_ = true, connected_ = false;
+    bool haveState_ = false;  // the replica is in a state of this epoch
+    bool touched_ = false;    // something was applied to the replica: it has to be reset before a keyframe
+    std::uint64_t state_ = 0, newestHeard_ = 0;
+    std::uint64_t received_ = 0, acknowledged_ = 0;  // bytes of this session
+    ByteBuffer partial_;                             // a record that comes in several parts
+    std::uint64_t partialSize_ = 0;
+    int attempts_ = 0;  // to reconnect, since the server was heard
+    Clock::time_point reconnected_{}, heard_{}, greeted_{}, repaired_{}, pinged_{}, asked_{}, scrubbed_{};
+    std::vector<std::shared_ptr<ChangeSet>> sets_;
+    std::size_t applied_ = 0;  // in this turn of poll()
+
+    bool running_ = false;        // from a run state on; inputs can be run
+    unsigned inputTroubles_ = 0;  // so many that it is left be
+    static constexpr unsigned kMostInputTroubles = 3;
+    bool diverged_ = false;
+    mirror::Bisection bisection_;
+    std::size_t lastChanges_ = 0;  // of the frame after which the hash was found to differ
+    std::uint32_t scrubAt_ = 0;
+
+    MirrorClock clock_;
+    MirrorPlayout playout_;
+    std::uint64_t shownAt_ = 0;  // server's clock, of the frame last applied
+};
+
+}  // namespace rtsg

@@ -1,0 +1,387 @@
+// What a mirror's client does to its replica: records in their turn and time, hashes compared, differences named and
+// repaired, requests made.
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/frame_input.h>
+
+#include "client_impl.h"
+#include "codec/node_label.h"
+#include "upstream.h"
+
+namespace rtsg {
+
+using namespace std::chrono_literals;
+using mirror::Bisection;
+using mirror::Message;
+
+namespace {
+
+constexpr auto kRepairAgain = 1000ms;       // between two snapshots asked for because of a divergence
+constexpr unsigned kScrubBits = 12;         // nodes compared at once, as a power of two
+constexpr std::size_t kMostAnnounced = 20;  // culprits of one divergence that are reported
+
+}  // namespace
+
+// ---- records in their turn and time ------------------------------------------------------------------------------
+
+void MirrorClient::Impl::arrived(std::span<const std::byte> bytes, bool isRecord, std::uint64_t published) {
+    const std::uint64_t now = mirror::clockNow();
+    if (published != 0) clock_.arrival(published, now);
+    statistics_.jitter = clock_.jitter();
+    if (options_.latency.count() == 0) {
+        if (published != 0) shownAt_ = published;
+        return take(bytes, isRecord);
+    }
+    MirrorPlayout::Item item;
+    item.bytes.assign(bytes.begin(), bytes.end());
+    item.isRecord = isRecord;
+    item.published = published;
+    if (published != 0 && clock_.known()) {
+        item.due = clock_.here(published) + static_cast<std::uint64_t>(options_.latency.count()) * 1000000;
+        // What was published before this client came, or a longer hold than asked for, is nothing to wait for.
+        if (item.due < now) {
+            if (haveState_) ++statistics_.late;
+            item.due = 0;
+        }
+        item.due = std::min(item.due, now + static_cast<std::uint64_t>(options_.latency.count()) * 1000000);
+    }
+    playout_.push(std::move(item));
+}
+
+void MirrorClient::Impl::playDue() {
+    while (!playout_.empty() && (playout_.front().due <= mirror::clockNow() || playout_.bytes() > options_.window)) {
+        const MirrorPlayout::Item item = playout_.pop();
+        if (item.published != 0) shownAt_ = item.published;
+        take(item.bytes, item.isRecord);
+    }
+}
+
+std::chrono::milliseconds MirrorClient::Impl::untilDue(std::chrono::milliseconds most) const {
+    if (playout_.empty()) return most;
+    const std::uint64_t now = mirror::clockNow(), due = playout_.front().due;
+    if (due <= now) return 0ms;
+    return std::min(most, std::chrono::ceil<std::chrono::milliseconds>(std::chrono::nanoseconds(due - now)));
+}
+
+Value MirrorClient::Impl::presented(NodeId node, FieldIndex field) const {
+    const Value value = replica_.node(node).value(field);
+    if (playout_.empty() || !decoder_.exact() || !clock_.known()) return value;
+    const Value* next = playout_.next(decoder_, node, field);
+    const std::uint64_t from = shownAt_, to = playout_.front().published;
+    if (!next || from == 0 || to <= from) return value;
+    const double shown = static_cast<double>(mirror::clockNow()) - static_cast<double>(options_.latency.count()) * 1e6 -
+                         static_cast<double>(clock_.here(from));
+    return interpolate(value, *next, shown / static_cast<double>(to - from));
+}
+
+void MirrorClient::Impl::take(std::span<const std::byte> bytes, bool isRecord) {
+    if (isRecord) return record(bytes);
+    answer(bytes);
+}
+
+/// What its owner did to the replica is noticed before the next frame, and named.
+bool MirrorClient::Impl::editedByItsOwner() {
+    if (!haveState_) return false;
+    const std::shared_ptr<const ChangeSet> edits = replica_.seal();
+    if (!edits && replica_.sequence() == state_) return false;
+    ++statistics_.divergences;
+    statistics_.equal = false;
+    if (edits)
+        for (std::size_t i = 0; i < std::min(edits->changes.size(), kMostAnnounced); ++i) {
+            const Change& c = edits->changes[i];
+            const Node* node = replica_.find(c.node);
+            const bool hasField = node && c.field < node->type().fields.size();
+            announce({state_, replica_.now(), nodeLabel(replica_, c.node),
+                      hasField ? node->type().fields[c.field].name : "", "edited here"});
+        }
+    else
+        report(Severity::error, fmt::format("state {}: the replica was edited here", state_));
+    hello(true);
+    return true;
+}
+
+void MirrorClient::Impl::record(std::span<const std::byte> bytes) {
+    const Result<RecordHeader> header = checkRecord(bytes, 0, options_.maxRecord);
+    if (!header) {
+        garbage("a damaged record: " + header.error().text);
+        return hello(false);
+    }
+    if (header->kind == RecordKind::input) return input(bytes, *header);
+    if (header->kind != RecordKind::frame && header->kind != RecordKind::keyframe) return;
+    running_ = false;
+    if (editedByItsOwner()) return;
+    newestHeard_ = std::max(newestHeard_, header->to);
+    const bool follows = haveState_ && header->from == state_;
+    if (follows && header->from == header->to && header->from != 0) return repair(bytes, *header);
+    if (!follows && haveState_ && header->kind == RecordKind::frame) {
+        if (header->to <= state_) return;  // seen already
+        ++statistics_.gaps;
+        report(Severity::note, fmt::format("frames {} to {} are missing", state_ + 1, header->from));
+        return hello(false);
+    }
+    if (!follows && header->kind == RecordKind::frame) {
+        ++statistics_.gaps;
+        return hello(true);
+    }
+    if (!follows && touched_) {
+        if (auto ok = replica_.reset(); !ok) {
+            refusal_ = ok.error().text;
+            return;
+        }
+        newestHeard_ = header->to;
+    }
+    apply(bytes, *header, !follows);
+}
+
+std::shared_ptr<ChangeSet> MirrorClient::Impl::freshSet() {
+    for (const auto& set : sets_)
+        if (set.use_count() == 1) return set;
+    if (sets_.size() >= 8) sets_.erase(sets_.begin());
+    return sets_.emplace_back(std::make_shared<ChangeSet>());
+}
+
+void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh) {
+    const std::shared_ptr<ChangeSet> set = freshSet();
+    Result<> ok = decoder_.decode(bytes, *set);
+    touched_ = true;
+    lastChanges_ = set->changes.size();
+    if (ok) ok = replica_.apply(set);
+    if (!ok) {
+        garbage(fmt::format("state {}, which cannot be applied: {}", header.to, ok.error().text));
+        haveState_ = false;
+        if (Clock::now() - repaired_ > kRepairAgain) {
+            repaired_ = Clock::now();
+            hello(true);
+        } else {
+            connected_ = false;
+            greeted_ = Clock::now();
+        }
+        return;
+    }
+    haveState_ = true;
+    ++applied_;
+    ++statistics_.frames;
+    if (afresh) {
+        ++statistics_.snapshots;
+        diverged_ = false;
+    }
+    state_ = statistics_.sequence = header.to;
+    compare(header);
+}
+
+/// What came into a frame, to be run here; or how things go on, from which inputs can be.
+void MirrorClient::Impl::input(std::span<const std::byte> bytes, const RecordHeader& header) {
+    if (editedByItsOwner()) return;
+    const bool isRunState = header.from == header.to;
+    newestHeard_ = std::max(newestHeard_, header.to);
+    if (!haveState_ || (!isRunState && header.to <= state_)) return;
+    if (header.from != state_) {
+        if (isRunState) return;
+        ++statistics_.gaps;
+        return hello(false);
+    }
+    const std::shared_ptr<ChangeSet> set = freshSet();
+    if (auto ok = inputDecoder_.decode(bytes, *set); !ok) {
+        garbage("an input that makes no sense: " + ok.error().text);
+        return hello(false);
+    }
+    if (isRunState) {
+        if (diverged_ || replica_.hash() != header.hash) return;
+        replica_.setBehavioursEnabled(true);
+        if (auto ok = replica_.resumeFrom(*set->input->runState); !ok) return stopRunning(ok.error().text);
+        running_ = true;
+        return;
+    }
+    if (!running_) return hello(false);
+    const auto ran = replica_.runInput(*set->input, header.time);
+    touched_ = true;
+    if (!ran) return stopRunning(ran.error().text);
+    state_ = statistics_.sequence = header.to;
+    ++applied_;
+    ++statistics_.frames;
+    ++statistics_.inputs;
+    if (replica_.hash() == header.hash) return compare(header);
+    ++statistics_.divergences;
+    statistics_.equal = false;
+    stopRunning(fmt::format("hash {} here, {} at the origin", replica_.hash().hex(), header.hash.hex()));
+}
+
+/// Back to a state of the origin's; after a few times of this, changes will do.
+void MirrorClient::Impl::stopRunning(const std::string& why) {
+    ++inputTroubles_;
+    report(Severity::warning,
+           fmt::format("state {}, run here from its input: {}{}", state_, why,
+                       inputTroubles_ < kMostInputTroubles ? "" : "; changes are taken from now on"));
+    hello(true);
+}
+
+// ---- hashes compared, differences named and repaired -------------------------------------------------------------
+
+void MirrorClient::Impl::compare(const RecordHeader& header) {
+    statistics_.hash = replica_.hash();
+    statistics_.originHash = header.hash;
+    statistics_.equal = decoder_.exact() && statistics_.hash == statistics_.originHash;
+    if (statistics_.equal || !decoder_.exact()) {
+        // A difference that only its memory shows stays one until it is repaired.
+        if (statistics_.equal && diverged_ && !bisection_.running()) diverged_ = false;
+        return;
+    }
+    if (diverged_) return;
+    diverged_ = true;
+    ++statistics_.divergences;
+    report(Severity::error, fmt::format("state {}: hash {} here, {} at the origin", header.to, statistics_.hash.hex(),
+                                        statistics_.originHash.hex()));
+    if (!bisection_.running()) doubt({});
+}
+
+void MirrorClient::Impl::announce(const Divergence& d) {
+    report(Severity::error,
+           fmt::format("state {}: {}{}{}: {}", d.frame, d.node, d.field.empty() ? "" : ".", d.field, d.text));
+    if (options_.onDivergence) options_.onDivergence(d);
+}
+
+void MirrorClient::Impl::doubt(std::vector<mirror::NodeRange> ranges) {
+    bisection_.begin(session_, std::move(ranges), message_);
+    asked_ = Clock::now();
+    ++statistics_.questions;
+    send();
+}
+
+void MirrorClient::Impl::scrub(Clock::time_point now) {
+    if (options_.scrub.count() == 0 || !haveState_ || diverged_ || bisection_.running() || !decoder_.exact()) return;
+    if (scrubbed_ == Clock::time_point{}) scrubbed_ = now;
+    if (now - scrubbed_ < options_.scrub || !partial_.empty()) return;
+    scrubbed_ = now;
+    const mirror::NodeRange whole = mirror::wholeRange(replica_);
+    if (whole.bits <= kScrubBits) return doubt({});
+    if (scrubAt_ >> whole.bits) scrubAt_ = 0;
+    doubt({mirror::NodeRange{scrubAt_, kScrubBits}});
+    scrubAt_ += std::uint32_t{1} << kScrubBits;
+}
+
+void MirrorClient::Impl::giveUpRepair(const std::string& why) {
+    bisection_.stop();
+    report(Severity::note, fmt::format("state {}: {}: a snapshot instead of a repair", state_, why));
+    if (Clock::now() - repaired_ < kRepairAgain) return doubt({});  // not one after the other
+    repaired_ = Clock::now();
+    hello(true);
+}
+
+/// Answers to questions and to requests, in their place among the records.
+void MirrorClient::Impl::answer(std::span<const std::byte> message) {
+    wire::Reader in(message);
+    const std::optional<Message> type = mirror::readPrologue(in);
+    if (in.number<std::uint64_t>() != session_) return;
+    if (type == Message::verdict) {
+        mirror::Verdict verdict;
+        if (!verdict.read(in)) return garbage("a malformed verdict");
+        const auto request = std::ranges::find(requests_, verdict.request, &Request::number);
+        if (request == requests_.end()) return;
+        requests_.erase(request);
+        MirrorVerdict result{verdict.request, verdict.refusal, verdict.state, {}};
+        for (const auto& [provisional, number] : verdict.created)
+            result.created.emplace_back(NodeId{provisional}, NodeId{number});
+        verdicts_.push_back(std::move(result));
+        return;
+    }
+    const auto state = in.number<std::uint64_t>();
+    if (!bisection_.running() || !haveState_ || state != state_ || editedByItsOwner()) return;
+    const Bisection::Step step = type == Message::digest ? bisection_.digest(replica_, in, message_)
+                                                         : bisection_.anatomy(replica_, in, message_);
+    if (step != Bisection::Step::same && step != Bisection::Step::malformed && !diverged_) {
+        // Found by a scrub: the running hash knows nothing of it.
+        diverged_ = true;
+        statistics_.equal = false;
+        ++statistics_.divergences;
+        report(Severity::error, fmt::format("state {}: other memory than the origin's", state_));
+    }
+    if (type == Message::anatomy)
+        for (std::size_t i = 0; i < std::min(bisection_.found().size(), kMostAnnounced); ++i)
+            announce(bisection_.found()[i]);
+    switch (step) {
+        case Bisection::Step::ask:
+            asked_ = Clock::now();
+            ++statistics_.questions;
+            send();
+            return;
+        case Bisection::Step::same:
+            return nothingDiffers();
+        case Bisection::Step::hopeless:
+            return giveUpRepair("too much differs");
+        case Bisection::Step::malformed:
+            garbage("an answer that makes no sense");
+            if (diverged_) giveUpRepair("no answer that makes sense");
+            bisection_.stop();
+            return;
+    }
+}
+
+/// The stored values are the origin's. If the running hash is not, one was changed behind it and has been written
+/// since.
+void MirrorClient::Impl::nothingDiffers() {
+    bisection_.stop();
+    if (!diverged_) return;
+    const auto set = std::make_shared<ChangeSet>();
+    set->from = set->to = state_;
+    set->time = replica_.now();
+    set->hash = statistics_.originHash;
+    (void)replica_.apply(set);  // computes the hash anew
+    statistics_.hash = replica_.hash();
+    if (statistics_.hash != statistics_.originHash) return giveUpRepair("the state hash stays wrong");
+    announce(
+        {state_, replica_.now(), "", "",
+         fmt::format("a value had been changed behind the replica's back; a frame has written it since, of {} that "
+                     "the frame before this wrote",
+                     lastChanges_)});
+    healed();
+}
+
+void MirrorClient::Impl::healed() {
+    diverged_ = false;
+    statistics_.equal = true;
+    ++statistics_.repairs;
+    report(Severity::note, fmt::format("state {}: repaired after {} questions", state_, bisection_.questions()));
+}
+
+void MirrorClient::Impl::repair(std::span<const std::byte> bytes, const RecordHeader& header) {
+    if (!bisection_.running()) return;
+    const std::shared_ptr<ChangeSet> set = freshSet();
+    Result<> ok = decoder_.decode(bytes, *set);
+    if (ok) {
+        bisection_.complete(replica_, *set);
+        ok = replica_.apply(set);
+    }
+    bisection_.stop();
+    if (!ok) {
+        report(Severity::note, "a repair that cannot be applied: " + ok.error().text);
+        haveState_ = false;
+        return hello(true);
+    }
+    statistics_.hash = replica_.hash();
+    statistics_.originHash = header.hash;
+    if (statistics_.hash == header.hash) return healed();
+    giveUpRepair("the repair did not suffice");
+}
+
+// ---- upstream ----------------------------------------------------------------------------------------------------
+
+Result<std::uint64_t> MirrorClient::Impl::submit(std::vector<Change> changes) {
+    if (!decoder_.exact()) return fail("the origin's node types are others than ours");
+    ChangeSet set;
+    set.from = set.to = std::max<std::uint64_t>(1, state_);
+    set.changes = std::move(changes);
+    Request request;
+    encoder_.encode(set, request.record);
+    if (request.record.size() > mirror::kLongestSubmission)
+        return fail(
+            fmt::format("a request of {} bytes, the most is {}", request.record.size(), mirror::kLongestSubmission));
+    request.number = nextRequest_++;
+    const std::uint64_t number = request.number;
+    requests_.push_back(std::move(request));
+    if (connected_) sendRequests();
+    return number;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,117 @@
+#include "history.h"
+
+#include <algorithm>
+
+namespace rtsg {
+
+namespace {
+
+constexpr std::size_t kPooled = 32;
+constexpr std::size_t kLargestPooled = std::size_t{16} << 20;
+
+}  // namespace
+
+std::shared_ptr<EncodedRecord> RecordPool::take() {
+    std::unique_ptr<EncodedRecord> record;
+    {
+        const std::scoped_lock lock(mutex_);
+        if (!free_.empty()) {
+            record = std::move(free_.back());
+            free_.pop_back();
+        }
+    }
+    if (!record) record = std::make_unique<EncodedRecord>();
+    record->published = 0;
+    record->predicted.reset();
+    return {record.release(), [pool = weak_from_this()](EncodedRecord* r) {
+                std::unique_ptr<EncodedRecord> owned(r);
+                if (const auto alive = pool.lock()) alive->giveBack(std::move(owned));
+            }};
+}
+
+void RecordPool::giveBack(std::unique_ptr<EncodedRecord> record) {
+    record->input.reset();
+    record->runState.reset();
+    if (record->bytes.capacity() > kLargestPooled) return;
+    const std::scoped_lock lock(mutex_);
+    if (free_.size() < kPooled) free_.push_back(std::move(record));
+}
+
+void MirrorHistory::clear() {
+    keyframe_.reset();
+    frames_.clear();
+    ends_.clear();
+    bytes_ = total_ = newest_ = 0;
+    started_ = false;
+}
+
+bool MirrorHistory::add(SharedRecord record) {
+    const RecordHeader& header = record->header;
+    if (header.kind == RecordKind::keyframe) {
+        // A first state, the snapshot of the newest one, or the first change of a scene that had none.
+        if (!empty() && header.to != newest_ && newest_ != 0) return false;
+        if (newest_ != header.to) frames_.clear(), ends_.clear(), bytes_ = 0;
+        newest_ = header.to;
+        started_ = true;
+        keyframe_ = std::move(record);
+        return true;
+    }
+    if (empty() || header.from != newest_) return false;
+    if (header.to == header.from) {
+        // The served replica was wrong and has been put right: who follows finds out by the hash; nobody else may get
+        // what led here.
+        keyframe_.reset();
+        frames_.clear();
+        ends_.clear();
+        bytes_ = 0;
+        return true;
+    }
+    newest_ = header.to;
+    bytes_ += record->bytes.size();
+    total_ += record->bytes.size();
+    ends_.push_back(total_);
+    frames_.push_back(std::move(record));
+    while (bytes_ > limit_ && frames_.size() > 1) {
+        bytes_ -= frames_.front()->bytes.size();
+        frames_.pop_front();
+        ends_.pop_front();
+    }
+    return true;
+}
+
+std::size_t MirrorHistory::indexOf(std::uint64_t state) const {
+    const auto found =
+        std::ranges::lower_bound(frames_, state, {}, [](const SharedRecord& r) { return r->header.from; });
+    return found != frames_.end() && (*found)->header.from == state ? static_cast<std::size_t>(found - frames_.begin())
+                                                                    : frames_.size();
+}
+
+bool MirrorHistory::continues(std::uint64_t state) const {
+    return !empty() && (state == newest_ || indexOf(state) < frames_.size());
+}
+
+SharedRecord MirrorHistory::frameFrom(std::uint64_t state) const {
+    const std::size_t index = indexOf(state);
+    return index < frames_.size() ? frames_[index] : nullptr;
+}
+
+std::uint64_t MirrorHistory::bytesFrom(std::uint64_t state) const {
+    const std::size_t index = indexOf(state);
+    return index < frames_.size() ? total_ - ends_[index] + frames_[index]->bytes.size() : 0;
+}
+
+std::vector<SharedRecord> MirrorHistory::framesFrom(std::uint64_t state, std::size_t most) const {
+    const auto first = frames_.begin() + static_cast<std::ptrdiff_t>(indexOf(state));
+    return {first, first + static_cast<std::ptrdiff_t>(
+                               std::min<std::size_t>(most, static_cast<std::size_t>(frames_.end() - first)))};
+}
+
+SharedRecord MirrorHistory::keyframe() const {
+    return keyframe_ && continues(keyframe_->header.to) ? keyframe_ : nullptr;
+}
+
+void MirrorHistory::setKeyframe(SharedRecord record) {
+    if (continues(record->header.to)) keyframe_ = std::move(record);
+}
+
+}  // namespace rtsg

@@ -1,0 +1,132 @@
+// The messages of a mirror besides its records (PROTOCOL.md, "Mirror"): a prologue of 8 bytes, then fixed fields.
+// Readers ignore what follows the fields they know, so that later versions can append.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <rtsg/sync/byte_buffer.h>
+
+#include "codec/wire.h"
+
+namespace rtsg::mirror {
+
+constexpr std::uint8_t kVersion = 1;
+constexpr std::size_t kPrologue = 8;
+constexpr std::size_t kLongestName = 200;
+constexpr std::size_t kMostParts = 32;        // of a scene that a peer may name in its hello
+constexpr std::size_t kSubmitPart = 8 << 10;  // bytes of a submission in one message
+constexpr std::size_t kLongestSubmission = 1 << 20;
+
+enum class Message : std::uint8_t {
+    hello = 1,     // client: session, dictionary hash, epoch, sequence, window, name, wishes
+    ack = 2,       // client: session, sequence, bytes received
+    ping = 3,      // either: token
+    pong = 4,      // either: the same token; from servers, their clock in ns
+    bye = 5,       // either
+    doubt = 6,     // client: session, ranges of nodes whose hashes it wants
+    inspect = 7,   // client: session, nodes whose parts' hashes it wants
+    want = 8,      // client: session, parts of nodes it wants anew
+    submit = 9,    // client: session, request, size, offset; second part: bytes of a record from there
+    welcome = 16,  // server: session, epoch, heartbeat in ms; second part: head record
+    data = 17,     // server: session, record size, offset, clock; second part: the record's bytes from there
+    unknown = 18,  // server: I do not know you, say hello
+    refused = 19,  // server: reason
+    digest = 20,   // server: session, state, hashes of ranges
+    anatomy = 21,  // server: session, state, hashes of the parts of nodes
+    verdict = 22,  // server: session, request, state, reason of refusal, numbers of new nodes
+};
+
+/// This machine's steady clock, ns: never goes back, and means nothing elsewhere.
+inline std::uint64_t clockNow() {
+    return static_cast<std::uint64_t>(
+        std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+            .count());
+}
+
+inline void begin(ByteBuffer& out, Message type) {
+    out.clear();
+    out.append("RTSG", 4);
+    out.put(kVersion);
+    out.put(static_cast<std::uint8_t>(type));
+    out.put(std::uint16_t{0});
+}
+
+/// The type, if the prologue is one of this version; `in` then stands behind it.
+inline std::optional<Message> readPrologue(wire::Reader& in) {
+    if (in.left() < kPrologue || std::memcmp(in.at, "RTSG", 4) != 0) return std::nullopt;
+    in.at += 4;
+    const auto version = in.number<std::uint8_t>();
+    const auto type = in.number<std::uint8_t>();
+    const auto zero = in.number<std::uint16_t>();
+    if (version != kVersion || zero != 0) return std::nullopt;
+    return static_cast<Message>(type);
+}
+
+/// What a client asks for beyond following; all of it may be left out.
+struct Wishes {
+    std::uint64_t client = 0;        // names it across connections, for its requests
+    std::uint8_t whenSlow = 0;       // 0 merged frames, 1 hold the scene up, 2 a keyframe instead
+    std::uint32_t milliFrames = 0;   // most frames in 1000 s; 0: all
+    std::uint32_t aspects = 0;       // bit n: aspect n; 0: all
+    std::vector<std::string> parts;  // DEF names or #numbers of subtrees; none: all
+    bool inputs = false;             // runs the cascade itself, given what came into each frame
+
+    bool partial() const { return aspects != 0 || !parts.empty(); }
+    void write(ByteBuffer& out) const {
+        out.put(client);
+        out.put(whenSlow);
+        out.put(milliFrames);
+        out.put(aspects);
+        wire::putTexts(out, parts);
+        out.put(static_cast<std::uint8_t>(inputs));
+    }
+    void read(wire::Reader& in) {
+        client = in.number<std::uint64_t>();
+        whenSlow = in.number<std::uint8_t>();
+        milliFrames = in.number<std::uint32_t>();
+        aspects = in.number<std::uint32_t>();
+        const std::size_t count = in.count(1);
+        if (count > kMostParts) in.refuse("too many parts");
+        for (std::size_t i = 0; i < count && !in.problem; ++i) parts.emplace_back(in.text());
+        if (in.left() && !in.problem) inputs = in.number<std::uint8_t>() & 1u;
+    }
+};
+
+struct Hello {
+    std::uint64_t session = 0, dictionaryHash = 0, epoch = 0, sequence = 0, window = 0;
+    std::string name;
+    Wishes wishes;
+
+    void write(ByteBuffer& out) const {
+        begin(out, Message::hello);
+        for (const std::uint64_t number : {session, dictionaryHash, epoch, sequence, window}) out.put(number);
+        wire::putText(out, name);
+        wishes.write(out);
+    }
+    bool read(wire::Reader& in) {
+        for (std::uint64_t* number : {&session, &dictionaryHash, &epoch, &sequence, &window})
+            *number = in.number<std::uint64_t>();
+        name = in.text();
+        if (in.left()) wishes.read(in);
+        return !in.problem && name.size() <= kLongestName;
+    }
+};
+
+/// Messages that begin with a prologue and numbers.
+template <std::size_t N>
+void write(ByteBuffer& out, Message type, const std::uint64_t (&numbers)[N]) {
+    begin(out, type);
+    for (const std::uint64_t number : numbers) out.put(number);
+}
+template <std::size_t N>
+bool read(wire::Reader& in, std::uint64_t (&numbers)[N]) {
+    for (std::uint64_t& number : numbers) number = in.number<std::uint64_t>();
+    return !in.problem;
+}
+
+}  // namespace rtsg::mirror

@@ -1,0 +1,47 @@
+// A part of a scene as a scene of its own: what a peer gets that asked for subtrees or aspects only.
+//
+// The part holds the root, the subtrees asked for, and the nodes on the way to them, which keep their fields but refer
+// to nodes of the part only. Of its nodes it holds the fields that refer to nodes and those of the aspects asked for;
+// others have their defaults. Routes are there when both ends are. States have the numbers of the whole scene's, and
+// the hash that a scene has that holds just this. Invariant: update by update == made from scratch. A frame that moves
+// no node in or out costs what it changes; one that does costs a walk over the part. Threading: one thread.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <unordered_set>
+#include <vector>
+
+#include <rtsg/core/scene.h>
+
+#include "message.h"
+
+namespace rtsg {
+
+class MirrorPart {
+  public:
+    explicit MirrorPart(mirror::Wishes wishes);
+    const Scene& scene() const { return *scene_; }
+
+    /// The part is brought to the state of `whole`, whose last step `set` was; with null, from wherever it is. Returns
+    /// the set that does the same to another replica of the part.
+    Result<std::shared_ptr<const ChangeSet>> follow(const Scene& whole, const ChangeSet* set);
+
+  private:
+    using Members = std::unordered_set<std::uint32_t>;
+
+    bool holds(NodeId id) const { return members_.contains(id.value); }
+    bool wanted(const FieldDef& def) const;
+    bool wanted(NodeId node, FieldIndex field, const Scene& whole) const;
+    Members membersOf(const Scene& whole) const;
+    Value valueOf(const Node& node, FieldIndex field) const;
+    /// `set` null: everything is compared.
+    void compare(const Scene& whole, const ChangeSet* set, ChangeSet& out);
+    void copyWanted(const Scene& whole, const ChangeSet& set, ChangeSet& out) const;
+
+    mirror::Wishes wishes_;
+    std::unique_ptr<Scene> scene_;
+    Members members_;
+};
+
+}  // namespace rtsg

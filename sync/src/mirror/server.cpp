@@ -1,0 +1,192 @@
+#include <rtsg/sync/mirror_server.h>
+
+#include <random>
+#include <thread>
+
+#include <fmt/format.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <rtsg/core/frame_input.h>
+#include <rtsg/sync/input_codec.h>
+
+#include "server_io.h"
+
+namespace rtsg {
+
+MirrorServer::Shared::~Shared() {
+    if (wake >= 0) ::close(wake);
+}
+
+void MirrorServer::Shared::post(Item item) {
+    {
+        const std::scoped_lock lock(mutex);
+        inbox.push_back(std::move(item));
+    }
+    awaken();
+}
+
+void MirrorServer::Shared::awaken() const {
+    const std::uint64_t one = 1;
+    (void)!::write(wake, &one, sizeof(one));
+}
+
+void MirrorServer::Shared::report(Severity severity, std::string text) {
+    const std::scoped_lock lock(mutex);
+    if (diagnostics.size() < 100) diagnostics.push_back({severity, endpoint, {}, std::move(text)});
+}
+
+/// The scene's thread's own; the encoder keeps its buffers between frames.
+struct MirrorServer::Encoder {
+    explicit Encoder(const StreamMode& mode) : predicting(mode) {}
+    ChangeEncoder encoder, predicting;
+    InputEncoder inputs;
+    std::uint64_t last = 0;
+    bool started = false;
+};
+
+MirrorServer::MirrorServer(Scene& scene, std::shared_ptr<Shared> shared)
+    : scene_(scene), shared_(std::move(shared)), encoder_(std::make_unique<Encoder>(shared_->options.mode)) {}
+
+Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const std::string& endpoint,
+                                                          MirrorServerOptions options) {
+    const Result<bool> local = isLocalEndpoint(endpoint);
+    if (!local) return std::unexpected(local.error());
+    if (!*local && !options.keys && !options.insecure)
+        return fail(
+            fmt::format("'{}' can be reached from other machines: give keys, or ask for an insecure server", endpoint));
+    if (options.keys)
+        if (auto ok = options.keys->checkForServer(); !ok) return std::unexpected(ok.error());
+    if (options.mode.mode == Mode::lossy &&
+        (options.upstream != MirrorUpstream::none || (options.keys && !options.keys->upstream.empty())))
+        return fail("a lossy mirror takes no requests: the scene that it serves is not the one to be changed");
+    auto shared = std::make_shared<Shared>();
+    shared->options = std::move(options);
+    shared->wake = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    std::random_device device;
+    shared->epoch = std::uint64_t{device()} << 32 | device();
+    std::unique_ptr<MirrorServer> server(new MirrorServer(scene, shared));
+    server->io_ = std::make_unique<Io>(shared);
+    if (auto ok = server->io_->start(endpoint); !ok) return std::unexpected(ok.error());
+    if (shared->options.mode.mode == Mode::input) scene.setInputRecording(true);
+    server->attachment_ = scene.bus().attach(*server);
+    return server;
+}
+
+MirrorServer::~MirrorServer() {
+    attachment_.detach();
+    io_.reset();
+}
+
+const std::string& MirrorServer::endpoint() const {
+    return shared_->endpoint;
+}
+std::uint64_t MirrorServer::epoch() const {
+    return shared_->epoch;
+}
+std::string MirrorServer::subscriberName() const {
+    return "mirror server " + shared_->endpoint;
+}
+
+MirrorServerStatistics MirrorServer::statistics() const {
+    const std::scoped_lock lock(shared_->mutex);
+    return shared_->statistics;
+}
+
+std::vector<Diagnostic> MirrorServer::takeDiagnostics() {
+    const std::scoped_lock lock(shared_->mutex);
+    return std::exchange(shared_->diagnostics, {});
+}
+
+/// Once for all peers that run the cascade themselves.
+void MirrorServer::encodeInput(const ChangeSet& changes, EncodedRecord& record) {
+    const auto finish = [&](const std::shared_ptr<EncodedRecord>& made) {
+        made->header = *parseRecordHeader(made->bytes.bytes());
+        made->published = record.published;
+        return made;
+    };
+    const std::shared_ptr<EncodedRecord> made = shared_->pool->take();
+    if (!needsState(changes)) {
+        encoder_->inputs.encode(changes, made->bytes);
+        record.input = finish(made);
+    }
+    ChangeSet state;
+    state.to = changes.to;
+    state.time = changes.time;
+    state.hash = changes.hash;
+    state.input = changes.input;
+    if (!state.input || !state.input->runState) {
+        // Only while the scene is in that very state, and somebody waits for it.
+        if (scene_.sequence() != changes.to || !shared_->wantRunState.exchange(false)) return;
+        auto input = std::make_shared<FrameInput>();
+        input->runState = std::make_shared<const RunState>(scene_.runState());
+        state.input = std::move(input);
+    }
+    const std::shared_ptr<EncodedRecord> after = shared_->pool->take();
+    if (encoder_->inputs.encodeRunState(state, after->bytes)) record.runState = finish(after);
+}
+
+void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
+    const std::shared_ptr<EncodedRecord> record = shared_->pool->take();
+    encoder_->encoder.encode(changes, record->bytes);
+    record->header = *parseRecordHeader(record->bytes.bytes());
+    record->published = mirror::clockNow();
+    if (shared_->options.mode.coding != Coding::raw && !changes.isSnapshot()) {
+        const std::shared_ptr<EncodedRecord> predicted = shared_->pool->take();
+        if (shared_->wantForget.exchange(false)) encoder_->predicting.restart();
+        encoder_->predicting.encode(changes, predicted->bytes);
+        predicted->header = *parseRecordHeader(predicted->bytes.bytes());
+        predicted->published = record->published;
+        record->predicted = predicted;
+    }
+    if (shared_->options.mode.mode == Mode::input && !requested) encodeInput(changes, *record);
+    // A snapshot in the middle of a stream: the scene is a replica that joined anew.
+    const bool restart = !requested && changes.isSnapshot() && encoder_->started && encoder_->last != 0;
+    encoder_->started = true;
+    encoder_->last = changes.to;
+    shared_->post({record, requested, restart});
+}
+
+void MirrorServer::waitForThoseWhoBlock() {
+    std::unique_lock lock(shared_->mutex);
+    if (!shared_->heldUp) return;
+    shared_->caughtUp.wait_for(lock, shared_->options.blockFor, [this] { return !shared_->heldUp; });
+}
+
+Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
+    encodeAndPost(changes, false);
+    if (scene.sequence() == changes.to && shared_->wantSnapshot.exchange(false)) encodeAndPost(scene.snapshot(), true);
+    if (shared_->options.blockFor.count() > 0) waitForThoseWhoBlock();
+    return {};
+}
+
+void MirrorServer::service() {
+    std::vector<mirror::Submission> submissions;
+    {
+        const std::scoped_lock lock(shared_->mutex);
+        submissions.swap(shared_->submissions);
+        shared_->submittedBytes = 0;
+    }
+    for (const mirror::Submission& submission : submissions) {
+        mirror::Verdict verdict = mirror::carryOut(scene_, submission);
+        const std::scoped_lock lock(shared_->mutex);
+        shared_->verdicts.push_back(std::move(verdict));
+    }
+    if (!submissions.empty()) shared_->awaken();
+    if (!shared_->wantSnapshot) return;
+    scene_.seal();  // publishes what is pending, and with it the snapshot
+    if (shared_->wantSnapshot.exchange(false)) encodeAndPost(scene_.snapshot(), true);
+}
+
+bool MirrorServer::drain(std::chrono::milliseconds timeout) {
+    const auto end = std::chrono::steady_clock::now() + timeout;
+    while (true) {
+        service();
+        const MirrorServerStatistics now = statistics();
+        if (now.peers == 0 || now.acknowledged >= scene_.sequence()) return true;
+        if (std::chrono::steady_clock::now() >= end) return false;
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+}
+
+}  // namespace rtsg

@@ -1,0 +1,292 @@
+// The thread of a mirror server that talks to peers: its loop, what comes in from the other threads, and what goes to
+// them. What it says to each peer is in server_peers.cpp.
+#include "server_io.h"
+
+#include <algorithm>
+#include <random>
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+namespace rtsg {
+
+using namespace std::chrono_literals;
+using mirror::Message;
+using Kind = MirrorShadow::Question::Kind;
+
+namespace {
+
+constexpr std::int64_t kLongestIncoming = mirror::kSubmitPart + 512;  // bytes; a hello is far below
+constexpr int kIncoming = 64;                                         // messages waiting per connection
+constexpr int kLinger = 200;                                          // ms
+constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
+constexpr auto kUnusedPart = 10s;                                     // until a part without peers is let go
+constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;      // bytes of frames, at least
+
+}  // namespace
+
+MirrorServer::Io::Io(std::shared_ptr<Shared> shared)
+    : shared_(std::move(shared)),
+      router_(context_, ZMQ_ROUTER),
+      gate_(context_),
+      history_(streams_.try_emplace(0, shared_->options.history).first->second.history),
+      shadow_(shared_->pool, shared_->wake, std::max<std::uint64_t>(shared_->options.history, 64 << 20)) {}
+
+MirrorServer::Io::~Io() {
+    shared_->stop = true;
+    shared_->awaken();
+    if (thread_.joinable()) thread_.join();
+}
+
+Result<> MirrorServer::Io::start(const std::string& endpoint) {
+    router_.set(ZMQ_LINGER, kLinger);
+    router_.set(ZMQ_ROUTER_MANDATORY, 1);
+    router_.set(ZMQ_SNDHWM, 0);  // bounded by every peer's window instead
+    router_.set(ZMQ_RCVHWM, kIncoming);
+    router_.set(ZMQ_MAXMSGSIZE, kLongestIncoming);
+    router_.set(ZMQ_HANDSHAKE_IVL, 5000);
+    if (auto ok = gate_.guard(router_, shared_->options.keys ? &*shared_->options.keys : nullptr); !ok) return ok;
+    if (zmq_bind(router_.get(), endpoint.c_str()) != 0)
+        return std::unexpected(zmqFailure(fmt::format("cannot bind {}", endpoint)));
+    char bound[512] = {};
+    std::size_t length = sizeof(bound);
+    zmq_getsockopt(router_.get(), ZMQ_LAST_ENDPOINT, bound, &length);
+    shared_->endpoint = bound;
+    dictionaryHash_ = dictionaryHash(builtinTypes());
+    restart();
+    thread_ = std::thread([this] { run(); });
+    return {};
+}
+
+/// Sequence numbers start to mean something else: whoever followed begins anew.
+void MirrorServer::Io::restart() {
+    if (!history_.empty()) {
+        std::random_device device;
+        shared_->epoch = std::uint64_t{device()} << 32 | device();
+    }
+    std::erase_if(streams_, [](const auto& s) { return s.first != 0; });
+    history_.clear();
+    streams_.begin()->second.keyframeAsked = false;
+    shadow_.restart();
+    ledger_.clear();
+    encodeHead(shared_->epoch, shared_->options.creator, builtinTypes(), shared_->options.mode, head_);
+    mirror::begin(message_, Message::unknown);
+    for (const auto& [identity, peer] : peers_) sendTo(identity, message_);
+    peers_.clear();
+}
+
+void MirrorServer::Io::run() {
+    while (!shared_->stop) {
+        zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0},
+                                  {nullptr, shared_->wake, ZMQ_POLLIN, 0},
+                                  {gate_.monitor(), 0, ZMQ_POLLIN, 0},
+                                  {gate_.zap(), 0, ZMQ_POLLIN, 0}};
+        if (zmq_poll(items, 4, patience().count()) < 0 && zmq_errno() != EINTR) break;
+        if (items[1].revents) {
+            std::uint64_t count = 0;
+            (void)!::read(shared_->wake, &count, sizeof(count));
+        }
+        takeInbox();
+        takeAnswers();
+        if (items[3].revents) gate_.authenticate();
+        if (items[2].revents) {
+            const MirrorGate::Failures failures = gate_.failures();
+            statistics_.refused += failures.refused;
+            if (failures.refused)
+                shared_->report(Severity::warning, "refused a connection: its key is not on the list");
+            for (std::uint64_t i = 0; i < failures.garbage; ++i)
+                garbage("a connection that did not speak the protocol");
+        }
+        if (items[0].revents) receive();
+        tick(Clock::now());
+        for (auto peer = peers_.begin(); peer != peers_.end();) peer = pump(peer->second) ? ++peer : peers_.erase(peer);
+        publishStatistics();
+    }
+    sayGoodbye();
+    gate_.stopWatching(router_);
+}
+
+std::chrono::milliseconds MirrorServer::Io::patience() const {
+    auto result = std::max(1ms, shared_->options.heartbeat / 2);
+    const Clock::time_point now = Clock::now();
+    for (const auto& [identity, peer] : peers_) {
+        if (!peer.placed) result = std::min(result, 20ms);
+        if (peer.interval.count() > 0 && peer.placed && peer.state != historyOf(peer).newest())
+            result = std::min(result, std::max(1ms, std::chrono::ceil<std::chrono::milliseconds>(peer.due - now)));
+    }
+    return result;
+}
+
+/// A peer whose connection ends loses what it has not read yet (ZMQ_IMMEDIATE): it answers first.
+void MirrorServer::Io::sayGoodbye() {
+    leaving_ = true;
+    mirror::begin(message_, Message::bye);
+    std::erase_if(peers_, [this](const auto& peer) { return !sendTo(peer.first, message_); });
+    const Clock::time_point end = Clock::now() + kFarewell;
+    while (!peers_.empty() && Clock::now() < end) {
+        zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0}};
+        zmq_poll(items, 1, 20);
+        receive();
+    }
+}
+
+void MirrorServer::Io::takeInbox() {
+    std::vector<Shared::Item> items;
+    std::vector<mirror::Verdict> verdicts;
+    {
+        const std::scoped_lock lock(shared_->mutex);
+        items.swap(shared_->inbox);
+        verdicts.swap(shared_->verdicts);
+    }
+    for (Shared::Item& item : items) {
+        if (item.restart) restart();
+        if (item.requested) {
+            ++statistics_.stalls;
+            streams_.begin()->second.keyframeAsked = false;
+            history_.setKeyframe(item.record);
+            shadow_.post(std::move(item.record));
+            continue;
+        }
+        ++statistics_.frames;
+        const SharedRecord record = item.record;
+        if (!history_.add(std::move(item.record)))
+            shared_->report(Severity::error, "a change set that does not follow the one before was not sent");
+        else if (!shadow_.post(record))
+            shared_->wantSnapshot = true;
+    }
+    if (!items.empty()) keepKeyframeNear(0);
+    for (mirror::Verdict& verdict : verdicts) {
+        ++statistics_.requests;
+        ledger_.answer(verdict);
+        for (auto& [identity, peer] : peers_)
+            if (peer.client == verdict.client) peer.verdicts.push_back(verdict);
+    }
+}
+
+void MirrorServer::Io::askForKeyframe(std::uint32_t part) {
+    if (std::exchange(streams_.find(part)->second.keyframeAsked, true)) return;
+    MirrorShadow::Question question;
+    question.part = part;
+    shadow_.ask(std::move(question));
+}
+
+/// A keyframe is always there before anybody asks, and costs no more than a share of what the frames do.
+void MirrorServer::Io::keepKeyframeNear(std::uint32_t part) {
+    const MirrorHistory& history = streams_.find(part)->second.history;
+    const SharedRecord keyframe = history.keyframe();
+    const std::uint64_t since = keyframe ? history.bytesFrom(keyframe->header.to) : 0;
+    if (!keyframe ||
+        since > std::min(std::max<std::uint64_t>(2 * keyframe->bytes.size(), kKeyframeEvery), history.limit() / 2))
+        askForKeyframe(part);
+}
+
+void MirrorServer::Io::takeAnswers() {
+    for (MirrorShadow::Answer& answer : shadow_.takeAnswers()) {
+        if (answer.kind == Kind::keyframe || answer.kind == Kind::frame) {
+            const auto stream = streams_.find(answer.part);
+            if (stream == streams_.end()) continue;
+            if (answer.kind == Kind::keyframe) {
+                stream->second.keyframeAsked = false;
+                if (answer.record) stream->second.history.setKeyframe(std::move(answer.record));
+            } else if (answer.record && stream->second.history.add(answer.record)) {
+                keepKeyframeNear(answer.part);
+            } else {
+                dropStream(answer.part);
+            }
+            continue;
+        }
+        const auto peer = peers_.find(answer.peer);
+        if (peer == peers_.end() || peer->second.session != answer.session) continue;
+        peer->second.answer = std::move(answer);
+    }
+}
+
+void MirrorServer::Io::receive() {
+    // Bounded, so that a peer that floods us leaves time for the others.
+    for (int i = 0; i < 1000; ++i) {
+        ZmqMessage identity, head, body;
+        if (!router_.receive(identity)) return;
+        if (!identity.more() || !router_.receive(head)) {
+            garbage("a message without content");
+            continue;
+        }
+        if (head.more()) router_.receive(body);
+        if (body.more()) {
+            router_.skipRest(body);
+            garbage("a message of too many parts");
+            continue;
+        }
+        handle(identity.text(), head.bytes(), body, shared_->options.keys ? userOf(head) : std::string());
+    }
+}
+
+/// Its peers say hello again.
+void MirrorServer::Io::dropStream(std::uint32_t part) {
+    mirror::begin(message_, Message::unknown);
+    std::erase_if(peers_, [&](const auto& p) { return p.second.part == part && (sendTo(p.first, message_), true); });
+    streams_.erase(part);
+    MirrorShadow::Question question;
+    question.kind = Kind::close;
+    question.part = part;
+    shadow_.ask(std::move(question));
+}
+
+void MirrorServer::Io::tick(Clock::time_point now) {
+    for (const auto& [identity, peer] : peers_) streamOf(peer).used = now;
+    for (auto s = std::next(streams_.begin()); s != streams_.end();) {
+        const auto next = std::next(s);
+        if (now - s->second.used > kUnusedPart) dropStream(s->first);
+        s = next;
+    }
+    for (auto p = peers_.begin(); p != peers_.end();) {
+        Peer& peer = p->second;
+        bool gone = now - peer.heard > shared_->options.peerTimeout;
+        if (gone) {
+            ++statistics_.lost;
+            shared_->report(Severity::note, fmt::format("peer '{}' was silent for too long", peer.name));
+        } else if (now - peer.spoken > shared_->options.heartbeat) {
+            const std::uint64_t token[] = {peer.state};
+            mirror::write(message_, Message::ping, token);
+            gone = !sendTo(peer.identity, message_);
+            peer.spoken = now;
+        }
+        p = gone ? peers_.erase(p) : ++p;
+    }
+}
+
+bool MirrorServer::Io::sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body) {
+    ZmqMessage to(std::as_bytes(std::span(identity.data(), identity.size()))), first(head.bytes());
+    return router_.send(to, true) && router_.send(first, body != nullptr) && (!body || router_.send(*body));
+}
+
+void MirrorServer::Io::garbage(std::string text) {
+    ++statistics_.garbage;
+    shared_->report(Severity::warning, "ignored " + std::move(text));
+}
+
+void MirrorServer::Io::publishStatistics() {
+    statistics_.peers = peers_.size();
+    statistics_.sequence = history_.newest();
+    statistics_.acknowledged = history_.newest();
+    bool heldUp = false;
+    const Clock::time_point now = Clock::now();
+    for (auto& [identity, peer] : peers_) {
+        statistics_.acknowledged = std::min(statistics_.acknowledged, peer.ackedState);
+        if (peer.whenSlow != MirrorWhenSlow::block) continue;
+        if (!behind(peer)) {
+            peer.behindSince = {};
+        } else if (peer.behindSince == Clock::time_point{}) {
+            peer.behindSince = now;
+        } else if (now - peer.behindSince > shared_->options.blockFor) {
+            shared_->report(Severity::note, fmt::format("peer '{}' has held up the scene for long enough", peer.name));
+            peer.whenSlow = MirrorWhenSlow::coalesce;
+        }
+        heldUp |= peer.whenSlow == MirrorWhenSlow::block && behind(peer);
+    }
+    const std::scoped_lock lock(shared_->mutex);
+    shared_->statistics = statistics_;
+    shared_->heldUp = heldUp;
+    if (!heldUp) shared_->caughtUp.notify_all();
+}
+
+}  // namespace rtsg

@@ -1,0 +1,168 @@
+// The side of a mirror server that talks to peers: one thread, one ROUTER socket, the history and every peer's place.
+//
+// Invariant: only this thread touches peers, histories and sockets, and it does nothing that takes long: what does is
+// the shadow's. The scene's thread hands over records through the inbox; it waits only for peers that may hold it up.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <rtsg/sync/mirror_server.h>
+
+#include "gate.h"
+#include "history.h"
+#include "message.h"
+#include "shadow.h"
+#include "upstream.h"
+#include "zmq_socket.h"
+
+namespace rtsg {
+
+/// What both threads touch.
+struct MirrorServer::Shared {
+    struct Item {
+        SharedRecord record;
+        bool requested = false;  // a snapshot that the scene's thread was asked for
+        bool restart = false;    // the scene has started over: nothing before counts
+    };
+    MirrorServerOptions options;
+    std::string endpoint;
+    std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
+    std::atomic<bool> wantSnapshot{false}, wantRunState{false}, stop{false};
+    std::atomic<bool> wantForget{false};  // somebody has not got what predicted values refer to
+    std::atomic<std::uint64_t> epoch{0};
+    int wake = -1;  // eventfd
+
+    std::mutex mutex;  // guards the rest
+    std::condition_variable caughtUp;
+    bool heldUp = false;  // a peer that may hold the scene up is behind
+    std::vector<Item> inbox;
+    std::vector<mirror::Submission> submissions;
+    std::uint64_t submittedBytes = 0;
+    std::vector<mirror::Verdict> verdicts;
+    MirrorServerStatistics statistics;
+    std::vector<Diagnostic> diagnostics;
+
+    ~Shared();
+    void post(Item item);
+    void awaken() const;
+    void report(Severity severity, std::string text);
+};
+
+class MirrorServer::Io {
+  public:
+    explicit Io(std::shared_ptr<Shared> shared);
+    ~Io();
+    /// Binds; on success `shared->endpoint` is the real one and the thread runs.
+    Result<> start(const std::string& endpoint);
+
+  private:
+    using Clock = std::chrono::steady_clock;
+
+    struct Peer {
+        std::string identity, name;
+        std::uint64_t session = 0, window = 0;
+        std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
+        std::uint64_t debt = 0;   // bytes sent before its last hello that it may not have read yet
+        bool placed = false;      // `state` means something
+        bool remembers = false;   // all frames since the last one with kForget, predicted
+        std::uint64_t state = 0;  // that it will be in once everything sent has arrived
+        SharedRecord sending;     // partly sent
+        bool inputs = false;      // wants those
+        bool running = false;     // has what it takes to go on with inputs
+        SharedRecord then;        // to be sent next, before anything else
+        std::size_t sent = 0;     // bytes of it
+        Clock::time_point heard, spoken, waitingSince{};
+        MirrorWhenSlow whenSlow = MirrorWhenSlow::coalesce;
+        Clock::duration interval{};  // least time between frames
+        Clock::time_point due{};
+        Clock::time_point behindSince{};
+        std::uint64_t client = 0;  // its name across connections
+        std::uint32_t part = 0;    // which stream it follows
+        MirrorUpstream upstream = MirrorUpstream::none;
+        bool sameTypes = false;
+        // A question to the shadow: nothing is sent until there is an answer, then frames up to the state it is about.
+        bool asking = false;
+        std::optional<MirrorShadow::Answer> answer;
+        double allowance = 0;  // questions it may ask
+        Clock::time_point allowed{};
+        mirror::Assembly submission;
+        std::deque<mirror::Verdict> verdicts;  // of requests whose frames have not been sent yet
+    };
+    using Peers = std::map<std::string, Peer, std::less<>>;
+    /// What peers follow: the scene, or a part of it.
+    struct Stream {
+        explicit Stream(std::uint64_t limit) : history(limit) {}
+        MirrorHistory history;
+        bool keyframeAsked = false;
+        mirror::Wishes wishes;
+        std::uint64_t epochMix = 0;  // states of a part have the same numbers as others: its epoch tells them apart
+        Clock::time_point used{};
+    };
+
+    void run();
+    void sayGoodbye();
+    void takeInbox();
+    void takeAnswers();
+    void receive();
+    void handle(const std::string& identity, std::span<const std::byte> bytes, const ZmqMessage& body,
+                const std::string& user);
+    void handleOf(Peer& peer, mirror::Message type, wire::Reader& in, std::span<const std::byte> bytes,
+                  const ZmqMessage& body);
+    void hello(const std::string& identity, const mirror::Hello& hello, const std::string& user);
+    void question(Peer& peer, std::span<const std::byte> bytes);
+    void submission(Peer& peer, wire::Reader& in, const ZmqMessage& body);
+    void restart();
+    void tick(Clock::time_point now);
+    /// How long the thread may sleep.
+    std::chrono::milliseconds patience() const;
+    void askForKeyframe(std::uint32_t part);
+    void keepKeyframeNear(std::uint32_t part);
+    /// The number of the stream with these parts and aspects; nothing when there are as many as there may be.
+    std::optional<std::uint32_t> streamFor(const mirror::Wishes& wishes);
+    void dropStream(std::uint32_t part);
+    void refuse(const std::string& identity, const std::string& reason);
+    Stream& streamOf(const Peer& peer) { return streams_.find(peer.part)->second; }
+    const MirrorHistory& historyOf(const Peer& peer) const { return streams_.find(peer.part)->second.history; }
+    bool behind(const Peer& peer) const;
+    /// False when the peer is gone.
+    bool pump(Peer& peer);
+    bool deliverAnswer(Peer& peer);
+    bool deliverVerdicts(Peer& peer);
+    SharedRecord nextFor(Peer& peer);
+    /// The record as this peer gets it: the changes, or what came into the frame.
+    SharedRecord asFollowed(Peer& peer, SharedRecord next);
+    SharedRecord keyframeFor(Peer& peer);
+    SharedRecord frameFor(Peer& peer);
+    SharedRecord codedFor(Peer& peer, SharedRecord record);
+    bool sendChunk(Peer& peer);
+    bool sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body = nullptr);
+    void garbage(std::string text);
+    void publishStatistics();
+
+    std::shared_ptr<Shared> shared_;
+    ZmqContext context_;
+    ZmqSocket router_;
+    MirrorGate gate_;
+    std::map<std::uint32_t, Stream> streams_;  // 0 is the whole scene
+    MirrorHistory& history_;                   // of that
+    std::uint32_t nextPart_ = 1;
+    MirrorShadow shadow_;
+    mirror::RequestLedger ledger_;
+    Peers peers_;
+    bool leaving_ = false;  // goodbyes are out; only answers to them count
+    MirrorServerStatistics statistics_;
+    ByteBuffer message_, head_;
+    std::uint64_t dictionaryHash_ = 0;
+    Clock::time_point forgetAsked_{};
+    std::thread thread_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,401 @@
+// What a mirror server says to each of its peers: the order of records, credit, answers, and what peers ask for.
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "server_io.h"
+
+namespace rtsg {
+
+using namespace std::chrono_literals;
+using mirror::Message;
+using Kind = MirrorShadow::Question::Kind;
+
+namespace {
+
+constexpr std::size_t kChunk = std::size_t{256} << 10;
+constexpr std::size_t kCopyBelow = 1024;  // smaller bodies are copied: cheaper than counting references
+constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64_t{64} << 20;
+constexpr std::uint64_t kLargestDebt = 2 * kLargestWindow;
+constexpr std::uint64_t kAnswerCost = 1024;  // of an answer that waits to be read, beside its bytes
+constexpr auto kPatience = 200ms;            // with the shadow, for a keyframe nearer than the one there is
+constexpr double kMostQuestions = 24;        // of a peer at once
+constexpr double kQuestionsPerSecond = 4;    // in the long run
+constexpr auto kForgetEvery = 250ms;         // raw frames for the sake of those who cannot read predicted ones
+constexpr std::size_t kMostMerged = 20000;   // frames
+constexpr std::size_t kMostVerdicts = 1000;  // that wait for their frame
+
+}  // namespace
+
+void MirrorServer::Io::handle(const std::string& identity, std::span<const std::byte> bytes, const ZmqMessage& body,
+                              const std::string& user) {
+    wire::Reader in(bytes);
+    const std::optional<Message> type = mirror::readPrologue(in);
+    if (!type) return garbage(fmt::format("a message of {} bytes that is none of this protocol", bytes.size()));
+    if (leaving_ && *type != Message::bye) return;  // who comes now finds out that nobody is there
+    if (*type == Message::hello) {
+        mirror::Hello greeting;
+        if (!greeting.read(in)) return garbage("a malformed hello");
+        return hello(identity, greeting, user);
+    }
+    if (*type < Message::ack || *type > Message::submit)
+        return garbage(fmt::format("a message of unknown type {}", static_cast<unsigned>(*type)));
+    const auto found = peers_.find(identity);
+    if (*type == Message::bye) {
+        if (found != peers_.end()) peers_.erase(found);
+        return;
+    }
+    if (found == peers_.end()) {
+        mirror::begin(message_, Message::unknown);
+        sendTo(identity, message_);
+        return;
+    }
+    handleOf(found->second, *type, in, bytes, body);
+}
+
+void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std::span<const std::byte> bytes,
+                                const ZmqMessage& body) {
+    switch (type) {
+        case Message::ack: {
+            std::uint64_t numbers[3];  // session, sequence, bytes
+            if (!mirror::read(in, numbers)) return garbage("a malformed acknowledgement");
+            if (numbers[0] != peer.session) return;  // of before its last hello
+            if (numbers[2] > peer.sentBytes || numbers[2] < peer.ackedBytes)
+                return garbage("an acknowledgement of what was never sent");
+            peer.debt = 0;  // messages arrive in order: it has read everything before
+            peer.ackedBytes = numbers[2];
+            peer.ackedState = numbers[1];
+            break;
+        }
+        case Message::ping: {
+            std::uint64_t token[1];
+            if (!mirror::read(in, token)) return garbage("a malformed ping");
+            const std::uint64_t answer[] = {token[0], mirror::clockNow()};
+            mirror::write(message_, Message::pong, answer);
+            sendTo(peer.identity, message_);
+            break;
+        }
+        case Message::doubt:
+        case Message::inspect:
+        case Message::want:
+            if (in.number<std::uint64_t>() == peer.session) question(peer, bytes);
+            break;
+        case Message::submit:
+            submission(peer, in, body);
+            break;
+        default:
+            break;
+    }
+    peer.heard = Clock::now();
+}
+
+void MirrorServer::Io::refuse(const std::string& identity, const std::string& reason) {
+    ++statistics_.refused;
+    mirror::begin(message_, Message::refused);
+    wire::putText(message_, reason);
+    sendTo(identity, message_);
+}
+
+std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Wishes& wishes) {
+    for (const auto& [part, stream] : streams_)
+        if (part != 0 && stream.wishes.aspects == wishes.aspects && stream.wishes.parts == wishes.parts) return part;
+    if (streams_.size() > shared_->options.maximumParts) return std::nullopt;
+    const std::uint32_t part = nextPart_++;
+    Stream& stream = streams_.try_emplace(part, shared_->options.history).first->second;
+    stream.wishes.aspects = wishes.aspects;
+    stream.wishes.parts = wishes.parts;
+    ByteBuffer text;
+    stream.wishes.write(text);
+    stream.epochMix = checksumOf(text.bytes());
+    stream.used = Clock::now();
+    MirrorShadow::Question question;
+    question.kind = Kind::open;
+    question.part = part;
+    question.wishes = stream.wishes;
+    shadow_.ask(std::move(question));
+    return part;
+}
+
+void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& hello, const std::string& user) {
+    auto found = peers_.find(identity);
+    // It comes by another connection than before: the old one is of no use any more.
+    if (hello.wishes.client != 0)
+        std::erase_if(peers_,
+                      [&](const auto& p) { return p.first != identity && p.second.client == hello.wishes.client; });
+    if (found == peers_.end()) {
+        if (peers_.size() >= shared_->options.maximumPeers) {
+            shared_->report(Severity::warning, fmt::format("refused a peer: {} are here already", peers_.size()));
+            return refuse(identity, "the server has as many peers as it takes");
+        }
+    }
+    const std::optional<std::uint32_t> part = hello.wishes.partial() ? streamFor(hello.wishes) : 0;
+    if (!part) return refuse(identity, "the server follows as many parts of the scene as it does at once");
+    if (found == peers_.end()) found = peers_.emplace(identity, Peer{}).first;
+    Peer& peer = found->second;
+    const std::uint64_t debt = peer.debt + (peer.sentBytes - peer.ackedBytes) + head_.size() + kAnswerCost;
+    if (debt > kLargestDebt) return garbage("a hello from a peer that reads no answers");
+    const double allowance = peer.allowed == Clock::time_point{} ? kMostQuestions : peer.allowance;
+    peer = Peer{};
+    peer.debt = debt;
+    peer.identity = identity;
+    peer.name = hello.name;
+    peer.session = hello.session;
+    peer.client = hello.wishes.client;
+    peer.window = std::clamp(hello.window, kSmallestWindow, kLargestWindow);
+    peer.heard = peer.spoken = peer.allowed = Clock::now();
+    peer.allowance = allowance;
+    if (hello.wishes.whenSlow <= static_cast<std::uint8_t>(MirrorWhenSlow::resync))
+        peer.whenSlow = static_cast<MirrorWhenSlow>(hello.wishes.whenSlow);
+    if (hello.wishes.milliFrames > 0)
+        peer.interval = std::chrono::duration_cast<Clock::duration>(1000s) / hello.wishes.milliFrames;
+    peer.upstream = shared_->options.upstream;
+    if (shared_->options.keys)
+        if (const auto own = shared_->options.keys->upstream.find(user); own != shared_->options.keys->upstream.end())
+            peer.upstream = own->second;
+    peer.sameTypes = hello.dictionaryHash == dictionaryHash_;
+    peer.part = *part;
+    peer.inputs =
+        hello.wishes.inputs && shared_->options.mode.mode == Mode::input && peer.sameTypes && !hello.wishes.partial();
+    const std::uint64_t epoch = shared_->epoch ^ streamOf(peer).epochMix;
+    if (hello.epoch == epoch && historyOf(peer).continues(hello.sequence)) {
+        peer.placed = true;
+        peer.state = peer.ackedState = hello.sequence;
+        ++statistics_.resumed;
+    }
+    const std::uint64_t numbers[] = {hello.session, epoch,
+                                     static_cast<std::uint64_t>(shared_->options.heartbeat.count())};
+    mirror::write(message_, Message::welcome, numbers);
+    ZmqMessage body(head_.bytes());
+    if (!sendTo(identity, message_, &body)) peers_.erase(found);
+}
+
+void MirrorServer::Io::question(Peer& peer, std::span<const std::byte> bytes) {
+    const Clock::time_point now = Clock::now();
+    const double earned = std::chrono::duration<double>(now - peer.allowed).count() * kQuestionsPerSecond;
+    peer.allowance = std::min(kMostQuestions, peer.allowance + earned);
+    peer.allowed = now;
+    if (peer.asking || peer.allowance < 1) return garbage("a question too many");
+    peer.allowance -= 1;
+    peer.asking = true;
+    peer.answer.reset();
+    MirrorShadow::Question question;
+    question.kind = Kind::peers;
+    question.part = peer.part;
+    question.peer = peer.identity;
+    question.session = peer.session;
+    question.text.assign(bytes.begin(), bytes.end());
+    shadow_.ask(std::move(question));
+}
+
+void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage& body) {
+    std::uint64_t numbers[4];  // session, request, size, offset
+    if (!mirror::read(in, numbers)) return garbage("a malformed submission");
+    const auto [session, request, size, offset] = numbers;
+    if (session != peer.session) return;
+    const char* problem = nullptr;
+    const bool complete = peer.submission.add(request, size, offset, body.bytes(), problem);
+    if (problem) return garbage(problem);
+    if (!complete) return;
+    mirror::Submission whole{peer.client, request, peer.upstream, std::move(peer.submission.bytes)};
+    peer.submission = {};
+    const mirror::Verdict* known = nullptr;
+    switch (ledger_.standing(peer.client, request, known)) {
+        case mirror::RequestLedger::Standing::pending:
+            return;
+        case mirror::RequestLedger::Standing::answered:
+            if (known) peer.verdicts.push_back(*known);
+            return;
+        case mirror::RequestLedger::Standing::fresh:
+            break;
+    }
+    mirror::Verdict refusal{peer.client, request, 0, {}, {}};
+    if (!peer.sameTypes) {
+        refusal.refusal = "the node types here are others than there";
+    } else {
+        const std::scoped_lock lock(shared_->mutex);
+        if (shared_->submittedBytes + whole.record.size() <= mirror::kMostSubmitted &&
+            ledger_.begin(peer.client, request)) {
+            shared_->submittedBytes += whole.record.size();
+            shared_->submissions.push_back(std::move(whole));
+            return;
+        }
+        refusal.refusal = "too many requests wait for the scene";
+    }
+    peer.verdicts.push_back(std::move(refusal));
+}
+
+bool MirrorServer::Io::behind(const Peer& peer) const {
+    return peer.placed && historyOf(peer).bytesFrom(peer.state) > peer.window;
+}
+
+/// For a peer that has no state of ours: the last keyframe if frames lead on from it and are few, else a fresh one.
+SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
+    const SharedRecord keyframe = historyOf(peer).keyframe();
+    const bool near = keyframe && historyOf(peer).bytesFrom(keyframe->header.to) <=
+                                      2 * keyframe->bytes.size() + std::min<std::uint64_t>(kChunk, peer.window / 2);
+    const Clock::time_point now = Clock::now();
+    if (peer.waitingSince == Clock::time_point{}) peer.waitingSince = now;
+    if (!near) {
+        askForKeyframe(peer.part);
+        if (!keyframe || now - peer.waitingSince < kPatience) return nullptr;
+    }
+    peer.waitingSince = {};
+    ++statistics_.snapshots;
+    return keyframe;
+}
+
+/// Everything that the peer has not got merged into one, if that is more than a frame; made by the shadow.
+SharedRecord MirrorServer::Io::frameFor(Peer& peer) {
+    const SharedRecord next = historyOf(peer).frameFrom(peer.state);
+    if (!next || next->header.to == historyOf(peer).newest()) return next;
+    MirrorShadow::Question question;
+    question.kind = Kind::merge;
+    question.peer = peer.identity;
+    question.session = peer.session;
+    question.frames = historyOf(peer).framesFrom(peer.state, kMostMerged);
+    statistics_.merged += question.frames.size();
+    peer.asking = true;
+    peer.answer.reset();
+    shadow_.ask(std::move(question));
+    return nullptr;
+}
+
+SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
+    if (historyOf(peer).empty() || (peer.asking && !peer.answer)) return nullptr;
+    if (peer.placed && !historyOf(peer).continues(peer.state)) peer.placed = false;
+    SharedRecord next;
+    if (!peer.placed) {
+        peer.asking = false;
+        peer.answer.reset();
+        next = keyframeFor(peer);
+    } else if (peer.state != historyOf(peer).newest()) {
+        if (peer.answer) {  // up to the state it is about, frame by frame
+            next = historyOf(peer).frameFrom(peer.state);
+        } else if (peer.interval.count() > 0) {
+            const Clock::time_point now = Clock::now();
+            if (now < peer.due) return nullptr;
+            peer.due = std::max(peer.due + peer.interval, now);
+            next = frameFor(peer);
+        } else if (!behind(peer) || peer.whenSlow == MirrorWhenSlow::block) {
+            next = historyOf(peer).frameFrom(peer.state);
+        } else if (peer.whenSlow == MirrorWhenSlow::resync) {
+            peer.placed = false;
+            next = keyframeFor(peer);
+        } else {
+            // More than a whole window behind: it would only fall further back, one frame after the other.
+            next = frameFor(peer);
+        }
+    }
+    if (next) {
+        peer.placed = true;
+        peer.state = next->header.to;
+    }
+    return next;
+}
+
+/// True unless the peer is gone.
+bool MirrorServer::Io::deliverAnswer(Peer& peer) {
+    MirrorShadow::Answer& answer = *peer.answer;
+    const bool merged = answer.kind == Kind::merge;
+    const std::uint64_t needed = merged && answer.record ? answer.record->header.from : answer.state;
+    if (peer.placed && peer.state < needed && historyOf(peer).continues(peer.state)) return true;  // frames come first
+    bool there = true;
+    if (!answer.record && !answer.message) {
+        if (merged)
+            peer.placed = false;
+        else
+            garbage("a question that makes no sense");
+    } else if (peer.placed && peer.state == needed) {
+        if (!merged) ++(answer.record ? statistics_.repairs : statistics_.questions);
+        if (answer.record) {
+            peer.sending = codedFor(peer, answer.record);
+            peer.running = false;
+            peer.then.reset();
+            peer.sent = 0;
+            peer.state = answer.record->header.to;
+        } else {
+            there = sendTo(peer.identity, *answer.message);
+        }
+    }
+    peer.asking = false;
+    peer.answer.reset();
+    return there;
+}
+
+bool MirrorServer::Io::deliverVerdicts(Peer& peer) {
+    if (peer.verdicts.size() > kMostVerdicts) peer.verdicts.clear();  // nobody honest has asked for so many
+    while (!peer.verdicts.empty()) {
+        const mirror::Verdict& verdict = peer.verdicts.front();
+        if (verdict.refusal.empty() && (!peer.placed || peer.sending || peer.state < verdict.state)) break;
+        verdict.write(message_, peer.session);
+        if (!sendTo(peer.identity, message_)) return false;
+        peer.verdicts.pop_front();
+    }
+    return true;
+}
+
+/// The record as this peer can read it. One that lacks what predictions refer to, having got a keyframe or frames
+/// merged into one, gets raw frames until the next that refers to nothing before it; such a frame is asked for.
+SharedRecord MirrorServer::Io::codedFor(Peer& peer, SharedRecord record) {
+    if (!record || record->header.from == record->header.to) return record;
+    const bool predicted = record->predicted != nullptr;
+    peer.remembers = predicted && (peer.remembers || record->predicted->header.flags & kForget);
+    if (peer.remembers) return record->predicted;
+    // Not for those to whom frames always come merged, nor more often than it pays.
+    const Clock::time_point now = Clock::now();
+    if (shared_->options.mode.coding != Coding::raw && peer.part == 0 && peer.interval.count() == 0 &&
+        now - forgetAsked_ > kForgetEvery) {
+        forgetAsked_ = now;
+        shared_->wantForget = true;
+    }
+    return record;
+}
+
+SharedRecord MirrorServer::Io::asFollowed(Peer& peer, SharedRecord next) {
+    if (!next || !peer.inputs) return codedFor(peer, next);
+    if (peer.running && next->input) {
+        peer.remembers = false;
+        return next->input;
+    }
+    peer.then = next->runState;
+    peer.running = peer.then != nullptr;
+    if (!peer.running) shared_->wantRunState = true;
+    return codedFor(peer, next);
+}
+
+bool MirrorServer::Io::sendChunk(Peer& peer) {
+    const std::span<const std::byte> whole = peer.sending->bytes.bytes();
+    const std::span<const std::byte> part = whole.subspan(peer.sent, std::min(kChunk, whole.size() - peer.sent));
+    const std::uint64_t numbers[] = {peer.session, whole.size(), peer.sent, peer.sending->published};
+    mirror::write(message_, Message::data, numbers);
+    bool ok = false;
+    if (part.size() < kCopyBelow) {
+        ZmqMessage body(part);
+        ok = sendTo(peer.identity, message_, &body);
+    } else {
+        ZmqMessage body(part, peer.sending);
+        ok = sendTo(peer.identity, message_, &body);
+    }
+    if (!ok) return false;
+    peer.spoken = Clock::now();
+    peer.sent += part.size();
+    peer.sentBytes += part.size();
+    statistics_.bytes += part.size();
+    if (peer.sent == whole.size()) peer.sending.reset();
+    return true;
+}
+
+bool MirrorServer::Io::pump(Peer& peer) {
+    while (peer.sentBytes - peer.ackedBytes < peer.window) {
+        if (peer.answer && !peer.sending && !peer.then && !deliverAnswer(peer)) return false;
+        if (!peer.sending) {
+            peer.sending = peer.then ? std::exchange(peer.then, nullptr) : asFollowed(peer, nextFor(peer));
+            peer.sent = 0;
+        }
+        if (!peer.sending) break;
+        if (!sendChunk(peer)) return false;
+    }
+    return peer.verdicts.empty() || deliverVerdicts(peer);
+}
+
+}  // namespace rtsg

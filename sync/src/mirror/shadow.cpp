@@ -1,0 +1,219 @@
+#include "shadow.h"
+
+#include <chrono>
+
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "questions.h"
+
+namespace rtsg {
+
+using namespace std::chrono_literals;
+using mirror::Message;
+
+namespace {
+
+constexpr std::uint64_t kBatch = std::uint64_t{4} << 20;  // bytes that may wait for a moment of leisure
+constexpr auto kLeisure = 50ms;
+constexpr int kNiceness = 5;  // behind the scene's and the sockets' thread
+
+}  // namespace
+
+MirrorShadow::MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit)
+    : pool_(std::move(pool)), wake_(wake), limit_(limit), decoder_({}, 0) {
+    thread_ = std::thread([this] { run(); });
+}
+
+MirrorShadow::~MirrorShadow() {
+    {
+        const std::scoped_lock lock(mutex_);
+        stop_ = true;
+    }
+    some_.notify_one();
+    thread_.join();
+}
+
+bool MirrorShadow::post(SharedRecord record) {
+    const std::scoped_lock lock(mutex_);
+    if (record->header.kind == RecordKind::keyframe) {
+        waiting_.clear();
+        waitingBytes_ = 0;
+        lost_ = false;
+    }
+    if (lost_) return false;
+    waitingBytes_ += record->bytes.size();
+    waiting_.push_back(std::move(record));
+    if (waiting_.size() > 1 && waitingBytes_ > limit_) {
+        waiting_.clear();
+        waitingBytes_ = 0;
+        lost_ = true;
+        return false;
+    }
+    if (waitingBytes_ >= kBatch || eager_) some_.notify_one();
+    return true;
+}
+
+void MirrorShadow::ask(Question question) {
+    {
+        const std::scoped_lock lock(mutex_);
+        if (question.kind == Question::Kind::open) eager_ = true;
+        questions_.push_back(std::move(question));
+    }
+    some_.notify_one();
+}
+
+std::vector<MirrorShadow::Answer> MirrorShadow::takeAnswers() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(answers_, {});
+}
+
+void MirrorShadow::restart() {
+    const std::scoped_lock lock(mutex_);
+    questions_.clear();
+    answers_.clear();
+    waiting_.clear();
+    waitingBytes_ = 0;
+    lost_ = true;
+    eager_ = false;
+    ++era_;
+}
+
+void MirrorShadow::run() {
+    ::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), kNiceness);  // a wish: no harm if refused
+    Scene scene;  // belongs to the thread that makes it
+    scene.setBehavioursEnabled(false);
+    std::unique_lock lock(mutex_);
+    while (!stop_) {
+        some_.wait_for(lock, kLeisure, [this] {
+            return stop_ || waitingBytes_ >= kBatch || (eager_ && !waiting_.empty()) || (!questions_.empty() && !lost_);
+        });
+        if (eraHere_ != era_) parts_.clear();
+        eraHere_ = era_;
+        while (!waiting_.empty() && !stop_) {
+            const SharedRecord record = std::move(waiting_.front());
+            waiting_.pop_front();
+            waitingBytes_ -= record->bytes.size();
+            lock.unlock();
+            follow(scene, record);
+            lock.lock();
+        }
+        if (stop_ || questions_.empty() || lost_) continue;
+        const Question question = std::move(questions_.front());
+        questions_.pop_front();
+        lock.unlock();
+        if (question.kind == Question::Kind::open)
+            openPart(scene, question);
+        else if (question.kind == Question::Kind::close)
+            parts_.erase(question.part);
+        else
+            reply(answer(scene, question));
+        lock.lock();
+        if (parts_.empty() && questions_.empty()) eager_ = false;
+    }
+}
+
+void MirrorShadow::reply(Answer answer) {
+    const std::scoped_lock lock(mutex_);
+    if (eraHere_ != era_) return;
+    answers_.push_back(std::move(answer));
+    const std::uint64_t one = 1;
+    (void)!::write(wake_, &one, sizeof(one));
+}
+
+void MirrorShadow::openPart(const Scene& scene, const Question& question) {
+    const auto [part, fresh] = parts_.try_emplace(question.part, question.wishes);
+    if (!fresh) return;
+    Answer first;
+    first.kind = Question::Kind::frame;
+    first.part = question.part;
+    if (const auto set = part->second.follow(scene, nullptr))
+        first.record = encode(**set);
+    else
+        parts_.erase(part);
+    reply(std::move(first));
+}
+
+void MirrorShadow::followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published) {
+    for (auto part = parts_.begin(); part != parts_.end();) {
+        Answer frame;
+        frame.kind = Question::Kind::frame;
+        frame.part = part->first;
+        if (const auto step = part->second.follow(scene, set)) {
+            const std::shared_ptr<EncodedRecord> record = encode(**step);
+            record->published = published;
+            frame.record = record;
+        }
+        part = frame.record ? std::next(part) : parts_.erase(part);
+        reply(std::move(frame));
+    }
+}
+
+void MirrorShadow::follow(Scene& scene, const SharedRecord& record) {
+    if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
+    if (record->header.kind == RecordKind::keyframe && (scene.sequence() != 0 || scene.nodeCount() > 1))
+        (void)scene.reset();
+    if (decoder_.decode(record->bytes.bytes(), *set_) && scene.apply(set_))
+        return followParts(scene, set_.get(), record->published);
+    const std::scoped_lock lock(mutex_);
+    lost_ = true;
+}
+
+std::shared_ptr<EncodedRecord> MirrorShadow::encode(const ChangeSet& set) {
+    const std::shared_ptr<EncodedRecord> record = pool_->take();
+    encoder_.encode(set, record->bytes);
+    record->header = *parseRecordHeader(record->bytes.bytes());
+    return record;
+}
+
+SharedRecord MirrorShadow::merge(const std::vector<SharedRecord>& frames) {
+    // Several peers often fall behind together.
+    if (lastMerged_ && lastMerged_->header.from == frames.front()->header.from &&
+        lastMerged_->header.to == frames.back()->header.to)
+        return lastMerged_;
+    ChangeComposer composer;
+    ChangeSet set;
+    for (const SharedRecord& frame : frames) {
+        if (!decoder_.decode(frame->bytes.bytes(), set)) return nullptr;
+        composer.add(set);
+    }
+    return lastMerged_ = encode(composer.take());
+}
+
+MirrorShadow::Answer MirrorShadow::answer(const Scene& whole, const Question& question) {
+    const auto part = parts_.find(question.part);
+    const Scene& scene = part == parts_.end() ? whole : part->second.scene();
+    Answer result;
+    result.kind = question.kind;
+    result.part = question.part;
+    result.peer = question.peer;
+    result.session = question.session;
+    result.state = scene.sequence();
+    if (question.kind == Question::Kind::keyframe) {
+        if (question.part != 0 && part == parts_.end()) return result;
+        result.record = encode(scene.snapshot());
+        lastMerged_.reset();
+        return result;
+    }
+    if (question.kind == Question::Kind::merge) {
+        result.record = merge(question.frames);
+        result.state = question.frames.back()->header.to;
+        return result;
+    }
+    wire::Reader in(question.text);
+    const std::optional<Message> type = mirror::readPrologue(in);
+    const auto session = in.number<std::uint64_t>();
+    auto message = std::make_shared<ByteBuffer>();
+    ChangeSet set;
+    if (type == Message::doubt) {
+        if (mirror::answerDoubt(scene, session, in, *message)) result.message = std::move(message);
+    } else if (type == Message::inspect) {
+        if (mirror::answerInspect(scene, session, in, *message)) result.message = std::move(message);
+    } else if (mirror::answerWant(scene, in, set)) {
+        result.record = encode(set);
+    }
+    return result;
+}
+
+}  // namespace rtsg

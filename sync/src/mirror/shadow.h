@@ -1,0 +1,96 @@
+// The mirror server's own replica, on a thread of its own. Late joiners' keyframes, hashes for those who doubt, repairs
+// and merged frames for stragglers are made from it, so that neither the scene's thread nor the sockets' ever stalls.
+//
+// Invariant: the replica is in a state that was published; a question is answered in a state not before the last record
+// posted before it. It costs the memory of one more scene. It follows lazily, in batches; records that wait are bounded
+// by `limit` bytes, beyond which the replica is given up until a keyframe comes.
+// Threading: post, ask and takeAnswers from one thread; the work on another; `wake` (an eventfd) is written for
+// answers.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/sync/change_codec.h>
+
+#include "history.h"
+#include "message.h"
+#include "part.h"
+
+namespace rtsg {
+
+class MirrorShadow {
+  public:
+    struct Question {
+        /// A keyframe; frames merged; what a peer asks; a part to be followed from now on, or no more; a part's frame
+        /// (answers only, without a question; no record: the part cannot be followed any more).
+        enum class Kind : std::uint8_t { keyframe, merge, peers, open, close, frame };
+        Kind kind = Kind::keyframe;
+        std::uint32_t part = 0;            // of which part of the scene; 0: all of it
+        mirror::Wishes wishes;             // to open one
+        std::string peer;                  // whose; empty for keyframes
+        std::uint64_t session = 0;         // of the peer
+        std::vector<std::byte> text;       // of a peer: its message, whole
+        std::vector<SharedRecord> frames;  // to merge
+    };
+    /// Either a message or a record, or neither when there is no answer.
+    struct Answer {
+        Question::Kind kind = Question::Kind::keyframe;
+        std::uint32_t part = 0;
+        std::string peer;
+        std::uint64_t session = 0, state = 0;
+        SharedRecord record;
+        std::shared_ptr<ByteBuffer> message;
+    };
+
+    MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit);
+    ~MirrorShadow();
+
+    /// False when too much waits: the replica has been given up, and questions wait for a keyframe.
+    bool post(SharedRecord record);
+    void ask(Question question);
+    std::vector<Answer> takeAnswers();
+    /// Forgets questions and answers: their states mean nothing any more.
+    void restart();
+
+  private:
+    void run();
+    void follow(Scene& scene, const SharedRecord& record);
+    void followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published);
+    void openPart(const Scene& scene, const Question& question);
+    void reply(Answer answer);
+    Answer answer(const Scene& whole, const Question& question);
+    SharedRecord keyframe(const Scene& scene);
+    SharedRecord merge(const std::vector<SharedRecord>& frames);
+    std::shared_ptr<EncodedRecord> encode(const ChangeSet& set);
+
+    const std::shared_ptr<RecordPool> pool_;
+    const int wake_;
+    const std::uint64_t limit_;
+
+    std::mutex mutex_;  // guards what follows
+    std::condition_variable some_;
+    std::deque<SharedRecord> waiting_;
+    std::uint64_t waitingBytes_ = 0;
+    std::deque<Question> questions_;
+    std::vector<Answer> answers_;
+    bool eager_ = false;               // a part is followed: its peers wait for every frame
+    bool stop_ = false, lost_ = true;  // lost: only a keyframe helps
+    std::uint64_t era_ = 0;            // answers to questions of before a restart are dropped
+
+    ChangeDecoder decoder_;  // the thread's own from here on
+    ChangeEncoder encoder_;
+    std::shared_ptr<ChangeSet> set_;
+    SharedRecord lastMerged_;
+    std::map<std::uint32_t, MirrorPart> parts_;
+    std::uint64_t eraHere_ = 0;
+    std::thread thread_;
+};
+
+}  // namespace rtsg

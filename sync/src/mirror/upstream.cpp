@@ -1,0 +1,276 @@
+#include "upstream.h"
+
+#include <algorithm>
+#include <unordered_map>
+
+#include <fmt/format.h>
+
+#include <rtsg/sync/change_codec.h>
+
+#include "codec/node_label.h"
+
+namespace rtsg::mirror {
+
+namespace {
+
+constexpr std::size_t kMostClients = 256;
+constexpr std::size_t kMostAnswers = 256;   // kept per client
+constexpr std::size_t kMostPending = 4096;  // of a client
+constexpr std::size_t kLongestReason = 300;
+
+/// Judges and carries out one submission; numbers of its own nodes are replaced as they are created.
+class Request {
+  public:
+    Request(Scene& scene, MirrorUpstream permission, Verdict& verdict)
+        : scene_(scene), permission_(permission), verdict_(verdict) {}
+
+    /// Without any effect.
+    Result<> check(const Change& c);
+    Result<> carryOut(const Change& c);
+
+  private:
+    Result<const NodeType*> typeOf(NodeId id) const;
+    Result<> checkField(NodeId id, FieldIndex field, FieldType type, bool event) const;
+    NodeId real(NodeId id) const {
+        const auto found = real_.find(id.value);
+        return found == real_.end() ? id : found->second;
+    }
+    Value real(const Value& value) const;
+
+    Scene& scene_;
+    MirrorUpstream permission_;
+    Verdict& verdict_;
+    std::unordered_map<std::uint32_t, TypeIndex> types_;  // of the submission's own nodes
+    std::unordered_map<std::uint32_t, NodeId> real_;
+};
+
+Result<const NodeType*> Request::typeOf(NodeId id) const {
+    if (const auto own = types_.find(id.value); own != types_.end()) return &scene_.type(own->second);
+    if (const Node* node = scene_.find(id)) return &node->type();
+    return fail(fmt::format("no node {}", id.value));
+}
+
+Result<> Request::checkField(NodeId id, FieldIndex field, FieldType type, bool event) const {
+    const auto owner = typeOf(id);
+    if (!owner) return std::unexpected(owner.error());
+    const NodeType& node = **owner;
+    if (field >= node.fields.size() || node.fields[field].hidden)
+        return fail(fmt::format("{} has no field {}", node.name, field));
+    const FieldDef& def = node.fields[field];
+    if (def.type != type)
+        return fail(
+            fmt::format("{}.{} is of type {}, not {}", node.name, def.name, info(def.type).name, info(type).name));
+    if (event ? !def.writable() : def.access == Access::outputOnly || def.access == Access::inputOnly)
+        return fail(fmt::format("{}.{} cannot be {}", node.name, def.name, event ? "sent an event" : "set"));
+    return {};
+}
+
+Result<> Request::check(const Change& c) {
+    const bool event = c.kind == ChangeKind::event;
+    if (permission_ == MirrorUpstream::none) return fail("this peer may only follow");
+    if (permission_ == MirrorUpstream::events && !event) return fail("this peer may send events, not edit");
+    const auto known = [&](NodeId id) -> Result<> {
+        const auto type = typeOf(id);
+        return type ? Result<>{} : std::unexpected(type.error());
+    };
+    switch (c.kind) {
+        case ChangeKind::event:
+        case ChangeKind::setField:
+            if (sf(c.value.type()) == FieldType::SFNode) {
+                std::vector<NodeId> ids;
+                if (c.value.holds<NodeId>())
+                    ids.push_back(c.value.as<NodeId>());
+                else
+                    for (const NodeId id : c.value.as<Array<NodeId>>()) ids.push_back(id);
+                for (const NodeId id : ids)
+                    if (auto ok = id ? known(id) : Result<>{}; !ok) return ok;
+            }
+            return checkField(c.node, c.field, c.value.type(), event);
+        case ChangeKind::insertChild:
+            if (auto ok = known(c.other); !ok) return ok;
+            return checkField(c.node, c.field, FieldType::MFNode, false);
+        case ChangeKind::removeChild:
+            return checkField(c.node, c.field, FieldType::MFNode, false);
+        case ChangeKind::createNode:
+            if (c.node.value < kFirstProvisional) return fail("the origin gives nodes their numbers");
+            if (c.index >= scene_.typeCount() || scene_.type(TypeIndex{static_cast<std::uint16_t>(c.index)}).internal)
+                return fail(fmt::format("no node type {}", c.index));
+            if (c.other) return fail("nodes of a PROTO's body or an Inline come from files only");
+            types_[c.node.value] = TypeIndex{static_cast<std::uint16_t>(c.index)};
+            return {};
+        case ChangeKind::setName:
+        case ChangeKind::destroyNode:
+            return known(c.node);
+        case ChangeKind::addRoute:
+        case ChangeKind::removeRoute:
+            if (c.isConnection) return fail("IS connections come from files only");
+            if (auto ok = known(c.node); !ok) return ok;
+            return known(c.other);
+        case ChangeKind::defineType:
+            return fail("node types come from files only");
+    }
+    return fail("unknown kind of change");
+}
+
+Value Request::real(const Value& value) const {
+    if (value.holds<NodeId>()) return real(value.as<NodeId>());
+    if (!value.holds<Array<NodeId>>()) return value;
+    Array<NodeId> ids = value.as<Array<NodeId>>();
+    NodeId* target = ids.mutableData();
+    for (std::size_t i = 0; i < ids.size(); ++i) target[i] = real(target[i]);
+    return ids;
+}
+
+Result<> Request::carryOut(const Change& c) {
+    const NodeId node = real(c.node), other = real(c.other);
+    switch (c.kind) {
+        case ChangeKind::event:
+            return scene_.sendEvent(node, c.field, real(c.value));
+        case ChangeKind::setField:
+            return scene_.setField(node, c.field, real(c.value));
+        case ChangeKind::insertChild:
+            return scene_.insertChild(node, c.field, other, c.index);
+        case ChangeKind::removeChild: {
+            const Node* parent = scene_.find(node);
+            const auto& children = *static_cast<const Array<NodeId>*>(parent->storage(c.field));
+            if (c.index >= children.size() || children[c.index] != other) return fail("that child is not there");
+            return scene_.removeChild(node, c.field, c.index);
+        }
+        case ChangeKind::createNode: {
+            const NodeId created = scene_.createNode(TypeIndex{static_cast<std::uint16_t>(c.index)});
+            if (!created) return fail("no node could be created");
+            real_[c.node.value] = created;
+            verdict_.created.emplace_back(c.node.value, created.value);
+            return {};
+        }
+        case ChangeKind::setName:
+            return scene_.setName(node, c.value.holds<String>() ? c.value.as<String>().view() : std::string_view());
+        case ChangeKind::addRoute:
+            return scene_.addRoute(node, c.field, other, c.field2());
+        case ChangeKind::removeRoute:
+            return scene_.removeRoute(node, c.field, other, c.field2());
+        case ChangeKind::destroyNode:
+            return scene_.destroyNode(node);
+        case ChangeKind::defineType:
+            break;
+    }
+    return fail("unknown kind of change");
+}
+
+}  // namespace
+
+void Verdict::write(ByteBuffer& out, std::uint64_t session) const {
+    const std::uint64_t numbers[] = {session, request, state};
+    mirror::write(out, Message::verdict, numbers);
+    wire::putText(out, refusal);
+    out.putVarint(created.size());
+    for (const auto& [provisional, number] : created) {
+        out.putVarint(provisional);
+        out.putVarint(number);
+    }
+}
+
+bool Verdict::read(wire::Reader& in) {
+    request = in.number<std::uint64_t>();
+    state = in.number<std::uint64_t>();
+    refusal = in.text();
+    created.resize(in.count(2));
+    for (auto& [provisional, number] : created) {
+        provisional = in.varint32();
+        number = in.varint32();
+    }
+    return !in.problem;
+}
+
+Verdict carryOut(Scene& scene, const Submission& submission) {
+    Verdict verdict;
+    verdict.client = submission.client;
+    verdict.request = submission.request;
+    verdict.state = scene.sequence();
+    ChangeDecoder decoder(builtinTypes(), 0);
+    ChangeSet set;
+    Result<> ok;
+    if (const auto intact = checkRecord(submission.record); !intact) ok = std::unexpected(intact.error());
+    if (ok) ok = decoder.decode(submission.record, set);
+    Request request(scene, submission.permission, verdict);
+    const auto refuse = [&](const Change& change, const Diagnostic& why, bool begun) {
+        std::string text = why.text;
+        if (const Node* node = scene.find(change.node); node && change.field < node->type().fields.size())
+            text =
+                fmt::format("{}.{}: {}", nodeLabel(scene, change.node), node->type().fields[change.field].name, text);
+        if (begun) text += " (changes of the request before this one are made)";
+        verdict.refusal = text.substr(0, kLongestReason);
+    };
+    if (!ok) {
+        verdict.refusal = ("a malformed request: " + ok.error().text).substr(0, kLongestReason);
+        return verdict;
+    }
+    for (const Change& change : set.changes)
+        if (auto fine = request.check(change); !fine) {
+            refuse(change, fine.error(), false);
+            return verdict;
+        }
+    bool events = false, begun = false;
+    for (const Change& change : set.changes) {
+        if (auto done = request.carryOut(change); !done) {
+            refuse(change, done.error(), begun);
+            break;
+        }
+        begun = true;
+        events = events || change.kind == ChangeKind::event;
+    }
+    scene.seal();  // edits go out at once; events with the next frame
+    verdict.state = scene.sequence() + (events ? 1 : 0);
+    return verdict;
+}
+
+bool Assembly::add(std::uint64_t newRequest, std::uint64_t newSize, std::uint64_t offset,
+                   std::span<const std::byte> part, const char*& problem) {
+    problem = nullptr;
+    if (newSize > kLongestSubmission || part.empty() || part.size() > newSize || offset > newSize - part.size()) {
+        problem = "a part of a submission that does not fit in it";
+        return false;
+    }
+    if (offset == 0) {
+        request = newRequest;
+        size = newSize;
+        bytes.clear();
+    }
+    if (request != newRequest || size != newSize || offset != bytes.size()) {
+        problem = "a part of a submission out of turn";
+        return false;
+    }
+    bytes.insert(bytes.end(), part.begin(), part.end());
+    return bytes.size() == size;
+}
+
+RequestLedger::Standing RequestLedger::standing(std::uint64_t client, std::uint64_t request, const Verdict*& verdict) {
+    verdict = nullptr;
+    const auto found = clients_.find(client);
+    if (found == clients_.end()) return Standing::fresh;
+    if (found->second.pending.contains(request)) return Standing::pending;
+    const auto answer = std::ranges::find(found->second.answers, request, &Verdict::request);
+    if (answer != found->second.answers.end()) verdict = &*answer;
+    return verdict || request <= found->second.forgotten ? Standing::answered : Standing::fresh;
+}
+
+bool RequestLedger::begin(std::uint64_t client, std::uint64_t request) {
+    if (!clients_.contains(client) && clients_.size() >= kMostClients)
+        clients_.erase(std::ranges::min_element(clients_, {}, [](const auto& c) { return c.second.used; }));
+    Client& c = clients_[client];
+    c.used = ++uses_;
+    return c.pending.size() < kMostPending && c.pending.insert(request).second;
+}
+
+void RequestLedger::answer(const Verdict& verdict) {
+    const auto found = clients_.find(verdict.client);
+    if (found == clients_.end()) return;
+    Client& c = found->second;
+    c.pending.erase(verdict.request);
+    c.answers.push_back(verdict);
+    if (c.answers.size() <= kMostAnswers) return;
+    c.forgotten = std::max(c.forgotten, c.answers.front().request);
+    c.answers.pop_front();
+}
+
+}  // namespace rtsg::mirror

@@ -1,0 +1,244 @@
+#include <rtsg/core/scene_builder.h>
+
+#include <gmock/gmock.h>
+
+#include "core/scene_check.h"
+
+namespace rtsg {
+namespace {
+
+using test::Loaded;
+using testing::HasSubstr;
+
+TEST(SceneBuilder, BuildsNodesFieldsAndNames) {
+    Loaded l("DEF T Transform { translation 1 2 3 children [ DEF S Shape { geometry Box { size 1 2 3 } } ] }");
+    EXPECT_EQ(l.problems(), "");
+    ASSERT_TRUE(l.named("T"));
+    EXPECT_EQ(l.get("T", "translation"), "1 2 3");
+    ASSERT_EQ(l.nodes(l.named("T"), "children").size(), 1u);
+    EXPECT_EQ(l.nodes(l.named("T"), "children")[0], l.named("S"));
+    EXPECT_EQ(l.get(l.only(l.named("S"), "geometry"), "size"), "1 2 3");
+    EXPECT_EQ(l.roots(), std::vector{l.named("T")});
+}
+
+TEST(SceneBuilder, UseSharesOneNode) {
+    Loaded l("DEF A Group { children DEF S Shape { } } DEF B Group { children [ USE S USE S ] }");
+    EXPECT_EQ(l.problems(), "");
+    EXPECT_EQ(l.nodes(l.named("B"), "children"), (Array<NodeId>{l.named("S"), l.named("S")}));
+    EXPECT_EQ(l.scene.parents(l.named("S")).size(), 3u);
+}
+
+TEST(SceneBuilder, UseBeforeDefIsRefusedWithItsPosition) {
+    Loaded l("Group { children [ USE S ] }\nDEF S Shape { }");
+    EXPECT_THAT(l.problems(), HasSubstr("test.x3dv:2:20: error: USE 'S': no node has that name"));
+    EXPECT_TRUE(l.named("S"));
+    EXPECT_EQ(l.roots().size(), 2u);
+}
+
+TEST(SceneBuilder, UseOfAnAncestorIsRefused) {
+    Loaded l("DEF G Group { children Transform { children [ USE G Shape { } ] } }");
+    EXPECT_THAT(l.problems(), HasSubstr("a node cannot contain itself"));
+    const NodeId transform = l.nodes(l.named("G"), "children")[0];
+    EXPECT_EQ(l.nodes(transform, "children").size(), 1u);
+}
+
+TEST(SceneBuilder, ALaterDefTakesTheNameOver) {
+    Loaded l("DEF A Group { } DEF A Transform { } Group { children USE A }");
+    EXPECT_THAT(l.problems(), HasSubstr("warning: DEF 'A' is used twice"));
+    EXPECT_EQ(l.scene.node(l.nodes(l.roots()[2], "children")[0]).type().name, "Transform");
+}
+
+TEST(SceneBuilder, RoutesByAnyOfTheThreeNames) {
+    // ISO/IEC 19775-1 V4.0 4.4.2.2: set_x, x_changed and x address one inputOutput field.
+    Loaded l(
+        "DEF A Transform { } DEF B Transform { }\n"
+        "ROUTE A.translation_changed TO B.set_translation\n"
+        "ROUTE A.translation TO B.translation");
+    EXPECT_EQ(l.problems(), "");
+    EXPECT_EQ(l.scene.routeCount(), 1u);
+}
+
+TEST(SceneBuilder, BadRoutesAreReportedAndTheRestIsKept) {
+    Loaded l(
+        "DEF A Transform { } DEF B Transform { } DEF K PositionInterpolator { }\n"
+        "ROUTE A.translation TO Nobody.translation\n"
+        "ROUTE A.nothing TO B.translation\n"
+        "ROUTE A.translation TO B.rotation\n"
+        "ROUTE A.translation TO K.value_changed\n"
+        "ROUTE A.addChildren TO B.addChildren\n"
+        "ROUTE K.value_changed TO B.translation");
+    EXPECT_EQ(l.diagnostics.errors(), 5u) << l.problems();
+    EXPECT_THAT(l.problems(), HasSubstr("test.x3dv:3:"));
+    EXPECT_EQ(l.scene.routeCount(), 1u);
+}
+
+TEST(SceneBuilder, ARouteMayStandBeforeItsNodes) {
+    Loaded l("ROUTE A.translation TO B.translation DEF A Transform { } DEF B Transform { }");
+    EXPECT_EQ(l.scene.routeCount(), 1u) << l.problems();
+}
+
+/// Readers refuse most of this first; a program that drives the builder meets the builder's own checks.
+class DirectBuilder : public testing::Test {
+  protected:
+    Scene scene;
+    Diagnostics diagnostics{"direct"};
+    SceneBuilder builder{scene, diagnostics};
+    SourceLocation at(std::uint32_t line) { return {line, 1}; }
+    std::string problems() { return test::allText(diagnostics); }
+};
+
+TEST_F(DirectBuilder, RefusesWhatDoesNotFit) {
+    builder.beginDocument({});
+    builder.beginNode("Transform", "T", "", at(1));
+    builder.setField("nothing", Value(true), at(2));
+    builder.setField("translation", Value(1.0f), at(3));
+    builder.setField("addChildren", Value(Array<NodeId>()), at(4));
+    builder.beginNode("Box", "", "children", at(5));
+    builder.endNode(at(5));
+    builder.beginNode("NoSuchNode", "N", "children", at(6));
+    builder.beginNode("Box", "", "children", at(6));
+    builder.endNode(at(6));
+    builder.endNode(at(6));
+    builder.beginNode("Shape", "", "nowhere", at(7));
+    builder.beginNode("Box", "", "geometry", at(8));
+    builder.endNode(at(8));
+    builder.beginNode("Cone", "", "geometry", at(9));
+    builder.endNode(at(9));
+    builder.endNode(at(9));
+    builder.endNode(at(10));
+    builder.endDocument();
+    const std::string text = problems();
+    for (const char* wanted : {"direct:2:1: error: Transform T has no field 'nothing'",
+                               "direct:3:1: error: Transform T.translation is SFVec3f, not SFFloat",
+                               "direct:4:1: error: Transform T.addChildren is inputOnly",
+                               "direct:5:1: error: field 'children' of Transform T does not accept Box",
+                               "direct:6:1: error: unknown node type 'NoSuchNode'",
+                               "direct:9:1: error: field 'geometry' of Shape has a node already"})
+        EXPECT_THAT(text, HasSubstr(wanted));
+    // Of Shape's possible places only `children` takes one, so that is where it goes, with a warning.
+    EXPECT_EQ(diagnostics.errors(), 6u) << text;
+    EXPECT_EQ(scene.node(scene.findName("T"))
+                  .value(scene.node(scene.findName("T")).type().find("children"))
+                  .as<Array<NodeId>>()
+                  .size(),
+              1u);
+}
+
+TEST_F(DirectBuilder, ChildrenGoToTheirOnlyPossibleField) {
+    builder.beginNode("Shape", "S", "", at(1));
+    builder.beginNode("Box", "", "", at(2));
+    builder.endNode(at(2));
+    builder.beginNode("Appearance", "", "children", at(3));
+    builder.endNode(at(3));
+    builder.endNode(at(4));
+    builder.finish();
+    const Node& shape = scene.node(scene.findName("S"));
+    EXPECT_TRUE(shape.value(shape.type().find("geometry")).as<NodeId>());
+    EXPECT_TRUE(shape.value(shape.type().find("appearance")).as<NodeId>());
+    EXPECT_EQ(diagnostics.warnings(), 1u) << problems();
+}
+
+TEST_F(DirectBuilder, AnUnfinishedDocumentKeepsWhatItHas) {
+    builder.beginDocument({});
+    builder.beginNode("Group", "G", "", at(1));
+    builder.beginNode("Transform", "T", "children", at(2));
+    builder.finish();
+    builder.finish();
+    EXPECT_EQ(builder.roots(), std::vector{scene.findName("G")});
+    EXPECT_EQ(scene.parents(scene.findName("T")).size(), 1u);
+}
+
+TEST_F(DirectBuilder, StrayCommandsDoNoHarm) {
+    builder.endNode(at(1));
+    builder.setField("translation", Value(Vec3f(1)), at(1));
+    builder.isConnection("a", "b", at(1));
+    builder.declareField({Access::inputOutput, FieldType::SFBool, "x"}, {}, at(1));
+    builder.endProto(at(1));
+    builder.beginProtoBody(at(1));
+    builder.useNode("X", "", at(1));
+    builder.beginProto("P", at(2));
+    builder.endNode(at(2));
+    builder.finish();
+    EXPECT_EQ(scene.nodeCount(), 1u);
+    EXPECT_THAT(problems(), HasSubstr("PROTO P is never closed"));
+}
+
+TEST(SceneBuilder, RotationAxesBecomeUnitVectors) {
+    Loaded l(
+        "DEF A Transform { rotation 0 3 4 1.5 } DEF B Transform { rotation 0 0 0 2 }\n"
+        "DEF K OrientationInterpolator { key [ 0 1 ] keyValue [ 0 0 2 1, 1 0 0 1 ] }\n"
+        "DEF C Transform { rotation 0.577 0.577 0.577 1 }");
+    EXPECT_EQ(l.get("A", "rotation"), "0 0.6 0.8 1.5");
+    EXPECT_EQ(l.get("B", "rotation"), "0 0 1 0");
+    EXPECT_EQ(l.get("K", "keyValue"), "[0 0 1 1, 1 0 0 1]");
+    EXPECT_EQ(l.get("C", "rotation"), "0.577 0.577 0.577 1") << "three digits are left as the author wrote them";
+    EXPECT_GE(l.diagnostics.warnings(), 2u) << l.problems();
+}
+
+TEST(SceneBuilder, ScriptsHaveTheirOwnFields) {
+    Loaded l(
+        "DEF T Transform { }\n"
+        "DEF S Script { initializeOnly SFFloat size 2.5 inputOnly SFBool on outputOnly SFVec3f moved\n"
+        "  inputOutput MFNode things [ Shape { } USE T ] initializeOnly SFNode me USE S\n"
+        "  directOutput TRUE url \"ecmascript:\" }\n"
+        "DEF S2 Script { initializeOnly SFFloat size 3 inputOnly SFBool on outputOnly SFVec3f moved\n"
+        "  inputOutput MFNode things [ ] initializeOnly SFNode me NULL }\n"
+        "ROUTE S.moved TO T.set_translation");
+    EXPECT_EQ(l.problems(), "");
+    EXPECT_EQ(l.get("S", "size"), "2.5");
+    EXPECT_EQ(l.get("S", "directOutput"), "TRUE");
+    EXPECT_EQ(l.nodes(l.named("S"), "things").size(), 2u);
+    EXPECT_EQ(l.only(l.named("S"), "me"), l.named("S"));
+    EXPECT_EQ(l.scene.routeCount(), 1u);
+    EXPECT_EQ(l.scene.node(l.named("S")).typeIndex(), l.scene.node(l.named("S2")).typeIndex());
+    EXPECT_EQ(l.scene.node(l.named("S")).type().kind, NodeType::Kind::script);
+    EXPECT_EQ(l.get("S2", "size"), "3");
+}
+
+TEST(SceneBuilder, KeepsWhatTheHeadSays) {
+    Loaded l("PROFILE Immersive\nCOMPONENT Geospatial:1\nMETA \"title\" \"a\\\"b\"\nUNIT length km 1000.0\nGroup { }");
+    EXPECT_THAT(l.problems(), HasSubstr("UNIT length km"));
+    EXPECT_EQ(l.diagnostics.errors(), 0u);
+    const auto hidden = [&](const char* name) {
+        const Node& root = l.scene.node(l.scene.root());
+        return printFieldText(root.value(root.type().findExact(name)));
+    };
+    EXPECT_EQ(hidden("profile"), "\"Immersive\"");
+    EXPECT_EQ(hidden("components"), "[\"Geospatial\", \"1\"]");
+    EXPECT_EQ(hidden("meta"), "[\"title\", \"a\\\"b\"]");
+    EXPECT_EQ(hidden("units"), "[\"length\", \"km\", \"1000\"]");
+}
+
+TEST(SceneBuilder, DocumentsAreAppended) {
+    Scene scene;
+    Diagnostics diagnostics;
+    EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nDEF A Group { }", diagnostics));
+    EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nDEF B Group { }", diagnostics));
+    EXPECT_EQ(scene.nodeCount(), 3u);
+    EXPECT_EQ(scene.parents(scene.findName("B")).size(), 1u);
+}
+
+TEST(SceneBuilder, AHundredThousandSiblingsAndLevels) {
+    Scene scene;
+    Diagnostics diagnostics;
+    SceneBuilder builder(scene, diagnostics);
+    constexpr std::uint32_t count = 100'000;
+    builder.beginDocument({});
+    builder.beginNode("Group", "Wide", "", {});
+    for (std::uint32_t i = 0; i < count; ++i) {
+        builder.beginNode("Transform", "", "children", {});
+        builder.endNode({});
+    }
+    builder.endNode({});
+    for (std::uint32_t i = 0; i < count; ++i) builder.beginNode("Group", "", i ? "children" : "", {});
+    for (std::uint32_t i = 0; i < count; ++i) builder.endNode({});
+    builder.endDocument();
+    EXPECT_EQ(diagnostics.errors(), 0u);
+    EXPECT_EQ(scene.nodeCount(), 2u + 2u * count);
+    const Node& wide = scene.node(scene.findName("Wide"));
+    EXPECT_EQ(wide.value(wide.type().find("children")).as<Array<NodeId>>().size(), count);
+    EXPECT_EQ(builder.roots().size(), 2u);
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,282 @@
+// How Appearance, lights and textures are read, and that what is read follows what changes and nothing else.
+#include <rtsg/renderers/material.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+
+#include "light/texture_store.h"
+#include "light_scene.h"
+
+namespace rtsg {
+namespace {
+
+struct Read {
+    Scene scene;
+    Diagnostics load, diagnostics;
+    TextureStore textures;
+    explicit Read(const std::string& body, std::filesystem::path folder = {}) : textures(std::move(folder)) {
+        EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Immersive\n" + body, load));
+        for (const Diagnostic& d : load.all()) ADD_FAILURE() << d.format();
+    }
+    Material material(const char* name = "A") {
+        return readMaterial(scene, scene.findName(name), textures, diagnostics);
+    }
+};
+
+std::string shape(const std::string& appearance) {
+    return "Shape { appearance DEF A Appearance { " + appearance + " } geometry Box { } }";
+}
+
+TEST(MaterialReading, PhongInTheStandardsUnits) {
+    Read r(
+        shape("material Material { diffuseColor 0.1 0.2 0.3 specularColor 0.4 0.5 0.6 emissiveColor 0.7 0.8 0.9 "
+              "shininess 0.25 ambientIntensity 0.5 transparency 0.75 }"));
+    const Material m = r.material();
+    EXPECT_EQ(m.model, ShadingModel::phong);
+    EXPECT_EQ(m.base, Vec3f(0.1f, 0.2f, 0.3f));
+    EXPECT_EQ(m.exponent, 32);
+    EXPECT_EQ(m.opacity, 0.25f);
+    EXPECT_TRUE(m.transmits());
+    EXPECT_FALSE(m.mirrors());
+}
+
+TEST(MaterialReading, NothingIsUnlitWhite) {
+    Read r(shape(""));
+    const Material m = r.material();
+    EXPECT_EQ(m.model, ShadingModel::unlit);
+    EXPECT_EQ(m.base, Vec3f(1));
+    EXPECT_EQ(readMaterial(r.scene, NodeId{}, r.textures, r.diagnostics).base, Vec3f(1));
+    EXPECT_EQ(readMaterial(r.scene, NodeId{12345}, r.textures, r.diagnostics).base, Vec3f(1));
+}
+
+TEST(MaterialReading, OpticsComeFromMetadata) {
+    const char* entries =
+        "MetadataFloat { name \"refractiveIndex\" value 1.5 } MetadataFloat { name \"reflectivity\" value [0.1 0.2 "
+        "0.3] } MetadataDouble { name \"absorption\" value 2 }";
+    const std::string set = fmt::format("MetadataSet {{ name \"RTSG\" value [ {} ] }}", entries);
+    for (const std::string& metadata :
+         {set, "MetadataSet { name \"other\" value [ MetadataString { } " + set + " ] }"}) {
+        Read r(shape("material Material { metadata " + metadata + " }"));
+        const Material m = r.material();
+        EXPECT_EQ(m.refractiveIndex, 1.5f);
+        EXPECT_EQ(m.reflectivity, Vec3f(0.1f, 0.2f, 0.3f));
+        EXPECT_EQ(m.absorption, Vec3f(2));
+        EXPECT_TRUE(m.mirrors());
+    }
+    Read foreign(
+        shape("material Material { metadata MetadataSet { name \"someone else\" value [ MetadataFloat { name "
+              "\"refractiveIndex\" value 1.5 } ] } }"));
+    EXPECT_EQ(foreign.material().refractiveIndex, 0);
+    Read bad(shape(
+        "material Material { metadata MetadataFloat { name \"refractiveIndex\" reference \"RTSG\" value [-1] } }"));
+    EXPECT_EQ(bad.material().refractiveIndex, 0);
+    EXPECT_EQ(bad.diagnostics.warnings(), 1u);
+}
+
+TEST(MaterialReading, PrototypesStandForTheirFirstNode) {
+    Read r(
+        "PROTO P [ initializeOnly SFColor c 1 0 0 ] { Material { diffuseColor IS c } Group { } }"
+        "PROTO Q [ ] { P { c 0 0.5 0 } }" +
+        shape("material Q { }"));
+    EXPECT_EQ(r.material().base, Vec3f(0, 0.5f, 0));
+    EXPECT_EQ(r.material().model, ShadingModel::phong);
+}
+
+TEST(MaterialReading, TwoSidedMaterialHasABack) {
+    Read r(shape("material TwoSidedMaterial { separateBackColor TRUE diffuseColor 1 0 0 backDiffuseColor 0 1 0 }"));
+    ASSERT_TRUE(r.material().back);
+    EXPECT_EQ(r.material().back->base, Vec3f(0, 1, 0));
+    Read one(shape("material TwoSidedMaterial { diffuseColor 1 0 0 }"));
+    EXPECT_FALSE(one.material().back);
+}
+
+TEST(TextureReading, DataUrls) {
+    EXPECT_EQ(decodeDataUrl("data:text/plain,a%20b"), "a b");
+    EXPECT_EQ(decodeDataUrl("data:text/plain;base64,aGVsbG8="), "hello");
+    EXPECT_EQ(decodeDataUrl("data:;base64,aGVs\nbG8h"), "hello!");
+    EXPECT_FALSE(decodeDataUrl("data:text/plain;base64,a?b"));
+    EXPECT_FALSE(decodeDataUrl("data:nothing"));
+    EXPECT_FALSE(decodeDataUrl("picture.png"));
+    // One red pixel.
+    Read r(
+        shape("texture ImageTexture { url \"data:image/png;base64,"
+              "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGP4z8AAAAMBAQDJ/pLvAAAAAElFTkSuQmCC\" }"));
+    const Material m = r.material();
+    for (const Diagnostic& d : r.diagnostics.all()) ADD_FAILURE() << d.format();
+    ASSERT_TRUE(m.texture(TextureRole::base));
+    EXPECT_EQ(m.texture(TextureRole::base).texture->sample(0.5f, 0.5f, 0, {}), Vec4f(1, 0, 0, 1));
+}
+
+TEST(TextureReading, FilesAreFoundFromTheDocumentsFolderAndSharedBetweenMaterials) {
+    const auto folder = std::filesystem::temp_directory_path() / "rtsg_texture_reading";
+    std::filesystem::create_directories(folder / "deep er");
+    ASSERT_TRUE(writePicture(Picture(1, 1, Vec4f(0, 1, 0, 1)), folder / "deep er" / "a.png"));
+    Read r(shape("texture ImageTexture { url [\"missing.png\" \"deep%20er/a.png\"] }") +
+               "Shape { appearance DEF B Appearance { texture ImageTexture { repeatS FALSE url \"deep er/a.png\" } } "
+               "geometry Box { } }",
+           folder);
+    const Material a = r.material("A"), b = r.material("B");
+    ASSERT_TRUE(a.texture(TextureRole::base) && b.texture(TextureRole::base));
+    EXPECT_EQ(a.texture(TextureRole::base).texture, b.texture(TextureRole::base).texture);
+    EXPECT_EQ(b.texture(TextureRole::base).access.wrapS, TextureWrap::clamp);
+    EXPECT_EQ(b.texture(TextureRole::base).access.wrapT, TextureWrap::repeat);
+    EXPECT_EQ(r.diagnostics.all().size(), 0u) << "a list with one readable entry is fine";
+    std::filesystem::remove_all(folder);
+}
+
+TEST(TextureReading, ATextureOfAnInlineStartsFromTheInline) {
+    const auto folder = std::filesystem::temp_directory_path() / "rtsg_texture_inline";
+    std::filesystem::create_directories(folder / "sub" / "pics");
+    ASSERT_TRUE(writePicture(Picture(1, 1, Vec4f(0, 0, 1, 1)), folder / "sub" / "pics" / "b.png"));
+    std::ofstream(folder / "sub" / "inner.x3dv")
+        << "#X3D V4.0 utf8\nPROFILE Immersive\nShape { appearance Appearance { material UnlitMaterial { } texture "
+           "ImageTexture { url \"pics/b.png\" } } geometry Box { } }";
+    std::ofstream(folder / "outer.x3dv") << "#X3D V4.0 utf8\nPROFILE Immersive\nViewpoint { } NavigationInfo { "
+                                            "headlight FALSE } Inline { url \"sub/inner.x3dv\" }";
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadFile(scene, folder / "outer.x3dv", diagnostics));
+    Imager::Options options;
+    options.folder = folder;
+    Imager imager(scene, options);
+    scene.newFrame(0);
+    ImageOptions image;
+    image.settings.width = image.settings.height = 9;
+    const auto picture = imager.picture(image);
+    ASSERT_TRUE(picture);
+    EXPECT_EQ(Vec3f(picture->at(4, 4)), Vec3f(0, 0, 1));
+    for (const Diagnostic& d : imager.tracer().diagnostics().all()) ADD_FAILURE() << d.format();
+    std::filesystem::remove_all(folder);
+}
+
+TEST(TextureReading, UnreadableFilesAreReportedByName) {
+    const auto file = std::filesystem::temp_directory_path() / "rtsg_not_a_picture.png";
+    std::ofstream(file) << "this is no picture";
+    Read r(shape("texture ImageTexture { url \"" + file.string() + "\" }"));
+    EXPECT_FALSE(r.material().texture(TextureRole::base));
+    r.material();
+    std::filesystem::remove(file);
+    ASSERT_EQ(r.diagnostics.all().size(), 1u);
+    EXPECT_NE(r.diagnostics.all()[0].text.find("rtsg_not_a_picture.png"), std::string::npos);
+}
+
+TEST(TextureReading, PixelTextureIsRemadeOnlyWhenItsPixelsChange) {
+    Read r(shape("material DEF M Material { } texture DEF T PixelTexture { image 1 1 3 0xFF0000 }"));
+    const auto first = r.material().texture(TextureRole::base).texture;
+    ASSERT_TRUE(r.scene.set(r.scene.findName("M"), x3d::Material::diffuseColor, Color{1, 0, 0}));
+    EXPECT_EQ(r.material().texture(TextureRole::base).texture, first);
+    Image image;
+    image.words = Array<std::int32_t>{1, 1, 3, 0x00FF00};
+    ASSERT_TRUE(r.scene.set(r.scene.findName("T"), x3d::PixelTexture::image, image));
+    const auto second = r.material().texture(TextureRole::base).texture;
+    ASSERT_TRUE(second);
+    EXPECT_EQ(second->sample(0, 0, 0, {}), Vec4f(0, 1, 0, 1));
+}
+
+TEST(LightReading, PlacesAndScales) {
+    Read r("DEF L SpotLight { location 1 0 0 direction 0 0 -1 color 1 0.5 0.25 intensity 0.5 ambientIntensity 0.1 }");
+    const NodeId id = r.scene.findName("L");
+    WorldFromLocal m(Vec3d(0, 2, 0), Vec3d(-2, 0, 0), Vec3d(0, 0, 2), Vec3d(10, 0, 0));
+    const Light light = readLight(r.scene, id, m, {});
+    EXPECT_EQ(light.kind, Light::Kind::spot);
+    EXPECT_EQ(light.position, Vec3d(10, 2, 0));
+    EXPECT_EQ(light.direction, Vec3f(0, 0, -1));
+    EXPECT_FLOAT_EQ(light.localFromWorld, 0.5f);
+    EXPECT_EQ(light.color, Vec3f(0.5f, 0.25f, 0.125f));
+    EXPECT_EQ(light.ambient, Vec3f(0.1f, 0.05f, 0.025f));
+    m[2] = Vec3d(0);
+    EXPECT_FALSE(readLight(r.scene, id, m, {}).on) << "a direction that a singular transform swallows";
+    EXPECT_FALSE(readLight(r.scene, NodeId{}, m, {}).on);
+}
+
+// Work follows the change: another light, material or viewpoint is not read again.
+TEST(LightTracerTables, OnlyWhatChangedIsReadAgain) {
+    std::string body;
+    for (int i = 0; i < 50; ++i)
+        body += fmt::format(
+            "DEF L{0} PointLight {{ }} DEF T{0} Transform {{ children Shape {{ appearance Appearance {{ material DEF "
+            "M{0} Material {{ }} }} geometry Box {{ }} }} }}",
+            i);
+    test::LightScene s(body);
+    const auto before = s.imager->tracer().counts();
+    EXPECT_EQ(before.materials, 50u);
+    EXPECT_EQ(before.lights, 50u);
+    for (int i = 0; i < 10; ++i) {
+        ASSERT_TRUE(s.scene.set(s.node("L7"), x3d::PointLight::location, Vec3f(0, float(i), 0)));
+        ASSERT_TRUE(s.scene.set(s.node("M9"), x3d::Material::transparency, 0.05f * float(i)));
+        s.scene.newFrame(i + 1);
+    }
+    const auto after = s.imager->tracer().counts();
+    EXPECT_LE(after.lightsRead - before.lightsRead, 10u);
+    EXPECT_LE(after.materialsRead - before.materialsRead, 10u);
+    EXPECT_GE(after.lightsRead - before.lightsRead, 9u);
+}
+
+TEST(LightTracerTables, RemovedShapesTakeTheirMaterialsAlong) {
+    test::LightScene s(
+        "DEF G Group { children [ Shape { appearance DEF A Appearance { } geometry Box { } } Shape { appearance USE A "
+        "geometry Sphere { } } ] }");
+    EXPECT_EQ(s.imager->tracer().counts().materials, 1u);
+    ASSERT_TRUE(s.scene.removeChild(s.node("G"), x3d::Group::children.index, 0));
+    s.scene.newFrame(1);
+    EXPECT_EQ(s.imager->tracer().counts().materials, 1u);
+    ASSERT_TRUE(s.scene.removeChild(s.node("G"), x3d::Group::children.index, 0));
+    s.scene.newFrame(2);
+    EXPECT_EQ(s.imager->tracer().counts().materials, 0u);
+}
+
+TEST(RenderToFile, NamesHoldNumbers) {
+    EXPECT_EQ(numberedName("a%04d.png", 7), "a0007.png");
+    EXPECT_EQ(numberedName("%d", 12), "12");
+    EXPECT_EQ(numberedName("50%%_%2d.png", 3), "50%_ 3.png");
+    EXPECT_FALSE(numberedName("plain.png", 1));
+    EXPECT_FALSE(numberedName("a%s.png", 1));
+    EXPECT_FALSE(numberedName("a%d%d.png", 1));
+    EXPECT_FALSE(numberedName("a%", 1));
+    EXPECT_FALSE(numberedName("a%n.png", 1));
+}
+
+TEST(RenderToFile, AnimationsAndTheirErrors) {
+    test::LightScene s(
+        "DEF T TimeSensor { loop TRUE cycleInterval 4 } DEF P PositionInterpolator { key [0 1] keyValue [0 0 0, 4 0 0] "
+        "} DEF X Transform { children Shape { geometry Box { } } }"
+        "ROUTE T.fraction_changed TO P.set_fraction ROUTE P.value_changed TO X.set_translation",
+        16, 16);
+    const auto folder = std::filesystem::temp_directory_path() / "rtsg_render_to_file";
+    std::filesystem::create_directories(folder);
+    AnimationOptions animation;
+    animation.frames = 3;
+    animation.framesPerSecond = 1;
+    animation.start = 1;
+    int pictures = 0;
+    animation.stats = [&](const RenderStats& stats) {
+        ++pictures;
+        EXPECT_EQ(stats.primaryRays, 256u);
+    };
+    ASSERT_TRUE(renderToFile(s.scene, *s.imager, folder / "f%02d.exr", s.options, animation));
+    EXPECT_EQ(pictures, 3);
+    double centers[3];
+    for (int i = 0; i < 3; ++i) {
+        const auto picture = readPicture(folder / fmt::format("f{:02}.exr", i));
+        ASSERT_TRUE(picture);
+        double sum = 0, weighted = 0;
+        for (int y = 0; y < 16; ++y)
+            for (int x = 0; x < 16; ++x) sum += picture->at(x, y).r, weighted += picture->at(x, y).r * x;
+        centers[i] = weighted / sum;
+    }
+    EXPECT_LT(centers[0], centers[1]);
+    EXPECT_LT(centers[1], centers[2]);
+    EXPECT_TRUE(renderToFile(s.scene, *s.imager, folder / "all.gif", s.options, {.frames = 2, .start = 4}));
+    EXPECT_FALSE(renderToFile(s.scene, *s.imager, folder / "all.png", s.options, {.frames = 2, .start = 6}));
+    EXPECT_FALSE(renderToFile(s.scene, *s.imager, folder / "all.gif", s.options, {.frames = 0}));
+    std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,193 @@
+// Path tracing against closed forms: furnaces, form factors, and Whitted's method where both must agree.
+#include <cmath>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using test::LightScene;
+
+/// Mean colour of a small picture, and the standard error of that mean over its pixels.
+struct Mean {
+    Vec3d color{0};
+    double error = 0, alpha = 0;
+};
+Mean mean(LightScene& s, int samples) {
+    s.options.settings.integrator = Integrator::path;
+    s.options.settings.samplesPerPixel = samples;
+    const Picture p = s.picture();
+    Mean result;
+    double squares = 0;
+    for (const Vec4f& pixel : p.pixels) {
+        result.color += Vec3d(pixel);
+        result.alpha += pixel.a;
+        squares += double(pixel.r) * pixel.r;
+    }
+    const auto n = double(p.pixels.size());
+    result.color /= n, result.alpha /= n;
+    result.error = std::sqrt(std::max(squares / n - result.color.r * result.color.r, 0.0) / n);
+    return result;
+}
+
+/// Four standard errors and a little for tessellation.
+void expectMean(const Mean& seen, double expected, double slack) {
+    EXPECT_NEAR(seen.color.r, expected, 4 * seen.error + slack) << "standard error " << seen.error;
+}
+
+// L = Le / (1 - rho) on every wall of anything closed.
+TEST(PathTracer, FurnaceOfGlowingWalls) {
+    for (const double rho : {0.2, 0.5, 0.8}) {
+        const double glow = 0.5;
+        LightScene s(
+            fmt::format("Viewpoint {{ position 0.2 0.1 0.3 }} Shape {{ appearance Appearance {{ material Material {{ "
+                        "diffuseColor {0} {0} {0} emissiveColor {1} {1} {1} }} }} geometry Sphere {{ solid FALSE }} }}",
+                        rho, glow),
+            16, 16);
+        const Mean m = mean(s, 64);
+        expectMean(m, glow / (1 - rho), 0.002);
+        EXPECT_NEAR(m.alpha, 1, 1e-5);
+    }
+}
+
+// A lamp in the middle of a grey ball: rho directly, and rho of that again, and again.
+TEST(PathTracer, FurnaceOfALampInABall) {
+    LightScene s(
+        "Viewpoint { position 0 0 0.4 } PointLight { location 0 0 0 } Shape { appearance Appearance { material "
+        "Material { diffuseColor 0.5 0.5 0.5 } } geometry Sphere { solid FALSE } }",
+        16, 16);
+    expectMean(mean(s, 64), 0.5 / (1 - 0.5), 0.02);
+}
+
+// E = pi L F: a 2 x 2 m panel one metre above a floor point; F = .5541264 below its middle, .2077571 below a corner.
+TEST(PathTracer, IrradianceOfAPanelIsItsFormFactor) {
+    const struct {
+        double x, z, factor;
+    } places[] = {{0, 0, 0.5541264}, {1, 1, 0.2077571}};
+    for (const auto& place : places) {
+        LightScene s(
+            fmt::format("Viewpoint {{ position {} 0.5 {} orientation 1 0 0 -1.5707963 fieldOfView 0.002 }}", place.x,
+                        place.z) +
+                "Shape { appearance Appearance { material Material { diffuseColor 0.6 0.6 0.6 } } geometry "
+                "IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] coord Coordinate { point [-20 0 20, 20 0 20, 20 "
+                "0 -20, -20 0 -20] } } }"
+                "Shape { appearance Appearance { material UnlitMaterial { } } geometry IndexedFaceSet { solid FALSE "
+                "coordIndex [0 1 2 3 -1] coord Coordinate { point [-1 1 1, 1 1 1, 1 1 -1, -1 1 -1] } } }",
+            16, 16);
+        expectMean(mean(s, 256), 0.6 * place.factor, 0.0005);
+    }
+}
+
+TEST(PathTracer, WhiteSkyLightsConvexThingsWithTheirColor) {
+    LightScene s(
+        "Viewpoint { position 0 0 4 fieldOfView 0.4 } Background { skyColor 1 1 1 } Shape { appearance Appearance { "
+        "material Material { diffuseColor 0.3 0.3 0.3 } } geometry Sphere { radius 1 } }",
+        16, 16);
+    expectMean(mean(s, 64), 0.3, 0.003);
+}
+
+TEST(PathTracer, PolishedAndGlassyThingsVanishInAWhiteSky) {
+    const char* materials[] = {
+        "Material { diffuseColor 0 0 0 metadata MetadataFloat { name \"reflectivity\" reference \"RTSG\" value 1 } }",
+        "Material { diffuseColor 0 0 0 transparency 1 metadata MetadataFloat { name \"refractiveIndex\" reference "
+        "\"RTSG\" value 1.5 } }",
+        "PhysicalMaterial { metallic 1 roughness 0.05 }"};
+    for (const char* material : materials) {
+        LightScene s(fmt::format("Viewpoint {{ position 0 0 4 fieldOfView 0.3 }} Background {{ skyColor 1 1 1 }} Shape "
+                                 "{{ appearance Appearance {{ material {} }} geometry Sphere {{ }} }}",
+                                 material),
+                     16, 16);
+        expectMean(mean(s, 64), 1, 0.004);
+    }
+}
+
+// A rough white metal loses what bounces twice between its facets, never gains; a rough white dielectric loses little.
+TEST(PathTracer, RoughSurfacesDoNotCreateLight) {
+    const struct {
+        const char* material;
+        double least;
+    } cases[] = {{"PhysicalMaterial { metallic 1 roughness 0.4 }", 0.95},
+                 {"PhysicalMaterial { metallic 1 roughness 1 }", 0.3},
+                 {"PhysicalMaterial { metallic 0 roughness 0.5 }", 0.9}};
+    for (const auto& [material, least] : cases) {
+        LightScene s(fmt::format("Viewpoint {{ position 0 0 4 fieldOfView 0.3 }} Background {{ skyColor 1 1 1 }} Shape "
+                                 "{{ appearance Appearance {{ material {} }} geometry Sphere {{ }} }}",
+                                 material),
+                     16, 16);
+        const Mean m = mean(s, 128);
+        EXPECT_LE(m.color.r, 1.003 + 4 * m.error) << material;
+        EXPECT_GE(m.color.r, least) << material;
+    }
+}
+
+// The sampled lobe and the evaluated one are the same: a metal floor under a distant panel and under a light like it.
+TEST(PathTracer, SampledHighlightEqualsTheEvaluatedOne) {
+    // The panel is small as seen from the floor point: radiance L over a solid angle w is a light of intensity L w /
+    // pi.
+    const double distance = 10, half = 0.5, radiance = 1;
+    const double angle = 4 * half * half / (distance * distance), intensity = radiance * angle / 3.14159265;
+    const std::string floor =
+        "Viewpoint { position 0 0 2 fieldOfView 0.001 } Shape { appearance Appearance { material PhysicalMaterial { "
+        "metallic 1 roughness 0.6 baseColor 0.9 0.9 0.9 } } geometry IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 "
+        "-1] coord Coordinate { point [-9 -9 0, 9 -9 0, 9 9 0, -9 9 0] } } }";
+    // 30 degrees off the normal, square to the line of sight.
+    const std::string panel = fmt::format(
+        "Transform {{ rotation 0 1 0 0.5235988 children Transform {{ translation 0 0 {} children Shape {{ appearance "
+        "Appearance {{ material UnlitMaterial {{ emissiveColor {} {} {} }} }} geometry IndexedFaceSet {{ solid FALSE "
+        "coordIndex [0 1 2 3 -1] coord Coordinate {{ point [-0.5 -0.5 0, 0.5 -0.5 0, 0.5 0.5 0, -0.5 0.5 0] }} }} }} "
+        "}} }}",
+        distance, radiance, radiance, radiance);
+    LightScene sampled(floor + panel, 16, 16);
+    LightScene evaluated(
+        floor + fmt::format("DirectionalLight {{ direction -0.5 0 -0.8660254 intensity {} }}", intensity), 16, 16);
+    const Mean exact = mean(evaluated, 1);
+    const Mean found = mean(sampled, 2048);
+    EXPECT_NEAR(found.color.r, exact.color.r, 4 * found.error + 0.01 * exact.color.r) << found.error;
+    EXPECT_LT(found.error, 0.05 * exact.color.r);
+}
+
+TEST(PathTracer, AgreesWithWhittedWhereNothingBounces) {
+    LightScene s(
+        "PointLight { location 2 3 4 } SpotLight { location -2 2 4 direction 0.5 -0.5 -1 } Shape { appearance "
+        "Appearance { material Material { diffuseColor 0.7 0.5 0.3 specularColor 0.5 0.5 0.5 ambientIntensity 0 } } "
+        "geometry Sphere { radius 2 } }",
+        32, 32);
+    s.options.settings.samplesPerPixel = 1;
+    const Picture whitted = s.picture();
+    s.options.settings.integrator = Integrator::path;
+    const auto difference = compare(whitted, s.picture());
+    ASSERT_TRUE(difference);
+    EXPECT_LT(difference->maximum, 1e-6);
+}
+
+TEST(PathTracer, DoesNotDependOnTheThreads) {
+    LightScene s(
+        "PointLight { location 0 0.8 0 } Shape { appearance Appearance { material Material { diffuseColor 0.5 0.6 0.7 "
+        "} } geometry Box { size 4 2 4 solid FALSE } } Viewpoint { position 0 0 1.5 }",
+        40, 24);
+    s.options.settings.integrator = Integrator::path;
+    s.options.settings.samplesPerPixel = 3;
+    s.options.settings.threads = 1;
+    const Picture one = s.picture();
+    s.options.settings.threads = 0;
+    EXPECT_EQ(s.picture().pixels, one.pixels);
+    s.options.settings.seed = 2;
+    EXPECT_NE(s.picture().pixels, one.pixels);
+}
+
+TEST(PathTracer, TransparencyLeavesCoverageOver) {
+    LightScene s(
+        "Background { transparency 1 } Shape { appearance Appearance { material UnlitMaterial { transparency 0.25 } } "
+        "geometry IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] coord Coordinate { point [-50 -50 0, 50 -50 0, "
+        "50 50 0, -50 50 0] } } }",
+        16, 16);
+    const Mean m = mean(s, 64);
+    EXPECT_NEAR(m.alpha, 0.75, 1e-5);
+    EXPECT_NEAR(m.color.r, 0.75, 1e-5);
+}
+
+}  // namespace
+}  // namespace rtsg
