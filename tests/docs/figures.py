@@ -1,0 +1,61 @@
+#!/usr/bin/env python3
+"""Does each row of the speed figures in docs name a line of `rtsg bench` that exists?
+
+In docs/accuracy-and-speed.md every table with a column headed "line of `rtsg bench`" is read: each row has to name at least one
+line there, as `bench: metric`, and the benches' sources have to report that metric under that bench. A metric that is put
+together, such as "primary rays, {}", counts as what stands before the first brace. Exit status 1, a line for each row at fault.
+"""
+import pathlib
+import re
+import sys
+
+ROOT = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent.parent)
+HEADING = "line of `rtsg bench`"
+
+
+def reported():
+    """Bench -> the string literals of the sources that report it."""
+    benches = {}
+    for path in sorted((ROOT / "tests" / "bench").glob("*.cpp")):
+        text = re.sub(r'"\s*\n\s*"', "", path.read_text())  # literals that go on in the next line
+        literals = set(re.findall(r'"((?:[^"\\\n]|\\.)*)"', text))
+        for bench in re.findall(r'report\(\s*\{\s*"([^"]+)"', text):
+            benches.setdefault(bench, set()).update(literals)
+    return benches
+
+
+def exists(benches, bench, metric):
+    return any(metric == literal or ("{" in literal and literal.split("{")[0] and metric.startswith(literal.split("{")[0]))
+               for literal in benches.get(bench, ()))
+
+
+def rows(path):
+    """(line number, text of the last cell) of each row of a table that has the heading."""
+    inside = False
+    for number, line in enumerate(path.read_text().splitlines(), 1):
+        if not line.startswith("|"):
+            inside = False
+        elif HEADING in line:
+            inside = True
+        elif inside and not re.fullmatch(r"[|\s:-]+", line):
+            yield number, line.rstrip().rstrip("|").rsplit("|", 1)[1].strip()
+
+
+def main():
+    benches, faults, count = reported(), 0, 0
+    page = ROOT / "docs" / "accuracy-and-speed.md"
+    for number, cell in rows(page):
+        names = re.findall(r"`([a-z_]+): ([^`]+)`", cell)
+        problems = [f"there is no line `{b}: {m}`" for b, m in names if not exists(benches, b, m)]
+        if not names:
+            problems = ["names no line of `rtsg bench`"]
+        for problem in problems:
+            print(f"{page.relative_to(ROOT)}:{number}: {problem}")
+        faults += bool(problems)
+        count += 1
+    print(f"{count} rows, {faults} at fault")
+    return 1 if faults or count < 20 else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
