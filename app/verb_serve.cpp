@@ -155,9 +155,11 @@ Verb addServe(CLI::App& program) {
     command->add_option("--record", options->record, "log to write as well (.rlog)");
     command->add_option("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
     command->add_option("--linger", options->linger, "how long mirrors may catch up at the end")->capture_default_str();
-    command->add_option("--upstream", options->upstream, "what mirrors may send, if the key file does not say it")
+    command
+        ->add_option("--upstream", options->upstream,
+                     "what mirrors may send, if the key file does not say it; code: edits of urls and Scripts too")
         ->capture_default_str()
-        ->check(CLI::IsMember({"none", "events", "edits"}));
+        ->check(CLI::IsMember({"none", "events", "edits", "code"}));
     command->add_option("--peers", options->peers, "how many mirrors may follow")->capture_default_str();
     command->add_option("--block", options->block, "how long a mirror that asks for it may hold up a frame")
         ->capture_default_str();

@@ -25,6 +25,7 @@ std::optional<MirrorUpstream> mirrorUpstreamFromName(std::string_view name) {
     if (name == "none") return MirrorUpstream::none;
     if (name == "events") return MirrorUpstream::events;
     if (name == "edits") return MirrorUpstream::edits;
+    if (name == "code") return MirrorUpstream::code;
     return std::nullopt;
 }
 
@@ -46,8 +47,8 @@ Result<MirrorKeys> MirrorKeys::load(const std::filesystem::path& file) {
             const std::string permission = key.substr(key.find_first_not_of(" \t", end));
             upstream = mirrorUpstreamFromName(permission);
             if (!upstream)
-                return fail(fmt::format("'{}' after a key is none of none, events, edits", permission), {number, 1},
-                            file.string());
+                return fail(fmt::format("'{}' after a key is none of none, events, edits, code", permission),
+                            {number, 1}, file.string());
             key.resize(end);
         }
         if (!isKey(key))

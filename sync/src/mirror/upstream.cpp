@@ -1,3 +1,5 @@
+// Judges and carries out what peers send to the origin, puts requests that come in parts together, and remembers which
+// have been answered.
 #include "upstream.h"
 
 #include <algorithm>
@@ -7,6 +9,7 @@
 
 #include <rtsg/sync/change_codec.h>
 
+#include "code_guard.h"
 #include "codec/node_label.h"
 
 namespace rtsg::mirror {
@@ -22,7 +25,7 @@ constexpr std::size_t kLongestReason = 300;
 class Request {
   public:
     Request(Scene& scene, MirrorUpstream permission, Verdict& verdict)
-        : scene_(scene), permission_(permission), verdict_(verdict) {}
+        : scene_(scene), permission_(permission), verdict_(verdict), guard_(scene) {}
 
     /// Without any effect.
     Result<> check(const Change& c);
@@ -30,6 +33,10 @@ class Request {
 
   private:
     Result<const NodeType*> typeOf(NodeId id) const;
+    Result<> checkKind(const Change& c);
+    Result<> checkCode(const Change& c);
+    /// What the origin loads anew when this field changes, as "Inline.url"; empty if nothing.
+    std::string loadedBy(NodeId id, FieldIndex field);
     Result<> checkField(NodeId id, FieldIndex field, FieldType type, bool event) const;
     NodeId real(NodeId id) const {
         const auto found = real_.find(id.value);
@@ -40,6 +47,7 @@ class Request {
     Scene& scene_;
     MirrorUpstream permission_;
     Verdict& verdict_;
+    CodeGuard guard_;
     std::unordered_map<std::uint32_t, TypeIndex> types_;  // of the submission's own nodes
     std::unordered_map<std::uint32_t, NodeId> real_;
 };
@@ -66,9 +74,34 @@ Result<> Request::checkField(NodeId id, FieldIndex field, FieldType type, bool e
 }
 
 Result<> Request::check(const Change& c) {
-    const bool event = c.kind == ChangeKind::event;
     if (permission_ == MirrorUpstream::none) return fail("this peer may only follow");
-    if (permission_ == MirrorUpstream::events && !event) return fail("this peer may send events, not edit");
+    if (permission_ == MirrorUpstream::events && c.kind != ChangeKind::event)
+        return fail("this peer may send events, not edit");
+    if (auto ok = checkKind(c); !ok || permission_ == MirrorUpstream::code) return ok;
+    return checkCode(c);
+}
+
+std::string Request::loadedBy(NodeId id, FieldIndex field) {
+    if (const auto own = types_.find(id.value); own != types_.end())
+        return nameIfLoading(scene_.type(own->second), field);  // has no routes yet but to what was checked itself
+    return guard_.reachedFrom(id, field);
+}
+
+/// Precondition: checkKind(c). What makes the origin open a file or run a program takes a permission of its own.
+Result<> Request::checkCode(const Change& c) {
+    const bool route = c.kind == ChangeKind::addRoute || c.kind == ChangeKind::removeRoute;
+    for (const NodeId id : {c.node, route ? c.other : NodeId{}}) {
+        if (!id) continue;
+        const auto type = typeOf(id);
+        if (type && isScript(**type)) return fail("this peer may not touch Scripts");
+    }
+    const std::string reached = route ? loadedBy(c.other, c.field2()) : loadedBy(c.node, c.field);
+    if (reached.empty()) return {};
+    return fail(fmt::format("this peer may not change what the origin loads ({})", reached));
+}
+
+Result<> Request::checkKind(const Change& c) {
+    const bool event = c.kind == ChangeKind::event;
     const auto known = [&](NodeId id) -> Result<> {
         const auto type = typeOf(id);
         return type ? Result<>{} : std::unexpected(type.error());

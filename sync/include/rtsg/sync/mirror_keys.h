@@ -3,7 +3,7 @@
 // The file has lines `server-public KEY`, `server-secret KEY`, `client-public KEY` (any number of them),
 // `client-secret KEY` and comments from `#` on; keys are Z85, 40 characters. A server needs the server's pair and lets
 // in the clients listed; a client needs the server's public key and a pair of its own (the first client-public). After
-// a client's public key may stand what it may send upstream: none, events or edits. Threading: values.
+// a client's public key may stand what it may send upstream: none, events, edits or code. Threading: values.
 #pragma once
 
 #include <filesystem>
@@ -17,8 +17,9 @@
 
 namespace rtsg {
 
-/// What a peer may send to the origin: nothing, input events, or edits as well.
-enum class MirrorUpstream : std::uint8_t { none, events, edits };
+/// What a peer may send to the origin, each including the one before: nothing; input events; edits; and what makes the
+/// origin open files or run programs: urls, what starts loading them, and Scripts.
+enum class MirrorUpstream : std::uint8_t { none, events, edits, code };
 std::optional<MirrorUpstream> mirrorUpstreamFromName(std::string_view name);
 
 struct MirrorKeys {
