@@ -28,7 +28,7 @@ ChangeSet Scene::snapshot() const {
         change.kind = ChangeKind::defineType;
         change.index = index.value;
     }
-    set.changes.reserve(set.changes.size() + 2 * state_->nodeCount);
+    set.changes.reserve(set.changes.size() + 2 * state_->nodeTable.size());
     forEachNode([&](const Node& node) {
         if (node.id() == root()) return;
         Change& change = set.changes.emplace_back();
@@ -81,7 +81,7 @@ Result<> Scene::State::applyChange(const Change& c, bool pending) {
         case ChangeKind::defineType:
             return {};  // done from ChangeSet::types before anything else
         case ChangeKind::createNode: {
-            // Ids come in order; a leap over more than a page per node would let a hostile set allocate at will.
+            // Ids come in order, with gaps at will; no number shall be the last.
             if (!c.node || node) return fail(fmt::format("node {} exists already", c.node.value));
             if (c.index >= types.size()) return fail(fmt::format("unknown node type {}", c.index));
             constexpr std::uint32_t kMaximumLeap = 1u << 30;

@@ -168,25 +168,24 @@ void Scene::State::keepTerms() {
 void Scene::State::appendFieldChanges(ChangeSet& set) {
     if (written.empty()) return;
     // All in locals: the bytes written below might be anything, for all a compiler knows.
-    const std::size_t count = written.size(), pageCount = pages.size();
+    const std::size_t count = written.size();
     WrittenField* const entries = written.data();
-    Node** const* const table = pages.data();
+    const NodeTable::View table = nodeTable.view();
     set.changes.reserve(set.changes.size() + count);
     detail::StateHash sum = hash;
     // Nodes are looked up so far ahead that a trip to memory is over when their turn comes.
     constexpr std::size_t kAhead = 16;
-    Node* nodes[kAhead];
+    Node* ahead[kAhead];
     const auto lookUp = [&](std::size_t i) {
-        const std::uint32_t id = entries[i].node.value, page = id / kPage;
-        Node* node = page < pageCount && table[page] ? table[page][id % kPage] : nullptr;
-        nodes[i % kAhead] = node;
+        Node* node = table.find(entries[i].node);
+        ahead[i % kAhead] = node;
         if (!node) return;
         __builtin_prefetch(node, 1);
         __builtin_prefetch(reinterpret_cast<const std::byte*>(node) + 64);
     };
     for (std::size_t i = 0; i < std::min(kAhead, count); ++i) lookUp(i);
     for (std::size_t i = 0; i < count; ++i) {
-        Node* const node = nodes[i % kAhead];
+        Node* const node = ahead[i % kAhead];
         if (i + kAhead < count) lookUp(i + kAhead);
         if (!node) continue;
         WrittenField& entry = entries[i];

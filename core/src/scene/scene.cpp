@@ -58,13 +58,10 @@ const Node* Scene::effectiveNode(NodeId id) const {
     return node;
 }
 std::size_t Scene::nodeCount() const {
-    return state_->nodeCount;
+    return state_->nodeTable.size();
 }
 void Scene::forEachNode(const std::function<void(const Node&)>& visit) const {
-    for (Node* const* page : state_->pages)
-        if (page)
-            for (std::uint32_t i = 0; i < State::kPage; ++i)
-                if (page[i]) visit(*page[i]);
+    state_->nodeTable.forEach(visit);
 }
 std::vector<ParentRef> Scene::parents(NodeId id) const {
     std::vector<ParentRef> result;

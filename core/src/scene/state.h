@@ -18,6 +18,7 @@
 #include <rtsg/core/scene.h>
 
 #include "node_arena.h"
+#include "node_table.h"
 #include "route_list.h"
 #include "script_programs.h"
 #include "state_hash.h"
@@ -102,16 +103,10 @@ struct Scene::State {
     const void* thread = currentThread();
 
     // ---- nodes ----
-    static constexpr std::uint32_t kPage = 1024;
     NodeArena memory;
-    std::vector<Node**> pages;  // of kPage nodes each; null while empty
-    std::vector<std::uint32_t> pageCounts;
+    NodeTable nodeTable{memory};
     std::uint32_t nextId = 1;
-    std::size_t nodeCount = 0;
-    Node* find(NodeId id) const {
-        const std::uint32_t page = id.value / kPage;
-        return page < pages.size() && pages[page] ? pages[page][id.value % kPage] : nullptr;
-    }
+    Node* find(NodeId id) const { return nodeTable.find(id); }
     Node& allocate(NodeId id, TypeIndex type, NodeId scope);
     void release(Node& node);
     static void destroyInPlace(Node& node);
@@ -189,10 +184,7 @@ struct Scene::State {
     /// A whole new value makes the insertions and removals noted so far void.
     void dropChildOps(const Node& node, FieldIndex field);
     bool setPlain(Node* node, FieldIndex field, FieldType type, const void* value);
-    void prefetchPlace(NodeId id) const {
-        const std::uint32_t page = id.value / kPage;
-        if (page < pages.size() && pages[page]) __builtin_prefetch(&pages[page][id.value % kPage]);
-    }
+    void prefetchPlace(NodeId id) const { nodeTable.prefetch(id); }
     /// Writes what comes from a sealed set: into the hash at once, and not pending.
     void writeSealed(Node& node, FieldIndex field, const Value& value);
     /// Stores only; precondition: beginWrite, or this comes from a sealed set.

@@ -46,9 +46,7 @@ Scene::State::State(Scene& scene) : owner(scene), diagnostics("scene") {
 }
 
 Scene::State::~State() {
-    for (Node** page : pages)
-        for (std::uint32_t i = 0; page && i < kPage; ++i)
-            if (page[i]) destroyInPlace(*page[i]);
+    nodeTable.forEach([](Node& node) { destroyInPlace(node); });
 }
 
 void Scene::State::addTypeEntry(const NodeType& type) {
@@ -83,18 +81,7 @@ Node& Scene::State::allocate(NodeId id, TypeIndex typeIndex, NodeId scope) {
         std::memcpy(&header, node->storage(i), sizeof(header));
         detail::retain(header);
     }
-    const std::uint32_t page = id.value / kPage;
-    if (page >= pages.size()) {
-        pages.resize(page + 1);
-        pageCounts.resize(page + 1);
-    }
-    if (!pages[page]) {
-        pages[page] = static_cast<Node**>(memory.allocate(kPage * sizeof(Node*)));
-        std::fill_n(pages[page], kPage, nullptr);
-    }
-    pages[page][id.value % kPage] = node;
-    ++pageCounts[page];
-    ++nodeCount;
+    nodeTable.add(id, *node);
     nextId = std::max(nextId, id.value + 1);
     return *node;
 }
@@ -106,17 +93,11 @@ void Scene::State::destroyInPlace(Node& node) {
 }
 
 void Scene::State::release(Node& node) {
-    const std::uint32_t page = node.id_.value / kPage;
-    const std::uint32_t slot = node.id_.value % kPage;
+    const NodeId id = node.id_;
     const std::size_t bytes = bytesOf(node);
     destroyInPlace(node);
     memory.deallocate(&node, bytes);
-    pages[page][slot] = nullptr;
-    --nodeCount;
-    if (--pageCounts[page] == 0 && page != nextId / kPage) {
-        memory.deallocate(pages[page], kPage * sizeof(Node*));
-        pages[page] = nullptr;
-    }
+    nodeTable.remove(id, NodeId{nextId});
 }
 
 Node::Links& Scene::State::links(Node& node) {
