@@ -50,6 +50,15 @@ bool now(JSContext* cx, unsigned count, JS::Value* vp) {
     return true;
 }
 
+/// hasRoomFor(bytes)
+bool hasRoomFor(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const double bytes = args.get(0).isNumber() ? args.get(0).toNumber() : 0;
+    auto& runtime = *static_cast<Runtime*>(JS_GetContextPrivate(cx));
+    args.rval().setBoolean(!(bytes > 0) || (bytes < 1e18 && runtime.hasRoomFor(static_cast<std::size_t>(bytes))));
+    return true;
+}
+
 bool exists(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     args.rval().setBoolean(currentCall(cx).scene.find(nodeArgument(args, 0)) != nullptr);
@@ -251,6 +260,7 @@ JSObject* newBridge(JSContext* cx) {
     static constexpr JSFunctionSpec functions[] = {
         JS_FN("print", print, 1, 0),
         JS_FN("now", now, 0, 0),
+        JS_FN("hasRoomFor", hasRoomFor, 1, 0),
         JS_FN("exists", exists, 1, 0),
         JS_FN("type", type, 1, 0),
         JS_FN("typeName", typeName, 1, 0),

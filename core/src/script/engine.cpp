@@ -15,12 +15,16 @@ using namespace script;
 
 namespace script {
 extern const char* const kPrelude;
-}
+extern const char* const kFences;
+}  // namespace script
 
 namespace {
 
 /// Scripts that write to each other's fields directly nest; beyond this it is a circle.
 constexpr int kMaximumDepth = 16;
+
+/// Of the global object: the program's controller.
+constexpr std::uint32_t kControllerSlot = 0;
 
 constexpr JSClass kGlobalClass{"Script", JSCLASS_GLOBAL_FLAGS, &JS::DefaultGlobalClassOps, nullptr, nullptr, nullptr};
 
@@ -53,11 +57,19 @@ std::string sourceOf(const Array<String>& urls, const ScriptOptions& options, st
 struct ScriptEngine::State {
     struct Program {
         std::unique_ptr<JS::PersistentRootedObject> global, controller;  // controller: null if it cannot run
+        std::shared_ptr<Holding> holding;
         bool eventsPending = false;
         double preparedAt = -kNever;
         bool stale = false;  // its url has changed
         bool hasInitialize = false, hasPrepareEvents = false, hasEventsProcessed = false;
         std::vector<std::string> handlers;  // by field: the function's name; empty if there is none
+
+        /// It never runs again; what it holds goes with the next collection.
+        void end() {
+            controller.reset();
+            global.reset();
+            holding.reset();
+        }
     };
 
     Scene& scene;
@@ -71,11 +83,22 @@ struct ScriptEngine::State {
     /// The pending exception as a sentence with the script's own line; clears it.
     std::string takeError() {
         JSContext* cx = context();
-        if (runtime->takeExcess() == Runtime::Excess::time)
-            return fmt::format("stopped: it ran longer than {} s", options.timeLimit);
+        switch (runtime->takeExcess()) {
+            case Runtime::Excess::time:
+                return fmt::format("stopped: it ran longer than {} s", options.timeLimit);
+            case Runtime::Excess::memory:
+                return fmt::format("stopped: out of memory, scripts may hold {} MiB", options.heapLimit >> 20);
+            case Runtime::Excess::none:
+                break;
+        }
         if (!JS_IsExceptionPending(cx)) return "stopped: out of memory";
         JS::ExceptionStack stack(cx);
         if (!JS::StealPendingExceptionStack(cx, &stack)) return "an unknown error";
+        return describe(stack);
+    }
+
+    std::string describe(const JS::ExceptionStack& stack) const {
+        JSContext* cx = context();
         JS::ErrorReportBuilder report(cx);
         if (!report.init(cx, stack, JS::ErrorReportBuilder::NoSideEffects)) {
             JS_ClearPendingException(cx);
@@ -101,30 +124,75 @@ struct ScriptEngine::State {
         return at == frames.npos ? 0 : static_cast<unsigned>(std::strtoul(frames.c_str() + at + 8, nullptr, 10));
     }
 
-    /// Runs `body` (returns false with an exception pending) as one call; reports what goes wrong.
+    /// Runs `body` (returns false with an exception pending) as one call, and then the jobs that it leaves; reports
+    /// what goes wrong.
     template <class Body>
     bool enter(Cascade* cascade, const Node& node, Program& program, const Body& body) {
         if (runtime->depth >= kMaximumDepth) {
             if (cascade) cascade->warn(node, "scripts write to each other in a circle: cut off");
             return false;
         }
-        Call call{scene, cascade, options, scene.now()};
+        // The program may destroy its own node, and so itself: nothing of either is used after the body.
+        const NodeId id = node.id();
+        const std::shared_ptr<Holding> holding = program.holding;
+        Call call{scene, cascade, options, scene.now(), holding.get()};
         Call* outer = std::exchange(runtime->current, &call);
         if (++runtime->depth == 1) runtime->startWatch(options.timeLimit);
-        JSAutoRealm realm(context(), *program.global);
-        const NodeId id = node.id();  // the program may destroy its own node
-        bool ok = body();
-        if (!ok) {
-            const bool fatal = !JS_IsExceptionPending(context());  // time or memory: it would only happen again
-            const std::string error = takeError();
-            const Node* alive = scene.find(id);
-            if (cascade && alive) cascade->warn(*alive, fatal ? error + "; it is not called again" : error);
-            if (const auto found = programs.find(id.value); fatal && found != programs.end())
-                found->second.controller.reset();
-        }
+        JS::RootedObject global(context(), *program.global);
+        JSAutoRealm realm(context(), global);
+        const Jobs::Mark mark = runtime->jobs().mark();
+        const bool ok = body();
+        const bool goesOn = (ok || report(cascade, id)) && runJobs(cascade, id, global, mark) &&
+                            (runtime->withinMemory() || report(cascade, id));
+        reportRejections(cascade, id, mark);
+        runtime->jobs().endCall(mark);
         if (--runtime->depth == 0) runtime->stopWatch();
         runtime->current = outer;
-        return ok;
+        return ok && goesOn;
+    }
+
+    void warn(Cascade* cascade, NodeId id, const std::string& text) const {
+        const Node* alive = scene.find(id);
+        if (cascade && alive) cascade->warn(*alive, text);
+    }
+
+    /// Reports the pending exception; false if the program has been ended.
+    bool report(Cascade* cascade, NodeId id) {
+        const bool fatal = !JS_IsExceptionPending(context());  // time or memory: it would only happen again
+        const std::string error = takeError();
+        warn(cascade, id, fatal ? error + "; it is not called again" : error);
+        if (!fatal) return true;
+        if (const auto found = programs.find(id.value); found != programs.end()) found->second.end();
+        return false;
+    }
+
+    /// The jobs of promises that the call has added, and those that they add. False if the program has been ended.
+    bool runJobs(Cascade* cascade, NodeId id, JS::HandleObject global, const Jobs::Mark& mark) {
+        JSContext* cx = context();
+        JS::RootedObject job(cx);
+        JS::RootedValue function(cx), controller(cx), ignored(cx);
+        for (std::size_t taken = 0; (job = runtime->jobs().next(mark, taken));) {
+            function.setObject(*job);
+            bool done = JS_CheckForInterrupt(cx) &&
+                        JS::Call(cx, JS::UndefinedHandleValue, function, JS::HandleValueArray::empty(), &ignored);
+            controller.set(JS::GetReservedSlot(global, kControllerSlot));
+            if (done && controller.isObject()) {
+                JS::RootedObject object(cx, &controller.toObject());
+                done = JS_CallFunctionName(cx, object, "flush", JS::HandleValueArray::empty(), &ignored);
+            }
+            if (!done && !report(cascade, id)) return false;
+        }
+        return true;
+    }
+
+    void reportRejections(Cascade* cascade, NodeId id, const Jobs::Mark& mark) {
+        JSContext* cx = context();
+        JS::RootedObject promise(cx);
+        JS::RootedValue reason(cx);
+        for (std::size_t taken = 0; (promise = runtime->jobs().nextRejected(mark, taken));) {
+            reason = JS::GetPromiseResult(promise);
+            warn(cascade, id, describe(JS::ExceptionStack(cx, reason, nullptr)) + " (a promise that nothing handles)");
+        }
     }
 
     bool call(const Program& program, const char* function, JS::HandleValueArray arguments,
@@ -158,8 +226,10 @@ struct ScriptEngine::State {
     bool load(Program& program, const Node& node, const std::string& source) const {
         JSContext* cx = context();
         JS::RootedObject global(cx, *program.global);
-        JS::RootedValue prelude(cx), made(cx), ignored(cx);
-        if (!JS::InitRealmStandardClasses(cx) || !evaluate(kPrelude, "prelude", &prelude)) return false;
+        JS::RootedValue fences(cx), prelude(cx), made(cx), ignored(cx);
+        if (!JS::InitRealmStandardClasses(cx) || !evaluate(kFences, "fences", &fences) ||
+            !evaluate(kPrelude, "prelude", &prelude))
+            return false;
         JS::RootedObject bridge(cx, newBridge(cx));
         if (!bridge) return false;
         JS::RootedValue version(cx, JS::StringValue(JS_NewStringCopyZ(cx, RTSG_VERSION)));
@@ -168,8 +238,11 @@ struct ScriptEngine::State {
         arguments[0].setObject(*bridge);
         arguments[1].setNumber(node.id().value);
         arguments[2].setObject(*global);
-        if (!JS_CallFunctionValue(cx, nullptr, prelude, arguments, &made)) return false;
+        if (!JS_CallFunctionValue(cx, nullptr, prelude, arguments, &made) ||
+            !JS_CallFunctionValue(cx, nullptr, fences, arguments, &ignored))
+            return false;
         program.controller = std::make_unique<JS::PersistentRootedObject>(cx, &made.toObject());
+        JS::SetReservedSlot(global, kControllerSlot, made);
         if (!evaluate(source, "script", &ignored)) return false;
         // Top-level statements may have assigned to fields.
         return call(program, "flush", JS::HandleValueArray::empty(), &ignored);
@@ -210,11 +283,12 @@ struct ScriptEngine::State {
             return cascade.warn(node, "out of memory for scripts");
         }
         program.global = std::make_unique<JS::PersistentRootedObject>(context(), global);
-        const bool loaded = enter(&cascade, node, program, [&] { return load(program, node, source); });
-        if (!loaded) {
-            program.controller.reset();
-            return;
+        {
+            JSAutoRealm inside(context(), global);
+            program.holding = std::make_shared<Holding>(context(), runtime->memory());
         }
+        const bool loaded = enter(&cascade, node, program, [&] { return load(program, node, source); });
+        if (!loaded) return program.end();
         enter(&cascade, node, program, [&] {
             program.hasPrepareEvents = has(program, "prepareEvents");
             program.hasEventsProcessed = has(program, "eventsProcessed");
@@ -226,7 +300,7 @@ struct ScriptEngine::State {
             program.hasInitialize = has(program, "initialize");
             return true;
         });
-        if (program.hasInitialize) run(cascade, node, program, "initialize");
+        if (program.controller && program.hasInitialize) run(cascade, node, program, "initialize");
     }
 
     /// Calls a function of the program without arguments.
@@ -253,6 +327,7 @@ ScriptEngine::~ScriptEngine() {
         for (auto& [id, program] : state_->programs) {
             (void)program.global.release();
             (void)program.controller.release();
+            (void)new std::shared_ptr<Holding>(std::move(program.holding));
         }
 }
 

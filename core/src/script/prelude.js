@@ -6,6 +6,7 @@
 (function (native, self, global) {
     "use strict";
 
+    const Float64Array = global.Float64Array;  // whatever a program makes of the name
     const SFString = 10, SFNode = 12, SFImage = 18, SFRotation = 32, SFMatrix = 34;
     const tuples = new Map();  // SF type code -> class
     const arrays = new Map();  // MF type code -> class
@@ -359,20 +360,6 @@
     publish("console", {log: println, info: println, debug: println, warn: println, error: println});
     publish("TRUE", true);
     publish("FALSE", false);
-
-    // ---- no source of chance: two runs of one document must agree ---------------------------------------------
-    let seed = (self * 2654435761 ^ 0x9E3779B9) >>> 0 || 1;
-    Math.random = () => {
-        seed ^= seed << 13; seed >>>= 0;
-        seed ^= seed >>> 17;
-        seed ^= seed << 5; seed >>>= 0;
-        return seed / 4294967296;
-    };
-    const RealDate = Date;
-    publish("Date", class Date extends RealDate {
-        constructor(...given) { given.length ? super(...given) : super(native.now() * 1000); }
-        static now() { return native.now() * 1000; }
-    });
 
     // ---- the Script's own fields are variables of its program ---------------------------------------------------
     for (const name of native.fieldNames(self)) {

@@ -57,6 +57,9 @@ bool Runtime::start(std::size_t heapLimit) {
     heapLimit_ = heapLimit;
     JS_SetContextPrivate(context_, this);
     JS_SetNativeStackQuota(context_, kStackBytes);
+    // What the language takes from the machine's locale comes from here.
+    if (!JS_SetDefaultLocale(JS_GetRuntime(context_), "en-US")) return false;
+    jobs_ = std::make_unique<Jobs>(context_);
     if (!JS_AddInterruptCallback(context_, onInterrupt) || !JS::InitSelfHostedCode(context_)) return false;
     watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
     return true;
@@ -65,7 +68,12 @@ bool Runtime::start(std::size_t heapLimit) {
 Runtime::~Runtime() {
     watcher_ = {};
     // Elsewhere the library would abort; what is left then is the memory of one context.
-    if (!context_ || !onOwnThread()) return;
+    if (!context_) return;
+    if (!onOwnThread()) {
+        (void)jobs_.release();
+        return;
+    }
+    jobs_.reset();
     JS_DestroyContext(context_);
     --contexts;
 }
@@ -91,6 +99,18 @@ void Runtime::watch(const std::stop_token& stop) {
     }
 }
 
+bool Runtime::hasRoomFor(std::size_t more) {
+    if (more > heapLimit_) return false;
+    const std::size_t room = heapLimit_ - more;
+    return memory_.bytes(context_, current ? current->holding : nullptr) <= room ||
+           memory_.bytesCollected(context_) <= room;
+}
+
+bool Runtime::withinMemory() {
+    if (!hasRoomFor(0)) excess_ = Excess::memory;
+    return excess_ == Excess::none;
+}
+
 bool Runtime::onInterrupt(JSContext* cx) {
     auto& runtime = *static_cast<Runtime*>(JS_GetContextPrivate(cx));
     const std::int64_t deadline = runtime.deadline_.load(std::memory_order_relaxed);
@@ -99,9 +119,10 @@ bool Runtime::onInterrupt(JSContext* cx) {
     if (runtime.bytesAtStart_ == 0) runtime.bytesAtStart_ = bytes;
     if (steadyNow() > deadline)
         runtime.excess_ = Excess::time;
-    else if (bytes > runtime.bytesAtStart_ + runtime.heapLimit_ ||
-             JS_GetGCParameter(cx, JSGC_BYTES) > runtime.heapLimit_)
+    else if (bytes > runtime.bytesAtStart_ + runtime.heapLimit_)
         runtime.excess_ = Excess::memory;
+    else
+        runtime.withinMemory();
     // False ends the program, which cannot catch this.
     return runtime.excess_ == Excess::none;
 }

@@ -11,7 +11,8 @@
 
 #include <rtsg/core/behaviour.h>
 
-#include "values.h"
+#include "jobs.h"
+#include "memory.h"
 
 namespace rtsg::script {
 
@@ -21,6 +22,7 @@ struct Call {
     Cascade* cascade;  // null: nothing may be changed (shutdown)
     const ScriptOptions& options;
     double now;
+    Holding* holding;  // the program's
 };
 
 class Runtime {
@@ -42,6 +44,13 @@ class Runtime {
     enum class Excess { none, time, memory };
     /// Why the watch had to stop the last program; asking forgets it.
     Excess takeExcess() { return std::exchange(excess_, Excess::none); }
+    /// Whether programs that take `more` bytes stay within the limit, if need be after a collection.
+    bool hasRoomFor(std::size_t more);
+    /// False, with the excess noted, if they are beyond it now.
+    bool withinMemory();
+
+    Jobs& jobs() { return *jobs_; }
+    Memory& memory() { return memory_; }
 
   private:
     Runtime() = default;
@@ -55,6 +64,8 @@ class Runtime {
     std::size_t heapLimit_ = 0;
     std::size_t bytesAtStart_ = 0;  // of the process, when the outermost call began
     Excess excess_ = Excess::none;
+    std::unique_ptr<Jobs> jobs_;
+    Memory memory_;
     std::mutex mutex_;
     std::condition_variable_any wakeUp_;
     std::jthread watcher_;

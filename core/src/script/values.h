@@ -19,8 +19,11 @@
 #include <js/Conversions.h>
 #include <js/ErrorReport.h>
 #include <js/Exception.h>
+#include <js/GCVector.h>
 #include <js/Initialization.h>
 #include <js/Interrupt.h>
+#include <js/LocaleSensitive.h>
+#include <js/Promise.h>
 #include <js/SourceText.h>
 #include <js/experimental/TypedData.h>
 #include <jsapi.h>

@@ -2,8 +2,8 @@
 //
 // A scene runs the ECMAScript of its Script nodes by itself, in an engine of its own that comes into being with the
 // first of them; a scene without scripts pays nothing. What a script does is changes of the scene like any others, made
-// inside newFrame. Chance and the wall clock are taken from scripts (Math.random is seeded by the node, Date follows
-// the scene), but variables of a script are not part of the scene's state: a replica gets the results, it runs no
+// inside newFrame. Chance, clock, zone and locale come from the scene (Math.random is seeded by the node, Date follows
+// it, in UTC and en-US), but variables of a script are not part of the scene's state: a replica gets the results, it runs no
 // script. Threading: the thread that runs the scene; one JavaScript context a thread. Source: ISO/IEC 19775-1 V4.0
 // clause 29; ISO/IEC 19777-1 V3.3 (ECMAScript); direct outputs act when the function ends.
 #pragma once
@@ -19,8 +19,8 @@ struct ScriptOptions {
     bool enabled = true;
     /// Seconds that one call of a script's function may take; then it is stopped, reported and never called again.
     double timeLimit = 2;
-    /// Bytes that all scripts of one thread may hold in objects, and by which one call may let the process grow (arrays
-    /// live outside the engine's heap). Read when the first script of the thread runs.
+    /// Bytes that all scripts of one thread may hold, in objects and in the contents of arrays and strings, and by which
+    /// one call may let the process grow. Read when the first script of the thread runs.
     std::size_t heapLimit = std::size_t{256} << 20;
     /// Folder that relative urls of script files start from; that of the first file loaded, if empty. No other urls are
     /// followed.

@@ -1,0 +1,143 @@
+// What a Script cannot take from the machine: more memory than it may hold, the clock, the time zone, the locale.
+#include <thread>
+
+#include "core/script/script_scene.h"
+
+namespace rtsg {
+namespace {
+
+using test::limits;
+using test::ScriptScene;
+
+constexpr std::size_t kMiB = std::size_t{1} << 20;
+
+struct Held {
+    int pieces = 0;
+    std::string problems;
+};
+
+/// Eight frames of a program that adds a piece in each, on a thread of its own: the limit is read when the first script
+/// of a thread runs.
+Held hold(const std::string& program, std::size_t limit) {
+    Held held;
+    std::thread([&] {
+        ScriptScene s("outputOnly SFInt32 n", program, {}, limits(true, 30, limit));
+        for (int i = 0; i < 8; ++i) s.frame();
+        held = {s.get<std::int32_t>("n"), s.problems()};
+    }).join();
+    return held;
+}
+
+#ifndef __SANITIZE_THREAD__  // SpiderMonkey, as packaged not instrumented, faults in its collector there
+TEST(ScriptFences, TheContentsOfArraysCountThoughEachFrameTakesLittle) {
+    const Held held = hold(
+        "var a = []; function prepareEvents() { a.push(new Uint8Array(16 << 20).fill(1)); n = a.length; }", 64 * kMiB);
+    EXPECT_LE(held.pieces, 4);
+    EXPECT_GE(held.pieces, 2);
+    EXPECT_NE(held.problems.find("memory"), std::string::npos) << held.problems;
+}
+
+TEST(ScriptFences, TheContentsOfStringsCount) {
+    const Held held = hold(
+        "var a = []; function prepareEvents() { let s = 'x'; for (let i = 0; i < 24; ++i) s += s; "
+        "s.indexOf('y'); a.push(s); n = a.length; }",
+        64 * kMiB);
+    EXPECT_LE(held.pieces, 5);  // the last is noticed when its call ends
+    EXPECT_GE(held.pieces, 2);
+    EXPECT_NE(held.problems.find("memory"), std::string::npos) << held.problems;
+}
+
+TEST(ScriptFences, NothingLargerThanTheLimitIsTakenInOneStep) {
+    for (const char* piece : {"new Uint8Array(1 << 30)", "new Float64Array(1 << 27)", "new ArrayBuffer(1 << 30)",
+                              "'xy'.repeat(1 << 28)", "'x'.padStart(1 << 29)"}) {
+        ScriptScene s("outputOnly SFInt32 n", std::string("function initialize() { try { ") + piece +
+                                                  "; n = 1; } catch (e) { n = e instanceof RangeError ? 2 : 3; } }");
+        s.frame();
+        EXPECT_EQ(s.get<std::int32_t>("n"), 2) << piece << s.problems();
+    }
+}
+
+TEST(ScriptFences, WhatIsLetGoOfDoesNotCount) {
+    const Held held =
+        hold("function prepareEvents() { for (let i = 0; i < 4; ++i) new Uint8Array(16 << 20).fill(1); n = n + 1; }",
+             64 * kMiB);
+    EXPECT_EQ(held.pieces, 8);
+    EXPECT_EQ(held.problems, "");
+}
+
+TEST(ScriptFences, OneThatIsStoppedLeavesRoomForTheOthers) {
+    std::string problems;
+    int frames = 0;
+    std::thread([&] {
+        ScriptScene s("outputOnly SFInt32 n",
+                      "var a = new Uint8Array(24 << 20).fill(1); "
+                      "function prepareEvents() { n = n + a[5]; }",
+                      "DEF H Script { url \"ecmascript: var a = []; function prepareEvents() { "
+                      "for (let i = 0; i < 1e5; ++i) a.push(new Array(100).fill(i)); }\" }",
+                      limits(true, 30, 64 * kMiB));
+        for (int i = 0; i < 6; ++i) s.frame();
+        frames = s.get<std::int32_t>("n");
+        problems = s.problems();
+    }).join();
+    EXPECT_EQ(frames, 6) << problems;
+    EXPECT_NE(problems.find("memory"), std::string::npos) << problems;
+}
+#endif
+
+TEST(ScriptFences, TypedArraysAreWhatTheyWere) {
+    ScriptScene s("outputOnly SFString text", R"(
+        class Own extends Float64Array { twice() { return this.map(v => 2 * v); } }
+        function initialize() {
+            const own = new Own([1, 2]).twice();
+            text = [Uint8Array.from([1, 258]).join(), new Int16Array(new ArrayBuffer(4)).length, own instanceof Own, own.join(),
+                    new Float32Array(3).constructor === Float32Array, new Uint8Array([9, 8, 7]).subarray(1).slice().join(),
+                    Uint8Array.BYTES_PER_ELEMENT, Int8Array.of(1, 2).length].join(' ');
+        })");
+    s.frame();
+    EXPECT_EQ(s.get<String>("text").view(), "1,2 2 true 2,4 true 8,7 1 2") << s.problems();
+}
+
+/// What an expression gives, as text.
+std::string evaluated(const std::string& expression) {
+    ScriptScene s("outputOnly SFString text", "function initialize() { text = String(" + expression + "); }");
+    s.frame();
+    EXPECT_EQ(s.problems(), "") << expression;
+    return std::string(s.get<String>("text").view());
+}
+
+TEST(ScriptFences, LocalTimeIsUtc) {
+    EXPECT_EQ(evaluated("new Date(2020, 5, 1, 12).getTime()"), "1591012800000");
+    EXPECT_EQ(evaluated("new Date('2020-06-01T12:00').getTime()"), "1591012800000");
+    EXPECT_EQ(evaluated("new Date('Jun 1 2020 12:00').getTime()"), "1591012800000");
+    EXPECT_EQ(evaluated("Date.parse('2020-06-01T12:00+02:00')"), "1591005600000");
+    EXPECT_EQ(evaluated("Date.parse('Mon Jun 01 2020 12:00:00 GMT+0200 (somewhere)')"), "1591005600000");
+    EXPECT_EQ(evaluated("Date.parse('2020-06-01')"), "1590969600000");
+    EXPECT_EQ(evaluated("new Date(1591012800000).getHours()"), "12");
+    EXPECT_EQ(evaluated("new Date(1591012800000).getTimezoneOffset()"), "0");
+    EXPECT_EQ(evaluated("new Date(1591012800000).setHours(13)"), "1591016400000");
+    EXPECT_EQ(evaluated("new Date(1591012800000)"), "Mon Jun 01 2020 12:00:00 GMT+0000 (UTC)");
+    EXPECT_EQ(evaluated("new Date(NaN)"), "Invalid Date");
+    EXPECT_EQ(evaluated("new Date(new Date(5)).getTime()"), "5");
+    EXPECT_EQ(evaluated("new Date(1591012800000).toLocaleString()"), "6/1/2020, 12:00:00 PM");
+    EXPECT_EQ(evaluated("new Intl.DateTimeFormat().resolvedOptions().timeZone"), "UTC");
+    EXPECT_EQ(evaluated("Intl.DateTimeFormat('de', {timeZone: 'America/New_York', hour: 'numeric'}).format(0)"),
+              "19 Uhr");
+}
+
+TEST(ScriptFences, NoClockIsReachable) {
+    // The scene is at t = 1.
+    for (const char* clock : {"Date.now()", "new Date().getTime()", "new Date(Date()).getTime()",
+                              "Object.getPrototypeOf(Date).now ? Object.getPrototypeOf(Date).now() : 1000",
+                              "new Date().constructor.now()", "new (class extends Date {})().getTime()"})
+        EXPECT_EQ(evaluated(clock), "1000") << clock;
+    EXPECT_EQ(evaluated("new Intl.DateTimeFormat('en', {year: 'numeric'}).format()"), "1970");
+}
+
+TEST(ScriptFences, TheLocaleIsFixed) {
+    EXPECT_EQ(evaluated("(1234567.5).toLocaleString()"), "1,234,567.5");
+    EXPECT_EQ(evaluated("new Intl.NumberFormat().resolvedOptions().locale"), "en-US");
+    EXPECT_EQ(evaluated("new Intl.Collator().resolvedOptions().locale"), "en-US");
+}
+
+}  // namespace
+}  // namespace rtsg
