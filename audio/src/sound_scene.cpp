@@ -1,10 +1,12 @@
+// Reads what a scene says about sound, node by node, and follows what changes.
+#include <rtsg/audio/sound_scene.h>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/sound_scene.h>
-#include <rtsg/audio/world_geometry.h>
+#include <rtsg/audio/walls.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/camera.h>
 
@@ -150,12 +152,38 @@ double SoundNode::coneGain(const glm::dvec3& listener) const {
     return 1 + (coneOuterGain - 1) * (angle - inner) / (outer - inner);
 }
 
-SoundScene::SoundScene(WorldGeometry* geometry, const AcousticMaterial& defaults)
-    : geometry_(geometry), defaults_(defaults) {}
+namespace {
 
-glm::dvec3 SoundScene::position(const SoundEmitter& emitter) const {
-    const glm::dvec3 p = emitter.worldFromLocal * glm::dvec4(sound(emitter).location, 1.0);
+/// The first emitter in this slot or a later one.
+template <class Emitters>
+auto emitterFrom(Emitters& emitters, std::uint32_t slot) {
+    return std::lower_bound(emitters.begin(), emitters.end(), slot,
+                            [](const SoundEmitter& e, std::uint32_t s) { return e.id.slot < s; });
+}
+
+}  // namespace
+
+glm::dvec3 SoundEmitter::position() const {
+    const glm::dvec3 p = worldFromLocal * glm::dvec4(sound->location, 1.0);
     return std::isfinite(p.x + p.y + p.z) ? p : glm::dvec3(kNowhere);
+}
+
+const SoundEmitter* SoundVersion::find(InstanceId id) const {
+    const auto it = emitterFrom(*emitters, id.slot);
+    return it != emitters->end() && it->id == id ? &*it : nullptr;
+}
+
+SoundScene::SoundScene(Walls* walls, const AcousticMaterial& defaults) : walls_(walls), defaults_(defaults) {}
+
+std::vector<SoundEmitter>& SoundScene::ownEmitters() {
+    if (shared_) emitters_ = std::make_shared<std::vector<SoundEmitter>>(*emitters_);
+    shared_ = false;
+    return *emitters_;
+}
+
+SoundVersion SoundScene::freeze() {
+    shared_ = true;
+    return {emitters_, listener_};
 }
 
 void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound) {
@@ -208,8 +236,9 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
     }
 }
 
-SoundNode SoundScene::readSound(const Scene& scene, const Node& node) {
-    SoundNode sound;
+std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const Node& node) {
+    auto read = std::make_shared<SoundNode>();
+    SoundNode& sound = *read;
     sound.node = node.id();
     sound.name = nameOf(scene, node);
     if (node.is(x3d::Sound::type)) {
@@ -244,7 +273,7 @@ SoundNode SoundScene::readSound(const Scene& scene, const Node& node) {
         sound.coneOuterGain = number(node.get(S::coneOuterGain), 0);
         for (const NodeId child : node.get(S::children)) readVoices(scene, child, 1, 0, sound);
     }
-    return sound;
+    return read;
 }
 
 void SoundScene::chooseListener(const Scene& scene) {
@@ -278,74 +307,85 @@ void SoundScene::chooseListener(const Scene& scene) {
     listener_.gain = number(fieldOr(node, "gain", 1.0f), 0);
 }
 
-void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
-    const auto isOurs = [](const Placed& placed) {
-        return placed.kind == PlacedKind::listener || placed.kind == PlacedKind::view;
+void SoundScene::readWalls(const Scene& scene, const InstanceDelta& delta) {
+    if (!walls_) return;
+    const auto read = [&](NodeId id) {
+        if (const Node* node = scene.effectiveNode(id); node && node->is(x3d::AcousticProperties::type))
+            walls_->setMaterial(id, acousticMaterial(scene, *node, defaults_));
     };
-    const auto emitterAt = [&](InstanceId id) {
-        return std::lower_bound(emitters_.begin(), emitters_.end(), id.slot,
-                                [](const SoundEmitter& e, std::uint32_t slot) { return e.id.slot < slot; });
+    for (const auto* list : {&delta.added, &delta.rebound})
+        for (const Instance& instance : *list)
+            if (instance.acoustics && acousticsKnown_.try_emplace(instance.acoustics.value, true).second)
+                read(instance.acoustics);
+    for (const NodeId id : delta.acousticsChanged)
+        if (acousticsKnown_.contains(id.value)) read(id);
+}
+
+/// Whether there are others than before.
+bool SoundScene::placeEmitters(const Scene& scene, const InstanceDelta& delta) {
+    bool others = false;
+    const auto emitterAt = [&](InstanceId id) -> SoundEmitter* {
+        const auto it = emitterFrom(*emitters_, id.slot);
+        if (it == emitters_->end() || it->id != id) return nullptr;
+        auto& own = ownEmitters();
+        return &*emitterFrom(own, id.slot);
     };
-    const auto holds = [&](auto it, InstanceId id) { return it != emitters_.end() && it->id == id; };
-
-    // Walls.
-    if (geometry_) {
-        const auto read = [&](NodeId id) {
-            if (const Node* node = scene.effectiveNode(id); node && node->is(x3d::AcousticProperties::type))
-                geometry_->setMaterial(id, acousticMaterial(scene, *node, defaults_));
-        };
-        for (const auto* list : {&delta.added, &delta.rebound})
-            for (const Instance& instance : *list)
-                if (instance.acoustics && acousticsKnown_.try_emplace(instance.acoustics.value, true).second)
-                    read(instance.acoustics);
-        for (const NodeId id : delta.acousticsChanged)
-            if (acousticsKnown_.contains(id.value)) read(id);
-    }
-
-    // Emitters, listeners, views.
-    bool renumber = false;
-    for (const InstanceId id : delta.placedRemoved) {
-        if (const auto it = emitterAt(id); holds(it, id)) {
-            emitters_.erase(it);
-            renumber = true;
+    for (const InstanceId id : delta.placedRemoved)
+        if (const SoundEmitter* emitter = emitterAt(id)) {
+            emitters_->erase(emitters_->begin() + (emitter - emitters_->data()));
+            others = true;
         }
-        others_.erase(id.slot);
-    }
     for (const auto* list : {&delta.placedAdded, &delta.placedRebound})
         for (const Placed& placed : *list) {
-            if (isOurs(placed)) others_[placed.id.slot] = placed;
             if (placed.kind != PlacedKind::sound) continue;
             const Node* node = scene.find(placed.node);
             if (!node || (!node->is(x3d::Sound::type) && !node->is(x3d::SpatialSound::type))) continue;
-            if (!sounds_.contains(placed.node.value)) sounds_.emplace(placed.node.value, readSound(scene, *node));
-            SoundEmitter emitter{placed.id, placed.node.value, placed.worldFromLocal, {}};
-            if (const auto it = emitterAt(placed.id); holds(it, placed.id)) {
-                *it = emitter;
+            auto& sound = sounds_[placed.node.value];
+            if (!sound) sound = readSound(scene, *node);
+            SoundEmitter fresh{placed.id, sound, placed.worldFromLocal, {}};
+            if (SoundEmitter* emitter = emitterAt(placed.id)) {
+                *emitter = std::move(fresh);
             } else {
-                emitters_.insert(it, emitter);
+                auto& own = ownEmitters();
+                own.insert(emitterFrom(own, placed.id.slot), std::move(fresh));
             }
-            renumber = true;
+            others = true;
         }
-    for (const InstanceDelta::Moved& moved : delta.placedMoved) {
-        if (const auto it = emitterAt(moved.id); holds(it, moved.id)) it->worldFromLocal = moved.worldFromLocal;
-        if (const auto it = others_.find(moved.id.slot); it != others_.end() && it->second.id == moved.id)
-            it->second.worldFromLocal = moved.worldFromLocal;
-    }
+    for (const InstanceDelta::Moved& moved : delta.placedMoved)
+        if (SoundEmitter* emitter = emitterAt(moved.id)) emitter->worldFromLocal = moved.worldFromLocal;
     for (const NodeId id : delta.placedChanged) {
         const auto it = sounds_.find(id.value);
-        if (it == sounds_.end()) continue;
-        if (const Node* node = scene.find(id)) it->second = readSound(scene, *node);
+        const Node* node = it != sounds_.end() ? scene.find(id) : nullptr;
+        if (!node) continue;
+        const auto before = std::exchange(it->second, readSound(scene, *node));
+        for (SoundEmitter& emitter : ownEmitters())
+            if (emitter.sound == before) emitter.sound = it->second;
     }
-    if (changes.isSnapshot()) renumber = true;
-    if (renumber) {
-        std::unordered_map<std::uint32_t, int> total, seen;
-        for (const SoundEmitter& e : emitters_) ++total[e.sound];
-        for (SoundEmitter& e : emitters_) {
-            const std::string& name = sounds_.at(e.sound).name;
-            e.name = total[e.sound] > 1 ? fmt::format("{}[{}]", name, seen[e.sound]++) : name;
-        }
-        std::erase_if(sounds_, [&](const auto& entry) { return !total.contains(entry.first); });
+    return others;
+}
+
+void SoundScene::nameEmitters() {
+    std::unordered_map<std::uint32_t, int> total, seen;
+    for (const SoundEmitter& e : *emitters_) ++total[e.sound->node.value];
+    for (SoundEmitter& e : ownEmitters()) {
+        const std::uint32_t node = e.sound->node.value;
+        e.name = total[node] > 1 ? fmt::format("{}[{}]", e.sound->name, seen[node]++) : e.sound->name;
     }
+    std::erase_if(sounds_, [&](const auto& entry) { return !total.contains(entry.first); });
+}
+
+void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    readWalls(scene, delta);
+    if (placeEmitters(scene, delta) || changes.isSnapshot()) nameEmitters();
+    // Listeners and views.
+    for (const InstanceId id : delta.placedRemoved) others_.erase(id.slot);
+    for (const auto* list : {&delta.placedAdded, &delta.placedRebound})
+        for (const Placed& placed : *list)
+            if (placed.kind == PlacedKind::listener || placed.kind == PlacedKind::view)
+                others_[placed.id.slot] = placed;
+    for (const InstanceDelta::Moved& moved : delta.placedMoved)
+        if (const auto it = others_.find(moved.id.slot); it != others_.end() && it->second.id == moved.id)
+            it->second.worldFromLocal = moved.worldFromLocal;
     // A binding shows as a change of isBound.
     if (changes.isSnapshot() || !delta.placedAdded.empty() || !delta.placedRemoved.empty() ||
         !delta.placedMoved.empty() || !delta.placedRebound.empty() || !delta.placedChanged.empty())

@@ -1,4 +1,6 @@
+// WorldGeometry against brute force, against closed forms, and followed against built from scratch.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <random>
@@ -39,9 +41,12 @@ WorldFromLocal placed(const glm::dvec3& position, const glm::dvec3& size, double
 }
 
 struct Room {
-    explicit Room(const WorldGeometry::Options& options = {}) : geometry(world, options) {}
+    explicit Room(const AcousticMaterial& defaults = {}, const WorldGeometry::Options& options = {})
+        : walls(world, defaults), geometry(options) {}
 
     RayWorld world;
+    RaysOf<RayWorld> rays{world};
+    Walls walls;
     WorldGeometry geometry;
     InstanceDelta delta;
     std::uint32_t next = 0;
@@ -60,15 +65,28 @@ struct Room {
     /// Hands the delta on, as a flattened scene would.
     void commit() {
         world.apply(delta);
-        geometry.apply(delta);
-        geometry.update();
+        walls.apply(delta);
         delta.clear();
+        follow();
     }
+    const WorldGeometry::Changes& follow() { return geometry.follow(walls.freeze(), rays); }
     std::size_t planesInUse() const {
         return static_cast<std::size_t>(std::count_if(geometry.planes().begin(), geometry.planes().end(),
                                                       [](const ReflectingPlane& p) { return p.mirrors > 0; }));
     }
 };
+
+/// What mirrors, without the numbers: offset, bounds and share of each plane in use.
+std::vector<std::array<double, 6>> described(const WorldGeometry& geometry) {
+    std::vector<std::array<double, 6>> all;
+    const auto rounded = [](double value) { return std::round(value * 1e6) * 1e-6 + 0.0; };
+    for (const ReflectingPlane& p : geometry.planes())
+        if (p.mirrors > 0)
+            all.push_back({rounded(std::abs(p.offset)), rounded(p.center.x), rounded(p.center.y), rounded(p.center.z),
+                           rounded(p.radius), p.mirrors});
+    std::sort(all.begin(), all.end());
+    return all;
+}
 
 AcousticMaterial uniform(double absorption, double scattering) {
     return {allBands(absorption), allBands(scattering), allBands(0)};
@@ -81,7 +99,7 @@ TEST(WorldGeometry, TheBoxThroughTheBvhHasTheImagesOfTheLattice) {
         const WorldFromLocal m = placed({7, -2, 3}, {6, 5, 3}, angle);
         room.add(NodeId{1}, m, NodeId{9});
         WorldGeometry& geometry = room.geometry;
-        geometry.setMaterial(NodeId{9}, uniform(.1, 0));
+        room.walls.setMaterial(NodeId{9}, uniform(.1, 0));
         room.commit();
         ASSERT_EQ(geometry.planes().size(), 6u);
         const auto at = [&](const glm::dvec3& p) { return m * glm::dvec4(p / glm::dvec3(6, 5, 3), 1); };
@@ -107,7 +125,7 @@ TEST(WorldGeometry, RaysInTheBvhAgreeWithTheReferenceAndNothingLeaks) {
     room.mesh(NodeId{1}, unitBox());
     room.add(NodeId{1}, placed({0, 0, 0}, {6, 5, 3}), NodeId{9});
     WorldGeometry& geometry = room.geometry;
-    geometry.setMaterial(NodeId{9}, uniform(.1, .5));
+    room.walls.setMaterial(NodeId{9}, uniform(.1, .5));
     room.commit();
     TraceOptions options;
     options.rays = 9600;
@@ -128,7 +146,7 @@ TEST(WorldGeometry, AgreesWithBruteForceAmongManyObjects) {
     SCOPED_TRACE(kSeed);
     std::mt19937_64 random(kSeed);
     std::uniform_real_distribution<double> unit(0, 1);
-    Room room({.defaultMaterial = uniform(.2, .1)});
+    Room room(uniform(.2, .1));
     room.mesh(NodeId{1}, unitBox());
     TriangleGeometry reference;
     reference.addMaterial(.2, .1);
@@ -173,16 +191,15 @@ TEST(WorldGeometry, FollowsMovesAndMaterials) {
     room.mesh(NodeId{1}, unitBox());
     room.add(NodeId{1}, placed({0, 0, 0}, {6, 5, 3}), NodeId{9});
     const InstanceId screen = room.add(NodeId{1}, placed({2.4, -1, 1}, {.1, 7, 4}), NodeId{9});
-    geometry.setMaterial(NodeId{9}, uniform(.1, 0));
+    room.walls.setMaterial(NodeId{9}, uniform(.1, 0));
     room.commit();
     EXPECT_TRUE(findImageSources(geometry, kSource, kListener, {.maxOrder = 0}, 343, {}).arrivals.empty());
     room.delta.moved.push_back({screen, placed({2.4, 10, 1}, {.1, 7, 4})});
     room.commit();
     EXPECT_EQ(findImageSources(geometry, kSource, kListener, {.maxOrder = 1}, 343, {}).arrivals.size(), 7u);
-    const std::uint64_t version = geometry.version();
-    geometry.setMaterial(NodeId{9}, uniform(.75, 0));
-    EXPECT_GT(geometry.version(), version);
-    geometry.update();
+    room.walls.setMaterial(NodeId{9}, uniform(.75, 0));
+    EXPECT_TRUE(room.follow().everything);
+    EXPECT_FALSE(room.follow().everything);
     const auto soft = findImageSources(geometry, kSource, kListener, {.maxOrder = 1}, 343, {});
     const double d = soft.arrivals[1].seconds * 343;
     EXPECT_NEAR(soft.arrivals[1].energy[3] * 4 * M_PI * d * d, .25, 1e-9);
@@ -223,15 +240,15 @@ TEST(WorldGeometry, FollowingIsBuildingFromScratch) {
             instance.worldFromLocal = anywhere();
             room.delta.moved.push_back({instance.id, instance.worldFromLocal});
         }
-        if (step == 30) room.geometry.setMaterial(NodeId{9}, uniform(.5, .2));
+        if (step == 30) room.walls.setMaterial(NodeId{9}, uniform(.5, .2));
         room.commit();
 
         Room scratch;
-        scratch.geometry.setMaterial(NodeId{9}, step < 30 ? AcousticMaterial{} : uniform(.5, .2));
+        scratch.walls.setMaterial(NodeId{9}, step < 30 ? AcousticMaterial{} : uniform(.5, .2));
         scratch.mesh(NodeId{1}, unitBox());
         scratch.delta.added = alive;
         scratch.commit();
-        ASSERT_EQ(room.planesInUse(), scratch.planesInUse()) << "step " << step;
+        ASSERT_EQ(described(room.geometry), described(scratch.geometry)) << "step " << step;
         for (int i = 0; i < 50; ++i) {
             const glm::dvec3 origin(unit(random) * 12, unit(random) * 12, unit(random) * 12);
             const glm::dvec3 direction =
@@ -248,6 +265,102 @@ TEST(WorldGeometry, FollowingIsBuildingFromScratch) {
         const auto same = findImageSources(scratch.geometry, {-1, -2, -3}, {-2, 1, -1}, {.maxOrder = 2}, 343, {});
         ASSERT_EQ(more.arrivals.size(), same.arrivals.size()) << "step " << step;
     }
+}
+
+/// Boxes in rows, floors and columns, so that thousands share a plane.
+std::unique_ptr<Room> rowsOfBoxes(std::uint32_t count) {
+    auto room = std::make_unique<Room>();
+    room->mesh(NodeId{1}, unitBox());
+    std::uint32_t side = 1;
+    while (side * side * side < count) ++side;
+    for (std::uint32_t i = 0; i < count; ++i)
+        room->add(NodeId{1}, placed(2.0 * glm::dvec3(i % side, i / side % side, i / side / side), {1, 1, 1}));
+    room->commit();
+    return room;
+}
+
+TEST(WorldGeometry, WorkFollowsWhatMovesHoweverMuchThereIs) {
+    std::vector<std::uint64_t> work;
+    for (const std::uint32_t count : {1000u, 10'000u, 100'000u}) {
+        const auto room = rowsOfBoxes(count);
+        const std::uint64_t before = room->geometry.work();
+        constexpr std::uint32_t kMoves = 20;
+        for (std::uint32_t i = 0; i < kMoves; ++i) {
+            const InstanceId id{i * (count / kMoves), 0};
+            WorldFromLocal m = room->world.instance(id.slot).info.worldFromLocal;
+            m[3] += glm::dvec3(.1, .2, .3);
+            room->delta.moved.push_back({id, m});
+            room->commit();
+        }
+        work.push_back((room->geometry.work() - before) / kMoves);
+    }
+    // A full rescan would look at every box. Planes of more surfaces are trees with one more level.
+    EXPECT_LT(work[0], 1000u);
+    EXPECT_LE(work[1], 2 * work[0]);
+    EXPECT_LE(work[2], 2 * work[0]);
+}
+
+TEST(WorldGeometry, TheSearchForPlanesEndsAtTheLimit) {
+    constexpr std::uint64_t kSeed = 5;
+    SCOPED_TRACE(kSeed);
+    std::mt19937_64 random(kSeed);
+    std::uniform_real_distribution<double> unit(0, 1);
+    const auto anywhere = [&] { return placed({unit(random) * 99, unit(random) * 99, unit(random) * 99}, {1, 1, 1}); };
+    std::vector<std::uint64_t> work;
+    for (const int count : {1000, 4000}) {
+        Room room({}, {.maxPlanes = 600});
+        room.mesh(NodeId{1}, unitBox());
+        for (int i = 0; i < count; ++i) room.add(NodeId{1}, anywhere());
+        room.commit();
+        EXPECT_TRUE(room.geometry.planes().empty());
+        // What is left of a box is that its slot was looked at.
+        work.push_back(room.geometry.work() - static_cast<std::uint64_t>(count));
+    }
+    EXPECT_LT(work[1], 1.2 * static_cast<double>(work[0]));
+
+    // Around the limit, up and down: as from scratch.
+    Room room({}, {.maxPlanes = 60});
+    room.mesh(NodeId{1}, unitBox());
+    std::vector<Instance> alive;
+    bool above = false, below = false;
+    for (int step = 0; step < 200; ++step) {
+        const bool grow = alive.empty() || unit(random) < (step / 40 % 2 ? .2 : .8);
+        if (grow) {
+            room.add(NodeId{1}, anywhere());
+            alive.push_back(room.delta.added.back());
+        } else {
+            const auto at = static_cast<std::ptrdiff_t>(unit(random) * static_cast<double>(alive.size()));
+            room.delta.removed.push_back(alive[static_cast<std::size_t>(at)].id);
+            alive.erase(alive.begin() + at);
+        }
+        room.commit();
+        Room scratch({}, {.maxPlanes = 60});
+        scratch.mesh(NodeId{1}, unitBox());
+        scratch.delta.added = alive;
+        scratch.commit();
+        ASSERT_EQ(described(room.geometry), described(scratch.geometry)) << "step " << step;
+        (room.geometry.planes().empty() ? above : below) = true;
+    }
+    EXPECT_TRUE(above && below);
+}
+
+TEST(WorldGeometry, AVersionIsNotTouchedByWhatComesAfter) {
+    Room room;
+    room.mesh(NodeId{1}, unitBox());
+    const InstanceId box = room.add(NodeId{1}, placed({0, 0, 0}, {6, 5, 3}), NodeId{9});
+    room.walls.setMaterial(NodeId{9}, uniform(.1, 0));
+    room.commit();
+    const WallsVersion version = room.walls.freeze();
+    const Wall before = version.walls[box.slot];
+    room.delta.moved.push_back({box, placed({1, 1, 1}, {2, 2, 2})});
+    room.walls.setMaterial(NodeId{9}, uniform(.5, 0));
+    room.commit();
+    room.delta.removed.push_back(box);
+    room.commit();
+    EXPECT_EQ(version.walls[box.slot].worldFromLocal, before.worldFromLocal);
+    EXPECT_EQ(version.walls[box.slot].mesh, before.mesh);
+    EXPECT_EQ(version.materials[before.material].absorption[0], .1);
+    EXPECT_EQ(room.walls.freeze().walls[box.slot].mesh, nullptr);
 }
 
 TEST(WorldGeometry, CoplanarSurfacesOfSeveralShapesAreOneMirror) {
@@ -267,7 +380,7 @@ TEST(WorldGeometry, CoplanarSurfacesOfSeveralShapesAreOneMirror) {
 }
 
 TEST(WorldGeometry, WithoutPlanesRaysDoItAll) {
-    Room room({.defaultMaterial = uniform(.3, .1), .maxPlanes = 5});
+    Room room(uniform(.3, .1), {.maxPlanes = 5});
     room.mesh(NodeId{1}, unitBox());
     room.add(NodeId{1}, placed({0, 0, 0}, {6, 5, 3}));
     room.commit();
@@ -285,8 +398,10 @@ TEST(WorldGeometry, WithoutPlanesRaysDoItAll) {
 
 TEST(WorldGeometry, AnEmptyWorldIsAVoid) {
     RayWorld world;
-    WorldGeometry geometry(world);
-    geometry.update();
+    Walls walls(world);
+    const RaysOf rays(world);
+    WorldGeometry geometry;
+    geometry.follow(walls.freeze(), rays);
     EXPECT_TRUE(geometry.planes().empty());
     AcousticHit hit;
     EXPECT_FALSE(geometry.closest({0, 0, 0}, {0, 0, 1}, 10, kNoPlane, hit));

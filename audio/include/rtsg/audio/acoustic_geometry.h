@@ -31,6 +31,7 @@ struct AcousticMaterial {
         for (std::size_t b = 0; b < kBandCount; ++b) most = std::max(most, mirrored(b));
         return most;
     }
+    friend bool operator==(const AcousticMaterial&, const AcousticMaterial&) = default;
 };
 
 constexpr std::uint32_t kNoPlane = std::numeric_limits<std::uint32_t>::max();

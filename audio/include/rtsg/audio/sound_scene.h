@@ -12,6 +12,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -22,7 +23,7 @@
 
 namespace rtsg {
 
-class WorldGeometry;
+class Walls;
 
 /// A node's acoustic material; `defaults` while it is not enabled.
 AcousticMaterial acousticMaterial(const Scene& scene, const Node& acousticProperties, const AcousticMaterial& defaults);
@@ -68,9 +69,12 @@ struct SoundNode {
 
 struct SoundEmitter {
     InstanceId id;
-    std::uint32_t sound = 0;  // SoundScene::sounds
+    std::shared_ptr<const SoundNode> sound;  // never null
     WorldFromLocal worldFromLocal{1.0};
     std::string name;  // the node's, numbered if it is placed more than once
+
+    /// In the world; out of all hearing when it is not a number.
+    glm::dvec3 position() const;
 };
 
 struct ListenerPose {
@@ -83,33 +87,48 @@ struct ListenerPose {
     }
 };
 
+/// Who sounds and who listens, as a version that does not change.
+struct SoundVersion {
+    std::shared_ptr<const std::vector<SoundEmitter>> emitters;  // in the order of their slots; never null
+    ListenerPose listener;
+
+    /// Null when there is none of this name.
+    const SoundEmitter* find(InstanceId id) const;
+};
+
 class SoundScene {
   public:
-    /// Materials go to `geometry` when there is one; it must outlive this.
-    explicit SoundScene(WorldGeometry* geometry = nullptr, const AcousticMaterial& defaults = {});
+    /// Materials go to `walls` when there are any; they must outlive this.
+    explicit SoundScene(Walls* walls = nullptr, const AcousticMaterial& defaults = {});
 
     void apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
 
-    const std::vector<SoundEmitter>& emitters() const { return emitters_; }
-    const SoundNode& sound(const SoundEmitter& emitter) const { return sounds_.at(emitter.sound); }
-    /// In the world; out of all hearing when it is not a number.
-    glm::dvec3 position(const SoundEmitter& emitter) const;
+    const std::vector<SoundEmitter>& emitters() const { return *emitters_; }
+    const SoundNode& sound(const SoundEmitter& emitter) const { return *emitter.sound; }
+    glm::dvec3 position(const SoundEmitter& emitter) const { return emitter.position(); }
     /// The first enabled ListenerPointSource, else the bound viewpoint, else X3D's default of 0 0 10.
     const ListenerPose& listener() const { return listener_; }
     /// Nodes that are there but cannot be heard, and why.
     const Diagnostics& diagnostics() const { return diagnostics_; }
+    /// As it is now. What changes next copies the emitters once.
+    SoundVersion freeze();
 
   private:
-    SoundNode readSound(const Scene& scene, const Node& node);
+    std::shared_ptr<const SoundNode> readSound(const Scene& scene, const Node& node);
+    void readWalls(const Scene& scene, const InstanceDelta& delta);
+    bool placeEmitters(const Scene& scene, const InstanceDelta& delta);
+    void nameEmitters();
+    std::vector<SoundEmitter>& ownEmitters();
     void readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound);
     void chooseListener(const Scene& scene);
 
-    WorldGeometry* geometry_;
+    Walls* walls_;
     AcousticMaterial defaults_;
-    std::unordered_map<std::uint32_t, SoundNode> sounds_;     // by NodeId
-    std::unordered_map<std::uint32_t, Placed> others_;        // listeners and views, by slot
-    std::unordered_map<std::uint32_t, bool> acousticsKnown_;  // by NodeId
-    std::vector<SoundEmitter> emitters_;                      // in the order of their slots
+    std::unordered_map<std::uint32_t, std::shared_ptr<const SoundNode>> sounds_;  // by NodeId
+    std::unordered_map<std::uint32_t, Placed> others_;                            // listeners and views, by slot
+    std::unordered_map<std::uint32_t, bool> acousticsKnown_;                      // by NodeId
+    std::shared_ptr<std::vector<SoundEmitter>> emitters_ = std::make_shared<std::vector<SoundEmitter>>();
+    bool shared_ = false;  // emitters_ belong to a version too
     ListenerPose listener_;
     Diagnostics diagnostics_;
 };

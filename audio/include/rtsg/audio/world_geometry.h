@@ -1,47 +1,52 @@
-// WorldGeometry: AcousticGeometry over a RayWorld: the same BVH that light is traced in, asked in single precision and
-// answered in double.
+// WorldGeometry: AcousticGeometry over walls and rays: the same BVH that light is traced in, asked in single precision
+// and answered in double.
 //
-// Invariant: after apply() of the deltas the world was applied, answers are those of one built from scratch (numbers of
-// planes apart). The work follows the delta: planes are found once per mesh, in its own frame, and moved with its
-// instances. Hits are moved onto their plane in double precision, so that long mirror paths do not drift. Materials are
-// handed in by the NodeId of their AcousticProperties (see sound_scene.h). Threading: apply(), setMaterial() and
-// update() alone; queries from any number of threads.
+//     WorldGeometry geometry;
+//     geometry.follow(walls.freeze(), RaysOf(world));      // both of the same state of the scene
+//
+// Invariant: after follow() answers are those of one built from scratch (numbers of planes apart). The work follows
+// what changed since the version followed before: planes are found once per mesh, in its own frame, and moved with its
+// instances. Hits are moved onto their plane in double precision, so that long mirror paths do not drift.
+// Threading: follow() alone, on the thread of whoever traces; queries from any number of threads.
 #pragma once
 
 #include <cstdint>
 #include <memory>
-#include <unordered_map>
 #include <vector>
 
+#include <rtsg/audio/acoustic_box.h>
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/plane_index.h>
-#include <rtsg/renderers/ray_world.h>
+#include <rtsg/audio/ray_source.h>
+#include <rtsg/audio/walls.h>
 
 namespace rtsg {
+
+class WallPlanes;
 
 class WorldGeometry final : public AcousticGeometry {
   public:
     struct Options {
-        /// Of surfaces without AcousticProperties.
-        AcousticMaterial defaultMaterial;
-        /// With more planes than this, in one mesh or in all, no sources are mirrored: rays do it all.
+        /// With more planes than this no sources are mirrored, rays do it all, and the search for planes ends there.
         std::size_t maxPlanes = 20'000;
     };
+    /// What follow() found changed.
+    struct Changes {
+        /// Around each instance that came, went, moved or is made of something else; where it was and where it is.
+        std::vector<AcousticBox> boxes;
+        /// A material changed, or there was no version before: all of it.
+        bool everything = false;
+    };
 
-    /// `world` must outlive this.
-    explicit WorldGeometry(const RayWorld& world);
-    WorldGeometry(const RayWorld& world, const Options& options);
+    WorldGeometry();
+    explicit WorldGeometry(const Options& options);
     ~WorldGeometry() override;
 
-    void setMaterial(NodeId acoustics, const AcousticMaterial& material);
-    /// To be called after RayWorld::apply with the same delta.
-    void apply(const InstanceDelta& delta);
-    /// Brings planes() up to date; before a source is mirrored. Linear in the planes, nothing when nothing changed.
-    void update();
-    /// Grows with every change.
-    std::uint64_t version() const { return version_; }
+    /// `rays` must outlive the queries that come after.
+    const Changes& follow(const WallsVersion& walls, const RaySource& rays);
+    /// Steps that follow() took so far: walls compared, planes measured, boxes read. Counted, not timed.
+    std::uint64_t work() const;
 
-    std::span<const ReflectingPlane> planes() const override { return planes_; }
+    std::span<const ReflectingPlane> planes() const override;
     std::span<const AcousticMaterial> materials() const override { return materials_; }
     bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance, std::uint32_t except,
                  AcousticHit& hit) const override {
@@ -56,38 +61,16 @@ class WorldGeometry final : public AcousticGeometry {
     double distanceToSurface(const glm::dvec3& point) const override;
 
   private:
-    /// The planes of one mesh, in its frame.
-    struct MeshPlanes;
-    struct Slot {
-        InstanceId id;
-        NodeId geometry;
-        std::uint32_t material = 0;
-        std::shared_ptr<const MeshPlanes> mesh;  // null: no planes are known
-        std::vector<std::uint32_t> planes;       // by number in `mesh`
-    };
-    struct CachedMesh {
-        std::weak_ptr<const Mesh> mesh;
-        std::weak_ptr<const MeshPlanes> planes;
-    };
-
-    void place(std::uint32_t slot);
-    void release(Slot& slot);
+    void followMaterials(const PagedArray<AcousticMaterial>& materials);
     double exactDistance(const Hit& hit, const glm::dvec3& origin, const glm::dvec3& direction) const;
-    std::uint32_t materialOf(NodeId acoustics);
-    std::shared_ptr<const MeshPlanes> planesOf(const std::shared_ptr<const Mesh>& mesh);
 
-    const RayWorld* world_;
-    Options options_;
-    std::unordered_map<std::uint32_t, std::uint32_t> materialByNode_;
+    WallsVersion walls_;
+    const RaySource* rays_ = nullptr;
     std::vector<AcousticMaterial> materials_;
-    std::vector<Slot> slots_;
-    std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> slotsOf_;  // by geometry
-    std::unordered_map<const Mesh*, CachedMesh> meshes_;
-    PlaneIndex index_;
-    std::vector<std::uint32_t> users_;  // by plane
-    std::size_t withoutPlanes_ = 0;     // slots with a mesh too fine for planes
-    std::vector<ReflectingPlane> planes_;
-    std::uint64_t version_ = 0, updated_ = 0;
+    std::unique_ptr<WallPlanes> planes_;
+    Changes changes_;
+    bool followed_ = false;
+    std::uint64_t compared_ = 0;
 };
 
 /// A world in which some instances are not there: the body of the thing that sounds does not enclose its own sound.

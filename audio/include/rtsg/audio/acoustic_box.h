@@ -1,0 +1,36 @@
+// AcousticBox: an axis-aligned box in the world, in double; what was hit by a path, what a moved thing took up.
+//
+// Threading: a plain value.
+#pragma once
+
+#include <limits>
+
+#include <glm/glm.hpp>
+
+namespace rtsg {
+
+struct AcousticBox {
+    glm::dvec3 low{std::numeric_limits<double>::infinity()};
+    glm::dvec3 high{-std::numeric_limits<double>::infinity()};
+
+    bool empty() const { return !(low.x <= high.x); }
+    void extend(const glm::dvec3& point) {
+        low = glm::min(low, point);
+        high = glm::max(high, point);
+    }
+    void extend(const AcousticBox& box) {
+        low = glm::min(low, box.low);
+        high = glm::max(high, box.high);
+    }
+    /// Whether they have a point in common.
+    bool meets(const AcousticBox& box) const {
+        return low.x <= box.high.x && box.low.x <= high.x && low.y <= box.high.y && box.low.y <= high.y &&
+               low.z <= box.high.z && box.low.z <= high.z;
+    }
+    /// From a point to the nearest in the box; 0 inside.
+    double distance(const glm::dvec3& point) const {
+        return glm::length(glm::max(glm::max(low - point, point - high), glm::dvec3(0)));
+    }
+};
+
+}  // namespace rtsg

@@ -1,0 +1,92 @@
+// AcousticEngine: renders what the listener of a scene hears: stereo, binaural or ambisonic.
+//
+//     auto engine = AcousticEngine::create({.binaural = true});
+//     (*engine)->render(*tables.latest(), RaysOf(world), t, sound);      // to scene time t
+//
+// Each emitter goes two ways: direct sound through a delay line of its own (propagation delay, hence Doppler) to a
+// direction in the LoopbackMixer; reflections through a Convolver with the impulse response of the traced room, traced
+// anew when emitter or listener have moved, or a wall within reach of its paths. Time runs in samples: scene time t is
+// sample t * sampleRate; between two calls poses are interpolated. Levels: 1 is full scale.
+// Threading: one thread at a time, which need not be the scene's: the state and the rays are all that it reads. Tracing
+// runs on all cores. Source: ISO/IEC 19775-1 V4.0 clause 16; Vorlaender 2008, 11.4 for the split into direct and rest.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include <rtsg/audio/acoustic_tables.h>
+#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/sound_file.h>
+#include <rtsg/audio/world_geometry.h>
+
+namespace rtsg {
+
+struct AcousticOptions {
+    /// x3d: direct sound has the level that the node's distance law gives (times intensity, gain), reflections keep the
+    /// physical ratio to it. physical: pressure 1 is that at 1 m, 1 / d beyond.
+    enum class Levels : std::uint8_t { x3d, physical };
+
+    int sampleRate = 48000;
+    bool binaural = false;
+    /// 1 to 7: an ambisonic sound (see ambisonics.h) instead of two channels, and no OpenAL; 0: not.
+    int ambisonicOrder = 0;
+    /// 256 keeps moving sources smooth under HRTF.
+    std::size_t blockSize = 256;
+    Levels levels = Levels::x3d;
+    /// Of the responses that are heard; metrics want more rays (see listen()).
+    TraceOptions trace = heardTrace();
+    AcousticMaterial defaultMaterial;
+    /// A response is traced anew at most this often (seconds of scene time), and only when something moved by more
+    /// than `moveTolerance` metres or the walls changed.
+    double retraceSeconds = 0.2;
+    double moveTolerance = 0.1;
+    /// Authors put a Sound into the thing that sounds. Shapes around it that measure no more than this from corner
+    /// to corner (metres) let its sound pass.
+    double bodySize = 2.5;
+    /// No reflections at all: direct sound only.
+    bool reflections = true;
+    /// Scene time of the first sample.
+    double startTime = 0;
+    /// Where relative urls of clips start.
+    std::filesystem::path base;
+
+    static TraceOptions heardTrace() {
+        TraceOptions trace;
+        trace.rays = 2000;
+        trace.maxImageCandidates = 2000;
+        trace.maxSeconds = 3;
+        trace.batches = 8;
+        return trace;
+    }
+};
+
+class AcousticEngine {
+  public:
+    static Result<std::unique_ptr<AcousticEngine>> create(const AcousticOptions& options);
+    ~AcousticEngine();
+
+    /// Renders the scene time from the end of the last call (at first the start time) to `untilSeconds`, in whole
+    /// blocks, and appends it to `sound`. The latency of OpenAL is taken out. The poses of `state` are those at
+    /// `untilSeconds`; states may be skipped, but never go back. `rays` are of the same state and used in the call
+    /// only.
+    Result<> render(const AcousticState& state, const RaySource& rays, double untilSeconds, SoundBuffer& sound);
+
+    /// Of what render() appends.
+    int channels() const;
+    /// The room ready to be traced, as it is for sound from `source`: its own body left out. Good until the next call;
+    /// `rays` must live as long.
+    OpenedGeometry geometryFor(const AcousticState& state, const RaySource& rays, const glm::dvec3& source);
+    /// Responses traced so far.
+    std::uint64_t traces() const;
+    /// What could not be heard so far, once each.
+    const Diagnostics& diagnostics() const;
+
+  private:
+    struct Impl;
+    explicit AcousticEngine(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,69 @@
+// Walls: what sound may meet: the meshes of a scene, where they are and what they are made of.
+//
+//     Walls walls(world, {});
+//     walls.apply(delta);                            // after world.apply(delta)
+//     const WallsVersion version = walls.freeze();   // for a reader on another thread
+//
+// Invariant: after apply() of the deltas the world was applied, it holds what one that reads the world anew would. Work
+// follows the delta, and a version costs next to nothing. Materials are handed in by the NodeId of their
+// AcousticProperties (see sound_scene.h). Threading: on the scene's thread; versions may be read from any.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <unordered_map>
+#include <vector>
+
+#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/paged_array.h>
+#include <rtsg/renderers/ray_world.h>
+
+namespace rtsg {
+
+/// One instance.
+struct Wall {
+    std::shared_ptr<const Mesh> mesh;  // null: nothing that rays can hit
+    WorldFromLocal worldFromLocal{1.0};
+    std::uint32_t material = 0;  // WallsVersion::materials
+    std::uint64_t stamp = 0;     // another after each change; 0: never used
+};
+
+struct WallsVersion {
+    PagedArray<Wall> walls;  // by slot of the instance
+    PagedArray<AcousticMaterial> materials;
+};
+
+class Walls {
+  public:
+    /// `world` must outlive this. `defaults`: of surfaces without AcousticProperties.
+    explicit Walls(const RayWorld& world, const AcousticMaterial& defaults = {});
+
+    void setMaterial(NodeId acoustics, const AcousticMaterial& material);
+    /// To be called after RayWorld::apply with the same delta.
+    void apply(const InstanceDelta& delta);
+    WallsVersion freeze();
+    /// Grows with every change.
+    std::uint64_t version() const { return stamp_; }
+
+  private:
+    struct Slot {
+        InstanceId id;
+        NodeId geometry;
+        std::uint32_t place = 0;  // in slotsOf_ of the geometry
+    };
+    void write(std::uint32_t slot);
+    void attach(const Instance& instance);
+    void detach(std::uint32_t slot);
+    std::uint32_t materialOf(NodeId acoustics);
+
+    const RayWorld* world_;
+    AcousticMaterial defaults_;
+    PagedArrayWriter<Wall> walls_;
+    PagedArrayWriter<AcousticMaterial> materials_;
+    std::unordered_map<std::uint32_t, std::uint32_t> materialByNode_;
+    std::vector<Slot> slots_;
+    std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> slotsOf_;  // by geometry
+    std::uint64_t stamp_ = 0;
+};
+
+}  // namespace rtsg

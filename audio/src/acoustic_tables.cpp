@@ -1,0 +1,22 @@
+// Follows a scene for the sake of sound and hands out versions of what it found.
+#include <rtsg/audio/acoustic_tables.h>
+
+namespace rtsg {
+
+AcousticTables::AcousticTables(const RayWorld& world, const AcousticMaterial& defaults)
+    : walls_(world, defaults), sounds_(&walls_, defaults) {}
+
+Result<> AcousticTables::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    sounds_.apply(scene, changes, delta);
+    walls_.apply(delta);
+    sequence_ = delta.sequence;
+    latest_.reset();
+    return {};
+}
+
+std::shared_ptr<const AcousticState> AcousticTables::latest() {
+    if (!latest_) latest_ = std::make_shared<const AcousticState>(sequence_, sounds_.freeze(), walls_.freeze());
+    return latest_;
+}
+
+}  // namespace rtsg

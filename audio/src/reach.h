@@ -1,0 +1,60 @@
+// ReachRecorder: a geometry that notes how far the paths traced in it went, so that one knows which changes elsewhere
+// they cannot have met.
+//
+// Every question that tracing asks is along a segment, or about the surroundings of the listener; what lies outside the
+// box around all of these gives the same answers wherever it is. Threading: queries from any number of threads;
+// reached() after them.
+#pragma once
+
+#include <algorithm>
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <rtsg/audio/acoustic_box.h>
+#include <rtsg/audio/acoustic_geometry.h>
+
+namespace rtsg {
+
+class ReachRecorder final : public AcousticGeometry {
+  public:
+    /// Paths are heard if they are shorter than `longest` metres: what is beyond is not asked for.
+    ReachRecorder(const AcousticGeometry& geometry, double longest) : geometry_(&geometry), longest_(longest) {}
+
+    std::span<const ReflectingPlane> planes() const override { return geometry_->planes(); }
+    std::span<const AcousticMaterial> materials() const override { return geometry_->materials(); }
+    bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance, std::uint32_t except,
+                 AcousticHit& hit) const override {
+        const bool met = geometry_->closest(origin, direction, maxDistance, except, hit);
+        AcousticBox& box = reached_.local();
+        box.extend(origin);
+        box.extend(origin + direction * std::min(met ? hit.distance : maxDistance, longest_));
+        return met;
+    }
+    double distanceToSurface(const glm::dvec3& point) const override { return geometry_->distanceToSurface(point); }
+
+    AcousticBox reached() const {
+        AcousticBox all;
+        for (const AcousticBox& box : reached_) all.extend(box);
+        return all;
+    }
+
+  private:
+    const AcousticGeometry* geometry_;
+    double longest_;
+    mutable tbb::enumerable_thread_specific<AcousticBox> reached_;
+};
+
+/// Whether a change within `box` may alter what was traced: it lies where paths went, and not so far off that a path by
+/// way of it is longer than `longest`.
+inline bool mayReach(const AcousticBox& reached, const glm::dvec3& source, const glm::dvec3& listener, double longest,
+                     AcousticBox box) {
+    const glm::dvec3 size = glm::max(glm::abs(box.low), glm::abs(box.high));
+    const double rounding = 1e-3 + 1e-6 * std::max({size.x, size.y, size.z});
+    box.low -= rounding;
+    box.high += rounding;
+    // Written so that a box which is no number reaches everything.
+    return !(box.low.x <= box.high.x) ||
+           (reached.meets(box) && !(box.distance(source) + box.distance(listener) > longest));
+}
+
+}  // namespace rtsg
