@@ -1,9 +1,11 @@
 #include "cli.h"
 
+#include <algorithm>
 #include <charconv>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 
 #include <fmt/format.h>
@@ -79,8 +81,64 @@ Progress progressBar(std::string label) {
     };
 }
 
-bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics) {
+void ResourceArguments::addTo(CLI::App& command) {
+    command.add_option("--base", base, "folder where relative urls start, and below which they may open files");
+    command.add_option("--allow", allow, "urls may open files in this folder and below, too (repeatable)")
+        ->expected(1)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+    command
+        .add_option("--limit", limits,
+                    "NAME=N raises a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances")
+        ->expected(1)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+ResourcePolicy ResourceArguments::policy() const {
+    ResourcePolicy policy;
+    for (const std::string& folder : allow) {
+        std::error_code ignored;
+        if (!std::filesystem::is_directory(folder, ignored))
+            throw CLI::ValidationError("--allow", folder + " is no folder");
+        policy.roots.emplace_back(folder);
+    }
+    const std::pair<std::string_view, std::uint64_t*> known[] = {
+        {"bytes", &policy.maximumBytes},     {"nodes", &policy.maximumNodes},
+        {"depth", &policy.maximumDepth},     {"pixels", &policy.maximumPixels},
+        {"samples", &policy.maximumSamples}, {"instances", &policy.maximumInstances}};
+    for (const std::string& limit : limits) {
+        const std::string_view text = limit;
+        const auto equals = std::min(text.find('='), text.size());
+        const auto* end = text.data() + text.size();
+        bool good = false;
+        for (const auto& [name, target] : known)
+            if (name == text.substr(0, equals) && equals < text.size()) {
+                const auto [at, problem] = std::from_chars(text.data() + equals + 1, end, *target);
+                good = problem == std::errc() && at == end;
+            }
+        if (!good)
+            throw CLI::ValidationError(
+                "--limit", limit + ": expected bytes=N, nodes=N, depth=N, pixels=N, samples=N or instances=N");
+    }
+    return policy;
+}
+
+Resources ResourceArguments::ofFile(const std::string& file) const {
+    ResourcePolicy all = policy();
+    if (base.empty()) return Resources::ofFile(file, std::move(all));
+    all.roots.emplace_back(base);
+    all = Resources::ofFile(file, std::move(all)).policy();
+    return {base, std::move(all)};
+}
+
+Resources ResourceArguments::ofReplica() const {
+    ResourcePolicy all = policy();
+    if (!base.empty()) all.roots.emplace_back(base);
+    return {base, std::move(all)};
+}
+
+bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
     LoadOptions options;
+    options.resources = resources;
     options.progress = progressBar("reading " + file);
     const bool ok = loadFile(scene, file, diagnostics, options);
     if (options.progress) options.progress(1, 1);

@@ -9,6 +9,7 @@
 #include <CLI/CLI.hpp>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 
 namespace rtsg::app {
@@ -49,8 +50,24 @@ void runTo(Scene& scene, double seconds, double framesPerSecond = 60);
 /// A bar with an ETA on stderr, if that is a terminal and the work takes over a second.
 Progress progressBar(std::string label);
 
+/// --base, --allow and --limit: what the urls of a document may open, and how much of it.
+struct ResourceArguments {
+    std::string base;
+    std::vector<std::string> allow, limits;
+
+    void addTo(CLI::App& command);
+    /// Of a scene or log that the user named: below its own folder, the working folder, --base and --allow. Throws
+    /// CLI::ValidationError.
+    Resources ofFile(const std::string& file) const;
+    /// Of what others send: below --base and --allow, else nothing.
+    Resources ofReplica() const;
+
+  private:
+    ResourcePolicy policy() const;
+};
+
 /// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it.
-bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics);
+bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources);
 
 /// "DEF.field" of a loaded scene; the field may be written as set_x, x_changed or x.
 struct FieldRef {

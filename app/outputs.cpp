@@ -102,7 +102,7 @@ void OutputArguments::addTo(CLI::App& command, bool withRecord) {
     command.add_option("--listen", listen, "WAV of what the listener hears");
     if (withRecord) command.add_option("--record", record, "log of every state");
     command.add_option("--save", save, "the last state as a scene file");
-    command.add_option("--base", base, "folder where relative urls of textures and sounds start");
+    resources.addTo(command);
     picture.addTo(command);
     sound.addTo(command);
 }
@@ -141,19 +141,19 @@ Result<> saveScene(const Scene& scene, const std::string& file) {
 }
 
 Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArguments& arguments,
-                                                 const std::filesystem::path& base) {
+                                                 const Resources& resources) {
     std::unique_ptr<Outputs> outputs(new Outputs(scene, arguments));
     outputs->start_ = scene.now();
     if (!arguments.render.empty()) {
         outputs->image_ = arguments.picture.parse();
         outputs->image_.settings.progress = [o = outputs.get()](double) { return o->finishing_ || !interrupted(); };
         Imager::Options options;
-        options.folder = base;
+        options.resources = resources;
         outputs->imager_ = std::make_unique<Imager>(scene, options);
     }
     if (!arguments.listen.empty()) {
         ListenOptions options = arguments.sound.parse();
-        options.render.base = base;
+        options.render.resources = resources;
         auto session = ListenSession::attach(scene, options);
         if (!session) return std::unexpected(session.error());
         outputs->listening_ = std::move(*session);

@@ -44,7 +44,8 @@ struct SoundArguments {
 };
 
 struct OutputArguments {
-    std::string render, listen, record, save, base;
+    std::string render, listen, record, save;
+    ResourceArguments resources;
     double picturesPerSecond = 5;
     PictureArguments picture;
     SoundArguments sound;
@@ -63,9 +64,9 @@ Result<> saveScene(const Scene& scene, const std::string& file);
 
 class Outputs final : public Subscriber {
   public:
-    /// The scene must outlive this and be in its first state. `base`: where relative urls start.
+    /// The scene must outlive this and be in its first state. `resources`: what urls may open.
     static Result<std::unique_ptr<Outputs>> attach(Scene& scene, const OutputArguments& arguments,
-                                                   const std::filesystem::path& base);
+                                                   const Resources& resources);
 
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
     std::string subscriberName() const override { return "outputs"; }

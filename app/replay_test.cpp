@@ -82,8 +82,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     }
     outputs.check();
     const std::string& origin = arguments.rerun.empty() ? log : arguments.rerun;
-    const std::filesystem::path base =
-        outputs.base.empty() ? std::filesystem::path(origin).parent_path() : std::filesystem::path(outputs.base);
+    const Resources resources = outputs.resources.ofFile(origin);
 
     ReplayTest test;
     test.log = log;
@@ -91,12 +90,13 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     Diagnostics diagnostics(arguments.rerun);
     if (!arguments.rerun.empty())
         test.build = [&](Scene& scene) -> Result<> {
-            if (!load(scene, arguments.rerun, diagnostics)) return fail("nothing usable in it", {}, arguments.rerun);
+            if (!load(scene, arguments.rerun, diagnostics, resources))
+                return fail("nothing usable in it", {}, arguments.rerun);
             return {};
         };
     std::unique_ptr<Outputs> following;
     test.attach = [&](Scene& scene) -> Result<> {
-        auto attached = Outputs::attach(scene, outputs, base);
+        auto attached = Outputs::attach(scene, outputs, resources);
         if (!attached) return std::unexpected(attached.error());
         following = std::move(*attached);
         return {};

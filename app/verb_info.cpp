@@ -40,17 +40,19 @@ Counts count(const Scene& scene) {
 Verb addInfo(CLI::App& program) {
     struct Options {
         std::string scene;
+        ResourceArguments resources;
         bool json = false;
     };
     auto options = std::make_shared<Options>();
     CLI::App* command = program.add_subcommand("info", "Count nodes, triangles, routes and sounds; list components");
     command->add_option("SCENE", options->scene, "scene file, or -")->required();
+    options->resources.addTo(*command);
     command->add_flag("--json", options->json, "one JSON object");
     command->footer("Example: rtsg info --json hall.x3dv");
     return {command, [options] {
                 Scene scene;
                 Diagnostics diagnostics(options->scene);
-                const bool ok = load(scene, options->scene, diagnostics);
+                const bool ok = load(scene, options->scene, diagnostics, options->resources.ofFile(options->scene));
                 scene.seal();
                 Counts c = count(scene);
                 Flattener flattener({.meshes = [&](const Scene& s, NodeId geometry) {
@@ -94,11 +96,13 @@ Verb addInfo(CLI::App& program) {
 Verb addValidate(CLI::App& program) {
     struct Options {
         std::vector<std::string> files;
+        ResourceArguments resources;
         bool json = false;
     };
     auto options = std::make_shared<Options>();
     CLI::App* command = program.add_subcommand("validate", "Print errors and warnings with positions");
     command->add_option("FILE", options->files, "scene files")->required();
+    options->resources.addTo(*command);
     command->add_flag("--json", options->json, "one JSON object a file");
     command->footer("Example: rtsg validate models/*.x3d\nExit status 1 if any file has an error.");
     return {command, [options] {
@@ -106,7 +110,8 @@ Verb addValidate(CLI::App& program) {
                 for (const std::string& file : options->files) {
                     Scene scene;
                     Diagnostics diagnostics(file);
-                    const bool ok = load(scene, file, diagnostics) && diagnostics.errors() == 0;
+                    const bool ok =
+                        load(scene, file, diagnostics, options->resources.ofFile(file)) && diagnostics.errors() == 0;
                     good = good && ok;
                     if (options->json)
                         fmt::print("{{\"file\":{},\"errors\":{},\"warnings\":{}}}\n", jsonString(file),

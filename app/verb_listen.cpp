@@ -11,7 +11,8 @@ namespace rtsg::app {
 namespace {
 
 struct Options {
-    std::string scene, out, duration = "5s", ir, base;
+    std::string scene, out, duration = "5s", ir;
+    ResourceArguments resources;
     SoundArguments sound;
     bool metrics = false, json = false;
 };
@@ -23,11 +24,10 @@ int listenTo(const Options& options) {
         throw CLI::RequiredError("-o, --ir or --metrics");
     Scene scene;
     Diagnostics diagnostics(options.scene);
-    if (!load(scene, options.scene, diagnostics)) return kBad;
+    listening.render.resources = options.resources.ofFile(options.scene);
+    if (!load(scene, options.scene, diagnostics, listening.render.resources)) return kBad;
     listening.sound = !options.out.empty();
     listening.metrics = options.metrics || options.json || !options.ir.empty();
-    listening.render.base =
-        options.base.empty() ? std::filesystem::path(options.scene).parent_path() : std::filesystem::path(options.base);
     const Progress progress = progressBar("listening to " + options.scene);
     if (progress)
         listening.progress = [&](double share) {
@@ -62,7 +62,7 @@ Verb addListen(CLI::App& program) {
         ->add_option("--error", options->sound.error,
                      "trace until the figures' 95 % half width is this many noticeable differences")
         ->check(CLI::PositiveNumber);
-    command->add_option("--base", options->base, "folder where relative urls of sounds start; else the scene's");
+    options->resources.addTo(*command);
     options->sound.addTo(*command);
     command->add_flag("--json", options->json, "the same as --metrics");
     command->footer("Example: rtsg listen hall.x3dv -o hall.wav --for 5s --binaural --metrics");

@@ -87,7 +87,9 @@ int mirror(const Options& options) {
     clientOptions.whenSlow = options.whenSlow == "block"    ? MirrorWhenSlow::block
                              : options.whenSlow == "resync" ? MirrorWhenSlow::resync
                                                             : MirrorWhenSlow::coalesce;
+    const Resources resources = options.outputs.resources.ofReplica();
     Scene replica;
+    replica.setScriptResources(std::make_shared<const Resources>(resources));
     Requests requests(options.set);
     auto connected = MirrorClient::connect(replica, options.endpoint, clientOptions);
     if (!connected) return printError(connected.error()), kUsage;
@@ -111,7 +113,7 @@ int mirror(const Options& options) {
         if (applied > 0 && !outputs) {
             joined = Clock::now();
             firstTime = replica.now();
-            auto attached = Outputs::attach(replica, options.outputs, options.outputs.base);
+            auto attached = Outputs::attach(replica, options.outputs, resources);
             if (!attached) return printError(attached.error()), kBad;
             outputs = std::move(*attached);
             if (auto ok = requests.parse(replica); !ok) return printError(ok.error().text), kUsage;

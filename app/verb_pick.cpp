@@ -14,6 +14,7 @@ namespace {
 struct Options {
     std::string scene, time = "0s";
     std::vector<double> ray, point, sweep;
+    ResourceArguments resources;
     bool json = false;
 };
 
@@ -47,7 +48,7 @@ int run(const Options& options) {
     }
     Scene scene;
     Diagnostics diagnostics(options.scene);
-    if (!load(scene, options.scene, diagnostics)) return kBad;
+    if (!load(scene, options.scene, diagnostics, options.resources.ofFile(options.scene))) return kBad;
     runTo(scene, parseSeconds(options.time));
     scene.seal();
     Flattener flattener;
@@ -78,6 +79,7 @@ Verb addPick(CLI::App& program) {
     command->add_option("--point", options->point, "nearest surface to X Y Z")->expected(3);
     command->add_option("--sweep", options->sweep, "ball at X Y Z of radius R moved by DX DY DZ")->expected(7);
     command->add_option("--time", options->time, "run the scene until then")->capture_default_str();
+    options->resources.addTo(*command);
     command->add_flag("--json", options->json, "one JSON object");
     command->footer("Example: rtsg pick hall.x3dv --ray 0 1.6 10 0 0 -1");
     return {command, [options] { return run(*options); }};

@@ -21,6 +21,7 @@ struct Options {
     std::string mode = "state", coding = "raw";
     double error = 1e-3;
     std::vector<std::string> set;
+    ResourceArguments resources;
     double fps = 60;
     bool realtime = false, json = false, inputs = false;
 };
@@ -29,11 +30,13 @@ int record(const Options& options) {
     const double duration = parseSeconds(options.duration);
     Scene scene;
     Diagnostics diagnostics(options.scene);
-    if (!load(scene, options.scene, diagnostics)) return kBad;
+    const Resources resources = options.resources.ofFile(options.scene);
+    if (!load(scene, options.scene, diagnostics, resources)) return kBad;
     auto injections = Injections::parse(scene, options.set);
     if (!injections) return printError(injections.error().text), kUsage;
     Diagnostics inlineDiagnostics(options.scene);
     BuildOptions build;
+    build.resources = resources;
     if (options.scene != "-") build.file = options.scene;
     InlineLoader inlines(scene, inlineDiagnostics, build);
     LogOptions logOptions;
@@ -102,6 +105,7 @@ Verb addRecord(CLI::App& program) {
         ->check(CLI::IsMember(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end())))
         ->capture_default_str();
     command->add_flag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
+    options->resources.addTo(*command);
     command->add_flag("--realtime", options->realtime, "one second a second");
     command->add_flag("--json", options->json, "the summary as JSON");
     command->footer(

@@ -11,7 +11,8 @@ namespace rtsg::app {
 namespace {
 
 struct Options {
-    std::string scene, out, time = "0", base;
+    std::string scene, out, time = "0";
+    ResourceArguments resources;
     int frames = 1;
     double fps = 25;
     PictureArguments picture;
@@ -30,10 +31,10 @@ int render(const Options& options) {
 
     Scene scene;
     Diagnostics diagnostics(options.scene);
-    if (!load(scene, options.scene, diagnostics)) return kBad;
+    const Resources resources = options.resources.ofFile(options.scene);
+    if (!load(scene, options.scene, diagnostics, resources)) return kBad;
     Imager::Options imagerOptions;
-    imagerOptions.folder =
-        options.base.empty() ? std::filesystem::path(options.scene).parent_path() : std::filesystem::path(options.base);
+    imagerOptions.resources = resources;
     Imager imager(scene, imagerOptions);
     runTo(scene, animation.start);
     const Progress progress = progressBar("rendering " + options.out);
@@ -82,7 +83,7 @@ Verb addRender(CLI::App& program) {
         ->capture_default_str()
         ->check(CLI::Range(1, 1'000'000));
     command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e4));
-    command->add_option("--base", options->base, "folder where relative urls of textures start; else the scene's");
+    options->resources.addTo(*command);
     options->picture.addTo(*command);
     command->add_flag("--json", options->json, "what was done, as JSON");
     command->footer("Example: rtsg render hall.x3dv -o hall.png --size 960x540 --time 2.5s --spp 16");

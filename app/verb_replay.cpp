@@ -98,15 +98,15 @@ int replay(const Options& options) {
     auto opened = Replayer::open(options.log);
     if (!opened) return printError(opened.error()), kBad;
     Replayer& replayer = **opened;
+    const Resources resources = options.outputs.resources.ofFile(options.log);
+    replayer.scene().setScriptResources(std::make_shared<const Resources>(resources));
     if (seeks)
         if (auto ok = replayer.seek(from); !ok) return printError(ok.error()), kBad;
     Check check(replayer);
     bool more = seeks || check.step();
 
-    const std::filesystem::path base = options.outputs.base.empty() ? std::filesystem::path(options.log).parent_path()
-                                                                    : std::filesystem::path(options.outputs.base);
     if (replayer.frames() > 0) {
-        auto outputs = Outputs::attach(replayer.scene(), options.outputs, base);
+        auto outputs = Outputs::attach(replayer.scene(), options.outputs, resources);
         if (!outputs) return printError(outputs.error()), kBad;
         std::unique_ptr<McapExport> exported;
         if (!options.exported.empty()) {

@@ -19,6 +19,7 @@ struct Options {
     std::string scene, duration = "1s";
     double fps = 60;
     std::vector<std::string> watch, set;
+    ResourceArguments resources;
     bool realtime = false, hash = false, json = false;
 };
 
@@ -43,7 +44,8 @@ Result<Watch> parseWatch(const Scene& scene, const std::string& text) {
 int run(const Options& options) {
     Scene scene;
     Diagnostics diagnostics(options.scene);
-    if (!load(scene, options.scene, diagnostics)) return kBad;
+    const Resources resources = options.resources.ofFile(options.scene);
+    if (!load(scene, options.scene, diagnostics, resources)) return kBad;
     auto injections = Injections::parse(scene, options.set);
     if (!injections) return printError(injections.error().text), kUsage;
     std::vector<Watch> watches;
@@ -64,6 +66,7 @@ int run(const Options& options) {
         });
     Diagnostics inlineDiagnostics(options.scene);
     BuildOptions build;
+    build.resources = resources;
     if (options.scene != "-") build.file = options.scene;
     InlineLoader inlines(scene, inlineDiagnostics, build);
     const double duration = parseSeconds(options.duration);
@@ -98,6 +101,7 @@ Verb addRun(CLI::App& program) {
     command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e6));
     command->add_option("--watch", options->watch, "print every event of DEF.field, DEF.* or *");
     command->add_option("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
+    options->resources.addTo(*command);
     command->add_flag("--realtime", options->realtime, "one second a second");
     command->add_flag("--hash", options->hash, "print the state hash of every frame");
     command->add_flag("--json", options->json, "the summary as JSON");

@@ -26,6 +26,7 @@ struct Options {
     double fps = 60, error = 1e-3;
     std::string linger = "10s";
     std::size_t peers = 64;
+    ResourceArguments resources;
     bool insecure = false, json = false;
 };
 
@@ -49,7 +50,7 @@ int serve(const Options& options) {
     const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
     Scene scene;
     Diagnostics diagnostics(options.scene);
-    if (!load(scene, options.scene, diagnostics)) return kBad;
+    if (!load(scene, options.scene, diagnostics, options.resources.ofFile(options.scene))) return kBad;
     auto keys = keysFrom(options.key);
     if (!keys) return printError(keys.error()), kBad;
     MirrorServerOptions serverOptions;
@@ -164,6 +165,7 @@ Verb addServe(CLI::App& program) {
     command->add_option("--block", options->block, "how long a mirror that asks for it may hold up a frame")
         ->capture_default_str();
     command->add_flag("--insecure", options->insecure, "serve other machines without keys");
+    options->resources.addTo(*command);
     command->add_flag("--json", options->json, "first the endpoint, then the summary as JSON lines");
     command->footer(
         "Example: rtsg serve hall.x3dv --bind tcp://127.0.0.1:4711 --for 20s --record hall.rlog\n"

@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
     for (const rtsg::Diagnostic& d : diagnostics.all()) std::cerr << d.format() << '\n';
     if (!loaded) return 1;
 
-    rtsg::Imager imager(scene, {.folder = std::filesystem::path(argv[1]).parent_path(), .world = {}, .meshes = {}});
+    rtsg::Imager imager(scene, {.resources = rtsg::Resources::ofFile(argv[1]), .world = {}, .meshes = {}});
     rtsg::ImageOptions options;
     options.settings.width = 320;
     options.settings.height = 180;

@@ -42,7 +42,7 @@ struct AcousticEngine::Impl {
           channels(static_cast<std::size_t>(o.ambisonicOrder > 0 ? ambisonicChannels(o.ambisonicOrder) : 2)),
           longest(o.trace.maxSeconds * o.trace.air.speedOfSound),
           mixer(std::move(m)),
-          clips(o.sampleRate, o.base),
+          clips(o.sampleRate, o.resources),
           renderedUntil(o.startTime),
           samples(std::llround(o.startTime * o.sampleRate)),
           lateQueue(channels * latency()) {}

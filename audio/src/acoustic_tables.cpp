@@ -3,8 +3,8 @@
 
 namespace rtsg {
 
-AcousticTables::AcousticTables(const RayWorld& world, const AcousticMaterial& defaults)
-    : walls_(world, defaults), sounds_(&walls_, defaults) {}
+AcousticTables::AcousticTables(const RayWorld& world, const AcousticMaterial& defaults, Resources resources)
+    : walls_(world, defaults), sounds_(&walls_, defaults, std::move(resources)) {}
 
 Result<> AcousticTables::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
     sounds_.apply(scene, changes, delta);

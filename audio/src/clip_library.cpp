@@ -22,26 +22,32 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::testSignal() {
     return test_ = std::move(sound);
 }
 
+Result<SoundBuffer> ClipLibrary::read(const SoundVoice& voice, const std::string& url) {
+    Result<Resource> resource = fail(fmt::format("'{}' has no folder to start from", urlForMessage(url)));
+    for (std::size_t i = 0; i < voice.folders.size() && !resource; ++i) {
+        auto one = resources_.open(voice.folders[i], url);
+        if (one || i == 0) resource = std::move(one);
+    }
+    if (!resource) return std::unexpected(resource.error());
+    const auto bytes = resource->read();
+    if (!bytes) return std::unexpected(bytes.error());
+    const std::uint64_t limit = resources_.policy().maximumSamples;
+    auto sound = readSoundBytes(*bytes, limit - samplesRead_);
+    if (sound) {
+        samplesRead_ += sound->samples.size();
+        sound = resample(mixToMono(*sound), sampleRate_);
+    }
+    if (!sound) return fail(fmt::format("{}: {}", resource->name(), sound.error().text));
+    if (sound->samples.empty()) return fail(fmt::format("{} is empty", resource->name()));
+    return sound;
+}
+
 std::shared_ptr<const SoundBuffer> ClipLibrary::read(const SoundVoice& voice) {
     std::string reasons;
     for (const std::string& url : voice.urls) {
-        std::string path = url;
-        if (path.starts_with("file://")) path = path.substr(7);
-        if (path.find("://") != std::string::npos || path.starts_with("urn:") || path.starts_with("data:")) {
-            reasons += fmt::format("; {}: not a file", url.substr(0, 80));
-            continue;
-        }
-        const std::filesystem::path full =
-            std::filesystem::path(path).is_absolute() ? std::filesystem::path(path) : base_ / path;
-        std::error_code ignored;
-        if (!std::filesystem::is_regular_file(full, ignored)) {
-            reasons += fmt::format("; {}: no such file", full.string());
-            continue;
-        }
-        auto sound = readSound(full.string());
-        if (sound) sound = resample(mixToMono(*sound), sampleRate_);
-        if (sound && !sound->samples.empty()) return std::make_shared<const SoundBuffer>(std::move(*sound));
-        reasons += fmt::format("; {}: {}", full.string(), sound ? "is empty" : sound.error().text);
+        auto sound = read(voice, url);
+        if (sound) return std::make_shared<const SoundBuffer>(std::move(*sound));
+        reasons += "; " + sound.error().text;
     }
     diagnostics_.warning({}, fmt::format("{}: no sound that can be read, a test signal takes its place{}", voice.name,
                                          voice.urls.empty() ? "; url is empty" : reasons));
@@ -55,7 +61,7 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
         auto converted = resample(sound, sampleRate_);
         return converted ? std::make_shared<const SoundBuffer>(std::move(*converted)) : testSignal();
     }
-    const auto [at, fresh] = clips_.try_emplace(voice.urls);
+    const auto [at, fresh] = clips_.try_emplace(Key(voice.urls, voice.folders));
     if (fresh) {
         at->second = read(voice);
         if (!at->second) at->second = testSignal();
@@ -67,9 +73,10 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
     static const SincTable sinc;
     const double rate = clips.sampleRate();
     const bool oscillator = voice.kind == SoundVoice::Kind::oscillator;
-    if (!oscillator && (!clip_ || urls_ != voice.urls || buffer_ != voice.buffer.data())) {
+    if (!oscillator && (!clip_ || urls_ != voice.urls || folders_ != voice.folders || buffer_ != voice.buffer.data())) {
         clip_ = clips.get(voice);
         urls_ = voice.urls;
+        folders_ = voice.folders;
         buffer_ = voice.buffer.data();
     }
     const double length = oscillator ? 0 : static_cast<double>(clip_->samples.size());

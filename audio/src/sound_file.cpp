@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstring>
 #include <limits>
 #include <memory>
 
@@ -17,6 +19,59 @@ struct Close {
 };
 using File = std::unique_ptr<SNDFILE, Close>;
 
+/// The bytes of a file as libsndfile wants to see them.
+struct BytesFile {
+    std::string_view bytes;
+    sf_count_t at = 0;
+
+    sf_count_t size() const { return static_cast<sf_count_t>(bytes.size()); }
+    static BytesFile& of(void* data) { return *static_cast<BytesFile*>(data); }
+    static SF_VIRTUAL_IO functions() {
+        SF_VIRTUAL_IO io{};
+        io.get_filelen = [](void* data) { return of(data).size(); };
+        io.tell = [](void* data) { return of(data).at; };
+        io.seek = [](sf_count_t offset, int whence, void* data) {
+            BytesFile& f = of(data);
+            const sf_count_t from = whence == SEEK_CUR ? f.at : whence == SEEK_END ? f.size() : 0;
+            // Sums of what a file says may be anything.
+            if (offset < -from || offset > f.size() - from) return sf_count_t{-1};
+            return f.at = from + offset;
+        };
+        io.read = [](void* to, sf_count_t count, void* data) {
+            BytesFile& f = of(data);
+            const sf_count_t got = std::clamp<sf_count_t>(count, 0, f.size() - f.at);
+            std::memcpy(to, f.bytes.data() + f.at, static_cast<std::size_t>(got));
+            f.at += got;
+            return got;
+        };
+        io.write = [](const void*, sf_count_t, void*) { return sf_count_t{0}; };
+        return io;
+    }
+};
+
+Result<SoundBuffer> readAll(SNDFILE* file, const SF_INFO& info, std::uint64_t maxSamples) {
+    if (!file) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)));
+    if (info.channels < 1 || info.channels > 64 || info.samplerate < 1 || info.samplerate > 1'000'000)
+        return fail(fmt::format("sound has {} channels at {} Hz", info.channels, info.samplerate));
+    SoundBuffer sound;
+    sound.sampleRate = info.samplerate;
+    sound.channels = info.channels;
+    // In pieces: the header's length may be a lie.
+    constexpr sf_count_t kPiece = 1 << 16;
+    for (;;) {
+        const std::size_t at = sound.samples.size();
+        sound.samples.resize(at + static_cast<std::size_t>(kPiece * info.channels));
+        const sf_count_t got = std::max<sf_count_t>(0, sf_readf_float(file, sound.samples.data() + at, kPiece));
+        sound.samples.resize(at + static_cast<std::size_t>(got * info.channels));
+        if (sound.samples.size() > maxSamples)
+            return fail(fmt::format("more than {} samples; --limit samples=N raises this", maxSamples));
+        if (got < kPiece) break;
+    }
+    for (float& sample : sound.samples)
+        if (!std::isfinite(sample)) sample = 0;
+    return sound;
+}
+
 }  // namespace
 
 float SoundBuffer::peak() const {
@@ -25,30 +80,20 @@ float SoundBuffer::peak() const {
     return result;
 }
 
-Result<SoundBuffer> readSound(const std::string& path, double maxSeconds) {
+Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples) {
     SF_INFO info{};
     const File file(sf_open(path.c_str(), SFM_READ, &info));
-    if (!file) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)), {}, path);
-    if (info.channels < 1 || info.channels > 64 || info.samplerate < 1 || info.samplerate > 1'000'000)
-        return fail(fmt::format("sound has {} channels at {} Hz", info.channels, info.samplerate), {}, path);
-    SoundBuffer sound;
-    sound.sampleRate = info.samplerate;
-    sound.channels = info.channels;
-    const auto limit = static_cast<sf_count_t>(maxSeconds * info.samplerate);
-    // In pieces: the header's length may be a lie.
-    constexpr sf_count_t kPiece = 1 << 16;
-    for (sf_count_t read = 0; read < limit;) {
-        const sf_count_t want = std::min(kPiece, limit - read);
-        const std::size_t at = sound.samples.size();
-        sound.samples.resize(at + static_cast<std::size_t>(want * info.channels));
-        const sf_count_t got = sf_readf_float(file.get(), sound.samples.data() + at, want);
-        sound.samples.resize(at + static_cast<std::size_t>(std::max<sf_count_t>(0, got) * info.channels));
-        read += got;
-        if (got < want) break;
-    }
-    for (float& sample : sound.samples)
-        if (!std::isfinite(sample)) sample = 0;
+    auto sound = readAll(file.get(), info, maxSamples);
+    if (!sound) sound.error().file = path;
     return sound;
+}
+
+Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples) {
+    SF_INFO info{};
+    BytesFile source{bytes};
+    SF_VIRTUAL_IO io = BytesFile::functions();
+    const File file(sf_open_virtual(&io, SFM_READ, &info, &source));
+    return readAll(file.get(), info, maxSamples);
 }
 
 Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat format) {

@@ -13,6 +13,8 @@
 namespace rtsg {
 namespace {
 
+constexpr int kMostAudioNodes = 1000;  // looked at for one Sound
+
 /// Where things without a place are: out of hearing, but a number (metres).
 constexpr double kNowhere = 1e12;
 
@@ -173,7 +175,12 @@ const SoundEmitter* SoundVersion::find(InstanceId id) const {
     return it != emitters->end() && it->id == id ? &*it : nullptr;
 }
 
-SoundScene::SoundScene(Walls* walls, const AcousticMaterial& defaults) : walls_(walls), defaults_(defaults) {}
+SoundScene::SoundScene(Walls* walls, const AcousticMaterial& defaults, Resources resources)
+    : walls_(walls), defaults_(defaults), resources_(std::move(resources)) {}
+
+std::vector<std::filesystem::path> SoundScene::foldersOf(const Scene& scene, const Node& node) const {
+    return resources_.foldersOf(scene, node, node.type().findExact("url"));
+}
 
 std::vector<SoundEmitter>& SoundScene::ownEmitters() {
     if (shared_) emitters_ = std::make_shared<std::vector<SoundEmitter>>(*emitters_);
@@ -189,6 +196,13 @@ SoundVersion SoundScene::freeze() {
 void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound) {
     const Node* node = scene.effectiveNode(id);
     if (!node || depth > 32) return;
+    // A few lines of USE make as many paths through the audio graph as they like.
+    if (++visits_ > kMostAudioNodes) {
+        if (visits_ == kMostAudioNodes + 1)
+            diagnostics_.warning({}, fmt::format("{}: more than {} paths lead to its sources; the rest is not heard",
+                                                 sound.name, kMostAudioNodes));
+        return;
+    }
     if (!fieldOr(*node, "enabled", true)) return;
     gain *= number(fieldOr(*node, "gain", 1.0f), 0);
     SoundVoice voice;
@@ -198,6 +212,7 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
     if (node->is(x3d::AudioClip::type)) {
         if (!node->get(x3d::AudioClip::load)) return;
         for (const String& url : node->get(x3d::AudioClip::url)) voice.urls.push_back(url.str());
+        voice.folders = foldersOf(scene, *node);
         voice.loop = node->get(x3d::AudioClip::loop);
         voice.pitch = std::clamp(number(node->get(x3d::AudioClip::pitch), 1), 1e-3, 1e3);
         readTimes<x3d::AudioClip>(*node, voice);
@@ -207,6 +222,7 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
         voice.kind = SoundVoice::Kind::buffer;
         voice.buffer = node->get(B::buffer);
         for (const String& url : node->get(B::url)) voice.urls.push_back(url.str());
+        voice.folders = foldersOf(scene, *node);
         if (node->get(B::sampleRate) > 0) voice.bufferRate = static_cast<double>(node->get(B::sampleRate));
         voice.loop = node->get(B::loop);
         voice.pitch = std::clamp(
@@ -239,6 +255,7 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
 std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const Node& node) {
     auto read = std::make_shared<SoundNode>();
     SoundNode& sound = *read;
+    visits_ = 0;
     sound.node = node.id();
     sound.name = nameOf(scene, node);
     if (node.is(x3d::Sound::type)) {

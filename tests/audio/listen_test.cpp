@@ -43,7 +43,7 @@ class Listen : public testing::Test {
         ListenOptions o;
         o.seconds = 0.2;
         o.metrics = false;
-        o.render.base = folder_;
+        o.render.resources = std::filesystem::path(folder_);
         o.render.trace.rays = 400;
         return o;
     }

@@ -121,7 +121,7 @@ Result<> Measurement::firstPicture(const std::filesystem::path& folder) {
     const double start = cpuSeconds();
     scene_->newFrame(0);
     Imager::Options options;
-    options.folder = folder;
+    options.resources = folder;
     options.world.buildThreads = 1;
     Imager imager(*scene_, options);
     ImageOptions image;

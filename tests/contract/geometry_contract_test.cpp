@@ -149,7 +149,9 @@ class ImagerSubject final : public Subject {
   public:
     void attach(Scene& scene, Delivery delivery) override {
         const std::size_t before = scene.bus().subscribers();
-        imager_.emplace(scene, Imager::Options{.folder = RTSG_SOURCE_DIR "/examples", .world = {}, .meshes = {}});
+        imager_.emplace(
+            scene, Imager::Options{
+                       .resources = std::filesystem::path(RTSG_SOURCE_DIR "/examples"), .world = {}, .meshes = {}});
         EXPECT_EQ(scene.bus().subscribers(), before + 1);
         delivery_ = delivery;
         poll();
@@ -179,7 +181,7 @@ class AcousticSubject final : public BusSubject {
   public:
     AcousticSubject() {
         AcousticRenderer::Options options;
-        options.base = RTSG_SOURCE_DIR "/examples";
+        options.resources = std::filesystem::path(RTSG_SOURCE_DIR "/examples");
         auto renderer = AcousticRenderer::create(follower_.world, options);
         if (!renderer) throw std::runtime_error(renderer.error().text);
         renderer_ = std::move(*renderer);

@@ -140,7 +140,7 @@ class Run final : Subscriber {
             if (node.type().fields[field].sends()) events_.push_back({node.id(), field, value});
         });
         BuildOptions options;
-        options.base = folder_;
+        options.resources = folder_;
         inlines_ = std::make_unique<InlineLoader>(*scene_, diagnostics_, options);
         attachment_ = scene_->bus().attach(*this);
     }

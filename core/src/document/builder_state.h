@@ -28,25 +28,20 @@ class LoadSession {
         Environment* library = nullptr;  // its PROTOs, once asked for
     };
 
-    /// The file behind `url`, seen from `from`. A network url, a missing file or one without usable content fails.
-    Result<File*> open(const DocumentSource& from, std::string_view url);
+    /// The file behind `url`, seen from the folder `from`. What the policy refuses, a missing file or one without
+    /// usable content fails.
+    Result<File*> open(const Resources& resources, const std::filesystem::path& from, std::string_view url);
     Environment* newEnvironment(const Environment* outer = nullptr, std::size_t visible = 0) {
         return &environments_.emplace_back(outer, visible);
     }
     const DocumentSource* keep(DocumentSource source) { return &sources_.emplace_back(std::move(source)); }
 
   private:
-    std::map<std::filesystem::path, std::unique_ptr<File>> files_;
+    /// By where the file is and by the folder that its own urls start from, which a link may make another.
+    std::map<std::pair<std::string, std::filesystem::path>, std::unique_ptr<File>> files_;
     std::deque<Environment> environments_;
     std::deque<DocumentSource> sources_;
 };
-
-/// Splits off `#name`; resolves against the base; says why if it cannot be a local file.
-struct ResolvedUrl {
-    std::filesystem::path path;
-    std::string fragment;
-};
-Result<ResolvedUrl> resolveUrl(const std::filesystem::path& base, std::string_view url);
 
 struct ChildList {
     FieldIndex field = kNoField;
@@ -136,7 +131,7 @@ struct SceneBuilder::State {
     std::size_t skipDepth = 0;       // > 0 inside a refused node
     std::size_t skipProtoDepth = 0;  // > 0 inside a PROTO declaration that is known already
     std::size_t documentDepth = 0;
-    std::size_t expandedNodes = 0;
+    std::uint64_t expandedNodes = 0;  // in PROTO bodies and Inlines
     bool finished = false;
     bool isTrial = false;  // instancing into a scratch scene, for diagnostics only
 
@@ -198,6 +193,7 @@ struct SceneBuilder::State {
 
     // inline.cpp
     bool loadInline(NodeId node, SourceLocation where);
+    void fillInline(NodeId node, LoadSession::File& file, std::string_view url, SourceLocation where);
     void reportFile(LoadSession::File& file);
     /// Replays the file's commands into the scope and open node on top, and leaves no loose ends.
     void replayFile(const LoadSession::File& file);

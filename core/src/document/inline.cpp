@@ -9,29 +9,11 @@
 #include <rtsg/core/loader.h>
 
 #include "builder_state.h"
+#include "reader_bytes.h"
 
 namespace rtsg {
 
 namespace {
-
-std::string percentDecoded(std::string_view text) {
-    std::string result;
-    const auto digit = [](char c) {
-        if (c >= '0' && c <= '9') return c - '0';
-        if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-        if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-        return -1;
-    };
-    for (std::size_t i = 0; i < text.size(); ++i) {
-        if (text[i] == '%' && i + 2 < text.size() && digit(text[i + 1]) >= 0 && digit(text[i + 2]) >= 0) {
-            result += static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2]));
-            i += 2;
-        } else {
-            result += text[i];
-        }
-    }
-    return result;
-}
 
 bool isInline(const Node& node) {
     return node.type().kind == NodeType::Kind::builtin && node.type().name == "Inline";
@@ -51,52 +33,32 @@ const Array<NodeId>& contentOf(const Node& node) {
 
 }  // namespace
 
-Result<ResolvedUrl> resolveUrl(const std::filesystem::path& base, std::string_view url) {
-    const std::string_view whole = url;
-    ResolvedUrl result;
-    if (const std::size_t hash = url.rfind('#'); hash != std::string_view::npos) {
-        result.fragment = percentDecoded(url.substr(hash + 1));
-        url = url.substr(0, hash);
-    }
-    if (const std::size_t colon = url.find(':'); colon != std::string_view::npos && colon > 0) {
-        const std::string_view scheme = url.substr(0, colon);
-        const bool isScheme = std::ranges::all_of(scheme, [](char c) {
-            return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '+' || c == '-' ||
-                   c == '.';
-        });
-        if (scheme == "file") {
-            url.remove_prefix(colon + 1);
-            if (url.starts_with("//")) url.remove_prefix(2);
-            if (url.starts_with("localhost/")) url.remove_prefix(std::string_view("localhost").size());
-        } else if (isScheme && !url.substr(colon).starts_with(":\\")) {
-            return fail(fmt::format("'{}' is not a local file, and nothing is fetched from a network", whole));
-        }
-    }
-    if (url.empty()) return fail(fmt::format("'{}' names no file", whole));
-    const std::filesystem::path path = percentDecoded(url);
-    result.path = path.is_absolute() || base.empty() ? path : base / path;
-    return result;
-}
-
-Result<LoadSession::File*> LoadSession::open(const DocumentSource& from, std::string_view url) {
-    const auto resolved = resolveUrl(from.base, url);
-    if (!resolved) return std::unexpected(resolved.error());
-    std::error_code problem;
-    const std::filesystem::path path = std::filesystem::weakly_canonical(resolved->path, problem);
-    if (problem || !std::filesystem::is_regular_file(path, problem))
-        return fail(fmt::format("'{}' is not there (looked for {})", url, resolved->path.string()));
-    auto& file = files_[path];
+Result<LoadSession::File*> LoadSession::open(const Resources& resources, const std::filesystem::path& from,
+                                             std::string_view url) {
+    auto resource = resources.open(from, url);
+    if (!resource) return std::unexpected(resource.error());
+    const auto base = Resources::folderBehind(from, url);
+    auto& file = files_[{resource->path().empty() ? std::string(url) : resource->path().string(), base}];
     if (!file) {
         file = std::make_unique<File>();
-        file->source = {path, path.parent_path(), path.string()};
-        file->diagnostics.setFile(path.string());
-        readDocumentFile(path, file->commands, file->diagnostics);
+        file->source = {resource->path(), base, resource->name()};
+        file->diagnostics.setFile(resource->name());
+        const auto text = resource->read();
+        if (text)
+            detail::readSceneBytes(*text, file->commands, file->diagnostics,
+                                   {resources.policy().maximumBytes, true, {}});
+        else
+            file->diagnostics.error({}, text.error().text);
     }
-    if (file->commands.empty()) {
-        std::string why = file->diagnostics.all().empty() ? std::string() : ": " + file->diagnostics.all()[0].text;
-        return fail(fmt::format("'{}' is no scene{}", url, why));
-    }
-    return file.get();
+    if (!file->commands.empty()) return file.get();
+    // What a file that is no scene holds is nobody's business: not a word of it is repeated.
+    const auto& problems = file->diagnostics.all();
+    const bool within = !problems.empty() && problems[0].where.line > 0;
+    return fail(
+        fmt::format("'{}' is no scene: {}", urlForMessage(url),
+                    problems.empty() ? "there is nothing in it"
+                    : within ? fmt::format("reading fails at {}:{}", problems[0].where.line, problems[0].where.column)
+                             : problems[0].text));
 }
 
 void SceneBuilder::State::reportFile(LoadSession::File& file) {
@@ -122,42 +84,52 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
     if (!wantsContent(scene.node(id))) return false;
     const Array<String> urls = urlsOf(scene.node(id));
     if (urls.empty()) return false;
-    const auto documents = std::ranges::count_if(scopes, [](const auto& one) { return one->isDocument; });
-    if (documents > options.maximumDepth) {
-        diagnostics.error(where, fmt::format("Inline '{}': more than {} documents within each other", urls[0].view(),
-                                             options.maximumDepth));
+    const auto documents =
+        static_cast<std::uint64_t>(std::ranges::count_if(scopes, [](const auto& one) { return one->isDocument; }));
+    if (const std::uint64_t limit = options.resources->policy().maximumDepth; documents > limit) {
+        diagnostics.error(
+            where, fmt::format("Inline '{}': more than {} documents within each other; --limit depth=N raises this",
+                               urlForMessage(urls[0].view()), limit));
         return false;
     }
     std::string why;
+    const auto folders = options.resources->foldersOf(scene, scene.node(id), scene.node(id).type().findExact("url"));
     for (const String& url : urls) {
-        auto file = session.open(*scope().source, url);
-        if (file && std::ranges::any_of(scopes, [&](const auto& one) {
-                return one->isDocument && one->source->path == (*file)->source.path;
-            }))
-            file = fail(fmt::format("'{}' would contain itself", url.view()));
-        if (!file) {
-            why += (why.empty() ? "" : "; ") + file.error().text;
-            continue;
+        Result<LoadSession::File*> file = fail({});
+        for (std::size_t i = 0; i < folders.size() && !file; ++i) {
+            auto one = session.open(*options.resources, folders[i], url);
+            if (one || i == 0) file = std::move(one);
         }
-        reportFile(**file);
-        NameScope& document = pushScope(id, session.newEnvironment(), &(*file)->source);
-        document.isDocument = true;
-        document.prefix = (*file)->source.path.stem().string() + '#';
-        push(OpenNode::Kind::body, where);
-        replayFile(**file);
-        std::vector<NodeId> nodes;
-        if (!open[openCount - 1].children.empty()) nodes = std::move(open[openCount - 1].children.front().nodes);
-        pop();
-        if (auto stored =
-                scene.setField(id, scene.node(id).type().body(), Value(Array<NodeId>(std::span<const NodeId>(nodes))));
-            !stored)
-            error(where, stored.error().text);
-        finishScope(document);
-        popScope();
-        return true;
+        if (file && std::ranges::any_of(scopes, [&](const auto& one) {
+                return one->isDocument && !one->source->path.empty() && one->source->path == (*file)->source.path;
+            }))
+            file = fail(fmt::format("'{}' would contain itself", urlForMessage(url)));
+        if (file) {
+            fillInline(id, **file, url, where);
+            return true;
+        }
+        why += (why.empty() ? "" : "; ") + file.error().text;
     }
     diagnostics.error(where, fmt::format("Inline: {}", why));
     return false;
+}
+
+void SceneBuilder::State::fillInline(NodeId id, LoadSession::File& file, std::string_view url, SourceLocation where) {
+    reportFile(file);
+    (void)scene.setField(id, hiddenField(scene.node(id).type(), "loadedUrl"), Value(String(joinUrls({}, url))));
+    NameScope& document = pushScope(id, session.newEnvironment(), &file.source);
+    document.isDocument = true;
+    document.prefix = file.source.path.stem().string() + '#';
+    push(OpenNode::Kind::body, where);
+    replayFile(file);
+    std::vector<NodeId> nodes;
+    if (!open[openCount - 1].children.empty()) nodes = std::move(open[openCount - 1].children.front().nodes);
+    pop();
+    const FieldIndex body = scene.node(id).type().body();
+    if (auto stored = scene.setField(id, body, Value(Array<NodeId>(std::span<const NodeId>(nodes)))); !stored)
+        error(where, stored.error().text);
+    finishScope(document);
+    popScope();
 }
 
 // ---- at run time -----------------------------------------------------------------------------------------------
@@ -165,7 +137,8 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
 struct InlineLoader::State final : Subscriber {
     State(Scene& target, Diagnostics& sink, BuildOptions buildOptions)
         : scene(target), diagnostics(sink), options(std::move(buildOptions)) {
-        if (options.base.empty()) options.base = options.file.parent_path();
+        if (!options.resources)
+            options.resources = options.file.empty() ? Resources() : Resources::ofFile(options.file);
         scene.seal();  // what the caller loaded is not news
         attachment = scene.bus().attach(*this);
         changed.clear();
@@ -188,25 +161,21 @@ struct InlineLoader::State final : Subscriber {
     }
     std::string subscriberName() const override { return "InlineLoader"; }
 
-    /// Where the document of `scope` came from, found by walking the Inlines around it.
+    /// Where the document of `scope` came from, as the urls say that Inlines around it were loaded from.
     DocumentSource sourceOf(NodeId scope) const {
         const Node* node = scene.find(scope);
+        while (node && !isInline(*node)) node = scene.find(node->scope());
+        std::error_code ignored;
         if (!node) {
-            std::error_code ignored;
             std::filesystem::path path;
             if (!options.file.empty()) path = std::filesystem::weakly_canonical(options.file, ignored);
-            return {path, options.base, diagnostics.file()};
+            return {path, options.resources->folder(), diagnostics.file()};
         }
-        DocumentSource outer = sourceOf(node->scope());
-        if (!isInline(*node)) return outer;
-        for (const String& url : urlsOf(*node)) {
-            const auto resolved = resolveUrl(outer.base, url);
-            std::error_code problem;
-            if (!resolved || !std::filesystem::is_regular_file(resolved->path, problem)) continue;
-            const auto path = std::filesystem::weakly_canonical(resolved->path, problem);
-            return {path, path.parent_path(), path.string()};
-        }
-        return outer;
+        const auto& loadedUrl = *static_cast<const String*>(node->storage(hiddenField(node->type(), "loadedUrl")));
+        const auto outer = options.resources->folderOf(scene, node->scope());
+        const auto from = options.resources->open(outer, loadedUrl);
+        if (!from) return {{}, Resources::folderBehind(outer, loadedUrl), loadedUrl.str()};
+        return {from->path(), Resources::folderBehind(outer, loadedUrl), from->name()};
     }
 
     bool load(NodeId id) {
@@ -246,6 +215,7 @@ struct InlineLoader::State final : Subscriber {
         }
         const NodeType& type = scene.node(id).type();
         (void)scene.setField(id, type.body(), Value(Array<NodeId>()));
+        (void)scene.setField(id, hiddenField(type, "loadedUrl"), Value(String()));
         for (const char* name : {"imports", "exports", "importRoutes"})
             if (const FieldIndex field = hiddenField(type, name); field != kNoField)
                 (void)scene.setField(id, field, Value(Array<String>()));

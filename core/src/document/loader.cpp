@@ -1,15 +1,19 @@
 #include <rtsg/core/loader.h>
 
+#include <memory>
+
 #include <rtsg/core/scene_builder.h>
 
 namespace rtsg {
 
 namespace {
 
-BuildOptions buildOptions(const LoadOptions& options) {
+/// What the document's urls may open is what its scripts may, too.
+BuildOptions buildOptions(Scene& scene, const LoadOptions& options, Resources otherwise) {
     BuildOptions result;
     result.loadInlines = options.loadInlines;
-    result.maximumDepth = options.maximumDepth;
+    result.resources = options.resources ? *options.resources : std::move(otherwise);
+    scene.setScriptResources(std::make_shared<const Resources>(*result.resources));
     return result;
 }
 
@@ -17,11 +21,8 @@ BuildOptions buildOptions(const LoadOptions& options) {
 
 bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics, const LoadOptions& options) {
     if (diagnostics.file().empty()) diagnostics.setFile(file == "-" ? "<stdin>" : file.string());
-    BuildOptions build = buildOptions(options);
-    if (file != "-") {
-        build.file = file;
-        scene.setScriptBase(file.parent_path());
-    }
+    BuildOptions build = buildOptions(scene, options, Resources::ofFile(file));
+    if (file != "-") build.file = file;
     SceneBuilder builder(scene, diagnostics, build);
     const bool complete = readDocumentFile(file, builder, diagnostics, options.progress);
     builder.finish();
@@ -30,9 +31,7 @@ bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diag
 
 bool loadText(Scene& scene, std::string_view text, Diagnostics& diagnostics, const std::filesystem::path& base,
               const LoadOptions& options) {
-    BuildOptions build = buildOptions(options);
-    build.base = base;
-    SceneBuilder builder(scene, diagnostics, build);
+    SceneBuilder builder(scene, diagnostics, buildOptions(scene, options, Resources(base)));
     const bool complete = readDocument(text, builder, diagnostics, options.progress);
     builder.finish();
     return complete || !builder.roots().empty();

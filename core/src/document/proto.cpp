@@ -81,6 +81,14 @@ std::shared_ptr<NodeType> makeProtoType(const ProtoDeclaration& proto, std::stri
     body.access = Access::initializeOnly;
     body.aspect = Aspect::structure;
     body.hidden = true;
+    // Of an EXTERNPROTO's instance: the url that led to the PROTO, where the urls in its body start from.
+    if (proto.external && !taken("loadedUrl")) {
+        FieldDef& loaded = type->fields.emplace_back();
+        loaded.name = "loadedUrl";
+        loaded.type = FieldType::SFString;
+        loaded.access = Access::initializeOnly;
+        loaded.hidden = true;
+    }
     if (!type->finish()) return nullptr;
     return type;
 }

@@ -59,6 +59,7 @@ struct ProtoDeclaration {
     const NodeType* primary = nullptr;
     Environment* inside = nullptr;       // of the body, filled by its first instance
     ProtoDeclaration* target = nullptr;  // external: what the url led to
+    std::string targetUrl;               // external: from where this is declared, through other EXTERNPROTOs
     bool resolved = false;               // external: the url has been tried
     bool instanced = false;              // diagnostics of the body have been given
 

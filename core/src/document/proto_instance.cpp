@@ -180,23 +180,24 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
     std::string why;
     const auto failed = [&](const std::string& reason) { why += (why.empty() ? "" : "; ") + reason; };
     for (const std::string& url : declaration.url) {
-        const auto resolved = resolveUrl(declaration.source->base, url);
-        const auto file = session.open(*declaration.source, url);
+        const auto file = session.open(*options.resources, declaration.source->base, url);
         if (!file) {
             failed(file.error().text);
             continue;
         }
         Environment* library = libraryOf(**file);
-        ProtoDeclaration* target = resolved->fragment.empty() ? (library->size() ? library->at(0) : nullptr)
-                                                              : library->findHere(resolved->fragment);
+        const std::string fragment = urlFragment(url);
+        ProtoDeclaration* target =
+            fragment.empty() ? (library->size() ? library->at(0) : nullptr) : library->findHere(fragment);
         if (!target) {
-            failed(fmt::format("'{}' declares no PROTO{}{}", url, resolved->fragment.empty() ? "" : " ",
-                               resolved->fragment));
+            failed(fmt::format("'{}' declares no PROTO{}{}", url, fragment.empty() ? "" : " ", fragment));
             continue;
         }
+        std::string targetUrl = joinUrls({}, url);
         if (target->external) {
             // An EXTERNPROTO that leads to an EXTERNPROTO; a circle of them ends here without a body.
             resolveExternal(*target);
+            targetUrl = joinUrls(targetUrl, target->targetUrl);
             target = target->target;
             if (!target) {
                 failed(fmt::format("'{}' leads to no PROTO", url));
@@ -204,6 +205,7 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
             }
         }
         declaration.target = target;
+        declaration.targetUrl = std::move(targetUrl);
         declaration.primary = target->primary;
         break;
     }
@@ -306,6 +308,8 @@ void SceneBuilder::State::expand(OpenNode& instance) {
         return;
     }
     const NodeId id = instance.id;
+    if (const FieldIndex loaded = hiddenField(scene.node(id).type(), "loadedUrl"); external && loaded != kNoField)
+        (void)scene.setField(id, loaded, Value(String(instance.proto->targetUrl)));
     NameScope& inside = pushScope(id, proto->inside, proto->source);
     inside.proto = proto;
     inside.instanceType = &scene.node(id).type();

@@ -1,24 +1,26 @@
+// Documents in memory and in files: which encoding they are in, gzip, and what is wrong with their bytes.
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 
 #include <fcntl.h>
-#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <rtsg/core/loader.h>
 
 #include "gzip.h"
+#include "reader_bytes.h"
 #include "reader_common.h"
 #include "reader_utf8.h"
+#include "value/read_descriptor.h"
 #include "value/text_position.h"
 
 namespace rtsg {
 
 namespace {
 
-constexpr std::size_t kUnpackedLimit = std::size_t{4} << 30;  // against decompression bombs
+constexpr std::size_t kBytesLimit = std::size_t{4} << 30;  // of what says nothing of its size: packed files, pipes
 
 std::string_view withoutBom(std::string_view text) {
     constexpr std::string_view bom = "\xEF\xBB\xBF";
@@ -35,59 +37,19 @@ bool isOtherXmlEncoding(std::string_view text) {
     return encoding != head.npos && head.find("utf-8", encoding) == head.npos;
 }
 
-/// The bytes of a file: mapped if possible, else read.
-class FileBytes {
-  public:
-    FileBytes() = default;
-    FileBytes(const FileBytes&) = delete;
-    FileBytes& operator=(const FileBytes&) = delete;
-    ~FileBytes() {
-        if (mapped_) munmap(mapped_, size_);
-    }
-    std::string_view view() const {
-        return mapped_ ? std::string_view(static_cast<const char*>(mapped_), size_) : std::string_view(read_);
-    }
-    /// Gives back the memory of the first `count` bytes. They can still be read; the system fetches them again.
-    void release(std::size_t count) {
-        if (mapped_) madvise(mapped_, std::min(count, size_) & ~std::size_t{0xFFFF}, MADV_DONTNEED);
-    }
-    /// Empty, or why it failed.
-    std::string open(const std::filesystem::path& file) {
-        const bool standardInput = file == "-";
-        const int descriptor = standardInput ? STDIN_FILENO : ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
-        if (descriptor < 0) return std::strerror(errno);
-        std::string failure = readAll(descriptor);
-        if (!standardInput) ::close(descriptor);
-        return failure;
-    }
-
-  private:
-    std::string readAll(int descriptor) {
-        struct stat status{};
-        if (fstat(descriptor, &status) == 0 && S_ISDIR(status.st_mode)) return "it is a folder";
-        if (S_ISREG(status.st_mode) && status.st_size > 0) {
-            size_ = static_cast<std::size_t>(status.st_size);
-            void* address = mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, descriptor, 0);
-            if (address != MAP_FAILED) {
-                mapped_ = address;
-                return {};
-            }
-        }
-        for (;;) {
-            constexpr std::size_t step = 1 << 20;
-            const std::size_t before = read_.size();
-            read_.resize(before + step);
-            const ssize_t got = ::read(descriptor, read_.data() + before, step);
-            read_.resize(before + (got > 0 ? static_cast<std::size_t>(got) : 0));
-            if (got == 0) return {};
-            if (got < 0 && errno != EINTR) return std::strerror(errno);
-        }
-    }
-
-    void* mapped_ = nullptr;
-    std::size_t size_ = 0;
-    std::string read_;
-};
+/// The content of the file that the user named; whatever kind of file that is.
+Result<std::string> readNamedFile(const std::filesystem::path& file) {
+    if (file == "-") return detail::readDescriptor(STDIN_FILENO, kBytesLimit);
+    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+    if (descriptor < 0) return fail(std::strerror(errno));
+    struct stat status{};
+    const bool isFolder = fstat(descriptor, &status) == 0 && S_ISDIR(status.st_mode);
+    // A pipe or a device may go on for ever.
+    auto text = isFolder ? fail("it is a folder")
+                         : detail::readDescriptor(descriptor, S_ISREG(status.st_mode) ? SIZE_MAX : kBytesLimit);
+    ::close(descriptor);
+    return text;
+}
 
 }  // namespace
 
@@ -103,9 +65,14 @@ Encoding detectEncoding(std::string_view head) {
 
 namespace {
 
-/// `consumed` is told how far the text has been looked through, so that its memory can be given back.
-bool readText(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics, const Progress& progress,
-              const std::function<void(std::size_t)>& consumed) {
+/// A text file that is no scene could be taken for ClassicVRML, and its words would come out as errors one by one.
+bool isHeaded(std::string_view text) {
+    return detectEncoding(text) != Encoding::classicVrml || withoutBom(text).starts_with("#X3D");
+}
+
+}  // namespace
+
+bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics, Progress progress) {
     const Encoding encoding = detectEncoding(text);
     text = withoutBom(text);
     if (text.empty()) {
@@ -116,7 +83,6 @@ bool readText(std::string_view text, DocumentHandler& handler, Diagnostics& diag
     const bool utf8 = encoding != Encoding::xml || !isOtherXmlEncoding(text);
     if (utf8) {
         const std::size_t bad = detail::findInvalidUtf8(text);
-        if (consumed) consumed(text.size());
         if (bad != text.npos) {
             std::size_t count = 0;
             const SourceLocation where = detail::TextPosition(text.data()).of(text.data() + bad);
@@ -142,30 +108,32 @@ bool readText(std::string_view text, DocumentHandler& handler, Diagnostics& diag
     return false;
 }
 
-}  // namespace
+namespace detail {
 
-bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics, Progress progress) {
-    return readText(text, handler, diagnostics, progress, {});
+bool readSceneBytes(std::string_view bytes, DocumentHandler& handler, Diagnostics& diagnostics,
+                    const SceneBytes& options) {
+    std::string unpacked;
+    if (isGzip(bytes)) {
+        if (!gunzip(bytes, unpacked, diagnostics, options.limit)) return false;
+        bytes = unpacked;
+    }
+    if (options.mustBeHeaded && !isHeaded(bytes)) {
+        diagnostics.error({}, "it starts neither with #X3D or #VRML, nor as XML or JSON");
+        return false;
+    }
+    return readDocument(bytes, handler, diagnostics, options.progress);
 }
+
+}  // namespace detail
 
 bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
                       Progress progress) {
-    FileBytes bytes;
-    if (const std::string failure = bytes.open(file); !failure.empty()) {
-        diagnostics.error({}, "cannot read " + file.string() + ": " + failure);
+    const auto text = readNamedFile(file);
+    if (!text) {
+        diagnostics.error({}, "cannot read " + file.string() + ": " + text.error().text);
         return false;
     }
-    if (detail::isGzip(bytes.view())) {
-        std::string unpacked;
-        if (!detail::gunzip(bytes.view(), unpacked, diagnostics, kUnpackedLimit)) return false;
-        return readText(unpacked, handler, diagnostics, progress, {});
-    }
-    const auto consumed = [&bytes](std::size_t count) { bytes.release(count); };
-    const Progress step = [&](std::uint64_t done, std::uint64_t total) {
-        consumed(done);
-        if (progress) progress(done, total);
-    };
-    return readText(bytes.view(), handler, diagnostics, step, consumed);
+    return detail::readSceneBytes(*text, handler, diagnostics, {kBytesLimit, false, std::move(progress)});
 }
 
 }  // namespace rtsg

@@ -91,10 +91,13 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
         ++s.skipDepth;
         return;
     }
-    if (scope.proto && ++s.expandedNodes > s.options.maximumNodes) {
-        if (s.expandedNodes == s.options.maximumNodes + 1)
-            s.diagnostics.error(where, fmt::format("PROTO instances make more than {} nodes; the rest is left out",
-                                                   s.options.maximumNodes));
+    const std::uint64_t limit = s.options.resources->policy().maximumNodes;
+    if ((scope.proto || scope.owner) && ++s.expandedNodes > limit) {
+        if (s.expandedNodes == limit + 1)
+            s.diagnostics.error(where,
+                                fmt::format("PROTO instances and Inlines make more than {} nodes; the rest is left "
+                                            "out, unless --limit nodes=N raises this",
+                                            limit));
         ++s.skipDepth;
         return;
     }

@@ -69,7 +69,8 @@ SceneBuilder::State::State(SceneBuilder& builder, Scene& target, Diagnostics& si
     DocumentSource source;
     std::error_code ignored;
     if (!options.file.empty()) source.path = std::filesystem::weakly_canonical(options.file, ignored);
-    source.base = options.base.empty() ? options.file.parent_path() : options.base;
+    if (!options.resources) options.resources = options.file.empty() ? Resources() : Resources::ofFile(options.file);
+    source.base = options.resources->folder();
     source.file = sink.file();
     NameScope& document = pushScope({}, session.newEnvironment(), session.keep(std::move(source)));
     document.isDocument = true;

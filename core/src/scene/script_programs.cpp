@@ -29,8 +29,8 @@ void Scene::setScriptOptions(ScriptOptions options) {
     state_->scripts.reset();
 }
 
-void Scene::setScriptBase(const std::filesystem::path& base) {
-    if (state_->scriptOptions.base.empty() && !state_->scripts) state_->scriptOptions.base = base;
+void Scene::setScriptResources(std::shared_ptr<const Resources> resources) {
+    if (!state_->scriptOptions.resources && !state_->scripts) state_->scriptOptions.resources = std::move(resources);
 }
 
 }  // namespace rtsg

@@ -1,10 +1,10 @@
 #include "engine.h"
 
-#include <fstream>
 #include <unordered_map>
 
 #include <fmt/format.h>
 
+#include <rtsg/core/resource.h>
 #include <rtsg/core/x3d.h>
 
 #include "runtime.h"
@@ -29,24 +29,19 @@ constexpr std::uint32_t kControllerSlot = 0;
 constexpr JSClass kGlobalClass{"Script", JSCLASS_GLOBAL_FLAGS, &JS::DefaultGlobalClassOps, nullptr, nullptr, nullptr};
 
 /// The program's text, from the first url that has one; `problem` says why there is none.
-std::string sourceOf(const Array<String>& urls, const ScriptOptions& options, std::string& problem) {
-    for (const String& url : urls) {
+std::string sourceOf(const Scene& scene, const Node& node, const ScriptOptions& options, std::string& problem) {
+    for (const String& url : node.get(x3d::Script::url)) {
         const std::string_view text = url.view();
         const auto start = text.find_first_not_of(" \t\r\n");
         if (start == text.npos) continue;
-        for (const std::string_view scheme :
-             {"ecmascript:", "javascript:", "vrmlscript:", "data:text/javascript,", "data:application/javascript,"})
+        for (const std::string_view scheme : {"ecmascript:", "javascript:", "vrmlscript:"})
             if (text.substr(start).starts_with(scheme)) return std::string(text.substr(start + scheme.size()));
-        if (text.find("://") != text.npos) {
-            problem = fmt::format("{} is not fetched: only files are", text);
-            continue;
-        }
-        std::ifstream file(options.base / text, std::ios::binary);
-        if (!file) {
-            problem = fmt::format("{} cannot be read", text);
-            continue;
-        }
-        return {std::istreambuf_iterator<char>(file), {}};
+        static const Resources nothing;
+        const Resources& resources = options.resources ? *options.resources : nothing;
+        auto file = resources.open(scene, node, x3d::Script::url.index, text.substr(start));
+        auto program = file ? file->read() : Result<std::string>(std::unexpected(file.error()));
+        if (program) return std::move(*program);
+        problem += (problem.empty() ? "" : "; ") + program.error().text;
     }
     if (problem.empty()) problem = "no program in its url";
     return {};
@@ -268,9 +263,8 @@ struct ScriptEngine::State {
         }
         if (refused) return cascade.warn(node, "the script engine does not start");
         std::string problem;
-        const auto& urls = node.get(x3d::Script::url);
-        if (urls.empty()) return;
-        const std::string source = sourceOf(urls, options, problem);
+        if (node.get(x3d::Script::url).empty()) return;
+        const std::string source = sourceOf(scene, node, options, problem);
         if (source.empty()) {
             if (!problem.empty()) cascade.warn(node, problem);
             return;

@@ -35,7 +35,7 @@ struct Imager::Impl {
         : scene(s),
           flattened(flattenerOptions(std::move(options.meshes))),
           world(options.world),
-          tracer(std::move(options.folder)) {
+          tracer(std::move(options.resources)) {
         flattened.add(world);
         flattened.add(tracer);
         attachment = scene.bus().attach(flattened);

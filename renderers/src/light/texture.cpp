@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
@@ -69,11 +71,15 @@ Result<> checkSize(int width, int height, std::size_t pixels) {
     return {};
 }
 
-Result<Texture> readInput(OIIO::ImageInput& input, Texture::Content content) {
+Result<Texture> readInput(OIIO::ImageInput& input, Texture::Content content, std::uint64_t maximumPixels) {
     const OIIO::ImageSpec spec = input.spec();
     if (auto ok = checkSize(spec.width, spec.height, SIZE_MAX); !ok) return std::unexpected(ok.error());
     const int channels = std::min(spec.nchannels, 4);
     const auto pixelCount = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
+    if (pixelCount * (spec.format == OIIO::TypeDesc::UINT8 ? 1 : 4) > maximumPixels)
+        return fail(fmt::format("{} x {} pixels{} are more than {}; --limit pixels=N raises this, to a fourth of N",
+                                spec.width, spec.height,
+                                spec.format == OIIO::TypeDesc::UINT8 ? "" : " of more than 8 bits", maximumPixels));
     const auto count = pixelCount * static_cast<std::size_t>(channels);
     // Bottom row first, by a negative stride: SFImage and texture coordinates both start at the lower left.
     if (spec.format == OIIO::TypeDesc::UINT8) {
@@ -158,19 +164,20 @@ Result<Texture> Texture::fromImage(const Image& image, Content content) {
     return fromBytes(bytes, width, height, channels, content);
 }
 
-Result<Texture> Texture::fromFile(const std::filesystem::path& file, Content content) {
+Result<Texture> Texture::fromFile(const std::filesystem::path& file, Content content, std::uint64_t maximumPixels) {
     auto input = OIIO::ImageInput::open(file.string());
     if (!input) return fail(OIIO::geterror(), {}, file.string());
-    auto result = readInput(*input, content);
+    auto result = readInput(*input, content, maximumPixels);
     if (!result) result.error().file = file.string();
     return result;
 }
 
-Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const std::string& name, Content content) {
+Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const std::string& name, Content content,
+                                    std::uint64_t maximumPixels) {
     OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(file.data()), file.size());
     auto input = OIIO::ImageInput::open(name, nullptr, &reader);
     if (!input) return fail(OIIO::geterror(), {}, name);
-    return readInput(*input, content);
+    return readInput(*input, content, maximumPixels);
 }
 
 void Texture::noteAlpha() {

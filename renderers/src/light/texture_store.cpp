@@ -1,6 +1,7 @@
+// Finding the pictures of textures, and keeping each once.
 #include "texture_store.h"
 
-#include <cctype>
+#include <unordered_set>
 
 #include <fmt/format.h>
 
@@ -10,112 +11,71 @@ namespace rtsg {
 
 namespace {
 
-int hexDigit(char c) {
-    if (c >= '0' && c <= '9') return c - '0';
-    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-    return -1;
+/// As the policy counts them: pictures with more than 8 bits a channel take four times the memory.
+std::uint64_t pixelsOf(const Texture& texture) {
+    return static_cast<std::uint64_t>(texture.width()) * static_cast<std::uint64_t>(texture.height()) *
+           texture.bytesPerPixel() / 4;
 }
 
-std::string decodePercent(std::string_view text) {
-    std::string result;
-    for (std::size_t i = 0; i < text.size(); ++i) {
-        if (text[i] == '%' && i + 2 < text.size() && hexDigit(text[i + 1]) >= 0 && hexDigit(text[i + 2]) >= 0) {
-            result.push_back(static_cast<char>(hexDigit(text[i + 1]) * 16 + hexDigit(text[i + 2])));
-            i += 2;
-        } else {
-            result.push_back(text[i]);
-        }
-    }
-    return result;
-}
-
-std::optional<std::string> decodeBase64(std::string_view text) {
-    std::string result;
-    std::uint32_t bits = 0;
-    int count = 0;
-    for (const char c : text) {
-        int value;
-        if (c >= 'A' && c <= 'Z')
-            value = c - 'A';
-        else if (c >= 'a' && c <= 'z')
-            value = c - 'a' + 26;
-        else if (c >= '0' && c <= '9')
-            value = c - '0' + 52;
-        else if (c == '+' || c == '-')
-            value = 62;
-        else if (c == '/' || c == '_')
-            value = 63;
-        else if (c == '=')
-            break;
-        else if (std::isspace(static_cast<unsigned char>(c)))
-            continue;
-        else
-            return std::nullopt;
-        bits = bits << 6 | static_cast<std::uint32_t>(value);
-        count += 6;
-        if (count >= 8) {
-            count -= 8;
-            result.push_back(static_cast<char>(bits >> count & 255u));
-        }
-    }
-    return result;
-}
-
-/// "http", "urn", "file" ...; empty for a plain path (and for "c:\...").
-std::string_view scheme(std::string_view url) {
-    const std::size_t colon = url.find(':');
-    if (colon == std::string_view::npos || colon < 2) return {};
-    for (const char c : url.substr(0, colon))
-        if (!std::isalnum(static_cast<unsigned char>(c)) && c != '+' && c != '-' && c != '.') return {};
-    return url.substr(0, colon);
+/// What the picture is by its first bytes, as a name that the reader of pictures chooses its format from; empty if it
+/// is none that is read. Names of the document's choosing would let it choose among all formats there are.
+std::string nameByContent(std::string_view bytes) {
+    using namespace std::string_view_literals;
+    if (bytes.starts_with("\x89PNG\r\n"sv)) return "picture.png";
+    if (bytes.starts_with("\xFF\xD8\xFF"sv)) return "picture.jpg";
+    if (bytes.starts_with("GIF8"sv)) return "picture.gif";
+    if (bytes.starts_with("BM"sv)) return "picture.bmp";
+    if (bytes.starts_with("II*\0"sv) || bytes.starts_with("MM\0*"sv)) return "picture.tif";
+    if (bytes.starts_with("\x76\x2F\x31\x01"sv)) return "picture.exr";
+    if (bytes.starts_with("#?RADIANCE"sv) || bytes.starts_with("#?RGBE"sv)) return "picture.hdr";
+    if (bytes.starts_with("DDS "sv)) return "picture.dds";
+    if (bytes.size() > 12 && bytes.starts_with("RIFF"sv) && bytes.substr(8, 4) == "WEBP"sv) return "picture.webp";
+    if (bytes.size() > 2 && bytes[0] == 'P' && bytes[1] >= '1' && bytes[1] <= '6') return "picture.pnm";
+    if (bytes.size() > 26 && bytes.substr(bytes.size() - 18, 16) == "TRUEVISION-XFILE"sv) return "picture.tga";
+    return {};
 }
 
 }  // namespace
 
-std::optional<std::string> decodeDataUrl(std::string_view url) {
-    if (!url.starts_with("data:")) return std::nullopt;
-    const std::size_t comma = url.find(',');
-    if (comma == std::string_view::npos) return std::nullopt;
-    const std::string_view head = url.substr(0, comma), body = url.substr(comma + 1);
-    return head.ends_with(";base64") ? decodeBase64(decodePercent(body)) : decodePercent(body);
-}
-
-std::filesystem::path TextureStore::folderOf(const Scene& scene, const Node& node) const {
-    std::vector<std::string> steps;
-    for (const Node* scope = scene.find(node.scope()); scope; scope = scene.find(scope->scope()))
-        if (scope->is(x3d::Inline::type))
-            for (const String& url : scope->get(x3d::Inline::url)) {
-                if (!scheme(url).empty()) continue;
-                steps.push_back(decodePercent(url.view()));
-                break;
-            }
-    std::filesystem::path folder = folder_;
-    for (auto step = steps.rbegin(); step != steps.rend(); ++step) folder /= std::filesystem::path(*step).parent_path();
-    return folder;
-}
-
-std::shared_ptr<const Texture> TextureStore::ofFile(const std::filesystem::path& file, Texture::Content content,
-                                                    std::string& why) {
-    const std::string key = (content == Texture::Content::color ? "c" : "d") + file.string();
-    if (const auto found = files_.find(key); found != files_.end()) return found->second;
-    std::error_code error;
-    if (!std::filesystem::is_regular_file(file, error)) {
-        why = "no such file";
-        return nullptr;  // not remembered: it may appear
-    }
-    auto texture = Texture::fromFile(file, content);
-    if (!texture) {
-        why = texture.error().text;
+std::shared_ptr<const Texture> TextureStore::ofResource(Resource resource, Texture::Content content, std::string& why) {
+    const std::string key = (content == Texture::Content::color ? "c" : "d") + resource.path().string();
+    const bool isFile = !resource.path().empty();
+    if (isFile)
+        if (const auto found = files_.find(key); found != files_.end()) return found->second;
+    const auto bytes = resource.read();
+    if (!bytes) {
+        why = bytes.error().text;
         return nullptr;
     }
-    return files_[key] = std::make_shared<const Texture>(std::move(*texture));
+    const std::string name = nameByContent(*bytes);
+    if (name.empty()) {
+        why = fmt::format("{} is no picture of a format that is read", resource.name());
+        return nullptr;
+    }
+    const std::uint64_t limit = resources_.policy().maximumPixels;
+    auto texture = Texture::fromMemory({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()}, name,
+                                       content, limit / 4);
+    if (!texture) {
+        why = fmt::format("{}: {}", resource.name(), texture.error().text);
+        return nullptr;
+    }
+    pixelsInUse_ += pixelsOf(*texture);
+    if (pixelsInUse_ > limit) {
+        pixelsInUse_ -= pixelsOf(*texture);
+        why = fmt::format("the scene's pictures have more than {} pixels; --limit pixels=N raises this", limit);
+        return nullptr;
+    }
+    auto shared = std::make_shared<const Texture>(std::move(*texture));
+    if (isFile) files_[key] = shared;
+    return shared;
 }
 
 std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const Node& node, const Array<String>& urls,
                                                     Texture::Content content, Diagnostics& diagnostics) {
     if (urls.empty()) return nullptr;
-    std::string all = folderOf(scene, node).string() + (content == Texture::Content::color ? "\nc" : "\nd");
+    const FieldIndex field = node.type().findExact("url");
+    std::string all = content == Texture::Content::color ? "c" : "d";
+    for (const auto& folder : resources_.foldersOf(scene, node, field)) all.append("\n").append(folder.string());
     for (const String& url : urls) all.append("\n").append(url.view());
     if (const auto found = lists_.find(all); found != lists_.end()) return found->second;
 
@@ -123,31 +83,13 @@ std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const No
     for (const String& url : urls) {
         std::string why;
         std::shared_ptr<const Texture> texture;
-        const std::string_view kind = scheme(url.view());
-        if (kind == "data") {
-            if (const auto bytes = decodeDataUrl(url.view())) {
-                const auto type = url.view().substr(0, url.view().find_first_of(";,"));
-                const std::string name = type.ends_with("png")   ? "data.png"
-                                         : type.ends_with("gif") ? "data.gif"
-                                                                 : "data.jpg";
-                auto read = Texture::fromMemory({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()},
-                                                name, content);
-                if (read)
-                    texture = std::make_shared<const Texture>(std::move(*read));
-                else
-                    why = read.error().text;
-            } else {
-                why = "malformed data url";
-            }
-        } else if (kind == "file" || kind.empty()) {
-            std::string path = decodePercent(url.view());
-            if (kind == "file") path = path.substr(path.starts_with("file://") ? 7 : 5);
-            texture = ofFile(folderOf(scene, node) / path, content, why);
-        } else {
-            why = "nothing is fetched from the network";
-        }
+        auto resource = resources_.open(scene, node, field, url.view());
+        if (resource)
+            texture = ofResource(std::move(*resource), content, why);
+        else
+            why = resource.error().text;
         if (texture) return lists_[all] = texture;
-        report += fmt::format("{}\"{}\": {}", report.empty() ? "" : "; ", url.view().substr(0, 200), why);
+        report += (report.empty() ? "" : "; ") + why;
     }
     std::string name(scene.name(node.id()));
     diagnostics.warning(
@@ -195,6 +137,12 @@ void TextureStore::collect() {
     std::erase_if(files_, [](const auto& entry) { return entry.second.use_count() == 1; });
     std::erase_if(pixels_, [](const auto& entry) { return entry.second.texture.use_count() <= 1; });
     kept_ = files_.size() + lists_.size() + pixels_.size();
+    std::unordered_set<const Texture*> inUse;
+    for (const auto* all : {&files_, &lists_})
+        for (const auto& [key, texture] : *all)
+            if (texture) inUse.insert(texture.get());
+    pixelsInUse_ = 0;
+    for (const Texture* texture : inUse) pixelsInUse_ += pixelsOf(*texture);
 }
 
 }  // namespace rtsg

@@ -103,7 +103,7 @@ void readColors(const Node& node, Sky& sky, const S*) {
 }  // namespace
 
 struct LightTracer::Impl {
-    explicit Impl(std::filesystem::path folder) : textures(std::move(folder)) { materials.resize(1); }
+    explicit Impl(Resources resources) : textures(std::move(resources)) { materials.resize(1); }
 
     TextureStore textures;
     Diagnostics diagnostics;
@@ -339,7 +339,7 @@ struct LightTracer::Impl {
     TraceScene makeTraceScene(const RayWorld& world, const Camera& camera, const RenderSettings& settings) const;
 };
 
-LightTracer::LightTracer(std::filesystem::path folder) : impl_(std::make_unique<Impl>(std::move(folder))) {}
+LightTracer::LightTracer(Resources resources) : impl_(std::make_unique<Impl>(std::move(resources))) {}
 LightTracer::~LightTracer() = default;
 
 Result<> LightTracer::apply(const Scene& scene, const ChangeSet&, const InstanceDelta& delta) {

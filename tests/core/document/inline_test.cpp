@@ -72,12 +72,51 @@ TEST_F(Inlines, ABrokenFileIsNotLoaded) {
     EXPECT_EQ(scene.nodeCount(), 3u);
 }
 
+TEST_F(Inlines, LinesOfATextFileAreNotRepeated) {
+    write("main.x3dv", "DEF I Inline { url \"notes.txt\" }\nEXTERNPROTO P [ ] \"notes.xml#P\" P { }");
+    std::ofstream(folder / "notes.txt") << "password hunter2\nroot:x:0:0:hunter2\n";
+    std::ofstream(folder / "notes.xml") << "<passwords><hunter2 value='hunter2'/></passwords>";
+    ASSERT_TRUE(load("main.x3dv"));
+    EXPECT_THAT(problems(), HasSubstr("'notes.txt' is no scene: it starts neither with #X3D or #VRML"));
+    EXPECT_THAT(problems(), HasSubstr("'notes.xml#P'"));
+    EXPECT_THAT(problems(), testing::Not(HasSubstr("hunter2")));
+}
+
+TEST_F(Inlines, FilesOutsideAreRefused) {
+    write("parts/main.x3dv", "Inline { url \"../a.x3dv\" }\nEXTERNPROTO P [ ] \"../a.x3dv#P\" P { }");
+    write("a.x3dv", "PROTO P [ ] { Group { } }");
+    LoadOptions options;
+    options.resources = Resources(folder / "parts");
+    ASSERT_TRUE(load("parts/main.x3dv", options));
+    EXPECT_THAT(problems(), HasSubstr("main.x3dv:2:1: error: Inline: '../a.x3dv' is outside"));
+    EXPECT_THAT(problems(), HasSubstr("main.x3dv:3:1: error: EXTERNPROTO P cannot be resolved"));
+    EXPECT_THAT(problems(), HasSubstr("--allow " + folder.string()));
+}
+
+TEST_F(Inlines, TheirNodesAreLimited) {
+    // 2^20 Groups from 21 lines.
+    for (int i = 0; i < 20; ++i)
+        write(fmt::format("n{}.x3dv", i),
+              fmt::format("Inline {{ url \"n{0}.x3dv\" }} Inline {{ url \"n{0}.x3dv\" }}", i + 1));
+    write("n20.x3dv", "Group { }");
+    LoadOptions options;
+    ResourcePolicy policy;
+    policy.maximumNodes = 1000;
+    options.resources = Resources::ofFile(folder / "n0.x3dv", policy);
+    ASSERT_TRUE(load("n0.x3dv", options));
+    EXPECT_LE(scene.nodeCount(), 1010u);
+    EXPECT_THAT(problems(), HasSubstr("more than 1000 nodes"));
+    EXPECT_THAT(problems(), HasSubstr("--limit nodes=N"));
+}
+
 TEST_F(Inlines, NestingIsLimited) {
     for (int i = 0; i < 10; ++i)
         write(fmt::format("n{}.x3dv", i), fmt::format("DEF I Inline {{ url \"n{}.x3dv\" }} DEF T Group {{ }}", i + 1));
     write("n10.x3dv", "DEF T Group { }");
     LoadOptions options;
-    options.maximumDepth = 5;
+    ResourcePolicy policy;
+    policy.maximumDepth = 5;
+    options.resources = Resources::ofFile(folder / "n0.x3dv", policy);
     ASSERT_TRUE(load("n0.x3dv", options));
     EXPECT_THAT(problems(), HasSubstr("more than 5"));
     EXPECT_TRUE(at({"I", "I", "I", "I", "I", "T"}));

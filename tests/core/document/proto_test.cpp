@@ -201,7 +201,9 @@ TEST(Proto, ABombOfInstancesIsStopped) {
     Scene scene;
     Diagnostics diagnostics;
     BuildOptions options;
-    options.maximumNodes = 10'000;
+    ResourcePolicy policy;
+    policy.maximumNodes = 10'000;
+    options.resources = Resources({}, policy);
     SceneBuilder builder(scene, diagnostics, options);
     readDocument("#X3D V4.0 utf8\n" + text + "P39 { }", builder, diagnostics);
     EXPECT_GE(diagnostics.errors(), 1u);

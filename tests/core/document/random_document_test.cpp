@@ -146,7 +146,9 @@ TEST_P(RandomDocument, NoOrderOfCommandsBreaksTheBuilder) {
     Scene scene;
     Diagnostics diagnostics("random");
     BuildOptions options;
-    options.maximumNodes = 2000;
+    ResourcePolicy policy;
+    policy.maximumNodes = 2000;
+    options.resources = Resources({}, policy);
     CommandList recorded;
     {
         SceneBuilder builder(scene, diagnostics, options);

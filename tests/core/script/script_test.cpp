@@ -245,7 +245,7 @@ TEST(Script, FilesAreReadAndWhatIsNotThereIsReported) {
     Scene scene;
     Diagnostics diagnostics;
     ScriptOptions options;
-    options.base = folder;
+    options.resources = std::make_shared<const Resources>(folder);
     scene.setScriptOptions(options);
     ASSERT_TRUE(loadText(
         scene,

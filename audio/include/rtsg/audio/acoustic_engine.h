@@ -12,7 +12,6 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <memory>
 #include <vector>
 
@@ -49,8 +48,8 @@ struct AcousticOptions {
     bool reflections = true;
     /// Scene time of the first sample.
     double startTime = 0;
-    /// Where relative urls of clips start.
-    std::filesystem::path base;
+    /// What urls of clips may open, and where relative ones start.
+    Resources resources;
 
     static TraceOptions heardTrace() {
         TraceOptions trace;

@@ -28,8 +28,8 @@ struct AcousticState {
 class AcousticTables final : public InstanceSubscriber {
   public:
     /// `world` must outlive this, and be applied the same deltas, before this is. `defaults`: of surfaces without
-    /// AcousticProperties.
-    explicit AcousticTables(const RayWorld& world, const AcousticMaterial& defaults = {});
+    /// AcousticProperties. `resources`: where urls of clips start.
+    explicit AcousticTables(const RayWorld& world, const AcousticMaterial& defaults = {}, Resources resources = {});
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
 

@@ -1,8 +1,8 @@
 // ClipLibrary: the sounds of AudioClips, read once and converted to one rate; and playing voices from them.
 //
 // A clip that cannot be read is replaced by a test signal (a decaying noise burst each second), with a warning, so that
-// one hears where it would be. Relative urls start from the base folder; only files are read, nothing is fetched.
-// Threading: one thread.
+// one hears where it would be. What urls may open says core/resource.h; all clips together have as many samples as its
+// policy lets. Threading: one thread.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ namespace rtsg {
 
 class ClipLibrary {
   public:
-    ClipLibrary(int sampleRate, std::filesystem::path base) : sampleRate_(sampleRate), base_(std::move(base)) {}
+    ClipLibrary(int sampleRate, Resources resources) : sampleRate_(sampleRate), resources_(std::move(resources)) {}
 
     /// Mono, at the library's rate; never null.
     std::shared_ptr<const SoundBuffer> get(const SoundVoice& voice);
@@ -29,11 +29,14 @@ class ClipLibrary {
 
   private:
     std::shared_ptr<const SoundBuffer> read(const SoundVoice& voice);
+    Result<SoundBuffer> read(const SoundVoice& voice, const std::string& url);
     std::shared_ptr<const SoundBuffer> testSignal();
 
     int sampleRate_;
-    std::filesystem::path base_;
-    std::map<std::vector<std::string>, std::shared_ptr<const SoundBuffer>> clips_;
+    Resources resources_;
+    using Key = std::pair<std::vector<std::string>, std::vector<std::filesystem::path>>;
+    std::map<Key, std::shared_ptr<const SoundBuffer>> clips_;
+    std::uint64_t samplesRead_ = 0;
     std::shared_ptr<const SoundBuffer> test_;
     Diagnostics diagnostics_;
 };
@@ -47,6 +50,7 @@ class VoicePlayer {
   private:
     std::shared_ptr<const SoundBuffer> clip_;
     std::vector<std::string> urls_;
+    std::vector<std::filesystem::path> folders_;
     const void* buffer_ = nullptr;
     double phase_ = 0;  // clip: samples; oscillator: turns
     double start_ = 0;  // the startTime it plays from

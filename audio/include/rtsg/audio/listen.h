@@ -22,7 +22,7 @@ struct ListenOptions {
     double framesPerSecond = 60;  // of the scene
     bool sound = true;            // render it
     bool metrics = true;          // measure at the start
-    /// Rendering: sample rate, stereo or binaural, levels, base folder of urls, defaults of walls.
+    /// Rendering: sample rate, stereo or binaural, levels, what urls may open, defaults of walls.
     AcousticRenderer::Options render;
     /// Measuring: rays, image order, air. `seed`, `air` and walls are used for rendering too.
     TraceOptions trace;

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
@@ -23,8 +24,10 @@ struct SoundBuffer {
     float peak() const;
 };
 
-/// At most `maxSeconds` are read, so that no file can fill the memory.
-Result<SoundBuffer> readSound(const std::string& path, double maxSeconds = 3600);
+/// Refuses what has more than `maxSamples`, all channels counted: a small packed file may hold hours of silence.
+Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples = std::uint64_t{1} << 29);
+/// As above, of a file's content.
+Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples = std::uint64_t{1} << 29);
 
 enum class WavFormat : std::uint8_t { pcm16, pcm24, float32 };
 Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat format = WavFormat::pcm24);

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/flattener.h>
 
@@ -33,9 +34,10 @@ struct SoundVoice {
     enum class Kind : std::uint8_t { clip, buffer, oscillator };
     Kind kind = Kind::clip;
     NodeId node;
-    std::string name;               // DEF, or the type
-    std::vector<std::string> urls;  // clip: the first that can be read counts
-    Array<float> buffer;            // buffer: mono
+    std::string name;                            // DEF, or the type
+    std::vector<std::string> urls;               // clip: the first that can be read counts
+    std::vector<std::filesystem::path> folders;  // where they start, see Resources::foldersOf
+    Array<float> buffer;                         // buffer: mono
     double bufferRate = 48000;
     double gain = 1, pitch = 1;
     double frequency = 440;  // oscillator, Hz
@@ -98,8 +100,8 @@ struct SoundVersion {
 
 class SoundScene {
   public:
-    /// Materials go to `walls` when there are any; they must outlive this.
-    explicit SoundScene(Walls* walls = nullptr, const AcousticMaterial& defaults = {});
+    /// Materials go to `walls` when there are any; they must outlive this. `resources`: where urls of clips start.
+    explicit SoundScene(Walls* walls = nullptr, const AcousticMaterial& defaults = {}, Resources resources = {});
 
     void apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
 
@@ -120,10 +122,13 @@ class SoundScene {
     void nameEmitters();
     std::vector<SoundEmitter>& ownEmitters();
     void readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound);
+    std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node) const;
     void chooseListener(const Scene& scene);
 
     Walls* walls_;
     AcousticMaterial defaults_;
+    Resources resources_;
+    int visits_ = 0;  // of readVoices, for the sound being read
     std::unordered_map<std::uint32_t, std::shared_ptr<const SoundNode>> sounds_;  // by NodeId
     std::unordered_map<std::uint32_t, Placed> others_;                            // listeners and views, by slot
     std::unordered_map<std::uint32_t, bool> acousticsKnown_;                      // by NodeId

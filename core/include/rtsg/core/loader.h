@@ -5,10 +5,12 @@
 
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 
 #include <rtsg/core/document_handler.h>
+#include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 
 namespace rtsg {
@@ -28,7 +30,7 @@ bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handle
 
 struct LoadOptions {
     bool loadInlines = true;
-    int maximumDepth = 32;  // Inline and EXTERNPROTO nesting
+    std::optional<Resources> resources;  // none given: of loadFile Resources::ofFile(file), of loadText Resources(base)
     Progress progress;
 };
 

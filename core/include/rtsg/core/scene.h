@@ -175,8 +175,8 @@ class Scene {
     void setBehavioursEnabled(bool enabled);
     /// For the Script nodes of this scene; programs that run already start anew.
     void setScriptOptions(ScriptOptions options);
-    /// Sets ScriptOptions::base, unless it has been given; loadFile does so.
-    void setScriptBase(const std::filesystem::path& base);
+    /// Sets ScriptOptions::resources, unless they have been given; loadFile does so.
+    void setScriptResources(std::shared_ptr<const Resources> resources);
     /// Called for every event on every field, in cascade order. One listener; for tools and tests.
     using EventListener = std::function<void(double t, const Node& node, FieldIndex field, const Value& value)>;
     void setEventListener(EventListener listener);

@@ -11,19 +11,19 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <rtsg/core/document_handler.h>
+#include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 
 namespace rtsg {
 
 struct BuildOptions {
-    std::filesystem::path file;  // the document's own path, if it has one: a guard against Inlines of itself
-    std::filesystem::path base;  // folder that relative urls start from; that of `file` if empty
+    std::filesystem::path file;          // the document's own path, if it has one: a guard against Inlines of itself
+    std::optional<Resources> resources;  // what urls may open, and limits; none given: Resources::ofFile(file)
     bool loadInlines = true;
-    int maximumDepth = 32;                 // of Inlines within Inlines
-    std::size_t maximumNodes = 5'000'000;  // in PROTO bodies: instances of instances grow without bound
 };
 
 class SceneBuilder final : public DocumentHandler {

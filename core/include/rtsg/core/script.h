@@ -1,4 +1,4 @@
-// How Script nodes are run: limits, output, and where their files are.
+// How Script nodes are run: limits, output, and what files they may come from.
 //
 // A scene runs the ECMAScript of its Script nodes by itself, in an engine of its own that comes into being with the
 // first of them; a scene without scripts pays nothing. What a script does is changes of the scene like any others, made
@@ -9,11 +9,13 @@
 #pragma once
 
 #include <cstddef>
-#include <filesystem>
 #include <functional>
+#include <memory>
 #include <string_view>
 
 namespace rtsg {
+
+class Resources;
 
 struct ScriptOptions {
     bool enabled = true;
@@ -22,9 +24,8 @@ struct ScriptOptions {
     /// Bytes that all scripts of one thread may hold, in objects and in the contents of arrays and strings, and by which
     /// one call may let the process grow. Read when the first script of the thread runs.
     std::size_t heapLimit = std::size_t{256} << 20;
-    /// Folder that relative urls of script files start from; that of the first file loaded, if empty. No other urls are
-    /// followed.
-    std::filesystem::path base;
+    /// What urls of scripts may open; that of the first document loaded, if null. A scene without either opens none.
+    std::shared_ptr<const Resources> resources;
     /// Gets what scripts print, as it comes; standard output if empty.
     std::function<void(std::string_view)> print;
 };

@@ -27,7 +27,7 @@ struct ImageOptions {
 class Imager {
   public:
     struct Options {
-        std::filesystem::path folder;  // where relative urls of textures start: the document's
+        Resources resources;  // what urls of textures may open, and where relative ones start
         RayWorld::Options world;
         MeshSource meshes;  // none: tessellate()
     };

@@ -9,11 +9,11 @@
 // Differs from 17.2.2 in that light from behind a surface gives no specular term, and in what Material's header says.
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
 
+#include <rtsg/core/resource.h>
 #include <rtsg/renderers/camera.h>
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/material.h>
@@ -50,8 +50,8 @@ struct RenderStats {
 
 class LightTracer final : public InstanceSubscriber {
   public:
-    /// `folder`: where relative urls of textures start.
-    explicit LightTracer(std::filesystem::path folder = {});
+    /// `resources`: what urls of textures may open.
+    explicit LightTracer(Resources resources = {});
     ~LightTracer() override;
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;

@@ -38,11 +38,15 @@ class Texture {
     /// Linear RGBA, row by row from the lower left.
     static Result<Texture> fromFloats(std::vector<Vec4f> pixels, int width, int height, int channels = 4);
     static Result<Texture> fromImage(const Image& image, Content content = Content::color);
-    /// Anything that OpenImageIO reads; half, float and 16-bit pictures keep their range.
-    static Result<Texture> fromFile(const std::filesystem::path& file, Content content = Content::color);
-    /// The bytes of a picture file, from a `data:` url say.
+    /// Anything that OpenImageIO reads; half, float and 16-bit pictures keep their range. Refuses more than
+    /// `maximumPixels` before it takes memory for them: up to 10 bytes a pixel while reading; pictures with more than 8
+    /// bits a channel take, and count, four times as much.
+    static Result<Texture> fromFile(const std::filesystem::path& file, Content content = Content::color,
+                                    std::uint64_t maximumPixels = std::uint64_t{1} << 26);
+    /// The bytes of a picture file. `name`: its extension says the format.
     static Result<Texture> fromMemory(std::span<const std::uint8_t> file, const std::string& name,
-                                      Content content = Content::color);
+                                      Content content = Content::color,
+                                      std::uint64_t maximumPixels = std::uint64_t{1} << 26);
 
     int width() const { return levels_.empty() ? 0 : levels_[0].width; }
     int height() const { return levels_.empty() ? 0 : levels_[0].height; }
@@ -52,6 +56,8 @@ class Texture {
     /// Whether any pixel is neither wholly opaque nor wholly clear.
     bool hasPartialAlpha() const { return hasPartialAlpha_; }
     std::size_t bytes() const;
+    /// Of the finest level: 4, or 16 for pictures with more than 8 bits a channel.
+    unsigned bytesPerPixel() const { return levels_.empty() || levels_[0].linear.empty() ? 4 : 16; }
 
     /// `footprint`: side of the pixel's image on the texture, as a share of the texture's own side; picks the level.
     /// 0: the finest. Coordinates that are not finite give the colour at 0, 0.

@@ -1,0 +1,112 @@
+// What the urls of a scene may open: one rule for Inline, EXTERNPROTO, Script, textures and sounds.
+//
+// A relative url starts from the folder of the document that holds it. Whoever loads a document into an Inline or an
+// EXTERNPROTO instance leaves the url that led to it in the hidden field `loadedUrl` of that node, so the folder is
+// found from the scene alone, by walking out through the scopes: a replica finds the same one below its own base
+// folder. A url handed into a PROTO by IS starts from the document of the instance, then from that of the PROTO.
+// Regular files below one of the policy's roots are opened, and `data:`; what was opened is what is checked, so neither
+// `..`, nor a symbolic link, nor a swap between check and opening leads out. Nothing is ever fetched from a network.
+// Threading: values; all calls are const. Source: RFC 3986, RFC 8089, RFC 2397; 19775-1 V4.0 9.2.1.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/node_type.h>
+
+namespace rtsg {
+
+class Node;
+class Scene;
+
+struct ResourcePolicy {
+    /// Regular files in these folders and below may be opened. None: no file at all.
+    std::vector<std::filesystem::path> roots;
+    std::uint64_t maximumBytes = std::uint64_t{1} << 30;    // of one file that a url names
+    std::uint64_t maximumPixels = std::uint64_t{1} << 28;   // of all pictures of a scene at once; one may have a fourth
+    std::uint64_t maximumSamples = std::uint64_t{1} << 28;  // of all sounds of a scene at once, all channels
+    std::uint64_t maximumNodes = 5'000'000;                 // in Inlines and PROTO bodies, which may repeat without end
+    std::uint64_t maximumInstances = 2'000'000;             // shapes and the like, one per path from the root
+    std::uint64_t maximumDepth = 32;                        // of documents within documents
+};
+
+/// A regular file, opened and checked, or the content of a `data:` url. Move only.
+class Resource {
+  public:
+    Resource(Resource&& other) noexcept;
+    Resource& operator=(Resource&& other) noexcept;
+    ~Resource();
+
+    /// Where it really is, links resolved; empty for `data:`.
+    const std::filesystem::path& path() const { return path_; }
+    /// For diagnostics: the path, or the head of a `data:` url.
+    const std::string& name() const { return name_; }
+    /// Of a `data:` url, such as image/png.
+    const std::string& mediaType() const { return mediaType_; }
+    /// What follows `#`, decoded.
+    const std::string& fragment() const { return fragment_; }
+    /// The content; once. Errors: more bytes than the policy lets, or what the system says.
+    Result<std::string> read();
+
+  private:
+    friend class Resources;
+    Resource() = default;
+
+    int descriptor_ = -1;
+    std::filesystem::path path_;
+    std::string name_, mediaType_, fragment_, data_;
+    std::uint64_t limit_ = 0;
+};
+
+class Resources {
+  public:
+    /// Nothing but `data:` urls.
+    Resources() = default;
+    /// What is below `folder`, which relative urls start from; as without arguments if it is empty.
+    Resources(const std::filesystem::path& folder);  // NOLINT(google-explicit-constructor): a folder says it all
+    /// `folder` is only where relative urls start; what may be opened is up to the policy.
+    Resources(const std::filesystem::path& folder, ResourcePolicy policy);
+    /// For a document that the user named: what is below its own folder and below the working folder. "-" has no folder
+    /// but the working folder.
+    static Resources ofFile(const std::filesystem::path& file, ResourcePolicy policy = {});
+
+    const std::filesystem::path& folder() const { return folder_; }
+    const ResourcePolicy& policy() const { return policy_; }
+
+    /// `from`: the folder of the document that holds the url. Errors: a sentence that says why, and which --allow
+    /// helps.
+    Result<Resource> open(const std::filesystem::path& from, std::string_view url) const;
+    /// As above, for a url in `field` of a node.
+    Result<Resource> open(const Scene& scene, const Node& node, FieldIndex field, std::string_view url) const;
+
+    /// Where the relative urls of `field` of a node start: one folder, or several to be tried in turn for a url that
+    /// came by IS.
+    std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node, FieldIndex field) const;
+    /// The folder of the document whose nodes have this scope.
+    std::filesystem::path folderOf(const Scene& scene, NodeId scope) const;
+    /// Looks for the folder of the document behind a url that has been opened.
+    static std::filesystem::path folderBehind(const std::filesystem::path& from, std::string_view url);
+
+  private:
+    Result<std::filesystem::path> locate(const std::filesystem::path& from, std::string_view path,
+                                         std::string_view url) const;
+    bool allows(const std::filesystem::path& file) const;
+
+    std::filesystem::path folder_;
+    ResourcePolicy policy_;
+    std::vector<std::filesystem::path> real_;  // the roots, links resolved
+};
+
+/// `inner`, which stands in the document behind `outer`, as seen from where `outer` stands. Without its fragment.
+std::string joinUrls(std::string_view outer, std::string_view inner);
+/// What follows `#`, decoded.
+std::string urlFragment(std::string_view url);
+/// Writes a url short enough for a message.
+std::string urlForMessage(std::string_view url);
+
+}  // namespace rtsg

@@ -1,0 +1,246 @@
+// Opening what a url names, or saying why not; and finding the folder that a node's urls start from.
+#include <rtsg/core/resource.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/scene.h>
+
+#include "resource_url.h"
+#include "value/read_descriptor.h"
+
+namespace rtsg {
+
+namespace {
+
+/// An IS chain, or scopes within scopes, longer than any document makes: a forged circle.
+constexpr int kMostSteps = 256;
+
+bool isBelow(const std::filesystem::path& file, const std::filesystem::path& folder) {
+    return std::ranges::mismatch(folder, file).in1 == folder.end();
+}
+
+std::filesystem::path withoutSlash(const std::filesystem::path& folder) {
+    return folder.has_filename() || !folder.has_relative_path() ? folder : folder.parent_path();
+}
+
+std::filesystem::path realFolder(const std::filesystem::path& folder) {
+    std::error_code problem;
+    auto real = std::filesystem::weakly_canonical(std::filesystem::absolute(folder, problem), problem);
+    return problem ? std::filesystem::path() : withoutSlash(real);
+}
+
+const char* kindOf(mode_t mode) {
+    if (S_ISDIR(mode)) return "a folder";
+    if (S_ISCHR(mode) || S_ISBLK(mode)) return "a device";
+    if (S_ISFIFO(mode)) return "a pipe";
+    if (S_ISSOCK(mode)) return "a socket";
+    return "something else";
+}
+
+/// Closes what it holds at the end.
+struct Descriptor {
+    int number = -1;
+    explicit Descriptor(int opened) : number(opened) {}
+    ~Descriptor() {
+        if (number >= 0) ::close(number);
+    }
+    Descriptor(const Descriptor&) = delete;
+    Descriptor& operator=(const Descriptor&) = delete;
+};
+
+std::string hiddenText(const Node& node, std::string_view name) {
+    const FieldIndex field = node.type().findExact(name);
+    if (field == kNoField || !node.type().fields[field].hidden || node.type().fields[field].type != FieldType::SFString)
+        return {};
+    return static_cast<const String*>(node.storage(field))->str();
+}
+
+}  // namespace
+
+// ---- Resource --------------------------------------------------------------------------------------------------
+
+Resource::Resource(Resource&& other) noexcept
+    : descriptor_(std::exchange(other.descriptor_, -1)),
+      path_(std::move(other.path_)),
+      name_(std::move(other.name_)),
+      mediaType_(std::move(other.mediaType_)),
+      fragment_(std::move(other.fragment_)),
+      data_(std::move(other.data_)),
+      limit_(other.limit_) {}
+
+Resource& Resource::operator=(Resource&& other) noexcept {
+    std::swap(descriptor_, other.descriptor_);
+    path_ = std::move(other.path_);
+    name_ = std::move(other.name_);
+    mediaType_ = std::move(other.mediaType_);
+    fragment_ = std::move(other.fragment_);
+    data_ = std::move(other.data_);
+    limit_ = other.limit_;
+    return *this;
+}
+
+Resource::~Resource() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+Result<std::string> Resource::read() {
+    if (descriptor_ < 0) return std::move(data_);
+    auto text = detail::readDescriptor(descriptor_, limit_);
+    ::close(std::exchange(descriptor_, -1));
+    if (!text) return fail(fmt::format("{}: {}", name_, text.error().text));
+    return text;
+}
+
+// ---- Resources -------------------------------------------------------------------------------------------------
+
+Resources::Resources(const std::filesystem::path& folder) {
+    if (folder.empty()) return;
+    policy_.roots = {folder};
+    *this = Resources(folder, std::move(policy_));
+}
+
+Resources::Resources(const std::filesystem::path& folder, ResourcePolicy policy) : policy_(std::move(policy)) {
+    if (!folder.empty()) folder_ = realFolder(folder);
+    for (const auto& root : policy_.roots) real_.push_back(realFolder(root));
+    std::erase_if(real_, [](const auto& root) { return root.empty(); });
+}
+
+Resources Resources::ofFile(const std::filesystem::path& file, ResourcePolicy policy) {
+    std::filesystem::path folder = file.parent_path();
+    if (folder.empty()) folder = ".";
+    policy.roots.push_back(folder);
+    policy.roots.emplace_back(".");
+    return {folder, std::move(policy)};
+}
+
+bool Resources::allows(const std::filesystem::path& file) const {
+    return std::ranges::any_of(real_, [&](const auto& root) { return isBelow(file, root); });
+}
+
+Result<std::filesystem::path> Resources::locate(const std::filesystem::path& from, std::string_view path,
+                                                std::string_view url) const {
+    if (path.empty()) return fail(fmt::format("'{}' names no file", url));
+    if (path.find('\0') != path.npos) return fail(fmt::format("'{}' holds a zero byte", url));
+    const std::filesystem::path named(path);
+    if (named.is_relative() && from.empty())
+        return fail(fmt::format("'{}' is relative, and nothing says to which folder; --base does", url));
+    std::filesystem::path full = named.is_absolute() ? named : from / named;
+    // Nothing is touched that is outside by its name alone; what links make of the rest shows once it is opened.
+    const auto normal = full.lexically_normal();
+    const bool inside =
+        allows(normal) || std::ranges::any_of(policy_.roots, [&](const auto& root) {
+            std::error_code ignored;
+            return isBelow(normal, withoutSlash(std::filesystem::absolute(root, ignored).lexically_normal()));
+        });
+    if (!inside)
+        return fail(fmt::format("'{}' is outside the folders that may be opened; --allow {} opens them to it", url,
+                                normal.parent_path().string()));
+    return full;
+}
+
+Result<Resource> Resources::open(const std::filesystem::path& from, std::string_view url) const {
+    detail::UrlParts parts = detail::splitUrl(url);
+    const std::string shown = urlForMessage(url);
+    Resource resource;
+    resource.fragment_ = std::move(parts.fragment);
+    resource.limit_ = policy_.maximumBytes;
+    if (parts.kind == detail::UrlParts::Kind::data) {
+        auto data = detail::decodeDataUrl(url);
+        if (!data) return fail(fmt::format("'{}' is no well-formed data: url", shown));
+        if (data->bytes.size() > policy_.maximumBytes)
+            return fail(
+                fmt::format("'{}' has more than {} bytes; --limit bytes=N raises this", shown, policy_.maximumBytes));
+        resource.name_ = "data:" + data->mediaType;
+        resource.mediaType_ = std::move(data->mediaType);
+        resource.data_ = std::move(data->bytes);
+        return resource;
+    }
+    if (parts.kind == detail::UrlParts::Kind::other)
+        return fail(fmt::format("'{}' is not a local file, and nothing is fetched from a network", shown));
+    const auto full = locate(from, parts.path, shown);
+    if (!full) return std::unexpected(full.error());
+
+    // First without opening it in earnest: a device acts, and a pipe waits, when it is opened.
+    const Descriptor place(::open(full->c_str(), O_PATH | O_CLOEXEC));
+    if (place.number < 0) {
+        if (errno == ENOENT || errno == ENOTDIR)
+            return fail(fmt::format("'{}' is not there (looked for {})", shown, full->string()));
+        return fail(fmt::format("'{}' cannot be opened: {}", shown, std::strerror(errno)));
+    }
+    struct stat status{};
+    if (fstat(place.number, &status) != 0) return fail(fmt::format("'{}': {}", shown, std::strerror(errno)));
+    const std::string handle = fmt::format("/proc/self/fd/{}", place.number);
+    std::error_code problem;
+    resource.path_ = std::filesystem::read_symlink(handle, problem);
+    if (problem) return fail(fmt::format("'{}' is not opened: without /proc it is not known where it is", shown));
+    if (!allows(resource.path_))
+        return fail(fmt::format("'{}' leads to {}, outside the folders that may be opened; --allow {} opens them to it",
+                                shown, resource.path_.string(), resource.path_.parent_path().string()));
+    if (!S_ISREG(status.st_mode)) return fail(fmt::format("'{}' is {}, not a file", shown, kindOf(status.st_mode)));
+    if (static_cast<std::uint64_t>(status.st_size) > policy_.maximumBytes)
+        return fail(
+            fmt::format("'{}' has more than {} bytes; --limit bytes=N raises this", shown, policy_.maximumBytes));
+    resource.descriptor_ = ::open(handle.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+    if (resource.descriptor_ < 0) return fail(fmt::format("'{}' cannot be opened: {}", shown, std::strerror(errno)));
+    resource.name_ = resource.path_.string();
+    return resource;
+}
+
+Result<Resource> Resources::open(const Scene& scene, const Node& node, FieldIndex field, std::string_view url) const {
+    Result<Resource> first = fail({});
+    bool tried = false;
+    for (const auto& folder : foldersOf(scene, node, field)) {
+        auto resource = open(folder, url);
+        if (resource) return resource;
+        if (!std::exchange(tried, true)) first = std::move(resource);
+    }
+    return first;
+}
+
+// ---- folders of documents ---------------------------------------------------------------------------------------
+
+std::filesystem::path Resources::folderBehind(const std::filesystem::path& from, std::string_view url) {
+    const detail::UrlParts parts = detail::splitUrl(url);
+    if (parts.kind != detail::UrlParts::Kind::file) return {};
+    const std::filesystem::path path(parts.path);
+    if (path.is_absolute()) return path.parent_path();
+    return from.empty() ? std::filesystem::path() : withoutSlash(from / path.parent_path());
+}
+
+std::filesystem::path Resources::folderOf(const Scene& scene, NodeId scope) const {
+    std::vector<std::string> urls;  // innermost first
+    const Node* node = scene.find(scope);
+    for (int steps = 0; node && steps < kMostSteps; ++steps, node = scene.find(node->scope()))
+        if (std::string url = hiddenText(*node, "loadedUrl"); !url.empty()) urls.push_back(std::move(url));
+    std::filesystem::path folder = folder_;
+    for (auto url = urls.rbegin(); url != urls.rend(); ++url) folder = folderBehind(folder, *url);
+    return folder;
+}
+
+std::vector<std::filesystem::path> Resources::foldersOf(const Scene& scene, const Node& node, FieldIndex field) const {
+    std::vector<std::filesystem::path> folders{folderOf(scene, node.scope())};
+    const Node* at = &node;
+    for (int steps = 0; at && steps < kMostSteps; ++steps) {
+        const auto routes = scene.routesTo(at->id());
+        const auto from =
+            std::ranges::find_if(routes, [&](const Route& r) { return r.isConnection && r.toField == field; });
+        if (from == routes.end()) break;
+        at = scene.find(from->fromNode);
+        field = from->fromField;
+        if (!at) break;
+        if (auto folder = folderOf(scene, at->scope()); folder != folders.front())
+            folders.insert(folders.begin(), std::move(folder));
+    }
+    return folders;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,124 @@
+// What the urls of a scene may open, through the program.
+#include <gmock/gmock.h>
+#include <sys/stat.h>
+
+#include "app/program.h"
+
+namespace rtsg::test {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+/// A scene in a folder of its own, and something beside it that is none of its business. The working folder is neither.
+class ResourceOptions : public CommandLine {
+  protected:
+    void SetUp() override {
+        std::filesystem::create_directories(folder / "scene/parts");
+        std::filesystem::create_directories(folder / "other");
+        writeFile(folder / "other/secret.x3dv", "password hunter2\n");
+        writeFile(folder / "other/group.x3dv", "#X3D V4.0 utf8\nPROFILE Full\nGroup { children Group { } }\n");
+        writeFile(folder / "other/program.js", "function initialize() { print('ran'); }\n");
+        writeFile(folder / "other/tone.wav", wav());
+    }
+    std::string document(const std::string& text, const std::string& name = "main.x3dv") {
+        writeFile(folder / ("scene/" + name), "#X3D V4.0 utf8\nPROFILE Full\n" + text);
+        return folder / ("scene/" + name);
+    }
+    /// A hundred samples, 16 bits, mono, 8 kHz.
+    static std::string wav() {
+        using namespace std::string_literals;
+        return "RIFF\xEC\0\0\0WAVEfmt \x10\0\0\0\1\0\1\0\x40\x1F\0\0\x80\x3E\0\0\2\0\x10\0data\xC8\0\0\0"s +
+               std::string(200, '\x20');
+    }
+};
+
+TEST_F(ResourceOptions, AnInlineOutsideIsRefusedUnlessAllowed) {
+    const std::string file = document("Inline { url \"../other/group.x3dv\" }");
+    const Outcome refused = rtsg({"info", "--json", file});
+    EXPECT_EQ(refused.status, 0);
+    EXPECT_THAT(refused.out, HasSubstr("\"nodes\":1,"));
+    EXPECT_THAT(refused.err, HasSubstr("main.x3dv:3:1: error: Inline: '../other/group.x3dv' is outside"));
+    EXPECT_THAT(refused.err, HasSubstr("--allow " + folder / "other"));
+    const Outcome allowed = rtsg({"info", "--json", file, "--allow", folder / "other"});
+    EXPECT_EQ(allowed.err, "");
+    EXPECT_THAT(allowed.out, HasSubstr("\"nodes\":3,"));
+}
+
+TEST_F(ResourceOptions, AnInlineOfATextFilePrintsNoLineOfIt) {
+    const std::string file = document("Inline { url [ \"../other/secret.x3dv\" \"file:///etc/passwd\" ] }");
+    for (const auto& more : {std::vector<std::string>{}, {"--allow", folder / "other", "--allow", "/etc"}}) {
+        std::vector<std::string> arguments{"info", file};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_THAT(outcome.err, HasSubstr("Inline: '../other/secret.x3dv' is"));
+        EXPECT_THAT(outcome.err, Not(HasSubstr("hunter2")));
+        EXPECT_THAT(outcome.err, Not(HasSubstr("root")));
+    }
+}
+
+TEST_F(ResourceOptions, DevicesAndPipesEndNothing) {
+    ASSERT_EQ(::mkfifo((folder / "scene/pipe").c_str(), 0600), 0);
+    const std::string file = document("Script { url \"/dev/zero\" }\nScript { url \"pipe\" }\nInline { url \"pipe\" }");
+    const Outcome outcome = rtsg({"run", file, "--for", "0.1s", "--allow", "/dev"});
+    EXPECT_EQ(outcome.status, 0);
+    EXPECT_THAT(outcome.err, HasSubstr("'/dev/zero' is a device, not a file"));
+    EXPECT_THAT(outcome.err, HasSubstr("'pipe' is a pipe, not a file"));
+}
+
+TEST_F(ResourceOptions, ScriptsComeFromTheSamePlaces) {
+    const std::string file = document("Script { url \"../other/program.js\" }");
+    const Outcome refused = rtsg({"run", file, "--for", "0.1s"});
+    EXPECT_THAT(refused.out, Not(HasSubstr("ran")));
+    EXPECT_THAT(refused.err, HasSubstr("--allow " + folder / "other"));
+    EXPECT_THAT(rtsg({"run", file, "--for", "0.1s", "--allow", folder / "other"}).out, HasSubstr("ran"));
+}
+
+TEST_F(ResourceOptions, ASoundOfAnInlinedFileIsFoundBesideIt) {
+    document("Sound { source DEF CLIP AudioClip { url \"tone.wav\" } }", "parts/part.x3dv");
+    const std::string file = document("Viewpoint { position 0 0 3 }\nInline { url \"parts/part.x3dv\" }");
+    writeFile(folder / "scene/parts/tone.wav", wav());
+    const Outcome found = rtsg({"listen", file, "-o", folder / "a.wav", "--for", "0.1s", "--rays", "10"});
+    EXPECT_EQ(found.status, 0);
+    EXPECT_THAT(found.err, Not(HasSubstr("test signal")));
+    // One beside the outer document is not meant.
+    std::filesystem::rename(folder / "scene/parts/tone.wav", folder / "scene/tone.wav");
+    const Outcome missing = rtsg({"listen", file, "-o", folder / "a.wav", "--for", "0.1s", "--rays", "10"});
+    EXPECT_THAT(missing.err, HasSubstr("'tone.wav' is not there (looked for " + folder / "scene/parts/tone.wav"));
+}
+
+TEST_F(ResourceOptions, AMirrorOpensNothingThatItWasNotAllowed) {
+    const std::string file = document("Viewpoint { position 0 0 3 }\nSound { source AudioClip { url [ \"" +
+                                      (folder / "other/tone.wav") + "\" \"/etc/passwd\" \"tone.wav\" ] } }");
+    Program server({"serve", file, "--for", "20s"}, streams());
+    const std::string line = server.firstLine();
+    const std::string endpoint = line.substr(line.rfind(' ') + 1);
+    const std::vector<std::string> listening{"mirror",   endpoint,         "--for",  "0.2s",
+                                             "--listen", folder / "m.wav", "--rays", "10"};
+    const Outcome closed = rtsg(listening);
+    EXPECT_THAT(closed.err, HasSubstr("'" + (folder / "other/tone.wav") + "' is outside"));
+    EXPECT_THAT(closed.err, HasSubstr("--allow " + folder / "other"));
+    EXPECT_THAT(closed.err, HasSubstr("'/etc/passwd' is outside"));
+    EXPECT_THAT(closed.err, HasSubstr("'tone.wav' is relative"));
+    for (const char* option : {"--allow", "--base"}) {
+        std::vector<std::string> open = listening;
+        open.insert(open.end(), {option, folder / "other"});
+        EXPECT_THAT(rtsg(open).err, Not(HasSubstr("test signal"))) << option;
+    }
+}
+
+TEST_F(ResourceOptions, LimitsAreRaisedByAnOption) {
+    document("Group { } Group { } Group { }", "part.x3dv");
+    const std::string file = document("Inline { url \"part.x3dv\" }");
+    const Outcome few = rtsg({"info", "--json", file, "--limit", "nodes=2"});
+    EXPECT_THAT(few.err, HasSubstr("more than 2 nodes"));
+    EXPECT_THAT(few.out, HasSubstr("\"nodes\":3,"));
+    EXPECT_EQ(rtsg({"info", file, "--limit", "nodes=3"}).err, "");
+    EXPECT_THAT(rtsg({"info", file, "--limit", "bytes=10"}).err, HasSubstr("more than 10 bytes"));
+    EXPECT_EQ(rtsg({"info", file, "--limit", "nodes"}).status, 2);
+    EXPECT_EQ(rtsg({"info", file, "--limit", "knots=3"}).status, 2);
+    EXPECT_EQ(rtsg({"info", file, "--allow", folder / "nowhere"}).status, 2);
+}
+
+}  // namespace
+}  // namespace rtsg::test
