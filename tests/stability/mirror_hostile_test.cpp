@@ -1,18 +1,15 @@
 // Peers that mean harm, in numbers: the server neither crashes nor stalls nor grows, and who follows honestly notices
 // nothing. What single malformed messages do is in tests/sync/mirror_hostile_test.cpp.
-#include <cstring>
-#include <fstream>
 #include <random>
 
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <rtsg/core/x3d.h>
 
 #include "support/own_heap.h"
+#include "support/resident_bytes.h"
+#include "support/stranger.h"
 #include "sync/mirror/mirror_support.h"
 
 namespace rtsg {
@@ -20,16 +17,12 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::pollUntilAt;
+using test::RawConnection;
+using test::residentBytes;
+using test::Stranger;
 
 /// What a flood may not add. AddressSanitizer keeps 256 MiB of what was freed.
 constexpr std::size_t kMuch = std::size_t{RTSG_HEAP_IS_OURS ? 128 : 640} << 20;
-
-std::size_t residentBytes() {
-    std::ifstream statm("/proc/self/statm");
-    std::size_t pages = 0;
-    statm >> pages >> pages;
-    return pages * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
-}
 
 /// A scene, its server and an honest replica, which has to get every frame in good time.
 struct Served {
@@ -57,61 +50,7 @@ struct Served {
         EXPECT_EQ(client->statistics().gaps, 0u);
         EXPECT_EQ(client->statistics().snapshots, 1u);
     }
-    int port() const { return std::stoi(server->endpoint().substr(server->endpoint().rfind(':') + 1)); }
-};
-
-class Raw {
-  public:
-    explicit Raw(int port) : descriptor_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-        sockaddr_in address{};
-        address.sin_family = AF_INET;
-        address.sin_port = htons(static_cast<std::uint16_t>(port));
-        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        connected = ::connect(descriptor_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0;
-    }
-    ~Raw() { ::close(descriptor_); }
-    Raw(const Raw&) = delete;
-    Raw& operator=(const Raw&) = delete;
-    void send(std::string_view bytes) const {
-        (void)!::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-    }
-    bool connected = false;
-
-  private:
-    int descriptor_;
-};
-
-/// ZMTP 3.0 (RFC 23): greeting with the NULL mechanism, then READY as a DEALER.
-std::string greeting() {
-    std::string text("\xFF\0\0\0\0\0\0\0\x01\x7F\x03\0NULL", 16);
-    text.resize(64, '\0');
-    return text;
-}
-std::string ready() {
-    const std::string body = std::string("\x05READY\x0BSocket-Type\0\0\0\x06", 22) + "DEALER";
-    return std::string("\x04", 1) + static_cast<char>(body.size()) + body;
-}
-
-/// A ZeroMQ peer that says what it likes.
-class Stranger {
-  public:
-    explicit Stranger(const std::string& endpoint)
-        : context_(zmq_ctx_new()), socket_(zmq_socket(context_, ZMQ_DEALER)) {
-        const int linger = 0, timeout = 1000;
-        zmq_setsockopt(socket_, ZMQ_LINGER, &linger, sizeof(linger));
-        zmq_setsockopt(socket_, ZMQ_SNDTIMEO, &timeout, sizeof(timeout));
-        zmq_connect(socket_, endpoint.c_str());
-    }
-    ~Stranger() {
-        zmq_close(socket_);
-        zmq_ctx_term(context_);
-    }
-    void say(std::string_view text, bool more = false) {
-        zmq_send(socket_, text.data(), text.size(), more ? ZMQ_SNDMORE : 0);
-    }
-
-  private:
-    void *context_, *socket_;
+    int port() const { return test::portOf(server->endpoint()); }
 };
 
 std::string message(int type, std::initializer_list<std::uint64_t> numbers, std::string_view rest = {}) {
@@ -135,13 +74,13 @@ TEST(MirrorHostileStability, AThousandConnectionsThatSayLittleOrNothing) {
     if (limit.rlim_cur < 3000) GTEST_SKIP() << "only " << limit.rlim_cur << " files may be open";
     Served served;
     const std::size_t before = residentBytes();
-    std::vector<std::unique_ptr<Raw>> all;
+    std::vector<std::unique_ptr<RawConnection>> all;
     for (int i = 0; i < 1000; ++i) {
-        all.push_back(std::make_unique<Raw>(served.port()));
+        all.push_back(std::make_unique<RawConnection>(served.port()));
         ASSERT_TRUE(all.back()->connected) << i;
-        if (i % 4 == 1) all.back()->send(greeting().substr(0, static_cast<std::size_t>(i) % 64));
-        if (i % 4 == 2) all.back()->send(greeting());
-        if (i % 4 == 3) all.back()->send(greeting() + ready());
+        if (i % 4 == 1) all.back()->send(test::zmtpGreeting().substr(0, static_cast<std::size_t>(i) % 64));
+        if (i % 4 == 2) all.back()->send(test::zmtpGreeting());
+        if (i % 4 == 3) all.back()->send(test::zmtpGreeting() + test::zmtpReady());
         if (i % 100 == 0) served.step();
     }
     served.step();
@@ -153,16 +92,52 @@ TEST(MirrorHostileStability, AThousandConnectionsThatSayLittleOrNothing) {
 TEST(MirrorHostileStability, LengthsThatNobodyHasBytesFor) {
     Served served;
     const std::size_t before = residentBytes();
-    std::vector<std::unique_ptr<Raw>> all;
+    std::vector<std::unique_ptr<RawConnection>> all;
     for (const std::string& length :
          {std::string("\x7F\xFF\xFF\xFF\xFF\xFF\xFF\xFF", 8), std::string("\0\0\0\x10\0\0\0\0", 8),
           std::string("\0\0\0\0\x7F\xFF\xFF\xFF", 8), std::string(8, '\xFF')})
         for (int i = 0; i < 20; ++i) {
-            all.push_back(std::make_unique<Raw>(served.port()));
-            all.back()->send(greeting() + ready() + std::string("\x02", 1) + length + "x");
+            all.push_back(std::make_unique<RawConnection>(served.port()));
+            all.back()->send(test::zmtpGreeting() + test::zmtpReady() + std::string("\x02", 1) + length + "x");
         }
     for (int i = 0; i < 10; ++i) served.step();
     EXPECT_LT(residentBytes(), before + (std::size_t{64} << 20));
+}
+
+/// ZeroMQ keeps the parts of a message until the last has come, in 64 bytes or more each, and counts them nowhere.
+TEST(MirrorHostileStability, AMessageThatNeverEndsCostsItsConnection) {
+    Served served;
+    const std::size_t before = residentBytes();
+    std::string parts;
+    for (int i = 0; i < (1 << 20) / 3; ++i) parts += "\x01\x01x";
+    RawConnection endless(served.port());
+    ASSERT_TRUE(endless.send(test::zmtpGreeting() + test::zmtpReady()));
+    served.step();
+    constexpr std::size_t kEnough = std::size_t{200} << 20;  // 4 GiB in the server
+    std::size_t sent = 0;
+    // The server's end is closed at once; this end may hear of that later.
+    while (sent < kEnough && served.server->statistics().garbage == 0) {
+        sent += endless.send(std::string_view(parts).substr(sent % 3)).value_or(0);
+        served.step();
+    }
+    EXPECT_LT(sent, kEnough) << "the connection goes on";
+    EXPECT_LT(residentBytes(), before + kMuch);
+    served.step();
+}
+
+TEST(MirrorHostileStability, LongHonestRequestsAreNoMessageWithoutEnd) {
+    Served served;
+    Stranger wordy(served.server->endpoint());
+    wordy.say(hello(5));
+    for (std::uint64_t request = 1; request <= 40; ++request) {
+        for (std::uint64_t offset = 0; offset < 1 << 20; offset += 8 << 10) {
+            wordy.say(message(9, {5, request, 1 << 20, offset}), true);
+            wordy.say(std::string(8 << 10, 'x'));
+        }
+        served.step();
+    }
+    EXPECT_EQ(served.server->statistics().garbage, 0u);
+    EXPECT_EQ(served.server->statistics().peers, 2u);
 }
 
 TEST(MirrorHostileStability, MessagesOfEveryTypeWithNumbersOfEveryKind) {

@@ -1,3 +1,4 @@
+// Lets in whose key is on the list, and counts the connections that never became any.
 #include "gate.h"
 
 #include <algorithm>
@@ -23,8 +24,8 @@ Result<> MirrorGate::guard(ZmqSocket& router, const MirrorKeys* keys) {
         router.set(ZMQ_CURVE_SECRETKEY, keys->serverSecret);
     }
     monitor_.set(ZMQ_LINGER, 0);
-    constexpr int events =
-        ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
+    constexpr int events = ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL |
+                           ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_DISCONNECTED;
     if (zmq_socket_monitor(router.get(), kMonitorEndpoint, events) != 0 ||
         zmq_connect(monitor_.get(), kMonitorEndpoint) != 0)
         return std::unexpected(zmqFailure("cannot watch connections"));
@@ -70,9 +71,18 @@ MirrorGate::Failures MirrorGate::failures() {
         ZmqMessage event;
         if (!monitor_.receive(event)) return result;
         std::uint16_t what = 0;
-        if (event.bytes().size() >= 2) std::memcpy(&what, event.bytes().data(), 2);
+        std::int32_t value = 0;  // the connection's descriptor, for those two
+        if (event.bytes().size() >= sizeof(what) + sizeof(value)) {
+            std::memcpy(&what, event.bytes().data(), sizeof(what));
+            std::memcpy(&value, event.bytes().data() + sizeof(what), sizeof(value));
+        }
         monitor_.skipRest(event);
-        ++(what == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH ? result.refused : result.garbage);
+        if (what == ZMQ_EVENT_ACCEPTED)
+            connections_.opened(value);
+        else if (what == ZMQ_EVENT_DISCONNECTED)
+            connections_.closed(value);
+        else
+            ++(what == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH ? result.refused : result.garbage);
     }
 }
 

@@ -1,5 +1,5 @@
-// Who gets in: the ZAP handler of an encrypted mirror (ZeroMQ RFC 27) and the watch over connections that never
-// became peers.
+// Who gets in, and who is shown out: the ZAP handler of an encrypted mirror (ZeroMQ RFC 27), the watch over connections
+// that never became peers, and over those that send a message without end.
 //
 // Invariant: with keys, a connection's user id is its public key, and only keys on the list get one.
 // Threading: the thread of the socket that is watched.
@@ -10,6 +10,7 @@
 
 #include <rtsg/sync/mirror_keys.h>
 
+#include "connection_watch.h"
 #include "zmq_socket.h"
 
 namespace rtsg {
@@ -28,11 +29,14 @@ class MirrorGate {
         std::uint64_t refused = 0, garbage = 0;
     };
     Failures failures();
+    ConnectionWatch& connections() { return connections_; }
+    const ConnectionWatch& connections() const { return connections_; }
     void* zap() const { return zap_.get(); }
     void* monitor() const { return monitor_.get(); }
 
   private:
     ZmqSocket zap_, monitor_;
+    ConnectionWatch connections_;
     const MirrorKeys* keys_ = nullptr;
 };
 

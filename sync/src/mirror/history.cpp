@@ -1,3 +1,4 @@
+// Keeps what a mirror server may have to send again, and recycles its buffers.
 #include "history.h"
 
 #include <algorithm>
@@ -8,6 +9,14 @@ namespace {
 
 constexpr std::size_t kPooled = 32;
 constexpr std::size_t kLargestPooled = std::size_t{16} << 20;
+constexpr std::uint64_t kRecordCost = sizeof(EncodedRecord) + 128;  // its places in lists and the allocator's own
+
+std::uint64_t memoryOf(const EncodedRecord& record) {
+    std::uint64_t result = record.bytes.size() + kRecordCost;
+    for (const SharedRecord* other : {&record.predicted, &record.input, &record.runState})
+        if (*other) result += (*other)->bytes.size() + kRecordCost;
+    return result;
+}
 
 }  // namespace
 
@@ -41,7 +50,7 @@ void MirrorHistory::clear() {
     keyframe_.reset();
     frames_.clear();
     ends_.clear();
-    bytes_ = total_ = newest_ = 0;
+    memory_ = total_ = newest_ = 0;
     started_ = false;
 }
 
@@ -50,7 +59,7 @@ bool MirrorHistory::add(SharedRecord record) {
     if (header.kind == RecordKind::keyframe) {
         // A first state, the snapshot of the newest one, or the first change of a scene that had none.
         if (!empty() && header.to != newest_ && newest_ != 0) return false;
-        if (newest_ != header.to) frames_.clear(), ends_.clear(), bytes_ = 0;
+        if (newest_ != header.to) frames_.clear(), ends_.clear(), memory_ = 0;
         newest_ = header.to;
         started_ = true;
         keyframe_ = std::move(record);
@@ -63,16 +72,16 @@ bool MirrorHistory::add(SharedRecord record) {
         keyframe_.reset();
         frames_.clear();
         ends_.clear();
-        bytes_ = 0;
+        memory_ = 0;
         return true;
     }
     newest_ = header.to;
-    bytes_ += record->bytes.size();
+    memory_ += memoryOf(*record);
     total_ += record->bytes.size();
     ends_.push_back(total_);
     frames_.push_back(std::move(record));
-    while (bytes_ > limit_ && frames_.size() > 1) {
-        bytes_ -= frames_.front()->bytes.size();
+    while (memory_ > limit_ && frames_.size() > 1) {
+        memory_ -= memoryOf(*frames_.front());
         frames_.pop_front();
         ends_.pop_front();
     }

@@ -1,7 +1,7 @@
 // What a mirror server keeps to send: the last keyframe and the frames since, encoded, shared with the sockets.
 //
-// Invariant: frames are contiguous (each starts where the one before ends) and end at the newest state. Bytes of frames
-// never exceed the limit by more than one frame.
+// Invariant: frames are contiguous (each starts where the one before ends) and end at the newest state. The memory of
+// frames, in all their codings and with what a record costs beside its bytes, exceeds the limit by at most one frame.
 #pragma once
 
 #include <deque>
@@ -63,7 +63,7 @@ class MirrorHistory {
   private:
     std::size_t indexOf(std::uint64_t state) const;
 
-    std::uint64_t limit_, bytes_ = 0, newest_ = 0;
+    std::uint64_t limit_, memory_ = 0, newest_ = 0;
     SharedRecord keyframe_;
     std::deque<SharedRecord> frames_;
     std::deque<std::uint64_t> ends_;  // running total of bytes up to and including each frame

@@ -20,6 +20,7 @@ constexpr std::int64_t kLongestIncoming = mirror::kSubmitPart + 512;  // bytes; 
 constexpr int kIncoming = 64;                                         // messages waiting per connection
 constexpr int kLinger = 200;                                          // ms
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
+constexpr auto kLookAround = 20ms;                                    // for connections that send no whole message
 constexpr auto kUnusedPart = 10s;                                     // until a part without peers is let go
 constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;      // bytes of frames, at least
 
@@ -97,7 +98,10 @@ void MirrorServer::Io::run() {
             for (std::uint64_t i = 0; i < failures.garbage; ++i)
                 garbage("a connection that did not speak the protocol");
         }
-        if (items[0].revents) receive();
+        gate_.connections().look(Clock::now());
+        const bool drained = receive();
+        for (std::size_t shut = gate_.connections().shutEndless(drained); shut > 0; --shut)
+            garbage("a message without end: its connection was ended");
         tick(Clock::now());
         for (auto peer = peers_.begin(); peer != peers_.end();) peer = pump(peer->second) ? ++peer : peers_.erase(peer);
         publishStatistics();
@@ -108,6 +112,7 @@ void MirrorServer::Io::run() {
 
 std::chrono::milliseconds MirrorServer::Io::patience() const {
     auto result = std::max(1ms, shared_->options.heartbeat / 2);
+    if (gate_.connections().any()) result = std::min(result, kLookAround);
     const Clock::time_point now = Clock::now();
     for (const auto& [identity, peer] : peers_) {
         if (!peer.placed) result = std::min(result, 20ms);
@@ -201,15 +206,16 @@ void MirrorServer::Io::takeAnswers() {
     }
 }
 
-void MirrorServer::Io::receive() {
+bool MirrorServer::Io::receive() {
     // Bounded, so that a peer that floods us leaves time for the others.
     for (int i = 0; i < 1000; ++i) {
         ZmqMessage identity, head, body;
-        if (!router_.receive(identity)) return;
+        if (!router_.receive(identity)) return true;
         if (!identity.more() || !router_.receive(head)) {
             garbage("a message without content");
             continue;
         }
+        gate_.connections().delivered(head);
         if (head.more()) router_.receive(body);
         if (body.more()) {
             router_.skipRest(body);
@@ -218,6 +224,7 @@ void MirrorServer::Io::receive() {
         }
         handle(identity.text(), head.bytes(), body, shared_->options.keys ? userOf(head) : std::string());
     }
+    return false;
 }
 
 /// Its peers say hello again.

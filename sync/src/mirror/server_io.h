@@ -111,7 +111,8 @@ class MirrorServer::Io {
     void sayGoodbye();
     void takeInbox();
     void takeAnswers();
-    void receive();
+    /// False when messages are left: a peer that floods us shall leave time for the others.
+    bool receive();
     void handle(const std::string& identity, std::span<const std::byte> bytes, const ZmqMessage& body,
                 const std::string& user);
     void handleOf(Peer& peer, mirror::Message type, wire::Reader& in, std::span<const std::byte> bytes,

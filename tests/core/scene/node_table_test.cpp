@@ -1,23 +1,18 @@
 // Numbers of nodes with any gaps: found, visited in order, and at a cost that follows the nodes, not the gaps.
-#include <fstream>
 #include <map>
 #include <random>
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
+#include "support/resident_bytes.h"
+
 namespace rtsg {
 namespace {
 
-std::size_t residentBytes() {
-    std::ifstream statm("/proc/self/statm");
-    std::size_t pages = 0;
-    statm >> pages >> pages;
-    return pages * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
-}
+using test::residentBytes;
 
 Change creation(std::uint32_t id) {
     Change change;

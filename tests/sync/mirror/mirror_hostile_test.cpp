@@ -1,14 +1,12 @@
 // What strangers may do to a mirror: garbage of every kind, too many of them, wrong keys.
 #include <random>
 
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <rtsg/core/x3d.h>
 
 #include "mirror_support.h"
+#include "support/stranger.h"
 
 namespace rtsg {
 namespace {
@@ -17,41 +15,9 @@ using namespace std::chrono_literals;
 using test::eventually;
 using test::pollUntil;
 using test::pollUntilAt;
+using test::Stranger;
 
 constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
-
-/// A plain ZeroMQ socket that says what it likes.
-class Stranger {
-  public:
-    explicit Stranger(const std::string& endpoint) {
-        context_ = zmq_ctx_new();
-        socket_ = zmq_socket(context_, ZMQ_DEALER);
-        const int linger = 2000;
-        zmq_setsockopt(socket_, ZMQ_LINGER, &linger, sizeof(linger));
-        zmq_connect(socket_, endpoint.c_str());
-    }
-    ~Stranger() {
-        zmq_close(socket_);
-        zmq_ctx_term(context_);
-    }
-    void say(std::string_view text, bool more = false) {
-        zmq_send(socket_, text.data(), text.size(), more ? ZMQ_SNDMORE : 0);
-    }
-
-  private:
-    void *context_, *socket_;
-};
-
-int connectRaw(const std::string& endpoint) {
-    const int port = std::stoi(endpoint.substr(endpoint.rfind(':') + 1));
-    const int descriptor = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(::connect(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
-    return descriptor;
-}
 
 struct Served {
     Scene scene, replica;
@@ -103,11 +69,11 @@ TEST(MirrorHostile, GarbageIsCountedReportedAndHarmless) {
 TEST(MirrorHostile, BytesThatAreNoZeroMqAreCountedAndHarmless) {
     Served served;
     for (int i = 0; i < 5; ++i) {
-        const int raw = connectRaw(served.server->endpoint());
+        const test::RawConnection raw(test::portOf(served.server->endpoint()));
+        ASSERT_TRUE(raw.connected);
         const std::string text = i % 2 ? "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n" : std::string(3000, '\xFF');
-        EXPECT_GT(::send(raw, text.data(), text.size(), MSG_NOSIGNAL), 0);
+        EXPECT_TRUE(raw.send(text));
         served.step();
-        ::close(raw);
     }
     EXPECT_TRUE(eventually([&] { return served.server->statistics().garbage > 0; }));
     served.step();

@@ -1,0 +1,64 @@
+// Reads from the system how many bytes each connection has brought, and shuts those that bring no messages.
+#include "connection_watch.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <optional>
+#include <utility>
+
+#include <linux/sockios.h>
+#include <linux/tcp.h>
+#include <netinet/in.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+
+namespace rtsg {
+
+namespace {
+
+constexpr auto kLookEvery = std::chrono::milliseconds(5);
+constexpr auto kLookCosts = std::chrono::microseconds(20);  // a connection: so that looking takes some percent at most
+
+/// Bytes received on a TCP connection, less those that wait in the system; nothing for what is none.
+std::optional<std::uint64_t> bytesRead(int descriptor) {
+    tcp_info info{};
+    socklen_t length = sizeof(info);
+    int waiting = 0;
+    if (::getsockopt(descriptor, IPPROTO_TCP, TCP_INFO, &info, &length) != 0) return std::nullopt;
+    if (length < offsetof(tcp_info, tcpi_bytes_received) + sizeof(info.tcpi_bytes_received)) return std::nullopt;
+    if (::ioctl(descriptor, SIOCINQ, &waiting) != 0) return std::nullopt;
+    const auto left = static_cast<std::uint64_t>(waiting);
+    return info.tcpi_bytes_received > left ? info.tcpi_bytes_received - left : 0;
+}
+
+}  // namespace
+
+void ConnectionWatch::look(Clock::time_point now) {
+    if (now - looked_ < std::max<Clock::duration>(kLookEvery, kLookCosts * connections_.size())) return;
+    looked_ = now;
+    fresh_ = true;
+    for (auto& [descriptor, connection] : connections_) connection.come = bytesRead(descriptor).value_or(0);
+}
+
+void ConnectionWatch::delivered(const ZmqMessage& message) {
+    const auto found = connections_.find(zmq_msg_get(message.get(), ZMQ_SRCFD));
+    if (found != connections_.end()) found->second.delivered = true;
+}
+
+std::size_t ConnectionWatch::shutEndless(bool drained) {
+    if (!std::exchange(fresh_, false)) return 0;
+    const std::uint64_t most = drained ? kMostUnfinished : kMostWaiting;
+    std::size_t shut = 0;
+    for (auto& [descriptor, connection] : connections_) {
+        if (std::exchange(connection.delivered, false)) connection.settled = connection.come;
+        if (connection.come <= connection.settled + most) continue;
+        // ZeroMQ closes descriptors itself, and the system gives their numbers away again: look once more.
+        if (bytesRead(descriptor).value_or(0) < connection.come) continue;
+        ::shutdown(descriptor, SHUT_RDWR);
+        connection.settled = connection.come;
+        ++shut;
+    }
+    return shut;
+}
+
+}  // namespace rtsg

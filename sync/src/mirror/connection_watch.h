@@ -1,0 +1,47 @@
+// Ends connections on which bytes come but no message does.
+//
+// ZeroMQ hands a message of several parts over when its last part has come, keeps the parts until then, and limits the
+// size of each but not their number. So the watch compares what the system has received on a connection with what has
+// been handed over from it, and shuts a connection that is more than a message of ours behind.
+// Invariant: what waits in an unfinished message is at most kMostUnfinished and what comes between two looks. Of
+// connections of other kinds than TCP nothing is known here: nothing is done. Threading: one thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <unordered_map>
+
+#include "zmq_socket.h"
+
+namespace rtsg {
+
+class ConnectionWatch {
+  public:
+    using Clock = std::chrono::steady_clock;
+    /// The longest honest message, what ZeroMQ reads at once, and as much again.
+    static constexpr std::uint64_t kMostUnfinished = 64 << 10;
+    /// As above while messages wait to be taken: all that ZeroMQ lets wait of one connection.
+    static constexpr std::uint64_t kMostWaiting = 2 << 20;
+
+    void opened(int descriptor) { connections_[descriptor] = {}; }
+    void closed(int descriptor) { connections_.erase(descriptor); }
+    bool any() const { return !connections_.empty(); }
+    /// Before messages are taken: how much has come on each. Not more often than it is worth.
+    void look(Clock::time_point now);
+    /// A message has been taken from its connection.
+    void delivered(const ZmqMessage& message);
+    /// After that; `drained`: no message was left. Returns how many connections were shut.
+    std::size_t shutEndless(bool drained);
+
+  private:
+    struct Connection {
+        std::uint64_t come = 0;     // bytes that ZeroMQ has read of it, when looked at last
+        std::uint64_t settled = 0;  // of these, at the last look after which a message was delivered
+        bool delivered = false;     // since then
+    };
+    std::unordered_map<int, Connection> connections_;
+    Clock::time_point looked_{};
+    bool fresh_ = false;  // a look that shutEndless has not followed yet
+};
+
+}  // namespace rtsg
