@@ -20,8 +20,11 @@ HEADERS = {
     "renderers": {"ray": "embree", "shading": "light", "tessellate": "mesh"},
     "sync": {"byte_buffer": "codec", "change_codec": "codec", "log": "log", "stream_mode": "codec"},
 }
-# Outside libraries that only one room may name.
-DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"), r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror")}
+# Names of outside libraries that only one room may use, comments aside.
+NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}
+# Outside libraries that only one room may include.
+DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
+         r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror")}
 
 
 def header_rooms(root, library):
@@ -51,6 +54,9 @@ def check(root):
                 wrong.append(f"{name}: in no room of {library}: {', '.join(order)}")
                 continue
             for number, line in enumerate(path.read_text().splitlines(), 1):
+                for pattern, door in NAMES.items():
+                    if (library, room) != door and (named := re.search(pattern, line.split("//")[0])):
+                        wrong.append(f"{name}:{number}: {named.group()} belongs behind {'/src/'.join(door)}")
                 match = re.match(r'\s*#\s*include\s*[<"]([^>"]+)[>"]', line)
                 if not match:
                     continue

@@ -157,7 +157,7 @@ inline Ray randomRay(std::mt19937& random, float spread) {
 }
 
 /// Compares single rays, packets and occlusion with the brute force. Rays too close to call are left out, and counted.
-inline void expectSameHits(const RayWorld& world, const BruteForce& truth, std::mt19937& random, int packets,
+inline void expectSameHits(const RayView& world, const BruteForce& truth, std::mt19937& random, int packets,
                            float spread, double slack = 1e-5) {
     int compared = 0, hits = 0;
     for (int p = 0; p < packets; ++p) {

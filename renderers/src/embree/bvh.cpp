@@ -1,3 +1,4 @@
+// The Embree device, and the groups of triangles in it.
 #include "bvh.h"
 
 #include <algorithm>
@@ -73,7 +74,30 @@ GeometryHandle makeTriangles(const Device& device, const Triangles& triangles, R
 
 Group::Group(const Device& device) : scene_(device.newScene(RTC_BUILD_QUALITY_MEDIUM)) {}
 
-std::uint32_t Group::attach(const Device& device, std::uint32_t slot, Triangles triangles, std::uint32_t mask) {
+std::unique_ptr<Group> Group::copy(const Device& device) const {
+    auto other = std::make_unique<Group>(device);
+    other->entries_.resize(entries_.size());
+    for (std::uint32_t local = 0; local < entries_.size(); ++local) {
+        const Entry& from = entries_[local];
+        if (!from.geometry) continue;
+        Entry& to = other->entries_[local];
+        rtcRetainGeometry(from.geometry.get());
+        to.geometry.reset(from.geometry.get());
+        to.triangles = from.triangles;
+        to.kinds = from.kinds, to.mask = from.mask;
+        to.isHidden = from.isHidden, to.isUnsettled = from.isUnsettled;
+        rtcAttachGeometryByID(other->scene_.get(), to.geometry.get(), local);
+    }
+    other->slots_ = slots_;
+    other->free_ = free_;
+    other->unsettled_ = unsettled_;
+    other->live_ = live_, other->hidden_ = hidden_;
+    other->triangles_ = triangles_, other->hiddenTriangles_ = hiddenTriangles_;
+    other->dirty_ = true;
+    return other;
+}
+
+std::uint32_t Group::attach(const Device& device, std::uint32_t slot, Triangles triangles, std::uint32_t kinds) {
     std::uint32_t local;
     if (free_.empty()) {
         local = static_cast<std::uint32_t>(entries_.size());
@@ -86,7 +110,9 @@ std::uint32_t Group::attach(const Device& device, std::uint32_t slot, Triangles 
     }
     Entry& entry = entries_[local];
     entry.geometry = makeTriangles(device, triangles, RTC_BUILD_QUALITY_MEDIUM);
-    rtcSetGeometryMask(entry.geometry.get(), mask);
+    entry.kinds = kinds;
+    entry.mask = Versions::inAllEpochs(kinds);
+    rtcSetGeometryMask(entry.geometry.get(), entry.mask);
     rtcCommitGeometry(entry.geometry.get());
     rtcAttachGeometryByID(scene_.get(), entry.geometry.get(), local);
     triangles_ += triangles.mesh->triangleCount;
@@ -96,10 +122,32 @@ std::uint32_t Group::attach(const Device& device, std::uint32_t slot, Triangles 
     return local;
 }
 
-void Group::setMask(std::uint32_t local, std::uint32_t mask) {
-    // Embree reads the mask while it traces, so no commit of the scene is needed.
-    rtcSetGeometryMask(entries_[local].geometry.get(), mask);
-    rtcCommitGeometry(entries_[local].geometry.get());
+bool Group::settle(Entry& entry, std::uint32_t heldBits) {
+    const std::uint32_t all = Versions::inAllEpochs(entry.kinds);
+    const std::uint32_t mask = (entry.mask & heldBits) | (all & ~heldBits);
+    if (mask != entry.mask) {
+        // Embree reads the mask while it traces, so no commit of the scene is needed.
+        rtcSetGeometryMask(entry.geometry.get(), mask);
+        rtcCommitGeometry(entry.geometry.get());
+        entry.mask = mask;
+    }
+    return mask == all;
+}
+
+void Group::setKinds(std::uint32_t local, std::uint32_t kinds, std::uint32_t heldBits) {
+    Entry& entry = entries_[local];
+    entry.kinds = kinds;
+    if (!settle(entry, heldBits) && !std::exchange(entry.isUnsettled, true)) unsettled_.push_back(local);
+}
+
+bool Group::settle(std::uint32_t heldBits) {
+    std::erase_if(unsettled_, [&](std::uint32_t local) {
+        Entry& entry = entries_[local];
+        if (entry.geometry && !settle(entry, heldBits)) return false;
+        entry.isUnsettled = false;
+        return true;
+    });
+    return unsettled_.empty();
 }
 
 void Group::detach(std::uint32_t local) {
@@ -111,17 +159,18 @@ void Group::detach(std::uint32_t local) {
     }
     triangles_ -= entry.triangles.mesh->triangleCount;
     retired_.push_back(std::move(entry.triangles));
+    const bool isUnsettled = entry.isUnsettled;  // it stays in the list
     entry = {};
+    entry.isUnsettled = isUnsettled;
     slots_[local] = kNoInstance;
     free_.push_back(local);
     --live_;
     dirty_ = true;
 }
 
-void Group::hide(std::uint32_t local) {
+void Group::hide(std::uint32_t local, std::uint32_t heldBits) {
     if (entries_[local].isHidden) return;
-    setMask(local, 0);
-    slots_[local] = kNoInstance;  // for queries that know no masks
+    setKinds(local, 0, heldBits);
     entries_[local].isHidden = true;
     ++hidden_;
     hiddenTriangles_ += entries_[local].triangles.mesh->triangleCount;

@@ -1,10 +1,12 @@
-// The door to Embree: groups of resting triangles, and the top above them and the meshes' own BVHs (mesh_bvh.h).
+// The door to Embree: its device, and groups of merged triangles (the top above them: top.h; single meshes:
+// mesh_bvh.h).
 //
-// Invariant: what is attached here has been checked by RayWorld; Embree's asserts cannot fire.
-// A group is one Embree scene of triangles already in ray space. An instance is a mesh's BVH and a transform; it is no
-// Embree object: the top, a tree of our own, transforms rays into it. So moving one of N costs log N and no commit, and
-// inverses are exact to a float's rounding, whatever the translation. With one group alone there is nothing above it.
-// Threading: changes on one thread; tracing from any, in between.
+// Invariant: what is attached here has been checked by RayWorld; Embree's asserts cannot fire. Nothing outside this
+// folder names Embree. A group is one Embree scene of triangles already in ray space. An instance is a mesh's BVH and a
+// transform; it is no Embree object: the top, a tree of our own, transforms rays into it. So moving one of N costs log
+// N and no commit, and inverses are exact to a float's rounding, whatever the translation. With one group alone there
+// is nothing above it. Threading: changes on one thread; tracing from any, in between; frozen TopViews from any at any
+// time.
 #pragma once
 
 #include <cstdint>
@@ -61,19 +63,26 @@ struct Triangles {
 };
 GeometryHandle makeTriangles(const Device& device, const Triangles& triangles, RTCBuildQuality quality);
 
-/// Triangles of several instances in one frame, merged.
+/// Triangles of several instances in one frame, merged. Once committed, what versions see of it does not change, but
+/// for attach() and detach(), which are for groups that nobody sees: a copy can be made.
 class Group {
   public:
     explicit Group(const Device& device);
-    /// Returns the local number.
-    std::uint32_t attach(const Device& device, std::uint32_t slot, Triangles triangles, std::uint32_t mask);
-    void setMask(std::uint32_t local, std::uint32_t mask);
+    /// Another with the same members, to be committed.
+    std::unique_ptr<Group> copy(const Device& device) const;
+    /// Returns the local number. `kinds`: the bits of the RayKinds that meet it.
+    std::uint32_t attach(const Device& device, std::uint32_t slot, Triangles triangles, std::uint32_t kinds);
+    /// Takes effect without any building, for all but the epochs whose bits are held (versions.h).
+    void setKinds(std::uint32_t local, std::uint32_t kinds, std::uint32_t heldBits);
     void detach(std::uint32_t local);
-    /// Makes it invisible at once, without any building; it stays attached.
-    void hide(std::uint32_t local);
+    /// Makes it invisible as setKinds() does; it stays attached.
+    void hide(std::uint32_t local, std::uint32_t heldBits);
+    /// Brings masks up to date that were held back; returns whether all are.
+    bool settle(std::uint32_t heldBits);
     void commit();
 
     RTCScene scene() const { return scene_.get(); }
+    /// Whose the geometries are or, hidden ones, were.
     const std::uint32_t* slots() const { return slots_.data(); }
     std::size_t live() const { return live_; }
     std::size_t hidden() const { return hidden_; }
@@ -100,81 +109,20 @@ class Group {
   private:
     struct Entry {
         GeometryHandle geometry;
-        Triangles triangles;  // keeps the buffers alive
-        bool isHidden = false;
+        Triangles triangles;                // keeps the buffers alive
+        std::uint32_t kinds = 0, mask = 0;  // mask: what Embree has
+        bool isHidden = false, isUnsettled = false;
     };
+    /// Returns whether the mask is what `kinds` say.
+    static bool settle(Entry& entry, std::uint32_t heldBits);
 
     SceneHandle scene_;
     std::vector<Entry> entries_;
-    std::vector<std::uint32_t> slots_, free_;
+    std::vector<std::uint32_t> slots_, free_, unsettled_;
     std::vector<Triangles> retired_;  // buffers that Embree may read until the next commit
     std::size_t live_ = 0, hidden_ = 0, triangles_ = 0, hiddenTriangles_ = 0;
     bool dirty_ = false;
     InstanceTree::Box box_;
-};
-
-/// Everything there is to trace; what queries see. Rays have been checked.
-///
-/// The largest resting group, the main one, is traced first and without a look at its box: nearly every ray meets it,
-/// and what it hits shortens the search among everything else, which is in the tree.
-class Top {
-  public:
-    /// Returns the object's number. `rayFromLocal` has an inverse; the box is that of the result, in ray space.
-    std::uint32_t addInstance(std::uint32_t slot, RTCScene mesh, const WorldFromLocal& rayFromLocal,
-                              const InstanceTree::Box& box, std::uint32_t mask);
-    /// A group that rests: its triangles are in ray space.
-    std::uint32_t addGroup(const Group& group);
-    /// A group that moves as one, after its commit; the box is that of the result. Groups may be shared.
-    std::uint32_t addBody(const Group& group, const std::uint32_t* slots, const WorldFromLocal& rayFromGroup,
-                          const InstanceTree::Box& box);
-    /// An instance or a body.
-    void move(std::uint32_t object, const WorldFromLocal& rayFromLocal, const InstanceTree::Box& box);
-    /// The mesh's BVH is another one or has other bounds.
-    void changeMesh(std::uint32_t object, RTCScene mesh, const InstanceTree::Box& box);
-    void setMask(std::uint32_t object, std::uint32_t mask) { objects_[object].mask = mask; }
-    /// After the commit of a group that rests.
-    void updateGroup(std::uint32_t object);
-    void remove(std::uint32_t object);
-    void commit();
-
-    void intersect(const Ray& ray, RTCRayHit& r, RTCIntersectContext& context) const;
-    bool occluded(const Ray& ray, RTCRay& r, RTCIntersectContext& context) const;
-    void intersect(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext& context) const;
-    /// Blocked lanes end with tMax -inf.
-    void occluded(RayPacket16& rays, std::int32_t* valid, RTCIntersectContext& context) const;
-
-    /// As RayWorld's.
-    void visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const;
-
-    /// Whose hit it is. Precondition: the ray hit something.
-    std::uint32_t slotOf(std::uint32_t geometryId, std::uint32_t instanceId) const {
-        const Object& object = instanceId == RTC_INVALID_GEOMETRY_ID ? *main_ : objects_[instanceId];
-        return object.slots ? object.slots[geometryId] : object.slot;
-    }
-    bool empty() const { return !main_ && tree_.empty(); }
-    std::size_t bytes() const { return tree_.bytes() + objects_.capacity() * sizeof(Object); }
-    std::size_t builds() const { return tree_.builds(); }
-
-  private:
-    struct Object {
-        glm::mat3 localFromRay{1.0f};  // of points relative to `translation`
-        Vec3f translation{0};
-        std::uint32_t mask = ~0u, slot = kNoInstance;
-        RTCScene scene = nullptr;
-        const std::uint32_t* slots = nullptr;  // of a group's geometries; null: an instance
-        const Group* resting = nullptr;        // a group that rests
-        void setTransform(const WorldFromLocal& rayFromLocal);
-    };
-    static void enter(const Object& object, const Ray& ray, RTCRay& r);
-    static void leave(const Ray& ray, RTCRay& r);
-    std::uint32_t newObject();
-    void chooseMain();
-
-    std::vector<Object> objects_;
-    std::vector<std::uint32_t> free_, resting_;
-    InstanceTree tree_;
-    const Object* main_ = nullptr;
-    std::uint32_t mainObject_ = InstanceTree::kNone;
 };
 
 }  // namespace rtsg::bvh

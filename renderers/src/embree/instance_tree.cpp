@@ -1,3 +1,4 @@
+// Keeps the tree over the boxes of instances in step with them.
 #include "instance_tree.h"
 
 #include <limits>
@@ -55,14 +56,13 @@ void InstanceTree::commit() {
                 insert(object);
                 continue;
             }
-            Node& n = nodes_[o.node];
             // One that has left its neighbours finds new ones; else its node would grow across the scene.
             if (!many && o.node != kRoot && hasStrayed(o)) {
                 take(object);
                 insert(object);
                 continue;
             }
-            n.setBox(o.lane, o.box);
+            nodes_.write(o.node).setBox(o.lane, o.box);
             if (!many) refitUp(o.node);
         }
         if (many) refitAll();
@@ -71,6 +71,8 @@ void InstanceTree::commit() {
     }
     dirty_.clear();
     inserted_ = 0;
+    pages_ = nodes_.pages();
+    nodeCount_ = nodes_.size();
     bounds_ = nodes_.empty() ? Box{} : boxOf(kRoot);
     only_ = kNone;
     if (count_ == 1)
@@ -103,39 +105,41 @@ std::uint32_t InstanceTree::newNode(std::uint32_t parent, std::uint32_t lane) {
     std::uint32_t node;
     if (freeNodes_.empty()) {
         node = static_cast<std::uint32_t>(nodes_.size());
-        nodes_.emplace_back();
+        nodes_.grow(node + std::size_t{1});
     } else {
         node = freeNodes_.back();
         freeNodes_.pop_back();
     }
-    for (std::uint32_t i = 0; i < 8; ++i) nodes_[node].clear(i);
-    nodes_[node].parent = parent;
-    nodes_[node].lane = lane;
+    Node& n = nodes_.write(node);
+    for (std::uint32_t i = 0; i < 8; ++i) n.clear(i);
+    n.parent = parent;
+    n.lane = lane;
     return node;
 }
 
 void InstanceTree::place(std::uint32_t node, std::uint32_t lane, std::uint32_t child, const Box& box) {
-    nodes_[node].child[lane] = child;
-    nodes_[node].setBox(lane, box);
+    Node& n = nodes_.write(node);
+    n.child[lane] = child;
+    n.setBox(lane, box);
     if (child & kLeaf) {
         objects_[child & ~kLeaf].node = node;
         objects_[child & ~kLeaf].lane = lane;
         objects_[child & ~kLeaf].anchor = (box.lower + box.upper) * .5f;
     } else {
-        nodes_[child].parent = node;
-        nodes_[child].lane = lane;
+        Node& below = nodes_.write(child);
+        below.parent = node;
+        below.lane = lane;
     }
 }
 
 void InstanceTree::refitUp(std::uint32_t node) {
     while (nodes_[node].parent != kNone) {
-        Node& parent = nodes_[nodes_[node].parent];
-        const std::uint32_t lane = nodes_[node].lane;
-        const Box before = parent.box(lane), now = boxOf(node);
+        const std::uint32_t parent = nodes_[node].parent, lane = nodes_[node].lane;
+        const Box before = nodes_[parent].box(lane), now = boxOf(node);
         if (before == now) return;
         area_ += double{now.area()} - double{before.area()};
-        parent.setBox(lane, now);
-        node = nodes_[node].parent;
+        nodes_.write(parent).setBox(lane, now);
+        node = parent;
     }
 }
 
@@ -150,7 +154,7 @@ void InstanceTree::refitAll() {
         if (done) {
             const Box box = boxOf(node);
             area_ += box.area();
-            if (nodes_[node].parent != kNone) nodes_[nodes_[node].parent].setBox(nodes_[node].lane, box);
+            if (nodes_[node].parent != kNone) nodes_.write(nodes_[node].parent).setBox(nodes_[node].lane, box);
             continue;
         }
         stack.emplace_back(node, true);
@@ -165,7 +169,7 @@ void InstanceTree::insert(std::uint32_t object) {
     std::uint32_t node = kRoot;
     for (std::size_t level = 1;; ++level) {
         if (level >= kMostLevels - 1) tooDeep_ = true;  // built anew before a ray sees it
-        Node& n = nodes_[node];
+        const Node& n = nodes_[node];
         std::uint32_t best = 0, empty = kNone;
         float least = HUGE_VALF;
         for (std::uint32_t i = 0; i < 8; ++i) {
@@ -205,11 +209,11 @@ void InstanceTree::insert(std::uint32_t object) {
 void InstanceTree::take(std::uint32_t object) {
     ObjectState& o = objects_[object];
     std::uint32_t node = o.node;
-    nodes_[node].clear(o.lane);
+    nodes_.write(node).clear(o.lane);
     o.node = kNone;
     // A node with one child left gives it to its parent.
     while (node != kRoot) {
-        Node& n = nodes_[node];
+        const Node& n = nodes_[node];
         std::uint32_t children = 0, last = 0;
         for (std::uint32_t i = 0; i < 8; ++i)
             if (n.child[i] != kNone) ++children, last = i;
@@ -220,7 +224,7 @@ void InstanceTree::take(std::uint32_t object) {
             const Box box = n.box(last);
             place(parent, lane, n.child[last], box);
         } else {
-            nodes_[parent].clear(lane);
+            nodes_.write(parent).clear(lane);
         }
         freeNodes_.push_back(node);
         node = parent;

@@ -1,3 +1,4 @@
+// Follows one mesh with an Embree scene: builds, refits, and rebuilds in the background.
 #include "mesh_bvh.h"
 
 #include <algorithm>
@@ -48,8 +49,7 @@ struct MeshBvh::Work {
     Task task;
     // Results, as far as there are any:
     std::shared_ptr<BvhWatch> watch;
-    SceneHandle scene;
-    GeometryHandle geometry;
+    std::unique_ptr<Tree> tree;
     std::shared_ptr<const Worker::Job> job;
 
     Work(const Device& d, std::shared_ptr<const Mesh> m, std::shared_ptr<const BvhWatch> old, double most,
@@ -62,20 +62,58 @@ struct MeshBvh::Work {
             if (before.change <= limit) return;
         }
         if (task != Task::watch) {
-            scene = newMeshScene(device, true);
-            geometry = attach(device, scene.get(), mesh, true);
-            rtcCommitScene(scene.get());
+            tree = newTree(device, mesh, true);
+            rtcCommitScene(tree->scene.get());
         }
         watch = std::make_shared<BvhWatch>(device.get(), *mesh);
     }
 };
 
-MeshBvh::MeshBvh(const Device& device, Worker& worker, std::shared_ptr<const Mesh> mesh, bool deforming)
-    : device_(device), worker_(worker), limit_(kLimit) {
+MeshBvh::MeshBvh(const Device& device, Worker& worker, std::shared_ptr<const Mesh> mesh, bool deforming,
+                 Versions* versions)
+    : device_(device), worker_(worker), versions_(versions), limit_(kLimit) {
     build(std::move(mesh), deforming);
 }
 
-MeshBvh::~MeshBvh() = default;
+MeshBvh::~MeshBvh() {
+    setTree(nullptr);
+}
+
+std::unique_ptr<MeshBvh::Tree> MeshBvh::newTree(const Device& device, const std::shared_ptr<const Mesh>& mesh,
+                                                bool deforming) {
+    auto tree = std::make_unique<Tree>();
+    tree->scene = newMeshScene(device, deforming);
+    tree->geometry = attach(device, tree->scene.get(), mesh, deforming);
+    tree->positions = mesh->positions;
+    tree->index = mesh->triangles;
+    return tree;
+}
+
+void MeshBvh::retire(std::unique_ptr<Tree> tree, std::uint64_t until) {
+    if (!tree || !versions_) return;
+    const std::uint64_t since = tree->stamp;
+    versions_->retire(since, until, std::shared_ptr<Tree>(std::move(tree)));
+}
+
+void MeshBvh::setTree(std::unique_ptr<Tree> tree) {
+    retire(std::exchange(tree_, std::move(tree)), versions_ ? versions_->serial() : 0);
+    for (Spare& spare : spares_) retire(std::move(spare.tree), spare.until);
+    spares_.clear();
+    if (tree_ && versions_) tree_->stamp = versions_->serial();
+}
+
+void MeshBvh::takeTurns() {
+    const auto isFree = [&](const Spare& spare) { return !versions_->sees(spare.tree->stamp, spare.until); };
+    const auto found = std::find_if(spares_.begin(), spares_.end(), isFree);
+    std::unique_ptr<Tree> next;
+    if (found != spares_.end()) {
+        next = std::move(found->tree);
+        spares_.erase(found);
+    } else {
+        next = newTree(device_, mesh_, true);
+    }
+    spares_.push_back({std::exchange(tree_, std::move(next)), versions_->serial()});
+}
 
 bool MeshBvh::ready() const {
     return work_ && work_->job->done();
@@ -87,17 +125,17 @@ void MeshBvh::wait() const {
 
 void MeshBvh::commit() {
     if (committed_) return;
-    rtcCommitScene(scene_.get());
-    rtcGetSceneBounds(scene_.get(), &bounds_);
+    rtcCommitScene(tree_->scene.get());
+    RTCBounds b;
+    rtcGetSceneBounds(tree_->scene.get(), &b);
+    bounds_.min = {b.lower_x, b.lower_y, b.lower_z};
+    bounds_.max = {b.upper_x, b.upper_y, b.upper_z};
     committed_ = true;
 }
 
 void MeshBvh::build(std::shared_ptr<const Mesh> mesh, bool deforming) {
-    scene_ = newMeshScene(device_, deforming);
-    geometry_ = attach(device_, scene_.get(), mesh, deforming);
+    setTree(newTree(device_, mesh, deforming));
     mesh_ = std::move(mesh);
-    positionsInUse_ = mesh_->positions;
-    indexInUse_ = mesh_->triangles;
     deforming_ = deforming;
     committed_ = refitted_ = false;
     updatesSinceLook_ = 0;
@@ -115,7 +153,7 @@ void MeshBvh::update(std::shared_ptr<const Mesh> mesh) {
     // Only once it is refitted: a mesh whose triangles change each frame needs no watch.
     if (deforming_ && !watch_ && !work_ && committed_) start(Task::watch, {}, mesh_->triangleCount <= kTiny);
     mesh_ = std::move(mesh);
-    if (mesh_->positions.sameStorage(positionsInUse_)) return;
+    if (mesh_->positions.sameStorage(tree_->positions)) return;
     if (!deforming_) {
         build(mesh_, true);
         return;
@@ -126,17 +164,23 @@ void MeshBvh::update(std::shared_ptr<const Mesh> mesh) {
         const BvhWatch::Look look = watch_->look(mesh_->positions);
         const bool atOnce = mesh_->triangleCount <= (look.change > kRuined ? kSmall : kTiny);
         if (look.change > limit_) start(Task::rebuild, look, atOnce);
-        if (positionsInUse_.sameStorage(mesh_->positions)) return;  // that was at once
+        if (tree_->positions.sameStorage(mesh_->positions)) return;  // that was at once
     }
     refit();
 }
 
 void MeshBvh::refit() {
-    rtcSetSharedGeometryBuffer(geometry_.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, mesh_->positions.data(),
-                               0, sizeof(Vec3f), mesh_->positions.size());
-    rtcUpdateGeometryBuffer(geometry_.get(), RTC_BUFFER_TYPE_VERTEX, 0);
-    rtcCommitGeometry(geometry_.get());
-    positionsInUse_ = mesh_->positions;
+    if (isSeen())
+        takeTurns();
+    else if (versions_ && !versions_->anyHeld())
+        spares_.clear();
+    RTCGeometry geometry = tree_->geometry.get();
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, mesh_->positions.data(), 0,
+                               sizeof(Vec3f), mesh_->positions.size());
+    rtcUpdateGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0);
+    rtcCommitGeometry(geometry);
+    tree_->positions = mesh_->positions;
+    if (versions_) tree_->stamp = versions_->serial();
     committed_ = false;
     refitted_ = true;
     ++counts_.refits;
@@ -157,11 +201,8 @@ void MeshBvh::take() {
     const std::shared_ptr<Work> work = std::exchange(work_, nullptr);
     if (!work->watch) return;
     watch_ = work->watch;
-    if (!work->scene) return;
-    scene_ = std::move(work->scene);
-    geometry_ = std::move(work->geometry);
-    positionsInUse_ = work->mesh->positions;
-    indexInUse_ = work->mesh->triangles;
+    if (!work->tree) return;
+    setTree(std::move(work->tree));
     committed_ = refitted_ = false;
     ++counts_.rebuilds;
     // What it has gained shows whether it came too early or too late; not so after a jump.

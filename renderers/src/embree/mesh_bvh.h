@@ -5,8 +5,8 @@
 // then a new one is built in the background over the positions of that moment, while the old one is refitted on; when
 // it is ready, the next update refits it to the positions of then and takes it. Small meshes are built anew at once.
 // Each rebuild shows what it gained, and from that the watch's limit is learnt: the aim is rays at .9 of a rebuilt
-// tree's speed.
-// Threading: changes on one thread; tracing from any, in between.
+// tree's speed. While a version reads the tree, another over the same triangles is refitted instead of it: as a rule
+// two take turns. Threading: changes on one thread; tracing from any, in between; of what a version holds, at any time.
 // Source: Lauterbach et al. 2006 (RT-DEFORM: rebuild when the refitted tree's cost has grown).
 #pragma once
 
@@ -14,6 +14,7 @@
 
 #include "bvh.h"
 #include "bvh_watch.h"
+#include "versions.h"
 #include "worker.h"
 
 namespace rtsg::bvh {
@@ -24,8 +25,10 @@ class MeshBvh {
         std::size_t builds = 0, refits = 0, rebuilds = 0;  // rebuilds: because refits had spoilt the tree
     };
 
-    /// The device outlives this and the worker. `deforming`: to be refitted; it turns out by itself, too.
-    MeshBvh(const Device& device, Worker& worker, std::shared_ptr<const Mesh> mesh, bool deforming = false);
+    /// The device outlives this and the worker, and so do the versions, if there are any. `deforming`: to be refitted;
+    /// it turns out by itself, too.
+    MeshBvh(const Device& device, Worker& worker, std::shared_ptr<const Mesh> mesh, bool deforming = false,
+            Versions* versions = nullptr);
     ~MeshBvh();
     MeshBvh(const MeshBvh&) = delete;
     MeshBvh& operator=(const MeshBvh&) = delete;
@@ -36,10 +39,10 @@ class MeshBvh {
     /// rebuild in place.
     void update(std::shared_ptr<const Mesh> mesh);
 
-    RTCScene scene() const { return scene_.get(); }
-    const Array<std::int32_t>& indexInUse() const { return indexInUse_; }
+    RTCScene scene() const { return tree_->scene.get(); }
+    const Array<std::int32_t>& indexInUse() const { return tree_->index; }
     /// Of the last commit, in the mesh's frame.
-    const RTCBounds& bounds() const { return bounds_; }
+    const Bounds& bounds() const { return bounds_; }
     bool refitted() const { return refitted_; }
     const Counts& counts() const { return counts_; }
 
@@ -51,27 +54,45 @@ class MeshBvh {
 
   private:
     struct Work;
+    /// An Embree scene with what it reads: a refit goes on with the index of the build, equal to the mesh's and yet
+    /// maybe another array.
+    struct Tree {
+        Array<Vec3f> positions;
+        Array<std::int32_t> index;
+        GeometryHandle geometry;
+        SceneHandle scene;
+        std::uint64_t stamp = 0;  // when it was written last (versions.h)
+    };
+    /// One that waits until no version reads it any more, and its turn comes.
+    struct Spare {
+        std::unique_ptr<Tree> tree;
+        std::uint64_t until;  // serial when its turn ended
+    };
     enum class Task : std::uint8_t { watch, rebuild, lookAndRebuild };
     void build(std::shared_ptr<const Mesh> mesh, bool deforming);
     void refit();
+    bool isSeen() const { return versions_ && versions_->sees(tree_->stamp); }
+    /// Puts one in place that no version reads, to be refitted.
+    void takeTurns();
+    void setTree(std::unique_ptr<Tree> tree);
+    void retire(std::unique_ptr<Tree> tree, std::uint64_t until);
+    static std::unique_ptr<Tree> newTree(const Device& device, const std::shared_ptr<const Mesh>& mesh, bool deforming);
     void start(Task task, const BvhWatch::Look& look, bool atOnce);
     void take();
 
     const Device& device_;
     Worker& worker_;
     std::shared_ptr<const Mesh> mesh_;
-    // What Embree reads: a refit goes on with the index of the build, equal to the mesh's and yet maybe another array.
-    Array<Vec3f> positionsInUse_;
-    Array<std::int32_t> indexInUse_;
-    SceneHandle scene_;
-    GeometryHandle geometry_;
+    Versions* versions_;
+    std::unique_ptr<Tree> tree_;
+    std::vector<Spare> spares_;        // over the same triangles
     std::shared_ptr<BvhWatch> watch_;  // of a deforming mesh, once it is made
     std::shared_ptr<Work> work_;
     double limit_;  // of the watch's change
     bool committed_ = false, deforming_ = false, refitted_ = false;
     unsigned updatesSinceLook_ = 0;
     Counts counts_;
-    RTCBounds bounds_{};
+    Bounds bounds_;
 };
 
 }  // namespace rtsg::bvh

@@ -1,5 +1,5 @@
 // What lies near a point: from the tree over everything into Embree's point queries.
-#include "bvh.h"
+#include "top.h"
 
 namespace rtsg::bvh {
 
@@ -7,9 +7,10 @@ namespace {
 
 struct Search {
     const NearVisitor& visit;
-    const std::uint32_t* slots;  // of a group; null: an instance
-    std::uint32_t slot;
-    float radius;        // in ray space
+    const TopView& top;
+    const TopObject& object;
+    std::uint32_t index;  // of the object
+    float radius;         // in ray space
     float localFromRay;  // factor that makes a distance in ray space one that is at least as long in the object's frame
     float localMargin;
 };
@@ -20,8 +21,8 @@ float localRadius(const Search& search) {
 
 bool onTriangle(RTCPointQueryFunctionArguments* arguments) {
     auto& search = *static_cast<Search*>(arguments->userPtr);
-    const std::uint32_t slot = search.slots ? search.slots[arguments->geomID] : search.slot;
-    if (slot == kNoInstance) return false;  // hidden
+    const std::uint32_t slot = search.object.slotOf(arguments->geomID);
+    if (search.top.ownerOf(slot) != search.index) return false;  // hidden
     const float radius = search.visit(slot, arguments->primID);
     if (!(radius < search.radius)) return false;
     search.radius = radius;
@@ -31,9 +32,9 @@ bool onTriangle(RTCPointQueryFunctionArguments* arguments) {
 
 }  // namespace
 
-void Top::visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const {
-    const auto ask = [&](const Object& object) {
-        Search search{visit, object.slots, object.slot, radius, 1, 0};
+void TopView::visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const {
+    const auto ask = [&](const TopObject& object, std::uint32_t index) {
+        Search search{visit, *this, object, index, radius, 1, 0};
         Vec3f local = center;
         if (!object.resting) {
             const glm::mat3& m = object.localFromRay;
@@ -55,9 +56,9 @@ void Top::visitNear(const Vec3f& center, float radius, const NearVisitor& visit)
         rtcPointQuery(object.scene, &query, &context, onTriangle, &search);
         radius = search.radius;
     };
-    if (main_) ask(*main_);
+    if (main_) ask(*main_, mainObject_);
     tree_.traverseNear(center, radius, [&](std::uint32_t index) {
-        ask(objects_[index]);
+        ask(object(index), index);
         return radius;
     });
 }

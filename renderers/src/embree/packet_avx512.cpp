@@ -1,3 +1,4 @@
+// The packet traversal in AVX-512 registers.
 #include "packet_avx512.h"
 
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
@@ -10,10 +11,10 @@ namespace {
 // Nothing here may become code that the linker shares with other units: intrinsics and builtins only.
 #define RTSG_INLINE __attribute__((always_inline)) inline
 
-using Node = InstanceTree::Node;
+using Node = TreeView::Node;
 using F16 = __m512;
 
-constexpr float kCloser = InstanceTree::kCloser, kFarther = InstanceTree::kFarther, kSmall = InstanceTree::kSmall;
+constexpr float kCloser = TreeView::kCloser, kFarther = TreeView::kFarther, kSmall = TreeView::kSmall;
 constexpr float kFar = __builtin_huge_valf();
 
 RTSG_INLINE F16 reciprocalOf(F16 d) {
@@ -23,13 +24,16 @@ RTSG_INLINE F16 reciprocalOf(F16 d) {
     const F16 safe = _mm512_mask_mov_ps(small, below, minus);
     return _mm512_div_ps(_mm512_set1_ps(1), _mm512_mask_mov_ps(d, tiny, safe));
 }
+RTSG_INLINE const Node& nodeAt(const Node* const* pages, std::uint32_t i) {
+    return pages[i >> TreeView::kPageBits][i & (TreeView::kPerPage - 1)];
+}
 RTSG_INLINE std::uint32_t bitsOf(float x) {
     std::uint32_t bits;
     __builtin_memcpy(&bits, &x, sizeof bits);
     return bits;
 }
 
-/// InstanceTree::Packet in registers twice as wide.
+/// TreeView::Packet in registers twice as wide.
 struct Packet {
     F16 origin[3], reciprocal[3], tMin;
     __mmask16 active;
@@ -90,7 +94,7 @@ RTSG_INLINE float meet(const Packet& p, const Node& n, std::uint32_t i, const fl
 RTSG_INLINE void call(Leaf leaf, void* self, std::uint32_t child, __mmask16 lanes) {
     alignas(64) std::int32_t mask[16];
     _mm512_store_si512(mask, _mm512_movm_epi32(lanes));
-    leaf(self, child & ~InstanceTree::kLeaf, mask);
+    leaf(self, child & ~TreeView::kLeaf, mask);
 }
 
 }  // namespace
@@ -99,8 +103,8 @@ bool isBuilt() {
     return true;
 }
 
-void traverse(const Node* nodes, std::size_t count, const RayPacket16& rays, const std::int32_t* active, Leaf leaf,
-              void* self) {
+void traverse(const Node* const* pages, std::size_t count, const RayPacket16& rays, const std::int32_t* active,
+              Leaf leaf, void* self) {
     Packet p;
     p.active = _mm512_movepi32_mask(_mm512_loadu_si512(active));
     if (!p.active) return;
@@ -111,11 +115,11 @@ void traverse(const Node* nodes, std::size_t count, const RayPacket16& rays, con
     p.reciprocal[2] = reciprocalOf(_mm512_loadu_ps(rays.directionZ));
     __mmask16 lanes;
     if (count == 1) {
-        const Node& root = nodes[InstanceTree::kRoot];
+        const Node& root = nodeAt(pages, TreeView::kRoot);
         std::uint64_t order[8];
         std::uint32_t found = 0;
         for (std::uint32_t i = 0; i < 8; ++i) {
-            if (root.child[i] == InstanceTree::kNone) continue;
+            if (root.child[i] == TreeView::kNone) continue;
             const float near = meet(p, root, i, rays.tMax, lanes);
             if (near == kFar) continue;
             const std::uint64_t entry = std::uint64_t{bitsOf(near)} << 32 | i;
@@ -130,18 +134,18 @@ void traverse(const Node* nodes, std::size_t count, const RayPacket16& rays, con
         return;
     }
     findInterval(p, rays);
-    std::uint64_t stack[InstanceTree::kStack];
+    std::uint64_t stack[TreeView::kStack];
     std::size_t top = 0;
     alignas(32) float nears[8];
-    std::uint32_t current = InstanceTree::kRoot;
+    std::uint32_t current = TreeView::kRoot;
     for (;;) {
-        const Node& n = nodes[current];
+        const Node& n = nodeAt(pages, current);
         std::uint32_t mask = 0;
         if (p.agrees) {
             mask = meetAll(p, n, nears);
         } else {
             for (std::uint32_t i = 0; i < 8; ++i) {
-                nears[i] = n.child[i] == InstanceTree::kNone ? kFar : meet(p, n, i, rays.tMax, lanes);
+                nears[i] = n.child[i] == TreeView::kNone ? kFar : meet(p, n, i, rays.tMax, lanes);
                 mask |= static_cast<std::uint32_t>(nears[i] < kFar) << i;
             }
         }
@@ -169,9 +173,9 @@ void traverse(const Node* nodes, std::size_t count, const RayPacket16& rays, con
         }
         for (;; entry = stack[--top]) {
             if (entry >> 32 <= bitsOf(p.end)) {
-                const Node& holder = nodes[static_cast<std::uint32_t>(entry) >> 3];
+                const Node& holder = nodeAt(pages, static_cast<std::uint32_t>(entry) >> 3);
                 const std::uint32_t lane = entry & 7, child = holder.child[lane];
-                if (!(child & InstanceTree::kLeaf)) {
+                if (!(child & TreeView::kLeaf)) {
                     current = child;
                     break;
                 }
@@ -218,7 +222,7 @@ namespace rtsg::bvh::avx512 {
 bool isBuilt() {
     return false;
 }
-void traverse(const InstanceTree::Node*, std::size_t, const RayPacket16&, const std::int32_t*, Leaf, void*) {}
+void traverse(const TreeView::Node* const*, std::size_t, const RayPacket16&, const std::int32_t*, Leaf, void*) {}
 void enter(RayPacket16&, const float*, const float*, SavedRays&) {}
 void leave(RayPacket16&, const SavedRays&) {}
 

@@ -1,21 +1,21 @@
 // Packets of 16 rays in one register: the tree's traversal and the way into an object's frame, for AVX-512 machines.
 //
-// Invariant: bit for bit what InstanceTree::traverse and PacketFrame do with two registers of eight. It is faster for
+// Invariant: bit for bit what TreeView::traverse and PacketFrame do with two registers of eight. It is faster for
 // two reasons: half the instructions, and Embree's AVX-512 kernels read what was stored 64 bytes at a time without
 // waiting. The unit is compiled for x86-64-v4, and called only where the machine has it: it must not use inline
 // functions that others use, too, or the linker might give everyone its version. Threading: none of its own.
 #pragma once
 
-#include "instance_tree.h"
+#include "tree_view.h"
 
 namespace rtsg::bvh::avx512 {
 
 /// Called for an object with all-ones for the lanes that meet its box.
 using Leaf = void (*)(void* self, std::uint32_t object, const std::int32_t* lanes);
 
-/// As InstanceTree::traverse for packets. Precondition: isSupported() and at least one node.
-void traverse(const InstanceTree::Node* nodes, std::size_t count, const RayPacket16& rays, const std::int32_t* active,
-              Leaf leaf, void* self);
+/// As TreeView::traverse for packets. Precondition: isSupported() and at least one node.
+void traverse(const TreeView::Node* const* pages, std::size_t count, const RayPacket16& rays,
+              const std::int32_t* active, Leaf leaf, void* self);
 
 /// Origins and directions as they were.
 struct alignas(64) SavedRays {

@@ -1,3 +1,4 @@
+// RayWorld: follows the deltas of a scene.
 #include <rtsg/renderers/ray_world.h>
 
 #include <algorithm>
@@ -10,67 +11,66 @@
 namespace rtsg {
 
 RayWorld::RayWorld() : RayWorld(Options{}) {}
-RayWorld::RayWorld(const Options& options) : impl_(std::make_unique<Impl>(*this, options)) {}
-RayWorld::~RayWorld() = default;
-RayWorld::RayWorld(RayWorld&& other) noexcept
-    : impl_(std::move(other.impl_)),
-      instances_(std::move(other.instances_)),
-      origin_(other.origin_),
-      version_(other.version_),
-      diagnostics_(std::move(other.diagnostics_)) {
-    if (impl_) impl_->world = this;
+RayWorld::RayWorld(const Options& options) : impl_(std::make_shared<Impl>(options)) {
+    tables_ = &impl_->tables;
 }
+RayWorld::~RayWorld() {
+    // Versions may keep the rest alive; nobody waits for a thread then.
+    if (impl_) impl_->worker.reset();
+}
+RayWorld::RayWorld(RayWorld&&) noexcept = default;
 RayWorld& RayWorld::operator=(RayWorld&& other) noexcept {
+    if (this == &other) return *this;
+    if (impl_) impl_->worker.reset();
+    RayView::operator=(other);
     impl_ = std::move(other.impl_);
-    instances_ = std::move(other.instances_);
-    origin_ = other.origin_;
-    version_ = other.version_;
-    diagnostics_ = std::move(other.diagnostics_);
-    if (impl_) impl_->world = this;
     return *this;
 }
 
-RayWorld::Impl::Impl(RayWorld& owner, const Options& o)
-    : world(&owner), options(o), device(o.buildThreads, o.robust), worker(o.background) {}
+RayWorld::Impl::Impl(const Options& o) : options(o), device(o.buildThreads, o.robust) {
+    worker = std::make_unique<Worker>(o.background);
+}
 RayWorld::Impl::~Impl() = default;
 
 void RayWorld::apply(const InstanceDelta& delta) {
     impl_->apply(delta);
+    publish();
 }
 
 void RayWorld::finishBackgroundWork() {
+    impl_->refresh();
     impl_->lookForRebuilt(true);
     impl_->followMeshes();
     impl_->takeMerge(true);
     impl_->tidyClusters();
     if (!impl_->pending.empty()) impl_->placePending();
     impl_->commit();
+    publish();
 }
 
-Bounds RayWorld::bounds() const {
-    // Not the tree's own: that keeps room for what has moved away or gone until it is rebuilt.
-    Bounds result;
-    for (std::size_t slot = 0; slot < instances_.size(); ++slot) {
-        const RayInstance& instance = instances_[slot];
-        if (!instance.info.id || impl_->places[slot].kind == Impl::Kind::none) continue;
-        const Bounds& local = instance.mesh->bounds;
-        const glm::mat4x3& m = instance.rayFromLocal;
-        const Vec3f center = m * Vec4f(local.center(), 1), half = 0.5f * local.size();
-        const Vec3f reach = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
-        result.extend(center - reach);
-        result.extend(center + reach);
-    }
-    return result;
+void RayWorld::publish() {
+    instances_ = {impl_->instances.pages(), impl_->instances.size()};
+    origin_ = impl_->origin;
+    version_ = impl_->version;
 }
 
-std::uint64_t RayWorld::badRays() const {
-    return impl_->badRays.load(std::memory_order_relaxed);
+std::shared_ptr<const WorldVersion> RayWorld::freeze() {
+    return impl_->freeze(impl_, *this);
+}
+
+const Diagnostics& RayWorld::diagnostics() const {
+    return impl_->diagnostics;
+}
+
+void RayWorld::clearDiagnostics() {
+    impl_->diagnostics = Diagnostics();
 }
 
 // ---- following the delta ------------------------------------------------------------------------------------------
 
 void RayWorld::Impl::apply(const InstanceDelta& delta) {
     const auto start = std::chrono::steady_clock::now();
+    refresh();
     ++now;
     for (const InstanceDelta::Geometry& geometry : delta.geometries) setGeometry(geometry.node, geometry.mesh);
     for (const InstanceId id : delta.removed) remove(id);
@@ -92,9 +92,8 @@ void RayWorld::Impl::apply(const InstanceDelta& delta) {
     findRested();
     startMerge();
     commit();
-    if (!delta.empty()) ++world->version_;
-    if (std::string error = device.takeError(); !error.empty())
-        world->diagnostics_.error({}, "ray world: " + std::move(error));
+    if (!delta.empty()) ++version;
+    if (std::string error = device.takeError(); !error.empty()) diagnostics.error({}, "ray world: " + std::move(error));
     stats.applySeconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
@@ -132,8 +131,8 @@ void RayWorld::Impl::setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh) 
                                                    : "it has no triangles";
     entry.usable = problem.empty();
     if (!entry.usable && entry.mesh && !entry.mesh->empty())
-        world->diagnostics_.warning(
-            {}, "geometry node " + std::to_string(node.value) + " is not traced: " + std::string(problem));
+        diagnostics.warning({},
+                            "geometry node " + std::to_string(node.value) + " is not traced: " + std::string(problem));
     if (known) entry.deforms = true;
     if (entry.users.empty())
         entry.bvh.reset();
@@ -142,7 +141,7 @@ void RayWorld::Impl::setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh) 
 }
 
 bool RayWorld::Impl::isLive(InstanceId id) const {
-    return id.slot < world->instances_.size() && world->instances_[id.slot].info.id == id;
+    return id.slot < instances.size() && instances[id.slot].info.id == id;
 }
 
 void RayWorld::Impl::link(std::uint32_t slot, NodeId geometry) {
@@ -202,7 +201,7 @@ void RayWorld::Impl::setTransform(RayInstance& instance, const WorldFromLocal& m
     instance.info.worldFromLocal = m;
     instance.sign = determinantSign(m);
     WorldFromLocal inRaySpace = m;
-    inRaySpace[3] -= world->origin_;
+    inRaySpace[3] -= origin;
     instance.rayFromLocal = glm::mat4x3(inRaySpace);
     instance.normalFromLocal = normalMatrix(m);
     if (instance.sign < 0) instance.normalFromLocal = -instance.normalFromLocal;
@@ -216,22 +215,22 @@ void RayWorld::Impl::setPending(std::uint32_t slot) {
 void RayWorld::Impl::cull(std::uint32_t slot, std::string reason) {
     Place& place = places[slot];
     if (std::exchange(place.culled, true)) return;
-    world->diagnostics_.warning({}, "shape node " + std::to_string(world->instances_[slot].info.shape.value) +
-                                        " is not traced: " + std::move(reason));
+    diagnostics.warning(
+        {}, "shape node " + std::to_string(instances[slot].info.shape.value) + " is not traced: " + std::move(reason));
 }
 
 void RayWorld::Impl::makeRoom(const std::vector<Instance>& added) {
     // All at once: what is there is not copied more often than needed, and a whole scene takes no more than it needs.
-    std::size_t size = world->instances_.size();
+    std::size_t size = instances.size();
     for (const Instance& info : added) size = std::max<std::size_t>(size, info.id.slot + 1);
-    if (size == world->instances_.size()) return;
-    world->instances_.resize(size);
+    if (size == instances.size()) return;
+    instances.grow(size);
     places.resize(size);
 }
 
 void RayWorld::Impl::add(const Instance& info) {
     const std::uint32_t slot = info.id.slot;
-    RayInstance& instance = world->instances_[slot];
+    RayInstance& instance = instances.write(slot);
     if (instance.info.id) remove(instance.info.id);
     instance.info = info;
     setTransform(instance, info.worldFromLocal);
@@ -245,13 +244,13 @@ void RayWorld::Impl::remove(InstanceId id) {
     lift(id.slot);
     unlink(id.slot);
     places[id.slot] = Place{.pending = places[id.slot].pending};
-    world->instances_[id.slot] = RayInstance{};
+    instances.write(id.slot) = RayInstance{};
 }
 
 void RayWorld::Impl::rebind(const Instance& info) {
     if (!isLive(info.id)) return;
     const std::uint32_t slot = info.id.slot;
-    RayInstance& instance = world->instances_[slot];
+    RayInstance& instance = instances.write(slot);
     const bool moved = instance.info.worldFromLocal != info.worldFromLocal;
     const bool replace = instance.info.geometry != info.geometry;
     const bool masked = instance.info.castShadow != info.castShadow;
@@ -267,7 +266,7 @@ void RayWorld::Impl::rebind(const Instance& info) {
     const WorldFromLocal before = instance.info.worldFromLocal;
     instance.info = info;
     instance.info.worldFromLocal = before;
-    if (masked) setMask(slot);
+    if (masked) setKinds(slot);
     if (elsewhere || otherwise) {
         place.loose = false;
         // What is known to move from now on leaves the others before it does, together with its like.
@@ -283,7 +282,7 @@ void RayWorld::Impl::rebind(const Instance& info) {
 
 void RayWorld::Impl::move(InstanceId id, const WorldFromLocal& worldFromLocal) {
     if (!isLive(id)) return;
-    RayInstance& instance = world->instances_[id.slot];
+    RayInstance& instance = instances.write(id.slot);
     Place& place = places[id.slot];
     setTransform(instance, worldFromLocal);
     place.culled = false;
@@ -311,6 +310,7 @@ void RayWorld::Impl::move(InstanceId id, const WorldFromLocal& worldFromLocal) {
 }
 
 void RayWorld::Impl::followMesh(MeshEntry& entry) {
+    ++swaps;
     entry.changed = false;
     if (entry.users.empty()) entry.bvh.reset();
     if (entry.bvh && entry.usable) {
@@ -326,7 +326,7 @@ void RayWorld::Impl::followMesh(MeshEntry& entry) {
         std::string reason;
         if (place.kind == Kind::instanced && entry.usable && fitness(slot, reason) == Fitness::instance) {
             top.changeMesh(place.local, entry.bvh->scene(), instanceBox(slot));
-            world->instances_[slot].mesh = entry.mesh;
+            instances.write(slot).mesh = entry.mesh;
         } else {
             lift(slot);
             setPending(slot);
@@ -364,6 +364,7 @@ void RayWorld::Impl::commit() {
         top.updateGroup(cluster->object);
     }
     top.commit();
+    tables.top = top.view();
 }
 
 }  // namespace rtsg

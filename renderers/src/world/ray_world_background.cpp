@@ -30,7 +30,7 @@ bool later(const auto& a, const auto& b) {
 struct RayWorld::Impl::Merge {
     struct Piece {
         InstanceId id;
-        std::uint32_t changes, mask;
+        std::uint32_t changes, kinds;
         bvh::Triangles triangles;
         bool isPlaced;  // `triangles` are in ray space already
         WorldFromLocal rayFromLocal;
@@ -44,7 +44,7 @@ struct RayWorld::Impl::Merge {
         auto made = std::make_unique<bvh::Group>(device);
         for (Piece& piece : pieces) {
             if (!piece.isPlaced) piece.triangles = transformedTriangles(piece.triangles.mesh, piece.rayFromLocal);
-            made->attach(device, piece.id.slot, piece.triangles, piece.mask);
+            made->attach(device, piece.id.slot, piece.triangles, piece.kinds);
         }
         made->commit();
         group = std::move(made);
@@ -52,7 +52,7 @@ struct RayWorld::Impl::Merge {
 };
 
 std::uint32_t RayWorld::Impl::patience(std::uint32_t slot) const {
-    const bool foreseen = world->instances_[slot].info.motion == Motion::moving;
+    const bool foreseen = instances[slot].info.motion == Motion::moving;
     return std::max(1u, options.restFrames) << (places[slot].splits + (foreseen ? kForeseenDoublings : 0));
 }
 
@@ -60,7 +60,7 @@ void RayWorld::Impl::watchRest(std::uint32_t slot) {
     Place& place = places[slot];
     if (options.mapping != Mapping::hybrid || place.waiting || place.kind == Kind::none || place.kind == Kind::resting)
         return;
-    const Instance& info = world->instances_[slot].info;
+    const Instance& info = instances[slot].info;
     if (!canMerge(slot)) return;
     place.waiting = true;
     rests.push_back({place.movedAt + patience(slot), info.id});
@@ -133,9 +133,9 @@ void RayWorld::Impl::startMerge() {
 
     merge = std::make_shared<Merge>();
     const auto add = [&](std::uint32_t slot, bvh::Triangles made, bool isPlaced) {
-        const Instance& info = world->instances_[slot].info;
+        const Instance& info = instances[slot].info;
         merge->pieces.push_back(
-            {info.id, places[slot].changes, maskOf(info), std::move(made), isPlaced, rayFromLocal(info)});
+            {info.id, places[slot].changes, kindsOf(info), std::move(made), isPlaced, rayFromLocal(info)});
     };
     for (Cluster* source : sources)
         source->group->forEach(
@@ -147,27 +147,28 @@ void RayWorld::Impl::startMerge() {
     }
     rested.clear();
     merge->sources = sources;
-    merge->job = worker.start([job = merge, this] { job->run(device); });
+    merge->job = worker->start([job = merge, this] { job->run(device); });
 }
 
 void RayWorld::Impl::takeMerge(bool wait) {
     if (!merge) return;
-    if (wait) worker.wait(*merge->job);
+    if (wait) worker->wait(*merge->job);
     if (!merge->job->done()) return;
     const std::shared_ptr<Merge> done = std::exchange(merge, nullptr);
     if (!done->group) {
-        world->diagnostics_.error({}, "ray world: merging what rests has failed; it stays as it is");
+        diagnostics.error({}, "ray world: merging what rests has failed; it stays as it is");
         for (const Merge::Piece& piece : done->pieces)
             if (isLive(piece.id)) watchRest(piece.id.slot);
         return;
     }
     ++stats.merges;
+    ++swaps;
     Cluster& cluster = newCluster(std::move(done->group), false);
     for (std::uint32_t local = 0; local < done->pieces.size(); ++local) {
         const Merge::Piece& piece = done->pieces[local];
         const std::uint32_t slot = piece.id.slot;
         if (!isLive(piece.id) || places[slot].changes != piece.changes) {
-            cluster.group->hide(local);
+            cluster.group->hide(local, 0);
             if (!std::exchange(cluster.thinned, true)) thinned.push_back(&cluster);
             if (isLive(piece.id)) watchRest(slot);
             continue;
@@ -178,22 +179,24 @@ void RayWorld::Impl::takeMerge(bool wait) {
         place.local = local;
         place.kind = Kind::resting;
         place.moves = place.loose = false;
-        world->instances_[slot].mesh = piece.triangles.mesh;
-        if (const std::uint32_t mask = maskOf(world->instances_[slot].info); mask != piece.mask)
-            cluster.group->setMask(local, mask);
+        instances.write(slot).mesh = piece.triangles.mesh;
+        top.setOwner(slot, cluster.object);
+        if (const std::uint32_t kinds = kindsOf(instances[slot].info); kinds != piece.kinds)
+            cluster.group->setKinds(local, kinds, 0);
     }
     for (Cluster* source : std::exchange(done->sources, {})) dropCluster(*source);
-    cluster.object = top.addGroup(*cluster.group);
+    top.setGroup(cluster.object, *cluster.group);
 }
 
 void RayWorld::Impl::forgetSource(const Cluster& cluster) {
     if (merge) std::erase(merge->sources, &cluster);
 }
 
-void RayWorld::Impl::discard(std::unique_ptr<bvh::Group> group) {
-    if (!options.background) return;
+void RayWorld::Impl::discard(Cluster& cluster) {
+    const std::shared_ptr<bvh::Group> group = std::move(cluster.group);
+    versions.retire(cluster.stamp, versions.serial(), group);
     // Letting go of a large BVH takes a while, too.
-    worker.start([gone = std::shared_ptr<bvh::Group>(std::move(group))] {});
+    if (options.background) worker->start([group] {});
 }
 
 }  // namespace rtsg

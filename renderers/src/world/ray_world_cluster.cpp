@@ -41,14 +41,17 @@ RayWorld::Impl::Cluster& RayWorld::Impl::newCluster(std::unique_ptr<bvh::Group> 
     cluster.index = static_cast<std::uint32_t>(list.size() - 1);
     cluster.isBody = isBody;
     cluster.builtAt = now;
+    cluster.stamp = versions.serial();
+    cluster.object = top.newObject();
     return cluster;
 }
 
 void RayWorld::Impl::dropCluster(Cluster& cluster) {
-    if (cluster.object != bvh::InstanceTree::kNone) top.remove(cluster.object);
+    top.remove(cluster.object);
     forgetSource(cluster);
     if (cluster.thinned) std::erase(thinned, &cluster);
-    discard(std::move(cluster.group));
+    if (cluster.unsettled) std::erase(unsettled, &cluster);
+    discard(cluster);
     auto& list = cluster.isBody ? bodies : resting;
     const std::uint32_t index = cluster.index;
     std::swap(list[index], list.back());
@@ -57,39 +60,41 @@ void RayWorld::Impl::dropCluster(Cluster& cluster) {
 }
 
 void RayWorld::Impl::join(Cluster& cluster, std::uint32_t slot, bvh::Triangles triangles) {
-    RayInstance& instance = world->instances_[slot];
+    RayInstance& instance = instances.write(slot);
     Place& place = places[slot];
     instance.mesh = triangles.mesh;
-    place.local = cluster.group->attach(device, slot, std::move(triangles), maskOf(instance.info));
+    place.local = cluster.group->attach(device, slot, std::move(triangles), kindsOf(instance.info));
     place.cluster = &cluster;
     place.kind = cluster.isBody ? Kind::body : Kind::resting;
     place.culled = false;
+    top.setOwner(slot, cluster.object);
 }
 
 void RayWorld::Impl::placeResting(const std::vector<std::uint32_t>& slots) {
     const bool fresh = options.mapping != Mapping::merged || resting.empty();
     Cluster& cluster = fresh ? newCluster(std::make_unique<bvh::Group>(device), false) : *resting.front();
+    if (!fresh) makeWritable(cluster);
     for (const std::uint32_t slot : slots) {
-        join(cluster, slot, transformedTriangles(places[slot].mesh->mesh, rayFromLocal(world->instances_[slot].info)));
+        join(cluster, slot, transformedTriangles(places[slot].mesh->mesh, rayFromLocal(instances[slot].info)));
     }
-    if (fresh) cluster.object = top.addGroup(*cluster.group);
+    if (fresh) top.setGroup(cluster.object, *cluster.group);
 }
 
 // ---- bodies -------------------------------------------------------------------------------------------------------
 
 void RayWorld::Impl::placeBody(const std::vector<std::uint32_t>& slots) {
-    const auto condition = [&](std::uint32_t slot) { return world->instances_[slot].errorScale; };
+    const auto condition = [&](std::uint32_t slot) { return instances[slot].errorScale; };
     const std::uint32_t reference = *std::min_element(
         slots.begin(), slots.end(), [&](std::uint32_t a, std::uint32_t b) { return condition(a) < condition(b); });
     // The body's frame is that of a member, unless that one is distorted.
     constexpr float kDistorted = 8;
-    WorldFromLocal frame = world->instances_[reference].info.worldFromLocal;
+    WorldFromLocal frame = instances[reference].info.worldFromLocal;
     if (condition(reference) > kDistorted) frame[0] = {1, 0, 0}, frame[1] = {0, 1, 0}, frame[2] = {0, 0, 1};
     const WorldFromLocal bodyFromWorld = inverse(frame);
     Cluster& body = newCluster(std::make_unique<bvh::Group>(device), true);
     ++stats.bodiesBuilt;
     for (const std::uint32_t slot : slots) {
-        const WorldFromLocal m = compose(bodyFromWorld, world->instances_[slot].info.worldFromLocal);
+        const WorldFromLocal m = compose(bodyFromWorld, instances[slot].info.worldFromLocal);
         const std::shared_ptr<const Mesh>& mesh = places[slot].mesh->mesh;
         if (!transformed(mesh->bounds, m).inReach()) {
             placeInstance(slot);
@@ -102,12 +107,12 @@ void RayWorld::Impl::placeBody(const std::vector<std::uint32_t>& slots) {
     }
     body.group->commit();
     body.worldFromBody = frame;
-    body.object = top.addBody(*body.group, body.group->slots(), inRaySpace(frame), bodyBox(body));
+    top.setBody(body.object, *body.group, inRaySpace(frame), bodyBox(body));
     setBodyTransform(body, frame);
 }
 
 WorldFromLocal RayWorld::Impl::inRaySpace(WorldFromLocal m) const {
-    m[3] -= world->origin_;
+    m[3] -= origin;
     return m;
 }
 
@@ -123,7 +128,7 @@ bvh::InstanceTree::Box RayWorld::Impl::bodyBox(const Cluster& body) const {
 
 void RayWorld::Impl::setBodyTransform(Cluster& body, const WorldFromLocal& m) {
     body.worldFromBody = m;
-    body.normalFromBody = normalMatrix(m);
+    top.setNormals(body.object, normalMatrix(m));
     top.move(body.object, inRaySpace(m), bodyBox(body));
     // The members' points were rounded in the body's frame, and rays are on their way into it.
     constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
@@ -134,7 +139,7 @@ void RayWorld::Impl::setBodyTransform(Cluster& body, const WorldFromLocal& m) {
         floor = Vec3f(glm::abs(m[0]) * reach.x + glm::abs(m[1]) * reach.y + glm::abs(m[2]) * reach.z) *
                 (gamma * errorScale(m));
     }
-    body.group->forEach([&](std::uint32_t slot) { world->instances_[slot].errorFloor = floor; });
+    body.group->forEach([&](std::uint32_t slot) { instances.write(slot).errorFloor = floor; });
 }
 
 void RayWorld::Impl::followBody(Cluster& body) {
@@ -147,7 +152,7 @@ void RayWorld::Impl::followBody(Cluster& body) {
         setPending(slot);
     };
     const auto worldOf = [&](std::uint32_t slot) -> const WorldFromLocal& {
-        return world->instances_[slot].info.worldFromLocal;
+        return instances[slot].info.worldFromLocal;
     };
     const auto fits = [&](std::uint32_t slot, const WorldFromLocal& frame) {
         return agree(worldOf(slot), compose(frame, body.bodyFromLocal[places[slot].local]),
@@ -158,7 +163,7 @@ void RayWorld::Impl::followBody(Cluster& body) {
         // Where most go is where the body goes.
         std::uint32_t guide = moved.front();
         const std::uint32_t reference = body.group->slots()[body.reference];
-        if (reference != kNoInstance && places[reference].movedAt == now) guide = reference;  // it has not left
+        if (places[reference].cluster == &body && places[reference].movedAt == now) guide = reference;
         frame = compose(worldOf(guide), inverse(body.bodyFromLocal[places[guide].local]));
         if (!canEnter(frame) || !isFinite(frame) || !boxInReach(body, frame)) {
             // Each is traced as far as it can be, and they come together again.
@@ -197,25 +202,32 @@ void RayWorld::Impl::lift(std::uint32_t slot) {
     if (place.kind == Kind::instanced) {
         top.remove(place.local);
     } else if (Cluster* cluster = place.cluster) {
-        if (options.mapping == Mapping::merged)
+        if (options.mapping == Mapping::merged) {
+            makeWritable(*cluster);
             cluster->group->detach(place.local);
-        else
-            cluster->group->hide(place.local);
+        } else {
+            cluster->group->hide(place.local, heldBits(*cluster));
+            noteUnsettled(*cluster);
+        }
         if (!std::exchange(cluster->thinned, true)) thinned.push_back(cluster);
     }
     place.kind = Kind::none;
     place.cluster = nullptr;
-    world->instances_[slot].mesh = nullptr;
-    world->instances_[slot].errorFloor = Vec3f(0);
+    top.setOwner(slot, bvh::TreeView::kNone);
+    RayInstance& instance = instances.write(slot);
+    instance.mesh = nullptr;
+    instance.errorFloor = Vec3f(0);
 }
 
-void RayWorld::Impl::setMask(std::uint32_t slot) {
+void RayWorld::Impl::setKinds(std::uint32_t slot) {
     const Place& place = places[slot];
-    const std::uint32_t mask = maskOf(world->instances_[slot].info);
-    if (place.kind == Kind::instanced)
-        top.setMask(place.local, mask);
-    else if (place.cluster)
-        place.cluster->group->setMask(place.local, mask);
+    const std::uint32_t kinds = kindsOf(instances[slot].info);
+    if (place.kind == Kind::instanced) {
+        top.setKinds(place.local, kinds);
+    } else if (place.cluster) {
+        place.cluster->group->setKinds(place.local, kinds, heldBits(*place.cluster));
+        noteUnsettled(*place.cluster);
+    }
 }
 
 void RayWorld::Impl::tidyClusters() {

@@ -1,20 +1,26 @@
 // The speed-up graph: which instance is traced how: merged with others as triangles, or as itself.
 //
-// Invariant: `places` has one entry per slot of RayWorld::instances_; a traced instance is in one cluster or is one
+// Invariant: `places` has one entry per slot of `instances`; a traced instance is in one cluster or is one
 // object of the top. Clusters are built once: a member that leaves is hidden (a mask, no building), and what arrives is
 // a cluster or an object of its own until the background makes one of several. (The merged mapping rebuilds its one.)
 // A cluster rests in ray space or is a body: it moves as one, and is dissolved as far as it does not.
-// Source: paper section 5.1.2.
+// Versions: what queries read lies in pages (instances, top), in BVHs that are not changed once built, and in masks
+// with epochs; all of these are written as versions.h says. The rest is read by apply() alone. Source: paper
+// section 5.1.2.
 #pragma once
 
-#include <atomic>
+#include <array>
 #include <string>
 #include <unordered_map>
 
 #include <rtsg/renderers/ray_world.h>
 
 #include "embree/mesh_bvh.h"
+#include "embree/paged.h"
+#include "embree/top.h"
+#include "embree/versions.h"
 #include "embree/worker.h"
+#include "ray_view_impl.h"
 
 namespace rtsg {
 
@@ -32,14 +38,15 @@ struct RayWorld::Impl {
     /// Triangles merged into one BVH.
     struct Cluster {
         std::unique_ptr<bvh::Group> group;
-        std::uint32_t index = 0;                          // in `resting` or `bodies`
-        std::uint32_t object = bvh::InstanceTree::kNone;  // in the top
-        std::uint32_t builtAt = 0;                        // apply() number
+        std::uint32_t index = 0;    // in `resting` or `bodies`
+        std::uint32_t object = 0;   // in the top
+        std::uint64_t stamp = 0;    // versions made later may see it
+        std::uint32_t builtAt = 0;  // apply() number
         bool isBody = false;
-        bool thinned = false;  // in `thinned`
+        bool thinned = false;    // in `thinned`
+        bool unsettled = false;  // in `unsettled`
         // Bodies: its frame, and where the members are in it, by local number.
         WorldFromLocal worldFromBody{1.0};
-        glm::mat3 normalFromBody{1.0f};
         std::vector<WorldFromLocal> bodyFromLocal;
         std::uint32_t reference = 0;          // the member that tells where the body is
         std::vector<std::uint32_t> movedNow;  // slots, during apply()
@@ -73,8 +80,15 @@ struct RayWorld::Impl {
         InstanceId id;
     };
     struct Merge;  // what the background builds
+    /// A version and what it lists; kept for its memory when its reader has done.
+    struct Snapshot {
+        WorldVersion version;
+        RayView::Tables tables;
+        bvh::Top::Pages top;
+        std::vector<const RayInstance*> instances;
+    };
 
-    Impl(RayWorld& owner, const Options& o);
+    explicit Impl(const Options& o);
     ~Impl();
 
     void apply(const InstanceDelta& delta);
@@ -99,11 +113,18 @@ struct RayWorld::Impl {
     void cull(std::uint32_t slot, std::string reason);
     void commit();
 
-    Hit resolve(float t, float u, float v, Vec3f normal, std::uint32_t triangle, std::uint32_t geometryId,
-                std::uint32_t instanceId) const;
+    // ray_world_version.cpp: for readers on other threads
+    std::shared_ptr<const WorldVersion> freeze(const std::shared_ptr<Impl>& self, const RayView& view);
+    /// Looks whose readers have done, and lets go of what only they could see. Before anything is changed.
+    void refresh();
+    /// The mask bits to leave alone in a cluster's group; what is written from now on is seen by none of them.
+    std::uint32_t heldBits(const Cluster& cluster);
+    void noteUnsettled(Cluster& cluster);
+    /// Its group may be changed: a copy, if somebody sees it.
+    void makeWritable(Cluster& cluster);
 
     // ray_world_place.cpp: what goes where
-    static std::uint32_t maskOf(const Instance& info);
+    static std::uint32_t kindsOf(const Instance& info);
     void chooseOrigin();
     /// Sets `reason` when the answer is none.
     Fitness fitness(std::uint32_t slot, std::string& reason) const;
@@ -129,7 +150,7 @@ struct RayWorld::Impl {
     void followBody(Cluster& body);
     /// Stops tracing it.
     void lift(std::uint32_t slot);
-    void setMask(std::uint32_t slot);
+    void setKinds(std::uint32_t slot);
     void tidyClusters();
 
     // ray_world_background.cpp: what has rested is merged
@@ -142,11 +163,15 @@ struct RayWorld::Impl {
     /// If there is one and it is done; waits for that if told so.
     void takeMerge(bool wait);
     void forgetSource(const Cluster& cluster);
-    void discard(std::unique_ptr<bvh::Group> group);
+    void discard(Cluster& cluster);
 
-    RayWorld* world;
     Options options;
     bvh::Device device;
+    bvh::Versions versions;
+    bvh::Paged<RayInstance, RayInstances::kPerPage> instances{&versions};
+    Vec3d origin{0};
+    std::uint64_t version = 0;
+    Diagnostics diagnostics;
     std::unordered_map<std::uint32_t, MeshEntry> meshes;  // by geometry NodeId
     std::vector<Place> places;
     std::vector<std::unique_ptr<Cluster>> resting, bodies;
@@ -155,15 +180,20 @@ struct RayWorld::Impl {
     std::vector<Cluster*> thinned;        // lost members
     std::vector<MeshEntry*> changedMeshes;
     std::vector<std::uint32_t> busyMeshes;  // keys of `meshes` for which the worker may have something to do
-    bvh::Top top;
+    bvh::Top top{&versions};
+    RayView::Tables tables;           // of `top`, as of the last apply()
+    std::vector<Cluster*> unsettled;  // with masks that versions hold back
+    std::array<std::unique_ptr<Snapshot>, bvh::Versions::kMost> snapshots;
+    std::weak_ptr<const WorldVersion> newest;
+    /// What was built or swapped without any change of the scene, now and when `newest` was made: it moves last digits.
+    std::uint64_t swaps = 0, newestSwaps = 0;
     std::uint32_t now = 0;           // apply() number
     std::vector<Rest> rests;         // a heap, the earliest first
     std::vector<InstanceId> rested;  // due for merging
     std::vector<Cluster*> ripe;      // kept for its memory
     std::shared_ptr<Merge> merge;    // the one under way
     Stats stats;
-    mutable std::atomic<std::uint64_t> badRays{0};
-    Worker worker;  // last: ends before what its jobs use
+    std::unique_ptr<Worker> worker;  // last: ends before what its jobs use
 };
 
 /// A thing must rest at most 2^this times as long as Options::restFrames.

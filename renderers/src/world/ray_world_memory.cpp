@@ -54,8 +54,8 @@ RayWorld::Stats RayWorld::stats() const {
         stats.uniqueTriangles += entry.mesh->triangleCount;
         stats.meshBytes += memoryUse(*entry.mesh);
     }
-    for (std::size_t slot = 0; slot < instances_.size(); ++slot) {
-        if (!instances_[slot].info.id) continue;
+    for (std::size_t slot = 0; slot < impl_->instances.size(); ++slot) {
+        if (!impl_->instances[slot].info.id) continue;
         const Impl::Place& place = impl_->places[slot];
         ++stats.instances;
         if (place.kind != Impl::Kind::none) {
@@ -98,14 +98,14 @@ RayWorld::Memory RayWorld::memory() const {
     for (const auto& [node, entry] : impl_->meshes)
         if (entry.bvh) arrays.add(entry.bvh->indexInUse());
     arrays.sum(memory.sceneBytes, memory.tessellatedBytes);
-    for (std::size_t slot = 0; slot < instances_.size(); ++slot) {
-        if (!instances_[slot].info.id) continue;
+    for (std::size_t slot = 0; slot < impl_->instances.size(); ++slot) {
+        if (!impl_->instances[slot].info.id) continue;
         ++memory.instances;
-        if (instances_[slot].mesh) memory.instancedTriangles += instances_[slot].mesh->triangleCount;
+        if (impl_->instances[slot].mesh) memory.instancedTriangles += impl_->instances[slot].mesh->triangleCount;
     }
     memory.bvhBytes = impl_->device.bytes();
-    memory.instanceBytes = impl_->top.bytes() + instances_.capacity() * sizeof(RayInstance) +
-                           impl_->places.capacity() * sizeof(Impl::Place);
+    memory.instanceBytes =
+        impl_->top.bytes() + impl_->instances.bytes() + impl_->places.capacity() * sizeof(Impl::Place);
     return memory;
 }
 

@@ -35,13 +35,13 @@ bvh::InstanceTree::Box floatBox(const DoubleBox& box) {
     return {Vec3f(box.center - box.half - slack), Vec3f(box.center + box.half + slack)};
 }
 
-std::uint32_t RayWorld::Impl::maskOf(const Instance& info) {
+std::uint32_t RayWorld::Impl::kindsOf(const Instance& info) {
     constexpr auto shadow = static_cast<std::uint32_t>(RayKind::shadow);
     return info.castShadow ? ~0u : ~shadow;
 }
 
 RayWorld::Impl::Fitness RayWorld::Impl::fitness(std::uint32_t slot, std::string& reason) const {
-    const RayInstance& instance = world->instances_[slot];
+    const RayInstance& instance = instances[slot];
     const Place& place = places[slot];
     const WorldFromLocal& m = instance.info.worldFromLocal;
     if (!place.mesh || !place.mesh->usable) {
@@ -53,7 +53,7 @@ RayWorld::Impl::Fitness RayWorld::Impl::fitness(std::uint32_t slot, std::string&
         return Fitness::none;
     }
     WorldFromLocal inRaySpace = m;
-    inRaySpace[3] -= world->origin_;
+    inRaySpace[3] -= origin;
     if (!transformed(place.mesh->mesh->bounds, inRaySpace).inReach()) {
         reason = "it reaches too far out or its coordinates are not finite";
         return Fitness::none;
@@ -83,21 +83,22 @@ void RayWorld::Impl::chooseOrigin() {
     Vec3d lower(HUGE_VAL), upper(-HUGE_VAL);
     for (const std::uint32_t slot : pending) {
         const Place& place = places[slot];
-        const WorldFromLocal& m = world->instances_[slot].info.worldFromLocal;
+        const WorldFromLocal& m = instances[slot].info.worldFromLocal;
         if (!place.mesh || !place.mesh->usable || !isFinite(m)) continue;
         const DoubleBox box = transformed(place.mesh->mesh->bounds, m);
         lower = glm::min(lower, box.center - box.half);
         upper = glm::max(upper, box.center + box.half);
     }
-    Vec3d origin(0);
+    Vec3d found(0);
     const Vec3d center = (lower + upper) * .5, half = (upper - lower) * .5;
     const double distance = std::max({std::abs(center.x), std::abs(center.y), std::abs(center.z)});
     const double extent = std::max({half.x, half.y, half.z});
-    if (distance < 1e15 && distance > 4096 && distance > 4 * extent) origin = glm::round(center / 1024.0) * 1024.0;
-    if (origin == world->origin_) return;
-    world->origin_ = origin;
-    for (RayInstance& instance : world->instances_)
-        if (instance.info.id) setTransform(instance, Instance(instance.info).worldFromLocal);
+    if (distance < 1e15 && distance > 4096 && distance > 4 * extent) found = glm::round(center / 1024.0) * 1024.0;
+    if (found == origin) return;
+    origin = found;
+    for (std::size_t slot = 0; slot < instances.size(); ++slot)
+        if (instances[slot].info.id)
+            setTransform(instances.write(slot), WorldFromLocal(instances[slot].info.worldFromLocal));
 }
 
 void RayWorld::Impl::placePending() {
@@ -109,7 +110,7 @@ void RayWorld::Impl::placePending() {
     for (const std::uint32_t slot : pending) {
         Place& place = places[slot];
         place.pending = false;
-        const Instance& info = world->instances_[slot].info;
+        const Instance& info = instances[slot].info;
         if (!info.id || place.kind != Kind::none) continue;
         std::string reason;
         const Fitness fit = fitness(slot, reason);
@@ -150,27 +151,26 @@ WorldFromLocal RayWorld::Impl::rayFromLocal(const Instance& info) const {
 }
 
 bvh::InstanceTree::Box RayWorld::Impl::instanceBox(std::uint32_t slot) const {
-    const RTCBounds& b = places[slot].mesh->bvh->bounds();
-    const WorldFromLocal m = rayFromLocal(world->instances_[slot].info);
+    const Bounds& local = places[slot].mesh->bvh->bounds();
+    const WorldFromLocal m = rayFromLocal(instances[slot].info);
     // Nothing but degenerate triangles: a point is never hit, and has a place in the tree.
-    if (!(b.lower_x <= b.upper_x)) return {Vec3f(m[3]), Vec3f(m[3])};
-    Bounds local;
-    local.min = {b.lower_x, b.lower_y, b.lower_z};
-    local.max = {b.upper_x, b.upper_y, b.upper_z};
+    if (!(local.min.x <= local.max.x)) return {Vec3f(m[3]), Vec3f(m[3])};
     return floatBox(transformed(local, m));
 }
 
 void RayWorld::Impl::placeInstance(std::uint32_t slot) {
-    RayInstance& instance = world->instances_[slot];
+    RayInstance& instance = instances.write(slot);
     Place& place = places[slot];
     MeshEntry& entry = *place.mesh;
     if (!entry.bvh) {
-        entry.bvh = std::make_unique<bvh::MeshBvh>(device, worker, entry.mesh, entry.deforms);
+        entry.bvh = std::make_unique<bvh::MeshBvh>(device, *worker, entry.mesh, entry.deforms, &versions);
         entry.bvh->commit();
         if (entry.bvh->busy() && !std::exchange(entry.isBusy, true)) busyMeshes.push_back(entry.node);
     }
-    place.local = top.addInstance(slot, entry.bvh->scene(), rayFromLocal(instance.info), instanceBox(slot),
-                                  maskOf(instance.info));
+    place.local = top.newObject();
+    top.setInstance(place.local, slot, entry.bvh->scene(), rayFromLocal(instance.info), instanceBox(slot),
+                    kindsOf(instance.info));
+    top.setOwner(slot, place.local);
     place.kind = Kind::instanced;
     place.culled = false;
     instance.mesh = entry.mesh;

@@ -37,7 +37,7 @@ void expectSameWide(const InstanceTree& tree, const RayPacket16& packet) {
         narrow.emplace_back(object, std::vector<std::int32_t>(lanes, lanes + 16));
     });
     avx512::traverse(
-        tree.nodes(), tree.nodeCount(), packet, packet.active,
+        tree.nodePages(), tree.nodeCount(), packet, packet.active,
         [](void* self, std::uint32_t object, const std::int32_t* lanes) {
             static_cast<Visits*>(self)->emplace_back(object, std::vector<std::int32_t>(lanes, lanes + 16));
         },

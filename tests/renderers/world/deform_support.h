@@ -42,7 +42,7 @@ struct OneShape {
 };
 
 /// Random rays through the box of `b` find the same distances in both; some must hit.
-inline ::testing::AssertionResult sameHits(const RayWorld& a, const RayWorld& b, std::mt19937& random, int rays) {
+inline ::testing::AssertionResult sameHits(const RayView& a, const RayView& b, std::mt19937& random, int rays) {
     const Bounds box = b.bounds();
     std::uniform_real_distribution<float> unit(-1, 1);
     int hits = 0;

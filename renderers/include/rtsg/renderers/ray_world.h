@@ -6,45 +6,36 @@
 // Invariant: after apply() it answers as one built from scratch would. No ray and no transform that Embree would abort
 // on reaches it: a bad ray is a counted miss, an instance that cannot be traced is left out with a diagnostic.
 // Ray space is world space minus origin(), in float; origin() is 0 unless the scene lies far away from 0.
-// Threading: apply() alone on one thread; between two of them every const member from any number of threads.
+// Threading: apply() alone on one thread; between two of them every const member from any number of threads. freeze()
+// gives versions that answer at any time.
 // Source: paper section 5.1.1 (speed-up graph), 5.1.2 (mapping objects to instances).
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
-#include <limits>
 #include <memory>
-#include <span>
-#include <vector>
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/renderers/instance_delta.h>
-#include <rtsg/renderers/mesh.h>
-#include <rtsg/renderers/ray.h>
+#include <rtsg/renderers/ray_view.h>
 
 namespace rtsg {
 
-/// An instance as rays see it. Lives as long as the instance, at one slot; read it between two apply() calls.
-struct RayInstance {
-    Instance info;
-    std::shared_ptr<const Mesh> mesh;  // null: not traced
-    glm::mat4x3 rayFromLocal{1.0f};    // ray space (see origin())
-    glm::mat3 normalFromLocal{
-        1.0f};             // directions only, to be normalised; right for mirrored and for flattened ones too
-    int sign = 1;          // of the determinant
-    float errorScale = 1;  // how much the transform magnifies rounding errors, at least 1
-    Vec3f errorFloor{0};   // what is added to every error bound: of those merged into a body that moves, its rounding
+/// A state of a RayWorld that stays as it was, for readers on other threads while the world goes on. It shares with the
+/// world, and pins, what was there at that moment: triangles, BVHs, and those pages of its tables that change later.
+/// Outlives the world, if need be. Threading: any number of threads; the last owner lets go on any thread.
+class WorldVersion : public RayView {
+  private:
+    friend class RayWorld;
+    WorldVersion() = default;
+    void take(const RayView& now, const Tables& tables, const RayInstances& instances) {
+        RayView::operator=(now);
+        tables_ = &tables;
+        instances_ = instances;
+    }
 };
 
-/// A point on a surface with what is needed to start a ray there.
-struct HitPoint {
-    Vec3f position{0};  // ray space, from the corners and not from the ray: as exact as float allows
-    Vec3f error{0};     // bound of |position - exact| per axis
-    Vec3f normal{0};    // as in Hit
-};
-
-class RayWorld {
+class RayWorld : public RayView {
   public:
     /// How instances become Embree objects; `hybrid` is the default and meant to win. See the paper's section 5.1.2.
     enum class Mapping : std::uint8_t { merged, perShape, hybrid };
@@ -106,61 +97,23 @@ class RayWorld {
     /// Waits for what is being done in the background, and takes it. On apply()'s thread.
     void finishBackgroundWork();
 
-    /// Closest hit with tMin <= t <= tMax. A ray that is not finite, has a negative tMin, starts beyond kMaxCoordinate
-    /// or whose direction is shorter than 1e-12 or longer than 1e9 misses and is counted in badRays().
-    Hit intersect(const Ray& ray, RayKind kind = RayKind::view) const;
-    /// Whether anything lies in [tMin, tMax]; for bad rays false, counted as above.
-    bool occluded(const Ray& ray, RayKind kind = RayKind::shadow) const;
-    /// As above for the active lanes. `coherent`: the rays run close together (primary rays, say), which makes it
-    /// faster. Returns a bit per lane that hit something or is blocked.
-    std::uint32_t intersect(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::view) const;
-    std::uint32_t occluded(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::shadow) const;
-    /// What lane `lane` of an intersected packet hit; no instance for a miss.
-    Hit hit(const RayPacket16& rays, int lane) const;
-    /// The same for all lanes in `mask` (bits), which hit something; the others of `out` hold rubbish.
-    void hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const;
+    /// The world as it is now, for other threads; the last one made while nothing has changed since. Null while
+    /// kMostVersions are held: a reader that stalls costs others their turn, and the world no more than so many states.
+    /// Costs a list of pages (8 bytes for each 4 to 8 kB of tables); and while it is held, the first change of each
+    /// page the copy of that page. On apply()'s thread.
+    std::shared_ptr<const WorldVersion> freeze();
+    static constexpr std::size_t kMostVersions = 9;
 
-    /// Calls visit(slot, triangle) for every triangle whose box comes within `radius` of `center` (both in ray space,
-    /// metres), and maybe others; visit returns the radius from then on. What is nearer tends to come first.
-    using NearVisitor = rtsg::NearVisitor;
-    void visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const;
-
-    /// Precondition: the slot of a hit or of a live instance.
-    const RayInstance& instance(std::uint32_t slot) const { return instances_[slot]; }
-    /// Indexed by slot, with holes: a hole's info.id is no instance.
-    std::span<const RayInstance> instances() const { return instances_; }
-    /// The exact point of a hit and the bound of its rounding error.
-    HitPoint point(const Hit& hit) const;
-    /// Where a ray leaving `from` towards `direction` should start so that it does not hit the surface it leaves.
-    static Vec3f leave(const HitPoint& from, const Vec3f& direction);
-
-    /// World position of ray space's zero. Changes only when a scene turns out to lie far from it.
-    const Vec3d& origin() const { return origin_; }
-    Vec3f fromWorld(const Vec3d& world) const { return Vec3f(world - origin_); }
-    Vec3d toWorld(const Vec3f& ray) const { return Vec3d(ray) + origin_; }
-
-    /// Box around everything traced, in ray space; min > max when there is nothing. Looks at every instance.
-    Bounds bounds() const;
-
-    /// Counts apply() calls that changed anything: caches keyed by it know when to forget.
-    std::uint64_t version() const { return version_; }
     Stats stats() const;
     /// Looks at every mesh and instance.
     Memory memory() const;
-    std::uint64_t badRays() const;
-    const Diagnostics& diagnostics() const { return diagnostics_; }
-    void clearDiagnostics() { diagnostics_ = Diagnostics(); }
-
-    /// Coordinates beyond this (m) are neither traced nor accepted in rays.
-    static constexpr float kMaxCoordinate = 1e9f;
+    const Diagnostics& diagnostics() const;
+    void clearDiagnostics();
 
   private:
     struct Impl;
-    std::unique_ptr<Impl> impl_;
-    std::vector<RayInstance> instances_;
-    Vec3d origin_{0};
-    std::uint64_t version_ = 0;
-    Diagnostics diagnostics_;
+    void publish();
+    std::shared_ptr<Impl> impl_;  // shared with its versions
 };
 
 }  // namespace rtsg

@@ -1,0 +1,136 @@
+// RayView: what rays may ask of a world: what they hit, what is near, and whose it is.
+//
+// Light, sound, picking and collision query a RayView, and do not care whether it is a RayWorld or a version of one.
+// Invariant: all queries run here, for both. A bad ray is a counted miss.
+// Ray space is world space minus origin(), in float; origin() is 0 unless the scene lies far away from 0.
+// Threading: every member from any number of threads; of a RayWorld between two apply() calls.
+// Source: paper section 5.1.1 (speed-up graph).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <iterator>
+#include <memory>
+
+#include <rtsg/renderers/instance_delta.h>
+#include <rtsg/renderers/mesh.h>
+#include <rtsg/renderers/ray.h>
+
+namespace rtsg {
+
+/// An instance as rays see it. Lives as long as the instance, at one slot; of a RayWorld, read it between two
+/// apply() calls.
+struct RayInstance {
+    Instance info;
+    std::shared_ptr<const Mesh> mesh;  // null: not traced
+    glm::mat4x3 rayFromLocal{1.0f};    // ray space (see origin())
+    glm::mat3 normalFromLocal{
+        1.0f};             // directions only, to be normalised; right for mirrored and for flattened ones too
+    int sign = 1;          // of the determinant
+    float errorScale = 1;  // how much the transform magnifies rounding errors, at least 1
+    Vec3f errorFloor{0};   // what is added to every error bound: of those merged into a body that moves, its rounding
+};
+
+/// A point on a surface with what is needed to start a ray there.
+struct HitPoint {
+    Vec3f position{0};  // ray space, from the corners and not from the ray: as exact as float allows
+    Vec3f error{0};     // bound of |position - exact| per axis
+    Vec3f normal{0};    // as in Hit
+};
+
+/// The instances by slot, with holes: a hole's info.id is no instance. They lie in pages.
+class RayInstances {
+  public:
+    static constexpr std::size_t kPerPage = 32;
+
+    class Iterator {
+      public:
+        using value_type = RayInstance;
+        using difference_type = std::ptrdiff_t;
+        Iterator() = default;
+        Iterator(const RayInstance* const* pages, std::size_t slot) : pages_(pages), slot_(slot) {}
+        const RayInstance& operator*() const { return pages_[slot_ / kPerPage][slot_ % kPerPage]; }
+        const RayInstance* operator->() const { return &**this; }
+        Iterator& operator++() { return ++slot_, *this; }
+        Iterator operator++(int) { return {pages_, slot_++}; }
+        friend bool operator==(const Iterator& a, const Iterator& b) { return a.slot_ == b.slot_; }
+
+      private:
+        const RayInstance* const* pages_ = nullptr;
+        std::size_t slot_ = 0;
+    };
+
+    RayInstances() = default;
+    RayInstances(const RayInstance* const* pages, std::size_t size) : pages_(pages), size_(size) {}
+    std::size_t size() const { return size_; }
+    bool empty() const { return size_ == 0; }
+    /// Precondition: slot < size().
+    const RayInstance& operator[](std::size_t slot) const { return pages_[slot / kPerPage][slot % kPerPage]; }
+    Iterator begin() const { return {pages_, 0}; }
+    Iterator end() const { return {pages_, size_}; }
+
+  private:
+    const RayInstance* const* pages_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+class RayView {
+  public:
+    /// Closest hit with tMin <= t <= tMax. A ray that is not finite, has a negative tMin, starts beyond kMaxCoordinate
+    /// or whose direction is shorter than 1e-12 or longer than 1e9 misses and is counted in badRays().
+    Hit intersect(const Ray& ray, RayKind kind = RayKind::view) const;
+    /// Whether anything lies in [tMin, tMax]; for bad rays false, counted as above.
+    bool occluded(const Ray& ray, RayKind kind = RayKind::shadow) const;
+    /// As above for the active lanes. `coherent`: the rays run close together (primary rays, say), which makes it
+    /// faster. Returns a bit per lane that hit something or is blocked.
+    std::uint32_t intersect(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::view) const;
+    std::uint32_t occluded(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::shadow) const;
+    /// What lane `lane` of an intersected packet hit; no instance for a miss.
+    Hit hit(const RayPacket16& rays, int lane) const;
+    /// The same for all lanes in `mask` (bits), which hit something; the others of `out` hold rubbish.
+    void hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const;
+
+    /// Calls visit(slot, triangle) for every triangle whose box comes within `radius` of `center` (both in ray space,
+    /// metres), and maybe others; visit returns the radius from then on. What is nearer tends to come first.
+    using NearVisitor = rtsg::NearVisitor;
+    void visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const;
+
+    /// Precondition: the slot of a hit or of a live instance.
+    const RayInstance& instance(std::uint32_t slot) const { return instances_[slot]; }
+    /// Indexed by slot, with holes: a hole's info.id is no instance.
+    const RayInstances& instances() const { return instances_; }
+    /// The exact point of a hit and the bound of its rounding error.
+    HitPoint point(const Hit& hit) const;
+    /// Where a ray leaving `from` towards `direction` should start so that it does not hit the surface it leaves.
+    static Vec3f leave(const HitPoint& from, const Vec3f& direction);
+
+    /// World position of ray space's zero. Changes only when a scene turns out to lie far from it.
+    const Vec3d& origin() const { return origin_; }
+    Vec3f fromWorld(const Vec3d& world) const { return Vec3f(world - origin_); }
+    Vec3d toWorld(const Vec3f& ray) const { return Vec3d(ray) + origin_; }
+
+    /// Box around everything traced, in ray space; min > max when there is nothing. Looks at every instance.
+    Bounds bounds() const;
+
+    /// Counts RayWorld::apply() calls that changed anything: caches keyed by it know when to forget.
+    std::uint64_t version() const { return version_; }
+    /// Rays that were none.
+    std::uint64_t badRays() const;
+
+    /// Coordinates beyond this (m) are neither traced nor accepted in rays.
+    static constexpr float kMaxCoordinate = 1e9f;
+
+  protected:
+    struct Tables;  // what is traced
+    RayView() = default;
+    ~RayView() = default;
+    RayView(const RayView&) = default;
+    RayView& operator=(const RayView&) = default;
+
+    const Tables* tables_ = nullptr;
+    RayInstances instances_;
+    Vec3d origin_{0};
+    std::uint64_t version_ = 0;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,230 @@
+// Tracing: from the tree over everything into Embree's BVHs. Nothing here allocates or locks.
+#include <cstddef>
+#include <cstring>
+#include <utility>
+
+#include "packet_avx512.h"
+#include "top.h"
+
+namespace rtsg::bvh {
+
+namespace {
+
+inline RTCIntersectContext makeContext(bool coherent) {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    return context;
+}
+
+static_assert(kNoInstance == RTC_INVALID_GEOMETRY_ID);
+
+// ---- single rays --------------------------------------------------------------------------------------------------
+
+inline void fill(RTCRay& target, const Ray& ray, std::uint32_t mask) {
+    target.org_x = ray.origin.x, target.org_y = ray.origin.y, target.org_z = ray.origin.z;
+    target.dir_x = ray.direction.x, target.dir_y = ray.direction.y, target.dir_z = ray.direction.z;
+    target.tnear = ray.tMin, target.tfar = ray.tMax;
+    target.time = 0, target.mask = mask, target.id = 0, target.flags = 0;
+}
+
+// Rays are traced where they are: put into the object's frame, and back from what they were made of.
+
+void enter(const TopObject& object, const Ray& ray, RTCRay& r) {
+    const Vec3f o = object.localFromRay * (ray.origin - object.translation);
+    const Vec3f d = object.localFromRay * ray.direction;
+    r.org_x = o.x, r.org_y = o.y, r.org_z = o.z;
+    r.dir_x = d.x, r.dir_y = d.y, r.dir_z = d.z;
+}
+
+void leave(const Ray& ray, RTCRay& r) {
+    r.org_x = ray.origin.x, r.org_y = ray.origin.y, r.org_z = ray.origin.z;
+    r.dir_x = ray.direction.x, r.dir_y = ray.direction.y, r.dir_z = ray.direction.z;
+}
+
+inline RawHit rawHit(const RTCRayHit& r) {
+    return {r.ray.tfar,   r.hit.u,      r.hit.v,        {r.hit.Ng_x, r.hit.Ng_y, r.hit.Ng_z},
+            r.hit.primID, r.hit.geomID, r.hit.instID[0]};
+}
+
+}  // namespace
+
+RawHit TopView::intersect(const Ray& ray, RayKind kind) const {
+    RTCRayHit r;
+    fill(r.ray, ray, maskOf(kind));
+    r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    RTCIntersectContext context = makeContext(false);
+    if (main_) {
+        rtcIntersect1(main_->scene, &context, &r);
+        if (tree_.empty()) return rawHit(r);
+    }
+    Ray rest = ray;
+    rest.tMax = r.ray.tfar;
+    tree_.traverse(rest, [&](std::uint32_t index) {
+        const TopObject& o = object(index);
+        context.instID[0] = index;  // what Embree notes in the hits it finds
+        if (o.resting) {
+            rtcIntersect1(o.scene, &context, &r);
+        } else {
+            if (!(o.mask & r.ray.mask)) return r.ray.tfar;
+            enter(o, ray, r.ray);
+            rtcIntersect1(o.scene, &context, &r);
+            leave(ray, r.ray);
+        }
+        return r.ray.tfar;
+    });
+    return rawHit(r);
+}
+
+bool TopView::occluded(const Ray& ray, RayKind kind) const {
+    RTCRay r;
+    fill(r, ray, maskOf(kind));
+    RTCIntersectContext context = makeContext(false);
+    if (main_) {
+        rtcOccluded1(main_->scene, &context, &r);
+        if (r.tfar < 0 || tree_.empty()) return r.tfar < 0;
+    }
+    tree_.traverse(ray, [&](std::uint32_t index) {
+        const TopObject& o = object(index);
+        if (o.resting) {
+            rtcOccluded1(o.scene, &context, &r);
+            return r.tfar;
+        }
+        if (!(o.mask & r.mask)) return r.tfar;
+        enter(o, ray, r);
+        rtcOccluded1(o.scene, &context, &r);
+        leave(ray, r);
+        return r.tfar;
+    });
+    return r.tfar < 0;
+}
+
+// ---- packets ------------------------------------------------------------------------------------------------------
+
+namespace {
+
+// RayPacket16 is laid out as Embree's packets, so that rays are traced where they are.
+static_assert(offsetof(RayPacket16, tMax) == offsetof(RTCRayHit16, ray.tfar));
+static_assert(offsetof(RayPacket16, mask_) == offsetof(RTCRayHit16, ray.mask));
+static_assert(offsetof(RayPacket16, directionX) == offsetof(RTCRayHit16, ray.dir_x));
+static_assert(offsetof(RayPacket16, normalX_) == offsetof(RTCRayHit16, hit.Ng_x));
+static_assert(offsetof(RayPacket16, prim_) == offsetof(RTCRayHit16, hit.primID));
+static_assert(offsetof(RayPacket16, inst_) == offsetof(RTCRayHit16, hit.instID));
+static_assert(sizeof(RTCRayHit16) == offsetof(RayPacket16, active));
+
+/// AVX-512 where the machine has it.
+const bool kWide = avx512::isSupported();
+
+/// The rays of a packet in an object's frame; in their own again when this ends.
+class Entered {
+  public:
+    Entered(RayPacket16& rays, const glm::mat3& m, const Vec3f& translation) : rays_(rays) {
+        if (kWide) {
+            avx512::enter(rays, &m[0].x, &translation.x, saved_);
+            return;
+        }
+        for (int at = 0; at < 16; at += 8) {
+            const auto take = [&](int k, const float* from) {
+                const simd::F8 v = simd::load(from + at);
+                simd::store(saved_.values[k] + at, v);
+                return v;
+            };
+            const simd::F8 x = take(0, rays.originX), y = take(1, rays.originY), z = take(2, rays.originZ);
+            const simd::F8 dx = take(3, rays.directionX), dy = take(4, rays.directionY), dz = take(5, rays.directionZ);
+            const simd::F8 ox = x - translation.x, oy = y - translation.y, oz = z - translation.z;
+            simd::store(rays.originX + at, m[0].x * ox + m[1].x * oy + m[2].x * oz);
+            simd::store(rays.originY + at, m[0].y * ox + m[1].y * oy + m[2].y * oz);
+            simd::store(rays.originZ + at, m[0].z * ox + m[1].z * oy + m[2].z * oz);
+            simd::store(rays.directionX + at, m[0].x * dx + m[1].x * dy + m[2].x * dz);
+            simd::store(rays.directionY + at, m[0].y * dx + m[1].y * dy + m[2].y * dz);
+            simd::store(rays.directionZ + at, m[0].z * dx + m[1].z * dy + m[2].z * dz);
+        }
+    }
+    ~Entered() {
+        if (kWide) {
+            avx512::leave(rays_, saved_);
+            return;
+        }
+        float* const targets[] = {rays_.originX,    rays_.originY,    rays_.originZ,
+                                  rays_.directionX, rays_.directionY, rays_.directionZ};
+        for (int k = 0; k < 6; ++k) std::memcpy(targets[k], saved_.values[k], sizeof saved_.values[k]);
+    }
+    Entered(const Entered&) = delete;
+    Entered& operator=(const Entered&) = delete;
+
+  private:
+    RayPacket16& rays_;
+    avx512::SavedRays saved_;
+};
+
+template <class Leaf>
+void traverse(const TreeView& tree, const RayPacket16& rays, const std::int32_t* valid, Leaf leaf) {
+    if (!kWide) return tree.traverse(rays, valid, leaf);
+    avx512::traverse(
+        tree.nodePages(), tree.nodeCount(), rays, valid,
+        [](void* self, std::uint32_t object, const std::int32_t* lanes) { (*static_cast<Leaf*>(self))(object, lanes); },
+        &leaf);
+}
+
+/// What the caller of a packet leaves to us.
+inline void complete(RayPacket16& rays, std::uint32_t mask) {
+    for (int i = 0; i < 16; ++i) {
+        rays.time_[i] = 0;
+        rays.mask_[i] = mask;
+        rays.id_[i] = 0;
+        rays.flags_[i] = 0;
+        rays.geom_[i] = RTC_INVALID_GEOMETRY_ID;
+        rays.inst_[i] = RTC_INVALID_GEOMETRY_ID;
+    }
+}
+
+}  // namespace
+
+std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
+    complete(rays, maskOf(kind));
+    RTCIntersectContext context = makeContext(coherent);
+    auto& packet = reinterpret_cast<RTCRayHit16&>(rays);
+    if (main_) rtcIntersect16(valid, main_->scene, &context, &packet);
+    if (!tree_.empty()) {
+        traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
+            const TopObject& o = object(index);
+            context.instID[0] = index;  // what Embree notes in the hits it finds
+            if (o.resting) {
+                rtcIntersect16(lanes, o.scene, &context, &packet);
+            } else {
+                if (!(o.mask & rays.mask_[0])) return;
+                const Entered entered(rays, o.localFromRay, o.translation);
+                rtcIntersect16(lanes, o.scene, &context, &packet);
+            }
+        });
+    }
+    std::uint32_t hits = 0;
+    for (int i = 0; i < 16; ++i) hits |= static_cast<std::uint32_t>(rays.geom_[i] != RTC_INVALID_GEOMETRY_ID) << i;
+    return hits;
+}
+
+std::uint32_t TopView::occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
+    complete(rays, maskOf(kind));
+    RTCIntersectContext context = makeContext(coherent);
+    auto& packet = reinterpret_cast<RTCRay16&>(rays);
+    if (main_) rtcOccluded16(valid, main_->scene, &context, &packet);
+    if (!tree_.empty()) {
+        // A blocked lane's segment ends before it begins, so that it meets no further box.
+        traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
+            const TopObject& o = object(index);
+            if (o.resting) {
+                rtcOccluded16(lanes, o.scene, &context, &packet);
+                return;
+            }
+            if (!(o.mask & rays.mask_[0])) return;
+            const Entered entered(rays, o.localFromRay, o.translation);
+            rtcOccluded16(lanes, o.scene, &context, &packet);
+        });
+    }
+    std::uint32_t blocked = 0;
+    for (int i = 0; i < 16; ++i) blocked |= static_cast<std::uint32_t>((valid[i] != 0) & (rays.tMax[i] < 0)) << i;
+    return blocked;
+}
+
+}  // namespace rtsg::bvh

@@ -1,0 +1,83 @@
+// Versions: which states of a world somebody still reads, and so what may be written in place.
+//
+// A serial counts the versions made. What is written carries it as its stamp, so a version whose serial is above the
+// stamp may read it: then the writer copies first, and what it takes out of use is kept until nobody can read it.
+// Invariant: at most kMost versions at a time; one pins what it was made of, and nothing that came later.
+// Embree's masks cannot be copied, so they hold three bits (the kinds of rays) for each of ten epochs: a version's rays
+// carry the bits of the epoch in which it was made, and whoever changes a mask leaves the bits of held epochs alone.
+// (Embree reads a mask in one word while we write it: the bits that a reader looks at stay what they are.)
+// Threading: everything on the writer's thread, release() on any.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+namespace rtsg::bvh {
+
+class Versions {
+  public:
+    static constexpr std::size_t kMost = 9;
+    static constexpr unsigned kEpochs = 10, kKinds = 3;
+    static_assert(kMost < kEpochs && kEpochs * kKinds <= 32, "an epoch is always free, and each has bits of its own");
+
+    /// The kinds of rays that a mask lets through, in every epoch.
+    static constexpr std::uint32_t inAllEpochs(std::uint32_t kinds) { return (kinds & 7u) * 0x09249249u; }
+
+    /// How many have been made: the stamp of what is written now.
+    std::uint64_t serial() const { return serial_; }
+    bool anyHeld() const { return newest_ != 0; }
+    /// Whether one reads what was last written at `stamp`, and is in use since.
+    bool sees(std::uint64_t stamp) const { return newest_ > stamp; }
+    /// Whether one was made with a serial above `from` and up to `to`.
+    bool sees(std::uint64_t from, std::uint64_t to) const {
+        for (const Holder& holder : holders_)
+            if (holder.serial > from && holder.serial <= to) return true;
+        return false;
+    }
+
+    /// Another version of what is there now; returns its number below kMost, or kMost when so many are held.
+    std::size_t hold();
+    /// Its reader has done: nothing of it is read any more.
+    void release(std::size_t number) { holders_[number].isRead.store(false, std::memory_order_release); }
+    /// Looks who has let go; until the next call nobody does. Returns whether somebody has.
+    bool refresh();
+
+    /// Keeps a thing that was in use from `stamp` until the serial was `until` while somebody can see it.
+    void retire(std::uint64_t stamp, std::uint64_t until, std::shared_ptr<const void> thing) {
+        if (sees(stamp, until)) retired_.push_back({stamp, until, std::move(thing)});
+    }
+    /// Retired things that nobody sees any more, after refresh().
+    std::vector<std::shared_ptr<const void>> takeUnseen();
+
+    /// The epoch of what is written now, and how far its bits lie to the left.
+    unsigned maskShift() const { return epoch_ * kKinds; }
+    /// The bits of all held versions.
+    std::uint32_t heldBits() const { return heldBits_; }
+    /// To be called before a mask that somebody may see is changed: from now on rays carry bits that nobody holds.
+    void leaveHeldEpoch();
+
+  private:
+    struct Holder {
+        std::atomic<bool> isRead{false};
+        std::uint64_t serial = 0;  // 0: not held, as the writer knows
+        unsigned epoch = 0;
+    };
+    struct Retired {
+        std::uint64_t from, to;
+        std::shared_ptr<const void> thing;
+    };
+    void findHeld();
+
+    std::array<Holder, kMost> holders_;
+    std::vector<Retired> retired_;
+    std::uint64_t serial_ = 0, newest_ = 0;
+    std::uint32_t heldBits_ = 0;
+    unsigned epoch_ = 0;
+};
+
+}  // namespace rtsg::bvh

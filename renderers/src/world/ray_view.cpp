@@ -1,0 +1,196 @@
+// Queries: what every ray of light, sound and picking goes through. Nothing here allocates or locks.
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+
+#include "mesh/simd8.h"
+#include "ray_view_impl.h"
+
+namespace rtsg {
+
+namespace {
+
+constexpr float kShortest = 1e-12f, kLongest = 1e9f;
+
+/// False for NaN and infinity anywhere but in tMax, which may be infinite.
+inline bool acceptable(float ox, float oy, float oz, float tMin, float dx, float dy, float dz, float tMax) {
+    const float reach = std::max(std::max(std::abs(ox), std::abs(oy)), std::abs(oz));
+    const float length = std::max(std::max(std::abs(dx), std::abs(dy)), std::abs(dz));
+    // std::max drops a NaN in its second argument, so sums look for them.
+    const float sum = (ox - ox) + (oy - oy) + (oz - oz) + (dx - dx) + (dy - dy) + (dz - dz);
+    return (sum == 0) & (reach <= RayView::kMaxCoordinate) & (length >= kShortest) & (length <= kLongest) &
+           (tMin >= 0) & (tMin < HUGE_VALF) & (tMax >= 0);
+}
+
+/// Lanes that must not be traced are inactive in `valid`. Returns the number of bad rays.
+inline int findValid(const RayPacket16& rays, std::int32_t* valid) {
+    int bad = 0;
+    for (int i = 0; i < 16; ++i) {
+        const bool ok = acceptable(rays.originX[i], rays.originY[i], rays.originZ[i], rays.tMin[i], rays.directionX[i],
+                                   rays.directionY[i], rays.directionZ[i], rays.tMax[i]);
+        valid[i] = ok ? rays.active[i] : 0;
+        bad += !ok & (rays.active[i] != 0);
+    }
+    return bad;
+}
+
+inline bool acceptable(const Ray& ray) {
+    return acceptable(ray.origin.x, ray.origin.y, ray.origin.z, ray.tMin, ray.direction.x, ray.direction.y,
+                      ray.direction.z, ray.tMax);
+}
+
+// Instances and bodies report normals in their own frames; merged triangles were turned inside out by a mirroring.
+
+inline Vec3f worldNormal(Vec3f normal, const bvh::TopObject& object, const RayInstance& instance) {
+    if (!object.slots) return instance.normalFromLocal * normal;
+    if (!object.resting) normal = object.normalFromGroup * normal;
+    return instance.sign < 0 ? -normal : normal;
+}
+
+Hit resolve(const bvh::RawHit& raw, const bvh::TopView& top, const RayInstances& instances) {
+    Hit hit;
+    if (!raw) return hit;
+    const bvh::TopObject& object = top.objectOf(raw.objectId);
+    hit.t = raw.t, hit.u = raw.u, hit.v = raw.v, hit.triangle = raw.triangle;
+    hit.instance = object.slotOf(raw.geometryId);
+    Vec3f normal = worldNormal(raw.normal, object, instances[hit.instance]);
+    const float size = std::max(std::max(std::abs(normal.x), std::abs(normal.y)), std::abs(normal.z));
+    if (size > 0) normal /= size;  // so that squares neither overflow nor vanish
+    const float length = std::sqrt(glm::dot(normal, normal));
+    hit.normal = length > 0 ? normal / length : Vec3f(0, 0, 1);
+    return hit;
+}
+
+}  // namespace
+
+Hit RayView::intersect(const Ray& ray, RayKind kind) const {
+    if (!acceptable(ray)) [[unlikely]] {
+        tables_->badRays.fetch_add(1, std::memory_order_relaxed);
+        return {};
+    }
+    return resolve(tables_->top.intersect(ray, kind), tables_->top, instances_);
+}
+
+bool RayView::occluded(const Ray& ray, RayKind kind) const {
+    if (!acceptable(ray)) [[unlikely]] {
+        tables_->badRays.fetch_add(1, std::memory_order_relaxed);
+        return false;
+    }
+    return tables_->top.occluded(ray, kind);
+}
+
+std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind) const {
+    alignas(64) std::int32_t valid[16];
+    if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
+        tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
+    return tables_->top.intersect(rays, valid, coherent, kind);
+}
+
+std::uint32_t RayView::occluded(RayPacket16& rays, bool coherent, RayKind kind) const {
+    alignas(64) std::int32_t valid[16];
+    if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
+        tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
+    return tables_->top.occluded(rays, valid, coherent, kind);
+}
+
+Hit RayView::hit(const RayPacket16& rays, int lane) const {
+    return resolve({rays.tMax[lane],
+                    rays.u_[lane],
+                    rays.v_[lane],
+                    {rays.normalX_[lane], rays.normalY_[lane], rays.normalZ_[lane]},
+                    rays.prim_[lane],
+                    rays.geom_[lane],
+                    rays.inst_[lane]},
+                   tables_->top, instances_);
+}
+
+void RayView::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const {
+    std::memcpy(out.normalX, rays.normalX_, 3 * sizeof out.normalX);  // three arrays in a row, in both
+    std::memcpy(out.u, rays.u_, 2 * sizeof out.u);
+    std::memcpy(out.triangle, rays.prim_, sizeof out.triangle);
+    for (; mask; mask &= mask - 1) {
+        const int i = std::countr_zero(mask);
+        const bvh::TopObject& object = tables_->top.objectOf(rays.inst_[i]);
+        const std::uint32_t slot = object.slotOf(rays.geom_[i]);
+        out.instance[i] = slot;
+        const RayInstance& instance = instances_[slot];
+        if (object.slots && object.resting && instance.sign >= 0) continue;
+        const Vec3f n = worldNormal({out.normalX[i], out.normalY[i], out.normalZ[i]}, object, instance);
+        out.normalX[i] = n.x, out.normalY[i] = n.y, out.normalZ[i] = n.z;
+    }
+    for (int at = 0; at < 16; at += 8) {
+        using namespace simd;
+        F8 x = load(out.normalX + at), y = load(out.normalY + at), z = load(out.normalZ + at);
+        const F8 size = max(max(max(x, -x), max(y, -y)), max(z, -z));
+        const F8 scale = 1.0f / max(size, all(1e-38f));  // so that squares neither overflow nor vanish
+        x *= scale, y *= scale, z *= scale;
+        const F8 squared = x * x + y * y + z * z;
+        const I8 good = squared > 0.0f;
+        const F8 inverse = 1.0f / sqrt(select(good, squared, all(1)));
+        store(out.normalX + at, select(good, x * inverse, all(0)));
+        store(out.normalY + at, select(good, y * inverse, all(0)));
+        store(out.normalZ + at, select(good, z * inverse, all(1)));
+    }
+}
+
+void RayView::visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const {
+    tables_->top.visitNear(center, radius, visit);
+}
+
+HitPoint RayView::point(const Hit& hit) const {
+    HitPoint result;
+    result.normal = hit.normal;
+    if (!hit) return result;
+    const RayInstance& instance = instances_[hit.instance];
+    const Mesh& mesh = *instance.mesh;
+    const float w = 1 - hit.u - hit.v;
+    const Vec3f a = w * mesh.vertex(hit.triangle, 0), b = hit.u * mesh.vertex(hit.triangle, 1),
+                c = hit.v * mesh.vertex(hit.triangle, 2);
+    const Vec3f local = a + b + c, size = glm::abs(a) + glm::abs(b) + glm::abs(c);
+    const glm::mat4x3& m = instance.rayFromLocal;
+    result.position = m * Vec4f(local, 1);
+    // gamma(n) = n eps / (1 - n eps) bounds n roundings (Higham; pbrt-v4, section 6.8.1): four for the barycentric sum,
+    // four for the transform here, and as many again for how the ray met the triangle: rounded into ray space, or
+    // through a transformed ray, whose errors the condition of the matrix magnifies on their way back.
+    constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
+    const Vec3f linear = glm::abs(m[0]) * size.x + glm::abs(m[1]) * size.y + glm::abs(m[2]) * size.z;
+    result.error = (linear * instance.errorScale + glm::abs(m[3])) * gamma + instance.errorFloor;
+    return result;
+}
+
+Vec3f RayView::leave(const HitPoint& from, const Vec3f& direction) {
+    // pbrt-v4, section 6.8.6: far enough along the normal to clear the box of the error, then one float further.
+    const float distance = glm::dot(glm::abs(from.normal), from.error);
+    const Vec3f away = glm::dot(direction, from.normal) < 0 ? -from.normal : from.normal;
+    Vec3f start = from.position + distance * away;
+    for (int i = 0; i < 3; ++i) {
+        if (away[i] == 0) continue;
+        start[i] = std::nextafter(start[i], std::copysign(HUGE_VALF, away[i]));
+        // On a plane through 0 nothing is rounded and the next float is one that the processor may take for 0.
+        constexpr float least = 1e-30f;
+        if (std::abs(start[i]) < least) start[i] = std::copysign(least, away[i]);
+    }
+    return start;
+}
+
+Bounds RayView::bounds() const {
+    // Not the tree's own: that keeps room for what has moved away or gone until it is rebuilt.
+    Bounds result;
+    for (const RayInstance& instance : instances_) {
+        if (!instance.info.id || !instance.mesh) continue;
+        const Bounds& local = instance.mesh->bounds;
+        const glm::mat4x3& m = instance.rayFromLocal;
+        const Vec3f center = m * Vec4f(local.center(), 1), half = 0.5f * local.size();
+        const Vec3f reach = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
+        result.extend(center - reach);
+        result.extend(center + reach);
+    }
+    return result;
+}
+
+std::uint64_t RayView::badRays() const {
+    return tables_->badRays.load(std::memory_order_relaxed);
+}
+
+}  // namespace rtsg

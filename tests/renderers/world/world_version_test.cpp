@@ -1,0 +1,329 @@
+// Versions of a RayWorld: each answers as the world did at its moment, whatever has been done to the world since.
+#include <atomic>
+#include <cstdlib>
+#include <deque>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include "renderers/world/deform_support.h"
+#include "renderers/world_players.h"
+#include "world/triangle_distance.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+using Mapping = RayWorld::Mapping;
+using Version = std::shared_ptr<const WorldVersion>;
+
+constexpr std::uint32_t kSeed = 20260401;
+
+/// Which slots are there, and where.
+void expectSameInstances(const RayView& view, const BruteForce& truth) {
+    std::size_t live = 0;
+    for (const RayInstance& instance : view.instances()) {
+        if (!instance.info.id) continue;
+        ++live;
+        const auto found = truth.things.find(instance.info.id.slot);
+        ASSERT_NE(found, truth.things.end());
+        EXPECT_EQ(instance.info.id, found->second.info.id);
+        EXPECT_EQ(instance.info.worldFromLocal, found->second.info.worldFromLocal);
+        if (instance.mesh) {
+            EXPECT_EQ(instance.mesh, found->second.mesh);
+        }
+    }
+    EXPECT_EQ(live, truth.things.size());
+}
+
+/// Everything near a point is visited, and nothing that is not there.
+void expectSameNear(const RayView& view, const BruteForce& truth, Vec3f center, float radius) {
+    std::set<std::pair<std::uint32_t, std::uint32_t>> visited;
+    view.visitNear(center, radius, [&](std::uint32_t slot, std::uint32_t triangle) {
+        visited.emplace(slot, triangle);
+        return radius;
+    });
+    for (const auto& [slot, triangle] : visited) {
+        const auto found = truth.things.find(slot);
+        ASSERT_NE(found, truth.things.end()) << slot;
+        EXPECT_LT(triangle, found->second.mesh->triangleCount);
+    }
+    for (const auto& [slot, thing] : truth.things) {
+        if (determinantSign(thing.info.worldFromLocal) == 0) continue;
+        for (std::uint32_t t = 0; t < thing.mesh->triangleCount; ++t) {
+            const auto corner = [&](std::uint32_t c) {
+                return thing.info.worldFromLocal * Vec4d(thing.mesh->vertex(t, c), 1) - view.origin();
+            };
+            const exact::Triangle triangle{corner(0), corner(1), corner(2)};
+            const exact::Weights w = exact::nearest(Vec3d(center), triangle);
+            if (glm::length(triangle.at(w.u, w.v) - Vec3d(center)) < radius * .999) {
+                EXPECT_TRUE(visited.contains({slot, t})) << slot << ", " << t;
+            }
+        }
+    }
+}
+
+/// A version with what it must answer.
+struct Held {
+    Version version;
+    BruteForce truth;
+    Bounds bounds;
+    std::vector<Hit> hits;  // of the rays of `seed`
+    std::uint32_t seed;
+
+    Held(RayWorld& world, const BruteForce& t, std::uint32_t s) : version(world.freeze()), truth(t), seed(s) {
+        if (version) bounds = world.bounds(), hits = trace(world);
+    }
+    std::vector<Hit> trace(const RayView& view) const {
+        std::mt19937 random(seed);
+        std::vector<Hit> found;
+        for (int i = 0; i < 100; ++i) found.push_back(view.intersect(randomRay(random, 14)));
+        return found;
+    }
+    void check(std::mt19937& random, int packets) const {
+        Players::compare(*version, truth, random, packets);
+        expectSameInstances(*version, truth);
+        expectSameNear(*version, truth, randomRay(random, 10).origin, 3);
+        EXPECT_EQ(version->bounds().min, bounds.min);
+        EXPECT_EQ(version->bounds().max, bounds.max);
+        const std::vector<Hit> now = trace(*version);
+        for (std::size_t i = 0; i < hits.size(); ++i) {
+            ASSERT_EQ(now[i].instance, hits[i].instance) << i;
+            ASSERT_EQ(now[i].triangle, hits[i].triangle) << i;
+            ASSERT_EQ(now[i].t, hits[i].t) << i;
+            ASSERT_EQ(now[i].normal, hits[i].normal) << i;
+        }
+    }
+};
+
+class WorldVersions : public testing::TestWithParam<Mapping> {};
+INSTANTIATE_TEST_SUITE_P(All, WorldVersions, testing::Values(Mapping::merged, Mapping::perShape, Mapping::hybrid),
+                         [](const auto& at) {
+                             return at.param == Mapping::merged     ? "merged"
+                                    : at.param == Mapping::perShape ? "perShape"
+                                                                    : "hybrid";
+                         });
+
+TEST_P(WorldVersions, AnswerAsTheWorldDidWhateverIsDoneToItSince) {
+    RayWorld::Stats most;
+    for (std::uint32_t run = 0; run < 3; ++run) {
+        SCOPED_TRACE(testing::Message() << "seed " << kSeed + run);
+        Players players(kSeed + run, {.mapping = GetParam(), .restFrames = 1 + run, .background = run % 2 == 0});
+        std::deque<Held> held;
+        for (std::uint32_t step = 0; step < 60; ++step) {
+            SCOPED_TRACE(testing::Message() << "step " << step);
+            // Now and then nobody holds anything, and now and then as many do as can.
+            const std::size_t most_held = step % 20 < 3 ? 0 : step % 20 < 10 ? 2 : RayWorld::kMostVersions;
+            while (held.size() >= std::max<std::size_t>(1, most_held)) held.pop_front();
+            if (step % 3 == 0 && held.size() > 2) held.erase(held.begin() + 1);
+            if (most_held > 0) {
+                held.emplace_back(players.world(), players.truth(), kSeed + step);
+                ASSERT_TRUE(held.back().version);
+            }
+            players.step();
+            players.compare(1);
+            expectSameNear(players.world(), players.truth(), {0, 0, 0}, 3);
+            for (const Held& one : held) one.check(players.random(), 1);
+            if (HasFailure()) return;
+        }
+        // A world made of a version's state answers alike.
+        held.clear();
+        Held last(players.world(), players.truth(), kSeed);
+        ASSERT_TRUE(last.version);
+        for (int i = 0; i < 3; ++i) players.step();
+        RayWorld fresh({.mapping = GetParam()});
+        InstanceDelta all;
+        for (const auto& [slot, thing] : last.truth.things) {
+            all.geometries.push_back({thing.info.geometry, thing.mesh});
+            all.added.push_back(thing.info);
+        }
+        fresh.apply(all);
+        std::mt19937 random(kSeed);
+        EXPECT_TRUE(sameHits(*last.version, fresh, random, 300));
+        const RayWorld::Stats stats = players.world().stats();
+        most.merges += stats.merges, most.splits += stats.splits, most.bodiesBuilt += stats.bodiesBuilt;
+    }
+    if (GetParam() != Mapping::hybrid) return;
+    EXPECT_GT(most.merges, 3u);
+    EXPECT_GT(most.splits, 10u);
+    EXPECT_GT(most.bodiesBuilt, 5u);
+}
+
+/// Boxes in a row, which rest, at x = 0, 4, 8...
+struct Row {
+    RayWorld world;
+    explicit Row(const RayWorld::Options& options, std::uint32_t boxes = 40, double far = 0) : world(options) {
+        world.apply(delta(boxes, far));
+    }
+    static InstanceDelta delta(std::uint32_t boxes, double far, std::uint32_t generation = 0) {
+        InstanceDelta delta;
+        delta.geometries.push_back({NodeId{1}, makeBox()});
+        for (std::uint32_t i = 0; i < boxes; ++i)
+            delta.added.push_back(makeInstance(i, NodeId{1}, translation({far + 4.0 * i, 0, 0}), generation));
+        return delta;
+    }
+    static Ray down(std::uint32_t i) { return {{4.0f * static_cast<float>(i), 0, 9}, 0, {0, 0, -1}}; }
+};
+
+TEST_P(WorldVersions, KeepTheShadowsOfTheirTime) {
+    Row row({.mapping = GetParam()});
+    std::vector<Version> versions;
+    // In version k the first k boxes cast none; each has its own bits until they run out.
+    for (std::uint32_t k = 0; k < RayWorld::kMostVersions; ++k) {
+        versions.push_back(row.world.freeze());
+        ASSERT_TRUE(versions.back());
+        InstanceDelta delta;
+        delta.rebound.push_back(row.world.instance(k).info);
+        delta.rebound.back().castShadow = false;
+        row.world.apply(delta);
+    }
+    EXPECT_EQ(row.world.freeze(), nullptr) << "so many, and no more";
+    for (std::uint32_t i = 0; i < 12; ++i) {
+        EXPECT_EQ(row.world.occluded(Row::down(i)), i >= RayWorld::kMostVersions) << i;
+        EXPECT_TRUE(row.world.occluded(Row::down(i), RayKind::view));
+        for (std::uint32_t k = 0; k < versions.size(); ++k) {
+            EXPECT_EQ(versions[k]->occluded(Row::down(i)), i >= k) << k << ", " << i;
+            EXPECT_TRUE(versions[k]->occluded(Row::down(i), RayKind::sound));
+            EXPECT_TRUE(versions[k]->intersect(Row::down(i)));
+        }
+    }
+    // Bits that come free are put right before they are used again.
+    versions.erase(versions.begin() + 1, versions.begin() + 8);
+    for (std::uint32_t k = 0; k < 7; ++k) {
+        InstanceDelta delta;
+        delta.rebound.push_back(row.world.instance(20 + k).info);
+        delta.rebound.back().castShadow = false;
+        row.world.apply(delta);
+        for (std::uint32_t i = 0; i < 30; ++i)
+            EXPECT_EQ(row.world.occluded(Row::down(i)), i >= 9 && (i < 20 || i > 20 + k)) << k << ", " << i;
+        versions.push_back(row.world.freeze());
+    }
+    for (std::uint32_t i = 0; i < 30; ++i) EXPECT_TRUE(versions[0]->occluded(Row::down(i)));
+}
+
+TEST_P(WorldVersions, StayWhereTheyAreWhenTheWorldGoesFarAway) {
+    Row row({.mapping = GetParam()});
+    const Version near = row.world.freeze();
+    InstanceDelta gone;
+    for (std::uint32_t i = 0; i < 40; ++i) gone.removed.push_back({i, 0});
+    row.world.apply(gone);
+    const Version nothing = row.world.freeze();
+    row.world.finishBackgroundWork();
+    row.world.apply(Row::delta(10, 1e6, 1));
+    EXPECT_NE(row.world.origin(), Vec3d(0));
+    EXPECT_EQ(near->origin(), Vec3d(0));
+    for (std::uint32_t i = 0; i < 40; ++i) {
+        const Hit hit = near->intersect(Row::down(i));
+        ASSERT_TRUE(hit);
+        EXPECT_EQ(hit.instance, i);
+        EXPECT_NEAR(near->point(hit).position.z, 1, 1e-5);
+        EXPECT_FALSE(nothing->intersect(Row::down(i)));
+    }
+    EXPECT_TRUE(nothing->bounds().empty());
+    EXPECT_TRUE(row.world.intersect({row.world.fromWorld({1e6 + 8, 0, 9}), 0, {0, 0, -1}}));
+}
+
+TEST(WorldVersion, OutlivesTheWorld) {
+    Version version;
+    {
+        Row row({.restFrames = 1});
+        version = row.world.freeze();
+        InstanceDelta delta;
+        delta.moved.push_back({{3, 0}, translation({0, 50, 0})});
+        row.world.apply(delta);
+        for (int i = 0; i < 20; ++i) row.world.apply({});  // and something may be under way
+        RayWorld moved(std::move(row.world));
+        row.world = RayWorld();
+    }
+    for (std::uint32_t i = 0; i < 40; ++i) EXPECT_EQ(version->intersect(Row::down(i)).instance, i);
+}
+
+TEST(WorldVersion, IsTheSameWhileNothingChanges) {
+    Row row({});
+    const Version first = row.world.freeze();
+    EXPECT_EQ(row.world.freeze(), first);
+    row.world.apply({});
+    EXPECT_EQ(row.world.freeze(), first);
+    InstanceDelta delta;
+    delta.moved.push_back({{3, 0}, translation({0, 50, 0})});
+    row.world.apply(delta);
+    const Version second = row.world.freeze();
+    EXPECT_NE(second, first);
+    EXPECT_EQ(first->version() + 1, second->version());
+}
+
+TEST(WorldVersion, DeformingMeshesTakeTurns) {
+    const auto rest = makeSphere(3);
+    OneShape shape;
+    shape.show(rest);
+    shape.show(moved(*rest, [](Vec3f p) { return twist(p, .1f); }));
+    std::deque<std::pair<Version, std::shared_ptr<Mesh>>> held;
+    std::mt19937 random(kSeed);
+    std::size_t bytes = 0;
+    for (int frame = 0; frame < 60; ++frame) {
+        const auto mesh = moved(*rest, [&](Vec3f p) { return twist(p, .01f * static_cast<float>(frame)); });
+        shape.show(mesh);
+        held.emplace_back(shape.world.freeze(), mesh);
+        if (held.size() > 3) held.pop_front();
+        for (const auto& [version, shown] : held) {
+            OneShape fresh;
+            fresh.show(shown);
+            EXPECT_TRUE(sameHits(*version, fresh.world, random, 30)) << frame;
+        }
+        // Four trees take turns: no more come.
+        if (frame == 10) bytes = shape.world.memory().bvhBytes;
+    }
+    EXPECT_LT(shape.world.memory().bvhBytes, bytes + bytes / 2);
+    held.clear();
+    for (int frame = 0; frame < 4; ++frame)
+        shape.show(moved(*rest, [&](Vec3f p) { return twist(p, .02f * static_cast<float>(frame)); }));
+    EXPECT_LT(shape.world.memory().bvhBytes, bytes / 2) << "when nobody holds any, one is enough";
+}
+
+TEST(WorldVersion, ReadersOnThreeThreadsSeeWholeStates) {
+    const bool isLong = std::getenv("RTSG_LONG") != nullptr;
+    struct Published {
+        Version version;
+        std::shared_ptr<const BruteForce> truth;
+    };
+    Players players(kSeed, {.restFrames = 2});
+    std::mutex mutex;
+    Published latest{players.world().freeze(), std::make_shared<BruteForce>(players.truth())};
+    std::atomic<bool> stop{false};
+    std::atomic<int> checked{0};
+    std::vector<std::thread> readers;
+    for (std::uint32_t r = 0; r < 3; ++r) {
+        readers.emplace_back([&, r] {
+            std::mt19937 random(kSeed + 1 + r);
+            std::deque<Published> held;
+            while (!stop) {
+                {
+                    const std::lock_guard lock(mutex);
+                    held.push_back(latest);
+                }
+                while (held.size() > 1 + random() % 2) held.pop_front();
+                for (std::size_t looks = 1 + random() % 4; looks > 0; --looks)
+                    Players::compare(*held.front().version, *held.front().truth, random, 1);
+                ++checked;
+            }
+        });
+    }
+    const int steps = isLong ? 20000 : 150;
+    for (int step = 0; step < steps || checked < steps / 4; ++step) {
+        players.step();
+        Published next{players.world().freeze(), std::make_shared<BruteForce>(players.truth())};
+        if (next.version) {
+            const std::lock_guard lock(mutex);
+            std::swap(latest, next);
+        }
+        if (testing::Test::HasFailure()) break;
+    }
+    stop = true;
+    for (std::thread& reader : readers) reader.join();
+    players.compare(5);
+}
+
+}  // namespace
+}  // namespace rtsg
