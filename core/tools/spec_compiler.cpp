@@ -118,7 +118,8 @@ std::string source(const std::vector<const Type*>& nodes, const std::vector<std:
         lists << "  // " << node->name << '\n';
         types << "    {" << literal(node->name) << ", " << literal(node->component) << ", " << literal(node->container)
               << ", " << literal(joined(node->implements, '|')) << ", " << first << ", " << node->fields.size() << ", "
-              << node->level << ", " << (node->hidden ? "true" : "false") << "},\n";
+              << node->level << ", " << (node->hidden ? "true" : "false") << ", Acts::" << node->acts << ", "
+              << (node->writesInputs ? "true" : "false") << ", " << literal(node->role) << "},\n";
         first += node->fields.size();
     }
     std::ostringstream out;

@@ -72,7 +72,7 @@ ChangeSet Scene::snapshot() const {
 }
 
 Result<> Scene::State::applyChange(const Change& c, bool pending) {
-    const auto badNode = [](NodeId id) { return fail(fmt::format("no node {}", id.value)); };
+    const auto badNode = [](NodeId id) { return fail(kNoSuchNode, fmt::format("no node {}", id.value)); };
     Node* node = find(c.node);
     const auto fieldOk = [&](FieldIndex field) {
         return node && field < node->type_->fields.size() && node->type_->fields[field].readable();
@@ -95,9 +95,11 @@ Result<> Scene::State::applyChange(const Change& c, bool pending) {
         }
         case ChangeKind::setField: {
             if (!node) return badNode(c.node);
-            if (!fieldOk(c.field)) return fail(fmt::format("{} has no field {}", node->type_->name, c.field));
+            if (!fieldOk(c.field))
+                return fail(kNoSuchField, fmt::format("{} has no field {}", node->type_->name, c.field));
             if (node->type_->fields[c.field].type != c.value.type())
-                return fail(fmt::format("{}.{}: wrong type", node->type_->name, node->type_->fields[c.field].name));
+                return fail(kWrongType,
+                            fmt::format("{}.{}: wrong type", node->type_->name, node->type_->fields[c.field].name));
             if (sf(c.value.type()) == FieldType::SFNode)
                 if (auto ok = checkNodes(*node, c.field, c.value.storage()); !ok) return ok;
             if (pending) {
@@ -125,7 +127,7 @@ Result<> Scene::State::applyChange(const Change& c, bool pending) {
         }
         case ChangeKind::setName:
             if (!node) return badNode(c.node);
-            if (!c.value.holds<String>()) return fail("a name is a string");
+            if (!c.value.holds<String>()) return fail(kWrongType, "a name is a string");
             setName(*node, c.value.as<String>());
             if (pending) renamedNodes.push_back(c.node);
             return {};
@@ -135,11 +137,12 @@ Result<> Scene::State::applyChange(const Change& c, bool pending) {
             if (!node || !to) return badNode(node ? c.other : c.node);
             if (c.field >= node->type_->fields.size() || c.field2() >= to->type_->fields.size() || c.index > 0xFFFF ||
                 node->type_->fields[c.field].type != to->type_->fields[c.field2()].type)
-                return fail("a route between fields that do not fit");
+                return fail(kWrongType, "a route between fields that do not fit");
             const Route route{c.node, c.field, c.other, c.field2(), c.isConnection};
             if (c.kind == ChangeKind::addRoute) {
                 const FieldDef &a = node->type_->fields[c.field], &b = to->type_->fields[c.field2()];
-                if (!c.isConnection && (!a.sends() || !b.writable())) return fail("a route against the access rules");
+                if (!c.isConnection && (!a.sends() || !b.writable()))
+                    return fail(kWrongAccess, "a route against the access rules");
                 linkRoute(route, pending);
             } else if (!unlinkRoute(route, pending)) {
                 return fail("no such route to remove");
@@ -166,7 +169,7 @@ Result<> Scene::State::releaseDestroyed(std::span<const Change> changes) {
             begun = true;
             Node* node = find(change.node);
             if (!node || change.node == owner.root())
-                return fail(fmt::format("no node {} to destroy", change.node.value));
+                return fail(kNoSuchNode, fmt::format("no node {} to destroy", change.node.value));
             releaseChildren(*node);
             seen.push_back(change.node);
         } else if (begun && change.kind != ChangeKind::event) {
@@ -179,7 +182,7 @@ Result<> Scene::State::releaseDestroyed(std::span<const Change> changes) {
 }
 
 Result<> Scene::reset() {
-    if (auto ok = state_->checkThread(); !ok) return ok;
+    if (auto ok = state_->checkOutsideFrame(); !ok) return ok;
     auto fresh = std::make_unique<State>(*this);
     fresh->allocate(root(), state_->find(root())->typeIndex_, {});
     fresh->firstNewId = fresh->nextId;
@@ -200,7 +203,7 @@ Result<> Scene::reset() {
 
 Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return ok;
+    if (auto ok = s.checkOutsideFrame(); !ok) return ok;
     if (s.hasPending()) return fail("the scene has edits of its own that are not sealed");
     if (set->from != s.sequence)
         return fail(fmt::format("a set from {} does not follow state {}", set->from, s.sequence));

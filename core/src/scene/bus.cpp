@@ -1,3 +1,5 @@
+// Hands out sealed sets: to immediate subscribers at once, into a backlog for those that poll. Sets that are sealed
+// while another is handed out wait in a queue, so that everybody gets every set in order.
 #include <rtsg/core/bus.h>
 
 #include <algorithm>
@@ -11,8 +13,75 @@ namespace rtsg {
 
 namespace {
 
-/// A cursor's backlog is merged when it grows beyond this many sets.
+/// A cursor keeps this many sets as they are; older ones are merged into one, a set at a time.
 constexpr std::size_t kBacklog = 256;
+
+/// Who is told of subscribers that failed, whichever thread they failed on.
+class Reports {
+  public:
+    void setReporter(std::function<void(const Diagnostic&)> reporter) {
+        const std::scoped_lock lock(mutex_);
+        reporter_ = std::move(reporter);
+    }
+    void report(Diagnostic diagnostic) {
+        std::function<void(const Diagnostic&)> reporter;
+        {
+            const std::scoped_lock lock(mutex_);
+            if (!reporter_) return kept_.add(std::move(diagnostic));
+            reporter = reporter_;
+        }
+        reporter(diagnostic);  // without the lock: it may set another one
+    }
+    void takeKept(Diagnostics& into) {
+        const std::scoped_lock lock(mutex_);
+        if (kept_.errors() == 0) return;
+        into.append(kept_);
+        kept_ = Diagnostics();
+    }
+
+  private:
+    std::mutex mutex_;
+    std::function<void(const Diagnostic&)> reporter_;
+    Diagnostics kept_;
+};
+
+using Sets = std::vector<std::shared_ptr<const ChangeSet>>;
+
+/// What a polled subscriber has not taken yet, oldest first. Adding a set costs what that set costs, however long the
+/// backlog: the composer takes in one old set for each new one beyond kBacklog.
+class Backlog {
+  public:
+    bool empty() const { return first_ == sets_.size() && merged_->empty(); }
+    /// The state that the newest set leads to. Precondition: !empty().
+    std::uint64_t to() const { return first_ == sets_.size() ? mergedTo_ : sets_.back()->to; }
+    void add(std::shared_ptr<const ChangeSet> set) {
+        sets_.push_back(std::move(set));
+        if (sets_.size() - first_ <= kBacklog) return;
+        mergedTo_ = sets_[first_]->to;
+        merged_->add(*sets_[first_]);
+        sets_[first_++].reset();
+        if (first_ < kBacklog) return;
+        sets_.erase(sets_.begin(), sets_.begin() + static_cast<std::ptrdiff_t>(first_));
+        first_ = 0;
+    }
+    void clear() {
+        sets_.clear();
+        first_ = 0;
+        if (!merged_->empty()) merged_ = std::make_unique<ChangeComposer>();
+    }
+    /// Hands over what is merged, for a composer that is empty, and the sets after it.
+    void takeInto(std::unique_ptr<ChangeComposer>& merged, Sets& sets) {
+        merged_.swap(merged);
+        sets_.swap(sets);
+        sets.erase(sets.begin(), sets.begin() + static_cast<std::ptrdiff_t>(std::exchange(first_, 0)));
+    }
+
+  private:
+    std::unique_ptr<ChangeComposer> merged_ = std::make_unique<ChangeComposer>();  // what came before sets_
+    std::uint64_t mergedTo_ = 0;
+    Sets sets_;
+    std::size_t first_ = 0;  // those before are in merged_
+};
 
 }  // namespace
 
@@ -20,18 +89,19 @@ struct Attachment::Cursor {
     Subscriber* subscriber = nullptr;
     const Scene* scene = nullptr;
     Delivery delivery = Delivery::immediate;
+    std::shared_ptr<Reports> reports;
+    bool joining = false;  // attached inside a frame: gets its snapshot when that is complete; the scene's thread only
 
-    std::mutex mutex;  // guards everything below
+    std::mutex mutex;  // guards everything below, but for the polling thread's own
     bool attached = true;
     std::string failure;
     std::uint64_t seen = 0;
     bool restarted = false;  // the next set counts whatever its number
-    using Sets = std::vector<std::shared_ptr<const ChangeSet>>;
-    Sets backlog;
+    Backlog backlog;
 
     // The polling thread's own: memory that is used again with every poll.
     Sets taken;
-    ChangeComposer composer;
+    std::unique_ptr<ChangeComposer> composer = std::make_unique<ChangeComposer>();
     ChangeSet merged;
 
     /// Whatever the subscriber does, nothing is thrown across the bus.
@@ -44,35 +114,124 @@ struct Attachment::Cursor {
             return fail("unknown exception");
         }
     }
+    /// False, and the subscriber is detached and reported, if it fails.
     bool deliver(const ChangeSet& set) {
         const Result<> result = call(set);
-        const std::scoped_lock lock(mutex);
-        seen = set.to;
-        if (result) return true;
-        attached = false;
-        failure = result.error().text;
-        backlog.clear();
+        {
+            const std::scoped_lock lock(mutex);
+            seen = set.to;
+            if (result) return true;
+            attached = false;
+            failure = result.error().text;
+            backlog.clear();
+        }
+        reports->report({Severity::error, subscriber->subscriberName(), {}, "detached: " + result.error().text});
         return false;
     }
-    /// Give it back with putBack: a subscriber may poll from within its own apply.
+    /// Leaves the merged part in `composer`, the rest in the result. Give it back with putBack: a subscriber may poll
+    /// from within its own apply.
     Sets takeBacklog() {
         Sets sets = std::move(taken);
         sets.clear();
         const std::scoped_lock lock(mutex);
-        if (attached) sets.swap(backlog);
+        if (attached) backlog.takeInto(composer, sets);
         return sets;
     }
     void putBack(Sets sets) {
         sets.clear();
         taken = std::move(sets);
     }
+    /// Everything that `composer` holds and these sets, as one.
+    bool deliverMerged(Sets& sets) {
+        for (const auto& set : sets) composer->add(*set);
+        ChangeSet whole = std::move(merged);
+        composer->take(whole);
+        sets.clear();  // what they hold can go back to the scene's pool
+        const bool ok = deliver(whole);
+        whole.clear();
+        merged = std::move(whole);
+        return ok;
+    }
 };
 
 struct Bus::State {
     Scene* scene = nullptr;
     std::vector<std::shared_ptr<Attachment::Cursor>> cursors;
-    std::function<void(const Diagnostic&)> reporter;
+    std::shared_ptr<Reports> reports = std::make_shared<Reports>();
+    Sets waiting;  // sealed from within a delivery, in order
+    bool delivering = false;
+    std::size_t handedOut = 0;  // since the outermost publish began
+    std::size_t restarts = 0;
+    std::size_t joining = 0;  // cursors that were attached inside a frame
+
+    bool give(Attachment::Cursor& cursor, const std::shared_ptr<const ChangeSet>& set);
+    bool join(Attachment::Cursor& cursor);
+    void joinAll();
+    void handOut(const std::shared_ptr<const ChangeSet>& set);
+    void removeDetached();
 };
+
+/// False if the subscriber is not, or no longer, attached.
+bool Bus::State::give(Attachment::Cursor& cursor, const std::shared_ptr<const ChangeSet>& set) {
+    {
+        const std::scoped_lock lock(cursor.mutex);
+        if (!cursor.attached) return false;
+        const std::uint64_t have = cursor.backlog.empty() ? cursor.seen : cursor.backlog.to();
+        // A set that leads to the state it starts from puts right what had gone wrong in it.
+        const bool repairs = set->from == set->to && have == set->to && have != 0;
+        if (have >= set->to && !repairs && !cursor.restarted) return true;
+        cursor.restarted = false;
+        if (cursor.delivery == Delivery::polled) {
+            cursor.backlog.add(set);
+            return true;
+        }
+    }
+    return cursor.deliver(*set);
+}
+
+/// Gives the cursor the scene as it is now. Precondition: nothing is pending.
+bool Bus::State::join(Attachment::Cursor& cursor) {
+    auto snapshot = std::make_shared<const ChangeSet>(scene->snapshot());
+    {
+        const std::scoped_lock lock(cursor.mutex);
+        if (!cursor.attached) return false;
+        if (cursor.delivery == Delivery::polled) {
+            cursor.backlog.add(std::move(snapshot));
+            return true;
+        }
+    }
+    return cursor.deliver(*snapshot);
+}
+
+void Bus::State::joinAll() {
+    joining = 0;
+    for (std::size_t i = 0; i < cursors.size(); ++i) {
+        const auto cursor = cursors[i];
+        if (!std::exchange(cursor->joining, false)) continue;
+        scene->seal();  // what another that joins has edited from within
+        join(*cursor);
+    }
+}
+
+void Bus::State::handOut(const std::shared_ptr<const ChangeSet>& set) {
+    if (joining != 0) joinAll();
+    // By index: a subscriber may attach or detach others while it runs; who attaches has this state already.
+    bool anyGone = false;
+    const std::size_t count = cursors.size(), before = restarts;
+    for (std::size_t i = 0; i < count; ++i) {
+        const auto cursor = cursors[i];
+        anyGone |= !give(*cursor, set);
+        if (restarts != before) break;  // the scene starts over: this set is about one that is gone
+    }
+    if (anyGone) removeDetached();
+}
+
+void Bus::State::removeDetached() {
+    std::erase_if(cursors, [](const auto& cursor) {
+        const std::scoped_lock lock(cursor->mutex);
+        return !cursor->attached;
+    });
+}
 
 Bus::Bus(Scene& scene) : state_(std::make_shared<State>()) {
     state_->scene = &scene;
@@ -86,67 +245,47 @@ Bus::~Bus() {
 }
 
 Attachment Bus::attach(Subscriber& subscriber, Delivery delivery) {
+    State& s = *state_;
     auto cursor = std::make_shared<Attachment::Cursor>();
     cursor->subscriber = &subscriber;
-    cursor->scene = state_->scene;
+    cursor->scene = s.scene;
     cursor->delivery = delivery;
-    state_->scene->seal();  // pending edits would otherwise come twice: in the snapshot and in the next set
-    auto snapshot = std::make_shared<const ChangeSet>(state_->scene->snapshot());
+    cursor->reports = s.reports;
     Attachment attachment;
     attachment.cursor_ = cursor;
-    if (delivery == Delivery::polled)
-        cursor->backlog.push_back(std::move(snapshot));
-    else if (!cursor->deliver(*snapshot)) {
-        if (state_->reporter)
-            state_->reporter({Severity::error, subscriber.subscriberName(), {}, "detached: " + cursor->failure});
-        return attachment;
+    if (s.scene->isInFrame()) {
+        cursor->joining = true;
+        ++s.joining;
+    } else {
+        s.scene->seal();  // pending edits would otherwise come twice: in the snapshot and in the next set
+        if (!s.join(*cursor)) return attachment;
     }
-    state_->cursors.push_back(std::move(cursor));
+    s.cursors.push_back(std::move(cursor));
     return attachment;
 }
 
 void Bus::publish(std::shared_ptr<const ChangeSet> set) {
-    // By index: a subscriber may attach or detach others while it runs; who attaches has this state already.
-    bool anyGone = false;
-    const std::size_t count = state_->cursors.size();
-    for (std::size_t i = 0; i < std::min(count, state_->cursors.size()); ++i) {
-        const auto cursor = state_->cursors[i];
-        {
-            const std::scoped_lock lock(cursor->mutex);
-            if (!cursor->attached) {
-                anyGone = true;
-                continue;
-            }
-            const std::uint64_t have = cursor->backlog.empty() ? cursor->seen : cursor->backlog.back()->to;
-            // A set that leads to the state it starts from puts right what had gone wrong in it.
-            const bool repairs = set->from == set->to && have == set->to && have != 0;
-            if (have >= set->to && !repairs && !cursor->restarted) continue;
-            cursor->restarted = false;
-            if (cursor->delivery == Delivery::polled) {
-                cursor->backlog.push_back(set);
-                if (cursor->backlog.size() > kBacklog) {
-                    ChangeComposer composer;
-                    for (const auto& waiting : cursor->backlog) composer.add(*waiting);
-                    cursor->backlog.assign(1, std::make_shared<const ChangeSet>(composer.take()));
-                }
-                continue;
-            }
-        }
-        if (!cursor->deliver(*set)) {
-            anyGone = true;
-            if (state_->reporter)
-                state_->reporter(
-                    {Severity::error, cursor->subscriber->subscriberName(), {}, "detached: " + cursor->failure});
-        }
+    State& s = *state_;
+    if (s.delivering) return s.waiting.push_back(std::move(set));
+    s.delivering = true;
+    s.handedOut = 1;
+    s.handOut(set);
+    while (!s.waiting.empty()) {
+        const auto next = std::move(s.waiting.front());
+        s.waiting.erase(s.waiting.begin());
+        ++s.handedOut;
+        s.handOut(next);
     }
-    if (anyGone)
-        std::erase_if(state_->cursors, [](const auto& cursor) {
-            const std::scoped_lock lock(cursor->mutex);
-            return !cursor->attached;
-        });
+    s.delivering = false;
+}
+
+std::size_t Bus::inDelivery() const {
+    return state_->delivering ? state_->handedOut + state_->waiting.size() : 0;
 }
 
 void Bus::restart() {
+    ++state_->restarts;
+    state_->waiting.clear();
     for (const auto& cursor : state_->cursors) {
         const std::scoped_lock lock(cursor->mutex);
         cursor->seen = 0;
@@ -156,7 +295,11 @@ void Bus::restart() {
 }
 
 void Bus::setReporter(std::function<void(const Diagnostic&)> reporter) {
-    state_->reporter = std::move(reporter);
+    state_->reports->setReporter(std::move(reporter));
+}
+
+void Bus::takeReports(Diagnostics& into) {
+    state_->reports->takeKept(into);
 }
 
 std::size_t Bus::subscribers() const {
@@ -191,18 +334,11 @@ bool Attachment::poll() {
     if (!cursor_) return false;
     const auto cursor = cursor_;  // a subscriber may detach itself
     auto sets = cursor->takeBacklog();
-    const bool any = !sets.empty();
-    if (sets.size() == 1) {
+    const bool any = !sets.empty();  // what is merged has sets after it
+    if (sets.size() == 1 && cursor->composer->empty())
         cursor->deliver(*sets.front());
-    } else if (any) {
-        for (const auto& set : sets) cursor->composer.add(*set);
-        ChangeSet merged = std::move(cursor->merged);
-        cursor->composer.take(merged);
-        sets.clear();  // what they hold can go back to the scene's pool
-        cursor->deliver(merged);
-        merged.clear();
-        cursor->merged = std::move(merged);
-    }
+    else if (any)
+        cursor->deliverMerged(sets);
     cursor->putBack(std::move(sets));
     return any;
 }
@@ -212,10 +348,13 @@ std::size_t Attachment::drain() {
     const auto cursor = cursor_;
     auto sets = cursor->takeBacklog();
     std::size_t count = 0;
-    for (const auto& set : sets) {
+    bool ok = true;
+    if (!cursor->composer->empty()) {
+        Sets none;
         ++count;
-        if (!cursor->deliver(*set)) break;
+        ok = cursor->deliverMerged(none);
     }
+    for (std::size_t i = 0; ok && i < sets.size(); ++i, ++count) ok = cursor->deliver(*sets[i]);
     cursor->putBack(std::move(sets));
     return count;
 }

@@ -1,3 +1,4 @@
+// Merging consecutive sets into one with the same effect: the newest value of each field, edits of lists in order.
 #include <rtsg/core/change.h>
 
 #include <algorithm>
@@ -94,6 +95,7 @@ struct ChangeComposer::State {
     ChangeSet result;  // header and types
     std::vector<Slot> slots;
     SlotIndex newest;           // of setField, setName, createNode, event; under kNode the last slot about a node
+    std::size_t dead = 0;       // slots that are no longer live
     std::size_t following = 0;  // the slot after the last one met: frames tend to repeat the order of the last one
     std::unordered_map<Key, std::vector<std::size_t>, KeyHash> childOps;    // not yet under a setField
     std::unordered_map<std::uint32_t, std::vector<std::size_t>> insertsOf;  // of children created in this set
@@ -105,6 +107,10 @@ struct ChangeComposer::State {
         slots.push_back({change, true, last});
         last = slot;
         return slot;
+    }
+    void kill(Slot& slot) {
+        dead += slot.live ? 1 : 0;
+        slot.live = false;
     }
     bool isCreated(NodeId node) const { return newest.find(node.value, kCreate) != kNone; }
 
@@ -174,7 +180,7 @@ struct ChangeComposer::State {
                 if (!childOps.empty()) {
                     const auto ops = childOps.find({change.node.value, change.field});
                     if (ops != childOps.end()) {
-                        for (const std::size_t i : ops->second) slots[i].live = false;
+                        for (const std::size_t i : ops->second) kill(slots[i]);
                         childOps.erase(ops);
                     }
                 }
@@ -194,7 +200,7 @@ struct ChangeComposer::State {
             case ChangeKind::removeRoute: {
                 const auto found = addedRoutes.find(routeKey(change));
                 if (found != addedRoutes.end()) {
-                    slots[found->second].live = false;
+                    kill(slots[found->second]);
                     addedRoutes.erase(found);
                 } else {
                     append(change);
@@ -218,7 +224,7 @@ struct ChangeComposer::State {
         if (ops == childOps.end() || !slots[slot].live) return;
         std::uint32_t position = slots[slot].change.index;
         auto op = std::ranges::find(ops->second, slot);
-        slots[slot].live = false;
+        kill(slots[slot]);
         for (++op; op != ops->second.end(); ++op) {
             if (!slots[*op].live) continue;
             Change& later = slots[*op].change;
@@ -228,7 +234,7 @@ struct ChangeComposer::State {
                 else
                     --later.index;
             } else if (later.index == position) {
-                slots[*op].live = false;
+                kill(slots[*op]);
                 return;
             } else if (later.index < position) {
                 --position;
@@ -247,7 +253,7 @@ struct ChangeComposer::State {
         for (std::uint32_t i = last; i != kNone; i = slots[i].ofNode) {
             const ChangeKind kind = slots[i].change.kind;
             // Its removed routes must still be removed where they are known.
-            if (kind != ChangeKind::removeRoute || created) slots[i].live = false;
+            if (kind != ChangeKind::removeRoute || created) kill(slots[i]);
         }
         last = kNone;
         if (created) newest.at(change.node.value, kCreate) = kNone;
@@ -272,6 +278,14 @@ void ChangeComposer::add(const ChangeSet& set) {
     s.result.types.insert(s.result.types.end(), set.types.begin(), set.types.end());
     s.following = 0;
     for (const Change& change : set.changes) s.add(change);
+    // What came and went leaves dead slots behind; when they are most, what is alive moves together. So the memory follows
+    // the merged set, and the cost of moving is spread over the changes that made it necessary.
+    constexpr std::size_t kFewDead = 1024;
+    if (s.dead > kFewDead && s.dead > s.slots.size() / 2) {
+        ChangeSet live;
+        take(live);
+        add(live);
+    }
 }
 
 ChangeSet ChangeComposer::take() {
@@ -321,6 +335,7 @@ void ChangeComposer::take(ChangeSet& into) {
         if (slot.live) into.changes[counts[phase(slot.change.kind)]++] = std::move(slot.change);
     s.any = false;
     s.slots.clear();
+    s.dead = 0;
     s.newest.clear();
     s.following = 0;
     s.childOps.clear();

@@ -280,7 +280,7 @@ Result<> Scene::resumeFrom(const RunState& state) {
 
 Result<std::shared_ptr<const ChangeSet>> Scene::runInput(const FrameInput& input, double t) {
     State& s = *state_;
-    if (auto ok = s.checkThread(); !ok) return std::unexpected(ok.error());
+    if (auto ok = s.checkOutsideFrame(); !ok) return std::unexpected(ok.error());
     if (s.hasPending() || !s.inputQueue.empty()) return fail("the scene has edits of its own that are not sealed");
     if (!input.complete) return fail("the record of this frame is not complete");
     if (auto ok = s.applyChanges(input.edits, input.types, true); !ok) return std::unexpected(ok.error());

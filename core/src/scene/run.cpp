@@ -43,11 +43,11 @@ Result<> Cascade::output(const Node& node, FieldIndex field, const Value& value)
 Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     Scene::State& s = *scene_.state_;
     Node* node = s.find(id);
-    if (!node) return fail(fmt::format("no node {}", id.value));
-    if (field >= node->type_->fields.size()) return fail("no such field");
+    if (!node) return fail(kNoSuchNode, fmt::format("no node {}", id.value));
+    if (field >= node->type_->fields.size()) return fail(kNoSuchField, "no such field");
     const FieldDef& def = node->type_->fields[field];
     if (!def.writable() || def.type != value.type())
-        return fail(fmt::format("{}.{} takes no such event", node->type_->name, def.name));
+        return fail(kWrongAccess, fmt::format("{}.{} takes no such event", node->type_->name, def.name));
     if (auto ok = s.checkNodes(*node, field, value.storage()); !ok) return ok;
     if (s.currentCall != Scene::State::kNoCall)
         s.recordEffect(BehaviourEffect::Kind::deliver, id, field, value.storage());
@@ -224,7 +224,7 @@ void Scene::State::runTime(Cascade& cascade) {
 
 std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     State& s = *state_;
-    if (s.refuseForeign()) return std::make_shared<ChangeSet>();
+    if (s.refuseForeign() || s.refuseFromWithin()) return std::make_shared<ChangeSet>();
     s.reportForeign();
     if (s.started && t < s.now) {
         s.diagnostics.warning({}, fmt::format("time went back from {} to {}: kept", s.now, t));
@@ -267,9 +267,28 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     return s.seal();
 }
 
+/// One that runs inside another would be half of both; and subscribers that answer every set with a further one would
+/// never let the outermost call return.
+bool Scene::State::refuseFromWithin() {
+    if (cascading) {
+        diagnostics.error({}, "newFrame was called from within a frame: refused", kFromWithin);
+        return true;
+    }
+    return refuseEndlessDelivery();
+}
+
+bool Scene::State::refuseEndlessDelivery() {
+    if (owner.bus_->inDelivery() < kMostInDelivery) return false;
+    const std::string text = fmt::format(
+        "{} sets came from within one delivery: what is edited now waits for the next frame", kMostInDelivery);
+    if (warned.emplace(owner.root(), text).second) diagnostics.warning({}, text, kFromWithin);
+    return true;
+}
+
 std::shared_ptr<const ChangeSet> Scene::seal() {
-    if (state_->refuseForeign()) return nullptr;
-    return state_->hasPending() ? state_->seal() : nullptr;
+    State& s = *state_;
+    if (s.refuseForeign() || s.cascading || !s.hasPending() || s.refuseEndlessDelivery()) return nullptr;
+    return s.seal();
 }
 
 }  // namespace rtsg

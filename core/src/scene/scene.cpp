@@ -19,7 +19,12 @@ Scene::~Scene() = default;
 
 Result<> Scene::State::checkThread() const {
     if (onOwnThread()) return {};
-    return fail("the scene belongs to another thread");
+    return fail(kWrongThread, "the scene belongs to another thread");
+}
+
+Result<> Scene::State::checkOutsideFrame() const {
+    if (auto ok = checkThread(); !ok || !cascading) return ok;
+    return fail(kFromWithin, "the scene's state cannot be replaced from within a frame");
 }
 
 Result<> Scene::State::checkEdit() {
@@ -36,7 +41,8 @@ bool Scene::State::refuseForeign() {
 
 void Scene::State::reportForeign() {
     if (const std::size_t calls = foreignCalls.exchange(0, std::memory_order_relaxed))
-        diagnostics.error({}, fmt::format("the scene belongs to another thread: {} calls refused", calls));
+        diagnostics.error({}, fmt::format("the scene belongs to another thread: {} calls refused", calls),
+                          kWrongThread);
 }
 
 // ---- reading ---------------------------------------------------------------------------------------------------
@@ -44,8 +50,11 @@ void Scene::State::reportForeign() {
 const Node* Scene::find(NodeId id) const {
     return state_->find(id);
 }
-const Node& Scene::node(NodeId id) const {
-    return *state_->find(id);
+const Node& Scene::node(NodeId id, std::source_location caller) const {
+    const Node* node = state_->find(id);
+    if (!node) [[unlikely]]
+        detail::checkFailed("the node exists", fmt::format("no node {} among {}", id.value, nodeCount()), caller);
+    return *node;
 }
 const Node* Scene::effectiveNode(NodeId id) const {
     const Node* node = find(id);
@@ -101,6 +110,7 @@ std::size_t Scene::routeCount() const {
     return state_->routeCount;
 }
 const NodeType& Scene::type(TypeIndex index) const {
+    RTSG_CHECK_LT(index.value, state_->types.size());
     return *state_->types[index.value].type;
 }
 std::size_t Scene::typeCount() const {
@@ -110,6 +120,9 @@ std::optional<TypeIndex> Scene::findType(std::string_view name) const {
     const auto found = state_->typeByName.find(name);
     if (found == state_->typeByName.end()) return std::nullopt;
     return TypeIndex{found->second};
+}
+bool Scene::isInFrame() const {
+    return state_->cascading;
 }
 double Scene::now() const {
     return state_->now;
@@ -128,7 +141,10 @@ Hash128 Scene::hash() const {
     return sum.value();
 }
 Diagnostics& Scene::diagnostics() {
-    if (state_->onOwnThread()) state_->reportForeign();
+    if (state_->onOwnThread()) {
+        state_->reportForeign();
+        bus_->takeReports(state_->diagnostics);
+    }
     return state_->diagnostics;
 }
 void Scene::setEventListener(EventListener listener) {
@@ -137,6 +153,7 @@ void Scene::setEventListener(EventListener listener) {
 }
 void Scene::registerBehaviour(TypeIndex type, const Behaviour& behaviour) {
     if (state_->refuseForeign()) return;
+    RTSG_CHECK_LT(type.value, state_->types.size());
     state_->types[type.value].behaviour = behaviour;
     state_->noteUse(type, behaviour);
     forEachNode([&](const Node& node) {
@@ -193,7 +210,7 @@ Result<> Scene::destroyNode(NodeId id) {
     State& s = *state_;
     if (auto ok = s.checkEdit(); !ok) return ok;
     Node* node = s.find(id);
-    if (!node || id == root()) return fail(fmt::format("no node {} to destroy", id.value));
+    if (!node || id == root()) return fail(kNoSuchNode, fmt::format("no node {} to destroy", id.value));
     s.detachEverything(*node);
     s.releaseChildren(*node);
     s.destroy(*node, true);
@@ -240,14 +257,15 @@ Result<> Scene::setField(NodeId id, FieldIndex field, Value value) {
     State& s = *state_;
     if (auto ok = s.checkEdit(); !ok) return ok;
     Node* node = s.find(id);
-    if (!node) return fail(fmt::format("no node {}", id.value));
-    if (field >= node->type_->fields.size()) return fail(fmt::format("{} has no field {}", node->type_->name, field));
+    if (!node) return fail(kNoSuchNode, fmt::format("no node {}", id.value));
+    if (field >= node->type_->fields.size())
+        return fail(kNoSuchField, fmt::format("{} has no field {}", node->type_->name, field));
     const FieldDef& def = node->type_->fields[field];
     if (def.type != value.type())
-        return fail(fmt::format("{}.{} is {}, not {}", node->type_->name, def.name, info(def.type).name,
-                                info(value.type()).name));
+        return fail(kWrongType, fmt::format("{}.{} is {}, not {}", node->type_->name, def.name, info(def.type).name,
+                                            info(value.type()).name));
     if (!def.hidden && (def.access == Access::inputOnly || def.access == Access::outputOnly))
-        return fail(fmt::format("{}.{} cannot be given a value", node->type_->name, def.name));
+        return fail(kWrongAccess, fmt::format("{}.{} cannot be given a value", node->type_->name, def.name));
     if (sf(def.type) == FieldType::SFNode)
         if (auto ok = s.checkNodes(*node, field, value.storage()); !ok) return ok;
     s.write(*node, field, value.storage());
@@ -273,10 +291,10 @@ Result<> Scene::insertChild(NodeId parent, FieldIndex field, NodeId child, std::
     State& s = *state_;
     if (auto ok = s.checkEdit(); !ok) return ok;
     Node *p = s.find(parent), *c = s.find(child);
-    if (!p || !c) return fail("insertChild: no such node");
+    if (!p || !c) return fail(kNoSuchNode, "insertChild: no such node");
     if (field >= p->type_->fields.size() || p->type_->fields[field].type != FieldType::MFNode ||
         !p->type_->fields[field].readable())
-        return fail(fmt::format("{} has no such MFNode field", p->type_->name));
+        return fail(kNoSuchField, fmt::format("{} has no such MFNode field", p->type_->name));
     if (auto ok = s.insertChild(*p, field, *c, index); !ok) return ok;
     return s.passToBody(parent, field);
 }
@@ -285,10 +303,10 @@ Result<> Scene::removeChild(NodeId parent, FieldIndex field, std::size_t index) 
     State& s = *state_;
     if (auto ok = s.checkEdit(); !ok) return ok;
     Node* p = s.find(parent);
-    if (!p) return fail("removeChild: no such node");
+    if (!p) return fail(kNoSuchNode, "removeChild: no such node");
     if (field >= p->type_->fields.size() || p->type_->fields[field].type != FieldType::MFNode ||
         !p->type_->fields[field].readable())
-        return fail(fmt::format("{} has no such MFNode field", p->type_->name));
+        return fail(kNoSuchField, fmt::format("{} has no such MFNode field", p->type_->name));
     if (index >= static_cast<const Array<NodeId>*>(p->storage(field))->size())
         return fail(fmt::format("{}.{} has no child {}", p->type_->name, p->type_->fields[field].name, index));
     s.removeChildAt(*p, field, index);
@@ -299,7 +317,7 @@ Result<> Scene::setName(NodeId id, std::string_view name) {
     State& s = *state_;
     if (auto ok = s.checkEdit(); !ok) return ok;
     Node* node = s.find(id);
-    if (!node) return fail(fmt::format("no node {}", id.value));
+    if (!node) return fail(kNoSuchNode, fmt::format("no node {}", id.value));
     // A name belongs to the node that got it last, as USE sees it.
     if (!name.empty())
         if (const NodeId holder = findName(name, node->scope_); holder && holder != id) {
@@ -314,9 +332,9 @@ Result<> Scene::setName(NodeId id, std::string_view name) {
 namespace {
 
 Result<> checkRoute(const Node* from, FieldIndex fromField, const Node* to, FieldIndex toField) {
-    if (!from || !to) return fail("a route needs two nodes");
+    if (!from || !to) return fail(kNoSuchNode, "a route needs two nodes");
     if (fromField >= from->type().fields.size() || toField >= to->type().fields.size())
-        return fail("a route needs two fields");
+        return fail(kNoSuchField, "a route needs two fields");
     return {};
 }
 
@@ -328,10 +346,11 @@ Result<> Scene::addRoute(NodeId fromNode, FieldIndex fromField, NodeId toNode, F
     const Node *from = find(fromNode), *to = find(toNode);
     if (auto ok = checkRoute(from, fromField, to, toField); !ok) return ok;
     const FieldDef &a = from->type().fields[fromField], &b = to->type().fields[toField];
-    if (!a.sends()) return fail(fmt::format("{}.{} sends no events", from->type().name, a.name));
-    if (!b.writable()) return fail(fmt::format("{}.{} takes no events", to->type().name, b.name));
+    if (!a.sends()) return fail(kWrongAccess, fmt::format("{}.{} sends no events", from->type().name, a.name));
+    if (!b.writable()) return fail(kWrongAccess, fmt::format("{}.{} takes no events", to->type().name, b.name));
     if (a.type != b.type)
-        return fail(fmt::format("route from {} {} to {} {}", info(a.type).name, a.name, info(b.type).name, b.name));
+        return fail(kWrongType,
+                    fmt::format("route from {} {} to {} {}", info(a.type).name, a.name, info(b.type).name, b.name));
     if (from->links_)
         for (const RouteGroup& group : from->links_->out)
             if (group.field == fromField && group.targets.contains({{toNode, toField, false}})) return {};
@@ -353,10 +372,12 @@ Result<> Scene::addIsConnection(NodeId instance, FieldIndex instanceField, NodeI
     if (auto ok = checkRoute(from, instanceField, to, bodyField); !ok) return ok;
     const FieldDef &a = from->type().fields[instanceField], &b = to->type().fields[bodyField];
     if (a.type != b.type)
-        return fail(fmt::format("IS between {} {} and {} {}", info(b.type).name, b.name, info(a.type).name, a.name));
+        return fail(kWrongType,
+                    fmt::format("IS between {} {} and {} {}", info(b.type).name, b.name, info(a.type).name, a.name));
     // Table 4.4: an instance's field may do no more than the body's field behind it.
     const bool legal = a.access == b.access || b.access == Access::inputOutput;
-    if (!legal) return fail(fmt::format("IS cannot connect {} with {}: their access differs", b.name, a.name));
+    if (!legal)
+        return fail(kWrongAccess, fmt::format("IS cannot connect {} with {}: their access differs", b.name, a.name));
     if (a.access == Access::initializeOnly || a.access == Access::inputOutput || a.access == Access::inputOnly)
         s.linkRoute({instance, instanceField, bodyNode, bodyField, true}, true);
     if (a.access == Access::outputOnly || a.access == Access::inputOutput)
@@ -368,13 +389,14 @@ Result<> Scene::sendEvent(NodeId id, FieldIndex field, Value value) {
     State& s = *state_;
     if (auto ok = s.checkThread(); !ok) return ok;
     const Node* node = find(id);
-    if (!node) return fail(fmt::format("no node {}", id.value));
-    if (field >= node->type().fields.size()) return fail(fmt::format("{} has no field {}", node->type().name, field));
+    if (!node) return fail(kNoSuchNode, fmt::format("no node {}", id.value));
+    if (field >= node->type().fields.size())
+        return fail(kNoSuchField, fmt::format("{} has no field {}", node->type().name, field));
     const FieldDef& def = node->type().fields[field];
-    if (!def.writable()) return fail(fmt::format("{}.{} takes no events", node->type().name, def.name));
+    if (!def.writable()) return fail(kWrongAccess, fmt::format("{}.{} takes no events", node->type().name, def.name));
     if (def.type != value.type())
-        return fail(fmt::format("{}.{} is {}, not {}", node->type().name, def.name, info(def.type).name,
-                                info(value.type()).name));
+        return fail(kWrongType, fmt::format("{}.{} is {}, not {}", node->type().name, def.name, info(def.type).name,
+                                            info(value.type()).name));
     s.inputQueue.push_back({id, field, std::move(value)});
     return {};
 }

@@ -25,6 +25,9 @@
 
 namespace rtsg {
 
+inline constexpr DiagnosticCode kNoSuchNode{"no-such-node"}, kNoSuchField{"no-such-field"}, kWrongType{"wrong-type"},
+    kWrongAccess{"access"}, kCycle{"cycle"}, kWrongThread{"wrong-thread"};
+
 struct OutgoingRoute {
     RouteTarget to;
     std::size_t hash() const {
@@ -215,6 +218,12 @@ struct Scene::State {
     bool refuseForeign();
     void reportForeign();
     std::atomic<std::size_t> foreignCalls{0};
+    static constexpr DiagnosticCode kFromWithin{"from-within"};
+    static constexpr std::size_t kMostInDelivery = 1000;
+    bool refuseFromWithin();
+    bool refuseEndlessDelivery();
+    /// For what replaces the state: an error inside a frame.
+    Result<> checkOutsideFrame() const;
     bool onOwnThread() const { return thread == currentThread(); }
     /// As checkThread; an edit from within the cascade is noted.
     Result<> checkEdit();

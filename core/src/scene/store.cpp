@@ -183,7 +183,7 @@ Result<> Scene::State::checkAcyclic(std::span<const NodeId> starts) const {
                 continue;
             }
             if (c == left) continue;
-            if (c == entered) return fail("node " + std::to_string(id.value) + " would contain itself");
+            if (c == entered) return fail(kCycle, "node " + std::to_string(id.value) + " would contain itself");
             c = entered;
             pending.emplace_back(id, true);
             const Node& node = *find(id);
@@ -194,7 +194,7 @@ Result<> Scene::State::checkAcyclic(std::span<const NodeId> starts) const {
                 if (isHierarchy(*find(p.node), p.field)) {
                     const auto seen = colour.find(p.node.value);
                     if (seen != colour.end() && seen->second == entered)
-                        return fail("node " + std::to_string(p.node.value) + " would contain itself");
+                        return fail(kCycle, "node " + std::to_string(p.node.value) + " would contain itself");
                     if (seen == colour.end() || seen->second != left) pending.emplace_back(p.node, false);
                 }
         }

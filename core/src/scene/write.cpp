@@ -33,9 +33,9 @@ Result<> Scene::State::checkNodes(const Node& node, FieldIndex field, const void
     const FieldType type = node.type_->fields[field].type;
     const auto check = [&](NodeId id) -> Result<> {
         const Node* child = find(id);
-        if (!child) return fail("no node " + std::to_string(id.value));
+        if (!child) return fail(kNoSuchNode, "no node " + std::to_string(id.value));
         if (closesCycle(node, field, *child))
-            return fail("node " + std::to_string(id.value) + " cannot contain itself");
+            return fail(kCycle, "node " + std::to_string(id.value) + " cannot contain itself");
         return {};
     };
     if (type == FieldType::SFNode) {
@@ -50,7 +50,7 @@ Result<> Scene::State::checkNodes(const Node& node, FieldIndex field, const void
 
 Result<> Scene::State::insertChild(Node& parent, FieldIndex field, Node& child, std::size_t index) {
     if (closesCycle(parent, field, child))
-        return fail("node " + std::to_string(child.id_.value) + " cannot contain itself");
+        return fail(kCycle, "node " + std::to_string(child.id_.value) + " cannot contain itself");
     auto& children = *reinterpret_cast<Array<NodeId>*>(parent.block() + parent.type_->fields[field].offset);
     index = std::min(index, children.size());
     if (isNew(parent.id_)) beginWrite(parent, field);

@@ -1,6 +1,67 @@
+// How reports are printed and collected, and which code one has that names none: that of its source file.
+#include <rtsg/core/check.h>
 #include <rtsg/core/diagnostic.h>
 
+#include <cstdio>
+#include <cstdlib>
+
 namespace rtsg {
+
+namespace {
+
+/// Reports that name no code have that of the first row whose text is part of their source file's path.
+struct FileCode {
+    std::string_view path;
+    DiagnosticCode code;
+};
+constexpr FileCode kFileCodes[] = {
+    {"/core/src/value/field_text", DiagnosticCode("value-text")},
+    {"/core/src/document/reader", DiagnosticCode("parse")},
+    {"/core/src/document/gzip", DiagnosticCode("gzip")},
+    {"/core/src/document/proto", DiagnosticCode("proto")},
+    {"/core/src/document/inline", DiagnosticCode("inline")},
+    {"/core/src/document/writer", DiagnosticCode("write")},
+    {"/core/src/document/scene_exporter", DiagnosticCode("write")},
+    {"/core/src/document/scene_builder_routes", DiagnosticCode("route")},
+    {"/core/src/document/", DiagnosticCode("build")},
+    {"/core/src/script/", DiagnosticCode("script")},
+    {"/core/src/behaviour/", DiagnosticCode("behaviour")},
+    {"/core/src/scene/apply", DiagnosticCode("change-set")},
+    {"/core/src/scene/input", DiagnosticCode("frame-input")},
+    {"/core/src/scene/run", DiagnosticCode("cascade")},
+    {"/core/src/scene/bus", DiagnosticCode("subscriber-failed")},
+    {"/core/src/scene/", DiagnosticCode("edit")},
+    {"/renderers/src/flatten/", DiagnosticCode("instances")},
+    {"/renderers/src/mesh/", DiagnosticCode("geometry")},
+    {"/renderers/src/world/picking", DiagnosticCode("pick")},
+    {"/renderers/src/", DiagnosticCode("picture")},
+    {"/audio/src/", DiagnosticCode("sound")},
+    {"/sync/src/codec/", DiagnosticCode("record")},
+    {"/sync/src/log/mcap", DiagnosticCode("mcap")},
+    {"/sync/src/log/replay", DiagnosticCode("replay")},
+    {"/sync/src/log/", DiagnosticCode("log")},
+    {"/sync/src/mirror/keys", DiagnosticCode("keys")},
+    {"/sync/src/mirror/upstream", DiagnosticCode("request-refused")},
+    {"/sync/src/mirror/", DiagnosticCode("mirror")},
+    {"/app/", DiagnosticCode("command-line")},
+};
+
+}  // namespace
+
+DiagnosticCode DiagnosticCode::of(std::source_location reporter) noexcept {
+    const std::string_view file = reporter.file_name();
+    for (const auto& [path, code] : kFileCodes)
+        if (file.find(path) != file.npos || file.starts_with(path.substr(1))) return code;
+    return DiagnosticCode("application");
+}
+
+void detail::checkFailed(std::string_view expression, std::string_view values, std::source_location where) noexcept {
+    std::fprintf(stderr, "%s:%u: check failed: %.*s: %.*s\n", where.file_name(), static_cast<unsigned>(where.line()),
+                 static_cast<int>(expression.size()), expression.data(), static_cast<int>(values.size()),
+                 values.data());
+    std::fflush(stderr);
+    std::abort();
+}
 
 std::string Diagnostic::format() const {
     std::string result = file;
@@ -21,17 +82,23 @@ std::string Diagnostic::format() const {
             result += "error: ";
             break;
     }
-    return result + text;
+    result += text;
+    result += " [";
+    result += code.text();
+    return result + ']';
 }
 
-void Diagnostics::add(Severity severity, SourceLocation where, std::string text) {
-    errors_ += severity == Severity::error;
-    warnings_ += severity == Severity::warning;
-    if (all_.size() >= limit_) {
+void Diagnostics::add(Severity severity, SourceLocation where, std::string text, DiagnosticCode code) {
+    add({severity, file_, where, std::move(text), code});
+}
+
+void Diagnostics::add(Diagnostic diagnostic) {
+    errors_ += diagnostic.severity == Severity::error;
+    warnings_ += diagnostic.severity == Severity::warning;
+    if (all_.size() >= limit_)
         ++dropped_;
-        return;
-    }
-    all_.push_back({severity, file_, where, std::move(text)});
+    else
+        all_.push_back(std::move(diagnostic));
 }
 
 void Diagnostics::append(const Diagnostics& other) {

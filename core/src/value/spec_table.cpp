@@ -106,6 +106,9 @@ std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, Nod
         type->level = node.level;
         type->kind = kind;
         type->internal = node.internal;
+        type->acts = node.acts;
+        type->writesInputs = node.writesInputs;
+        type->role = node.role;
         type->containerField = node.containerField;
         type->implements = list(node.implements, '|');
         type->fields.reserve(node.fieldCount);

@@ -134,7 +134,7 @@ TEST(ReaderXml, RoutesImportsExports) {
 
 TEST(ReaderXml, ComplaintsPointIntoTheAttribute) {
     const Read r = readXmlScene("<Transform\n translation='1 2 3'\n scale='1 &lt;x 3'\n rotation='0 1 0 1'/>");
-    EXPECT_EQ(r.complaints(), "test.x3d:3:11: error: scale: expected 3 numbers (SFVec3f), found '<x'\n");
+    EXPECT_EQ(r.complaints(), "test.x3d:3:11: error: scale: expected 3 numbers (SFVec3f), found '<x' [parse]\n");
     EXPECT_THAT(r.handler.lines, Contains("set rotation SFRotation 0 1 0 1"));
 }
 

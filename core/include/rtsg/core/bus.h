@@ -2,7 +2,8 @@
 //
 // Laws: a subscriber sees whole frames only, in order, each state exactly once; it never blocks the scene; one
 // that is behind gets the sets it missed merged into one. A subscriber that throws or reports an error is
-// detached and reported, the others go on.
+// detached and reported, the others go on. This holds from within as well: a subscriber may edit, seal, run frames,
+// attach and detach inside apply. The sets it causes wait until everybody has the present one.
 // Threading: publish, attach and the scene belong to one thread; Attachment::poll may run on any one other
 // thread, whose subscriber must then read only the ChangeSet, never the scene.
 #pragma once
@@ -21,8 +22,10 @@ class Scene;
 class Subscriber {
   public:
     virtual ~Subscriber() = default;
-    /// On the scene's thread `scene` is in state `changes.to`. First comes a snapshot; another one later means: forget
-    /// what was before (a replica joined anew). Changes are valid during the call; to keep Values, copy them (cheap).
+    /// On the scene's thread `scene` is in state `changes.to`; if another subscriber has edited it from within this
+    /// delivery, it is ahead by those edits, which come with the next set. So a node of `changes` may be gone: use
+    /// Scene::find. First comes a snapshot; another one later means: forget what was before (a replica joined anew).
+    /// Changes are valid during the call; to keep Values, copy them (cheap).
     virtual Result<> apply(const Scene& scene, const ChangeSet& changes) = 0;
     virtual std::string subscriberName() const { return "subscriber"; }
 };
@@ -67,15 +70,21 @@ class Bus {
     Bus(const Bus&) = delete;
     Bus& operator=(const Bus&) = delete;
 
-    /// The subscriber at once gets a snapshot (immediate) or finds one at its first poll. `subscriber` must outlive
-    /// the attachment.
+    /// The subscriber at once gets a snapshot (immediate) or finds one at its first poll; inside newFrame, when the
+    /// frame is complete. `subscriber` must outlive the attachment.
     Attachment attach(Subscriber& subscriber, Delivery delivery = Delivery::immediate);
-    /// Called by the scene. Sets not yet polled by someone are kept; beyond `kept` of them a cursor's backlog is
-    /// merged, so memory is bounded by the scene, not by the lag.
+    /// Called by the scene; from within a delivery the set waits its turn. Sets that a polled subscriber has not taken
+    /// yet are kept, and merged in steps, so that memory is bounded by the scene and not by the lag.
     void publish(std::shared_ptr<const ChangeSet> set);
+    /// Sets handed out since the outermost publish began, and waiting for it; 0 outside of one.
+    std::size_t inDelivery() const;
     /// Called by the scene when it is reset: nobody has seen anything yet.
     void restart();
+    /// Hears of each subscriber that is detached because it failed, on the thread where it did. Until one is set, and
+    /// when it is empty, they are found in Scene::diagnostics().
     void setReporter(std::function<void(const Diagnostic&)> reporter);
+    /// Moves what was reported from any thread, while there was no reporter, to `into`; for Scene::diagnostics().
+    void takeReports(Diagnostics& into);
     std::size_t subscribers() const;
 
   private:

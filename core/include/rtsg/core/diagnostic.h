@@ -1,11 +1,18 @@
-// Expected failures: a position, a severity and a sentence. Bad input never throws; it ends up here.
+// Expected failures: a position, a severity, a sentence and a code. Bad input never throws; it ends up here.
 //
-// Line and column count from 1; 0 means "no position". Printed as `file:line:col: error: text`. Threading: values.
+// Line and column count from 1; 0 means "no position". Printed as `file:line:col: error: text [code]`.
+// The code is a short word that stays the same when the sentence is put better; docs/diagnostics.md lists them all.
+// Where a report names none, it has that of the source file it comes from (the table in diagnostic.cpp), so that
+// every report has one that is true, and the more exact ones are given where they are of use. Threading: values.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <expected>
+#include <source_location>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 namespace rtsg {
@@ -17,11 +24,31 @@ struct SourceLocation {
 
 enum class Severity : std::uint8_t { note, warning, error };
 
+/// What kind of failure it is: a literal of small letters, digits and hyphens, checked when it is compiled.
+class DiagnosticCode {
+  public:
+    template <std::size_t N>
+    consteval explicit DiagnosticCode(const char (&text)[N]) : text_(text, N - 1) {
+        if (N < 3) throw "a code is a word";
+        for (const char c : text_)
+            if (!((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-')) throw "a code is a-z, 0-9 and '-'";
+    }
+    /// That of the source file which reports; `application` outside this project.
+    static DiagnosticCode of(std::source_location reporter) noexcept;
+
+    std::string_view text() const { return text_; }
+    friend bool operator==(DiagnosticCode, DiagnosticCode) = default;
+
+  private:
+    std::string_view text_;
+};
+
 struct Diagnostic {
     Severity severity = Severity::error;
     std::string file;
     SourceLocation where;
     std::string text;
+    DiagnosticCode code = DiagnosticCode::of(std::source_location::current());
     std::string format() const;
 };
 
@@ -29,9 +56,18 @@ struct Diagnostic {
 class Diagnostics {
   public:
     explicit Diagnostics(std::string file = {}, std::size_t limit = 1000) : file_(std::move(file)), limit_(limit) {}
-    void add(Severity severity, SourceLocation where, std::string text);
-    void error(SourceLocation where, std::string text) { add(Severity::error, where, std::move(text)); }
-    void warning(SourceLocation where, std::string text) { add(Severity::warning, where, std::move(text)); }
+    void add(Severity severity, SourceLocation where, std::string text,
+             DiagnosticCode code = DiagnosticCode::of(std::source_location::current()));
+    /// As it is, with its own file.
+    void add(Diagnostic diagnostic);
+    void error(SourceLocation where, std::string text,
+               DiagnosticCode code = DiagnosticCode::of(std::source_location::current())) {
+        add(Severity::error, where, std::move(text), code);
+    }
+    void warning(SourceLocation where, std::string text,
+                 DiagnosticCode code = DiagnosticCode::of(std::source_location::current())) {
+        add(Severity::warning, where, std::move(text), code);
+    }
     /// Appends another collection as it is (an Inline's, say).
     void append(const Diagnostics& other);
 
@@ -50,12 +86,23 @@ class Diagnostics {
     std::size_t errors_ = 0, warnings_ = 0, dropped_ = 0;
 };
 
+/// A value, or why there is none. Whoever gets one looks at it: the compiler warns where it is dropped.
 template <class T = void>
-using Result = std::expected<T, Diagnostic>;
+class [[nodiscard]] Result : public std::expected<T, Diagnostic> {
+  public:
+    using std::expected<T, Diagnostic>::expected;
+};
+
+/// `return fail(DiagnosticCode("no-such-node"), "no node 7");`
+inline std::unexpected<Diagnostic> fail(DiagnosticCode code, std::string text, SourceLocation where = {},
+                                        std::string file = {}) {
+    return std::unexpected(Diagnostic{Severity::error, std::move(file), where, std::move(text), code});
+}
 
 /// `return fail("no such node");`
-inline std::unexpected<Diagnostic> fail(std::string text, SourceLocation where = {}, std::string file = {}) {
-    return std::unexpected(Diagnostic{Severity::error, std::move(file), where, std::move(text)});
+inline std::unexpected<Diagnostic> fail(std::string text, SourceLocation where = {}, std::string file = {},
+                                        std::source_location reporter = std::source_location::current()) {
+    return fail(DiagnosticCode::of(reporter), std::move(text), where, std::move(file));
 }
 
 }  // namespace rtsg

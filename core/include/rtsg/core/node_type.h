@@ -27,6 +27,14 @@ enum class Aspect : std::uint8_t { none, structure, transform, geometry, appeara
 using FieldIndex = std::uint16_t;
 constexpr FieldIndex kNoField = 0xFFFF;
 
+/// What a node does by itself, as far as its type tells; `@acts` in the spec table.
+enum class Acts : std::uint8_t {
+    unstated,  // NodeType::finish() decides: a node with outputs or hidden state acts, others do not
+    never,
+    onInput,  // its outputs change only when an input does
+    always,   // it may change at any time
+};
+
 /// Index into Scene's types: built-in types first (same numbers in every scene of one build), then the scene's own.
 struct TypeIndex {
     std::uint16_t value = 0xFFFF;
@@ -88,6 +96,9 @@ class NodeType {
     std::vector<std::string> implements;      // every abstract type, direct or inherited ("X3DChildNode", ...)
     std::vector<FieldDef> fields;             // hidden ones last
     bool internal = false;                    // not creatable from files (RtsgScene)
+    Acts acts = Acts::unstated;
+    bool writesInputs = false;  // when it acts, its inputOutput fields may change too, not only its outputs
+    std::string role;           // what it is to those who draw or hear it; `@role` in the spec table, empty if nothing
     /// For PROTOs and EXTERNPROTOs: the declaration as ClassicVRML text, so that a replica can save it.
     std::string declaration;
 

@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <source_location>
 #include <span>
 #include <string>
 #include <string_view>
@@ -16,6 +17,7 @@
 
 #include <rtsg/core/bus.h>
 #include <rtsg/core/change.h>
+#include <rtsg/core/check.h>
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/node_type.h>
 #include <rtsg/core/script.h>
@@ -62,7 +64,12 @@ class Node {
     const T& get(Field<T> field) const {
         return *static_cast<const T*>(storage(field.index));
     }
-    Value value(FieldIndex field) const { return Value::fromStorage(type_->slot(field).type, storage(field)); }
+    /// Precondition, checked: as above.
+    Value value(FieldIndex field) const {
+        RTSG_CHECK_LT(field, type_->fieldCount());
+        RTSG_CHECK_NE(type_->slot(field).offset, FieldDef::kNoOffset);
+        return Value::fromStorage(type_->slot(field).type, storage(field));
+    }
     const void* storage(FieldIndex field) const { return block() + type_->slot(field).offset; }
     bool isDefault(FieldIndex field) const;
 
@@ -95,8 +102,8 @@ class Scene {
     /// The RtsgScene node: its `children` are the root nodes. Exists from the start, NodeId{1}.
     NodeId root() const { return NodeId{1}; }
     const Node* find(NodeId id) const;
-    /// Precondition: the node exists.
-    const Node& node(NodeId id) const;
+    /// Precondition, checked: the node exists.
+    const Node& node(NodeId id, std::source_location caller = std::source_location::current()) const;
     /// What stands for a node: the first one of its body for a PROTO instance (4.4.4.3), through all levels, else
     /// itself. Null if there is none.
     const Node* effectiveNode(NodeId id) const;
@@ -159,9 +166,11 @@ class Scene {
     /// Queues an input event for the next frame (19775-2: setValue on a running browser).
     Result<> sendEvent(NodeId id, FieldIndex field, Value value);
     /// One timestamp: queued events, then time-dependent nodes, routes until nothing moves; seals and publishes.
-    /// `t` in seconds must not go back. Returns the published set (never null; maybe without changes).
+    /// `t` in seconds must not go back. Returns the published set (never null; maybe without changes). From within a
+    /// frame (listener, behaviour, script) it is refused with a diagnostic.
     std::shared_ptr<const ChangeSet> newFrame(double t);
-    /// Publishes pending edits without running anything. Null if there are none.
+    /// Publishes pending edits without running anything. Null if there are none; and inside a frame, whose set they are
+    /// part of.
     std::shared_ptr<const ChangeSet> seal();
     double now() const;
     std::uint64_t sequence() const;  // state number: sets published or applied so far
@@ -177,9 +186,11 @@ class Scene {
     void setScriptOptions(ScriptOptions options);
     /// Sets ScriptOptions::resources, unless they have been given; loadFile does so.
     void setScriptResources(std::shared_ptr<const Resources> resources);
-    /// Called for every event on every field, in cascade order. One listener; for tools and tests.
+    /// Called for every event on every field, in cascade order. One listener; for tools and tests. What it edits
+    /// belongs to the frame under way.
     using EventListener = std::function<void(double t, const Node& node, FieldIndex field, const Value& value)>;
     void setEventListener(EventListener listener);
+    /// What the frames had to say; and which subscribers failed, on whatever thread, if the bus has no reporter.
     Diagnostics& diagnostics();
     /// From now on every set and snapshot carries its FrameInput, at a cost that follows what comes in.
     void setInputRecording(bool on);
@@ -206,8 +217,10 @@ class Scene {
     std::string dump() const;
 
   private:
+    friend class Bus;
     friend class Cascade;
     friend class ScriptPrograms;
+    bool isInFrame() const;
     /// The usual case of setField; false, and nothing done, if this is none.
     bool setPlain(NodeId id, FieldIndex field, FieldType type, const void* value);
     /// Returns how many were set before one that is not the usual case.

@@ -33,6 +33,9 @@ struct SpecNode {
     std::uint16_t firstField, fieldCount;  // into SpecTable::fieldLists
     std::uint8_t level;
     bool internal;  // not creatable from files
+    Acts acts;
+    bool writesInputs;
+    std::string_view role;
 };
 
 struct SpecTable {

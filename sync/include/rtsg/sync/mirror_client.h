@@ -119,7 +119,8 @@ class MirrorClient {
 
     // ---- presentation ---------------------------------------------------------------------------------------
     /// The value to show now: with a latency and a later frame in store, between the replica's and that frame's, by
-    /// time (rotations along the shorter arc); else the replica's. The replica itself is never between two states.
+    /// time (rotations along the shorter arc); else the replica's. The replica itself is never between two states. What
+    /// the replica does not have (any more), or cannot be read, gives an empty Value.
     Value presented(NodeId node, FieldIndex field) const;
 
   private:

@@ -1,0 +1,311 @@
+// The change bus when somebody edits, seals, runs frames, attaches or detaches from within a delivery or a frame: every
+// subscriber still sees every set, whole and in order.
+#include <functional>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/behaviour.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+namespace {
+
+std::string codeOf(const Diagnostics& diagnostics) {
+    return diagnostics.all().empty() ? "none" : std::string(diagnostics.all().back().code.text());
+}
+
+/// Follows with a replica, notes which sets came, and does what it is told to from within.
+struct Witness : Subscriber {
+    Scene replica;
+    std::vector<std::pair<std::uint64_t, std::uint64_t>> sets;  // from, to
+    std::function<void(const ChangeSet&)> within;
+    Witness() { replica.setBehavioursEnabled(false); }
+    Result<> apply(const Scene& scene, const ChangeSet& changes) override {
+        EXPECT_LE(changes.to, scene.sequence());
+        sets.emplace_back(changes.from, changes.to);
+        if (changes.isSnapshot() && replica.sequence() != 0)
+            if (auto ok = replica.reset(); !ok) return ok;
+        if (auto ok = replica.apply(std::make_shared<const ChangeSet>(changes)); !ok) return ok;
+        if (within) within(changes);
+        return {};
+    }
+};
+
+/// One follows before the one that meddles, one after it.
+class FromWithin : public testing::Test {
+  protected:
+    FromWithin() {
+        box_ = scene_.createNode(x3d::Transform::type);
+        EXPECT_TRUE(scene_.insertChild(scene_.root(), x3d::RtsgScene::children, box_));
+        scene_.newFrame(0);
+        for (auto* one : {&early_, &meddler_, &late_}) attachments_.push_back(scene_.bus().attach(*one));
+    }
+    void move(float x) { EXPECT_TRUE(scene_.set(box_, x3d::Transform::translation, Vec3f(x, 0, 0))); }
+    /// All have seen 0->1 as a snapshot, then each state up to this one.
+    void expectAllSawAll(std::uint64_t last) {
+        EXPECT_EQ(scene_.sequence(), last);
+        std::vector<std::pair<std::uint64_t, std::uint64_t>> all{{0, 1}};
+        for (std::uint64_t to = 2; to <= last; ++to) all.emplace_back(to - 1, to);
+        for (const Witness* one : {&early_, &meddler_, &late_}) {
+            EXPECT_EQ(one->sets, all);
+            EXPECT_EQ(one->replica.hash(), scene_.hash());
+        }
+    }
+
+    Scene scene_;
+    NodeId box_;
+    Witness early_, meddler_, late_;
+    std::vector<Attachment> attachments_;
+};
+
+TEST_F(FromWithin, ASubscriberEditsAndSeals) {
+    meddler_.within = [&](const ChangeSet& set) {
+        if (set.to >= 4) return;
+        move(static_cast<float>(set.to));
+        const auto sealed = scene_.seal();
+        ASSERT_TRUE(sealed);
+        EXPECT_EQ(sealed->from, set.to);
+    };
+    move(100);
+    scene_.newFrame(1);
+    expectAllSawAll(4);
+}
+
+TEST_F(FromWithin, ASubscriberRunsFrames) {
+    meddler_.within = [&](const ChangeSet& set) {
+        if (set.to == 2) scene_.newFrame(2), scene_.newFrame(3);
+    };
+    scene_.newFrame(1);
+    expectAllSawAll(4);
+}
+
+TEST_F(FromWithin, EditsThatNobodySealsComeWithTheNextSet) {
+    meddler_.within = [&](const ChangeSet& set) {
+        if (set.to == 2) move(7);
+    };
+    scene_.newFrame(1);
+    EXPECT_EQ(late_.sets.back().second, 2U);
+    scene_.newFrame(2);
+    expectAllSawAll(3);
+}
+
+TEST_F(FromWithin, ANodeThatGoesIsThereForNobodyAndGoneForAll) {
+    meddler_.within = [&](const ChangeSet& set) {
+        if (set.to != 2) return;
+        ASSERT_TRUE(scene_.destroyNode(box_));
+        scene_.seal();
+    };
+    move(3);  // the others are told of a node that is gone by then
+    scene_.newFrame(1);
+    expectAllSawAll(3);
+    EXPECT_FALSE(late_.replica.find(box_));
+}
+
+TEST_F(FromWithin, SubscribersAttachAndDetach) {
+    Witness joined;
+    Attachment joining;
+    meddler_.within = [&](const ChangeSet& set) {
+        if (set.to != 2) return;
+        move(5);
+        joining = scene_.bus().attach(joined);
+        attachments_[0].detach();
+    };
+    scene_.newFrame(1);
+    scene_.newFrame(2);
+    EXPECT_EQ(joined.sets, (std::vector<std::pair<std::uint64_t, std::uint64_t>>{{0, 3}, {3, 4}}));
+    EXPECT_EQ(joined.replica.hash(), scene_.hash());
+    EXPECT_EQ(late_.replica.hash(), scene_.hash());
+    EXPECT_EQ(early_.sets.back().second, 2U);
+    EXPECT_EQ(scene_.bus().subscribers(), 3U);
+}
+
+TEST_F(FromWithin, AResetEndsTheDeliveryAndAllStartOver) {
+    Scene other;
+    ASSERT_TRUE(other.setName(other.createNode(x3d::Group::type), "OTHER"));
+    other.newFrame(0);
+    meddler_.within = [&](const ChangeSet& set) {
+        if (set.to != 2) return;
+        move(9);
+        scene_.seal();  // never comes: it is about a state that is gone
+        ASSERT_TRUE(scene_.reset());
+        ASSERT_TRUE(scene_.apply(std::make_shared<const ChangeSet>(other.snapshot())));
+    };
+    scene_.newFrame(1);
+    EXPECT_EQ(late_.sets, (std::vector<std::pair<std::uint64_t, std::uint64_t>>{{0, 1}, {0, 1}}));
+    for (const Witness* one : {&early_, &meddler_, &late_}) EXPECT_EQ(one->replica.hash(), other.hash());
+}
+
+TEST_F(FromWithin, AnAnswerToEverySetComesToAnEnd) {
+    float x = 0;
+    meddler_.within = [&](const ChangeSet& set) {
+        if (set.isSnapshot()) return;
+        move(++x);
+        scene_.seal();
+    };
+    scene_.newFrame(1);
+    EXPECT_GT(x, 100.0f);
+    EXPECT_EQ(codeOf(scene_.diagnostics()), "from-within");
+    meddler_.within = nullptr;
+    scene_.newFrame(2);  // what was edited last was not lost
+    EXPECT_EQ(late_.replica.node(box_).get(x3d::Transform::translation), Vec3f(x, 0, 0));
+    EXPECT_EQ(late_.replica.hash(), scene_.hash());
+}
+
+// ---- inside a frame ------------------------------------------------------------------------------------------------
+
+class InsideAFrame : public FromWithin {
+  protected:
+    /// Calls `does` once, from the event listener of one frame.
+    void fromListener(const std::function<void()>& does) {
+        bool done = false;
+        scene_.setEventListener([&](double, const Node&, FieldIndex, const Value&) {
+            if (!std::exchange(done, true)) does();
+        });
+        ASSERT_TRUE(scene_.sendEvent(box_, x3d::Transform::scale.index, Vec3f(2)));
+        scene_.newFrame(1);
+        scene_.setEventListener({});
+        EXPECT_TRUE(done);
+    }
+};
+
+TEST_F(InsideAFrame, EditsBelongToItAndItIsNeverSealedInHalves) {
+    fromListener([&] {
+        move(4);
+        EXPECT_FALSE(scene_.seal());
+    });
+    expectAllSawAll(2);
+    EXPECT_EQ(late_.replica.node(box_).get(x3d::Transform::translation), Vec3f(4, 0, 0));
+}
+
+TEST_F(InsideAFrame, AnotherFrameIsRefused) {
+    fromListener([&] { EXPECT_TRUE(scene_.newFrame(5)->changes.empty()); });
+    EXPECT_EQ(codeOf(scene_.diagnostics()), "from-within");
+    EXPECT_EQ(scene_.now(), 1);
+    expectAllSawAll(2);
+}
+
+TEST_F(InsideAFrame, TheStateCannotBeReplaced) {
+    fromListener([&] {
+        const Result<> applied = scene_.apply(std::make_shared<const ChangeSet>(scene_.snapshot()));
+        ASSERT_FALSE(applied);
+        EXPECT_EQ(applied.error().code.text(), "from-within");
+        EXPECT_FALSE(scene_.reset());
+    });
+    expectAllSawAll(2);
+}
+
+TEST_F(InsideAFrame, WhoAttachesGetsTheFrameWhole) {
+    Witness joined, polling, gone;
+    Attachment a, b;
+    fromListener([&] {
+        a = scene_.bus().attach(joined);
+        b = scene_.bus().attach(polling, Delivery::polled);
+        (void)scene_.bus().attach(gone);  // and detaches at once
+        move(6);
+    });
+    EXPECT_EQ(joined.sets, (std::vector<std::pair<std::uint64_t, std::uint64_t>>{{0, 2}}));
+    EXPECT_EQ(joined.replica.hash(), scene_.hash());
+    EXPECT_TRUE(b.poll());
+    EXPECT_EQ(polling.replica.hash(), scene_.hash());
+    EXPECT_TRUE(gone.sets.empty());
+    expectAllSawAll(2);
+}
+
+/// A behaviour of the application that edits the scene itself, beside what it emits.
+TEST_F(InsideAFrame, ABehaviourEdits) {
+    static Scene* scene = nullptr;
+    static NodeId target;
+    scene = &scene_;
+    target = box_;
+    const Behaviour meddles{.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) {
+        const NodeId made = scene->createNode(x3d::Group::type);
+        EXPECT_TRUE(scene->insertChild(target, x3d::Transform::children, made));
+        EXPECT_FALSE(scene->seal());
+    }};
+    scene_.registerBehaviour(x3d::Switch::type, meddles);
+    const NodeId chooser = scene_.createNode(x3d::Switch::type);
+    ASSERT_TRUE(scene_.sendEvent(chooser, x3d::Switch::whichChoice.index, std::int32_t{0}));
+    scene_.newFrame(1);
+    expectAllSawAll(2);
+    EXPECT_EQ(late_.replica.node(box_).get(x3d::Transform::children).size(), 1U);
+}
+
+// ---- failures and backlogs -----------------------------------------------------------------------------------------
+
+struct Failing : Subscriber {
+    Result<> apply(const Scene&, const ChangeSet&) override { return fail("enough"); }
+    std::string subscriberName() const override { return "failing"; }
+};
+
+TEST(BusReports, APolledSubscriberThatFailsIsReportedAsAnImmediateOneIs) {
+    Scene scene;
+    std::vector<std::string> reports;
+    scene.bus().setReporter([&](const Diagnostic& d) { reports.push_back(d.format()); });
+    Failing failing;
+    Attachment attachment = scene.bus().attach(failing, Delivery::polled);
+    EXPECT_TRUE(attachment.poll());
+    EXPECT_EQ(reports, std::vector<std::string>{"failing: error: detached: enough [subscriber-failed]"});
+    EXPECT_FALSE(attachment.attached());
+    EXPECT_TRUE(scene.diagnostics().all().empty());
+}
+
+TEST(BusReports, WhatNobodyListensToIsFoundWithTheScene) {
+    for (const Delivery delivery : {Delivery::immediate, Delivery::polled}) {
+        Scene scene;
+        Failing failing;
+        Attachment attachment = scene.bus().attach(failing, delivery);
+        attachment.poll();
+        ASSERT_EQ(scene.diagnostics().all().size(), 1U);
+        EXPECT_EQ(scene.diagnostics().all()[0].format(), "failing: error: detached: enough [subscriber-failed]");
+        EXPECT_EQ(scene.diagnostics().errors(), 1U);  // once
+    }
+}
+
+TEST(BusBacklog, DrainingALongOneGivesWhatIsMergedFirstThenEachFrame) {
+    Scene scene;
+    Witness slow;
+    Attachment attachment = scene.bus().attach(slow, Delivery::polled);
+    const NodeId box = scene.createNode(x3d::Transform::type);
+    for (int i = 1; i <= 1000; ++i) {
+        ASSERT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(static_cast<float>(i))));
+        scene.newFrame(i);
+    }
+    const std::size_t count = attachment.drain();
+    EXPECT_EQ(count, slow.sets.size());
+    EXPECT_GT(count, 100U);
+    EXPECT_LT(count, 500U);
+    EXPECT_EQ(slow.sets.front().first, 0U);
+    for (std::size_t i = 1; i < count; ++i) {
+        EXPECT_EQ(slow.sets[i].first, slow.sets[i - 1].second);
+        EXPECT_EQ(slow.sets[i].second, slow.sets[i].first + 1);
+    }
+    EXPECT_EQ(slow.replica.hash(), scene.hash());
+    EXPECT_EQ(attachment.drain(), 0U);
+}
+
+/// Nodes that come and go leave nothing behind in what waits.
+TEST(BusBacklog, IsBoundedByTheSceneNotByWhatHasPassed) {
+    Scene scene;
+    struct Count : Subscriber {
+        std::size_t changes = 0, capacity = 0;
+        Result<> apply(const Scene&, const ChangeSet& set) override {
+            changes = set.changes.size();
+            capacity = set.changes.capacity();
+            return {};
+        }
+    } count;
+    Attachment attachment = scene.bus().attach(count, Delivery::polled);
+    for (int i = 0; i < 5000; ++i) {
+        const NodeId passing = scene.createNode(x3d::Transform::type);
+        ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, passing));
+        scene.newFrame(i);
+        ASSERT_TRUE(scene.destroyNode(passing));
+    }
+    scene.newFrame(5000);
+    ASSERT_TRUE(attachment.poll());
+    EXPECT_LE(count.changes, 8U);
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,61 @@
+// How reports are printed, which code they have, and what a broken precondition says.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/check.h>
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+namespace {
+
+TEST(Diagnostic, IsPrintedWithPositionSeverityAndCode) {
+    const Diagnostic d{Severity::warning, "a.x3d", {3, 4}, "odd", DiagnosticCode("parse")};
+    EXPECT_EQ(d.format(), "a.x3d:3:4: warning: odd [parse]");
+    EXPECT_EQ(fail(DiagnosticCode("cycle"), "round").error().format(), "error: round [cycle]");
+}
+
+std::source_location at(const char*) {
+    return std::source_location::current();
+}
+
+TEST(Diagnostic, HasTheCodeOfItsSourceFileIfItNamesNone) {
+    // This file is in none of the library's rooms.
+    EXPECT_EQ(DiagnosticCode::of(at("here")).text(), "application");
+    EXPECT_EQ(fail("x").error().code.text(), "application");
+    Diagnostics all;
+    all.error({}, "y");
+    all.add(Severity::note, {}, "z");
+    for (const Diagnostic& d : all.all()) EXPECT_EQ(d.code.text(), "application");
+    Scene scene;
+    const Result<NodeId> none = scene.createNode("Nonsense");
+    ASSERT_FALSE(none);
+    EXPECT_EQ(none.error().code.text(), "edit");
+    EXPECT_EQ(scene.setName(NodeId{77}, "A").error().code.text(), "no-such-node");
+}
+
+TEST(Diagnostics, KeepsAReportThatIsAddedAsItIs) {
+    Diagnostics all("here.x3d");
+    all.add(Diagnostic{Severity::error, "there.x3d", {1, 2}, "bad", DiagnosticCode("proto")});
+    EXPECT_EQ(all.errors(), 1U);
+    EXPECT_EQ(all.all()[0].format(), "there.x3d:1:2: error: bad [proto]");
+}
+
+TEST(CheckDeathTest, SaysWhereWhatAndBothValues) {
+    const int most = 4;
+    EXPECT_DEATH(RTSG_CHECK_LT(most + 5, most), "diagnostic_test.cpp:[0-9]+: check failed: most \\+ 5 < most: 9 < 4");
+    EXPECT_DEATH(RTSG_CHECK_EQ(std::string("a"), std::string("b")), "\"a\" == \"b\"");
+    RTSG_CHECK_LE(most, 4);
+}
+
+TEST(CheckDeathTest, ANodeThatIsNotThereIsNamedWithTheCaller) {
+    Scene scene;
+    EXPECT_DEATH(scene.node(NodeId{77}),
+                 "diagnostic_test.cpp:[0-9]+: check failed: the node exists: no node 77 among 1");
+    const Node& root = scene.node(scene.root());
+    EXPECT_DEATH(root.value(FieldIndex{500}), "500 < ");
+    EXPECT_DEATH(scene.type(TypeIndex{60000}), "60000 < ");
+}
+
+}  // namespace
+}  // namespace rtsg
