@@ -34,21 +34,21 @@ class ResourceOptions : public CommandLine {
 };
 
 TEST_F(ResourceOptions, AnInlineOutsideIsRefusedUnlessAllowed) {
-    const std::string file = document("Inline { url \"../other/group.x3dv\" }");
-    const Outcome refused = rtsg({"info", "--json", file});
+    const std::string given = document("Inline { url \"../other/group.x3dv\" }");
+    const Outcome refused = rtsg({"info", "--json", given});
     EXPECT_EQ(refused.status, 0);
     EXPECT_THAT(refused.out, HasSubstr("\"nodes\":1,"));
     EXPECT_THAT(refused.err, HasSubstr("main.x3dv:3:1: error: Inline: '../other/group.x3dv' is outside"));
     EXPECT_THAT(refused.err, HasSubstr("--allow " + folder / "other"));
-    const Outcome allowed = rtsg({"info", "--json", file, "--allow", folder / "other"});
+    const Outcome allowed = rtsg({"info", "--json", given, "--allow", folder / "other"});
     EXPECT_EQ(allowed.err, "");
     EXPECT_THAT(allowed.out, HasSubstr("\"nodes\":3,"));
 }
 
 TEST_F(ResourceOptions, AnInlineOfATextFilePrintsNoLineOfIt) {
-    const std::string file = document("Inline { url [ \"../other/secret.x3dv\" \"file:///etc/passwd\" ] }");
+    const std::string given = document("Inline { url [ \"../other/secret.x3dv\" \"file:///etc/passwd\" ] }");
     for (const auto& more : {std::vector<std::string>{}, {"--allow", folder / "other", "--allow", "/etc"}}) {
-        std::vector<std::string> arguments{"info", file};
+        std::vector<std::string> arguments{"info", given};
         arguments.insert(arguments.end(), more.begin(), more.end());
         const Outcome outcome = rtsg(arguments);
         EXPECT_THAT(outcome.err, HasSubstr("Inline: '../other/secret.x3dv' is"));
@@ -59,38 +59,38 @@ TEST_F(ResourceOptions, AnInlineOfATextFilePrintsNoLineOfIt) {
 
 TEST_F(ResourceOptions, DevicesAndPipesEndNothing) {
     ASSERT_EQ(::mkfifo((folder / "scene/pipe").c_str(), 0600), 0);
-    const std::string file = document("Script { url \"/dev/zero\" }\nScript { url \"pipe\" }\nInline { url \"pipe\" }");
-    const Outcome outcome = rtsg({"run", file, "--for", "0.1s", "--allow", "/dev"});
+    const std::string given = document("Script { url \"/dev/zero\" }\nScript { url \"pipe\" }\nInline { url \"pipe\" }");
+    const Outcome outcome = rtsg({"run", given, "--for", "0.1s", "--allow", "/dev"});
     EXPECT_EQ(outcome.status, 0);
     EXPECT_THAT(outcome.err, HasSubstr("'/dev/zero' is a device, not a file"));
     EXPECT_THAT(outcome.err, HasSubstr("'pipe' is a pipe, not a file"));
 }
 
 TEST_F(ResourceOptions, ScriptsComeFromTheSamePlaces) {
-    const std::string file = document("Script { url \"../other/program.js\" }");
-    const Outcome refused = rtsg({"run", file, "--for", "0.1s"});
+    const std::string given = document("Script { url \"../other/program.js\" }");
+    const Outcome refused = rtsg({"run", given, "--for", "0.1s"});
     EXPECT_THAT(refused.out, Not(HasSubstr("ran")));
     EXPECT_THAT(refused.err, HasSubstr("--allow " + folder / "other"));
-    EXPECT_THAT(rtsg({"run", file, "--for", "0.1s", "--allow", folder / "other"}).out, HasSubstr("ran"));
+    EXPECT_THAT(rtsg({"run", given, "--for", "0.1s", "--allow", folder / "other"}).out, HasSubstr("ran"));
 }
 
 TEST_F(ResourceOptions, ASoundOfAnInlinedFileIsFoundBesideIt) {
     document("Sound { source DEF CLIP AudioClip { url \"tone.wav\" } }", "parts/part.x3dv");
-    const std::string file = document("Viewpoint { position 0 0 3 }\nInline { url \"parts/part.x3dv\" }");
+    const std::string given = document("Viewpoint { position 0 0 3 }\nInline { url \"parts/part.x3dv\" }");
     writeFile(folder / "scene/parts/tone.wav", wav());
-    const Outcome found = rtsg({"listen", file, "-o", folder / "a.wav", "--for", "0.1s", "--rays", "10"});
+    const Outcome found = rtsg({"listen", given, "-o", folder / "a.wav", "--for", "0.1s", "--rays", "10"});
     EXPECT_EQ(found.status, 0);
     EXPECT_THAT(found.err, Not(HasSubstr("test signal")));
     // One beside the outer document is not meant.
     std::filesystem::rename(folder / "scene/parts/tone.wav", folder / "scene/tone.wav");
-    const Outcome missing = rtsg({"listen", file, "-o", folder / "a.wav", "--for", "0.1s", "--rays", "10"});
+    const Outcome missing = rtsg({"listen", given, "-o", folder / "a.wav", "--for", "0.1s", "--rays", "10"});
     EXPECT_THAT(missing.err, HasSubstr("'tone.wav' is not there (looked for " + folder / "scene/parts/tone.wav"));
 }
 
 TEST_F(ResourceOptions, AMirrorOpensNothingThatItWasNotAllowed) {
-    const std::string file = document("Viewpoint { position 0 0 3 }\nSound { source AudioClip { url [ \"" +
+    const std::string given = document("Viewpoint { position 0 0 3 }\nSound { source AudioClip { url [ \"" +
                                       (folder / "other/tone.wav") + "\" \"/etc/passwd\" \"tone.wav\" ] } }");
-    Program server({"serve", file, "--for", "20s"}, streams());
+    Program server({"serve", given, "--for", "20s"}, streams());
     const std::string line = server.firstLine();
     const std::string endpoint = line.substr(line.rfind(' ') + 1);
     const std::vector<std::string> listening{"mirror",   endpoint,         "--for",  "0.2s",
@@ -109,15 +109,15 @@ TEST_F(ResourceOptions, AMirrorOpensNothingThatItWasNotAllowed) {
 
 TEST_F(ResourceOptions, LimitsAreRaisedByAnOption) {
     document("Group { } Group { } Group { }", "part.x3dv");
-    const std::string file = document("Inline { url \"part.x3dv\" }");
-    const Outcome few = rtsg({"info", "--json", file, "--limit", "nodes=2"});
+    const std::string given = document("Inline { url \"part.x3dv\" }");
+    const Outcome few = rtsg({"info", "--json", given, "--limit", "nodes=2"});
     EXPECT_THAT(few.err, HasSubstr("more than 2 nodes"));
     EXPECT_THAT(few.out, HasSubstr("\"nodes\":3,"));
-    EXPECT_EQ(rtsg({"info", file, "--limit", "nodes=3"}).err, "");
-    EXPECT_THAT(rtsg({"info", file, "--limit", "bytes=10"}).err, HasSubstr("more than 10 bytes"));
-    EXPECT_EQ(rtsg({"info", file, "--limit", "nodes"}).status, 2);
-    EXPECT_EQ(rtsg({"info", file, "--limit", "knots=3"}).status, 2);
-    EXPECT_EQ(rtsg({"info", file, "--allow", folder / "nowhere"}).status, 2);
+    EXPECT_EQ(rtsg({"info", given, "--limit", "nodes=3"}).err, "");
+    EXPECT_THAT(rtsg({"info", given, "--limit", "bytes=10"}).err, HasSubstr("more than 10 bytes"));
+    EXPECT_EQ(rtsg({"info", given, "--limit", "nodes"}).status, 2);
+    EXPECT_EQ(rtsg({"info", given, "--limit", "knots=3"}).status, 2);
+    EXPECT_EQ(rtsg({"info", given, "--allow", folder / "nowhere"}).status, 2);
 }
 
 }  // namespace

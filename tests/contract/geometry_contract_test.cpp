@@ -141,7 +141,7 @@ class LightTracerSubject final : public BusSubject {
     Subscriber& subscriber() override { return flattened_; }
     FlattenedScene flattened_;
     WorldFollower follower_;
-    LightTracer tracer_{RTSG_SOURCE_DIR "/examples"};
+    LightTracer tracer_{std::filesystem::path(RTSG_SOURCE_DIR "/examples")};
 };
 
 /// Attaches by itself and follows every frame; lazy here means that pictures are asked for now and then.

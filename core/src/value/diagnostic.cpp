@@ -16,6 +16,7 @@ struct FileCode {
 };
 constexpr FileCode kFileCodes[] = {
     {"/core/src/value/field_text", DiagnosticCode("value-text")},
+    {"/core/src/value/read_descriptor", DiagnosticCode("file")},
     {"/core/src/document/reader", DiagnosticCode("parse")},
     {"/core/src/document/gzip", DiagnosticCode("gzip")},
     {"/core/src/document/proto", DiagnosticCode("proto")},
@@ -30,6 +31,7 @@ constexpr FileCode kFileCodes[] = {
     {"/core/src/scene/input", DiagnosticCode("frame-input")},
     {"/core/src/scene/run", DiagnosticCode("cascade")},
     {"/core/src/scene/bus", DiagnosticCode("subscriber-failed")},
+    {"/core/src/scene/resource", DiagnosticCode("url")},
     {"/core/src/scene/", DiagnosticCode("edit")},
     {"/renderers/src/flatten/", DiagnosticCode("instances")},
     {"/renderers/src/mesh/", DiagnosticCode("geometry")},
