@@ -1,11 +1,11 @@
-# rtsg_library(NAME DEPENDS ... LIBRARIES ...): target rtsg_NAME, alias rtsg::NAME, from src/ (whose folders are rooms, see
+# rtsg_library(NAME DEPENDS ... LIBRARIES ... LEAVE_OUT <source>...): target rtsg_NAME, alias rtsg::NAME, from src/ (whose folders are rooms, see
 # tests/rooms.py) and include/ of the current folder. A folder sees only the headers of what it DEPENDS on: that is how the arrows are enforced.
 function(rtsg_library name)
-  cmake_parse_arguments(ARG "" "" "DEPENDS;LIBRARIES;PRIVATE_LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "DEPENDS;LIBRARIES;PRIVATE_LIBRARIES;LEAVE_OUT" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS src/*.cpp)
-  if(NOT sources)
-    return()
-  endif()
+  foreach(source IN LISTS ARG_LEAVE_OUT)
+    list(REMOVE_ITEM sources "${CMAKE_CURRENT_SOURCE_DIR}/${source}")
+  endforeach()
   add_library(rtsg_${name} STATIC ${sources})
   add_library(rtsg::${name} ALIAS rtsg_${name})
   set_target_properties(rtsg_${name} PROPERTIES EXPORT_NAME ${name} LINKER_LANGUAGE CXX)

@@ -11,7 +11,7 @@ import sys
 
 ROOMS = {
     "core": ["document", "script", "behaviour", "scene", "value"],
-    "renderers": ["light", "world", "embree", "flatten", "mesh"],
+    "renderers": ["light", "image", "world", "embree", "flatten", "mesh"],
     "sync": ["mirror", "log", "codec"],
 }
 # Public headers without a .cpp of their name.
@@ -21,7 +21,7 @@ HEADERS = {
     "sync": {"byte_buffer": "codec", "change_codec": "codec", "log": "log", "stream_mode": "codec"},
 }
 # Outside libraries that only one room may name.
-DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror")}
+DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"), r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror")}
 
 
 def header_rooms(root, library):

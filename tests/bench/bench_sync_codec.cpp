@@ -6,7 +6,9 @@
 #include <map>
 
 #include <fmt/format.h>
+#ifdef RTSG_HAS_LZ4
 #include <lz4.h>
+#endif
 #include <zstd.h>
 
 #include <rtsg/core/scene.h>
@@ -124,8 +126,7 @@ std::vector<ChangeSet> lossySets(const Input& input, int bodies, double error, b
 template <class Compress, class Decompress>
 Cost measureGeneral(const Input& input, bool delta, Compress&& compress, Decompress&& decompress) {
     const std::size_t size = input.flat[0].size() * sizeof(float), words = input.flat[0].size();
-    std::vector<char> plain(size), packed(LZ4_compressBound(static_cast<int>(size)) + ZSTD_compressBound(size)),
-        back(size);
+    std::vector<char> plain(size), packed(2 * size + ZSTD_compressBound(size)), back(size);
     double bytes = 0, encode = 0, decode = 0;
     std::vector<std::uint32_t> x(words);
     for (std::size_t f = kWarmUp; f < input.flat.size(); ++f) {
@@ -170,6 +171,16 @@ std::vector<General> generals(const Input& input) {
     const auto copyBack = [](const std::vector<char>& from, std::size_t length, std::vector<char>& to) {
         std::memcpy(to.data(), from.data(), length);
     };
+    const auto zstd = [](const std::vector<char>& from, std::vector<char>& to) {
+        return ZSTD_compress(to.data(), to.size(), from.data(), from.size(), 1);
+    };
+    const auto zstdBack = [](const std::vector<char>& from, std::size_t length, std::vector<char>& to) {
+        ZSTD_decompress(to.data(), to.size(), from.data(), length);
+    };
+    std::vector<General> all{{"memcpy", measureGeneral(input, false, copy, copyBack)},
+                             {"zstd -1", measureGeneral(input, false, zstd, zstdBack)},
+                             {"xor, byte planes, zstd -1", measureGeneral(input, true, zstd, zstdBack)}};
+#ifdef RTSG_HAS_LZ4
     const auto lz4 = [](const std::vector<char>& from, std::vector<char>& to) {
         return static_cast<std::size_t>(
             LZ4_compress_default(from.data(), to.data(), static_cast<int>(from.size()), static_cast<int>(to.size())));
@@ -177,17 +188,10 @@ std::vector<General> generals(const Input& input) {
     const auto lz4Back = [](const std::vector<char>& from, std::size_t length, std::vector<char>& to) {
         LZ4_decompress_safe(from.data(), to.data(), static_cast<int>(length), static_cast<int>(to.size()));
     };
-    const auto zstd = [](const std::vector<char>& from, std::vector<char>& to) {
-        return ZSTD_compress(to.data(), to.size(), from.data(), from.size(), 1);
-    };
-    const auto zstdBack = [](const std::vector<char>& from, std::size_t length, std::vector<char>& to) {
-        ZSTD_decompress(to.data(), to.size(), from.data(), length);
-    };
-    return {{"memcpy", measureGeneral(input, false, copy, copyBack)},
-            {"lz4", measureGeneral(input, false, lz4, lz4Back)},
-            {"zstd -1", measureGeneral(input, false, zstd, zstdBack)},
-            {"xor, byte planes, lz4", measureGeneral(input, true, lz4, lz4Back)},
-            {"xor, byte planes, zstd -1", measureGeneral(input, true, zstd, zstdBack)}};
+    all.insert(all.begin() + 1, {{"lz4", measureGeneral(input, false, lz4, lz4Back)},
+                                 {"xor, byte planes, lz4", measureGeneral(input, true, lz4, lz4Back)}});
+#endif
+    return all;
 }
 
 /// Bytes a transform takes if what differs from the nearest fixed extrapolation of each component is coded by its own

@@ -11,3 +11,15 @@ step("${CMAKE_COMMAND}" -G "${GENERATOR}" "-DCMAKE_CXX_COMPILER=${COMPILER}" -S 
 step("${CMAKE_COMMAND}" --build "${WORK}/build")
 step("${WORK}/build/consumer")
 step("${CMAKE_CTEST_COMMAND}" --test-dir "${WORK}/build" --output-on-failure --no-tests=error)
+
+# Image files come as a module: the installed program finds its own, and says what is missing without it.
+file(WRITE "${WORK}/box.x3dv" "#X3D V4.0 utf8\nPROFILE Interchange\nShape { geometry Box { } }\n")
+set(render "${WORK}/prefix/bin/rtsg" render "${WORK}/box.x3dv" --size 16x16 -o)
+step(${render} "${WORK}/box.png")
+file(GLOB_RECURSE module "${WORK}/prefix/*/librtsg_images.so")
+file(REMOVE "${module}")
+execute_process(COMMAND ${render} "${WORK}/none.png" RESULT_VARIABLE result ERROR_VARIABLE output)
+if(NOT result EQUAL 1 OR NOT output MATCHES "librtsg_images.so" OR EXISTS "${WORK}/none.png")
+  message(FATAL_ERROR "without the module: status ${result}\n${output}")
+endif()
+step("${WORK}/prefix/bin/rtsg" info "${WORK}/box.x3dv")

@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 
-#include <OpenImageIO/imageio.h>
+#include "image/image_files.h"
 
 namespace rtsg {
 
@@ -28,6 +29,17 @@ Result<> checkSize(const Picture& picture, const std::filesystem::path& file) {
 
 std::uint8_t toByte(float value) {
     return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0f, 1.0f) * 255.0f));
+}
+
+/// The whole file in memory.
+using Bytes = std::vector<unsigned char>;
+
+Result<> writeBytes(const Bytes& bytes, const std::filesystem::path& file) {
+    std::ofstream out(file, std::ios::binary);
+    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    out.close();
+    if (!out) return fail("cannot be written", {}, file.string());
+    return {};
 }
 
 }  // namespace
@@ -66,68 +78,60 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
     if (auto ok = checkSize(picture, file); !ok) return ok;
     const std::string extension = lowerExtension(file);
     if (extension == ".gif") return writeAnimation({&picture, 1}, file, 1, toneMap);
-    auto output = OIIO::ImageOutput::create(file.string());
-    if (!output) return fail("cannot write this kind of picture: " + OIIO::geterror(), {}, file.string());
-    const bool linear = isLinearFormat(extension);
-    const bool opaque = std::ranges::all_of(picture.pixels, [](const Vec4f& p) { return p.a >= 1; });
-    const int channels = output->supports("alpha") && (linear || !opaque) ? 4 : 3;
-    OIIO::ImageSpec spec(picture.width, picture.height, channels,
-                         linear ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
-    spec.attribute("oiio:ColorSpace", linear ? "Linear" : "sRGB");
-    if (linear) spec.attribute("compression", "zip");
-    if (!linear) spec.attribute("oiio:UnassociatedAlpha", 1);
-    if (!output->open(file.string(), spec)) return fail(output->geterror(), {}, file.string());
-    bool ok;
-    if (linear) {
-        ok = output->write_image(OIIO::TypeDesc::FLOAT, picture.pixels.data(), sizeof(Vec4f));
+    const auto files = imageFiles();
+    if (!files) return std::unexpected(files.error());
+    Sheet sheet{.width = picture.width, .height = picture.height, .bytes = nullptr, .values = nullptr};
+    std::vector<std::uint8_t> encoded;
+    if (isLinearFormat(extension)) {
+        sheet.values = &picture.pixels[0].x;
     } else {
-        const auto bytes = toSrgb8(picture, toneMap);
-        ok = output->write_image(OIIO::TypeDesc::UINT8, bytes.data(), 4);
+        encoded = toSrgb8(picture, toneMap);
+        sheet.bytes = encoded.data();
+        sheet.opaque = std::ranges::all_of(picture.pixels, [](const Vec4f& p) { return p.a >= 1; });
     }
-    if (!ok || !output->close()) return fail(output->geterror(), {}, file.string());
-    return {};
+    Bytes made;
+    if (const std::string error = (*files)->encode(file.string(), sheet, made); !error.empty())
+        return fail(error, {}, file.string());
+    return writeBytes(made, file);
 }
 
 Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::path& file, double framesPerSecond,
                         const ToneMap& toneMap) {
     if (frames.empty()) return fail("there are no frames", {}, file.string());
-    auto output = OIIO::ImageOutput::create(file.string());
-    if (!output || !output->supports("multiimage"))
-        return fail("this kind of picture cannot be animated", {}, file.string());
+    const auto files = imageFiles();
+    if (!files) return std::unexpected(files.error());
+    std::vector<std::vector<std::uint8_t>> encoded;
+    std::vector<Sheet> sheets;
     for (const Picture& frame : frames) {
         if (auto ok = checkSize(frame, file); !ok) return ok;
         if (frame.width != frames[0].width || frame.height != frames[0].height)
             return fail("the frames differ in size", {}, file.string());
-        OIIO::ImageSpec spec(frame.width, frame.height, 4, OIIO::TypeDesc::UINT8);
-        spec.attribute("FramesPerSecond", OIIO::TypeRational,
-                       std::vector<int>{static_cast<int>(std::lround(framesPerSecond * 100)), 100}.data());
-        spec.attribute("gif:LoopCount", 0);
-        const auto mode = &frame == frames.data() ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage;
-        if (!output->open(file.string(), spec, mode)) return fail(output->geterror(), {}, file.string());
-        auto bytes = toSrgb8(frame, toneMap);
-        if (!output->write_image(OIIO::TypeDesc::UINT8, bytes.data()))
-            return fail(output->geterror(), {}, file.string());
+        encoded.push_back(toSrgb8(frame, toneMap));
+        sheets.push_back(
+            {.width = frame.width, .height = frame.height, .bytes = encoded.back().data(), .values = nullptr});
     }
-    if (!output->close()) return fail(output->geterror(), {}, file.string());
-    return {};
+    Bytes made;
+    if (const std::string error = (*files)->encodeAnimation(file.string(), sheets, framesPerSecond, made);
+        !error.empty())
+        return fail(error, {}, file.string());
+    return writeBytes(made, file);
 }
 
 Result<Picture> readPicture(const std::filesystem::path& file) {
-    auto input = OIIO::ImageInput::open(file.string());
-    if (!input) return fail(OIIO::geterror(), {}, file.string());
-    const OIIO::ImageSpec& spec = input->spec();
-    const int channels = spec.nchannels;
-    const bool encoded = spec.format != OIIO::TypeDesc::FLOAT && spec.format != OIIO::TypeDesc::HALF;
-    Picture picture(spec.width, spec.height, Vec4f(0, 0, 0, 1));
-    std::vector<float> values(picture.pixels.size() * static_cast<std::size_t>(channels));
-    if (!input->read_image(0, 0, 0, channels, OIIO::TypeDesc::FLOAT, values.data()))
-        return fail(input->geterror(), {}, file.string());
+    const auto files = imageFiles();
+    if (!files) return std::unexpected(files.error());
+    FilePixels pixels;
+    if (const std::string error = (*files)->readFile(file.string(), {.asFloats = true, .check = {}}, pixels);
+        !error.empty())
+        return fail(error, {}, file.string());
+    Picture picture(pixels.width, pixels.height, Vec4f(0, 0, 0, 1));
+    const auto channels = static_cast<std::size_t>(pixels.channels);
     for (std::size_t i = 0; i < picture.pixels.size(); ++i) {
-        const float* source = &values[i * static_cast<std::size_t>(channels)];
+        const float* source = &pixels.values[i * channels];
         Vec4f& pixel = picture.pixels[i];
         for (int c = 0; c < 3; ++c) {
             const float value = source[channels < 3 ? 0 : c];
-            pixel[c] = encoded ? linearFromSrgb(value) : value;
+            pixel[c] = pixels.encoded ? linearFromSrgb(value) : value;
         }
         if (channels == 2 || channels == 4) pixel.a = source[channels - 1];
     }

@@ -4,10 +4,9 @@
 #include <array>
 #include <cmath>
 
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
-
 #include <rtsg/renderers/picture.h>
+
+#include "image/image_files.h"
 
 namespace rtsg {
 
@@ -69,39 +68,28 @@ Result<> checkSize(int width, int height, std::size_t pixels) {
     return {};
 }
 
-Result<Texture> readInput(OIIO::ImageInput& input, Texture::Content content) {
-    const OIIO::ImageSpec spec = input.spec();
-    if (auto ok = checkSize(spec.width, spec.height, SIZE_MAX); !ok) return std::unexpected(ok.error());
-    const int channels = std::min(spec.nchannels, 4);
-    const auto pixelCount = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
-    const auto count = pixelCount * static_cast<std::size_t>(channels);
-    // Bottom row first, by a negative stride: SFImage and texture coordinates both start at the lower left.
-    if (spec.format == OIIO::TypeDesc::UINT8) {
-        std::vector<std::uint8_t> bytes(count);
-        const auto stride = static_cast<OIIO::stride_t>(spec.width) * channels;
-        if (!input.read_image(0, 0, 0, channels, OIIO::TypeDesc::UINT8, bytes.data() + (spec.height - 1) * stride,
-                              channels, -stride))
-            return fail(input.geterror());
-        return Texture::fromBytes(bytes, spec.width, spec.height, channels, content);
-    }
-    std::vector<float> values(count);
-    if (!input.read_image(0, 0, 0, channels, OIIO::TypeDesc::FLOAT, values.data())) return fail(input.geterror());
-    const bool encoded = content == Texture::Content::color && spec.format != OIIO::TypeDesc::FLOAT &&
-                         spec.format != OIIO::TypeDesc::HALF;
-    std::vector<Vec4f> pixels(pixelCount);
-    for (std::size_t i = 0; i < pixelCount; ++i) {
-        const float* source = &values[i * static_cast<std::size_t>(channels)];
-        const std::size_t row = i / static_cast<std::size_t>(spec.width),
-                          column = i % static_cast<std::size_t>(spec.width);
-        Vec4f& target =
-            pixels[(static_cast<std::size_t>(spec.height) - 1 - row) * static_cast<std::size_t>(spec.width) + column];
+/// Bottom row first: SFImage and texture coordinates both start at the lower left.
+ReadRequest request() {
+    return {.asFloats = false, .bottomRowFirst = true, .check = [](int width, int height, bool) {
+                const auto ok = checkSize(width, height, SIZE_MAX);
+                return ok ? std::string() : ok.error().text;
+            }};
+}
+
+Result<Texture> fromPixels(FilePixels file, Texture::Content content) {
+    if (file.values.empty()) return Texture::fromBytes(file.bytes, file.width, file.height, file.channels, content);
+    const bool encoded = content == Texture::Content::color && file.encoded;
+    const auto channels = static_cast<std::size_t>(file.channels);
+    std::vector<Vec4f> pixels(static_cast<std::size_t>(file.width) * static_cast<std::size_t>(file.height));
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+        const float* source = &file.values[i * channels];
         for (int c = 0; c < 3; ++c) {
             const float value = source[channels < 3 ? 0 : c];
-            target[c] = encoded ? linearFromSrgb(value) : value;
+            pixels[i][c] = encoded ? linearFromSrgb(value) : value;
         }
-        target.a = channels == 2 || channels == 4 ? source[channels - 1] : 1;
+        pixels[i].a = channels == 2 || channels == 4 ? source[channels - 1] : 1;
     }
-    return Texture::fromFloats(std::move(pixels), spec.width, spec.height, channels);
+    return Texture::fromFloats(std::move(pixels), file.width, file.height, file.channels);
 }
 
 }  // namespace
@@ -159,18 +147,23 @@ Result<Texture> Texture::fromImage(const Image& image, Content content) {
 }
 
 Result<Texture> Texture::fromFile(const std::filesystem::path& file, Content content) {
-    auto input = OIIO::ImageInput::open(file.string());
-    if (!input) return fail(OIIO::geterror(), {}, file.string());
-    auto result = readInput(*input, content);
+    const auto files = imageFiles();
+    if (!files) return std::unexpected(files.error());
+    FilePixels pixels;
+    if (const std::string error = (*files)->readFile(file.string(), request(), pixels); !error.empty())
+        return fail(error, {}, file.string());
+    auto result = fromPixels(std::move(pixels), content);
     if (!result) result.error().file = file.string();
     return result;
 }
 
 Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const std::string& name, Content content) {
-    OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(file.data()), file.size());
-    auto input = OIIO::ImageInput::open(name, nullptr, &reader);
-    if (!input) return fail(OIIO::geterror(), {}, name);
-    return readInput(*input, content);
+    const auto files = imageFiles();
+    if (!files) return std::unexpected(files.error());
+    FilePixels pixels;
+    if (const std::string error = (*files)->readMemory(file, name, request(), pixels); !error.empty())
+        return fail(error, {}, name);
+    return fromPixels(std::move(pixels), content);
 }
 
 void Texture::noteAlpha() {

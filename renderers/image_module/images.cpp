@@ -1,0 +1,98 @@
+// The module librtsg_images.so: image files by OpenImageIO. Links nothing of ours, throws nothing.
+#include <algorithm>
+#include <cmath>
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include "image/image_files.h"
+
+namespace rtsg {
+
+namespace {
+
+std::string readInput(OIIO::ImageInput& input, const ReadRequest& request, FilePixels& out) {
+    const OIIO::ImageSpec spec = input.spec();
+    const bool eightBits = spec.format == OIIO::TypeDesc::UINT8;
+    if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0) return "the picture has no pixels";
+    if (request.check)
+        if (std::string refusal = request.check(spec.width, spec.height, eightBits); !refusal.empty()) return refusal;
+    out.width = spec.width;
+    out.height = spec.height;
+    out.channels = std::min(spec.nchannels, 4);
+    out.encoded = spec.format != OIIO::TypeDesc::FLOAT && spec.format != OIIO::TypeDesc::HALF;
+    const auto row = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(out.channels);
+    const std::size_t count = row * static_cast<std::size_t>(spec.height);
+    const auto read = [&](auto& pixels, OIIO::TypeDesc type) {
+        pixels.resize(count);
+        const auto element = static_cast<OIIO::stride_t>(sizeof(pixels[0]));
+        const auto stride = static_cast<OIIO::stride_t>(row) * element;
+        // Bottom row first is a negative stride.
+        if (!request.bottomRowFirst)
+            return input.read_image(0, 0, 0, out.channels, type, pixels.data(), out.channels * element, stride);
+        return input.read_image(0, 0, 0, out.channels, type, pixels.data() + (count - row), out.channels * element,
+                                -stride);
+    };
+    const bool done = eightBits && !request.asFloats ? read(out.bytes, OIIO::TypeDesc::UINT8)
+                                                     : read(out.values, OIIO::TypeDesc::FLOAT);
+    return done ? std::string() : input.geterror();
+}
+
+class Files final : public ImageFiles {
+  public:
+    std::string readFile(const std::string& file, const ReadRequest& request, FilePixels& out) const override {
+        const auto input = OIIO::ImageInput::open(file);
+        return input ? readInput(*input, request, out) : OIIO::geterror();
+    }
+
+    std::string readMemory(std::span<const std::uint8_t> bytes, const std::string& name, const ReadRequest& request,
+                           FilePixels& out) const override {
+        OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(bytes.data()), bytes.size());
+        const auto input = OIIO::ImageInput::open(name, nullptr, &reader);
+        return input ? readInput(*input, request, out) : OIIO::geterror();
+    }
+
+    std::string encode(const std::string& name, const Sheet& sheet, std::vector<unsigned char>& file) const override {
+        const auto output = OIIO::ImageOutput::create(name);
+        if (!output) return "cannot write this kind of picture: " + OIIO::geterror();
+        const bool linear = sheet.values != nullptr;
+        const int channels = output->supports("alpha") && (linear || !sheet.opaque) ? 4 : 3;
+        OIIO::ImageSpec spec(sheet.width, sheet.height, channels,
+                             linear ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
+        spec.attribute("oiio:ColorSpace", linear ? "Linear" : "sRGB");
+        if (linear) spec.attribute("compression", "zip");
+        if (!linear) spec.attribute("oiio:UnassociatedAlpha", 1);
+        OIIO::Filesystem::IOVecOutput memory(file);
+        if (!output->set_ioproxy(&memory) || !output->open(name, spec)) return output->geterror();
+        const bool done = linear ? output->write_image(OIIO::TypeDesc::FLOAT, sheet.values, 4 * sizeof(float))
+                                 : output->write_image(OIIO::TypeDesc::UINT8, sheet.bytes, 4);
+        return done && output->close() ? std::string() : output->geterror();
+    }
+
+    std::string encodeAnimation(const std::string& name, std::span<const Sheet> sheets, double framesPerSecond,
+                                std::vector<unsigned char>& file) const override {
+        const auto output = OIIO::ImageOutput::create(name);
+        if (!output || !output->supports("multiimage")) return "this kind of picture cannot be animated";
+        OIIO::Filesystem::IOVecOutput memory(file);
+        if (!output->set_ioproxy(&memory)) return output->geterror();
+        const int rate[] = {static_cast<int>(std::lround(framesPerSecond * 100)), 100};
+        for (const Sheet& sheet : sheets) {
+            OIIO::ImageSpec spec(sheet.width, sheet.height, 4, OIIO::TypeDesc::UINT8);
+            spec.attribute("FramesPerSecond", OIIO::TypeRational, rate);
+            spec.attribute("gif:LoopCount", 0);
+            const auto mode = &sheet == sheets.data() ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage;
+            if (!output->open(name, spec, mode) || !output->write_image(OIIO::TypeDesc::UINT8, sheet.bytes))
+                return output->geterror();
+        }
+        return output->close() ? std::string() : output->geterror();
+    }
+};
+
+}  // namespace
+
+}  // namespace rtsg
+
+extern "C" __attribute__((visibility("default"))) const rtsg::ImageFiles* RTSG_IMAGE_FILES_SYMBOL() {
+    static const rtsg::Files files;
+    return &files;
+}

@@ -1,0 +1,31 @@
+// What the program loads when it starts: what a verb does not use, it does not wait for.
+#include <sstream>
+
+#include "program.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+TEST(Start, ImageFilesComeAsAModuleWhenTheFirstIsAskedFor) {
+    const TempFolder folder;
+    ::setenv("LD_TRACE_LOADED_OBJECTS", "1", 1);  // the dynamic linker lists what it would load
+    const Outcome listed = Program({"--version"}, folder / "list").wait();
+    ::unsetenv("LD_TRACE_LOADED_OBJECTS");
+    EXPECT_EQ(listed.out.find("OpenImageIO"), std::string::npos) << listed.out;
+    std::istringstream lines(listed.out);
+    int libraries = 0;
+    for (std::string line; std::getline(lines, line);) ++libraries;
+    EXPECT_GT(libraries, 5) << listed.out;
+    EXPECT_LT(libraries, 80) << listed.out;
+
+    writeFile(folder / "s.x3dv", "#X3D V4.0 utf8\nPROFILE Interchange\nShape { geometry Box { } }\n");
+    const Outcome drawn =
+        Program({"render", folder / "s.x3dv", "-o", folder / "s.png", "--size", "16x16"}, folder / "render").wait();
+    EXPECT_EQ(drawn.status, 0) << drawn.err;
+    EXPECT_TRUE(readFile(folder / "s.png").starts_with("\x89PNG"));
+}
+
+}  // namespace
+}  // namespace rtsg
