@@ -231,8 +231,9 @@ std::vector<std::filesystem::path> Resources::foldersOf(const Scene& scene, cons
     const Node* at = &node;
     for (int steps = 0; at && steps < kMostSteps; ++steps) {
         const auto routes = scene.routesTo(at->id());
-        const auto from =
-            std::ranges::find_if(routes, [&](const Route& r) { return r.isConnection && r.toField == field; });
+        // Of both directions of an inputOutput IS, the one that comes from the instance around the node.
+        const auto from = std::ranges::find_if(
+            routes, [&](const Route& r) { return r.isConnection && r.toField == field && r.fromNode == at->scope(); });
         if (from == routes.end()) break;
         at = scene.find(from->fromNode);
         field = from->fromField;

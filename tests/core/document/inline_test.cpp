@@ -89,7 +89,7 @@ TEST_F(Inlines, FilesOutsideAreRefused) {
     options.resources = Resources(folder / "parts");
     ASSERT_TRUE(load("parts/main.x3dv", options));
     EXPECT_THAT(problems(), HasSubstr("main.x3dv:2:1: error: Inline: '../a.x3dv' is outside"));
-    EXPECT_THAT(problems(), HasSubstr("main.x3dv:3:1: error: EXTERNPROTO P cannot be resolved"));
+    EXPECT_THAT(problems(), HasSubstr("main.x3dv:3:13: error: EXTERNPROTO P cannot be resolved"));
     EXPECT_THAT(problems(), HasSubstr("--allow " + folder.string()));
 }
 

@@ -60,8 +60,8 @@ TEST_F(ResourceTest, FilesBelowTheRootAreOpened) {
 
 TEST_F(ResourceTest, WhatIsOutsideIsRefusedWithTheOptionThatHelps) {
     for (const std::string& url : {std::string("../other/secret.txt"), std::string("parts/../../other/secret.txt"),
-                                  std::string("%2e%2e/other/secret.txt"), (folder / "other/secret.txt").string(),
-                                  "file://" + (folder / "other/secret.txt").string()}) {
+                                   std::string("%2e%2e/other/secret.txt"), (folder / "other/secret.txt").string(),
+                                   "file://" + (folder / "other/secret.txt").string()}) {
         EXPECT_THAT(read(url), HasSubstr("outside the folders that may be opened")) << url;
         EXPECT_THAT(read(url), HasSubstr("--allow " + (folder / "other").string())) << url;
     }
