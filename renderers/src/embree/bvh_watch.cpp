@@ -1,3 +1,4 @@
+// Builds the coarse tree over a mesh's triangles, and follows the areas of its boxes.
 #include "bvh_watch.h"
 
 #include <algorithm>

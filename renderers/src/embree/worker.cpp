@@ -1,3 +1,4 @@
+// Runs jobs one after another, on a thread that starts with the first.
 #include "worker.h"
 
 #include <utility>

@@ -1,3 +1,4 @@
+// Visits the whole scene every frame and hands the differences to a RayWorld of its own.
 #include <rtsg/renderers/full_traversal.h>
 
 #include <chrono>

@@ -1,3 +1,4 @@
+// Rays, nearest points, overlaps and moving balls, answered by the BVH that light and sound use.
 #include <rtsg/renderers/picking.h>
 
 #include <algorithm>

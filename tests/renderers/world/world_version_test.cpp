@@ -1,4 +1,5 @@
 // Versions of a RayWorld: each answers as the world did at its moment, whatever has been done to the world since.
+// RTSG_LONG=1 has three threads read through 20,000 edits instead of 100.
 #include <atomic>
 #include <cstdlib>
 #include <deque>
@@ -84,6 +85,10 @@ struct Held {
     }
     void check(std::mt19937& random, int packets) const {
         Players::compare(*version, truth, random, packets);
+        checkBits(random);
+    }
+    /// What needs no tolerance.
+    void checkBits(std::mt19937& random) const {
         expectSameInstances(*version, truth);
         expectSameNear(*version, truth, randomRay(random, 10).origin, 3);
         EXPECT_EQ(version->bounds().min, bounds.min);
@@ -282,47 +287,73 @@ TEST(WorldVersion, DeformingMeshesTakeTurns) {
     EXPECT_LT(shape.world.memory().bvhBytes, bytes / 2) << "when nobody holds any, one is enough";
 }
 
-TEST(WorldVersion, ReadersOnThreeThreadsSeeWholeStates) {
-    const bool isLong = std::getenv("RTSG_LONG") != nullptr;
-    struct Published {
-        Version version;
-        std::shared_ptr<const BruteForce> truth;
-    };
-    Players players(kSeed, {.restFrames = 2});
+/// Of rays that are not too close to call, how many were compared with the brute force, and how many differed.
+struct Tally {
+    std::atomic<int> compared{0}, differed{0};
+    void add(const RayView& view, const BruteForce& truth, std::mt19937& random) {
+        for (int i = 0; i < 16; ++i) {
+            const Ray ray = randomRay(random, 14);
+            const BruteForce::Answer expected = truth.intersect(ray, view.origin());
+            if (expected.margin < 1e-4) continue;
+            const Hit hit = view.intersect(ray);
+            ++compared;
+            differed += hit.instance != expected.instance || hit.triangle != expected.triangle ||
+                        (hit && std::abs(hit.t - expected.t) > 1e-4 * expected.t + 1e-3);
+        }
+    }
+};
+
+/// Edits on this thread, while three others take versions, hold them for a while, and find that they stay as they were.
+void readWhileEdited(std::uint32_t seed, int steps, Tally& tally) {
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Players players(seed, {.restFrames = 2});
     std::mutex mutex;
-    Published latest{players.world().freeze(), std::make_shared<BruteForce>(players.truth())};
+    auto latest = std::make_shared<const Held>(players.world(), players.truth(), seed);
     std::atomic<bool> stop{false};
     std::atomic<int> checked{0};
     std::vector<std::thread> readers;
     for (std::uint32_t r = 0; r < 3; ++r) {
         readers.emplace_back([&, r] {
-            std::mt19937 random(kSeed + 1 + r);
-            std::deque<Published> held;
+            std::mt19937 random(seed + 1 + r);
+            std::deque<std::shared_ptr<const Held>> held;
             while (!stop) {
                 {
                     const std::lock_guard lock(mutex);
                     held.push_back(latest);
                 }
                 while (held.size() > 1 + random() % 2) held.pop_front();
-                for (std::size_t looks = 1 + random() % 4; looks > 0; --looks)
-                    Players::compare(*held.front().version, *held.front().truth, random, 1);
+                for (std::size_t looks = 1 + random() % 3; looks > 0; --looks) {
+                    held.front()->checkBits(random);
+                    tally.add(*held.front()->version, held.front()->truth, random);
+                }
                 ++checked;
             }
         });
     }
-    const int steps = isLong ? 20000 : 150;
     for (int step = 0; step < steps || checked < steps / 4; ++step) {
-        players.step();
-        Published next{players.world().freeze(), std::make_shared<BruteForce>(players.truth())};
-        if (next.version) {
+        if (step < steps) players.step();
+        auto next =
+            std::make_shared<const Held>(players.world(), players.truth(), seed + static_cast<std::uint32_t>(step));
+        if (next->version) {
             const std::lock_guard lock(mutex);
             std::swap(latest, next);
         }
+        if (step >= steps) std::this_thread::yield();
         if (testing::Test::HasFailure()) break;
     }
     stop = true;
     for (std::thread& reader : readers) reader.join();
-    players.compare(5);
+}
+
+TEST(WorldVersion, ReadersOnThreeThreadsSeeWholeStates) {
+    const std::uint32_t rounds = std::getenv("RTSG_LONG") != nullptr ? 200 : 1;
+    Tally tally;
+    for (std::uint32_t round = 0; round < rounds && !HasFailure(); ++round)
+        readWhileEdited(kSeed + 100 * round, 100, tally);
+    EXPECT_GT(tally.compared, 100);
+    // Transforms that the players multiply over and over become so ill-conditioned that float differs from the truth:
+    // 3 of 68,556 hits of a world without any versions did. A state that is not whole differs everywhere.
+    EXPECT_LE(tally.differed, 2 + tally.compared / 2000) << "of " << tally.compared;
 }
 
 }  // namespace
