@@ -141,8 +141,11 @@ Result<> Scene::State::applyChange(const Change& c, bool pending) {
             const Route route{c.node, c.field, c.other, c.field2(), c.isConnection};
             if (c.kind == ChangeKind::addRoute) {
                 const FieldDef &a = node->type_->fields[c.field], &b = to->type_->fields[c.field2()];
-                if (!c.isConnection && (!a.sends() || !b.writable()))
+                if (c.isConnection) {
+                    if (auto ok = checkIs(route); !ok) return ok;
+                } else if (!a.sends() || !b.writable()) {
                     return fail(kWrongAccess, "a route against the access rules");
+                }
                 linkRoute(route, pending);
             } else if (!unlinkRoute(route, pending)) {
                 return fail("no such route to remove");

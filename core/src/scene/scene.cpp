@@ -374,14 +374,11 @@ Result<> Scene::addIsConnection(NodeId instance, FieldIndex instanceField, NodeI
     if (a.type != b.type)
         return fail(kWrongType,
                     fmt::format("IS between {} {} and {} {}", info(b.type).name, b.name, info(a.type).name, a.name));
-    // Table 4.4: an instance's field may do no more than the body's field behind it.
-    const bool legal = a.access == b.access || b.access == Access::inputOutput;
-    if (!legal)
-        return fail(kWrongAccess, fmt::format("IS cannot connect {} with {}: their access differs", b.name, a.name));
-    if (a.access == Access::initializeOnly || a.access == Access::inputOutput || a.access == Access::inputOnly)
-        s.linkRoute({instance, instanceField, bodyNode, bodyField, true}, true);
-    if (a.access == Access::outputOnly || a.access == Access::inputOutput)
-        s.linkRoute({bodyNode, bodyField, instance, instanceField, true}, true);
+    const Route inwards{instance, instanceField, bodyNode, bodyField, true};
+    const Route outwards{bodyNode, bodyField, instance, instanceField, true};
+    if (auto ok = s.checkIs(a.access == Access::outputOnly ? outwards : inwards); !ok) return ok;
+    if (a.access != Access::outputOnly) s.linkRoute(inwards, true);
+    if (a.sends()) s.linkRoute(outwards, true);
     return {};
 }
 

@@ -206,6 +206,8 @@ struct Scene::State {
     Result<> insertChild(Node& parent, FieldIndex field, Node& child, std::size_t index);
     void removeChildAt(Node& parent, FieldIndex field, std::size_t index);
     void setName(Node& node, std::string_view name);
+    /// One direction of an IS connection: between a PROTO instance and a node of its own body, as table 4.4 allows.
+    Result<> checkIs(const Route& route) const;
     void linkRoute(const Route& route, bool record);
     bool unlinkRoute(const Route& route, bool record);
     void detachEverything(Node& node);

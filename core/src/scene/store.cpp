@@ -1,6 +1,8 @@
 // Node storage, parents, names and routes: what Scene::State keeps, without the running.
 #include <algorithm>
 
+#include <fmt/format.h>
+
 #include "state.h"
 
 namespace rtsg {
@@ -238,6 +240,32 @@ void Scene::State::linkRoute(const Route& route, bool record) {
     change.isConnection = route.isConnection;
     change.external = writingExternally;
     routeOps.push_back(change);
+}
+
+Result<> Scene::State::checkIs(const Route& route) const {
+    const Node &from = *find(route.fromNode), &to = *find(route.toNode);
+    const auto isBodyOf = [](const Node& body, const Node& instance) {
+        const NodeType::Kind kind = instance.type().kind;
+        return (kind == NodeType::Kind::proto || kind == NodeType::Kind::externProto) && body.scope() == instance.id();
+    };
+    const bool inwards = isBodyOf(to, from);
+    if (!inwards && !isBodyOf(from, to))
+        return fail(kWrongAccess, "IS connects a PROTO instance with the nodes of its own body only");
+    const Node &instance = inwards ? from : to, &body = inwards ? to : from;
+    const FieldDef& a = instance.type().fields[inwards ? route.fromField : route.toField];
+    const FieldDef& b = body.type().fields[inwards ? route.toField : route.fromField];
+    // An instance's field may do no more than the body's field behind it.
+    if (a.access != b.access && b.access != Access::inputOutput)
+        return fail(kWrongAccess, fmt::format("IS cannot connect {} with {}: their access differs", b.name, a.name));
+    if (inwards ? a.access == Access::outputOnly : !a.sends())
+        return fail(kWrongAccess, fmt::format("IS cannot pass events of {} this way", a.name));
+    // An event is handed on from instance to body to the instances in it: bodies that contain each other have no end.
+    constexpr int kDeepest = 1000;
+    int depth = 0;
+    for (const Node* outer = &instance; outer; outer = find(outer->scope()))
+        if (++depth > kDeepest)
+            return fail(kCycle, fmt::format("PROTO instances lie in each other more than {} deep", kDeepest));
+    return {};
 }
 
 bool Scene::State::unlinkRoute(const Route& route, bool record) {

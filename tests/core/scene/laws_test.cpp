@@ -186,6 +186,52 @@ TEST(Bus, DetachesASubscriberThatFailsAndGoesOnWithTheOthers) {
     EXPECT_EQ(scene.bus().subscribers(), 1u);
 }
 
+/// A set that leads to the state it starts from puts right what had gone wrong in it: everybody must hear of it.
+TEST(Bus, ARepairReachesEverySubscriberOfTheReplica) {
+    Scene replica;
+    const NodeId box = replica.createNode(x3d::Transform::type);
+    replica.newFrame(0);
+    replica.newFrame(1);
+    Follower prompt, slow;
+    Attachment a = replica.bus().attach(prompt), b = replica.bus().attach(slow, Delivery::polled);
+    b.poll();
+    auto repair = std::make_shared<ChangeSet>();
+    repair->from = repair->to = replica.sequence();
+    Change& change = repair->changes.emplace_back();
+    change.node = box;
+    change.field = x3d::Transform::translation.index;
+    change.value = Vec3f(1, 2, 3);
+    ASSERT_TRUE(replica.apply(repair));
+    EXPECT_EQ(prompt.calls, 2U);
+    EXPECT_TRUE(b.poll());
+    for (const Follower* one : {&prompt, &slow})
+        EXPECT_EQ(one->replica.node(box).get(x3d::Transform::translation), Vec3f(1, 2, 3)) << one->error;
+}
+
+/// Who caused the newest edit of a list is who caused the merged one, as with values.
+TEST(Compose, AListThatIsEditedKeepsWhoseEditWasTheLast) {
+    const NodeId parent{5}, child{6};
+    for (const bool external : {true, false}) {
+        ChangeSet whole, edit;
+        whole.from = 1, whole.to = edit.from = 2, edit.to = 3;
+        Change& list = whole.changes.emplace_back();
+        list.node = parent;
+        list.field = x3d::Group::children.index;
+        list.external = !external;
+        list.value = Array<NodeId>();
+        Change& insertion = edit.changes.emplace_back();
+        insertion.kind = ChangeKind::insertChild;
+        insertion.node = parent;
+        insertion.field = x3d::Group::children.index;
+        insertion.other = child;
+        insertion.external = external;
+        const ChangeSet merged = compose(std::vector{copyOf(whole), copyOf(edit)});
+        ASSERT_EQ(merged.changes.size(), 1U);
+        EXPECT_EQ(merged.changes[0].external, external);
+        EXPECT_EQ(merged.changes[0].value.as<Array<NodeId>>().size(), 1U);
+    }
+}
+
 TEST(Bus, ASlowSubscribersBacklogIsBoundedAndNothingIsLost) {
     Scene scene;
     Follower slow;

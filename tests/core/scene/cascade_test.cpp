@@ -1,0 +1,149 @@
+// What travels in one frame: routes that come too late, IS connections that go both ways, and forged ones.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/behaviour.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+namespace {
+
+/// 4.4.8: a route that is added while an event is on its way does not carry that event.
+TEST(Cascade, ARouteAddedWhileItsEventTravelsWaitsForTheNext) {
+    Scene scene;
+    NodeId node[3];
+    for (NodeId& one : node) one = scene.createNode(x3d::Transform::type);
+    const FieldIndex field = x3d::Transform::translation.index;
+    ASSERT_TRUE(scene.addRoute(node[0], field, node[1], field));
+    scene.setEventListener([&](double, const Node& at, FieldIndex, const Value&) {
+        if (at.id() != node[1]) return;
+        EXPECT_TRUE(scene.addRoute(node[0], field, node[2], field));
+    });
+    ASSERT_TRUE(scene.sendEvent(node[0], field, Vec3f(1)));
+    scene.newFrame(0);
+    EXPECT_EQ(scene.node(node[1]).get(x3d::Transform::translation), Vec3f(1));
+    EXPECT_EQ(scene.node(node[2]).get(x3d::Transform::translation), Vec3f(0));
+    ASSERT_TRUE(scene.sendEvent(node[0], field, Vec3f(2)));
+    scene.newFrame(1);
+    EXPECT_EQ(scene.node(node[2]).get(x3d::Transform::translation), Vec3f(2));
+}
+
+int calls = 0;
+
+/// An inputOutput field and the one in the body that it IS: what one sends, the other takes, and no more.
+TEST(Cascade, ATwoWayIsConnectionDoesNotEcho) {
+    Scene scene;
+    const Behaviour counts{.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++calls; }};
+    scene.registerBehaviour("Moved", counts);
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, R"(#X3D V4.0 utf8
+PROFILE Immersive
+PROTO Moved [ inputOutput SFVec3f place 0 0 0 ] { DEF BODY Transform { translation IS place } }
+DEF M Moved { })",
+                         diagnostics));
+    scene.newFrame(0);
+    const NodeId moved = scene.findName("M");
+    const NodeId body = scene.effectiveNode(moved)->id();
+    calls = 0;
+    ASSERT_TRUE(scene.sendEvent(moved, scene.node(moved).type().find("place"), Vec3f(3)));
+    scene.newFrame(1);
+    EXPECT_EQ(calls, 1);
+    EXPECT_EQ(scene.node(body).get(x3d::Transform::translation), Vec3f(3));
+    ASSERT_TRUE(scene.sendEvent(body, x3d::Transform::translation.index, Vec3f(4)));
+    scene.newFrame(2);
+    EXPECT_EQ(calls, 2);
+    EXPECT_EQ(scene.node(moved).value(scene.node(moved).type().find("place")).as<Vec3f>(), Vec3f(4));
+}
+
+// ---- IS connections that no document can make ----------------------------------------------------------------------
+
+/// Two instances of PROTOs that take an event, and what a peer or a log might say of them.
+class ForgedIs : public testing::Test {
+  protected:
+    ForgedIs() {
+        Diagnostics diagnostics;
+        EXPECT_TRUE(loadText(scene_, R"(#X3D V4.0 utf8
+PROFILE Immersive
+PROTO Taker [ inputOnly SFBool go  outputOnly SFBool went ] { Group { } }
+DEF A Taker { }
+DEF B Taker { })",
+                             diagnostics));
+        scene_.newFrame(0);
+        a_ = scene_.findName("A");
+        b_ = scene_.findName("B");
+        type_ = scene_.node(a_).typeIndex();
+        go_ = scene_.type(type_).find("go");
+        went_ = scene_.type(type_).find("went");
+        set_ = std::make_shared<ChangeSet>();
+        set_->from = scene_.sequence();
+        set_->to = set_->from + 1;
+        set_->time = 1;
+    }
+    void is(NodeId from, FieldIndex fromField, NodeId to, FieldIndex toField) {
+        Change& c = set_->changes.emplace_back();
+        c.kind = ChangeKind::addRoute;
+        c.node = from;
+        c.field = fromField;
+        c.other = to;
+        c.index = toField;
+        c.isConnection = true;
+    }
+    NodeId create(std::uint32_t id, std::uint32_t scope) {
+        Change& c = set_->changes.emplace_back();
+        c.kind = ChangeKind::createNode;
+        c.node = NodeId{id};
+        c.index = type_.value;
+        c.other = NodeId{scope};
+        return c.node;
+    }
+    void expectRefused(std::string_view code) {
+        const Result<> applied = scene_.apply(set_);
+        ASSERT_FALSE(applied);
+        EXPECT_EQ(applied.error().code.text(), code);
+    }
+
+    Scene scene_;
+    NodeId a_, b_;
+    TypeIndex type_;
+    FieldIndex go_, went_;
+    std::shared_ptr<ChangeSet> set_;
+};
+
+/// One event would be handed to and fro until the stack is full.
+TEST_F(ForgedIs, APairThatHandsAnEventToAndFroIsRefused) {
+    is(a_, go_, b_, go_);
+    is(b_, go_, a_, go_);
+    expectRefused("access");
+}
+
+TEST_F(ForgedIs, BodiesThatContainEachOtherAreRefused) {
+    const std::uint32_t next = b_.value + 100;
+    const NodeId x = create(next, next + 1), y = create(next + 1, next);
+    is(x, go_, y, go_);
+    is(y, go_, x, go_);
+    expectRefused("cycle");
+}
+
+TEST_F(ForgedIs, AnOutputIsNoWayIn) {
+    const NodeId inner = create(b_.value + 100, a_.value);
+    is(a_, went_, inner, went_);
+    expectRefused("access");
+}
+
+TEST_F(ForgedIs, AnInputIsNoWayOut) {
+    const NodeId inner = create(b_.value + 100, a_.value);
+    is(inner, go_, a_, go_);
+    expectRefused("access");
+}
+
+TEST_F(ForgedIs, WhatADocumentCouldSayIsTaken) {
+    const NodeId inner = create(b_.value + 100, a_.value);
+    is(a_, go_, inner, go_);
+    is(inner, went_, a_, went_);
+    EXPECT_TRUE(scene_.apply(set_));
+}
+
+}  // namespace
+}  // namespace rtsg
