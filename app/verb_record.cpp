@@ -110,7 +110,7 @@ Verb addRecord(CLI::App& program) {
     command->add_flag("--json", options->json, "the summary as JSON");
     command->footer(
         "Example: rtsg record hall.x3dv -o hall.rlog --for 10s\n"
-        "Example: rtsg record door.x3dv -o door.rlog --for 3s --set DOOR_TOUCH.touchTime=0.5@0.5\n"
+        "Example: rtsg record door.x3dv -o door.rlog --for 3s --set PRESSED.set_boolean=TRUE@0.5\n"
         "Ctrl-C ends the log in order.");
     return {command, [options] { return record(*options); }};
 }

@@ -106,7 +106,7 @@ Verb addRun(CLI::App& program) {
     command->add_flag("--hash", options->hash, "print the state hash of every frame");
     command->add_flag("--json", options->json, "the summary as JSON");
     command->footer(
-        "Example: rtsg run door.x3dv --for 2s --fps 60 --watch DOOR.rotation --set TOUCH.set_boolean=TRUE@0.5");
+        "Example: rtsg run door.x3dv --for 2s --fps 60 --watch DOOR.rotation --set PRESSED.set_boolean=TRUE@0.5");
     return {command, [options] { return run(*options); }};
 }
 

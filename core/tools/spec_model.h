@@ -44,8 +44,8 @@ struct Type {
     std::vector<std::string> bases;
     int level = 1;
     bool isAbstract = false;
-    bool hidden = false;    // not creatable from files
-    bool imported = false;  // from --import: known, but not written out
+    bool hidden = false;                  // not creatable from files
+    bool imported = false;                // from --import: known, but not written out
     std::string acts = "unstated", role;  // tags; inherited by those that have none of their own
     bool writesInputs = false;
     std::vector<Field> own;

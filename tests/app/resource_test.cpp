@@ -59,7 +59,8 @@ TEST_F(ResourceOptions, AnInlineOfATextFilePrintsNoLineOfIt) {
 
 TEST_F(ResourceOptions, DevicesAndPipesEndNothing) {
     ASSERT_EQ(::mkfifo((folder / "scene/pipe").c_str(), 0600), 0);
-    const std::string given = document("Script { url \"/dev/zero\" }\nScript { url \"pipe\" }\nInline { url \"pipe\" }");
+    const std::string given =
+        document("Script { url \"/dev/zero\" }\nScript { url \"pipe\" }\nInline { url \"pipe\" }");
     const Outcome outcome = rtsg({"run", given, "--for", "0.1s", "--allow", "/dev"});
     EXPECT_EQ(outcome.status, 0);
     EXPECT_THAT(outcome.err, HasSubstr("'/dev/zero' is a device, not a file"));
@@ -89,7 +90,7 @@ TEST_F(ResourceOptions, ASoundOfAnInlinedFileIsFoundBesideIt) {
 
 TEST_F(ResourceOptions, AMirrorOpensNothingThatItWasNotAllowed) {
     const std::string given = document("Viewpoint { position 0 0 3 }\nSound { source AudioClip { url [ \"" +
-                                      (folder / "other/tone.wav") + "\" \"/etc/passwd\" \"tone.wav\" ] } }");
+                                       (folder / "other/tone.wav") + "\" \"/etc/passwd\" \"tone.wav\" ] } }");
     Program server({"serve", given, "--for", "20s"}, streams());
     const std::string line = server.firstLine();
     const std::string endpoint = line.substr(line.rfind(' ') + 1);

@@ -278,8 +278,8 @@ void ChangeComposer::add(const ChangeSet& set) {
     s.result.types.insert(s.result.types.end(), set.types.begin(), set.types.end());
     s.following = 0;
     for (const Change& change : set.changes) s.add(change);
-    // What came and went leaves dead slots behind; when they are most, what is alive moves together. So the memory follows
-    // the merged set, and the cost of moving is spread over the changes that made it necessary.
+    // What came and went leaves dead slots behind; when they are most, what is alive moves together. So the memory
+    // follows the merged set, and the cost of moving is spread over the changes that made it necessary.
     constexpr std::size_t kFewDead = 1024;
     if (s.dead > kFewDead && s.dead > s.slots.size() / 2) {
         ChangeSet live;

@@ -72,7 +72,9 @@ Result<> checkSize(int width, int height, std::size_t pixels) {
 
 /// Bottom row first: SFImage and texture coordinates both start at the lower left.
 ReadRequest request(std::uint64_t maximumPixels) {
-    return {.asFloats = false, .bottomRowFirst = true, .check = [maximumPixels](int width, int height, bool bytes) -> std::string {
+    return {.asFloats = false,
+            .bottomRowFirst = true,
+            .check = [maximumPixels](int width, int height, bool bytes) -> std::string {
                 if (const auto ok = checkSize(width, height, SIZE_MAX); !ok) return ok.error().text;
                 const auto pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
                 if (pixels * (bytes ? 1 : 4) <= maximumPixels) return std::string();

@@ -121,9 +121,11 @@ TEST(FieldText, ErrorsSayWhatAndWhere) {
         const Result<Value> result = parseFieldText(type, text, syntax);
         return result ? std::string("accepted") : result.error().format();
     };
-    EXPECT_EQ(complaint(FieldType::SFVec3f, "1 2"), "1:4: error: expected 3 numbers (SFVec3f), found the end [value-text]");
+    EXPECT_EQ(complaint(FieldType::SFVec3f, "1 2"),
+              "1:4: error: expected 3 numbers (SFVec3f), found the end [value-text]");
     EXPECT_EQ(complaint(FieldType::SFVec3f, "1 2 3 4"), "1:7: error: there is more than one SFVec3f [value-text]");
-    EXPECT_EQ(complaint(FieldType::SFInt32, "1.5"), "1:1: error: expected an integer (SFInt32), found '1.5' [value-text]");
+    EXPECT_EQ(complaint(FieldType::SFInt32, "1.5"),
+              "1:1: error: expected an integer (SFInt32), found '1.5' [value-text]");
     EXPECT_THAT(complaint(FieldType::MFVec3f, "[ 1 2 3 4 ]"), HasSubstr("do not make a whole SFVec3f"));
     EXPECT_THAT(complaint(FieldType::MFFloat, "[ 1 2"), HasSubstr("']' is missing"));
     EXPECT_THAT(complaint(FieldType::SFFloat, "nan"), HasSubstr("not finite"));

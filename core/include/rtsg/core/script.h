@@ -3,9 +3,9 @@
 // A scene runs the ECMAScript of its Script nodes by itself, in an engine of its own that comes into being with the
 // first of them; a scene without scripts pays nothing. What a script does is changes of the scene like any others, made
 // inside newFrame. Chance, clock, zone and locale come from the scene (Math.random is seeded by the node, Date follows
-// it, in UTC and en-US), but variables of a script are not part of the scene's state: a replica gets the results, it runs no
-// script. Threading: the thread that runs the scene; one JavaScript context a thread. Source: ISO/IEC 19775-1 V4.0
-// clause 29; ISO/IEC 19777-1 V3.3 (ECMAScript); direct outputs act when the function ends.
+// it, in UTC and en-US), but variables of a script are not part of the scene's state: a replica gets the results, it
+// runs no script. Threading: the thread that runs the scene; one JavaScript context a thread. Source: ISO/IEC 19775-1
+// V4.0 clause 29; ISO/IEC 19777-1 V3.3 (ECMAScript); direct outputs act when the function ends.
 #pragma once
 
 #include <cstddef>
@@ -21,8 +21,8 @@ struct ScriptOptions {
     bool enabled = true;
     /// Seconds that one call of a script's function may take; then it is stopped, reported and never called again.
     double timeLimit = 2;
-    /// Bytes that all scripts of one thread may hold, in objects and in the contents of arrays and strings, and by which
-    /// one call may let the process grow. Read when the first script of the thread runs.
+    /// Bytes that all scripts of one thread may hold, in objects and in the contents of arrays and strings, and by
+    /// which one call may let the process grow. Read when the first script of the thread runs.
     std::size_t heapLimit = std::size_t{256} << 20;
     /// What urls of scripts may open; that of the first document loaded, if null. A scene without either opens none.
     std::shared_ptr<const Resources> resources;

@@ -1,0 +1,133 @@
+#!/usr/bin/env python3
+"""Does every `rtsg` command in README, docs and --help run?
+
+Takes each line of a code block in README.md and docs/*.md that begins with `rtsg` or `build/rtsg`, and each "Example:" of each verb's
+--help. Runs them one after the other in a scratch folder that holds the scenes they name, shortened (SHORTER), at endpoints of this
+run's own. A command that follows a server gets one. What is not run is listed in NOT_RUN with the reason; an entry there that no
+text names any more is an error too. Exit status 1, with the command's own words, for each that fails.
+"""
+import argparse
+import pathlib
+import re
+import shlex
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).parent.parent.parent
+NOT_RUN = {
+    "bench": "measures for minutes; test_bench_scenes and test_sync run the benches small",
+    "chart": "measures for minutes",
+}
+# Durations and sizes that show the same in less time.
+SHORTER = {"--for": "1s", "--size": "64x36", "--spp": "1", "--rays": "500", "--frames": "2", "--fps": None}
+SCENES = {"hall.x3dv": "examples/demo/hall.x3dv", "door.x3dv": "examples/door.x3dv", "door.png": "examples/door.png"}
+
+
+def commands(program):
+    """(where, text) of each."""
+    for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            match = re.match(r"(?:    )?(?:build/)?(rtsg .*)", line)
+            if match:
+                yield f"{path.relative_to(ROOT)}:{number}", match.group(1)
+    listed = subprocess.run([program, "--help"], capture_output=True, text=True, check=True).stdout
+    for verb in re.findall(r"^  ([a-z]+) ", listed[listed.lower().index("subcommands"):], re.MULTILINE):
+        text = subprocess.run([program, verb, "--help"], capture_output=True, text=True).stdout
+        for example in re.findall(r"^Example: (.*)$", text, re.MULTILINE):
+            yield f"rtsg {verb} --help", example
+
+
+def shortened(arguments):
+    if "--expect-picture" in arguments:  # the picture has its size
+        return arguments
+    out, previous = [], ""
+    for argument in arguments:
+        out.append(SHORTER.get(previous) or argument)
+        previous = argument
+    return out
+
+
+def free_endpoint():
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return f"tcp://127.0.0.1:{s.getsockname()[1]}"
+
+
+def prepare(folder):
+    shutil.copytree(ROOT / "examples", folder / "examples", dirs_exist_ok=True)
+    for name, source in SCENES.items():
+        shutil.copy(ROOT / source, folder / name)
+    for asset in (ROOT / "examples" / "demo").iterdir():
+        if asset.is_file() and not (folder / asset.name).exists():
+            shutil.copy(asset, folder / asset.name)
+    (folder / "out").mkdir()
+    (folder / "models").mkdir()
+
+
+def run(program, arguments, folder, timeout=120):
+    return subprocess.run([program, *arguments], cwd=folder, capture_output=True, text=True, timeout=timeout)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("program")
+    program = str(pathlib.Path(parser.parse_args().program).resolve())
+    failed, ran, unused = [], 0, set(NOT_RUN)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = pathlib.Path(scratch)
+        prepare(folder)
+        # What the texts take for granted: files made earlier, by the commands that make them.
+        for given in (["convert", "door.x3dv", "models/door.x3d"], ["convert", "door.x3dv", "old.wrl"], ["convert", "door.x3dv", "hall.wrl"],
+                      ["record", "hall.x3dv", "-o", "hall.rlog", "--for", "1s", "--fps", "10"],
+                      ["record", "door.x3dv", "-o", "door.rlog", "--for", "3s", "--fps", "30", "--set", "PRESSED.set_boolean=TRUE@0.5"]):
+            made = run(program, given, folder)
+            if made.returncode != 0:
+                sys.exit(f"rtsg {' '.join(given)}: {made.stderr}")
+        shutil.copy(folder / "door.rlog", folder / "other.rlog")
+        keep = folder / "keep"
+        keep.mkdir()
+        for log in folder.glob("*.rlog"):
+            shutil.copy(log, keep)
+        for where, text in commands(program):
+            arguments = shlex.split(text, comments=True)[1:]
+            if arguments and arguments[-1] == "&":
+                arguments.pop()
+            if arguments[0] in NOT_RUN:
+                unused.discard(arguments[0])
+                continue
+            arguments = shortened([a for given in arguments for a in (sorted(map(str, folder.glob(given))) if "*" in given and "//" not in given else [given])])
+            endpoint, server = free_endpoint(), None
+            arguments = [endpoint if a.startswith("tcp://") else a for a in arguments]
+            for log in keep.iterdir():  # a command before may have made it anew, or this one is to make it
+                shutil.copy(log, folder)
+            if arguments[0] == "record" or "--record" in arguments:
+                made = arguments[arguments.index("-o" if arguments[0] == "record" else "--record") + 1]
+                (folder / made).unlink(missing_ok=True)
+            if arguments[0] == "serve" and "--for" not in arguments:
+                arguments += ["--for", "1s"]
+            if arguments[0] == "mirror":
+                server = subprocess.Popen([program, "serve", "hall.x3dv", "--bind", endpoint, "--for", "20s", "--fps", "10"], cwd=folder,
+                                          stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            try:
+                done = run(program, arguments, folder)
+                if done.returncode != 0:
+                    failed.append(f"{where}: {text}\n  as: rtsg {' '.join(arguments)}\n  status {done.returncode}: {done.stderr.strip()[-600:]}")
+            except subprocess.TimeoutExpired:
+                failed.append(f"{where}: {text}\n  does not end")
+            finally:
+                if server:
+                    server.kill()
+                    server.wait()
+            ran += 1
+    failed += [f"NOT_RUN names {name}, which no text does" for name in unused]
+    for line in failed:
+        print(line)
+    print(f"{ran} commands run, {len(failed)} wrong")
+    return 1 if failed or ran < 20 else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
