@@ -9,7 +9,6 @@
 
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/mesh.h>
 
 #include "cli.h"
@@ -162,14 +161,17 @@ struct McapExport::Impl : InstanceSubscriber {
     };
     std::unique_ptr<McapWriter> writer;
     std::uint16_t frames = 0, entities = 0, changes = 0;
-    FlattenedScene flattened;
+    SharedWorld& world;
     std::unordered_map<std::uint32_t, Thing> shapes, placed;  // by slot
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
     std::unordered_set<std::string> names;
     std::vector<std::string> gone;
     std::size_t entityBytes = 0;
     double wholeFrames = -INFINITY, wholeScene = -INFINITY;
-    Attachment attachment;
+
+    explicit Impl(SharedWorld& w) : world(w) {}
+    ~Impl() override { world.remove(*this); }
+    std::string subscriberName() const override { return "MCAP export"; }
 
     std::string nameFor(const Scene& scene, const std::vector<NodeId>& path) {
         std::string name;
@@ -245,6 +247,7 @@ struct McapExport::Impl : InstanceSubscriber {
         const double t = std::max(0., scene.now());
         if (auto ok = writeFrames(t); !ok) return ok;
         if (auto ok = writeScene(t); !ok) return ok;
+        if (set.from == set.to) return {};  // a moved viewer, no state of its own
         std::string text = fmt::format(R"({{"frame":{},"from":{},"t":{},"hash":"{}","changes":[)", set.to, set.from,
                                        set.time, set.hash.hex());
         for (const Change& change : set.changes) {
@@ -256,7 +259,7 @@ struct McapExport::Impl : InstanceSubscriber {
     }
 
     void take(const Scene& scene, const InstanceDelta& delta) {
-        const Flattener& flattener = flattened.flattener();
+        const Flattener& flattener = world.flattener();
         for (const auto& geometry : delta.geometries) meshes[geometry.node.value] = geometry.mesh;
         for (const InstanceId id : delta.removed) forget(shapes, id);
         for (const InstanceId id : delta.placedRemoved) forget(placed, id);
@@ -337,8 +340,9 @@ struct McapExport::Impl : InstanceSubscriber {
 McapExport::McapExport(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 McapExport::~McapExport() = default;
 
-Result<std::unique_ptr<McapExport>> McapExport::attach(Scene& scene, const std::string& file, McapOptions options) {
-    auto impl = std::make_unique<Impl>();
+Result<std::unique_ptr<McapExport>> McapExport::attach(SharedWorld& world, const std::string& file,
+                                                       McapOptions options) {
+    auto impl = std::make_unique<Impl>(world);
     auto writer = McapWriter::create(file, std::move(options));
     if (!writer) return std::unexpected(writer.error());
     impl->writer = std::move(*writer);
@@ -353,19 +357,18 @@ Result<std::unique_ptr<McapExport>> McapExport::attach(Scene& scene, const std::
         return std::unexpected(ok.error());
     if (auto ok = topic(impl->changes, "/rtsg/changes", "rtsg.Changes", changesSchema()); !ok)
         return std::unexpected(ok.error());
-    impl->flattened.add(*impl);
-    impl->attachment = scene.bus().attach(impl->flattened);
-    if (!impl->attachment.attached()) return fail(impl->attachment.failure());
+    world.add(*impl);
+    if (const std::string why = world.failure(*impl); !why.empty()) return fail(why);
     return std::unique_ptr<McapExport>(new McapExport(std::move(impl)));
 }
 
 std::string McapExport::failure() const {
-    return impl_->attachment.attached() ? "" : impl_->attachment.failure();
+    return impl_->world.failure(*impl_);
 }
 
 Result<> McapExport::finish() {
     if (!failure().empty()) return fail(failure());
-    impl_->attachment.detach();
+    impl_->world.remove(*impl_);
     return impl_->writer->close();
 }
 

@@ -13,14 +13,16 @@
 #include <string>
 
 #include <rtsg/core/scene.h>
+#include <rtsg/renderers/shared_world.h>
 #include <rtsg/sync/mcap.h>
 
 namespace rtsg::app {
 
 class McapExport {
   public:
-    /// Attaches to the scene, which must outlive this and be in its first state.
-    static Result<std::unique_ptr<McapExport>> attach(Scene& scene, const std::string& file, McapOptions options = {});
+    /// Follows the world, which must outlive this and be in its first state.
+    static Result<std::unique_ptr<McapExport>> attach(SharedWorld& world, const std::string& file,
+                                                      McapOptions options = {});
     ~McapExport();
 
     /// Why it follows no longer; empty if it does.

@@ -147,16 +147,15 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArgum
     if (!arguments.render.empty()) {
         outputs->image_ = arguments.picture.parse();
         outputs->image_.settings.progress = [o = outputs.get()](double) { return o->finishing_ || !interrupted(); };
-        Imager::Options options;
-        options.resources = resources;
-        outputs->imager_ = std::make_unique<Imager>(scene, options);
+        outputs->light_ =
+            std::make_unique<LightRenderer>(outputs->world(), LightRenderer::Options(resources, outputs->image_));
+        if (!outputs->light_->attached()) return fail(outputs->light_->failure());
     }
     if (!arguments.listen.empty()) {
         ListenOptions options = arguments.sound.parse();
         options.render.resources = resources;
-        auto session = ListenSession::attach(scene, options);
-        if (!session) return std::unexpected(session.error());
-        outputs->listening_ = std::move(*session);
+        outputs->sound_ = std::make_unique<SoundRenderer>(outputs->world(), options);
+        if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
     }
     if (!arguments.record.empty()) {
         auto log = LogWriter::create(arguments.record, builtinTypes());
@@ -171,9 +170,20 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArgum
     return outputs;
 }
 
+SharedWorld& Outputs::world() {
+    if (!world_) world_ = std::make_unique<SharedWorld>(scene_);
+    return *world_;
+}
+
+std::string Outputs::worldJson() const {
+    const SharedWorld::Counts counts = world_ ? world_->counts() : SharedWorld::Counts();
+    return fmt::format(R"(,"flattenings":{},"worlds":{},"commits":{})", counts.flatteners, counts.rayWorlds,
+                       counts.commits);
+}
+
 Result<> Outputs::takePicture(const std::string& file) {
     RenderStats stats;
-    auto picture = imager_->picture(image_, &stats);
+    auto picture = light_->picture(image_, &stats);
     if (!picture) return std::unexpected(picture.error());
     if (stats.cancelled) return {};
     ++pictures_;
@@ -186,9 +196,9 @@ Result<> Outputs::takePicture(const std::string& file) {
 
 Result<> Outputs::apply(const Scene& scene, const ChangeSet&) {
     const double t = scene.now();
-    if (listening_)
-        if (auto ok = listening_->advance(t); !ok) return ok;
-    if (!imager_ || !arguments_.animated() || interrupted()) return {};
+    if (sound_)
+        if (auto ok = sound_->renderFrame(); !ok) return ok;
+    if (!light_ || !arguments_.animated() || interrupted()) return {};
     if (t - start_ < pictures_ / arguments_.picturesPerSecond - 1e-9) return {};
     const std::filesystem::path pattern(arguments_.render);
     const auto numbered = numberedName(pattern.filename().string(), pictures_);
@@ -199,7 +209,7 @@ Result<> Outputs::finish() {
     if (!failure().empty()) return fail(failure());
     attachment_.detach();
     finishing_ = true;
-    if (imager_) {
+    if (light_) {
         if (!arguments_.animated())
             if (auto ok = takePicture(arguments_.render); !ok) return ok;
         if (!frames_.empty())
@@ -207,14 +217,15 @@ Result<> Outputs::finish() {
                                          arguments_.picture.toneMap());
                 !ok)
                 return ok;
-        print(imager_->diagnostics());
+        print(light_->diagnostics());
     }
-    if (listening_) {
-        const ListenReport report = listening_->finish();
+    if (sound_) {
+        const ListenReport report = sound_->finish();
         print(report.diagnostics);
         soundSeconds_ = report.sound.seconds();
         if (auto ok = writeWav(arguments_.listen, report.sound); !ok) return ok;
     }
+    if (world_) print(world_->diagnostics());
     if (log_) {
         if (!logAttachment_.attached()) return fail(logAttachment_.failure());
         logAttachment_.detach();

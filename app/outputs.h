@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include <rtsg/audio/listen.h>
+#include <rtsg/audio/sound_renderer.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/sync/log.h>
 
@@ -68,6 +68,9 @@ class Outputs final : public Subscriber {
     static Result<std::unique_ptr<Outputs>> attach(Scene& scene, const OutputArguments& arguments,
                                                    const Resources& resources);
 
+    /// What pictures, sound and others share; made when first asked for.
+    SharedWorld& world();
+
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
     std::string subscriberName() const override { return "outputs"; }
     /// Why it follows no longer; empty if it does.
@@ -76,6 +79,9 @@ class Outputs final : public Subscriber {
     /// Writes what is written at the end.
     Result<> finish();
 
+    /// ,"flattenings":…,"worlds":…,"commits":… of a JSON object: how often the scene was flattened, into how many
+    /// BVHs, and in how many change sets these had something to do.
+    std::string worldJson() const;
     int pictures() const { return pictures_; }
     double soundSeconds() const { return soundSeconds_; }
     std::uint64_t logBytes() const { return log_ ? log_->bytes() : 0; }
@@ -87,8 +93,9 @@ class Outputs final : public Subscriber {
     Scene& scene_;
     OutputArguments arguments_;
     ImageOptions image_;
-    std::unique_ptr<Imager> imager_;
-    std::unique_ptr<ListenSession> listening_;
+    std::unique_ptr<SharedWorld> world_;
+    std::unique_ptr<LightRenderer> light_;
+    std::unique_ptr<SoundRenderer> sound_;
     std::unique_ptr<LogWriter> log_;
     std::vector<Picture> frames_;  // of a .gif
     double start_ = 0, soundSeconds_ = 0;

@@ -4,8 +4,8 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/flattener.h>
-#include <rtsg/renderers/tessellate.h>
+#include <rtsg/renderers/mesh.h>
+#include <rtsg/renderers/shared_world.h>
 
 #include "cli.h"
 
@@ -53,14 +53,9 @@ Verb addInfo(CLI::App& program) {
                 Scene scene;
                 Diagnostics diagnostics(options->scene);
                 const bool ok = load(scene, options->scene, diagnostics, options->resources.ofFile(options->scene));
-                scene.seal();
+                const SharedWorld world(scene);  // no rays are asked for: no BVH is built
                 Counts c = count(scene);
-                Flattener flattener({.meshes = [&](const Scene& s, NodeId geometry) {
-                    auto mesh = tessellate(s, geometry);
-                    return mesh ? *mesh : nullptr;
-                }});
-                flattener.apply(scene, scene.snapshot());
-                const InstanceDelta all = flattener.snapshot();
+                const InstanceDelta all = world.flattener().snapshot();
                 std::map<NodeId, std::size_t> triangles;
                 for (const auto& geometry : all.geometries)
                     if (geometry.mesh) triangles[geometry.node] = geometry.mesh->triangleCount;

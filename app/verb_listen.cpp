@@ -34,10 +34,13 @@ int listenTo(const Options& options) {
             progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);
             return true;
         };
-    auto report = listen(scene, listening);
+    SharedWorld world(scene);
+    SoundRenderer sound(world, listening);
+    auto report = listen(sound, listening);
     if (progress) progress(1, 1);
     if (!report) return printError(report.error()), kBad;
     print(report->diagnostics);
+    print(world.diagnostics());
     if (!options.out.empty())
         if (auto ok = writeWav(options.out, report->sound); !ok) return printError(ok.error()), kBad;
     // A response at one metre may exceed full scale: kept as it is, in floating point.

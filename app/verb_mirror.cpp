@@ -149,12 +149,13 @@ int mirror(const Options& options) {
         "\"divergences\":{},\"repairs\":{},\"sequence\":{},\"t\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"bytes_per_"
         "frame\":{:.1f},"
         "\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},\"delay_s\":{:.6f},\"jitter_s\":{:.6f},\"late\":{},"
-        "\"sent\":{},\"accepted\":{},\"refused\":{},\"pictures\":{},\"sound_seconds\":{:.3f},\"inputs\":{}}}\n",
+        "\"sent\":{},\"accepted\":{},\"refused\":{},\"pictures\":{},\"sound_seconds\":{:.3f},\"inputs\":{}{}}}\n",
         statistics.frames, statistics.snapshots, statistics.gaps, statistics.bytes, statistics.hash.hex(),
         statistics.originHash.hex(), statistics.equal, statistics.divergences, statistics.repairs, statistics.sequence,
         replica.now(), seconds, frames / std::max(seconds, 1e-9), static_cast<double>(statistics.bytes) / frames,
         statistics.restarts, statistics.garbage, statistics.clockOffset, statistics.delay, statistics.jitter,
-        statistics.late, requests.sent, requests.accepted, requests.refused, pictures, soundSeconds, statistics.inputs);
+        statistics.late, requests.sent, requests.accepted, requests.refused, pictures, soundSeconds, statistics.inputs,
+        outputs ? outputs->worldJson() : std::string());
     return good ? kDone : kBad;
 }
 

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <rtsg/renderers/picking.h>
+#include <rtsg/renderers/shared_world.h>
 
 #include "cli.h"
 
@@ -50,13 +51,9 @@ int run(const Options& options) {
     Diagnostics diagnostics(options.scene);
     if (!load(scene, options.scene, diagnostics, options.resources.ofFile(options.scene))) return kBad;
     runTo(scene, parseSeconds(options.time));
-    scene.seal();
-    Flattener flattener;
-    RayWorld world;
-    world.apply(flattener.apply(scene, scene.snapshot()));
-    app::print(flattener.diagnostics());
+    SharedWorld world(scene);
+    const Picker picker(world.rays(), world.flattener());
     app::print(world.diagnostics());
-    const Picker picker(world, flattener);
     const auto at = [](const std::vector<double>& numbers, std::size_t first) {
         return Vec3d(numbers[first], numbers[first + 1], numbers[first + 2]);
     };

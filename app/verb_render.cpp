@@ -33,9 +33,8 @@ int render(const Options& options) {
     Diagnostics diagnostics(options.scene);
     const Resources resources = options.resources.ofFile(options.scene);
     if (!load(scene, options.scene, diagnostics, resources)) return kBad;
-    Imager::Options imagerOptions;
-    imagerOptions.resources = resources;
-    Imager imager(scene, imagerOptions);
+    SharedWorld world(scene);
+    LightRenderer light(world, LightRenderer::Options(resources));
     runTo(scene, animation.start);
     const Progress progress = progressBar("rendering " + options.out);
     if (progress) {
@@ -52,19 +51,20 @@ int render(const Options& options) {
     }
     double seconds = 0;
     animation.stats = [&](const RenderStats& stats) { seconds += stats.seconds; };
-    const auto written = renderToFile(scene, imager, out, image, animation, options.picture.toneMap());
+    const auto written = renderToFile(light, out, image, animation, options.picture.toneMap());
     if (progress) progress(1, 1);
-    Diagnostics found = imager.diagnostics();
+    Diagnostics found = world.diagnostics();
+    found.append(light.diagnostics());
     found.setFile(options.scene);
     print(found);
     if (!written) return printError(written.error()), kBad;
-    const RayWorld::Stats world = imager.world().stats();
+    const RayWorld::Stats rays = world.rays().stats();
     if (options.json)
         fmt::print(
             "{{\"file\":{},\"width\":{},\"height\":{},\"frames\":{},\"spp\":{},\"seconds\":{:.6f},\"instances\":{},"
             "\"triangles\":{}}}\n",
             jsonString(options.out), image.settings.width, image.settings.height, options.frames,
-            image.settings.samplesPerPixel, seconds, world.traced, world.instancedTriangles);
+            image.settings.samplesPerPixel, seconds, rays.traced, rays.instancedTriangles);
     else
         fmt::print("{}: {} x {}, {} frame{}, {:.2f} s of tracing\n", options.out, image.settings.width,
                    image.settings.height, options.frames, options.frames == 1 ? "" : "s", seconds);

@@ -105,6 +105,7 @@ int replay(const Options& options) {
     Check check(replayer);
     bool more = seeks || check.step();
 
+    std::string worldJson;
     if (replayer.frames() > 0) {
         auto outputs = Outputs::attach(replayer.scene(), options.outputs, resources);
         if (!outputs) return printError(outputs.error()), kBad;
@@ -112,7 +113,7 @@ int replay(const Options& options) {
         if (!options.exported.empty()) {
             McapOptions mcap;
             mcap.compress = !options.exportPlain;
-            auto attached = McapExport::attach(replayer.scene(), options.exported, mcap);
+            auto attached = McapExport::attach((*outputs)->world(), options.exported, mcap);
             if (!attached) return printError(attached.error()), kBad;
             exported = std::move(*attached);
         }
@@ -129,6 +130,7 @@ int replay(const Options& options) {
         if (exported)
             if (auto ok = exported->finish(); !ok) return printError(ok.error()), kBad;
         if (auto ok = (*outputs)->finish(); !ok) return printError(ok.error()), kBad;
+        worldJson = (*outputs)->worldJson();
     } else {
         printError(options.log + ": no intact state");
     }
@@ -136,9 +138,10 @@ int replay(const Options& options) {
     const bool good = replayer.frames() > 0 && !check.first() && replayer.verified() == replayer.frames();
     fmt::print(
         "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"hash\":\"{}\",\"gaps\":{},\"damaged\":{},"
-        "\"bytes\":{}}}\n",
+        "\"bytes\":{}{}}}\n",
         replayer.frames(), replayer.verified(), toJson(check.first()), replayer.scene().now(),
-        replayer.scene().hash().hex(), replayer.gaps(), replayer.log().damage().size(), replayer.log().size());
+        replayer.scene().hash().hex(), replayer.gaps(), replayer.log().damage().size(), replayer.log().size(),
+        worldJson);
     if (check.first()) printError(check.first()->format());
     return good ? kDone : kBad;
 }

@@ -1,11 +1,11 @@
-// Loads a scene, runs it for two seconds and writes a ray-traced picture of it. The Imager is a subscriber: it follows
-// the scene frame by frame, and a picture costs no rebuilding of anything.
+// Loads a scene, runs it for two seconds and writes a ray-traced picture of it. The world follows the scene
+// frame by frame, and a picture costs no rebuilding of anything.
 //
 //     02_render_picture examples/room.x3dv room.png
 #include <iostream>
 
 #include <rtsg/core/loader.h>
-#include <rtsg/renderers/image.h>
+#include <rtsg/renderers/light_renderer.h>
 
 int main(int argc, char** argv) {
     if (argc != 3) return std::cerr << "usage: 02_render_picture SCENE PICTURE\n", 2;
@@ -15,16 +15,17 @@ int main(int argc, char** argv) {
     for (const rtsg::Diagnostic& d : diagnostics.all()) std::cerr << d.format() << '\n';
     if (!loaded) return 1;
 
-    rtsg::Imager imager(scene, {.resources = rtsg::Resources::ofFile(argv[1]), .world = {}, .meshes = {}});
+    rtsg::SharedWorld world(scene);
+    rtsg::LightRenderer light(world, rtsg::LightRenderer::Options(rtsg::Resources::ofFile(argv[1])));
     rtsg::ImageOptions options;
     options.settings.width = 320;
     options.settings.height = 180;
     options.settings.samplesPerPixel = 4;
 
     scene.newFrame(0);  // the clocks start
-    const rtsg::Result<rtsg::Picture> before = imager.picture(options);
+    const rtsg::Result<rtsg::Picture> before = light.picture(options);
     for (int frame = 1; frame <= 50; ++frame) scene.newFrame(frame / 25.0);
-    const rtsg::Result<rtsg::Picture> after = imager.picture(options);
+    const rtsg::Result<rtsg::Picture> after = light.picture(options);
     if (!before || !after) return std::cerr << (before ? after : before).error().format() << '\n', 1;
 
     if (const auto written = rtsg::writePicture(*after, argv[2]); !written)

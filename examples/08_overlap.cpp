@@ -7,10 +7,10 @@
 #include <iostream>
 #include <thread>
 
-#include <rtsg/audio/listen.h>
+#include <rtsg/audio/sound_renderer.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/replica.h>
-#include <rtsg/renderers/image.h>
+#include <rtsg/renderers/light_renderer.h>
 #include <rtsg/sync/log.h>
 
 int main(int argc, char** argv) {
@@ -28,7 +28,8 @@ int main(int argc, char** argv) {
     } light{rtsg::Replica(scene)}, sound{rtsg::Replica(scene)}, log{rtsg::Replica(scene)};
 
     std::jthread lightThread([&] {
-        rtsg::Imager imager(light.replica.scene());
+        rtsg::SharedWorld world(light.replica.scene());
+        rtsg::LightRenderer renderer(world);
         rtsg::ImageOptions options;
         options.settings.width = 160;
         options.settings.height = 90;
@@ -36,19 +37,19 @@ int main(int argc, char** argv) {
         for (bool last = false; !last; ++light.rounds) {
             last = !running;
             light.replica.poll();  // everything since the last picture, as one change set
-            light.ok = light.ok && imager.picture(options);
+            light.ok = light.ok && renderer.picture(options);
         }
     });
     std::jthread soundThread([&] {
         sound.replica.poll();
         rtsg::ListenOptions options;
         options.metrics = false;
-        const auto session = rtsg::ListenSession::attach(sound.replica.scene(), options);
-        sound.ok = session.has_value();
+        rtsg::SharedWorld world(sound.replica.scene());
+        rtsg::SoundRenderer renderer(world, options);
         for (bool last = false; sound.ok && !last; ++sound.rounds) {
             last = !running;
             sound.replica.poll();
-            sound.ok = (*session)->advance(sound.replica.scene().now()).has_value();
+            sound.ok = renderer.renderFrame().has_value();
         }
     });
     std::jthread logThread([&] {

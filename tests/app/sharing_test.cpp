@@ -90,6 +90,25 @@ TEST_F(Mirror, PicturesAndSoundOfTheReplica) {
     EXPECT_EQ(readFile(folder / "p00.png").substr(1, 3), "PNG");
     EXPECT_EQ(readFile(folder / "m.wav").substr(0, 4), "RIFF");
     EXPECT_GT(report.at("sound_seconds"), 0.5);
+    // Pictures and sound are made from one flattening and one BVH, which had something to do once a set at most.
+    EXPECT_EQ(report.at("flattenings"), 1);
+    EXPECT_EQ(report.at("worlds"), 1);
+    EXPECT_GT(report.at("commits"), 1);
+    EXPECT_LE(report.at("commits"), report.at("frames"));
+}
+
+TEST_F(CommandLine, ReplayWithPicturesSoundAndExportFlattensOnceAndCommitsOnceASet) {
+    const std::string log = folder / "box.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.9s", "--fps", "10"}).status, 0);  // moves in every frame
+    const Outcome replayed = rtsg({"replay", log, "--render", folder / "p%02d.png", "--size", "16x9", "--fps", "10",
+                                   "--listen", folder / "r.wav", "--rays", "100", "--export", folder / "r.mcap"});
+    ASSERT_EQ(replayed.status, 0) << replayed.err;
+    const json report = json::parse(replayed.out);
+    EXPECT_EQ(report.at("flattenings"), 1);
+    EXPECT_EQ(report.at("worlds"), 1);
+    // Of the states recorded: the one that was loaded, the start of the clock, in which nothing moves, and nine moves.
+    EXPECT_EQ(report.at("frames"), 11);
+    EXPECT_EQ(report.at("commits"), 10);
 }
 
 TEST_F(Mirror, GivesUpWithoutAServer) {

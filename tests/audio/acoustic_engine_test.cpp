@@ -8,29 +8,12 @@
 #include <rtsg/audio/acoustic_renderer.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/tessellate.h>
+#include <rtsg/renderers/shared_world.h>
 
 #include "reach.h"
 
 namespace rtsg {
 namespace {
-
-struct WorldFollower final : InstanceSubscriber {
-    RayWorld world;
-    Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
-        world.apply(delta);
-        return {};
-    }
-};
-
-Flattener::Options flattening() {
-    Flattener::Options options;
-    options.meshes = [](const Scene& scene, NodeId geometry) {
-        auto mesh = tessellate(scene, geometry);
-        return mesh ? *mesh : nullptr;
-    };
-    return options;
-}
 
 /// A closed room with a sound and a listener in it, a box inside and a box outside.
 const char* const kRooms =
@@ -45,9 +28,7 @@ struct Stage {
     explicit Stage(const char* text = kRooms) {
         Diagnostics diagnostics;
         EXPECT_TRUE(loadText(scene, text, diagnostics));
-        flattened.add(follower);
-        flattened.add(tables);
-        attachment = scene.bus().attach(flattened);
+        world.add(tables);
         scene.newFrame(0);
     }
     void move(const char* name, const Vec3f& to) {
@@ -57,7 +38,7 @@ struct Stage {
     template <class Edit>
     SoundBuffer render(AcousticEngine& engine, double seconds, const Edit& edit) {
         SoundBuffer sound;
-        const RaysOf rays(follower.world);
+        const RaysOf rays(world.rays());
         for (int frame = 1; frame <= std::lround(seconds * 60); ++frame) {
             edit(frame);
             scene.newFrame(frame / 60.0);
@@ -67,10 +48,8 @@ struct Stage {
     }
 
     Scene scene;
-    FlattenedScene flattened{flattening()};
-    WorldFollower follower;
-    AcousticTables tables{follower.world};
-    Attachment attachment;
+    SharedWorld world{scene};
+    AcousticTables tables{world.rays()};
 };
 
 AcousticOptions few() {
@@ -118,7 +97,7 @@ TEST(AcousticEngine, WhatCannotBeReachedChangesNoPath) {
     options.imageOrder = 2;
     options.maxSeconds = 1;
     const double longest = options.maxSeconds * options.air.speedOfSound;
-    const RaysOf rays(stage.follower.world);
+    const RaysOf rays(stage.world.rays());
     WorldGeometry geometry;
     geometry.follow(stage.tables.latest()->walls, rays);
     const auto trace = [&](AcousticBox& reached) {
@@ -179,19 +158,16 @@ TEST(AcousticEngine, AVersionSoundsTheSameOnAnotherThreadWhileTheSceneIsEdited) 
     Stage quiet;
     auto first = *AcousticEngine::create(few());
     const SoundBuffer expected = quiet.render(*first, .25, silence);
-    // Fifteen versions and nothing else; the scene has long gone on, or is gone. The walls stand still: the live rays
-    // do.
+    // Fifteen versions and nothing else; the scene has long gone on, and the tables are gone. The walls stand still:
+    // the live rays do.
     std::vector<std::shared_ptr<const AcousticState>> states;
-    WorldFollower follower;
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kRooms, diagnostics));
+    SharedWorld world(scene);
     {
-        Scene scene;
-        Diagnostics diagnostics;
-        ASSERT_TRUE(loadText(scene, kRooms, diagnostics));
-        FlattenedScene flattened(flattening());
-        AcousticTables tables(follower.world);
-        flattened.add(follower);
-        flattened.add(tables);
-        const Attachment attachment = scene.bus().attach(flattened);
+        AcousticTables tables(world.rays());
+        world.add(tables);
         scene.newFrame(0);
         for (int frame = 1; frame <= 15; ++frame) {
             scene.newFrame(frame / 60.0);
@@ -202,11 +178,12 @@ TEST(AcousticEngine, AVersionSoundsTheSameOnAnotherThreadWhileTheSceneIsEdited) 
         EXPECT_NE(tables.latest()->sounds.emitters, states.back()->sounds.emitters);
         EXPECT_GT(tables.latest()->sequence, states.back()->sequence);
         EXPECT_EQ(tables.latest(), tables.latest());
+        world.remove(tables);
     }
     SoundBuffer sound;
     std::thread([&] {
         auto second = *AcousticEngine::create(few());
-        const RaysOf rays(follower.world);
+        const RaysOf rays(world.rays());
         for (std::size_t i = 0; i < states.size(); ++i)
             EXPECT_TRUE(second->render(*states[i], rays, static_cast<double>(i + 1) / 60.0, sound));
     }).join();
@@ -223,8 +200,8 @@ TEST(AcousticEngine, TheRendererIsTheTwoPartsTogether) {
     const SoundBuffer apart = parts.render(*engine, .5, [&](int frame) { edit(parts, frame); });
 
     Stage whole;
-    auto renderer = *AcousticRenderer::create(whole.follower.world, few());
-    whole.flattened.add(*renderer);
+    auto renderer = *AcousticRenderer::create(whole.world.rays(), few());
+    whole.world.add(*renderer);
     SoundBuffer sound;
     for (int frame = 1; frame <= 30; ++frame) {
         edit(whole, frame);

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <rtsg/audio/listen.h>
+#include <rtsg/audio/sound_renderer.h>
 #include <rtsg/audio/world_geometry.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
@@ -300,24 +300,25 @@ TEST_F(Listen, FollowsEditsOfTheScene) {
          "DEF Voice Sound { location 1 0 0 source AudioClip { url \"tone.wav\" loop TRUE } }\nViewpoint { position 0 0 "
          "0 }\n");
     ListenOptions o = options();
-    auto session = ListenSession::attach(scene, o);
-    ASSERT_TRUE(session);
+    SharedWorld world(scene);
+    SoundRenderer listening(world, o);
+    ASSERT_EQ(listening.failure(), "");
     scene.newFrame(0);
     const NodeId voice = scene.findName("Voice");
     ASSERT_TRUE(voice);
     scene.newFrame(0.1);
-    ASSERT_TRUE((*session)->advance(0.1));
+    ASSERT_TRUE(listening.renderFrame());
     ASSERT_TRUE(scene.set(voice, x3d::Sound::enabled, false));
     scene.newFrame(0.2);
-    ASSERT_TRUE((*session)->advance(0.2));
+    ASSERT_TRUE(listening.renderFrame());
     ASSERT_TRUE(scene.set(voice, x3d::Sound::enabled, true));
     ASSERT_TRUE(scene.set(voice, x3d::Sound::location, Vec3f(-1, 0, 0)));
     scene.newFrame(0.3);
-    ASSERT_TRUE((*session)->advance(0.3));
+    ASSERT_TRUE(listening.renderFrame());
     ASSERT_TRUE(scene.destroyNode(voice));
     scene.newFrame(0.4);
-    ASSERT_TRUE((*session)->advance(0.4));
-    const SoundBuffer sound = (*session)->finish().sound;
+    ASSERT_TRUE(listening.renderFrame());
+    const SoundBuffer sound = listening.finish().sound;
     ASSERT_EQ(sound.frames(), static_cast<std::size_t>(0.4 * kRate));
     const auto energy = [&](double from, double to, std::size_t channel) {
         double sum = 0;
@@ -329,6 +330,34 @@ TEST_F(Listen, FollowsEditsOfTheScene) {
     EXPECT_NEAR(energy(.12, .2, 0) + energy(.12, .2, 1), 0, 1e-6);
     EXPECT_GT(energy(.23, .3, 0), 4 * energy(.23, .3, 1));
     EXPECT_NEAR(energy(.33, .4, 0) + energy(.33, .4, 1), 0, 1e-6);
+}
+
+TEST_F(Listen, ANodeRendererAddsTheVoiceOfItsNodes) {
+    Scene scene;
+    load(scene, "DEF Bell WorldInfo { title \"bell\" }\nViewpoint { position 0 0 0 }\n");
+    SharedWorld world(scene);
+    SoundRenderer sound(world, options());
+    int called = 0;
+    double end = 0;
+    sound.registerNodeRenderer(
+        "WorldInfo", nodeRendererFor<SoundRenderer>([&](SoundRenderer& s, const Node& node, Operation o) -> Result<> {
+            EXPECT_EQ(o, SoundRenderer::kVoice);
+            EXPECT_EQ(scene.name(node.id()), "Bell");
+            EXPECT_NEAR(s.blockStart(), end, 1e-9);
+            const auto channels = static_cast<std::size_t>(s.channels());
+            end += static_cast<double>(s.block().size() / channels) / s.sampleRate();
+            for (float& sample : s.block()) sample += .25f;
+            ++called;
+            return {};
+        }));
+    for (int frame = 1; frame <= 4; ++frame) {
+        scene.newFrame(frame * .05);
+        ASSERT_TRUE(sound.renderFrame());
+    }
+    EXPECT_EQ(called, 4);
+    const SoundBuffer heard = sound.finish().sound;
+    ASSERT_EQ(heard.frames(), static_cast<std::size_t>(.2 * kRate));
+    for (const float sample : heard.samples) ASSERT_FLOAT_EQ(sample, .25f);
 }
 
 TEST_F(Listen, TheSameSceneGivesTheSameSamples) {

@@ -14,7 +14,6 @@
 
 #include "bare_embree.h"
 #include "bench/scenes/scenes.h"
-#include "follower.h"
 
 namespace rtsg::bench {
 
@@ -45,30 +44,36 @@ struct Samples {
 /// The competitors: what follows the scene when it is polled.
 struct Contest {
     LightTracer tracer;
-    std::array<std::unique_ptr<Follower>, 3> followers;
-    std::array<Attachment, 3> attachments;
+    std::array<std::unique_ptr<SharedWorld>, 3> worlds;  // the first has the tracer on it
+    bool merged;
     FullTraversalRenderer full{RayWorld::Options{.buildThreads = 1}};
 
     /// Without `merged` where a flat copy of everything is out of the question.
-    Contest(std::filesystem::path folder, bool merged) : tracer(std::move(folder)) {
-        for (std::size_t i = 0; i < kMappings.size(); ++i)
-            if (merged || kMappings[i] != RayWorld::Mapping::merged)
-                followers[i] =
-                    std::make_unique<Follower>(RayWorld::Options{.mapping = kMappings[i]}, i == 0 ? &tracer : nullptr);
-    }
+    Contest(std::filesystem::path folder, bool withMerged) : tracer(std::move(folder)), merged(withMerged) {}
     Result<> attach(Scene& scene) {
-        for (std::size_t i = 0; i < followers.size(); ++i)
-            if (followers[i]) attachments[i] = scene.bus().attach(*followers[i], Delivery::polled);
-        catchUp();
+        for (std::size_t i = 0; i < kMappings.size(); ++i) {
+            if (!merged && kMappings[i] == RayWorld::Mapping::merged) continue;
+            worlds[i] = std::make_unique<SharedWorld>(
+                scene, SharedWorld::Options{.flattening = {},
+                                            .rays = {.mapping = kMappings[i], .buildThreads = 1},
+                                            .delivery = Delivery::polled,
+                                            .timed = true});
+            (void)worlds[i]->rays();
+        }
+        worlds[0]->add(tracer);
         return full.attachToScene(scene);
     }
     /// Whether anything had happened.
     bool catchUp() {
         bool any = false;
-        for (std::size_t i = 0; i < followers.size(); ++i) any = (followers[i] && attachments[i].poll()) || any;
+        for (std::size_t i = 0; i < worlds.size(); ++i) any = (worlds[i] && poll(i)) || any;
         return any;
     }
-    const RayWorld& world(std::size_t i) const { return followers[i]->world(); }
+    bool poll(std::size_t i) {
+        const std::uint64_t before = worlds[i]->counts().deliveries;
+        return worlds[i]->update() && worlds[i]->counts().deliveries != before;
+    }
+    const RayWorld& world(std::size_t i) const { return worlds[i]->rays(); }
 };
 
 class Measurement {
@@ -120,15 +125,13 @@ Result<> Measurement::load(const std::filesystem::path& file) {
 Result<> Measurement::firstPicture(const std::filesystem::path& folder) {
     const double start = cpuSeconds();
     scene_->newFrame(0);
-    Imager::Options options;
-    options.resources = folder;
-    options.world.buildThreads = 1;
-    Imager imager(*scene_, options);
+    SharedWorld world(*scene_, {.flattening = {}, .rays = {.buildThreads = 1}});
+    LightRenderer light(world, LightRenderer::Options(folder));
     ImageOptions image;
     image.settings.width = options_.width;
     image.settings.height = options_.height;
     image.settings.threads = 1;
-    if (const auto picture = imager.picture(image); !picture) return std::unexpected(picture.error());
+    if (const auto picture = light.picture(image); !picture) return std::unexpected(picture.error());
     figures_.firstPicture = cpuSeconds() - start;
     figures_.rssPicture = residentBytes() - before_;
     return {};
@@ -141,15 +144,16 @@ double Measurement::newFrame() {
 }
 
 void Measurement::follow(Contest& contest, std::size_t mapping, int frames, LeastUpdate* least, Samples& out) {
-    const Follower& follower = *contest.followers[mapping];
-    contest.attachments[mapping].poll();  // what went by while others were measured
+    SharedWorld& world = *contest.worlds[mapping];
+    contest.poll(mapping);  // what went by while others were measured
     for (int i = 0; i < frames; ++i) {
         const double work = newFrame();
-        const bool changed = contest.attachments[mapping].poll();
+        const bool changed = contest.poll(mapping);
         if (mapping == 0) out.sceneWork.push_back(work);
-        if (mapping == 0) out.flatten.push_back(changed ? follower.flattenSeconds() : 0);
-        out.update[mapping].push_back(changed ? follower.worldSeconds() : 0);
-        if (changed && least) out.least.push_back(least->follow(follower.world(), follower.delta()));
+        if (mapping == 0)
+            out.flatten.push_back(changed ? std::max(0., world.times().flattening - cpuClockSeconds()) : 0);
+        out.update[mapping].push_back(changed ? std::max(0., world.times().rays - cpuClockSeconds()) : 0);
+        if (changed && least) out.least.push_back(least->follow(world.rays(), world.delta()));
     }
 }
 
@@ -177,13 +181,13 @@ void Measurement::trace(const Contest& contest) {
     std::vector<double> bare;
     for (int run = 0; run < 5; ++run) {
         for (std::size_t i = 0; i < 3; ++i)
-            if (contest.followers[i]) ours[i].push_back(rays.trace(contest.world(i)));
+            if (contest.worlds[i]) ours[i].push_back(rays.trace(contest.world(i)));
         if (flat) bare.push_back(rays.trace(*flat));
     }
     const std::vector<float> reference = flat ? rays.distances(*flat) : rays.distances(first);
     for (std::size_t i = 0; i < 3; ++i) {
         figures_.trace[i] = median(ours[i]);
-        if (contest.followers[i]) figures_.differing[i] = differing(rays.distances(contest.world(i)), reference);
+        if (contest.worlds[i]) figures_.differing[i] = differing(rays.distances(contest.world(i)), reference);
     }
     RenderSettings settings;
     settings.width = options_.width, settings.height = options_.height, settings.threads = 1;
@@ -206,10 +210,10 @@ Result<> Measurement::frames() {
     contest.catchUp();
     newFrame();
     const bool moving = contest.catchUp();
-    const InstanceDelta& delta = contest.followers[0]->delta();
+    const InstanceDelta& delta = contest.worlds[0]->delta();
     if (moving) figures_.moved = delta.moved.size(), figures_.deformed = delta.geometries.size();
     for (std::size_t i = 0; i < 3; ++i)
-        if (contest.followers[i]) figures_.memory[i] = contest.world(i).memory();
+        if (contest.worlds[i]) figures_.memory[i] = contest.world(i).memory();
     if (figures_.memory[0].instancedTriangles != figures_.triangles)
         return fail(fmt::format("{}: {} triangles written, {} seen", figures_.scene, figures_.triangles,
                                 figures_.memory[0].instancedTriangles));
@@ -223,7 +227,7 @@ Result<> Measurement::frames() {
     const double start = cpuSeconds();
     for (int round = 0; round < 20 && (round < 3 || cpuSeconds() - start < options_.budget); ++round) {
         for (std::size_t i = 0; i < 3; ++i) {
-            if (!contest.followers[i]) continue;
+            if (!contest.worlds[i]) continue;
             const bool slow = median(samples.update[i]) > options_.budget / 200;
             if (round == 0 || !slow) follow(contest, i, round == 0 ? 2 : 10, i == 0 ? least.get() : nullptr, samples);
         }

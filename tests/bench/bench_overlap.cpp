@@ -50,13 +50,14 @@ Times measure(const std::string& document, int frames) {
         Scene scene;
         Diagnostics diagnostics;
         (void)loadText(scene, document, diagnostics);
-        Imager imager(scene);
+        SharedWorld world(scene);
+        LightRenderer light(world);
         scene.newFrame(t);
-        times.ok &= imager.picture(options).has_value();
+        times.ok &= light.picture(options).has_value();
         const double begin = wallSeconds();
         for (int i = 0; i < frames; ++i) {
             scene.newFrame(next());
-            times.ok &= imager.picture(options).has_value();
+            times.ok &= light.picture(options).has_value();
         }
         times.serial = (wallSeconds() - begin) / frames;
     }
@@ -69,14 +70,15 @@ Times measure(const std::string& document, int frames) {
     bool stop = false;
     double inScene = 0, inLight = 0;
     std::jthread light([&] {
-        Imager imager(replica.scene());
+        SharedWorld world(replica.scene());
+        LightRenderer renderer(world);
         for (;;) {
             start.acquire();
             if (stop) return;
             const double begin = wallSeconds();
             replica.poll();
             done.release();  // the sets are taken: the next frame may come
-            times.ok &= imager.picture(options).has_value();
+            times.ok &= renderer.picture(options).has_value();
             inLight += wallSeconds() - begin;
             done.release();
         }

@@ -159,8 +159,9 @@ bool rays(const Report& report, bool quick) {
         Scene scene;
         buildRoom(scene, triangles);
         scene.newFrame(0);
-        Imager imager(scene);
-        const RayWorld& world = imager.world();
+        SharedWorld shared(scene);
+        LightRenderer light(shared);
+        const RayWorld& world = shared.rays();
         const Mesh* mesh = nullptr;
         for (const RayInstance& instance : world.instances())
             if (instance.mesh) mesh = instance.mesh.get();
@@ -174,7 +175,7 @@ bool rays(const Report& report, bool quick) {
         const auto shaded = [&](Shadows shadows) {
             options.settings.shadows = shadows;
             const double start = cpuSeconds();
-            const auto picture = imager.picture(options);
+            const auto picture = light.picture(options);
             return picture ? cpuSeconds() - start : -1;
         };
         std::vector<double> embree, intersect, shade, shadow;

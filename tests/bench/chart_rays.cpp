@@ -51,7 +51,8 @@ class Subject {
         Diagnostics diagnostics;
         good_ = loadText(scene_, text, diagnostics) && diagnostics.errors() == 0;
         scene_.newFrame(0);
-        imager_ = std::make_unique<Imager>(scene_);
+        world_ = std::make_unique<SharedWorld>(scene_);
+        light_ = std::make_unique<LightRenderer>(*world_);
     }
     bool good() const { return good_; }
     Run run(Integrator integrator, int samples, std::uint64_t seed) {
@@ -62,7 +63,7 @@ class Subject {
         options.settings.seed = seed;
         options.settings.threads = 1;
         const double start = cpuSeconds();
-        auto picture = imager_->picture(options);
+        auto picture = light_->picture(options);
         Run out{{}, cpuSeconds() - start};
         if (picture) out.picture = *std::move(picture);
         return out;
@@ -70,7 +71,8 @@ class Subject {
 
   private:
     Scene scene_;
-    std::unique_ptr<Imager> imager_;
+    std::unique_ptr<SharedWorld> world_;
+    std::unique_ptr<LightRenderer> light_;
     bool good_ = false;
 };
 

@@ -3,11 +3,11 @@
 
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/full_traversal.h>
+#include <rtsg/renderers/shared_world.h>
 
 #include "bench.h"
 #include "chart.h"
 #include "charts.h"
-#include "follower.h"
 
 namespace rtsg::bench {
 
@@ -52,11 +52,11 @@ class Lattice {
 struct Stages {
     std::vector<double> scene, flatten, world;
     /// Seals the edits made since `start` (CPU s) and books what each stage took.
-    void frame(Scene& s, const Follower& follower, double start) {
+    void frame(Scene& s, const SharedWorld& shared, double start) {
         s.newFrame(s.now() + .01);
-        scene.push_back(threadSeconds() - start - follower.allSeconds() - cpuClockSeconds());
-        flatten.push_back(follower.flattenSeconds());
-        world.push_back(follower.worldSeconds());
+        scene.push_back(threadSeconds() - start - shared.times().all() - cpuClockSeconds());
+        flatten.push_back(std::max(0., shared.times().flattening - cpuClockSeconds()));
+        world.push_back(std::max(0., shared.times().rays - cpuClockSeconds()));
     }
 };
 
@@ -88,8 +88,8 @@ bool chartScale(const ChartSink& sink, bool quick) {
         if (quick && shapes > 5000) break;
         Lattice lattice(shapes);
         Scene& scene = lattice.scene;
-        Follower follower;
-        const Attachment attachment = scene.bus().attach(follower);
+        SharedWorld shared(scene, {.flattening = {}, .rays = {.buildThreads = 1}, .timed = true});
+        (void)shared.rays();
         scene.newFrame(0);
         const auto nodes = static_cast<int>(scene.nodeCount());
         const NodeId moving = lattice.last;
@@ -97,13 +97,13 @@ bool chartScale(const ChartSink& sink, bool quick) {
         for (int i = 0; i < 300; ++i) {
             const double start = threadSeconds();
             (void)scene.set(moving, x3d::Transform::translation, lattice.at(shapes - 1, static_cast<float>(i % 7) + 1));
-            moves.frame(scene, follower, start);
+            moves.frame(scene, shared, start);
         }
         add(move, nodes, moves);
         for (int i = 0; i < 200; ++i) {
             const double start = threadSeconds();
             (void)scene.insertChild(lattice.group(), x3d::Group::children, lattice.shapeAt(shapes + i));
-            adds.frame(scene, follower, start);
+            adds.frame(scene, shared, start);
         }
         add(insert, nodes, adds);
         FullTraversalRenderer full;

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/acoustic_renderer.h>
+#include <rtsg/audio/sound_renderer.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/mesh.h>
 
@@ -15,13 +15,34 @@
 namespace rtsg::test {
 namespace {
 
-/// RayWorld as one of the subscribers of a FlattenedScene.
-struct WorldFollower final : InstanceSubscriber {
-    RayWorld world;
-    Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
-        world.apply(delta);
-        return {};
+/// A shared world and what is made from it. Attaches by itself; what was there is kept when it is detached.
+class WorldSubject : public Subject {
+  public:
+    void attach(Scene& scene, Delivery delivery) override {
+        const std::size_t before = scene.bus().subscribers();
+        world_.emplace(scene, SharedWorld::Options{.flattening = {}, .rays = {}, .delivery = delivery});
+        begin();
+        EXPECT_EQ(scene.bus().subscribers(), before + 1) << "the world and nothing else is on the bus";
     }
+    void poll() override { EXPECT_TRUE(world_->update()); }
+    void detach() override {
+        last_ = now();
+        end();
+        world_.reset();
+    }
+    SubscriberState state() override { return world_ ? now() : last_; }
+    std::string failure() const override { return world_ ? world_->failure() : std::string(); }
+    std::size_t snapshots() const override { return 1; }  // not to be seen from outside
+
+  protected:
+    virtual void begin() {}
+    virtual void end() {}
+    virtual SubscriberState now() = 0;
+    SharedWorld& world() { return *world_; }
+
+  private:
+    std::optional<SharedWorld> world_;
+    SubscriberState last_;
 };
 
 std::string textOf(const WorldFromLocal& m) {
@@ -37,12 +58,11 @@ std::string joined(std::vector<std::string> lines) {
     return text;
 }
 
-class FlattenerSubject final : public BusSubject {
+class FlattenerSubject final : public WorldSubject {
   public:
-    ~FlattenerSubject() override { release(); }
     /// Slots and generations depend on the way, what is in them does not.
-    SubscriberState state() override {
-        const Flattener& flattener = flattened_.flattener();
+    SubscriberState now() override {
+        const Flattener& flattener = world().flattener();
         std::vector<std::string> lines;
         const auto path = [](const std::vector<NodeId>& nodes) {
             std::string text;
@@ -69,19 +89,14 @@ class FlattenerSubject final : public BusSubject {
         }
         return {joined(std::move(lines)), {}};
     }
-
-  private:
-    Subscriber& subscriber() override { return flattened_; }
-    FlattenedScene flattened_;
 };
 
-class RayWorldSubject final : public BusSubject {
+class RayWorldSubject final : public WorldSubject {
   public:
-    RayWorldSubject() { flattened_.add(follower_); }
-    ~RayWorldSubject() override { release(); }
+    void begin() override { (void)world().rays(); }
     /// How far rays see from within the room. Which of two coincident surfaces they meet is nobody's promise.
-    SubscriberState state() override {
-        const RayWorld& world = follower_.world;
+    SubscriberState now() override {
+        const RayWorld& world = WorldSubject::world().rays();
         SubscriberState state;
         state.text = fmt::format("{} instances", world.stats().instances);
         state.outliers = 0.002;
@@ -96,11 +111,6 @@ class RayWorldSubject final : public BusSubject {
         }
         return state;
     }
-
-  private:
-    Subscriber& subscriber() override { return flattened_; }
-    FlattenedScene flattened_;
-    WorldFollower follower_;
 };
 
 void addPixels(SubscriberState& state, const Result<Picture>& picture) {
@@ -121,78 +131,61 @@ ImageOptions small() {
     return options;
 }
 
-class LightTracerSubject final : public BusSubject {
+class LightSubject final : public WorldSubject {
   public:
-    LightTracerSubject() {
-        flattened_.add(follower_);
-        flattened_.add(tracer_);
+    ~LightSubject() override { end(); }
+    void begin() override {
+        light_.emplace(world(), LightRenderer::Options(std::filesystem::path(RTSG_SOURCE_DIR "/examples")));
     }
-    ~LightTracerSubject() override { release(); }
-    SubscriberState state() override {
+    void end() override { light_.reset(); }
+    SubscriberState now() override {
         SubscriberState state;
-        const RenderSettings settings = small().settings;
-        const auto camera = tracer_.camera(follower_.world, 16.0 / 9);
-        addPixels(state, camera ? tracer_.render(follower_.world, *camera, settings)
+        EXPECT_EQ(light_->failure(), "");
+        // Not renderFrame(): the state is that of the last set it took.
+        const auto camera = light_->tracer().camera(world().rays(), 16.0 / 9);
+        addPixels(state, camera ? light_->tracer().render(world().rays(), *camera, small().settings)
                                 : Result<Picture>(std::unexpected(camera.error())));
         return state;
     }
 
   private:
-    Subscriber& subscriber() override { return flattened_; }
-    FlattenedScene flattened_;
-    WorldFollower follower_;
-    LightTracer tracer_{std::filesystem::path(RTSG_SOURCE_DIR "/examples")};
+    std::optional<LightRenderer> light_;
 };
 
-/// Attaches by itself and follows every frame; lazy here means that pictures are asked for now and then.
-class ImagerSubject final : public Subject {
+/// Through the whole renderer, levels of detail and all; lazy here means that pictures are asked for now and then.
+class PictureSubject final : public WorldSubject {
   public:
-    void attach(Scene& scene, Delivery delivery) override {
-        const std::size_t before = scene.bus().subscribers();
-        imager_.emplace(
-            scene, Imager::Options{
-                       .resources = std::filesystem::path(RTSG_SOURCE_DIR "/examples"), .world = {}, .meshes = {}});
-        EXPECT_EQ(scene.bus().subscribers(), before + 1);
-        delivery_ = delivery;
-        poll();
+    ~PictureSubject() override { end(); }
+    void begin() override {
+        light_.emplace(world(), LightRenderer::Options(std::filesystem::path(RTSG_SOURCE_DIR "/examples"), small()));
     }
-    void poll() override {
-        last_ = {};
-        addPixels(last_, imager_->picture(small()));
+    void end() override { light_.reset(); }
+    SubscriberState now() override {
+        SubscriberState state;
+        const auto made = light_->renderFrame();
+        addPixels(state, made ? Result<Picture>(light_->frame()) : Result<Picture>(std::unexpected(made.error())));
+        return state;
     }
-    void detach() override {
-        if (delivery_ == Delivery::immediate) poll();
-        imager_.reset();
-    }
-    SubscriberState state() override {
-        if (imager_ && delivery_ == Delivery::immediate) poll();
-        return last_;
-    }
-    std::string failure() const override { return last_.text; }
-    std::size_t snapshots() const override { return 1; }  // not to be seen from outside
 
   private:
-    std::optional<Imager> imager_;
-    Delivery delivery_ = Delivery::immediate;
-    SubscriberState last_;
+    std::optional<LightRenderer> light_;
 };
 
-class AcousticSubject final : public BusSubject {
+class SoundSubject final : public WorldSubject {
   public:
-    AcousticSubject() {
-        AcousticRenderer::Options options;
-        options.resources = std::filesystem::path(RTSG_SOURCE_DIR "/examples");
-        auto renderer = AcousticRenderer::create(follower_.world, options);
-        if (!renderer) throw std::runtime_error(renderer.error().text);
-        renderer_ = std::move(*renderer);
-        flattened_.add(follower_);
-        flattened_.add(*renderer_);
+    ~SoundSubject() override { end(); }
+    void begin() override {
+        ListenOptions options;
+        options.render.resources = std::filesystem::path(RTSG_SOURCE_DIR "/examples");
+        sound_.emplace(world(), options);
+        if (!sound_->attached()) throw std::runtime_error(sound_->failure());
     }
-    ~AcousticSubject() override { release(); }
+    void end() override { sound_.reset(); }
     /// Who sounds where, who listens, and how the room answers to rays.
-    SubscriberState state() override {
+    SubscriberState now() override {
         SubscriberState state;
-        const SoundScene& sounds = renderer_->scene();
+        EXPECT_EQ(sound_->failure(), "");
+        const SoundScene& sounds = sound_->renderer().scene();
         std::vector<std::string> lines;
         for (const SoundEmitter& emitter : sounds.emitters()) {
             const SoundNode& sound = sounds.sound(emitter);
@@ -206,7 +199,7 @@ class AcousticSubject final : public BusSubject {
         const ListenerPose& ear = sounds.listener();
         for (const glm::dvec3& v : {ear.position, ear.right, ear.up, ear.back})
             for (int i = 0; i < 3; ++i) state.numbers.push_back(v[i]);
-        const OpenedGeometry room = renderer_->geometryFor({0, 1.5, 0});
+        const OpenedGeometry room = sound_->room({0, 1.5, 0});
         std::mt19937 random(11);
         std::uniform_real_distribution<double> unit(-1, 1);
         for (int i = 0; i < 500; ++i) {
@@ -222,17 +215,14 @@ class AcousticSubject final : public BusSubject {
     }
 
   private:
-    Subscriber& subscriber() override { return flattened_; }
-    FlattenedScene flattened_;
-    WorldFollower follower_;
-    std::unique_ptr<AcousticRenderer> renderer_;
+    std::optional<SoundRenderer> sound_;
 };
 
 INSTANTIATE_TYPED_TEST_SUITE_P(Flattener, SubscriberContract, FlattenerSubject);
 INSTANTIATE_TYPED_TEST_SUITE_P(RayWorld, SubscriberContract, RayWorldSubject);
-INSTANTIATE_TYPED_TEST_SUITE_P(LightTracer, SubscriberContract, LightTracerSubject);
-INSTANTIATE_TYPED_TEST_SUITE_P(Imager, SubscriberContract, ImagerSubject);
-INSTANTIATE_TYPED_TEST_SUITE_P(Acoustic, SubscriberContract, AcousticSubject);
+INSTANTIATE_TYPED_TEST_SUITE_P(Light, SubscriberContract, LightSubject);
+INSTANTIATE_TYPED_TEST_SUITE_P(Picture, SubscriberContract, PictureSubject);
+INSTANTIATE_TYPED_TEST_SUITE_P(Sound, SubscriberContract, SoundSubject);
 
 }  // namespace
 }  // namespace rtsg::test

@@ -88,14 +88,18 @@ TEST_P(Overlap, EveryFollowerEndsWithTheScenesHash) {
             replica.poll();
             std::this_thread::sleep_for(40ms);
         });
-        std::unique_ptr<Imager> imager;
-        Following light(scene, [&imager](Replica& replica) {
-            if (!imager) imager = std::make_unique<Imager>(replica.scene());
+        std::unique_ptr<SharedWorld> world;
+        std::unique_ptr<LightRenderer> picture;
+        Following light(scene, [&world, &picture](Replica& replica) {
+            if (!world) {
+                world = std::make_unique<SharedWorld>(replica.scene());
+                picture = std::make_unique<LightRenderer>(*world);
+            }
             replica.poll();
             ImageOptions options;
             options.settings.width = options.settings.height = 8;
             options.settings.threads = 1;
-            EXPECT_TRUE(imager->picture(options));
+            EXPECT_TRUE(picture->picture(options));
         });
         std::unique_ptr<LogWriter> writer;
         Attachment writing;

@@ -9,6 +9,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/ray_world.h>
+#include <rtsg/renderers/shared_world.h>
 
 #include "renderers/ray_support.h"
 
@@ -19,22 +20,11 @@ constexpr std::uint32_t kSeed = 20260302;
 
 struct Stage {
     Scene scene;
-    FlattenedScene flat;
-    RayWorld world;
-    struct Feed final : InstanceSubscriber {
-        RayWorld* world = nullptr;
-        Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
-            world->apply(delta);
-            return {};
-        }
-    } feed;
-    Attachment attachment;
+    SharedWorld shared;
+    const RayWorld& world;
 
-    explicit Stage(const RayWorld::Options& options = {}) : world(options) {
-        feed.world = &world;
-        flat.add(feed);
-        attachment = scene.bus().attach(flat);
-    }
+    explicit Stage(const RayWorld::Options& options = {})
+        : shared(scene, {.flattening = {}, .rays = options}), world(shared.rays()) {}
     NodeId add(TypeIndex type, NodeId parent) {
         const NodeId node = scene.createNode(type);
         EXPECT_TRUE(scene.insertChild(parent, scene.node(parent).type().findExact("children"), node));
@@ -161,10 +151,10 @@ TEST(WorldExtremes, ReparentStormEndsAsIfBuiltAnew) {
             ASSERT_TRUE(stage.scene.removeChild(before.node, before.field, static_cast<std::size_t>(at)));
         }
         if (random() % 3 == 0) stage.scene.seal();
-        if (random() % 500 == 0) stage.world.finishBackgroundWork();
+        if (random() % 500 == 0) stage.shared.finishBackgroundWork();
     }
     stage.scene.seal();
-    stage.world.finishBackgroundWork();
+    stage.shared.finishBackgroundWork();
     Stage fresh;
     ASSERT_TRUE(fresh.scene.apply(std::make_shared<const ChangeSet>(stage.scene.snapshot())));
     EXPECT_EQ(stage.world.stats().traced, fresh.world.stats().traced);

@@ -1,6 +1,7 @@
 #include <rtsg/renderers/flattener.h>
 
 #include <algorithm>
+#include <atomic>
 #include <utility>
 
 #include <rtsg/core/x3d.h>
@@ -319,9 +320,13 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural, bool marksSkins) {
 }
 
 std::shared_ptr<const Mesh> Flattener::Impl::makeMesh(NodeId geometry) {
+    if (!ownMeshes.empty())
+        if (const Node* node = scene->find(geometry))
+            if (const auto own = ownMeshes.find(node->type().name); own != ownMeshes.end())
+                return own->second(*scene, geometry);
     if (options.meshes) return options.meshes(*scene, geometry);
     std::shared_ptr<const Mesh> mesh = tessellator.mesh(*scene, geometry, &skins.points());
-    if (!tessellator.diagnostics().all().empty()) diagnostics.append(tessellator.takeDiagnostics());
+    if (!tessellator.diagnostics().all().empty()) told.append(tessellator.takeDiagnostics(), diagnostics);
     return mesh;
 }
 
@@ -352,9 +357,17 @@ void Flattener::Impl::finish() {
 
 // ---- the outside --------------------------------------------------------------------------------------------------
 
+namespace {
+std::atomic<std::uint64_t> flattenersMade = 0;
+}
+
 Flattener::Flattener() : Flattener(Options{}) {}
 Flattener::Flattener(Options options) : impl_(std::make_unique<Impl>()) {
     impl_->options = std::move(options);
+    flattenersMade.fetch_add(1, std::memory_order_relaxed);
+}
+std::uint64_t Flattener::made() {
+    return flattenersMade.load(std::memory_order_relaxed);
 }
 Flattener::~Flattener() = default;
 Flattener::Flattener(Flattener&&) noexcept = default;
@@ -369,6 +382,16 @@ const InstanceDelta& Flattener::apply(const Scene& scene, const ChangeSet& chang
         impl_->follow(changes);
     impl_->finish();
     return impl_->delta;
+}
+
+void Flattener::setMeshSource(const Scene& scene, std::string_view type, MeshSource source) {
+    impl_->ownMeshes.insert_or_assign(std::string(type), std::move(source));
+    for (const auto& [id, mesh] : impl_->meshes) {
+        const Node* node = scene.find(NodeId{id});
+        if (!node || node->type().name != type) continue;
+        impl_->state(NodeId{id}).meshStale = true;
+        impl_->touchGeometry(NodeId{id});
+    }
 }
 
 void Flattener::setViewer(std::optional<Vec3d> position) {
@@ -426,40 +449,6 @@ InstanceDelta Flattener::snapshot() const {
     for (const Placed& thing : impl_->placed.records)
         if (thing.id) all.placedAdded.push_back(thing);
     return all;
-}
-
-// ---- FlattenedScene -----------------------------------------------------------------------------------------------
-
-FlattenedScene::FlattenedScene(Flattener::Options options) : flattener_(std::move(options)) {}
-
-void FlattenedScene::add(InstanceSubscriber& subscriber) {
-    subscribers_.push_back({&subscriber, false});
-}
-
-void FlattenedScene::remove(InstanceSubscriber& subscriber) {
-    std::erase_if(subscribers_, [&](const Entry& entry) { return entry.subscriber == &subscriber; });
-}
-
-Result<> FlattenedScene::deliver(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
-    for (Entry& entry : subscribers_) {
-        // One that comes late is given all there is now, which includes this delta.
-        const bool late = !std::exchange(entry.upToDate, true);
-        if (Result<> result = late ? entry.subscriber->apply(scene, changes, flattener_.snapshot())
-                                   : entry.subscriber->apply(scene, changes, delta);
-            !result)
-            return result;
-    }
-    return {};
-}
-
-Result<> FlattenedScene::apply(const Scene& scene, const ChangeSet& changes) {
-    return deliver(scene, changes, flattener_.apply(scene, changes));
-}
-
-Result<> FlattenedScene::catchUp(const Scene& scene) {
-    ChangeSet none;
-    none.from = none.to = scene.sequence();
-    return deliver(scene, none, flattener_.updateViewer(scene));
 }
 
 }  // namespace rtsg

@@ -6,6 +6,8 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
+#include <map>
 #include <string>
 #include <unordered_map>
 
@@ -14,6 +16,7 @@
 #include <rtsg/renderers/tessellator.h>
 
 #include "flattener_roles.h"
+#include "mesh/told_once.h"
 #include "skin.h"
 
 namespace rtsg {
@@ -192,6 +195,7 @@ struct Flattener::Impl {
     std::vector<NodeId> path(std::uint32_t occurrence) const;
 
     Options options;
+    std::map<std::string, MeshSource, std::less<>> ownMeshes;  // by type
     Mobility mobility;
     flatten::RoleTable roles;
     std::vector<Occurrence> tree;
@@ -212,6 +216,7 @@ struct Flattener::Impl {
     const Scene* scene = nullptr;  // during a call only
     InstanceDelta delta;
     Diagnostics diagnostics;
+    ToldOnce told;
 
     // What the current change set touches; kept for their memory.
     std::vector<ChildOp> childOps;

@@ -17,6 +17,7 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
+#include "mesh/told_once.h"
 #include "texture_store.h"
 #include "trace_scene.h"
 
@@ -106,7 +107,9 @@ struct LightTracer::Impl {
     explicit Impl(Resources resources) : textures(std::move(resources)) { materials.resize(1); }
 
     TextureStore textures;
-    Diagnostics diagnostics;
+    Diagnostics diagnostics;  // of this apply() so far
+    Diagnostics said;         // since the start, each once
+    ToldOnce told;
     std::vector<MaterialEntry> materials;  // [0]: without an Appearance
     std::vector<std::uint32_t> freeMaterials;
     std::unordered_map<std::uint32_t, std::uint32_t> materialOf;  // appearance -> index
@@ -391,6 +394,7 @@ Result<> LightTracer::apply(const Scene& scene, const ChangeSet&, const Instance
     }
     if (s.lightsChanged) s.buildLightLists();
     s.lightsChanged = false;
+    if (!s.diagnostics.all().empty()) s.told.append(std::exchange(s.diagnostics, Diagnostics()), s.said);
     return {};
 }
 
@@ -544,7 +548,7 @@ LightTracer::Counts LightTracer::counts() const {
 }
 
 const Diagnostics& LightTracer::diagnostics() const {
-    return impl_->diagnostics;
+    return impl_->said;
 }
 
 }  // namespace rtsg

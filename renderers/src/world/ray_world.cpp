@@ -2,6 +2,7 @@
 #include <rtsg/renderers/ray_world.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <utility>
@@ -9,6 +10,10 @@
 #include "ray_world_impl.h"
 
 namespace rtsg {
+
+namespace {
+std::atomic<std::uint64_t> rayWorldsMade = 0;
+}
 
 RayWorld::RayWorld() : RayWorld(Options{}) {}
 RayWorld::RayWorld(const Options& options) : impl_(std::make_shared<Impl>(options)) {
@@ -28,9 +33,14 @@ RayWorld& RayWorld::operator=(RayWorld&& other) noexcept {
 }
 
 RayWorld::Impl::Impl(const Options& o) : options(o), device(o.buildThreads, o.robust) {
+    rayWorldsMade.fetch_add(1, std::memory_order_relaxed);
     worker = std::make_unique<Worker>(o.background);
 }
 RayWorld::Impl::~Impl() = default;
+
+std::uint64_t RayWorld::made() {
+    return rayWorldsMade.load(std::memory_order_relaxed);
+}
 
 void RayWorld::apply(const InstanceDelta& delta) {
     impl_->apply(delta);
@@ -82,7 +92,9 @@ void RayWorld::Impl::apply(const InstanceDelta& delta) {
     followMeshes();
     for (const NodeId node : delta.geometriesRemoved) {
         const auto found = meshes.find(node.value);
-        if (found != meshes.end() && found->second.users.empty()) meshes.erase(found);
+        if (found == meshes.end() || !found->second.users.empty()) continue;
+        leaveMesh(found->second);
+        meshes.erase(found);
     }
     for (Cluster* body : touchedBodies) followBody(*body);
     touchedBodies.clear();
@@ -125,19 +137,37 @@ void RayWorld::Impl::setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh) 
                                mesh->triangleCount == entry.mesh->triangleCount &&
                                mesh->triangleStride == entry.mesh->triangleStride &&
                                mesh->positions.size() == entry.mesh->positions.size();
+    leaveMesh(entry);
     entry.mesh = std::move(mesh);
+    joinMesh(entry);
     const std::string_view problem = sameTriangles ? std::string_view{}
                                      : entry.mesh  ? defect(*entry.mesh)
                                                    : "it has no triangles";
     entry.usable = problem.empty();
     if (!entry.usable && entry.mesh && !entry.mesh->empty())
-        diagnostics.warning({},
-                            "geometry node " + std::to_string(node.value) + " is not traced: " + std::string(problem));
+        told.warning("geometry node " + std::to_string(node.value) + " is not traced: " + std::string(problem),
+                     diagnostics);
     if (known) entry.deforms = true;
+    // Others go on with the BVH that they had in common.
+    if (entry.bvh.use_count() > 1)
+        entry.bvh =
+            entry.usable ? std::make_shared<bvh::MeshBvh>(device, *worker, entry.mesh, true, &versions) : nullptr;
     if (entry.users.empty())
         entry.bvh.reset();
     else if (!std::exchange(entry.changed, true))
         changedMeshes.push_back(&entry);
+}
+
+void RayWorld::Impl::leaveMesh(MeshEntry& entry) {
+    const auto found = sharing.find(entry.mesh.get());
+    if (found == sharing.end()) return;
+    // Nobody else has it yet, and it is about to be of another mesh.
+    if (entry.bvh.use_count() == 1 && found->second.bvh.lock() == entry.bvh) found->second.bvh.reset();
+    if (--found->second.geometries == 0) sharing.erase(found);
+}
+
+void RayWorld::Impl::joinMesh(MeshEntry& entry) {
+    if (entry.mesh) ++sharing[entry.mesh.get()].geometries;
 }
 
 bool RayWorld::Impl::isLive(InstanceId id) const {
@@ -215,8 +245,9 @@ void RayWorld::Impl::setPending(std::uint32_t slot) {
 void RayWorld::Impl::cull(std::uint32_t slot, std::string reason) {
     Place& place = places[slot];
     if (std::exchange(place.culled, true)) return;
-    diagnostics.warning(
-        {}, "shape node " + std::to_string(instances[slot].info.shape.value) + " is not traced: " + std::move(reason));
+    told.warning(
+        "shape node " + std::to_string(instances[slot].info.shape.value) + " is not traced: " + std::move(reason),
+        diagnostics);
 }
 
 void RayWorld::Impl::makeRoom(const std::vector<Instance>& added) {

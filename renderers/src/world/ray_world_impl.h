@@ -20,6 +20,7 @@
 #include "embree/top.h"
 #include "embree/versions.h"
 #include "embree/worker.h"
+#include "mesh/told_once.h"
 #include "ray_view_impl.h"
 
 namespace rtsg {
@@ -27,7 +28,7 @@ namespace rtsg {
 struct RayWorld::Impl {
     struct MeshEntry {
         std::shared_ptr<const Mesh> mesh;
-        std::unique_ptr<bvh::MeshBvh> bvh;  // made when the first instance needs it
+        std::shared_ptr<bvh::MeshBvh> bvh;  // made when the first instance needs it; equal geometries have one
         std::vector<std::uint32_t> users;   // slots
         std::uint32_t node = 0;             // its key
         bool usable = false;                // has triangles, and they are valid
@@ -105,6 +106,10 @@ struct RayWorld::Impl {
     void lookForRebuilt(bool wait);
     void followMeshes();
 
+    /// Keeps account of which geometries have the same mesh; `entry` holds its own no longer, or from now on.
+    void leaveMesh(MeshEntry& entry);
+    void joinMesh(MeshEntry& entry);
+
     bool isLive(InstanceId id) const;
     void link(std::uint32_t slot, NodeId geometry);
     void unlink(std::uint32_t slot);
@@ -165,6 +170,7 @@ struct RayWorld::Impl {
     void forgetSource(const Cluster& cluster);
     void discard(Cluster& cluster);
 
+    ToldOnce told;  // into `diagnostics`
     Options options;
     bvh::Device device;
     bvh::Versions versions;
@@ -173,6 +179,11 @@ struct RayWorld::Impl {
     std::uint64_t version = 0;
     Diagnostics diagnostics;
     std::unordered_map<std::uint32_t, MeshEntry> meshes;  // by geometry NodeId
+    struct Sharing {
+        std::uint32_t geometries = 0;
+        std::weak_ptr<bvh::MeshBvh> bvh;
+    };
+    std::unordered_map<const Mesh*, Sharing> sharing;
     std::vector<Place> places;
     std::vector<std::unique_ptr<Cluster>> resting, bodies;
     std::vector<std::uint32_t> pending;

@@ -1,5 +1,6 @@
 // How much there is, and where its bytes are.
 #include <unordered_map>
+#include <unordered_set>
 
 #include "ray_world_impl.h"
 
@@ -48,9 +49,11 @@ class Arrays {
 
 RayWorld::Stats RayWorld::stats() const {
     Stats stats = impl_->stats;
+    std::unordered_set<const Mesh*> distinct;
     for (const auto& [node, entry] : impl_->meshes) {
         if (!entry.mesh) continue;
         ++stats.meshes;
+        if (!distinct.insert(entry.mesh.get()).second) continue;
         stats.uniqueTriangles += entry.mesh->triangleCount;
         stats.meshBytes += memoryUse(*entry.mesh);
     }
@@ -65,8 +68,9 @@ RayWorld::Stats RayWorld::stats() const {
         stats.baked += place.cluster != nullptr;
         stats.culled += place.culled;
     }
+    std::unordered_set<const bvh::MeshBvh*> counted;  // equal geometries have one
     for (const auto& [node, entry] : impl_->meshes) {
-        if (!entry.bvh) continue;
+        if (!entry.bvh || !counted.insert(entry.bvh.get()).second) continue;
         stats.meshBuilds += entry.bvh->counts().builds;
         stats.meshRefits += entry.bvh->counts().refits;
         stats.meshRebuilds += entry.bvh->counts().rebuilds;

@@ -75,7 +75,9 @@ RayWorld::Impl::Fitness RayWorld::Impl::fitness(std::uint32_t slot, std::string&
 
 bool RayWorld::Impl::canMerge(std::uint32_t slot) const {
     const MeshEntry& mesh = *places[slot].mesh;
-    return mesh.users.size() == 1 || mesh.mesh->triangleCount <= kSmallMesh;
+    const auto shared = sharing.find(mesh.mesh.get());
+    const bool alone = mesh.users.size() == 1 && (shared == sharing.end() || shared->second.geometries == 1);
+    return alone || mesh.mesh->triangleCount <= kSmallMesh;
 }
 
 /// Far from 0 a float is coarse; subtracting an origin near the scene keeps every digit of it.
@@ -162,8 +164,11 @@ void RayWorld::Impl::placeInstance(std::uint32_t slot) {
     RayInstance& instance = instances.write(slot);
     Place& place = places[slot];
     MeshEntry& entry = *place.mesh;
+    std::weak_ptr<bvh::MeshBvh>& common = sharing[entry.mesh.get()].bvh;
+    if (!entry.bvh && !entry.deforms) entry.bvh = common.lock();
     if (!entry.bvh) {
-        entry.bvh = std::make_unique<bvh::MeshBvh>(device, *worker, entry.mesh, entry.deforms, &versions);
+        entry.bvh = std::make_shared<bvh::MeshBvh>(device, *worker, entry.mesh, entry.deforms, &versions);
+        if (!entry.deforms) common = entry.bvh;
         entry.bvh->commit();
         if (entry.bvh->busy() && !std::exchange(entry.isBusy, true)) busyMeshes.push_back(entry.node);
     }

@@ -1,4 +1,4 @@
-#include <rtsg/renderers/flattener.h>
+#include <rtsg/renderers/shared_world.h>
 
 #include <gtest/gtest.h>
 
@@ -290,17 +290,16 @@ TEST(Flattener, FollowsRandomEditsAsIfFlattenedAnew) {
         Scene scene;
         Edits edits(scene, seed);
         Meshes meshes;
-        FlattenedScene flat({.meshes = meshes.source()});
+        SharedWorld flat(scene, {.flattening = {.meshes = meshes.source()}, .rays = {}});
         Watcher watcher;
         flat.add(watcher);
-        Attachment attachment = scene.bus().attach(flat);
         std::mt19937_64 random(seed);
         std::size_t compared = 0;
         for (int frame = 0; frame < 400; ++frame) {
             SCOPED_TRACE(frame);
             for (std::size_t n = frame ? 1 + random() % (frame % 20 ? 6 : 40) : 500; n > 0; --n) edits.step();
             scene.seal();
-            ASSERT_TRUE(attachment.attached()) << attachment.failure();
+            ASSERT_EQ(flat.failure(), "");
             expectSame(scene, flat.flattener(), watcher.follower);
             if (testing::Test::HasFailure()) return;
             compared += watcher.follower.instances.size();
@@ -324,15 +323,14 @@ TEST(Flattener, MergedChangeSetsLeadToTheSame) {
         SCOPED_TRACE(testing::Message() << "seed " << seed);
         Scene scene;
         Edits edits(scene, seed);
-        FlattenedScene flat;
+        SharedWorld flat(scene, {.flattening = {}, .rays = {}, .delivery = Delivery::polled});
         Watcher watcher;
         flat.add(watcher);
-        Attachment attachment = scene.bus().attach(flat, Delivery::polled);
         for (int frame = 0; frame < 120; ++frame) {
             for (int n = frame ? 5 : 600; n > 0; --n) edits.step();
             scene.seal();
             if (frame % 7 != 6) continue;
-            attachment.poll();
+            ASSERT_TRUE(flat.update());
             expectSame(scene, flat.flattener(), watcher.follower);
             if (testing::Test::HasFailure()) return;
         }
@@ -344,13 +342,11 @@ TEST(Flattener, MergedChangeSetsLeadToTheSame) {
 struct Fixture : testing::Test {
     Scene scene;
     Meshes meshes;
-    FlattenedScene flat{{.meshes = meshes.source()}};
+    std::unique_ptr<SharedWorld> world = std::make_unique<SharedWorld>(
+        scene, SharedWorld::Options{.flattening = {.meshes = meshes.source()}, .rays = {}});
+    SharedWorld& flat = *world;
     Watcher watcher;
-    Attachment attachment;
-    void SetUp() override {
-        flat.add(watcher);
-        attachment = scene.bus().attach(flat);
-    }
+    void SetUp() override { flat.add(watcher); }
     NodeId add(TypeIndex type, NodeId parent) {
         const NodeId id = scene.createNode(type);
         const FieldIndex field = scene.node(parent).type().findExact("children");
@@ -498,8 +494,7 @@ TEST_F(FlattenerCase, LevelOfDetailFollowsTheViewer) {
     const NodeId expected[] = {levels[0], levels[1], levels[2], levels[1]};
     const double distances[] = {5, 15, 50, 10};
     for (int i = 0; i < 4; ++i) {
-        flat.flattener().setViewer(Vec3d(0, 0, distances[i]));
-        ASSERT_TRUE(flat.catchUp(scene));
+        ASSERT_TRUE(flat.setViewer(Vec3d(0, 0, distances[i])));
         EXPECT_EQ(shown(), expected[i]) << distances[i];
     }
     // The node moves instead of the viewer.
@@ -553,7 +548,7 @@ TEST_F(FlattenerCase, ExponentialSharingIsCutOffWithADiagnostic) {
         EXPECT_TRUE(scene.setField(group, x3d::Group::children.index, Array<NodeId>{below, below}));
         below = group;
     }
-    attachment.detach();
+    world.reset();
     EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children.index, below));
     scene.seal();
     small.apply(scene, scene.snapshot());

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/renderers/full_traversal.h>
+#include <rtsg/renderers/shared_world.h>
 
 #include "renderers/ray_support.h"
 #include "renderers/scene_edits.h"
@@ -174,14 +175,6 @@ TEST_F(RendererCase, DepthOfNestingIsNoLimitToDescending) {
 
 // ---- the baseline -------------------------------------------------------------------------------------------------
 
-struct Follower : InstanceSubscriber {
-    RayWorld world;
-    Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
-        world.apply(delta);
-        return {};
-    }
-};
-
 // Law 2 once more: two ways that share no state give the same hits.
 TEST(FullTraversal, AgreesWithTheIncrementalWorld) {
     int hits = 0;
@@ -189,10 +182,8 @@ TEST(FullTraversal, AgreesWithTheIncrementalWorld) {
         SCOPED_TRACE(testing::Message() << "seed " << seed);
         Scene scene;
         test::Edits edits(scene, seed);
-        FlattenedScene flat;
-        Follower follower;
-        flat.add(follower);
-        Attachment attachment = scene.bus().attach(flat);
+        SharedWorld flat(scene);
+        const RayWorld& rays = flat.rays();
         FullTraversalRenderer baseline;
         ASSERT_TRUE(baseline.attachToScene(scene));
         std::mt19937 random(static_cast<unsigned>(seed));
@@ -200,15 +191,15 @@ TEST(FullTraversal, AgreesWithTheIncrementalWorld) {
             SCOPED_TRACE(frame);
             for (int n = frame ? 6 : 600; n > 0; --n) edits.step();
             scene.seal();
-            ASSERT_TRUE(attachment.attached()) << attachment.failure();
+            ASSERT_EQ(flat.failure(), "");
             ASSERT_TRUE(baseline.renderFrame());
-            const auto a = follower.world.stats(), b = baseline.world().stats();
+            const auto a = rays.stats(), b = baseline.world().stats();
             ASSERT_EQ(a.instances, b.instances);
             ASSERT_EQ(a.traced, b.traced);
             ASSERT_EQ(a.meshes, b.meshes);
             for (int i = 0; i < 500; ++i) {
                 const Ray ray = test::randomRay(random, 6);
-                const Hit x = follower.world.intersect(ray), y = baseline.world().intersect(ray);
+                const Hit x = rays.intersect(ray), y = baseline.world().intersect(ray);
                 ASSERT_EQ(bool(x), bool(y)) << i;
                 if (!x) continue;
                 ++hits;

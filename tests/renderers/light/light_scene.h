@@ -1,4 +1,4 @@
-// A scene from ClassicVRML text with an Imager on it, and its pixels; for the light tracer's tests.
+// A scene from ClassicVRML text with a LightRenderer on it, and its pixels; for the light tracer's tests.
 #pragma once
 
 #include <cmath>
@@ -17,26 +17,29 @@ namespace rtsg::test {
 struct LightScene {
     Scene scene;
     Diagnostics diagnostics;
-    std::unique_ptr<Imager> imager;
+    std::unique_ptr<SharedWorld> world;
+    std::unique_ptr<LightRenderer> light;
     ImageOptions options;
     RenderStats stats;
 
     /// `body` without the header. Unless it has its own, a NavigationInfo without headlight and the default Viewpoint
     /// are put before it ("frame" in a comment: no Viewpoint).
-    explicit LightScene(const std::string& body, int width = 33, int height = 33, Imager::Options imagerOptions = {}) {
+    explicit LightScene(const std::string& body, int width = 33, int height = 33,
+                        LightRenderer::Options lightOptions = {}) {
         std::string text = "#X3D V4.0 utf8\nPROFILE Immersive\n";
         if (body.find("NavigationInfo") == std::string::npos) text += "NavigationInfo { headlight FALSE }\n";
         if (body.find("Viewpoint") == std::string::npos && body.find("# frame") == std::string::npos)
             text += "Viewpoint { }\n";
         EXPECT_TRUE(loadText(scene, text + body, diagnostics));
         for (const Diagnostic& d : diagnostics.all()) ADD_FAILURE() << d.format();
-        imager = std::make_unique<Imager>(scene, std::move(imagerOptions));
+        world = std::make_unique<SharedWorld>(scene);
+        light = std::make_unique<LightRenderer>(*world, std::move(lightOptions));
         scene.newFrame(0);
         options.settings.width = width;
         options.settings.height = height;
     }
     Picture picture() {
-        auto result = imager->picture(options, &stats);
+        auto result = light->picture(options, &stats);
         if (!result) {
             ADD_FAILURE() << result.error().format();
             return Picture(options.settings.width, options.settings.height);

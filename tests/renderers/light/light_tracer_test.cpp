@@ -353,8 +353,8 @@ TEST(LightTracer, MissingTextureIsReportedAndLeftOut) {
                         "[\"no/such/picture.png\" \"http://example.org/a.png\"] }"));
     EXPECT_EQ(s.center(), Vec3f(0, 0.5f, 0));
     s.center();
-    ASSERT_EQ(s.imager->tracer().diagnostics().all().size(), 1u) << "once";
-    const std::string text = s.imager->tracer().diagnostics().all()[0].text;
+    ASSERT_EQ(s.light->tracer().diagnostics().all().size(), 1u) << "once";
+    const std::string text = s.light->tracer().diagnostics().all()[0].text;
     EXPECT_NE(text.find("no/such/picture.png"), std::string::npos) << text;
     EXPECT_NE(text.find("http://example.org/a.png"), std::string::npos) << text;
 }
@@ -408,13 +408,13 @@ TEST(LightTracer, ViewpointsByNameAndByOrder) {
         "1.5707963 description \"side\" }"
         "Shape { appearance Appearance { material Material { } } geometry Box { } }");
     const auto eye = [&](const char* name) {
-        const auto camera = s.imager->tracer().camera(s.imager->world(), 1, name);
+        const auto camera = s.light->tracer().camera(s.world->rays(), 1, name);
         return camera ? camera->position : Vec3d(NAN);
     };
     EXPECT_EQ(eye(""), Vec3d(0, 0, 10));
     EXPECT_EQ(eye("B"), Vec3d(10, 0, 0));
     EXPECT_EQ(eye("side"), Vec3d(10, 0, 0));
-    const auto wrong = s.imager->tracer().camera(s.imager->world(), 1, "nobody");
+    const auto wrong = s.light->tracer().camera(s.world->rays(), 1, "nobody");
     ASSERT_FALSE(wrong);
     EXPECT_NE(wrong.error().text.find("\"A\", \"B\""), std::string::npos) << wrong.error().text;
     ASSERT_TRUE(s.scene.sendEvent(s.node("B"), x3d::Viewpoint::set_bind.index, Value(true)));
@@ -426,7 +426,7 @@ TEST(LightTracer, ViewpointFollowsItsTransform) {
     LightScene s("DEF T Transform { children Viewpoint { position 0 0 10 } }");
     ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Transform::translation, Vec3f(1, 2, 3)));
     s.scene.newFrame(1);
-    EXPECT_EQ(s.imager->tracer().camera(s.imager->world(), 1)->position, Vec3d(1, 2, 13));
+    EXPECT_EQ(s.light->tracer().camera(s.world->rays(), 1)->position, Vec3d(1, 2, 13));
 }
 
 TEST(LightTracer, WithoutAViewpointEverythingIsInThePicture) {
@@ -478,11 +478,11 @@ TEST(LightTracer, ImpossibleSettingsAreErrors) {
           +[](RenderSettings& r) { r.width = 1 << 20; }, +[](RenderSettings& r) { r.samplesPerPixel = 0; }}) {
         RenderSettings settings;
         change(settings);
-        EXPECT_FALSE(s.imager->tracer().render(s.imager->world(), camera, settings));
+        EXPECT_FALSE(s.light->tracer().render(s.world->rays(), camera, settings));
     }
     ImageOptions options;
     options.settings.integrator = Integrator::raster;
-    EXPECT_FALSE(s.imager->picture(options));
+    EXPECT_FALSE(s.light->picture(options));
 }
 
 // ---- following the scene -----------------------------------------------------------------------------------------
@@ -491,24 +491,24 @@ TEST(LightTracer, ATransformNeverTouchesMaterials) {
     LightScene s(
         "DEF L PointLight { } DEF T Transform { children Shape { appearance DEF A Appearance { material DEF M Material "
         "{ } } geometry Box { } } }");
-    const auto before = s.imager->tracer().counts();
+    const auto before = s.light->tracer().counts();
     for (int i = 1; i < 5; ++i) {
         ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Transform::translation, Vec3f(float(i), 0, 0)));
         s.scene.newFrame(i);
     }
-    EXPECT_EQ(s.imager->tracer().counts().materialsRead, before.materialsRead);
-    EXPECT_EQ(s.imager->tracer().counts().lightsRead, before.lightsRead);
+    EXPECT_EQ(s.light->tracer().counts().materialsRead, before.materialsRead);
+    EXPECT_EQ(s.light->tracer().counts().lightsRead, before.lightsRead);
     ASSERT_TRUE(s.scene.set(s.node("M"), x3d::Material::diffuseColor, Color{1, 0, 0}));
     s.scene.newFrame(6);
-    EXPECT_EQ(s.imager->tracer().counts().materialsRead, before.materialsRead + 1);
+    EXPECT_EQ(s.light->tracer().counts().materialsRead, before.materialsRead + 1);
     ASSERT_TRUE(s.scene.set(s.node("L"), x3d::PointLight::intensity, 0.5f));
     s.scene.newFrame(7);
-    EXPECT_EQ(s.imager->tracer().counts().materialsRead, before.materialsRead + 1);
-    EXPECT_EQ(s.imager->tracer().counts().lightsRead, before.lightsRead + 1);
+    EXPECT_EQ(s.light->tracer().counts().materialsRead, before.materialsRead + 1);
+    EXPECT_EQ(s.light->tracer().counts().lightsRead, before.lightsRead + 1);
 }
 
 // Law 2 (no two surfaces may coincide, or which one is seen is open): after any run of edits the picture is the one
-// that an imager attached afresh gives, bit for bit.
+// that a renderer attached afresh gives, bit for bit.
 TEST(LightTracer, IncrementalEqualsFromScratch) {
     const std::uint64_t seed = 20260721;
     std::mt19937_64 random(seed);
@@ -562,7 +562,8 @@ TEST(LightTracer, IncrementalEqualsFromScratch) {
         }
         s.scene.newFrame(round);
         const Picture followed = s.picture();
-        Imager fresh(s.scene);
+        SharedWorld freshWorld(s.scene);
+        LightRenderer fresh(freshWorld);
         const auto scratch = fresh.picture(s.options);
         ASSERT_TRUE(scratch);
         // A moved instance is traced through its transform, one from scratch perhaps in ray space: along silhouettes

@@ -136,17 +136,36 @@ TEST(TextureReading, ATextureOfAnInlineStartsFromTheInline) {
     Scene scene;
     Diagnostics diagnostics;
     ASSERT_TRUE(loadFile(scene, folder / "outer.x3dv", diagnostics));
-    Imager::Options options;
-    options.resources = folder;
-    Imager imager(scene, options);
+    SharedWorld world(scene);
+    LightRenderer light(world, LightRenderer::Options(folder));
     scene.newFrame(0);
     ImageOptions image;
     image.settings.width = image.settings.height = 9;
-    const auto picture = imager.picture(image);
+    const auto picture = light.picture(image);
     ASSERT_TRUE(picture);
     EXPECT_EQ(Vec3f(picture->at(4, 4)), Vec3f(0, 0, 1));
-    for (const Diagnostic& d : imager.tracer().diagnostics().all()) ADD_FAILURE() << d.format();
+    for (const Diagnostic& d : light.tracer().diagnostics().all()) ADD_FAILURE() << d.format();
     std::filesystem::remove_all(folder);
+}
+
+TEST(LightRenderer, ANodeRendererDrawsIntoThePictureOfItsNodes) {
+    test::LightScene s("Viewpoint { } DEF MARK PointLight { intensity 0 }", 9, 9);
+    ASSERT_TRUE(s.light->renderFrame());
+    EXPECT_EQ(s.light->frame().width, 1280) << "the options' own size";
+    s.light->registerNodeRenderer(
+        "PointLight", nodeRendererFor<LightRenderer>([&](LightRenderer& r, const Node& n, Operation o) -> Result<> {
+            EXPECT_EQ(o, LightRenderer::kDraw);
+            EXPECT_EQ(n.id(), s.node("MARK"));
+            r.frame().at(4, 4) = Vec4f(1, 2, 3, 1);
+            return {};
+        }));
+    EXPECT_EQ(s.center(), Vec3f(1, 2, 3));
+    s.light->registerNodeRenderer(
+        "PointLight", nodeRendererFor<LightRenderer>(
+                          [](LightRenderer&, const Node&, Operation) -> Result<> { return fail("no pencil"); }));
+    const auto refused = s.light->picture(s.options);
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().text, "no pencil");
 }
 
 TEST(TextureReading, UnreadableFilesAreReportedByName) {
@@ -198,7 +217,7 @@ TEST(LightTracerTables, OnlyWhatChangedIsReadAgain) {
             "M{0} Material {{ }} }} geometry Box {{ }} }} }}",
             i);
     test::LightScene s(body);
-    const auto before = s.imager->tracer().counts();
+    const auto before = s.light->tracer().counts();
     EXPECT_EQ(before.materials, 50u);
     EXPECT_EQ(before.lights, 50u);
     for (int i = 0; i < 10; ++i) {
@@ -206,7 +225,7 @@ TEST(LightTracerTables, OnlyWhatChangedIsReadAgain) {
         ASSERT_TRUE(s.scene.set(s.node("M9"), x3d::Material::transparency, 0.05f * float(i)));
         s.scene.newFrame(i + 1);
     }
-    const auto after = s.imager->tracer().counts();
+    const auto after = s.light->tracer().counts();
     EXPECT_LE(after.lightsRead - before.lightsRead, 10u);
     EXPECT_LE(after.materialsRead - before.materialsRead, 10u);
     EXPECT_GE(after.lightsRead - before.lightsRead, 9u);
@@ -216,13 +235,13 @@ TEST(LightTracerTables, RemovedShapesTakeTheirMaterialsAlong) {
     test::LightScene s(
         "DEF G Group { children [ Shape { appearance DEF A Appearance { } geometry Box { } } Shape { appearance USE A "
         "geometry Sphere { } } ] }");
-    EXPECT_EQ(s.imager->tracer().counts().materials, 1u);
+    EXPECT_EQ(s.light->tracer().counts().materials, 1u);
     ASSERT_TRUE(s.scene.removeChild(s.node("G"), x3d::Group::children.index, 0));
     s.scene.newFrame(1);
-    EXPECT_EQ(s.imager->tracer().counts().materials, 1u);
+    EXPECT_EQ(s.light->tracer().counts().materials, 1u);
     ASSERT_TRUE(s.scene.removeChild(s.node("G"), x3d::Group::children.index, 0));
     s.scene.newFrame(2);
-    EXPECT_EQ(s.imager->tracer().counts().materials, 0u);
+    EXPECT_EQ(s.light->tracer().counts().materials, 0u);
 }
 
 TEST(RenderToFile, NamesHoldNumbers) {
@@ -253,7 +272,7 @@ TEST(RenderToFile, AnimationsAndTheirErrors) {
         ++pictures;
         EXPECT_EQ(stats.primaryRays, 256u);
     };
-    ASSERT_TRUE(renderToFile(s.scene, *s.imager, folder / "f%02d.exr", s.options, animation));
+    ASSERT_TRUE(renderToFile(*s.light, folder / "f%02d.exr", s.options, animation));
     EXPECT_EQ(pictures, 3);
     double centers[3];
     for (int i = 0; i < 3; ++i) {
@@ -266,9 +285,9 @@ TEST(RenderToFile, AnimationsAndTheirErrors) {
     }
     EXPECT_LT(centers[0], centers[1]);
     EXPECT_LT(centers[1], centers[2]);
-    EXPECT_TRUE(renderToFile(s.scene, *s.imager, folder / "all.gif", s.options, {.frames = 2, .start = 4}));
-    EXPECT_FALSE(renderToFile(s.scene, *s.imager, folder / "all.png", s.options, {.frames = 2, .start = 6}));
-    EXPECT_FALSE(renderToFile(s.scene, *s.imager, folder / "all.gif", s.options, {.frames = 0}));
+    EXPECT_TRUE(renderToFile(*s.light, folder / "all.gif", s.options, {.frames = 2, .start = 4}));
+    EXPECT_FALSE(renderToFile(*s.light, folder / "all.png", s.options, {.frames = 2, .start = 6}));
+    EXPECT_FALSE(renderToFile(*s.light, folder / "all.gif", s.options, {.frames = 0}));
     std::filesystem::remove_all(folder);
 }
 

@@ -1,6 +1,6 @@
 // AcousticRenderer: AcousticTables and an AcousticEngine on one live world, for those with a single thread.
 //
-// Attach it to a FlattenedScene after the world; render() when the scene has come to where sound should be.
+// SoundRenderer is this on a SharedWorld. render() when the scene has come to where sound should be.
 // Threading: one thread, the scene's. To render on another, use the two parts. Tracing runs on all cores.
 #pragma once
 

@@ -1,8 +1,7 @@
-// Listening to a scene: everything that the verb `listen` reports and writes, in one call or frame by frame.
+// Listening to a scene: what is asked for, what is reported, and a whole run of it in one call.
 //
-// A ListenSession follows a scene (an original, a replica, a replay: no matter) through its bus at its own rate: what
-// happened since the last advance() comes merged. Room-acoustic figures are those of the moment measure() is called,
-// with rays enough for the asked error. Threading: on the scene's thread; tracing uses all cores.
+// Frame by frame it is a SoundRenderer. Room-acoustic figures are those of the start, with rays enough for the asked
+// error. Threading: on the scene's thread; tracing uses all cores.
 #pragma once
 
 #include <functional>
@@ -58,32 +57,12 @@ struct ListenReport {
     SoundBuffer impulseResponses(int sampleRate = 48000) const;
 };
 
-class ListenSession {
-  public:
-    /// Attaches to the scene's bus; the scene must outlive the session. Sound starts at the scene's present time.
-    static Result<std::unique_ptr<ListenSession>> attach(Scene& scene, const ListenOptions& options);
-    ~ListenSession();
-
-    /// Adopts what happened to the scene and renders sound up to the scene time `t`.
-    Result<> advance(double t);
-    /// Traces every source at the present state and adds it to the report.
-    Result<> measure();
-    /// The report so far, with the sound made not to clip. Ends the session's sound.
-    ListenReport finish();
-
-    const AcousticRenderer& renderer() const;
-    /// What sound from `source` meets, as of the last advance().
-    OpenedGeometry room(const glm::dvec3& source);
-    const RayWorld& world() const;
-
-  private:
-    struct Impl;
-    explicit ListenSession(std::unique_ptr<Impl> impl);
-    std::unique_ptr<Impl> impl_;
-};
+class SoundRenderer;
 
 /// Runs the scene from its present time for `options.seconds` and listens. Error: nothing to hear with, or cancelled;
 /// a scene without sounds is not an error, but silent.
 Result<ListenReport> listen(Scene& scene, const ListenOptions& options);
+/// The same on a world that others share.
+Result<ListenReport> listen(SoundRenderer& sound, const ListenOptions& options);
 
 }  // namespace rtsg

@@ -13,6 +13,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/core/bus.h>
@@ -23,13 +24,14 @@ namespace rtsg {
 
 class Scene;
 
-/// The mesh of a geometry node; null when it has none. Called once per new or changed geometry.
+/// The mesh of a geometry node; null when it has none. Called once per new or changed geometry; the points of skins are
+/// not handed to it.
 using MeshSource = std::function<std::shared_ptr<const Mesh>(const Scene& scene, NodeId geometry)>;
 
 class Flattener {
   public:
     struct Options {
-        /// None: tessellate(), whose diagnostics are added to the flattener's.
+        /// None: the flattener's own Tessellator with the points of skins, whose diagnostics are added to its own.
         MeshSource meshes;
         /// Where more paths than this lead to shapes the rest is left out with a diagnostic (sharing can be
         /// exponential).
@@ -45,6 +47,10 @@ class Flattener {
     /// Follows the scene, which is in the state `changes` leads to. The delta is valid until the next call. A snapshot
     /// starts over: everything there was is removed first.
     const InstanceDelta& apply(const Scene& scene, const ChangeSet& changes);
+
+    /// The meshes of geometry nodes of this type come from `source`; those there are already with the next apply() or
+    /// updateViewer().
+    void setMeshSource(const Scene& scene, std::string_view type, MeshSource source);
 
     /// The viewer's place in world space, by which LOD chooses; none: every LOD shows its first level. Takes effect
     /// with the next apply() or with updateViewer().
@@ -63,50 +69,23 @@ class Flattener {
     /// A delta that leads from nothing to here, for those who come late.
     InstanceDelta snapshot() const;
 
-    /// Of paths left out, and of the tessellation of geometry.
+    /// Of paths left out, and of the tessellation of geometry; each once, however often a geometry changes.
     const Diagnostics& diagnostics() const;
+    /// Flatteners made since the process started.
+    static std::uint64_t made();
 
   private:
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };
 
-/// What follows a flattened scene: RayWorld, light, sound, rasteriser.
+/// What follows a flattened scene: light, sound, rasteriser, an export. It is added to a SharedWorld.
 class InstanceSubscriber {
   public:
     virtual ~InstanceSubscriber() = default;
     /// On the scene's thread, in the order of attaching. `scene` and `changes` are there for materials and the like.
     virtual Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) = 0;
-};
-
-/// One flattening for several subscribers: attach this to the bus and them to this.
-class FlattenedScene final : public Subscriber {
-  public:
-    explicit FlattenedScene(Flattener::Options options = {});
-
-    /// `subscriber` must outlive this or be removed. One that comes late is sent a snapshot with the next change set,
-    /// or at once by catchUp().
-    void add(InstanceSubscriber& subscriber);
-    void remove(InstanceSubscriber& subscriber);
-    /// Sends what a moved viewer changes (Flattener::setViewer) and snapshots to late subscribers, with an empty change
-    /// set. On the scene's thread.
-    Result<> catchUp(const Scene& scene);
-
-    Result<> apply(const Scene& scene, const ChangeSet& changes) override;
-    std::string subscriberName() const override { return "flattener"; }
-
-    Flattener& flattener() { return flattener_; }
-    const Flattener& flattener() const { return flattener_; }
-
-  private:
-    struct Entry {
-        InstanceSubscriber* subscriber;
-        bool upToDate;
-    };
-    Result<> deliver(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
-
-    Flattener flattener_;
-    std::vector<Entry> subscribers_;
+    virtual std::string subscriberName() const { return "instance subscriber"; }
 };
 
 }  // namespace rtsg

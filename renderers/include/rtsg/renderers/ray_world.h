@@ -109,6 +109,8 @@ class RayWorld : public RayView {
     Memory memory() const;
     const Diagnostics& diagnostics() const;
     void clearDiagnostics();
+    /// Ray worlds made since the process started.
+    static std::uint64_t made();
 
   private:
     struct Impl;

@@ -77,7 +77,7 @@ class Renderer : public Subscriber {
     /// Listing 1: once, before the first frame. Attaches to the bus when listens(); overriding ones call this one last.
     /// The scene must outlive the attachment.
     virtual Result<> attachToScene(Scene& scene);
-    void detachFromScene();
+    virtual void detachFromScene();
     /// Listing 1: presents the scene's current state; each frame, after Scene::newFrame.
     virtual Result<> renderFrame() = 0;
 
@@ -88,7 +88,7 @@ class Renderer : public Subscriber {
     virtual Result<> renderNode(NodeId node, Operation operation);
 
     /// Double dispatch: how this renderer treats this type.
-    void registerNodeRenderer(std::string_view type, NodeRenderer renderer);
+    virtual void registerNodeRenderer(std::string_view type, NodeRenderer renderer);
 
     /// For node renderers: these next, in this order, before whatever else is waiting. Unlike calling renderNodes()
     /// from within, it is safe for nesting of any depth.
@@ -102,11 +102,15 @@ class Renderer : public Subscriber {
     /// Null while not attached.
     const Scene* scene() const { return scene_; }
     /// False once the bus has detached it after an error.
-    bool attached() const { return scene_ && (!listens() || attachment_.attached()); }
+    virtual bool attached() const { return scene_ && (!listens() || attachment_.attached()); }
+    /// Why it follows no longer; empty while it does, and before it was attached.
+    virtual std::string failure() const { return attachment_.failure(); }
 
   protected:
     /// Whether changes are to be reported to apply(); the full-traversal pipeline does without.
     virtual bool listens() const { return true; }
+    /// Whether a node renderer is registered here for nodes of this type.
+    bool ownsType(const NodeType& type) const { return own_.find(type) != nullptr; }
 
   private:
     struct Waiting {

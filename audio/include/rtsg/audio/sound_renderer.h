@@ -1,0 +1,56 @@
+// SoundRenderer: what the listener of a scene hears, as one of the renderers of a SharedWorld.
+//
+// Invariant: sound has been made up to the scene time of the last renderFrame(), from the time it was attached on,
+// however many frames went by between two calls. Walls are where the world's rays meet them; what sound needs alone
+// (sources, materials, responses) is here. Figures of rooms are those of the moment measure() is called.
+// Threading: the scene's thread; tracing uses all cores. Source: paper section 8 (sound as one more renderer).
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include <rtsg/audio/listen.h>
+#include <rtsg/renderers/world_renderer.h>
+
+namespace rtsg {
+
+class SoundRenderer final : public WorldRenderer {
+  public:
+    /// Asked of node renderers once a frame's sound is made: to add theirs to block().
+    static constexpr Operation kVoice{1};
+
+    /// Attached on return; if that failed, for want of a sound library say, attached() is false and renderFrame() says
+    /// why. Of the options, `seconds` and `framesPerSecond` are not used.
+    explicit SoundRenderer(SharedWorld& world, const ListenOptions& options = {});
+    ~SoundRenderer() override;
+
+    /// Makes the sound from the end of the last frame to the scene's time; nothing where the options ask for no sound.
+    Result<> renderFrame() override;
+    /// The samples that the last renderFrame() made, interleaved, and the scene time of the first.
+    std::span<float> block();
+    double blockStart() const;
+    int channels() const;
+    int sampleRate() const;
+
+    /// Traces every source at the present state and adds it to the report.
+    Result<> measure();
+    /// The report so far, with the sound made not to clip. Ends the sound. Its diagnostics are those of sounds alone.
+    ListenReport finish();
+
+    /// What sound from `source` meets at present.
+    OpenedGeometry room(const glm::dvec3& source);
+    /// Precondition: it could be attached.
+    const AcousticRenderer& renderer() const;
+    std::string failure() const override;
+    bool attached() const override { return failure().empty() && WorldRenderer::attached(); }
+    std::string subscriberName() const override { return "sound renderer"; }
+
+  protected:
+    Result<> follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

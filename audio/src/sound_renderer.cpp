@@ -1,0 +1,183 @@
+// Sound from the shared world: following it, making sound frame by frame, measuring rooms.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include <rtsg/audio/sound_renderer.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double secondsSince(Clock::time_point start) {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// The largest half width in just noticeable differences; infinity while one is missing.
+double worstError(const MetricsEstimate& m) {
+    double worst = 0;
+    const auto take = [&](double ci, double noticeable) {
+        // A figure that does not exist has no error either: a room too dead for T20, say.
+        if (std::isfinite(noticeable) && noticeable > 0)
+            worst = std::max(worst, std::isfinite(ci) ? ci / noticeable : 1e9);
+    };
+    for (std::size_t b = 1; b < 7; ++b) {
+        take(m.ci95.t20[b], 0.05 * m.value.t20[b]);
+        take(m.ci95.t30[b], 0.05 * m.value.t30[b]);
+        take(m.ci95.c80[b], std::isfinite(m.value.c80[b]) ? 1.0 : NAN);
+        take(m.ci95.d50[b], std::isfinite(m.value.d50[b]) ? 0.05 : NAN);
+        take(m.ci95.g[b], std::isfinite(m.value.g[b]) ? 1.0 : NAN);
+    }
+    return worst;
+}
+
+double meanOf(const Bands& bands) {
+    double sum = 0;
+    for (const double value : bands) sum += value / kBandCount;
+    return sum;
+}
+
+/// 2000 sqrt(T / V), with the volume that the listener sees; NaN in the open.
+double schroederFrequency(const AcousticGeometry& geometry, const glm::dvec3& listener, double reverberationTime) {
+    constexpr int kDirections = 2048;
+    constexpr double kGolden = 2.39996322972865332;
+    double volume = 0;
+    for (int i = 0; i < kDirections; ++i) {
+        const double z = 1 - (2 * i + 1) / double{kDirections}, r = std::sqrt(1 - z * z);
+        AcousticHit hit;
+        if (!geometry.closest(listener, {r * std::cos(i * kGolden), r * std::sin(i * kGolden), z}, 1e6, kNoPlane, hit))
+            return std::numeric_limits<double>::quiet_NaN();
+        volume += 4 * std::numbers::pi / 3 * hit.distance * hit.distance * hit.distance / kDirections;
+    }
+    return 2000 * std::sqrt(reverberationTime / volume);
+}
+
+}  // namespace
+
+struct SoundRenderer::Impl {
+    Impl(SharedWorld& world, const ListenOptions& o) : options(o), rays(world.rays()) {}
+
+    ListenOptions options;
+    const RayWorld& rays;
+    std::string refused;                         // why it could not be attached
+    std::unique_ptr<AcousticRenderer> renderer;  // null if it could not be made
+    ListenReport report;
+    std::size_t blockAt = 0;  // of report.sound.samples
+    double start = 0;
+};
+
+SoundRenderer::SoundRenderer(SharedWorld& world, const ListenOptions& options)
+    : WorldRenderer(world), impl_(std::make_unique<Impl>(world, options)) {
+    Impl& s = *impl_;
+    AcousticRenderer::Options render = options.render;
+    render.trace.seed = options.trace.seed;
+    render.trace.air = options.trace.air;
+    render.startTime = s.start = world.scene().now();
+    auto renderer = AcousticRenderer::create(s.rays, render);
+    if (!renderer) {
+        s.refused = renderer.error().text;
+        return;
+    }
+    s.renderer = std::move(*renderer);
+    if (auto ok = attachToScene(world.scene()); !ok) s.refused = ok.error().text;
+}
+
+SoundRenderer::~SoundRenderer() {
+    SoundRenderer::detachFromScene();
+}
+
+std::string SoundRenderer::failure() const {
+    return impl_->refused.empty() ? WorldRenderer::failure() : impl_->refused;
+}
+
+Result<> SoundRenderer::follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    return impl_->renderer->apply(scene, changes, delta);
+}
+
+Result<> SoundRenderer::renderFrame() {
+    Impl& s = *impl_;
+    if (!s.refused.empty()) return fail("listening failed: " + s.refused);
+    const auto start = Clock::now();
+    if (auto ok = begin(); !ok) return ok;
+    SoundBuffer& sound = s.report.sound;
+    s.blockAt = sound.samples.size();
+    if (!s.options.sound) return {};
+    if (auto rendered = s.renderer->render(world().scene().now(), sound); !rendered) return rendered;
+    s.report.seconds += secondsSince(start);
+    return renderOwnNodes(kVoice);
+}
+
+std::span<float> SoundRenderer::block() {
+    return std::span(impl_->report.sound.samples).subspan(impl_->blockAt);
+}
+double SoundRenderer::blockStart() const {
+    const auto before = static_cast<double>(impl_->blockAt / static_cast<std::size_t>(std::max(1, channels())));
+    return impl_->start + before / sampleRate();
+}
+int SoundRenderer::channels() const {
+    return impl_->renderer ? impl_->renderer->channels() : 0;
+}
+int SoundRenderer::sampleRate() const {
+    return impl_->options.render.sampleRate;
+}
+const AcousticRenderer& SoundRenderer::renderer() const {
+    return *impl_->renderer;
+}
+OpenedGeometry SoundRenderer::room(const glm::dvec3& source) {
+    return impl_->renderer->geometryFor(source);
+}
+
+Result<> SoundRenderer::measure() {
+    const auto start = Clock::now();
+    Impl& s = *impl_;
+    if (!s.refused.empty()) return fail("listening failed: " + s.refused);
+    if (auto ok = begin(); !ok) return ok;
+    const SoundScene& sounds = s.renderer->scene();
+    const glm::dvec3 listener = sounds.listener().position;
+    for (const SoundEmitter& emitter : sounds.emitters()) {
+        if (!sounds.sound(emitter).enabled) continue;
+        ListenReport::Source source;
+        source.source = emitter.name;
+        source.position = sounds.position(emitter);
+        const OpenedGeometry room = s.renderer->geometryFor(source.position);
+        const AcousticTracer tracer(room);
+        source.trace = tracer.trace(source.position, listener, s.options.trace);
+        source.metrics = source.trace.metrics();
+        while (s.options.error > 0 && source.trace.rays < s.options.maxRays &&
+               worstError(source.metrics) > s.options.error) {
+            // Errors fall with the root of the rays; never more than four times as many on a guess.
+            const double ratio = std::min(2.0, worstError(source.metrics) / s.options.error);
+            const auto more =
+                static_cast<std::uint64_t>(static_cast<double>(source.trace.rays) * std::max(0.2, ratio * ratio - 1));
+            tracer.refine(source.trace, source.position, listener, s.options.trace,
+                          std::min(more, s.options.maxRays - source.trace.rays));
+            source.metrics = source.trace.metrics();
+            if (s.options.progress && !s.options.progress(0)) return fail("cancelled");
+        }
+        source.schroederHz = schroederFrequency(room, listener, source.metrics.value.t20[4]);
+        s.report.rays += source.trace.rays;
+        s.report.sources.push_back(std::move(source));
+    }
+    s.report.escaped = 0;
+    for (const ListenReport::Source& source : s.report.sources)
+        s.report.escaped += meanOf(source.trace.escaped) / static_cast<double>(s.report.sources.size());
+    s.report.seconds += secondsSince(start);
+    return {};
+}
+
+ListenReport SoundRenderer::finish() {
+    Impl& s = *impl_;
+    s.report.gain = normalise(s.report.sound);
+    s.blockAt = 0;
+    if (!s.renderer) return std::exchange(s.report, ListenReport());
+    s.report.diagnostics.append(s.renderer->diagnostics());
+    if (s.renderer->scene().emitters().empty()) s.report.diagnostics.warning({}, "the scene has no sounds");
+    return std::exchange(s.report, ListenReport());
+}
+
+}  // namespace rtsg

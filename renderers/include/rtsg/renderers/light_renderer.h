@@ -1,0 +1,66 @@
+// LightRenderer: pictures of a scene by rays, as one of the renderers of a SharedWorld.
+//
+// Invariant: a picture shows the scene's present state, however it got there: loaded, run, mirrored or replayed. What
+// light needs alone (materials, lights, sky, textures) is here; where things are, is the world's.
+// Levels of detail are chosen for the eye of the last picture, and hold for all that share the world.
+// Threading: the scene's thread; a picture itself is made by several. Source: paper section 5.1 and Listing 1.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <utility>
+
+#include <rtsg/renderers/light_tracer.h>
+#include <rtsg/renderers/picture.h>
+#include <rtsg/renderers/world_renderer.h>
+
+namespace rtsg {
+
+struct ImageOptions {
+    RenderSettings settings;
+    std::string viewpoint;  // DEF name or description; empty: the bound one
+};
+
+class LightRenderer final : public WorldRenderer {
+  public:
+    struct Options {
+        Options() = default;
+        explicit Options(Resources textures, ImageOptions pictures = {})
+            : image(std::move(pictures)), resources(std::move(textures)) {}
+        ImageOptions image;
+        Resources resources;  // what urls of textures may open, and where relative ones start
+    };
+    /// Asked of node renderers once a picture is traced: to draw into frame(), which is linear radiance.
+    static constexpr Operation kDraw{1};
+
+    /// Attached on return; if that failed, attached() is false and renderFrame() says why.
+    explicit LightRenderer(SharedWorld& world);
+    LightRenderer(SharedWorld& world, Options options);
+    ~LightRenderer() override;
+
+    /// Makes the picture of the scene's present state: frame(). Errors: as picture().
+    Result<> renderFrame() override;
+    /// The last picture, empty before the first; camera() is the one it was taken with.
+    Picture& frame();
+    const Camera& camera() const;
+    const RenderStats& stats() const;
+
+    /// renderFrame() with other options; hands the picture out. Errors: an unknown viewpoint, an impossible size, an
+    /// integrator that is not built in; whatever a node renderer reports.
+    Result<Picture> picture(const ImageOptions& options, RenderStats* stats = nullptr);
+
+    const LightTracer& tracer() const;
+    /// Of materials, lights and textures, since the start; the world has its own.
+    const Diagnostics& diagnostics() const;
+    std::string subscriberName() const override { return "light renderer"; }
+
+  protected:
+    Result<> follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
+
+  private:
+    Result<> make(const ImageOptions& options);
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

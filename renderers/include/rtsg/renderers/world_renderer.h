@@ -1,0 +1,47 @@
+// WorldRenderer: a Renderer that starts from a SharedWorld. Light and sound are such; so is one of your own.
+//
+// Invariant: while attached, follow() gets every delta of the world, first a snapshot, after the rays have taken it.
+// Node renderers that are registered with it are called for every node of their types that the scene holds, wherever it
+// hangs, when renderOwnNodes() is called; the work follows their number, never the scene.
+// Threading: the scene's thread. Source: paper section 4.1; the world in between is ours.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include <rtsg/renderers/renderer.h>
+#include <rtsg/renderers/shared_world.h>
+
+namespace rtsg {
+
+class WorldRenderer : public Renderer {
+  public:
+    /// `world` must outlive this. `types`: as for Renderer.
+    explicit WorldRenderer(SharedWorld& world, std::shared_ptr<const NodeRenderers> types = nullptr);
+    ~WorldRenderer() override;
+
+    /// Of the world's scene only. On return follow() has had its snapshot; if it failed, so does this.
+    Result<> attachToScene(Scene& scene) override;
+    void detachFromScene() override;
+    bool attached() const override;
+    std::string failure() const override;
+    void registerNodeRenderer(std::string_view type, NodeRenderer renderer) override;
+
+    SharedWorld& world() const;
+
+  protected:
+    /// As InstanceSubscriber::apply.
+    virtual Result<> follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) = 0;
+    /// Sends the operation to the nodes that have a node renderer of their own here, in the order of their numbers.
+    Result<> renderOwnNodes(Operation operation);
+    /// Error: failure(), or that it is not attached. First of all in a renderFrame(): brings the world up to date.
+    Result<> begin();
+    bool listens() const override { return false; }  // the world does
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

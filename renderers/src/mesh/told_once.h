@@ -1,0 +1,39 @@
+// ToldOnce: what has been said is not said again, however often a changing scene gives reason to.
+//
+// Invariant: memory is bounded: past kMost different ones, repeats of later ones are told again.
+// Threading: one thread.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <unordered_set>
+#include <utility>
+
+#include <rtsg/core/diagnostic.h>
+
+namespace rtsg {
+
+class ToldOnce {
+  public:
+    static constexpr std::size_t kMost = 4096;
+
+    /// Appends to `into` those of `news` that have not come this way before.
+    void append(const Diagnostics& news, Diagnostics& into) {
+        for (const Diagnostic& d : news.all())
+            if (const std::size_t hash = std::hash<std::string>{}(d.format()); !told_.contains(hash)) {
+                if (told_.size() < kMost) told_.insert(hash);
+                into.add(d.severity, d.where, d.text);
+            }
+    }
+
+    void warning(std::string text, Diagnostics& into) {
+        Diagnostics news;
+        news.warning({}, std::move(text));
+        append(news, into);
+    }
+
+  private:
+    std::unordered_set<std::size_t> told_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,237 @@
+// The shared world: one flattener and one RayWorld on the bus, and the list of those who start from them.
+#include <rtsg/renderers/shared_world.h>
+
+#include <algorithm>
+#include <ctime>
+#include <exception>
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+namespace {
+
+double threadSeconds() {
+    timespec t{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+/// Runs `work`, which returns a Result; what it throws is an error as well.
+template <class Work>
+Result<> guarded(const Work& work) {
+    try {
+        return work();
+    } catch (const std::exception& e) {
+        return fail(e.what());
+    } catch (...) {
+        return fail("an exception of unknown type");
+    }
+}
+
+bool touchesRays(const InstanceDelta& d) {
+    return !d.removed.empty() || !d.added.empty() || !d.moved.empty() || !d.rebound.empty() || !d.geometries.empty() ||
+           !d.geometriesRemoved.empty();
+}
+
+std::string reason(const Diagnostic& error) {
+    return error.text.empty() ? "it failed without saying why" : error.text;
+}
+
+}  // namespace
+
+struct SharedWorld::Impl final : Subscriber {
+    struct Entry {
+        InstanceSubscriber* subscriber = nullptr;  // null: removed during a delivery
+        bool upToDate = false;
+        std::string failure;
+    };
+
+    Impl(Scene& s, Options o) : scene(s), options(std::move(o)), flattener(std::move(options.flattening)) {}
+
+    double clock() const { return options.timed ? threadSeconds() : 0; }
+
+    Result<> apply(const Scene& at, const ChangeSet& changes) override {
+        const double start = clock();
+        const InstanceDelta& now = flattener.apply(at, changes);
+        times.flattening = clock() - start;
+        return deliver(at, changes, now);
+    }
+    std::string subscriberName() const override { return "shared world"; }
+
+    /// With an empty change set: what happened to the viewer or to those added, not to the scene.
+    Result<> deliverViewer() {
+        ChangeSet none;
+        none.from = none.to = scene.sequence();
+        const double start = clock();
+        const InstanceDelta& now = flattener.updateViewer(scene);
+        times.flattening = clock() - start;
+        return deliver(scene, none, now);
+    }
+
+    Result<> deliver(const Scene& at, const ChangeSet& changes, const InstanceDelta& now) {
+        delta = &now;
+        const double start = clock();
+        if (rays) {
+            rays->apply(now);
+            counts.commits += touchesRays(now);
+        }
+        const double done = clock();
+        times.rays = done - start;
+        const bool news = changes.from != changes.to || !now.empty();
+        counts.deliveries += news;
+        std::optional<std::pair<ChangeSet, InstanceDelta>> whole;  // for those who come late
+        delivering = true;
+        // By index: a subscriber may add or remove others while it runs.
+        for (std::size_t i = 0; i < entries.size(); ++i) {
+            if (!entries[i].subscriber || !entries[i].failure.empty()) continue;
+            const bool late = !std::exchange(entries[i].upToDate, true);
+            if (!late && !news) continue;
+            if (late && !whole) whole.emplace(at.snapshot(), flattener.snapshot());
+            InstanceSubscriber* subscriber = entries[i].subscriber;
+            const Result<> result = guarded([&] {
+                return late ? subscriber->apply(at, whole->first, whole->second) : subscriber->apply(at, changes, now);
+            });
+            if (result || entries[i].subscriber != subscriber) continue;
+            entries[i].failure = reason(result.error());
+            failures.error(result.error().where, subscriber->subscriberName() + ": " + entries[i].failure);
+        }
+        delivering = false;
+        std::erase_if(entries, [](const Entry& entry) { return !entry.subscriber; });
+        times.subscribers = clock() - done;
+        return {};
+    }
+
+    /// What is done outside of the bus's deliveries stops everything as well if it fails.
+    Result<> outside(const std::function<Result<>()>& work) {
+        if (!failure.empty()) return fail(failure);
+        const Result<> result = guarded(work);
+        if (!result) failure = reason(result.error());
+        return result;
+    }
+
+    Scene& scene;
+    Options options;
+    Flattener flattener;
+    std::unique_ptr<RayWorld> rays;
+    const InstanceDelta* delta = nullptr;
+    std::vector<Entry> entries;
+    bool delivering = false;
+    Diagnostics failures;
+    std::string failure;
+    Counts counts;
+    Times times;
+    Attachment attachment;  // last: detached first
+};
+
+SharedWorld::SharedWorld(Scene& scene) : SharedWorld(scene, Options()) {}
+SharedWorld::SharedWorld(Scene& scene, Options options) : impl_(std::make_unique<Impl>(scene, std::move(options))) {
+    impl_->attachment = scene.bus().attach(*impl_, impl_->options.delivery);
+    impl_->attachment.poll();
+}
+SharedWorld::~SharedWorld() = default;
+
+void SharedWorld::add(InstanceSubscriber& subscriber) {
+    Impl& s = *impl_;
+    if (!s.delivering) (void)update();  // a failure is kept
+    s.entries.push_back({&subscriber, false, {}});
+    if (!s.delivering && failure().empty()) (void)s.outside([&] { return s.deliverViewer(); });
+}
+
+void SharedWorld::remove(InstanceSubscriber& subscriber) {
+    Impl& s = *impl_;
+    for (Impl::Entry& entry : s.entries)
+        if (entry.subscriber == &subscriber) entry.subscriber = nullptr;
+    if (!s.delivering) std::erase_if(s.entries, [](const Impl::Entry& entry) { return !entry.subscriber; });
+}
+
+std::string SharedWorld::failure(const InstanceSubscriber& subscriber) const {
+    for (const Impl::Entry& entry : impl_->entries)
+        if (entry.subscriber == &subscriber) return entry.failure.empty() ? failure() : entry.failure;
+    return {};
+}
+
+std::string SharedWorld::failure() const {
+    if (!impl_->failure.empty()) return impl_->failure;
+    return impl_->attachment.attached() ? std::string() : impl_->attachment.failure();
+}
+
+Result<> SharedWorld::update() {
+    Impl& s = *impl_;
+    if (s.delivering) return {};
+    s.scene.seal();
+    s.attachment.poll();
+    if (const std::string why = failure(); !why.empty()) return fail("the scene could not be followed: " + why);
+    return {};
+}
+
+Result<> SharedWorld::setViewer(std::optional<Vec3d> position) {
+    impl_->flattener.setViewer(position);
+    if (impl_->delivering) return {};  // with the next one
+    if (const std::string why = failure(); !why.empty()) return fail("the scene could not be followed: " + why);
+    return impl_->outside([&] { return impl_->deliverViewer(); });
+}
+
+void SharedWorld::setMeshSource(std::string_view type, MeshSource source) {
+    Impl& s = *impl_;
+    s.flattener.setMeshSource(s.scene, type, std::move(source));
+    if (!s.delivering && failure().empty()) (void)s.outside([&] { return s.deliverViewer(); });
+}
+
+void SharedWorld::finishBackgroundWork() {
+    if (!impl_->rays) return;
+    (void)impl_->outside([&]() -> Result<> {
+        impl_->rays->finishBackgroundWork();
+        return {};
+    });
+}
+
+Scene& SharedWorld::scene() const {
+    return impl_->scene;
+}
+const Flattener& SharedWorld::flattener() const {
+    return impl_->flattener;
+}
+const InstanceDelta& SharedWorld::delta() const {
+    return *impl_->delta;
+}
+const SharedWorld::Times& SharedWorld::times() const {
+    return impl_->times;
+}
+
+const RayWorld& SharedWorld::rays() {
+    Impl& s = *impl_;
+    if (s.rays) return *s.rays;
+    s.rays = std::make_unique<RayWorld>(s.options.rays);
+    if (failure().empty())
+        (void)s.outside([&]() -> Result<> {
+            s.rays->apply(s.flattener.snapshot());
+            ++s.counts.commits;
+            return {};
+        });
+    return *s.rays;
+}
+
+std::uint64_t SharedWorld::sequence() const {
+    return impl_->delta ? impl_->delta->sequence : 0;
+}
+
+SharedWorld::Counts SharedWorld::counts() const {
+    Counts counts = impl_->counts;
+    counts.flatteners = Flattener::made();
+    counts.rayWorlds = RayWorld::made();
+    return counts;
+}
+
+Diagnostics SharedWorld::diagnostics() const {
+    Diagnostics all = impl_->flattener.diagnostics();
+    if (impl_->rays) all.append(impl_->rays->diagnostics());
+    all.append(impl_->failures);
+    if (const std::string why = failure(); !why.empty()) all.error({}, "the scene could not be followed: " + why);
+    return all;
+}
+
+}  // namespace rtsg
