@@ -11,22 +11,25 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <rtsg/core/field_text.h>
+#include <rtsg/core/terminal.h>
+
 namespace rtsg::app {
 
 void print(const Diagnostics& diagnostics) {
-    for (const Diagnostic& d : diagnostics.all()) fmt::print(stderr, "{}\n", d.format());
+    for (const Diagnostic& d : diagnostics.all()) fmt::print(stderr, "{}\n", terminalText(d.format()));
     if (diagnostics.dropped()) fmt::print(stderr, "... and {} more\n", diagnostics.dropped());
 }
 
 void printError(const std::string& text) {
-    fmt::print(stderr, "rtsg: error: {}\n", text);
+    fmt::print(stderr, "rtsg: error: {}\n", terminalText(text));
 }
 
 void printError(const Diagnostic& diagnostic) {
     if (diagnostic.file.empty())
         printError(diagnostic.text);
     else
-        fmt::print(stderr, "{}\n", diagnostic.format());
+        fmt::print(stderr, "{}\n", terminalText(diagnostic.format()));
 }
 
 namespace {
@@ -169,32 +172,7 @@ double parseSeconds(const std::string& text) {
 }
 
 std::string jsonString(std::string_view text) {
-    std::string out = "\"";
-    for (const char c : text) {
-        switch (c) {
-            case '"':
-                out += "\\\"";
-                break;
-            case '\\':
-                out += "\\\\";
-                break;
-            case '\n':
-                out += "\\n";
-                break;
-            case '\r':
-                out += "\\r";
-                break;
-            case '\t':
-                out += "\\t";
-                break;
-            default:
-                if (static_cast<unsigned char>(c) < 0x20)
-                    out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
-                else
-                    out += c;
-        }
-    }
-    return out + '"';
+    return printFieldText(Value(String(text)), TextSyntax::json);
 }
 
 std::string nodeLabel(const Scene& scene, NodeId id) {

@@ -2,6 +2,7 @@
 // sentence (a string) where it refuses, which the prelude turns into an exception at the script's own line.
 #include <fmt/format.h>
 
+#include <rtsg/core/terminal.h>
 #include <rtsg/core/x3d.h>
 
 #include "runtime.h"
@@ -40,7 +41,7 @@ bool print(JSContext* cx, unsigned count, JS::Value* vp) {
     if (call.options.print)
         call.options.print(text);
     else
-        std::fwrite(text.data(), 1, text.size(), stdout);
+        std::fputs(terminalText(text, Lines::kept).c_str(), stdout);
     args.rval().setUndefined();
     return true;
 }

@@ -127,14 +127,22 @@ class Printer {
     void json(std::string_view text) {
         constexpr char digits[] = "0123456789abcdef";
         out_ += '"';
-        for (const char c : text) {
-            const auto byte = static_cast<unsigned char>(c);
+        for (std::size_t i = 0; i < text.size(); ++i) {
+            const char c = text[i];
+            auto byte = static_cast<unsigned char>(c);
+            // DEL and C1 act on terminals, where lines of JSON often go.
+            const auto next = i + 1 < text.size() ? static_cast<unsigned char>(text[i + 1]) : 0u;
+            const bool isC1 = byte == 0xC2 && next >= 0x80 && next < 0xA0;
+            if (isC1) {
+                byte = static_cast<unsigned char>(next);
+                ++i;
+            }
             if (c == '"' || c == '\\') {
                 out_ += '\\';
                 out_ += c;
             } else if (c == '\n') {
                 out_ += "\\n";
-            } else if (byte < 0x20) {
+            } else if (byte < 0x20 || byte == 0x7F || isC1) {
                 out_ += "\\u00";
                 out_ += digits[byte >> 4];
                 out_ += digits[byte & 15];

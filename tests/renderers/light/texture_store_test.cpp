@@ -1,0 +1,120 @@
+// Textures by url: where they come from, and how many pixels a scene may have.
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+
+#include "light/texture_store.h"
+
+namespace rtsg {
+namespace {
+
+using testing::HasSubstr;
+
+class TextureUrls : public testing::Test {
+  protected:
+    TextureUrls()
+        : folder(std::filesystem::temp_directory_path() /
+                 fmt::format("rtsg-texture-{}-{}", getpid(), static_cast<const void*>(this))) {
+        std::filesystem::create_directories(folder / "parts");
+    }
+    ~TextureUrls() override {
+        std::error_code ignored;
+        std::filesystem::remove_all(folder, ignored);
+    }
+    /// A grey picture of the simplest format.
+    static std::string picture(int width, int height) {
+        return fmt::format("P5\n{} {}\n255\n", width, height) +
+               std::string(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), 'g');
+    }
+    void write(const std::string& name, const std::string& bytes) const {
+        std::ofstream(folder / name, std::ios::binary) << bytes;
+    }
+    /// The textures of all ImageTextures of a document in `folder`.
+    std::vector<std::shared_ptr<const Texture>> texturesOf(const std::string& text, ResourcePolicy policy = {}) {
+        write("main.x3dv", "#X3D V4.0 utf8\nPROFILE Full\n" + text);
+        Scene scene;
+        const Resources resources = Resources::ofFile(folder / "main.x3dv", std::move(policy));
+        Diagnostics loading;
+        LoadOptions options;
+        options.resources = resources;
+        EXPECT_TRUE(loadFile(scene, folder / "main.x3dv", loading, options));
+        EXPECT_EQ(loading.errors(), 0u);
+        TextureStore store(resources);
+        std::vector<std::shared_ptr<const Texture>> result;
+        Diagnostics diagnostics;
+        scene.forEachNode([&](const Node& node) {
+            if (node.is(x3d::ImageTexture::type))
+                result.push_back(store.ofNode(scene, node, Texture::Content::color, diagnostics));
+        });
+        problems.clear();
+        for (const Diagnostic& d : diagnostics.all()) problems += d.text + "\n";
+        return result;
+    }
+    static std::string shape(const std::string& url) {
+        return "Shape { appearance Appearance { texture ImageTexture { url \"" + url + "\" } } }\n";
+    }
+
+    std::filesystem::path folder;
+    std::string problems;
+};
+
+TEST_F(TextureUrls, OfAnInlinedFileStartBesideIt) {
+    write("parts/part.x3dv", "#X3D V4.0 utf8\nPROFILE Full\n" + shape("a.pgm"));
+    write("parts/a.pgm", picture(2, 3));
+    write("a.pgm", picture(5, 5));
+    const auto textures = texturesOf("Inline { url \"parts/part.x3dv\" }");
+    ASSERT_TRUE(textures.at(0)) << problems;
+    EXPECT_EQ(textures[0]->height(), 3);
+}
+
+TEST_F(TextureUrls, OutsideAreRefused) {
+    EXPECT_FALSE(texturesOf(shape("/etc/passwd")).at(0));
+    EXPECT_THAT(problems, HasSubstr("--allow /etc"));
+}
+
+TEST_F(TextureUrls, AreReadByTheirContentNotTheirName) {
+    write("a.png", picture(2, 3));
+    EXPECT_TRUE(texturesOf(shape("a.png")).at(0)) << problems;
+    write("b.png", "hunter2");
+    EXPECT_FALSE(texturesOf(shape("b.png")).at(0));
+    EXPECT_THAT(problems, HasSubstr("b.png is no picture of a format that is read"));
+    EXPECT_THAT(problems, testing::Not(HasSubstr("hunter2")));
+}
+
+TEST_F(TextureUrls, HaveLimitedPixels) {
+    ResourcePolicy policy;
+    policy.maximumPixels = 400;
+    write("small.pgm", picture(10, 10));
+    write("large.pgm", picture(101, 1));
+    EXPECT_TRUE(texturesOf(shape("small.pgm"), policy).at(0)) << problems;
+    EXPECT_FALSE(texturesOf(shape("large.pgm"), policy).at(0));
+    EXPECT_THAT(problems, HasSubstr("101 x 1 pixels are more than 100; --limit pixels=N raises this"));
+    // A header that promises what the file does not hold takes no memory either.
+    write("bomb.pgm", "P5\n30000 30000\n255\n");
+    EXPECT_FALSE(texturesOf(shape("bomb.pgm")).at(0));
+    EXPECT_THAT(problems, HasSubstr("30000 x 30000 pixels are more than"));
+}
+
+TEST_F(TextureUrls, TogetherHaveLimitedPixels) {
+    ResourcePolicy policy;
+    policy.maximumPixels = 400;
+    std::string text;
+    for (int i = 0; i < 5; ++i) {
+        write(fmt::format("{}.pgm", i), picture(10, 10));
+        text += shape(fmt::format("{}.pgm", i)) + shape(fmt::format("{}.pgm", i));
+    }
+    const auto textures = texturesOf(text, policy);
+    EXPECT_EQ(std::ranges::count(textures, nullptr), 2);
+    EXPECT_FALSE(textures.at(8));
+    EXPECT_THAT(problems, HasSubstr("the scene's pictures have more than 400 pixels"));
+}
+
+}  // namespace
+}  // namespace rtsg
