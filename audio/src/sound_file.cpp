@@ -10,6 +10,7 @@
 #include <sndfile.h>
 
 #include <rtsg/audio/sound_file.h>
+#include <rtsg/core/output_file.h>
 
 namespace rtsg {
 namespace {
@@ -96,7 +97,16 @@ Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamp
     return readAll(file.get(), info, maxSamples);
 }
 
+Result<> checkSoundName(const std::string& path) {
+    std::string extension = std::filesystem::path(path).extension().string();
+    for (char& c : extension)
+        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    if (extension == ".wav") return {};
+    return fail("no kind of sound that can be written has such a name; there is: .wav", {}, path);
+}
+
 Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat format) {
+    if (auto ok = checkSoundName(path); !ok) return ok;
     if (sound.channels < 1 || sound.sampleRate < 1) return fail("a sound without channels or rate", {}, path);
     const float peak = sound.peak();
     for (const float sample : sound.samples)
@@ -109,7 +119,9 @@ Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat f
     info.format = SF_FORMAT_WAV | (format == WavFormat::pcm16   ? SF_FORMAT_PCM_16
                                    : format == WavFormat::pcm24 ? SF_FORMAT_PCM_24
                                                                 : SF_FORMAT_FLOAT);
-    File file(sf_open(path.c_str(), SFM_WRITE, &info));
+    auto out = OutputFile::create(path);
+    if (!out) return std::unexpected(out.error());
+    File file(sf_open_fd(out->descriptor(), SFM_WRITE, &info, SF_FALSE));
     if (!file) return fail(fmt::format("cannot write sound: {}", sf_strerror(nullptr)), {}, path);
     // The PEAK chunk holds the time of writing.
     sf_command(file.get(), SFC_SET_ADD_PEAK_CHUNK, nullptr, SF_FALSE);
@@ -117,7 +129,7 @@ Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat f
     if (sf_writef_float(file.get(), sound.samples.data(), frames) != frames)
         return fail(fmt::format("cannot write sound: {}", sf_strerror(file.get())), {}, path);
     if (sf_close(file.release()) != 0) return fail("cannot write sound", {}, path);
-    return {};
+    return out->commit();
 }
 
 SoundBuffer mixToMono(const SoundBuffer& sound) {

@@ -222,6 +222,15 @@ TEST(SoundFile, RefusesWhatItCannotDo) {
     loud.samples[0] = NAN;
     EXPECT_FALSE(writeWav(temporary("loud.wav"), loud, WavFormat::float32));
     EXPECT_FALSE(writeWav("/nowhere/no.wav", SoundBuffer{48000, 1, {0.0f}}));
+    const auto other = writeWav(temporary("a.mp3"), SoundBuffer{48000, 1, {0.0f}});
+    ASSERT_FALSE(other);
+    EXPECT_NE(other.error().text.find("there is: .wav"), std::string::npos) << other.error().text;
+    EXPECT_FALSE(std::filesystem::exists(temporary("a.mp3")));
+    // A full disk: a device that never has room.
+    const std::string full = temporary("full.wav");
+    std::filesystem::create_symlink("/dev/full", full);
+    EXPECT_FALSE(writeWav(full, SoundBuffer{48000, 1, std::vector<float>(100000)}));
+    std::filesystem::remove(full);
     EXPECT_NEAR(normalise(loud, 1.0f), 1 / 1.5, 1e-6);
 }
 

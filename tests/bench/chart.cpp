@@ -4,12 +4,14 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <fstream>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include <fmt/format.h>
+
+#include <rtsg/core/output_file.h>
 
 namespace rtsg::bench {
 
@@ -358,15 +360,8 @@ std::string csvOf(const Chart& chart) {
 Result<> writeChart(const Chart& chart, const std::filesystem::path& folder) {
     std::error_code error;
     std::filesystem::create_directories(folder, error);
-    const auto write = [&](const char* ending, const std::string& content) {
-        std::ofstream out(folder / (chart.name + ending), std::ios::binary);
-        out << content;
-        out.close();
-        return static_cast<bool>(out);
-    };
     for (const auto& [ending, content] : {std::pair{".svg", svgOf(chart)}, std::pair{".csv", csvOf(chart)}})
-        if (!write(ending, content))
-            return fail("cannot write " + (folder / (chart.name + ending)).string(), {}, folder.string());
+        if (auto ok = writeWholeFile(folder / (chart.name + ending), std::as_bytes(std::span(content))); !ok) return ok;
     return {};
 }
 

@@ -1,10 +1,14 @@
+// Writers by encoding, and documents in files: plain or gzipped, under their name once they are complete.
 #include <rtsg/core/writer.h>
 
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 #include <ostream>
+#include <utility>
 
+#include <unistd.h>
 #include <zlib.h>
 
 #include "writer_common.h"
@@ -121,55 +125,65 @@ bool encodingFromName(const std::filesystem::path& file, Encoding& encoding, boo
 }
 
 struct DocumentFileWriter::File {
-    std::FILE* plain = nullptr;
-    gzFile packed = nullptr;
-    std::string path, failure;
+    std::optional<OutputFile> file;  // else standard output
+    gzFile packed = nullptr;         // writes into `file`
+    std::string waiting;             // for the next write() of a plain file
+    Result<> result;
 
-    ~File() { close(); }
-    void write(std::string_view text) {
-        if (!failure.empty()) return;
-        const std::size_t written =
-            packed ? gzfwrite(text.data(), 1, text.size(), packed) : std::fwrite(text.data(), 1, text.size(), plain);
-        if (written != text.size()) failure = std::strerror(errno);
+    ~File() {
+        if (packed) gzclose(packed);
     }
-    void close() {
-        if (packed && gzclose(packed) != Z_OK && failure.empty()) failure = "the packed data could not be written";
-        packed = nullptr;
-        if (!plain) return;
-        const bool bad = plain == stdout ? std::fflush(plain) != 0 : std::fclose(plain) != 0;
-        if (bad && failure.empty()) failure = std::strerror(errno);
-        plain = nullptr;
+    void note(bool good) {
+        if (!good && result) result = fail(std::string("cannot write: ") + std::strerror(errno));
+    }
+    void flush() {
+        if (auto ok = file->write(waiting); !ok && result) result = ok;
+        waiting.clear();
+    }
+    void write(std::string_view text) {
+        constexpr std::size_t kPiece = 1 << 16;
+        if (!result) return;
+        if (packed)
+            note(gzfwrite(text.data(), 1, text.size(), packed) == text.size());
+        else if (!file)
+            note(std::fwrite(text.data(), 1, text.size(), stdout) == text.size());
+        else if (waiting.append(text).size() >= kPiece)
+            flush();
+    }
+    Result<> close() {
+        if (packed) note(gzclose(std::exchange(packed, nullptr)) == Z_OK);
+        if (!file) note(std::fflush(stdout) == 0);
+        if (file && result) flush();
+        return file && result ? file->commit() : result;
     }
 };
 
 DocumentFileWriter::~DocumentFileWriter() = default;
 
 Result<std::unique_ptr<DocumentFileWriter>> DocumentFileWriter::create(const std::filesystem::path& file,
-                                                                       Diagnostics& diagnostics) {
+                                                                       Diagnostics& diagnostics, Existing existing) {
     std::unique_ptr<DocumentFileWriter> result(new DocumentFileWriter);
     result->file_ = std::make_unique<File>();
     File& out = *result->file_;
-    out.path = file;
     Encoding encoding = Encoding::classicVrml;
     bool gzip = false;
-    if (file == "-")
-        out.plain = stdout;
-    else if (!encodingFromName(file, encoding, gzip))
-        return fail("no encoding that can be written has names like " + file.filename().string() +
-                    "; there are .x3d, .x3dv, .wrl and .json, and with gzip .x3dz, .x3dvz, .wrlz");
-    else if (gzip)
-        out.packed = gzopen(file.c_str(), "wb");
-    else
-        out.plain = std::fopen(file.c_str(), "wb");
-    if (!out.plain && !out.packed) return fail("cannot write " + file.string() + ": " + std::strerror(errno));
+    if (file != "-") {
+        if (!encodingFromName(file, encoding, gzip))
+            return fail("no encoding that can be written has names like " + file.filename().string() +
+                        "; there are .x3d, .x3dv, .wrl and .json, and with gzip .x3dz, .x3dvz, .wrlz");
+        auto created = OutputFile::create(file, existing);
+        if (!created) return std::unexpected(created.error());
+        out.file = std::move(*created);
+        // gzclose() closes what it was given.
+        if (gzip) out.packed = gzdopen(::dup(out.file->descriptor()), "wb");
+        if (gzip && !out.packed) return fail("cannot pack what is written", {}, file.string());
+    }
     result->writer_ = makeWriter(encoding, [&out](std::string_view text) { out.write(text); }, diagnostics);
     return result;
 }
 
 Result<> DocumentFileWriter::close() {
-    file_->close();
-    if (!file_->failure.empty()) return fail("cannot write " + file_->path + ": " + file_->failure);
-    return {};
+    return file_->close();
 }
 
 }  // namespace rtsg

@@ -36,8 +36,8 @@ std::optional<std::string> numberedName(const std::string& pattern, int number) 
     return result;
 }
 
-Result<> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
-                      const AnimationOptions& animation, const ToneMap& toneMap) {
+Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
+                         const AnimationOptions& animation, const ToneMap& toneMap) {
     if (animation.frames < 1) return fail("an animation needs at least one frame");
     if (!(animation.framesPerSecond > 0)) return fail("frames per second must be positive");
     const bool gif = file.extension() == ".gif" || file.extension() == ".GIF";
@@ -46,22 +46,28 @@ Result<> renderToFile(LightRenderer& light, const std::filesystem::path& file, c
         return fail("several frames need a .gif, or a name with a place for their number such as %04d", {},
                     file.string());
     std::vector<Picture> frames;
+    int done = 0;
     for (int i = 0; i < animation.frames; ++i) {
         light.world().scene().newFrame(animation.start + i / animation.framesPerSecond);
         RenderStats stats;
         auto picture = light.picture(options, &stats);
         if (!picture) return std::unexpected(picture.error());
+        if (stats.cancelled) break;
         if (animation.stats) animation.stats(stats);
         if (gif && !numbered) {
             frames.push_back(std::move(*picture));
         } else {
             const auto name = numbered ? file.parent_path() / *numberedName(file.filename().string(), i) : file;
-            if (auto ok = writePicture(*picture, name, toneMap); !ok) return ok;
+            if (auto ok = writePicture(*picture, name, toneMap); !ok) return std::unexpected(ok.error());
         }
+        ++done;
         if (animation.progress && !animation.progress(i + 1)) break;
     }
-    if (!frames.empty()) return writeAnimation(frames, file, animation.framesPerSecond, toneMap);
-    return {};
+    if (!gif || numbered) return done;
+    if (done < animation.frames) return 0;
+    if (auto ok = writeAnimation(frames, file, animation.framesPerSecond, toneMap); !ok)
+        return std::unexpected(ok.error());
+    return done;
 }
 
 }  // namespace rtsg

@@ -1,8 +1,13 @@
+// Pictures in files: tone mapping, the formats that are written, reading, comparing.
 #include <rtsg/renderers/picture.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <fstream>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/output_file.h>
 
 #include "image/image_files.h"
 
@@ -35,11 +40,24 @@ std::uint8_t toByte(float value) {
 using Bytes = std::vector<unsigned char>;
 
 Result<> writeBytes(const Bytes& bytes, const std::filesystem::path& file) {
-    std::ofstream out(file, std::ios::binary);
-    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-    out.close();
-    if (!out) return fail("cannot be written", {}, file.string());
-    return {};
+    return writeWholeFile(file, std::as_bytes(std::span(bytes)));
+}
+
+/// Those that are made in memory, so that what goes wrong on the disk is ours to see.
+constexpr std::string_view kWritten[] = {".png", ".exr",  ".gif", ".jpg", ".jpeg", ".tif", ".tiff",
+                                         ".hdr", ".webp", ".bmp", ".tga", ".ppm",  ".pfm"};
+
+/// Portable float map, which OpenImageIO only reads: colour, rows from the bottom up, little-endian.
+Bytes pfm(const Picture& picture) {
+    static_assert(std::endian::native == std::endian::little);
+    const std::string head = fmt::format("PF\n{} {}\n-1.0\n", picture.width, picture.height);
+    Bytes bytes(head.begin(), head.end());
+    for (int y = picture.height - 1; y >= 0; --y)
+        for (int x = 0; x < picture.width; ++x) {
+            const auto* pixel = reinterpret_cast<const unsigned char*>(&picture.at(x, y));
+            bytes.insert(bytes.end(), pixel, pixel + 3 * sizeof(float));
+        }
+    return bytes;
 }
 
 }  // namespace
@@ -74,10 +92,19 @@ std::vector<std::uint8_t> toSrgb8(const Picture& picture, const ToneMap& toneMap
     return bytes;
 }
 
+Result<> checkPictureName(const std::filesystem::path& file) {
+    if (std::ranges::find(kWritten, lowerExtension(file)) != std::end(kWritten)) return {};
+    std::string known;
+    for (const std::string_view extension : kWritten) known += fmt::format(" {}", extension);
+    return fail("no kind of picture that can be written has such a name; there are:" + known, {}, file.string());
+}
+
 Result<> writePicture(const Picture& picture, const std::filesystem::path& file, const ToneMap& toneMap) {
+    if (auto ok = checkPictureName(file); !ok) return ok;
     if (auto ok = checkSize(picture, file); !ok) return ok;
     const std::string extension = lowerExtension(file);
     if (extension == ".gif") return writeAnimation({&picture, 1}, file, 1, toneMap);
+    if (extension == ".pfm") return writeBytes(pfm(picture), file);
     const auto files = imageFiles();
     if (!files) return std::unexpected(files.error());
     Sheet sheet{.width = picture.width, .height = picture.height, .bytes = nullptr, .values = nullptr};

@@ -1,3 +1,4 @@
+// A log written again, shorter: from one time to another, with frames merged.
 #include <rtsg/sync/log_compact.h>
 
 #include <fmt/format.h>
@@ -62,6 +63,7 @@ Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOption
         const Result<bool> more = from.step();
         if (more && !*more) break;
         if (!more) continue;  // goes on at the next keyframe
+        if (options.progress && !options.progress(from.log().position(), from.log().size())) return fail("cancelled");
         const Scene& scene = from.scene();
         if (scene.now() > options.to && from.head().epoch == epoch) break;
         ++report.statesRead;
@@ -83,12 +85,12 @@ Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOption
 Result<CompactReport> compactLog(const std::filesystem::path& in, const std::filesystem::path& out,
                                  const CompactOptions& options) {
     std::error_code error;
-    if (std::filesystem::equivalent(in, out, error))
-        return fail("a log cannot be compacted onto itself", {}, in.string());
+    if (sameFile(in, out)) return fail("a log cannot be compacted onto itself", {}, in.string());
+    if (options.log.existing == Existing::keep && std::filesystem::exists(out, error))
+        return fail("there is a file already", {}, out.string());
     auto from = Replayer::open(in);
     if (!from) return std::unexpected(from.error());
-    std::filesystem::path fresh = out;
-    fresh += ".new";
+    const std::filesystem::path fresh = freshNameBeside(out);
     Result<CompactReport> report;
     {
         auto to = LogWriter::create(fresh, builtinTypes(), options.log);
@@ -96,7 +98,8 @@ Result<CompactReport> compactLog(const std::filesystem::path& in, const std::fil
         report = compact(**from, **to, options);
     }
     if (report) {
-        std::filesystem::rename(fresh, out, error);
+        const std::filesystem::path target = std::filesystem::exists(out) ? std::filesystem::canonical(out) : out;
+        std::filesystem::rename(fresh, target, error);
         if (error) report = fail(error.message(), {}, out.string());
     }
     if (!report) std::filesystem::remove(fresh, error);

@@ -1,13 +1,10 @@
 #include <rtsg/sync/mcap.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstring>
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 #include <zlib.h>
 #include <zstd.h>
 
@@ -66,14 +63,13 @@ std::uint32_t crc(std::uint32_t before, std::span<const std::byte> bytes) {
 McapWriter::McapWriter(std::filesystem::path file, McapOptions options)
     : file_(std::move(file)), options_(std::move(options)) {}
 
-McapWriter::~McapWriter() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-}
+McapWriter::~McapWriter() = default;
 
 Result<std::unique_ptr<McapWriter>> McapWriter::create(const std::filesystem::path& file, McapOptions options) {
     std::unique_ptr<McapWriter> writer(new McapWriter(file, std::move(options)));
-    writer->descriptor_ = ::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-    if (writer->descriptor_ < 0) return fail(fmt::format("cannot write: {}", std::strerror(errno)), {}, file.string());
+    auto out = OutputFile::create(file, writer->options_.existing);
+    if (!out) return std::unexpected(out.error());
+    writer->out_ = std::move(*out);
     ByteBuffer bytes;
     bytes.append(kMagic.data(), kMagic.size());
     putRecord(bytes, Op::header, [&] {
@@ -85,14 +81,8 @@ Result<std::unique_ptr<McapWriter>> McapWriter::create(const std::filesystem::pa
 }
 
 Result<> McapWriter::put(const ByteBuffer& bytes) {
-    const std::byte* at = bytes.data();
-    for (std::size_t left = bytes.size(); left > 0;) {
-        const ssize_t written = ::write(descriptor_, at, left);
-        if (written < 0 && errno == EINTR) continue;
-        if (written <= 0) return fail(fmt::format("cannot write: {}", std::strerror(errno)), {}, file_.string());
-        at += written;
-        left -= static_cast<std::size_t>(written);
-    }
+    if (!out_) return fail("the file is closed", {}, file_.string());
+    if (auto ok = out_->write(bytes.bytes()); !ok) return ok;
     crc_ = crc(crc_, bytes.bytes());
     size_ += bytes.size();
     return {};
@@ -196,7 +186,7 @@ Result<> McapWriter::endChunk() {
 }
 
 Result<> McapWriter::close() {
-    if (descriptor_ < 0) return {};
+    if (!out_) return {};
     if (auto ok = endChunk(); !ok) return ok;
     ByteBuffer out;
     putRecord(out, Op::dataEnd, [&] { out.put(crc_); });
@@ -259,9 +249,8 @@ Result<> McapWriter::close() {
     std::memcpy(out.data() + out.size() - 4, &checksum, sizeof(checksum));
     out.append(kMagic.data(), kMagic.size());
     Result<> result = put(out);
-    if (::close(descriptor_) != 0 && result)
-        result = fail(fmt::format("cannot close: {}", std::strerror(errno)), {}, file_.string());
-    descriptor_ = -1;
+    if (result) result = out_->commit();
+    out_.reset();
     return result;
 }
 

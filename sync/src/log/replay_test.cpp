@@ -1,3 +1,4 @@
+// A recorded session as a test: its states compared with those of a scene run afresh on its input.
 #include <rtsg/sync/replay_test.h>
 
 #include <cstdio>
@@ -18,6 +19,14 @@ class Run {
           recorded_(recorded),
           input_(scene_, test.update ? &recorded.scene() : nullptr,
                  test.application ? ReplayInput::eventsOnly : ReplayInput::everything) {}
+
+    ~Run() {
+        std::error_code error;
+        log_.reset();
+        if (!fresh_.empty()) std::filesystem::remove(fresh_, error);
+    }
+    Run(const Run&) = delete;
+    Run& operator=(const Run&) = delete;
 
     Result<ReplayReport> run() {
         if (auto ok = start(); !ok) return std::unexpected(ok.error());
@@ -45,12 +54,10 @@ class Run {
         attachment_.detach();
         Result<> closed = log_->close();
         std::error_code error;
-        if (!closed || done()) {
-            std::filesystem::remove(fresh_, error);
-            return closed;
-        }
-        std::filesystem::rename(fresh_, test_.log, error);
+        if (!closed || done()) return closed;
+        std::filesystem::rename(fresh_, std::filesystem::canonical(test_.log), error);
         if (error) return fail(error.message(), {}, test_.log.string());
+        fresh_.clear();
         report_.updated = true;
         return {};
     }
@@ -76,8 +83,7 @@ class Run {
         if (test_.attach)
             if (auto ok = test_.attach(scene()); !ok) return ok;
         if (test_.build && test_.update) {
-            fresh_ = test_.log;
-            fresh_ += ".new";
+            fresh_ = freshNameBeside(test_.log);
             auto log = LogWriter::create(fresh_, builtinTypes());
             if (!log) return std::unexpected(log.error());
             log_ = std::move(*log);

@@ -1,3 +1,4 @@
+// The log's writer: records into a file of its own, one write each, never over what is there.
 #include <cerrno>
 #include <cstring>
 #include <random>
@@ -45,29 +46,64 @@ Diagnostic LogWriter::failure(std::string_view what, int error) const {
 Result<std::unique_ptr<LogWriter>> LogWriter::create(const std::filesystem::path& file, TypeTable types,
                                                      LogOptions options) {
     std::unique_ptr<LogWriter> log(new LogWriter(file, types, std::move(options)));
-    log->descriptor_ = ::open(file.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0644);
-    if (log->descriptor_ < 0) return std::unexpected(log->failure("cannot write", errno));
-    struct stat status{};
-    if (::fstat(log->descriptor_, &status) != 0) return std::unexpected(log->failure("cannot write", errno));
-    log->regular_ = S_ISREG(status.st_mode);
-    if (log->regular_) {
-        // Before anything of it is touched: two writers would destroy each other's log.
-        if (::flock(log->descriptor_, LOCK_EX | LOCK_NB) != 0)
-            return fail("another log writer has the file open", {}, file.string());
-        std::uint64_t keep = 0;
-        if (log->options_.append && status.st_size > 0) {
-            Result<LogReader> old = LogReader::open(file);
-            if (!old) return std::unexpected(old.error());
-            log->keyframes_ = scanLogKeyframes(*old);
-            keep = old->intactEnd();
-        }
-        if (::ftruncate(log->descriptor_, static_cast<off_t>(keep)) != 0)
-            return std::unexpected(log->failure(keep ? "cannot append" : "cannot write", errno));
-        log->size_ = keep;
-    }
+    if (auto ok = log->openFile(); !ok) return std::unexpected(ok.error());
     if (auto ok = log->beginEpoch(); !ok) return std::unexpected(ok.error());
     if (log->regular_ && log->options_.sync != LogOptions::Sync::atClose) syncFolderOf(file);
     return log;
+}
+
+/// A new file; one that takes the place of another; what is no regular file, as it is; or the end of one that is there.
+Result<> LogWriter::openFile() {
+    struct stat status{};
+    const bool there = ::stat(file_.c_str(), &status) == 0;
+    regular_ = !there || S_ISREG(status.st_mode);
+    if (!regular_) {
+        descriptor_ = ::open(file_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+        return descriptor_ < 0 ? std::unexpected(failure("cannot write", errno)) : Result<>{};
+    }
+    if (there && options_.append) return openAppended();
+    if (there && options_.existing == Existing::keep) return fail("there is a file already", {}, file_.string());
+    std::filesystem::path target = file_, fresh = file_;
+    if (there) {
+        // Whoever still writes the old one would go on with a file that nobody finds.
+        const int old = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
+        if (old < 0) return std::unexpected(failure("cannot write", errno));
+        const bool free = ::flock(old, LOCK_EX | LOCK_NB) == 0;
+        ::close(old);
+        if (!free) return fail("another log writer has the file open", {}, file_.string());
+        std::error_code error;
+        target = std::filesystem::canonical(file_, error);
+        if (error) return fail("cannot write: " + error.message(), {}, file_.string());
+        fresh = freshNameBeside(target);
+    }
+    descriptor_ = ::open(fresh.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (descriptor_ < 0) return std::unexpected(failure("cannot write", errno));
+    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0)
+        return fail("another log writer has the file open", {}, file_.string());
+    if (there && ::rename(fresh.c_str(), target.c_str()) != 0) {
+        const int error = errno;
+        ::unlink(fresh.c_str());
+        return std::unexpected(failure("cannot replace", error));
+    }
+    return {};
+}
+
+Result<> LogWriter::openAppended() {
+    descriptor_ = ::open(file_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+    struct stat status{};
+    if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0) return std::unexpected(failure("cannot write", errno));
+    // Before anything of it is touched: two writers would destroy each other's log.
+    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0)
+        return fail("another log writer has the file open", {}, file_.string());
+    if (status.st_size > 0) {
+        Result<LogReader> old = LogReader::open(file_);
+        if (!old) return std::unexpected(old.error());
+        keyframes_ = scanLogKeyframes(*old);
+        size_ = old->intactEnd();
+    }
+    if (::ftruncate(descriptor_, static_cast<off_t>(size_)) != 0)
+        return std::unexpected(failure("cannot append", errno));
+    return {};
 }
 
 LogWriter::~LogWriter() {

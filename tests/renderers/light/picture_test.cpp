@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <sstream>
 
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
@@ -9,7 +10,7 @@
 namespace rtsg {
 namespace {
 
-std::filesystem::path temporary(const char* name) {
+std::filesystem::path temporary(const std::string& name) {
     return std::filesystem::temp_directory_path() / name;
 }
 
@@ -79,6 +80,47 @@ TEST(Picture, AnimatedGifHoldsAllFrames) {
     while (input->seek_subimage(count, 0)) ++count;
     std::filesystem::remove(file);
     EXPECT_EQ(count, 5);
+}
+
+TEST(Picture, EveryKindThatIsNamedIsWrittenAndReadBack) {
+    // Two halves, so that a file upside down shows.
+    Picture picture(16, 16, Vec4f(0.1f, 0.2f, 0.3f, 1));
+    for (int y = 0; y < 8; ++y)
+        for (int x = 0; x < 16; ++x) picture.at(x, y) = Vec4f(0.9f, 0.8f, 0.7f, 1);
+    const auto known = checkPictureName("a.mp3");
+    ASSERT_FALSE(known);
+    std::istringstream names(known.error().text.substr(known.error().text.find(':') + 1));
+    int kinds = 0;
+    for (std::string extension; names >> extension; ++kinds) {
+        const auto file = temporary("rtsg_kind" + extension);
+        const auto written = writePicture(picture, file);
+        ASSERT_TRUE(written) << written.error().format();
+        const auto back = readPicture(file);
+        ASSERT_TRUE(back) << back.error().format();
+        const auto difference = compare(picture, *back);
+        ASSERT_TRUE(difference) << extension;
+        EXPECT_LT(difference->rmse, 0.06) << extension;
+        EXPECT_GT(back->at(8, 2).r, back->at(8, 13).r) << extension;
+        if (extension == ".pfm") {
+            EXPECT_EQ(difference->maximum, 0);
+        }
+        std::filesystem::remove(file);
+    }
+    EXPECT_GE(kinds, 13);
+}
+
+TEST(Picture, AFullDiskIsAnErrorForEveryKind) {
+    // A name of that kind for the device that never has room.
+    const Picture picture(8, 8, Vec4f(0.25f, 0.5f, 0.75f, 1));
+    for (const char* extension : {".png", ".gif", ".exr", ".jpg", ".tif", ".pfm"}) {
+        const auto link = temporary(std::string("rtsg_full") + extension);
+        std::filesystem::remove(link);
+        std::filesystem::create_symlink("/dev/full", link);
+        const auto written = writePicture(picture, link);
+        std::filesystem::remove(link);
+        ASSERT_FALSE(written) << extension;
+        EXPECT_NE(written.error().text.find("No space left"), std::string::npos) << written.error().text;
+    }
 }
 
 TEST(Picture, WhatCannotBeWrittenIsAnError) {

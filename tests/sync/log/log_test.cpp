@@ -231,5 +231,29 @@ TEST_F(Log, VerificationNamesTheFirstDivergence) {
     }
 }
 
+TEST_F(Log, AnExistingLogIsReplacedOrKeptButNeverCut) {
+    const auto write = [&](Existing existing) {
+        LogOptions options;
+        options.existing = existing;
+        return LogWriter::create(file(), builtinTypes(), options);
+    };
+    ASSERT_TRUE(write(Existing::keep));
+    const auto size = std::filesystem::file_size(file());
+    auto reading = LogReader::open(file());
+    ASSERT_TRUE(reading);
+    const auto refused = write(Existing::keep);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().format().find("there is a file already"), std::string::npos);
+    EXPECT_EQ(std::filesystem::file_size(file()), size);
+    // Replaced: the name leads to the new one at once, whoever has the old one open keeps it.
+    auto replaced = write(Existing::replace);
+    ASSERT_TRUE(replaced) << replaced.error().format();
+    EXPECT_TRUE(reading->next());
+    EXPECT_TRUE(LogReader::open(file()));
+    EXPECT_FALSE(write(Existing::replace)) << "two would write";
+    EXPECT_TRUE((*replaced)->close()) << "it is where its name says";
+    EXPECT_TRUE(write(Existing::replace));
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -29,6 +29,9 @@ Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples 
 /// As above, of a file's content.
 Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples = std::uint64_t{1} << 29);
 
+/// Whether a sound can be written under this name: fails, naming the kinds there are, unless it ends in .wav.
+Result<> checkSoundName(const std::string& path);
+
 enum class WavFormat : std::uint8_t { pcm16, pcm24, float32 };
 Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat format = WavFormat::pcm24);
 

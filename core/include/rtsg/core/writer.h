@@ -14,6 +14,7 @@
 #include <string_view>
 
 #include <rtsg/core/document_handler.h>
+#include <rtsg/core/output_file.h>
 
 namespace rtsg {
 
@@ -31,11 +32,13 @@ std::unique_ptr<DocumentHandler> makeWriter(Encoding encoding, TextSink sink, Di
 /// False if it says nothing that can be written.
 bool encodingFromName(const std::filesystem::path& file, Encoding& encoding, bool& gzip);
 
-/// Writes a document into a file, gzipped if its name says so; "-" is standard output, as ClassicVRML.
+/// Writes a document into a file, gzipped if its name says so; "-" is standard output, as ClassicVRML. The file has its
+/// name from close() on; without that there is none.
 class DocumentFileWriter {
   public:
     static Result<std::unique_ptr<DocumentFileWriter>> create(const std::filesystem::path& file,
-                                                              Diagnostics& diagnostics);
+                                                              Diagnostics& diagnostics,
+                                                              Existing existing = Existing::replace);
     ~DocumentFileWriter();
     DocumentHandler& handler() { return *writer_; }
     /// After endDocument: flushes, and says whether everything arrived (a full disk, say).

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include <rtsg/core/bus.h>
-#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/output_file.h>
 #include <rtsg/sync/change_codec.h>
 #include <rtsg/sync/dictionary.h>
 #include <rtsg/sync/input_codec.h>
@@ -50,6 +50,8 @@ struct LogOptions {
     std::uint64_t repeatFirstUpTo = std::uint64_t{1} << 20;
     /// When the data has to be on the medium itself, not only with the system: costs milliseconds each time.
     enum class Sync : std::uint8_t { atClose, atKeyframes, always } sync = Sync::atClose;
+    /// What becomes of a file of this name. One that is replaced is never cut: whoever reads it reads on.
+    Existing existing = Existing::replace;
     /// Goes on behind the last intact record of an existing log instead of replacing it.
     bool append = false;
 };
@@ -79,6 +81,8 @@ class LogWriter : public Subscriber {
 
   private:
     LogWriter(std::filesystem::path file, TypeTable types, LogOptions options);
+    Result<> openFile();
+    Result<> openAppended();
     Result<> beginEpoch();
     Result<> writeHead();
     Result<> writeKeyframe(const ChangeSet& changes);

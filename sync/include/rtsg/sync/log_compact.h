@@ -6,6 +6,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <limits>
 
 #include <rtsg/sync/log.h>
@@ -20,6 +21,8 @@ struct CompactOptions {
     /// Frames that lie less than this apart in scene time become one, seconds.
     double interval = 0;
     LogOptions log;  // of the new one
+    /// Called now and then with the bytes read and all there are; false stops, and nothing is written.
+    std::function<bool(std::uint64_t, std::uint64_t)> progress{};
 };
 
 struct CompactReport {
@@ -28,8 +31,8 @@ struct CompactReport {
     std::uint64_t damaged = 0;  // places in the old log that could not be read
 };
 
-/// Replaces `out` in one step, at the end. Errors: `out` is `in`, files that cannot be read or written, a state that
-/// does not have the hash recorded.
+/// Writes `out` in one step, at the end. Errors: `out` is there and to be kept, `out` is `in`, files that cannot be
+/// read or written, a state that does not have the hash recorded.
 Result<CompactReport> compactLog(const std::filesystem::path& in, const std::filesystem::path& out,
                                  const CompactOptions& options = {});
 

@@ -1,8 +1,8 @@
 // McapWriter: messages on topics into an MCAP file, the container that Foxglove and other viewers of robots' recordings
 // read: chunks with an index, a summary, checksums.
 //
-// Invariant: after close() the file is complete and every checksum of the format is filled in; a file that was not
-// closed is no valid one. Memory is bounded by a chunk and 16 bytes a message in it, beside 60 bytes a chunk.
+// Invariant: after close() the file is there, complete, with every checksum of the format; one that was not closed
+// never appears. Memory is bounded by a chunk and 16 bytes a message in it, beside 60 bytes a chunk.
 // Threading: one thread an object. Source: the MCAP specification, version 0 (mcap.dev/spec).
 #pragma once
 
@@ -10,11 +10,12 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/output_file.h>
 #include <rtsg/sync/byte_buffer.h>
 
 namespace rtsg {
@@ -23,6 +24,7 @@ struct McapOptions {
     std::uint64_t chunkBytes = std::uint64_t{1} << 20;
     bool compress = true;  // chunks by zstd
     std::string library = "rtsg";
+    Existing existing = Existing::replace;
 };
 
 class McapWriter {
@@ -35,7 +37,7 @@ class McapWriter {
     Result<std::uint16_t> addTopic(std::string_view topic, std::string_view schemaName, std::string_view schema);
     /// `time`: seconds, >= 0, not before the message before.
     Result<> write(std::uint16_t topic, double time, std::string_view json);
-    /// Index, summary, footer. Errors of the last writes are only seen here; without it the file is left incomplete.
+    /// Index, summary, footer. Errors of the last writes are only seen here; without it there is no file.
     Result<> close();
 
     std::uint64_t messages() const { return messages_; }
@@ -52,7 +54,7 @@ class McapWriter {
 
     std::filesystem::path file_;
     McapOptions options_;
-    int descriptor_ = -1;
+    std::optional<OutputFile> out_;  // until it is closed
     std::uint64_t size_ = 0, messages_ = 0, start_ = 0, end_ = 0;
     std::uint32_t crc_ = 0;          // of all bytes so far
     ByteBuffer schemas_, channels_;  // their records, as the summary repeats them
