@@ -200,6 +200,7 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
         zmq_poll(items, 2, untilDue(most).count());
     }
     statistics_.sequence = state_;
+    statistics_.originSequence = std::max({originAt_, newestHeard_, state_});
     return applied_;
 }
 
@@ -238,6 +239,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             std::uint64_t token[1];
             if (!mirror::read(in, token)) return garbage("a malformed ping");
             if (haveState_) newestHeard_ = std::max(newestHeard_, token[0]);
+            hearOrigin(in);
             mirror::write(message_, Message::pong, token);
             send();
             return;
@@ -250,6 +252,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             statistics_.clockSamples = clock_.samples();
             return;
         case Message::bye:
+            hearOrigin(in);
             mirror::begin(message_, Message::bye);
             send();
             connected_ = false;  // and hello again in a while
@@ -271,6 +274,12 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
         default:
             return garbage(fmt::format("a message of unknown type {}", static_cast<unsigned>(type)));
     }
+}
+
+/// What a server appends to a ping or a goodbye: the state it is in, which it may not have sent us yet.
+void MirrorClient::Impl::hearOrigin(wire::Reader& in) {
+    std::uint64_t state[1];
+    if (connected_ && mirror::read(in, state)) originAt_ = std::max(originAt_, state[0]);
 }
 
 void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
@@ -296,7 +305,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
             requests_.clear();
         }
         haveState_ = false;
-        newestHeard_ = 0;
+        newestHeard_ = originAt_ = 0;
         epoch_ = numbers[1];
         clock_.reset();
     }

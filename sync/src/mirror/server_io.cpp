@@ -125,8 +125,12 @@ std::chrono::milliseconds MirrorServer::Io::patience() const {
 /// A peer whose connection ends loses what it has not read yet (ZMQ_IMMEDIATE): it answers first.
 void MirrorServer::Io::sayGoodbye() {
     leaving_ = true;
-    mirror::begin(message_, Message::bye);
-    std::erase_if(peers_, [this](const auto& peer) { return !sendTo(peer.first, message_); });
+    std::erase_if(peers_, [this](const auto& peer) {
+        // So that those who have not got everything know that they have not.
+        const std::uint64_t newest[] = {historyOf(peer.second).newest()};
+        mirror::write(message_, Message::bye, newest);
+        return !sendTo(peer.first, message_);
+    });
     const Clock::time_point end = Clock::now() + kFarewell;
     while (!peers_.empty() && Clock::now() < end) {
         zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0}};
@@ -252,7 +256,7 @@ void MirrorServer::Io::tick(Clock::time_point now) {
             ++statistics_.lost;
             shared_->report(Severity::note, fmt::format("peer '{}' was silent for too long", peer.name));
         } else if (now - peer.spoken > shared_->options.heartbeat) {
-            const std::uint64_t token[] = {peer.state};
+            const std::uint64_t token[] = {peer.state, historyOf(peer).newest()};
             mirror::write(message_, Message::ping, token);
             gone = !sendTo(peer.identity, message_);
             peer.spoken = now;

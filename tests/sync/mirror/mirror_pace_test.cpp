@@ -54,6 +54,28 @@ TEST(MirrorSlowPolicy, ResyncGivesASnapshotInsteadOfWhatWasMissed) {
     EXPECT_LT(client->statistics().frames, 60u);
 }
 
+TEST(MirrorSlow, OneThatLagsWhenTheServerLeavesKnowsThatItLags) {
+    Moving origin(500);
+    MirrorClientOptions options;
+    options.window = 64 << 10;
+    Scene replica;
+    auto client = *MirrorClient::connect(replica, origin.server->endpoint(), options);
+    ASSERT_TRUE(pollUntilAt(*client, origin.scene));
+    EXPECT_EQ(client->statistics().originSequence, origin.scene.sequence());
+    // More than the window has room for, while nobody acknowledges.
+    for (int i = 0; i < 100; ++i) origin.step();
+    std::thread leaving([&] { origin.server.reset(); });
+    // Nothing is acknowledged until it leaves, else the replica might get everything: then there is nothing to see here.
+    std::this_thread::sleep_for(300ms);
+    ASSERT_TRUE(pollUntil(*client, [&] { return client->serverLeft(); }));
+    leaving.join();
+    client->poll();
+    const MirrorStatistics& statistics = client->statistics();
+    EXPECT_EQ(statistics.originSequence, origin.scene.sequence());
+    EXPECT_EQ(statistics.sequence == origin.scene.sequence(), replica.hash() == origin.scene.hash());
+    EXPECT_EQ(statistics.sequence, replica.sequence());
+}
+
 TEST(MirrorSlowPolicy, BlockHoldsTheSceneUpAndNoFrameIsMerged) {
     MirrorServerOptions serverOptions;
     serverOptions.blockFor = 20s;

@@ -54,18 +54,19 @@ struct MirrorClientOptions {
 };
 
 struct MirrorStatistics {
-    std::uint64_t frames = 0;       // change sets applied, snapshots included, repairs not
-    std::uint64_t snapshots = 0;    // of these, whole states
-    std::uint64_t inputs = 0;       // of these, computed here from what came into them
-    std::uint64_t gaps = 0;         // frames found missing
-    std::uint64_t bytes = 0;        // of records received
-    std::uint64_t divergences = 0;  // times that the replica was found to differ from the origin
-    std::uint64_t repairs = 0;      // of these, put right without a snapshot
-    std::uint64_t questions = 0;    // asked to find out where
-    std::uint64_t garbage = 0;      // messages that made no sense
-    std::uint64_t restarts = 0;     // times the server was found to be another run
-    std::uint64_t sequence = 0;     // state of the replica
-    Hash128 hash, originHash;       // of that state: computed here, and as the origin gave it
+    std::uint64_t frames = 0;          // change sets applied, snapshots included, repairs not
+    std::uint64_t snapshots = 0;       // of these, whole states
+    std::uint64_t inputs = 0;          // of these, computed here from what came into them
+    std::uint64_t gaps = 0;            // frames found missing
+    std::uint64_t bytes = 0;           // of records received
+    std::uint64_t divergences = 0;     // times that the replica was found to differ from the origin
+    std::uint64_t repairs = 0;         // of these, put right without a snapshot
+    std::uint64_t questions = 0;       // asked to find out where
+    std::uint64_t garbage = 0;         // messages that made no sense
+    std::uint64_t restarts = 0;        // times the server was found to be another run
+    std::uint64_t sequence = 0;        // state of the replica
+    std::uint64_t originSequence = 0;  // the newest state that the origin is known to have had
+    Hash128 hash, originHash;          // of that state: computed here, and as the origin gave it
     /// The two hashes are the same and there is a state. False as well if the server's types are others than ours.
     bool equal = false;
     // Clock, seconds: the server's steady clock less ours, as good as half the delay; the shortest round trip lately;
