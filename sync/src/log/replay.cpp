@@ -262,6 +262,19 @@ Result<bool> Replayer::step() {
     return false;
 }
 
+bool Replayer::atEnd() {
+    const std::uint64_t here = log_.position();
+    bool end = true;
+    while (const std::optional<LogReader::Record> record = log_.next()) {
+        if (record->header.to == scene_->sequence() || record->header.kind == RecordKind::head) continue;
+        const RecordKind kind = record->header.kind;
+        end = kind != RecordKind::frame && kind != RecordKind::keyframe && kind != RecordKind::input;
+        if (!end) break;
+    }
+    log_.seek(here);
+    return end;
+}
+
 /// Brings the scene to a keyframe's state. False when it, or the head before it, is damaged.
 bool Replayer::startAt(const LogKeyframe& keyframe) {
     const auto recordAt = [this](std::uint64_t offset, RecordKind kind) {
@@ -342,7 +355,8 @@ Result<> Replayer::seek(double time) {
     return composeUntil(time);
 }
 
-Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b) {
+Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b,
+                                           const std::function<void(std::uint64_t, std::uint64_t)>& progress) {
     Result<std::unique_ptr<Replayer>> opened[] = {Replayer::open(a), Replayer::open(b)};
     for (const auto& log : opened)
         if (!log) return std::unexpected(log.error());
@@ -352,6 +366,7 @@ Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const
         for (const Result<bool>* more : {&moreX, &moreY})
             if (!*more) return std::unexpected(more->error());
         if (!*moreX || !*moreY) break;
+        if (progress) progress(x.log().position(), x.log().size());
         const Scene &s = x.scene(), &t = y.scene();
         if (s.sequence() == t.sequence()) {
             if (s.hash() != t.hash()) {

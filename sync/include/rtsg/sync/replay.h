@@ -6,6 +6,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -50,6 +51,8 @@ class Replayer {
     /// To the last state whose time is not after `time` (the first one if all are): from the nearest intact keyframe,
     /// or from where it is if that is nearer. Subscribers get the keyframe and one set with all that came after it.
     Result<> seek(double time);
+    /// No state comes after the one that the scene is in.
+    bool atEnd();
 
     std::uint64_t frames() const { return frames_; }      // states reached by step() and seek()
     std::uint64_t verified() const { return verified_; }  // of these, with the origin's hash
@@ -94,6 +97,8 @@ class Replayer {
 };
 
 /// Compares two logs state by state. Nothing when all their common state numbers agree and both end with the same.
-Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b);
+/// `progress` is told the bytes read of `a` and all there are.
+Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b,
+                                           const std::function<void(std::uint64_t, std::uint64_t)>& progress = {});
 
 }  // namespace rtsg

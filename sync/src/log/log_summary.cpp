@@ -1,0 +1,94 @@
+// Counts the records of a log, and the nodes of its last state.
+#include <rtsg/sync/log_summary.h>
+
+#include <algorithm>
+#include <fstream>
+#include <limits>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/sync/replay.h>
+
+namespace rtsg {
+
+namespace {
+
+class Counter {
+  public:
+    explicit Counter(LogSummary& summary) : s_(summary) {}
+
+    void take(const LogReader::Record& record) {
+        const RecordHeader& header = record.header;
+        s_.closed = header.kind == RecordKind::index;
+        if (header.kind == RecordKind::head) return takeHead(record);
+        if (header.kind == RecordKind::index) return;
+        const bool again = header.kind == RecordKind::keyframe && header.to == lastKeyframe_;
+        if (header.kind == RecordKind::keyframe) {
+            lastKeyframe_ = header.to;
+            s_.keyframes += !again;
+        }
+        if (header.kind == RecordKind::input) ++s_.inputs;
+        // A frame is one step, however many records it takes.
+        if (header.from != header.to && header.kind != RecordKind::keyframe && header.to != lastStep_) {
+            ++s_.frames;
+            lastStep_ = header.to;
+        }
+        if (std::exchange(first_, false)) {
+            s_.firstState = header.to;
+            s_.start = header.time;
+        }
+        s_.lastState = header.to;
+        s_.end = header.time;
+    }
+
+  private:
+    void takeHead(const LogReader::Record& record) {
+        const auto head = decodeHead(record.bytes);
+        if (!head) return;
+        if (s_.sessions == 0 || head->epoch != epoch_) {
+            ++s_.sessions;
+            lastStep_ = lastKeyframe_ = std::numeric_limits<std::uint64_t>::max();
+        }
+        epoch_ = head->epoch;
+        s_.creator = head->creator;
+        s_.mode = nameOf(head->mode.mode);
+        s_.coding = nameOf(head->mode.coding);
+    }
+
+    LogSummary& s_;
+    bool first_ = true;
+    std::uint64_t epoch_ = 0, lastStep_ = 0, lastKeyframe_ = 0;
+};
+
+}  // namespace
+
+bool isLog(const std::filesystem::path& file) {
+    constexpr std::string_view kMagic = "RTSGrec1";
+    char head[kMagic.size()] = {};
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(file, error)) return false;
+    std::ifstream(file, std::ios::binary).read(head, sizeof(head));
+    return std::string_view(head, sizeof(head)) == kMagic;
+}
+
+Result<LogSummary> summariseLog(const std::filesystem::path& file) {
+    auto log = LogReader::open(file);
+    if (!log) return std::unexpected(log.error());
+    LogSummary summary;
+    summary.bytes = log->size();
+    Counter counter(summary);
+    while (const std::optional<LogReader::Record> record = log->next()) counter.take(*record);
+    summary.damaged = log->damage().size();
+    for (const LogDamage& damage : log->damage()) summary.damagedBytes += damage.length;
+    auto replayer = Replayer::open(file);
+    if (!replayer) return std::unexpected(replayer.error());
+    if (!(*replayer)->seek(std::numeric_limits<double>::infinity())) return summary;  // there is no intact state
+    const Scene& scene = (*replayer)->scene();
+    scene.forEachNode([&](const Node& node) {
+        if (node.id() == scene.root()) return;
+        ++summary.nodes;
+        ++summary.types[node.type().name];
+    });
+    return summary;
+}
+
+}  // namespace rtsg
