@@ -1,3 +1,4 @@
+// What all verbs share: diagnostics, progress, interruption, durations, JSON text.
 #include "cli.h"
 
 #include <algorithm>
@@ -5,8 +6,10 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <memory>
+#include <utility>
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -50,16 +53,20 @@ bool interrupted() {
 }
 
 void runTo(Scene& scene, double seconds, double framesPerSecond) {
+    const Progress progress = progressBar("running the scene");
     for (std::uint64_t frame = 0;; ++frame) {
         const double t = static_cast<double>(frame) / framesPerSecond;
         if (t >= seconds) break;
         if (t >= scene.now()) scene.newFrame(t);
+        if (progress) progress(static_cast<std::uint64_t>(t * 1e3), static_cast<std::uint64_t>(seconds * 1e3));
     }
     scene.newFrame(seconds);
+    if (progress) progress(1, 1);
 }
 
 Progress progressBar(std::string label) {
-    if (!isatty(STDERR_FILENO)) return {};
+    const auto set = [](const char* name) { return std::string_view(std::getenv(name) ? std::getenv(name) : ""); };
+    if (!isatty(STDERR_FILENO) || !set("NO_COLOR").empty() || set("TERM") == "dumb") return {};
     using Clock = std::chrono::steady_clock;
     struct State {
         std::string label;
@@ -72,7 +79,7 @@ Progress progressBar(std::string label) {
         const auto now = Clock::now();
         const double elapsed = std::chrono::duration<double>(now - state->start).count();
         const bool last = total != 0 && done >= total;
-        if (last && state->visible) fmt::print(stderr, "\r\033[K");
+        if (last && std::exchange(state->visible, false)) fmt::print(stderr, "\r\033[K");
         if (last || elapsed < 1 || total == 0 || now - state->shown < std::chrono::milliseconds(100)) return;
         state->shown = now;
         state->visible = true;

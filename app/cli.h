@@ -35,6 +35,8 @@ Verb addRecord(CLI::App& program);
 Verb addReplay(CLI::App& program);
 Verb addServe(CLI::App& program);
 Verb addMirror(CLI::App& program);
+Verb addHelp(CLI::App& program);
+Verb addCompletion(CLI::App& program);
 
 /// `file:line:col: error: text`, one a line, on stderr; then how many were left out.
 void print(const Diagnostics& diagnostics);
@@ -47,7 +49,8 @@ bool interrupted();
 /// Runs the scene from where it is to `seconds`, in frames as even as those of `rtsg run`.
 void runTo(Scene& scene, double seconds, double framesPerSecond = 60);
 
-/// A bar with an ETA on stderr, if that is a terminal and the work takes over a second.
+/// A bar with an ETA on stderr, if that is a terminal that moves its cursor (no NO_COLOR, no TERM=dumb) and the work
+/// takes over a second.
 Progress progressBar(std::string label);
 
 /// --base, --allow and --limit: what the urls of a document may open, and how much of it.

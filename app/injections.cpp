@@ -1,3 +1,4 @@
+// --set: parses events with their times, and sends those that are due.
 #include "injections.h"
 
 #include <algorithm>

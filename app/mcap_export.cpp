@@ -1,3 +1,4 @@
+// A scene as MCAP: frames, shapes and changes as viewers of robots' recordings read them.
 #include "mcap_export.h"
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// The JSON Schemas of the topics in an exported MCAP file.
 #include "mcap_schemas.h"
 
 #include <initializer_list>

@@ -1,3 +1,4 @@
+// What is made of a scene that something else drives: pictures, sound, a log, a document.
 #include "outputs.h"
 
 #include <algorithm>
@@ -102,6 +103,7 @@ void OutputArguments::addTo(CLI::App& command, bool withRecord) {
     command.add_option("--listen", listen, "WAV of what the listener hears");
     if (withRecord) command.add_option("--record", record, "log of every state");
     command.add_option("--save", save, "the last state as a scene file");
+    addForce(command, force);
     resources.addTo(command);
     picture.addTo(command);
     sound.addTo(command);
@@ -111,26 +113,19 @@ bool OutputArguments::animated() const {
     return lowerExtension(render) == ".gif" || numberedName(std::filesystem::path(render).filename().string(), 0);
 }
 
-void OutputArguments::check() const {
+Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vector<OutputName> more) const {
     picture.parse();
     sound.parse();
-    if (!save.empty()) checkSceneName(save);
-    if (!listen.empty() && lowerExtension(listen) != ".wav")
-        throw CLI::ValidationError(listen, "sound is written as .wav");
-    if (!render.empty() && lowerExtension(render).empty())
-        throw CLI::ValidationError(render, "the name of a picture says its format: .png, .exr, .gif ...");
+    more.push_back({"--render", render, OutputKind::picture});
+    more.push_back({"--listen", listen, OutputKind::sound});
+    more.push_back({"--record", record, OutputKind::log});
+    more.push_back({"--save", save, OutputKind::scene});
+    return checkFiles(inputs, more, force);
 }
 
-void checkSceneName(const std::string& file) {
-    Encoding encoding{};
-    bool gzip = false;
-    if (file != "-" && !encodingFromName(file, encoding, gzip))
-        throw CLI::ValidationError(file, "not a name to save a scene under; there are: .x3d .x3dv .wrl, each also .gz");
-}
-
-Result<> saveScene(const Scene& scene, const std::string& file) {
+Result<> saveScene(const Scene& scene, const std::string& file, Existing existing) {
     Diagnostics diagnostics(file);
-    auto writer = DocumentFileWriter::create(file, diagnostics);
+    auto writer = DocumentFileWriter::create(file, diagnostics, existing);
     if (!writer) return std::unexpected(writer.error());
     Encoding encoding = Encoding::classicVrml;
     bool gzip = false;
@@ -158,7 +153,9 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArgum
         if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
     }
     if (!arguments.record.empty()) {
-        auto log = LogWriter::create(arguments.record, builtinTypes());
+        LogOptions options;
+        options.existing = existing(arguments.force);
+        auto log = LogWriter::create(arguments.record, builtinTypes(), options);
         if (!log) return std::unexpected(log.error());
         outputs->log_ = std::move(*log);
         outputs->logAttachment_ = scene.bus().attach(*outputs->log_);
@@ -206,9 +203,27 @@ Result<> Outputs::apply(const Scene& scene, const ChangeSet&) {
 }
 
 Result<> Outputs::finish() {
-    if (!failure().empty()) return fail(failure());
+    Result<> result;
+    if (!failure().empty()) result = fail(failure());
     attachment_.detach();
     finishing_ = true;
+    // One that cannot be written costs the others nothing.
+    for (const auto step : {&Outputs::finishPictures, &Outputs::finishSound, &Outputs::finishLog})
+        if (auto ok = (this->*step)(); !ok) {
+            if (!result) printError(result.error());
+            result = ok;
+        }
+    if (world_) print(world_->diagnostics());
+    if (!arguments_.save.empty()) {
+        if (auto ok = saveScene(scene_, arguments_.save, existing(arguments_.force)); !ok) {
+            if (!result) printError(result.error());
+            result = ok;
+        }
+    }
+    return result;
+}
+
+Result<> Outputs::finishPictures() {
     if (light_) {
         if (!arguments_.animated())
             if (auto ok = takePicture(arguments_.render); !ok) return ok;
@@ -219,19 +234,25 @@ Result<> Outputs::finish() {
                 return ok;
         print(light_->diagnostics());
     }
+    return {};
+}
+
+Result<> Outputs::finishSound() {
     if (sound_) {
         const ListenReport report = sound_->finish();
         print(report.diagnostics);
         soundSeconds_ = report.sound.seconds();
         if (auto ok = writeWav(arguments_.listen, report.sound); !ok) return ok;
     }
-    if (world_) print(world_->diagnostics());
+    return {};
+}
+
+Result<> Outputs::finishLog() {
     if (log_) {
         if (!logAttachment_.attached()) return fail(logAttachment_.failure());
         logAttachment_.detach();
         if (auto ok = log_->close(); !ok) return ok;
     }
-    if (!arguments_.save.empty()) return saveScene(scene_, arguments_.save);
     return {};
 }
 

@@ -15,6 +15,7 @@
 #include <rtsg/sync/log.h>
 
 #include "cli.h"
+#include "files.h"
 
 namespace rtsg::app {
 
@@ -47,20 +48,20 @@ struct OutputArguments {
     std::string render, listen, record, save;
     ResourceArguments resources;
     double picturesPerSecond = 5;
+    bool force = false;
     PictureArguments picture;
     SoundArguments sound;
 
     void addTo(CLI::App& command, bool withRecord);
     bool animated() const;
     bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
-    /// Finds out before any work that a name says nothing that can be written. Throws CLI::ValidationError.
-    void check() const;
+    /// Finds out before any work that something cannot be made, or would overwrite one of `inputs` (checkFiles(), to
+    /// which `more` outputs of the verb go as well). Throws CLI::ValidationError.
+    Result<> check(const std::vector<std::string>& inputs, std::vector<OutputName> more = {}) const;
 };
 
-/// Throws CLI::ValidationError unless `file` can be saved to, by its name.
-void checkSceneName(const std::string& file);
 /// The present state as a document.
-Result<> saveScene(const Scene& scene, const std::string& file);
+Result<> saveScene(const Scene& scene, const std::string& file, Existing existing);
 
 class Outputs final : public Subscriber {
   public:
@@ -88,6 +89,9 @@ class Outputs final : public Subscriber {
 
   private:
     Outputs(Scene& scene, const OutputArguments& arguments) : scene_(scene), arguments_(arguments) {}
+    Result<> finishPictures();
+    Result<> finishSound();
+    Result<> finishLog();
     Result<> takePicture(const std::string& file);
 
     Scene& scene_;

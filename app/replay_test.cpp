@@ -1,3 +1,4 @@
+// rtsg replay as a test: runs the scene again and compares pictures and sound with those expected.
 #include "replay_test.h"
 
 #include <filesystem>
@@ -69,7 +70,7 @@ void ReplayTestArguments::addTo(CLI::App& command) {
         ->group(group);
 }
 
-int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs) {
+int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json) {
     if (arguments.update && arguments.rerun.empty())
         throw CLI::ValidationError("--update", "needs --rerun SCENE: there is no scene to record");
     if (!arguments.expectPicture.empty()) {
@@ -80,7 +81,9 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         if (!outputs.listen.empty()) throw CLI::ValidationError("--expect-sound", "not together with --listen");
         outputs.listen = arguments.update ? arguments.expectSound : actualName(arguments.expectSound);
     }
-    outputs.check();
+    std::vector<std::string> read = {log, arguments.rerun};
+    if (!arguments.update) read.insert(read.end(), {arguments.expectPicture, arguments.expectSound});
+    if (auto ok = outputs.check(read); !ok) return printError(ok.error()), kBad;
     const std::string& origin = arguments.rerun.empty() ? log : arguments.rerun;
     const Resources resources = outputs.resources.ofFile(origin);
 
@@ -94,6 +97,10 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
                 return fail("nothing usable in it", {}, arguments.rerun);
             return {};
         };
+    test.check = [](const Scene&) -> Result<> {
+        if (interrupted()) return fail("interrupted");
+        return {};
+    };
     std::unique_ptr<Outputs> following;
     test.attach = [&](Scene& scene) -> Result<> {
         auto attached = Outputs::attach(scene, outputs, resources);
@@ -117,8 +124,12 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     expect(arguments.expectSound,
            [&] { return compareSounds(arguments.expectSound, outputs.listen, arguments.soundTolerance); });
     const bool passed = report->passed() && failures.empty();
-    fmt::print("{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"passed\":{},\"updated\":{}}}\n",
-               report->frames, report->verified, toJson(report->divergence), passed, report->updated);
+    if (!json)
+        fmt::print("{} of {} states as recorded: {}{}\n", report->verified, report->frames,
+                   passed ? "passed" : "failed", report->updated ? "; the log was written anew" : "");
+    else
+        fmt::print("{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"passed\":{},\"updated\":{}}}\n",
+                   report->frames, report->verified, toJson(report->divergence), passed, report->updated);
     for (const std::string& failure : failures) printError(failure);
     return passed ? kDone : kBad;
 }

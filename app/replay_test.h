@@ -21,7 +21,7 @@ struct ReplayTestArguments {
 };
 
 /// The exit status. Throws CLI::ValidationError for options that do not go together.
-int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs);
+int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json);
 
 /// {"frame":…,"t":…,"node":…,"field":…,"text":…} or null.
 std::string toJson(const std::optional<Divergence>& divergence);

@@ -1,3 +1,4 @@
+// rtsg bench: the benches by name, and their lines as JSON.
 #include <algorithm>
 #include <memory>
 #include <type_traits>

@@ -1,3 +1,4 @@
+// rtsg chart: measures, and writes what was measured as CSV and SVG.
 #include <algorithm>
 #include <memory>
 #include <vector>

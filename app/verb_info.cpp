@@ -1,3 +1,4 @@
+// rtsg info: what is in a scene, or in a log.
 #include <map>
 #include <memory>
 
@@ -6,6 +7,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/shared_world.h>
+#include <rtsg/sync/log_summary.h>
 
 #include "cli.h"
 
@@ -35,87 +37,93 @@ Counts count(const Scene& scene) {
     return c;
 }
 
+struct Options {
+    std::string file;
+    ResourceArguments resources;
+    bool json = false;
+};
+
+std::string asJson(const std::map<std::string, std::size_t>& counts) {
+    std::string out;
+    for (const auto& [name, n] : counts) out += fmt::format("{}{}:{}", out.empty() ? "" : ",", jsonString(name), n);
+    return "{" + out + "}";
+}
+
+/// Of all instances: a mesh that is used twice counts twice.
+void countTriangles(const Scene& scene, Counts& c) {
+    const SharedWorld world(scene);  // no rays are asked for: no BVH is built
+    const InstanceDelta all = world.flattener().snapshot();
+    std::map<NodeId, std::size_t> triangles;
+    for (const auto& geometry : all.geometries)
+        if (geometry.mesh) triangles[geometry.node] = geometry.mesh->triangleCount;
+    for (const Instance& instance : all.added) {
+        ++c.instances;
+        c.triangles += triangles[instance.geometry];
+    }
+}
+
+int describeScene(const Options& options) {
+    Scene scene;
+    Diagnostics diagnostics(options.file);
+    const bool ok = load(scene, options.file, diagnostics, options.resources.ofFile(options.file));
+    Counts c = count(scene);
+    countTriangles(scene, c);
+    const std::string profile = scene.node(scene.root()).get(x3d::RtsgScene::profile).str();
+    if (options.json) {
+        fmt::print(
+            "{{\"nodes\":{},\"routes\":{},\"triangles\":{},\"instances\":{},\"protos\":{},\"scripts\":{},"
+            "\"sounds\":{},\"profile\":{},\"components\":{},\"errors\":{},\"warnings\":{}}}\n",
+            c.nodes, scene.routeCount(), c.triangles, c.instances, c.protos, c.scripts, c.sounds, jsonString(profile),
+            asJson(c.components), diagnostics.errors(), diagnostics.warnings());
+        return ok ? kDone : kBad;
+    }
+    fmt::print(
+        "{}\n  profile    {}\n  nodes      {}\n  routes     {}\n  shapes     {}\n  triangles  {}\n"
+        "  protos     {}\n  scripts    {}\n  sounds     {}\n  problems   {} errors, {} warnings\n  components\n",
+        options.file, profile.empty() ? "none named" : profile, c.nodes, scene.routeCount(), c.instances, c.triangles,
+        c.protos, c.scripts, c.sounds, diagnostics.errors(), diagnostics.warnings());
+    for (const auto& [name, n] : c.components) fmt::print("    {:<24} {:>7} nodes\n", name, n);
+    return ok ? kDone : kBad;
+}
+
+int describeLog(const Options& options) {
+    const auto log = summariseLog(options.file);
+    if (!log) return printError(log.error()), kBad;
+    const double duration = log->end - log->start;
+    if (options.json) {
+        fmt::print(
+            "{{\"frames\":{},\"keyframes\":{},\"inputs\":{},\"sessions\":{},\"first_state\":{},\"last_state\":{},"
+            "\"t\":{},\"duration_s\":{},\"bytes\":{},\"damaged\":{},\"damaged_bytes\":{},\"closed\":{},\"mode\":{},"
+            "\"coding\":{},\"creator\":{},\"nodes\":{},\"types\":{}}}\n",
+            log->frames, log->keyframes, log->inputs, log->sessions, log->firstState, log->lastState, log->start,
+            duration, log->bytes, log->damaged, log->damagedBytes, log->closed, jsonString(log->mode),
+            jsonString(log->coding), jsonString(log->creator), log->nodes, asJson(log->types));
+    } else {
+        fmt::print(
+            "{}\n  frames     {}, states {} to {}\n  keyframes  {}\n  inputs     {}\n  sessions   {}\n"
+            "  time       {} to {} s, {} s long\n  bytes      {}\n  damage     {} places, {} bytes{}\n"
+            "  mode       {}, coding {}, written by {}\n  nodes      {} in the last state\n",
+            options.file, log->frames, log->firstState, log->lastState, log->keyframes, log->inputs, log->sessions,
+            log->start, log->end, duration, log->bytes, log->damaged, log->damagedBytes,
+            log->closed ? "" : "; it was not closed in order", log->mode, log->coding, log->creator, log->nodes);
+        for (const auto& [name, n] : log->types) fmt::print("    {:<24} {:>7} nodes\n", name, n);
+    }
+    return log->damaged == 0 ? kDone : kBad;
+}
+
 }  // namespace
 
 Verb addInfo(CLI::App& program) {
-    struct Options {
-        std::string scene;
-        ResourceArguments resources;
-        bool json = false;
-    };
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("info", "Count nodes, triangles, routes and sounds; list components");
-    command->add_option("SCENE", options->scene, "scene file, or -")->required();
+    CLI::App* command = program.add_subcommand("info", "Say what is in a scene or a log");
+    command->add_option("FILE", options->file, "scene file, log, or - for a scene")->required();
     options->resources.addTo(*command);
     command->add_flag("--json", options->json, "one JSON object");
-    command->footer("Example: rtsg info --json hall.x3dv");
-    return {command, [options] {
-                Scene scene;
-                Diagnostics diagnostics(options->scene);
-                const bool ok = load(scene, options->scene, diagnostics, options->resources.ofFile(options->scene));
-                const SharedWorld world(scene);  // no rays are asked for: no BVH is built
-                Counts c = count(scene);
-                const InstanceDelta all = world.flattener().snapshot();
-                std::map<NodeId, std::size_t> triangles;
-                for (const auto& geometry : all.geometries)
-                    if (geometry.mesh) triangles[geometry.node] = geometry.mesh->triangleCount;
-                for (const Instance& instance : all.added) {
-                    ++c.instances;
-                    c.triangles += triangles[instance.geometry];
-                }
-                const auto& root = scene.node(scene.root());
-                const std::string profile = root.get(x3d::RtsgScene::profile).str();
-                if (options->json) {
-                    std::string components;
-                    for (const auto& [name, n] : c.components)
-                        components += fmt::format("{}{}:{}", components.empty() ? "" : ",", jsonString(name), n);
-                    fmt::print(
-                        "{{\"nodes\":{},\"routes\":{},\"triangles\":{},\"instances\":{},\"protos\":{},\"scripts\":{},"
-                        "\"sounds\":{},\"profile\":{},\"components\":{{{}}},\"errors\":{},\"warnings\":{}}}\n",
-                        c.nodes, scene.routeCount(), c.triangles, c.instances, c.protos, c.scripts, c.sounds,
-                        jsonString(profile), components, diagnostics.errors(), diagnostics.warnings());
-                } else {
-                    fmt::print(
-                        "{}\n  profile    {}\n  nodes      {}\n  routes     {}\n  shapes     {}\n  triangles  {}\n"
-                        "  protos     {}\n  scripts    {}\n  sounds     {}\n  problems   {} errors, {} warnings\n",
-                        options->scene, profile.empty() ? "none named" : profile, c.nodes, scene.routeCount(),
-                        c.instances, c.triangles, c.protos, c.scripts, c.sounds, diagnostics.errors(),
-                        diagnostics.warnings());
-                    fmt::print("  components\n");
-                    for (const auto& [name, n] : c.components) fmt::print("    {:<24} {:>7} nodes\n", name, n);
-                }
-                return ok ? kDone : kBad;
-            }};
-}
-
-Verb addValidate(CLI::App& program) {
-    struct Options {
-        std::vector<std::string> files;
-        ResourceArguments resources;
-        bool json = false;
-    };
-    auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("validate", "Print errors and warnings with positions");
-    command->add_option("FILE", options->files, "scene files")->required();
-    options->resources.addTo(*command);
-    command->add_flag("--json", options->json, "one JSON object a file");
-    command->footer("Example: rtsg validate models/*.x3d\nExit status 1 if any file has an error.");
-    return {command, [options] {
-                bool good = true;
-                for (const std::string& file : options->files) {
-                    Scene scene;
-                    Diagnostics diagnostics(file);
-                    const bool ok =
-                        load(scene, file, diagnostics, options->resources.ofFile(file)) && diagnostics.errors() == 0;
-                    good = good && ok;
-                    if (options->json)
-                        fmt::print("{{\"file\":{},\"errors\":{},\"warnings\":{}}}\n", jsonString(file),
-                                   diagnostics.errors(), diagnostics.warnings());
-                    else
-                        fmt::print("{}: {} errors, {} warnings\n", file, diagnostics.errors(), diagnostics.warnings());
-                }
-                return good ? kDone : kBad;
-            }};
+    command->footer(
+        "Example: rtsg info --json hall.x3dv\n"
+        "Example: rtsg info hall.rlog\n"
+        "Exit status 1 for a scene without anything usable, or a log with damage.");
+    return {command, [options] { return isLog(options->file) ? describeLog(*options) : describeScene(*options); }};
 }
 
 }  // namespace rtsg::app

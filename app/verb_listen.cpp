@@ -1,9 +1,11 @@
+// rtsg listen: what is heard in a scene, as sound and as figures of the room.
 #include <filesystem>
 #include <memory>
 
 #include <fmt/format.h>
 
 #include "cli.h"
+#include "files.h"
 #include "outputs.h"
 
 namespace rtsg::app {
@@ -22,6 +24,10 @@ int listenTo(const Options& options) {
     listening.seconds = parseSeconds(options.duration);
     if (options.out.empty() && options.ir.empty() && !options.metrics && !options.json)
         throw CLI::RequiredError("-o, --ir or --metrics");
+    if (auto ok = checkFiles({options.scene},
+                             {{"-o", options.out, OutputKind::sound}, {"--ir", options.ir, OutputKind::sound}}, false);
+        !ok)
+        return printError(ok.error()), kBad;
     Scene scene;
     Diagnostics diagnostics(options.scene);
     listening.render.resources = options.resources.ofFile(options.scene);
@@ -29,15 +35,15 @@ int listenTo(const Options& options) {
     listening.sound = !options.out.empty();
     listening.metrics = options.metrics || options.json || !options.ir.empty();
     const Progress progress = progressBar("listening to " + options.scene);
-    if (progress)
-        listening.progress = [&](double share) {
-            progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);
-            return true;
-        };
+    listening.progress = [&](double share) {
+        if (progress) progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);
+        return !interrupted();
+    };
     SharedWorld world(scene);
     SoundRenderer sound(world, listening);
     auto report = listen(sound, listening);
     if (progress) progress(1, 1);
+    if (interrupted()) return printError("interrupted: nothing was written"), kBad;
     if (!report) return printError(report.error()), kBad;
     print(report->diagnostics);
     print(world.diagnostics());

@@ -1,4 +1,6 @@
+// rtsg mirror: a replica of a served scene, and what is made of it.
 #include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -28,6 +30,19 @@ struct Options {
     OutputArguments outputs;
     bool json = false;
 };
+
+/// Names that nothing in the replica has; a number begins with #.
+std::vector<std::string> missingParts(const Scene& replica, const std::vector<std::string>& parts) {
+    std::vector<std::string> missing;
+    for (const std::string& part : parts) {
+        std::uint32_t number = 0;
+        const bool numbered = part.starts_with('#') &&
+                              std::from_chars(part.data() + 1, part.data() + part.size(), number).ec == std::errc();
+        if (!(numbered ? replica.find(NodeId{number}) != nullptr : bool(replica.findName(part))))
+            missing.push_back(part);
+    }
+    return missing;
+}
 
 double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
@@ -68,7 +83,7 @@ class Requests {
 };
 
 int mirror(const Options& options) {
-    options.outputs.check();
+    if (auto ok = options.outputs.check({options.key}); !ok) return printError(ok.error()), kBad;
     const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
     const double patience = parseSeconds(options.patience);
     MirrorClientOptions clientOptions;
@@ -101,6 +116,7 @@ int mirror(const Options& options) {
     bool good = true;
     const auto begun = Clock::now();
     auto heard = begun, joined = begun;
+    const Progress progress = options.duration.empty() ? Progress{} : progressBar("mirroring " + options.endpoint);
     while (!interrupted()) {
         const std::size_t applied = client.poll(std::chrono::milliseconds(50));
         for (const Diagnostic& d : client.takeDiagnostics())
@@ -118,6 +134,9 @@ int mirror(const Options& options) {
             outputs = std::move(*attached);
             if (auto ok = requests.parse(replica); !ok) return printError(ok.error().text), kUsage;
         }
+        if (outputs && progress)
+            progress(static_cast<std::uint64_t>(1e3 * std::clamp(replica.now() - firstTime, 0., duration)),
+                     static_cast<std::uint64_t>(1e3 * duration) + 1);
         if (outputs) requests.turn(client, replica.now() - firstTime);
         if (outputs && !outputs->failure().empty()) break;
         if (client.serverLeft() && applied == 0) break;
@@ -125,12 +144,38 @@ int mirror(const Options& options) {
         if (outputs && (replica.now() - firstTime >= duration || (secondsSince(joined) >= duration && client.inStep())))
             break;
         if (secondsSince(heard) >= patience) {
+            // A server that ends in order says goodbye.
             printError(fmt::format("{}: {} for {} s", options.endpoint,
                                    outputs ? "the server has been silent" : "no server", patience));
-            good = outputs && options.duration.empty();  // without an end of its own it follows until there is none
+            good = false;
             break;
         }
     }
+    if (progress) progress(1, 1);
+    // What is known to be missing may still be on its way.
+    const std::uint64_t known = statistics.originSequence;
+    for (const auto end = Clock::now();
+         good && statistics.sequence < known && !client.serverLeft() && secondsSince(end) < patience;)
+        client.poll(std::chrono::milliseconds(50));
+    if (interrupted() && !options.duration.empty()) {
+        printError(fmt::format("interrupted after {} of {} s", replica.now() - firstTime, duration));
+        good = false;
+    }
+    if (client.serverLeft() && !options.duration.empty() && replica.now() - firstTime < duration &&
+        secondsSince(joined) < duration) {
+        printError(fmt::format("{} left after {} of {} s", options.endpoint, replica.now() - firstTime, duration));
+        good = false;
+    }
+    if (statistics.sequence < statistics.originSequence) {
+        printError(fmt::format("the replica is in state {}, the origin was in state {}", statistics.sequence,
+                               statistics.originSequence));
+        good = false;
+    }
+    if (outputs)
+        for (const std::string& part : missingParts(replica, options.parts)) {
+            printError(fmt::format("--part {}: {} has no such node", part, options.endpoint));
+            good = false;
+        }
     const double seconds = secondsSince(joined);
     int pictures = 0;
     double soundSeconds = 0;
@@ -142,20 +187,34 @@ int mirror(const Options& options) {
         pictures = outputs->pictures();
         soundSeconds = outputs->soundSeconds();
     }
-    good = good && statistics.equal && statistics.divergences == 0 && requests.refused == 0;
+    const bool equal = statistics.equal && statistics.sequence == statistics.originSequence;
+    good = good && equal && statistics.divergences == 0 && requests.refused == 0;
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
+    if (!options.json) {
+        fmt::print(
+            "{} frames ({} snapshots) to state {} of {}, {} bytes ({:.1f} a frame), {:.1f} frames a second\n"
+            "{}: {} here, {} at the origin; {} gaps, {} divergences, {} repairs\n",
+            statistics.frames, statistics.snapshots, statistics.sequence, statistics.originSequence, statistics.bytes,
+            static_cast<double>(statistics.bytes) / frames, frames / std::max(seconds, 1e-9),
+            equal ? "equal" : "not equal", statistics.hash.hex(), statistics.originHash.hex(), statistics.gaps,
+            statistics.divergences, statistics.repairs);
+        if (requests.sent > 0)
+            fmt::print("{} events sent, {} accepted, {} refused\n", requests.sent, requests.accepted, requests.refused);
+        return good ? kDone : kBad;
+    }
     fmt::print(
         "{{\"frames\":{},\"snapshots\":{},\"gaps\":{},\"bytes\":{},\"hash\":\"{}\",\"origin_hash\":\"{}\",\"equal\":{},"
-        "\"divergences\":{},\"repairs\":{},\"sequence\":{},\"t\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"bytes_per_"
+        "\"divergences\":{},\"repairs\":{},\"sequence\":{},\"origin_sequence\":{},\"t\":{},\"seconds\":{:.3f},\"fps\":{"
+        ":.2f},\"bytes_per_"
         "frame\":{:.1f},"
         "\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},\"delay_s\":{:.6f},\"jitter_s\":{:.6f},\"late\":{},"
         "\"sent\":{},\"accepted\":{},\"refused\":{},\"pictures\":{},\"sound_seconds\":{:.3f},\"inputs\":{}{}}}\n",
         statistics.frames, statistics.snapshots, statistics.gaps, statistics.bytes, statistics.hash.hex(),
-        statistics.originHash.hex(), statistics.equal, statistics.divergences, statistics.repairs, statistics.sequence,
-        replica.now(), seconds, frames / std::max(seconds, 1e-9), static_cast<double>(statistics.bytes) / frames,
-        statistics.restarts, statistics.garbage, statistics.clockOffset, statistics.delay, statistics.jitter,
-        statistics.late, requests.sent, requests.accepted, requests.refused, pictures, soundSeconds, statistics.inputs,
-        outputs ? outputs->worldJson() : std::string());
+        statistics.originHash.hex(), equal, statistics.divergences, statistics.repairs, statistics.sequence,
+        statistics.originSequence, replica.now(), seconds, frames / std::max(seconds, 1e-9),
+        static_cast<double>(statistics.bytes) / frames, statistics.restarts, statistics.garbage, statistics.clockOffset,
+        statistics.delay, statistics.jitter, statistics.late, requests.sent, requests.accepted, requests.refused,
+        pictures, soundSeconds, statistics.inputs, outputs ? outputs->worldJson() : std::string());
     return good ? kDone : kBad;
 }
 
@@ -189,7 +248,7 @@ Verb addMirror(CLI::App& program) {
         ->capture_default_str()
         ->check(CLI::IsMember({"merge", "block", "resync"}));
     options->outputs.addTo(*command, true);
-    command->add_flag("--json", options->json, "JSON is what is printed in any case");
+    command->add_flag("--json", options->json, "the summary as JSON");
     command->footer(
         "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --listen out.wav --base "
         "examples/demo\n"

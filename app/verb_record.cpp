@@ -1,3 +1,4 @@
+// rtsg record: runs a scene in simulated time and logs every change.
 #include <chrono>
 #include <cmath>
 #include <memory>
@@ -10,6 +11,7 @@
 #include <rtsg/sync/lossy_scene.h>
 
 #include "cli.h"
+#include "files.h"
 #include "injections.h"
 
 namespace rtsg::app {
@@ -23,11 +25,13 @@ struct Options {
     std::vector<std::string> set;
     ResourceArguments resources;
     double fps = 60;
-    bool realtime = false, json = false, inputs = false;
+    bool realtime = false, json = false, inputs = false, force = false;
 };
 
 int record(const Options& options) {
     const double duration = parseSeconds(options.duration);
+    if (auto ok = checkFiles({options.scene}, {{"-o", options.out, OutputKind::log}}, options.force); !ok)
+        return printError(ok.error()), kBad;
     Scene scene;
     Diagnostics diagnostics(options.scene);
     const Resources resources = options.resources.ofFile(options.scene);
@@ -50,7 +54,9 @@ int record(const Options& options) {
         logOptions.mode.maxError = options.error;
     }
     logOptions.inputs = options.inputs;
+    logOptions.existing = existing(options.force);
     scene.setInputRecording(options.inputs || logOptions.mode.mode == Mode::input);
+    (void)interrupted();  // from here on an interruption ends in order: no half file stays
     auto log = LogWriter::create(options.out, builtinTypes(), logOptions);
     if (!log) return printError(log.error()), kBad;
     Attachment attachment = (lossy ? lossy->scene() : scene).bus().attach(**log);
@@ -69,7 +75,11 @@ int record(const Options& options) {
     scene.seal();
     print(inlineDiagnostics);
     print(scene.diagnostics());
-    if (!attachment.attached()) return printError(attachment.failure()), kBad;
+    if (!attachment.attached()) {
+        printError(attachment.failure());
+        printError(fmt::format("{} holds the first {} bytes, to a whole frame", options.out, (*log)->bytes()));
+        return kBad;
+    }
     attachment.detach();
     if (auto ok = (*log)->close(); !ok) return printError(ok.error()), kBad;
     const double perFrame =
@@ -80,7 +90,9 @@ int record(const Options& options) {
     else
         fmt::print("{} frames to t = {} s, {} bytes ({:.1f} a frame), state {}\n", done, scene.now(), (*log)->bytes(),
                    perFrame, scene.hash().hex());
-    return kDone;
+    if (done == frames) return kDone;
+    printError(fmt::format("interrupted: {} holds {} of {} frames", options.out, done, frames));
+    return kBad;
 }
 
 }  // namespace
@@ -107,11 +119,12 @@ Verb addRecord(CLI::App& program) {
     command->add_flag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
     options->resources.addTo(*command);
     command->add_flag("--realtime", options->realtime, "one second a second");
+    addForce(*command, options->force);
     command->add_flag("--json", options->json, "the summary as JSON");
     command->footer(
         "Example: rtsg record hall.x3dv -o hall.rlog --for 10s\n"
         "Example: rtsg record door.x3dv -o door.rlog --for 3s --set PRESSED.set_boolean=TRUE@0.5\n"
-        "Ctrl-C ends the log in order.");
+        "Ctrl-C ends the log in order, with exit status 1 as it is shorter than asked for.");
     return {command, [options] { return record(*options); }};
 }
 

@@ -1,9 +1,12 @@
+// rtsg render: a picture or an animation of a scene.
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 
 #include <fmt/format.h>
 
 #include "cli.h"
+#include "files.h"
 #include "outputs.h"
 
 namespace rtsg::app {
@@ -29,6 +32,9 @@ int render(const Options& options) {
     if (options.frames > 1 && out.extension() != ".gif" && !numberedName(out.filename().string(), 0))
         throw CLI::ValidationError("-o", "several frames need a .gif, or a place for their number such as %04d");
 
+    if (auto ok = checkFiles({options.scene}, {{"-o", options.out, OutputKind::picture}}, false); !ok)
+        return printError(ok.error()), kBad;
+
     Scene scene;
     Diagnostics diagnostics(options.scene);
     const Resources resources = options.resources.ofFile(options.scene);
@@ -37,18 +43,16 @@ int render(const Options& options) {
     LightRenderer light(world, LightRenderer::Options(resources));
     runTo(scene, animation.start);
     const Progress progress = progressBar("rendering " + options.out);
-    if (progress) {
-        if (options.frames > 1)
-            animation.progress = [&](int done) {
-                progress(static_cast<std::uint64_t>(done), static_cast<std::uint64_t>(options.frames));
-                return true;
-            };
-        else
-            image.settings.progress = [&](double share) {
-                progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);
-                return true;
-            };
-    }
+    int finished = 0;
+    animation.progress = [&](int done) {
+        finished = done;
+        return !interrupted();
+    };
+    image.settings.progress = [&](double share) {
+        if (progress)
+            progress(static_cast<std::uint64_t>((finished + std::min(share, 1.0)) / options.frames * 1e6), 1'000'000);
+        return !interrupted();
+    };
     double seconds = 0;
     animation.stats = [&](const RenderStats& stats) { seconds += stats.seconds; };
     const auto written = renderToFile(light, out, image, animation, options.picture.toneMap());
@@ -58,6 +62,11 @@ int render(const Options& options) {
     found.setFile(options.scene);
     print(found);
     if (!written) return printError(written.error()), kBad;
+    if (*written < options.frames) {
+        printError(*written == 0 ? fmt::format("interrupted: {} was not written", options.out)
+                                 : fmt::format("interrupted: {} of {} frames were written", *written, options.frames));
+        return kBad;
+    }
     const RayWorld::Stats rays = world.rays().stats();
     if (options.json)
         fmt::print(

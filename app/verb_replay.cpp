@@ -1,3 +1,4 @@
+// rtsg replay: a log played back, verified, compared, shortened, exported, or run as a test.
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -26,9 +27,14 @@ struct Options {
 };
 
 int diff(const Options& options) {
-    const auto result = diffLogs(options.log, options.diff);
+    const Progress progress = progressBar("comparing " + options.log);
+    const auto result = diffLogs(options.log, options.diff, progress);
+    if (progress) progress(1, 1);
     if (!result) return printError(result.error()), kBad;
-    fmt::print("{{\"equal\":{},\"first_divergence\":{}}}\n", !*result, toJson(*result));
+    if (options.json)
+        fmt::print("{{\"equal\":{},\"first_divergence\":{}}}\n", !*result, toJson(*result));
+    else if (!*result)
+        fmt::print("{} and {} are equal in every state\n", options.log, options.diff);
     if (*result) printError((*result)->format());
     return *result ? kBad : kDone;
 }
@@ -39,10 +45,22 @@ int compact(const Options& options) {
     if (!options.duration.empty()) to.to = (options.seek.empty() ? 0 : to.from) + parseSeconds(options.duration);
     to.every = options.every;
     to.interval = parseSeconds(options.interval);
+    to.log.existing = existing(options.outputs.force);
+    const Progress progress = progressBar("compacting " + options.log);
+    to.progress = [&](std::uint64_t done, std::uint64_t total) {
+        if (progress) progress(done, total);
+        return !interrupted();
+    };
     const auto report = compactLog(options.log, options.compact, to);
+    if (interrupted() && !report) return printError("interrupted: " + options.compact + " was not written"), kBad;
     if (!report) return printError(report.error()), kBad;
-    fmt::print("{{\"states\":{},\"states_before\":{},\"bytes\":{},\"bytes_before\":{},\"damaged\":{}}}\n",
-               report->statesWritten, report->statesRead, report->bytesWritten, report->bytesRead, report->damaged);
+    if (!options.json)
+        fmt::print("{} of {} states, {} of {} bytes{}\n", report->statesWritten, report->statesRead,
+                   report->bytesWritten, report->bytesRead,
+                   report->damaged ? fmt::format("; {} places were damaged", report->damaged) : "");
+    else
+        fmt::print("{{\"states\":{},\"states_before\":{},\"bytes\":{},\"bytes_before\":{},\"damaged\":{}}}\n",
+                   report->statesWritten, report->statesRead, report->bytesWritten, report->bytesRead, report->damaged);
     return kDone;
 }
 
@@ -87,13 +105,18 @@ class Check {
 };
 
 int replay(const Options& options) {
-    options.outputs.check();
+    if (auto ok = options.outputs.check(
+            {options.log, options.diff, options.test.rerun},
+            {{"--export", options.exported, OutputKind::log}, {"--compact", options.compact, OutputKind::log}});
+        !ok)
+        return printError(ok.error()), kBad;
     const bool seeks = !options.seek.empty();
     const double from = seeks ? parseSeconds(options.seek) : 0;
     const double length = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
     if (!options.diff.empty()) return diff(options);
+    (void)interrupted();  // from here on an interruption ends in order: no half file stays
     if (!options.compact.empty()) return compact(options);
-    if (options.test.any()) return runReplayTest(options.log, options.test, options.outputs);
+    if (options.test.any()) return runReplayTest(options.log, options.test, options.outputs, options.json);
 
     auto opened = Replayer::open(options.log);
     if (!opened) return printError(opened.error()), kBad;
@@ -102,8 +125,13 @@ int replay(const Options& options) {
     replayer.scene().setScriptResources(std::make_shared<const Resources>(resources));
     if (seeks)
         if (auto ok = replayer.seek(from); !ok) return printError(ok.error()), kBad;
+    if (seeks && replayer.scene().now() < from && replayer.atEnd()) {
+        printError(
+            fmt::format("{}: --seek {}: the log ends at {} s", options.log, options.seek, replayer.scene().now()));
+        return kBad;
+    }
     Check check(replayer);
-    bool more = seeks || check.step();
+    bool more = seeks || check.step(), cut = false;
 
     std::string worldJson;
     if (replayer.frames() > 0) {
@@ -113,6 +141,7 @@ int replay(const Options& options) {
         if (!options.exported.empty()) {
             McapOptions mcap;
             mcap.compress = !options.exportPlain;
+            mcap.existing = existing(options.outputs.force);
             auto attached = McapExport::attach((*outputs)->world(), options.exported, mcap);
             if (!attached) return printError(attached.error()), kBad;
             exported = std::move(*attached);
@@ -127,21 +156,35 @@ int replay(const Options& options) {
             if (progress) progress(replayer.log().position(), replayer.log().size());
         }
         if (progress) progress(1, 1);
+        if (plays && more && interrupted()) {
+            cut = true;
+            printError(
+                fmt::format("interrupted: what is written holds {} to t = {} s", options.log, replayer.scene().now()));
+        }
         if (exported)
-            if (auto ok = exported->finish(); !ok) return printError(ok.error()), kBad;
+            if (auto ok = exported->finish(); !ok) {
+                printError(ok.error());
+                cut = true;
+            }
         if (auto ok = (*outputs)->finish(); !ok) return printError(ok.error()), kBad;
         worldJson = (*outputs)->worldJson();
     } else {
         printError(options.log + ": no intact state");
     }
 
-    const bool good = replayer.frames() > 0 && !check.first() && replayer.verified() == replayer.frames();
-    fmt::print(
-        "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"hash\":\"{}\",\"gaps\":{},\"damaged\":{},"
-        "\"bytes\":{}{}}}\n",
-        replayer.frames(), replayer.verified(), toJson(check.first()), replayer.scene().now(),
-        replayer.scene().hash().hex(), replayer.gaps(), replayer.log().damage().size(), replayer.log().size(),
-        worldJson);
+    const bool good = !cut && replayer.frames() > 0 && !check.first() && replayer.verified() == replayer.frames();
+    if (!options.json)
+        fmt::print("{} frames to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}\n", replayer.frames(),
+                   replayer.scene().now(), replayer.verified(), replayer.gaps(), replayer.log().damage().size(),
+                   replayer.scene().hash().hex());
+    else
+        fmt::print(
+            "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"hash\":\"{}\",\"gaps\":{},\"damaged\":{"
+            "},"
+            "\"bytes\":{}{}}}\n",
+            replayer.frames(), replayer.verified(), toJson(check.first()), replayer.scene().now(),
+            replayer.scene().hash().hex(), replayer.gaps(), replayer.log().damage().size(), replayer.log().size(),
+            worldJson);
     if (check.first()) printError(check.first()->format());
     return good ? kDone : kBad;
 }
@@ -167,7 +210,7 @@ Verb addReplay(CLI::App& program) {
         ->capture_default_str();
     options->outputs.addTo(*command, false);
     options->test.addTo(*command);
-    command->add_flag("--json", options->json, "JSON is what is printed in any case");
+    command->add_flag("--json", options->json, "the report as JSON");
     command->footer(
         "Example: rtsg replay hall.rlog --verify\n"
         "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"

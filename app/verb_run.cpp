@@ -1,3 +1,4 @@
+// rtsg run: the cascade of a scene in simulated time, with events sent and watched.
 #include <chrono>
 #include <cmath>
 #include <memory>
@@ -84,7 +85,9 @@ int run(const Options& options) {
     }
     print(inlineDiagnostics);
     print(scene.diagnostics());
-    if (options.json && watches.empty() && !options.hash)
+    if (progress) progress(1, 1);
+    // Text would be in the way of whoever reads the events; a summary in JSON is one line more.
+    if (options.json)
         fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"}}\n", frames, scene.now(), scene.hash().hex());
     else if (watches.empty() && !options.hash)
         fmt::print("{} frames to t = {} s, state {}\n", frames, scene.now(), scene.hash().hex());
@@ -104,7 +107,7 @@ Verb addRun(CLI::App& program) {
     options->resources.addTo(*command);
     command->add_flag("--realtime", options->realtime, "one second a second");
     command->add_flag("--hash", options->hash, "print the state hash of every frame");
-    command->add_flag("--json", options->json, "the summary as JSON");
+    command->add_flag("--json", options->json, "the summary as JSON, after the events if any are watched");
     command->footer(
         "Example: rtsg run door.x3dv --for 2s --fps 60 --watch DOOR.rotation --set PRESSED.set_boolean=TRUE@0.5");
     return {command, [options] { return run(*options); }};

@@ -1,3 +1,4 @@
+// rtsg serve: a scene in real time, mirrored and recorded.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -13,6 +14,7 @@
 #include <rtsg/sync/mirror_server.h>
 
 #include "cli.h"
+#include "files.h"
 
 namespace rtsg::app {
 
@@ -27,7 +29,7 @@ struct Options {
     std::string linger = "10s";
     std::size_t peers = 64;
     ResourceArguments resources;
-    bool insecure = false, json = false;
+    bool insecure = false, json = false, force = false;
 };
 
 /// A key file that is not there yet is made: the client is given a copy.
@@ -48,6 +50,10 @@ void printNews(MirrorServer& server) {
 
 int serve(const Options& options) {
     const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
+    if (auto ok =
+            checkFiles({options.scene, options.key}, {{"--record", options.record, OutputKind::log}}, options.force);
+        !ok)
+        return printError(ok.error()), kBad;
     Scene scene;
     Diagnostics diagnostics(options.scene);
     if (!load(scene, options.scene, diagnostics, options.resources.ofFile(options.scene))) return kBad;
@@ -71,9 +77,12 @@ int serve(const Options& options) {
     }
     auto server = MirrorServer::start(lossy ? lossy->scene() : scene, options.endpoint, serverOptions);
     if (!server) return printError(server.error()), kBad;
+    (void)interrupted();  // from here on an interruption ends in order: no half file stays
     std::unique_ptr<LogRecorder> log;
     if (!options.record.empty()) {
-        auto created = LogRecorder::start(scene, options.record);
+        LogOptions logOptions;
+        logOptions.existing = existing(options.force);
+        auto created = LogRecorder::start(scene, options.record, logOptions);
         if (!created) return printError(created.error()), kBad;
         log = std::move(*created);
     }
@@ -89,13 +98,20 @@ int serve(const Options& options) {
     const auto last = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9));
     std::size_t mostPeers = 0;
     bool failed = false;
+    const Progress progress = options.duration.empty() ? Progress{} : progressBar("serving " + options.scene);
     while (!interrupted() && slot <= last) {
         (*server)->service();  // what mirrors have sent takes effect in this frame
         scene.newFrame(static_cast<double>(slot) / options.fps);
         ++frames;
         mostPeers = std::max(mostPeers, (*server)->statistics().peers);
         printNews(**server);
-        if (log && !log->failure().empty()) break;  // said at the end
+        if (log && !failed && !log->failure().empty()) {
+            printError(log->failure());
+            printError(fmt::format("the recording has ended; {} holds the session to state {}", options.record,
+                                   log->acknowledged()));
+            failed = true;  // but those who follow go on
+        }
+        if (progress) progress(slot, last + 1);
         const double elapsed = std::chrono::duration<double>(Clock::now() - start).count();
         slot = std::max(slot + 1, static_cast<std::uint64_t>(elapsed * options.fps));
         const auto due = start + std::chrono::duration_cast<Clock::duration>(
@@ -103,6 +119,7 @@ int serve(const Options& options) {
         while (!interrupted() && Clock::now() < due)
             std::this_thread::sleep_until(std::min(due, Clock::now() + std::chrono::milliseconds(50)));
     }
+    if (progress) progress(1, 1);
     const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
     print(scene.diagnostics());
     // Mirrors that are behind, with a picture say, may still catch up.
@@ -112,7 +129,7 @@ int serve(const Options& options) {
     printNews(**server);
     server->reset();
     if (log) {
-        if (auto ok = log->stop(); !ok) {
+        if (auto ok = log->stop(); !ok && !failed) {
             printError(ok.error());
             failed = true;
         }
@@ -129,6 +146,13 @@ int serve(const Options& options) {
     else
         fmt::print("{} frames in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", frames,
                    seconds, fps, statistics.bytes, mostPeers, scene.hash().hex());
+    if (interrupted()) {
+        if (log && !failed) fmt::print(stderr, "{} holds the session to state {}\n", options.record, scene.sequence());
+        if (!options.duration.empty() && scene.now() < duration) {
+            printError(fmt::format("interrupted at {} of {} s", scene.now(), duration));
+            failed = true;
+        }
+    }
     return failed ? kBad : kDone;
 }
 
@@ -154,6 +178,7 @@ Verb addServe(CLI::App& program) {
         ->check(CLI::IsMember(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end())))
         ->capture_default_str();
     command->add_option("--record", options->record, "log to write as well (.rlog)");
+    addForce(*command, options->force);
     command->add_option("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
     command->add_option("--linger", options->linger, "how long mirrors may catch up at the end")->capture_default_str();
     command

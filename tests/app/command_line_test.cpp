@@ -94,7 +94,7 @@ TEST_F(Usage, MissingInputIsStatusOne) {
              {"render", none, "-o", folder / "a.png"},
              {"listen", none, "-o", folder / "a.wav"},
              {"record", none, "-o", folder / "a.rlog"},
-             {"replay", folder / "none.rlog"},
+             {"replay", "--json", folder / "none.rlog"},
              {"serve", none},
          }) {
         const Outcome outcome = rtsg(arguments);

@@ -24,7 +24,7 @@ class McapExport : public CommandLine {
         const std::string log = folder / "a.rlog", mcap = folder / "a.mcap", lines = folder / "lines";
         const Outcome recorded = rtsg({"record", file, "-o", log, "--for", duration, "--fps", "10"});
         EXPECT_EQ(recorded.status, 0) << recorded.err;
-        const Outcome made = rtsg({"replay", log, "--export", mcap, "--export-plain"});
+        const Outcome made = rtsg({"replay", "--json", log, "--export", mcap, "--export-plain"});
         EXPECT_EQ(made.status, 0) << made.err;
         const std::string command =
             "python3 " RTSG_SOURCE_DIR "/tests/app/mcap_reader.py " + mcap + " > " + lines + " 2>&1";
@@ -144,8 +144,8 @@ TEST_F(McapExport, AFileThatCannotBeWrittenIsAnError) {
     writeFile(file, scene());
     const std::string log = folder / "a.rlog";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.1s"}).status, 0);
-    EXPECT_EQ(rtsg({"replay", log, "--export", folder / "no/such/a.mcap"}).status, 1);
-    const Outcome full = rtsg({"replay", log, "--export", "/dev/full"});
+    EXPECT_EQ(rtsg({"replay", "--json", log, "--export", folder / "no/such/a.mcap"}).status, 1);
+    const Outcome full = rtsg({"replay", "--json", log, "--export", "/dev/full"});
     EXPECT_EQ(full.status, 1);
     EXPECT_THAT(full.err, testing::HasSubstr("No space left"));
 }

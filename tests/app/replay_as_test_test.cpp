@@ -20,7 +20,7 @@ class ReplayAsTest : public CommandLine {
         ASSERT_EQ(json::parse(made.out)["frames"], 21);
     }
     Outcome rerun(std::vector<std::string> more = {}) {
-        std::vector<std::string> arguments = {"replay", log, "--rerun", file};
+        std::vector<std::string> arguments = {"replay", "--json", log, "--rerun", file};
         arguments.insert(arguments.end(), more.begin(), more.end());
         return rtsg(arguments);
     }
@@ -72,7 +72,9 @@ TEST_F(ReplayAsTest, PicturesAndSoundsAreComparedWithinTolerances) {
     const Outcome same = rerun(both({}));
     EXPECT_EQ(same.status, 0) << same.err;
     // A picture of another moment, and a sound that is another: the log alone is replayed, so that only they differ.
-    ASSERT_EQ(rtsg({"replay", log, "--seek", "0.1s", "--render", picture, "--size", "48x32", "--spp", "1"}).status, 0);
+    ASSERT_EQ(
+        rtsg({"replay", "--json", log, "--seek", "0.1s", "--render", picture, "--size", "48x32", "--spp", "1"}).status,
+        0);
     const Outcome moved = rerun(both({}));
     EXPECT_EQ(moved.status, 1);
     EXPECT_THAT(moved.err, HasSubstr("differs from " + picture + ": rmse"));
@@ -80,9 +82,9 @@ TEST_F(ReplayAsTest, PicturesAndSoundsAreComparedWithinTolerances) {
 }
 
 TEST_F(ReplayAsTest, OptionsThatDoNotGoTogetherAreWrongUsage) {
-    EXPECT_EQ(rtsg({"replay", log, "--update"}).status, 2);
+    EXPECT_EQ(rtsg({"replay", "--json", log, "--update"}).status, 2);
     EXPECT_EQ(rerun(withPicture({"--render", folder / "b.png"})).status, 2);
-    EXPECT_EQ(rtsg({"record", file, "-o", log, "--set", "NOBODY.on=TRUE@1"}).status, 2);
+    EXPECT_EQ(rtsg({"record", file, "-o", log, "--force", "--set", "NOBODY.on=TRUE@1"}).status, 2);
 }
 
 }  // namespace

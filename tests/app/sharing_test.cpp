@@ -10,14 +10,6 @@ namespace {
 using nlohmann::json;
 using testing::HasSubstr;
 
-std::string lastLine(const std::string& text) {
-    const auto end = text.find_last_not_of('\n');
-    if (end == std::string::npos) return {};
-    const auto begin = text.find_last_of('\n', end);
-    return text.substr(begin == std::string::npos ? 0 : begin + 1,
-                       end - (begin == std::string::npos ? 0 : begin + 1) + 1);
-}
-
 class Mirror : public CommandLine {
   protected:
     void serve(std::vector<std::string> more, const std::string& bind) {
@@ -45,7 +37,7 @@ TEST_F(Mirror, FollowsUntilTheServerLeaves) {
     const std::string served = folder / "served.rlog", mirrored = folder / "mirrored.rlog",
                       saved = folder / "saved.x3dv";
     serve({"--for", "2s", "--record", served}, "ipc://" + folder / "socket");
-    Program mirror({"mirror", endpoint, "--record", mirrored, "--save", saved, "--wait", "60s"}, streams());
+    Program mirror({"mirror", "--json", endpoint, "--record", mirrored, "--save", saved, "--wait", "60s"}, streams());
     const Outcome followed = mirror.wait();
     const Outcome origin = server->wait();
     EXPECT_EQ(followed.status, 0) << followed.err;
@@ -57,7 +49,7 @@ TEST_F(Mirror, FollowsUntilTheServerLeaves) {
     EXPECT_EQ(report.at("hash"), summary.at("hash"));
     EXPECT_EQ(report.at("sequence"), summary.at("sequence"));
     // Both logs end in the same state and agree on all they share.
-    const Outcome difference = rtsg({"replay", served, "--diff", mirrored});
+    const Outcome difference = rtsg({"replay", "--json", served, "--diff", mirrored});
     EXPECT_EQ(difference.status, 0) << difference.out << difference.err;
     EXPECT_THAT(readFile(saved), HasSubstr("DEF BOX Transform"));
 }
@@ -65,9 +57,9 @@ TEST_F(Mirror, FollowsUntilTheServerLeaves) {
 TEST_F(Mirror, ManyOverTcpOneOfThemLate) {
     serve({"--for", "3s"}, "tcp://127.0.0.1:*");
     EXPECT_THAT(endpoint, HasSubstr("tcp://127.0.0.1:"));
-    Program first({"mirror", endpoint, "--wait", "60s"}, streams());
+    Program first({"mirror", "--json", endpoint, "--wait", "60s"}, streams());
     std::this_thread::sleep_for(std::chrono::milliseconds(800));
-    Program second({"mirror", endpoint, "--for", "1s", "--wait", "60s"}, streams());
+    Program second({"mirror", "--json", endpoint, "--for", "1s", "--wait", "60s"}, streams());
     const Outcome a = first.wait(), b = second.wait();
     EXPECT_EQ(server->wait().status, 0);
     EXPECT_EQ(a.status, 0) << a.err;
@@ -78,8 +70,8 @@ TEST_F(Mirror, ManyOverTcpOneOfThemLate) {
 
 TEST_F(Mirror, PicturesAndSoundOfTheReplica) {
     serve({"--for", "3s"}, "ipc://" + folder / "socket");
-    Program mirror({"mirror", endpoint, "--render", folder / "p%02d.png", "--fps", "1", "--size", "32x24", "--listen",
-                    folder / "m.wav", "--rays", "100", "--wait", "60s"},
+    Program mirror({"mirror", "--json", endpoint, "--render", folder / "p%02d.png", "--fps", "1", "--size", "32x24",
+                    "--listen", folder / "m.wav", "--rays", "100", "--wait", "60s"},
                    streams());
     const Outcome followed = mirror.wait();
     EXPECT_EQ(server->wait().status, 0);
@@ -123,7 +115,7 @@ TEST_F(Mirror, GivesUpWithoutAServer) {
 TEST_F(Mirror, SignalsEndBothInOrder) {
     const std::string log = folder / "served.rlog";
     serve({"--record", log}, "ipc://" + folder / "socket");
-    Program mirror({"mirror", endpoint, "--record", folder / "mirrored.rlog", "--wait", "60s"}, streams());
+    Program mirror({"mirror", "--json", endpoint, "--record", folder / "mirrored.rlog", "--wait", "60s"}, streams());
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
     while (readFile(folder / "mirrored.rlog").size() < 1000 && std::chrono::steady_clock::now() < end)
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -136,15 +128,15 @@ TEST_F(Mirror, SignalsEndBothInOrder) {
     const Outcome origin = server->wait();
     EXPECT_EQ(origin.status, 0) << origin.err;
     EXPECT_GT(json::parse(lastLine(origin.out)).at("frames"), 0);
-    EXPECT_EQ(rtsg({"replay", log, "--verify"}).status, 0);
-    EXPECT_EQ(rtsg({"replay", folder / "mirrored.rlog", "--verify"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", "--json", log, "--verify"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", "--json", folder / "mirrored.rlog", "--verify"}).status, 0);
 }
 
 TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
     const std::string keys = folder / "keys";
     serve({"--for", "3s", "--linger", "0", "--key", keys}, "tcp://127.0.0.1:*");
-    Program with({"mirror", endpoint, "--key", keys, "--for", "500ms", "--wait", "60s"}, streams());
-    Program without({"mirror", endpoint, "--wait", "1s"}, streams());
+    Program with({"mirror", "--json", endpoint, "--key", keys, "--for", "500ms", "--wait", "60s"}, streams());
+    Program without({"mirror", "--json", endpoint, "--wait", "1s"}, streams());
     const Outcome a = with.wait(), b = without.wait();
     EXPECT_EQ(a.status, 0) << a.err;
     EXPECT_EQ(b.status, 1) << b.out;
@@ -173,7 +165,7 @@ class Replay : public CommandLine {
 
 TEST_F(Replay, VerifiesEveryState) {
     record(log, scene());
-    const Outcome outcome = rtsg({"replay", log, "--verify"});
+    const Outcome outcome = rtsg({"replay", "--json", log, "--verify"});
     ASSERT_EQ(outcome.status, 0) << outcome.err;
     const json report = json::parse(outcome.out);
     EXPECT_GE(report.at("frames"), 21);
@@ -194,7 +186,7 @@ TEST_F(Replay, FindsAFlippedByteWhereverItIs) {
         std::string broken = bytes;
         broken[at] = static_cast<char>(broken[at] ^ 0x10);
         writeFile(folder / "broken.rlog", broken);
-        const Outcome outcome = rtsg({"replay", folder / "broken.rlog", "--verify"});
+        const Outcome outcome = rtsg({"replay", "--json", folder / "broken.rlog", "--verify"});
         EXPECT_EQ(outcome.status, 1) << "byte " << at;
         EXPECT_NE(outcome.err, "") << "byte " << at;
         if (at < keyframe) continue;  // without its head it is no log at all
@@ -211,14 +203,14 @@ TEST_F(Replay, ATruncatedLogKeepsWhatIsWhole) {
     for (int i = 0; i < 9; ++i) record = bytes.find("RTSGrec1", record + 1);
     ASSERT_LT(record, bytes.size());
     writeFile(folder / "cut.rlog", bytes.substr(0, record - 5));
-    const Outcome outcome = rtsg({"replay", folder / "cut.rlog", "--verify"});
+    const Outcome outcome = rtsg({"replay", "--json", folder / "cut.rlog", "--verify"});
     EXPECT_EQ(outcome.status, 1);
     const json report = json::parse(outcome.out);
     EXPECT_GT(report.at("frames"), 2);
     EXPECT_EQ(report.at("frames"), report.at("verified"));
     EXPECT_FALSE(report.at("first_divergence").is_null());
     writeFile(folder / "garbage.rlog", std::string(5000, 'x'));
-    EXPECT_EQ(rtsg({"replay", folder / "garbage.rlog", "--verify"}).status, 1);
+    EXPECT_EQ(rtsg({"replay", "--json", folder / "garbage.rlog", "--verify"}).status, 1);
 }
 
 TEST_F(Replay, ComparesLogsAndNamesTheField) {
@@ -226,10 +218,10 @@ TEST_F(Replay, ComparesLogsAndNamesTheField) {
     const std::string same = folder / "same.rlog", other = folder / "other.rlog";
     record(same, scene());
     record(other, scene("3"));
-    const Outcome equal = rtsg({"replay", log, "--diff", same});
+    const Outcome equal = rtsg({"replay", "--json", log, "--diff", same});
     EXPECT_EQ(equal.status, 0) << equal.err;
     EXPECT_EQ(json::parse(equal.out).at("equal"), true);
-    const Outcome different = rtsg({"replay", log, "--diff", other});
+    const Outcome different = rtsg({"replay", "--json", log, "--diff", other});
     EXPECT_EQ(different.status, 1);
     const json found = json::parse(different.out).at("first_divergence");
     EXPECT_EQ(found.at("node"), "PATH") << found;
@@ -241,8 +233,8 @@ TEST_F(Replay, ComparesLogsAndNamesTheField) {
 TEST_F(Replay, SeeksAndSaves) {
     record(log, scene());
     const std::string saved = folder / "half.x3dv";
-    const Outcome outcome =
-        rtsg({"replay", log, "--seek", "0.5s", "--save", saved, "--render", folder / "half.png", "--size", "24x16"});
+    const Outcome outcome = rtsg({"replay", "--json", log, "--seek", "0.5s", "--save", saved, "--render",
+                                  folder / "half.png", "--size", "24x16"});
     ASSERT_EQ(outcome.status, 0) << outcome.err;
     EXPECT_DOUBLE_EQ(json::parse(outcome.out).at("t"), 0.5);
     EXPECT_THAT(readFile(saved), HasSubstr("translation 0.5 0 0"));  // 2 m within 2 s

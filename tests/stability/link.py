@@ -255,7 +255,7 @@ class Test:
     def mirror(self, *more):
         """Its log is there once it has joined."""
         log = os.path.join(self.folder, f"mirror{self.started}.rlog")
-        mirror = Program(self, "client", "mirror", f"tcp://{SERVER}:{PORT}", "--wait", "40s", "--record", log, *more)
+        mirror = Program(self, "client", "mirror", f"tcp://{SERVER}:{PORT}", "--wait", "40s", "--json", "--record", log, *more)
         mirror.log = log
         return mirror
 

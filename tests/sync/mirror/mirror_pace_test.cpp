@@ -65,7 +65,8 @@ TEST(MirrorSlow, OneThatLagsWhenTheServerLeavesKnowsThatItLags) {
     // More than the window has room for, while nobody acknowledges.
     for (int i = 0; i < 100; ++i) origin.step();
     std::thread leaving([&] { origin.server.reset(); });
-    // Nothing is acknowledged until it leaves, else the replica might get everything: then there is nothing to see here.
+    // Nothing is acknowledged until it leaves, else the replica might get everything: then there is nothing to see
+    // here.
     std::this_thread::sleep_for(300ms);
     ASSERT_TRUE(pollUntil(*client, [&] { return client->serverLeft(); }));
     leaving.join();

@@ -1,0 +1,83 @@
+// The checks of the names that a verb reads from and writes to.
+#include "files.h"
+
+#include <filesystem>
+
+#include <fmt/format.h>
+
+#include <rtsg/audio/sound_file.h>
+#include <rtsg/core/writer.h>
+#include <rtsg/renderers/picture.h>
+
+namespace rtsg::app {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Empty names and "-" are none, and what is no regular file cannot be overwritten.
+bool isFile(const std::string& name) {
+    if (name.empty() || name == "-") return false;
+    std::error_code error;
+    const fs::file_status status = fs::status(name, error);
+    return !fs::exists(status) || fs::is_regular_file(status);
+}
+
+void checkName(const OutputName& output) {
+    const auto refuse = [&](const Diagnostic& why) {
+        throw CLI::ValidationError(output.option, output.file + ": " + why.text);
+    };
+    Encoding encoding{};
+    bool gzip = false;
+    switch (output.kind) {
+        case OutputKind::picture:
+            if (auto ok = checkPictureName(output.file); !ok) refuse(ok.error());
+            break;
+        case OutputKind::sound:
+            if (auto ok = checkSoundName(output.file); !ok) refuse(ok.error());
+            break;
+        case OutputKind::scene:
+            if (output.file != "-" && !encodingFromName(output.file, encoding, gzip))
+                throw CLI::ValidationError(
+                    output.option,
+                    output.file +
+                        ": no kind of scene that can be written has such a name; there are: .x3d .x3dv .wrl .json, "
+                        "each also with .gz");
+            break;
+        case OutputKind::log:
+            break;
+    }
+}
+
+}  // namespace
+
+void addForce(CLI::App& command, bool& force) {
+    command.add_flag("--force", force, "replace a log or scene that is there already");
+}
+
+Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force) {
+    for (std::size_t i = 0; i < outputs.size(); ++i) {
+        const OutputName& output = outputs[i];
+        if (output.file.empty()) continue;
+        checkName(output);
+        if (!isFile(output.file)) continue;
+        for (const std::string& input : inputs)
+            if (isFile(input) && sameFile(input, output.file))
+                throw CLI::ValidationError(
+                    output.option, fmt::format("{} is {}", output.file,
+                                               output.file == input ? "the input itself" : "the input " + input));
+        for (std::size_t k = 0; k < i; ++k)
+            if (isFile(outputs[k].file) && sameFile(outputs[k].file, output.file))
+                throw CLI::ValidationError(output.option,
+                                           fmt::format("{} is what {} writes", output.file, outputs[k].option));
+    }
+    for (const OutputName& output : outputs) {
+        std::error_code error;
+        const bool kept = output.kind == OutputKind::scene || output.kind == OutputKind::log;
+        if (!force && kept && isFile(output.file) && fs::exists(output.file, error))
+            return fail("there is a file already; --force replaces it", {}, output.file);
+    }
+    return {};
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,32 @@
+// What a verb reads and writes, looked at before any work: nothing that was not meant to go is overwritten.
+//
+// Inputs and outputs are told apart by the files that their names lead to, through whatever links. Pictures and sounds
+// are replaced; logs and scenes only with --force. What is no regular file (a pipe, /dev/null) is let be.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include <rtsg/core/output_file.h>
+
+namespace rtsg::app {
+
+enum class OutputKind { picture, sound, scene, log };
+
+struct OutputName {
+    std::string option, file;  // "--save"; empty: not asked for
+    OutputKind kind = OutputKind::picture;
+};
+
+void addForce(CLI::App& command, bool& force);
+inline Existing existing(bool force) {
+    return force ? Existing::replace : Existing::keep;
+}
+
+/// Throws CLI::ValidationError for a name that says nothing that can be written, and where an output is an input or
+/// another output. Fails where a log or scene is there already and is to be kept.
+Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force);
+
+}  // namespace rtsg::app

@@ -1,0 +1,56 @@
+// Tries every url of a scene's nodes.
+#include <rtsg/core/resource_check.h>
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+
+namespace {
+
+/// Links that somebody may follow are not part of the scene; documents that were to be loaded are the loader's.
+bool isChecked(const Node& node) {
+    if (node.is(x3d::Anchor::type)) return false;
+    return !node.is(x3d::Inline::type) || !node.get(x3d::Inline::load);
+}
+
+bool isProgram(std::string_view url) {
+    return std::ranges::any_of(std::initializer_list<std::string_view>{"ecmascript:", "javascript:", "vrmlscript:"},
+                               [&](std::string_view scheme) { return url.starts_with(scheme); });
+}
+
+/// Why none of the urls can be opened; empty if one can.
+std::string problemOf(const Scene& scene, const Node& node, FieldIndex field, const Resources& resources) {
+    std::string problem;
+    for (const String& url : *static_cast<const Array<String>*>(node.storage(field))) {
+        if (isProgram(url.view())) return {};
+        const auto resource = resources.open(scene, node, field, url.view());
+        if (resource) return {};
+        problem += (problem.empty() ? "" : "; ") + resource.error().text;
+    }
+    return problem;
+}
+
+}  // namespace
+
+void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics) {
+    scene.forEachNode([&](const Node& node) {
+        const NodeType& type = node.type();
+        if (type.kind != NodeType::Kind::builtin && !type.isA("X3DScriptNode")) return;
+        if (!isChecked(node)) return;
+        for (FieldIndex i = 0; i < type.fields.size(); ++i) {
+            const FieldDef& field = type.fields[i];
+            if (field.type != FieldType::MFString || (field.name != "url" && !field.name.ends_with("Url"))) continue;
+            const std::string problem = problemOf(scene, node, i, resources);
+            if (problem.empty()) continue;
+            const std::string name(scene.name(node.id()));
+            diagnostics.warning(
+                {}, fmt::format("{}{}.{}: {}", type.name, name.empty() ? "" : " " + name, field.name, problem));
+        }
+    });
+}
+
+}  // namespace rtsg

@@ -1,0 +1,321 @@
+// Nothing is lost and nothing pretends: inputs stay, results are complete, or absent, or named as partial with
+// status 1.
+#include "program.h"
+
+#include <sys/mount.h>
+#include <sys/resource.h>
+
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+namespace rtsg::test {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::HasSubstr;
+using testing::Not;
+
+class NothingIsLost : public CommandLine {
+  protected:
+    void SetUp() override {
+        CommandLine::SetUp();
+        ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.5s", "--fps", "20"}).status, 0);
+        fs::create_symlink(file, folder / "link.x3dv");
+        fs::create_hard_link(file, folder / "hard.x3dv");
+        fs::create_symlink(log, folder / "link.rlog");
+    }
+    /// The files in the folder apart from the streams of the programs.
+    std::vector<std::string> files() const {
+        std::vector<std::string> names;
+        for (const auto& entry : fs::directory_iterator(fs::path(folder / "")))
+            if (!entry.path().filename().string().starts_with("stream")) names.push_back(entry.path().filename());
+        std::ranges::sort(names);
+        return names;
+    }
+    const std::string log = folder / "a.rlog";
+};
+
+TEST_F(NothingIsLost, NoVerbOverwritesItsInput) {
+    const std::string scene = readFile(file), recorded = readFile(log), mcap = folder / "a.mcap";
+    const auto before = files();
+    for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+             {"convert", file, file, "--force"},
+             {"convert", file, folder / "link.x3dv", "--force"},
+             {"convert", folder / "link.x3dv", folder / "hard.x3dv", "--force"},
+             {"convert", file, folder / "./scene.x3dv", "--force"},
+             {"record", file, "-o", file, "--force"},
+             {"record", file, "-o", folder / "link.x3dv", "--force"},
+             {"render", file, "-o", file},
+             {"listen", file, "-o", file},
+             {"listen", file, "-o", folder / "a.wav", "--ir", folder / "a.wav"},
+             {"serve", file, "--record", file, "--for", "100ms", "--force"},
+             {"replay", log, "--save", log, "--force"},
+             {"replay", log, "--export", log, "--force"},
+             {"replay", log, "--export", folder / "link.rlog", "--force"},
+             {"replay", log, "--compact", folder / "link.rlog", "--force"},
+             {"replay", folder / "link.rlog", "--compact", log, "--force"},
+             {"replay", log, "--rerun", file, "--save", file, "--force"},
+             {"replay", log, "--export", mcap, "--compact", mcap},
+         }) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments) << outcome.err;
+        EXPECT_NE(outcome.err, "") << testing::PrintToString(arguments);
+        EXPECT_EQ(readFile(file), scene) << testing::PrintToString(arguments);
+        EXPECT_EQ(readFile(log), recorded) << testing::PrintToString(arguments);
+    }
+    EXPECT_EQ(files(), before);
+}
+
+TEST_F(NothingIsLost, LogsAndScenesAreReplacedOnlyByForce) {
+    const std::string other = folder / "other.x3dv", recorded = readFile(log);
+    writeFile(other, "precious");
+    for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+             {"convert", file, other},
+             {"record", file, "-o", log},
+             {"record", file, "-o", other},
+             {"serve", file, "--record", log, "--for", "100ms"},
+             {"mirror", "ipc://" + folder / "nobody", "--record", log},
+             {"mirror", "ipc://" + folder / "nobody", "--save", other},
+             {"replay", log, "--save", other},
+             {"replay", log, "--export", other},
+             {"replay", log, "--compact", other},
+         }) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 1) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, HasSubstr("--force")) << testing::PrintToString(arguments);
+        EXPECT_EQ(readFile(other), "precious") << testing::PrintToString(arguments);
+        EXPECT_EQ(readFile(log), recorded) << testing::PrintToString(arguments);
+    }
+    EXPECT_EQ(rtsg({"convert", file, other, "--force"}).status, 0);
+    EXPECT_THAT(readFile(other), HasSubstr("DEF BOX"));
+    EXPECT_EQ(rtsg({"record", file, "-o", log, "--for", "0.2s", "--fps", "20", "--force"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", log, "--verify"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", log, "--save", other, "--force"}).status, 0);
+    // Pictures and sounds are made again and again.
+    for (int i = 0; i < 2; ++i) EXPECT_EQ(rtsg({"render", file, "-o", folder / "a.png", "--size", "8x8"}).status, 0);
+}
+
+TEST_F(NothingIsLost, ABadSceneDoesNotCostTheLog) {
+    const std::string recorded = readFile(log), picture = folder / "a.png";
+    writeFile(picture, "old");
+    EXPECT_EQ(rtsg({"record", folder / "none.x3dv", "-o", log, "--force"}).status, 1);
+    EXPECT_EQ(readFile(log), recorded);
+    EXPECT_EQ(rtsg({"render", file, "-o", picture, "--viewpoint", "NOWHERE", "--size", "8x8"}).status, 1);
+    EXPECT_EQ(readFile(picture), "old");
+    // A document that cannot be read at all gives none.
+    EXPECT_EQ(rtsg({"convert", folder / "none.x3dv", folder / "new.x3d"}).status, 1);
+    EXPECT_FALSE(fs::exists(folder / "new.x3d"));
+}
+
+TEST_F(NothingIsLost, UnknownKindsAreRefusedByName) {
+    const auto before = files();
+    for (const auto& [arguments, there] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+             {{"listen", file, "-o", folder / "a.mp3"}, ".wav"},
+             {{"listen", file, "--ir", folder / "a.flac"}, ".wav"},
+             {{"render", file, "-o", folder / "a.mp4"}, ".png"},
+             {{"render", file, "-o", folder / "a"}, ".png"},
+             {{"convert", file, folder / "a.obj"}, ".x3dv"},
+             {{"replay", log, "--save", folder / "a.rtsgb"}, ".x3dv"},
+             {{"replay", log, "--render", folder / "a.svg"}, ".png"},
+             {{"replay", log, "--listen", folder / "a.ogg"}, ".wav"},
+         }) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, HasSubstr(there)) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, HasSubstr(arguments.back())) << testing::PrintToString(arguments);
+    }
+    EXPECT_EQ(files(), before);
+}
+
+TEST_F(NothingIsLost, ASeekBeyondTheEndIsStatusOne) {
+    const std::string picture = folder / "a.png";
+    const Outcome beyond = rtsg({"replay", log, "--seek", "3s", "--render", picture, "--size", "8x8"});
+    EXPECT_EQ(beyond.status, 1);
+    EXPECT_THAT(beyond.err, HasSubstr("the log ends at 0.5 s"));
+    EXPECT_FALSE(fs::exists(picture));
+    EXPECT_EQ(rtsg({"replay", log, "--seek", "0.5s"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", log, "--seek", "0.49s"}).status, 0);
+}
+
+/// A disk of 16 KiB, where mounts are allowed.
+class FullDisk : public NothingIsLost {
+  protected:
+    void SetUp() override {
+        NothingIsLost::SetUp();
+        fs::create_directory(disk);
+        mounted = ::mount("none", disk.c_str(), "tmpfs", 0, "size=16k") == 0;
+        if (!mounted) GTEST_SKIP() << "may not mount: " << std::strerror(errno);
+    }
+    void TearDown() override {
+        if (!mounted) return;
+        EXPECT_EQ(::umount2(disk.c_str(), MNT_DETACH), 0);
+    }
+    std::size_t left() const {
+        return static_cast<std::size_t>(std::distance(fs::directory_iterator(disk), fs::directory_iterator()));
+    }
+    const std::string disk = folder / "disk";
+    bool mounted = false;
+};
+
+TEST_F(NothingIsLost, AFileThatMayNotGrowLeavesNone) {
+    // As a full disk, without a mount: no file may have more than 8 KiB.
+    const auto before = files();
+    for (const char* name : {"a.png", "a.gif", "a.exr"}) {
+        const std::string errors = streams();
+        const std::string command = "ulimit -f 8; exec '" RTSG_PROGRAM "' render '" + file + "' -o '" +
+                                    (folder / name) + "' --size 320x200 --spp 1 >/dev/null 2> '" + errors + "'";
+        const int status = std::system(("bash -c \"" + command + "\"").c_str());
+        ASSERT_TRUE(WIFEXITED(status)) << name;
+        EXPECT_EQ(WEXITSTATUS(status), 1) << name;
+        EXPECT_THAT(readFile(errors), HasSubstr("File too large")) << name;
+        EXPECT_EQ(files(), before) << name;
+    }
+}
+
+TEST_F(FullDisk, LeavesNoHalfFile) {
+    for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+             {"render", file, "-o", disk + "/a.png", "--size", "400x300", "--spp", "1"},
+             {"render", file, "-o", disk + "/a.gif", "--size", "200x150", "--spp", "1", "--frames", "3"},
+             {"render", file, "-o", disk + "/a.exr", "--size", "200x150", "--spp", "1"},
+             {"listen", file, "-o", disk + "/a.wav", "--for", "0.2s", "--rays", "100"},
+             {"replay", log, "--export", disk + "/a.mcap", "--export-plain"},
+         }) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 1) << testing::PrintToString(arguments) << outcome.out;
+        EXPECT_THAT(outcome.err, HasSubstr("No space left")) << testing::PrintToString(arguments);
+        EXPECT_EQ(left(), 0u) << testing::PrintToString(arguments);
+    }
+}
+
+TEST_F(FullDisk, ALogKeepsItsWholeFrames) {
+    const Outcome outcome = rtsg({"record", file, "-o", disk + "/a.rlog", "--for", "60s"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("No space left"));
+    const json replayed = json::parse(rtsg({"replay", disk + "/a.rlog", "--json"}).out);
+    EXPECT_GT(replayed.at("frames"), 3);
+    EXPECT_EQ(replayed.at("frames"), replayed.at("verified"));
+    EXPECT_EQ(replayed.at("damaged"), 0);
+}
+
+TEST_F(FullDisk, EndsTheRecordingNotTheSession) {
+    const Outcome outcome = rtsg({"serve", file, "--bind", "ipc://" + folder / "socket", "--record", disk + "/a.rlog",
+                                  "--for", "4s", "--fps", "200", "--linger", "0", "--json"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("No space left"));
+    EXPECT_THAT(outcome.err, HasSubstr("the recording has ended"));
+    const json summary = json::parse(outcome.out.substr(outcome.out.find('\n') + 1));
+    EXPECT_GT(summary.at("t"), 2) << "the session went on";
+    EXPECT_LE(summary.at("log_bytes"), 16384);
+}
+
+class Interrupted : public NothingIsLost {
+  protected:
+    /// Starts the program, waits until `ready` and interrupts it.
+    template <class Ready>
+    Outcome interrupt(std::vector<std::string> arguments, const Ready& ready) {
+        Program program(std::move(arguments), streams());
+        const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+        while (!ready() && std::chrono::steady_clock::now() < end)
+            std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        program.signal(SIGINT);
+        return program.wait();
+    }
+    void expectOnly(const std::vector<std::string>& before, std::vector<std::string> more) {
+        more.insert(more.end(), before.begin(), before.end());
+        std::ranges::sort(more);
+        EXPECT_EQ(files(), more) << "half files are left";
+    }
+};
+
+TEST_F(Interrupted, RecordingKeepsAWholeLogAndSaysSo) {
+    const std::string other = folder / "other.rlog";
+    const Outcome outcome = interrupt({"record", file, "-o", other, "--for", "1000s", "--realtime"},
+                                      [&] { return readFile(other).size() > 5000; });
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("interrupted: " + other + " holds "));
+    EXPECT_EQ(rtsg({"replay", other, "--verify"}).status, 0);
+}
+
+TEST_F(Interrupted, PicturesAreWholeOrNotThere) {
+    const auto before = files();
+    const Outcome one = interrupt({"render", file, "-o", folder / "a.png", "--size", "2000x1500", "--spp", "4000"},
+                                  [start = std::chrono::steady_clock::now()] {
+                                      return std::chrono::steady_clock::now() - start > std::chrono::seconds(2);
+                                  });
+    // Whether the handler was in place already decides between an ending in order and a plain one.
+    EXPECT_TRUE(one.status == 1 || one.status == 128 + SIGINT) << one.status;
+    expectOnly(before, {});
+    const Outcome many = interrupt({"render", file, "-o", folder / "f%d.png", "--size", "32x24", "--frames", "100000"},
+                                   [&] { return fs::exists(folder / "f2.png"); });
+    EXPECT_EQ(many.status, 1);
+    EXPECT_THAT(many.err, testing::ContainsRegex("interrupted: [0-9]+ of 100000 frames were written"));
+    for (const auto& name : files()) {
+        if (!name.ends_with(".png")) continue;
+        EXPECT_TRUE(name.starts_with("f")) << "half a picture: " << name;
+        EXPECT_EQ(readFile(folder / name).substr(1, 3), "PNG") << name;
+    }
+}
+
+TEST_F(Interrupted, AnExportIsWholeOrNamedAsPartial) {
+    const std::string big = folder / "big.rlog", mcap = folder / "a.mcap";
+    ASSERT_EQ(rtsg({"record", file, "-o", big, "--for", "2000s", "--fps", "60"}).status, 0);
+    const auto before = files();
+    const auto unfinished = [&] { return files().size() > before.size(); };
+    const Outcome outcome = interrupt({"replay", big, "--export", mcap}, unfinished);
+    EXPECT_EQ(outcome.status, 1) << outcome.out;
+    EXPECT_THAT(outcome.err, HasSubstr("interrupted: what is written holds "));
+    expectOnly(before, {"a.mcap"});
+    const Outcome shorter = interrupt({"replay", big, "--compact", folder / "short.rlog"}, unfinished);
+    EXPECT_EQ(shorter.status, 1) << shorter.out;
+    EXPECT_THAT(shorter.err, HasSubstr("short.rlog was not written"));
+    expectOnly(before, {"a.mcap"});
+}
+
+class Ends : public NothingIsLost {
+  protected:
+    void serve(std::vector<std::string> more) {
+        std::vector<std::string> arguments{"serve", file, "--bind", "ipc://" + folder / "socket",
+                                           "--fps", "30", "--json"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        server = std::make_unique<Program>(arguments, streams());
+        endpoint = json::parse(server->firstLine()).at("endpoint");
+    }
+    std::unique_ptr<Program> server;
+    std::string endpoint;
+};
+
+TEST_F(Ends, AServerThatLeavesEarlyIsStatusOne) {
+    serve({"--for", "1s"});
+    const Outcome outcome = rtsg({"mirror", endpoint, "--for", "30s", "--wait", "60s", "--json"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("of 30 s"));
+    const json report = json::parse(outcome.out);
+    EXPECT_EQ(report.at("equal"), true) << "what there was it has";
+    EXPECT_EQ(report.at("sequence"), report.at("origin_sequence"));
+}
+
+TEST_F(Ends, AServerThatDiesIsStatusOne) {
+    serve({});
+    Program mirror({"mirror", endpoint, "--wait", "2s", "--record", folder / "m.rlog"}, streams());
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (readFile(folder / "m.rlog").size() < 1000 && std::chrono::steady_clock::now() < end)
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    server->signal(SIGKILL);
+    const Outcome outcome = mirror.wait();
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("silent"));
+}
+
+TEST_F(Ends, APartThatDoesNotExistIsStatusOne) {
+    serve({"--for", "2s"});
+    Program none({"mirror", endpoint, "--part", "NOBODY", "--wait", "60s"}, streams());
+    Program box({"mirror", endpoint, "--part", "BOX", "--wait", "60s"}, streams());
+    const Outcome missing = none.wait(), there = box.wait();
+    EXPECT_EQ(missing.status, 1);
+    EXPECT_THAT(missing.err, HasSubstr("NOBODY"));
+    EXPECT_EQ(there.status, 0) << there.err;
+}
+
+}  // namespace
+}  // namespace rtsg::test
