@@ -1,29 +1,81 @@
 // rtsg: one program, a verb for each use of the libraries. Thin: what a library user would miss is in a library.
+#include <csignal>
 #include <exception>
 #include <vector>
 
-#include "cli.h"
+#include <fmt/format.h>
 
-int main(int argc, char** argv) {
-    using namespace rtsg::app;
-    CLI::App program{
-        "rtsg keeps one X3D scene and any number of subscribers in step: pictures, sound, mirrors, logs.\n"
-        "A SCENE is a file (X3D XML, ClassicVRML, VRML97, also gzipped) or - for standard input."};
-    program.require_subcommand(1);
-    program.set_version_flag("--version", "rtsg " RTSG_VERSION);
+#include "cli.h"
+#include "command_table.h"
+
+namespace rtsg::app {
+namespace {
+
+std::vector<Verb> addVerbs(CLI::App& program) {
     std::vector<Verb> verbs{addInfo(program),   addValidate(program), addConvert(program), addRun(program),
                             addRender(program), addListen(program),   addServe(program),   addMirror(program),
                             addRecord(program), addReplay(program),   addPick(program),    addBench(program),
                             addChart(program)};
+    verbs.push_back(addCompletion(program));
+    verbs.push_back(addHelp(program));  // last: it knows those before
+    return verbs;
+}
+
+/// A first word that is no verb gets a better answer than the parser's.
+bool isVerbOrOption(const CLI::App& program, const std::string& word) {
+    if (word.starts_with("-")) return true;
+    std::vector<std::string> names;
+    for (const VerbRow& verb : commandTable(program)) {
+        if (verb.name == word) return true;
+        names.push_back(verb.name);
+    }
+    const std::string meant = nearest(word, names);
+    printError(fmt::format("there is no verb {}", word));
+    fmt::print(stderr, "{}rtsg help names them\n", meant.empty() ? "" : "did you mean " + meant + "?\n");
+    return false;
+}
+
+int wrongUsage(const CLI::App& program, const CLI::ParseError& error) {
+    printError(error.what());
+    if (const std::string meant = suggestion(program, error); !meant.empty())
+        fmt::print(stderr, "did you mean {}?\n", meant);
+    const auto parsed = program.get_subcommands();
+    fmt::print(stderr, "rtsg help{} says more\n", parsed.empty() ? "" : " " + parsed.front()->get_name());
+    return kUsage;
+}
+
+int run(int argc, char** argv) {
+    CLI::App program{
+        "rtsg keeps one X3D scene and any number of subscribers in step: pictures, sound, mirrors, logs.\n"
+        "A SCENE is a file (X3D XML, ClassicVRML, VRML97, also gzipped) or - for standard input.",
+        "rtsg"};
+    program.require_subcommand(1);
+    program.set_version_flag("-V,--version", "rtsg " RTSG_VERSION);
+    const std::vector<Verb> verbs = addVerbs(program);
+    if (argc > 1 && !isVerbOrOption(program, argv[1])) return kUsage;
     try {
         program.parse(argc, argv);
         for (const Verb& verb : verbs)
             if (verb.command->parsed()) return verb.run();
-    } catch (const CLI::ParseError& e) {
+    } catch (const CLI::Success& e) {  // --help, --version
         return program.exit(e) == 0 ? kDone : kUsage;
+    } catch (const CLI::ParseError& e) {
+        return wrongUsage(program, e);
+    }
+    return kUsage;
+}
+
+}  // namespace
+}  // namespace rtsg::app
+
+int main(int argc, char** argv) {
+    using namespace rtsg::app;
+    // A file that may not grow any more is an error of that write, not the end of the process.
+    std::signal(SIGXFSZ, SIG_IGN);
+    try {
+        return run(argc, argv);
     } catch (const std::exception& e) {
         printError(e.what());
         return kBad;
     }
-    return kUsage;
 }

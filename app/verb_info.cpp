@@ -50,7 +50,7 @@ std::string asJson(const std::map<std::string, std::size_t>& counts) {
 }
 
 /// Of all instances: a mesh that is used twice counts twice.
-void countTriangles(const Scene& scene, Counts& c) {
+void countTriangles(Scene& scene, Counts& c) {
     const SharedWorld world(scene);  // no rays are asked for: no BVH is built
     const InstanceDelta all = world.flattener().snapshot();
     std::map<NodeId, std::size_t> triangles;

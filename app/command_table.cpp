@@ -1,0 +1,103 @@
+// Reads the parser's tables, and finds what was meant by what was typed.
+#include "command_table.h"
+
+#include <algorithm>
+#include <numeric>
+#include <regex>
+
+namespace rtsg::app {
+
+namespace {
+
+/// "TEXT:{a,b}" gives a and b.
+std::vector<std::string> choicesOf(const std::string& type) {
+    std::vector<std::string> choices;
+    const auto open = type.find('{'), close = type.find('}');
+    if (open == std::string::npos || close == std::string::npos) return choices;
+    std::string word;
+    for (const char c : type.substr(open + 1, close - open - 1) + ",") {
+        if (c != ',') {
+            word += c;
+            continue;
+        }
+        if (!word.empty()) choices.push_back(word);
+        word.clear();
+    }
+    return choices;
+}
+
+/// Letters to insert, remove, replace or swap with their neighbour.
+std::size_t editDistance(const std::string& a, const std::string& b) {
+    std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
+    for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
+    std::iota(d[0].begin(), d[0].end(), std::size_t{0});
+    for (std::size_t i = 1; i <= a.size(); ++i)
+        for (std::size_t j = 1; j <= b.size(); ++j) {
+            d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] != b[j - 1])});
+            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+                d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+        }
+    return d[a.size()][b.size()];
+}
+
+}  // namespace
+
+std::vector<OptionRow> optionTable(const CLI::App& command) {
+    std::vector<OptionRow> rows;
+    for (const CLI::Option* option : command.get_options()) {
+        OptionRow row;
+        row.positional = option->get_positional();
+        if (row.positional) row.names.push_back(option->get_name(true));
+        for (const std::string& name : option->get_snames()) row.names.push_back("-" + name);
+        for (const std::string& name : option->get_lnames()) row.names.push_back("--" + name);
+        row.takesValue = option->get_items_expected_max() > 0;
+        const std::string type = option->get_type_name();
+        row.choices = choicesOf(type);
+        if (row.takesValue) row.value = type.substr(0, type.find(':'));
+        row.preset = option->get_default_str();
+        row.description = option->get_description();
+        rows.push_back(std::move(row));
+    }
+    return rows;
+}
+
+std::vector<VerbRow> commandTable(const CLI::App& program) {
+    std::vector<VerbRow> rows;
+    for (const CLI::App* verb : program.get_subcommands([](const CLI::App*) { return true; }))
+        rows.push_back({verb->get_name(), verb->get_description(), verb->get_footer(), optionTable(*verb)});
+    return rows;
+}
+
+std::string nearest(const std::string& typed, const std::vector<std::string>& known) {
+    std::string best;
+    std::size_t least = std::max<std::size_t>(1, typed.size() / 3) + 1;
+    for (const std::string& name : known) {
+        // The beginning of a word is as near as one wrong letter.
+        const bool begins = typed.size() >= 3 && name.starts_with(typed);
+        if (const std::size_t distance = begins ? 1 : editDistance(typed, name); distance < least) {
+            least = distance;
+            best = name;
+        }
+    }
+    return best;
+}
+
+std::string suggestion(const CLI::App& program, const CLI::ParseError& error) {
+    static const std::regex kNotIn(R"((\S+) not in \{([^}]*)\})");
+    const std::string text = error.what();
+    if (std::smatch found; std::regex_search(text, found, kNotIn))
+        return nearest(found[1], choicesOf("{" + found[2].str() + "}"));
+    const auto parsed = program.get_subcommands();
+    const CLI::App& command = parsed.empty() ? program : *parsed.front();
+    std::vector<std::string> known;
+    for (const OptionRow& row : optionTable(command))
+        if (!row.positional) known.insert(known.end(), row.names.begin(), row.names.end());
+    for (std::string typed : command.remaining()) {
+        if (!typed.starts_with("-")) continue;
+        typed = typed.substr(0, typed.find('='));
+        if (std::string name = nearest(typed, known); !name.empty()) return name;
+    }
+    return {};
+}
+
+}  // namespace rtsg::app

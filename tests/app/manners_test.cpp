@@ -1,0 +1,229 @@
+// Help, suggestions, completion, the man page, reports as text or JSON.
+#include "program.h"
+
+#include <sstream>
+
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
+
+class Manners : public CommandLine {
+  protected:
+    /// What a shell command prints; the program is $RTSG.
+    std::string shell(const std::string& command) {
+        const std::string out = folder / "shell.out";
+        ::setenv("RTSG", RTSG_PROGRAM, 1);
+        EXPECT_EQ(std::system(("bash -c '" + command + "' > " + out + " 2>&1").c_str()), 0) << readFile(out);
+        return readFile(out);
+    }
+    static std::vector<std::string> words(const std::string& text) {
+        std::istringstream in(text);
+        return {std::istream_iterator<std::string>(in), {}};
+    }
+    /// The verbs, as help names them.
+    std::vector<std::string> verbs() {
+        const std::string help = rtsg({"help"}).out;
+        std::istringstream lines(help.substr(help.find("Subcommands:")));
+        std::vector<std::string> names;
+        std::string line;
+        std::getline(lines, line);
+        while (std::getline(lines, line) && line.starts_with("  "))
+            if (line[2] != ' ') names.push_back(words(line).front());
+        return names;
+    }
+    /// Every option of every verb, as --help names them.
+    std::vector<std::string> options(const std::string& verb) {
+        std::vector<std::string> names;
+        for (std::string word : words(rtsg({verb, "--help"}).out)) {
+            const auto isOption = [](const std::string& w) { return w.starts_with("--") && w.size() > 2; };
+            if (const auto comma = word.find(','); comma != std::string::npos) word = word.substr(comma + 1);
+            if (!isOption(word)) continue;
+            names.push_back(word.substr(0, word.find_first_not_of("abcdefghijklmnopqrstuvwxyz-")));
+        }
+        std::ranges::sort(names);
+        names.erase(std::unique(names.begin(), names.end()), names.end());
+        return names;
+    }
+};
+
+TEST_F(Manners, SaysWhatWasMeant) {
+    const auto said = [&](const std::vector<std::string>& arguments) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
+        return outcome.err;
+    };
+    EXPECT_THAT(said({"rendr", file}), HasSubstr("did you mean render?"));
+    EXPECT_THAT(said({"vaildate", file}), HasSubstr("did you mean validate?"));
+    EXPECT_THAT(said({"rep", file}), HasSubstr("did you mean replay?"));
+    EXPECT_THAT(said({"xyzzy", file}), Not(HasSubstr("did you mean")));
+    EXPECT_THAT(said({"render", file, "-o", "a.png", "--viewpiont", "X"}), HasSubstr("did you mean --viewpoint?"));
+    EXPECT_THAT(said({"render", file, "-o", "a.png", "--integrator", "whited"}), HasSubstr("did you mean whitted?"));
+    EXPECT_THAT(said({"convert", file, "-", "--filter", "drop-metdata"}), HasSubstr("did you mean drop-metadata?"));
+    EXPECT_THAT(said({"help", "rendr"}), HasSubstr("did you mean render?"));
+    EXPECT_THAT(said({"render"}), HasSubstr("rtsg help render"));
+}
+
+TEST_F(Manners, HelpAndVersion) {
+    const Outcome all = rtsg({"help"});
+    EXPECT_EQ(all.status, 0);
+    EXPECT_EQ(all.out, rtsg({"--help"}).out);
+    EXPECT_GE(verbs().size(), 15u);
+    for (const std::string& verb : verbs()) {
+        const Outcome help = rtsg({"help", verb});
+        EXPECT_EQ(help.status, 0) << verb;
+        EXPECT_THAT(help.out, HasSubstr("Usage: rtsg " + verb)) << verb;
+        EXPECT_THAT(help.out, HasSubstr("Example: rtsg " + verb)) << verb;
+        EXPECT_EQ(help.out, rtsg({verb, "--help"}).out) << verb;
+    }
+    const Outcome version = rtsg({"-V"});
+    EXPECT_EQ(version.status, 0);
+    EXPECT_THAT(version.out, StartsWith("rtsg "));
+    EXPECT_EQ(version.out, rtsg({"--version"}).out);
+    // One place says which: the logs' and the man page's are the same.
+    EXPECT_THAT(rtsg({"help", "--man"}).out, HasSubstr("\"" + version.out.substr(0, version.out.size() - 1) + "\""));
+}
+
+TEST_F(Manners, BashCompletes) {
+    const auto completed = [&](const std::string& line) {
+        const auto typed = words(line);
+        const bool next = line.ends_with(" ");
+        return words(shell("source <(\"$RTSG\" completion bash); COMP_WORDS=(" + line + (next ? "\"\"" : "") +
+                           "); COMP_CWORD=" + std::to_string(typed.size() - (next ? 0 : 1)) +
+                           "; _rtsg; echo \"${COMPREPLY[@]}\""));
+    };
+    using testing::Contains;
+    using testing::ElementsAre;
+    EXPECT_THAT(completed("rtsg ren"), ElementsAre("render"));
+    EXPECT_THAT(completed("rtsg render a.x3dv --integ"), ElementsAre("--integrator"));
+    EXPECT_THAT(completed("rtsg render a.x3dv --integrator "), ElementsAre("whitted", "path", "raster"));
+    EXPECT_THAT(completed("rtsg completion z"), ElementsAre("zsh"));
+    EXPECT_THAT(completed("rtsg help rep"), ElementsAre("replay"));
+    EXPECT_TRUE(completed("rtsg render a.x3dv --output ").empty()) << "files are the shell's own to complete";
+    for (const std::string& verb : verbs()) {
+        EXPECT_THAT(completed("rtsg "), Contains(verb));
+        const auto offered = completed("rtsg " + verb + " -");
+        for (const std::string& option : options(verb)) EXPECT_THAT(offered, Contains(option)) << verb;
+    }
+}
+
+TEST_F(Manners, OtherShellsAndTheManPageKnowEveryOption) {
+    const std::string zsh = rtsg({"completion", "zsh"}).out, fish = rtsg({"completion", "fish"}).out;
+    std::string man = rtsg({"help", "--man"}).out;
+    for (std::size_t at = 0; (at = man.find("\\-", at)) != std::string::npos;) man.erase(at, 1);
+    EXPECT_THAT(zsh, StartsWith("#compdef rtsg\n"));
+    for (const std::string& verb : verbs()) {
+        EXPECT_THAT(zsh, HasSubstr("'" + verb + ":")) << verb;
+        EXPECT_THAT(fish, HasSubstr("-a " + verb + " ")) << verb;
+        EXPECT_THAT(man, HasSubstr(".SS " + verb + "\n")) << verb;
+        for (const std::string& option : options(verb)) {
+            EXPECT_THAT(zsh, HasSubstr("'" + option + "[")) << verb;
+            EXPECT_THAT(fish, HasSubstr(" -l " + option.substr(2) + " ")) << verb;
+            EXPECT_THAT(man, HasSubstr("\\fB" + option + "\\fR")) << verb;
+        }
+    }
+    EXPECT_EQ(rtsg({"completion", "tcsh"}).status, 2);
+    for (const char* other : {"zsh", "fish"})
+        shell(std::string("! command -v ") + other + " || \"$RTSG\" completion " + other + " | " + other + " -n");
+    shell("! command -v groff || [ -z \"$(\"$RTSG\" help --man | groff -ww -man -Tutf8 2>&1 >/dev/null)\" ]");
+}
+
+TEST_F(Manners, ReportsAreTextOrJsonEverywhere) {
+    const std::string log = folder / "a.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.2s"}).status, 0);
+    for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+             {"info", file},
+             {"info", log},
+             {"validate", file},
+             {"run", file, "--for", "0.1s"},
+             {"record", file, "-o", log, "--for", "0.1s", "--force"},
+             {"render", file, "-o", folder / "a.png", "--size", "8x8"},
+             {"replay", log},
+             {"replay", log, "--diff", log},
+             {"replay", log, "--rerun", file},
+             {"replay", log, "--compact", folder / "b.rlog", "--force"},
+             {"mirror", "ipc://" + folder / "nobody", "--wait", "100ms"},
+             {"pick", file, "--point", "0", "0", "0"},
+         }) {
+        const std::string text = rtsg(arguments).out;
+        EXPECT_NE(text, "") << testing::PrintToString(arguments);
+        EXPECT_THAT(text, Not(StartsWith("{"))) << testing::PrintToString(arguments);
+        std::vector<std::string> machine = arguments;
+        machine.push_back("--json");
+        EXPECT_TRUE(json::accept(rtsg(machine).out)) << testing::PrintToString(machine);
+    }
+}
+
+TEST_F(Manners, WatchedEventsAndASummary) {
+    const Outcome both = rtsg({"run", file, "--for", "0.1s", "--fps", "10", "--watch", "BOX.translation", "--json"});
+    ASSERT_EQ(both.status, 0) << both.err;
+    const json summary = json::parse(lastLine(both.out));
+    EXPECT_EQ(summary.at("frames"), 2);
+    EXPECT_EQ(summary.at("hash").get<std::string>().size(), 32u);
+    EXPECT_THAT(both.out, StartsWith("{\"t\":0,\"node\":\"BOX\""));
+}
+
+TEST_F(Manners, InfoDescribesALog) {
+    const std::string log = folder / "a.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "1s", "--fps", "20"}).status, 0);
+    const json whole = json::parse(rtsg({"info", log, "--json"}).out);
+    EXPECT_EQ(whole.at("frames"), 21);
+    EXPECT_EQ(whole.at("keyframes"), 1);
+    EXPECT_EQ(whole.at("sessions"), 1);
+    EXPECT_EQ(whole.at("duration_s"), 1);
+    EXPECT_EQ(whole.at("bytes"), std::filesystem::file_size(log));
+    EXPECT_EQ(whole.at("damaged"), 0);
+    EXPECT_EQ(whole.at("closed"), true);
+    EXPECT_EQ(whole.at("mode"), "state");
+    EXPECT_EQ(whole.at("types").at("Shape"), 2);
+    // Cut off in the middle, as by a crash; and with a hole.
+    const std::string bytes = readFile(log), cut = folder / "cut.rlog", hole = folder / "hole.rlog";
+    writeFile(cut, bytes.substr(0, bytes.rfind("RTSGrec1") - 3));
+    const json shorter = json::parse(rtsg({"info", cut, "--json"}).out);
+    EXPECT_EQ(shorter.at("closed"), false);
+    EXPECT_EQ(shorter.at("frames"), 20);
+    std::string holed = bytes;
+    holed[bytes.size() / 2] = static_cast<char>(holed[bytes.size() / 2] ^ 1);
+    writeFile(hole, holed);
+    const Outcome damaged = rtsg({"info", hole, "--json"});
+    EXPECT_EQ(damaged.status, 1);
+    EXPECT_EQ(json::parse(damaged.out).at("damaged"), 1);
+}
+
+TEST_F(Manners, ValidateLooksForWhatUrlsName) {
+    const std::string there = folder / "there.js", other = folder / "other.x3dv";
+    writeFile(there, "ecmascript:");
+    writeFile(other,
+              "#X3D V4.0 utf8\nPROFILE Immersive\nDEF S Script { url \"nosuch.js\" }\nDEF T Script { url [ "
+              "\"nosuch.js\" \"there.js\" ] }\nDEF U Script { url \"ecmascript: function x() { }\" }\n"
+              "Shape { appearance Appearance { texture DEF P ImageTexture { url \"nosuch.png\" } } geometry Box { } }\n"
+              "Anchor { url \"http://example.org/\" }\nBackground { frontUrl \"nosky.png\" }\n"
+              "Inline { load FALSE url \"later.x3dv\" }\nSound { source DEF C AudioClip { url \"nosuch.wav\" } }\n");
+    const Outcome outcome = rtsg({"validate", other, "--json"});
+    for (const char* said : {"Script S.url: ", "ImageTexture P.url: ", "nosuch.png",
+                             "Background.frontUrl: ", "Inline.url: ", "AudioClip C.url: "})
+        EXPECT_THAT(outcome.err, HasSubstr(said));
+    for (const char* unsaid : {"Script T", "Script U", "Anchor"}) EXPECT_THAT(outcome.err, Not(HasSubstr(unsaid)));
+    EXPECT_EQ(json::parse(outcome.out).at("warnings"), 5);
+    // An Inline that is to be loaded and is not there is an error.
+    writeFile(other, "#X3D V4.0 utf8\nPROFILE Immersive\nInline { url \"nosuch.x3dv\" }\n");
+    EXPECT_EQ(rtsg({"validate", other}).status, 1);
+}
+
+TEST_F(Manners, TheDemoRemovesOnlyWhatItMade) {
+    const std::string precious = folder / "precious";
+    std::filesystem::create_directory(precious);
+    writeFile(precious + "/thesis.txt", "years of work");
+    EXPECT_THAT(shell("! RTSG=\"$RTSG\" " RTSG_SOURCE_DIR "/examples/demo/run " + precious),
+                HasSubstr("was not made by the demo"));
+    EXPECT_EQ(readFile(precious + "/thesis.txt"), "years of work");
+}
+
+}  // namespace
+}  // namespace rtsg::test
