@@ -1,3 +1,4 @@
+// Reads a log record by record, goes on behind what is damaged, and finds its keyframes.
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -72,6 +73,7 @@ Result<LogReader> LogReader::open(const std::filesystem::path& file, std::uint64
     if (log.next()) {
         log.position_ = 0;
         log.intactEnd_ = 0;
+        log.closed_ = false;
         return log;
     }
     return fail(log.damage_.empty() ? "not a log: at byte 0: it is empty" : "not a log: " + log.damage_.front().text,
@@ -93,6 +95,7 @@ LogReader& LogReader::operator=(LogReader&& other) noexcept {
     std::swap(damage_, other.damage_);
     std::swap(keyframes_, other.keyframes_);
     std::swap(hadIndex_, other.hadIndex_);
+    std::swap(closed_, other.closed_);
     std::swap(window_, other.window_);
     std::swap(windowAt_, other.windowAt_);
     return *this;
@@ -168,7 +171,10 @@ std::optional<LogReader::Record> LogReader::next() {
             if (!problem.empty()) noteDamage(start, position_, std::move(problem));
             Record record{*header, position_, window_.bytes().subspan(position_ - windowAt_, header->size())};
             position_ += header->size();
-            intactEnd_ = std::max(intactEnd_, position_);
+            if (position_ > intactEnd_) {
+                intactEnd_ = position_;
+                closed_ = header->kind == RecordKind::index;
+            }
             return record;
         }
         if (problem.empty())
@@ -186,7 +192,10 @@ std::optional<LogReader::Record> LogReader::next() {
         }
         position_ = findMagic(position_ + 1);
     }
-    if (!problem.empty()) noteDamage(start, size_, std::move(problem));
+    if (!problem.empty()) {
+        closed_ = false;
+        noteDamage(start, size_, std::move(problem));
+    }
     return std::nullopt;
 }
 

@@ -1,3 +1,4 @@
+// Brings a log back into a scene, checks each state, and tells where two logs part.
 #include <rtsg/sync/replay.h>
 
 #include <algorithm>
@@ -46,8 +47,8 @@ Replayer::Replayer(LogReader log) : log_(std::move(log)), decoder_(builtinTypes(
     scene_->setBehavioursEnabled(false);
 }
 
-Result<std::unique_ptr<Replayer>> Replayer::open(const std::filesystem::path& file) {
-    Result<LogReader> log = LogReader::open(file);
+Result<std::unique_ptr<Replayer>> Replayer::open(const std::filesystem::path& file, std::uint64_t maxPayload) {
+    Result<LogReader> log = LogReader::open(file, maxPayload);
     if (!log) return std::unexpected(log.error());
     std::unique_ptr<Replayer> replayer(new Replayer(std::move(*log)));
     while (const std::optional<LogReader::Record> record = replayer->log_.next()) {

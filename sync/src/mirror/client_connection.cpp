@@ -322,7 +322,11 @@ void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {
     const auto [session, size, offset, published] = numbers;
     if (session != session_ || !connected_) return;
     const std::span<const std::byte> part = second.bytes();
-    if (size > options_.maxRecord || part.empty() || part.size() > size || offset > size - part.size())
+    if (size > options_.maxRecord) {
+        refusal_ = fmt::format("it sends a record of {} bytes, {} are the most taken", size, options_.maxRecord);
+        return;
+    }
+    if (part.empty() || part.size() > size || offset > size - part.size())
         return garbage(fmt::format("{} bytes from {} on of a record of {}", part.size(), offset, size));
     received_ += part.size();
     statistics_.bytes += part.size();

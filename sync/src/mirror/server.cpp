@@ -1,3 +1,4 @@
+// The scene's side of a mirror server: encodes what is published once, and carries out what peers have sent.
 #include <rtsg/sync/mirror_server.h>
 
 #include <random>
@@ -21,6 +22,7 @@ MirrorServer::Shared::~Shared() {
 void MirrorServer::Shared::post(Item item) {
     {
         const std::scoped_lock lock(mutex);
+        if (failure[0]) return;  // nobody takes it
         inbox.push_back(std::move(item));
     }
     awaken();
@@ -36,13 +38,19 @@ void MirrorServer::Shared::report(Severity severity, std::string text) {
     if (diagnostics.size() < 100) diagnostics.push_back({severity, endpoint, {}, std::move(text)});
 }
 
+Result<> MirrorServer::Shared::result() {
+    const std::scoped_lock lock(mutex);
+    if (!failure[0]) return {};
+    return fail(fmt::format("the server's thread has ended: {}", failure), {}, endpoint);
+}
+
 /// The scene's thread's own; the encoder keeps its buffers between frames.
 struct MirrorServer::Encoder {
     explicit Encoder(const StreamMode& mode) : predicting(mode) {}
     ChangeEncoder encoder, predicting;
     InputEncoder inputs;
     std::uint64_t last = 0;
-    bool started = false;
+    bool started = false, predicts = false;
 };
 
 MirrorServer::MirrorServer(Scene& scene, std::shared_ptr<Shared> shared)
@@ -90,7 +98,9 @@ std::string MirrorServer::subscriberName() const {
 
 MirrorServerStatistics MirrorServer::statistics() const {
     const std::scoped_lock lock(shared_->mutex);
-    return shared_->statistics;
+    MirrorServerStatistics result = shared_->statistics;
+    result.coded = shared_->coded;
+    return result;
 }
 
 std::vector<Diagnostic> MirrorServer::takeDiagnostics() {
@@ -126,19 +136,25 @@ void MirrorServer::encodeInput(const ChangeSet& changes, EncodedRecord& record) 
     if (encoder_->inputs.encodeRunState(state, after->bytes)) record.runState = finish(after);
 }
 
+/// Only while somebody takes it. What was left out is no part of what is predicted from: it begins anew after that.
+void MirrorServer::encodePredicted(const ChangeSet& changes, EncodedRecord& record) {
+    const bool before = std::exchange(encoder_->predicts, shared_->wantPredicted);
+    if (!encoder_->predicts) return;
+    const std::shared_ptr<EncodedRecord> predicted = shared_->pool->take();
+    if (shared_->wantForget.exchange(false) || !before) encoder_->predicting.restart();
+    encoder_->predicting.encode(changes, predicted->bytes);
+    predicted->header = *parseRecordHeader(predicted->bytes.bytes());
+    predicted->published = record.published;
+    record.predicted = predicted;
+    shared_->coded.fetch_add(1, std::memory_order_relaxed);
+}
+
 void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
     const std::shared_ptr<EncodedRecord> record = shared_->pool->take();
     encoder_->encoder.encode(changes, record->bytes);
     record->header = *parseRecordHeader(record->bytes.bytes());
     record->published = mirror::clockNow();
-    if (shared_->options.mode.coding != Coding::raw && !changes.isSnapshot()) {
-        const std::shared_ptr<EncodedRecord> predicted = shared_->pool->take();
-        if (shared_->wantForget.exchange(false)) encoder_->predicting.restart();
-        encoder_->predicting.encode(changes, predicted->bytes);
-        predicted->header = *parseRecordHeader(predicted->bytes.bytes());
-        predicted->published = record->published;
-        record->predicted = predicted;
-    }
+    if (shared_->options.mode.coding != Coding::raw && !changes.isSnapshot()) encodePredicted(changes, *record);
     if (shared_->options.mode.mode == Mode::input && !requested) encodeInput(changes, *record);
     // A snapshot in the middle of a stream: the scene is a replica that joined anew.
     const bool restart = !requested && changes.isSnapshot() && encoder_->started && encoder_->last != 0;
@@ -154,6 +170,7 @@ void MirrorServer::waitForThoseWhoBlock() {
 }
 
 Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
+    if (auto ok = shared_->result(); !ok) return ok;
     encodeAndPost(changes, false);
     if (scene.sequence() == changes.to && shared_->wantSnapshot.exchange(false)) encodeAndPost(scene.snapshot(), true);
     if (shared_->options.blockFor.count() > 0) waitForThoseWhoBlock();
@@ -182,6 +199,7 @@ bool MirrorServer::drain(std::chrono::milliseconds timeout) {
     const auto end = std::chrono::steady_clock::now() + timeout;
     while (true) {
         service();
+        if (!shared_->result()) return false;
         const MirrorServerStatistics now = statistics();
         if (now.peers == 0 || now.acknowledged >= scene_.sequence()) return true;
         if (std::chrono::steady_clock::now() >= end) return false;

@@ -3,9 +3,12 @@
 #include "server_io.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <random>
+#include <stdexcept>
 
 #include <fmt/format.h>
+#include <pthread.h>
 #include <unistd.h>
 
 namespace rtsg {
@@ -77,37 +80,54 @@ void MirrorServer::Io::restart() {
 }
 
 void MirrorServer::Io::run() {
-    while (!shared_->stop) {
-        zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0},
-                                  {nullptr, shared_->wake, ZMQ_POLLIN, 0},
-                                  {gate_.monitor(), 0, ZMQ_POLLIN, 0},
-                                  {gate_.zap(), 0, ZMQ_POLLIN, 0}};
-        if (zmq_poll(items, 4, patience().count()) < 0 && zmq_errno() != EINTR) break;
-        if (items[1].revents) {
-            std::uint64_t count = 0;
-            (void)!::read(shared_->wake, &count, sizeof(count));
-        }
-        takeInbox();
-        takeAnswers();
-        if (items[3].revents) gate_.authenticate();
-        if (items[2].revents) {
-            const MirrorGate::Failures failures = gate_.failures();
-            statistics_.refused += failures.refused;
-            if (failures.refused)
-                shared_->report(Severity::warning, "refused a connection: its key is not on the list");
-            for (std::uint64_t i = 0; i < failures.garbage; ++i)
-                garbage("a connection that did not speak the protocol");
-        }
-        gate_.connections().look(Clock::now());
-        const bool drained = receive();
-        for (std::size_t shut = gate_.connections().shutEndless(drained); shut > 0; --shut)
-            garbage("a message without end: its connection was ended");
-        tick(Clock::now());
-        for (auto peer = peers_.begin(); peer != peers_.end();) peer = pump(peer->second) ? ++peer : peers_.erase(peer);
-        publishStatistics();
+    ::pthread_setname_np(::pthread_self(), "rtsg mirror");
+    try {
+        while (!shared_->stop) turn();
+        sayGoodbye();
+    } catch (const std::exception& e) {
+        giveUp(e.what());
     }
-    sayGoodbye();
     gate_.stopWatching(router_);
+}
+
+/// The application hears of it with the next frame, who waits for peers at once. The peers find out by the silence.
+void MirrorServer::Io::giveUp(const char* why) {
+    peers_.clear();
+    const std::scoped_lock lock(shared_->mutex);
+    std::snprintf(shared_->failure, sizeof(shared_->failure), "%s", why);
+    shared_->inbox.clear();
+    shared_->statistics.peers = 0;
+    shared_->heldUp = false;
+    shared_->caughtUp.notify_all();
+}
+
+void MirrorServer::Io::turn() {
+    zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0},
+                              {nullptr, shared_->wake, ZMQ_POLLIN, 0},
+                              {gate_.monitor(), 0, ZMQ_POLLIN, 0},
+                              {gate_.zap(), 0, ZMQ_POLLIN, 0}};
+    if (zmq_poll(items, 4, patience().count()) < 0 && zmq_errno() != EINTR)
+        throw std::runtime_error(zmq_strerror(zmq_errno()));
+    if (items[1].revents) {
+        std::uint64_t count = 0;
+        (void)!::read(shared_->wake, &count, sizeof(count));
+    }
+    takeInbox();
+    takeAnswers();
+    if (items[3].revents) gate_.authenticate();
+    if (items[2].revents) {
+        const MirrorGate::Failures failures = gate_.failures();
+        statistics_.refused += failures.refused;
+        if (failures.refused) shared_->report(Severity::warning, "refused a connection: its key is not on the list");
+        for (std::uint64_t i = 0; i < failures.garbage; ++i) garbage("a connection that did not speak the protocol");
+    }
+    gate_.connections().look(Clock::now());
+    const bool drained = receive();
+    for (std::size_t shut = gate_.connections().shutEndless(drained); shut > 0; --shut)
+        garbage("a message without end: its connection was ended");
+    tick(Clock::now());
+    for (auto peer = peers_.begin(); peer != peers_.end();) peer = pump(peer->second) ? ++peer : peers_.erase(peer);
+    publishStatistics();
 }
 
 std::chrono::milliseconds MirrorServer::Io::patience() const {
@@ -190,6 +210,7 @@ void MirrorServer::Io::keepKeyframeNear(std::uint32_t part) {
 }
 
 void MirrorServer::Io::takeAnswers() {
+    shadow_.checkAlive();
     for (MirrorShadow::Answer& answer : shadow_.takeAnswers()) {
         if (answer.kind == Kind::keyframe || answer.kind == Kind::frame) {
             const auto stream = streams_.find(answer.part);
@@ -294,6 +315,8 @@ void MirrorServer::Io::publishStatistics() {
         }
         heldUp |= peer.whenSlow == MirrorWhenSlow::block && behind(peer);
     }
+    shared_->wantPredicted = std::ranges::any_of(
+        peers_, [](const auto& p) { return p.second.part == 0 && !p.second.inputs && p.second.interval.count() == 0; });
     const std::scoped_lock lock(shared_->mutex);
     shared_->statistics = statistics_;
     shared_->heldUp = heldUp;

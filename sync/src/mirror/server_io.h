@@ -36,6 +36,8 @@ struct MirrorServer::Shared {
     std::string endpoint;
     std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
     std::atomic<bool> wantSnapshot{false}, wantRunState{false}, stop{false};
+    std::atomic<bool> wantPredicted{false};  // somebody takes predicted values
+    std::atomic<std::uint64_t> coded{0};
     std::atomic<bool> wantForget{false};  // somebody has not got what predicted values refer to
     std::atomic<std::uint64_t> epoch{0};
     int wake = -1;  // eventfd
@@ -49,8 +51,10 @@ struct MirrorServer::Shared {
     std::vector<mirror::Verdict> verdicts;
     MirrorServerStatistics statistics;
     std::vector<Diagnostic> diagnostics;
+    char failure[160] = {};  // what a thread threw: nobody is served any more; there may be no memory for a string
 
     ~Shared();
+    Result<> result();
     void post(Item item);
     void awaken() const;
     void report(Severity severity, std::string text);
@@ -108,6 +112,8 @@ class MirrorServer::Io {
     };
 
     void run();
+    void turn();
+    void giveUp(const char* why);
     void sayGoodbye();
     void takeInbox();
     void takeAnswers();

@@ -1,7 +1,13 @@
+// The mirror server's own replica: follows what is published, and answers what takes too long for the other threads.
 #include "shadow.h"
 
 #include <chrono>
+#include <cstdio>
+#include <exception>
+#include <stdexcept>
 
+#include <fmt/format.h>
+#include <pthread.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -81,6 +87,24 @@ void MirrorShadow::restart() {
 }
 
 void MirrorShadow::run() {
+    ::pthread_setname_np(::pthread_self(), "rtsg shadow");
+    try {
+        follow();
+    } catch (const std::exception& e) {
+        const std::scoped_lock lock(mutex_);
+        std::snprintf(failure_, sizeof(failure_), "%s", e.what());
+        lost_ = true;
+        const std::uint64_t one = 1;
+        (void)!::write(wake_, &one, sizeof(one));
+    }
+}
+
+void MirrorShadow::checkAlive() {
+    const std::scoped_lock lock(mutex_);
+    if (failure_[0]) throw std::runtime_error(fmt::format("its replica's thread has ended: {}", failure_));
+}
+
+void MirrorShadow::follow() {
     ::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), kNiceness);  // a wish: no harm if refused
     Scene scene;  // belongs to the thread that makes it
     scene.setBehavioursEnabled(false);

@@ -58,9 +58,12 @@ class MirrorShadow {
     std::vector<Answer> takeAnswers();
     /// Forgets questions and answers: their states mean nothing any more.
     void restart();
+    /// Throws if the thread has ended on an exception: nothing is answered any more.
+    void checkAlive();
 
   private:
     void run();
+    void follow();
     void follow(Scene& scene, const SharedRecord& record);
     void followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published);
     void openPart(const Scene& scene, const Question& question);
@@ -82,6 +85,7 @@ class MirrorShadow {
     std::vector<Answer> answers_;
     bool eager_ = false;               // a part is followed: its peers wait for every frame
     bool stop_ = false, lost_ = true;  // lost: only a keyframe helps
+    char failure_[160] = {};           // what the thread threw; there may be no memory for a string
     std::uint64_t era_ = 0;            // answers to questions of before a restart are dropped
 
     ChangeDecoder decoder_;  // the thread's own from here on

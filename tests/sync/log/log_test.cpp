@@ -39,6 +39,58 @@ TEST_F(Log, GarbageBetweenRecordsIsSkipped) {
     EXPECT_EQ(replayed.states.size(), recorded.dumps.size());
 }
 
+/// The search for the next record reads a MiB at a time: its magic may begin in one window and end in the next.
+TEST_F(Log, AMagicAcrossTwoWindowsOfTheSearchIsFound) {
+    const Recorded recorded = record(file(), 8, 3);
+    const std::string bytes = readAll(file());
+    const auto records = recordsOf(file());
+    for (std::size_t before = 0; before <= 8; ++before) {  // bytes of the magic in the first window
+        std::string damaged = bytes;
+        // The search begins behind the first byte that starts no record.
+        damaged.insert(records[4].first, std::string((std::size_t{1} << 20) + 1 - before, 'x'));
+        writeAll(file("b.rlog"), damaged);
+        const Replayed replayed = replay(file("b.rlog"), recorded);
+        EXPECT_EQ(replayed.states.size(), recorded.dumps.size()) << before;
+        EXPECT_EQ(replayed.damage, 1u) << before;
+    }
+}
+
+TEST_F(Log, OneThatWasCutAtARecordsBoundaryIsNotClosed) {
+    record(file(), 8, 3);
+    const std::string bytes = readAll(file());
+    const auto records = recordsOf(file());
+    const auto closed = [&](const std::filesystem::path& path) {
+        auto log = LogReader::open(path);
+        while (log->next()) continue;
+        EXPECT_TRUE(log->damage().empty());
+        return log->closed();
+    };
+    EXPECT_TRUE(closed(file()));
+    for (std::size_t i = 1; i < records.size(); ++i) {
+        writeAll(file("b.rlog"), std::string_view(bytes).substr(0, records[i].first));
+        EXPECT_FALSE(closed(file("b.rlog"))) << "before record " << i;
+    }
+    // Another session behind it closes it again, and what is damaged behind the index was something.
+    writeAll(file("c.rlog"), std::string_view(bytes).substr(0, records.back().first));
+    LogOptions options;
+    options.append = true;
+    record(file("c.rlog"), 3, 4, options);
+    EXPECT_TRUE(closed(file("c.rlog")));
+    writeAll(file("d.rlog"), bytes + "more");
+    auto log = LogReader::open(file("d.rlog"));
+    while (log->next()) continue;
+    EXPECT_FALSE(log->closed());
+}
+
+TEST_F(Log, RecordsBeyondTheLimitAreNotRead) {
+    record(file(), 8, 3);
+    const auto none = LogReader::open(file(), 10);
+    ASSERT_FALSE(none);
+    EXPECT_NE(none.error().text.find("exceeds the limit of 10"), std::string::npos) << none.error().text;
+    EXPECT_FALSE(Replayer::open(file(), 10));
+    EXPECT_TRUE(Replayer::open(file(), 1 << 20));
+}
+
 TEST_F(Log, TheIndexIsRebuiltWhenMissing) {
     record(file(), 60, 21, denseKeyframes());
     auto whole = LogReader::open(file());

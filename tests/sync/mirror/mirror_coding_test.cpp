@@ -55,6 +55,41 @@ struct Served {
     int frame = 0;
 };
 
+/// The second coding costs the scene's thread twice what the first does: not for nobody.
+TEST(MirrorCodingCost, FramesAreCodedASecondTimeOnlyForThoseWhoTakeThem) {
+    Served served({Mode::state, Coding::compact, 0});
+    for (int i = 0; i < 20; ++i) served.step();
+    EXPECT_EQ(served.server->statistics().coded, 0u);
+    {
+        MirrorClientOptions options;
+        options.framesPerSecond = 1000;  // may come merged, which has no predictions
+        Replica paced(served.server->endpoint(), options);
+        ASSERT_TRUE(pollUntilAt(*paced.client, served.origin));
+        for (int i = 0; i < 20; ++i) served.step();
+        ASSERT_TRUE(pollUntilAt(*paced.client, served.origin));
+    }
+    EXPECT_EQ(served.server->statistics().coded, 0u);
+    for (int time = 0; time < 2; ++time) {
+        const std::uint64_t before = served.server->statistics().coded;
+        Replica replica(served.server->endpoint());
+        ASSERT_TRUE(pollUntilAt(*replica.client, served.origin));
+        ASSERT_TRUE(test::eventually([&] {
+            served.step();
+            replica.client->poll();
+            return served.server->statistics().coded > before + 50;
+        }));
+        ASSERT_TRUE(pollUntilAt(*replica.client, served.origin));
+        EXPECT_EQ(replica.scene.hash(), served.origin.hash());
+        EXPECT_EQ(replica.client->statistics().gaps, 0u);
+        EXPECT_EQ(replica.client->statistics().divergences, 0u);
+        replica.client.reset();
+        ASSERT_TRUE(test::eventually([&] { return served.server->statistics().peers == 0; }));
+        const std::uint64_t left = served.server->statistics().coded;
+        for (int i = 0; i < 20; ++i) served.step();
+        EXPECT_EQ(served.server->statistics().coded, left);
+    }
+}
+
 class MirrorCoding : public testing::TestWithParam<Kind> {};
 INSTANTIATE_TEST_SUITE_P(Modes, MirrorCoding,
                          testing::Values(Kind{{Mode::state, Coding::compact, 0}, "compact"},

@@ -137,6 +137,41 @@ TEST(MirrorHostile, AnotherMachineIsRefusedWithoutKeysUnlessAskedFor) {
     EXPECT_FALSE(*isLocalEndpoint("tcp://10.0.0.1:99"));
 }
 
+/// Another run of a server may well have been in a state of the same number.
+TEST(MirrorHostile, AStateOfAnotherEpochIsNotResumed) {
+    Served served;
+    const auto hello = [&](std::uint64_t session, std::uint64_t epoch) {
+        std::string text("RTSG\x01\x01\0\0", 8);
+        for (const std::uint64_t n :
+             {session, std::uint64_t{0}, epoch, served.scene.sequence(), std::uint64_t{1} << 20})
+            text.append(reinterpret_cast<const char*>(&n), 8);
+        return text + std::string(1, '\0');
+    };
+    Stranger other(served.server->endpoint()), own(served.server->endpoint());
+    other.say(hello(1, served.server->epoch() + 1));
+    ASSERT_TRUE(eventually([&] { return served.server->statistics().snapshots == 2; })) << "it gets a keyframe";
+    EXPECT_EQ(served.server->statistics().resumed, 0u);
+    own.say(hello(2, served.server->epoch()));
+    ASSERT_TRUE(eventually([&] { return served.server->statistics().resumed == 1; }));
+    EXPECT_EQ(served.server->statistics().snapshots, 2u);
+}
+
+TEST(MirrorHostile, ARecordLongerThanAllowedIsRefusedWithBothNumbers) {
+    Scene scene, replica;
+    for (int i = 0; i < 1000; ++i) ASSERT_TRUE(scene.setName(scene.createNode(x3d::Group::type), std::to_string(i)));
+    scene.newFrame(1);
+    auto server = *MirrorServer::start(scene, kAnyPort);
+    MirrorClientOptions options;
+    options.maxRecord = 1000;
+    auto client = *MirrorClient::connect(replica, server->endpoint(), options);
+    ASSERT_TRUE(pollUntil(*client, [&] { return !client->refusal().empty(); }));
+    EXPECT_NE(client->refusal().find("1000 are the most"), std::string::npos) << client->refusal();
+    EXPECT_EQ(replica.nodeCount(), 1u);
+    options.maxRecord = 1000000;
+    auto second = *MirrorClient::connect(replica, server->endpoint(), options);
+    ASSERT_TRUE(pollUntilAt(*second, scene));
+}
+
 class MirrorKeysTest : public testing::Test {
   protected:
     MirrorKeysTest() {

@@ -117,7 +117,8 @@ struct LogDamage {
 
 class LogReader {
   public:
-    /// Fails when there is no such file or not one intact record in it.
+    /// Fails when there is no such file or not one intact record in it. Records with a longer payload than `maxPayload`
+    /// bytes count as damaged.
     static Result<LogReader> open(const std::filesystem::path& file, std::uint64_t maxPayload = kMaxPayload);
     LogReader(LogReader&& other) noexcept;
     LogReader& operator=(LogReader&& other) noexcept;
@@ -143,6 +144,9 @@ class LogReader {
     const std::filesystem::path& file() const { return file_; }
     /// End of the last intact record that next() has returned.
     std::uint64_t intactEnd() const { return intactEnd_; }
+    /// Whether that record was an index, as a log that was closed in order ends with: if not, its writer was killed or
+    /// is still at it, or somebody cut it, and what came after is not known. Of use once next() has returned nothing.
+    bool closed() const { return closed_; }
 
   private:
     LogReader() = default;
@@ -159,7 +163,7 @@ class LogReader {
     std::uint64_t searchBudget_ = 0;  // bytes of hashing left for candidates found while resynchronising
     std::vector<LogDamage> damage_;
     std::optional<std::vector<LogKeyframe>> keyframes_;
-    bool hadIndex_ = false;
+    bool hadIndex_ = false, closed_ = false;
     ByteBuffer window_;  // the file's bytes from windowAt_
     std::uint64_t windowAt_ = 0;
 };

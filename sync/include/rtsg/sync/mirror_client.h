@@ -27,8 +27,8 @@ struct MirrorClientOptions {
     std::optional<MirrorKeys> keys;
     /// How much the server may send ahead of what poll() has applied, bytes.
     std::uint64_t window = std::uint64_t{8} << 20;
-    /// Longest record accepted, bytes.
-    std::uint64_t maxRecord = std::uint64_t{1} << 32;
+    /// Longest record accepted, bytes. A longer one is refused as soon as it is announced.
+    std::uint64_t maxRecord = kMaxPayload;
     /// Without a sign of the server for this long, the client introduces itself again.
     std::chrono::milliseconds timeout{2500};
     MirrorWhenSlow whenSlow = MirrorWhenSlow::coalesce;

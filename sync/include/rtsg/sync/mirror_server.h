@@ -4,6 +4,7 @@
 // that is slow gets those it missed merged into one; none can hold up the scene (unless allowed to) or the others.
 // Memory is bounded by the options and one more copy of the scene, whatever peers do: keyframes, hashes to compare and
 // repairs come from a replica of the server's own, so the scene's thread does nothing for a peer that joins.
+// A failure of one of its threads (no memory, say) ends the server, not the process: the next apply() returns why.
 // Threading: apply() and service() on the scene's thread; peers and the replica on threads of their own.
 #pragma once
 
@@ -64,6 +65,7 @@ struct MirrorServerStatistics {
     std::uint64_t repairs = 0;    // differing nodes sent again, in how many records
     std::uint64_t questions = 0;  // about hashes, answered
     std::uint64_t requests = 0;   // from upstream, carried out or refused
+    std::uint64_t coded = 0;      // frames encoded a second time, with predicted values, as somebody takes those
     std::uint64_t stalls = 0;     // snapshots that the scene's thread had to take
     /// The least advanced peer's acknowledged state, and the scene's.
     std::uint64_t acknowledged = 0, sequence = 0;
@@ -102,6 +104,7 @@ class MirrorServer : public Subscriber {
     class Io;
     MirrorServer(Scene& scene, std::shared_ptr<Shared> shared);
     void encodeAndPost(const ChangeSet& changes, bool requested);
+    void encodePredicted(const ChangeSet& changes, EncodedRecord& record);
     void encodeInput(const ChangeSet& changes, EncodedRecord& record);
     void waitForThoseWhoBlock();
 

@@ -37,8 +37,10 @@ constexpr std::uint8_t kKnownFlags = kRemember | kSync | kForget;
 
 constexpr std::size_t kRecordHeaderSize = 64;
 constexpr std::string_view kRecordMagic = "RTSGrec1";
-/// Longest payload a reader accepts unless told otherwise, in bytes.
-constexpr std::uint64_t kMaxPayload = std::uint64_t{4} << 30;
+/// Longest payload that is read from a file or a peer unless told otherwise, in bytes: some ten million nodes.
+constexpr std::uint64_t kMaxPayload = std::uint64_t{1} << 30;
+/// Of a record that is in memory already.
+constexpr std::uint64_t kAnyPayload = UINT64_MAX;
 
 struct RecordHeader {
     RecordKind kind = RecordKind::frame;
@@ -59,11 +61,11 @@ void sealRecord(ByteBuffer& record, RecordHeader header);
 /// Parses a header; checks magic, flags and `maxPayload`, not the checksum. `bytes` may be longer than the header.
 /// Errors name the byte counted from `offset`.
 Result<RecordHeader> parseRecordHeader(std::span<const std::byte> bytes, std::uint64_t offset = 0,
-                                       std::uint64_t maxPayload = kMaxPayload);
+                                       std::uint64_t maxPayload = kAnyPayload);
 
 /// As parseRecordHeader, and checks that all of the record is there and intact.
 Result<RecordHeader> checkRecord(std::span<const std::byte> bytes, std::uint64_t offset = 0,
-                                 std::uint64_t maxPayload = kMaxPayload);
+                                 std::uint64_t maxPayload = kAnyPayload);
 
 inline std::span<const std::byte> recordPayload(std::span<const std::byte> record) {
     return record.subspan(kRecordHeaderSize);

@@ -40,7 +40,9 @@ std::optional<Divergence> firstDifference(const Scene& a, const Scene& b, Differ
 
 class Replayer {
   public:
-    static Result<std::unique_ptr<Replayer>> open(const std::filesystem::path& file);
+    /// `maxPayload`: as LogReader::open.
+    static Result<std::unique_ptr<Replayer>> open(const std::filesystem::path& file,
+                                                  std::uint64_t maxPayload = kMaxPayload);
 
     /// Its behaviours are off: everything they did is in the log. Of a log in input mode they are on, and do it again;
     /// the application's deterministic ones have to be registered (by name) before the first step.

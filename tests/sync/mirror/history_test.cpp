@@ -1,0 +1,77 @@
+// What a mirror server keeps: contiguous frames within a limit of memory, and no keyframe that a repair made wrong.
+#include "mirror/history.h"
+
+#include <gtest/gtest.h>
+
+namespace rtsg {
+namespace {
+
+std::shared_ptr<EncodedRecord> record(RecordKind kind, std::uint64_t from, std::uint64_t to, std::size_t bytes = 100) {
+    auto made = std::make_shared<EncodedRecord>();
+    made->bytes.room(bytes);
+    made->bytes.advance(bytes);
+    made->header.kind = kind;
+    made->header.from = from;
+    made->header.to = to;
+    return made;
+}
+SharedRecord keyframe(std::uint64_t to) {
+    return record(RecordKind::keyframe, 0, to);
+}
+std::shared_ptr<EncodedRecord> frame(std::uint64_t from) {
+    return record(RecordKind::frame, from, from + 1);
+}
+
+TEST(MirrorHistory, FramesAreFoundByTheStateTheyStartAt) {
+    MirrorHistory history(1 << 20);
+    ASSERT_TRUE(history.add(keyframe(5)));
+    for (std::uint64_t s = 5; s < 9; ++s) ASSERT_TRUE(history.add(frame(s)));
+    EXPECT_FALSE(history.add(frame(7))) << "does not follow";
+    EXPECT_EQ(history.newest(), 9u);
+    EXPECT_TRUE(history.continues(5));
+    EXPECT_TRUE(history.continues(9));
+    EXPECT_FALSE(history.continues(4));
+    EXPECT_FALSE(history.continues(10));
+    EXPECT_EQ(history.frameFrom(6)->header.to, 7u);
+    EXPECT_EQ(history.bytesFrom(7), 200u);
+    EXPECT_EQ(history.keyframe()->header.to, 5u);
+}
+
+/// Frames may be much smaller than what it takes to keep one.
+TEST(MirrorHistory, TheLimitIsOneOfMemoryNotOfBytesSent) {
+    constexpr std::uint64_t kLimit = 1 << 20;
+    MirrorHistory small(kLimit), coded(kLimit);
+    small.add(keyframe(1));
+    coded.add(keyframe(1));
+    for (std::uint64_t s = 1; s < 20000; ++s) {
+        ASSERT_TRUE(small.add(frame(s)));
+        const auto both = frame(s);
+        both->predicted = frame(s);
+        ASSERT_TRUE(coded.add(both));
+    }
+    const std::size_t kept = small.framesFrom(small.newest() - 1000, 20000).size();
+    EXPECT_EQ(kept, 1000u) << "a thousand small ones fit";
+    EXPECT_FALSE(small.continues(small.newest() - kLimit / sizeof(EncodedRecord)));
+    EXPECT_TRUE(coded.continues(coded.newest() - 500));
+    EXPECT_FALSE(coded.continues(coded.newest() - kLimit / (2 * sizeof(EncodedRecord))));
+}
+
+/// A repair of the served replica: the state keeps its number, but what led there was wrong.
+TEST(MirrorHistory, ARepairMakesEverythingBeforeItVoid) {
+    MirrorHistory history(1 << 20);
+    ASSERT_TRUE(history.add(keyframe(3)));
+    ASSERT_TRUE(history.add(frame(3)));
+    history.setKeyframe(keyframe(4));
+    ASSERT_EQ(history.keyframe()->header.to, 4u);
+    ASSERT_TRUE(history.add(record(RecordKind::frame, 4, 4)));
+    EXPECT_EQ(history.keyframe(), nullptr) << "of the very state that was found to be wrong";
+    EXPECT_FALSE(history.continues(3));
+    EXPECT_TRUE(history.continues(4)) << "who is there finds out by the hash";
+    ASSERT_TRUE(history.add(frame(4)));
+    EXPECT_EQ(history.keyframe(), nullptr);
+    history.setKeyframe(keyframe(5));
+    EXPECT_EQ(history.keyframe()->header.to, 5u);
+}
+
+}  // namespace
+}  // namespace rtsg
