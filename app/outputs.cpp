@@ -85,12 +85,9 @@ ListenOptions SoundArguments::parse() const {
     ListenOptions options;
     options.render.binaural = binaural;
     options.render.ambisonicOrder = ambisonic;
-    // Rays are for the figures. A response that is heard needs fewer, but is traced again whenever something moves.
-    if (rays > 0) {
-        options.trace.rays = rays;
-        options.render.trace.rays = std::min(rays, options.render.trace.rays);
-    }
+    if (rays > 0) options.trace.rays = rays;
     options.error = error;
+    options.render.ask(rays, error);
     return options;
 }
 

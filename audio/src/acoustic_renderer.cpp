@@ -5,7 +5,7 @@ namespace rtsg {
 
 AcousticRenderer::AcousticRenderer(const RayWorld& world, const Options& options,
                                    std::unique_ptr<AcousticEngine> engine)
-    : tables_(world, options.defaultMaterial, options.resources), rays_(world), engine_(std::move(engine)) {}
+    : tables_(world, options.defaultMaterial, options.resources), rays_(&world), engine_(std::move(engine)) {}
 AcousticRenderer::~AcousticRenderer() = default;
 
 Result<std::unique_ptr<AcousticRenderer>> AcousticRenderer::create(const RayWorld& world, const Options& options) {
@@ -19,11 +19,11 @@ Result<> AcousticRenderer::apply(const Scene& scene, const ChangeSet& changes, c
 }
 
 Result<> AcousticRenderer::render(double untilSeconds, SoundBuffer& sound) {
-    return engine_->render(*tables_.latest(), rays_, untilSeconds, sound);
+    return engine_->render(*tables_.latest(), *rays_, untilSeconds, sound);
 }
 
 OpenedGeometry AcousticRenderer::geometryFor(const glm::dvec3& source) {
-    return engine_->geometryFor(*tables_.latest(), rays_, source);
+    return engine_->geometryFor(*tables_.latest(), *rays_, source);
 }
 
 Diagnostics AcousticRenderer::diagnostics() const {

@@ -1,3 +1,4 @@
+// Follows rays from a source through a room in parallel batches, and adds image sources to what they bring.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -314,6 +315,21 @@ void AcousticTracer::refine(TraceResult& result, const glm::dvec3& source, const
     mix(result.escaped, escaped, weight);
     mix(result.truncated, truncated, weight);
     result.rays += each * count;
+}
+
+double AcousticTracer::refineTo(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener,
+                                const TraceOptions& options, double error, std::uint64_t maxRays,
+                                const std::function<bool()>& goOn) const {
+    double now = largestError(result.metrics());
+    while (now > error && result.rays < maxRays && (!goOn || goOn())) {
+        // Errors fall with the root of the rays; never more than four times as many on a guess.
+        const double ratio = std::min(2.0, now / error);
+        const auto more =
+            static_cast<std::uint64_t>(static_cast<double>(result.rays) * std::max(0.2, ratio * ratio - 1));
+        refine(result, source, listener, options, std::min(std::max<std::uint64_t>(more, 1), maxRays - result.rays));
+        now = largestError(result.metrics());
+    }
+    return now;
 }
 
 }  // namespace rtsg

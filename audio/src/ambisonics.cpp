@@ -1,3 +1,4 @@
+// Spherical harmonics of a direction, in the order and the scale of AmbiX.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,3 +1,4 @@
+// Convolves block by block in the frequency domain; a new response fades in over one block.
 #include <rtsg/audio/convolver.h>
 #include <algorithm>
 

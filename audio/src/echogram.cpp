@@ -1,3 +1,4 @@
+// Sums and lengths of energy over time.
 #include <rtsg/audio/echogram.h>
 #include <algorithm>
 

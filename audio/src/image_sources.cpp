@@ -1,3 +1,4 @@
+// Mirrors a source in the planes of a room and keeps the images whose path really leads to the listener.
 #include <algorithm>
 #include <cmath>
 #include <numbers>

@@ -1,3 +1,4 @@
+// Turns energy over time into pressure: sharp arrivals, shaped noise, filtered in octave bands; and back.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -60,8 +60,10 @@ std::string ListenReport::toJson() const {
             jsonNumber(s.schroederHz), highest, s.trace.arrivals.size(), s.trace.rays, jsonArray(s.trace.absorbed),
             jsonArray(s.trace.escaped), jsonArray(s.trace.truncated));
     }
-    text += fmt::format("],\"rays\":{},\"seconds\":{},\"escaped\":{},\"gain\":{}}}", rays, jsonNumber(seconds),
+    text += fmt::format("],\"rays\":{},\"seconds\":{},\"escaped\":{},\"gain\":{}", rays, jsonNumber(seconds),
                         jsonNumber(escaped), jsonNumber(static_cast<double>(gain)));
+    text += fmt::format(",\"heard\":{{\"responses\":{},\"rays\":{},\"images\":{},\"error\":{}}}}}", heard.responses,
+                        heard.rays, heard.images, jsonNumber(heard.error));
     return text;
 }
 

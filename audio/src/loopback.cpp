@@ -1,3 +1,4 @@
+// Drives OpenAL Soft without a device: a block in, a block out, levels and latency calibrated.
 #include <algorithm>
 #include <cmath>
 #include <vector>

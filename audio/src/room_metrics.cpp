@@ -1,3 +1,4 @@
+// Figures of ISO 3382 from decay curves, and their intervals by leaving out one batch of rays at a time.
 #include <rtsg/audio/room_metrics.h>
 #include <algorithm>
 #include <array>
@@ -117,6 +118,23 @@ RoomMetrics roomMetrics(const Echogram& echogram) {
         metrics.g[b] = 10 * std::log10(decay.total() * 4 * std::numbers::pi * 100);
     }
     return metrics;
+}
+
+double largestError(const MetricsEstimate& m) {
+    double worst = 0;
+    const auto take = [&](double value, double halfWidth, double noticeable) {
+        // A figure that does not exist has no error either: a room too dead for T20, say.
+        if (std::isfinite(value) && noticeable > 0)
+            worst = std::max(worst, std::isfinite(halfWidth) ? halfWidth / noticeable : 1e9);
+    };
+    for (std::size_t b = 1; b < 7; ++b) {
+        take(m.value.t20[b], m.ci95.t20[b], 0.05 * m.value.t20[b]);
+        take(m.value.t30[b], m.ci95.t30[b], 0.05 * m.value.t30[b]);
+        take(m.value.c80[b], m.ci95.c80[b], 1);
+        take(m.value.d50[b], m.ci95.d50[b], 0.05);
+        take(m.value.g[b], m.ci95.g[b], 1);
+    }
+    return worst;
 }
 
 double studentT95(int degreesOfFreedom) {

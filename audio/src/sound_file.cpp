@@ -1,3 +1,4 @@
+// Reads and writes sound files by libsndfile, resamples by libsamplerate.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

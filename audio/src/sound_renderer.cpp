@@ -18,24 +18,6 @@ double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// The largest half width in just noticeable differences; infinity while one is missing.
-double worstError(const MetricsEstimate& m) {
-    double worst = 0;
-    const auto take = [&](double ci, double noticeable) {
-        // A figure that does not exist has no error either: a room too dead for T20, say.
-        if (std::isfinite(noticeable) && noticeable > 0)
-            worst = std::max(worst, std::isfinite(ci) ? ci / noticeable : 1e9);
-    };
-    for (std::size_t b = 1; b < 7; ++b) {
-        take(m.ci95.t20[b], 0.05 * m.value.t20[b]);
-        take(m.ci95.t30[b], 0.05 * m.value.t30[b]);
-        take(m.ci95.c80[b], std::isfinite(m.value.c80[b]) ? 1.0 : NAN);
-        take(m.ci95.d50[b], std::isfinite(m.value.d50[b]) ? 0.05 : NAN);
-        take(m.ci95.g[b], std::isfinite(m.value.g[b]) ? 1.0 : NAN);
-    }
-    return worst;
-}
-
 double meanOf(const Bands& bands) {
     double sum = 0;
     for (const double value : bands) sum += value / kBandCount;
@@ -147,18 +129,13 @@ Result<> SoundRenderer::measure() {
         const OpenedGeometry room = s.renderer->geometryFor(source.position);
         const AcousticTracer tracer(room);
         source.trace = tracer.trace(source.position, listener, s.options.trace);
+        bool cancelled = false;
+        if (s.options.error > 0)
+            tracer.refineTo(source.trace, source.position, listener, s.options.trace, s.options.error,
+                            s.options.maxRays,
+                            [&] { return !(cancelled = s.options.progress && !s.options.progress(0)); });
+        if (cancelled) return fail("cancelled");
         source.metrics = source.trace.metrics();
-        while (s.options.error > 0 && source.trace.rays < s.options.maxRays &&
-               worstError(source.metrics) > s.options.error) {
-            // Errors fall with the root of the rays; never more than four times as many on a guess.
-            const double ratio = std::min(2.0, worstError(source.metrics) / s.options.error);
-            const auto more =
-                static_cast<std::uint64_t>(static_cast<double>(source.trace.rays) * std::max(0.2, ratio * ratio - 1));
-            tracer.refine(source.trace, source.position, listener, s.options.trace,
-                          std::min(more, s.options.maxRays - source.trace.rays));
-            source.metrics = source.trace.metrics();
-            if (s.options.progress && !s.options.progress(0)) return fail("cancelled");
-        }
         source.schroederHz = schroederFrequency(room, listener, source.metrics.value.t20[4]);
         s.report.rays += source.trace.rays;
         s.report.sources.push_back(std::move(source));
@@ -175,6 +152,7 @@ ListenReport SoundRenderer::finish() {
     s.report.gain = normalise(s.report.sound);
     s.blockAt = 0;
     if (!s.renderer) return std::exchange(s.report, ListenReport());
+    s.report.heard = s.renderer->heard();
     s.report.diagnostics.append(s.renderer->diagnostics());
     if (s.renderer->scene().emitters().empty()) s.report.diagnostics.warning({}, "the scene has no sounds");
     return std::exchange(s.report, ListenReport());

@@ -195,14 +195,12 @@ SoundVersion SoundScene::freeze() {
 
 void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound) {
     const Node* node = scene.effectiveNode(id);
-    if (!node || depth > 32) return;
+    if (!node) return;
+    if (depth > 32) return warnOnce(fmt::format("{} is nested too deeply: what is below is not heard", sound.name));
     // A few lines of USE make as many paths through the audio graph as they like.
-    if (++visits_ > kMostAudioNodes) {
-        if (visits_ == kMostAudioNodes + 1)
-            diagnostics_.warning({}, fmt::format("{}: more than {} paths lead to its sources; the rest is not heard",
-                                                 sound.name, kMostAudioNodes));
-        return;
-    }
+    if (++visits_ > kMostAudioNodes)
+        return warnOnce(fmt::format("{}: more than {} paths lead to its sources; the rest is not heard", sound.name,
+                                    kMostAudioNodes));
     if (!fieldOr(*node, "enabled", true)) return;
     gain *= number(fieldOr(*node, "gain", 1.0f), 0);
     SoundVoice voice;
@@ -243,9 +241,8 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
         const FieldIndex children = node->type().findExact("children");
         const bool silent = children == kNoField || node->type().fields[children].type != FieldType::MFNode;
         if (!node->is(x3d::Gain::type))
-            diagnostics_.warning({},
-                                 fmt::format("{} of {} is {}", node->type().name, sound.name,
-                                             silent ? "not a source that can be heard" : "passed through unprocessed"));
+            warnOnce(fmt::format("{} of {} is {}", node->type().name, sound.name,
+                                 silent ? "not a source that can be heard" : "passed through unprocessed"));
         if (silent) return;
         for (const NodeId child : node->get(Field<Array<NodeId>>{children}))
             readVoices(scene, child, gain, depth + 1, sound);
@@ -391,7 +388,27 @@ void SoundScene::nameEmitters() {
     std::erase_if(sounds_, [&](const auto& entry) { return !total.contains(entry.first); });
 }
 
+void SoundScene::warnOnce(std::string text) {
+    // Of a scene that keeps making new names this much is remembered, and more is not told.
+    constexpr std::size_t kMost = 1000;
+    if (told_.size() < kMost && told_.insert(text).second) diagnostics_.warning({}, std::move(text));
+}
+
+/// Destinations play what they hold on a device of the viewer, which there is not.
+void SoundScene::nameSilent(const Scene& scene, const ChangeSet& changes) {
+    for (const Change& change : changes.changes) {
+        if (change.kind == ChangeKind::defineType) continue;
+        if (change.kind != ChangeKind::createNode) return;  // these come first
+        const TypeIndex type{static_cast<std::uint16_t>(change.index)};
+        if (type != x3d::AudioDestination::type && type != x3d::StreamAudioDestination::type) continue;
+        if (const Node* node = scene.find(change.node))
+            warnOnce(fmt::format("{} {} plays nothing by itself: only what a Sound or SpatialSound holds is heard",
+                                 node->type().name, nameOf(scene, *node)));
+    }
+}
+
 void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    nameSilent(scene, changes);
     readWalls(scene, delta);
     if (placeEmitters(scene, delta) || changes.isSnapshot()) nameEmitters();
     // Listeners and views.

@@ -70,7 +70,7 @@ void WorldGeometry::followMaterials(const PagedArray<AcousticMaterial>& material
         });
 }
 
-const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version, const RaySource& rays) {
+const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version, const RayView& rays) {
     rays_ = &rays;
     changes_.boxes.clear();
     changes_.everything = !followed_;

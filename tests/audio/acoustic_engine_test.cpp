@@ -24,6 +24,15 @@ const char* const kRooms =
     "DEF Voice Transform { children Sound { location 1 1 1.5 minBack 30 minFront 30 maxBack 60 maxFront 60 source "
     "OscillatorSource { frequency 440 } } }\nViewpoint { position 4 3 1.5 }\n";
 
+/// Rays that can be frozen.
+struct OwnRays final : InstanceSubscriber {
+    RayWorld world;
+    Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
+        world.apply(delta);
+        return {};
+    }
+};
+
 struct Stage {
     explicit Stage(const char* text = kRooms) {
         Diagnostics diagnostics;
@@ -38,11 +47,10 @@ struct Stage {
     template <class Edit>
     SoundBuffer render(AcousticEngine& engine, double seconds, const Edit& edit) {
         SoundBuffer sound;
-        const RaysOf rays(world.rays());
         for (int frame = 1; frame <= std::lround(seconds * 60); ++frame) {
             edit(frame);
             scene.newFrame(frame / 60.0);
-            EXPECT_TRUE(engine.render(*tables.latest(), rays, frame / 60.0, sound));
+            EXPECT_TRUE(engine.render(*tables.latest(), world.rays(), frame / 60.0, sound));
         }
         return sound;
     }
@@ -64,7 +72,7 @@ TEST(AcousticEngine, TracesAgainOnlyWhatAChangeCanReach) {
         Stage stage;
         auto engine = *AcousticEngine::create(few());
         const SoundBuffer sound = stage.render(*engine, .8, [&](int frame) { edit(stage, frame); });
-        return std::pair(engine->traces(), sound.samples);
+        return std::pair(engine->heard().responses, sound.samples);
     };
     const auto still = traces([](Stage&, int) {});
     const auto outside =
@@ -97,9 +105,8 @@ TEST(AcousticEngine, WhatCannotBeReachedChangesNoPath) {
     options.imageOrder = 2;
     options.maxSeconds = 1;
     const double longest = options.maxSeconds * options.air.speedOfSound;
-    const RaysOf rays(stage.world.rays());
     WorldGeometry geometry;
-    geometry.follow(stage.tables.latest()->walls, rays);
+    geometry.follow(stage.tables.latest()->walls, stage.world.rays());
     const auto trace = [&](AcousticBox& reached) {
         const ReachRecorder recorder(geometry, longest);
         TraceResult result = AcousticTracer(recorder).trace(source, listener, options);
@@ -115,7 +122,7 @@ TEST(AcousticEngine, WhatCannotBeReachedChangesNoPath) {
         stage.move(step % 3 ? "Out" : "In", somewhere());
         stage.scene.newFrame(step / 60.0);
         bool reaches = false;
-        for (const AcousticBox& box : geometry.follow(stage.tables.latest()->walls, rays).boxes)
+        for (const AcousticBox& box : geometry.follow(stage.tables.latest()->walls, stage.world.rays()).boxes)
             reaches = reaches || mayReach(reached, source, listener, longest, box);
         const TraceResult now = trace(reached);
         if (!reaches) {
@@ -158,34 +165,43 @@ TEST(AcousticEngine, AVersionSoundsTheSameOnAnotherThreadWhileTheSceneIsEdited) 
     Stage quiet;
     auto first = *AcousticEngine::create(few());
     const SoundBuffer expected = quiet.render(*first, .25, silence);
-    // Fifteen versions and nothing else; the scene has long gone on, and the tables are gone. The walls stand still:
-    // the live rays do.
-    std::vector<std::shared_ptr<const AcousticState>> states;
-    Scene scene;
-    Diagnostics diagnostics;
-    ASSERT_TRUE(loadText(scene, kRooms, diagnostics));
-    SharedWorld world(scene);
+    // Fifteen versions and nothing else; the scene has gone on, its walls moved, and is gone itself.
+    struct Version {
+        std::shared_ptr<const AcousticState> state;
+        std::shared_ptr<const WorldVersion> rays;
+    };
+    std::vector<Version> versions;
     {
-        AcousticTables tables(world.rays());
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(scene, kRooms, diagnostics));
+        SharedWorld world(scene);
+        OwnRays own;
+        AcousticTables tables(own.world);
+        world.add(own);
         world.add(tables);
         scene.newFrame(0);
         for (int frame = 1; frame <= 15; ++frame) {
             scene.newFrame(frame / 60.0);
-            states.push_back(tables.latest());
+            versions.push_back({tables.latest(), own.world.freeze()});
         }
-        ASSERT_TRUE(scene.set(scene.findName("Voice"), x3d::Transform::translation, Vec3f(2, 2, 0)));
-        scene.newFrame(1);
-        EXPECT_NE(tables.latest()->sounds.emitters, states.back()->sounds.emitters);
-        EXPECT_GT(tables.latest()->sequence, states.back()->sequence);
+        const Version& last = versions.back();
+        ASSERT_TRUE(last.rays);
         EXPECT_EQ(tables.latest(), tables.latest());
+        for (const char* name : {"Voice", "In"})
+            ASSERT_TRUE(scene.set(scene.findName(name), x3d::Transform::translation, Vec3f(2, 2, 0)));
+        scene.newFrame(1);
+        EXPECT_NE(tables.latest()->sounds.emitters, last.state->sounds.emitters);
+        EXPECT_GT(tables.latest()->sequence, last.state->sequence);
         world.remove(tables);
+        world.remove(own);
     }
     SoundBuffer sound;
     std::thread([&] {
         auto second = *AcousticEngine::create(few());
-        const RaysOf rays(world.rays());
-        for (std::size_t i = 0; i < states.size(); ++i)
-            EXPECT_TRUE(second->render(*states[i], rays, static_cast<double>(i + 1) / 60.0, sound));
+        for (std::size_t i = 0; i < versions.size(); ++i)
+            EXPECT_TRUE(
+                second->render(*versions[i].state, *versions[i].rays, static_cast<double>(i + 1) / 60.0, sound));
     }).join();
     EXPECT_EQ(sound.samples, expected.samples);
 }
@@ -209,8 +225,31 @@ TEST(AcousticEngine, TheRendererIsTheTwoPartsTogether) {
         ASSERT_TRUE(renderer->render(frame / 60.0, sound));
     }
     EXPECT_EQ(sound.samples, apart.samples);
-    EXPECT_EQ(renderer->traces(), engine->traces());
+    EXPECT_EQ(renderer->traces(), engine->heard().responses);
     EXPECT_GT(sound.peak(), .01f);
+}
+
+TEST(AcousticEngine, RaysAndErrorThatWereAskedForReachWhatIsHeard) {
+    const auto heard = [](std::uint64_t rays, double error) {
+        Stage stage;
+        AcousticOptions options = few();
+        options.trace.maxImageCandidates = 200;
+        options.ask(rays, error);
+        auto engine = *AcousticEngine::create(options);
+        stage.render(*engine, .1, [](int) {});
+        EXPECT_EQ(engine->heard().responses, 1u);
+        return engine->heard();
+    };
+    const HeardResponses usual = heard(0, 0), more = heard(4000, 0), fewer = heard(80, 0), exact = heard(0, .5);
+    EXPECT_EQ(usual.rays, 400u);
+    EXPECT_TRUE(std::isnan(usual.error));
+    EXPECT_EQ(more.rays, 4000u);
+    EXPECT_GT(more.images, usual.images);
+    EXPECT_EQ(fewer.rays, 80u);
+    EXPECT_EQ(fewer.images, usual.images);
+    EXPECT_LE(exact.error, .5);
+    EXPECT_GT(exact.error, 0);
+    EXPECT_GT(exact.rays, 400u);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 // Following a scene is reading it anew: seeded random edits, one session from the start, one attached late each time.
 #include <algorithm>
+#include <filesystem>
 #include <random>
 #include <string>
 #include <tuple>
@@ -128,6 +129,47 @@ TEST(SoundScene, FollowingIsReadingAnew) {
         ASSERT_EQ(roomA.materials()[hitA.material].absorption, roomB.materials()[hitB.material].absorption);
     }
     EXPECT_GT(sounds.size(), 3u);
+}
+
+/// Whatever moves, and however often: what cannot be heard is named once.
+TEST(SoundScene, WhatIsNotHeardIsNamedOnce) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\n"
+                         "DEF Film Sound { source MovieTexture { url \"film.mpg\" } }\n"
+                         "DEF Talk SpatialSound { children [ MicrophoneSource { } StreamAudioSource { } BiquadFilter { "
+                         "children AudioClip { url \"no.wav\" } } ] }\n"
+                         "DEF Out AudioDestination { children AudioClip { url \"no.wav\" } }\n"
+                         "DEF Same SpatialSound { children AudioClip { url \"no.wav\" } }\n"
+                         "DEF Text SpatialSound { children AudioClip { url \"notes.txt\" } }\nViewpoint { }\n",
+                         diagnostics));
+    ListenOptions options;
+    options.metrics = false;
+    options.seconds = .2;
+    SharedWorld world(scene);
+    SoundRenderer sound(world, options);
+    for (int frame = 0; frame <= 12; ++frame) {
+        for (const char* name : {"Film", "Talk", "Text"}) {
+            const NodeId node = scene.findName(name);
+            ASSERT_TRUE(scene.node(node).is(x3d::Sound::type)
+                            ? scene.set(node, x3d::Sound::intensity, .01f * static_cast<float>(frame))
+                            : scene.set(node, x3d::SpatialSound::intensity, .01f * static_cast<float>(frame)));
+        }
+        scene.newFrame(frame / 60.0);
+        ASSERT_TRUE(sound.renderFrame());
+    }
+    const ListenReport report = sound.finish();
+    std::vector<std::string> said;
+    for (const Diagnostic& d : report.diagnostics.all()) said.push_back(d.text);
+    EXPECT_EQ(said.size(), 7u);
+    for (const char* part : {"MovieTexture of Film is not a source", "MicrophoneSource of Talk is not a source",
+                             "StreamAudioSource of Talk is not a source", "BiquadFilter of Talk is passed through",
+                             "AudioDestination Out plays nothing", "no.wav", "notes.txt"})
+        EXPECT_EQ(std::count_if(said.begin(), said.end(),
+                                [&](const std::string& text) { return text.find(part) != std::string::npos; }),
+                  1)
+            << part;
 }
 
 }  // namespace

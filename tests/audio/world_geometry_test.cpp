@@ -45,7 +45,6 @@ struct Room {
         : walls(world, defaults), geometry(options) {}
 
     RayWorld world;
-    RaysOf<RayWorld> rays{world};
     Walls walls;
     WorldGeometry geometry;
     InstanceDelta delta;
@@ -69,7 +68,7 @@ struct Room {
         delta.clear();
         follow();
     }
-    const WorldGeometry::Changes& follow() { return geometry.follow(walls.freeze(), rays); }
+    const WorldGeometry::Changes& follow() { return geometry.follow(walls.freeze(), world); }
     std::size_t planesInUse() const {
         return static_cast<std::size_t>(std::count_if(geometry.planes().begin(), geometry.planes().end(),
                                                       [](const ReflectingPlane& p) { return p.mirrors > 0; }));
@@ -399,9 +398,8 @@ TEST(WorldGeometry, WithoutPlanesRaysDoItAll) {
 TEST(WorldGeometry, AnEmptyWorldIsAVoid) {
     RayWorld world;
     Walls walls(world);
-    const RaysOf rays(world);
     WorldGeometry geometry;
-    geometry.follow(walls.freeze(), rays);
+    geometry.follow(walls.freeze(), world);
     EXPECT_TRUE(geometry.planes().empty());
     AcousticHit hit;
     EXPECT_FALSE(geometry.closest({0, 0, 0}, {0, 0, 1}, 10, kNoPlane, hit));

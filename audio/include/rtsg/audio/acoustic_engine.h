@@ -1,7 +1,7 @@
 // AcousticEngine: renders what the listener of a scene hears: stereo, binaural or ambisonic.
 //
 //     auto engine = AcousticEngine::create({.binaural = true});
-//     (*engine)->render(*tables.latest(), RaysOf(world), t, sound);      // to scene time t
+//     (*engine)->render(*tables.latest(), *world.freeze(), t, sound);      // to scene time t
 //
 // Each emitter goes two ways: direct sound through a delay line of its own (propagation delay, hence Doppler) to a
 // direction in the LoopbackMixer; reflections through a Convolver with the impulse response of the traced room, traced
@@ -12,6 +12,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -36,6 +37,10 @@ struct AcousticOptions {
     Levels levels = Levels::x3d;
     /// Of the responses that are heard; metrics want more rays (see listen()).
     TraceOptions trace = heardTrace();
+    /// When positive: rays are added to each response until its figures are within `error` just noticeable differences
+    /// (see largestError()), or there are `maxRays`.
+    double error = 0;
+    std::uint64_t maxRays = 4'000'000;
     AcousticMaterial defaultMaterial;
     /// A response is traced anew at most this often (seconds of scene time), and only when something moved by more
     /// than `moveTolerance` metres or the walls changed.
@@ -59,6 +64,18 @@ struct AcousticOptions {
         trace.batches = 8;
         return trace;
     }
+    /// Rays (0: as many as usual) and error that were asked for, for what is heard too. The defaults, which are few for
+    /// the sake of speed, limit neither; who asks for more rays or an error gets as many images as figures do.
+    void ask(std::uint64_t rays, double largestError);
+};
+
+/// The responses that were heard.
+struct HeardResponses {
+    std::uint64_t responses = 0;  // traced
+    std::uint64_t rays = 0;       // the most in one
+    std::size_t images = 0;       // the most in one
+    // The largest in just noticeable differences; NaN unless asked for.
+    double error = std::numeric_limits<double>::quiet_NaN();
 };
 
 class AcousticEngine {
@@ -70,15 +87,14 @@ class AcousticEngine {
     /// blocks, and appends it to `sound`. The latency of OpenAL is taken out. The poses of `state` are those at
     /// `untilSeconds`; states may be skipped, but never go back. `rays` are of the same state and used in the call
     /// only.
-    Result<> render(const AcousticState& state, const RaySource& rays, double untilSeconds, SoundBuffer& sound);
+    Result<> render(const AcousticState& state, const RayView& rays, double untilSeconds, SoundBuffer& sound);
 
     /// Of what render() appends.
     int channels() const;
     /// The room ready to be traced, as it is for sound from `source`: its own body left out. Good until the next call;
     /// `rays` must live as long.
-    OpenedGeometry geometryFor(const AcousticState& state, const RaySource& rays, const glm::dvec3& source);
-    /// Responses traced so far.
-    std::uint64_t traces() const;
+    OpenedGeometry geometryFor(const AcousticState& state, const RayView& rays, const glm::dvec3& source);
+    const HeardResponses& heard() const;
     /// What could not be heard so far, once each.
     const Diagnostics& diagnostics() const;
 

@@ -29,14 +29,16 @@ class AcousticRenderer final : public InstanceSubscriber {
     int channels() const { return engine_->channels(); }
     const SoundScene& scene() const { return tables_.scene(); }
     OpenedGeometry geometryFor(const glm::dvec3& source);
-    std::uint64_t traces() const { return engine_->traces(); }
+    const HeardResponses& heard() const { return engine_->heard(); }
+    /// Responses traced so far.
+    std::uint64_t traces() const { return heard().responses; }
     Diagnostics diagnostics() const;
 
   private:
     AcousticRenderer(const RayWorld& world, const Options& options, std::unique_ptr<AcousticEngine> engine);
 
     AcousticTables tables_;
-    RaysOf<RayWorld> rays_;
+    const RayWorld* rays_;
     std::unique_ptr<AcousticEngine> engine_;
 };
 

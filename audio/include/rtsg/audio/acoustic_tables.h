@@ -2,7 +2,7 @@
 //
 //     AcousticTables tables(world, {});                     // on the scene's thread, fed after the world
 //     std::shared_ptr<const AcousticState> now = tables.latest();
-//     engine->render(*now, RaysOf(world), t, sound);        // on any thread, with rays of the same state
+//     engine->render(*now, *world.freeze(), t, sound);      // on any thread, with rays of the same state
 //
 // Invariant: a version never changes, needs no scene, and is that of one ChangeSet. Following costs what changed; a
 // version costs two pointers, and a copy of the emitters when these changed since the last.

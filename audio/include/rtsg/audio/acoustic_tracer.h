@@ -12,6 +12,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include <glm/glm.hpp>
@@ -64,6 +65,11 @@ class AcousticTracer {
     /// More rays for a result that `trace` gave for the same arguments: the batches grow by `rays` in all.
     void refine(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
                 std::uint64_t rays) const;
+    /// As many more as it takes until largestError() of the figures is at most `error`, or there are `maxRays`; returns
+    /// what it is then. `goOn` is asked in between and may end it earlier.
+    double refineTo(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener,
+                    const TraceOptions& options, double error, std::uint64_t maxRays,
+                    const std::function<bool()>& goOn = {}) const;
 
   private:
     const AcousticGeometry* geometry_;

@@ -49,6 +49,7 @@ struct ListenReport {
     double escaped = 0;  // share of the emitted energy, mean over bands and sources
     SoundBuffer sound;   // two channels or ambisonic; empty unless asked for
     float gain = 1;      // that had to be applied lest the sound clip
+    HeardResponses heard;
     Diagnostics diagnostics;
 
     /// One object as the command line's contract says; NaN and infinity are null.

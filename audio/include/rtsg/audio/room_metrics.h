@@ -35,6 +35,10 @@ struct MetricsEstimate {
 /// that of their mean; the interval comes from the delete-one jackknife over batches with Student's t.
 MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches);
 
+/// The largest half width from 125 Hz to 4 kHz in just noticeable differences (T 5 %, C80 1 dB, D50 .05, G 1 dB) of the
+/// figures that exist.
+double largestError(const MetricsEstimate& estimate);
+
 /// Two-sided 95 % quantile of Student's t.
 double studentT95(int degreesOfFreedom);
 

@@ -15,6 +15,7 @@
 #include <memory>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
@@ -110,7 +111,7 @@ class SoundScene {
     glm::dvec3 position(const SoundEmitter& emitter) const { return emitter.position(); }
     /// The first enabled ListenerPointSource, else the bound viewpoint, else X3D's default of 0 0 10.
     const ListenerPose& listener() const { return listener_; }
-    /// Nodes that are there but cannot be heard, and why.
+    /// Nodes that are there but cannot be heard, and why; each once.
     const Diagnostics& diagnostics() const { return diagnostics_; }
     /// As it is now. What changes next copies the emitters once.
     SoundVersion freeze();
@@ -124,6 +125,8 @@ class SoundScene {
     void readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound);
     std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node) const;
     void chooseListener(const Scene& scene);
+    void nameSilent(const Scene& scene, const ChangeSet& changes);
+    void warnOnce(std::string text);
 
     Walls* walls_;
     AcousticMaterial defaults_;
@@ -136,6 +139,7 @@ class SoundScene {
     bool shared_ = false;  // emitters_ belong to a version too
     ListenerPose listener_;
     Diagnostics diagnostics_;
+    std::unordered_set<std::string> told_;
 };
 
 }  // namespace rtsg

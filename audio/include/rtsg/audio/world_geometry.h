@@ -2,7 +2,7 @@
 // and answered in double.
 //
 //     WorldGeometry geometry;
-//     geometry.follow(walls.freeze(), RaysOf(world));      // both of the same state of the scene
+//     geometry.follow(walls.freeze(), world);              // both of the same state of the scene
 //
 // Invariant: after follow() answers are those of one built from scratch (numbers of planes apart). The work follows
 // what changed since the version followed before: planes are found once per mesh, in its own frame, and moved with its
@@ -16,8 +16,8 @@
 
 #include <rtsg/audio/acoustic_box.h>
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/ray_source.h>
 #include <rtsg/audio/walls.h>
+#include <rtsg/renderers/ray_view.h>
 
 namespace rtsg {
 
@@ -42,7 +42,7 @@ class WorldGeometry final : public AcousticGeometry {
     ~WorldGeometry() override;
 
     /// `rays` must outlive the queries that come after.
-    const Changes& follow(const WallsVersion& walls, const RaySource& rays);
+    const Changes& follow(const WallsVersion& walls, const RayView& rays);
     /// Steps that follow() took so far: walls compared, planes measured, boxes read. Counted, not timed.
     std::uint64_t work() const;
 
@@ -65,7 +65,7 @@ class WorldGeometry final : public AcousticGeometry {
     double exactDistance(const Hit& hit, const glm::dvec3& origin, const glm::dvec3& direction) const;
 
     WallsVersion walls_;
-    const RaySource* rays_ = nullptr;
+    const RayView* rays_ = nullptr;
     std::vector<AcousticMaterial> materials_;
     std::unique_ptr<WallPlanes> planes_;
     Changes changes_;
