@@ -32,6 +32,7 @@ bool rays(const Report& report, bool quick);
 bool overlap(const Report& report, bool quick);
 void deform(const Report& report, bool quick);
 void instances(const Report& report, bool quick);
+void stage(const Report& report, bool quick);
 
 /// CPU time of this process in seconds.
 double cpuSeconds();
