@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <filesystem>
 
 #include <fmt/format.h>
@@ -189,14 +190,18 @@ Result<> Outputs::takePicture(const std::string& file) {
 }
 
 Result<> Outputs::apply(const Scene& scene, const ChangeSet&) {
-    const double t = scene.now();
+    constexpr double kRounding = 1e-9;
+    const double t = scene.now() - start_;
     if (sound_)
         if (auto ok = sound_->renderFrame(); !ok) return ok;
-    if (!light_ || !arguments_.animated() || interrupted()) return {};
-    if (t - start_ < pictures_ / arguments_.picturesPerSecond - 1e-9) return {};
-    const std::filesystem::path pattern(arguments_.render);
-    const auto numbered = numberedName(pattern.filename().string(), pictures_);
-    return takePicture(numbered ? (pattern.parent_path() / *numbered).string() : arguments_.render);
+    if (!light_ || !arguments_.animated()) return {};
+    while (nextPicture() <= t + kRounding && nextPicture() < arguments_.seconds - kRounding && !interrupted()) {
+        const std::filesystem::path pattern(arguments_.render);
+        const auto numbered = numberedName(pattern.filename().string(), pictures_);
+        if (auto ok = takePicture(numbered ? (pattern.parent_path() / *numbered).string() : arguments_.render); !ok)
+            return ok;
+    }
+    return {};
 }
 
 Result<> Outputs::finish() {
@@ -236,12 +241,28 @@ Result<> Outputs::finishPictures() {
 
 Result<> Outputs::finishSound() {
     if (sound_) {
-        const ListenReport report = sound_->finish();
+        ListenReport report = sound_->finish();
+        const double most = std::round(arguments_.seconds * report.sound.sampleRate);
+        if (most < static_cast<double>(report.sound.frames()))  // frames and blocks end a little later
+            report.sound.samples.resize(static_cast<std::size_t>(most) *
+                                        static_cast<std::size_t>(report.sound.channels));
         print(report.diagnostics);
         soundSeconds_ = report.sound.seconds();
         if (auto ok = writeWav(arguments_.listen, report.sound); !ok) return ok;
     }
     return {};
+}
+
+std::string Outputs::missing() const {
+    if (!std::isfinite(arguments_.seconds)) return {};
+    std::string text;
+    const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6);
+    if (light_ && arguments_.animated() && pictures_ < pictures)
+        text = fmt::format("{} of {} pictures", pictures - pictures_, pictures);
+    if (sound_ && soundSeconds_ < arguments_.seconds - 1e-4)
+        text += fmt::format("{}{:.4g} of {:.4g} s of sound", text.empty() ? "" : ", ",
+                            arguments_.seconds - soundSeconds_, arguments_.seconds);
+    return text;
 }
 
 Result<> Outputs::finishLog() {

@@ -1,10 +1,12 @@
 // Outputs: what --render, --listen, --record and --save make of a scene that something else drives: a mirror or a log.
 //
 // Invariant: every state is seen in its turn, however many come at once. Pictures are taken at even distances of scene
-// time if the file's name holds a place for a number (%04d) or is a .gif; else one is taken at the end.
+// time if the file's name holds a place for a number (%04d) or is a .gif; else one is taken at the end. Of T seconds at
+// F pictures a second these are the ones at k / F < T, and sound is T long to the sample; missing() says what is not.
 // Threading: the scene's thread.
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -48,6 +50,8 @@ struct OutputArguments {
     std::string render, listen, record, save;
     ResourceArguments resources;
     double picturesPerSecond = 5;
+    /// Scene time to make pictures and sound of; set by the verb.
+    double seconds = std::numeric_limits<double>::infinity();
     bool force = false;
     PictureArguments picture;
     SoundArguments sound;
@@ -83,6 +87,8 @@ class Outputs final : public Subscriber {
     /// ,"flattenings":…,"worlds":…,"commits":… of a JSON object: how often the scene was flattened, into how many
     /// BVHs, and in how many change sets these had something to do.
     std::string worldJson() const;
+    /// After finish(): "7 of 20 pictures, 1.4 of 4 s of sound"; empty if all that was asked for is there.
+    std::string missing() const;
     int pictures() const { return pictures_; }
     double soundSeconds() const { return soundSeconds_; }
     std::uint64_t logBytes() const { return log_ ? log_->bytes() : 0; }
@@ -93,6 +99,8 @@ class Outputs final : public Subscriber {
     Result<> finishSound();
     Result<> finishLog();
     Result<> takePicture(const std::string& file);
+    /// Seconds from the start to the next picture.
+    double nextPicture() const { return pictures_ / arguments_.picturesPerSecond; }
 
     Scene& scene_;
     OutputArguments arguments_;

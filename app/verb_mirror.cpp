@@ -8,8 +8,10 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/terminal.h>
 #include <rtsg/sync/mirror_client.h>
 
+#include "behind.h"
 #include "cli.h"
 #include "injections.h"
 #include "outputs.h"
@@ -28,7 +30,7 @@ struct Options {
     std::vector<std::string> set, parts, aspects;
     double fps = 0;
     OutputArguments outputs;
-    bool json = false;
+    bool json = false, live = false;
 };
 
 /// Names that nothing in the replica has; a number begins with #.
@@ -82,140 +84,241 @@ class Requests {
     Injections injections_;
 };
 
-int mirror(const Options& options) {
-    if (auto ok = options.outputs.check({options.key}); !ok) return printError(ok.error()), kBad;
-    const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
-    const double patience = parseSeconds(options.patience);
-    MirrorClientOptions clientOptions;
+Result<MirrorClientOptions> clientOptions(const Options& options) {
+    MirrorClientOptions result;
     if (!options.key.empty()) {
         auto keys = MirrorKeys::load(options.key);
-        if (!keys) return printError(keys.error()), kBad;
-        clientOptions.keys = std::move(*keys);
+        if (!keys) return std::unexpected(keys.error());
+        result.keys = std::move(*keys);
     }
-    clientOptions.latency = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.latency)));
-    clientOptions.framesPerSecond = options.fps;
-    clientOptions.inputs = options.mode == "input";
-    clientOptions.parts = options.parts;
+    result.latency = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.latency)));
+    result.framesPerSecond = options.fps;
+    result.inputs = options.mode == "input";
+    result.parts = options.parts;
     for (const std::string& name : options.aspects)
-        clientOptions.aspects.push_back(
-            static_cast<Aspect>(std::ranges::find(kAspects, name) - std::ranges::begin(kAspects)));
-    clientOptions.whenSlow = options.whenSlow == "block"    ? MirrorWhenSlow::block
-                             : options.whenSlow == "resync" ? MirrorWhenSlow::resync
-                                                            : MirrorWhenSlow::coalesce;
-    const Resources resources = options.outputs.resources.ofReplica();
-    Scene replica;
-    replica.setScriptResources(std::make_shared<const Resources>(resources));
-    Requests requests(options.set);
-    auto connected = MirrorClient::connect(replica, options.endpoint, clientOptions);
-    if (!connected) return printError(connected.error()), kUsage;
-    MirrorClient& client = **connected;
-    const MirrorStatistics& statistics = client.statistics();
+        result.aspects.push_back(static_cast<Aspect>(std::ranges::find(kAspects, name) - std::ranges::begin(kAspects)));
+    result.whenSlow = options.whenSlow == "block"    ? MirrorWhenSlow::block
+                      : options.whenSlow == "resync" ? MirrorWhenSlow::resync
+                                                     : MirrorWhenSlow::coalesce;
+    return result;
+}
 
-    std::unique_ptr<Outputs> outputs;
-    double firstTime = 0;
-    bool good = true;
-    const auto begun = Clock::now();
-    auto heard = begun, joined = begun;
-    const Progress progress = options.duration.empty() ? Progress{} : progressBar("mirroring " + options.endpoint);
+/// What is made of the replica: of every frame, behind the replica's back, or with --live of the newest state.
+class Made {
+  public:
+    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources, bool live) {
+        if (!live && (!arguments.render.empty() || !arguments.listen.empty())) {
+            behind_ = std::make_unique<OutputsBehind>(replica, arguments, resources);
+            return;
+        }
+        auto attached = Outputs::attach(replica, arguments, resources);
+        if (attached)
+            live_ = std::move(*attached);
+        else
+            problem_ = std::unexpected(attached.error());
+    }
+    bool failed() const { return !problem_ || (behind_ ? behind_->failed() : !live_->failure().empty()); }
+    Result<> finish() {
+        if (!problem_) return problem_;
+        return behind_ ? behind_->finish() : live_->finish();
+    }
+    /// Null if nothing could be made.
+    const Outputs* outputs() const { return behind_ ? behind_->outputs() : live_.get(); }
+    double mostBehind() const { return behind_ ? behind_->mostBehind() : 0; }
+
+  private:
+    Result<> problem_;
+    std::unique_ptr<OutputsBehind> behind_;
+    std::unique_ptr<Outputs> live_;
+};
+
+class Mirroring {
+  public:
+    explicit Mirroring(const Options& options)
+        : options_(options),
+          duration_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
+          patience_(parseSeconds(options.patience)),
+          resources_(options.outputs.resources.ofReplica()),
+          requests_(options.set) {}
+
+    int run();
+
+  private:
+    double since() const { return replica_.now() - firstTime_; }
+    bool joined() const { return made_ != nullptr; }
+    /// After the first state has come. False ends it with status_.
+    bool join();
+    void follow();
+    bool isOver(std::size_t applied);
+    void catchUp();
+    void sayWhatIsMissing();
+    void fail(const std::string& text) {
+        printError(text);
+        good_ = false;
+    }
+    void finish();
+    void print() const;
+    void printJson() const;
+
+    const Options& options_;
+    const double duration_, patience_;
+    const Resources resources_;
+    Scene replica_;
+    Requests requests_;
+    std::unique_ptr<MirrorClient> client_;
+    std::unique_ptr<Made> made_;
+    double firstTime_ = 0, seconds_ = 0;
+    Clock::time_point heard_ = Clock::now(), joinedAt_ = Clock::now();
+    bool good_ = true, equal_ = false;
+    int status_ = kDone;
+    std::string missing_;
+};
+
+bool Mirroring::join() {
+    joinedAt_ = Clock::now();
+    firstTime_ = replica_.now();
+    OutputArguments arguments = options_.outputs;
+    if (!options_.duration.empty()) arguments.seconds = duration_;
+    made_ = std::make_unique<Made>(replica_, arguments, resources_, options_.live);
+    if (auto ok = requests_.parse(replica_); !ok) {
+        printError(ok.error().text);
+        status_ = kUsage;
+        return false;
+    }
+    return true;
+}
+
+bool Mirroring::isOver(std::size_t applied) {
+    MirrorClient& client = *client_;
+    if (joined() && made_->failed()) return true;
+    if (client.serverLeft() && applied == 0) return true;
+    if (applied > 0 || client.inStep()) heard_ = Clock::now();
+    // What is made has a length in scene time; who only follows need not wait for a scene that stands still.
+    const bool byClock = !options_.outputs.any() && secondsSince(joinedAt_) >= duration_ && client.inStep();
+    if (joined() && (since() >= duration_ || byClock)) return true;
+    if (secondsSince(heard_) < patience_) return false;
+    // A server that ends in order says goodbye.
+    fail(fmt::format("{}: {} for {} s", options_.endpoint, joined() ? "the server has been silent" : "no server",
+                     patience_));
+    return true;
+}
+
+void Mirroring::follow() {
+    MirrorClient& client = *client_;
+    const Progress progress = options_.duration.empty() ? Progress{} : progressBar("mirroring " + options_.endpoint);
     while (!interrupted()) {
         const std::size_t applied = client.poll(std::chrono::milliseconds(50));
         for (const Diagnostic& d : client.takeDiagnostics())
-            if (d.severity != Severity::note) fmt::print(stderr, "{}\n", d.format());
+            if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
         if (!client.refusal().empty()) {
-            printError(fmt::format("{} refused: {}", options.endpoint, client.refusal()));
-            good = false;
+            fail(fmt::format("{} refused: {}", options_.endpoint, client.refusal()));
             break;
         }
-        if (applied > 0 && !outputs) {
-            joined = Clock::now();
-            firstTime = replica.now();
-            auto attached = Outputs::attach(replica, options.outputs, resources);
-            if (!attached) return printError(attached.error()), kBad;
-            outputs = std::move(*attached);
-            if (auto ok = requests.parse(replica); !ok) return printError(ok.error().text), kUsage;
-        }
-        if (outputs && progress)
-            progress(static_cast<std::uint64_t>(1e3 * std::clamp(replica.now() - firstTime, 0., duration)),
-                     static_cast<std::uint64_t>(1e3 * duration) + 1);
-        if (outputs) requests.turn(client, replica.now() - firstTime);
-        if (outputs && !outputs->failure().empty()) break;
-        if (client.serverLeft() && applied == 0) break;
-        if (applied > 0 || client.inStep()) heard = Clock::now();
-        if (outputs && (replica.now() - firstTime >= duration || (secondsSince(joined) >= duration && client.inStep())))
-            break;
-        if (secondsSince(heard) >= patience) {
-            // A server that ends in order says goodbye.
-            printError(fmt::format("{}: {} for {} s", options.endpoint,
-                                   outputs ? "the server has been silent" : "no server", patience));
-            good = false;
-            break;
-        }
+        if (applied > 0 && !joined() && !join()) return;
+        if (joined() && progress)
+            progress(static_cast<std::uint64_t>(1e3 * std::clamp(since(), 0., duration_)),
+                     static_cast<std::uint64_t>(1e3 * duration_) + 1);
+        if (joined()) requests_.turn(client, since());
+        if (isOver(applied)) break;
     }
     if (progress) progress(1, 1);
-    // What is known to be missing may still be on its way.
-    const std::uint64_t known = statistics.originSequence;
-    for (const auto end = Clock::now();
-         good && statistics.sequence < known && !client.serverLeft() && secondsSince(end) < patience;)
-        client.poll(std::chrono::milliseconds(50));
-    if (interrupted() && !options.duration.empty()) {
-        printError(fmt::format("interrupted after {} of {} s", replica.now() - firstTime, duration));
-        good = false;
+}
+
+/// What is known to be missing may still be on its way.
+void Mirroring::catchUp() {
+    const std::uint64_t known = client_->statistics().originSequence;
+    const auto end = Clock::now();
+    while (good_ && client_->statistics().sequence < known && !client_->serverLeft() && secondsSince(end) < patience_)
+        client_->poll(std::chrono::milliseconds(50));
+}
+
+void Mirroring::sayWhatIsMissing() {
+    const MirrorStatistics& statistics = client_->statistics();
+    if (interrupted() && !options_.duration.empty())
+        fail(fmt::format("interrupted after {} of {} s", since(), duration_));
+    else if (client_->serverLeft() && !options_.duration.empty() && since() < duration_ &&
+             (options_.outputs.any() || secondsSince(joinedAt_) < duration_))
+        fail(fmt::format("{} left after {} of {} s", options_.endpoint, since(), duration_));
+    if (statistics.sequence < statistics.originSequence)
+        fail(fmt::format("the replica is in state {}, the origin was in state {}", statistics.sequence,
+                         statistics.originSequence));
+    if (!joined()) return;
+    for (const std::string& part : missingParts(replica_, options_.parts))
+        fail(fmt::format("--part {}: {} has no such node", part, options_.endpoint));
+}
+
+void Mirroring::finish() {
+    const MirrorStatistics& statistics = client_->statistics();
+    seconds_ = secondsSince(joinedAt_);
+    if (joined()) {
+        if (auto ok = made_->finish(); !ok) fail(ok.error().format());
+        if (made_->outputs()) missing_ = made_->outputs()->missing();
+        if (!missing_.empty()) fail("missing: " + missing_);
     }
-    if (client.serverLeft() && !options.duration.empty() && replica.now() - firstTime < duration &&
-        secondsSince(joined) < duration) {
-        printError(fmt::format("{} left after {} of {} s", options.endpoint, replica.now() - firstTime, duration));
-        good = false;
-    }
-    if (statistics.sequence < statistics.originSequence) {
-        printError(fmt::format("the replica is in state {}, the origin was in state {}", statistics.sequence,
-                               statistics.originSequence));
-        good = false;
-    }
-    if (outputs)
-        for (const std::string& part : missingParts(replica, options.parts)) {
-            printError(fmt::format("--part {}: {} has no such node", part, options.endpoint));
-            good = false;
-        }
-    const double seconds = secondsSince(joined);
-    int pictures = 0;
-    double soundSeconds = 0;
-    if (outputs) {
-        if (auto ok = outputs->finish(); !ok) {
-            printError(ok.error());
-            good = false;
-        }
-        pictures = outputs->pictures();
-        soundSeconds = outputs->soundSeconds();
-    }
-    const bool equal = statistics.equal && statistics.sequence == statistics.originSequence;
-    good = good && equal && statistics.divergences == 0 && requests.refused == 0;
+    equal_ = statistics.equal && statistics.sequence == statistics.originSequence;
+    good_ = good_ && equal_ && statistics.divergences == 0 && requests_.refused == 0;
+}
+
+void Mirroring::print() const {
+    const MirrorStatistics& statistics = client_->statistics();
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
-    if (!options.json) {
-        fmt::print(
-            "{} frames ({} snapshots) to state {} of {}, {} bytes ({:.1f} a frame), {:.1f} frames a second\n"
-            "{}: {} here, {} at the origin; {} gaps, {} divergences, {} repairs\n",
-            statistics.frames, statistics.snapshots, statistics.sequence, statistics.originSequence, statistics.bytes,
-            static_cast<double>(statistics.bytes) / frames, frames / std::max(seconds, 1e-9),
-            equal ? "equal" : "not equal", statistics.hash.hex(), statistics.originHash.hex(), statistics.gaps,
-            statistics.divergences, statistics.repairs);
-        if (requests.sent > 0)
-            fmt::print("{} events sent, {} accepted, {} refused\n", requests.sent, requests.accepted, requests.refused);
-        return good ? kDone : kBad;
-    }
+    fmt::print(
+        "{} frames ({} snapshots) to state {} of {}, {} bytes ({:.1f} a frame), {:.1f} frames a second\n"
+        "{}: {} here, {} at the origin; {} gaps, {} divergences, {} repairs\n",
+        statistics.frames, statistics.snapshots, statistics.sequence, statistics.originSequence, statistics.bytes,
+        static_cast<double>(statistics.bytes) / frames, frames / std::max(seconds_, 1e-9),
+        equal_ ? "equal" : "not equal", statistics.hash.hex(), statistics.originHash.hex(), statistics.gaps,
+        statistics.divergences, statistics.repairs);
+    if (requests_.sent > 0)
+        fmt::print("{} events sent, {} accepted, {} refused\n", requests_.sent, requests_.accepted, requests_.refused);
+    const Outputs* outputs = joined() ? made_->outputs() : nullptr;
+    if (outputs && options_.outputs.any())
+        fmt::print("{} pictures, {:.3f} s of sound, at most {:.2f} s behind\n", outputs->pictures(),
+                   outputs->soundSeconds(), made_->mostBehind());
+}
+
+void Mirroring::printJson() const {
+    const MirrorStatistics& statistics = client_->statistics();
+    const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
+    const Outputs* outputs = joined() ? made_->outputs() : nullptr;
     fmt::print(
         "{{\"frames\":{},\"snapshots\":{},\"gaps\":{},\"bytes\":{},\"hash\":\"{}\",\"origin_hash\":\"{}\",\"equal\":{},"
-        "\"divergences\":{},\"repairs\":{},\"sequence\":{},\"origin_sequence\":{},\"t\":{},\"seconds\":{:.3f},\"fps\":{"
-        ":.2f},\"bytes_per_"
-        "frame\":{:.1f},"
-        "\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},\"delay_s\":{:.6f},\"jitter_s\":{:.6f},\"late\":{},"
-        "\"sent\":{},\"accepted\":{},\"refused\":{},\"pictures\":{},\"sound_seconds\":{:.3f},\"inputs\":{}{}}}\n",
+        "\"divergences\":{},\"repairs\":{},\"sequence\":{},\"origin_sequence\":{},\"t\":{},\"seconds\":{:.3f},",
         statistics.frames, statistics.snapshots, statistics.gaps, statistics.bytes, statistics.hash.hex(),
-        statistics.originHash.hex(), equal, statistics.divergences, statistics.repairs, statistics.sequence,
-        statistics.originSequence, replica.now(), seconds, frames / std::max(seconds, 1e-9),
-        static_cast<double>(statistics.bytes) / frames, statistics.restarts, statistics.garbage, statistics.clockOffset,
-        statistics.delay, statistics.jitter, statistics.late, requests.sent, requests.accepted, requests.refused,
-        pictures, soundSeconds, statistics.inputs, outputs ? outputs->worldJson() : std::string());
-    return good ? kDone : kBad;
+        statistics.originHash.hex(), equal_, statistics.divergences, statistics.repairs, statistics.sequence,
+        statistics.originSequence, replica_.now(), seconds_);
+    fmt::print(
+        "\"fps\":{:.2f},\"bytes_per_frame\":{:.1f},\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},"
+        "\"delay_s\":{:.6f},\"jitter_s\":{:.6f},\"late\":{},\"sent\":{},\"accepted\":{},\"refused\":{},",
+        frames / std::max(seconds_, 1e-9), static_cast<double>(statistics.bytes) / frames, statistics.restarts,
+        statistics.garbage, statistics.clockOffset, statistics.delay, statistics.jitter, statistics.late,
+        requests_.sent, requests_.accepted, requests_.refused);
+    fmt::print("\"pictures\":{},\"sound_seconds\":{:.3f},\"behind_s\":{:.3f},\"missing\":{},\"inputs\":{}{}}}\n",
+               outputs ? outputs->pictures() : 0, outputs ? outputs->soundSeconds() : 0.0,
+               joined() ? made_->mostBehind() : 0.0, missing_.empty() ? "null" : jsonString(missing_),
+               statistics.inputs, outputs ? outputs->worldJson() : std::string());
+}
+
+int Mirroring::run() {
+    if (auto ok = options_.outputs.check({options_.key}); !ok) return printError(ok.error()), kBad;
+    replica_.setScriptResources(std::make_shared<const Resources>(resources_));
+    auto wanted = clientOptions(options_);
+    if (!wanted) return printError(wanted.error()), kBad;
+    auto connected = MirrorClient::connect(replica_, options_.endpoint, std::move(*wanted));
+    if (!connected) return printError(connected.error()), kUsage;
+    client_ = std::move(*connected);
+    heard_ = joinedAt_ = Clock::now();
+    follow();
+    if (status_ != kDone) return status_;
+    catchUp();
+    sayWhatIsMissing();
+    finish();
+    options_.json ? printJson() : print();
+    return good_ ? kDone : kBad;
+}
+
+int mirror(const Options& options) {
+    return Mirroring(options).run();
 }
 
 }  // namespace
@@ -247,6 +350,8 @@ Verb addMirror(CLI::App& program) {
                      "lets it), or a new snapshot")
         ->capture_default_str()
         ->check(CLI::IsMember({"merge", "block", "resync"}));
+    command->add_flag("--live", options->live,
+                      "make pictures and sound of the newest state, frames merged, instead of every frame");
     options->outputs.addTo(*command, true);
     command->add_flag("--json", options->json, "the summary as JSON");
     command->footer(

@@ -135,7 +135,9 @@ int replay(const Options& options) {
 
     std::string worldJson;
     if (replayer.frames() > 0) {
-        auto outputs = Outputs::attach(replayer.scene(), options.outputs, resources);
+        OutputArguments wanted = options.outputs;
+        if (!options.duration.empty()) wanted.seconds = length;
+        auto outputs = Outputs::attach(replayer.scene(), wanted, resources);
         if (!outputs) return printError(outputs.error()), kBad;
         std::unique_ptr<McapExport> exported;
         if (!options.exported.empty()) {
@@ -167,7 +169,12 @@ int replay(const Options& options) {
                 cut = true;
             }
         if (auto ok = (*outputs)->finish(); !ok) return printError(ok.error()), kBad;
-        worldJson = (*outputs)->worldJson();
+        if (const std::string missing = (*outputs)->missing(); !missing.empty()) {
+            printError("missing: " + missing);
+            cut = true;
+        }
+        worldJson = (*outputs)->worldJson() + fmt::format(R"(,"pictures":{},"sound_seconds":{:.3f})",
+                                                          (*outputs)->pictures(), (*outputs)->soundSeconds());
     } else {
         printError(options.log + ": no intact state");
     }

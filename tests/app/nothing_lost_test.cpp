@@ -164,7 +164,8 @@ TEST_F(NothingIsLost, AFileThatMayNotGrowLeavesNone) {
     for (const char* name : {"a.png", "a.gif", "a.exr"}) {
         const std::string errors = streams();
         const std::string command = "ulimit -f 8; exec '" RTSG_PROGRAM "' render '" + file + "' -o '" +
-                                    (folder / name) + "' --size 320x200 --spp 1 >/dev/null 2> '" + errors + "'";
+                                    (folder / name) + "' --size 320x200 --spp 1 --integrator path >/dev/null 2> '" +
+                                    errors + "'";
         const int status = std::system(("bash -c \"" + command + "\"").c_str());
         ASSERT_TRUE(WIFEXITED(status)) << name;
         EXPECT_EQ(WEXITSTATUS(status), 1) << name;
@@ -175,9 +176,10 @@ TEST_F(NothingIsLost, AFileThatMayNotGrowLeavesNone) {
 
 TEST_F(FullDisk, LeavesNoHalfFile) {
     for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
-             {"render", file, "-o", disk + "/a.png", "--size", "400x300", "--spp", "1"},
-             {"render", file, "-o", disk + "/a.gif", "--size", "200x150", "--spp", "1", "--frames", "3"},
-             {"render", file, "-o", disk + "/a.exr", "--size", "200x150", "--spp", "1"},
+             {"render", file, "-o", disk + "/a.png", "--size", "400x300", "--spp", "1", "--integrator", "path"},
+             {"render", file, "-o", disk + "/a.gif", "--size", "200x150", "--spp", "1", "--integrator", "path",
+              "--frames", "3"},
+             {"render", file, "-o", disk + "/a.exr", "--size", "200x150", "--spp", "1", "--integrator", "path"},
              {"listen", file, "-o", disk + "/a.wav", "--for", "0.2s", "--rays", "100"},
              {"replay", log, "--export", disk + "/a.mcap", "--export-plain"},
          }) {
@@ -261,11 +263,13 @@ TEST_F(Interrupted, AnExportIsWholeOrNamedAsPartial) {
     const std::string big = folder / "big.rlog", mcap = folder / "a.mcap";
     ASSERT_EQ(rtsg({"record", file, "-o", big, "--for", "2000s", "--fps", "60"}).status, 0);
     const auto before = files();
-    const auto unfinished = [&] { return files().size() > before.size(); };
+    std::size_t known = before.size();
+    const auto unfinished = [&] { return files().size() > known; };
     const Outcome outcome = interrupt({"replay", big, "--export", mcap}, unfinished);
     EXPECT_EQ(outcome.status, 1) << outcome.out;
     EXPECT_THAT(outcome.err, HasSubstr("interrupted: what is written holds "));
     expectOnly(before, {"a.mcap"});
+    known = files().size();
     const Outcome shorter = interrupt({"replay", big, "--compact", folder / "short.rlog"}, unfinished);
     EXPECT_EQ(shorter.status, 1) << shorter.out;
     EXPECT_THAT(shorter.err, HasSubstr("short.rlog was not written"));

@@ -92,8 +92,9 @@ TEST_F(Mirror, PicturesAndSoundOfTheReplica) {
 TEST_F(CommandLine, ReplayWithPicturesSoundAndExportFlattensOnceAndCommitsOnceASet) {
     const std::string log = folder / "box.rlog";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.9s", "--fps", "10"}).status, 0);  // moves in every frame
-    const Outcome replayed = rtsg({"replay", log, "--render", folder / "p%02d.png", "--size", "16x9", "--fps", "10",
-                                   "--listen", folder / "r.wav", "--rays", "100", "--export", folder / "r.mcap"});
+    const Outcome replayed =
+        rtsg({"replay", log, "--render", folder / "p%02d.png", "--size", "16x9", "--fps", "10", "--listen",
+              folder / "r.wav", "--rays", "100", "--export", folder / "r.mcap", "--json"});
     ASSERT_EQ(replayed.status, 0) << replayed.err;
     const json report = json::parse(replayed.out);
     EXPECT_EQ(report.at("flattenings"), 1);
@@ -105,7 +106,7 @@ TEST_F(CommandLine, ReplayWithPicturesSoundAndExportFlattensOnceAndCommitsOnceAS
 
 TEST_F(Mirror, GivesUpWithoutAServer) {
     const auto start = std::chrono::steady_clock::now();
-    const Outcome outcome = rtsg({"mirror", "ipc://" + folder / "nobody", "--wait", "500ms"});
+    const Outcome outcome = rtsg({"mirror", "ipc://" + folder / "nobody", "--wait", "500ms", "--json"});
     EXPECT_EQ(outcome.status, 1);
     EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(500));
     EXPECT_THAT(outcome.err, HasSubstr("no server"));

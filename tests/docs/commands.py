@@ -22,7 +22,7 @@ NOT_RUN = {
     "chart": "measures for minutes",
 }
 # Durations and sizes that show the same in less time.
-SHORTER = {"--for": "1s", "--size": "64x36", "--spp": "1", "--rays": "500", "--frames": "2", "--fps": None}
+SHORTER = {"--for": "1s", "--seek": "0.5s", "--size": "64x36", "--spp": "1", "--rays": "500", "--frames": "2", "--fps": None}
 SCENES = {"hall.x3dv": "examples/demo/hall.x3dv", "door.x3dv": "examples/door.x3dv", "door.png": "examples/door.png"}
 
 
@@ -77,7 +77,9 @@ def main():
     program = str(pathlib.Path(parser.parse_args().program).resolve())
     failed, ran, unused = [], 0, set(NOT_RUN)
     with tempfile.TemporaryDirectory() as scratch:
-        folder = pathlib.Path(scratch)
+        folder = pathlib.Path(scratch) / "now"
+        pristine = pathlib.Path(scratch) / "given"
+        folder.mkdir()
         prepare(folder)
         # What the texts take for granted: files made earlier, by the commands that make them.
         for given in (["convert", "door.x3dv", "models/door.x3d"], ["convert", "door.x3dv", "old.wrl"], ["convert", "door.x3dv", "hall.wrl"],
@@ -87,25 +89,26 @@ def main():
             if made.returncode != 0:
                 sys.exit(f"rtsg {' '.join(given)}: {made.stderr}")
         shutil.copy(folder / "door.rlog", folder / "other.rlog")
-        keep = folder / "keep"
-        keep.mkdir()
-        for log in folder.glob("*.rlog"):
-            shutil.copy(log, keep)
+        shutil.copytree(folder, pristine)
         for where, text in commands(program):
             arguments = shlex.split(text, comments=True)[1:]
             if arguments and arguments[-1] == "&":
                 arguments.pop()
+            if ">" in arguments:  # into a file, as a shell does
+                arguments = arguments[:arguments.index(">")]
             if arguments[0] in NOT_RUN:
                 unused.discard(arguments[0])
                 continue
             arguments = shortened([a for given in arguments for a in (sorted(map(str, folder.glob(given))) if "*" in given and "//" not in given else [given])])
             endpoint, server = free_endpoint(), None
             arguments = [endpoint if a.startswith("tcp://") else a for a in arguments]
-            for log in keep.iterdir():  # a command before may have made it anew, or this one is to make it
-                shutil.copy(log, folder)
+            shutil.rmtree(folder, ignore_errors=True)  # each command finds what the texts take for granted, no more
+            shutil.copytree(pristine, folder)
             if arguments[0] == "record" or "--record" in arguments:
                 made = arguments[arguments.index("-o" if arguments[0] == "record" else "--record") + 1]
                 (folder / made).unlink(missing_ok=True)
+            if "--update" in arguments:
+                (folder / arguments[1]).unlink(missing_ok=True)
             if arguments[0] == "serve" and "--for" not in arguments:
                 arguments += ["--for", "1s"]
             if arguments[0] == "mirror":

@@ -16,6 +16,7 @@ struct FileCode {
 };
 constexpr FileCode kFileCodes[] = {
     {"/core/src/value/field_text", DiagnosticCode("value-text")},
+    {"/core/src/value/output_file", DiagnosticCode("output")},
     {"/core/src/value/read_descriptor", DiagnosticCode("file")},
     {"/core/src/document/reader", DiagnosticCode("parse")},
     {"/core/src/document/gzip", DiagnosticCode("gzip")},

@@ -206,7 +206,7 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
 
 bool MirrorClient::Impl::receiveOne() {
     ZmqMessage first, second;
-    if (!socket_.receive(first)) return false;
+    if (!socket_.hasInput() || !socket_.receive(first)) return false;
     if (first.more()) {
         socket_.receive(second);
         if (second.more()) {

@@ -1,0 +1,76 @@
+// Lets a copy of the scene go through its queued frames, with the outputs attached to the copy.
+#include "behind.h"
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+
+#include <fmt/format.h>
+
+namespace rtsg::app {
+
+OutputsBehind::OutputsBehind(Scene& scene, OutputArguments arguments, Resources resources)
+    : arguments_(std::move(arguments)),
+      resources_(std::move(resources)),
+      attachment_(scene.bus().attach(queue_)),
+      thread_([this] { run(); }) {}
+
+OutputsBehind::~OutputsBehind() {
+    abandoned_ = true;
+    attachment_.detach();
+    queue_.close();
+    if (thread_.joinable()) thread_.join();
+}
+
+void OutputsBehind::run() {
+    try {
+        result_ = follow();
+    } catch (const std::exception& e) {
+        result_ = fail(fmt::format("pictures and sound ended: {}", e.what()));
+    }
+    if (!result_) failed_ = true;
+    ended_ = true;
+}
+
+Result<> OutputsBehind::follow() {
+    copy_ = std::make_unique<Scene>();  // a scene belongs to the thread that makes it
+    Scene& copy = *copy_;
+    copy.setBehavioursEnabled(false);
+    for (;;) {
+        if (abandoned_) return {};
+        auto set = std::make_shared<ChangeSet>();
+        const auto taken = queue_.take(*set, std::chrono::milliseconds(200));
+        if (!taken) return std::unexpected(taken.error());
+        if (*taken == FrameQueue::Taken::ended || (interrupted() && outputs_)) break;
+        if (*taken == FrameQueue::Taken::nothingYet) continue;
+        if (set->isSnapshot() && copy.sequence() != 0)
+            if (auto ok = copy.reset(); !ok) return ok;
+        const Hash128 origin = set->hash;
+        if (auto ok = copy.apply(set); !ok) return ok;
+        if (copy.hash() != origin) return fail(fmt::format("the copy differs in state {}", copy.sequence()));
+        if (!outputs_) {
+            auto attached = Outputs::attach(copy, arguments_, resources_);
+            if (!attached) return std::unexpected(attached.error());
+            outputs_ = std::move(*attached);
+        }
+        if (!outputs_->failure().empty()) break;  // finish() says it
+        mostBehind_ = std::max(mostBehind_.load(), queue_.secondsBehind());
+    }
+    return outputs_ ? outputs_->finish() : Result<>();
+}
+
+Result<> OutputsBehind::finish() {
+    attachment_.detach();
+    queue_.close();
+    const std::uint64_t waiting = queue_.waiting();
+    const Progress progress = waiting > 0 ? progressBar("making what is still to be made") : Progress{};
+    while (!ended_) {
+        if (progress) progress(waiting - std::min(waiting, queue_.waiting()), waiting + 1);
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    if (progress) progress(1, 1);
+    if (thread_.joinable()) thread_.join();
+    return result_;
+}
+
+}  // namespace rtsg::app

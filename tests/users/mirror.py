@@ -1,0 +1,112 @@
+#!/usr/bin/env python3
+"""The first user mirrors a live scene to another process, with pictures, sound and a log: quiet, under load, and harmed."""
+import sys
+
+from harness import *
+
+HALL = ROOT / "examples" / "demo" / "hall.x3dv"
+SECONDS, FPS = 2, 5
+COMMON = ["--spp", "1", "--rays", "100", "--base", HALL.parent]
+
+
+def mirror_with_everything(user, endpoint, size="64x36"):
+    return user.start("mirror", endpoint, "--json", "--for", f"{SECONDS}s", "--fps", FPS, "--render", "p%02d.png", "--listen", "m.wav", "--record",
+                      "m.rlog", "--save", "m.x3dv", "--wait", "60s", "--size", size, *COMMON)
+
+
+def whole(user, report):
+    """Everything that was asked for is there."""
+    equal(report["equal"], True, "equal")
+    equal(report["hash"], report["origin_hash"], "hash")
+    equal(report["pictures"], SECONDS * FPS, "pictures counted")
+    names = pictures(user.folder, r"p\d\d\.png")
+    equal(names, [f"p{k:02d}.png" for k in range(SECONDS * FPS)], "pictures")
+    check(all(is_whole_png(user.path(n)) for n in names), "a picture is cut short")
+    _, rate, samples = wav_samples(user.path("m.wav"))
+    equal(samples, SECONDS * rate, "samples of sound")
+    equal(report["gaps"], 0, "gaps")
+    only(user.folder, "results")
+
+
+def follow(user):
+    server, endpoint = user.serve(HALL, "--record", "s.rlog", "--linger", "120s", "--for", f"{SECONDS + 2}s")
+    report = mirror_with_everything(user, endpoint).done()
+    whole(user, report)
+    server.done()
+    user.run("replay", "s.rlog", "--verify")
+    user.run("replay", "m.rlog", "--verify")
+    # The mirror left first: that is the one difference between the two logs.
+    difference = user.start("replay", "s.rlog", "--diff", "m.rlog")
+    difference.done(status=1)
+    check("m.rlog ends before s.rlog does" in difference.err, f"the logs agree as far as both go: {difference.err!r}")
+
+
+def test_quiet(user):
+    follow(user)
+
+
+def test_under_load(user):
+    with user.load():
+        follow(user)
+
+
+def test_large_pictures_are_late_and_complete(user):
+    """What takes longer than the session is made all the same, and the delay is told."""
+    server, endpoint = user.serve(HALL, "--linger", "1s", "--for", f"{SECONDS + 2}s")
+    report = mirror_with_everything(user, endpoint, "320x180").done()
+    whole(user, report)
+    check(report["behind_s"] >= 0, "how far it was behind")
+    server.done()
+
+
+def test_server_is_killed(user):
+    server, endpoint = user.serve(HALL, "--for", "60s")
+    mirror = user.start("mirror", endpoint, "--json", "--for", "20s", "--fps", FPS, "--render", "p%02d.png", "--listen", "m.wav", "--record",
+                        "m.rlog", "--wait", "3s", "--size", "64x36", *COMMON)
+    while not user.path("p01.png").exists():
+        check(mirror.process.poll() is None, mirror.err)
+        time.sleep(0.05)
+    server.signal(signal.SIGKILL)
+    report = mirror.done(status=1)
+    check(report["pictures"] < 20 * FPS, "some pictures are missing")
+    check(report["missing"], "what is missing is named")
+    equal(pictures(user.folder, r"p\d\d\.png"), [f"p{k:02d}.png" for k in range(report["pictures"])], "pictures")
+    wav_samples(user.path("m.wav"))
+    user.run("replay", "m.rlog", "--verify")
+    only(user.folder, "results")
+
+
+def test_ctrl_c_leaves_whole_files(user):
+    server, endpoint = user.serve(HALL, "--for", "60s")
+    mirror = user.start("mirror", endpoint, "--json", "--fps", FPS, "--render", "p%02d.png", "--listen", "m.wav", "--record", "m.rlog", "--wait",
+                        "60s", "--size", "64x36", *COMMON)
+    while not user.path("p02.png").exists():
+        check(mirror.process.poll() is None, mirror.err)
+        time.sleep(0.05)
+    mirror.signal(signal.SIGINT)
+    status = mirror.wait()
+    check(status in (0, 1, 130), f"status {status}: {mirror.err}")
+    names = pictures(user.folder, r"p\d\d\.png")
+    check(len(names) >= 3 and all(is_whole_png(user.path(n)) for n in names), f"pictures: {names}")
+    wav_samples(user.path("m.wav"))
+    user.run("replay", "m.rlog", "--verify")
+    only(user.folder, "results")
+    server.signal(signal.SIGTERM)
+    server.wait()
+
+
+def test_full_disk(user):
+    server, endpoint = user.serve(HALL, "--for", "60s")
+    with small_disk(user.path("disk"), 64) as disk:
+        mirror = user.start("mirror", endpoint, "--json", "--for", "4s", "--fps", FPS, "--render", disk / "p%02d.png", "--size", "160x90", "--spp",
+                            "1", "--base", HALL.parent, "--wait", "60s")
+        mirror.done(status=1)
+        check("disk" in mirror.err or "space" in mirror.err, f"the reason is said: {mirror.err!r}")
+        names = pictures(disk, r".*")
+        check(names and all(is_whole_png(disk / n) for n in names), f"half a picture is left: {names}")
+    server.signal(signal.SIGTERM)
+    server.wait()
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.modules[__name__]))

@@ -1,0 +1,84 @@
+#!/usr/bin/env python3
+"""The second user attaches picture and sound to one scene: both show the same states, from one world."""
+import sys
+
+from harness import *
+
+HALL = ROOT / "examples" / "demo" / "hall.x3dv"
+SMALL = ["--size", "64x36", "--spp", "1", "--rays", "100", "--base", HALL.parent]
+
+
+def record(user, name="s.rlog", seconds=2):
+    user.run("record", HALL, "-o", name, "--for", f"{seconds}s", "--fps", "30")
+
+
+def both(user, *more):
+    return user.run("replay", "s.rlog", "--json", "--for", "2s", "--fps", 5, "--render", "p%02d.png", "--listen", "s.wav", *SMALL, *more)
+
+
+def same_world(user, report):
+    equal(report["worlds"], 1, "worlds")
+    equal(report["flattenings"], 1, "flattenings")
+    equal(report["pictures"], 10, "pictures")
+    _, rate, samples = wav_samples(user.path("s.wav"))
+    equal(samples, 2 * rate, "samples of sound")
+
+
+def test_quiet(user):
+    record(user)
+    same_world(user, both(user))
+
+
+def test_twice_the_same(user):
+    """Load changes nothing: pictures and sound are those of the states, not of the clock."""
+    record(user)
+    same_world(user, both(user))
+    first = {n: user.path(n).read_bytes() for n in [*pictures(user.folder, r"p\d\d\.png"), "s.wav"]}
+    with user.load():
+        same_world(user, both(user))
+    for name, content in first.items():
+        check(user.path(name).read_bytes() == content, f"{name} differs under load")
+
+
+def test_alone_and_together_are_the_same(user):
+    record(user)
+    same_world(user, both(user))
+    together = {n: user.path(n).read_bytes() for n in [*pictures(user.folder, r"p\d\d\.png"), "s.wav"]}
+    user.run("replay", "s.rlog", "--for", "2s", "--fps", 5, "--render", "p%02d.png", *SMALL)
+    user.run("replay", "s.rlog", "--for", "2s", "--listen", "s.wav", *SMALL)
+    for name, content in together.items():
+        check(user.path(name).read_bytes() == content, f"{name} differs when made alone")
+
+
+def test_ctrl_c_in_a_picture(user):
+    record(user)
+    program = user.start("replay", "s.rlog", "--render", "p%02d.png", "--fps", 30, "--size", "320x180", "--spp", "4", "--base", HALL.parent)
+    while not user.path("p00.png").exists():
+        check(program.process.poll() is None, program.err)
+        time.sleep(0.02)
+    program.signal(signal.SIGINT)
+    check(program.wait() in (1, 130), "status")
+    names = pictures(user.folder, r"p\d\d\.png")
+    check(names and all(is_whole_png(user.path(n)) for n in names), f"pictures: {names}")
+    only(user.folder, "results")
+
+
+def test_full_disk(user):
+    record(user)
+    with small_disk(user.path("disk"), 24) as disk:
+        program = user.start("replay", "s.rlog", "--render", disk / "p%02d.png", "--size", "160x90", "--spp", "1", "--base", HALL.parent)
+        program.done(status=1)
+        names = pictures(disk, r".*")
+        check(all(is_whole_png(disk / n) for n in names), f"half a picture is left: {names}")
+
+
+def test_wrong_file(user):
+    user.path("wrong.rlog").write_bytes(b"this is no log" * 100)
+    program = user.start("replay", "wrong.rlog", "--render", "p.png", "--listen", "s.wav")
+    program.done(status=1)
+    check("wrong.rlog" in program.err, f"the file is named: {program.err!r}")
+    check(not user.path("p.png").exists() and not user.path("s.wav").exists(), "nothing is written")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.modules[__name__]))
