@@ -26,7 +26,7 @@ struct AnimationOptions {
 /// `progress` or the settings' ended it; a file is complete or is not there. Errors: as picture() and writePicture();
 /// several frames without a place for the number.
 Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
-                      const AnimationOptions& animation = {}, const ToneMap& toneMap = {});
+                         const AnimationOptions& animation = {}, const ToneMap& toneMap = {});
 
 /// Puts `number` in place of the one `%d` or `%0Nd`; nothing if the name has none or another conversion.
 std::optional<std::string> numberedName(const std::string& pattern, int number);

@@ -48,7 +48,8 @@ std::vector<std::uint8_t> toSrgb8(const Picture& picture, const ToneMap& toneMap
 
 /// Whether a picture can be written under this name, by its extension. The error names those there are.
 Result<> checkPictureName(const std::filesystem::path& file);
-/// The extension chooses the format; the file is replaced once all of it is written. Errors: unknown extension, folder that cannot be written, empty picture.
+/// The extension chooses the format; the file is replaced once all of it is written. Errors: unknown extension, folder
+/// that cannot be written, empty picture.
 Result<> writePicture(const Picture& picture, const std::filesystem::path& file, const ToneMap& toneMap = {});
 /// An animated GIF, endlessly repeated, `framesPerSecond` rounded to what the format has (1/100 s). All frames must
 /// have one size.
