@@ -133,9 +133,15 @@ Result<> saveScene(const Scene& scene, const std::string& file, Existing existin
     return (*writer)->close();
 }
 
+SharedWorld::Options worldOptions(const Resources& resources) {
+    SharedWorld::Options options;
+    options.flattening.maxOccurrences = resources.policy().maximumInstances;
+    return options;
+}
+
 Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArguments& arguments,
                                                  const Resources& resources) {
-    std::unique_ptr<Outputs> outputs(new Outputs(scene, arguments));
+    std::unique_ptr<Outputs> outputs(new Outputs(scene, arguments, resources));
     outputs->start_ = scene.now();
     if (!arguments.render.empty()) {
         outputs->image_ = arguments.picture.parse();
@@ -166,7 +172,7 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArgum
 }
 
 SharedWorld& Outputs::world() {
-    if (!world_) world_ = std::make_unique<SharedWorld>(scene_);
+    if (!world_) world_ = std::make_unique<SharedWorld>(scene_, worldOptions_);
     return *world_;
 }
 

@@ -64,6 +64,9 @@ struct OutputArguments {
     Result<> check(const std::vector<std::string>& inputs, std::vector<OutputName> more = {}) const;
 };
 
+/// How a scene whose urls these are is flattened: with as many instances as their policy lets.
+SharedWorld::Options worldOptions(const Resources& resources);
+
 /// The present state as a document.
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing);
 
@@ -94,7 +97,8 @@ class Outputs final : public Subscriber {
     std::uint64_t logBytes() const { return log_ ? log_->bytes() : 0; }
 
   private:
-    Outputs(Scene& scene, const OutputArguments& arguments) : scene_(scene), arguments_(arguments) {}
+    Outputs(Scene& scene, const OutputArguments& arguments, const Resources& resources)
+        : scene_(scene), arguments_(arguments), worldOptions_(worldOptions(resources)) {}
     Result<> finishPictures();
     Result<> finishSound();
     Result<> finishLog();
@@ -105,6 +109,7 @@ class Outputs final : public Subscriber {
     Scene& scene_;
     OutputArguments arguments_;
     ImageOptions image_;
+    SharedWorld::Options worldOptions_;
     std::unique_ptr<SharedWorld> world_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<SoundRenderer> sound_;

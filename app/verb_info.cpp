@@ -10,6 +10,7 @@
 #include <rtsg/sync/log_summary.h>
 
 #include "cli.h"
+#include "outputs.h"
 
 namespace rtsg::app {
 
@@ -50,8 +51,8 @@ std::string asJson(const std::map<std::string, std::size_t>& counts) {
 }
 
 /// Of all instances: a mesh that is used twice counts twice.
-void countTriangles(Scene& scene, Counts& c) {
-    const SharedWorld world(scene);  // no rays are asked for: no BVH is built
+void countTriangles(Scene& scene, const Resources& resources, Counts& c) {
+    const SharedWorld world(scene, worldOptions(resources));  // no rays are asked for: no BVH is built
     const InstanceDelta all = world.flattener().snapshot();
     std::map<NodeId, std::size_t> triangles;
     for (const auto& geometry : all.geometries)
@@ -60,14 +61,16 @@ void countTriangles(Scene& scene, Counts& c) {
         ++c.instances;
         c.triangles += triangles[instance.geometry];
     }
+    print(world.diagnostics());
 }
 
 int describeScene(const Options& options) {
     Scene scene;
     Diagnostics diagnostics(options.file);
-    const bool ok = load(scene, options.file, diagnostics, options.resources.ofFile(options.file));
+    const Resources resources = options.resources.ofFile(options.file);
+    const bool ok = load(scene, options.file, diagnostics, resources);
     Counts c = count(scene);
-    countTriangles(scene, c);
+    countTriangles(scene, resources, c);
     const std::string profile = scene.node(scene.root()).get(x3d::RtsgScene::profile).str();
     if (options.json) {
         fmt::print(

@@ -39,7 +39,7 @@ int listenTo(const Options& options) {
         if (progress) progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);
         return !interrupted();
     };
-    SharedWorld world(scene);
+    SharedWorld world(scene, worldOptions(listening.render.resources));
     SoundRenderer sound(world, listening);
     auto report = listen(sound, listening);
     if (progress) progress(1, 1);

@@ -8,6 +8,7 @@
 #include <rtsg/renderers/shared_world.h>
 
 #include "cli.h"
+#include "outputs.h"
 
 namespace rtsg::app {
 
@@ -50,9 +51,10 @@ int run(const Options& options) {
     }
     Scene scene;
     Diagnostics diagnostics(options.scene);
-    if (!load(scene, options.scene, diagnostics, options.resources.ofFile(options.scene))) return kBad;
+    const Resources resources = options.resources.ofFile(options.scene);
+    if (!load(scene, options.scene, diagnostics, resources)) return kBad;
     runTo(scene, parseSeconds(options.time));
-    SharedWorld world(scene);
+    SharedWorld world(scene, worldOptions(resources));
     const Picker picker(world.rays(), world.flattener());
     app::print(world.diagnostics());
     const auto at = [](const std::vector<double>& numbers, std::size_t first) {

@@ -39,7 +39,7 @@ int render(const Options& options) {
     Diagnostics diagnostics(options.scene);
     const Resources resources = options.resources.ofFile(options.scene);
     if (!load(scene, options.scene, diagnostics, resources)) return kBad;
-    SharedWorld world(scene);
+    SharedWorld world(scene, worldOptions(resources));
     LightRenderer light(world, LightRenderer::Options(resources));
     runTo(scene, animation.start);
     const Progress progress = progressBar("rendering " + options.out);

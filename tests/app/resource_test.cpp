@@ -121,5 +121,16 @@ TEST_F(ResourceOptions, LimitsAreRaisedByAnOption) {
     EXPECT_EQ(rtsg({"info", given, "--allow", folder / "nowhere"}).status, 2);
 }
 
+TEST_F(ResourceOptions, DoublingUseEndsAtTheLimitOfInstances) {
+    // 2^26 paths to one box.
+    std::string text = "DEF L0 Group { children Shape { geometry Box { } } }\n";
+    for (int i = 1; i <= 26; ++i)
+        text += "DEF L" + std::to_string(i) + " Group { children [ USE L" + std::to_string(i - 1) + " USE L" +
+                std::to_string(i - 1) + " ] }\n";
+    const Outcome outcome = rtsg({"info", "--json", document(text), "--limit", "instances=1000"});
+    EXPECT_THAT(outcome.err, HasSubstr("more than 1000 ")) << outcome.out;
+    EXPECT_THAT(outcome.out, testing::ContainsRegex("\"instances\":[1-9][0-9]?[0-9]?,"));  // paths to groups count, too
+}
+
 }  // namespace
 }  // namespace rtsg::test
