@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/terminal.h>
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/mirror_server.h>
@@ -45,7 +46,7 @@ Result<std::optional<MirrorKeys>> keysFrom(const std::string& file) {
 }
 
 void printNews(MirrorServer& server) {
-    for (const Diagnostic& d : server.takeDiagnostics()) fmt::print(stderr, "{}\n", d.format());
+    for (const Diagnostic& d : server.takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
 }
 
 int serve(const Options& options) {

@@ -27,9 +27,9 @@ enum class Aspect : std::uint8_t { none, structure, transform, geometry, appeara
 using FieldIndex = std::uint16_t;
 constexpr FieldIndex kNoField = 0xFFFF;
 
-/// What a node does by itself, as far as its type tells; `@acts` in the spec table.
+/// What a node does by itself, as far as its type tells. No table states it yet: Mobility still goes by lists of names.
 enum class Acts : std::uint8_t {
-    unstated,  // NodeType::finish() decides: a node with outputs or hidden state acts, others do not
+    unstated,  // of every type so far
     never,
     onInput,  // its outputs change only when an input does
     always,   // it may change at any time
@@ -98,7 +98,7 @@ class NodeType {
     bool internal = false;                    // not creatable from files (RtsgScene)
     Acts acts = Acts::unstated;
     bool writesInputs = false;  // when it acts, its inputOutput fields may change too, not only its outputs
-    std::string role;           // what it is to those who draw or hear it; `@role` in the spec table, empty if nothing
+    std::string role;           // what it is to those who draw or hear it; of no type so far
     /// For PROTOs and EXTERNPROTOs: the declaration as ClassicVRML text, so that a replica can save it.
     std::string declaration;
 
