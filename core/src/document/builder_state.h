@@ -14,6 +14,8 @@ namespace rtsg {
 
 /// Stands for the Script being read, which exists only once its fields are known.
 constexpr NodeId kSelf{0xFFFFFFFF};
+/// What a DEF means that an unknown type of node has: there is no node, and USE and ROUTE need not complain again.
+constexpr NodeId kOfUnknownType{0xFFFFFFFE};
 /// How deep PROTO instances, and declarations, may stand in each other's bodies.
 constexpr std::size_t kMaximumProtoDepth = 64;
 
@@ -54,14 +56,14 @@ struct IsRequest {
 };
 
 struct OpenNode {
-    enum class Kind : std::uint8_t { node, instance, script, body };
+    enum class Kind : std::uint8_t { node, instance, script, body, unknown };
 
     Kind kind = Kind::node;
     NodeId id;  // none while a Script is open
     TypeIndex typeIndex;
     const NodeType* type = nullptr;  // of a Script: the built-in part
     ProtoDeclaration* proto = nullptr;
-    FieldIndex parentField = kNoField;  // in the node below
+    FieldIndex parentField = kNoField;  // in the node below; kNoField: kept, but in none of its fields
     std::string def;
     SourceLocation where;
     std::vector<ChildList> children;
@@ -159,6 +161,7 @@ struct SceneBuilder::State {
     FieldIndex placeFor(OpenNode& parent, std::string_view field, const NodeType* child, std::string_view childName,
                         SourceLocation where);
     const NodeType* effectiveType(NodeId node) const;
+    void openUnknown(std::string_view type, std::string_view def, SourceLocation where);
     void nameNode(const OpenNode& node);
     void attach(OpenNode& parent, FieldIndex field, NodeId child);
     void storeChildren(OpenNode& node);

@@ -189,6 +189,8 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
         const std::string fragment = urlFragment(url);
         ProtoDeclaration* target =
             fragment.empty() ? (library->size() ? library->at(0) : nullptr) : library->findHere(fragment);
+        // A PROTO with the name of a later version's node has been renamed by the reader.
+        if (!target && !fragment.empty()) target = library->findHere(fragment + "_");
         if (!target) {
             failed(fmt::format("'{}' declares no PROTO{}{}", url, fragment.empty() ? "" : " ", fragment));
             continue;

@@ -93,6 +93,7 @@ bool ClassicReader::readHeader() {
         return false;
     }
     header_.version = version;
+    types_.setVersion(version);
     header_.encoding = vrml97_ ? Encoding::vrml97 : Encoding::classicVrml;
     if (rest.find("utf8") == rest.npos) report(Severity::warning, p_, "the header does not say 'utf8'");
     p_ = stop;
@@ -149,7 +150,7 @@ void ClassicReader::pop() {
             lists_ = outerLists_.back();
             outerLists_.pop_back();
             // Only now: a prototype is unknown inside its own body, which rules out recursion (4.4.4.4).
-            types_.declareProto(frame.proto);
+            if (!frame.proto->name.empty()) types_.declareProto(frame.proto, frame.proto->calledInFile);
             break;
     }
     if (frames_.size() == mutedAt_) {
@@ -230,27 +231,40 @@ bool splitAtDot(std::string_view text, std::string_view& before, std::string_vie
 
 }  // namespace
 
+/// `node.field`, with white space round the dot or not. False if it is not that; `node` is then what was there.
+bool ClassicReader::routeEnd(std::string_view& node, std::string_view& field) {
+    const std::string_view first = word();
+    if (splitAtDot(first, node, field)) return true;
+    node = first;
+    std::string_view next = peekWord();
+    const bool dotBefore = first.ends_with('.'), dotBehind = !dotBefore && next.starts_with('.');
+    if (first.empty() || next.empty() || (!dotBefore && !dotBehind)) return false;
+    word();
+    if (dotBehind && next == ".") next = word();
+    node = dotBefore ? first.substr(0, first.size() - 1) : first;
+    field = next.starts_with('.') ? next.substr(1) : next;
+    return !node.empty() && !field.empty();
+}
+
 void ClassicReader::route() {
     skipSpace();
     const char* where = p_;
-    const std::string_view from = word();
     std::string_view fromNode, fromField, toNode, toField;
-    const bool fromGood = splitAtDot(from, fromNode, fromField);
+    const bool fromGood = routeEnd(fromNode, fromField);
     if (!fromGood || peekWord() != "TO") {
-        error(where, "expected 'ROUTE node.field TO node.field', found '" + std::string(from) + "'");
+        error(where, "expected 'ROUTE node.field TO node.field', found '" + std::string(fromNode) + "'");
         return;
     }
     word();
     skipSpace();
     const char* second = p_;
-    const std::string_view to = word();
-    if (!splitAtDot(to, toNode, toField)) {
-        error(second, "expected node.field behind TO, found '" + std::string(to) + "'");
+    if (!routeEnd(toNode, toField)) {
+        error(second, "expected node.field behind TO, found '" + std::string(toNode) + "'");
         return;
     }
     const auto canonical = [&](std::string_view node, std::string_view field) {
         const NodeShape* shape = types_.defined(node);
-        const FieldRef found = shape ? findField(*shape, field, vrml97_) : FieldRef{};
+        const FieldRef found = shape ? findField(*shape, field) : FieldRef{};
         return found ? found.name : field;
     };
     handler_->route(fromNode, canonical(fromNode, fromField), toNode, canonical(toNode, toField), at(where));
@@ -331,15 +345,18 @@ void ClassicReader::beginProto() {
     if (name.empty() || !peekIs('[')) return error(p_, "expected 'PROTO name [ interface ] { body }'");
     ++p_;
     auto proto = std::make_shared<ProtoType>();
-    proto->name = name;
-    if (findBuiltinType(name)) {
-        error(where, "PROTO " + proto->name + " has the name of a built-in node, which stays; it is left out");
+    proto->name = types_.protoName(name);
+    proto->calledInFile = name;
+    if (proto->name.empty()) {
+        error(where, "PROTO " + std::string(name) + " has the name of a built-in node, which stays; it is left out");
         mute();
     } else if (types_.declaredHere(name)) {
-        error(where, "there is a PROTO " + proto->name + " already, which stays; this one is left out");
+        error(where, "there is a PROTO " + std::string(name) + " already, which stays; this one is left out");
         mute();
+    } else if (proto->name != name) {
+        report(Severity::warning, where, renamedProto(*proto));
     }
-    handler_->beginProto(name, at(where));
+    handler_->beginProto(proto->name.empty() ? name : std::string_view(proto->name), at(where));
     push({.inside = Inside::interface, .shape = {}, .proto = proto, .field = {}, .into = {}, .open = where});
 }
 
@@ -395,6 +412,8 @@ void ClassicReader::externProto() {
         error(p_, "']' is missing at the end of the EXTERNPROTO's interface");
     Value url;
     if (!parseValue(FieldType::MFString, url)) url = Value(Array<String>());
+    if (types_.protoName(proto->name) != proto->name && !types_.protoName(proto->name).empty())
+        return report(Severity::warning, where, externIsBuiltin(proto->name));
     if (!types_.declareProto(proto))
         return error(where, "there is a node type " + proto->name + " already, which stays");
     std::vector<std::string> urls;

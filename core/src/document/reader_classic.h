@@ -36,6 +36,7 @@ class ClassicReader final : private FieldTextReport {
     void statement();
     void keywordStatement(std::string_view keyword);
     void route();
+    bool routeEnd(std::string_view& node, std::string_view& field);
     void importStatement();
     void exportStatement();
     void component();
@@ -50,6 +51,8 @@ class ClassicReader final : private FieldTextReport {
     void nodeItem();
     void listItem();
     void fieldItem(std::string_view name, const char* at);
+    void unknownField(std::string_view name, const char* at);
+    bool startsNode();
     void nodeStatement(const FieldRef& into);
     void beginNode(std::string_view type, std::string_view def, const FieldRef& into, const char* at);
     void useNode(const FieldRef& into, const char* at);

@@ -73,7 +73,7 @@ void ClassicReader::skipBalanced() {
 bool ClassicReader::startsItem(std::string_view next) const {
     if (frames_.empty() || frames_.back().inside == Inside::list) return false;
     Access access{};
-    if (frames_.back().inside == Inside::node && findField(frames_.back().shape, next, vrml97_)) return true;
+    if (frames_.back().inside == Inside::node && findField(frames_.back().shape, next)) return true;
     return accessFromKeyword(next, access);
 }
 
@@ -142,9 +142,10 @@ void ClassicReader::useNode(const FieldRef& into, const char* where) {
 
 /// The wrong type of node in a field is kept, so that nothing an author wrote is lost; its parent will not use it.
 void ClassicReader::checkPlace(const FieldRef& into, const NodeShape& shape, const char* where) {
-    if (into && !accepts(into, shape.standsFor()))
-        report(Severity::warning, where,
-               std::string(shape.name()) + " is none of the node types that " + std::string(into.name) + " takes");
+    if (!into || accepts(into, shape.standsFor()) || frames_.empty()) return;
+    const Frame& inner = frames_.back();
+    const Frame& parent = inner.inside == Inside::list && frames_.size() > 1 ? frames_[frames_.size() - 2] : inner;
+    report(Severity::warning, where, misplaced(shape.name(), into.name, parent.shape.name()));
 }
 
 /// The first node of a PROTO's body decides where its instances may stand.
@@ -163,10 +164,9 @@ void ClassicReader::beginNode(std::string_view type, std::string_view def, const
                                    : "unexpected '" + std::string(type.substr(0, 40)) + "'");
         return;
     }
-    if (!shape.known()) {
-        error(where, "unknown node type " + std::string(type.substr(0, 80)) + "; it is left out");
-        return skipBalanced();
-    }
+    if (!shape.known())
+        report(Severity::warning, where,
+               "unknown node type " + std::string(type.substr(0, 80)) + "; it is kept, and does nothing");
     ++p_;
     beganNode(shape);
     checkPlace(into, shape, where);
@@ -228,11 +228,8 @@ void ClassicReader::listItem() {
 
 void ClassicReader::fieldItem(std::string_view name, const char* where) {
     const NodeShape& shape = frames_.back().shape;  // until something is pushed
-    const FieldRef field = findField(shape, name, vrml97_);
-    if (!field) {
-        error(where, std::string(shape.name()) + " has no field '" + std::string(name.substr(0, 80)) + "'");
-        return skipValue();
-    }
+    const FieldRef field = findField(shape, name);
+    if (!field) return unknownField(name, where);
     if (peekWord() == "IS") {
         word();
         const std::string_view protoField = word();
@@ -244,7 +241,7 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     if (!frames_.back().given.add(field)) {
         error(where,
               std::string(field.name) + " of " + std::string(shape.name()) + " is given already; this is left out");
-        return skipValue();
+        return unknownField(field.name, nullptr);  // nodes keep their names
     }
     if (!field.takesValue()) {
         error(where, std::string(field.name) + " of " + std::string(shape.name()) + " is an event, it takes no value");
@@ -259,6 +256,60 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
             report(Severity::warning, start, std::move(complaint));
     }
     handler_->setField(field.name, std::move(value), at(where));
+}
+
+/// Behind the name of a field that the open node does not have, or has been given before. What nodes are there are kept
+/// with their names, though they are in no field; other values are kept, as text, in nodes of unknown types. `where` is
+/// null if the fault has been reported.
+void ClassicReader::unknownField(std::string_view name, const char* where) {
+    skipSpace();
+    const bool isList = p_ != end_ && *p_ == '[';
+    const char* start = p_;
+    if (isList) ++p_;
+    const std::string_view next = peekWord();
+    const auto isNodeWord = [](std::string_view word) {
+        if (word.empty() || isDigit(word[0]) || word[0] == '-' || word[0] == '+' || word[0] == '.') return false;
+        return word != "TRUE" && word != "FALSE" && word != "NULL" && word != "IS";
+    };
+    const FieldRef into{name, isList ? FieldType::MFNode : FieldType::SFNode};
+    const NodeShape shape = frames_.back().shape;
+    const bool complain = where && shape.known();
+    if (isNodeWord(next) && (isList || (!startsItem(next) && startsNode()))) {
+        if (complain) report(Severity::warning, where, misplaced("a node", name.substr(0, 80), shape.name()));
+        return isList ? openList(into) : nodeStatement(into);
+    }
+    p_ = start;
+    if (complain) error(where, std::string(shape.name()) + " has no field '" + std::string(name.substr(0, 80)) + "'");
+    if (next == "IS" && !isList && !shape.known()) {
+        word();
+        const std::string_view protoField = word();
+        if (!protoField.empty() && bodies_ > 0) handler_->isConnection(name, protoField, at(where));
+        return;
+    }
+    skipValue();
+    if (shape.known() || p_ == start) return;
+    std::string_view text(start, static_cast<std::size_t>(p_ - start));
+    const auto isFiller = [](char c) { return isSpace(c) || c == ','; };
+    while (!text.empty() && isFiller(text.back())) text.remove_suffix(1);
+    if (isList) text = text.substr(1, text.size() - (text.ends_with(']') ? 2 : 1));
+    while (isList && !text.empty() && isFiller(text.back())) text.remove_suffix(1);
+    while (isList && !text.empty() && isFiller(text.front())) text.remove_prefix(1);
+    if (text.starts_with('"') && !isList) {
+        FieldTextParser parser(text.data(), text.data() + text.size(), TextSyntax::classicVrml, *this);
+        String one;
+        parser.parseQuoted(one);
+        if (parser.p == text.data() + text.size()) return handler_->setField(name, Value(std::move(one)), at(where));
+    }
+    if (text != "NULL") handler_->setField(name, Value(String(text)), at(where));
+}
+
+/// Is what comes next `DEF name`, `USE name` or `Type {`?
+bool ClassicReader::startsNode() {
+    const char* start = p_;
+    const std::string_view next = word();
+    const bool starts = next == "DEF" || next == "USE" || peekIs('{');
+    p_ = start;
+    return starts;
 }
 
 /// Behind the name of an SFNode or MFNode field of the open node.

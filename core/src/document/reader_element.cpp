@@ -69,6 +69,7 @@ void ElementReader::begin(Attributes attributes) {
     header.encoding = encoding_;
     if (attributes) {
         if (const char* version = attribute(attributes, "version")) header.version = version;
+        types_.setVersion(header.version);
         if (const char* profile = attribute(attributes, "profile")) header.profile = profile;
     } else {
         error(std::string("the root element is ") + element_ + ", not X3D");
@@ -271,18 +272,22 @@ void ElementReader::startProtoDeclare(Attributes attributes) {
     if (!takesStatements()) return skip("ProtoDeclare has no place here");
     const char* name = attribute(attributes, "name");
     if (!name || !*name) return skip("ProtoDeclare needs a name");
-    if (findBuiltinType(name)) {
+    auto proto = std::make_shared<ProtoType>();
+    proto->name = types_.protoName(name);
+    proto->calledInFile = name;
+    if (proto->name.empty()) {
         error("PROTO " + std::string(name) + " has the name of a built-in node, which stays; it is left out");
         mute();
     } else if (types_.declaredHere(name)) {
         error("there is a PROTO " + std::string(name) + " already, which stays; this one is left out");
         mute();
+    } else if (proto->name != name) {
+        diagnostics_.warning(where(), renamedProto(*proto));
     }
-    handler_->beginProto(name, where());
+    handler_->beginProto(proto->name.empty() ? std::string_view(name) : std::string_view(proto->name), where());
     push(Inside::protoDeclare);
     frames_.back().prototype = std::make_unique<Prototype>();
-    frames_.back().prototype->type = std::make_shared<ProtoType>();
-    frames_.back().prototype->type->name = name;
+    frames_.back().prototype->type = std::move(proto);
 }
 
 void ElementReader::startExternProto(Attributes attributes) {
@@ -318,7 +323,9 @@ void ElementReader::startBody(Attributes) {
 void ElementReader::endProto(Frame& frame) {
     const std::shared_ptr<ProtoType>& type = frame.prototype->type;
     if (frame.inside == Inside::externProto) {
-        if (types_.declareProto(type)) {
+        if (const std::string name = types_.protoName(type->name); name != type->name && !name.empty()) {
+            diagnostics_.warning(frame.open, externIsBuiltin(type->name));
+        } else if (types_.declareProto(type)) {
             const auto& fields = type->fields.all();
             handler_->externProto(type->name, {fields.begin(), fields.end()}, frame.prototype->url, frame.open);
         } else {
@@ -331,7 +338,9 @@ void ElementReader::endProto(Frame& frame) {
         handler_->beginProtoBody(frame.open);
     }
     handler_->endProto(where());
-    types_.declareProto(type);  // only now: a prototype is unknown inside its own body (4.4.4.4)
+    if (!type->name.empty())
+        types_.declareProto(type,
+                            type->calledInFile);  // only now: a prototype is unknown inside its own body (4.4.4.4)
 }
 
 }  // namespace rtsg::detail

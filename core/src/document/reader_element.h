@@ -1,8 +1,9 @@
 // Elements with attributes in, document commands out: what the XML and the JSON reader share.
 //
 // Invariant: an explicit stack, never recursion; commands to the handler nest whatever the input. Threading: one thread
-// a document. Source: ISO/IEC 19776-1 V3.3. Laxer: a child whose containerField does not fit its parent goes where it
-// fits, and a field that takes other types of nodes keeps it with a warning.
+// a document. Source: ISO/IEC 19776-1 V3.3. Laxer: a child without containerField
+// goes where it fits; a node that fits nowhere is kept with its name, and with a warning, outside of its parent's
+// fields.
 #pragma once
 
 #include "reader_common.h"
@@ -109,6 +110,7 @@ class ElementReader : private FieldTextReport {
     void nodeAttributes(Attributes attributes);
     void setAttribute(const char* name, const char* value);
     FieldRef placeFor(const NodeShape& child, const char* containerField, bool& fits);
+    FieldRef placeIn(const NodeShape& parent, const NodeShape& child, const char* containerField);
     void startField(Attributes attributes);
     void startFieldValue(Attributes attributes);
     void startIs(Attributes attributes);

@@ -23,7 +23,10 @@ bool hasSourceText(const NodeType& type) {
 
 void ElementReader::startNode(const char* name, Attributes attributes) {
     NodeShape shape = types_.find(name);
-    if (!shape.known()) return skip(std::string("unknown node type ") + name + "; it is left out");
+    if (!shape.known()) {
+        if (frames_.empty()) return skip({});  // some other kind of XML: its root has been named
+        diagnostics_.warning(where(), std::string("unknown node type ") + name + "; it is kept, and does nothing");
+    }
     if (shape.proto)
         diagnostics_.warning(where(), std::string("prototypes are used as <ProtoInstance name='") + name + "'>");
     openNode(std::move(shape), attributes);
@@ -47,7 +50,6 @@ FieldRef ElementReader::placeFor(const NodeShape& child, const char* containerFi
     fits = true;
     if (frames_.empty()) return {};
     const Frame& parent = frames_.back();
-    const NodeType* type = child.standsFor();
     const std::string childName(child.name());
     switch (parent.inside) {
         case Inside::scene:
@@ -68,36 +70,40 @@ FieldRef ElementReader::placeFor(const NodeShape& child, const char* containerFi
             error(childName + " has no place in " + parent.element);
             return {};
     }
-    const auto usable = [&](const FieldRef& field) { return field && field.takesValue() && accepts(field, type); };
-    const std::string parentName(parent.shape.name());
-    FieldRef named;
-    if (containerField) named = findField(parent.shape, containerField);
-    if (usable(named)) return named;
-    if (named && named.takesValue() && sf(named.type) == FieldType::SFNode) {
-        diagnostics_.warning(where(),
-                             childName + " is none of the node types that " + std::string(named.name) + " takes");
-        return named;
-    }
-    FieldRef place;
+    return placeIn(parent.shape, child, containerField);
+}
+
+/// The field of a node of shape `parent` that `child` goes into. Where none takes it, the field that the file names, or
+/// that it would be in by default: the node is kept, though no field of its parent is set.
+FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child, const char* containerField) {
+    const NodeType* type = child.standsFor();
     const std::string_view usual = type ? std::string_view(type->containerField) : "children";
-    if (const FieldRef field = findField(parent.shape, usual); usable(field)) place = field;
-    if (!place && parent.shape.type && type) {
-        for (const FieldDef& definition : parent.shape.type->fields) {
+    const std::string_view asked = containerField ? std::string_view(containerField) : usual;
+    const auto usable = [&](const FieldRef& field) { return field && field.takesValue() && accepts(field, type); };
+    const FieldRef named = findField(parent, asked);
+    if (usable(named) || !parent.known()) return named ? named : FieldRef{asked, FieldType::MFNode};
+    const bool namesNodes = named && named.takesValue() && sf(named.type) == FieldType::SFNode;
+    // `children` is written by many programs where nothing is meant by it; any other name that the parent does not have
+    // may mean a field of some extension: then the node goes where it goes by default, or nowhere.
+    const bool guess = !containerField || asked == "children";
+    FieldRef place;
+    if (!(containerField && namesNodes)) {
+        if (const FieldRef field = findField(parent, usual); usable(field)) place = field;
+        for (std::size_t i = 0; guess && !place && type && parent.type && i < parent.type->fields.size(); ++i) {
+            const FieldDef& definition = parent.type->fields[i];
             if (definition.hidden || definition.accepts.empty()) continue;
             const FieldRef field{definition.name, definition.type, definition.access, &definition};
-            if (usable(field)) {
-                place = field;
-                break;
-            }
+            if (usable(field)) place = field;
         }
     }
-    fits = static_cast<bool>(place);
-    if (!fits)
-        error(childName + " has no place in " + parentName + "; it is left out");
-    else if (containerField)
-        diagnostics_.warning(where(), "containerField '" + std::string(containerField) + "' of " + parentName +
-                                          " does not take " + childName + "; '" + std::string(place.name) +
-                                          "' is taken instead");
+    if (!place) {
+        diagnostics_.warning(where(), misplaced(child.name(), asked, parent.name()));
+        return {asked, FieldType::MFNode};
+    }
+    if (containerField)
+        diagnostics_.warning(where(), "containerField '" + std::string(asked) + "' of " + std::string(parent.name()) +
+                                          " does not take " + std::string(child.name()) + "; '" +
+                                          std::string(place.name) + "' is taken instead");
     return place;
 }
 
@@ -111,7 +117,7 @@ void ElementReader::openNode(NodeShape shape, Attributes attributes) {
         const bool value = parent.inside == Inside::value || parent.inside == Inside::declaration;
         if (into && ((value && parent.hasChildren && !isMF(into.type)) ||
                      (parent.inside == Inside::node && !parent.given.add(into))))
-            return skip(std::string(into.name) + " takes one node only");
+            error(std::string(into.name) + " takes one node only; this one is kept under its name");
         if (parent.inside == Inside::body && !frames_[frames_.size() - 2].prototype->type->hasBody) {
             ProtoType& proto = *frames_[frames_.size() - 2].prototype->type;
             proto.hasBody = true;
@@ -135,9 +141,9 @@ void ElementReader::useNode(std::string_view use, const NodeShape& shape, std::s
     if (defined && defined->name() != shape.name())
         diagnostics_.warning(where(), std::string(use) + " is a " + std::string(defined->name()) + ", not a " +
                                           std::string(shape.name()));
-    if (defined && into && !accepts(into, defined->standsFor()))
-        diagnostics_.warning(
-            where(), std::string(defined->name()) + " is none of the node types that " + std::string(field) + " takes");
+    if (defined && into && !isTop(Inside::declaration) && !isTop(Inside::value) && accepts(into, shape.standsFor()) &&
+        !accepts(into, defined->standsFor()))
+        diagnostics_.warning(where(), misplaced(defined->name(), field, frames_.back().shape.name()));
     handler_->useNode(use, field, where());
     push(Inside::leaf);
 }
@@ -155,6 +161,10 @@ void ElementReader::setAttribute(const char* name, const char* text) {
     Frame& frame = frames_.back();
     const std::string node(frame.shape.name());
     const FieldRef field = findField(frame.shape, name);
+    if (!frame.shape.known()) {
+        handler_->setField(name, Value(String(text)), where());  // its type is not known, so it is kept as text
+        return;
+    }
     attributeName_ = name;
     attributeValue_ = text;
     if (!field) {

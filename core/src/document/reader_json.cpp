@@ -316,7 +316,7 @@ class JsonReader final : private ElementReader {
 
     void member(const std::string& key, std::size_t value) {
         if (key.starts_with('@') || key == "encoding" || key == "JSON schema" || key == "#comment") return;
-        if (key == "#sourceCode") return source(value);
+        if (key == "#sourceCode" || key == "#sourceText") return source(value);
         const char c = at(value);
         if (key.starts_with('-')) {
             if (c == '[')

@@ -3,18 +3,31 @@
 #include <algorithm>
 #include <array>
 
+#include "versions.h"
+
 namespace rtsg::detail {
 
 namespace {
 
+/// Fields that had other names in VRML97 (`until` 3) or in X3D 3.0 to 3.3 (`until` 4).
 struct Renamed {
     std::string_view node, before, now;
+    char until;
 };
-constexpr std::array<Renamed, 4> kRenamed = {{
-    {"LOD", "level", "children"},
-    {"GeoLOD", "level", "children"},
-    {"Switch", "choice", "children"},
-    {"Collision", "collide", "enabled"},
+constexpr std::array<Renamed, 13> kRenamed = {{
+    {"LOD", "level", "children", '3'},
+    {"GeoLOD", "level", "children", '3'},
+    {"Switch", "choice", "children", '3'},
+    {"Collision", "collide", "enabled", '3'},
+    {"ComposedCubeMapTexture", "back", "backTexture", '4'},
+    {"ComposedCubeMapTexture", "bottom", "bottomTexture", '4'},
+    {"ComposedCubeMapTexture", "front", "frontTexture", '4'},
+    {"ComposedCubeMapTexture", "left", "leftTexture", '4'},
+    {"ComposedCubeMapTexture", "right", "rightTexture", '4'},
+    {"ComposedCubeMapTexture", "top", "topTexture", '4'},
+    {"LoadSensor", "watchList", "children", '4'},
+    {"ParticleSystem", "colorRamp", "color", '4'},
+    {"ParticleSystem", "texCoordRamp", "texCoord", '4'},
 }};
 
 std::string_view withoutEvent(std::string_view name) {
@@ -25,6 +38,15 @@ std::string_view withoutEvent(std::string_view name) {
 }
 
 }  // namespace
+
+std::string renamedProto(const ProtoType& proto) {
+    return "PROTO " + proto.calledInFile + " has the name of a node of a later version of X3D; it is called " +
+           proto.name + " from here on";
+}
+
+std::string externIsBuiltin(const std::string& name) {
+    return "EXTERNPROTO " + name + " has the name of a node of a later version of X3D, which is taken instead";
+}
 
 bool DeclaredFields::add(FieldDeclaration field) {
     if (!byName_.emplace(field.name, fields_.size()).second) return false;
@@ -56,7 +78,7 @@ FieldRef findField(const DeclaredFields& fields, std::string_view name) {
     return {field->name, field->type, field->access, nullptr};
 }
 
-FieldRef findField(const NodeShape& shape, std::string_view name, bool vrml97) {
+FieldRef findField(const NodeShape& shape, std::string_view name) {
     if (shape.own) {
         if (const FieldRef own = findField(*shape.own, name)) return own;
     }
@@ -66,20 +88,19 @@ FieldRef findField(const NodeShape& shape, std::string_view name, bool vrml97) {
             const FieldDef& field = shape.type->fields[index];
             return {field.name, field.type, field.access, &field};
         }
-        if (vrml97) {
-            const std::string_view bare = withoutEvent(name);
-            for (const Renamed& renamed : kRenamed)
-                if (shape.type->name == renamed.node && (name == renamed.before || bare == renamed.before))
-                    return findField(shape, renamed.now);
-        }
+        const std::string_view bare = withoutEvent(name);
+        for (const Renamed& renamed : kRenamed)
+            if (shape.type->name == renamed.node && (name == renamed.before || bare == renamed.before))
+                return findField(shape, renamed.now);
         return {};
     }
     return shape.proto ? findField(shape.proto->fields, name) : FieldRef{};
 }
 
-std::string_view vrml97Name(const NodeType& type, std::string_view field) {
+std::string_view formerName(const NodeType& type, std::string_view field, std::string_view version) {
     for (const Renamed& renamed : kRenamed)
-        if (type.name == renamed.node && field == renamed.now) return renamed.before;
+        if (type.name == renamed.node && field == renamed.now && !version.empty() && version[0] < renamed.until)
+            return renamed.before;
     return {};
 }
 
@@ -87,6 +108,11 @@ bool accepts(const FieldRef& field, const NodeType* child) {
     if (sf(field.type) != FieldType::SFNode) return false;
     if (!field.definition || field.definition->accepts.empty() || !child) return true;
     return std::ranges::any_of(field.definition->accepts, [&](const std::string& type) { return child->isA(type); });
+}
+
+std::string misplaced(std::string_view child, std::string_view field, std::string_view parent) {
+    return "field '" + std::string(field) + "' of " + std::string(parent) + " does not take " + std::string(child) +
+           "; the node is kept under its name, the field is not set";
 }
 
 bool GivenFields::add(const FieldRef& field) {
@@ -115,10 +141,19 @@ bool ReaderTypes::declaredHere(std::string_view proto) const {
     return found != protos_.end() && found->second.back().scope == scopes_.size();
 }
 
-bool ReaderTypes::declareProto(const std::shared_ptr<const ProtoType>& proto) {
-    if (findBuiltinType(proto->name) || declaredHere(proto->name)) return false;
-    protos_[proto->name].push_back({scopes_.size(), proto});
-    scopes_.back().protos.push_back(proto->name);
+std::string ReaderTypes::protoName(std::string_view name) const {
+    if (!findBuiltinType(name)) return std::string(name);
+    return isInVersion(name, version_) ? std::string() : std::string(name) + '_';
+}
+
+bool ReaderTypes::declareProto(const std::shared_ptr<const ProtoType>& proto, std::string_view name) {
+    if (declaredHere(name)) return false;
+    if (findBuiltinType(name)) {
+        if (proto->name == name) return false;
+        shadows_ = true;
+    }
+    protos_[std::string(name)].push_back({scopes_.size(), proto});
+    scopes_.back().protos.emplace_back(name);
     return true;
 }
 
@@ -130,8 +165,10 @@ std::shared_ptr<const ProtoType> ReaderTypes::findProto(std::string_view name) c
 
 NodeShape ReaderTypes::find(std::string_view type) const {
     NodeShape shape;
-    shape.type = findBuiltinType(type);
-    if (!shape.type) shape.proto = findProto(type);
+    if (shadows_) shape.proto = findProto(type);
+    if (!shape.proto) shape.type = findBuiltinType(type);
+    if (!shape.type && !shape.proto) shape.proto = findProto(type);
+    if (!shape.known()) shape.unknown = std::make_shared<const std::string>(type);
     return shape;
 }
 

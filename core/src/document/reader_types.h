@@ -35,22 +35,26 @@ class DeclaredFields {
 
 struct ProtoType {
     std::string name;
+    std::string calledInFile{};  // as the file spells it; `name` is another where that is a later version's node
     DeclaredFields fields;
     /// The built-in type of the first node in the body, if known: where an instance may stand.
     const NodeType* primary = nullptr;
     bool hasBody = false;  // a node of it has been seen
 };
 
-/// The type of one node in the document; all null for an unknown one.
+/// The type of one node in the document: built in, or a prototype, or of an unknown type, of which there is the name
+/// only; all null where not even that is known.
 struct NodeShape {
     const NodeType* type = nullptr;
     std::shared_ptr<const ProtoType> proto;
-    std::shared_ptr<DeclaredFields> own;  // Script, shaders: made on first declaration
+    std::shared_ptr<DeclaredFields> own;         // Script, shaders: made on first declaration
+    std::shared_ptr<const std::string> unknown;  // the name of a type that nobody knows
 
     bool known() const { return type || proto; }
     std::string_view name() const {
         if (type) return type->name;
-        return proto ? std::string_view(proto->name) : std::string_view();
+        if (proto) return proto->name;
+        return unknown ? std::string_view(*unknown) : std::string_view();
     }
     /// The built-in type that decides where the node may stand; null if unknown.
     const NodeType* standsFor() const { return type ? type : proto ? proto->primary : nullptr; }
@@ -66,16 +70,21 @@ struct FieldRef {
     bool takesValue() const { return access == Access::initializeOnly || access == Access::inputOutput; }
 };
 
+std::string renamedProto(const ProtoType& proto);
+std::string externIsBuiltin(const std::string& name);
+
 /// May nodes of this type declare fields of their own?
 bool declaresFields(const NodeType& type);
 
-/// `name`, `set_name` or `name_changed`. `vrml97`: the old names of renamed fields count too.
-FieldRef findField(const NodeShape& shape, std::string_view name, bool vrml97 = false);
-/// The name that a field had in VRML97, if another; else empty.
-std::string_view vrml97Name(const NodeType& type, std::string_view field);
+/// `name`, `set_name` or `name_changed`; the names that fields had in earlier versions count too.
+FieldRef findField(const NodeShape& shape, std::string_view name);
+/// The name of a field in documents of that version ("2.0" is VRML97), if it was another then; else empty.
+std::string_view formerName(const NodeType& type, std::string_view field, std::string_view version);
 FieldRef findField(const DeclaredFields& fields, std::string_view name);
 /// May a node of type `child` be the value of `field`? Unknown types may.
 bool accepts(const FieldRef& field, const NodeType* child);
+/// What is said of a node that stands where its type does not belong: it is kept under its name, the field is not set.
+std::string misplaced(std::string_view child, std::string_view field, std::string_view parent);
 
 /// Which fields of one node have been given already.
 class GivenFields {
@@ -96,8 +105,14 @@ class ReaderTypes {
     void pushScope() { scopes_.emplace_back(); }
     void popScope();
 
-    /// False, and nothing happens, if the name is a built-in type's or taken in this very scope.
-    bool declareProto(const std::shared_ptr<const ProtoType>& proto);
+    /// Of the document; decides which names of nodes are taken.
+    void setVersion(std::string_view version) { version_ = version; }
+    /// The name that a PROTO gets which the file calls `name`: another where that is one of a later version's nodes.
+    /// Empty if the file's own version has a node of that name.
+    std::string protoName(std::string_view name) const;
+    /// False, and nothing happens, if there is such a PROTO in this very scope. `name` is what the file calls it.
+    bool declareProto(const std::shared_ptr<const ProtoType>& proto, std::string_view name);
+    bool declareProto(const std::shared_ptr<const ProtoType>& proto) { return declareProto(proto, proto->name); }
     bool declaredHere(std::string_view proto) const;
     NodeShape find(std::string_view type) const;
     /// Just the prototype, built-in or not.
@@ -116,6 +131,8 @@ class ReaderTypes {
         std::size_t scope;
         std::shared_ptr<const ProtoType> proto;
     };
+    std::string version_ = "4.0";
+    bool shadows_ = false;  // a PROTO has the name of a built-in type
     std::vector<Scope> scopes_;
     std::unordered_map<std::string, std::vector<Declared>> protos_;
 };

@@ -39,24 +39,28 @@ bool XmlReader::read() {
     XML_SetCdataSectionHandler(
         parser_, [](void* self) { static_cast<XmlReader*>(self)->beginSection(); },
         [](void* self) { static_cast<XmlReader*>(self)->endSection(); });
-    XML_SetEntityDeclHandler(parser_, [](void* user, const char*, int isParameter, const char*, int, const char*,
-                                         const char*, const char*, const char*) {
+    // Entities of the document's own are expanded, within these limits; nothing is fetched for them.
+    XML_SetBillionLaughsAttackProtectionMaximumAmplification(parser_, kMaximumAmplification);
+    XML_SetBillionLaughsAttackProtectionActivationThreshold(parser_, kAmplificationFrom);
+    XML_SetEntityDeclHandler(parser_, [](void* user, const char* entity, int isParameter, const char* value, int,
+                                         const char*, const char*, const char*, const char*) {
         auto* self = static_cast<XmlReader*>(user);
-        if (isParameter) return;
-        self->refusedEntity_ = true;
-        XML_StopParser(self->parser_, XML_FALSE);
+        if (!isParameter && !value)
+            self->error("the entity " + std::string(entity) + " is in another file, which is not opened");
     });
     std::string_view rest = text_;
     XML_Status status = XML_STATUS_OK;
+    std::size_t size = kSmallestPart;
     do {
-        const std::size_t count = std::min<std::size_t>(rest.size(), 1u << 30);
+        const std::size_t count = std::min(rest.size(), size), elements = elements_;
         const std::string_view part = rest.substr(0, count);
         rest.remove_prefix(count);
         status = XML_Parse(parser_, part.data(), static_cast<int>(count), rest.empty());
+        // expat keeps a copy of what it could not finish and reads it again: within a long attribute larger parts make
+        // the work grow with its length, not with the square of it.
+        size = elements_ == elements ? std::min(2 * size, kLargestPart) : kSmallestPart;
     } while (status == XML_STATUS_OK && !rest.empty());
-    if (refusedEntity_) {
-        error("the document declares an entity, which is refused; reading ends here");
-    } else if (status != XML_STATUS_OK) {
+    if (status != XML_STATUS_OK) {
         const std::string inside = openElement().empty() ? "" : ", inside " + openElement();
         error(std::string("not well-formed XML: ") + XML_ErrorString(XML_GetErrorCode(parser_)) + inside +
               "; reading ends here");
@@ -67,6 +71,7 @@ bool XmlReader::read() {
 }
 
 void XmlReader::startElement(const char* name, const char** attributes) {
+    ++elements_;
     meter_.at(static_cast<std::size_t>(std::max<XML_Index>(XML_GetCurrentByteIndex(parser_), 0)));
     start(name, attributes, XML_GetSpecifiedAttributeCount(parser_));
 }

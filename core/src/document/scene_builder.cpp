@@ -108,8 +108,8 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
         if (!proto) {
             const bool inItself =
                 std::ranges::any_of(s.scopes, [&](const auto& one) { return one->proto && one->proto->name == type; });
-            s.error(where, inItself ? fmt::format("PROTO {} contains itself", type)
-                                    : fmt::format("unknown node type '{}'", type));
+            if (!inItself) return s.openUnknown(type, def, where);
+            s.error(where, fmt::format("PROTO {} contains itself", type));
             ++s.skipDepth;
             return;
         }
@@ -118,10 +118,6 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
         known = &s.scene.type(index);
     }
     const FieldIndex place = s.placeFor(*s.top(), field, proto ? proto->primary : known, type, where);
-    if (place == kNoField) {
-        ++s.skipDepth;
-        return;
-    }
     const bool isScript = !proto && (known->isA("X3DScriptNode") || known->isA("X3DProgrammableShaderObject"));
     OpenNode& node = s.push(proto      ? OpenNode::Kind::instance
                             : isScript ? OpenNode::Kind::script
@@ -157,6 +153,7 @@ void SceneBuilder::endNode(SourceLocation where) {
         return s.recorder().endNode(where);
     }
     if (!s.top() || s.top()->kind == OpenNode::Kind::body) return;
+    if (s.top()->kind == OpenNode::Kind::unknown) return s.pop();
     if (s.top()->kind == OpenNode::Kind::script) s.endScript(*s.top());
     OpenNode& node = *s.top();
     if (!node.id) {
@@ -173,7 +170,7 @@ void SceneBuilder::endNode(SourceLocation where) {
     const NodeId id = done.id;
     const FieldIndex field = done.parentField;
     s.pop();
-    s.attach(*s.top(), field, id);
+    if (field != kNoField) s.attach(*s.top(), field, id);
 }
 
 void SceneBuilder::useNode(std::string_view def, std::string_view field, SourceLocation where) {
@@ -192,6 +189,7 @@ void SceneBuilder::useNode(std::string_view def, std::string_view field, SourceL
         return;
     }
     const NodeId id = found->second;
+    if (id == kOfUnknownType || parent->kind == OpenNode::Kind::unknown) return;
     // A Script may refer to anything, itself included; a child may not be its own ancestor.
     const bool inScript = parent->kind == OpenNode::Kind::script;
     for (std::size_t i = scope.openBase; i < s.openCount; ++i) {
@@ -214,7 +212,7 @@ void SceneBuilder::setField(std::string_view name, Value value, SourceLocation w
         return;
     }
     OpenNode* node = s.top();
-    if (!node || node->kind == OpenNode::Kind::body) return;
+    if (!node || node->kind == OpenNode::Kind::body || node->kind == OpenNode::Kind::unknown) return;
     const FieldIndex field = node->find(name);
     if (field == kNoField) {
         s.error(where, fmt::format("{} has no field '{}'", node->describe(), name));
@@ -264,6 +262,7 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
         return;
     }
     OpenNode* node = s.top();
+    if (node && node->kind == OpenNode::Kind::unknown) return;
     if (!node || node->kind != OpenNode::Kind::script) {
         s.error(where, fmt::format("field '{}' cannot be declared here", field.name));
         return;
@@ -296,7 +295,7 @@ void SceneBuilder::isConnection(std::string_view nodeField, std::string_view pro
         return;
     }
     OpenNode* node = s.top();
-    if (!node || node->kind == OpenNode::Kind::body) return;
+    if (!node || node->kind == OpenNode::Kind::body || node->kind == OpenNode::Kind::unknown) return;
     if (!s.scope().proto) {
         s.error(where, fmt::format("'{} IS {}' outside a PROTO", nodeField, protoField));
         return;

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "builder_state.h"
+#include "reader_types.h"
 
 namespace rtsg {
 
@@ -157,10 +158,18 @@ bool acceptsType(const FieldDef& def, const NodeType* child) {
 
 }  // namespace
 
+/// A node of a type that nobody knows: what is in it is built, and has its names, but belongs to no field of it.
+void SceneBuilder::State::openUnknown(std::string_view type, std::string_view def, SourceLocation where) {
+    warning(where, fmt::format("unknown node type {}; it is kept, and does nothing", type));
+    if (!def.empty()) scope().names.insert_or_assign(std::string(def), kOfUnknownType);
+    push(OpenNode::Kind::unknown, where);
+}
+
 /// The field of `parent` that a child goes into; kNoField after a diagnostic.
 FieldIndex SceneBuilder::State::placeFor(OpenNode& parent, std::string_view field, const NodeType* child,
                                          std::string_view childName, SourceLocation where) {
     if (parent.kind == OpenNode::Kind::body) return 0;
+    if (parent.kind == OpenNode::Kind::unknown) return kNoField;
     const bool byDefault = field.empty();
     if (byDefault) field = child ? std::string_view(child->containerField) : "children";
     FieldIndex index = parent.find(field);
@@ -174,13 +183,12 @@ FieldIndex SceneBuilder::State::placeFor(OpenNode& parent, std::string_view fiel
             if (def.hidden || !child || def.accepts.empty() || def.access == Access::outputOnly) continue;
             if (acceptsType(def, child)) other = i, ++candidates;
         }
-        if (candidates != 1 || (exists && !byDefault)) {
-            if (!exists)
-                error(where, fmt::format("{} has no field '{}' for {}", parent.describe(), field, childName));
-            else if (sf(parent.field(index).type) != FieldType::SFNode)
+        if (candidates != 1 || (!byDefault && (exists || (field != "children" && !isMF(parent.field(other).type))))) {
+            // The readers say the same at the same place, which counts once.
+            if (exists && sf(parent.field(index).type) != FieldType::SFNode)
                 error(where, fmt::format("field '{}' of {} takes no nodes", field, parent.describe()));
             else
-                error(where, fmt::format("field '{}' of {} does not accept {}", field, parent.describe(), childName));
+                warning(where, detail::misplaced(childName, field, parent.type->name));
             return kNoField;
         }
         if (!byDefault)

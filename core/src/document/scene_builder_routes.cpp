@@ -124,6 +124,12 @@ void SceneBuilder::State::resolveRoutes(NameScope& in) {
             continue;
         }
         std::string wrong;
+        if (from == kOfUnknownType || to == kOfUnknownType) {
+            warning(route.where, fmt::format("ROUTE {}.{} TO {}.{} does nothing: {} is of an unknown type",
+                                             route.fromNode, route.fromField, route.toNode, route.toField,
+                                             from == kOfUnknownType ? route.fromNode : route.toNode));
+            continue;
+        }
         if (!from || !to)
             wrong = fmt::format("no node is named '{}'", from ? route.toNode : route.fromNode);
         else

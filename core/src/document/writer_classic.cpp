@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <list>
+#include <set>
 
 #include "value/number_text.h"
+#include "versions.h"
 #include "writer_common.h"
 
 namespace rtsg::detail {
@@ -23,7 +25,8 @@ class ClassicWriter final : public DocumentHandler {
             text_ = "#VRML V2.0 utf8\n";
             return;
         }
-        text_ = "#X3D V" + x3dVersion(header) + " utf8\n";
+        version_ = x3dVersion(header);
+        text_ = "#X3D V" + version_ + " utf8\n";
         text_ += "PROFILE " + name(header.profile.empty() ? "Full" : header.profile, {}) + "\n";
     }
     void endDocument() override { flush(); }
@@ -45,6 +48,9 @@ class ClassicWriter final : public DocumentHandler {
         NodeShape shape = types_.find(type);
         if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
         if (!def.empty()) types_.define(def, shape);
+        if (vrml97_ && shape.type && !isInVersion(type, version_) && notInVrml97_.insert(std::string(type)).second)
+            diagnostics_.warning(where,
+                                 std::string(type) + " is no node of VRML97; browsers of VRML97 will not read it");
         const Place place = nodePlace(field, where);
         if (!def.empty()) *place.text += "DEF " + name(def, where) + " ";
         *place.text += type;
@@ -294,9 +300,9 @@ class ClassicWriter final : public DocumentHandler {
                name(field.name, where);
     }
     std::string fieldName(const NodeShape& shape, std::string_view field, SourceLocation where) {
-        if (vrml97_ && shape.type) {
-            if (const std::string_view old = vrml97Name(*shape.type, field); !old.empty()) return std::string(old);
-        }
+        if (shape.type)
+            if (const std::string_view old = formerName(*shape.type, field, version_); !old.empty())
+                return std::string(old);
         return name(field, where);
     }
     /// A name as ClassicVRML can spell it: others have their offending bytes written as _ and two hexadecimal digits.
@@ -330,7 +336,9 @@ class ClassicWriter final : public DocumentHandler {
     TextSink sink_;
     Diagnostics& diagnostics_;
     bool vrml97_;
+    std::string version_ = "2.0";  // of the document written
     std::string text_;
+    std::set<std::string> notInVrml97_;  // types that have been named
     ReaderTypes types_;
     std::vector<Frame> frames_;
 };

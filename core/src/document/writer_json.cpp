@@ -42,9 +42,9 @@ class JsonWriter final : public DocumentHandler {
     JsonWriter(TextSink sink, Diagnostics& diagnostics) : sink_(std::move(sink)), diagnostics_(diagnostics) {}
 
     void beginDocument(const DocumentHeader& header) override {
+        version_ = x3dVersion(header);
         text_ = "{\"X3D\":{\"encoding\":\"UTF-8\",\"@profile\":" +
-                inQuotes(header.profile.empty() ? "Full" : header.profile) +
-                ",\"@version\":" + inQuotes(x3dVersion(header));
+                inQuotes(header.profile.empty() ? "Full" : header.profile) + ",\"@version\":" + inQuotes(version_);
     }
     void endDocument() override {
         openScene();
@@ -99,7 +99,7 @@ class JsonWriter final : public DocumentHandler {
         }
         if (nodes) return;  // NULL and the empty list are what a node without such children has
         if (field == "url" && frame.element == "Script") return source(frame, value.as<Array<String>>());
-        attribute(frame, field, valueText(value));
+        attribute(frame, spelled(frame.shape, field), valueText(value));
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation) override {
         Frame& frame = frames_.back();
@@ -198,7 +198,10 @@ class JsonWriter final : public DocumentHandler {
     }
     static void add(Frame& frame, std::string_view key, Many many, Rope&& item) {
         auto found = std::ranges::find(frame.members, key, &Member::key);
-        if (found == frame.members.end()) found = frame.members.insert(found, {std::string(key), many, {}});
+        if (found == frame.members.end())
+            found = frame.members.insert(found, {std::string(key), many, {}});
+        else if (many == Many::no)
+            found->many = Many::yes;  // more than its field takes: kept all the same
         append(found->items, std::move(item));
     }
     /// A node or statement has ended: into its place in what is open.
@@ -224,7 +227,13 @@ class JsonWriter final : public DocumentHandler {
                 value = frame.values.insert(value, {std::string(field), "{\"@name\":" + inQuotes(field), {}});
             return append(value->nodes, std::move(item));
         }
-        add(frame, "-" + std::string(field), found && !isMF(found.type) ? Many::no : Many::yes, std::move(item));
+        add(frame, "-" + std::string(spelled(frame.shape, field)), found && !isMF(found.type) ? Many::no : Many::yes,
+            std::move(item));
+    }
+    /// The field's name in the version that is written.
+    std::string_view spelled(const NodeShape& shape, std::string_view field) const {
+        const std::string_view old = shape.type ? formerName(*shape.type, field, version_) : std::string_view();
+        return old.empty() ? field : old;
     }
     /// `{"Type":{...}}`
     Rope finished(Frame&& frame) {
@@ -320,7 +329,7 @@ class JsonWriter final : public DocumentHandler {
 
     TextSink sink_;
     Diagnostics& diagnostics_;
-    std::string text_, components_, units_, metas_;
+    std::string version_, text_, components_, units_, metas_;
     bool sceneOpen_ = false, any_ = false;
     ReaderTypes types_;
     std::vector<Frame> frames_;

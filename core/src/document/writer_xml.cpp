@@ -20,7 +20,8 @@ class XmlWriter final : public DocumentHandler {
     void beginDocument(const DocumentHeader& header) override {
         write("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<X3D");
         write(attribute("profile", header.profile.empty() ? "Full" : header.profile, {}));
-        write(attribute("version", x3dVersion(header), {}) + ">");
+        version_ = x3dVersion(header);
+        write(attribute("version", version_, {}) + ">");
     }
     void endDocument() override {
         openScene();
@@ -102,7 +103,11 @@ class XmlWriter final : public DocumentHandler {
         }
         if (nodes) return;  // NULL and the empty list are what a node without such children has
         if (frame.shape.type && field == "url" && declaresFields(*frame.shape.type) && writeSource(value)) return;
-        *frame.gap += valueAttribute(field, value, where);
+        if (frame.shape.unknown && value.holds<String>()) {
+            *frame.gap += attribute(field, value.as<String>().view(), where);  // as it was read
+            return;
+        }
+        *frame.gap += valueAttribute(spelled(frame.shape, field), value, where);
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
         closeValue();
@@ -321,11 +326,16 @@ class XmlWriter final : public DocumentHandler {
         return {};
     }
     /// What the reader would choose by itself need not be said.
-    static std::string containerField(const NodeShape& parent, std::string_view field, const NodeShape& child) {
+    std::string containerField(const NodeShape& parent, std::string_view field, const NodeShape& child) const {
         const NodeType* type = child.standsFor();
         const FieldRef place = findField(parent, field);
         const std::string_view usual = type ? std::string_view(type->containerField) : "children";
-        return field == usual && place && accepts(place, type) ? "" : std::string(field);
+        return field == usual && place && accepts(place, type) ? "" : std::string(spelled(parent, field));
+    }
+    /// The field's name in the version that is written.
+    std::string_view spelled(const NodeShape& shape, std::string_view field) const {
+        const std::string_view old = shape.type ? formerName(*shape.type, field, version_) : std::string_view();
+        return old.empty() ? field : old;
     }
     void noteFirst(const NodeShape& shape) {
         if (frames_.empty() || frames_.back().kind != Kind::body || frames_.back().proto->hasBody) return;
@@ -424,6 +434,7 @@ class XmlWriter final : public DocumentHandler {
     std::list<std::string> pieces_;
     std::size_t openGaps_ = 0;
     Where place_ = Where::root;
+    std::string version_;  // of the document written
     ReaderTypes types_;
     std::vector<Frame> frames_;
 };

@@ -96,6 +96,13 @@ void Diagnostics::add(Severity severity, SourceLocation where, std::string text,
 }
 
 void Diagnostics::add(Diagnostic diagnostic) {
+    // A reader and the builder behind it may see the same fault.
+    if (!all_.empty() && diagnostic.where.line != 0 && dropped_ == 0) {
+        const Diagnostic& last = all_.back();
+        if (last.where.line == diagnostic.where.line && last.where.column == diagnostic.where.column &&
+            last.text == diagnostic.text && last.file == diagnostic.file)
+            return;
+    }
     errors_ += diagnostic.severity == Severity::error;
     warnings_ += diagnostic.severity == Severity::warning;
     if (all_.size() >= limit_)

@@ -256,6 +256,14 @@ bool FieldTextParser::parseImage(Image& out, bool last) {
     return true;
 }
 
+namespace {
+
+bool startsNumber(char c) {
+    return isDigit(c) || c == '-' || c == '+' || c == '.';
+}
+
+}  // namespace
+
 template <class T>
 bool FieldTextParser::parseOne(T& out) {
     skipSpace();
@@ -264,6 +272,16 @@ bool FieldTextParser::parseOne(T& out) {
     } else if constexpr (std::is_same_v<T, bool>) {
         return parseBool(out);
     } else if constexpr (std::is_same_v<T, String>) {
+        if (p != end_ && syntax_ == TextSyntax::classicVrml && startsNumber(*p)) {
+            // Not the grammar, but authors forget quotes round numbers, and all browsers read them.
+            const char* stop = endOfWord(p, end_);
+            const std::string_view word(p, static_cast<std::size_t>(stop - p));
+            report_.report(Severity::warning, p,
+                           "the quotes round " + std::string(word.substr(0, 40)) + " are missing");
+            out = String(word);
+            p = stop;
+            return true;
+        }
         if (p == end_ || *p != '"') return expected("a string in double quotes");
         return parseQuoted(out);
     } else if constexpr (std::is_same_v<T, Image>) {

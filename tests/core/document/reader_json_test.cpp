@@ -67,10 +67,11 @@ TEST(ReaderJson, SaysTheSameAsXml) {
 TEST(ReaderJson, ComplaintsHavePositions) {
     const Read r =
         readJsonScene("\n{\"Foo\": {\"@a\":1}},\n{\"Box\": {\"@size\":[1,\"x\",3], \"@solid\": {}}}, {\"Group\": {}}");
-    EXPECT_THAT(r.complaints(), HasSubstr("2:9: error: unknown node type Foo"));
+    EXPECT_THAT(r.complaints(), HasSubstr("2:9: warning: unknown node type Foo"));
     EXPECT_THAT(r.complaints(), HasSubstr("3:18: error: size: expected 3 numbers"));
     EXPECT_THAT(r.complaints(), HasSubstr("3:39: error: an attribute has no object"));
-    EXPECT_THAT(r.handler.lines, ElementsAre("begin Box", "end", "begin Group", "end"));
+    EXPECT_THAT(r.handler.lines,
+                ElementsAre("begin Foo", "set a SFString \"1\"", "end", "begin Box", "end", "begin Group", "end"));
 }
 
 TEST(ReaderJson, BrokenTextKeepsWhatCameBefore) {

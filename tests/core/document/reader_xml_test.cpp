@@ -39,9 +39,10 @@ TEST(ReaderXml, ContainerFieldDefaultsByNodeAndParent) {
                             "begin TextureTransform in textureTransform", "end", "end",
                             "begin IndexedFaceSet in geometry", "begin Coordinate in coord", "end",
                             "begin Normal in normal", "end", "begin MetadataString in metadata", "end", "end", "end",
-                            "begin Collision", "begin Box in proxy", "end", "end"));
-    EXPECT_THAT(r.complaints(), HasSubstr("Box has no place in Collision"));
-    EXPECT_EQ(r.diagnostics.errors(), 1u) << r.complaints();
+                            "begin Collision", "begin Box in proxy", "end", "begin Box in geometry", "end", "end"));
+    EXPECT_THAT(r.complaints(), HasSubstr("field 'proxy' of Collision does not take Box"));
+    EXPECT_THAT(r.complaints(), HasSubstr("field 'geometry' of Collision does not take Box"));
+    EXPECT_EQ(r.diagnostics.warnings(), 2u) << r.complaints();
 }
 
 TEST(ReaderXml, ChildWhoseDefaultFieldIsMissingGoesWhereItFits) {
@@ -142,9 +143,11 @@ TEST(ReaderXml, UnknownNodesAndFieldsAreReportedAndTheRestKept) {
     const Read r = readXmlScene(
         "<Foo><Bar/><Group/></Foo><Transform bogus='1' addChildren='x' children='' scale='true' translation='1 2 3'>"
         "<Nope/></Transform><ProtoInstance name='Missing'><fieldValue name='a' value='b'/></ProtoInstance><Group/>");
-    EXPECT_THAT(r.handler.lines,
-                ElementsAre("begin Transform", "set translation SFVec3f 1 2 3", "end", "begin Group", "end"));
-    EXPECT_EQ(r.diagnostics.errors(), 7u) << r.complaints();
+    EXPECT_THAT(r.handler.lines, ElementsAre("begin Foo", "begin Bar in children", "end", "begin Group in children",
+                                             "end", "end", "begin Transform", "set translation SFVec3f 1 2 3",
+                                             "begin Nope in children", "end", "end", "begin Group", "end"));
+    EXPECT_EQ(r.diagnostics.errors(), 5u) << r.complaints();
+    EXPECT_EQ(r.diagnostics.warnings(), 3u) << r.complaints();
     EXPECT_THAT(r.complaints(), HasSubstr("unknown node type Foo"));
     EXPECT_THAT(r.complaints(), HasSubstr("there is no PROTO Missing"));
 }
@@ -166,14 +169,23 @@ TEST(ReaderXml, MalformedXmlKeepsWhatCameBefore) {
                                              "begin Shape in children", "end", "end"));
 }
 
-TEST(ReaderXml, DeclaredEntitiesAreRefused) {
+TEST(ReaderXml, EntitiesOfTheDocumentAreExpandedAndThoseOfOtherFilesNeverOpened) {
+    const Read r(
+        "<!DOCTYPE X3D [<!ENTITY red '1 0 0'><!ENTITY passwords SYSTEM '/etc/passwd'>]><X3D><Scene>"
+        "<Material diffuseColor='&red;'/><WorldInfo>&passwords;</WorldInfo></Scene></X3D>");
+    EXPECT_THAT(r.handler.lines, Contains("set diffuseColor SFColor 1 0 0"));
+    EXPECT_THAT(r.complaints(), HasSubstr("the entity passwords is in another file, which is not opened"));
+    EXPECT_EQ(r.complaints().find("root"), std::string::npos);
+}
+
+TEST(ReaderXml, EntitiesThatGrowWithoutEndAreStopped) {
     std::string text = "<!DOCTYPE X3D [<!ENTITY a0 'ha'>";
     for (int i = 1; i < 30; ++i)
         text +=
             "<!ENTITY a" + std::to_string(i) + " '&a" + std::to_string(i - 1) + ";&a" + std::to_string(i - 1) + ";'>";
     const Read r(text + "]><X3D><Scene><WorldInfo title='&a29;'/></Scene></X3D>");
     EXPECT_FALSE(r.usable);
-    EXPECT_THAT(r.complaints(), HasSubstr("entity"));
+    EXPECT_THAT(r.complaints(), HasSubstr("limit on input amplification"));
     EXPECT_TRUE(r.handler.lines.empty());
 }
 

@@ -323,6 +323,8 @@ TEST_F(SpecUom, SameInheritance) {
             ASSERT_NE(found, Uom::get().abstracts.end()) << base;
             open.insert(open.end(), found->second.bases.begin(), found->second.bases.end());
         }
+        // A hole of the 4.0 model: MultiTextureTransform would take none of them. 4.1 has it.
+        if (name.starts_with("TextureTransform")) theirs.insert("X3DSingleTextureTransformNode");
         EXPECT_EQ(std::set<std::string>(type->implements.begin(), type->implements.end()), theirs) << name;
     }
 }

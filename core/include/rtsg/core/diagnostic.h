@@ -58,7 +58,7 @@ class Diagnostics {
     explicit Diagnostics(std::string file = {}, std::size_t limit = 1000) : file_(std::move(file)), limit_(limit) {}
     void add(Severity severity, SourceLocation where, std::string text,
              DiagnosticCode code = DiagnosticCode::of(std::source_location::current()));
-    /// As it is, with its own file.
+    /// As it is, with its own file. The same text at the same place as the last one counts once.
     void add(Diagnostic diagnostic);
     void error(SourceLocation where, std::string text,
                DiagnosticCode code = DiagnosticCode::of(std::source_location::current())) {

@@ -1,0 +1,192 @@
+// What is in the wrong place, of an unknown type, or spelled as in another version: nothing of it is lost, and what
+// refers to it still finds it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/writer.h>
+
+#include "core/reading.h"
+#include "core/scene_check.h"
+
+namespace rtsg {
+namespace {
+
+using test::allText;
+using test::Read;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::Not;
+
+std::string convert(std::string_view text, Encoding encoding, Diagnostics& writing) {
+    std::string out;
+    Diagnostics reading;
+    const auto writer = makeWriter(encoding, [&](std::string_view piece) { out += piece; }, writing);
+    readDocument(text, *writer, reading);
+    return out;
+}
+std::string convert(std::string_view text, Encoding encoding) {
+    Diagnostics ignored;
+    return convert(text, encoding, ignored);
+}
+
+constexpr const char* kMisplaced = R"(<X3D profile='Interchange' version='4.0'><Scene>
+<WorldInfo><MetadataSet name='a'><Transform DEF='T' translation='1 2 3'><Shape><Box DEF='B'/></Shape></Transform>
+</MetadataSet></WorldInfo>
+<Foo DEF='F' x='1' y='"a" "b"'><Shape DEF='S'><Sphere/></Shape><Bar/></Foo>
+<Shape><Box/><Cone DEF='C'/></Shape>
+<Group DEF='G'><Transform USE='T'/><Foo USE='F'/><Shape USE='S'/><Shape><Cone USE='C'/></Shape>
+<Shape><Box USE='B'/></Shape></Group>
+</Scene></X3D>)";
+
+TEST(KeptNodes, WhatStandsWhereItDoesNotBelongIsFoundByItsName) {
+    for (const Encoding encoding : {Encoding::xml, Encoding::classicVrml, Encoding::json}) {
+        Scene scene;
+        Diagnostics diagnostics;
+        const std::string text = encoding == Encoding::xml ? kMisplaced : convert(kMisplaced, encoding);
+        ASSERT_TRUE(loadText(scene, text, diagnostics)) << allText(diagnostics);
+        const auto children = [&](std::string_view def) {
+            const Node& node = scene.node(scene.findName(def));
+            return node.value(node.type().find("children")).as<Array<NodeId>>();
+        };
+        // T, S and the Shapes of C and B; the node of an unknown type is in no field.
+        const Array<NodeId> group = children("G");
+        ASSERT_EQ(group.size(), 4u) << allText(diagnostics) << text;
+        EXPECT_EQ(group[0], scene.findName("T"));
+        EXPECT_EQ(group[1], scene.findName("S"));
+        for (const auto& [shape, name] : {std::pair{group[2], "C"}, std::pair{group[3], "B"}}) {
+            const Node& node = scene.node(shape);
+            EXPECT_EQ(node.value(node.type().find("geometry")).as<NodeId>(), scene.findName(name)) << name;
+        }
+        EXPECT_THAT(allText(diagnostics), Not(HasSubstr("USE")));
+        EXPECT_THAT(allText(diagnostics), HasSubstr("unknown node type Foo"));
+        EXPECT_THAT(allText(diagnostics), HasSubstr("does not take Transform"));
+    }
+}
+
+TEST(KeptNodes, TheyPassThroughEveryEncodingAndBack) {
+    const std::string xml = convert(kMisplaced, Encoding::xml);
+    EXPECT_THAT(xml, HasSubstr("<Foo DEF='F' x='1' y='\"a\" \"b\"'>"));
+    EXPECT_EQ(convert(xml, Encoding::xml), xml);
+    for (const Encoding encoding : {Encoding::classicVrml, Encoding::json})
+        EXPECT_EQ(convert(convert(xml, encoding), Encoding::xml), xml);
+}
+
+TEST(KeptNodes, AFaultThatReaderAndBuilderSeeIsToldOnce) {
+    test::Loaded l("WorldInfo { metadata MetadataSet { value [ DEF T Transform { } ] } }\nFoo { }");
+    EXPECT_EQ(l.diagnostics.warnings(), 2u) << l.problems();
+    EXPECT_EQ(l.diagnostics.errors(), 0u) << l.problems();
+    EXPECT_TRUE(l.named("T"));
+}
+
+TEST(KeptNodes, ARouteToANodeOfUnknownTypeSaysSo) {
+    test::Loaded l("DEF F Foo { } DEF T TimeSensor { } ROUTE T.fraction_changed TO F.set_fraction");
+    EXPECT_THAT(l.problems(), HasSubstr("does nothing: F is of an unknown type"));
+    EXPECT_EQ(l.diagnostics.errors(), 0u) << l.problems();
+}
+
+TEST(KeptNodes, AnUnknownContainerFieldTakesNoOthersPlace) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(
+        loadText(scene,
+                 "<X3D version='4.0'><Scene><Material DEF='M'><PixelTexture DEF='N' containerField='normalMap'/>"
+                 "<PixelTexture DEF='D' containerField='diffuseTexture'/></Material></Scene></X3D>",
+                 diagnostics));
+    const Node& material = scene.node(scene.findName("M"));
+    const auto only = [&](const char* field) { return material.value(material.type().find(field)).as<NodeId>(); };
+    EXPECT_EQ(only("diffuseTexture"), scene.findName("D"));
+    EXPECT_FALSE(only("ambientTexture"));
+    EXPECT_TRUE(scene.findName("N"));
+    EXPECT_THAT(allText(diagnostics), HasSubstr("field 'normalMap' of Material does not take PixelTexture"));
+}
+
+TEST(KeptNodes, TextureTransformsAreMembersOfAMultiTextureTransform) {
+    test::Loaded l("DEF M MultiTextureTransform { textureTransform [ TextureTransform { } TextureTransform3D { } ] }");
+    EXPECT_EQ(l.problems(), "");
+    EXPECT_EQ(l.nodes(l.named("M"), "textureTransform").size(), 2u);
+}
+
+// ---- versions
+
+TEST(Versions, FieldsOfEarlierVersionsAreReadAndWrittenUnderTheirNames) {
+    const std::string_view old =
+        "<X3D profile='Full' version='3.3'><Scene><Appearance><ComposedCubeMapTexture>"
+        "<ImageTexture containerField='back'/><ImageTexture "
+        "containerField='top'/></ComposedCubeMapTexture></Appearance>"
+        "<LoadSensor><ImageTexture containerField='watchList'/></LoadSensor>"
+        "<ParticleSystem><Color containerField='colorRamp'/></ParticleSystem></Scene></X3D>";
+    const Read r(old);
+    EXPECT_EQ(r.complaints(), "");
+    for (const char* line : {"begin ImageTexture in backTexture", "begin ImageTexture in topTexture",
+                             "begin ImageTexture in children", "begin Color in color"})
+        EXPECT_THAT(r.handler.lines, Contains(line));
+    for (const Encoding encoding : {Encoding::xml, Encoding::classicVrml, Encoding::json}) {
+        const std::string text = convert(old, encoding);
+        EXPECT_THAT(text, HasSubstr("watchList"));
+        EXPECT_THAT(text, Not(HasSubstr("backTexture")));
+        EXPECT_EQ(convert(text, Encoding::xml), convert(old, Encoding::xml));
+    }
+    std::string now(old);
+    now.replace(now.find("3.3"), 3, "4.0");
+    EXPECT_THAT(convert(now, Encoding::xml), HasSubstr("backTexture"));
+}
+
+TEST(Versions, APrototypeMayHaveTheNameOfALaterNode) {
+    for (const char* header : {"#VRML V2.0 utf8\n", "#X3D V3.3 utf8\n"}) {
+        Scene scene;
+        Diagnostics diagnostics;
+        const std::string field = header[1] == 'V' ? "exposedField" : "inputOutput";
+        ASSERT_TRUE(loadText(
+            scene, header + ("PROTO Delay [ " + field + " SFTime x 1 ] { Group { } }\n") + "DEF D Delay { x 2 }",
+            diagnostics));
+        EXPECT_EQ(diagnostics.errors(), 0u) << allText(diagnostics);
+        const Node& node = scene.node(scene.findName("D"));
+        EXPECT_EQ(node.type().kind, NodeType::Kind::proto);
+        EXPECT_EQ(node.value(node.type().find("x")).as<Time>(), Time(2));
+    }
+    Scene scene;
+    Diagnostics diagnostics;
+    loadText(scene, "#X3D V4.0 utf8\nPROTO Delay [ ] { Group { } }\nDEF D Delay { }", diagnostics);
+    EXPECT_EQ(diagnostics.errors(), 1u) << allText(diagnostics);
+    EXPECT_EQ(scene.node(scene.findName("D")).type().kind, NodeType::Kind::builtin);
+}
+
+TEST(Versions, VRML97IsToldOfNodesItDoesNotHave) {
+    Diagnostics writing;
+    const std::string text = convert("#X3D V4.0 utf8\nDelay { } Delay { } Group { }", Encoding::vrml97, writing);
+    EXPECT_EQ(writing.warnings(), 1u) << allText(writing);
+    EXPECT_THAT(allText(writing), HasSubstr("2:1: warning: Delay is no node of VRML97"));
+    EXPECT_THAT(text, HasSubstr("Delay {"));
+}
+
+// ---- spellings that other browsers read
+
+TEST(Spellings, ARouteMayHaveWhiteSpaceRoundItsDots) {
+    for (const char* route :
+         {"ROUTE A .translation TO B. translation", "ROUTE A . translation TO B .set_translation"}) {
+        test::Loaded l(std::string("DEF A Transform { } DEF B Transform { }\n") + route);
+        EXPECT_EQ(l.problems(), "") << route;
+        EXPECT_EQ(l.scene.routeCount(), 1u) << route;
+    }
+    test::Loaded wrong("DEF A Transform { } ROUTE A translation TO A.scale");
+    EXPECT_EQ(wrong.scene.routeCount(), 0u);
+    EXPECT_GE(wrong.diagnostics.errors(), 1u);
+}
+
+TEST(Spellings, NumbersAmongStringsAreStrings) {
+    test::Loaded l("DEF W WorldInfo { info [ 1 \"b\" -2.5 ] title 7 }");
+    EXPECT_EQ(l.get("W", "info"), "[\"1\", \"b\", \"-2.5\"]");
+    EXPECT_EQ(l.get("W", "title"), "\"7\"");
+    EXPECT_EQ(l.diagnostics.warnings(), 3u) << l.problems();
+    EXPECT_EQ(l.diagnostics.errors(), 0u) << l.problems();
+}
+
+TEST(Spellings, SourceTextIsSourceCode) {
+    const Read r(R"({"X3D":{"@version":"4.0","Scene":{"-children":[{"Script":{"#sourceText":["a();","b();"]}}]}}})");
+    EXPECT_EQ(r.complaints(), "");
+    EXPECT_THAT(r.handler.text(), HasSubstr("a();\nb();"));
+}
+
+}  // namespace
+}  // namespace rtsg
