@@ -48,7 +48,9 @@ MirrorClient::Impl::~Impl() {
     zmq_socket_monitor(socket_.get(), nullptr, 0);
 }
 
+/// Nothing is handed to ZeroMQ without a connection: it would keep it for the next one, where it means nothing.
 bool MirrorClient::Impl::send() {
+    if (!linked()) return false;
     ZmqMessage out(message_.bytes());
     return socket_.send(out);
 }
@@ -67,8 +69,9 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
     socket_.set(ZMQ_LINGER, kLinger);
     socket_.set(ZMQ_RECONNECT_IVL, kReconnect);
     socket_.set(ZMQ_CONNECT_TIMEOUT, kConnectWithin);
-    socket_.set(ZMQ_IMMEDIATE, 1);  // nothing is queued for a server that is not there
-    socket_.set(ZMQ_RCVHWM, 0);     // bounded by the window
+    // Not ZMQ_IMMEDIATE: with it, libzmq 4.3 drops what has not been read when a connection ends, and ends the process
+    // (an assertion in fq.cpp) if that happens between two parts of a message.
+    socket_.set(ZMQ_RCVHWM, 0);  // bounded by the window
     socket_.set(ZMQ_MAXMSGSIZE, std::int64_t{16} << 20);
     if (options_.keys) {
         socket_.set(ZMQ_CURVE_SERVERKEY, options_.keys->serverPublic);
@@ -76,7 +79,7 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
         socket_.set(ZMQ_CURVE_SECRETKEY, options_.keys->clientSecret);
     }
     monitor_.set(ZMQ_LINGER, 0);
-    constexpr int events = ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED;
+    constexpr int events = ZMQ_EVENT_CONNECTED | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED;
     if (zmq_socket_monitor(socket_.get(), "inproc://connection", events) != 0 ||
         zmq_connect(monitor_.get(), "inproc://connection") != 0)
         return std::unexpected(zmqFailure("cannot watch the connection"));
@@ -122,23 +125,37 @@ void MirrorClient::Impl::watchConnection() {
         ZmqMessage event;
         if (!monitor_.receive(event)) return;
         std::uint16_t what = 0;
-        if (event.bytes().size() >= sizeof(what)) std::memcpy(&what, event.bytes().data(), sizeof(what));
+        std::int32_t descriptor = 0;  // of events about connections
+        if (event.bytes().size() >= sizeof(what) + sizeof(descriptor)) {
+            std::memcpy(&what, event.bytes().data(), sizeof(what));
+            std::memcpy(&descriptor, event.bytes().data() + sizeof(what), sizeof(descriptor));
+        }
         monitor_.skipRest(event);
-        if (what == ZMQ_EVENT_DISCONNECTED) {
-            connected_ = false;
-            helloPending_ = true;
-        } else if (helloPending_) {
-            greeted_ = {};  // at once
+        if (what == ZMQ_EVENT_CONNECTED) {
+            descriptor_ = descriptor;
+        } else if (what == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
+            up_ = true;
+            if (!connected_) helloPending_ = true;
+        } else if (what == ZMQ_EVENT_DISCONNECTED && descriptor == descriptor_) {
+            up_ = false;
+            cut_ = true;
         }
     }
 }
 
-void MirrorClient::Impl::keepInTouch() {
-    watchConnection();
+/// Once all that came by the lost connection has been read: its last message may be a goodbye.
+void MirrorClient::Impl::connectionLost() {
+    cut_ = false;
+    connected_ = false;
+    helloPending_ = true;
+}
+
+/// `idle`: nothing that has come waits to be read, so that a silence is the server's and not ours.
+void MirrorClient::Impl::keepInTouch(bool idle) {
     const Clock::time_point now = Clock::now();
-    if (helloPending_ ? now - greeted_ > 5ms : !connected_ && now - greeted_ > kHelloAgain) {
+    if (linked() && (helloPending_ || (!connected_ && now - greeted_ > kHelloAgain))) {
         hello(false);
-    } else if (connected_ && now - heard_ > options_.timeout) {
+    } else if (idle && connected_ && now - heard_ > options_.timeout) {
         report(Severity::note, "the server has gone silent");
         connected_ = false;
         helloPending_ = true;
@@ -165,6 +182,7 @@ void MirrorClient::Impl::keepInTouch() {
 /// longer.
 void MirrorClient::Impl::reconnect(Clock::time_point now) {
     reconnected_ = now;
+    up_ = false;
     const int trips = clock_.known() ? static_cast<int>(4e3 * clock_.delay()) : kConnectWithin;
     socket_.set(ZMQ_CONNECT_TIMEOUT,
                 attempts_++ % 2 ? kConnectWithin : std::clamp(trips, kConnectQuickly, kConnectWithin));
@@ -185,17 +203,20 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
     const Clock::time_point start = Clock::now();
     const auto longest = std::max<Clock::duration>(timeout, kLongestTurn);
     while (true) {
-        keepInTouch();
+        watchConnection();
         bool any = false;
         // In portions: time passes while a long run of frames is applied.
         for (int i = 0; i < 64 && receiveOne(); ++i) any = true;
+        // Everything that came before an event of the connection was there when the event was read.
+        if (!any && cut_) connectionLost();
+        keepInTouch(!any);
         playDue();
         if (received_ != acknowledged_) acknowledge();
         const auto spent = Clock::now() - start;
         if (any && spent < longest) continue;
         if (applied_ > 0 || spent >= timeout) break;
         const auto left = std::chrono::ceil<std::chrono::milliseconds>(timeout - spent);
-        const auto most = std::clamp<std::chrono::milliseconds>(left, 1ms, helloPending_ ? 5ms : 100ms);
+        const auto most = std::clamp<std::chrono::milliseconds>(left, 1ms, 100ms);
         zmq_pollitem_t items[] = {{socket_.get(), 0, ZMQ_POLLIN, 0}, {monitor_.get(), 0, ZMQ_POLLIN, 0}};
         zmq_poll(items, 2, untilDue(most).count());
     }
@@ -206,7 +227,7 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
 
 bool MirrorClient::Impl::receiveOne() {
     ZmqMessage first, second;
-    if (!socket_.hasInput() || !socket_.receive(first)) return false;
+    if (!socket_.receive(first)) return false;
     if (first.more()) {
         socket_.receive(second);
         if (second.more()) {
@@ -361,6 +382,7 @@ void MirrorClient::Impl::acknowledge() {
 
 /// False when the socket takes no more for now.
 bool MirrorClient::Impl::sendRequests() {
+    if (!linked()) return false;
     const Clock::time_point now = Clock::now();
     for (Request& request : requests_) {
         const std::span<const std::byte> whole = request.record.bytes();

@@ -58,7 +58,9 @@ class MirrorClient::Impl {
     void garbage(std::string text);
     void hello(bool afresh);
     void watchConnection();
-    void keepInTouch();
+    void connectionLost();
+    bool linked() const { return up_ && !cut_; }
+    void keepInTouch(bool idle);
     void reconnect(Clock::time_point now);
     void pingNow(Clock::time_point now);
     bool receiveOne();
@@ -101,6 +103,9 @@ class MirrorClient::Impl {
 
     std::uint64_t session_ = 0, epoch_ = 0, client_ = 0, nextRequest_ = 1;
     bool helloPending_ = true, connected_ = false;
+    bool up_ = false;      // there is a connection, by the last event of it that was read
+    bool cut_ = false;     // one has ended; what came by it is still being read
+    int descriptor_ = -1;  // of the newest connection
     bool haveState_ = false;  // the replica is in a state of this epoch
     bool touched_ = false;    // something was applied to the replica: it has to be reset before a keyframe
     std::uint64_t state_ = 0, newestHeard_ = 0;

@@ -38,7 +38,8 @@ void MirrorClient::Impl::arrived(std::span<const std::byte> bytes, bool isRecord
     item.bytes.assign(bytes.begin(), bytes.end());
     item.isRecord = isRecord;
     item.published = published;
-    if (published != 0 && clock_.known()) {
+    const bool first = !haveState_ && playout_.empty();  // until it is here there is nothing to show at all
+    if (published != 0 && clock_.known() && !first) {
         item.due = clock_.here(published) + static_cast<std::uint64_t>(options_.latency.count()) * 1000000;
         // What was published before this client came, or a longer hold than asked for, is nothing to wait for.
         if (item.due < now) {

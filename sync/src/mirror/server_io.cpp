@@ -142,7 +142,7 @@ std::chrono::milliseconds MirrorServer::Io::patience() const {
     return result;
 }
 
-/// A peer whose connection ends loses what it has not read yet (ZMQ_IMMEDIATE): it answers first.
+/// Peers answer, so that one that reads slowly is not taken for one that has got everything.
 void MirrorServer::Io::sayGoodbye() {
     leaving_ = true;
     std::erase_if(peers_, [this](const auto& peer) {

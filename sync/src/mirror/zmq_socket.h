@@ -63,13 +63,6 @@ class ZmqSocket {
     bool send(ZmqMessage& message, bool more = false) {
         return zmq_msg_send(message.get(), socket_, ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) >= 0;
     }
-    /// Whether a whole message waits. Also lets ZeroMQ notice now what happened to the connection: a pipe that it drops
-    /// between two parts of a message ends the process (an assertion of libzmq's, 4.3).
-    bool hasInput() const {
-        int events = 0;
-        std::size_t size = sizeof(events);
-        return zmq_getsockopt(socket_, ZMQ_EVENTS, &events, &size) == 0 && (events & ZMQ_POLLIN) != 0;
-    }
     bool receive(ZmqMessage& message) { return zmq_msg_recv(message.get(), socket_, ZMQ_DONTWAIT) >= 0; }
     /// Reads and drops the rest of a message of several parts.
     void skipRest(const ZmqMessage& last);
