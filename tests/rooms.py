@@ -13,18 +13,20 @@ ROOMS = {
     "core": ["document", "script", "behaviour", "scene", "value"],
     "renderers": ["light", "image", "world", "embree", "flatten", "mesh"],
     "sync": ["mirror", "log", "codec"],
+    "audio": ["listen", "engine", "scene", "trace", "walls", "signal"],
 }
 # Public headers without a .cpp of their name.
 HEADERS = {
     "core": {"behaviour": "scene", "document_handler": "document", "frame_input": "scene", "script": "scene", "x3d": "value", "check": "value"},
     "renderers": {"ray": "embree", "shading": "light", "tessellate": "mesh"},
     "sync": {"byte_buffer": "codec", "change_codec": "codec", "log": "log", "stream_mode": "codec"},
+    "audio": {"acoustic_box": "walls", "acoustic_geometry": "walls", "paged_array": "walls"},
 }
 # Names of outside libraries that only one room may use, comments aside.
 NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}
 # Outside libraries that only one room may include.
 DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
-         r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror")}
+         r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror"), r"^AL/": ("audio", "signal")}
 
 
 def header_rooms(root, library):

@@ -13,7 +13,7 @@
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
 
-#include "delay_line.h"
+#include "signal/delay_line.h"
 
 namespace rtsg {
 namespace {

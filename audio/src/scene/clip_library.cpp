@@ -6,8 +6,8 @@
 
 #include <rtsg/audio/clip_library.h>
 
-#include "fractional_delay.h"
-#include "random.h"
+#include "signal/fractional_delay.h"
+#include "signal/random.h"
 
 namespace rtsg {
 

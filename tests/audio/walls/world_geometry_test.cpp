@@ -10,7 +10,7 @@
 #include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/world_geometry.h>
 
-#include "triangle_geometry.h"
+#include "audio/triangle_geometry.h"
 
 namespace rtsg {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <rtsg/audio/room_metrics.h>
 
-#include "triangle_geometry.h"
+#include "audio/triangle_geometry.h"
 
 namespace rtsg {
 namespace {

@@ -8,9 +8,9 @@
 #include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/impulse_response.h>
 
-#include "fft.h"
-#include "fractional_delay.h"
-#include "random.h"
+#include "signal/fft.h"
+#include "signal/fractional_delay.h"
+#include "signal/random.h"
 
 namespace rtsg {
 namespace {

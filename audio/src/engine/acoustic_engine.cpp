@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "acoustic_engine_impl.h"
-#include "reach.h"
+#include "trace/reach.h"
 
 namespace rtsg {
 namespace {

@@ -12,7 +12,7 @@
 #include <rtsg/audio/clip_library.h>
 #include <rtsg/audio/convolver.h>
 
-#include "delay_line.h"
+#include "signal/delay_line.h"
 
 namespace rtsg {
 

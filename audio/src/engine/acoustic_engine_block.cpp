@@ -5,7 +5,7 @@
 #include <rtsg/audio/impulse_response.h>
 
 #include "acoustic_engine_impl.h"
-#include "reach.h"
+#include "trace/reach.h"
 
 namespace rtsg {
 namespace {

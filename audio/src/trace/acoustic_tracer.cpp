@@ -8,7 +8,7 @@
 
 #include <rtsg/audio/acoustic_tracer.h>
 
-#include "random.h"
+#include "signal/random.h"
 
 namespace rtsg {
 namespace {

@@ -10,7 +10,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/shared_world.h>
 
-#include "reach.h"
+#include "trace/reach.h"
 
 namespace rtsg {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <rtsg/audio/acoustic_tracer.h>
 
-#include "triangle_geometry.h"
+#include "audio/triangle_geometry.h"
 
 namespace rtsg {
 namespace {

@@ -1,0 +1,112 @@
+// Impulse responses: arrivals, decays of bands, and how they are panned.
+#include <algorithm>
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/audio/impulse_response.h>
+#include <rtsg/audio/room_metrics.h>
+
+namespace rtsg {
+namespace {
+
+Arrival arrivalAt(double metres, double factor = 1) {
+    Arrival arrival;
+    arrival.seconds = metres / 343;
+    arrival.energy = allBands(factor / (4 * M_PI * metres * metres));
+    arrival.direction = {0, 0, -1};
+    return arrival;
+}
+
+TEST(ImpulseResponse, DirectSoundIsOneSampleOfTheRightHeight) {
+    Echogram echogram;
+    echogram.arrivals = {arrivalAt(343.0 * 480 / 48000)};  // exactly 480 samples
+    const ImpulseResponse response = makeImpulseResponse(echogram, {});
+    const auto& p = response.channels.at(0);
+    for (std::size_t i = 0; i < p.size(); ++i) EXPECT_NEAR(p[i], i == 480 ? 1 / 3.43 : 0, 1e-5) << i;
+}
+
+TEST(ImpulseResponse, FractionalDelaysKeepPhaseAndLevel) {
+    Echogram echogram;
+    echogram.arrivals = {arrivalAt(343.0 * 480.37 / 48000)};
+    const auto p = makeImpulseResponse(echogram, {}).channels.at(0);
+    for (const double hz : {200.0, 1000.0, 5000.0, 12000.0}) {
+        double re = 0, im = 0;
+        for (std::size_t i = 0; i < p.size(); ++i) {
+            const double phase = 2 * M_PI * hz * (static_cast<double>(i) - 480.37) / 48000;
+            re += p[i] * std::cos(phase);
+            im -= p[i] * std::sin(phase);
+        }
+        EXPECT_NEAR(re, 48000 / (343 * 480.37), 2e-4) << hz;
+        EXPECT_NEAR(im, 0, 2e-4) << hz;
+    }
+}
+
+TEST(ImpulseResponse, BandWeightsAddUpToOne) {
+    for (double hz = 1; hz < 24000; hz *= 1.03) {
+        double sum = 0;
+        for (int b = 0; b < kBandCount; ++b) sum += bandWeight(b, hz);
+        EXPECT_NEAR(sum, 1, 1e-12) << hz;
+    }
+    for (int b = 0; b < kBandCount; ++b) EXPECT_NEAR(bandWeight(b, kBandHz[static_cast<std::size_t>(b)]), 1, 1e-3);
+}
+
+TEST(ImpulseResponse, DecayOfEachBandComesBackOut) {
+    // One reverberation time per octave; the energies at a microphone must show them again.
+    const Bands times{1.2, 1.1, 1.0, .9, .8, .7, .6, .5};
+    Echogram echogram;
+    const double distance = 2;
+    echogram.arrivals = {arrivalAt(distance)};
+    for (int i = 6; i < 1500; ++i) {
+        Bands energy;
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            energy[b] = echogram.arrivals[0].energy[b] * 0.02 * std::exp(-6 * std::log(10.0) / times[b] * i * 0.001);
+        echogram.late.add((i + 0.5) * 0.001, energy);
+    }
+    const ImpulseResponse response = makeImpulseResponse(echogram, {});
+    Echogram measured;
+    measured.late = analyseImpulseResponse(response.channels[0], response.sampleRate);
+    const RoomMetrics in = roomMetrics(echogram), out = roomMetrics(measured);
+    for (std::size_t b = 1; b < kBandCount; ++b) {
+        // Noise of a band of B hertz decaying within T: the estimate scatters by about 1 / sqrt(B T).
+        const double scatter = 3 / std::sqrt(kBandHz[b] * 0.7 * times[b] / 2);
+        EXPECT_NEAR(out.t20[b] / in.t20[b], 1, scatter) << kBandHz[b];
+        EXPECT_NEAR(out.g[b], in.g[b], 0.4 + 4 * scatter) << kBandHz[b];
+    }
+    EXPECT_NEAR(out.t20[7] / in.t20[7], 1, 0.04);
+    EXPECT_NEAR(out.g[7], in.g[7], 0.3);
+}
+
+TEST(ImpulseResponse, StereoPansAndRepeats) {
+    Echogram echogram;
+    echogram.arrivals = {arrivalAt(3.43)};
+    echogram.arrivals[0].direction = {1, 0, 0};  // from the right
+    for (int i = 20; i < 100; ++i) echogram.late.add(i * 0.001, allBands(1e-4));
+    ImpulseResponseOptions options;
+    options.channels = ImpulseResponseOptions::Channels::stereo;
+    const ImpulseResponse a = makeImpulseResponse(echogram, options), b = makeImpulseResponse(echogram, options);
+    ASSERT_EQ(a.channels.size(), 2u);
+    EXPECT_EQ(a.channels, b.channels);
+    EXPECT_GT(a.channels[1][480], 3 * a.channels[0][480]);
+    // The reverberation is alike in level and unlike in detail.
+    double left = 0, right = 0, both = 0;
+    for (std::size_t i = 1000; i < 4800; ++i) {
+        left += a.channels[0][i] * a.channels[0][i];
+        right += a.channels[1][i] * a.channels[1][i];
+        both += a.channels[0][i] * a.channels[1][i];
+    }
+    EXPECT_NEAR(10 * std::log10(left / right), 0, 0.3);
+    EXPECT_LT(std::abs(both) / std::sqrt(left * right), 0.1);
+    options.channels = ImpulseResponseOptions::Channels::binaural;
+    const ImpulseResponse ears = makeImpulseResponse(echogram, options);
+    const auto peak = [](const std::vector<float>& x) {
+        return std::max_element(x.begin(), x.begin() + 900) - x.begin();
+    };
+    EXPECT_NEAR(static_cast<double>(peak(ears.channels[0]) - peak(ears.channels[1])),
+                0.0875 / 343 * (1 + M_PI / 2) * 48000, 1.5);
+    options.firstOrder = 1;
+    EXPECT_NEAR(makeImpulseResponse(echogram, options).channels[1][468], 0, 1e-3);
+}
+
+}  // namespace
+}  // namespace rtsg
