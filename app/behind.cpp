@@ -56,7 +56,9 @@ Result<> OutputsBehind::follow() {
         if (!outputs_->failure().empty()) break;  // finish() says it
         mostBehind_ = std::max(mostBehind_.load(), queue_.secondsBehind());
     }
-    return outputs_ ? outputs_->finish() : Result<>();
+    Result<> result = outputs_ ? outputs_->finish() : Result<>();
+    print(copy.diagnostics(), result ? "" : result.error().format());
+    return result;
 }
 
 Result<> OutputsBehind::finish() {

@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
+#include <unordered_map>
 #include <utility>
 
 #include <fmt/format.h>
@@ -19,8 +20,22 @@
 
 namespace rtsg::app {
 
-void print(const Diagnostics& diagnostics) {
-    for (const Diagnostic& d : diagnostics.all()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+void print(const Diagnostics& diagnostics, std::string_view said) {
+    std::unordered_map<std::string, std::size_t> times;
+    std::vector<const std::string*> lines;  // in their order
+    for (const Diagnostic& d : diagnostics.all()) {
+        constexpr std::string_view kDetached = "detached: ";
+        if (d.code == DiagnosticCode("subscriber-failed") && d.text.starts_with(kDetached) &&
+            said.find(d.text.substr(kDetached.size())) != said.npos)
+            continue;
+        const auto [line, fresh] = times.try_emplace(terminalText(d.format()), 0);
+        if (fresh) lines.push_back(&line->first);
+        ++line->second;
+    }
+    for (const std::string* line : lines) {
+        const std::size_t n = times.at(*line);
+        fmt::print(stderr, "{}{}\n", *line, n > 1 ? fmt::format(" ({} times)", n) : "");
+    }
     if (diagnostics.dropped()) fmt::print(stderr, "... and {} more\n", diagnostics.dropped());
 }
 
@@ -50,18 +65,6 @@ bool interrupted() {
         return true;
     }();
     return installed && signalled != 0;
-}
-
-void runTo(Scene& scene, double seconds, double framesPerSecond) {
-    const Progress progress = progressBar("running the scene");
-    for (std::uint64_t frame = 0;; ++frame) {
-        const double t = static_cast<double>(frame) / framesPerSecond;
-        if (t >= seconds) break;
-        if (t >= scene.now()) scene.newFrame(t);
-        if (progress) progress(static_cast<std::uint64_t>(t * 1e3), static_cast<std::uint64_t>(seconds * 1e3));
-    }
-    scene.newFrame(seconds);
-    if (progress) progress(1, 1);
 }
 
 Progress progressBar(std::string label) {

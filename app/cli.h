@@ -38,16 +38,14 @@ Verb addMirror(CLI::App& program);
 Verb addHelp(CLI::App& program);
 Verb addCompletion(CLI::App& program);
 
-/// `file:line:col: error: text`, one a line, on stderr; then how many were left out.
-void print(const Diagnostics& diagnostics);
+/// `file:line:col: error: text`, one a line, on stderr, each once; then how many were left out. Of subscribers that
+/// failed, the one whose failure the caller tells of itself (`said`) is not named again.
+void print(const Diagnostics& diagnostics, std::string_view said = {});
 void printError(const std::string& text);
 void printError(const Diagnostic& diagnostic);
 
 /// From the first call on, SIGINT and SIGTERM only make this true, so that a verb can end in order; a second one kills.
 bool interrupted();
-
-/// Runs the scene from where it is to `seconds`, in frames as even as those of `rtsg run`.
-void runTo(Scene& scene, double seconds, double framesPerSecond = 60);
 
 /// A bar with an ETA on stderr, if that is a terminal that moves its cursor (no NO_COLOR, no TERM=dumb) and the work
 /// takes over a second.
@@ -83,6 +81,7 @@ Result<FieldRef> findField(const Scene& scene, const std::string& path);
 double parseSeconds(const std::string& text);
 
 std::string jsonString(std::string_view text);
+/// Its name, or # and its number; as it is: for a terminal it has to go through terminalText().
 std::string nodeLabel(const Scene& scene, NodeId id);
 
 }  // namespace rtsg::app

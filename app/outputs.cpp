@@ -92,14 +92,15 @@ ListenOptions SoundArguments::parse() const {
     return options;
 }
 
-void OutputArguments::addTo(CLI::App& command, bool withRecord) {
+void OutputArguments::addTo(CLI::App& command, Options which) {
     command.add_option("--render", render,
                        "picture of the last state; with %04d in the name, or .gif, one every 1/--fps s");
-    command.add_option("--fps", picturesPerSecond, "pictures a second of scene time")
-        ->capture_default_str()
-        ->check(CLI::Range(1e-3, 1e3));
+    if (which != Options::ofRun)
+        command.add_option("--fps", picturesPerSecond, "pictures a second of scene time")
+            ->capture_default_str()
+            ->check(CLI::Range(1e-3, 1e3));
     command.add_option("--listen", listen, "WAV of what the listener hears");
-    if (withRecord) command.add_option("--record", record, "log of every state");
+    if (which == Options::ofMirror) command.add_option("--record", record, "log of every state");
     command.add_option("--save", save, "the last state as a scene file");
     addForce(command, force);
     resources.addTo(command);
@@ -140,7 +141,7 @@ SharedWorld::Options worldOptions(const Resources& resources) {
 }
 
 Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArguments& arguments,
-                                                 const Resources& resources) {
+                                                 const Resources& resources, Follow follow) {
     std::unique_ptr<Outputs> outputs(new Outputs(scene, arguments, resources));
     outputs->start_ = scene.now();
     if (!arguments.render.empty()) {
@@ -156,18 +157,9 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArgum
         outputs->sound_ = std::make_unique<SoundRenderer>(outputs->world(), options);
         if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
     }
-    if (!arguments.record.empty()) {
-        LogOptions options;
-        options.existing = existing(arguments.force);
-        auto log = LogWriter::create(arguments.record, builtinTypes(), options);
-        if (!log) return std::unexpected(log.error());
-        outputs->log_ = std::move(*log);
-        outputs->logAttachment_ = scene.bus().attach(*outputs->log_);
-        if (!outputs->logAttachment_.attached()) return fail(outputs->logAttachment_.failure());
-    }
-    // After those above, which it looks at in apply().
-    outputs->attachment_ = scene.bus().attach(*outputs);
-    if (!outputs->attachment_.attached()) return fail(outputs->attachment_.failure());
+    // After those above, which it looks at.
+    if (follow == Follow::sets) outputs->attachment_ = scene.bus().attach(*outputs);
+    if (!outputs->failed_) return std::unexpected(outputs->failed_.error());
     return outputs;
 }
 
@@ -195,9 +187,14 @@ Result<> Outputs::takePicture(const std::string& file) {
     return writePicture(*picture, file, arguments_.picture.toneMap());
 }
 
-Result<> Outputs::apply(const Scene& scene, const ChangeSet&) {
+Result<> Outputs::frame() {
+    failed_ = make();
+    return failed_;
+}
+
+Result<> Outputs::make() {
     constexpr double kRounding = 1e-9;
-    const double t = scene.now() - start_;
+    const double t = scene_.now() - start_;
     if (sound_)
         if (auto ok = sound_->renderFrame(); !ok) return ok;
     if (!light_ || !arguments_.animated()) return {};
@@ -211,12 +208,11 @@ Result<> Outputs::apply(const Scene& scene, const ChangeSet&) {
 }
 
 Result<> Outputs::finish() {
-    Result<> result;
-    if (!failure().empty()) result = fail(failure());
+    Result<> result = failed_;
     attachment_.detach();
     finishing_ = true;
     // One that cannot be written costs the others nothing.
-    for (const auto step : {&Outputs::finishPictures, &Outputs::finishSound, &Outputs::finishLog})
+    for (const auto step : {&Outputs::finishPictures, &Outputs::finishSound})
         if (auto ok = (this->*step)(); !ok) {
             if (!result) printError(result.error());
             result = ok;
@@ -269,15 +265,6 @@ std::string Outputs::missing() const {
         text += fmt::format("{}{:.4g} of {:.4g} s of sound", text.empty() ? "" : ", ",
                             arguments_.seconds - soundSeconds_, arguments_.seconds);
     return text;
-}
-
-Result<> Outputs::finishLog() {
-    if (log_) {
-        if (!logAttachment_.attached()) return fail(logAttachment_.failure());
-        logAttachment_.detach();
-        if (auto ok = log_->close(); !ok) return ok;
-    }
-    return {};
 }
 
 }  // namespace rtsg::app

@@ -1,4 +1,4 @@
-// Outputs: what --render, --listen, --record and --save make of a scene that something else drives: a mirror or a log.
+// Outputs: what --render, --listen and --save make of a scene that something else drives: a file, a mirror or a log.
 //
 // Invariant: every state is seen in its turn, however many come at once. Pictures are taken at even distances of scene
 // time if the file's name holds a place for a number (%04d) or is a .gif; else one is taken at the end. Of T seconds at
@@ -14,7 +14,6 @@
 
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/renderers/image.h>
-#include <rtsg/sync/log.h>
 
 #include "cli.h"
 #include "files.h"
@@ -56,7 +55,9 @@ struct OutputArguments {
     PictureArguments picture;
     SoundArguments sound;
 
-    void addTo(CLI::App& command, bool withRecord);
+    /// `run` has an --fps of its own, which is that of its pictures; only `mirror` has --record.
+    enum class Options : std::uint8_t { ofRun, ofReplay, ofMirror };
+    void addTo(CLI::App& command, Options which);
     bool animated() const;
     bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
     /// Finds out before any work that something cannot be made, or would overwrite one of `inputs` (checkFiles(), to
@@ -72,17 +73,24 @@ Result<> saveScene(const Scene& scene, const std::string& file, Existing existin
 
 class Outputs final : public Subscriber {
   public:
+    enum class Follow : std::uint8_t {
+        sets,    // every set of the scene's bus
+        frames,  // frame() says that a frame is complete, with all sets that belong to it
+    };
     /// The scene must outlive this and be in its first state. `resources`: what urls may open.
     static Result<std::unique_ptr<Outputs>> attach(Scene& scene, const OutputArguments& arguments,
-                                                   const Resources& resources);
+                                                   const Resources& resources, Follow follow = Follow::sets);
 
+    Scene& scene() { return scene_; }
     /// What pictures, sound and others share; made when first asked for.
     SharedWorld& world();
 
-    Result<> apply(const Scene& scene, const ChangeSet& changes) override;
+    /// Makes what is due at the scene's time.
+    Result<> frame();
+    Result<> apply(const Scene&, const ChangeSet&) override { return frame(); }
     std::string subscriberName() const override { return "outputs"; }
     /// Why it follows no longer; empty if it does.
-    std::string failure() const { return attachment_.attached() ? "" : attachment_.failure(); }
+    std::string failure() const { return failed_ ? "" : failed_.error().format(); }
 
     /// Writes what is written at the end.
     Result<> finish();
@@ -94,14 +102,13 @@ class Outputs final : public Subscriber {
     std::string missing() const;
     int pictures() const { return pictures_; }
     double soundSeconds() const { return soundSeconds_; }
-    std::uint64_t logBytes() const { return log_ ? log_->bytes() : 0; }
 
   private:
     Outputs(Scene& scene, const OutputArguments& arguments, const Resources& resources)
         : scene_(scene), arguments_(arguments), worldOptions_(worldOptions(resources)) {}
+    Result<> make();
     Result<> finishPictures();
     Result<> finishSound();
-    Result<> finishLog();
     Result<> takePicture(const std::string& file);
     /// Seconds from the start to the next picture.
     double nextPicture() const { return pictures_ / arguments_.picturesPerSecond; }
@@ -113,12 +120,12 @@ class Outputs final : public Subscriber {
     std::unique_ptr<SharedWorld> world_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<SoundRenderer> sound_;
-    std::unique_ptr<LogWriter> log_;
     std::vector<Picture> frames_;  // of a .gif
     double start_ = 0, soundSeconds_ = 0;
     int pictures_ = 0;
     bool finishing_ = false;
-    Attachment logAttachment_, attachment_;
+    Result<> failed_;
+    Attachment attachment_;
 };
 
 }  // namespace rtsg::app

@@ -109,7 +109,12 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         return {};
     };
     // Within the test's run, as the scene goes with it.
-    test.finish = [&] { return following->finish(); };
+    test.finish = [&]() -> Result<> {
+        if (!following) return {};
+        Result<> result = following->finish();
+        print(following->scene().diagnostics(), result ? "" : result.error().format());
+        return result;
+    };
     Result<ReplayReport> report = runReplayTest(test);
     if (!report) return printError(report.error()), kBad;
 

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/terminal.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/shared_world.h>
@@ -50,6 +51,10 @@ std::string asJson(const std::map<std::string, std::size_t>& counts) {
     return "{" + out + "}";
 }
 
+void printCounts(const std::map<std::string, std::size_t>& counts) {
+    for (const auto& [name, n] : counts) fmt::print("    {:<24} {:>7} nodes\n", terminalText(name), n);
+}
+
 /// Of all instances: a mesh that is used twice counts twice.
 void countTriangles(Scene& scene, const Resources& resources, Counts& c) {
     const SharedWorld world(scene, worldOptions(resources));  // no rays are asked for: no BVH is built
@@ -83,9 +88,9 @@ int describeScene(const Options& options) {
     fmt::print(
         "{}\n  profile    {}\n  nodes      {}\n  routes     {}\n  shapes     {}\n  triangles  {}\n"
         "  protos     {}\n  scripts    {}\n  sounds     {}\n  problems   {} errors, {} warnings\n  components\n",
-        options.file, profile.empty() ? "none named" : profile, c.nodes, scene.routeCount(), c.instances, c.triangles,
-        c.protos, c.scripts, c.sounds, diagnostics.errors(), diagnostics.warnings());
-    for (const auto& [name, n] : c.components) fmt::print("    {:<24} {:>7} nodes\n", name, n);
+        terminalText(options.file), profile.empty() ? "none named" : terminalText(profile), c.nodes, scene.routeCount(),
+        c.instances, c.triangles, c.protos, c.scripts, c.sounds, diagnostics.errors(), diagnostics.warnings());
+    printCounts(c.components);
     return ok ? kDone : kBad;
 }
 
@@ -106,10 +111,11 @@ int describeLog(const Options& options) {
             "{}\n  frames     {}, states {} to {}\n  keyframes  {}\n  inputs     {}\n  sessions   {}\n"
             "  time       {} to {} s, {} s long\n  bytes      {}\n  damage     {} places, {} bytes{}\n"
             "  mode       {}, coding {}, written by {}\n  nodes      {} in the last state\n",
-            options.file, log->frames, log->firstState, log->lastState, log->keyframes, log->inputs, log->sessions,
-            log->start, log->end, duration, log->bytes, log->damaged, log->damagedBytes,
-            log->closed ? "" : "; it was not closed in order", log->mode, log->coding, log->creator, log->nodes);
-        for (const auto& [name, n] : log->types) fmt::print("    {:<24} {:>7} nodes\n", name, n);
+            terminalText(options.file), log->frames, log->firstState, log->lastState, log->keyframes, log->inputs,
+            log->sessions, log->start, log->end, duration, log->bytes, log->damaged, log->damagedBytes,
+            log->closed ? "" : "; it was not closed in order", terminalText(log->mode), terminalText(log->coding),
+            terminalText(log->creator), log->nodes);
+        printCounts(log->types);
     }
     return log->damaged == 0 ? kDone : kBad;
 }

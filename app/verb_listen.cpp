@@ -4,9 +4,9 @@
 
 #include <fmt/format.h>
 
-#include "cli.h"
 #include "files.h"
 #include "outputs.h"
+#include "running_scene.h"
 
 namespace rtsg::app {
 
@@ -28,10 +28,10 @@ int listenTo(const Options& options) {
                              {{"-o", options.out, OutputKind::sound}, {"--ir", options.ir, OutputKind::sound}}, false);
         !ok)
         return printError(ok.error()), kBad;
-    Scene scene;
-    Diagnostics diagnostics(options.scene);
-    listening.render.resources = options.resources.ofFile(options.scene);
-    if (!load(scene, options.scene, diagnostics, listening.render.resources)) return kBad;
+    RunningScene running(options.scene, options.resources);
+    if (!running.load()) return kBad;
+    listening.render.resources = running.resources();
+    listening.runTo = [&](double t) { running.frame(t); };
     listening.sound = !options.out.empty();
     listening.metrics = options.metrics || options.json || !options.ir.empty();
     const Progress progress = progressBar("listening to " + options.scene);
@@ -39,12 +39,13 @@ int listenTo(const Options& options) {
         if (progress) progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);
         return !interrupted();
     };
-    SharedWorld world(scene, worldOptions(listening.render.resources));
+    SharedWorld world(running.scene(), worldOptions(running.resources()));
     SoundRenderer sound(world, listening);
     auto report = listen(sound, listening);
     if (progress) progress(1, 1);
     if (interrupted()) return printError("interrupted: nothing was written"), kBad;
     if (!report) return printError(report.error()), kBad;
+    running.printDiagnostics();
     print(report->diagnostics);
     print(world.diagnostics());
     if (!options.out.empty())

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/terminal.h>
+#include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/mirror_client.h>
 
 #include "behind.h"
@@ -103,10 +104,21 @@ Result<MirrorClientOptions> clientOptions(const Options& options) {
     return result;
 }
 
-/// What is made of the replica: of every frame, behind the replica's back, or with --live of the newest state.
+/// What is made of the replica: a log of every frame; pictures and sound of every frame, behind the replica's back, or
+/// with --live of the newest state.
 class Made {
   public:
-    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources, bool live) {
+    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources, bool live) : replica_(replica) {
+        if (!arguments.record.empty()) {
+            LogOptions options;
+            options.existing = existing(arguments.force);
+            auto log = LogRecorder::start(replica, arguments.record, options, LogRecorder::WhenBehind::wait);
+            if (!log) {
+                problem_ = std::unexpected(log.error());
+                return;
+            }
+            log_ = std::move(*log);
+        }
         if (!live && (!arguments.render.empty() || !arguments.listen.empty())) {
             behind_ = std::make_unique<OutputsBehind>(replica, arguments, resources);
             return;
@@ -117,17 +129,33 @@ class Made {
         else
             problem_ = std::unexpected(attached.error());
     }
-    bool failed() const { return !problem_ || (behind_ ? behind_->failed() : !live_->failure().empty()); }
+    bool failed() const {
+        if (!problem_ || (log_ && !log_->failure().empty())) return true;
+        return behind_ ? behind_->failed() : !live_->failure().empty();
+    }
     Result<> finish() {
-        if (!problem_) return problem_;
-        return behind_ ? behind_->finish() : live_->finish();
+        Result<> result = problem_;
+        std::string said = result ? "" : result.error().format();
+        const auto finished = [&](const Result<>& one) {
+            if (one) return;
+            said += one.error().format();
+            if (!result) printError(result.error());
+            result = one;
+        };
+        if (log_) finished(log_->stop());
+        if (behind_) finished(behind_->finish());
+        if (live_) finished(live_->finish());
+        app::print(replica_.diagnostics(), said);
+        return result;
     }
     /// Null if nothing could be made.
     const Outputs* outputs() const { return behind_ ? behind_->outputs() : live_.get(); }
     double mostBehind() const { return behind_ ? behind_->mostBehind() : 0; }
 
   private:
+    Scene& replica_;
     Result<> problem_;
+    std::unique_ptr<LogRecorder> log_;
     std::unique_ptr<OutputsBehind> behind_;
     std::unique_ptr<Outputs> live_;
 };
@@ -352,7 +380,7 @@ Verb addMirror(CLI::App& program) {
         ->check(CLI::IsMember({"merge", "block", "resync"}));
     command->add_flag("--live", options->live,
                       "make pictures and sound of the newest state, frames merged, instead of every frame");
-    options->outputs.addTo(*command, true);
+    options->outputs.addTo(*command, OutputArguments::Options::ofMirror);
     command->add_flag("--json", options->json, "the summary as JSON");
     command->footer(
         "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --listen out.wav --base "

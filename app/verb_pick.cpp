@@ -4,11 +4,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <rtsg/core/terminal.h>
 #include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/shared_world.h>
 
-#include "cli.h"
 #include "outputs.h"
+#include "running_scene.h"
 
 namespace rtsg::app {
 
@@ -32,8 +33,8 @@ void print(const Scene& scene, const Pick& pick, bool json) {
         fmt::print(
             "{} at {:.9g} m\n  point    {:.9g} {:.9g} {:.9g}\n  normal   {:.6g} {:.6g} {:.6g}\n  texture  {:.6g} "
             "{:.6g}\n",
-            fmt::join(path, " / "), pick.distance, pick.point.x, pick.point.y, pick.point.z, pick.normal.x,
-            pick.normal.y, pick.normal.z, pick.texCoord.x, pick.texCoord.y);
+            terminalText(fmt::format("{}", fmt::join(path, " / "))), pick.distance, pick.point.x, pick.point.y,
+            pick.point.z, pick.normal.x, pick.normal.y, pick.normal.z, pick.texCoord.x, pick.texCoord.y);
         return;
     }
     for (std::string& name : path) name = jsonString(name);
@@ -49,12 +50,12 @@ int run(const Options& options) {
         printError("one of --ray, --point and --sweep is needed");
         return kUsage;
     }
-    Scene scene;
-    Diagnostics diagnostics(options.scene);
-    const Resources resources = options.resources.ofFile(options.scene);
-    if (!load(scene, options.scene, diagnostics, resources)) return kBad;
-    runTo(scene, parseSeconds(options.time));
-    SharedWorld world(scene, worldOptions(resources));
+    const double time = parseSeconds(options.time);
+    RunningScene running(options.scene, options.resources);
+    if (!running.load()) return kBad;
+    running.runTo(time);
+    running.printDiagnostics();
+    SharedWorld world(running.scene(), worldOptions(running.resources()));
     const Picker picker(world.rays(), world.flattener());
     app::print(world.diagnostics());
     const auto at = [](const std::vector<double>& numbers, std::size_t first) {
@@ -65,7 +66,7 @@ int run(const Options& options) {
                           ? picker.closest(at(options.point, 0))
                           : picker.sweep(at(options.sweep, 0), options.sweep[3], at(options.sweep, 4));
     if (!pick) return printError(pick.error().text), kUsage;
-    print(scene, *pick, options.json);
+    print(running.scene(), *pick, options.json);
     return kDone;
 }
 

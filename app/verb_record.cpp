@@ -1,18 +1,13 @@
 // rtsg record: runs a scene in simulated time and logs every change.
-#include <chrono>
-#include <cmath>
 #include <memory>
-#include <thread>
 
 #include <fmt/format.h>
 
-#include <rtsg/core/scene_builder.h>
-#include <rtsg/sync/log.h>
+#include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/lossy_scene.h>
 
-#include "cli.h"
 #include "files.h"
-#include "injections.h"
+#include "running_scene.h"
 
 namespace rtsg::app {
 
@@ -28,70 +23,90 @@ struct Options {
     bool realtime = false, json = false, inputs = false, force = false;
 };
 
+/// The log of a scene: on a thread of its own, but for logs with inputs, which need the running scene itself.
+class Recording {
+  public:
+    static Result<std::unique_ptr<Recording>> start(Scene& scene, const std::string& file, const LogOptions& options) {
+        auto recording = std::make_unique<Recording>();
+        if (options.inputs || options.mode.mode == Mode::input) {
+            auto writer = LogWriter::create(file, builtinTypes(), options);
+            if (!writer) return std::unexpected(writer.error());
+            recording->writer_ = std::move(*writer);
+            recording->attachment_ = scene.bus().attach(*recording->writer_);
+        } else {
+            auto recorder = LogRecorder::start(scene, file, options, LogRecorder::WhenBehind::wait);
+            if (!recorder) return std::unexpected(recorder.error());
+            recording->recorder_ = std::move(*recorder);
+        }
+        return recording;
+    }
+    std::string failure() const { return recorder_ ? recorder_->failure() : attachment_.failure(); }
+    std::uint64_t bytes() const { return recorder_ ? recorder_->bytes() : writer_->bytes(); }
+    Result<> stop() {
+        if (recorder_) return recorder_->stop();
+        if (!attachment_.attached()) return fail(attachment_.failure());
+        attachment_.detach();
+        return writer_->close();
+    }
+
+  private:
+    std::unique_ptr<LogRecorder> recorder_;
+    std::unique_ptr<LogWriter> writer_;
+    Attachment attachment_;
+};
+
+LogOptions logOptions(const Options& options) {
+    LogOptions result;
+    result.mode.mode = *modeFromName(options.mode);
+    result.mode.coding = *codingFromName(options.coding);
+    if (result.mode.mode == Mode::lossy) result.mode.maxError = options.error;
+    result.inputs = options.inputs;
+    result.existing = existing(options.force);
+    return result;
+}
+
+void printSummary(const Options& options, const Scene& scene, std::uint64_t frames, std::uint64_t bytes) {
+    const double perFrame = static_cast<double>(bytes) / static_cast<double>(std::max<std::uint64_t>(1, frames));
+    if (options.json)
+        fmt::print("{{\"frames\":{},\"t\":{},\"bytes\":{},\"bytes_per_frame\":{:.1f},\"hash\":\"{}\"}}\n", frames,
+                   scene.now(), bytes, perFrame, scene.hash().hex());
+    else
+        fmt::print("{} frames to t = {} s, {} bytes ({:.1f} a frame), state {}\n", frames, scene.now(), bytes, perFrame,
+                   scene.hash().hex());
+}
+
 int record(const Options& options) {
-    const double duration = parseSeconds(options.duration);
+    const Pace pace{parseSeconds(options.duration), options.fps, options.realtime};
     if (auto ok = checkFiles({options.scene}, {{"-o", options.out, OutputKind::log}}, options.force); !ok)
         return printError(ok.error()), kBad;
-    Scene scene;
-    Diagnostics diagnostics(options.scene);
-    const Resources resources = options.resources.ofFile(options.scene);
-    if (!load(scene, options.scene, diagnostics, resources)) return kBad;
-    auto injections = Injections::parse(scene, options.set);
-    if (!injections) return printError(injections.error().text), kUsage;
-    Diagnostics inlineDiagnostics(options.scene);
-    BuildOptions build;
-    build.resources = resources;
-    if (options.scene != "-") build.file = options.scene;
-    InlineLoader inlines(scene, inlineDiagnostics, build);
-    LogOptions logOptions;
-    logOptions.mode.mode = *modeFromName(options.mode);
-    logOptions.mode.coding = *codingFromName(options.coding);
+    RunningScene running(options.scene, options.resources);
+    if (!running.load()) return kBad;
+    Scene& scene = running.scene();
+    if (auto ok = running.inject(options.set); !ok) return printError(ok.error().text), kUsage;
+    const LogOptions wanted = logOptions(options);
     std::unique_ptr<LossyScene> lossy;
-    if (logOptions.mode.mode == Mode::lossy) {
+    if (wanted.mode.mode == Mode::lossy) {
         auto followed = LossyScene::follow(scene, options.error);
         if (!followed) return printError(followed.error()), kUsage;
         lossy = std::move(*followed);
-        logOptions.mode.maxError = options.error;
     }
-    logOptions.inputs = options.inputs;
-    logOptions.existing = existing(options.force);
-    scene.setInputRecording(options.inputs || logOptions.mode.mode == Mode::input);
+    scene.setInputRecording(options.inputs || wanted.mode.mode == Mode::input);
     (void)interrupted();  // from here on an interruption ends in order: no half file stays
-    auto log = LogWriter::create(options.out, builtinTypes(), logOptions);
+    auto log = Recording::start(lossy ? lossy->scene() : scene, options.out, wanted);
     if (!log) return printError(log.error()), kBad;
-    Attachment attachment = (lossy ? lossy->scene() : scene).bus().attach(**log);
-    const auto frames = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9)) + 1;
-    const auto start = std::chrono::steady_clock::now();
-    const Progress progress = progressBar("recording " + options.out);
-    std::uint64_t done = 0;
-    for (; done < frames && attachment.attached() && !interrupted(); ++done) {
-        const double t = static_cast<double>(done) / options.fps;
-        if (options.realtime) std::this_thread::sleep_until(start + std::chrono::duration<double>(t));
-        injections->sendUntil(t);
-        scene.newFrame(t);
-        inlines.update();
-        if (progress) progress(done + 1, frames);
-    }
+    const auto follow = [&](std::uint64_t, const ChangeSet&) { return (*log)->failure().empty() && !interrupted(); };
+    const std::uint64_t done = running.run(pace, "recording " + options.out, follow);
     scene.seal();
-    print(inlineDiagnostics);
-    print(scene.diagnostics());
-    if (!attachment.attached()) {
-        printError(attachment.failure());
+    const Result<> stopped = (*log)->stop();
+    running.printDiagnostics(stopped ? "" : stopped.error().format());
+    if (!stopped) {
+        printError(stopped.error());
         printError(fmt::format("{} holds the first {} bytes, to a whole frame", options.out, (*log)->bytes()));
         return kBad;
     }
-    attachment.detach();
-    if (auto ok = (*log)->close(); !ok) return printError(ok.error()), kBad;
-    const double perFrame =
-        static_cast<double>((*log)->bytes()) / static_cast<double>(std::max<std::uint64_t>(1, done));
-    if (options.json)
-        fmt::print("{{\"frames\":{},\"t\":{},\"bytes\":{},\"bytes_per_frame\":{:.1f},\"hash\":\"{}\"}}\n", done,
-                   scene.now(), (*log)->bytes(), perFrame, scene.hash().hex());
-    else
-        fmt::print("{} frames to t = {} s, {} bytes ({:.1f} a frame), state {}\n", done, scene.now(), (*log)->bytes(),
-                   perFrame, scene.hash().hex());
-    if (done == frames) return kDone;
-    printError(fmt::format("interrupted: {} holds {} of {} frames", options.out, done, frames));
+    printSummary(options, scene, done, (*log)->bytes());
+    if (done == pace.frames()) return kDone;
+    printError(fmt::format("interrupted: {} holds {} of {} frames", options.out, done, pace.frames()));
     return kBad;
 }
 

@@ -5,9 +5,9 @@
 
 #include <fmt/format.h>
 
-#include "cli.h"
 #include "files.h"
 #include "outputs.h"
+#include "running_scene.h"
 
 namespace rtsg::app {
 
@@ -35,13 +35,12 @@ int render(const Options& options) {
     if (auto ok = checkFiles({options.scene}, {{"-o", options.out, OutputKind::picture}}, false); !ok)
         return printError(ok.error()), kBad;
 
-    Scene scene;
-    Diagnostics diagnostics(options.scene);
-    const Resources resources = options.resources.ofFile(options.scene);
-    if (!load(scene, options.scene, diagnostics, resources)) return kBad;
-    SharedWorld world(scene, worldOptions(resources));
-    LightRenderer light(world, LightRenderer::Options(resources));
-    runTo(scene, animation.start);
+    RunningScene running(options.scene, options.resources);
+    if (!running.load()) return kBad;
+    SharedWorld world(running.scene(), worldOptions(running.resources()));
+    LightRenderer light(world, LightRenderer::Options(running.resources()));
+    running.runTo(animation.start);
+    animation.runTo = [&](double t) { running.frame(t); };
     const Progress progress = progressBar("rendering " + options.out);
     int finished = 0;
     animation.progress = [&](int done) {
@@ -57,6 +56,7 @@ int render(const Options& options) {
     animation.stats = [&](const RenderStats& stats) { seconds += stats.seconds; };
     const auto written = renderToFile(light, out, image, animation, options.picture.toneMap());
     if (progress) progress(1, 1);
+    running.printDiagnostics();
     Diagnostics found = world.diagnostics();
     found.append(light.diagnostics());
     found.setFile(options.scene);

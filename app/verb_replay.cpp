@@ -168,6 +168,7 @@ int replay(const Options& options) {
                 printError(ok.error());
                 cut = true;
             }
+        print(replayer.scene().diagnostics(), (*outputs)->failure());
         if (auto ok = (*outputs)->finish(); !ok) return printError(ok.error()), kBad;
         if (const std::string missing = (*outputs)->missing(); !missing.empty()) {
             printError("missing: " + missing);
@@ -215,7 +216,7 @@ Verb addReplay(CLI::App& program) {
         ->check(CLI::Range(std::uint64_t{1}, UINT64_MAX));
     command->add_option("--interval", options->interval, "with --compact: frames closer than this become one")
         ->capture_default_str();
-    options->outputs.addTo(*command, false);
+    options->outputs.addTo(*command, OutputArguments::Options::ofReplay);
     options->test.addTo(*command);
     command->add_flag("--json", options->json, "the report as JSON");
     command->footer(

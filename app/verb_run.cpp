@@ -1,16 +1,12 @@
 // rtsg run: the cascade of a scene in simulated time, with events sent and watched.
-#include <chrono>
-#include <cmath>
 #include <memory>
-#include <thread>
 
 #include <fmt/format.h>
 
 #include <rtsg/core/field_text.h>
-#include <rtsg/core/scene_builder.h>
 
-#include "cli.h"
-#include "injections.h"
+#include "outputs.h"
+#include "running_scene.h"
 
 namespace rtsg::app {
 
@@ -20,7 +16,7 @@ struct Options {
     std::string scene, duration = "1s";
     double fps = 60;
     std::vector<std::string> watch, set;
-    ResourceArguments resources;
+    OutputArguments outputs;
     bool realtime = false, hash = false, json = false;
 };
 
@@ -42,56 +38,102 @@ Result<Watch> parseWatch(const Scene& scene, const std::string& text) {
     return Watch{field->node, field->field};
 }
 
-int run(const Options& options) {
-    Scene scene;
-    Diagnostics diagnostics(options.scene);
-    const Resources resources = options.resources.ofFile(options.scene);
-    if (!load(scene, options.scene, diagnostics, resources)) return kBad;
-    auto injections = Injections::parse(scene, options.set);
-    if (!injections) return printError(injections.error().text), kUsage;
+Result<std::vector<Watch>> parseWatches(const Scene& scene, const std::vector<std::string>& texts) {
     std::vector<Watch> watches;
-    for (const std::string& text : options.watch) {
+    for (const std::string& text : texts) {
         const auto watch = parseWatch(scene, text);
-        if (!watch) return printError(watch.error().text), kUsage;
+        if (!watch) return std::unexpected(watch.error());
         watches.push_back(*watch);
     }
-    if (!watches.empty())
-        scene.setEventListener([&](double t, const Node& node, FieldIndex field, const Value& value) {
-            for (const Watch& w : watches)
-                if ((!w.node || w.node == node.id()) && (w.field == kNoField || w.field == field)) {
-                    fmt::print("{{\"t\":{},\"node\":{},\"field\":{},\"value\":{}}}\n", t,
-                               jsonString(nodeLabel(scene, node.id())), jsonString(node.type().fields[field].name),
-                               printFieldText(value, TextSyntax::json));
-                    return;
-                }
-        });
-    Diagnostics inlineDiagnostics(options.scene);
-    BuildOptions build;
-    build.resources = resources;
-    if (options.scene != "-") build.file = options.scene;
-    InlineLoader inlines(scene, inlineDiagnostics, build);
-    const double duration = parseSeconds(options.duration);
-    const auto frames = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9)) + 1;
-    const auto start = std::chrono::steady_clock::now();
-    const Progress progress = progressBar("running " + options.scene);
-    for (std::uint64_t frame = 0; frame < frames; ++frame) {
-        const double t = static_cast<double>(frame) / options.fps;
-        if (options.realtime) std::this_thread::sleep_until(start + std::chrono::duration<double>(t));
-        injections->sendUntil(t);
-        const auto set = scene.newFrame(t);
-        if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", frame, t, set->hash.hex());
-        inlines.update();
-        if (progress) progress(frame + 1, frames);
+    return watches;
+}
+
+void printEvents(Scene& scene, const std::vector<Watch>& watches) {
+    scene.setEventListener([&](double t, const Node& node, FieldIndex field, const Value& value) {
+        for (const Watch& w : watches)
+            if ((!w.node || w.node == node.id()) && (w.field == kNoField || w.field == field)) {
+                fmt::print("{{\"t\":{},\"node\":{},\"field\":{},\"value\":{}}}\n", t,
+                           jsonString(nodeLabel(scene, node.id())), jsonString(node.type().fields[field].name),
+                           printFieldText(value, TextSyntax::json));
+                return;
+            }
+    });
+}
+
+/// Pictures, sound and the saved scene, of the frames from the first on.
+class Made {
+  public:
+    Made(RunningScene& running, const Options& options) : running_(running), arguments_(options.outputs) {
+        arguments_.picturesPerSecond = options.fps;
+        arguments_.seconds = parseSeconds(options.duration);
     }
-    print(inlineDiagnostics);
-    print(scene.diagnostics());
-    if (progress) progress(1, 1);
+    /// After each frame; false if it is of no use to go on.
+    bool follow(std::uint64_t frame) {
+        if (!arguments_.any()) return true;
+        if (frame == 0) {
+            auto attached =
+                Outputs::attach(running_.scene(), arguments_, running_.resources(), Outputs::Follow::frames);
+            if (!attached) {
+                printError(attached.error());
+                return false;
+            }
+            outputs_ = std::move(*attached);
+        }
+        return outputs_->frame() && !interrupted();
+    }
+    /// False, and said, if not all that was asked for is there.
+    bool finish(bool complete) {
+        if (!arguments_.any()) return true;
+        if (!outputs_) return false;
+        bool good = complete;
+        if (!complete && outputs_->failure().empty())
+            printError(fmt::format("interrupted after {} of {} s", running_.scene().now(), arguments_.seconds));
+        if (auto ok = outputs_->finish(); !ok) {
+            printError(ok.error());
+            good = false;
+        }
+        if (const std::string missing = outputs_->missing(); !missing.empty()) {
+            printError("missing: " + missing);
+            good = false;
+        }
+        return good;
+    }
+    std::string json() const {
+        if (!outputs_) return {};
+        return fmt::format(R"(,"pictures":{},"sound_seconds":{:.3f}{})", outputs_->pictures(), outputs_->soundSeconds(),
+                           outputs_->worldJson());
+    }
+
+  private:
+    RunningScene& running_;
+    OutputArguments arguments_;
+    std::unique_ptr<Outputs> outputs_;
+};
+
+int run(const Options& options) {
+    const Pace pace{parseSeconds(options.duration), options.fps, options.realtime};
+    if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
+    RunningScene running(options.scene, options.outputs.resources);
+    if (!running.load()) return kBad;
+    Scene& scene = running.scene();
+    if (auto ok = running.inject(options.set); !ok) return printError(ok.error().text), kUsage;
+    const auto watches = parseWatches(scene, options.watch);
+    if (!watches) return printError(watches.error().text), kUsage;
+    if (!watches->empty()) printEvents(scene, *watches);
+    Made made(running, options);
+    const std::uint64_t frames = running.run(pace, "running " + options.scene, [&](std::uint64_t k, const auto& set) {
+        if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", k, set.time, set.hash.hex());
+        return made.follow(k);
+    });
+    running.printDiagnostics();
+    const bool good = made.finish(frames == pace.frames());
     // Text would be in the way of whoever reads the events; a summary in JSON is one line more.
     if (options.json)
-        fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"}}\n", frames, scene.now(), scene.hash().hex());
-    else if (watches.empty() && !options.hash)
+        fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"{}}}\n", frames, scene.now(), scene.hash().hex(),
+                   made.json());
+    else if (watches->empty() && !options.hash)
         fmt::print("{} frames to t = {} s, state {}\n", frames, scene.now(), scene.hash().hex());
-    return kDone;
+    return good ? kDone : kBad;
 }
 
 }  // namespace
@@ -101,15 +143,18 @@ Verb addRun(CLI::App& program) {
     CLI::App* command = program.add_subcommand("run", "Run the event cascade in simulated time from 0");
     command->add_option("SCENE", options->scene, "scene file, or -")->required();
     command->add_option("--for", options->duration, "how long, such as 2s")->capture_default_str();
-    command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e6));
+    command->add_option("--fps", options->fps, "frames a second, and pictures of --render")
+        ->capture_default_str()
+        ->check(CLI::Range(1e-3, 1e6));
     command->add_option("--watch", options->watch, "print every event of DEF.field, DEF.* or *");
     command->add_option("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
-    options->resources.addTo(*command);
+    options->outputs.addTo(*command, OutputArguments::Options::ofRun);
     command->add_flag("--realtime", options->realtime, "one second a second");
     command->add_flag("--hash", options->hash, "print the state hash of every frame");
     command->add_flag("--json", options->json, "the summary as JSON, after the events if any are watched");
     command->footer(
-        "Example: rtsg run door.x3dv --for 2s --fps 60 --watch DOOR.rotation --set PRESSED.set_boolean=TRUE@0.5");
+        "Example: rtsg run door.x3dv --for 2s --fps 60 --watch DOOR.rotation --set PRESSED.set_boolean=TRUE@0.5\n"
+        "Example: rtsg run hall.x3dv --for 2s --fps 25 --render out/%03d.png --size 320x180 --listen out/hall.wav");
     return {command, [options] { return run(*options); }};
 }
 

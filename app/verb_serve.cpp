@@ -14,8 +14,8 @@
 #include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/mirror_server.h>
 
-#include "cli.h"
 #include "files.h"
+#include "running_scene.h"
 
 namespace rtsg::app {
 
@@ -55,9 +55,9 @@ int serve(const Options& options) {
             checkFiles({options.scene, options.key}, {{"--record", options.record, OutputKind::log}}, options.force);
         !ok)
         return printError(ok.error()), kBad;
-    Scene scene;
-    Diagnostics diagnostics(options.scene);
-    if (!load(scene, options.scene, diagnostics, options.resources.ofFile(options.scene))) return kBad;
+    RunningScene running(options.scene, options.resources);
+    if (!running.load()) return kBad;
+    Scene& scene = running.scene();
     auto keys = keysFrom(options.key);
     if (!keys) return printError(keys.error()), kBad;
     MirrorServerOptions serverOptions;
@@ -102,7 +102,7 @@ int serve(const Options& options) {
     const Progress progress = options.duration.empty() ? Progress{} : progressBar("serving " + options.scene);
     while (!interrupted() && slot <= last) {
         (*server)->service();  // what mirrors have sent takes effect in this frame
-        scene.newFrame(static_cast<double>(slot) / options.fps);
+        running.frame(static_cast<double>(slot) / options.fps);
         ++frames;
         mostPeers = std::max(mostPeers, (*server)->statistics().peers);
         printNews(**server);
@@ -122,7 +122,7 @@ int serve(const Options& options) {
     }
     if (progress) progress(1, 1);
     const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
-    print(scene.diagnostics());
+    running.printDiagnostics(log ? log->failure() : "");
     // Mirrors that are behind, with a picture say, may still catch up.
     const auto grace = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.linger)));
     if (!interrupted() && !(*server)->drain(grace)) fmt::print(stderr, "not all mirrors have caught up\n");

@@ -98,14 +98,20 @@ Result<ListenReport> listen(SoundRenderer& sound, const ListenOptions& options) 
         return fail("the frame rate must be up to 1000");
     Scene& scene = sound.world().scene();
     const double start = scene.now();
-    scene.newFrame(start);
+    const auto runTo = [&](double t) {
+        if (options.runTo)
+            options.runTo(t);
+        else
+            scene.newFrame(t);
+    };
+    runTo(start);
     if (options.metrics)
         if (auto measured = sound.measure(); !measured) return std::unexpected(measured.error());
     if (options.sound) {
         const auto frames = static_cast<std::uint64_t>(std::ceil(options.seconds * options.framesPerSecond - 1e-9));
         for (std::uint64_t frame = 1; frame <= frames; ++frame) {
             const double t = start + std::min(options.seconds, static_cast<double>(frame) / options.framesPerSecond);
-            scene.newFrame(t);
+            runTo(t);
             if (auto done = sound.renderFrame(); !done) return std::unexpected(done.error());
             if (options.progress && !options.progress(static_cast<double>(frame) / static_cast<double>(frames)))
                 return fail("cancelled");

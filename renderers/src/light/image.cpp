@@ -48,7 +48,11 @@ Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file
     std::vector<Picture> frames;
     int done = 0;
     for (int i = 0; i < animation.frames; ++i) {
-        light.world().scene().newFrame(animation.start + i / animation.framesPerSecond);
+        const double t = animation.start + i / animation.framesPerSecond;
+        if (animation.runTo)
+            animation.runTo(t);
+        else
+            light.world().scene().newFrame(t);
         RenderStats stats;
         auto picture = light.picture(options, &stats);
         if (!picture) return std::unexpected(picture.error());

@@ -11,6 +11,11 @@
 
 namespace rtsg {
 
+namespace {
+/// Fewer than the bus keeps unmerged.
+constexpr std::uint64_t kMostWaiting = 128;
+}  // namespace
+
 struct LogRecorder::Impl {
     /// On the scene's thread: there is something to fetch.
     struct Bell final : Subscriber {
@@ -18,13 +23,12 @@ struct LogRecorder::Impl {
         std::atomic<std::uint64_t> rung{0};
         explicit Bell(Impl& i) : impl(i) {}
         /// An error here has the bus report to the application that the log has ended.
-        Result<> apply(const Scene&, const ChangeSet&) override {
-            if (impl.failed) {
-                const std::scoped_lock lock(impl.mutex);
-                return impl.result;
-            }
+        Result<> apply(const Scene&, const ChangeSet& changes) override {
             ring();
-            return {};
+            if (impl.whenBehind == WhenBehind::wait && !changes.isSnapshot()) impl.waitUntilNear(changes.to);
+            if (!impl.failed) return {};
+            const std::scoped_lock lock(impl.mutex);
+            return impl.result;
         }
         void ring() {
             rung.fetch_add(1, std::memory_order_release);
@@ -43,13 +47,14 @@ struct LogRecorder::Impl {
     };
 
     std::string file;
+    WhenBehind whenBehind = WhenBehind::merge;
     std::uint64_t start = 0;  // state of the scene when the recorder was attached
     std::unique_ptr<LogWriter> log;
     std::unique_ptr<Replica> replica;  // the recorder's thread's own
     Bell bell{*this};
     Acknowledger acknowledger{*this};
     Attachment bellAttachment, logAttachment, acknowledgerAttachment;
-    std::atomic<bool> stopping{false}, failed{false};
+    std::atomic<bool> stopping{false}, failed{false}, begun{false};
     std::atomic<std::uint64_t> acknowledged{0}, merged{0}, bytes{0};
     mutable std::mutex mutex;
     mutable std::condition_variable progress;
@@ -69,6 +74,16 @@ struct LogRecorder::Impl {
         return {};
     }
 
+    void waitUntilNear(std::uint64_t state) const {
+        std::unique_lock lock(mutex);
+        progress.wait(lock, [&] { return failed || acknowledged + kMostWaiting >= state; });
+    }
+    /// The first state is written: from here on none is taken together with another.
+    void waitUntilBegun() const {
+        std::unique_lock lock(mutex);
+        progress.wait(lock, [&] { return failed || begun; });
+    }
+
     void run() {
         Result<> ended;
         std::uint64_t heard = 0;
@@ -78,6 +93,11 @@ struct LogRecorder::Impl {
         Bus& bus = replica->scene().bus();
         logAttachment = bus.attach(*log);
         acknowledgerAttachment = bus.attach(acknowledger);
+        {
+            const std::scoped_lock lock(mutex);
+            begun = true;
+            progress.notify_all();
+        }
         for (bool last = false; !last && acknowledgerAttachment.attached() && replica->attached();) {
             bell.rung.wait(heard, std::memory_order_acquire);
             heard = bell.rung.load(std::memory_order_acquire);
@@ -107,7 +127,7 @@ LogRecorder::~LogRecorder() {
 }
 
 Result<std::unique_ptr<LogRecorder>> LogRecorder::start(Scene& scene, const std::filesystem::path& file,
-                                                        LogOptions options) {
+                                                        LogOptions options, WhenBehind whenBehind) {
     if (options.mode.mode == Mode::input)
         return fail("a log in input mode is written by a LogWriter on the scene itself", {}, file.string());
     auto impl = std::make_unique<Impl>();
@@ -115,10 +135,12 @@ Result<std::unique_ptr<LogRecorder>> LogRecorder::start(Scene& scene, const std:
     if (!log) return std::unexpected(log.error());
     impl->log = std::move(*log);
     impl->file = file.string();
+    impl->whenBehind = whenBehind;
     impl->replica = std::make_unique<Replica>(scene);
     impl->start = scene.sequence();
     impl->bellAttachment = scene.bus().attach(impl->bell);
     impl->thread = std::thread([i = impl.get()] { i->run(); });
+    if (whenBehind == WhenBehind::wait) impl->waitUntilBegun();
     return std::unique_ptr<LogRecorder>(new LogRecorder(std::move(impl)));
 }
 

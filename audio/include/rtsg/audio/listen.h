@@ -29,6 +29,9 @@ struct ListenOptions {
     /// noticeable difference (T 5 %, C80 1 dB, D50 .05, G 1 dB), or `maxRays` is reached.
     double error = 0;
     std::uint64_t maxRays = 4'000'000;
+    /// Runs the scene to a frame's time, where Scene::newFrame is not all that is done in a frame: Inlines are loaded,
+    /// events sent.
+    std::function<void(double t)> runTo;
     /// Shares done, 0 to 1; returning false stops with an error.
     std::function<bool(double)> progress;
 };

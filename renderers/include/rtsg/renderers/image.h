@@ -16,6 +16,9 @@ struct AnimationOptions {
     int frames = 1;
     double framesPerSecond = 25;
     double start = 0;  // scene time of the first frame, seconds
+    /// Runs the scene to a frame's time, where Scene::newFrame is not all that is done in a frame: Inlines are loaded,
+    /// events sent.
+    std::function<void(double t)> runTo{};
     /// Called after each frame with the number done; false stops.
     std::function<bool(int)> progress{};
     /// Called with every picture's counts.

@@ -1,0 +1,76 @@
+// The one loop in which all verbs run a scene file.
+#include "running_scene.h"
+
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+namespace rtsg::app {
+
+std::uint64_t Pace::frames() const {
+    return static_cast<std::uint64_t>(std::ceil(seconds * framesPerSecond - 1e-9)) + 1;
+}
+
+double Pace::timeOf(std::uint64_t frame) const {
+    return std::min(seconds, static_cast<double>(frame) / framesPerSecond);
+}
+
+RunningScene::RunningScene(std::string file, const ResourceArguments& arguments)
+    : file_(std::move(file)), resources_(arguments.ofFile(file_)), inlineDiagnostics_(file_) {}
+
+bool RunningScene::load() {
+    Diagnostics diagnostics(file_);
+    if (!app::load(scene_, file_, diagnostics, resources_)) return false;
+    BuildOptions build;
+    build.resources = resources_;
+    if (file_ != "-") build.file = file_;
+    inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
+    return true;
+}
+
+Result<> RunningScene::inject(const std::vector<std::string>& events) {
+    auto parsed = Injections::parse(scene_, events);
+    if (!parsed) return std::unexpected(parsed.error());
+    injections_ = std::move(*parsed);
+    return {};
+}
+
+std::shared_ptr<const ChangeSet> RunningScene::frame(double t) {
+    injections_.sendUntil(t);
+    auto set = scene_.newFrame(t);
+    if (inlines_->update() > 0) scene_.seal();  // a picture of this frame shows them
+    return set;
+}
+
+void RunningScene::runTo(double seconds) {
+    const Pace pace{seconds};
+    const Progress progress = progressBar("running " + file_);
+    const std::uint64_t frames = pace.frames();
+    for (std::uint64_t k = 0; k < frames; ++k) {
+        if (const double t = pace.timeOf(k); t >= scene_.now()) frame(t);
+        if (progress) progress(k + 1, frames);
+    }
+}
+
+std::uint64_t RunningScene::run(const Pace& pace, const std::string& label,
+                                const std::function<bool(std::uint64_t, const ChangeSet&)>& after) {
+    const std::uint64_t frames = pace.frames();
+    const auto start = std::chrono::steady_clock::now();
+    const Progress progress = progressBar(label);
+    std::uint64_t done = 0;
+    for (bool goOn = true; goOn && done < frames; ++done) {
+        const double t = pace.timeOf(done);
+        if (pace.realtime) std::this_thread::sleep_until(start + std::chrono::duration<double>(t));
+        goOn = after(done, *frame(t));
+        if (progress) progress(done + 1, frames);
+    }
+    if (progress) progress(1, 1);
+    return done;
+}
+
+void RunningScene::printDiagnostics(std::string_view said) {
+    print(inlineDiagnostics_);
+    print(scene_.diagnostics(), said);
+}
+
+}  // namespace rtsg::app

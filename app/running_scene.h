@@ -1,0 +1,66 @@
+// A scene file as a verb runs it: the scene, what its urls may open, the Inlines that come and go while it runs, the
+// events of --set, and what all of these have to say.
+//
+// Invariant: a frame is the same whichever verb runs it: the events that are due, the cascade, then the Inlines that
+// the cascade asked for, whose content is in the scene (and with all subscribers) when the call returns.
+// Threading: the scene's thread.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <rtsg/core/scene_builder.h>
+
+#include "cli.h"
+#include "injections.h"
+
+namespace rtsg::app {
+
+/// How far to run, and how.
+struct Pace {
+    double seconds = 1, framesPerSecond = 60;
+    bool realtime = false;
+
+    /// At k / framesPerSecond before `seconds`, and at `seconds`.
+    std::uint64_t frames() const;
+    double timeOf(std::uint64_t frame) const;
+};
+
+class RunningScene {
+  public:
+    /// Throws CLI::ValidationError as ResourceArguments::ofFile().
+    RunningScene(std::string file, const ResourceArguments& arguments);
+
+    /// Reads the file and prints what there is to say of it. False if nothing usable was in it.
+    bool load();
+    /// --set; after load().
+    Result<> inject(const std::vector<std::string>& events);
+
+    const std::string& file() const { return file_; }
+    Scene& scene() { return scene_; }
+    const Resources& resources() const { return resources_; }
+
+    /// One frame. Returns its set; Inlines that were loaded are sets of their own, published as well.
+    std::shared_ptr<const ChangeSet> frame(double t);
+    /// Frames from the present time to `seconds`, as even as those of `rtsg run`.
+    void runTo(double seconds);
+    /// Frames until `after` (given the frame's number and its set) says false. Returns how many there were.
+    std::uint64_t run(const Pace& pace, const std::string& label,
+                      const std::function<bool(std::uint64_t, const ChangeSet&)>& after);
+
+    /// What was to say since load(); `said`: the failure of a subscriber that the verb tells of itself.
+    void printDiagnostics(std::string_view said = {});
+
+  private:
+    std::string file_;
+    Resources resources_;
+    Scene scene_;
+    Diagnostics inlineDiagnostics_;
+    std::unique_ptr<InlineLoader> inlines_;
+    Injections injections_;
+};
+
+}  // namespace rtsg::app
