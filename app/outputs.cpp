@@ -40,6 +40,11 @@ void PictureArguments::addTo(CLI::App& command) {
     command.add_option("--shadows", shadows, "all: every light casts them; authored: as its field says; none")
         ->capture_default_str()
         ->check(CLI::IsMember({"all", "authored", "none"}));
+    command
+        .add_option("--color-space", colorSpace,
+                    "auto: PhysicalMaterial and path in linear light, all else as display values; linear; display")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"auto", "linear", "display"}));
     command.add_option("--seed", seed, "of the sampling")->capture_default_str();
     command.add_option("--threads", threads, "0: as many as cores")->capture_default_str();
     command.add_option("--exposure", exposure, "factor on radiance; .exr stays as it is")
@@ -60,6 +65,11 @@ ImageOptions PictureArguments::parse() const {
     if (integrator == "raster")
         throw CLI::ValidationError("--integrator", integrator + " is not built in; there are: whitted, path");
     options.settings.integrator = integrator == "path" ? Integrator::path : Integrator::whitted;
+    options.settings.colorSpace = colorSpace == "linear"    ? ColorSpace::linear
+                                  : colorSpace == "display" ? ColorSpace::display
+                                                            : ColorSpace::automatic;
+    if (integrator == "path" && colorSpace == "display")
+        throw CLI::ValidationError("--color-space", "path computes in linear light; there are: auto, linear");
     if (error != 0) throw CLI::ValidationError("--error", "not built in for pictures; use --spp");
     options.settings.samplesPerPixel = samples;
     options.settings.maxDepth = depth;

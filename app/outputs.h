@@ -22,7 +22,7 @@ namespace rtsg::app {
 
 /// --size, --spp and so on; shared by all verbs that make pictures.
 struct PictureArguments {
-    std::string size = "1280x720", viewpoint, integrator = "whitted", shadows = "all";
+    std::string size = "1280x720", viewpoint, integrator = "whitted", shadows = "all", colorSpace = "auto";
     int samples = 4, depth = 8;
     unsigned threads = 0;
     std::uint64_t seed = 1;

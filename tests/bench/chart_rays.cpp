@@ -14,11 +14,12 @@ namespace rtsg::bench {
 namespace {
 
 /// Closed and glowing: every pixel is Le / (1 - rho) = 1.
+// .735357 is .5 in linear light.
 constexpr const char* kFurnace = R"(#X3D V4.0 utf8
 PROFILE Immersive
 NavigationInfo { headlight FALSE }
 Viewpoint { position .2 .1 .3 }
-Shape { appearance Appearance { material Material { diffuseColor .5 .5 .5 emissiveColor .5 .5 .5 } }
+Shape { appearance Appearance { material Material { diffuseColor .735357 .735357 .735357 emissiveColor .735357 .735357 .735357 } }
   geometry Sphere { solid FALSE } }
 )";
 /// A room with a panel of light, a mirror and a box, seen from its open side.
@@ -58,6 +59,7 @@ class Subject {
     Run run(Integrator integrator, int samples, std::uint64_t seed) {
         ImageOptions options;
         options.settings.integrator = integrator;
+        options.settings.colorSpace = ColorSpace::linear;
         options.settings.width = options.settings.height = 64;
         options.settings.samplesPerPixel = samples;
         options.settings.seed = seed;

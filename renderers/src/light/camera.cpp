@@ -141,8 +141,11 @@ bool Sky::uniform() const {
     return groundColors.empty() && (skyColors.size() <= 1 || skyAngles.empty());
 }
 
-Vec4f Sky::color(const Vec3f& direction) const {
-    if (uniform()) return Vec4f(skyColors.empty() ? Vec3f(0) : skyColors[0], 1) * alpha;
+Vec4f Sky::color(const Vec3f& direction, ColorSpace space) const {
+    const auto inSpace = [space](const Vec3f& color) {
+        return space == ColorSpace::linear ? linearFromSrgb(color) : color;
+    };
+    if (uniform()) return Vec4f(skyColors.empty() ? Vec3f(0) : inSpace(skyColors[0]), 1) * alpha;
     const Vec3f d = localFromWorld * direction;
     const float fromZenith = std::acos(std::clamp(d.y, -1.0f, 1.0f));
     const float fromNadir = std::numbers::pi_v<float> - fromZenith;
@@ -155,7 +158,7 @@ Vec4f Sky::color(const Vec3f& direction) const {
                 : groundAngles[std::min(groundAngles.size(), std::max<std::size_t>(groundColors.size() - 1, 1)) - 1];
         if (fromNadir <= reach) result = gradient(groundColors, groundAngles, fromNadir);
     }
-    Vec4f rgba(result * alpha, alpha);
+    Vec4f rgba(inSpace(result) * alpha, alpha);
 
     // The side of the cube that d leaves through, and there s to the right, t upwards, as seen from the centre.
     const Vec3f a = glm::abs(d);
@@ -173,7 +176,7 @@ Vec4f Sky::color(const Vec3f& direction) const {
     }
     if (const auto& texture = panorama[side]) {
         const TextureAccess access{TextureWrap::clamp, TextureWrap::clamp, true};
-        const Vec4f texel = texture->sample(0.5f + 0.5f * st.x, 0.5f + 0.5f * st.y, 0, access);
+        const Vec4f texel = texture->sample(0.5f + 0.5f * st.x, 0.5f + 0.5f * st.y, 0, access, space);
         rgba = Vec4f(Vec3f(texel) * texel.a, texel.a) + rgba * (1 - texel.a);
     }
     return rgba;

@@ -222,6 +222,7 @@ struct Reader {
         material.specular = atLeastZero(material.specular);
         material.emissive = atLeastZero(material.emissive);
         material.ambient = atLeastZero(material.ambient);
+        material.decodeColors();
         return true;
     }
 
@@ -235,6 +236,7 @@ struct Reader {
         back.ambient = atLeastZero(node.get(M::backAmbientIntensity));
         back.exponent = 128 * unit(node.get(M::backShininess));
         back.opacity = 1 - unit(node.get(M::backTransparency));
+        back.decodeColors();
         return back;
     }
 };
@@ -248,6 +250,12 @@ float lengthScale(const WorldFromLocal& m) {
 
 bool Material::textured() const {
     return std::ranges::any_of(textures, [](const TextureUse& use) { return use.texture != nullptr; });
+}
+
+void Material::decodeColors() {
+    linear = {base, specular, emissive};
+    if (model != ShadingModel::physical)
+        linear = {linearFromSrgb(base), linearFromSrgb(specular), linearFromSrgb(emissive)};
 }
 
 bool Material::transmits() const {
@@ -264,7 +272,7 @@ bool Material::mirrors() const {
 
 Material defaultMaterial() {
     Material material;
-    material.base = Vec3f(1);
+    material.base = material.linear.base = Vec3f(1);
     return material;
 }
 

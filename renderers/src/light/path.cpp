@@ -114,7 +114,8 @@ class Paths {
         const std::uint32_t hits = scene_.world->intersect(rays, coherent);
         for (int lane = 0; lane < 16; ++lane) {
             if (!rays.active[lane] || (hits >> lane & 1u)) continue;
-            const Vec4f sky = scene_.sky->color({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]});
+            const Vec4f sky =
+                scene_.skyColor({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, true);
             add(tasks[lane], Vec3f(sky));
             cover(tasks[lane], sky.a);
         }
@@ -159,7 +160,7 @@ class Paths {
             const float fog = fogFactor(scene_.fog.type, scene_.fog.visibilityRange, t + task.line);
             PathTask hazy = task;
             hazy.weight *= coverage * (1 - fog);
-            add(hazy, scene_.fog.color);
+            add(hazy, scene_.fogLinear);
             if (coverage >= 1) task.weight *= fog;
         }
         PathTask own = task;

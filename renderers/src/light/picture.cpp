@@ -32,8 +32,10 @@ Result<> checkSize(const Picture& picture, const std::filesystem::path& file) {
     return {};
 }
 
+/// Authors' colours such as .9 and .1 lie half way between two bytes: the last bits of a float must not choose.
 std::uint8_t toByte(float value) {
-    return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0f, 1.0f) * 255.0f));
+    constexpr float kTie = 0.5f + 1e-3f;
+    return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255.0f + kTie);
 }
 
 /// The whole file in memory.
@@ -73,20 +75,40 @@ Vec3f ToneMap::apply(Vec3f linear) const {
 }
 
 float srgbFromLinear(float linear) {
+    if (linear > 1) return linear;
     return linear <= 0.0031308f ? linear * 12.92f : 1.055f * std::pow(linear, 1 / 2.4f) - 0.055f;
 }
 
 float linearFromSrgb(float encoded) {
+    if (encoded > 1) return encoded;
     return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
+}
+
+Picture toLinear(Picture picture) {
+    if (picture.space == ColorSpace::linear) return picture;
+    picture.space = ColorSpace::linear;
+    for (Vec4f& pixel : picture.pixels) {
+        const float alpha = pixel.a > 0 ? pixel.a : 1;
+        pixel = Vec4f(linearFromSrgb(Vec3f(pixel) / alpha) * alpha, pixel.a);
+    }
+    return picture;
 }
 
 std::vector<std::uint8_t> toSrgb8(const Picture& picture, const ToneMap& toneMap) {
     std::vector<std::uint8_t> bytes;
     bytes.reserve(picture.pixels.size() * 4);
+    const bool display = picture.space == ColorSpace::display;
+    const auto shown = [&](const Vec3f& color) {
+        if (!display) return srgbFromLinear(toneMap.apply(color));
+        Vec3f finite(0);
+        for (int c = 0; c < 3; ++c) finite[c] = std::isfinite(color[c]) ? color[c] : 0.0f;
+        if (toneMap.exposure == 1) return finite;  // toByte cuts
+        return srgbFromLinear(linearFromSrgb(finite) * toneMap.exposure);
+    };
     for (const Vec4f& pixel : picture.pixels) {
         const float alpha = std::clamp(pixel.a, 0.0f, 1.0f);
-        const Vec3f color = toneMap.apply(alpha > 0 ? Vec3f(pixel) / alpha : Vec3f(pixel));
-        for (int c = 0; c < 3; ++c) bytes.push_back(toByte(srgbFromLinear(color[c])));
+        const Vec3f color = shown(alpha > 0 ? Vec3f(pixel) / alpha : Vec3f(pixel));
+        for (int c = 0; c < 3; ++c) bytes.push_back(toByte(color[c]));
         bytes.push_back(toByte(alpha));
     }
     return bytes;
@@ -104,6 +126,8 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
     if (auto ok = checkSize(picture, file); !ok) return ok;
     const std::string extension = lowerExtension(file);
     if (extension == ".gif") return writeAnimation({&picture, 1}, file, 1, toneMap);
+    if (isLinearFormat(extension) && picture.space != ColorSpace::linear)
+        return writePicture(toLinear(picture), file, toneMap);
     if (extension == ".pfm") return writeBytes(pfm(picture), file);
     const auto files = imageFiles();
     if (!files) return std::unexpected(files.error());
@@ -167,6 +191,7 @@ Result<Picture> readPicture(const std::filesystem::path& file) {
 
 Result<PictureDifference> compare(const Picture& a, const Picture& b) {
     if (a.width != b.width || a.height != b.height) return fail("the pictures differ in size");
+    if (a.space != b.space) return fail("one picture is linear, the other holds display values");
     PictureDifference result;
     double squares = 0, sum = 0;
     for (int y = 0; y < a.height; ++y) {

@@ -18,6 +18,7 @@ struct TextureLookup {
     const SlotShading& slot;
     const Hit& hit;
     float footprint;  // metres, of a pixel on the surface
+    ColorSpace space = ColorSpace::linear;
 
     Vec2f coordinates(TextureRole role, const TextureUse& use) const {
         const std::uint8_t channel = slot.channels[static_cast<std::size_t>(role)];
@@ -46,7 +47,7 @@ struct TextureLookup {
     Vec4f sample(const Material& material, TextureRole role) const {
         const TextureUse& use = material.texture(role);
         const Vec2f st = coordinates(role, use);
-        return use.texture->sample(st.x, st.y, spread(role, use), use.access);
+        return use.texture->sample(st.x, st.y, spread(role, use), use.access, space);
     }
 };
 
@@ -88,13 +89,16 @@ float opacityOf(const Material& material, float opacity) {
 /// Colour, textures and maps of one lane whose material is more than plain numbers.
 void applyDetail(const TextureLookup& look, const Material& material, SurfacePacket& out, int lane) {
     const Mesh& mesh = *look.instance.mesh;
-    Vec3f base = material.base, specular = material.specular, emissive = material.emissive;
-    Vec3f ambientBase = material.base;
+    Vec3f base = out.base.get(lane), specular = out.specular.get(lane), emissive = out.emissive.get(lane);
+    Vec3f ambientBase = base;
     float opacity = material.opacity, alpha = 1, ambient = material.ambient;
     if (mesh.colors.present()) {
         // 11.2.2: the colour stands in for the main colour, its alpha (if it has one) for the transparency.
         const ColorRGBA color = mesh.color(look.hit.triangle, look.hit.u, look.hit.v);
-        base = ambientBase = {color.r, color.g, color.b};
+        base = {color.r, color.g, color.b};
+        // As the colour of the material that it stands in for.
+        if (look.space == ColorSpace::linear && material.model != ShadingModel::physical) base = linearFromSrgb(base);
+        ambientBase = base;
         if (mesh.colors.components() == 4) opacity = color.a;
     }
     if (material.texture(TextureRole::base)) {
@@ -217,40 +221,56 @@ void finishGeometry(const RayPacket16& rays, SurfacePacket& out) {
     out.back &= out.mask;
 }
 
-void addLanes(const Material& material, std::uint32_t lanes, SurfacePacket& out) {
+/// Whether the material is computed in linear light.
+bool isLinear(ColorSpace space, const Material& material) {
+    return space == ColorSpace::linear ||
+           (space == ColorSpace::automatic && material.model == ShadingModel::physical);
+}
+
+/// The colours that shading starts from.
+Material::Linear colorsOf(const Material& material, bool linear) {
+    return linear ? material.linear : Material::Linear{material.base, material.specular, material.emissive};
+}
+
+void addLanes(const Material& material, bool linear, std::uint32_t lanes, SurfacePacket& out) {
     if (material.model == ShadingModel::unlit) out.unlit |= lanes;
     if (material.model == ShadingModel::physical) out.physical |= lanes;
+    if (linear) out.linear |= lanes;
     const bool shiny = material.specular != Vec3f(0);
     if (material.model == ShadingModel::phong && shiny) out.shiny |= lanes;
 }
 
 /// Sixteen times the same.
-void fillAll(const Material& material, SurfacePacket& out) {
-    fill(out.base, material.base);
-    fill(out.specular, material.specular);
-    fill(out.emissive, material.emissive);
-    fill(out.ambient, material.base * material.ambient);
+void fillAll(const Material& material, ColorSpace space, SurfacePacket& out) {
+    const bool linear = isLinear(space, material);
+    const Material::Linear colors = colorsOf(material, linear);
+    fill(out.base, colors.base);
+    fill(out.specular, colors.specular);
+    fill(out.emissive, colors.emissive);
+    fill(out.ambient, colors.base * material.ambient);
     fill(out.exponent, material.exponent);
     fill(out.metallic, material.metallic);
     fill(out.roughness, material.roughness);
     fill(out.coverage, coverageOf(material, 1));
     fill(out.opacity, opacityOf(material, material.opacity));
     for (const Material*& m : out.material) m = &material;
-    addLanes(material, out.mask, out);
+    addLanes(material, linear, out.mask, out);
 }
 
-void fillLane(const Material& material, int lane, SurfacePacket& out) {
-    out.base.set(lane, material.base);
-    out.specular.set(lane, material.specular);
-    out.emissive.set(lane, material.emissive);
-    out.ambient.set(lane, material.base * material.ambient);
+void fillLane(const Material& material, ColorSpace space, int lane, SurfacePacket& out) {
+    const bool linear = isLinear(space, material);
+    const Material::Linear colors = colorsOf(material, linear);
+    out.base.set(lane, colors.base);
+    out.specular.set(lane, colors.specular);
+    out.emissive.set(lane, colors.emissive);
+    out.ambient.set(lane, colors.base * material.ambient);
     out.exponent[lane] = material.exponent;
     out.metallic[lane] = material.metallic;
     out.roughness[lane] = material.roughness;
     out.coverage[lane] = coverageOf(material, 1);
     out.opacity[lane] = opacityOf(material, material.opacity);
     out.material[lane] = &material;
-    addLanes(material, 1u << lane, out);
+    addLanes(material, linear, 1u << lane, out);
 }
 
 /// `lanes` are all of one instance.
@@ -259,11 +279,11 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
     const MaterialEntry& entry = *common.entry;
     const Material& front = entry.material;
     if (lanes == out.mask && !front.back) {
-        fillAll(front, out);
+        fillAll(front, scene.space, out);
     } else {
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
-            fillLane((out.back >> lane & 1u) && front.back ? *front.back : front, lane, out);
+            fillLane((out.back >> lane & 1u) && front.back ? *front.back : front, scene.space, lane, out);
         }
     }
     for (std::uint32_t rest = lanes; rest; rest &= rest - 1) out.lights[std::countr_zero(rest)] = common.slot->lights;
@@ -275,7 +295,8 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
             const float run = (tasks ? tasks[lane].travelled : 0) + hit.t;
             const float cosine = std::max(std::abs(glm::dot(out.view.get(lane), hit.normal)), 0.05f);
             const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
-            applyDetail({*common.instance, *common.slot, hit, footprint}, *out.material[lane], out, lane);
+            const ColorSpace space = out.linear >> lane & 1u ? ColorSpace::linear : ColorSpace::display;
+            applyDetail({*common.instance, *common.slot, hit, footprint, space}, *out.material[lane], out, lane);
         }
     }
     // The back of a solid is not there, unless light is to find its way out of glass.
@@ -292,7 +313,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
                    SurfacePacket& out) {
     scene.world->hits(rays, mask, out.hits);
     out.mask = mask;
-    out.special = out.unlit = out.physical = out.shiny = 0;
+    out.special = out.unlit = out.physical = out.shiny = out.linear = 0;
     out.pointsFound = false;
     const std::uint32_t first = out.hits.instance[std::countr_zero(mask)];
     std::uint32_t same = 0;

@@ -24,6 +24,7 @@ struct alignas(64) SurfacePacket {
     std::uint32_t unlit = 0;     // no light changes it
     std::uint32_t physical = 0;  // of the lit ones
     std::uint32_t shiny = 0;     // of the lit ones, phong with a specular part
+    std::uint32_t linear = 0;    // colours and radiance are light; of the others display values
     bool oneInstance = false;    // all lanes
     PacketHits16 hits;
     alignas(64) float distance[16];

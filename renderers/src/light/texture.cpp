@@ -30,10 +30,9 @@ std::uint32_t byteOf(float value) {
     return static_cast<std::uint32_t>(std::lround(std::clamp(value, 0.0f, 1.0f) * 255.0f));
 }
 
-std::uint32_t encode(const Vec4f& linear, Texture::Content content) {
-    std::uint32_t result = byteOf(linear.a) << 24;
-    for (int c = 0; c < 3; ++c)
-        result |= byteOf(content == Texture::Content::color ? srgbFromLinear(linear[c]) : linear[c]) << (8 * c);
+std::uint32_t encode(const Vec4f& color, bool decoded) {
+    std::uint32_t result = byteOf(color.a) << 24;
+    for (int c = 0; c < 3; ++c) result |= byteOf(decoded ? srgbFromLinear(color[c]) : color[c]) << (8 * c);
     return result;
 }
 
@@ -96,7 +95,7 @@ Result<Texture> fromPixels(FilePixels file, Texture::Content content) {
         }
         pixels[i].a = channels == 2 || channels == 4 ? source[channels - 1] : 1;
     }
-    return Texture::fromFloats(std::move(pixels), file.width, file.height, file.channels);
+    return Texture::fromFloats(std::move(pixels), file.width, file.height, file.channels, content);
 }
 
 }  // namespace
@@ -118,23 +117,21 @@ Result<Texture> Texture::fromBytes(std::span<const std::uint8_t> bytes, int widt
         pixel = r | g << 8 | b << 16 | a << 24;
         p += channels;
     }
-    texture.levels_.push_back(std::move(level));
+    texture.finest_ = std::move(level);
     texture.noteAlpha();
-    texture.buildLevels();
     return texture;
 }
 
-Result<Texture> Texture::fromFloats(std::vector<Vec4f> pixels, int width, int height, int channels) {
+Result<Texture> Texture::fromFloats(std::vector<Vec4f> pixels, int width, int height, int channels, Content content) {
     if (auto ok = checkSize(width, height, pixels.size()); !ok) return std::unexpected(ok.error());
     Texture texture;
     texture.channels_ = channels;
-    texture.content_ = Content::data;
+    texture.content_ = content;
     for (Vec4f& pixel : pixels)
         for (int c = 0; c < 4; ++c)
             if (!std::isfinite(pixel[c])) pixel[c] = 0;
-    texture.levels_.push_back({width, height, {}, std::move(pixels)});
+    texture.finest_ = {width, height, {}, std::move(pixels)};
     texture.noteAlpha();
-    texture.buildLevels();
     return texture;
 }
 
@@ -175,67 +172,77 @@ Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const st
 }
 
 void Texture::noteAlpha() {
-    const Level& finest = levels_[0];
-    for (const std::uint32_t pixel : finest.encoded) {
+    for (const std::uint32_t pixel : finest_.encoded) {
         hasAlpha_ = hasAlpha_ || pixel >> 24 != 255;
         hasPartialAlpha_ = hasPartialAlpha_ || (pixel >> 24 != 255 && pixel >> 24 != 0);
     }
-    for (const Vec4f& pixel : finest.linear) {
+    for (const Vec4f& pixel : finest_.linear) {
         hasAlpha_ = hasAlpha_ || pixel.a < 1;
         hasPartialAlpha_ = hasPartialAlpha_ || (pixel.a < 1 && pixel.a > 0);
     }
 }
 
-void Texture::buildLevels() {
-    while (levels_.back().width > 1 || levels_.back().height > 1) {
-        const Level& fine = levels_.back();
-        Level coarse{std::max(fine.width / 2, 1), std::max(fine.height / 2, 1), {}, {}};
-        const auto count = static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(coarse.height);
-        if (fine.linear.empty())
-            coarse.encoded.resize(count);
-        else
-            coarse.linear.resize(count);
-        // Odd sizes: each coarse pixel averages the fine pixels whose centres it covers (2 or 3 a side).
-        for (int y = 0; y < coarse.height; ++y) {
-            const int y0 = y * fine.height / coarse.height, y1 = (y + 1) * fine.height / coarse.height;
-            for (int x = 0; x < coarse.width; ++x) {
-                const int x0 = x * fine.width / coarse.width, x1 = (x + 1) * fine.width / coarse.width;
-                Vec3f color(0), plain(0);
-                float alpha = 0;
-                for (int j = y0; j < y1; ++j)
-                    for (int i = x0; i < x1; ++i) {
-                        const Vec4f pixel = texel(fine, i, j);
-                        color += Vec3f(pixel) * pixel.a;
-                        plain += Vec3f(pixel);
-                        alpha += pixel.a;
-                    }
-                const auto n = static_cast<float>((y1 - y0) * (x1 - x0));
-                // Weighted by alpha, so that what is clear does not bleed into the visible.
-                const Vec4f average(alpha > 0 ? color / alpha : plain / n, alpha / n);
-                const auto at =
-                    static_cast<std::size_t>(y) * static_cast<std::size_t>(coarse.width) + static_cast<std::size_t>(x);
-                if (fine.linear.empty())
-                    coarse.encoded[at] = encode(average, content_);
-                else
-                    coarse.linear[at] = average;
-            }
+Texture::Level Texture::halved(const Level& fine, bool decode) const {
+    Level coarse{std::max(fine.width / 2, 1), std::max(fine.height / 2, 1), {}, {}};
+    const auto count = static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(coarse.height);
+    if (fine.linear.empty())
+        coarse.encoded.resize(count);
+    else
+        coarse.linear.resize(count);
+    // Odd sizes: each coarse pixel averages the fine pixels whose centres it covers (2 or 3 a side).
+    for (int y = 0; y < coarse.height; ++y) {
+        const int y0 = y * fine.height / coarse.height, y1 = (y + 1) * fine.height / coarse.height;
+        for (int x = 0; x < coarse.width; ++x) {
+            const int x0 = x * fine.width / coarse.width, x1 = (x + 1) * fine.width / coarse.width;
+            Vec3f color(0), plain(0);
+            float alpha = 0;
+            for (int j = y0; j < y1; ++j)
+                for (int i = x0; i < x1; ++i) {
+                    const Vec4f pixel = texel(fine, i, j, decode);
+                    color += Vec3f(pixel) * pixel.a;
+                    plain += Vec3f(pixel);
+                    alpha += pixel.a;
+                }
+            const auto n = static_cast<float>((y1 - y0) * (x1 - x0));
+            // Weighted by alpha, so that what is clear does not bleed into the visible.
+            const Vec4f average(alpha > 0 ? color / alpha : plain / n, alpha / n);
+            const auto at =
+                static_cast<std::size_t>(y) * static_cast<std::size_t>(coarse.width) + static_cast<std::size_t>(x);
+            if (fine.linear.empty())
+                coarse.encoded[at] = encode(average, decode);
+            else
+                coarse.linear[at] = average;
         }
-        levels_.push_back(std::move(coarse));
     }
+    return coarse;
+}
+
+const std::vector<Texture::Level>& Texture::coarse(bool decode) const {
+    Coarse& c = (*coarse_)[decode ? 1 : 0];
+    if (c.built.load(std::memory_order_acquire)) return c.levels;
+    const std::lock_guard lock(c.building);
+    if (c.built.load(std::memory_order_relaxed)) return c.levels;
+    const auto last = [&]() -> const Level& { return c.levels.empty() ? finest_ : c.levels.back(); };
+    while (last().width > 1 || last().height > 1) c.levels.push_back(halved(last(), decode));
+    c.built.store(true, std::memory_order_release);
+    return c.levels;
 }
 
 std::size_t Texture::bytes() const {
-    std::size_t result = 0;
-    for (const Level& level : levels_) result += level.encoded.size() * 4 + level.linear.size() * sizeof(Vec4f);
+    const auto of = [](const Level& level) { return level.encoded.size() * 4 + level.linear.size() * sizeof(Vec4f); };
+    std::size_t result = of(finest_);
+    for (const Coarse& c : *coarse_)
+        if (c.built.load(std::memory_order_acquire))
+            for (const Level& level : c.levels) result += of(level);
     return result;
 }
 
-Vec4f Texture::texel(const Level& level, int x, int y) const {
+Vec4f Texture::texel(const Level& level, int x, int y, bool decode) const {
     const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(level.width) + static_cast<std::size_t>(x);
     if (!level.linear.empty()) return level.linear[at];
     const std::uint32_t word = level.encoded[at];
     const float alpha = static_cast<float>(word >> 24) * (1 / 255.0f);
-    if (content_ == Content::data)
+    if (!decode)
         return Vec4f(static_cast<float>(word & 255u), static_cast<float>(word >> 8 & 255u),
                      static_cast<float>(word >> 16 & 255u), 0) *
                    (1 / 255.0f) +
@@ -244,31 +251,42 @@ Vec4f Texture::texel(const Level& level, int x, int y) const {
     return {table[word & 255u], table[word >> 8 & 255u], table[word >> 16 & 255u], alpha};
 }
 
-Vec4f Texture::sampleLevel(const Level& level, float s, float t, const TextureAccess& access) const {
+Vec4f Texture::sampleLevel(const Level& level, float s, float t, const TextureAccess& access, bool decode) const {
     const float x = reduce(s, access.wrapS) * static_cast<float>(level.width);
     const float y = reduce(t, access.wrapT) * static_cast<float>(level.height);
     if (!access.smooth)
         return texel(level, wrapIndex(static_cast<int>(std::floor(x)), level.width, access.wrapS),
-                     wrapIndex(static_cast<int>(std::floor(y)), level.height, access.wrapT));
+                     wrapIndex(static_cast<int>(std::floor(y)), level.height, access.wrapT), decode);
     const float left = std::floor(x - 0.5f), bottom = std::floor(y - 0.5f);
     const float fx = x - 0.5f - left, fy = y - 0.5f - bottom;
     const int x0 = wrapIndex(static_cast<int>(left), level.width, access.wrapS);
     const int x1 = wrapIndex(static_cast<int>(left) + 1, level.width, access.wrapS);
     const int y0 = wrapIndex(static_cast<int>(bottom), level.height, access.wrapT);
     const int y1 = wrapIndex(static_cast<int>(bottom) + 1, level.height, access.wrapT);
-    return (texel(level, x0, y0) * (1 - fx) + texel(level, x1, y0) * fx) * (1 - fy) +
-           (texel(level, x0, y1) * (1 - fx) + texel(level, x1, y1) * fx) * fy;
+    return (texel(level, x0, y0, decode) * (1 - fx) + texel(level, x1, y0, decode) * fx) * (1 - fy) +
+           (texel(level, x0, y1, decode) * (1 - fx) + texel(level, x1, y1, decode) * fx) * fy;
 }
 
-Vec4f Texture::sample(float s, float t, float footprint, const TextureAccess& access) const {
+Vec4f Texture::sampleLevels(float s, float t, float footprint, const TextureAccess& access, bool decode) const {
     const float pixels = footprint * std::sqrt(static_cast<float>(width()) * static_cast<float>(height()));
-    if (!(pixels > 1)) return sampleLevel(levels_[0], s, t, access);
+    if (!(pixels > 1)) return sampleLevel(finest_, s, t, access, decode);
+    const std::vector<Level>& levels = coarse(decode);
+    const auto level = [&](std::size_t i) -> const Level& { return i == 0 ? finest_ : levels[i - 1]; };
     const float depth = std::log2(pixels);
-    const auto last = static_cast<float>(levels_.size() - 1);
-    if (depth >= last) return sampleLevel(levels_.back(), s, t, access);
+    const auto last = levels.size();
+    if (depth >= static_cast<float>(last)) return sampleLevel(level(last), s, t, access, decode);
     const auto fine = static_cast<std::size_t>(depth);
     const float f = depth - static_cast<float>(fine);
-    return sampleLevel(levels_[fine], s, t, access) * (1 - f) + sampleLevel(levels_[fine + 1], s, t, access) * f;
+    return sampleLevel(level(fine), s, t, access, decode) * (1 - f) +
+           sampleLevel(level(fine + 1), s, t, access, decode) * f;
+}
+
+Vec4f Texture::sample(float s, float t, float footprint, const TextureAccess& access, ColorSpace space) const {
+    const bool color = content_ == Content::color, wide = !finest_.linear.empty();
+    const Vec4f found = sampleLevels(s, t, footprint, access, color && !wide && space == ColorSpace::linear);
+    // Pictures with more than 8 bits are kept as light.
+    if (color && wide && space == ColorSpace::display) return {srgbFromLinear(Vec3f(found)), found.a};
+    return found;
 }
 
 TextureMatrix TextureMatrix::fromTransform(Vec2f center, float rotation, Vec2f scale, Vec2f translation) {

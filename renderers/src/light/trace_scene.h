@@ -54,11 +54,22 @@ struct TraceScene {
     std::span<const MaterialEntry> materials;
     std::span<const SlotShading> slots;
     std::vector<std::vector<TraceLight>> lightLists;
+    /// Of all that is computed; automatic: of PhysicalMaterials linear, of all else display.
+    ColorSpace space = ColorSpace::linear;
     const Sky* sky = nullptr;
-    Fog fog;
+    bool evenSky = false;  // the same in all directions: skyLinear, skyDisplay
+    Vec4f skyLinear{0}, skyDisplay{0};
+    Fog fog;                 // its colour as display value
+    Vec3f fogLinear{0};      // the same, decoded
     bool anyTransmits = false;  // some instance lets light through: shadow rays must look closer
     float pixelSpread = 0;      // radians a pixel is wide in the middle of the picture, or
     float pixelSize = 0;        // metres, for an orthographic camera
+
+    Vec4f skyColor(const Vec3f& direction, bool linear) const {
+        if (evenSky) return linear ? skyLinear : skyDisplay;
+        return sky->color(direction, linear ? ColorSpace::linear : ColorSpace::display);
+    }
+    const Vec3f& fogColor(bool linear) const { return linear ? fogLinear : fog.color; }
 };
 
 /// One ray of the recursion, unrolled: what it adds to a pixel is `weight` times the radiance it finds.
@@ -71,6 +82,7 @@ struct PathTask {
     std::uint16_t pixel = 0;
     std::uint8_t depth = 0;    // mirrorings and refractions before
     std::uint8_t passes = 0;   // clear surfaces passed straight
+    bool linear = false;       // what it finds counts as light; else as display values
     std::uint64_t random = 0;  // PathRandom's state; paths only
 };
 
@@ -82,7 +94,10 @@ constexpr int kTileSide = 16;
 constexpr int kTilePixels = kTileSide * kTileSide;
 
 struct TileResult {
-    std::array<Vec4f, kTilePixels> sum{};  // radiance and coverage, not yet divided by the samples
+    std::array<Vec4f, kTilePixels> sum{};  // colour and coverage, not yet divided by the samples
+    /// ColorSpace::automatic: what PhysicalMaterials add to a pixel, as light, and which share of the pixel it is. It is
+    /// encoded when it is complete, and then joins `sum`, which holds display values.
+    std::array<Vec3f, kTilePixels> light{}, share{};
     std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
 };
 

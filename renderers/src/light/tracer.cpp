@@ -87,6 +87,16 @@ Vec4f finite(Vec4f v) {
     return v;
 }
 
+/// Encodes what PhysicalMaterials have added and puts it to the rest.
+void addLight(TileResult& tile) {
+    for (std::size_t i = 0; i < tile.sum.size(); ++i) {
+        const Vec3f& share = tile.share[i];
+        if (share == Vec3f(0)) continue;
+        for (int c = 0; c < 3; ++c)
+            if (share[c] > 0) tile.sum[i][c] += share[c] * srgbFromLinear(tile.light[i][c] / share[c]);
+    }
+}
+
 template <class S>
 void readColors(const Node& node, Sky& sky, const S*) {
     const auto colors = [](const Array<Color>& from) {
@@ -450,7 +460,14 @@ TraceScene LightTracer::Impl::makeTraceScene(const RayWorld& world, const Camera
     scene.slots = slots;
     const PlacedEntry* sky = active<SkyEntry>();
     scene.sky = sky ? &std::get<SkyEntry>(sky->what).sky : &black;
+    scene.evenSky = scene.sky->uniform();
+    if (scene.evenSky) {
+        scene.skyLinear = scene.sky->color({0, 1, 0}, ColorSpace::linear);
+        scene.skyDisplay = scene.sky->color({0, 1, 0}, ColorSpace::display);
+    }
     if (const PlacedEntry* fog = active<FogEntry>()) scene.fog = std::get<FogEntry>(fog->what).fog;
+    scene.fogLinear = linearFromSrgb(scene.fog.color);
+    scene.space = settings.integrator == Integrator::path ? ColorSpace::linear : settings.colorSpace;
 
     const auto toTrace = [&](const Light& light) {
         TraceLight result;
@@ -497,9 +514,12 @@ Result<Picture> LightTracer::render(const RayWorld& world, const Camera& camera,
         return fail(fmt::format("cannot take {} samples per pixel", settings.samplesPerPixel));
     if (settings.integrator == Integrator::raster)
         return fail("the rasteriser is not built in; there are whitted and path");
+    if (settings.integrator == Integrator::path && settings.colorSpace == ColorSpace::display)
+        return fail("paths are light: they cannot be computed in the display's space, only auto and linear");
     const auto start = std::chrono::steady_clock::now();
     const TraceScene scene = impl_->makeTraceScene(world, camera, settings);
     Picture picture(settings.width, settings.height);
+    picture.space = scene.space == ColorSpace::linear ? ColorSpace::linear : ColorSpace::display;
     const int tilesX = (settings.width + kTileSide - 1) / kTileSide,
               tilesY = (settings.height + kTileSide - 1) / kTileSide;
     const int tiles = tilesX * tilesY;
@@ -514,6 +534,7 @@ Result<Picture> LightTracer::render(const RayWorld& world, const Camera& camera,
         const int x0 = tile % tilesX * kTileSide, y0 = tile / tilesX * kTileSide;
         TileResult result;
         (settings.integrator == Integrator::path ? pathTile : whittedTile)(scene, camera, settings, x0, y0, result);
+        if (scene.space == ColorSpace::automatic) addLight(result);
         for (int y = 0; y < kTileSide && y0 + y < settings.height; ++y)
             for (int x = 0; x < kTileSide && x0 + x < settings.width; ++x)
                 picture.at(x0 + x, y0 + y) =

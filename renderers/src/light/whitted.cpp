@@ -58,23 +58,41 @@ class Tile {
         }
     }
 
-    void add(std::uint16_t pixel, const Vec3f& weight, const Vec3f& radiance, float coverage) {
-        result_.sum[pixel] += Vec4f(weight * radiance, coverage * (weight.x + weight.y + weight.z) / 3);
+    /// Where a colour that a ray finds goes. `linear`: it is light, otherwise display values; `whole`: what is light is
+    /// not yet part of a share, so its weight counts as one.
+    void add(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, Vec3f color, bool linear, float coverage,
+             bool whole = true) {
+        result_.sum[pixel].a += coverage * (weight.x + weight.y + weight.z) / 3;
+        if (scene_.space == ColorSpace::automatic && (linear || (task && task->linear))) {
+            const bool within = task && task->linear;
+            if (!linear) color = linearFromSrgb(color);
+            result_.light[pixel] += weight * color;
+            if (!within && whole) result_.share[pixel] += weight;
+            return;
+        }
+        result_.sum[pixel] += Vec4f(weight * color, 0);
+    }
+    /// Whether what has no space of its own is to be light: sky and fog.
+    bool asLight(const PathTask* task) const {
+        return scene_.space == ColorSpace::linear || (task && task->linear);
     }
 
     void trace(RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, bool coherent) {
         const std::uint32_t hits = scene_.world->intersect(rays, coherent);
         for (int lane = 0; lane < 16; ++lane) {
             if (!rays.active[lane] || (hits >> lane & 1u)) continue;
-            const Vec4f sky = scene_.sky->color({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]});
-            const Vec3f weight = tasks ? tasks[lane].weight : Vec3f(1);
-            add(pixels[lane], weight, Vec3f(sky), sky.a);
+            const PathTask* task = tasks ? tasks + lane : nullptr;
+            const bool light = asLight(task);
+            const Vec4f sky =
+                scene_.skyColor({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, light);
+            add(pixels[lane], task, task ? task->weight : Vec3f(1), Vec3f(sky), light, sky.a);
         }
         if (!hits) return;
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
         addLights(scene_, surfaces_, result_.shadowRays);
         if (surfaces_.special) findPoints(scene_, surfaces_);
-        if (!tasks && !surfaces_.special && scene_.fog.type == FogType::none) {
+        const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces_.linear;
+        if (!tasks && !surfaces_.special && scene_.fog.type == FogType::none && oneSpace) {
             for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
                 const int lane = std::countr_zero(rest);
                 result_.sum[pixels[lane]] += Vec4f(surfaces_.radiance.get(lane), 1);
@@ -97,12 +115,45 @@ class Tile {
         }
         if (scene_.fog.type != FogType::none)
             fog = fogFactor(scene_.fog.type, scene_.fog.visibilityRange, t + (tasks ? tasks[lane].line : 0));
-        const auto fogged = [&](const Vec3f& radiance) { return radiance * fog + scene_.fog.color * (1 - fog); };
         if (!(s.special >> lane & 1u)) {
-            add(pixels[lane], weight, fog < 1 ? fogged(s.radiance.get(lane)) : s.radiance.get(lane), 1);
+            const PathTask* task = tasks ? tasks + lane : nullptr;
+            add(pixels[lane], task, weight * fog, s.radiance.get(lane), s.linear >> lane & 1u, 1);
+            addFog(pixels[lane], task, weight, fog);
             return;
         }
         branch(rays, tasks, pixels[lane], lane, weight, fog);
+    }
+    void addFog(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, float fog) {
+        const bool light = asLight(task);
+        if (fog < 1) add(pixel, task, weight * (1 - fog), scene_.fogColor(light), light, 1);
+    }
+
+    /// What becomes of the light that a surface sends along a ray: shares of the mirror, of what is behind that (its own
+    /// colours and what passes), and of what does not pass straight.
+    struct Shares {
+        Vec3f mirror, body, whole;
+        float eta = 1;
+    };
+    Shares shares(int lane, float cosine, bool back) const {
+        const SurfacePacket& s = surfaces_;
+        const Material& material = *s.material[lane];
+        const float opacity = s.opacity[lane];
+        Shares result{material.reflectivity, Vec3f(1) - material.reflectivity, Vec3f(1)};
+        if (material.refractiveIndex > 0) {
+            result.eta = back ? 1 / material.refractiveIndex : material.refractiveIndex;
+            const float reflectance = fresnelDielectric(cosine, result.eta).mean();
+            result.mirror += result.body * reflectance;
+            result.body *= 1 - reflectance;
+            return result;
+        }
+        if (material.model == ShadingModel::physical) {
+            // The diffuse part already is what Fresnel leaves, so `body` stays whole.
+            const Vec3f f0 = glm::mix(Vec3f(0.04f), s.base.get(lane), s.metallic[lane]);
+            const float smooth = 1 - s.roughness[lane];
+            result.mirror += result.body * fresnelSchlick(f0, cosine) * (smooth * smooth);
+        }
+        result.whole = opacity + (1 - opacity) * result.mirror;
+        return result;
     }
 
     void branch(const RayPacket16& rays, const PathTask* tasks, std::uint16_t pixel, int lane, const Vec3f& weight,
@@ -115,51 +166,41 @@ class Tile {
         const float cosine = std::clamp(glm::dot(normal, -direction), 0.0f, 1.0f);
         const float coverage = s.coverage[lane], opacity = s.opacity[lane];
         const bool glass = material.refractiveIndex > 0;
-
-        // Shares of: the mirror, the surface's own colours, what passes.
-        Vec3f mirror = material.reflectivity;
-        Vec3f body = Vec3f(1) - mirror;
-        float eta = 1;
-        if (glass) {
-            eta = back ? 1 / material.refractiveIndex : material.refractiveIndex;
-            const float reflectance = fresnelDielectric(cosine, eta).mean();
-            mirror += body * reflectance;
-            body *= 1 - reflectance;
-        } else if (material.model == ShadingModel::physical) {
-            // The diffuse part already is what Fresnel leaves, so `body` stays whole.
-            const Vec3f f0 = glm::mix(Vec3f(0.04f), s.base.get(lane), s.metallic[lane]);
-            const float smooth = 1 - s.roughness[lane];
-            mirror += body * fresnelSchlick(f0, cosine) * (smooth * smooth);
-        }
+        const auto [mirror, body, whole, eta] = shares(lane, cosine, back);
+        const PathTask* task = tasks ? tasks + lane : nullptr;
+        const bool linear = s.linear >> lane & 1u;
         const Vec3f own = weight * coverage * body * opacity;
-        const Vec3f fogColor = scene_.fog.color * (1 - fog);
-        add(pixel, own, s.radiance.get(lane) * fog + fogColor, 1);
+        add(pixel, task, own * fog, s.radiance.get(lane), linear, 1, false);
+        addFog(pixel, task, weight * coverage * whole, fog);
+        // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
+        // its own colour. What it lets pass straight goes on as the ray came.
+        const bool root = scene_.space == ColorSpace::automatic && linear && !(task && task->linear);
+        if (root) result_.share[pixel] += weight * fog * coverage * whole;
 
         PathTask base;
         if (tasks) base = tasks[lane];
-        const Vec3f absorptionHere = base.absorption;
         base.travelled += s.distance[lane];
         base.pixel = pixel;
         const HitPoint point = s.point(lane);
-        const auto queue = [&](PathTask task, const Vec3f& share, const Vec3f& towards) {
-            task.weight = share;
+        const auto queue = [&](PathTask& next, const Vec3f& share, const Vec3f& towards) {
+            next.weight = share;
             if (!(std::max({share.x, share.y, share.z}) >= settings_.cutoff)) return;
-            task.direction = towards;
-            task.origin = RayWorld::leave(point, towards);
-            next_.push_back(task);
+            next.direction = towards;
+            next.origin = RayWorld::leave(point, towards);
+            next_.push_back(next);
         };
+        PathTask turned = base;
+        ++turned.depth;
+        turned.line = 0;
+        turned.linear = base.linear || root;
 
         const Vec3f mirrored = weight * coverage * mirror;
         if (mirrored != Vec3f(0)) {
-            if (fog < 1) add(pixel, mirrored, fogColor, 1);
             if (base.depth < settings_.maxDepth) {
                 Vec3f out = reflectDirection(direction, normal);
                 // A shading normal may mirror into the surface; the true one never does.
                 if (glm::dot(out, facing) <= 0) out = reflectDirection(direction, facing);
-                PathTask task = base;
-                ++task.depth;
-                task.line = 0;
-                queue(task, mirrored * fog, out);
+                queue(turned, mirrored * fog, out);
             }
         }
         const Vec3f entering = weight * coverage * body * (1 - opacity);
@@ -168,20 +209,15 @@ class Tile {
             if (bent && base.depth < settings_.maxDepth) {
                 Vec3f out = *bent;
                 if (glm::dot(out, facing) >= 0) out = refractDirection(direction, facing, eta).value_or(direction);
-                PathTask task = base;
-                ++task.depth;
-                task.line = 0;
-                task.absorption = back ? Vec3f(0) : material.absorption;
-                queue(task, entering * fog, out);
+                turned.absorption = back ? Vec3f(0) : material.absorption;
+                queue(turned, entering * fog, out);
             }
         }
         const Vec3f straight = weight * (1 - coverage) + (glass ? Vec3f(0) : entering);
         if (straight != Vec3f(0) && base.passes < kMaxPasses) {
-            PathTask task = base;
-            ++task.passes;
-            task.line += s.distance[lane];
-            task.absorption = absorptionHere;
-            queue(task, straight, direction);
+            ++base.passes;
+            base.line += s.distance[lane];
+            queue(base, straight, direction);
         }
     }
 

@@ -122,7 +122,8 @@ TEST(LightTracer, BallLensFocusesAtItsFocalLength) {
 TEST(LightTracer, PolishedMetalMirrorsBySchlick) {
     LightScene s("Viewpoint { position 0 0 5 }" +
                  square(10, "material PhysicalMaterial { baseColor 0.9 0.6 0.3 metallic 1 roughness 0 }") +
-                 "Transform { translation 0 0 8 children " + square(100, unlit("0.5 0.5 0.5")) + "}");
+                 "Transform { translation 0 0 8 children " + square(100, unlit("0.735357 0.735357 0.735357")) + "}");
+    s.options.settings.colorSpace = ColorSpace::linear;
     expectColor(s.center(), Vec3d(0.45, 0.3, 0.15), 1e-5);
 }
 

@@ -11,6 +11,11 @@ namespace {
 
 using test::LightScene;
 
+/// A classic material's field whose colour is `light` once it is decoded.
+double field(double light) {
+    return srgbFromLinear(static_cast<float>(light));
+}
+
 /// Mean colour of a small picture, and the standard error of that mean over its pixels.
 struct Mean {
     Vec3d color{0};
@@ -45,7 +50,7 @@ TEST(PathTracer, FurnaceOfGlowingWalls) {
         LightScene s(
             fmt::format("Viewpoint {{ position 0.2 0.1 0.3 }} Shape {{ appearance Appearance {{ material Material {{ "
                         "diffuseColor {0} {0} {0} emissiveColor {1} {1} {1} }} }} geometry Sphere {{ solid FALSE }} }}",
-                        rho, glow),
+                        field(rho), field(glow)),
             16, 16);
         const Mean m = mean(s, 64);
         expectMean(m, glow / (1 - rho), 0.002);
@@ -56,8 +61,9 @@ TEST(PathTracer, FurnaceOfGlowingWalls) {
 // A lamp in the middle of a grey ball: rho directly, and rho of that again, and again.
 TEST(PathTracer, FurnaceOfALampInABall) {
     LightScene s(
-        "Viewpoint { position 0 0 0.4 } PointLight { location 0 0 0 } Shape { appearance Appearance { material "
-        "Material { diffuseColor 0.5 0.5 0.5 } } geometry Sphere { solid FALSE } }",
+        fmt::format("Viewpoint {{ position 0 0 0.4 }} PointLight {{ location 0 0 0 }} Shape {{ appearance Appearance {{ "
+                    "material Material {{ diffuseColor {0} {0} {0} }} }} geometry Sphere {{ solid FALSE }} }}",
+                    field(0.5)),
         16, 16);
     expectMean(mean(s, 64), 0.5 / (1 - 0.5), 0.02);
 }
@@ -69,9 +75,9 @@ TEST(PathTracer, IrradianceOfAPanelIsItsFormFactor) {
     } places[] = {{0, 0, 0.5541264}, {1, 1, 0.2077571}};
     for (const auto& place : places) {
         LightScene s(
-            fmt::format("Viewpoint {{ position {} 0.5 {} orientation 1 0 0 -1.5707963 fieldOfView 0.002 }}", place.x,
-                        place.z) +
-                "Shape { appearance Appearance { material Material { diffuseColor 0.6 0.6 0.6 } } geometry "
+            fmt::format("Viewpoint {{ position {0} 0.5 {1} orientation 1 0 0 -1.5707963 fieldOfView 0.002 }} Shape {{ "
+                        "appearance Appearance {{ material Material {{ diffuseColor {2} {2} {2} }} }} geometry ",
+                        place.x, place.z, field(0.6)) +
                 "IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] coord Coordinate { point [-20 0 20, 20 0 20, 20 "
                 "0 -20, -20 0 -20] } } }"
                 "Shape { appearance Appearance { material UnlitMaterial { } } geometry IndexedFaceSet { solid FALSE "
@@ -83,8 +89,9 @@ TEST(PathTracer, IrradianceOfAPanelIsItsFormFactor) {
 
 TEST(PathTracer, WhiteSkyLightsConvexThingsWithTheirColor) {
     LightScene s(
-        "Viewpoint { position 0 0 4 fieldOfView 0.4 } Background { skyColor 1 1 1 } Shape { appearance Appearance { "
-        "material Material { diffuseColor 0.3 0.3 0.3 } } geometry Sphere { radius 1 } }",
+        fmt::format("Viewpoint {{ position 0 0 4 fieldOfView 0.4 }} Background {{ skyColor 1 1 1 }} Shape {{ appearance "
+                    "Appearance {{ material Material {{ diffuseColor {0} {0} {0} }} }} geometry Sphere {{ radius 1 }} }}",
+                    field(0.3)),
         16, 16);
     expectMean(mean(s, 64), 0.3, 0.003);
 }
@@ -156,6 +163,7 @@ TEST(PathTracer, AgreesWithWhittedWhereNothingBounces) {
         "geometry Sphere { radius 2 } }",
         32, 32);
     s.options.settings.samplesPerPixel = 1;
+    s.options.settings.colorSpace = ColorSpace::linear;
     const Picture whitted = s.picture();
     s.options.settings.integrator = Integrator::path;
     const auto difference = compare(whitted, s.picture());

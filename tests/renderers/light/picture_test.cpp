@@ -24,6 +24,29 @@ TEST(Picture, SrgbCurveAndItsInverse) {
     }
 }
 
+TEST(Picture, BeyondWhiteBothSpacesCountMultiplesOfIt) {
+    for (const float x : {1.0f, 1.5f, 8.0f}) {
+        EXPECT_FLOAT_EQ(srgbFromLinear(x), x);
+        EXPECT_FLOAT_EQ(linearFromSrgb(x), x);
+    }
+}
+
+TEST(Picture, DisplayValuesAreWrittenAsTheyAre) {
+    Picture picture(2, 1);
+    picture.space = ColorSpace::display;
+    picture.pixels = {{0.9f, 0.4f, 0.1f, 1}, {0.75f, 0.05f, 1, 0.5f}};  // the second: 1.5 .1 2 at half coverage
+    EXPECT_EQ(toSrgb8(picture), (std::vector<std::uint8_t>{230, 102, 26, 255, 255, 26, 255, 128}));
+    const Picture light = toLinear(picture);
+    EXPECT_EQ(light.space, ColorSpace::linear);
+    EXPECT_NEAR(light.at(0, 0).r, 0.787412, 1e-6);
+    EXPECT_NEAR(light.at(1, 0).r, 0.5 * 1.5, 1e-6);
+    EXPECT_NEAR(light.at(1, 0).g, 0.5 * 0.010023, 1e-6);
+    EXPECT_FALSE(compare(picture, light)) << "of two spaces";
+    Picture wrong(1, 1, Vec4f(NAN, INFINITY, -1, 1));
+    wrong.space = ColorSpace::display;
+    EXPECT_EQ(toSrgb8(wrong), (std::vector<std::uint8_t>{0, 0, 0, 255}));
+}
+
 TEST(Picture, ToneMapLeavesDisplayableColorsAlone) {
     const ToneMap map;
     EXPECT_EQ(map.apply({0.2f, 1.0f, 0.0f}), Vec3f(0.2f, 1.0f, 0.0f));

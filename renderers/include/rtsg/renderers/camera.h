@@ -59,8 +59,9 @@ struct Sky {
     std::array<std::shared_ptr<const Texture>, 6> panorama;
     glm::mat3 localFromWorld{1.0f};  // only its turning counts (24.2.1)
 
-    /// Linear RGB and coverage towards a unit direction in world space.
-    Vec4f color(const Vec3f& direction) const;
+    /// Colour, premultiplied, and coverage towards a unit direction in world space. The fields hold display values and
+    /// mix as such; `space` (linear or display) is that of the result.
+    Vec4f color(const Vec3f& direction, ColorSpace space = ColorSpace::display) const;
     /// One colour in all directions: `color` needs no direction.
     bool uniform() const;
 };

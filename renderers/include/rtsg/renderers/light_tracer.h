@@ -37,6 +37,9 @@ struct RenderSettings {
     int maxDepth = 8;            // of whitted: mirrorings and refractions on one way; paths end by Russian roulette
     float cutoff = 1 / 1024.0f;  // of whitted: rays that could add less than this share to a pixel are left out
     Shadows shadows = Shadows::all;
+    /// In which space light is computed (docs/color.md). The picture is of the display's space, or linear if that is
+    /// asked for. Paths compute in linear light always: automatic means that, display is an error.
+    ColorSpace colorSpace = ColorSpace::automatic;
     unsigned threads = 0;  // 0: one a core
     /// Called now and then, from any thread but never from two at once, with the share done; false cancels.
     std::function<bool(double)> progress;
@@ -60,7 +63,7 @@ class LightTracer final : public InstanceSubscriber {
     /// description of a viewpoint instead. Error: no viewpoint has that name.
     Result<Camera> camera(const RayWorld& world, double aspect, std::string_view name = {}) const;
 
-    /// Linear radiance. Errors: a size or a number of samples that is not positive or is absurd.
+    /// Errors: a size or a number of samples that is not positive or is absurd; paths in the display's space.
     Result<Picture> render(const RayWorld& world, const Camera& camera, const RenderSettings& settings = {},
                            RenderStats* stats = nullptr) const;
 

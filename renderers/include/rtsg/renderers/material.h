@@ -8,7 +8,7 @@
 //                      `transparency` is the share of it that passes, the rest meets the material's own colours
 //   "absorption"       a or r g b, 1/m: Beer's law inside
 // PhysicalMaterial mirrors by itself: Schlick's Fresnel term of baseColor and metallic times (1 - roughness)^2.
-// Threading: immutable once read. Source: ISO/IEC 19775-1 V4.0 12.4.1-12.4.8, 17.2.2, 17.4, 18.2; glTF 2.0 appendix B.
+// Colours are as their fields have them, and beside that in linear light. Threading: immutable once read. Source: ISO/IEC 19775-1 V4.0 12.4.1-12.4.8, 17.2.2, 17.4, 18.2; glTF 2.0 appendix B.
 #pragma once
 
 #include <array>
@@ -56,6 +56,10 @@ struct Material {
     Vec3f base{0};       // diffuseColor or baseColor; unlit: emissiveColor
     Vec3f specular{0};   // phong
     Vec3f emissive{0};   // not unlit's
+    /// The same colours in linear light: decoded, but of a PhysicalMaterial, whose fields hold linear numbers.
+    struct Linear {
+        Vec3f base{0}, specular{0}, emissive{0};
+    } linear;
     float ambient = 0;   // ambientIntensity
     float exponent = 0;  // 128 * shininess
     float opacity = 1;   // 1 - transparency
@@ -69,6 +73,8 @@ struct Material {
     /// For the back of surfaces that are not solid; null: as the front.
     std::shared_ptr<const Material> back;
 
+    /// Sets `linear` from the others.
+    void decodeColors();
     const TextureUse& texture(TextureRole role) const { return textures[static_cast<std::size_t>(role)]; }
     bool textured() const;
     /// Whether anything can be seen through it: shadow rays then have to look closer.

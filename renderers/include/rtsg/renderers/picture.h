@@ -1,9 +1,9 @@
-// Picture: what a renderer produces: linear RGB radiance and coverage, its files, and how two of them compare.
+// Picture: what a renderer produces: colour and coverage, its files, and how two of them compare.
 //
-// Invariant: pixels are linear (Rec. 709 primaries), premultiplied by alpha, row by row from the top left.
-// .exr (and .hdr, .pfm, .tif) keep them untouched; other formats (.png, .jpg, .gif ...) are tone-mapped and
-// sRGB-encoded. Threading: a Picture is plain data; the functions are re-entrant. Source: IEC 61966-2-1 (sRGB
-// transfer).
+// Invariant: pixels are of `space` (Rec. 709 primaries), premultiplied by alpha, row by row from the top left.
+// .exr (and .hdr, .pfm, .tif) hold linear radiance whatever the space; other formats (.png, .jpg, .gif ...) hold
+// display values: those of a display picture as they are, cut at white channel by channel; those of a linear one
+// tone-mapped and encoded. Threading: a Picture is plain data; the functions are re-entrant.
 #pragma once
 
 #include <filesystem>
@@ -12,12 +12,14 @@
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/value.h>
+#include <rtsg/renderers/color.h>
 
 namespace rtsg {
 
 struct Picture {
     int width = 0, height = 0;
-    std::vector<Vec4f> pixels;  // width * height
+    ColorSpace space = ColorSpace::linear;  // or display
+    std::vector<Vec4f> pixels;              // width * height
 
     Picture() = default;
     Picture(int w, int h, Vec4f fill = Vec4f(0))
@@ -32,18 +34,18 @@ struct Picture {
     }
 };
 
-/// Linear to display. Radiance up to 1 passes unchanged, so that colours in a file are the colours on the screen; what
+/// Linear to what a display can show. Radiance up to 1 passes unchanged, so that colours in a file are the colours on the screen; what
 /// is brighter keeps its hue and fades to white instead of clipping channel by channel.
 struct ToneMap {
     float exposure = 1;
     Vec3f apply(Vec3f linear) const;
 };
 
-/// IEC 61966-2-1, on [0, 1]; beyond it the curve goes on.
-float srgbFromLinear(float linear);
-float linearFromSrgb(float encoded);
+/// The same picture in linear light. Colours are decoded before alpha is multiplied in.
+Picture toLinear(Picture picture);
 
-/// 8-bit RGBA, tone-mapped, sRGB-encoded, alpha not premultiplied.
+/// 8-bit RGBA, sRGB-encoded, alpha not premultiplied. Linear pictures are tone-mapped; of display pictures what is
+/// beyond white is cut. What lies half way between two bytes goes up: .9 is 230.
 std::vector<std::uint8_t> toSrgb8(const Picture& picture, const ToneMap& toneMap = {});
 
 /// Whether a picture can be written under this name, by its extension. The error names those there are.
@@ -55,7 +57,7 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
 /// have one size.
 Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::path& file, double framesPerSecond,
                         const ToneMap& toneMap = {});
-/// Any format OpenImageIO reads; integer formats are sRGB-decoded.
+/// Any format OpenImageIO reads, as a linear picture: integer formats are sRGB-decoded.
 Result<Picture> readPicture(const std::filesystem::path& file);
 
 /// Over the three colour channels. `rmse` and `maximum` are absolute; `worst` is where the maximum lies.
@@ -63,7 +65,7 @@ struct PictureDifference {
     double rmse = 0, maximum = 0, mean = 0;
     int worstX = 0, worstY = 0;
 };
-/// Error: sizes differ.
+/// In the pictures' own space. Error: sizes or spaces differ.
 Result<PictureDifference> compare(const Picture& a, const Picture& b);
 
 }  // namespace rtsg

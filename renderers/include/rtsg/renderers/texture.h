@@ -1,19 +1,25 @@
 // Texture: a picture that surfaces look colours up in, with its coarser copies, and where it comes from.
 //
-// Invariant: (s, t) = (0, 0) is the lower left corner of the picture, (1, 1) the upper right; look-ups are linear
-// radiance (sRGB-decoded where the source is a display picture). Threading: immutable once made; share freely.
+// Invariant: (s, t) = (0, 0) is the lower left corner of the picture, (1, 1) the upper right. Look-ups give colours in
+// linear light or as display values, whichever is asked for, and are filtered in that space (pictures with more than 8
+// bits always in linear light); coarser copies are made when the first look-up in their space needs them.
+// Threading: as if immutable once made; share freely.
 // Source: ISO/IEC 19775-1 V4.0 18.2.3 (texture coordinates), 18.4.1 (ImageTexture), 18.4.5 (PixelTexture), 18.4.8
 // (TextureTransform); 5.3.6 (SFImage). Williams 1983 for the coarser copies.
 #pragma once
 
+#include <array>
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/value.h>
+#include <rtsg/renderers/color.h>
 
 namespace rtsg {
 
@@ -28,7 +34,8 @@ struct TextureAccess {
 
 class Texture {
   public:
-    /// Encoded: display values (sRGB), decoded on look-up. Data: numbers such as normals or roughness, left alone.
+    /// Color: display values (sRGB), decoded by look-ups in linear light. Data: numbers such as normals or roughness,
+    /// left alone.
     enum class Content : std::uint8_t { color, data };
 
     /// `channels` 1 (grey), 2 (grey, alpha), 3 or 4 per pixel, row by row from the lower left. Errors: no pixels, more
@@ -36,7 +43,8 @@ class Texture {
     static Result<Texture> fromBytes(std::span<const std::uint8_t> bytes, int width, int height, int channels,
                                      Content content = Content::color);
     /// Linear RGBA, row by row from the lower left.
-    static Result<Texture> fromFloats(std::vector<Vec4f> pixels, int width, int height, int channels = 4);
+    static Result<Texture> fromFloats(std::vector<Vec4f> pixels, int width, int height, int channels = 4,
+                                      Content content = Content::data);
     static Result<Texture> fromImage(const Image& image, Content content = Content::color);
     /// Anything that OpenImageIO reads; half, float and 16-bit pictures keep their range. Refuses more than
     /// `maximumPixels` before it takes memory for them: up to 10 bytes a pixel while reading; pictures with more than 8
@@ -48,20 +56,23 @@ class Texture {
                                       Content content = Content::color,
                                       std::uint64_t maximumPixels = std::uint64_t{1} << 26);
 
-    int width() const { return levels_.empty() ? 0 : levels_[0].width; }
-    int height() const { return levels_.empty() ? 0 : levels_[0].height; }
+    int width() const { return finest_.width; }
+    int height() const { return finest_.height; }
     int channels() const { return channels_; }
     /// Whether any pixel lets something through.
     bool hasAlpha() const { return hasAlpha_; }
     /// Whether any pixel is neither wholly opaque nor wholly clear.
     bool hasPartialAlpha() const { return hasPartialAlpha_; }
+    /// Of what is there now, coarser copies included.
     std::size_t bytes() const;
     /// Of the finest level: 4, or 16 for pictures with more than 8 bits a channel.
-    unsigned bytesPerPixel() const { return levels_.empty() || levels_[0].linear.empty() ? 4 : 16; }
+    unsigned bytesPerPixel() const { return finest_.linear.empty() ? 4 : 16; }
 
     /// `footprint`: side of the pixel's image on the texture, as a share of the texture's own side; picks the level.
-    /// 0: the finest. Coordinates that are not finite give the colour at 0, 0.
-    Vec4f sample(float s, float t, float footprint, const TextureAccess& access) const;
+    /// 0: the finest. Coordinates that are not finite give the colour at 0, 0. `space` (linear or display) is that of the
+    /// result; for data it changes nothing.
+    Vec4f sample(float s, float t, float footprint, const TextureAccess& access,
+                 ColorSpace space = ColorSpace::linear) const;
 
   private:
     struct Level {
@@ -69,12 +80,21 @@ class Texture {
         std::vector<std::uint32_t> encoded;  // R | G << 8 | B << 16 | A << 24
         std::vector<Vec4f> linear;           // instead, for pictures with more than 8 bits
     };
-    Vec4f texel(const Level& level, int x, int y) const;
-    Vec4f sampleLevel(const Level& level, float s, float t, const TextureAccess& access) const;
-    void buildLevels();
+    /// Halves of halves, averaged in one space.
+    struct Coarse {
+        std::mutex building;
+        std::atomic<bool> built{false};
+        std::vector<Level> levels;
+    };
+    Vec4f texel(const Level& level, int x, int y, bool decode) const;
+    Vec4f sampleLevel(const Level& level, float s, float t, const TextureAccess& access, bool decode) const;
+    Vec4f sampleLevels(float s, float t, float footprint, const TextureAccess& access, bool decode) const;
+    const std::vector<Level>& coarse(bool decode) const;
+    Level halved(const Level& fine, bool decode) const;
     void noteAlpha();
 
-    std::vector<Level> levels_;
+    Level finest_{};
+    std::shared_ptr<std::array<Coarse, 2>> coarse_ = std::make_shared<std::array<Coarse, 2>>();  // as stored, decoded
     int channels_ = 0;
     Content content_ = Content::color;
     bool hasAlpha_ = false, hasPartialAlpha_ = false;
