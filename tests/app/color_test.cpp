@@ -29,8 +29,8 @@ Bytes bytes(double r, double g, double b) {
 const std::string kDark = "NavigationInfo { headlight FALSE } Viewpoint { }\n";
 /// Fills the picture from z = `z`; `solid FALSE`.
 std::string wall(const std::string& appearance, double z = 0, const std::string& more = "") {
-    return "Transform { translation 0 0 " + std::to_string(z) + " children Shape { appearance Appearance { " + appearance +
-           " } geometry IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] " + more +
+    return "Transform { translation 0 0 " + std::to_string(z) + " children Shape { appearance Appearance { " +
+           appearance + " } geometry IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] " + more +
            " coord Coordinate { point [-90 -90 0, 90 -90 0, 90 90 0, -90 90 0] } } } }\n";
 }
 const std::string kUnlit = "material UnlitMaterial { emissiveColor .9 .4 .1 }";
@@ -109,7 +109,8 @@ TEST_F(Color, WhatIsBeyondWhiteIsCutChannelByChannel) {
 
 // glTF's model head-on at roughness 1: (1 - .04) base + .04 / 4.
 TEST_F(Color, PhysicalMaterialIsLitAsLightAndEncoded) {
-    const std::string scene = kDark + "DirectionalLight { }" + wall("material PhysicalMaterial { baseColor .5 .2 1 metallic 0 }");
+    const std::string scene =
+        kDark + "DirectionalLight { }" + wall("material PhysicalMaterial { baseColor .5 .2 1 metallic 0 }");
     const double r = .96 * .5 + .01, g = .96 * .2 + .01, b = .96 + .01;
     EXPECT_EQ(seen(scene), bytes(encoded(r), encoded(g), encoded(b)));
     EXPECT_EQ(seen(scene, kLinear), bytes(encoded(r), encoded(g), encoded(b)));
@@ -119,8 +120,9 @@ TEST_F(Color, PhysicalMaterialIsLitAsLightAndEncoded) {
 
 TEST_F(Color, TexturesOfPhysicalMaterialAreDecoded) {
     const std::string scene =
-        kDark + wall("material PhysicalMaterial { baseColor 0 0 0 metallic 1 emissiveColor .5 .5 .5 "
-                     "emissiveTexture PixelTexture { image 1 1 3 0xE6661A } }");
+        kDark + wall(
+                    "material PhysicalMaterial { baseColor 0 0 0 metallic 1 emissiveColor .5 .5 .5 "
+                    "emissiveTexture PixelTexture { image 1 1 3 0xE6661A } }");
     const double r = 0xE6 / 255.0, g = 0x66 / 255.0, b = 0x1A / 255.0;
     const Bytes light = bytes(encoded(.5 * decoded(r)), encoded(.5 * decoded(g)), encoded(.5 * decoded(b)));
     EXPECT_EQ(seen(scene), light);
@@ -130,8 +132,10 @@ TEST_F(Color, TexturesOfPhysicalMaterialAreDecoded) {
 
 // A checkerboard of black and white that is finer than pixels: half of the display's white, or half of the light.
 TEST_F(Color, DistantTexturesAverageInTheirSpace) {
-    const std::string scene = kDark + wall("material UnlitMaterial { emissiveColor 1 1 1 } texture PixelTexture { image 2 2 "
-                                           "1 0 255 255 0 } textureTransform TextureTransform { scale 5000 5000 }");
+    const std::string scene =
+        kDark + wall(
+                    "material UnlitMaterial { emissiveColor 1 1 1 } texture PixelTexture { image 2 2 "
+                    "1 0 255 255 0 } textureTransform TextureTransform { scale 5000 5000 }");
     EXPECT_EQ(seen(scene), bytes(.5, .5, .5));
     const Bytes light = seen(scene, kLinear);
     for (const int c : light) EXPECT_NEAR(c, byteOf(encoded(.5)), 1);
@@ -155,33 +159,38 @@ TEST_F(Color, EachSurfaceKeepsItsSpaceInAMixedScene) {
 }
 
 TEST_F(Color, SeeThroughPhysicalMaterialIsLaidOverDisplayValues) {
-    EXPECT_EQ(seen(kDark + "Background { skyColor .2 .4 .6 }" +
-                   wall("material PhysicalMaterial { baseColor 0 0 0 metallic 1 emissiveColor .5 .2 .1 transparency .75 }")),
-              bytes(.25 * encoded(.5) + .75 * .2, .25 * encoded(.2) + .75 * .4, .25 * encoded(.1) + .75 * .6));
+    EXPECT_EQ(
+        seen(kDark + "Background { skyColor .2 .4 .6 }" +
+             wall("material PhysicalMaterial { baseColor 0 0 0 metallic 1 emissiveColor .5 .2 .1 transparency .75 }")),
+        bytes(.25 * encoded(.5) + .75 * .2, .25 * encoded(.2) + .75 * .4, .25 * encoded(.1) + .75 * .6));
 }
 
 // A perfect mirror of either kind shows a classic colour as it is; a half mirror halves light or display values.
 TEST_F(Color, MirrorsCountInTheirOwnSpace) {
     const std::string behind = wall(kUnlit, 30);
-    EXPECT_EQ(seen(kDark + behind + wall("material PhysicalMaterial { metallic 1 roughness 0 }")), (Bytes{230, 102, 26}));
+    EXPECT_EQ(seen(kDark + behind + wall("material PhysicalMaterial { metallic 1 roughness 0 }")),
+              (Bytes{230, 102, 26}));
     EXPECT_EQ(seen(kDark + behind + wall("material PhysicalMaterial { baseColor .5 .5 .5 metallic 1 roughness 0 }")),
               bytes(encoded(.5 * decoded(.9)), encoded(.5 * decoded(.4)), encoded(.5 * decoded(.1))));
-    EXPECT_EQ(seen(kDark + behind +
-                   wall("material Material { diffuseColor 0 0 0 metadata MetadataFloat { name \"reflectivity\" reference "
-                        "\"RTSG\" value .5 } }")),
-              bytes(.45, .2, .05));
+    EXPECT_EQ(
+        seen(kDark + behind +
+             wall("material Material { diffuseColor 0 0 0 metadata MetadataFloat { name \"reflectivity\" reference "
+                  "\"RTSG\" value .5 } }")),
+        bytes(.45, .2, .05));
     // A classic half mirror that sees a physical lamp takes half of what that shows.
-    EXPECT_EQ(seen(kDark + wall("material PhysicalMaterial { baseColor 0 0 0 metallic 1 emissiveColor .5 .2 .1 }", 30) +
-                   wall("material Material { diffuseColor 0 0 0 metadata MetadataFloat { name \"reflectivity\" reference "
-                        "\"RTSG\" value .5 } }")),
-              bytes(.5 * encoded(.5), .5 * encoded(.2), .5 * encoded(.1)));
+    EXPECT_EQ(
+        seen(kDark + wall("material PhysicalMaterial { baseColor 0 0 0 metallic 1 emissiveColor .5 .2 .1 }", 30) +
+             wall("material Material { diffuseColor 0 0 0 metadata MetadataFloat { name \"reflectivity\" reference "
+                  "\"RTSG\" value .5 } }")),
+        bytes(.5 * encoded(.5), .5 * encoded(.2), .5 * encoded(.1)));
 }
 
 // The mirror is emissive as well: its own light and what it mirrors are summed as light and encoded once.
 TEST_F(Color, WhatAPhysicalSurfaceSendsIsSummedBeforeItIsEncoded) {
-    EXPECT_EQ(seen(kDark + wall(kUnlit, 30) +
-                   wall("material PhysicalMaterial { baseColor .5 .5 .5 metallic 1 roughness 0 emissiveColor .1 .1 .1 }")),
-              bytes(encoded(.5 * decoded(.9) + .1), encoded(.5 * decoded(.4) + .1), encoded(.5 * decoded(.1) + .1)));
+    EXPECT_EQ(
+        seen(kDark + wall(kUnlit, 30) +
+             wall("material PhysicalMaterial { baseColor .5 .5 .5 metallic 1 roughness 0 emissiveColor .1 .1 .1 }")),
+        bytes(encoded(.5 * decoded(.9) + .1), encoded(.5 * decoded(.4) + .1), encoded(.5 * decoded(.1) + .1)));
 }
 
 TEST_F(Color, FogIsMixedInTheDisplaysSpace) {
@@ -189,8 +198,9 @@ TEST_F(Color, FogIsMixedInTheDisplaysSpace) {
     const std::string fog = "Fog { color .8 .6 .4 visibilityRange 20 }";
     EXPECT_EQ(seen(kDark + fog + wall("material Material { diffuseColor 0 0 0 emissiveColor .5 .2 .1 }")),
               bytes(.65, .4, .25));
-    EXPECT_EQ(seen(kDark + fog + wall("material PhysicalMaterial { baseColor 0 0 0 metallic 1 emissiveColor .5 .2 .1 }")),
-              bytes(.4 + .5 * encoded(.5), .3 + .5 * encoded(.2), .2 + .5 * encoded(.1)));
+    EXPECT_EQ(
+        seen(kDark + fog + wall("material PhysicalMaterial { baseColor 0 0 0 metallic 1 emissiveColor .5 .2 .1 }")),
+        bytes(.4 + .5 * encoded(.5), .3 + .5 * encoded(.2), .2 + .5 * encoded(.1)));
 }
 
 TEST_F(Color, ExposureIsAFactorOnLight) {

@@ -113,6 +113,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
                  std::uint64_t& shadowRays) {
     RayPacket16 rays;
     std::uint32_t tested = 0;
+    std::uint32_t behind = 0;  // lanes whose own surface lies between them and the light
     findPoints(scene, s);
     const bool directional = light.kind == Light::Kind::directional;
     for (int at = 0; at < 16; at += 8) {
@@ -124,19 +125,30 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
         store(rays.tMin + at, all(kLeave));
         store(rays.tMax + at, all(directional ? std::numeric_limits<float>::infinity() : 1.0f));
         const I8 lit = (load(in.factor + at) > 0.0f) & (load(in.cosine + at) > 0.0f) & (dot(d, d) > 1e-20f);
+        // A shading normal may face a light that is behind the true surface.
+        const V8 n{load(s.hits.normalX + at), load(s.hits.normalY + at), load(s.hits.normalZ + at)};
+        const F8 side = dot(n, towards) * dot(n, loadV(s.view, at));
         for (int lane = 0; lane < 8; ++lane) {
             const bool use = (mask >> (at + lane) & 1u) && lit[lane];
             rays.active[at + lane] = use ? -1 : 0;
             tested |= static_cast<std::uint32_t>(use) << (at + lane);
+            behind |= static_cast<std::uint32_t>(use && !(side[lane] > 0)) << (at + lane);
         }
     }
     if (!tested) return;
+    Vec3f through[16];
+    for (std::uint32_t rest = behind; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        through[lane] = scene.anyTransmits ? straightTransmittance(scene, s.hit(lane)) : Vec3f(0);
+        if (through[lane] == Vec3f(0)) rays.active[lane] = 0;
+    }
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
-    std::uint32_t blocked = scene.world->occluded(rays, kCoherentShadows) & tested;
-    for (; blocked; blocked &= blocked - 1) {
-        const int lane = std::countr_zero(blocked);
-        Vec3f left(0);
-        if (scene.anyTransmits) {
+    const std::uint32_t blocked = scene.world->occluded(rays, kCoherentShadows) & tested;
+    for (std::uint32_t rest = blocked | behind; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const bool free = !(blocked >> lane & 1u) && rays.active[lane];
+        Vec3f left(free ? 1.0f : 0.0f);
+        if (!free && rays.active[lane] && scene.anyTransmits) {
             Ray ray;
             ray.tMin = kLeave;
             ray.origin = {rays.originX[lane], rays.originY[lane], rays.originZ[lane]};
@@ -144,6 +156,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
             if (!directional) ray.tMax = 1;
             left = look(scene, ray);
         }
+        if (behind >> lane & 1u) left *= through[lane];
         in.visible.set(lane, Vec3f(1) - light.shadowIntensity * (Vec3f(1) - left));
     }
 }

@@ -74,16 +74,6 @@ Vec3f ToneMap::apply(Vec3f linear) const {
     return linear / peak * (1 - white) + Vec3f(white);
 }
 
-float srgbFromLinear(float linear) {
-    if (linear > 1) return linear;
-    return linear <= 0.0031308f ? linear * 12.92f : 1.055f * std::pow(linear, 1 / 2.4f) - 0.055f;
-}
-
-float linearFromSrgb(float encoded) {
-    if (encoded > 1) return encoded;
-    return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
-}
-
 Picture toLinear(Picture picture) {
     if (picture.space == ColorSpace::linear) return picture;
     picture.space = ColorSpace::linear;

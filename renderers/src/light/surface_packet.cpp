@@ -223,8 +223,7 @@ void finishGeometry(const RayPacket16& rays, SurfacePacket& out) {
 
 /// Whether the material is computed in linear light.
 bool isLinear(ColorSpace space, const Material& material) {
-    return space == ColorSpace::linear ||
-           (space == ColorSpace::automatic && material.model == ShadingModel::physical);
+    return space == ColorSpace::linear || (space == ColorSpace::automatic && material.model == ShadingModel::physical);
 }
 
 /// The colours that shading starts from.

@@ -59,8 +59,8 @@ struct TraceScene {
     const Sky* sky = nullptr;
     bool evenSky = false;  // the same in all directions: skyLinear, skyDisplay
     Vec4f skyLinear{0}, skyDisplay{0};
-    Fog fog;                 // its colour as display value
-    Vec3f fogLinear{0};      // the same, decoded
+    Fog fog;                    // its colour as display value
+    Vec3f fogLinear{0};         // the same, decoded
     bool anyTransmits = false;  // some instance lets light through: shadow rays must look closer
     float pixelSpread = 0;      // radians a pixel is wide in the middle of the picture, or
     float pixelSize = 0;        // metres, for an orthographic camera
@@ -95,8 +95,8 @@ constexpr int kTilePixels = kTileSide * kTileSide;
 
 struct TileResult {
     std::array<Vec4f, kTilePixels> sum{};  // colour and coverage, not yet divided by the samples
-    /// ColorSpace::automatic: what PhysicalMaterials add to a pixel, as light, and which share of the pixel it is. It is
-    /// encoded when it is complete, and then joins `sum`, which holds display values.
+    /// ColorSpace::automatic: what PhysicalMaterials add to a pixel, as light, and which share of the pixel it is. It
+    /// is encoded when it is complete, and then joins `sum`, which holds display values.
     std::array<Vec3f, kTilePixels> light{}, share{};
     std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
 };

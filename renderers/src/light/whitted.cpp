@@ -73,9 +73,7 @@ class Tile {
         result_.sum[pixel] += Vec4f(weight * color, 0);
     }
     /// Whether what has no space of its own is to be light: sky and fog.
-    bool asLight(const PathTask* task) const {
-        return scene_.space == ColorSpace::linear || (task && task->linear);
-    }
+    bool asLight(const PathTask* task) const { return scene_.space == ColorSpace::linear || (task && task->linear); }
 
     void trace(RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, bool coherent) {
         const std::uint32_t hits = scene_.world->intersect(rays, coherent);
@@ -128,8 +126,8 @@ class Tile {
         if (fog < 1) add(pixel, task, weight * (1 - fog), scene_.fogColor(light), light, 1);
     }
 
-    /// What becomes of the light that a surface sends along a ray: shares of the mirror, of what is behind that (its own
-    /// colours and what passes), and of what does not pass straight.
+    /// What becomes of the light that a surface sends along a ray: shares of the mirror, of what is behind that (its
+    /// own colours and what passes), and of what does not pass straight.
     struct Shares {
         Vec3f mirror, body, whole;
         float eta = 1;

@@ -44,6 +44,43 @@ TEST(LightTracer, LightFromBehindDoesNotReachTheFront) {
     EXPECT_EQ(s.center(), Vec3f(0));
 }
 
+// A light ten degrees below the horizon, seen from above: half way between light and eye lies above the surface, so
+// only n . l > 0 keeps a highlight of exponent 0 (which is 1 wherever there is one) off it.
+TEST(LightTracer, NoHighlightFromBelowTheHorizon) {
+    const auto seen = [](double degrees, const char* material, Integrator integrator) {
+        const double a = degrees * kPi / 180;
+        LightScene s(fmt::format("DirectionalLight {{ direction {} 0 {} }}", -std::sin(a), -std::cos(a)) +
+                     square(100, fmt::format("material {}", material)));
+        s.options.settings.shadows = Shadows::none;
+        s.options.settings.integrator = integrator;
+        return s.center().r;
+    };
+    const char* materials[] = {"Material { diffuseColor 0 0 0 specularColor 1 1 1 shininess 0 }",
+                               "PhysicalMaterial { metallic 1 roughness 1 }"};
+    for (const char* material : materials)
+        for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+            EXPECT_EQ(seen(100, material, integrator), 0) << material;
+            EXPECT_GT(seen(80, material, integrator), 0.01) << material;
+        }
+}
+
+// Authored normals lean towards a light that is behind a sheet of paper: its light must not come through to the front,
+// nor round the edge of the error bound. Without shadows 17.2.2 knows the normals alone.
+TEST(LightTracer, LightBehindASheetIsBlockedByTheSheetItself) {
+    for (const char* light : {"DirectionalLight { direction -0.9 0 0.2 }", "PointLight { location 9 0 -2 }",
+                              "SpotLight { location 9 0 -2 direction -0.9 0 0.2 }"})
+        for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+            LightScene s(light + square(1, matte("1 1 1"),
+                                        "solid FALSE normal Normal { vector [0.8 0 0.6, 0.8 0 0.6, "
+                                        "0.8 0 0.6, 0.8 0 0.6] }"));
+            s.options.settings.integrator = integrator;
+            s.options.settings.shadows = Shadows::none;
+            EXPECT_GT(s.center().r, 0.5) << light;
+            s.options.settings.shadows = Shadows::all;
+            EXPECT_EQ(s.center().r, 0) << light;
+        }
+}
+
 // Every term of 17.2.2 at once, at every pixel, against the equations written out in double.
 TEST(LightTracer, LightingEquationsAtEveryPixel) {
     LightScene s(

@@ -61,9 +61,10 @@ TEST(PathTracer, FurnaceOfGlowingWalls) {
 // A lamp in the middle of a grey ball: rho directly, and rho of that again, and again.
 TEST(PathTracer, FurnaceOfALampInABall) {
     LightScene s(
-        fmt::format("Viewpoint {{ position 0 0 0.4 }} PointLight {{ location 0 0 0 }} Shape {{ appearance Appearance {{ "
-                    "material Material {{ diffuseColor {0} {0} {0} }} }} geometry Sphere {{ solid FALSE }} }}",
-                    field(0.5)),
+        fmt::format(
+            "Viewpoint {{ position 0 0 0.4 }} PointLight {{ location 0 0 0 }} Shape {{ appearance Appearance {{ "
+            "material Material {{ diffuseColor {0} {0} {0} }} }} geometry Sphere {{ solid FALSE }} }}",
+            field(0.5)),
         16, 16);
     expectMean(mean(s, 64), 0.5 / (1 - 0.5), 0.02);
 }
@@ -89,9 +90,10 @@ TEST(PathTracer, IrradianceOfAPanelIsItsFormFactor) {
 
 TEST(PathTracer, WhiteSkyLightsConvexThingsWithTheirColor) {
     LightScene s(
-        fmt::format("Viewpoint {{ position 0 0 4 fieldOfView 0.4 }} Background {{ skyColor 1 1 1 }} Shape {{ appearance "
-                    "Appearance {{ material Material {{ diffuseColor {0} {0} {0} }} }} geometry Sphere {{ radius 1 }} }}",
-                    field(0.3)),
+        fmt::format(
+            "Viewpoint {{ position 0 0 4 fieldOfView 0.4 }} Background {{ skyColor 1 1 1 }} Shape {{ appearance "
+            "Appearance {{ material Material {{ diffuseColor {0} {0} {0} }} }} geometry Sphere {{ radius 1 }} }}",
+            field(0.3)),
         16, 16);
     expectMean(mean(s, 64), 0.3, 0.003);
 }

@@ -8,7 +8,8 @@
 //                      `transparency` is the share of it that passes, the rest meets the material's own colours
 //   "absorption"       a or r g b, 1/m: Beer's law inside
 // PhysicalMaterial mirrors by itself: Schlick's Fresnel term of baseColor and metallic times (1 - roughness)^2.
-// Colours are as their fields have them, and beside that in linear light. Threading: immutable once read. Source: ISO/IEC 19775-1 V4.0 12.4.1-12.4.8, 17.2.2, 17.4, 18.2; glTF 2.0 appendix B.
+// Colours are as their fields have them, and beside that in linear light. Threading: immutable once read. Source:
+// ISO/IEC 19775-1 V4.0 12.4.1-12.4.8, 17.2.2, 17.4, 18.2; glTF 2.0 appendix B.
 #pragma once
 
 #include <array>
@@ -53,9 +54,9 @@ constexpr std::size_t kTextureRoles = 8;
 struct Material {
     ShadingModel model = ShadingModel::unlit;
     AlphaMode alphaMode = AlphaMode::automatic;
-    Vec3f base{0};       // diffuseColor or baseColor; unlit: emissiveColor
-    Vec3f specular{0};   // phong
-    Vec3f emissive{0};   // not unlit's
+    Vec3f base{0};      // diffuseColor or baseColor; unlit: emissiveColor
+    Vec3f specular{0};  // phong
+    Vec3f emissive{0};  // not unlit's
     /// The same colours in linear light: decoded, but of a PhysicalMaterial, whose fields hold linear numbers.
     struct Linear {
         Vec3f base{0}, specular{0}, emissive{0};

@@ -34,8 +34,8 @@ struct Picture {
     }
 };
 
-/// Linear to what a display can show. Radiance up to 1 passes unchanged, so that colours in a file are the colours on the screen; what
-/// is brighter keeps its hue and fades to white instead of clipping channel by channel.
+/// Linear to what a display can show. Radiance up to 1 passes unchanged, so that colours in a file are the colours on
+/// the screen; what is brighter keeps its hue and fades to white instead of clipping channel by channel.
 struct ToneMap {
     float exposure = 1;
     Vec3f apply(Vec3f linear) const;

@@ -69,8 +69,8 @@ class Texture {
     unsigned bytesPerPixel() const { return finest_.linear.empty() ? 4 : 16; }
 
     /// `footprint`: side of the pixel's image on the texture, as a share of the texture's own side; picks the level.
-    /// 0: the finest. Coordinates that are not finite give the colour at 0, 0. `space` (linear or display) is that of the
-    /// result; for data it changes nothing.
+    /// 0: the finest. Coordinates that are not finite give the colour at 0, 0. `space` (linear or display) is that of
+    /// the result; for data it changes nothing.
     Vec4f sample(float s, float t, float footprint, const TextureAccess& access,
                  ColorSpace space = ColorSpace::linear) const;
 
