@@ -52,7 +52,7 @@ TEST(ScenarioRunner, NoticesWhatIsWrong) {
     EXPECT_NE(run({scene, send, line, {4, "silent", ""}}), "");
     EXPECT_NE(run({scene, line, {4, "expect", "P.value_changed 1"}}), "");
     EXPECT_NE(run({scene, send, line, {4, "get", "P.value_changed 2"}}), "");
-    EXPECT_NE(run({{1, "scene", "Nonsense { }"}, line, {3, "silent", ""}}), "");
+    EXPECT_NE(run({{1, "scene", "Group { bogus 1 }"}, line, {3, "silent", ""}}), "");
     EXPECT_NE(run({scene, line, {3, "diagnostic", "anything"}}), "");
     EXPECT_NE(run({scene, line, {3, "absent", "P"}}), "");
 }

@@ -58,7 +58,7 @@ std::span<const T> elements(const Value& value) {
 
 }  // namespace
 
-std::string valueComplaint(const FieldDef& field, const Value& value, bool ranges) {
+std::string valueComplaint(const FieldDef& field, const Value& value) {
     const FieldType element = sf(value.type());
     if (element == FieldType::SFRotation) {
         const auto rotations = elements<Rotation>(value);
@@ -69,7 +69,7 @@ std::string valueComplaint(const FieldDef& field, const Value& value, bool range
         const auto words = elements<String>(value);
         return wordComplaint(field, words.data(), words.size());
     }
-    if (!ranges || (std::isinf(field.min) && std::isinf(field.max))) return {};
+    if (std::isinf(field.min) && std::isinf(field.max)) return {};
     switch (element) {
 #define RTSG_CASE(suffix, T, S)                                                                         \
     case FieldType::SF##suffix: {                                                                       \

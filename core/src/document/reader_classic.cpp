@@ -335,7 +335,7 @@ void ClassicReader::unit() {
     if (!parseValue(FieldType::SFDouble, factor)) return;
     if (!(factor.as<double>() > 0)) return error(category.data(), "a unit's conversion factor must be positive");
     handler_->unit(category, name, factor.as<double>());
-    hasUnits_ = true;
+    units_.set(category, factor.as<double>());
 }
 
 void ClassicReader::beginProto() {

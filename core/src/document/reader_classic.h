@@ -6,7 +6,10 @@
 // Source: ISO/IEC 19776-2 V3.3 annex A; ISO/IEC 14772-1:1997 annex A. Both dialects' keywords are taken in either.
 #pragma once
 
+#include <set>
+
 #include "reader_common.h"
+#include "units.h"
 #include "value/text_position.h"
 
 namespace rtsg::detail {
@@ -26,7 +29,8 @@ class ClassicReader final : private FieldTextReport {
         std::string_view field;            // list: where its nodes go
         FieldRef into;                     // list
         const char* open;
-        GivenFields given{};  // node
+        GivenFields given{};                        // node
+        std::set<std::string_view> unknownGiven{};  // node of unknown type: the fields that had values
     };
 
     // reader_classic.cpp: the document and its statements
@@ -104,7 +108,7 @@ class ClassicReader final : private FieldTextReport {
     std::size_t bodies_ = 0;  // PROTO bodies open
     DocumentHeader header_;
     bool vrml97_ = false;
-    bool hasUnits_ = false;  // then the ranges of numbers are not those of the table
+    Units units_;
 };
 
 /// The access that a keyword of either dialect stands for; false if it is none.

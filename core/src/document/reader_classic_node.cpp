@@ -239,9 +239,10 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
         return;
     }
     if (!frames_.back().given.add(field)) {
-        error(where,
-              std::string(field.name) + " of " + std::string(shape.name()) + " is given already; this is left out");
-        return unknownField(field.name, nullptr);  // nodes keep their names
+        if (sf(field.type) != FieldType::SFNode)
+            error(where,
+                  std::string(field.name) + " of " + std::string(shape.name()) + " is given already; this is left out");
+        return unknownField(field.name, where);
     }
     if (!field.takesValue()) {
         error(where, std::string(field.name) + " of " + std::string(shape.name()) + " is an event, it takes no value");
@@ -252,15 +253,15 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     const char* start = p_;
     if (!parseValue(field.type, value)) return skipValue();
     if (field.definition) {
-        if (std::string complaint = valueComplaint(*field.definition, value, !hasUnits_); !complaint.empty())
+        units_.toStandard(field.definition, value);
+        if (std::string complaint = valueComplaint(*field.definition, value); !complaint.empty())
             report(Severity::warning, start, std::move(complaint));
     }
     handler_->setField(field.name, std::move(value), at(where));
 }
 
 /// Behind the name of a field that the open node does not have, or has been given before. What nodes are there are kept
-/// with their names, though they are in no field; other values are kept, as text, in nodes of unknown types. `where` is
-/// null if the fault has been reported.
+/// with their names, though they are in no field; other values are kept, as text, in nodes of unknown types.
 void ClassicReader::unknownField(std::string_view name, const char* where) {
     skipSpace();
     const bool isList = p_ != end_ && *p_ == '[';
@@ -273,13 +274,17 @@ void ClassicReader::unknownField(std::string_view name, const char* where) {
     };
     const FieldRef into{name, isList ? FieldType::MFNode : FieldType::SFNode};
     const NodeShape shape = frames_.back().shape;
-    const bool complain = where && shape.known();
+    const bool complain = shape.known();
     if (isNodeWord(next) && (isList || (!startsItem(next) && startsNode()))) {
-        if (complain) report(Severity::warning, where, misplaced("a node", name.substr(0, 80), shape.name()));
+        if (complain)
+            report(Severity::warning, where,
+                   findField(shape, name) ? surplus(name, shape.name())
+                                          : misplaced("a node", name.substr(0, 80), shape.name()));
         return isList ? openList(into) : nodeStatement(into);
     }
     p_ = start;
-    if (complain) error(where, std::string(shape.name()) + " has no field '" + std::string(name.substr(0, 80)) + "'");
+    if (complain && !findField(shape, name))
+        error(where, std::string(shape.name()) + " has no field '" + std::string(name.substr(0, 80)) + "'");
     if (next == "IS" && !isList && !shape.known()) {
         word();
         const std::string_view protoField = word();
@@ -288,6 +293,8 @@ void ClassicReader::unknownField(std::string_view name, const char* where) {
     }
     skipValue();
     if (shape.known() || p_ == start) return;
+    if (!frames_.back().unknownGiven.insert(name).second)
+        return error(start, std::string(name.substr(0, 80)) + " is given already; this is left out");
     std::string_view text(start, static_cast<std::size_t>(p_ - start));
     const auto isFiller = [](char c) { return isSpace(c) || c == ','; };
     while (!text.empty() && isFiller(text.back())) text.remove_suffix(1);

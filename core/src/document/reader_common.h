@@ -32,8 +32,8 @@ class ProgressMeter {
 };
 
 /// Says what is wrong with a well-formed value: outside the field's range, no allowed word, an axis that is no
-/// direction. Empty if nothing is. `ranges` is false in documents with units of their own.
-std::string valueComplaint(const FieldDef& field, const Value& value, bool ranges);
+/// direction. Empty if nothing is. The value is in the standard's units.
+std::string valueComplaint(const FieldDef& field, const Value& value);
 
 /// Takes everything and does nothing.
 class NullHandler final : public DocumentHandler {

@@ -217,11 +217,12 @@ void ElementReader::startUnit(Attributes attributes) {
     if (!isTop(Inside::head) || !category || !name || !factor)
         error("unit needs category, name and conversionFactor, and belongs in head");
     else if (parseAttribute("conversionFactor", factor, FieldType::SFDouble, number)) {
-        hasUnits_ = true;
-        if (number.as<double>() > 0)
+        if (number.as<double>() > 0) {
+            units_.set(category, number.as<double>());
             handler_->unit(category, name, number.as<double>());
-        else
+        } else {
             error("a unit's conversion factor must be positive");
+        }
     }
     push(Inside::leaf);
 }

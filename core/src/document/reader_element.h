@@ -7,6 +7,7 @@
 #pragma once
 
 #include "reader_common.h"
+#include "units.h"
 
 namespace rtsg::detail {
 
@@ -147,7 +148,8 @@ class ElementReader : private FieldTextReport {
     std::size_t skipDepth_ = 0;  // elements open inside one that is left out
     std::size_t bodies_ = 0;     // PROTO bodies open
     bool inSection_ = false;     // between <![CDATA[ and ]]>
-    bool began_ = false, hasUnits_ = false;
+    bool began_ = false;
+    Units units_;
     const char* element_ = "";
     const char* attributeName_ = nullptr;  // whose value is being parsed
     const char* attributeValue_ = nullptr;

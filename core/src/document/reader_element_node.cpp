@@ -117,7 +117,7 @@ void ElementReader::openNode(NodeShape shape, Attributes attributes) {
         const bool value = parent.inside == Inside::value || parent.inside == Inside::declaration;
         if (into && ((value && parent.hasChildren && !isMF(into.type)) ||
                      (parent.inside == Inside::node && !parent.given.add(into))))
-            error(std::string(into.name) + " takes one node only; this one is kept under its name");
+            diagnostics_.warning(where(), surplus(into.name, parent.shape.name()));
         if (parent.inside == Inside::body && !frames_[frames_.size() - 2].prototype->type->hasBody) {
             ProtoType& proto = *frames_[frames_.size() - 2].prototype->type;
             proto.hasBody = true;
@@ -179,8 +179,9 @@ void ElementReader::setAttribute(const char* name, const char* text) {
         Value value;
         if (parseAttribute(name, text, field.type, value)) {
             attributeName_ = name;
+            units_.toStandard(field.definition, value);
             if (field.definition)
-                if (std::string complaint = valueComplaint(*field.definition, value, !hasUnits_); !complaint.empty())
+                if (std::string complaint = valueComplaint(*field.definition, value); !complaint.empty())
                     diagnostics_.warning(locate(text), std::move(complaint));
             if (frame.source && field.name == "url" && field.definition) {
                 frame.source->url = value.as<Array<String>>();
@@ -315,6 +316,15 @@ void ElementReader::startFieldValue(Attributes attributes) {
     const NodeShape& shape = frames_.back().shape;
     if (!name) return skip("fieldValue needs a name");
     const FieldRef field = findField(shape, name);
+    if (!field && !value) {
+        // The nodes in it keep their names.
+        diagnostics_.warning(where(), misplaced("a node", name, shape.name()));
+        push(Inside::value);
+        frames_.back().shape.unknown = std::make_shared<const std::string>(name);
+        frames_.back().into = {*frames_.back().shape.unknown, FieldType::MFNode};
+        frames_.back().hasChildren = true;  // no empty list is meant
+        return;
+    }
     if (!field) return skip(std::string(shape.name()) + " has no field '" + name + "'");
     if (!frames_.back().given.add(field)) return skip(std::string(name) + " is given already");
     if (!field.takesValue()) return skip(std::string(name) + " is an event, it takes no value");
@@ -350,8 +360,8 @@ void ElementReader::startConnect(Attributes attributes) {
                           }));
         if (held)
             node.source->connections[field ? std::string(field.name) : std::string(nodeField)].emplace_back(protoField);
-        else if (field)
-            handler_->isConnection(field.name, protoField, where());
+        else if (field || !node.shape.known())
+            handler_->isConnection(field ? field.name : std::string_view(nodeField), protoField, where());
         else
             error(std::string(node.shape.name()) + " has no field '" + nodeField + "' to connect");
     }

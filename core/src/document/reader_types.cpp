@@ -115,6 +115,11 @@ std::string misplaced(std::string_view child, std::string_view field, std::strin
            "; the node is kept under its name, the field is not set";
 }
 
+std::string surplus(std::string_view field, std::string_view parent) {
+    return "field '" + std::string(field) + "' of " + std::string(parent) +
+           " has a node already; this one is kept under its name, and is in no field";
+}
+
 bool GivenFields::add(const FieldRef& field) {
     if (field.type == FieldType::MFNode) return true;
     for (const char*& known : few_) {

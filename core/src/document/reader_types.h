@@ -84,6 +84,7 @@ FieldRef findField(const DeclaredFields& fields, std::string_view name);
 /// May a node of type `child` be the value of `field`? Unknown types may.
 bool accepts(const FieldRef& field, const NodeType* child);
 /// What is said of a node that stands where its type does not belong: it is kept under its name, the field is not set.
+std::string surplus(std::string_view field, std::string_view parent);
 std::string misplaced(std::string_view child, std::string_view field, std::string_view parent);
 
 /// Which fields of one node have been given already.

@@ -66,8 +66,6 @@ void SceneBuilder::meta(std::string_view name, std::string_view content) {
 
 void SceneBuilder::unit(std::string_view category, std::string_view name, double conversionFactor) {
     if (state_->scopes.size() > 1) return;
-    if (conversionFactor != 1)
-        state_->diagnostics.warning({}, fmt::format("UNIT {} {}: kept, but values are not converted", category, name));
     state_->units.emplace_back(category);
     state_->units.emplace_back(name);
     state_->units.emplace_back(fmt::format("{}", conversionFactor));

@@ -203,7 +203,7 @@ FieldIndex SceneBuilder::State::placeFor(OpenNode& parent, std::string_view fiel
         return kNoField;
     }
     if (def.type == FieldType::SFNode && !parent.list(index).empty()) {
-        error(where, fmt::format("field '{}' of {} has a node already", def.name, parent.describe()));
+        warning(where, detail::surplus(def.name, parent.type->name));
         return kNoField;
     }
     return index;

@@ -5,6 +5,7 @@
 #include <list>
 #include <set>
 
+#include "units.h"
 #include "value/number_text.h"
 #include "versions.h"
 #include "writer_common.h"
@@ -41,6 +42,7 @@ class ClassicWriter final : public DocumentHandler {
     }
     void unit(std::string_view category, std::string_view unitName, double factor) override {
         if (vrml97_) return cannot({}, "UNIT");
+        units_.set(category, factor);
         statement("UNIT " + name(category, {}) + " " + name(unitName, {}) + " " + printFieldText(Value(factor)));
     }
 
@@ -53,7 +55,7 @@ class ClassicWriter final : public DocumentHandler {
                                  std::string(type) + " is no node of VRML97; browsers of VRML97 will not read it");
         const Place place = nodePlace(field, where);
         if (!def.empty()) *place.text += "DEF " + name(def, where) + " ";
-        *place.text += type;
+        *place.text += shape.unknown ? name(type, where) : std::string(type);
         *place.text += " {";
         frames_.push_back(
             {.kind = Kind::node, .text = place.text, .indent = place.indent + 1, .shape = std::move(shape)});
@@ -65,6 +67,7 @@ class ClassicWriter final : public DocumentHandler {
     }
 
     void setField(std::string_view field, Value value, SourceLocation where) override {
+        if (!units_.areStandard()) units_.fromStandard(findField(frames_.back().shape, field).definition, value);
         const Place place = line();
         *place.text += fieldName(frames_.back().shape, field, where) + " ";
         appendWrapped(*place.text, value, TextSyntax::classicVrml, spaces(place.indent + 1));
@@ -339,6 +342,7 @@ class ClassicWriter final : public DocumentHandler {
     std::string version_ = "2.0";  // of the document written
     std::string text_;
     std::set<std::string> notInVrml97_;  // types that have been named
+    Units units_;
     ReaderTypes types_;
     std::vector<Frame> frames_;
 };

@@ -2,7 +2,9 @@
 // ropes that are joined without copying, and a node of the top level goes out when it ends.
 #include <algorithm>
 #include <list>
+#include <set>
 
+#include "units.h"
 #include "writer_common.h"
 
 namespace rtsg::detail {
@@ -58,8 +60,9 @@ class JsonWriter final : public DocumentHandler {
         head(metas_, "{\"@name\":" + inQuotes(name) + ",\"@content\":" + inQuotes(content) + "}");
     }
     void unit(std::string_view category, std::string_view name, double factor) override {
-        head(units_, "{\"@category\":" + inQuotes(category) + ",\"@name\":" + inQuotes(name) +
-                         ",\"@conversionFactor\":" + valueText(Value(factor)) + "}");
+        units_.set(category, factor);
+        head(unitItems_, "{\"@category\":" + inQuotes(category) + ",\"@name\":" + inQuotes(name) +
+                             ",\"@conversionFactor\":" + valueText(Value(factor)) + "}");
     }
 
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation) override {
@@ -68,7 +71,9 @@ class JsonWriter final : public DocumentHandler {
         if (frame.shape.type && declaresFields(*frame.shape.type)) frame.shape.own = std::make_shared<DeclaredFields>();
         if (!def.empty()) types_.define(def, frame.shape);
         frame.field = field;
-        frame.element = frame.shape.proto ? "ProtoInstance" : std::string(type);
+        frame.element = frame.shape.proto     ? "ProtoInstance"
+                        : frame.shape.unknown ? elementName(type)
+                                              : std::string(type);
         if (frame.shape.proto) attribute(frame, "name", inQuotes(type));
         if (!def.empty()) attribute(frame, "DEF", inQuotes(def));
         frames_.push_back(std::move(frame));
@@ -82,7 +87,8 @@ class JsonWriter final : public DocumentHandler {
     void useNode(std::string_view def, std::string_view field, SourceLocation) override {
         const NodeShape* defined = types_.defined(def);
         const bool instance = defined && defined->proto;
-        const std::string_view element = instance ? "ProtoInstance" : defined ? defined->name() : "Group";
+        const std::string_view name = instance ? "ProtoInstance" : defined ? defined->name() : "Group";
+        const std::string element = defined && defined->unknown ? elementName(name) : std::string(name);
         Frame frame{};
         frame.element = element;
         if (instance) attribute(frame, "name", inQuotes(defined->proto->name));
@@ -98,6 +104,12 @@ class JsonWriter final : public DocumentHandler {
             return;
         }
         if (nodes) return;  // NULL and the empty list are what a node without such children has
+        if (frame.shape.unknown) {
+            const std::string name = attributeName(field);
+            if (frame.unknownGiven.insert(name).second) attribute(frame, name, valueText(value));
+            return;
+        }
+        if (!units_.areStandard()) units_.fromStandard(findField(frame.shape, field).definition, value);
         if (field == "url" && frame.element == "Script") return source(frame, value.as<Array<String>>());
         attribute(frame, spelled(frame.shape, field), valueText(value));
     }
@@ -182,6 +194,7 @@ class JsonWriter final : public DocumentHandler {
         std::vector<Declaration> values;  // of a PROTO instance's fields
         std::shared_ptr<ProtoType> proto;
         bool inBody = false;
+        std::set<std::string> unknownGiven;  // attributes of a node of unknown type
     };
 
     static void attribute(Frame& frame, std::string_view name, const std::string& text) {
@@ -317,7 +330,7 @@ class JsonWriter final : public DocumentHandler {
             if (!items.empty()) head += (head.empty() ? "\n" : ",\n") + inQuotes(key) + ":[\n  " + items + "]";
         };
         list("component", components_);
-        list("unit", units_);
+        list("unit", unitItems_);
         list("meta", metas_);
         if (!head.empty()) text_ += ",\n\"head\":{" + head + "}";
         text_ += ",\n\"Scene\":{\"-children\":[";
@@ -329,8 +342,9 @@ class JsonWriter final : public DocumentHandler {
 
     TextSink sink_;
     Diagnostics& diagnostics_;
-    std::string version_, text_, components_, units_, metas_;
+    std::string version_, text_, components_, unitItems_, metas_;
     bool sceneOpen_ = false, any_ = false;
+    Units units_;
     ReaderTypes types_;
     std::vector<Frame> frames_;
 };

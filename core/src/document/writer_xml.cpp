@@ -2,7 +2,9 @@
 // is filled when the node ends; text goes out as far as the first gap.
 #include <algorithm>
 #include <list>
+#include <set>
 
+#include "units.h"
 #include "writer_common.h"
 
 namespace rtsg::detail {
@@ -36,6 +38,7 @@ class XmlWriter final : public DocumentHandler {
         head("meta", attribute("name", name, {}) + attribute("content", content, {}));
     }
     void unit(std::string_view category, std::string_view name, double factor) override {
+        units_.set(category, factor);
         head("unit", attribute("category", category, {}) + attribute("name", name, {}) +
                          attribute("conversionFactor", printFieldText(Value(factor)), {}));
     }
@@ -48,7 +51,7 @@ class XmlWriter final : public DocumentHandler {
         noteFirst(shape);
         Frame frame{};
         frame.kind = Kind::node;
-        frame.element = shape.proto ? "ProtoInstance" : std::string(type);
+        frame.element = shape.proto ? "ProtoInstance" : shape.unknown ? unknownName(type, where) : std::string(type);
         write("<" + frame.element);
         if (shape.proto) write(attribute("name", type, where));
         if (!def.empty()) write(attribute("DEF", def, where));
@@ -84,8 +87,9 @@ class XmlWriter final : public DocumentHandler {
             shape.type = findBuiltinType("Group");  // an imported node: the element must have some name
         const std::string container = nodePlace(field, shape);
         noteFirst(shape);
-        write(shape.proto ? "<ProtoInstance" + attribute("name", shape.proto->name, where)
-                          : "<" + std::string(shape.name()));
+        write(shape.proto     ? "<ProtoInstance" + attribute("name", shape.proto->name, where)
+              : shape.unknown ? "<" + elementName(shape.name())
+                              : "<" + std::string(shape.name()));
         write(attribute("USE", def, where));
         if (!container.empty()) write(attribute("containerField", container, where));
         write("/>");
@@ -102,9 +106,12 @@ class XmlWriter final : public DocumentHandler {
             return;
         }
         if (nodes) return;  // NULL and the empty list are what a node without such children has
+        if (!units_.areStandard()) units_.fromStandard(findField(frame.shape, field).definition, value);
         if (frame.shape.type && field == "url" && declaresFields(*frame.shape.type) && writeSource(value)) return;
         if (frame.shape.unknown && value.holds<String>()) {
-            *frame.gap += attribute(field, value.as<String>().view(), where);  // as it was read
+            // As it was read.
+            const std::string name = attributeName(field);
+            if (frame.unknownGiven.insert(name).second) *frame.gap += attribute(name, value.as<String>().view(), where);
             return;
         }
         *frame.gap += valueAttribute(spelled(frame.shape, field), value, where);
@@ -226,7 +233,8 @@ class XmlWriter final : public DocumentHandler {
         bool endsWithText = false;   // CDATA: no white space may follow
         std::string openValue;       // "field" or "fieldValue" whose nodes are coming
         std::string valueName;
-        bool valueEmpty = false;  // its start tag is still open
+        bool valueEmpty = false;             // its start tag is still open
+        std::set<std::string> unknownGiven;  // attributes of a node of unknown type
     };
 
     // ---- text and gaps
@@ -348,6 +356,12 @@ class XmlWriter final : public DocumentHandler {
         return "<field" + attribute("accessType", accessWord(field.access, false), where) +
                attribute("type", info(field.type).name, where) + attribute("name", field.name, where);
     }
+    std::string unknownName(std::string_view type, SourceLocation where) {
+        std::string name = elementName(type);
+        if (name != type)
+            diagnostics_.warning(where, "'" + std::string(type) + "' is no name in XML; written as " + name);
+        return name;
+    }
     std::string attribute(std::string_view name, std::string_view text, SourceLocation where) {
         std::string result = " " + std::string(name) + "='";
         escape(result, text, where, true);
@@ -435,6 +449,7 @@ class XmlWriter final : public DocumentHandler {
     std::size_t openGaps_ = 0;
     Where place_ = Where::root;
     std::string version_;  // of the document written
+    Units units_;
     ReaderTypes types_;
     std::vector<Frame> frames_;
 };

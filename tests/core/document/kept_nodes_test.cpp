@@ -72,6 +72,27 @@ TEST(KeptNodes, TheyPassThroughEveryEncodingAndBack) {
         EXPECT_EQ(convert(convert(xml, encoding), Encoding::xml), xml);
 }
 
+TEST(KeptNodes, NamesThatAnEncodingCannotSpellAreSpelledOtherwise) {
+    // Names that ClassicVRML takes and XML does not, statements' names, an attribute's that has a meaning, one twice.
+    const std::string classic =
+        "#X3D V4.0 utf8\nDEF A R\xC3\xA4um { gr\xC3\xB6\xC3\x9F"
+        "e 1 DEF 2 a 3 a 4 }\nScene { }\nUSE A";
+    for (const Encoding encoding : {Encoding::xml, Encoding::json}) {
+        const Read r(convert(classic, encoding));
+        EXPECT_EQ(r.diagnostics.errors(), 0u) << r.complaints();
+        EXPECT_EQ(r.handler.text(),
+                  "begin R_C3_A4um DEF A\nset gr_C3_B6_C3_9Fe SFString \"1\"\nset DEF_ SFString \"2\"\nset a SFString "
+                  "\"3\"\nend\nbegin Scene_\nend\nuse A\n")
+            << convert(classic, encoding);
+    }
+    Diagnostics writing;
+    convert(classic, Encoding::xml, writing);
+    EXPECT_THAT(allText(writing), HasSubstr("is no name in XML; written as R_C3_A4um"));
+    // And the other way.
+    EXPECT_THAT(convert("<X3D version='4.0'><Scene><ROUTE.x/></Scene></X3D>", Encoding::classicVrml),
+                HasSubstr("ROUTE_2Ex {"));
+}
+
 TEST(KeptNodes, AFaultThatReaderAndBuilderSeeIsToldOnce) {
     test::Loaded l("WorldInfo { metadata MetadataSet { value [ DEF T Transform { } ] } }\nFoo { }");
     EXPECT_EQ(l.diagnostics.warnings(), 2u) << l.problems();

@@ -1,0 +1,37 @@
+// Units of documents: UNIT statements say in what a document counts lengths, angles, masses and forces; what comes out
+// of a reader is in metres, radians, kilograms and newtons, and a writer turns it back into the document's units.
+//
+// Invariant: a value that was read and is written in the same units has the digits it had. Fields of prototypes and
+// Scripts have no unit. Threading: one thread an object.
+// Source: ISO/IEC 19775-1 V4.0 4.3.6 (categories, and what is derived from them), 7.2.5.6 (UNIT).
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include <rtsg/core/node_type.h>
+
+namespace rtsg::detail {
+
+enum class Unit : std::uint8_t { none, length, angle, mass, force, speed, angularRate, acceleration, area, torque };
+
+/// What a field of a built-in type counts in. Rotations count their angle whatever this says.
+Unit unitOf(const FieldDef& field);
+
+class Units {
+  public:
+    /// Of a UNIT statement; categories that are none change nothing.
+    void set(std::string_view category, double factor);
+    /// Are all of them the standard's own?
+    bool areStandard() const { return length_ == 1 && angle_ == 1 && mass_ == 1 && force_ == 1; }
+    /// From the document's units to the standard's, in place. `field` is null for a field that no table has.
+    void toStandard(const FieldDef* field, Value& value) const;
+    /// The other way: the shortest decimals that toStandard() turns into this very value.
+    void fromStandard(const FieldDef* field, Value& value) const;
+
+  private:
+    double factor(Unit unit) const;
+    double length_ = 1, angle_ = 1, mass_ = 1, force_ = 1;
+};
+
+}  // namespace rtsg::detail

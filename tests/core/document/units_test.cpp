@@ -1,0 +1,134 @@
+// UNIT statements: values come in and go out in the document's units, and are metres, radians, kilograms and newtons
+// between.
+#include <numbers>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/writer.h>
+
+#include "core/scene_check.h"
+#include "document/units.h"
+
+namespace rtsg {
+namespace {
+
+using test::allText;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr const char* kDegreesAndCentimetres = R"(#X3D V3.3 utf8
+PROFILE Immersive
+UNIT angle degree 0.017453292519943295
+UNIT length cm 0.01
+DEF T Transform { rotation 0 1 0 90 translation 100 -25.4 0 scale 2 2 2 children Shape {
+  geometry DEF E Extrusion { creaseAngle 30 crossSection [ 10 0 0 10 ] orientation [ 0 0 1 45, 1 0 0 -7.3 ] }
+} }
+DEF S SpotLight { cutOffAngle 45 location 1 2 3 direction 0 1 0 }
+DEF V Viewpoint { fieldOfView 60 position 0 0 1000 nearDistance -1 }
+DEF C CoordinateDouble { point [ 1 2 0.1 ] }
+DEF I ScalarInterpolator { key [ 0 1 ] keyValue [ 0 90 ] }
+)";
+
+void expectStandard(const Scene& scene) {
+    const auto field = [&](std::string_view def, std::string_view name) {
+        const Node& node = scene.node(scene.findName(def));
+        return node.value(node.type().find(name));
+    };
+    constexpr double degree = std::numbers::pi / 180;
+    EXPECT_FLOAT_EQ(field("T", "rotation").as<Rotation>().angle, float(90 * degree));
+    EXPECT_EQ(field("T", "rotation").as<Rotation>().y, 1.0f);
+    EXPECT_FLOAT_EQ(field("T", "translation").as<Vec3f>().x, 1.0f);
+    EXPECT_FLOAT_EQ(field("T", "translation").as<Vec3f>().y, -.254f);
+    EXPECT_EQ(field("T", "scale").as<Vec3f>(), Vec3f(2, 2, 2));
+    EXPECT_FLOAT_EQ(field("E", "creaseAngle").as<float>(), float(30 * degree));
+    EXPECT_FLOAT_EQ(field("E", "crossSection").as<Array<Vec2f>>()[0].x, .1f);
+    EXPECT_FLOAT_EQ(field("E", "orientation").as<Array<Rotation>>()[1].angle, float(-7.3 * degree));
+    EXPECT_FLOAT_EQ(field("S", "cutOffAngle").as<float>(), float(45 * degree));
+    EXPECT_EQ(field("S", "direction").as<Vec3f>(), Vec3f(0, 1, 0));
+    EXPECT_FLOAT_EQ(field("V", "fieldOfView").as<float>(), float(60 * degree));
+    EXPECT_FLOAT_EQ(field("V", "position").as<Vec3f>().z, 10.0f);
+    EXPECT_EQ(field("V", "nearDistance").as<float>(), -1.0f) << "that is no distance";
+    EXPECT_DOUBLE_EQ(field("C", "point").as<Array<Vec3d>>()[0].y, .02);
+    EXPECT_EQ(field("I", "keyValue").as<Array<float>>()[1], 90.0f) << "what it is routed to decides";
+}
+
+TEST(DocumentUnits, ValuesAreTheStandardsInsideAndTheDocumentsInEveryEncoding) {
+    std::string first;
+    for (const Encoding encoding : {Encoding::classicVrml, Encoding::xml, Encoding::json}) {
+        Scene scene;
+        Diagnostics diagnostics;
+        std::string text = kDegreesAndCentimetres;
+        if (encoding != Encoding::classicVrml) {
+            text.clear();
+            const auto writer = makeWriter(encoding, [&](std::string_view piece) { text += piece; }, diagnostics);
+            readDocument(kDegreesAndCentimetres, *writer, diagnostics);
+        }
+        ASSERT_TRUE(loadText(scene, text, diagnostics)) << allText(diagnostics);
+        EXPECT_EQ(diagnostics.all().size(), 0u) << allText(diagnostics);
+        expectStandard(scene);
+        std::string back;
+        const auto writer =
+            makeWriter(Encoding::classicVrml, [&](std::string_view piece) { back += piece; }, diagnostics);
+        readDocument(text, *writer, diagnostics);
+        for (const char* digits : {"rotation 0 1 0 90", "translation 100 -25.4 0", "creaseAngle 30", "1 0 0 -7.3",
+                                   "fieldOfView 60", "nearDistance -1", "1 2 0.1"})
+            EXPECT_THAT(back, HasSubstr(digits));
+    }
+}
+
+TEST(DocumentUnits, Vrml97HasNoneSoValuesAreWrittenInMetres) {
+    Diagnostics diagnostics;
+    std::string text;
+    const auto writer = makeWriter(Encoding::vrml97, [&](std::string_view piece) { text += piece; }, diagnostics);
+    readDocument(kDegreesAndCentimetres, *writer, diagnostics);
+    EXPECT_THAT(text, HasSubstr("position 0 0 10"));
+    EXPECT_THAT(text, Not(HasSubstr("UNIT")));
+    EXPECT_THAT(allText(diagnostics), HasSubstr("UNIT cannot be written"));
+}
+
+TEST(DocumentUnits, RangesAreThoseOfTheConvertedValues) {
+    test::Loaded good("UNIT angle degree 0.017453292519943295\nSpotLight { cutOffAngle 89 }");
+    EXPECT_EQ(good.problems(), "");
+    test::Loaded bad("UNIT angle degree 0.017453292519943295\nSpotLight { cutOffAngle 91 }");
+    EXPECT_THAT(bad.problems(), HasSubstr("outside the range"));
+}
+
+TEST(DocumentUnits, EveryRowOfTheTableNamesAFieldOfNumbers) {
+    std::size_t with = 0;
+    for (const auto& type : builtinTypes())
+        for (const FieldDef& field : type->fields) {
+            if (detail::unitOf(field) == detail::Unit::none) continue;
+            ++with;
+            const FieldType element = sf(field.type);
+            EXPECT_TRUE(element == FieldType::SFFloat || element == FieldType::SFDouble ||
+                        element == FieldType::SFVec2f || element == FieldType::SFVec3f ||
+                        element == FieldType::SFVec4f || element == FieldType::SFVec3d || element == FieldType::SFVec2d)
+                << type->name << '.' << field.name;
+        }
+    EXPECT_GT(with, 200u);
+    const auto unit = [](std::string_view type, std::string_view name) {
+        const NodeType* found = findBuiltinType(type);
+        return detail::unitOf(found->fields[found->findExact(name)]);
+    };
+    EXPECT_EQ(unit("Inline", "bboxSize"), detail::Unit::length);
+    EXPECT_EQ(unit("ProximitySensor", "center"), detail::Unit::length);
+    EXPECT_EQ(unit("BallJoint", "anchorPoint"), detail::Unit::length);
+    EXPECT_EQ(unit("Transform", "scale"), detail::Unit::none);
+}
+
+TEST(DocumentUnits, DerivedUnitsFollowFromTheFour) {
+    test::Loaded l(
+        "UNIT length km 1000\nUNIT force kN 1000\nUNIT mass t 1000\n"
+        "DEF B RigidBody { mass 2 linearVelocity 1 0 0 torques [ 1 0 0 ] forces [ 0 1 0 ] }\n"
+        "DEF E PointEmitter { surfaceArea 2 }");
+    EXPECT_EQ(l.get("B", "mass"), "2000");
+    EXPECT_EQ(l.get("B", "linearVelocity"), "1000 0 0");
+    EXPECT_EQ(l.get("B", "torques"), "[1e+06 0 0]");
+    EXPECT_EQ(l.get("B", "forces"), "[0 1000 0]");
+    EXPECT_EQ(l.get("E", "surfaceArea"), "2e+06");
+}
+
+}  // namespace
+}  // namespace rtsg
