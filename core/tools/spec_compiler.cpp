@@ -101,8 +101,22 @@ std::string row(const Field& field) {
     return out.str();
 }
 
-std::string source(const std::vector<const Type*>& nodes, const std::vector<std::string>& abstracts,
-                   const std::string& space, const std::string& include, bool builtin) {
+std::string row(const spec::Tags& tags) {
+    return "{Acts::" + (tags.acts.empty() ? "never" : tags.acts) + ", " + (tags.writesInputs ? "true" : "false") +
+           ", " + literal(tags.role) + ", " + literal(joined(tags.below, '|')) + "}";
+}
+
+std::string names(const char* variable, const std::vector<std::string>& list) {
+    std::ostringstream out;
+    out << "constexpr std::string_view " << variable << "[] = {\n";
+    for (const std::string& name : list) out << "    " << literal(name) << ",\n";
+    out << "};\n\n";
+    return out.str();
+}
+
+std::string source(const std::vector<const Type*>& nodes, const std::vector<const Type*>& abstracts,
+                   const std::vector<std::string>& groups, const std::string& space, const std::string& include,
+                   bool builtin) {
     // Inherited fields make most rows equal: each is written once.
     std::map<std::string, std::size_t> rows;
     std::vector<const std::string*> ordered;
@@ -118,8 +132,7 @@ std::string source(const std::vector<const Type*>& nodes, const std::vector<std:
         lists << "  // " << node->name << '\n';
         types << "    {" << literal(node->name) << ", " << literal(node->component) << ", " << literal(node->container)
               << ", " << literal(joined(node->implements, '|')) << ", " << first << ", " << node->fields.size() << ", "
-              << node->level << ", " << (node->hidden ? "true" : "false") << ", Acts::" << node->acts << ", "
-              << (node->writesInputs ? "true" : "false") << ", " << literal(node->role) << "},\n";
+              << node->level << ", " << (node->hidden ? "true" : "false") << ", " << row(node->all) << "},\n";
         first += node->fields.size();
     }
     std::ostringstream out;
@@ -133,11 +146,16 @@ std::string source(const std::vector<const Type*>& nodes, const std::vector<std:
         << lists.str() << "};\n\nconstexpr SpecNode kNodes[] = {\n"
         << types.str() << "};\n\n";
     if (builtin) {
-        out << "// Sorted.\nconstexpr std::string_view kAbstracts[] = {\n";
-        for (const std::string& name : abstracts) out << "    " << literal(name) << ",\n";
-        out << "};\n\n";
+        out << "constexpr SpecAbstract kAbstracts[] = {\n";
+        for (const Type* type : abstracts) {
+            spec::Tags tags = type->all;
+            if (tags.acts.empty()) tags.acts = "unstated";
+            out << "    {" << literal(type->name) << ", " << row(tags) << "},\n";
+        }
+        out << "};\n\n" << names("kGroups", groups);
     }
-    out << "constexpr SpecTable kTable{kFields, kFieldLists, kNodes, " << (builtin ? "kAbstracts" : "{}") << "};\n\n"
+    out << "constexpr SpecTable kTable{kFields, kFieldLists, kNodes, " << (builtin ? "kAbstracts, kGroups" : "{}, {}")
+        << "};\n\n"
         << "}  // namespace\n\n";
     if (builtin)
         out << "namespace rtsg {\nconst SpecTable& builtinSpecTable() { return kTable; }\n}  // namespace rtsg\n";
@@ -259,16 +277,18 @@ int main(int argc, char** argv) {
     }
 
     std::vector<const Type*> nodes;
-    std::vector<std::string> abstracts;
+    std::vector<const Type*> abstracts;
+    std::vector<std::string> groups;
     for (const Type& type : model.types()) {
         if (type.imported) continue;
+        if (!type.tags.below.empty()) groups.push_back(type.name);
         if (type.isAbstract)
-            abstracts.push_back(type.name);
+            abstracts.push_back(&type);
         else
             nodes.push_back(&type);
     }
-    std::ranges::sort(abstracts);
+    std::ranges::sort(abstracts, {}, &Type::name);
     const bool written = writeFile(headerPath, header(nodes, space, builtin)) &&
-                         writeFile(sourcePath, source(nodes, abstracts, space, include, builtin));
+                         writeFile(sourcePath, source(nodes, abstracts, groups, space, include, builtin));
     return written ? 0 : 1;
 }

@@ -38,22 +38,30 @@ struct Retag {
     std::string aspect;
 };
 
+/// What a type is, beside its fields. Each is inherited by those that have none of their own.
+struct Tags {
+    std::string acts;  // "never", "onInput", "always"; empty if not stated
+    bool writesInputs = false;
+    std::string role;                // empty if not stated
+    std::vector<std::string> below;  // the role's: fields whose nodes hang below in the hierarchy
+};
+
 struct Type {
     Position where;
     std::string name, component, container;
     std::vector<std::string> bases;
     int level = 1;
     bool isAbstract = false;
-    bool hidden = false;                  // not creatable from files
-    bool imported = false;                // from --import: known, but not written out
-    std::string acts = "unstated", role;  // tags; inherited by those that have none of their own
-    bool writesInputs = false;
+    bool hidden = false;    // not creatable from files
+    bool imported = false;  // from --import: known, but not written out
+    Tags tags;
     std::vector<Field> own;
     std::vector<Retag> retags;
 
     // Filled by Model::resolve().
     std::vector<Field> fields;            // public ones by name, then hidden ones as written
     std::vector<std::string> implements;  // every abstract ancestor, nearest first
+    Tags all;                             // its own, then its ancestors'
     int state = 0;                        // 0 untouched, 1 being resolved, 2 done
 };
 
@@ -75,12 +83,15 @@ class Model {
     struct Token;
     std::vector<Token> tokens(const Position& where, std::string_view line);
     void parseHead(const Position& where, const std::vector<Token>& tokens, bool imported);
+    void parseTag(Type& type, const std::vector<Token>& tokens, std::size_t& next);
     void parseField(const Position& where, const std::vector<Token>& tokens);
     void parseDefault(Field& field, const std::vector<Token>& tokens, std::size_t& next);
     void parseGroup(Field& field, const std::string& group);
     void checkDefault(const Field& field);
     void resolve(Type& type);
     void inherit(Type& type, const Type& base);
+    void inheritTags(Type& type);
+    void checkTags(const Type& type);
     Type* lookup(std::string_view name);
 
     std::vector<Type> types_;

@@ -1,3 +1,4 @@
+// Reads node tables line by line: heads of types with their tags, fields with default, constraint and aspect.
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -43,6 +44,18 @@ constexpr TypeInfo kTypes[] = {
 constexpr std::string_view kAspects[] = {"none",  "structure", "transform", "geometry", "appearance",
                                          "light", "view",      "sound",     "time"};
 constexpr std::string_view kAspectList = "@none @structure @transform @geometry @appearance @light @view @sound @time";
+
+constexpr std::string_view kActs[] = {"never", "onInput", "always"};
+struct RoleInfo {
+    std::string_view name;
+    bool hasNodesBelow;
+};
+constexpr RoleInfo kRoles[] = {
+    {"none", false},       {"group", true},       {"choice", true},     {"level", true},   {"layers", true},
+    {"humanoid", true},    {"joint", true},       {"shape", false},     {"light", false},  {"view", false},
+    {"background", false}, {"fog", false},        {"sound", false},     {"sensor", false}, {"listener", false},
+    {"clipPlane", false},  {"navigation", false}, {"displacer", false},
+};
 
 const TypeInfo* typeInfo(std::string_view type) {
     if (!type.starts_with("SF") && !type.starts_with("MF")) return nullptr;
@@ -266,6 +279,9 @@ void Model::parseHead(const Position& where, const std::vector<Token>& found, bo
         } else if (item == "container") {
             type.container = word();
             ++next;
+        } else if (item.starts_with('@')) {
+            --next;
+            parseTag(type, found, next);
         } else {
             error(where, "unexpected '" + item + "'");
         }
@@ -281,6 +297,35 @@ void Model::parseHead(const Position& where, const std::vector<Token>& found, bo
     types_.push_back(std::move(type));
     open_ = &types_.back().own;
     openType_ = &types_.back();
+}
+
+/// `@acts(WHEN)`, `@writesInputs` or `@role(NAME FIELD...)`.
+void Model::parseTag(Type& type, const std::vector<Token>& found, std::size_t& next) {
+    const std::string tag = found[next++].text;
+    std::vector<std::string> words;
+    if (next < found.size() && found[next].kind == Token::group && found[next].text.front() == '(') {
+        const std::string& group = found[next++].text;
+        for (const Token& token : tokens(type.where, std::string_view(group).substr(1, group.size() - 2)))
+            words.push_back(token.text);
+    }
+    if (tag == "@writesInputs" && words.empty()) {
+        type.tags.writesInputs = true;
+    } else if (tag == "@acts") {
+        if (words.size() != 1 || std::ranges::find(kActs, words[0]) == std::end(kActs))
+            return error(type.where, "expected @acts(never), @acts(onInput) or @acts(always)");
+        type.tags.acts = words[0];
+    } else if (tag == "@role") {
+        const auto role = words.empty() ? std::end(kRoles) : std::ranges::find(kRoles, words[0], &RoleInfo::name);
+        if (role == std::end(kRoles))
+            return error(type.where, words.empty() ? "@role names no role" : "'" + words[0] + "' is no role");
+        if (role->hasNodesBelow != (words.size() > 1))
+            return error(type.where, "role '" + words[0] + (role->hasNodesBelow ? "' needs" : "' takes no") +
+                                         " fields whose nodes hang below");
+        type.tags.role = words[0];
+        type.tags.below.assign(words.begin() + 1, words.end());
+    } else {
+        error(type.where, "'" + tag + "' is no tag of a type; one of @acts @writesInputs @role");
+    }
 }
 
 void Model::parseField(const Position& where, const std::vector<Token>& found) {

@@ -1,4 +1,6 @@
+// Inheritance between the types of node tables, and the checks that need every type: fields, aspects, tags.
 #include <algorithm>
+#include <cctype>
 #include <ranges>
 
 #include "spec_model.h"
@@ -27,6 +29,70 @@ void Model::inherit(Type& type, const Type& base) {
                                       "'; list it, or retag it if only the aspects differ");
         }
     }
+}
+
+namespace {
+
+/// The field that an input stands for: set_coordIndex for coordIndex, addChildren and removeChildren for children.
+bool standsForAField(const Type& type, std::string_view input) {
+    std::string name;
+    if (input.starts_with("set_")) {
+        name = input.substr(4);
+    } else {
+        for (const std::string_view verb : {"add", "remove"})
+            if (input.starts_with(verb) && input.size() > verb.size()) {
+                name = input.substr(verb.size());
+                name[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(name[0])));
+            }
+    }
+    return std::ranges::any_of(type.fields,
+                               [&](const Field& field) { return field.name == name && field.access != "inputOnly"; });
+}
+
+bool isLink(const Field& field) {
+    return field.type.ends_with("Node") && field.access != "inputOnly";
+}
+
+}  // namespace
+
+/// Its own tags win; two bases that say different things must be settled by one.
+void Model::inheritTags(Type& type) {
+    Tags& all = type.all;
+    all = type.tags;
+    for (const std::string& name : type.bases) {
+        const Type* base = find(name);
+        if (!base) continue;
+        all.writesInputs |= base->all.writesInputs;
+        if (type.tags.acts.empty() && !base->all.acts.empty()) {
+            if (!all.acts.empty() && all.acts != base->all.acts)
+                error(type.where, "'" + type.name + "' inherits @acts(" + all.acts + ") and @acts(" + base->all.acts +
+                                      "): state which");
+            all.acts = base->all.acts;
+        }
+        if (type.tags.role.empty() && !base->all.role.empty()) {
+            if (!all.role.empty() && (all.role != base->all.role || all.below != base->all.below))
+                error(type.where, "'" + type.name + "' inherits @role(" + all.role + ") and @role(" + base->all.role +
+                                      "): state which");
+            all.role = base->all.role;
+            all.below = base->all.below;
+        }
+    }
+}
+
+/// Whoever can act says when, and whoever has a place says which.
+void Model::checkTags(const Type& type) {
+    if (type.isAbstract) return;
+    for (const std::string& name : type.all.below)
+        if (std::ranges::none_of(type.fields, [&](const Field& f) { return f.name == name && isLink(f); }))
+            error(type.where, "'" + type.name + "' has no field '" + name + "' of nodes");
+    const bool canAct = std::ranges::any_of(type.fields, [&](const Field& field) {
+        return field.hidden || field.access == "outputOnly" ||
+               (field.access == "inputOnly" && !standsForAField(type, field.name));
+    });
+    if (canAct && type.all.acts.empty())
+        error(type.where, "'" + type.name + "' has outputs, state or inputs of its own: it needs @acts(WHEN)");
+    if (type.all.role.empty() && std::ranges::find(type.implements, "X3DBoundedObject") != type.implements.end())
+        error(type.where, "'" + type.name + "' has bounds: it needs @role(NAME FIELD...)");
 }
 
 void Model::resolve(Type& type) {
@@ -72,6 +138,7 @@ void Model::resolve(Type& type) {
         return key + '\0' + field.name;
     });
     type.fields.insert(type.fields.end(), hidden.begin(), hidden.end());
+    inheritTags(type);
     type.state = 2;
 }
 
@@ -93,6 +160,7 @@ void Model::resolve() {
         }
     }
     for (Type& type : types_) resolve(type);
+    for (const Type& type : types_) checkTags(type);
     for (const Type& type : types_)
         for (const Field& field : type.own)
             for (const auto name : std::views::split(field.accepts, '|')) {

@@ -17,16 +17,9 @@ struct FieldRef {
     FieldIndex field = kNoField;
 };
 
-/// What a node does by itself, as far as its type tells.
-enum class Acting : std::uint8_t {
-    never,
-    onInput,  // its outputs change when an input does
-    always,
-};
-
 struct TypeFacts {
-    Acting acts = Acting::never;
-    bool isInline = false, isScript = false;
+    Acts acts = Acts::never;
+    bool isScript = false;
     std::vector<bool> own;        // changes when the node acts
     std::vector<bool> settable;   // an event can change it
     std::vector<bool> held;       // may change when a script has hold of the node
@@ -53,56 +46,29 @@ bool isScriptType(const NodeType& type) {
     return type.kind == NodeType::Kind::script || (type.kind == NodeType::Kind::builtin && type.isA("X3DScriptNode"));
 }
 
-Acting actsOf(const NodeType& type) {
-    if (isScriptType(type)) return Acting::always;
-    switch (type.kind) {
-        case NodeType::Kind::script:
-        case NodeType::Kind::proto:
-        case NodeType::Kind::externProto:
-            return Acting::never;  // its body may
-        case NodeType::Kind::builtin:
-        case NodeType::Kind::user:
-            break;
-    }
-    for (const char* one : {"X3DInterpolatorNode", "X3DSequencerNode", "X3DTriggerNode"})
-        if (type.isA(one)) return Acting::onInput;
-    for (const char* one : {"BooleanFilter", "BooleanToggle", "EaseInEaseOut", "Inline", "NurbsOrientationInterpolator",
-                            "NurbsPositionInterpolator", "NurbsSurfaceInterpolator"})
-        if (type.name == one) return Acting::onInput;
-    const bool hasOutput = std::ranges::any_of(
-        type.fields, [](const FieldDef& def) { return def.access == Access::outputOnly || def.hidden; });
-    return hasOutput ? Acting::always : Acting::never;
-}
-
 TypeFacts factsOf(const NodeType& type) {
     TypeFacts facts;
     const std::size_t count = type.fields.size();
-    facts.acts = actsOf(type);
-    facts.isInline = type.name == "Inline" && type.kind == NodeType::Kind::builtin;
     facts.isScript = isScriptType(type);
+    // Of a PROTO, its body may.
+    facts.acts = facts.isScript ? Acts::always : type.acts == Acts::unstated ? Acts::never : type.acts;
     facts.own.resize(count);
     facts.settable.resize(count);
     facts.set.assign(count, kNoField);
-    bool hasOutput = false;
     for (FieldIndex i = 0; i < count; ++i) {
         const FieldDef& def = type.fields[i];
         if (!def.hidden && def.writable()) facts.settable[i] = true;
         facts.set[i] = counterpart(type, def);
         if (facts.set[i] != kNoField) facts.settable[facts.set[i]] = true;
-        if (facts.acts != Acting::never && (def.access == Access::outputOnly || def.hidden)) {
-            facts.own[i] = true;
-            hasOutput |= !def.hidden;
-        }
+        if (facts.acts != Acts::never && (def.access == Access::outputOnly || def.hidden)) facts.own[i] = true;
     }
-    // A Script, a user's node, a toggle and what physics or a network moves write their inputOutput fields as well.
-    const bool writesAll = facts.isScript || type.kind == NodeType::Kind::user || type.component == "DIS" ||
-                           type.component == "RigidBodyPhysics" || (facts.acts == Acting::onInput && !hasOutput);
-    if (facts.acts != Acting::never && writesAll && !facts.isInline)
+    const bool writesAll = facts.isScript || type.writesInputs;
+    if (facts.acts != Acts::never && writesAll)
         for (FieldIndex i = 0; i < count; ++i)
             if (type.fields[i].access == Access::inputOutput) facts.own[i] = true;
     facts.held = facts.settable;
     for (FieldIndex i = 0; i < count; ++i)
-        if (facts.acts == Acting::onInput && facts.own[i]) facts.held[i] = true;
+        if (facts.acts == Acts::onInput && facts.own[i]) facts.held[i] = true;
     return facts;
 }
 
@@ -145,7 +111,7 @@ struct Mobility::State {
         return (!referred.empty() && referred.contains(node.id().value)) || isOpen(node.scope());
     }
     bool base(const Node& node, const TypeFacts& f, FieldIndex field) const {
-        return (f.acts == Acting::always && f.own[field]) || (f.held[field] && inHands(node));
+        return (f.acts == Acts::always && f.own[field]) || (f.held[field] && inHands(node));
     }
     bool reached(NodeId node, FieldIndex field) const {
         const auto entry = entries.find(node.value);
@@ -178,7 +144,7 @@ struct Mobility::State {
     void successors(const Node& node, FieldIndex field, std::vector<FieldRef>& out) {
         const TypeFacts& f = factsFor(node.typeIndex());
         if (f.set[field] != kNoField) out.push_back({node.id(), f.set[field]});
-        if (f.acts == Acting::onInput && f.settable[field])
+        if (f.acts == Acts::onInput && f.settable[field])
             for (FieldIndex i = 0; i < f.own.size(); ++i)
                 if (f.own[i]) out.push_back({node.id(), i});
         for (const Route& route : scene->routesFrom(node.id()))
@@ -188,7 +154,7 @@ struct Mobility::State {
     bool supported(const Node& node, FieldIndex field) {
         const TypeFacts& f = factsFor(node.typeIndex());
         for (FieldIndex i = 0; i < f.set.size(); ++i) {
-            const bool leadsHere = f.set[i] == field || (f.acts == Acting::onInput && f.own[field] && f.settable[i]);
+            const bool leadsHere = f.set[i] == field || (f.acts == Acts::onInput && f.own[field] && f.settable[i]);
             if (leadsHere && i != field && active(node, i)) return true;
         }
         for (const Route& route : scene->routesTo(node.id()))
@@ -371,7 +337,7 @@ AspectMask Mobility::mayChange(const Node& node) const {
         if (type.fields[i].readable()) mask = static_cast<AspectMask>(mask | aspectBit(type.fields[i].aspect));
     };
     const TypeFacts& f = s.factsFor(node.typeIndex());
-    if (f.acts == Acting::always || s.inHands(node)) {
+    if (f.acts == Acts::always || s.inHands(node)) {
         for (FieldIndex i = 0; i < type.fields.size(); ++i)
             if (s.base(node, f, i)) add(i);
     }

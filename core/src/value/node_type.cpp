@@ -1,9 +1,12 @@
+// NodeType: where the fields of a node lie in its block, how they are found by name, what is in range.
 #include <rtsg/core/node_type.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <tuple>
+
+#include <rtsg/core/spec_table.h>
 
 namespace rtsg {
 
@@ -38,6 +41,37 @@ bool FieldDef::inRange(const Value& value) const {
     if (sf(type) == FieldType::SFInt32) return allInRange<std::int32_t>(*this, data, count);
     if (i.elementSize == i.components * sizeof(double)) return allInRange<double>(*this, data, count);
     return allInRange<float>(*this, data, count);
+}
+
+/// What the nearest abstract type of the tables says that says anything; otherwise it may act and write whatever it
+/// can, and holds children if it is bounded.
+void NodeType::takeTags() {
+    const SpecTags* actor = nullptr;
+    const SpecTags* place = nullptr;
+    for (const std::string& base : implements) {
+        const SpecAbstract* abstract = findAbstract(base);
+        if (!abstract) continue;
+        if (!actor && abstract->tags.acts != Acts::unstated) actor = &abstract->tags;
+        if (!place && !abstract->tags.role.empty()) place = &abstract->tags;
+    }
+    const bool hasOutput = std::ranges::any_of(
+        fields, [](const FieldDef& field) { return field.access == Access::outputOnly || field.hidden; });
+    acts = actor ? actor->acts : hasOutput ? Acts::always : Acts::never;
+    writesInputs = true;
+    std::string_view names = place ? place->below : std::string_view();
+    if (place) {
+        role = place->role;
+    } else if (isA("X3DBoundedObject") && isA("X3DChildNode")) {
+        role = "group";
+        names = "children";
+    }
+    while (!names.empty()) {
+        const FieldIndex field = findExact(names.substr(0, names.find('|')));
+        if (field != kNoField && sf(fields[field].type) == FieldType::SFNode && fields[field].readable())
+            below.push_back(field);
+        names.remove_prefix(std::min(names.size(), names.find('|')));
+        if (!names.empty()) names.remove_prefix(1);
+    }
 }
 
 bool NodeType::finish() {
@@ -88,6 +122,7 @@ bool NodeType::finish() {
         copyStorage(field.type, defaults_.data() + field.offset, field.defaultValue.storage());
         if (info(field.type).shared) sharedFields_.push_back(index);
     }
+    if (kind == Kind::user && acts == Acts::unstated) takeTags();
     return true;
 }
 

@@ -1,3 +1,4 @@
+// Node tables in their static form become NodeTypes: built-in ones once, on first use, and those of users.
 #include <rtsg/core/spec_table.h>
 
 #include <algorithm>
@@ -106,15 +107,16 @@ std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, Nod
         type->level = node.level;
         type->kind = kind;
         type->internal = node.internal;
-        type->acts = node.acts;
-        type->writesInputs = node.writesInputs;
-        type->role = node.role;
+        type->acts = node.tags.acts;
+        type->writesInputs = node.tags.writesInputs;
+        type->role = node.tags.role;
         type->containerField = node.containerField;
         type->implements = list(node.implements, '|');
         type->fields.reserve(node.fieldCount);
         for (const std::uint16_t row : table.fieldLists.subspan(node.firstField, node.fieldCount))
             type->fields.push_back(makeField(table.fields[row]));
         if (!type->finish()) throw std::logic_error("node table: two fields of one name in " + type->name);
+        for (const std::string& name : list(node.tags.below, '|')) type->below.push_back(type->findExact(name));
         result.push_back(std::move(type));
     }
     return result;
@@ -136,8 +138,18 @@ const NodeType* findBuiltinType(std::string_view name) {
     return found == byName.end() ? nullptr : found->second;
 }
 
+std::span<const std::string_view> builtinGroupTypes() {
+    return builtinSpecTable().groups;
+}
+
+const SpecAbstract* findAbstract(std::string_view name) {
+    const std::span<const SpecAbstract> all = builtinSpecTable().abstracts;
+    const auto found = std::ranges::lower_bound(all, name, {}, &SpecAbstract::name);
+    return found != all.end() && found->name == name ? &*found : nullptr;
+}
+
 bool isAbstractType(std::string_view name) {
-    return std::ranges::binary_search(builtinSpecTable().abstracts, name);
+    return findAbstract(name) != nullptr;
 }
 
 }  // namespace rtsg

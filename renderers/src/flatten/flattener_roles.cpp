@@ -1,3 +1,4 @@
+// What the tables' @role of a type means for the hierarchy, and the transform and children of a node that has one.
 #include "flattener_roles.h"
 
 #include <algorithm>
@@ -13,26 +14,39 @@ FieldIndex findTyped(const NodeType& type, std::string_view name, FieldType fiel
                                                                                                       : kNoField;
 }
 
-bool placedKind(const NodeType& type, PlacedKind& kind) {
-    static constexpr std::pair<std::string_view, PlacedKind> kinds[] = {
-        {"X3DLightNode", PlacedKind::light},
-        {"X3DViewpointNode", PlacedKind::view},
-        {"X3DBackgroundNode", PlacedKind::background},
-        {"Fog", PlacedKind::fog},
-        {"NavigationInfo", PlacedKind::navigation},
-        {"Sound", PlacedKind::sound},
-        {"SpatialSound", PlacedKind::sound},
-        {"ListenerPointSource", PlacedKind::listener},
-        {"ClipPlane", PlacedKind::clipPlane},
-        {"X3DEnvironmentalSensorNode", PlacedKind::sensor},
-        {"X3DPointingDeviceSensorNode", PlacedKind::sensor},
-    };
-    for (const auto& [name, value] : kinds)
-        if (type.name == name || type.isA(name)) {
-            kind = value;
-            return true;
-        }
-    return false;
+/// What each @role of the node tables means here; `placed` and `children` as Role tells.
+struct NamedRole {
+    std::string_view name;
+    Role role;
+    PlacedKind kind = PlacedKind::light;
+};
+constexpr NamedRole kRoles[] = {
+    {"group", Role::all},
+    {"joint", Role::all},
+    {"humanoid", Role::all},  // joints, segments and sites only name what the skeleton holds
+    {"choice", Role::choice},
+    {"level", Role::level},
+    {"layers", Role::layers},
+    {"shape", Role::shape},
+    {"light", Role::placed, PlacedKind::light},
+    {"view", Role::placed, PlacedKind::view},
+    {"background", Role::placed, PlacedKind::background},
+    {"fog", Role::placed, PlacedKind::fog},
+    {"navigation", Role::placed, PlacedKind::navigation},
+    {"sound", Role::placed, PlacedKind::sound},
+    {"listener", Role::placed, PlacedKind::listener},
+    {"clipPlane", Role::placed, PlacedKind::clipPlane},
+    {"sensor", Role::placed, PlacedKind::sensor},
+};
+
+void takeRole(const NodeType& type, TypeRole& role) {
+    role.ofHumanoid = type.role == "humanoid" || type.role == "joint" || type.role == "displacer";
+    const auto* named = std::ranges::find(kRoles, type.role, &NamedRole::name);
+    if (named == std::end(kRoles)) return;
+    role.role = named->role;
+    role.kind = named->kind;
+    for (const FieldIndex field : type.below)
+        if (role.childFields < role.children.size()) role.children[role.childFields++] = field;
 }
 
 /// Rotates by the axis and angle; false if it is none.
@@ -53,69 +67,27 @@ bool rotationMatrix(const Rotation& r, glm::dmat3& out) {
 
 TypeRole RoleTable::work(const NodeType& type) {
     TypeRole role;
-    const auto addChildren = [&](std::string_view name, bool hidden = false) {
-        // Not by name alone: the author of a PROTO may have called a field of its own `body`.
-        for (std::size_t i = 0; i < type.fields.size(); ++i) {
-            const FieldDef& field = type.fields[i];
-            if (field.name != name || field.hidden != hidden || sf(field.type) != FieldType::SFNode ||
-                !field.readable())
-                continue;
-            role.children[role.childFields++] = static_cast<FieldIndex>(i);
-            return;
-        }
-    };
-    role.visible = findTyped(type, "visible", FieldType::SFBool);
-    role.ofHumanoid = type.name == "HAnimHumanoid" || type.name == "HAnimJoint" || type.name == "HAnimDisplacer";
+    if (type.kind == NodeType::Kind::script) return role;
     if (type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto) {
         role.role = Role::first;
-        role.visible = kNoField;  // whatever the author means by it
-        addChildren("body", true);
-    } else if (type.kind == NodeType::Kind::script) {
-        role.role = Role::none;
-    } else if (type.name == "Shape") {
-        role.role = Role::shape;
+        if (const FieldIndex body = type.body(); body != kNoField) role.children[role.childFields++] = body;
+    } else {
+        takeRole(type, role);
+        role.visible = findTyped(type, "visible", FieldType::SFBool);
+    }
+    if (role.role == Role::shape) {
         role.geometry = findTyped(type, "geometry", FieldType::SFNode);
         role.appearance = findTyped(type, "appearance", FieldType::SFNode);
         role.castShadow = findTyped(type, "castShadow", FieldType::SFBool);
-    } else if (placedKind(type, role.kind)) {
-        role.role = Role::placed;
+    } else if (role.role == Role::placed) {
         role.global = findTyped(type, "global", FieldType::SFBool);
-    } else if (type.name == "Switch") {
-        role.role = Role::choice;
+    } else if (role.role == Role::choice) {
         role.choice = findTyped(type, "whichChoice", FieldType::SFInt32);
-        addChildren("children");
-    } else if (type.name == "LOD") {
-        role.role = Role::level;
+    } else if (role.role == Role::level) {
         role.range = findTyped(type, "range", FieldType::MFFloat);
         role.center = findTyped(type, "center", FieldType::SFVec3f);
-        addChildren("children");
-    } else if (type.name == "LayerSet") {
-        role.role = Role::layers;
+    } else if (role.role == Role::layers) {
         role.order = findTyped(type, "order", FieldType::MFInt32);
-        addChildren("layers");
-    } else if (type.name == "Inline") {
-        role.role = Role::all;
-        addChildren("body", true);
-    } else if (type.name == "HAnimHumanoid") {
-        role.role = Role::all;  // joints, segments and sites only name what the skeleton holds
-        addChildren("skeleton"), addChildren("skin"), addChildren("viewpoints");
-    } else if (type.name == "CADFace") {
-        role.role = Role::all;
-        addChildren("shape");
-    } else if (type.name == "CollidableShape") {
-        role.role = Role::all;
-        addChildren("shape");
-    } else if (type.name == "CollidableOffset") {
-        role.role = Role::all;
-        addChildren("collidable");
-    } else if (type.name == "GeoLOD") {
-        role.role = Role::all;
-        addChildren("rootNode");
-    } else if (type.isA("X3DGroupingNode") || type.isA("X3DLayerNode") || type.name == "RtsgScene" ||
-               type.name == "StaticGroup" || type.name == "ViewpointGroup" || type.name == "HAnimJoint" ||
-               (type.kind == NodeType::Kind::user && type.isA("X3DChildNode") && type.isA("X3DBoundedObject"))) {
-        role.role = Role::all;
-        addChildren("children");
     }
     if (role.role == Role::all && type.isA("X3DChildNode")) {
         role.translation = findTyped(type, "translation", FieldType::SFVec3f);

@@ -1,6 +1,6 @@
 // What a node type means for the hierarchy: which of its children count, whether it has a transform, what it places.
 //
-// Worked out once per type from its fields and abstract types, so that PROTOs and users' own types work alike.
+// Worked out once per type from the @role that node tables give it, so that PROTOs and users' own types work alike.
 // Source: ISO/IEC 19775-1 V4.0 10.4.4 (Transform's matrix), 22.4, 23.4.3, 26 (HAnim), 32 (CAD), 35 (layers).
 #pragma once
 
@@ -41,11 +41,11 @@ struct TypeRole {
     }
 };
 
-/// Every type, concrete or abstract, whose nodes have others below them in the hierarchy.
-inline constexpr std::string_view kGroupTypes[] = {
-    "X3DGroupingNode", "X3DLayerNode",  "X3DPrototypeInstance", "StaticGroup",     "LayerSet",
-    "Inline",          "HAnimHumanoid", "HAnimJoint",           "CADFace",         "GeoLOD",
-    "ViewpointGroup",  "LOD",           "CollidableShape",      "CollidableOffset"};
+/// Calls `f` with the name of every type, concrete or abstract, whose nodes have others below them in the hierarchy.
+void forEachGroupType(const auto& f) {
+    for (const std::string_view type : builtinGroupTypes()) f(type);
+    f(std::string_view("X3DPrototypeInstance"));
+}
 
 class RoleTable {
   public:

@@ -1,3 +1,4 @@
+// Dispatch of rendering operations over nodes, by type and by abstract type.
 #include <rtsg/renderers/renderer.h>
 
 #include <algorithm>
@@ -54,7 +55,7 @@ NodeRenderers NodeRenderers::standard() {
                                   return {};
                               },
                               {}};
-    for (const std::string_view type : flatten::kGroupTypes) table.set(type, passOn);
+    flatten::forEachGroupType([&](std::string_view type) { table.set(type, passOn); });
     return table;
 }
 

@@ -171,7 +171,7 @@ FullTraversalRenderer::FullTraversalRenderer(const RayWorld::Options& options, M
     const NodeRenderer visit = nodeRendererFor<FullTraversalRenderer>(
         [](FullTraversalRenderer& r, const Node& n, Operation) { return r.impl_->enter(r, n); },
         [](FullTraversalRenderer& r, const Node&, Operation) { r.impl_->leave(); });
-    for (const std::string_view type : flatten::kGroupTypes) registerNodeRenderer(type, visit);
+    flatten::forEachGroupType([&](std::string_view type) { registerNodeRenderer(type, visit); });
     registerNodeRenderer("Shape", visit);
 }
 

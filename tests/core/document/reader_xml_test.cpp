@@ -1,3 +1,4 @@
+// The XML reader: what it makes of documents, as recorded commands.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// What a SceneBuilder makes of commands, good and bad.
 #include <rtsg/core/scene_builder.h>
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// Filters, alone and in chains.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

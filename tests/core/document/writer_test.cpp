@@ -1,3 +1,4 @@
+// The three writers: text, escapes, numbers, and limits of each encoding.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// A scene that starts over, and what its subscribers then see.
 #include <gtest/gtest.h>
 
 #include <rtsg/core/scene.h>

@@ -1,3 +1,4 @@
+// Arrays: sharing, copying on write, padding.
 #include <rtsg/core/array.h>
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// NodeType: names of fields, layout of blocks, ranges, and types that no table describes.
 #include <rtsg/core/node_type.h>
 
 #include <gtest/gtest.h>
@@ -107,4 +108,32 @@ TEST(NodeType, RefusesMoreFieldsThanAnIndexCounts) {
     type.fields.pop_back();
     EXPECT_TRUE(type.finish());  // 8 MB of block: offsets are 32 bits wide
     EXPECT_EQ(type.fields.back().offset, 128u * 0xFFFDu);
+}
+
+/// Such as come over the wire from a program whose tables this one does not have.
+TEST(NodeType, ATypeThatNoTableDescribesIsWhatItsAbstractTypesAre) {
+    const auto made = [](std::vector<std::string> implements, NodeType& type) {
+        fill(type);
+        type.kind = NodeType::Kind::user;
+        type.implements = std::move(implements);
+        type.fields.push_back(field("children", FieldType::MFNode, Access::inputOutput));
+        EXPECT_TRUE(type.finish());
+    };
+    NodeType plain, interpolator, view, group, bounded;
+    made({"X3DChildNode", "X3DNode"}, plain);
+    EXPECT_EQ(plain.acts, Acts::always);  // it has an output
+    EXPECT_TRUE(plain.writesInputs);
+    EXPECT_EQ(plain.role, "");
+    made({"Own", "X3DInterpolatorNode", "X3DChildNode", "X3DNode"}, interpolator);
+    EXPECT_EQ(interpolator.acts, Acts::onInput);
+    EXPECT_TRUE(interpolator.writesInputs);
+    made({"X3DViewpointNode", "X3DBindableNode", "X3DChildNode", "X3DNode"}, view);
+    EXPECT_EQ(view.role, "view");
+    EXPECT_TRUE(view.below.empty());
+    made({"X3DGroupingNode", "X3DChildNode", "X3DNode", "X3DBoundedObject"}, group);
+    EXPECT_EQ(group.role, "group");
+    EXPECT_EQ(group.below, std::vector{group.findExact("children")});
+    made({"X3DChildNode", "X3DNode", "X3DBoundedObject"}, bounded);
+    EXPECT_EQ(bounded.role, "group");
+    EXPECT_EQ(bounded.below.size(), 1U);
 }

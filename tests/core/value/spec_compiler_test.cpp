@@ -1,3 +1,4 @@
+// The table compiler: errors with positions, tags, and types made from a user's table.
 #include <rtsg/core/behaviour.h>
 
 #include <gtest/gtest.h>
@@ -117,6 +118,36 @@ TEST_F(SpecCompiler, EveryErrorHasFileAndLine) {
     // A line that goes on in the next counts as one, and the lines after it keep their numbers.
     expectError(kHead + "    SFString [in,out] x \"A\" [\"A\"|\n        \"B\"] @none\n    SFFloat [in,out] y 0\n", 7,
                 "'y'");
+}
+
+TEST_F(SpecCompiler, TagsAreKnownAndNoneIsMissing) {
+    const std::string node = "node M : A level 1 container c ", bounded = "abstract X3DBoundedObject\n";
+    EXPECT_EQ(compile(kHead + node + "@acts(onInput) @writesInputs @role(light)\n").output, "");
+    expectError(kHead + node + "@dances\n", 5, "'@dances' is no tag of a type");
+    expectError(kHead + node + "@writesInputs(a)\n", 5, "'@writesInputs' is no tag of a type");
+    expectError(kHead + node + "@acts\n", 5, "expected @acts(never)");
+    expectError(kHead + node + "@acts(sometimes)\n", 5, "expected @acts(never)");
+    expectError(kHead + node + "@role\n", 5, "names no role");
+    expectError(kHead + node + "@role(king)\n", 5, "'king' is no role");
+    expectError(kHead + node + "@role(group)\n", 5, "role 'group' needs fields");
+    expectError(kHead + node + "@role(light a)\n", 5, "role 'light' takes no fields");
+    expectError(kHead + node + "@role(group children)\n", 5, "'M' has no field 'children' of nodes");
+    expectError(kHead + node + "@role(group a)\n", 5, "'M' has no field 'a' of nodes");
+    // Who can act must say when.
+    for (const char* field : {"SFBool [out] x", "SFBool hidden x FALSE", "SFBool [in] x", "SFBool [in] set_b"})
+        expectError(kHead + node + "\n    " + field + " @none\n", 5, "needs @acts(WHEN)");
+    EXPECT_EQ(compile(kHead + node + "\n    SFInt32 [in] set_a @none\n").output, "");
+    EXPECT_EQ(compile(kHead + node + "@acts(never)\n    SFBool [out] x @none\n").output, "");
+    // Who has bounds must say what it is.
+    expectError("component C\n" + bounded + "node M : X3DBoundedObject level 1 container c\n", 3, "needs @role(");
+    EXPECT_EQ(compile("component C\n" + bounded + "node M : X3DBoundedObject level 1 container c @role(none)\n").output,
+              "");
+    // Two bases that differ.
+    const std::string bases = "abstract P @acts(never) @role(light)\nabstract Q @acts(always) @role(view)\n";
+    expectError(kHead + bases + "node M : P, Q level 1 container c @role(light)\n", 7,
+                "@acts(never) and @acts(always)");
+    expectError(kHead + bases + "node M : P, Q level 1 container c @acts(never)\n", 7, "@role(light) and @role(view)");
+    EXPECT_EQ(compile(kHead + bases + "node M : P, Q level 1 container c @acts(never) @role(view)\n").output, "");
 }
 
 TEST_F(SpecCompiler, WrongUseAndUnreadableFiles) {

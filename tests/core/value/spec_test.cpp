@@ -1,8 +1,10 @@
+// The built-in tables: handles, inheritance, defaults, ranges, aspects and tags.
 #include <rtsg/core/spec_table.h>
 #include <rtsg/core/x3d.h>
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
 using namespace rtsg;
@@ -111,6 +113,41 @@ TEST(Spec, AspectsSayWhatChanges) {
             const bool metadata = field.name == "metadata" || type->name == "MetadataSet";
             EXPECT_EQ(field.aspect, metadata ? Aspect::none : Aspect::structure) << type->name << '.' << field.name;
         }
+}
+
+TEST(Spec, TagsSayWhatActsAndWhatHasAPlace) {
+    const auto type = [](std::string_view name) -> const NodeType& { return *findBuiltinType(name); };
+    const auto below = [&](std::string_view name) {
+        std::string names;
+        for (const FieldIndex field : type(name).below) names += type(name).fields[field].name + ' ';
+        return names;
+    };
+    for (const char* always :
+         {"TimeSensor", "TouchSensor", "Viewpoint", "PositionDamper", "Script", "AudioClip", "LOD"})
+        EXPECT_EQ(type(always).acts, Acts::always) << always;
+    for (const char* onInput : {"PositionInterpolator", "BooleanFilter", "BooleanToggle", "IntegerTrigger", "Inline"})
+        EXPECT_EQ(type(onInput).acts, Acts::onInput) << onInput;
+    for (const char* never : {"Transform", "IndexedFaceSet", "PointLight", "RigidBodyCollection"})
+        EXPECT_EQ(type(never).acts, Acts::never) << never;
+    for (const char* writes : {"Script", "BooleanToggle", "EspduTransform", "MotorJoint", "CollisionSensor"})
+        EXPECT_TRUE(type(writes).writesInputs) << writes;
+    for (const char* other : {"TimeSensor", "PositionInterpolator", "Inline", "LoadSensor"})
+        EXPECT_FALSE(type(other).writesInputs) << other;
+
+    EXPECT_EQ(type("Transform").role, "group");
+    EXPECT_EQ(below("Transform"), "children ");
+    EXPECT_EQ(type("Switch").role, "choice");
+    EXPECT_EQ(below("LayerSet"), "layers ");
+    EXPECT_EQ(below("HAnimHumanoid"), "skeleton skin viewpoints ");
+    EXPECT_EQ(type("Inline").below, std::vector{type("Inline").body()});
+    EXPECT_EQ(type("SpotLight").role, "light");
+    EXPECT_EQ(type("GeoProximitySensor").role, "sensor");
+    EXPECT_EQ(type("ParticleSystem").role, "none");
+    EXPECT_EQ(type("Material").role, "");
+    const auto groups = builtinGroupTypes();
+    EXPECT_TRUE((std::ranges::find(groups, "X3DGroupingNode") != groups.end()));
+    EXPECT_TRUE((std::ranges::find(groups, "LOD") != groups.end()));
+    EXPECT_FALSE((std::ranges::find(groups, "Transform") != groups.end())) << "inherits it";
 }
 
 TEST(Spec, HiddenFieldsComeLastAndAreNotFound) {

@@ -1,3 +1,4 @@
+// Control characters and bytes that are no UTF-8 on their way to a terminal.
 #include <gtest/gtest.h>
 
 #include <rtsg/core/field_text.h>

@@ -1,3 +1,4 @@
+// Values of every type: copying, comparing, zero, names.
 #include <rtsg/core/value.h>
 
 #include <gtest/gtest.h>

@@ -27,9 +27,9 @@ enum class Aspect : std::uint8_t { none, structure, transform, geometry, appeara
 using FieldIndex = std::uint16_t;
 constexpr FieldIndex kNoField = 0xFFFF;
 
-/// What a node does by itself, as far as its type tells. No table states it yet: Mobility still goes by lists of names.
+/// What a node does by itself, as far as its type tells: the tables' @acts.
 enum class Acts : std::uint8_t {
-    unstated,  // of every type so far
+    unstated,  // of PROTOs and Scripts; finish() works it out for types of users that no table describes
     never,
     onInput,  // its outputs change only when an input does
     always,   // it may change at any time
@@ -97,13 +97,15 @@ class NodeType {
     std::vector<FieldDef> fields;             // hidden ones last
     bool internal = false;                    // not creatable from files (RtsgScene)
     Acts acts = Acts::unstated;
-    bool writesInputs = false;  // when it acts, its inputOutput fields may change too, not only its outputs
-    std::string role;           // what it is to those who draw or hear it; of no type so far
+    bool writesInputs = false;      // when it acts, its inputOutput fields may change too, not only its outputs
+    std::string role;               // what it is to those who draw or hear it: the tables' @role; empty if it has none
+    std::vector<FieldIndex> below;  // the role's: fields whose nodes hang below it in the hierarchy
     /// For PROTOs and EXTERNPROTOs: the declaration as ClassicVRML text, so that a replica can save it.
     std::string declaration;
 
-    /// Computes offsets and the default block; call once after the fields are complete. False, and the type is
-    /// unusable, when two public or two hidden fields share a name, or there are more than a FieldIndex can count.
+    /// Computes offsets, the default block and, for a type of a user without @acts, what its abstract types say; call
+    /// once after the fields are complete. False, and the type is unusable, when two public or two hidden fields share
+    /// a name, or there are more than a FieldIndex can count.
     [[nodiscard]] bool finish();
 
     /// Finds `name`, or an inputOutput field by `set_name` or `name_changed` (4.4.2.2); kNoField if absent or hidden.
@@ -131,6 +133,8 @@ class NodeType {
     ~NodeType();
 
   private:
+    void takeTags();
+
     std::size_t blockSize_ = 0;
     std::vector<FieldSlot> slots_;
     std::vector<std::byte> defaults_;
@@ -149,5 +153,7 @@ std::span<const std::unique_ptr<NodeType>> builtinTypes();
 const NodeType* findBuiltinType(std::string_view name);
 /// The abstract types' names, for `isA` and validation.
 bool isAbstractType(std::string_view name);
+/// Names of the types, abstract or not, whose own @role gives them nodes below; those that inherit it are not listed.
+std::span<const std::string_view> builtinGroupTypes();
 
 }  // namespace rtsg

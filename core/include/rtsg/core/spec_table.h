@@ -27,26 +27,41 @@ struct SpecField {
     bool exclusiveMin, exclusiveMax, hidden;
 };
 
+/// As NodeType has them.
+struct SpecTags {
+    Acts acts;
+    bool writesInputs;
+    std::string_view role;
+    std::string_view below;  // names of fields, separated by '|'
+};
+
 struct SpecNode {
     std::string_view name, component, containerField;
     std::string_view implements;           // separated by '|'
     std::uint16_t firstField, fieldCount;  // into SpecTable::fieldLists
     std::uint8_t level;
     bool internal;  // not creatable from files
-    Acts acts;
-    bool writesInputs;
-    std::string_view role;
+    SpecTags tags;
+};
+
+struct SpecAbstract {
+    std::string_view name;
+    SpecTags tags;  // its own and its ancestors'
 };
 
 struct SpecTable {
     std::span<const SpecField> fields;
     std::span<const std::uint16_t> fieldLists;
     std::span<const SpecNode> nodes;
-    std::span<const std::string_view> abstracts;  // sorted
+    std::span<const SpecAbstract> abstracts;   // sorted by name
+    std::span<const std::string_view> groups;  // abstract or not: whose own tag gives them nodes below
 };
 
 /// The standard's nodes and our own internal ones; generated.
 const SpecTable& builtinSpecTable();
+
+/// Null if there is none of that name.
+const SpecAbstract* findAbstract(std::string_view name);
 
 /// One finished NodeType a node of the table, in its order.
 std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, NodeType::Kind kind);
