@@ -9,8 +9,18 @@
 
 namespace rtsg {
 
+bool Scene::hasUnsealedEdits() const {
+    return state_->hasPending();
+}
+
 ChangeSet Scene::snapshot() const {
     ChangeSet set;
+    if (state_->hasPending()) state_->owner.seal();
+    if (state_->cascading || state_->hasPending()) {
+        state_->diagnostics.error({}, "a snapshot was taken where the scene is between two states: refused",
+                                  State::kFromWithin);
+        return set;
+    }
     set.from = 0;
     set.to = state_->sequence;
     set.time = state_->now;
@@ -71,95 +81,112 @@ ChangeSet Scene::snapshot() const {
     return set;
 }
 
+namespace {
+
+auto noNode(NodeId id) {
+    return fail(kNoSuchNode, fmt::format("no node {}", id.value));
+}
+
+}  // namespace
+
+Result<> Scene::State::applyCreation(const Change& c, bool pending) {
+    // Ids come in order, with gaps at will; no number shall be the last.
+    if (!c.node || find(c.node)) return fail(fmt::format("node {} exists already", c.node.value));
+    if (c.index >= types.size()) return fail(fmt::format("unknown node type {}", c.index));
+    constexpr std::uint32_t kMaximumLeap = 1u << 30;
+    if (c.node.value - std::min(c.node.value, nextId) > kMaximumLeap)
+        return fail(fmt::format("node id {} is out of sequence", c.node.value));
+    Node& created = allocate(c.node, TypeIndex{static_cast<std::uint16_t>(c.index)}, c.other);
+    hash.add(detail::nodeTerm(created.id_, types[c.index].nameHash, c.other));
+    if (pending) newNodes.push_back(created.id_);
+    wake(created);
+    return {};
+}
+
+Result<> Scene::State::applyField(Node& node, const Change& c, bool pending) {
+    const NodeType& type = *node.type_;
+    if (c.field >= type.fields.size() || !type.fields[c.field].readable())
+        return fail(kNoSuchField, fmt::format("{} has no field {}", type.name, c.field));
+    if (type.fields[c.field].type != c.value.type())
+        return fail(kWrongType, fmt::format("{}.{}: wrong type", type.name, type.fields[c.field].name));
+    if (sf(c.value.type()) == FieldType::SFNode)
+        if (auto ok = checkNodes(node, c.field, c.value.storage()); !ok) return ok;
+    if (pending)
+        write(node, c.field, c.value.storage());
+    else
+        writeSealed(node, c.field, c.value);
+    wake(node);
+    return {};
+}
+
+Result<> Scene::State::applyChildOp(Node& node, const Change& c) {
+    const NodeType& type = *node.type_;
+    if (c.field >= type.fields.size() || !type.fields[c.field].readable() ||
+        type.fields[c.field].type != FieldType::MFNode)
+        return noNode(c.node);
+    const auto& children = *static_cast<const Array<NodeId>*>(node.storage(c.field));
+    if (c.kind == ChangeKind::insertChild) {
+        Node* child = find(c.other);
+        if (!child) return noNode(c.other);
+        if (c.index > children.size()) return fail("insertion beyond the end");
+        return insertChild(node, c.field, *child, c.index);
+    }
+    if (c.index >= children.size() || children[c.index] != c.other) return fail("no such child to remove");
+    removeChildAt(node, c.field, c.index);
+    return {};
+}
+
+Result<> Scene::State::applyRouteOp(const Node& node, const Change& c, bool pending) {
+    const Node* to = find(c.other);
+    if (!to) return noNode(c.other);
+    if (c.field >= node.type_->fields.size() || c.field2() >= to->type_->fields.size() || c.index > 0xFFFF ||
+        node.type_->fields[c.field].type != to->type_->fields[c.field2()].type)
+        return fail(kWrongType, "a route between fields that do not fit");
+    const Route route{c.node, c.field, c.other, c.field2(), c.isConnection};
+    if (c.kind == ChangeKind::removeRoute) {
+        if (!unlinkRoute(route, pending)) return fail("no such route to remove");
+        return {};
+    }
+    const FieldDef &a = node.type_->fields[c.field], &b = to->type_->fields[c.field2()];
+    if (c.isConnection) {
+        if (auto ok = checkIs(route); !ok) return ok;
+    } else if (!a.sends() || !b.writable()) {
+        return fail(kWrongAccess, "a route against the access rules");
+    }
+    linkRoute(route, pending);
+    return {};
+}
+
 Result<> Scene::State::applyChange(const Change& c, bool pending) {
-    const auto badNode = [](NodeId id) { return fail(kNoSuchNode, fmt::format("no node {}", id.value)); };
+    if (c.kind == ChangeKind::defineType) return {};  // done from ChangeSet::types before anything else
+    if (c.kind == ChangeKind::event) return {};
+    if (c.kind == ChangeKind::createNode) return applyCreation(c, pending);
     Node* node = find(c.node);
-    const auto fieldOk = [&](FieldIndex field) {
-        return node && field < node->type_->fields.size() && node->type_->fields[field].readable();
-    };
+    if (!node) return noNode(c.node);
     switch (c.kind) {
-        case ChangeKind::defineType:
-            return {};  // done from ChangeSet::types before anything else
-        case ChangeKind::createNode: {
-            // Ids come in order, with gaps at will; no number shall be the last.
-            if (!c.node || node) return fail(fmt::format("node {} exists already", c.node.value));
-            if (c.index >= types.size()) return fail(fmt::format("unknown node type {}", c.index));
-            constexpr std::uint32_t kMaximumLeap = 1u << 30;
-            if (c.node.value - std::min(c.node.value, nextId) > kMaximumLeap)
-                return fail(fmt::format("node id {} is out of sequence", c.node.value));
-            Node& created = allocate(c.node, TypeIndex{static_cast<std::uint16_t>(c.index)}, c.other);
-            hash.add(detail::nodeTerm(created.id_, types[c.index].nameHash, c.other));
-            if (pending) newNodes.push_back(created.id_);
-            wake(created);
-            return {};
-        }
-        case ChangeKind::setField: {
-            if (!node) return badNode(c.node);
-            if (!fieldOk(c.field))
-                return fail(kNoSuchField, fmt::format("{} has no field {}", node->type_->name, c.field));
-            if (node->type_->fields[c.field].type != c.value.type())
-                return fail(kWrongType,
-                            fmt::format("{}.{}: wrong type", node->type_->name, node->type_->fields[c.field].name));
-            if (sf(c.value.type()) == FieldType::SFNode)
-                if (auto ok = checkNodes(*node, c.field, c.value.storage()); !ok) return ok;
-            if (pending) {
-                write(*node, c.field, c.value.storage());
-                wake(*node);
-                return {};
-            }
-            writeSealed(*node, c.field, c.value);
-            wake(*node);
-            return {};
-        }
+        case ChangeKind::setField:
+            return applyField(*node, c, pending);
         case ChangeKind::insertChild:
-        case ChangeKind::removeChild: {
-            if (!fieldOk(c.field) || node->type_->fields[c.field].type != FieldType::MFNode) return badNode(c.node);
-            const auto& children = *static_cast<const Array<NodeId>*>(node->storage(c.field));
-            if (c.kind == ChangeKind::insertChild) {
-                Node* child = find(c.other);
-                if (!child) return badNode(c.other);
-                if (c.index > children.size()) return fail("insertion beyond the end");
-                return insertChild(*node, c.field, *child, c.index);
-            }
-            if (c.index >= children.size() || children[c.index] != c.other) return fail("no such child to remove");
-            removeChildAt(*node, c.field, c.index);
-            return {};
-        }
+        case ChangeKind::removeChild:
+            return applyChildOp(*node, c);
         case ChangeKind::setName:
-            if (!node) return badNode(c.node);
             if (!c.value.holds<String>()) return fail(kWrongType, "a name is a string");
             setName(*node, c.value.as<String>());
             if (pending) renamedNodes.push_back(c.node);
             return {};
         case ChangeKind::addRoute:
-        case ChangeKind::removeRoute: {
-            const Node* to = find(c.other);
-            if (!node || !to) return badNode(node ? c.other : c.node);
-            if (c.field >= node->type_->fields.size() || c.field2() >= to->type_->fields.size() || c.index > 0xFFFF ||
-                node->type_->fields[c.field].type != to->type_->fields[c.field2()].type)
-                return fail(kWrongType, "a route between fields that do not fit");
-            const Route route{c.node, c.field, c.other, c.field2(), c.isConnection};
-            if (c.kind == ChangeKind::addRoute) {
-                const FieldDef &a = node->type_->fields[c.field], &b = to->type_->fields[c.field2()];
-                if (c.isConnection) {
-                    if (auto ok = checkIs(route); !ok) return ok;
-                } else if (!a.sends() || !b.writable()) {
-                    return fail(kWrongAccess, "a route against the access rules");
-                }
-                linkRoute(route, pending);
-            } else if (!unlinkRoute(route, pending)) {
-                return fail("no such route to remove");
-            }
-            return {};
-        }
+        case ChangeKind::removeRoute:
+            return applyRouteOp(*node, c, pending);
         case ChangeKind::destroyNode:
-            if (!node || c.node == owner.root()) return badNode(c.node);
+            if (c.node == owner.root()) return noNode(c.node);
             if (node->parent_.node || (node->links_ && (!node->links_->in.empty() || !node->links_->out.empty())))
                 return fail(fmt::format("node {} is still in use", c.node.value));
             destroy(*node, pending);
             return {};
+        case ChangeKind::defineType:
+        case ChangeKind::createNode:
         case ChangeKind::event:
-            return {};
+            break;
     }
     return fail("unknown kind of change");
 }

@@ -90,7 +90,7 @@ struct Attachment::Cursor {
     const Scene* scene = nullptr;
     Delivery delivery = Delivery::immediate;
     std::shared_ptr<Reports> reports;
-    bool joining = false;  // attached inside a frame: gets its snapshot when that is complete; the scene's thread only
+    bool joining = false;  // gets its snapshot when there is a state to tell; the scene's thread only
 
     std::mutex mutex;  // guards everything below, but for the polling thread's own
     bool attached = true;
@@ -162,7 +162,7 @@ struct Bus::State {
     bool delivering = false;
     std::size_t handedOut = 0;  // since the outermost publish began
     std::size_t restarts = 0;
-    std::size_t joining = 0;  // cursors that were attached inside a frame
+    std::size_t joining = 0;  // cursors that wait for their snapshot
 
     bool give(Attachment::Cursor& cursor, const std::shared_ptr<const ChangeSet>& set);
     bool join(Attachment::Cursor& cursor);
@@ -207,9 +207,13 @@ void Bus::State::joinAll() {
     joining = 0;
     for (std::size_t i = 0; i < cursors.size(); ++i) {
         const auto cursor = cursors[i];
-        if (!std::exchange(cursor->joining, false)) continue;
+        if (!cursor->joining) continue;
         scene->seal();  // what another that joins has edited from within
-        join(*cursor);
+        cursor->joining = scene->hasUnsealedEdits();
+        if (cursor->joining)
+            ++joining;
+        else
+            join(*cursor);
     }
 }
 
@@ -253,12 +257,12 @@ Attachment Bus::attach(Subscriber& subscriber, Delivery delivery) {
     cursor->reports = s.reports;
     Attachment attachment;
     attachment.cursor_ = cursor;
-    if (s.scene->isInFrame()) {
+    s.scene->seal();  // pending edits would otherwise come twice: in the snapshot and in the next set
+    if (s.scene->isInFrame() || s.scene->hasUnsealedEdits()) {
         cursor->joining = true;
         ++s.joining;
-    } else {
-        s.scene->seal();  // pending edits would otherwise come twice: in the snapshot and in the next set
-        if (!s.join(*cursor)) return attachment;
+    } else if (!s.join(*cursor)) {
+        return attachment;
     }
     s.cursors.push_back(std::move(cursor));
     return attachment;

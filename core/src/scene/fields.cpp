@@ -158,7 +158,7 @@ void Scene::State::keepTerms() {
     if (written.empty()) return;
     written.swap(sealed);
     // What one large frame took (loading, say) is not kept for the small ones that follow.
-    if (written.capacity() > kMuch && written.size() < written.capacity() / 8)
+    if (written.capacity() > kEntriesKept && written.size() < written.capacity() / 8)
         std::vector<WrittenField>().swap(written);
     written.clear();
     expected = sealed.data();

@@ -1,3 +1,4 @@
+// Cuts blocks for nodes from growing chunks, and keeps what is freed by size.
 #include "node_arena.h"
 
 #include <algorithm>
@@ -13,9 +14,9 @@ void NodeArena::Release::operator()(std::byte* chunk) const {
 }
 
 void NodeArena::grow(std::size_t bytes) {
-    const std::size_t wanted = std::max({bytes, kSmallest, std::min(2 * lastChunk_, kHuge)});
-    const bool huge = wanted >= kHuge;
-    const std::size_t alignment = huge ? kHuge : std::size_t{64};
+    const std::size_t wanted = std::max({bytes, kSmallest, std::min(2 * lastChunk_, kHugePage)});
+    const bool huge = wanted >= kHugePage;
+    const std::size_t alignment = huge ? kHugePage : std::size_t{64};
     const std::size_t size = (wanted + alignment - 1) / alignment * alignment;
     auto* chunk = static_cast<std::byte*>(std::aligned_alloc(alignment, size));
     if (!chunk) throw std::bad_alloc();

@@ -17,7 +17,7 @@ class NodeArena {
     void deallocate(void* block, std::size_t bytes);
 
   private:
-    static constexpr std::size_t kGrain = 16, kSmallest = std::size_t{1} << 14, kHuge = std::size_t{1} << 21;
+    static constexpr std::size_t kGrain = 16, kSmallest = std::size_t{1} << 14, kHugePage = std::size_t{1} << 21;
     struct Free {
         Free* next;
     };

@@ -1,3 +1,4 @@
+// Computes the state hash's terms anew by node and field, to find where two scenes differ.
 #include <rtsg/core/partial_hash.h>
 
 #include "state_hash.h"

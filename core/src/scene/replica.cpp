@@ -1,3 +1,4 @@
+// A scene of its own for another thread, which polls the original's bus.
 #include <rtsg/core/replica.h>
 
 #include <array>

@@ -1,3 +1,4 @@
+// Construction, nodes, names and routes of a scene, and the checks that calls come from its own thread.
 #include <rtsg/core/scene.h>
 
 #include <algorithm>

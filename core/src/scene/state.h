@@ -158,7 +158,7 @@ struct Scene::State {
     static_assert(sizeof(WrittenField) == 32);
     std::vector<WrittenField> written, sealed;
     /// Memory for more entries than this is given back when it is no longer used.
-    static constexpr std::size_t kMuch = 1u << 14;
+    static constexpr std::size_t kEntriesKept = 1u << 14;
     // In `sealed`: what the next write is if this frame is like the last one, and the end.
     WrittenField *expected = nullptr, *sealedEnd = nullptr;
     std::uint32_t firstNewId = 1;  // ids from here on were created since the last seal
@@ -306,7 +306,12 @@ struct Scene::State {
 
     ChangeSet snapshot() const;
     /// `pending`: as an edit that is yet to be sealed; else as one that is.
+    /// `pending`: as an edit of this scene's own, which the next set tells; else as part of a set that has told it.
     Result<> applyChange(const Change& change, bool pending);
+    Result<> applyCreation(const Change& change, bool pending);
+    Result<> applyField(Node& node, const Change& change, bool pending);
+    Result<> applyChildOp(Node& node, const Change& change);
+    Result<> applyRouteOp(const Node& node, const Change& change, bool pending);
     Result<> applyChanges(std::span<const Change> changes, std::span<const DefinedType> defined, bool pending);
     Result<> releaseDestroyed(std::span<const Change> changes);
 };

@@ -1,3 +1,4 @@
+// Computes single terms of the state hash from canonical bytes.
 #include "plain_term.h"
 
 namespace rtsg::detail {

@@ -236,7 +236,7 @@ std::shared_ptr<ChangeSet> Scene::State::freshSet() {
             std::shared_ptr<ChangeSet> set = pooled;
             const std::size_t used = set->changes.size();
             set->clear();
-            if (set->changes.capacity() > kMuch && used < set->changes.capacity() / 8)
+            if (set->changes.capacity() > kEntriesKept && used < set->changes.capacity() / 8)
                 std::vector<Change>().swap(set->changes);
             return set;
         }

@@ -84,12 +84,16 @@ struct SharedWorld::Impl final : Subscriber {
         const bool news = changes.from != changes.to || !now.empty();
         counts.deliveries += news;
         std::optional<std::pair<ChangeSet, InstanceDelta>> whole;  // for those who come late
+        // Somebody may have edited the scene from within this delivery: a snapshot would be ahead of the instances.
+        const bool inThisState = at.sequence() == now.sequence && !at.hasUnsealedEdits();
         delivering = true;
         // By index: a subscriber may add or remove others while it runs.
         for (std::size_t i = 0; i < entries.size(); ++i) {
             if (!entries[i].subscriber || !entries[i].failure.empty()) continue;
-            const bool late = !std::exchange(entries[i].upToDate, true);
+            const bool late = !entries[i].upToDate;
+            if (late && !inThisState) continue;  // with the next set
             if (!late && !news) continue;
+            entries[i].upToDate = true;
             if (late && !whole) whole.emplace(at.snapshot(), flattener.snapshot());
             InstanceSubscriber* subscriber = entries[i].subscriber;
             const Result<> result = guarded([&] {

@@ -217,8 +217,9 @@ Result<> LogWriter::apply(const Scene& scene, const ChangeSet& changes) {
     if (auto ok = write(changes); !ok) return ok;
     const double due = options_.keyframeFactor * static_cast<double>(keyframeSize_);
     if (sinceKeyframe_ < options_.keyframeBytes || static_cast<double>(sinceKeyframe_) < due) return {};
-    // Only while the scene is in the very state that was just written: a subscriber that is polled may lag behind.
-    if (scene.sequence() != changes.to) return {};
+    // Only while the scene is in the very state that was just written: a subscriber that is polled may lag behind, and
+    // another one may have edited the scene from within this delivery.
+    if (scene.sequence() != changes.to || scene.hasUnsealedEdits()) return {};
     if (auto ok = write(scene.snapshot()); !ok) return ok;
     --frames_;
     return {};

@@ -172,7 +172,8 @@ void MirrorServer::waitForThoseWhoBlock() {
 Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
     if (auto ok = shared_->result(); !ok) return ok;
     encodeAndPost(changes, false);
-    if (scene.sequence() == changes.to && shared_->wantSnapshot.exchange(false)) encodeAndPost(scene.snapshot(), true);
+    const bool inThisState = scene.sequence() == changes.to && !scene.hasUnsealedEdits();
+    if (inThisState && shared_->wantSnapshot.exchange(false)) encodeAndPost(scene.snapshot(), true);
     if (shared_->options.blockFor.count() > 0) waitForThoseWhoBlock();
     return {};
 }

@@ -6,6 +6,20 @@
 // attach and detach inside apply. The sets it causes wait until everybody has the present one.
 // Threading: publish, attach and the scene belong to one thread; Attachment::poll may run on any one other
 // thread, whose subscriber must then read only the ChangeSet, never the scene.
+
+// Example:
+//     #include <rtsg/core/scene.h>
+//     struct Counter : rtsg::Subscriber {
+//         std::size_t changes = 0;
+//         rtsg::Result<> apply(const rtsg::Scene&, const rtsg::ChangeSet& set) override {
+//             changes += set.changes.size();  // first a snapshot, then every frame
+//             return {};
+//         }
+//     };
+//     rtsg::Scene scene;
+//     Counter counter;
+//     const rtsg::Attachment attachment = scene.bus().attach(counter);
+//     scene.newFrame(0);
 #pragma once
 
 #include <functional>
@@ -24,8 +38,9 @@ class Subscriber {
     virtual ~Subscriber() = default;
     /// On the scene's thread `scene` is in state `changes.to`; if another subscriber has edited it from within this
     /// delivery, it is ahead by those edits, which come with the next set. So a node of `changes` may be gone: use
-    /// Scene::find. First comes a snapshot; another one later means: forget what was before (a replica joined anew).
-    /// Changes are valid during the call; to keep Values, copy them (cheap).
+    /// Scene::find; and Scene::snapshot() is of a later state than `changes.to`, which its number says. First comes a
+    /// snapshot; another one later means: forget what was before (a replica joined anew). Changes are valid during the
+    /// call; to keep Values, copy them (cheap).
     virtual Result<> apply(const Scene& scene, const ChangeSet& changes) = 0;
     virtual std::string subscriberName() const { return "subscriber"; }
 };

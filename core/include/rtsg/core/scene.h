@@ -4,6 +4,17 @@
 // in the previous state gives this state, bit for bit (equal hash() and dump()). The hierarchy has no cycles.
 // Threading: one thread edits and runs the scene; a call from another thread is refused with a diagnostic.
 // Source: ISO/IEC 19775-1 V4.0 4.4.8 (event model), 19775-2 (SAI naming).
+
+// Example:
+//     #include <rtsg/core/scene.h>
+//     #include <rtsg/core/x3d.h>
+//     rtsg::Scene scene;
+//     const rtsg::NodeId box = scene.createNode(rtsg::x3d::Transform::type);
+//     if (!scene.insertChild(scene.root(), rtsg::x3d::RtsgScene::children, box)) return;
+//     if (const auto ok = scene.set(box, rtsg::x3d::Transform::translation, rtsg::Vec3f(0, 2, 0)); !ok)
+//         std::cerr << ok.error().format() << '\n';
+//     scene.newFrame(0);  // one ChangeSet, which everybody on the bus has now
+//     std::cout << scene.node(box).get(rtsg::x3d::Transform::translation).y << ' ' << scene.hash().hex() << '\n';
 #pragma once
 
 #include <functional>
@@ -204,8 +215,13 @@ class Scene {
     Result<> resumeFrom(const RunState& state);
 
     // ---- state ---------------------------------------------------------------------------------------------
-    /// Seal first: edits still pending are in the snapshot, and would come again with the next set.
+    /// The state `sequence()`, whole. Edits that wait are sealed first, so that its number stands for its content; from
+    /// within a delivery their set waits its turn, and who goes on from the snapshot skips sets up to its number. Where
+    /// no state can be told (inside a frame; after too many sets from within one delivery), an empty set to 0 and a
+    /// diagnostic.
     ChangeSet snapshot() const;
+    /// Edits that no set holds yet: the scene is ahead of the state `sequence()`.
+    bool hasUnsealedEdits() const;
     /// Applies a set that starts at sequence() (or a snapshot onto an empty scene), and publishes it. On an error
     /// nothing is guaranteed but safety: the scene must then be discarded.
     Result<> apply(std::shared_ptr<const ChangeSet> set);
