@@ -1,3 +1,4 @@
+// The baseline: the same triangles in Embree, without anything around it.
 #include "bare_embree.h"
 
 #include <cmath>

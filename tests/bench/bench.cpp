@@ -1,3 +1,4 @@
+// Clocks and medians for all benches, and the bare baselines that several share.
 #include "bench.h"
 
 #include <algorithm>

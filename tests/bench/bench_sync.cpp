@@ -1,3 +1,4 @@
+// Runs all benches of sync.
 #include "bench_sync.h"
 
 #include "bench_sync_mirror.h"

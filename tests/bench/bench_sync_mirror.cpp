@@ -1,3 +1,4 @@
+// Mirrors over loopback: throughput, latency, joining, resuming, many peers.
 #include "bench_sync_mirror.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// The baseline of mirrors: bare ZeroMQ sockets with messages of the same size.
 #include "bench_sync_raw.h"
 
 #include <algorithm>

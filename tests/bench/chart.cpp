@@ -1,3 +1,4 @@
+// Draws charts of error against time as SVG, and writes them as CSV.
 #include "chart.h"
 
 #include <algorithm>

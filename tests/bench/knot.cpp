@@ -1,3 +1,4 @@
+// A knotted tube of any number of facets, as nodes.
 #include "knot.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Bodies that glide, tumble and travel, as change sets to encode.
 #include "motion_sync.h"
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// Arbitrary bytes as a JSON document.
 #include <cstdint>
 
 #include "reading.h"

@@ -1,3 +1,4 @@
+// Arbitrary bytes as an XML document.
 #include <cstdint>
 
 #include "reading.h"

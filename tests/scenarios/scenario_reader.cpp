@@ -1,3 +1,4 @@
+// Reads a scenario's text.
 #include <algorithm>
 #include <fstream>
 

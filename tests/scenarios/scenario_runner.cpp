@@ -1,3 +1,4 @@
+// Runs a scenario directly, replayed, mirrored, by a late joiner and by its inputs alone.
 #include <algorithm>
 #include <charconv>
 #include <cmath>

@@ -1,3 +1,4 @@
+// One test for each scenario file and way of running it.
 #include <algorithm>
 #include <cctype>
 

@@ -1,3 +1,4 @@
+// Reads, resamples and keeps the sounds of AudioClips, and plays voices from them.
 #include <algorithm>
 #include <cmath>
 #include <numbers>

@@ -1,3 +1,4 @@
+// The table of built-in behaviours by node type.
 #include "behaviours.h"
 
 #include <rtsg/core/x3d.h>

@@ -1,3 +1,4 @@
+// Records document commands, and gives them to another handler.
 #include <rtsg/core/command_list.h>
 
 #include <utility>

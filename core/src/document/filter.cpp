@@ -1,3 +1,4 @@
+// The filters that `rtsg convert --filter` names: each passes a document's commands on, changed.
 #include <rtsg/core/filter.h>
 
 #include <unordered_map>

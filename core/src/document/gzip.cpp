@@ -1,3 +1,4 @@
+// Recognises gzip and unpacks it, up to a bound.
 #include "gzip.h"
 
 #include <algorithm>

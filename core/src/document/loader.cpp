@@ -1,3 +1,4 @@
+// Loads a whole document into a scene: finds the encoding, unpacks, reads, builds, then follows its Inlines.
 #include <rtsg/core/loader.h>
 
 #include <memory>

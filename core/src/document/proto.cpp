@@ -1,3 +1,4 @@
+// Declarations of prototypes: their interfaces, where their names are visible, and the node type an instance gets.
 #include "proto.h"
 
 #include <algorithm>

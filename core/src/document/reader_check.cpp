@@ -1,3 +1,4 @@
+// What the tables say against a value: out of range, an axis without length, an unknown word, an incomplete group.
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -1,3 +1,5 @@
+// The statements of ClassicVRML and VRML97: header, profile, nodes, PROTOs, routes. Values and fields are in
+// reader_classic_node.cpp.
 #include "reader_classic.h"
 
 #include <algorithm>

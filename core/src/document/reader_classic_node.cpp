@@ -1,3 +1,4 @@
+// Inside a ClassicVRML node: words, field values, declarations, and how to go on after an error.
 #include "reader_classic.h"
 
 namespace rtsg::detail {

@@ -1,3 +1,4 @@
+// Elements that are nodes, for XML and JSON alike: which field a node goes into, and its attributes.
 #include "reader_element.h"
 
 #include <algorithm>

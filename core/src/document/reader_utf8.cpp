@@ -1,3 +1,4 @@
+// Finds and replaces bytes that are no UTF-8.
 #include "reader_utf8.h"
 
 #include <cstdint>

@@ -1,3 +1,4 @@
+// Drives expat, and hands its elements to the ElementReader. Entities are not expanded.
 #include "reader_xml.h"
 
 #include <algorithm>

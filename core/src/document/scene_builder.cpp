@@ -1,3 +1,5 @@
+// The document's own commands: header, prototypes, names, and what is checked at the end. Nodes are in
+// scene_builder_nodes.cpp.
 #include <rtsg/core/scene_builder.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Walks a scene and says it again as the commands of a document: declarations first, shared nodes once.
 #include <rtsg/core/scene_exporter.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Runs the programs of Script nodes in SpiderMonkey: compiles, calls, and turns exceptions into diagnostics.
 #include "engine.h"
 
 #include <unordered_map>

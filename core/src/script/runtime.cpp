@@ -1,3 +1,4 @@
+// One JavaScript context a thread, with a watch thread that stops calls that take too long or too much.
 #include "runtime.h"
 
 #include <chrono>

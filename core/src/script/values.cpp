@@ -1,3 +1,4 @@
+// Converts field values between the scene's representation and plain JavaScript.
 #include "values.h"
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// Allocates and frees the shared blocks behind MF values, padded at the end for vector loads.
 #include <rtsg/core/array.h>
 
 #include <cstdlib>

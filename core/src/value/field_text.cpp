@@ -1,3 +1,4 @@
+// Prints field values in the three text encodings; parsing is in field_text_parser.cpp.
 #include <rtsg/core/field_text.h>
 
 #include <charconv>

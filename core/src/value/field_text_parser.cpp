@@ -1,3 +1,4 @@
+// Parses one field value after another out of a longer text, with positions for what is wrong.
 #include "field_text_parser.h"
 
 #include <string_view>

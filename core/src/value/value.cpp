@@ -1,3 +1,4 @@
+// What is known of each field type (size, name, whether shared), and copying, comparing and destroying values.
 #include <rtsg/core/value.h>
 
 #include <algorithm>

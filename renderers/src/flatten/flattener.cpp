@@ -1,3 +1,4 @@
+// Takes a change set in: sorts out which nodes matter, brings their occurrences up to date and reports instances.
 #include <rtsg/renderers/flattener.h>
 
 #include <algorithm>

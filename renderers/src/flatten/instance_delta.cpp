@@ -1,3 +1,4 @@
+// Affine matrices in double precision, and emptying a delta.
 #include <rtsg/renderers/instance_delta.h>
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// Moves the points and normals of skinned humanoids with their joints.
 #include "skin.h"
 
 #include <utility>

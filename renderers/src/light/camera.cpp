@@ -1,3 +1,4 @@
+// Rays of perspective and parallel cameras, and the colours of backgrounds.
 #include <rtsg/renderers/camera.h>
 
 #include <algorithm>

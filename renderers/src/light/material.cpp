@@ -1,3 +1,4 @@
+// Reads Appearance, materials, textures and lights into the flat numbers that shading uses.
 #include <rtsg/renderers/material.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Fetches and interpolates what sixteen hits need for shading, lane by lane.
 #include "surface_packet.h"
 
 #include <bit>

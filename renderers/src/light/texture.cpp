@@ -1,3 +1,4 @@
+// Decodes pictures into textures, makes their coarser copies, and looks colours up.
 #include <rtsg/renderers/texture.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Sample places by scrambled Sobol points, and the primary rays of a tile.
 #include "tile_rays.h"
 
 #include "mesh/simd8.h"

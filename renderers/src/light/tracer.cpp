@@ -1,3 +1,4 @@
+// LightTracer: keeps materials, lights and textures in step with the scene, and renders pictures tile by tile.
 #include <rtsg/renderers/light_tracer.h>
 
 #include <algorithm>

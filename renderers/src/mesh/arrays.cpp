@@ -1,3 +1,4 @@
+// A mesh's attributes as the flat arrays that rasterisers and exporters take.
 #include <vector>
 
 #include <rtsg/renderers/mesh.h>

@@ -1,3 +1,4 @@
+// Interpolation, areas, volumes and the validity check of a mesh.
 #include <rtsg/renderers/mesh.h>
 
 #include <string>

@@ -1,3 +1,4 @@
+// Keeps the triangles of a composed geometry while its coordinates move, as long as a new cut would be the same.
 #include "tessellate_deform.h"
 
 #include <numbers>

@@ -1,3 +1,4 @@
+// Extrusion (ISO/IEC 19775-1 V4.0, 13.3.5): frames along the spine, cross sections placed in them, caps.
 #include <algorithm>
 #include <numbers>
 

@@ -1,3 +1,4 @@
+// IndexedFaceSet: cuts polygons into triangles and keeps which corner came from where.
 #include <fmt/format.h>
 
 #include "tessellate_detail.h"

@@ -1,3 +1,4 @@
+// The geometries of the Geometry2D component: arcs, discs, rectangles, polylines, triangles in the plane z = 0.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// ElevationGrid: two triangles a cell.
 #include <fmt/format.h>
 
 #include "tessellate_detail.h"

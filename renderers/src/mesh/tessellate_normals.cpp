@@ -1,3 +1,4 @@
+// Generates vertex normals from faces by crease angle, many corners at once.
 #include <algorithm>
 #include <numbers>
 #include <utility>

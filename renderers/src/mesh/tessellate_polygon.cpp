@@ -1,3 +1,4 @@
+// Cuts one polygon into triangles: a fan if it is convex, otherwise by GLU's tessellator.
 #include <GL/glu.h>
 
 #include <algorithm>

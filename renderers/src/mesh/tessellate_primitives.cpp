@@ -1,3 +1,4 @@
+// Box, Cone, Cylinder and Sphere.
 #include <algorithm>
 #include <numbers>
 

@@ -1,3 +1,4 @@
+// Reads geometry nodes of a scene into the plain structs that the tessellators take.
 #include <fmt/format.h>
 
 #include <rtsg/core/scene.h>

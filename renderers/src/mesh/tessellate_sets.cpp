@@ -1,3 +1,4 @@
+// Triangle and quad sets, strips and fans, indexed or not; line and point sets.
 #include <fmt/format.h>
 
 #include <numbers>

@@ -1,3 +1,4 @@
+// Binds colours, normals and texture coordinates to corners, and finishes a mesh from cut faces.
 #include <fmt/format.h>
 
 #include "tessellate_detail.h"

@@ -1,3 +1,4 @@
+// Remembers the meshes of geometry nodes, shares equal primitives, and forgets what is unused.
 #include <rtsg/renderers/tessellator.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Decodes a record of changes block by block (PROTOCOL.md, "Changes"); nothing in it is trusted.
 #include <rtsg/sync/change_codec.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Encodes a change set as a record of blocks (PROTOCOL.md, "Changes").
 #include <rtsg/sync/change_codec.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Decodes columns: the nodes of one type and field that changed, and their values (PROTOCOL.md, "Columns").
 #include <type_traits>
 
 #include "blocks.h"

@@ -1,3 +1,4 @@
+// Encodes columns, raw or predicted, whichever is smaller (PROTOCOL.md, "Columns").
 #include "blocks.h"
 #include "column_codec.h"
 #include "column_rows.h"

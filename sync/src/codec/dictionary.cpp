@@ -1,3 +1,4 @@
+// The head of a stream, and the hash by which both sides know whether their built-in types are the same.
 #include <rtsg/sync/dictionary.h>
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// Encodes and decodes what came into a frame (PROTOCOL.md, "Input").
 #include <rtsg/sync/input_codec.h>
 
 #include <algorithm>

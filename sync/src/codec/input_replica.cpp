@@ -1,3 +1,4 @@
+// Runs recorded inputs in a scene of its own, and says when its hash is not the origin's.
 #include <rtsg/sync/input_replica.h>
 
 #include <fmt/format.h>

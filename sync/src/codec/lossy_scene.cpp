@@ -1,3 +1,4 @@
+// Rounds values in motion to a grid in a second scene, and sets them exactly once they rest.
 #include <rtsg/sync/lossy_scene.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Seals records with header and checksum, and checks those that arrive.
 #include <rtsg/sync/record.h>
 
 #include <cstring>

@@ -1,3 +1,4 @@
+// Maps types and fields of a stream from another build to those of this program, by name.
 #include "type_mapping.h"
 
 #include <algorithm>

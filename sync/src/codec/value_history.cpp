@@ -1,3 +1,4 @@
+// Remembers the last values of fields and predicts the next ones, alike on both sides.
 #include "value_history.h"
 
 #include <algorithm>

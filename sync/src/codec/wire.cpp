@@ -1,3 +1,4 @@
+// Writes and reads the primitives of the protocol; every read is bounded.
 #include "wire.h"
 
 #include <limits>

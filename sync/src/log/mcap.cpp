@@ -1,3 +1,4 @@
+// Writes MCAP files: records, chunks, index, summary.
 #include <rtsg/sync/mcap.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// LogRecorder: a thread that writes what the bus delivers, and reports what is safely on disk.
 #include <rtsg/sync/log_recorder.h>
 
 #include <atomic>

@@ -1,3 +1,4 @@
+// Makes recorded edits and events happen again in a live scene.
 #include "replay_input.h"
 
 #include <algorithm>

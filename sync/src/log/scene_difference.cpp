@@ -1,3 +1,4 @@
+// Finds the first node, field or route in which two scenes differ.
 #include <algorithm>
 #include <tuple>
 

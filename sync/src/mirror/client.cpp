@@ -1,3 +1,4 @@
+// MirrorClient's calls for its user; the connection is in client_connection.cpp, the replica in client_replica.cpp.
 #include <rtsg/sync/mirror_client.h>
 
 #include "client_impl.h"

@@ -1,3 +1,4 @@
+// Estimates the server's clock from pings, and the jitter of frames.
 #include "clock.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Loads, generates and checks the CURVE keys of servers and clients.
 #include <rtsg/sync/mirror_keys.h>
 
 #include <cerrno>

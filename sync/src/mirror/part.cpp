@@ -1,3 +1,4 @@
+// Cuts a part out of a scene by subtree and aspect, and keeps it in step.
 #include "part.h"
 
 #include <algorithm>

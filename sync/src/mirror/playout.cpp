@@ -1,3 +1,4 @@
+// Holds frames until their time has come, and interpolates between them.
 #include "playout.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Narrows a difference between two scenes down by hashes of ranges, and writes the repair.
 #include "questions.h"
 
 #include <algorithm>

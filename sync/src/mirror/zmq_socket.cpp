@@ -1,3 +1,4 @@
+// Owns ZeroMQ's messages and sockets.
 #include "zmq_socket.h"
 
 #include <cstring>

@@ -1,3 +1,4 @@
+// The acoustic tracer against a reference table, closed forms, and rooms that break methods.
 #include <cmath>
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Image sources against places that were worked out by hand.
 #include <cmath>
 #include <map>
 

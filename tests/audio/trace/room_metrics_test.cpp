@@ -1,3 +1,4 @@
+// Room-acoustic figures of impulse responses whose figures are known in closed form.
 #include <cmath>
 #include <random>
 

@@ -1,3 +1,4 @@
+// Writes a bench scene as ClassicVRML text.
 #include "scene_file.h"
 
 #include <charconv>

@@ -1,3 +1,4 @@
+// The list of bench scenes.
 #include "scenes.h"
 
 #include <algorithm>

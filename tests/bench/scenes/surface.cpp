@@ -1,3 +1,4 @@
+// Surfaces that bench scenes are made of: patches, boxes, lathes, tubes, tori.
 #include "surface.h"
 
 #include <algorithm>

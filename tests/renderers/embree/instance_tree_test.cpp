@@ -1,3 +1,4 @@
+// The tree over instances against a loop over all of them.
 #include "embree/instance_tree.h"
 #include "embree/packet_avx512.h"
 

@@ -1,3 +1,4 @@
+// The Flattener: one instance a path, and small deltas for small changes, against flattening anew.
 #include <rtsg/renderers/shared_world.h>
 
 #include <gtest/gtest.h>

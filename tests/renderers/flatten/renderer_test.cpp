@@ -1,3 +1,4 @@
+// Dispatch of operations to registered node renderers.
 #include <rtsg/renderers/renderer.h>
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Rays and sky colours against closed forms.
 #include <rtsg/renderers/camera.h>
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// Pictures: colour curves, tone mapping, and files as an independent reader finds them.
 #include <rtsg/renderers/picture.h>
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// Lighting against the equations of ISO/IEC 19775-1 V4.0, clause 17.
 #include <rtsg/renderers/shading.h>
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// Textures: orientation, components, filtering, coarser levels, transforms.
 #include <rtsg/renderers/texture.h>
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// Bindings, normals, defects and vertex arrays of meshes made by hand.
 #include <random>
 
 #include "mesh_check.h"

@@ -1,3 +1,4 @@
+// Extrusions against closed forms and the rules of ISO/IEC 19775-1 V4.0, 13.3.5.
 #include <algorithm>
 #include <random>
 

@@ -1,3 +1,4 @@
+// IndexedFaceSets: cutting, bindings, creases, repairs.
 #include <algorithm>
 #include <numeric>
 #include <random>

@@ -1,3 +1,4 @@
+// Every geometry of every example scene becomes a mesh without defects.
 #include <cstdlib>
 #include <filesystem>
 

@@ -1,3 +1,4 @@
+// Primitives against areas, volumes and texture places in closed form.
 #include "mesh_check.h"
 
 namespace rtsg {

@@ -1,3 +1,4 @@
+// Geometry nodes of a scene: fields, bindings, what is reported.
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 

@@ -1,3 +1,4 @@
+// Sets, strips and fans, indexed or not.
 #include "mesh_check.h"
 
 namespace rtsg {

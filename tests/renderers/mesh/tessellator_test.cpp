@@ -1,3 +1,4 @@
+// What the Tessellator shares, remembers and forgets.
 #include <rtsg/renderers/tessellator.h>
 
 #include <rtsg/core/scene.h>

@@ -1,3 +1,4 @@
+// RayWorld: hits against a loop over all triangles, and updates against a world made anew.
 #include <rtsg/renderers/ray_world.h>
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Change sets through the codec and back, and damage to records.
 #include <rtsg/sync/change_codec.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Compacting logs: what is kept, what is merged.
 #include <rtsg/sync/log_compact.h>
 
 #include "support/log_support.h"

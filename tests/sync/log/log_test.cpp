@@ -1,3 +1,4 @@
+// Logs: replay, search, damage, index, appending, and the difference of two.
 #include <rtsg/sync/log.h>
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// A server and its mirrors over loopback: joining, faults, slow peers, trees of mirrors, leaving.
 #include <filesystem>
 
 #include <gtest/gtest.h>

@@ -4,6 +4,20 @@
 // however many frames went by between two calls. Walls are where the world's rays meet them; what sound needs alone
 // (sources, materials, responses) is here. Figures of rooms are those of the moment measure() is called.
 // Threading: the scene's thread; tracing uses all cores. Source: paper section 8 (sound as one more renderer).
+
+// Example:
+//     #include <rtsg/audio/sound_renderer.h>
+//     #include <rtsg/core/loader.h>
+//     rtsg::Scene scene;
+//     rtsg::Diagnostics diagnostics;
+//     rtsg::loadFile(scene, "hall.x3dv", diagnostics);
+//     rtsg::SharedWorld world(scene);
+//     rtsg::SoundRenderer sound(world);
+//     for (int frame = 0; frame < 60; ++frame) {
+//         scene.newFrame(frame / 60.0);
+//         if (!sound.renderFrame()) break;  // sound.block(): the samples of this frame
+//     }
+//     const rtsg::ListenReport report = sound.finish();
 #pragma once
 
 #include <memory>

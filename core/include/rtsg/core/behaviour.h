@@ -3,6 +3,18 @@
 // A behaviour keeps no state of its own: all of it is in fields (hidden ones if need be), so a snapshot is
 // complete and a replica can take over. Threading: called on the scene's thread, inside newFrame.
 // Source: ISO/IEC 19775-1 V4.0 4.4.8.3 (execution model); each behaviour cites its clause.
+
+// Example:
+//     #include <rtsg/core/behaviour.h>
+//     #include <rtsg/core/x3d.h>
+//     // A Switch that goes on by itself, once a second.
+//     const auto next = [](rtsg::Cascade& cascade, const rtsg::Node& node) -> double {
+//         const std::int32_t now = node.get(rtsg::x3d::Switch::whichChoice);
+//         cascade.emit(node, rtsg::x3d::Switch::whichChoice, now + 1);
+//         return cascade.now() + 1;  // when to be called next
+//     };
+//     rtsg::Scene scene;
+//     scene.registerBehaviour(rtsg::x3d::Switch::type, rtsg::Behaviour{.onTime = next, .deterministic = true});
 #pragma once
 
 #include <limits>

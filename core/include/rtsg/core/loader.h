@@ -1,6 +1,15 @@
 // Reading whole files: encoding detection, gzip, SceneBuilder, Inlines and EXTERNPROTOs.
 //
 // Threading: one thread. Never throws for bad input: it is in the diagnostics, with positions. Source: RTSG paper 3.1.
+
+// Example:
+//     #include <rtsg/core/loader.h>
+//     rtsg::Scene scene;
+//     rtsg::Diagnostics diagnostics{"hall.x3dv"};
+//     const bool loaded = rtsg::loadFile(scene, "hall.x3dv", diagnostics);
+//     for (const rtsg::Diagnostic& d : diagnostics.all())
+//         std::cerr << d.format() << '\n';  // hall.x3dv:12:5: warning: ...
+//     if (loaded) scene.newFrame(0);
 #pragma once
 
 #include <filesystem>

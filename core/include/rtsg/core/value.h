@@ -3,6 +3,14 @@
 // Invariant: `mf(sf(t)) == t` for every MF type; a Value is 24 bytes and copying it never copies elements.
 // Source: ISO/IEC 19775-1 V4.0 clause 5. Matrices are stored in the order the file gives them (row by row).
 // Threading: values are immutable and may be shared between threads.
+
+// Example:
+//     #include <rtsg/core/value.h>
+//     rtsg::Array<rtsg::Vec3f> points{{0, 0, 0}, {1, 0, 0}};
+//     const rtsg::Value value = points;  // shares the elements
+//     points.mutableData()[1].x = 2;  // its own copy from here on
+//     if (value.holds<rtsg::Array<rtsg::Vec3f>>())
+//         std::cout << value.as<rtsg::Array<rtsg::Vec3f>>()[1].x;  // still 1
 #pragma once
 
 #include <array>

@@ -4,6 +4,19 @@
 // light needs alone (materials, lights, sky, textures) is here; where things are, is the world's.
 // Levels of detail are chosen for the eye of the last picture, and hold for all that share the world.
 // Threading: the scene's thread; a picture itself is made by several. Source: paper section 5.1 and Listing 1.
+
+// Example:
+//     #include <rtsg/core/loader.h>
+//     #include <rtsg/renderers/light_renderer.h>
+//     rtsg::Scene scene;
+//     rtsg::Diagnostics diagnostics;
+//     rtsg::loadFile(scene, "hall.x3dv", diagnostics);
+//     rtsg::SharedWorld world(scene);
+//     rtsg::LightRenderer light(world, rtsg::LightRenderer::Options(rtsg::Resources::ofFile("hall.x3dv")));
+//     scene.newFrame(0);
+//     rtsg::ImageOptions options;
+//     options.settings.width = 640, options.settings.height = 360;
+//     if (const auto picture = light.picture(options)) (void)rtsg::writePicture(*picture, "hall.png");
 #pragma once
 
 #include <memory>

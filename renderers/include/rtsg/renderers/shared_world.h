@@ -7,6 +7,19 @@
 // The RayWorld is made when somebody first asks for it: who only counts or exports pays for no BVH.
 // Threading: the scene's thread; between two change sets the const members of rays() from any.
 // Source: the paper's speed-up graph (5.1.1), kept apart from the renderers that use it.
+
+// Example:
+//     #include <rtsg/core/loader.h>
+//     #include <rtsg/renderers/shared_world.h>
+//     rtsg::Scene scene;
+//     rtsg::Diagnostics diagnostics;
+//     rtsg::loadFile(scene, "hall.x3dv", diagnostics);
+//     rtsg::SharedWorld world(scene);  // follows the scene from here on
+//     scene.newFrame(0);
+//     rtsg::Ray ray;
+//     ray.origin = {0, 1.7f, 10};
+//     ray.direction = {0, 0, -1};
+//     if (const rtsg::Hit hit = world.rays().intersect(ray)) std::cout << "a wall in " << hit.t << " m\n";
 #pragma once
 
 #include <cstdint>

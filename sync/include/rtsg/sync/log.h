@@ -7,6 +7,17 @@
 // A reader keeps every intact record, reports the bytes it had to skip, and rebuilds the index where it is missing.
 // Threading: one thread an object. A log may be read while it is written. Files are read, never mapped: one that
 // shrinks under its reader reads as cut short.
+
+// Example:
+//     #include <rtsg/core/node_type.h>
+//     #include <rtsg/core/scene.h>
+//     #include <rtsg/sync/log.h>
+//     rtsg::Scene scene;
+//     const auto log = rtsg::LogWriter::create("session.rlog", rtsg::builtinTypes());
+//     if (!log) return;
+//     const rtsg::Attachment attachment = scene.bus().attach(**log);
+//     for (int frame = 0; frame < 600; ++frame) scene.newFrame(frame / 60.0);
+//     if (const auto closed = (*log)->close(); !closed) std::cerr << closed.error().format() << '\n';
 #pragma once
 
 #include <cstdint>

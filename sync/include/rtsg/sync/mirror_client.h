@@ -5,6 +5,16 @@
 // and only these are sent again (a change set from the state to itself). Lost connections, gaps and restarts of the
 // server heal by themselves, by resuming where possible, else by a snapshot (Scene::reset).
 // Threading: everything on the replica's thread, inside poll(); ZeroMQ does the waiting.
+
+// Example:
+//     #include <rtsg/sync/mirror_client.h>
+//     rtsg::Scene replica;
+//     const auto client = rtsg::MirrorClient::connect(replica, "tcp://localhost:5570");
+//     if (!client) return;
+//     while (!(*client)->serverLeft()) {
+//         (*client)->poll(std::chrono::milliseconds(20));  // brings the replica to the origin's newest state
+//         for (const rtsg::Diagnostic& d : (*client)->takeDiagnostics()) std::cerr << d.format() << '\n';
+//     }
 #pragma once
 
 #include <chrono>

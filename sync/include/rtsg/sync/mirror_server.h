@@ -6,6 +6,16 @@
 // repairs come from a replica of the server's own, so the scene's thread does nothing for a peer that joins.
 // A failure of one of its threads (no memory, say) ends the server, not the process: the next apply() returns why.
 // Threading: apply() and service() on the scene's thread; peers and the replica on threads of their own.
+
+// Example:
+//     #include <rtsg/sync/mirror_server.h>
+//     rtsg::Scene scene;
+//     const auto server = rtsg::MirrorServer::start(scene, "tcp://*:5570");
+//     if (!server) return;  // server.error() says why
+//     for (int frame = 0; frame < 600; ++frame) {
+//         scene.newFrame(frame / 60.0);  // sent by the server's threads
+//         (*server)->service();  // what peers ask for is carried out here
+//     }
 #pragma once
 
 #include <chrono>

@@ -3,6 +3,14 @@
 // Invariant: the scene is always in a state of the log. Where bytes are damaged the replay goes on at the next
 // keyframe. Subscribers of the scene's bus see what those of the origin saw.
 // Threading: one thread, which owns the scene.
+
+// Example:
+//     #include <rtsg/sync/replay.h>
+//     const auto replayer = rtsg::Replayer::open("session.rlog");
+//     if (!replayer) return;
+//     rtsg::Result<bool> more = true;
+//     while (more && *more) more = (*replayer)->step();  // one state at a time, each checked against its hash
+//     std::cout << (*replayer)->verified() << " of " << (*replayer)->frames() << " states verified\n";
 #pragma once
 
 #include <filesystem>

@@ -1,0 +1,96 @@
+#!/usr/bin/env python3
+"""Two rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository.
+
+Each .cpp opens with a comment: a sentence that says what is in it. No function is longer than 80 lines, from its first line to its
+closing brace. LONG names those that are longer still, with the most lines each may have: none may be added, and an entry that is no
+longer needed is an error too, so the list only shrinks. Exit status 1 and a line for each file or function.
+"""
+import pathlib
+import re
+import sys
+
+ROOT = pathlib.Path(__file__).parent.parent
+FOLDERS = ["core", "renderers", "audio", "sync", "app", "examples", "tests"]
+MOST = 80
+# (file, function): lines
+LONG = {
+    ("app/verb_replay.cpp", "replay"): 120,
+    ("app/verb_serve.cpp", "serve"): 130,
+    ("renderers/src/embree/instance_tree.cpp", "InstanceTree::build"): 113,
+    ("renderers/src/embree/packet_avx512.cpp", "traverse"): 86,
+    ("renderers/src/embree/tree_view.h", "TreeView::traverse"): 85,
+    ("renderers/src/light/path.cpp", "bounce"): 107,
+    ("renderers/src/mesh/tessellate_grid.cpp", "tessellate"): 84,
+    ("sync/src/codec/change_decoder.cpp", "ChangeDecoder::decode"): 120,
+    ("sync/src/codec/input_codec.cpp", "InputDecoder::decode"): 120,
+    ("tests/audio/scene/sound_scene_test.cpp", "TEST"): 94,
+    ("tests/bench/scenes/conference.cpp", "writeConference"): 94,
+    ("tests/bench/scenes/kitchen.cpp", "writeKitchen"): 146,
+    ("tests/bench/scenes/moving.cpp", "writeTroopers"): 89,
+    ("tests/bench/scenes/venice.cpp", "writeVenice"): 110,
+    ("tests/renderers/light/light_tracer_test.cpp", "TEST_P"): 88,
+}
+
+# Comments, strings and characters; raw strings first.
+SKIPPED = re.compile(r'R"([^(\s]*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])+\'(?![\w])|//[^\n]*|/\*.*?\*/', re.DOTALL)
+NO_FUNCTION = re.compile(r"^(?:if|for|while|switch|do|else|try|catch|return|namespace|class|struct|enum|union|extern)\b")
+NAME = re.compile(r"((?:[A-Za-z_]\w*(?:<[^<>()]*>)?::)*(?:~?[A-Za-z_]\w*|operator\s*(?:\(\)|\S+?)))\s*\(")
+
+
+def blank(match):
+    """The same lines without what could hold braces."""
+    text = match.group(0)
+    return '""' + "\n" * text.count("\n") if text[0] in "R\"'" else "\n" * text.count("\n")
+
+
+def functions(text):
+    """(name, first line, lines) of each function that has a body, those inside of others (lambdas, local classes) not counted."""
+    text = re.sub(r"^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", lambda m: "\n" * m.group(0).count("\n"), SKIPPED.sub(blank, text), flags=re.M)
+    stack = []  # (name or None, first line)
+    head, start, line = "", 1, 1
+    for c in text:
+        if c == "\n":
+            line += 1
+        if c in ";{}":
+            if c == "{":
+                stripped = re.sub(r"^(?:public|private|protected)\s*:", "", head.strip()).strip()
+                stripped = re.sub(r"^template\s*<[^{}]*?>\s*(?=[\w:\[~])", "", stripped)
+                name = NAME.search(stripped) if "(" in stripped and not NO_FUNCTION.match(stripped) else None
+                inside = any(entry[0] for entry in stack)
+                before = stripped[:name.start()] if name else ""
+                isInitializer = bool(stack) and stripped.endswith((",", "(", "=")) or "=" in before or "[" in before.replace("[[", "")
+                stack.append((name.group(1) if name and not inside and not isInitializer else None, start))
+            elif c == "}" and stack:
+                name, first = stack.pop()
+                if name:
+                    yield name, first, line - first + 1
+            head = ""
+        else:
+            if not head.strip() and not c.isspace():
+                start, head = line, ""
+            head += c
+
+
+def main():
+    files = sorted(str(path.relative_to(ROOT)) for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in (".cpp", ".h"))
+    problems, long, count = [], {}, 0
+    for name in files:
+        text = (ROOT / name).read_text()
+        if name.endswith(".cpp") and not re.match(r"// \S", text):
+            problems.append(f"{name}:1: does not open with a comment that says what is in it")
+        for function, first, lines in functions(text):
+            count += 1
+            if lines > MOST:
+                key = (name, function)
+                long[key] = max(lines, long.get(key, 0))
+                if lines > LONG.get(key, MOST):
+                    problems.append(f"{name}:{first}: {function} has {lines} lines, more than {LONG.get(key, MOST)}")
+    problems += [f"{file}: {function} is not too long any more: take it out of LONG (tests/style.py)" for file, function in LONG.keys() - long.keys()]
+    if count < 3000:
+        problems.append(f"only {count} functions were found: this script does not see them")
+    print("\n".join(problems) if problems else f"{len(files)} files, {count} functions: none too long")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
