@@ -15,7 +15,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <rtsg/core/field_text.h>
 #include <rtsg/core/terminal.h>
 
 namespace rtsg::app {
@@ -179,15 +178,6 @@ double parseSeconds(const std::string& text) {
     if (error != std::errc() || scale == 0 || !(value >= 0) || value > 1e9)
         throw CLI::ValidationError(text, "expected a duration such as 2s, 500ms or 1.5");
     return value * scale;
-}
-
-std::string jsonString(std::string_view text) {
-    return printFieldText(Value(String(text)), TextSyntax::json);
-}
-
-std::string nodeLabel(const Scene& scene, NodeId id) {
-    const std::string_view name = scene.name(id);
-    return name.empty() ? fmt::format("#{}", id.value) : std::string(name);
 }
 
 }  // namespace rtsg::app

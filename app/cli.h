@@ -12,6 +12,8 @@
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 
+#include "export/labels.h"
+
 namespace rtsg::app {
 
 /// Exit statuses of design and shell alike.
@@ -79,9 +81,5 @@ Result<FieldRef> findField(const Scene& scene, const std::string& path);
 
 /// "2s", "500ms", "1.5" (seconds). Throws CLI::ValidationError.
 double parseSeconds(const std::string& text);
-
-std::string jsonString(std::string_view text);
-/// Its name, or # and its number; as it is: for a terminal it has to go through terminalText().
-std::string nodeLabel(const Scene& scene, NodeId id);
 
 }  // namespace rtsg::app

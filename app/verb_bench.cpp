@@ -59,6 +59,7 @@ constexpr Bench kBenches[] = {
     {"frames", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},
     {"instances", "rays through 100,000 things that may move against one flat BVH", always<bench::instances>},
     {"stage", "one box of many moves: what following it costs sound", always<bench::stage>},
+    {"export", "one box of many moves: what writing it as MCAP adds", always<bench::exporting>},
     {"deform", "following a deforming mesh against a bare refit; rays against a rebuilt BVH", always<bench::deform>},
     {"codec", "encoding and decoding a changed field", synced<bench::codec>},
     {"input", "input mode: bytes and time of a frame that derives from the clock", synced<bench::input>},

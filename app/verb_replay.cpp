@@ -9,7 +9,7 @@
 #include <rtsg/sync/replay.h>
 
 #include "cli.h"
-#include "mcap_export.h"
+#include "export/mcap_export.h"
 #include "outputs.h"
 #include "replay_test.h"
 

@@ -33,6 +33,7 @@ bool overlap(const Report& report, bool quick);
 void deform(const Report& report, bool quick);
 void instances(const Report& report, bool quick);
 void stage(const Report& report, bool quick);
+void exporting(const Report& report, bool quick);
 
 /// CPU time of this process in seconds.
 double cpuSeconds();

@@ -2,11 +2,13 @@
 //
 //   /tf            foxglove.FrameTransforms: where each shape, light, viewpoint and sound is, as a frame below "world"
 //   /scene         foxglove.SceneUpdate: each shape in its frame, as a cube, sphere, cylinder or triangles, in its
-//   colour /rtsg/changes  rtsg.Changes: every frame with its hash and every change in it
+//                  colour
+//   /rtsg/changes  rtsg.Changes: every frame with its hash and every change in it
 //
-// Invariant: time stamps are scene time. What is scaled or sheared is so in /scene, since frames only turn and move.
-// Viewers that jump get the last message of each topic: one that holds only what has changed is followed by a whole one
-// within seconds. Threading: the scene's thread.
+// A frame costs what changed in it; past some hundred shapes, a whole message once a second of scene time is all that
+// grows with the scene. Invariant: time stamps are scene time. What is scaled or sheared is so in /scene, since frames
+// only turn and move. Viewers that jump get the last message of each topic: one that holds only what has changed is
+// followed by a whole one within seconds. Threading: the scene's thread.
 #pragma once
 
 #include <memory>

@@ -12,7 +12,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/mesh.h>
 
-#include "cli.h"
+#include "labels.h"
 #include "mcap_schemas.h"
 
 namespace rtsg::app {
@@ -158,12 +158,16 @@ struct McapExport::Impl : InstanceSubscriber {
         Place place;
         Instance instance;   // of shapes
         std::string entity;  // as JSON, without its beginning, of shapes
-        bool moved = true, changed = true;
+        bool moved = false, changed = false;
     };
+    using Things = std::unordered_map<std::uint32_t, Thing>;  // by slot
     std::unique_ptr<McapWriter> writer;
     std::uint16_t frames = 0, entities = 0, changes = 0;
     SharedWorld& world;
-    std::unordered_map<std::uint32_t, Thing> shapes, placed;  // by slot
+    Things shapes, placed;
+    std::vector<std::uint32_t> movedShapes, movedPlaced, changedShapes;  // what a message is due of, each once
+    /// Geometries and appearances, and the shapes that use them.
+    std::unordered_map<std::uint32_t, std::unordered_set<std::uint32_t>> users;
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
     std::unordered_set<std::string> names;
     std::vector<std::string> gone;
@@ -182,9 +186,24 @@ struct McapExport::Impl : InstanceSubscriber {
         for (int i = 2; !names.insert(unique).second; ++i) unique = fmt::format("{} ({})", name, i);
         return unique;
     }
-    void forget(std::unordered_map<std::uint32_t, Thing>& things, InstanceId id) {
+    static void mark(bool& flag, std::vector<std::uint32_t>& list, std::uint32_t slot) {
+        if (!std::exchange(flag, true)) list.push_back(slot);
+    }
+    void use(const Instance& instance) {
+        for (const NodeId node : {instance.geometry, instance.appearance})
+            if (node) users[node.value].insert(instance.id.slot);
+    }
+    void unuse(const Instance& instance) {
+        for (const NodeId node : {instance.geometry, instance.appearance})
+            if (const auto found = users.find(node.value); found != users.end()) {
+                found->second.erase(instance.id.slot);
+                if (found->second.empty()) users.erase(found);
+            }
+    }
+    void forget(Things& things, InstanceId id) {
         const auto found = things.find(id.slot);
         if (found == things.end()) return;
+        if (&things == &shapes) unuse(found->second.instance);
         names.erase(found->second.frame);
         entityBytes -= found->second.entity.size();
         if (&things == &shapes) gone.push_back(found->second.frame);
@@ -264,61 +283,83 @@ struct McapExport::Impl : InstanceSubscriber {
         for (const auto& geometry : delta.geometries) meshes[geometry.node.value] = geometry.mesh;
         for (const InstanceId id : delta.removed) forget(shapes, id);
         for (const InstanceId id : delta.placedRemoved) forget(placed, id);
-        for (const Instance& i : delta.added)
-            shapes.insert_or_assign(i.id.slot,
-                                    Thing{nameFor(scene, flattener.path(i.id)), Place(i.worldFromLocal), i, {}});
-        for (const Placed& p : delta.placedAdded)
-            placed.insert_or_assign(p.id.slot,
-                                    Thing{nameFor(scene, flattener.placedPath(p.id)), Place(p.worldFromLocal), {}, {}});
-        const auto move = [](auto& things, const InstanceDelta::Moved& moved) {
-            Thing& thing = things.at(moved.id.slot);
-            const Place place(moved.worldFromLocal);
-            thing.changed |= !place.sameShape(thing.place);
-            thing.place = place;
-            thing.moved = true;
+        const auto add = [](Things& things, std::vector<std::uint32_t>& list, std::uint32_t slot, Thing thing) {
+            Thing& added = things.insert_or_assign(slot, std::move(thing)).first->second;
+            mark(added.moved, list, slot);
         };
-        for (const auto& moved : delta.moved) move(shapes, moved);
-        for (const auto& moved : delta.placedMoved) move(placed, moved);
+        for (const Instance& i : delta.added) {
+            add(shapes, movedShapes, i.id.slot, {nameFor(scene, flattener.path(i.id)), Place(i.worldFromLocal), i, {}});
+            mark(shapes.at(i.id.slot).changed, changedShapes, i.id.slot);
+            use(i);
+        }
+        for (const Placed& p : delta.placedAdded)
+            add(placed, movedPlaced, p.id.slot,
+                {nameFor(scene, flattener.placedPath(p.id)), Place(p.worldFromLocal), {}, {}});
         for (const Instance& i : delta.rebound) {
-            shapes.at(i.id.slot).instance = i;
-            shapes.at(i.id.slot).changed = true;
+            Thing& thing = shapes.at(i.id.slot);
+            unuse(thing.instance);
+            thing.instance = i;
+            use(i);
+            mark(thing.changed, changedShapes, i.id.slot);
         }
-        std::unordered_set<std::uint32_t> touched;
-        for (const NodeId id : delta.appearanceChanged) touched.insert(id.value);
-        for (const auto& geometry : delta.geometries) touched.insert(geometry.node.value);
-        for (auto& [slot, thing] : shapes) {
-            const Instance& i = thing.instance;
-            thing.changed |=
-                !touched.empty() && (touched.contains(i.geometry.value) || touched.contains(i.appearance.value));
-            if (thing.changed) describe(scene, thing);
+        for (const auto& moved : delta.moved) {
+            Thing& thing = shapes.at(moved.id.slot);
+            const Place place(moved.worldFromLocal);
+            if (!place.sameShape(thing.place)) mark(thing.changed, changedShapes, moved.id.slot);
+            thing.place = place;
+            mark(thing.moved, movedShapes, moved.id.slot);
         }
+        for (const auto& moved : delta.placedMoved) {
+            Thing& thing = placed.at(moved.id.slot);
+            thing.place = Place(moved.worldFromLocal);
+            mark(thing.moved, movedPlaced, moved.id.slot);
+        }
+        const auto touch = [&](NodeId node) {
+            if (const auto found = users.find(node.value); found != users.end())
+                for (const std::uint32_t slot : found->second) mark(shapes.at(slot).changed, changedShapes, slot);
+        };
+        for (const NodeId id : delta.appearanceChanged) touch(id);
+        for (const auto& geometry : delta.geometries) touch(geometry.node);
+        for (const std::uint32_t slot : changedShapes)
+            if (const auto found = shapes.find(slot); found != shapes.end() && found->second.changed)
+                describe(scene, found->second);
         for (const NodeId id : delta.geometriesRemoved) meshes.erase(id.value);
     }
 
+    /// Of those on `list` that are still there and due: calls `each`. Of all of them if `whole`.
+    static void visit(Things& things, std::vector<std::uint32_t>& list, bool Thing::* due, bool whole,
+                      const auto& each) {
+        if (whole)
+            for (auto& [slot, thing] : things) {
+                thing.*due = false;
+                each(thing);
+            }
+        else
+            for (const std::uint32_t slot : list)
+                if (const auto found = things.find(slot); found != things.end())
+                    if (std::exchange(found->second.*due, false)) each(found->second);
+        list.clear();
+    }
+
     Result<> writeFrames(double t) {
-        bool any = false;
-        for (const auto* things : {&shapes, &placed})
-            for (const auto& [slot, thing] : *things) any |= thing.moved;
-        if (!any) return {};
+        if (movedShapes.empty() && movedPlaced.empty()) return {};
         const bool whole = shapes.size() + placed.size() <= kWholeFrames || t - wholeFrames >= kWholeFramesEvery;
         if (whole) wholeFrames = t;
         std::string text = R"({"transforms":[)";
         bool first = true;
-        for (auto* things : {&shapes, &placed})
-            for (auto& [slot, thing] : *things) {
-                if (!std::exchange(thing.moved, false) && !whole) continue;
-                text += fmt::format(R"({}{{"timestamp":{},"parent_frame_id":"world","child_frame_id":{},)"
-                                    R"("translation":{},"rotation":{}}})",
-                                    std::exchange(first, false) ? "" : ",", moment(t), jsonString(thing.frame),
-                                    vector(thing.place.position), quaternion(thing.place.rotation));
-            }
+        const auto append = [&](const Thing& thing) {
+            text += fmt::format(R"({}{{"timestamp":{},"parent_frame_id":"world","child_frame_id":{},)"
+                                R"("translation":{},"rotation":{}}})",
+                                std::exchange(first, false) ? "" : ",", moment(t), jsonString(thing.frame),
+                                vector(thing.place.position), quaternion(thing.place.rotation));
+        };
+        visit(shapes, movedShapes, &Thing::moved, whole, append);
+        visit(placed, movedPlaced, &Thing::moved, whole, append);
         return writer->write(frames, t, text + "]}");
     }
 
     Result<> writeScene(double t) {
-        bool any = !gone.empty();
-        for (const auto& [slot, thing] : shapes) any |= thing.changed;
-        if (!any) return {};
+        if (gone.empty() && changedShapes.empty()) return {};
         const bool whole = entityBytes <= kWholeSceneBytes || t - wholeScene >= kWholeSceneEvery;
         if (whole) wholeScene = t;
         std::string text = R"({"deletions":[)";
@@ -329,11 +370,10 @@ struct McapExport::Impl : InstanceSubscriber {
         gone.clear();
         text += R"(],"entities":[)";
         bool first = true;
-        for (auto& [slot, thing] : shapes) {
-            if (!std::exchange(thing.changed, false) && !whole) continue;
+        visit(shapes, changedShapes, &Thing::changed, whole, [&](const Thing& thing) {
             text += fmt::format(R"({}{{"timestamp":{})", std::exchange(first, false) ? "" : ",", moment(t));
             text += thing.entity;
-        }
+        });
         return writer->write(entities, t, text + "]}");
     }
 };
