@@ -30,6 +30,7 @@ struct Options {
     std::string endpoint, duration, patience = "5s", key, latency = "0", whenSlow = "merge", mode = "state";
     std::vector<std::string> set, parts, aspects;
     double fps = 0;
+    std::uint64_t maxRecord = kMaxPayload;
     OutputArguments outputs;
     bool json = false, live = false;
 };
@@ -94,6 +95,7 @@ Result<MirrorClientOptions> clientOptions(const Options& options) {
     }
     result.latency = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.latency)));
     result.framesPerSecond = options.fps;
+    result.maxRecord = options.maxRecord;
     result.inputs = options.mode == "input";
     result.parts = options.parts;
     for (const std::string& name : options.aspects)
@@ -372,6 +374,9 @@ Verb addMirror(CLI::App& program) {
     command->add_option("--most-fps", options->fps, "at most so many frames a second, others merged; 0: all")
         ->capture_default_str()
         ->check(CLI::Range(0.0, 1e4));
+    command->add_option("--max-record", options->maxRecord, "longest record taken from the server, as 64MB")
+        ->transform(CLI::AsSizeValue(true))
+        ->capture_default_str();
     command
         ->add_option("--when-slow", options->whenSlow,
                      "what to get when too slow: merged frames, every frame while the scene waits (if the server "

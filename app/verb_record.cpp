@@ -7,6 +7,7 @@
 #include <rtsg/sync/lossy_scene.h>
 
 #include "files.h"
+#include "keyframes.h"
 #include "running_scene.h"
 
 namespace rtsg::app {
@@ -19,6 +20,7 @@ struct Options {
     double error = 1e-3;
     std::vector<std::string> set;
     ResourceArguments resources;
+    KeyframeArguments keyframes;
     double fps = 60;
     bool realtime = false, json = false, inputs = false, force = false;
 };
@@ -61,6 +63,7 @@ LogOptions logOptions(const Options& options) {
     result.mode.coding = *codingFromName(options.coding);
     if (result.mode.mode == Mode::lossy) result.mode.maxError = options.error;
     result.inputs = options.inputs;
+    options.keyframes.setIn(result);
     result.existing = existing(options.force);
     return result;
 }
@@ -132,6 +135,7 @@ Verb addRecord(CLI::App& program) {
         ->check(CLI::IsMember(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end())))
         ->capture_default_str();
     command->add_flag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
+    options->keyframes.addTo(*command);
     options->resources.addTo(*command);
     command->add_flag("--realtime", options->realtime, "one second a second");
     addForce(*command, options->force);

@@ -91,6 +91,12 @@ class Check {
         if (!first_ && replayer_.divergence()) first_ = replayer_.divergence();
         return *more;
     }
+    /// At the log's end, for those who ask for all of it.
+    void expectClosed() {
+        if (replayer_.log().closed()) return;
+        const std::uint64_t last = replayer_.scene().sequence();
+        note(last + 1, fmt::format("the log was not closed: nothing tells what came after state {}", last));
+    }
     const std::optional<Divergence>& first() const { return first_; }
 
   private:
@@ -180,6 +186,7 @@ int replay(const Options& options) {
         printError(options.log + ": no intact state");
     }
 
+    if (options.verify && !more && !cut) check.expectClosed();
     const bool good = !cut && replayer.frames() > 0 && !check.first() && replayer.verified() == replayer.frames();
     if (!options.json)
         fmt::print("{} frames to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}\n", replayer.frames(),
@@ -189,10 +196,10 @@ int replay(const Options& options) {
         fmt::print(
             "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"hash\":\"{}\",\"gaps\":{},\"damaged\":{"
             "},"
-            "\"bytes\":{}{}}}\n",
+            "\"bytes\":{},\"closed\":{}{}}}\n",
             replayer.frames(), replayer.verified(), toJson(check.first()), replayer.scene().now(),
             replayer.scene().hash().hex(), replayer.gaps(), replayer.log().damage().size(), replayer.log().size(),
-            worldJson);
+            replayer.log().closed(), worldJson);
     if (check.first()) printError(check.first()->format());
     return good ? kDone : kBad;
 }
@@ -203,7 +210,7 @@ Verb addReplay(CLI::App& program) {
     auto options = std::make_shared<Options>();
     CLI::App* command = program.add_subcommand("replay", "Play a log back; verify it; picture, hear and save it");
     command->add_option("LOG", options->log, "log to read (.rlog)")->required();
-    command->add_flag("--verify", options->verify, "all of it; every state is checked in any case");
+    command->add_flag("--verify", options->verify, "all of it, to the index that a log ends with; states are checked in any case");
     command->add_option("--seek", options->seek, "begin with the state of this scene time");
     command->add_option("--for", options->duration, "how much to play");
     command->add_option("--diff", options->diff, "compare with another log, state by state");

@@ -15,6 +15,7 @@
 #include <rtsg/sync/mirror_server.h>
 
 #include "files.h"
+#include "keyframes.h"
 #include "running_scene.h"
 
 namespace rtsg::app {
@@ -30,6 +31,7 @@ struct Options {
     std::string linger = "10s";
     std::size_t peers = 64;
     ResourceArguments resources;
+    KeyframeArguments keyframes;
     bool insecure = false, json = false, force = false;
 };
 
@@ -83,6 +85,7 @@ int serve(const Options& options) {
     if (!options.record.empty()) {
         LogOptions logOptions;
         logOptions.existing = existing(options.force);
+        options.keyframes.setIn(logOptions);
         auto created = LogRecorder::start(scene, options.record, logOptions);
         if (!created) return printError(created.error()), kBad;
         log = std::move(*created);
@@ -179,6 +182,7 @@ Verb addServe(CLI::App& program) {
         ->check(CLI::IsMember(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end())))
         ->capture_default_str();
     command->add_option("--record", options->record, "log to write as well (.rlog)");
+    options->keyframes.addTo(*command);
     addForce(*command, options->force);
     command->add_option("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
     command->add_option("--linger", options->linger, "how long mirrors may catch up at the end")->capture_default_str();

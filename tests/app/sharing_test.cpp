@@ -230,6 +230,44 @@ TEST_F(Replay, ATruncatedLogKeepsWhatIsWhole) {
     EXPECT_EQ(rtsg({"replay", "--json", folder / "garbage.rlog", "--verify"}).status, 1);
 }
 
+TEST_F(Replay, ALogThatWasNotClosedDoesNotVerify) {
+    record(log, scene());
+    const std::string bytes = readFile(log);
+    std::vector<std::size_t> records;
+    for (std::size_t at = bytes.find("RTSGrec1"); at != std::string::npos; at = bytes.find("RTSGrec1", at + 1))
+        records.push_back(at);
+    // Between whole records: nothing is damaged, and nothing but the missing index tells that there was more.
+    for (const std::size_t left : {records.size() - 1, records.size() - 4, std::size_t{8}}) {
+        writeFile(folder / "cut.rlog", bytes.substr(0, records[left]));
+        const Outcome outcome = rtsg({"replay", "--json", folder / "cut.rlog", "--verify"});
+        EXPECT_EQ(outcome.status, 1) << left;
+        EXPECT_NE(outcome.err.find("the log was not closed"), std::string::npos) << outcome.err;
+        const json report = json::parse(outcome.out);
+        EXPECT_EQ(report.at("frames"), report.at("verified"));
+        EXPECT_EQ(report.at("damaged"), 0);
+        EXPECT_EQ(report.at("closed"), false);
+        EXPECT_FALSE(report.at("first_divergence").is_null());
+        EXPECT_EQ(rtsg({"replay", folder / "cut.rlog"}).status, 0) << "only who asks for all of it misses something";
+    }
+}
+
+TEST_F(Replay, KeyframesComeAsOftenAsAsked) {
+    const std::string source = folder / "source.x3dv";
+    writeFile(source, scene());
+    std::vector<std::size_t> found;
+    for (const char* seconds : {"0", "250ms"}) {
+        ASSERT_EQ(rtsg({"record", source, "-o", log, "--for", "2s", "--fps", "20", "--force", "--keyframe-seconds",
+                        seconds, "--keyframe-bytes", "1MB"})
+                      .status,
+                  0);
+        const Outcome outcome = rtsg({"info", log, "--json"});
+        found.push_back(json::parse(outcome.out).at("keyframes"));
+    }
+    EXPECT_GE(found[1], found[0] + 6);
+    EXPECT_EQ(rtsg({"replay", log, "--verify"}).status, 0);
+    EXPECT_EQ(rtsg({"record", source, "-o", log, "--keyframe-seconds", "often", "--force"}).status, 2);
+}
+
 TEST_F(Replay, ComparesLogsAndNamesTheField) {
     record(log, scene());
     const std::string same = folder / "same.rlog", other = folder / "other.rlog";

@@ -1,14 +1,18 @@
 // Feeds arbitrary bytes to every decoder of rtsg::sync: as they come, behind a valid header and checksum (what a
 // hostile peer would send), and as changed columns and flipped bits in a stream that was honest so far, in every
-// coding. What is accepted survives another round; a change set made from the bytes comes back as it went in.
+// coding. What is accepted survives another round, and a scene takes it or refuses it: after either, the scene's
+// snapshot leads to the same state hash. A change set made from the bytes comes back as it went in.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 #include <ranges>
 #include <span>
 
+#include <rtsg/core/loader.h>
+#include <rtsg/core/scene.h>
 #include <rtsg/sync/change_codec.h>
 
 namespace {
@@ -39,6 +43,43 @@ void decodeChanges(std::span<const std::byte> record) {
     if (!checkRecord(first.bytes()) || !decoder.decode(first.bytes(), set)) std::abort();
     encoder.encode(set, second);
     if (!std::ranges::equal(first.bytes(), second.bytes())) std::abort();
+}
+
+/// A scene for frames to apply to, in state 1: what they may refer to are nodes 2 to 12 or so.
+constexpr const char* kScene = R"(#X3D V4.0 utf8
+PROTO Knob [ inputOutput SFVec3f at 0 0 0 ] { Transform { translation IS at } }
+DEF T TimeSensor { loop TRUE }
+DEF P PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 1 1 1 ] }
+DEF M Transform { children [ DEF B BooleanToggle { }, Shape { geometry Box { } } ] }
+DEF K Knob { }
+ROUTE T.fraction_changed TO P.set_fraction
+ROUTE P.value_changed TO M.set_translation
+)";
+
+void expectLaw(const Scene& scene) {
+    Scene other;
+    other.setBehavioursEnabled(false);
+    if (!other.apply(std::make_shared<const ChangeSet>(scene.snapshot()))) std::abort();
+    if (other.hash() != scene.hash() || other.nodeCount() != scene.nodeCount()) std::abort();
+}
+
+void apply(std::span<const std::byte> record) {
+    static const std::shared_ptr<const ChangeSet> start = [] {
+        Scene scene;
+        Diagnostics diagnostics;
+        (void)loadText(scene, kScene, diagnostics);
+        scene.seal();
+        auto set = std::make_shared<ChangeSet>(scene.snapshot());
+        set->to = 1;
+        return set;
+    }();
+    ChangeDecoder decoder(builtinTypes(), 0);
+    auto set = std::make_shared<ChangeSet>();
+    if (!decoder.decode(record, *set)) return;
+    Scene scene;
+    scene.setBehavioursEnabled(false);
+    if (!set->isSnapshot() && !scene.apply(start)) std::abort();
+    if (scene.apply(set)) expectLaw(scene);
 }
 
 /// Bytes as numbers, then zeros.
@@ -117,10 +158,17 @@ void decodeStream(std::span<const std::byte> bytes, const StreamMode& mode) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     const std::span bytes(reinterpret_cast<const std::byte*>(data), size);
-    if (checkRecord(bytes)) decodeChanges(bytes);
-    decodeChanges(withHeader(bytes, RecordKind::frame).bytes());
-    decodeChanges(withHeader(bytes, RecordKind::frame, kRemember | kForget).bytes());
-    decodeChanges(withHeader(bytes, RecordKind::keyframe).bytes());
+    if (checkRecord(bytes)) {
+        decodeChanges(bytes);
+        apply(bytes);
+    }
+    const ByteBuffer records[] = {withHeader(bytes, RecordKind::frame),
+                                  withHeader(bytes, RecordKind::frame, kRemember | kForget),
+                                  withHeader(bytes, RecordKind::keyframe)};
+    for (const ByteBuffer& record : records) {
+        decodeChanges(record.bytes());
+        apply(record.bytes());
+    }
     (void)decodeHead(withHeader(bytes, RecordKind::head).bytes());
     for (const Coding coding : {Coding::compact, Coding::smallest}) {
         decodeStream(bytes, {Mode::state, coding, 0});

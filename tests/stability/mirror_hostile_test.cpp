@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <rtsg/core/x3d.h>
 
@@ -32,10 +33,10 @@ struct Served {
     std::unique_ptr<MirrorServer> server;
     std::unique_ptr<MirrorClient> client;
 
-    explicit Served(MirrorServerOptions options = {}) {
+    explicit Served(MirrorServerOptions options = {}, const std::string& endpoint = "tcp://127.0.0.1:*") {
         options.upstream = MirrorUpstream::edits;
         options.maximumPeers = 16;
-        server = *MirrorServer::start(scene, "tcp://127.0.0.1:*", std::move(options));
+        server = *MirrorServer::start(scene, endpoint, std::move(options));
         client = *MirrorClient::connect(replica, server->endpoint());
         node = scene.createNode(x3d::Transform::type);
         step();
@@ -105,12 +106,15 @@ TEST(MirrorHostileStability, LengthsThatNobodyHasBytesFor) {
 }
 
 /// ZeroMQ keeps the parts of a message until the last has come, in 64 bytes or more each, and counts them nowhere.
-TEST(MirrorHostileStability, AMessageThatNeverEndsCostsItsConnection) {
-    Served served;
-    const std::size_t before = residentBytes();
+std::string partsWithoutEnd() {
     std::string parts;
     for (int i = 0; i < (1 << 20) / 3; ++i) parts += "\x01\x01x";
-    RawConnection endless(served.port());
+    return parts;
+}
+
+void expectCut(Served& served, const RawConnection& endless) {
+    const std::size_t before = residentBytes();
+    const std::string parts = partsWithoutEnd();
     ASSERT_TRUE(endless.send(test::zmtpGreeting() + test::zmtpReady()));
     served.step();
     constexpr std::size_t kEnough = std::size_t{200} << 20;  // 4 GiB in the server
@@ -123,6 +127,53 @@ TEST(MirrorHostileStability, AMessageThatNeverEndsCostsItsConnection) {
     EXPECT_LT(sent, kEnough) << "the connection goes on";
     EXPECT_LT(residentBytes(), before + kAllowedGrowth);
     served.step();
+}
+
+struct ServedLocally {
+    std::string file = "/tmp/rtsg-hostile-" + std::to_string(::getpid());
+    Served served{{}, "ipc://" + file};
+};
+
+TEST(MirrorHostileStability, AMessageThatNeverEndsCostsItsConnection) {
+    Served served;
+    expectCut(served, RawConnection(served.port()));
+}
+
+TEST(MirrorHostileStability, AMessageThatNeverEndsCostsItsLocalConnection) {
+    ServedLocally local;
+    expectCut(local.served, RawConnection(local.file));
+}
+
+/// Seldom caught at it, but often enough.
+TEST(MirrorHostileStability, ALocalMessageThatSlowlyNeverEndsCostsItsConnection) {
+    ServedLocally local;
+    const RawConnection endless(local.file);
+    const std::string parts = partsWithoutEnd().substr(0, 6000);
+    const std::size_t before = residentBytes();
+    ASSERT_TRUE(endless.send(test::zmtpGreeting() + test::zmtpReady()));
+    const auto end = std::chrono::steady_clock::now() + test::kPatience;
+    while (local.served.server->statistics().garbage == 0 && std::chrono::steady_clock::now() < end) {
+        endless.send(parts);
+        std::this_thread::sleep_for(1ms);
+    }
+    EXPECT_GT(local.served.server->statistics().garbage, 0u) << "the connection goes on";
+    EXPECT_LT(residentBytes(), before + 8 * kMuch);  // by chance: a part of 3 bytes takes 64
+    local.served.step();
+}
+
+TEST(MirrorHostileStability, LongHonestLocalRequestsAreNoMessageWithoutEnd) {
+    ServedLocally local;
+    Stranger wordy(local.served.server->endpoint());
+    wordy.say(hello(5));
+    for (std::uint64_t request = 1; request <= 40; ++request) {
+        for (std::uint64_t offset = 0; offset < 1 << 20; offset += 8 << 10) {
+            wordy.say(message(9, {5, request, 1 << 20, offset}), true);
+            wordy.say(std::string(8 << 10, 'x'));
+        }
+        local.served.step();
+    }
+    EXPECT_EQ(local.served.server->statistics().garbage, 0u);
+    EXPECT_EQ(local.served.server->statistics().peers, 2u);
 }
 
 TEST(MirrorHostileStability, LongHonestRequestsAreNoMessageWithoutEnd) {

@@ -1,4 +1,4 @@
-// Decodes a record of changes block by block (PROTOCOL.md, "Changes"); nothing in it is trusted.
+// Records to change sets: block by block, each row checked and charged before memory is taken for it.
 #include <rtsg/sync/change_codec.h>
 
 #include <algorithm>
@@ -80,7 +80,9 @@ void readLinks(Reader& in, std::size_t count, ChangeSet& set) {
                 change.value = NodeId{in.delta(last)};
                 break;
             case wire::kSetMany: {
-                Array<NodeId> children = Array<NodeId>::ofSize(in.count(1));
+                const std::size_t many = in.count(1);
+                if (many > 0 && !in.charge(wire::kArrayCost + many * sizeof(NodeId))) return;
+                Array<NodeId> children = Array<NodeId>::ofSize(many);
                 NodeId* target = children.mutableData();
                 std::uint32_t previous = last;
                 for (std::size_t k = 0; k < children.size() && !in.problem; ++k)
@@ -119,7 +121,7 @@ void readNames(Reader& in, std::size_t count, ChangeSet& set) {
         bool external = false;
         const NodeId node = readNode(in, last, external);
         Change change = blankChange(ChangeKind::setName, node, kNoField, external);
-        change.value = String(in.text());
+        change.value = wire::readString(in);
         set.changes.push_back(std::move(change));
     }
 }
@@ -195,7 +197,34 @@ void readColumn(Reader& in, std::size_t count, FieldIndex field, bool external, 
 }
 
 /// More fields than this in one stream's memory are taken for an attack.
-constexpr std::size_t kMostRemembered = std::size_t{1} << 27;
+constexpr std::size_t kMostRemembered = std::size_t{1} << 22;
+/// Up to here the memory of a set doubles, as it grows from record to record; beyond, it is just what is needed.
+constexpr std::size_t kDoubleUpTo = 32768;
+
+/// Memory for all rows at once: as they come it would be held twice while it grows. Rows of predicted columns are
+/// charged to nobody, as the fields that they are of have been given before: their number has its own limit.
+void reserveRows(Reader& in, std::size_t remembered, ChangeSet& set) {
+    std::uint64_t rows = 0, predicted = 0;
+    Reader blocks = in;
+    while (blocks.left() && !blocks.problem) {
+        const auto kind = blocks.number<std::uint8_t>();
+        const std::uint64_t count = blocks.varint();
+        const Reader block = blocks.part(blocks.count(1));
+        if (kind == wire::kDescriptions || kind >= wire::kBlockEnd || block.left() == 0) continue;
+        const bool raw = kind != wire::kValues || std::to_integer<unsigned>(*block.at) == wire::kCodingRaw;
+        if (raw)
+            rows += std::min<std::uint64_t>(count, block.left());
+        else
+            predicted += std::min<std::uint64_t>(count, remembered);
+    }
+    if (blocks.problem) return;  // who reads the blocks says where
+    if (!in.charge(rows * wire::kChangeCost)) return;
+    const std::size_t all = rows + std::min<std::uint64_t>(predicted, remembered);
+    if (all <= set.changes.capacity()) return;
+    const std::size_t doubled = 2 * set.changes.capacity();
+    set.changes = {};
+    set.changes.reserve(doubled <= kDoubleUpTo ? std::max(all, doubled) : all);
+}
 
 /// False when the column's coding is unknown; the column is then skipped. `columns`: null if nothing is remembered.
 bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, ChangeSet& set) {
@@ -229,11 +258,61 @@ bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, Chan
         RTSG_FIELD_TYPES(RTSG_X)
 #undef RTSG_X
     }
-    if (columns && !in.problem) {
+    if (!columns || in.problem) return true;
+    if (wire::lanesOf(head.type) > 0 && columns->history().slots() + count > kMostRemembered)
+        in.refuse("more values than a reader remembers");
+    else
         columns->remember(head, set, first);
-        if (columns->history().slots() > kMostRemembered) in.refuse("more values than a reader remembers");
+    return true;
+}
+
+/// False for a column in a coding of a later format.
+bool readBlock(Reader& in, unsigned kind, std::size_t count, TypeMapping* mapping, wire::ColumnReader* columns,
+               ChangeSet& set) {
+    switch (kind) {
+        case wire::kDescriptions:
+            readDescriptions(in, count, mapping);
+            break;
+        case wire::kTypes:
+            readTypes(in, count, set);
+            break;
+        case wire::kCreate:
+            readCreates(in, count, set);
+            break;
+        case wire::kLinks:
+            readLinks(in, count, set);
+            break;
+        case wire::kValues:
+            return readValues(in, count, columns, set);
+        case wire::kNames:
+            readNames(in, count, set);
+            break;
+        case wire::kRoutes:
+            readRoutes(in, count, set);
+            break;
+        case wire::kDestroy:
+            readDestroys(in, count, set);
+            break;
+        case wire::kEvents:
+            readEvents(in, count, set);
+            break;
+        default:
+            break;
     }
     return true;
+}
+
+Result<RecordHeader> headerOfChanges(std::span<const std::byte> record) {
+    const Result<RecordHeader> header = parseRecordHeader(record);
+    if (!header) return header;
+    if (header->kind != RecordKind::frame && header->kind != RecordKind::keyframe)
+        return fail(fmt::format("record of kind {} holds no changes", static_cast<unsigned>(header->kind)));
+    if ((header->from == 0) != (header->kind == RecordKind::keyframe))
+        return fail(fmt::format("a {} cannot start at state {}",
+                                header->kind == RecordKind::frame ? "frame" : "keyframe", header->from));
+    if (header->to < header->from)
+        return fail(fmt::format("changes lead back from state {} to {}", header->from, header->to));
+    return header;
 }
 
 }  // namespace
@@ -256,31 +335,19 @@ void ChangeDecoder::goOnFrom(const ChangeDecoder& other) {
     columns_->history() = other.columns_->history().clone();
 }
 
-Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set) {
-    const Result<RecordHeader> header = parseRecordHeader(record);
-    if (!header) return std::unexpected(header.error());
-    if (header->kind != RecordKind::frame && header->kind != RecordKind::keyframe)
-        return fail(fmt::format("record of kind {} holds no changes", static_cast<unsigned>(header->kind)));
-    if ((header->from == 0) != (header->kind == RecordKind::keyframe))
-        return fail(fmt::format("a {} cannot start at state {}",
-                                header->kind == RecordKind::frame ? "frame" : "keyframe", header->from));
-    if (header->to < header->from)
-        return fail(fmt::format("changes lead back from state {} to {}", header->from, header->to));
-    set.from = header->from;
-    set.to = header->to;
-    set.time = header->time;
-    set.hash = header->hash;
-    set.changes.clear();
-    set.types.clear();
-    set.input.reset();
-    const bool remember = header->flags & kRemember;
-    if (header->kind == RecordKind::keyframe) {
+/// Null if the record remembers nothing.
+wire::ColumnReader* ChangeDecoder::columnsFor(const RecordHeader& header) {
+    if (header.kind == RecordKind::keyframe) {
         if (columns_) columns_->history().clear();
-    } else if (remember) {
-        if (!columns_) columns_ = std::make_unique<wire::ColumnReader>();
-        columns_->begin(header->flags);
+        return nullptr;
     }
-    Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
+    if (!(header.flags & kRemember)) return nullptr;
+    if (!columns_) columns_ = std::make_unique<wire::ColumnReader>();
+    columns_->begin(header.flags);
+    return columns_.get();
+}
+
+Result<> ChangeDecoder::readBlocks(Reader& in, wire::ColumnReader* columns, ChangeSet& set) {
     unsigned previous = 0;
     bool any = false;
     while (in.left() && !in.problem) {
@@ -289,7 +356,7 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
         Reader block = in.part(in.count(1));
         if (in.problem) break;
         if (kind >= wire::kBlockEnd) {
-            ++losses_.blocks;
+            losses_.blocks += kind == wire::kFiller ? 0 : 1;
             continue;
         }
         if (any && (kind < previous || (kind == previous && kind != wire::kValues)))
@@ -298,45 +365,34 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
         if (kind != wire::kValues && count > block.left()) block.refuse("count exceeds the bytes that follow");
         previous = kind;
         any = true;
-        switch (kind) {
-            case wire::kDescriptions:
-                readDescriptions(block, count, mapping_.get());
-                break;
-            case wire::kTypes:
-                readTypes(block, count, set);
-                break;
-            case wire::kCreate:
-                readCreates(block, count, set);
-                break;
-            case wire::kLinks:
-                readLinks(block, count, set);
-                break;
-            case wire::kValues:
-                if (!readValues(block, count, remember ? columns_.get() : nullptr, set)) {
-                    ++losses_.blocks;
-                    continue;
-                }
-                break;
-            case wire::kNames:
-                readNames(block, count, set);
-                break;
-            case wire::kRoutes:
-                readRoutes(block, count, set);
-                break;
-            case wire::kDestroy:
-                readDestroys(block, count, set);
-                break;
-            case wire::kEvents:
-                readEvents(block, count, set);
-                break;
-            default:
-                break;
+        if (!readBlock(block, kind, count, mapping_.get(), columns, set)) {
+            ++losses_.blocks;
+            continue;
         }
         if (!block.problem && block.left()) block.refuse("bytes after a block's last change");
         if (block.problem) return std::unexpected(wire::describe(block, "change"));
     }
     if (in.problem) return std::unexpected(wire::describe(in, "block"));
-    return mapping_ ? mapping_->toLocal(set, losses_) : Result<>{};
+    return {};
+}
+
+Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set) {
+    const Result<RecordHeader> header = headerOfChanges(record);
+    if (!header) return std::unexpected(header.error());
+    set.from = header->from;
+    set.to = header->to;
+    set.time = header->time;
+    set.hash = header->hash;
+    set.changes.clear();
+    set.types.clear();
+    set.input.reset();
+    wire::ColumnReader* columns = columnsFor(*header);
+    wire::Budget budget(header->size());
+    Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
+    in.budget = &budget;
+    reserveRows(in, columns ? columns->history().slots() : 0, set);
+    if (auto ok = readBlocks(in, columns, set); !ok) return ok;
+    return mapping_ ? mapping_->toLocal(set, budget, losses_) : Result<>{};
 }
 
 }  // namespace rtsg

@@ -1,4 +1,4 @@
-// Encodes a change set as a record of blocks (PROTOCOL.md, "Changes").
+// Change sets to records: rows sorted into blocks, values into columns, some of them predicted.
 #include <rtsg/sync/change_codec.h>
 
 #include <algorithm>
@@ -38,6 +38,8 @@ struct Rows {
 constexpr unsigned kSyncEvery = 32;
 /// Fields remembered before the writer forgets them all, unless that many change in one frame.
 constexpr std::size_t kMostRemembered = std::size_t{1} << 20;
+/// Of a frame with more changes nothing is predicted: readers remember so many fields at most, and a few frames' more.
+constexpr std::size_t kMostPredicted = std::size_t{1} << 20;
 
 /// Value changes of one (field, type, origin).
 struct Column {
@@ -97,6 +99,7 @@ struct ChangeEncoder::Parts {
     unsigned sinceSync = 0;
     std::size_t predicted = 0;  // values of the last frame
     bool predicting = false;    // in this one
+    std::uint64_t descriptions = 0;  // what the set's descriptions charge a reader
     std::array<Rows, wire::kBlockEnd> rows;
     std::vector<Column> columns;  // the first `used` belong to the set at hand
     std::size_t used = 0;
@@ -105,6 +108,20 @@ struct ChangeEncoder::Parts {
     void clear() {
         for (Rows& r : rows) r.clear();
         used = 0;
+        descriptions = 0;
+    }
+
+    /// What decoding the set at hand charges; at most, and quickly, if that cannot matter.
+    std::uint64_t cost(const ChangeSet& set, std::size_t recordSize) const {
+        constexpr std::uint64_t kMostForAByte = 128;  // a field of a type takes 6 bytes at least, a text 1
+        const std::uint64_t changes = set.changes.size() * wire::kChangeCost;
+        const std::uint64_t most = changes + recordSize * kMostForAByte;
+        if (most <= wire::Budget(recordSize).left) return most;
+        std::uint64_t result = changes + descriptions;
+        for (const Change& change : set.changes) result += wire::costOf(change.value);
+        for (const DefinedType& type : set.types)
+            if (type.type) result += wire::costOf(*type.type);
+        return result;
     }
 
     Column& column(std::uint32_t key, FieldType type) {
@@ -129,6 +146,7 @@ struct ChangeEncoder::Parts {
     void describe(std::size_t type) {
         if (type >= described.size() || described[type]) return;
         described[type] = true;
+        descriptions += wire::costOf(*types[type]);
         Rows& r = rows[wire::kDescriptions];
         ++r.count;
         r.bytes.putVarint(type);
@@ -267,6 +285,8 @@ void ChangeEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
     std::uint8_t flags = 0;
     if (set.isSnapshot()) {
         restart();
+    } else if (parts.mode.coding != Coding::raw && set.changes.size() > kMostPredicted) {
+        restart();
     } else if (parts.mode.coding != Coding::raw) {
         flags = kRemember;
         const std::size_t most = std::max(kMostRemembered, 2 * parts.predicted);
@@ -335,6 +355,7 @@ void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predict
             record.append(c.values.bytes());
         }
     }
+    wire::fillUp(record, parts.cost(set, record.size()));
     RecordHeader header;
     header.kind = set.isSnapshot() ? RecordKind::keyframe : RecordKind::frame;
     header.flags = flags;

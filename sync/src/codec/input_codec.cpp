@@ -1,4 +1,4 @@
-// Encodes and decodes what came into a frame (PROTOCOL.md, "Input").
+// What came into a frame, and what a scene runs on from: to records and back.
 #include <rtsg/sync/input_codec.h>
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 #include <rtsg/core/frame_input.h>
 #include <rtsg/core/scene.h>
 
+#include "blocks.h"
 #include "wire.h"
 
 namespace rtsg {
@@ -32,6 +33,7 @@ enum InputBlock : std::uint8_t {
 constexpr unsigned kSealedOnly = 1, kFirst = 2, kBehavioursOff = 4, kNextId = 8;
 constexpr unsigned kRefused = 4, kAgainNow = 8, kAgainAt = 16;  // a call's tag, beside its kind
 constexpr unsigned kEffectElsewhere = 4;                        // an effect's tag, beside its kind
+constexpr std::uint64_t kCallCost = sizeof(BehaviourCall), kEffectCost = sizeof(BehaviourEffect) + 16;  // charges
 constexpr unsigned kDeterministic = 1, kHasAccepts = 2, kHasOnEvent = 4, kHasOnTime = 8;
 
 class BlockWriter {
@@ -63,6 +65,7 @@ void putNodes(BlockWriter& out, InputBlock kind, const std::vector<NodeId>& node
 
 std::vector<NodeId> readNodes(Reader& in, std::size_t count) {
     std::vector<NodeId> nodes;
+    if (!in.charge(count * sizeof(NodeId))) return nodes;
     nodes.reserve(count);
     std::uint32_t last = 0;
     for (std::size_t i = 0; i < count && !in.problem; ++i) nodes.push_back(NodeId{last = in.delta(last)});
@@ -96,6 +99,8 @@ void putCalls(BlockWriter& out, double now, const std::vector<BehaviourCall>& ca
 
 std::vector<BehaviourCall> readCalls(Reader& in, std::size_t count, double now) {
     std::vector<BehaviourCall> calls;
+    if (!in.charge(count * kCallCost)) return calls;
+    calls.reserve(count);
     std::uint32_t last = 0;
     for (std::size_t i = 0; i < count && !in.problem; ++i) {
         BehaviourCall& call = calls.emplace_back();
@@ -107,6 +112,8 @@ std::vector<BehaviourCall> readCalls(Reader& in, std::size_t count, double now) 
         if (call.kind != BehaviourCall::Kind::onTime) call.field = static_cast<FieldIndex>(in.bounded(0xFFFF));
         call.next = tag & kAgainAt ? in.number<double>() : tag & kAgainNow ? now : kNever;
         const std::size_t effects = in.count(3);
+        if (!in.charge(effects * kEffectCost)) break;
+        call.effects.reserve(effects);
         for (std::size_t k = 0; k < effects && !in.problem; ++k) {
             BehaviourEffect& effect = call.effects.emplace_back();
             const unsigned kind = in.number<std::uint8_t>();
@@ -133,6 +140,8 @@ void putUses(BlockWriter& out, const std::vector<BehaviourUse>& uses) {
 
 std::vector<BehaviourUse> readUses(Reader& in, std::size_t count) {
     std::vector<BehaviourUse> uses;
+    if (!in.charge(count * sizeof(BehaviourUse))) return uses;
+    uses.reserve(count);
     for (std::size_t i = 0; i < count && !in.problem; ++i) {
         BehaviourUse& use = uses.emplace_back();
         use.type = TypeIndex{static_cast<std::uint16_t>(in.bounded(0xFFFF))};
@@ -143,6 +152,18 @@ std::vector<BehaviourUse> readUses(Reader& in, std::size_t count) {
         use.onTime = flags & kHasOnTime;
     }
     return uses;
+}
+
+/// What decoding the input charges; a run state is longer than what it becomes.
+std::uint64_t costOf(const FrameInput& input) {
+    // Edits and events are held twice while they find their place; the first time is in the frame's own account.
+    std::uint64_t cost = (input.edits.size() + input.events.size()) * wire::kChangeCost +
+                         input.woken.size() * sizeof(NodeId) + input.behaviours.size() * sizeof(BehaviourUse);
+    for (const BehaviourCall& call : input.calls) {
+        cost += kCallCost + call.effects.size() * kEffectCost;
+        for (const BehaviourEffect& effect : call.effects) cost += wire::costOf(effect.value);
+    }
+    return cost;
 }
 
 void seal(ByteBuffer& record, const ChangeSet& set, std::uint64_t from) {
@@ -203,6 +224,7 @@ void InputEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
     putNodes(out, kWoken, input.woken);
     putCalls(out, set.time, input.calls);
     putUses(out, input.behaviours);
+    wire::fillUp(record, costOf(input));
     seal(record, set, set.from);
 }
 
@@ -245,84 +267,120 @@ Result<> InputDecoder::setHead(const StreamHead& head) {
     return {};
 }
 
-Result<> InputDecoder::decode(std::span<const std::byte> record, ChangeSet& set) {
+namespace {
+
+Result<RecordHeader> headerOfInput(std::span<const std::byte> record) {
     const Result<RecordHeader> header = parseRecordHeader(record);
-    if (!header) return std::unexpected(header.error());
+    if (!header) return header;
     if (header->kind != RecordKind::input)
         return fail(fmt::format("record of kind {} is no input", static_cast<unsigned>(header->kind)));
-    const bool isRunState = header->from == header->to;
-    if (!isRunState && header->to != header->from + 1)
+    if (header->to != header->from && header->to != header->from + 1)
         return fail(fmt::format("an input leads from state {} to {}", header->from, header->to));
-    auto input = std::make_shared<FrameInput>();
-    auto state = isRunState ? std::make_shared<RunState>() : nullptr;
-    input->ran = !isRunState;
-    input->complete = !isRunState;
+    return header;
+}
 
-    Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
-    std::size_t ownBlocks = 0;  // bytes of the blocks that a frame has too
+void readRun(Reader& in, bool isRunState, FrameInput& input) {
+    const unsigned flags = in.number<std::uint8_t>();
+    if (!isRunState) input.ran = !(flags & kSealedOnly);
+    input.first = flags & kFirst;
+    input.behavioursEnabled = !(flags & kBehavioursOff);
+    if (flags & kNextId) input.nextId = in.varint32();
+}
+
+void readSleepers(Reader& in, std::size_t count, RunState& state) {
+    if (!in.charge(count * sizeof(state.sleepers[0]))) return;
+    state.sleepers.reserve(count);
+    std::uint32_t last = 0;
+    for (std::size_t i = 0; i < count && !in.problem; ++i) {
+        const double time = in.number<double>();
+        state.sleepers.emplace_back(time, NodeId{last = in.delta(last)});
+    }
+}
+
+/// `state`: null in the input of a frame, where blocks of a run state mean nothing.
+void readBlock(Reader& in, unsigned kind, std::size_t count, double time, FrameInput& input, RunState* state) {
+    switch (kind) {
+        case kRun:
+            return readRun(in, state != nullptr, input);
+        case kWoken:
+            input.woken = readNodes(in, count);
+            return;
+        case kCalls:
+            input.calls = readCalls(in, count, time);
+            return;
+        case kBehaviours:
+            (state ? state->behaviours : input.behaviours) = readUses(in, count);
+            return;
+        case kActive:
+            if (state) state->active = readNodes(in, count);
+            return;
+        case kSleepers:
+            if (state) readSleepers(in, count, *state);
+            return;
+        default:
+            return;
+    }
+}
+
+/// The blocks of an input; `ownBlocks` becomes the bytes of those before them, which a frame has too.
+Result<> readBlocks(Reader& in, double time, FrameInput& input, RunState* state, std::size_t& ownBlocks) {
     unsigned previous = kRun - 1;
     while (in.left() && !in.problem) {
         const auto kind = in.number<std::uint8_t>();
         const std::uint64_t count = in.varint();
         Reader block = in.part(in.count(1));
         if (in.problem) break;
-        if (kind < kRun) {
+        if (kind < kRun && kind != wire::kFiller) {
             if (previous >= kRun) in.refuse("blocks out of order");
             ownBlocks = static_cast<std::size_t>(in.at - in.begin);
             continue;
         }
-        if (kind >= kInputEnd) continue;  // of a later format
+        if (kind == wire::kFiller || kind >= kInputEnd) continue;  // of a later format
         if (kind <= previous) block.refuse("blocks out of order");
         previous = kind;
         if (count > block.left()) block.refuse("count exceeds the bytes that follow");
-        switch (kind) {
-            case kRun: {
-                const unsigned flags = block.number<std::uint8_t>();
-                if (!isRunState) input->ran = !(flags & kSealedOnly);
-                input->first = flags & kFirst;
-                input->behavioursEnabled = !(flags & kBehavioursOff);
-                if (flags & kNextId) input->nextId = block.varint32();
-                break;
-            }
-            case kWoken:
-                input->woken = readNodes(block, count);
-                break;
-            case kCalls:
-                input->calls = readCalls(block, count, header->time);
-                break;
-            case kBehaviours:
-                (isRunState ? state->behaviours : input->behaviours) = readUses(block, count);
-                break;
-            case kActive:
-                if (isRunState) state->active = readNodes(block, count);
-                break;
-            case kSleepers: {
-                std::uint32_t last = 0;
-                for (std::size_t i = 0; isRunState && i < count && !block.problem; ++i) {
-                    const double time = block.number<double>();
-                    state->sleepers.emplace_back(time, NodeId{last = block.delta(last)});
-                }
-                break;
-            }
-            default:
-                break;
-        }
+        if (!block.problem) readBlock(block, kind, count, time, input, state);
         if (block.problem) return std::unexpected(wire::describe(block, "input record"));
     }
     if (in.problem) return std::unexpected(wire::describe(in, "input record"));
+    return {};
+}
 
-    if (ownBlocks > 0) {
-        scratch_.clear();
-        scratch_.append(record.subspan(0, kRecordHeaderSize + ownBlocks));
-        RecordHeader frame;
-        frame.from = 1;
-        frame.to = 2;
-        sealRecord(scratch_, frame);
-        if (auto ok = changes_.decode(scratch_.bytes(), set); !ok) return ok;
-        for (Change& change : set.changes)
-            (change.kind == ChangeKind::event ? input->events : input->edits).push_back(std::move(change));
-        input->types = std::move(set.types);
-    }
+}  // namespace
+
+/// The edits and events in the blocks that a frame has too.
+Result<> InputDecoder::decodeEdits(std::span<const std::byte> blocks, FrameInput& input, ChangeSet& set) {
+    scratch_.clear();
+    scratch_.append(blocks);
+    RecordHeader frame;
+    frame.from = 1;
+    frame.to = 2;
+    sealRecord(scratch_, frame);
+    if (auto ok = changes_.decode(scratch_.bytes(), set); !ok) return ok;
+    const auto events = static_cast<std::size_t>(std::ranges::count(set.changes, ChangeKind::event, &Change::kind));
+    input.events.reserve(events);
+    input.edits.reserve(set.changes.size() - events);
+    for (Change& change : set.changes)
+        (change.kind == ChangeKind::event ? input.events : input.edits).push_back(std::move(change));
+    input.types = std::move(set.types);
+    return {};
+}
+
+Result<> InputDecoder::decode(std::span<const std::byte> record, ChangeSet& set) {
+    const Result<RecordHeader> header = headerOfInput(record);
+    if (!header) return std::unexpected(header.error());
+    const bool isRunState = header->from == header->to;
+    auto input = std::make_shared<FrameInput>();
+    auto state = isRunState ? std::make_shared<RunState>() : nullptr;
+    input->ran = !isRunState;
+    input->complete = !isRunState;
+    wire::Budget budget(header->size());
+    Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
+    in.budget = &budget;
+    std::size_t ownBlocks = 0;
+    if (auto ok = readBlocks(in, header->time, *input, state.get(), ownBlocks); !ok) return ok;
+    if (ownBlocks > 0)
+        if (auto ok = decodeEdits(record.subspan(0, kRecordHeaderSize + ownBlocks), *input, set); !ok) return ok;
     set.clear();
     set.from = header->from;
     set.to = header->to;

@@ -1,4 +1,4 @@
-// Maps types and fields of a stream from another build to those of this program, by name.
+// Follows the types of a stream of another build, and rewrites its sets to the numbers that they have here.
 #include "type_mapping.h"
 
 #include <algorithm>
@@ -78,11 +78,11 @@ bool TypeMapping::mapField(NodeId node, FieldIndex& field, DecoderLosses& losses
     return true;
 }
 
-Result<> TypeMapping::toLocal(ChangeSet& set, DecoderLosses& losses) {
+Result<> TypeMapping::toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosses& losses) {
     if (set.isSnapshot()) restart();
-    std::vector<Change> changes, adjusted;
+    std::vector<Change> adjusted;
     defined_.clear();
-    changes.reserve(set.changes.size());
+    std::size_t kept = 0;  // of set.changes, moved to its front
     const std::vector<DefinedType> originTypes = std::exchange(set.types, {});
     std::size_t nextType = 0;
     for (Change& change : set.changes) {
@@ -102,6 +102,8 @@ Result<> TypeMapping::toLocal(ChangeSet& set, DecoderLosses& losses) {
                 typeOfNode_[change.node.value] = static_cast<std::uint16_t>(change.index);
                 if (type.local == kNowhere) defineHere(type, type.definition, change.external, set);
                 change.index = type.local;
+                if (!budget.take(4 * type.defaults.size() * sizeof(Change)))  // here, in the set, and as both grow
+                    return fail("nodes whose defaults differ here take more memory than a record of this length may");
                 for (const auto& [field, value] : type.defaults) {
                     adjusted.push_back(blankChange(ChangeKind::setField, change.node, field, change.external));
                     adjusted.back().value = value;
@@ -127,13 +129,21 @@ Result<> TypeMapping::toLocal(ChangeSet& set, DecoderLosses& losses) {
             case ChangeKind::setName:
                 break;
         }
-        changes.push_back(std::move(change));
+        if (&set.changes[kept] != &change) set.changes[kept] = std::move(change);
+        ++kept;
     }
-    const auto afterCreates =
-        std::ranges::find_if(changes, [](const Change& c) { return c.kind != ChangeKind::createNode; });
-    changes.insert(afterCreates, std::move_iterator(adjusted.begin()), std::move_iterator(adjusted.end()));
+    std::vector<Change>& changes = set.changes;
+    changes.resize(kept);
+    if (adjusted.empty() && defined_.empty()) return {};
+    if (!budget.take((kept + defined_.size()) * sizeof(Change)))  // twice for a moment
+        return fail("types that are unknown here take more memory than a record of this length may");
+    const std::size_t creates = static_cast<std::size_t>(
+        std::ranges::find_if(changes, [](const Change& c) { return c.kind != ChangeKind::createNode; }) -
+        changes.begin());
+    changes.reserve(kept + adjusted.size() + defined_.size());
+    changes.insert(changes.begin() + static_cast<std::ptrdiff_t>(creates), std::move_iterator(adjusted.begin()),
+                   std::move_iterator(adjusted.end()));
     changes.insert(changes.begin(), std::move_iterator(defined_.begin()), std::move_iterator(defined_.end()));
-    set.changes = std::move(changes);
     return {};
 }
 

@@ -12,6 +12,8 @@
 #include <rtsg/core/change.h>
 #include <rtsg/sync/change_codec.h>
 
+#include "budget.h"
+
 namespace rtsg {
 
 class TypeMapping {
@@ -21,8 +23,8 @@ class TypeMapping {
 
     /// False when `number` is none of the writer's built-in types. Describing a type again changes nothing.
     bool describe(std::uint16_t number, const NodeType& origin);
-    /// Rewrites a decoded set; counts what has no counterpart here.
-    Result<> toLocal(ChangeSet& set, DecoderLosses& losses);
+    /// Rewrites a decoded set; counts what has no counterpart here. What it adds is charged.
+    Result<> toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosses& losses);
 
   private:
     static constexpr std::uint16_t kNowhere = 0xFFFF;

@@ -1,4 +1,4 @@
-// Writes and reads the primitives of the protocol; every read is bounded.
+// Values and descriptions of types, to bytes and out of untrusted ones.
 #include "wire.h"
 
 #include <limits>
@@ -25,7 +25,7 @@ void putFlat(ByteBuffer& out, const detail::ArrayHeader* header, std::size_t ele
 template <class T>
 Array<T> readFlat(Reader& in) {
     const std::size_t size = in.count(sizeof(T));
-    if (size == 0) return {};
+    if (size == 0 || !in.charge(kArrayCost + size * sizeof(T))) return {};
     Array<T> result = Array<T>::ofSize(size);
     std::memcpy(static_cast<void*>(result.mutableData()), in.at, size * sizeof(T));
     in.at += size * sizeof(T);
@@ -34,7 +34,7 @@ Array<T> readFlat(Reader& in) {
 template <>
 Array<bool> readFlat<bool>(Reader& in) {
     const std::size_t size = in.count(1);
-    if (size == 0) return {};
+    if (size == 0 || !in.charge(kArrayCost + size)) return {};
     Array<bool> result = Array<bool>::ofSize(size);
     bool* target = result.mutableData();
     for (std::size_t i = 0; i < size; ++i) {
@@ -48,16 +48,21 @@ Array<bool> readFlat<bool>(Reader& in) {
     }
     return result;
 }
+/// A count of elements of MFString or MFImage, which are pointers; 0 after a problem.
+std::size_t countOfShared(Reader& in) {
+    const std::size_t size = in.count(1);
+    return size > 0 && in.charge(kArrayCost + size * sizeof(void*)) ? size : 0;
+}
 template <>
 Array<String> readFlat<String>(Reader& in) {
-    Array<String> result = Array<String>::ofSize(in.count(1));
+    Array<String> result = Array<String>::ofSize(countOfShared(in));
     String* target = result.mutableData();
-    for (std::size_t i = 0; i < result.size() && !in.problem; ++i) target[i] = String(in.text());
+    for (std::size_t i = 0; i < result.size() && !in.problem; ++i) target[i] = readString(in);
     return result;
 }
 template <>
 Array<Image> readFlat<Image>(Reader& in) {
-    Array<Image> result = Array<Image>::ofSize(in.count(1));
+    Array<Image> result = Array<Image>::ofSize(countOfShared(in));
     Image* target = result.mutableData();
     for (std::size_t i = 0; i < result.size() && !in.problem; ++i) target[i].words = readFlat<std::int32_t>(in);
     return result;
@@ -70,7 +75,7 @@ Value readOne(Reader& in) {
         if (byte > 1) in.refuse("boolean is neither 0 nor 1");
         return byte == 1;
     } else if constexpr (std::is_same_v<T, String>) {
-        return String(in.text());
+        return readString(in);
     } else if constexpr (std::is_same_v<T, Image>) {
         return Image{readFlat<std::int32_t>(in)};
     } else {
@@ -78,12 +83,20 @@ Value readOne(Reader& in) {
     }
 }
 
+std::string readText(Reader& in) {
+    const std::string_view text = in.text();
+    return in.charge(text.size()) ? std::string(text) : std::string();
+}
+
 std::vector<std::string> readTexts(Reader& in) {
-    std::vector<std::string> result(in.count(1));
-    for (std::string& text : result) text = in.text();
+    const std::size_t count = in.count(1);
+    if (!in.charge(count * kTextCost)) return {};
+    std::vector<std::string> result(count);
+    for (std::string& text : result) text = readText(in);
     return result;
 }
 
+constexpr std::size_t kSmallestField = 5;  // bytes of a description: two lengths, type, access and flags
 // What of a field is there (or set) in its description.
 constexpr unsigned kExclusiveMin = 1, kHidden = 2, kMin = 4, kMax = 8, kAllowed = 16, kAccepts = 32, kDefault = 64,
                    kExclusiveMax = 128;
@@ -109,7 +122,8 @@ void putField(ByteBuffer& out, const FieldDef& field) {
 
 FieldDef readField(Reader& in) {
     FieldDef field;
-    field.name = in.text();
+    if (!in.charge(kFieldCost)) return field;
+    field.name = readText(in);
     field.type = readFieldType(in);
     const auto use = in.number<std::uint8_t>();
     const unsigned flags = in.number<std::uint8_t>();
@@ -183,6 +197,11 @@ void putType(ByteBuffer& out, const NodeType& type) {
     out.append(body.bytes());
 }
 
+String readString(Reader& in) {
+    const std::string_view text = in.text();
+    return text.empty() || !in.charge(kArrayCost + text.size()) ? String() : String(text);
+}
+
 FieldType readFieldType(Reader& in) {
     const auto type = in.number<std::uint8_t>();
     if (type < kFieldTypeCount) return static_cast<FieldType>(type);
@@ -205,17 +224,19 @@ Value readValue(Reader& in, FieldType type) {
 
 std::unique_ptr<NodeType> readType(Reader& outer) {
     Reader in = outer.part(outer.count(1));
+    in.charge(kTypeCost);
     auto type = std::make_unique<NodeType>();
-    type->name = in.text();
-    type->component = in.text();
+    type->name = readText(in);
+    type->component = readText(in);
     type->level = static_cast<int>(in.bounded(1000));
     const auto kind = in.number<std::uint8_t>();
     if (kind > static_cast<unsigned>(NodeType::Kind::script)) in.refuse("unknown kind of type");
     type->kind = static_cast<NodeType::Kind>(kind);
-    type->containerField = in.text();
+    type->containerField = readText(in);
     type->implements = readTexts(in);
-    type->declaration = in.text();
-    const std::size_t fields = in.count(1);
+    type->declaration = readText(in);
+    const std::size_t fields = in.count(kSmallestField);
+    type->fields.reserve(fields);
     for (std::size_t i = 0; i < fields && !in.problem; ++i) {
         Reader one = in.part(in.count(1));
         type->fields.push_back(readField(one));  // what a later version appends to a field is left unread

@@ -1,7 +1,8 @@
 // Reading side of the primitives of PROTOCOL.md: numbers, varints, strings and values out of untrusted bytes.
 //
 // Invariant: never reads outside [begin, end). The first problem sticks: from then on everything reads as zero and
-// `problem` says what happened, `problemAt` where. Loops over counts have to stop on `problem`.
+// `problem` says what happened, `problemAt` where. Loops over counts have to stop on `problem`. With a budget, what is
+// made of the bytes is charged to it before memory is taken.
 #pragma once
 
 #include <cstddef>
@@ -18,6 +19,8 @@
 #include <rtsg/core/value.h>
 #include <rtsg/sync/byte_buffer.h>
 
+#include "budget.h"
+
 namespace rtsg::wire {
 
 inline std::uint64_t zigzag(std::uint32_t value, std::uint32_t previous) {
@@ -33,7 +36,14 @@ struct Reader {
     std::size_t base;  // offset of `begin`, for messages
     const char* problem = nullptr;
     std::size_t problemAt = 0;
+    Budget* budget = nullptr;
 
+    /// False, and a problem, if there is no more memory for this record.
+    bool charge(std::uint64_t bytes) {
+        if (!budget || budget->take(bytes)) return true;
+        refuse("takes more memory than a record of this length may");
+        return false;
+    }
     std::size_t left() const { return static_cast<std::size_t>(end - at); }
     std::size_t offset() const { return base + static_cast<std::size_t>(at - begin); }
     void refuse(const char* text) {
@@ -111,6 +121,7 @@ struct Reader {
             length = 0;
         }
         Reader result({at, length}, offset());
+        result.budget = budget;
         at += length;
         return result;
     }
@@ -127,6 +138,7 @@ void putValue(ByteBuffer& out, const Value& value);
 void putType(ByteBuffer& out, const NodeType& type);
 
 FieldType readFieldType(Reader& in);
+String readString(Reader& in);
 Value readValue(Reader& in, FieldType type);
 /// Null after a problem.
 std::unique_ptr<NodeType> readType(Reader& in);

@@ -1,20 +1,25 @@
-// LogRecorder: a thread that writes what the bus delivers, and reports what is safely on disk.
+// The thread that writes a log of its replica, the bell that wakes it, and what the scene's thread waits for.
 #include <rtsg/sync/log_recorder.h>
 
 #include <atomic>
 #include <condition_variable>
+#include <cstdio>
+#include <exception>
 #include <mutex>
 #include <thread>
 
 #include <fmt/format.h>
+#include <pthread.h>
 
 #include <rtsg/core/replica.h>
 
 namespace rtsg {
 
 namespace {
-/// Fewer than the bus keeps unmerged.
-constexpr std::uint64_t kMostWaiting = 128;
+
+/// States that a scene may be ahead of the log before it waits: fewer than the bus keeps without merging.
+constexpr std::uint64_t kMostAhead = 128;
+
 }  // namespace
 
 struct LogRecorder::Impl {
@@ -25,11 +30,10 @@ struct LogRecorder::Impl {
         explicit Bell(Impl& i) : impl(i) {}
         /// An error here has the bus report to the application that the log has ended.
         Result<> apply(const Scene&, const ChangeSet& changes) override {
+            if (impl.ended) return impl.outcome();
             ring();
-            if (impl.whenBehind == WhenBehind::wait && !changes.isSnapshot()) impl.waitUntilNear(changes.to);
-            if (!impl.failed) return {};
-            const std::scoped_lock lock(impl.mutex);
-            return impl.result;
+            if (impl.thread.joinable() && impl.whenBehind == WhenBehind::wait) impl.waitForRoom(changes);
+            return {};
         }
         void ring() {
             rung.fetch_add(1, std::memory_order_release);
@@ -55,12 +59,21 @@ struct LogRecorder::Impl {
     Bell bell{*this};
     Acknowledger acknowledger{*this};
     Attachment bellAttachment, logAttachment, acknowledgerAttachment;
-    std::atomic<bool> stopping{false}, failed{false}, begun{false};
+    std::atomic<bool> stopping{false}, ended{false};
     std::atomic<std::uint64_t> acknowledged{0}, merged{0}, bytes{0};
     mutable std::mutex mutex;
     mutable std::condition_variable progress;
-    Result<> result;  // guarded by mutex
+    bool begun = false;      // guarded by mutex; the first state is in the file
+    Result<> result;         // guarded by mutex
+    char thrown[160] = {};   // guarded by mutex; by the thread: there may be no memory for a string
     std::thread thread;
+
+    /// Of a thread that has ended, or is still at it.
+    Result<> outcome() const {
+        const std::scoped_lock lock(mutex);
+        if (!thrown[0]) return result;
+        return fail(fmt::format("the recorder's thread has ended: {}", thrown), {}, file);
+    }
 
     Result<> acknowledge(const Scene& scene, const ChangeSet& changes) {
         if (!logAttachment.attached()) return fail(logAttachment.failure());
@@ -69,24 +82,25 @@ struct LogRecorder::Impl {
                                     scene.hash().hex(), changes.hash.hex()));
         if (!changes.isSnapshot() && changes.to > changes.from + 1) merged += changes.to - changes.from - 1;
         const std::scoped_lock lock(mutex);
+        begun = true;
         acknowledged = changes.to;
         bytes = log->bytes();
         progress.notify_all();
         return {};
     }
 
-    void waitUntilNear(std::uint64_t state) const {
+    /// On the scene's thread. What starts over is waited for: its numbers say nothing about those before.
+    void waitForRoom(const ChangeSet& changes) const {
+        const std::uint64_t most = changes.isSnapshot() ? 0 : kMostAhead;
         std::unique_lock lock(mutex);
-        progress.wait(lock, [&] { return failed || acknowledged + kMostWaiting >= state; });
-    }
-    /// The first state is written: from here on none is taken together with another.
-    void waitUntilBegun() const {
-        std::unique_lock lock(mutex);
-        progress.wait(lock, [&] { return failed || begun; });
+        progress.wait(lock, [&] {
+            return ended || (acknowledged <= changes.to && changes.to - acknowledged <= most) ||
+                   (acknowledged > changes.to && !changes.isSnapshot());
+        });
     }
 
-    void run() {
-        Result<> ended;
+    /// Until it is told to stop, or something goes wrong.
+    Result<> follow() {
         std::uint64_t heard = 0;
         // As one set: an empty replica is no state of the scene's, and the log shall begin with one.
         replica->poll();
@@ -94,28 +108,41 @@ struct LogRecorder::Impl {
         Bus& bus = replica->scene().bus();
         logAttachment = bus.attach(*log);
         acknowledgerAttachment = bus.attach(acknowledger);
-        {
-            const std::scoped_lock lock(mutex);
-            begun = true;
-            progress.notify_all();
-        }
         for (bool last = false; !last && acknowledgerAttachment.attached() && replica->attached();) {
             bell.rung.wait(heard, std::memory_order_acquire);
             heard = bell.rung.load(std::memory_order_acquire);
             last = stopping;
             replica->drain();
         }
-        if (!acknowledgerAttachment.attached())
-            ended = fail(acknowledgerAttachment.failure());
-        else if (!replica->failure().empty())
-            ended = fail(replica->failure());
-        acknowledgerAttachment.detach();
-        logAttachment.detach();
-        if (auto ok = log->close(); !ok && ended) ended = ok;
+        if (!acknowledgerAttachment.attached()) return fail(acknowledgerAttachment.failure());
+        if (!replica->failure().empty()) return fail(replica->failure());
+        return {};
+    }
+
+    /// A log that has ended before its time has no index: who reads it can tell.
+    void run() {
+        ::pthread_setname_np(::pthread_self(), "rtsg recorder");
+        Result<> how;
+        char why[sizeof(thrown)] = {};
+        try {
+            how = follow();
+            acknowledgerAttachment.detach();
+            logAttachment.detach();
+            if (!how)
+                log->abandon();
+            else
+                how = log->close();
+        } catch (const std::exception& e) {
+            std::snprintf(why, sizeof(why), "%s", e.what());
+            log->abandon();
+        }
+        logAttachment = {};
+        acknowledgerAttachment = {};
         replica.reset();
         const std::scoped_lock lock(mutex);
-        result = ended;
-        failed = !ended;
+        std::snprintf(thrown, sizeof(thrown), "%s", why);
+        result = std::move(how);
+        ended = true;
         bytes = log->bytes();
         progress.notify_all();
     }
@@ -136,12 +163,15 @@ Result<std::unique_ptr<LogRecorder>> LogRecorder::start(Scene& scene, const std:
     if (!log) return std::unexpected(log.error());
     impl->log = std::move(*log);
     impl->file = file.string();
-    impl->whenBehind = whenBehind;
     impl->replica = std::make_unique<Replica>(scene);
     impl->start = scene.sequence();
     impl->bellAttachment = scene.bus().attach(impl->bell);
+    impl->whenBehind = whenBehind;
     impl->thread = std::thread([i = impl.get()] { i->run(); });
-    if (whenBehind == WhenBehind::wait) impl->waitUntilBegun();
+    if (whenBehind == WhenBehind::wait) {
+        std::unique_lock lock(impl->mutex);
+        impl->progress.wait(lock, [i = impl.get()] { return i->ended || i->begun; });
+    }
     return std::unique_ptr<LogRecorder>(new LogRecorder(std::move(impl)));
 }
 
@@ -157,13 +187,13 @@ std::uint64_t LogRecorder::bytes() const {
 
 bool LogRecorder::waitFor(std::uint64_t state, std::chrono::milliseconds timeout) const {
     std::unique_lock lock(impl_->mutex);
-    impl_->progress.wait_for(lock, timeout, [&] { return impl_->acknowledged >= state || !impl_->result; });
+    impl_->progress.wait_for(lock, timeout, [&] { return impl_->acknowledged >= state || impl_->ended; });
     return impl_->acknowledged >= state;
 }
 
 std::string LogRecorder::failure() const {
-    const std::scoped_lock lock(impl_->mutex);
-    return impl_->result ? "" : impl_->result.error().format();
+    const Result<> outcome = impl_->outcome();
+    return outcome ? "" : outcome.error().format();
 }
 
 Result<> LogRecorder::stop() {
@@ -173,8 +203,7 @@ Result<> LogRecorder::stop() {
         impl_->bell.ring();
         impl_->thread.join();
     }
-    const std::scoped_lock lock(impl_->mutex);
-    return impl_->result;
+    return impl_->outcome();
 }
 
 }  // namespace rtsg

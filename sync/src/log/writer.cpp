@@ -1,4 +1,5 @@
 // The log's writer: records into a file of its own, one write each, never over what is there.
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <random>
@@ -18,6 +19,9 @@
 namespace rtsg {
 
 namespace {
+
+/// What keyframes that come for the time that has passed may take at most, bytes for each second of it.
+constexpr double kKeyframeRate = 1 << 20;
 
 std::uint64_t freshEpoch() {
     std::random_device device;
@@ -173,6 +177,7 @@ Result<> LogWriter::writeKeyframe(const ChangeSet& changes) {
     }
     if (changes.to > 0) firstOfEpoch_ = false;  // else the first state with anything in it is yet to come
     keyframeSize_ = record_.size();
+    keyframeTime_ = changes.time;
     sinceKeyframe_ = 0;
     return {};
 }
@@ -213,10 +218,17 @@ Result<> LogWriter::write(const ChangeSet& changes) {
     return {};
 }
 
+bool LogWriter::keyframeDue(double now) const {
+    if (sinceKeyframe_ == 0) return false;
+    const auto size = static_cast<double>(keyframeSize_), since = static_cast<double>(sinceKeyframe_);
+    if (sinceKeyframe_ >= options_.keyframeBytes && since >= options_.keyframeFactor * size) return true;
+    return options_.keyframeSeconds > 0 &&
+           now - keyframeTime_ >= std::max(options_.keyframeSeconds, size / kKeyframeRate);
+}
+
 Result<> LogWriter::apply(const Scene& scene, const ChangeSet& changes) {
     if (auto ok = write(changes); !ok) return ok;
-    const double due = options_.keyframeFactor * static_cast<double>(keyframeSize_);
-    if (sinceKeyframe_ < options_.keyframeBytes || static_cast<double>(sinceKeyframe_) < due) return {};
+    if (!keyframeDue(changes.time)) return {};
     // Only while the scene is in the very state that was just written: a subscriber that is polled may lag behind, and
     // another one may have edited the scene from within this delivery.
     if (scene.sequence() != changes.to || scene.hasUnsealedEdits()) return {};
@@ -228,6 +240,11 @@ Result<> LogWriter::apply(const Scene& scene, const ChangeSet& changes) {
 Result<> LogWriter::writeIndex() {
     encodeLogIndex(keyframes_, size_, record_);
     return writeRecord(record_);
+}
+
+void LogWriter::abandon() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+    descriptor_ = -1;
 }
 
 Result<> LogWriter::close() {

@@ -16,7 +16,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr auto kLookEvery = std::chrono::milliseconds(5);
+constexpr auto kLookEvery = std::chrono::milliseconds(5), kLookAgain = std::chrono::milliseconds(1);
 constexpr auto kLookCosts = std::chrono::microseconds(20);  // a connection: so that looking takes some percent at most
 
 /// Bytes received on a TCP connection, less those that wait in the system; nothing for what is none.
@@ -31,13 +31,26 @@ std::optional<std::uint64_t> bytesRead(int descriptor) {
     return info.tcpi_bytes_received > left ? info.tcpi_bytes_received - left : 0;
 }
 
+bool bytesWait(int descriptor) {
+    int waiting = 0;
+    return ::ioctl(descriptor, SIOCINQ, &waiting) == 0 && waiting > 0;
+}
+
 }  // namespace
 
 void ConnectionWatch::look(Clock::time_point now) {
-    if (now - looked_ < std::max<Clock::duration>(kLookEvery, kLookCosts * connections_.size())) return;
+    const Clock::duration every = suspicious_ ? kLookAgain : kLookEvery;
+    if (now - looked_ < std::max(every, Clock::duration(kLookCosts * connections_.size()))) return;
     looked_ = now;
     fresh_ = true;
-    for (auto& [descriptor, connection] : connections_) connection.come = bytesRead(descriptor).value_or(0);
+    suspicious_ = false;
+    for (auto& [descriptor, connection] : connections_) {
+        const std::optional<std::uint64_t> come = bytesRead(descriptor);
+        connection.come = come.value_or(0);
+        connection.counted = come.has_value();
+        if (!connection.counted && bytesWait(descriptor) && connection.busy++ == 0) connection.busySince = now;
+        suspicious_ = suspicious_ || connection.busy > 0;
+    }
 }
 
 void ConnectionWatch::delivered(const ZmqMessage& message) {
@@ -45,17 +58,28 @@ void ConnectionWatch::delivered(const ZmqMessage& message) {
     if (found != connections_.end()) found->second.delivered = true;
 }
 
+bool ConnectionWatch::endlessLocal(Connection& connection, bool drained) const {
+    if (std::exchange(connection.delivered, false)) connection.busy = 0;
+    return connection.busy >= kBusyLooks &&
+           looked_ - connection.busySince >= (drained ? kBusyFor : kBusyForWhileOthersWait);
+}
+
+bool ConnectionWatch::endless(int descriptor, Connection& connection, bool drained) const {
+    if (!connection.counted) return endlessLocal(connection, drained);
+    if (std::exchange(connection.delivered, false)) connection.settled = connection.come;
+    if (connection.come <= connection.settled + (drained ? kMostUnfinished : kMostWaiting)) return false;
+    // ZeroMQ closes descriptors itself, and the system gives their numbers away again: look once more.
+    return bytesRead(descriptor).value_or(0) >= connection.come;
+}
+
 std::size_t ConnectionWatch::shutEndless(bool drained) {
     if (!std::exchange(fresh_, false)) return 0;
-    const std::uint64_t most = drained ? kMostUnfinished : kMostWaiting;
     std::size_t shut = 0;
     for (auto& [descriptor, connection] : connections_) {
-        if (std::exchange(connection.delivered, false)) connection.settled = connection.come;
-        if (connection.come <= connection.settled + most) continue;
-        // ZeroMQ closes descriptors itself, and the system gives their numbers away again: look once more.
-        if (bytesRead(descriptor).value_or(0) < connection.come) continue;
+        if (!endless(descriptor, connection, drained)) continue;
         ::shutdown(descriptor, SHUT_RDWR);
         connection.settled = connection.come;
+        connection.busy = 0;
         ++shut;
     }
     return shut;

@@ -3,8 +3,11 @@
 // ZeroMQ hands a message of several parts over when its last part has come, keeps the parts until then, and limits the
 // size of each but not their number. So the watch compares what the system has received on a connection with what has
 // been handed over from it, and shuts a connection that is more than a message of ours behind.
-// Invariant: what waits in an unfinished message is at most kMostUnfinished and what comes between two looks. Of
-// connections of other kinds than TCP nothing is known here: nothing is done. Threading: one thread.
+// Of local (ipc) connections the system tells only whether bytes wait. Bytes that came belong to a message that is soon
+// complete, so one on which they wait again and again while no message comes is shut as well.
+// Invariant: what waits in an unfinished message is at most kMostUnfinished and what comes between two looks; of a
+// local connection what comes in kBusyFor, if it comes fast, and some megabytes at most, if slowly, as it is seldom
+// caught at it. Threading: one thread.
 #pragma once
 
 #include <chrono>
@@ -22,10 +25,16 @@ class ConnectionWatch {
     static constexpr std::uint64_t kMostUnfinished = 64 << 10;
     /// As above while messages wait to be taken: all that ZeroMQ lets wait of one connection.
     static constexpr std::uint64_t kMostWaiting = 2 << 20;
+    /// Looks at which bytes wait on a local connection without a message since the first, and the time they span.
+    static constexpr unsigned kBusyLooks = 4;
+    static constexpr std::chrono::milliseconds kBusyFor{50};
+    static constexpr std::chrono::milliseconds kBusyForWhileOthersWait{2000};
 
     void opened(int descriptor) { connections_[descriptor] = {}; }
     void closed(int descriptor) { connections_.erase(descriptor); }
     bool any() const { return !connections_.empty(); }
+    /// One may be sending a message without end: look again soon.
+    bool suspicious() const { return suspicious_; }
     /// Before messages are taken: how much has come on each. Not more often than it is worth.
     void look(Clock::time_point now);
     /// A message has been taken from its connection.
@@ -38,10 +47,17 @@ class ConnectionWatch {
         std::uint64_t come = 0;     // bytes that ZeroMQ has read of it, when looked at last
         std::uint64_t settled = 0;  // of these, at the last look after which a message was delivered
         bool delivered = false;     // since then
+        bool counted = true;        // the system tells how much has come
+        unsigned busy = 0;          // else: looks at which bytes waited, since a message was delivered
+        Clock::time_point busySince{};
     };
+    bool endless(int descriptor, Connection& connection, bool drained) const;
+    bool endlessLocal(Connection& connection, bool drained) const;
+
     std::unordered_map<int, Connection> connections_;
     Clock::time_point looked_{};
     bool fresh_ = false;  // a look that shutEndless has not followed yet
+    bool suspicious_ = false;
 };
 
 }  // namespace rtsg

@@ -23,7 +23,7 @@ constexpr std::int64_t kLongestIncoming = mirror::kSubmitPart + 512;  // bytes; 
 constexpr int kIncoming = 64;                                         // messages waiting per connection
 constexpr int kLinger = 200;                                          // ms
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
-constexpr auto kLookAround = 20ms;                                    // for connections that send no whole message
+constexpr auto kLookAround = 20ms, kLookAgain = 1ms;                  // for connections that send no whole message
 constexpr auto kUnusedPart = 10s;                                     // until a part without peers is let go
 constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;      // bytes of frames, at least
 
@@ -132,7 +132,8 @@ void MirrorServer::Io::turn() {
 
 std::chrono::milliseconds MirrorServer::Io::patience() const {
     auto result = std::max(1ms, shared_->options.heartbeat / 2);
-    if (gate_.connections().any()) result = std::min(result, kLookAround);
+    if (gate_.connections().any())
+        result = std::min(result, gate_.connections().suspicious() ? kLookAgain : kLookAround);
     const Clock::time_point now = Clock::now();
     for (const auto& [identity, peer] : peers_) {
         if (!peer.placed) result = std::min(result, 20ms);

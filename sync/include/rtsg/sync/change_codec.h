@@ -3,7 +3,9 @@
 // Invariant: encoding needs nothing but the sets so far. decode(encode(x)) has the effect of x: value changes come
 // grouped by (field, type, origin), every other kind keeps its order. Both sides remember the last values of a stream
 // whose mode asks for a coding; where a reader may start, flags in a record say (record.h).
-// Input is never trusted: every count is checked against the bytes that are there before anything is allocated.
+// Input is never trusted: every count is checked against the bytes that are there before anything is allocated, and a
+// set takes at most 4 times the bytes of its record and 64 MiB, beside the values that a stream remembers (at most 2^22
+// fields); encoders make records longer that would take more.
 // Threading: one thread an object; objects keep buffers, so that the steady state allocates nothing.
 #pragma once
 
@@ -22,7 +24,8 @@ namespace rtsg {
 class TypeMapping;
 namespace wire {
 class ColumnReader;
-}
+struct Reader;
+}  // namespace wire
 
 class ChangeEncoder {
   public:
@@ -76,6 +79,9 @@ class ChangeDecoder {
     const DecoderLosses& losses() const { return losses_; }
 
   private:
+    wire::ColumnReader* columnsFor(const RecordHeader& header);
+    Result<> readBlocks(wire::Reader& in, wire::ColumnReader* columns, ChangeSet& set);
+
     TypeTable local_;
     std::uint64_t localHash_ = 0;
     std::unique_ptr<TypeMapping> mapping_;  // only for streams of another build

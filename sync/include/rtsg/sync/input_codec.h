@@ -45,6 +45,8 @@ class InputDecoder {
     Result<> decode(std::span<const std::byte> record, ChangeSet& set);
 
   private:
+    Result<> decodeEdits(std::span<const std::byte> blocks, FrameInput& input, ChangeSet& set);
+
     ChangeDecoder changes_;
     ByteBuffer scratch_;
 };

@@ -56,6 +56,9 @@ struct LogOptions {
     /// the last keyframe: its cost then stays a fixed share of the frames'.
     std::uint64_t keyframeBytes = std::uint64_t{1} << 20;
     double keyframeFactor = 2;
+    /// And, whatever they take, once this much scene time has passed since the last one, seconds; later where keyframes
+    /// would then take more than 1 MiB for each second. 0: never for that reason. Damage costs what lies between two.
+    double keyframeSeconds = 10;
     /// The first keyframe of an epoch is written twice if it is not longer than this: nothing before it could stand
     /// in for it.
     std::uint64_t repeatFirstUpTo = std::uint64_t{1} << 20;
@@ -85,6 +88,8 @@ class LogWriter : public Subscriber {
     Result<> write(const ChangeSet& changes);
     /// Writes the index, flushes, closes. Errors of this last step are only seen here; the destructor does the same.
     Result<> close();
+    /// Closes without the index, as if killed: who reads it can tell that it ended before its time.
+    void abandon();
 
     std::uint64_t bytes() const { return size_; }
     std::uint64_t frames() const { return frames_; }
@@ -102,6 +107,7 @@ class LogWriter : public Subscriber {
     Result<> writeIndex();
     Result<> checkFile();
     Result<> flush();
+    bool keyframeDue(double now) const;
     Diagnostic failure(std::string_view what, int error) const;
 
     std::filesystem::path file_;
@@ -113,6 +119,7 @@ class LogWriter : public Subscriber {
     Hash128 hash_;
     std::uint64_t epoch_ = 0, size_ = 0, frames_ = 0, head_ = 0;
     std::uint64_t sinceKeyframe_ = 0, keyframeSize_ = 0;
+    double keyframeTime_ = 0;
     bool regular_ = true, firstOfEpoch_ = true;
     std::vector<LogKeyframe> keyframes_;
     ChangeEncoder encoder_;

@@ -3,9 +3,10 @@
 //
 // What the scene's thread pays a frame is a pointer into a queue and a notice. The recorder keeps a replica, checks its
 // hash against every frame's and takes keyframes from it, so memory is that of a second scene (arrays are shared). The
-// queue is bounded: when the recorder is far behind, frames are merged, losing no change, or the scene waits
-// (WhenBehind). Invariant: states up to acknowledged() are in the file, as LogWriter has it. Threading: all calls on
-// the scene's thread but acknowledged() and failure(), which any may make.
+// queue is bounded: one that falls more than 256 frames behind gets those merged into one, losing no change, or has the
+// scene wait, losing no state either. Invariant: states up to acknowledged() are in the file, as LogWriter has it.
+// A failure of its thread (no memory, say) ends the log without an index, not the process; the bus reports it.
+// Threading: all calls on the scene's thread but acknowledged() and failure(), which any may make.
 #pragma once
 
 #include <chrono>
@@ -20,12 +21,13 @@ namespace rtsg {
 
 class LogRecorder {
   public:
+    /// When the disk takes less than the scene makes.
     enum class WhenBehind : std::uint8_t {
-        merge,  // the scene never waits; of more than 256 frames those in excess become one
-        wait,   // every state is in the log; the scene waits while 128 frames are to be written
+        merge,  // frames come merged into one: the scene is never held up
+        wait,   // the scene's thread waits, for as long as it takes: every state is in the log
     };
     /// The scene must outlive this, or stop() be called before it goes. Errors: as LogWriter's; Mode::input, which
-    /// needs the running scene itself.
+    /// needs the running scene itself. With `wait` it returns once the first state is in the file.
     static Result<std::unique_ptr<LogRecorder>> start(Scene& scene, const std::filesystem::path& file,
                                                       LogOptions options = {},
                                                       WhenBehind whenBehind = WhenBehind::merge);

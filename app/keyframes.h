@@ -1,0 +1,37 @@
+// --keyframe-bytes and --keyframe-seconds: how far apart the keyframes of a log may be, for the verbs that write one.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <rtsg/sync/log.h>
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+struct KeyframeArguments {
+    std::uint64_t bytes = LogOptions().keyframeBytes;
+    std::string seconds = "10s";
+
+    void addTo(CLI::App& command) {
+        command
+            .add_option("--keyframe-bytes", bytes,
+                        "a keyframe once the frames since the last take so much and twice its size, as 1MB; damage to a "
+                        "log costs at most what is between two")
+            ->transform(CLI::AsSizeValue(true))
+            ->capture_default_str();
+        command
+            .add_option("--keyframe-seconds", seconds,
+                        "and after so much scene time, rarer only where keyframes would take over 1 MiB a second; 0: "
+                        "not for that")
+            ->capture_default_str();
+    }
+    /// Throws CLI::ValidationError.
+    void setIn(LogOptions& options) const {
+        options.keyframeBytes = bytes;
+        options.keyframeSeconds = parseSeconds(seconds);
+    }
+};
+
+}  // namespace rtsg::app
