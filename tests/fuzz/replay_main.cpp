@@ -1,5 +1,5 @@
-// Runs a fuzz target without libFuzzer, with any compiler: on every file of its corpus and on seeded damage to each; a
-// target without a corpus gets seeded noise. The same inputs in every run.
+// Runs a fuzz target without libFuzzer, with any compiler: on seeded noise, on every file of its corpus, and on seeded
+// damage to each. The same inputs in every run.
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -41,13 +41,12 @@ int main(int count, char** arguments) {
     namespace fs = std::filesystem;
     std::mt19937 random(1);
     std::size_t inputs = 0;
-    if (count == 1) {
-        for (int i = 0; i < kNoise; ++i, ++inputs) {
-            Bytes noise(random() % 512);
-            std::ranges::generate(noise, [&] { return static_cast<std::uint8_t>(random()); });
-            run(noise);
-        }
-    } else {
+    for (int i = 0; i < kNoise; ++i, ++inputs) {
+        Bytes noise(random() % 512);
+        std::ranges::generate(noise, [&] { return static_cast<std::uint8_t>(random()); });
+        run(noise);
+    }
+    if (count > 1) {
         std::vector<fs::path> files;
         for (const auto& entry : fs::recursive_directory_iterator(arguments[1]))
             if (entry.is_regular_file()) files.push_back(entry.path());
