@@ -16,9 +16,10 @@ struct KeyframeArguments {
 
     void addTo(CLI::App& command) {
         command
-            .add_option("--keyframe-bytes", bytes,
-                        "a keyframe once the frames since the last take so much and twice its size, as 1MB; damage to a "
-                        "log costs at most what is between two")
+            .add_option(
+                "--keyframe-bytes", bytes,
+                "a keyframe once the frames since the last take so much and twice its size, as 1MB; damage to a "
+                "log costs at most what is between two")
             ->transform(CLI::AsSizeValue(true))
             ->capture_default_str();
         command

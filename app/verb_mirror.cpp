@@ -30,7 +30,8 @@ struct Options {
     std::string endpoint, duration, patience = "5s", key, latency = "0", whenSlow = "merge", mode = "state";
     std::vector<std::string> set, parts, aspects;
     double fps = 0;
-    std::uint64_t maxRecord = kMaxPayload;
+    std::string maxLag;
+    std::uint64_t maxRecord = kMaxPayload, maxRate = 0;
     OutputArguments outputs;
     bool json = false, live = false;
 };
@@ -96,6 +97,11 @@ Result<MirrorClientOptions> clientOptions(const Options& options) {
     result.latency = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.latency)));
     result.framesPerSecond = options.fps;
     result.maxRecord = options.maxRecord;
+    result.mostBytesPerSecond = options.maxRate;
+    // What is made of every frame wants every frame, however late.
+    const bool everyFrame = options.outputs.any() && !options.live;
+    const std::string lag = !options.maxLag.empty() ? options.maxLag : everyFrame ? "0" : "250ms";
+    result.maxLag = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(lag)));
     result.inputs = options.mode == "input";
     result.parts = options.parts;
     for (const std::string& name : options.aspects)
@@ -319,10 +325,11 @@ void Mirroring::printJson() const {
         statistics.originSequence, replica_.now(), seconds_);
     fmt::print(
         "\"fps\":{:.2f},\"bytes_per_frame\":{:.1f},\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},"
-        "\"delay_s\":{:.6f},\"jitter_s\":{:.6f},\"late\":{},\"sent\":{},\"accepted\":{},\"refused\":{},",
+        "\"delay_s\":{:.6f},\"lag_s\":{:.4f},\"most_lag_s\":{:.4f},\"jitter_s\":{:.6f},\"late\":{},\"sent\":{},"
+        "\"accepted\":{},\"refused\":{},",
         frames / std::max(seconds_, 1e-9), static_cast<double>(statistics.bytes) / frames, statistics.restarts,
-        statistics.garbage, statistics.clockOffset, statistics.delay, statistics.jitter, statistics.late,
-        requests_.sent, requests_.accepted, requests_.refused);
+        statistics.garbage, statistics.clockOffset, statistics.delay, statistics.lag, statistics.mostLag,
+        statistics.jitter, statistics.late, requests_.sent, requests_.accepted, requests_.refused);
     fmt::print("\"pictures\":{},\"sound_seconds\":{:.3f},\"behind_s\":{:.3f},\"missing\":{},\"inputs\":{}{}}}\n",
                outputs ? outputs->pictures() : 0, outputs ? outputs->soundSeconds() : 0.0,
                joined() ? made_->mostBehind() : 0.0, missing_.empty() ? "null" : jsonString(missing_),
@@ -374,6 +381,13 @@ Verb addMirror(CLI::App& program) {
     command->add_option("--most-fps", options->fps, "at most so many frames a second, others merged; 0: all")
         ->capture_default_str()
         ->check(CLI::Range(0.0, 1e4));
+    command->add_option(
+        "--max-lag", options->maxLag,
+        "how old frames may come on a slow link before they are merged, beside its delay; 0: never merged "
+        "for that, the default with --render, --listen, --record and --save, else 250ms");
+    command->add_option("--max-rate", options->maxRate, "most bytes a second taken from the server, as 100kB; 0: any")
+        ->transform(CLI::AsSizeValue(true))
+        ->capture_default_str();
     command->add_option("--max-record", options->maxRecord, "longest record taken from the server, as 64MB")
         ->transform(CLI::AsSizeValue(true))
         ->capture_default_str();

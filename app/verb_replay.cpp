@@ -210,7 +210,8 @@ Verb addReplay(CLI::App& program) {
     auto options = std::make_shared<Options>();
     CLI::App* command = program.add_subcommand("replay", "Play a log back; verify it; picture, hear and save it");
     command->add_option("LOG", options->log, "log to read (.rlog)")->required();
-    command->add_flag("--verify", options->verify, "all of it, to the index that a log ends with; states are checked in any case");
+    command->add_flag("--verify", options->verify,
+                      "all of it, to the index that a log ends with; states are checked in any case");
     command->add_option("--seek", options->seek, "begin with the state of this scene time");
     command->add_option("--for", options->duration, "how much to play");
     command->add_option("--diff", options->diff, "compare with another log, state by state");

@@ -30,6 +30,7 @@ struct Options {
     double fps = 60, error = 1e-3;
     std::string linger = "10s";
     std::size_t peers = 64;
+    std::uint64_t maxRate = 0;
     ResourceArguments resources;
     KeyframeArguments keyframes;
     bool insecure = false, json = false, force = false;
@@ -67,6 +68,7 @@ int serve(const Options& options) {
     serverOptions.insecure = options.insecure;
     serverOptions.upstream = *mirrorUpstreamFromName(options.upstream);
     serverOptions.maximumPeers = options.peers;
+    serverOptions.mostBytesPerSecond = options.maxRate;
     serverOptions.blockFor = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.block)));
     serverOptions.mode.coding = *codingFromName(options.coding);
     if (options.mode == nameOf(Mode::input)) serverOptions.mode.mode = Mode::input;
@@ -192,6 +194,9 @@ Verb addServe(CLI::App& program) {
         ->capture_default_str()
         ->check(CLI::IsMember({"none", "events", "edits", "code"}));
     command->add_option("--peers", options->peers, "how many mirrors may follow")->capture_default_str();
+    command->add_option("--max-rate", options->maxRate, "most bytes a second to each mirror, as 1MB; 0: any")
+        ->transform(CLI::AsSizeValue(true))
+        ->capture_default_str();
     command->add_option("--block", options->block, "how long a mirror that asks for it may hold up a frame")
         ->capture_default_str();
     command->add_flag("--insecure", options->insecure, "serve other machines without keys");

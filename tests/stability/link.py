@@ -232,9 +232,7 @@ class Test:
         self.program, self.link, self.started, self.running = program, link, 0, []
         self.folder = tempfile.mkdtemp(prefix="rtsg-link-")
         atexit.register(self.close)
-        self.scene = os.path.join(self.folder, "scene.x3dv")
-        with open(self.scene, "w") as file:
-            file.write(SCENE.format(movers="".join(MOVER.format(i=i) for i in range(movers))))
+        self.scene = self.scene_of(movers)
 
     def close(self):
         for program in self.running:
@@ -242,8 +240,15 @@ class Test:
                 program.kill()
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def serve(self, seconds, *more):
-        server = Program(self, "server", "serve", self.scene, "--bind", f"tcp://{SERVER}:{PORT}", "--insecure", "--fps",
+    def scene_of(self, movers):
+        """A scene of so many movers, some 65 bytes a frame each."""
+        scene = os.path.join(self.folder, f"scene{movers}.x3dv")
+        with open(scene, "w") as file:
+            file.write(SCENE.format(movers="".join(MOVER.format(i=i) for i in range(movers))))
+        return scene
+
+    def serve(self, seconds, *more, scene=None):
+        server = Program(self, "server", "serve", scene or self.scene, "--bind", f"tcp://{SERVER}:{PORT}", "--insecure", "--fps",
                          "30", "--json", "--linger", "60s", "--upstream", "events", "--for", f"{seconds}s", *more)
         end = time.monotonic() + 60
         while not server.lines():
@@ -296,6 +301,32 @@ def badly(test, name, there, back=None, seconds=4.0):
     if verified.returncode != 0:
         raise Failure(f"{name}: the replica's log does not verify: {verified.stdout}")
     return replica
+
+
+def in_time(test, name, movers, way, most, seconds=8.0):
+    """A link that carries less than the scene makes: frames come merged, at most `most` seconds old, and in the end all is equal."""
+    test.link.set(way)
+    server = test.serve(seconds, scene=test.scene_of(movers))
+    mirror = Program(test, "client", "mirror", f"tcp://{SERVER}:{PORT}", "--wait", "40s", "--json")
+    origin, [replica] = test.compare(server, [mirror], 120)
+    test.link.set()
+    if origin["merged"] == 0:
+        raise Failure(f"{name}: nothing was merged: {replica}")
+    if replica["most_lag_s"] > most:
+        raise Failure(f"{name}: {replica['most_lag_s']:.3f} s old, at most {most:.3f} s were asked for: {replica}")
+    print(f"  {name}: {replica['frames']} of {origin['frames']} frames, at most {replica['most_lag_s']:.2f} s old", flush=True)
+
+
+def narrow(test):
+    """The most age of a frame: 250 ms, the round trip, what the link takes for one frame (65 bytes a mover), .6 s for this machine, and
+    with losses what TCP waits for."""
+    def age(movers, rate, trip):
+        return 0.25 + trip + 65 * movers / rate + 0.6
+
+    in_time(test, "1 Mbit/s for 6", 400, Way(rate=125e3, delay=0.01), age(400, 125e3, 0.02))
+    in_time(test, "64 kbit/s for 300", 20, Way(rate=8e3, delay=0.02), age(20, 8e3, 0.04))
+    in_time(test, "1 Mbit/s and 200 ms", 400, Way(rate=125e3, delay=0.1), age(400, 125e3, 0.2))
+    in_time(test, "1 Mbit/s and 5 % loss", 400, Way(rate=125e3, delay=0.01, loss=0.05), 3)
 
 
 def cut(test, length, seconds):
@@ -356,6 +387,7 @@ def short(test, seed):
     print("  1 Mbit/s:", end=" ", flush=True)
     r = badly(test, "narrow", Way(rate=125e3, delay=0.01))
     print(f"{r['frames']} frames, {r['bytes']} bytes", flush=True)
+    narrow(test)
     print("  asymmetric, 80 ms and 5 % there, 2 ms back:", end=" ", flush=True)
     r = badly(test, "asymmetric", Way(delay=0.08, loss=0.05), Way(delay=0.002))
     print(f"{r['frames']} frames, offset {r['clock_offset_s'] * 1e3:.1f} ms", flush=True)

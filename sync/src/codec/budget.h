@@ -1,8 +1,8 @@
 // What a record may become in memory: at most kFactor times its length and kFree (PROTOCOL.md, "Memory").
 //
 // Invariant: readers charge before they take memory, and refuse what goes beyond; writers count the same and make
-// records longer that would be refused. The charges are what the allocator takes at most (tests/sync/codec/memory_test).
-// Threading: one thread an object.
+// records longer that would be refused. The charges are what the allocator takes at most
+// (tests/sync/codec/memory_test). Threading: one thread an object.
 #pragma once
 
 #include <cstddef>

@@ -97,8 +97,8 @@ struct ChangeEncoder::Parts {
     wire::ColumnWriter writer;
     bool forget = true;  // with the next frame
     unsigned sinceSync = 0;
-    std::size_t predicted = 0;  // values of the last frame
-    bool predicting = false;    // in this one
+    std::size_t predicted = 0;       // values of the last frame
+    bool predicting = false;         // in this one
     std::uint64_t descriptions = 0;  // what the set's descriptions charge a reader
     std::array<Rows, wire::kBlockEnd> rows;
     std::vector<Column> columns;  // the first `used` belong to the set at hand

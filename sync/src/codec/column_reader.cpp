@@ -1,4 +1,4 @@
-// Decodes columns: the nodes of one type and field that changed, and their values (PROTOCOL.md, "Columns").
+// Reads predicted columns: the nodes, then each value from its forecast and what it differed from that by.
 #include <type_traits>
 
 #include "blocks.h"

@@ -1,4 +1,4 @@
-// Encodes columns, raw or predicted, whichever is smaller (PROTOCOL.md, "Columns").
+// Writes columns: raw for fields that are new to the stream, predicted for the others.
 #include "blocks.h"
 #include "column_codec.h"
 #include "column_rows.h"

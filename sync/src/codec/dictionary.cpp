@@ -1,4 +1,4 @@
-// The head of a stream, and the hash by which both sides know whether their built-in types are the same.
+// The head of a stream: who writes, how, and with which built-in types.
 #include <rtsg/sync/dictionary.h>
 
 #include <cmath>

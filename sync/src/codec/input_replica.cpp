@@ -1,4 +1,4 @@
-// Runs recorded inputs in a scene of its own, and says when its hash is not the origin's.
+// Runs a scene from what came into its frames, and plays back what cannot be run.
 #include <rtsg/sync/input_replica.h>
 
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-// Rounds values in motion to a grid in a second scene, and sets them exactly once they rest.
+// Keeps a second scene whose moving values lie on a grid, so that they cost fewer bits.
 #include <rtsg/sync/lossy_scene.h>
 
 #include <algorithm>

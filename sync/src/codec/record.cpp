@@ -1,4 +1,4 @@
-// Seals records with header and checksum, and checks those that arrive.
+// Seals and checks records: header and checksum.
 #include <rtsg/sync/record.h>
 
 #include <cstring>

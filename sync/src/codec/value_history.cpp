@@ -1,4 +1,4 @@
-// Remembers the last values of fields and predicts the next ones, alike on both sides.
+// The memory of predicted values: finds a field, learns a value, forgets.
 #include "value_history.h"
 
 #include <algorithm>

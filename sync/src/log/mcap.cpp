@@ -1,4 +1,4 @@
-// Writes MCAP files: records, chunks, index, summary.
+// Writes MCAP files: chunks, their index and a summary, as the format asks for them.
 #include <rtsg/sync/mcap.h>
 
 #include <algorithm>

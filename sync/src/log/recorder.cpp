@@ -63,9 +63,9 @@ struct LogRecorder::Impl {
     std::atomic<std::uint64_t> acknowledged{0}, merged{0}, bytes{0};
     mutable std::mutex mutex;
     mutable std::condition_variable progress;
-    bool begun = false;      // guarded by mutex; the first state is in the file
-    Result<> result;         // guarded by mutex
-    char thrown[160] = {};   // guarded by mutex; by the thread: there may be no memory for a string
+    bool begun = false;     // guarded by mutex; the first state is in the file
+    Result<> result;        // guarded by mutex
+    char thrown[160] = {};  // guarded by mutex; by the thread: there may be no memory for a string
     std::thread thread;
 
     /// Of a thread that has ended, or is still at it.
@@ -151,7 +151,7 @@ struct LogRecorder::Impl {
 LogRecorder::LogRecorder(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
 LogRecorder::~LogRecorder() {
-    (void)stop();
+    (void)stop();  // as LogWriter: who wants to know calls it before
 }
 
 Result<std::unique_ptr<LogRecorder>> LogRecorder::start(Scene& scene, const std::filesystem::path& file,

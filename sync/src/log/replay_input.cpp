@@ -1,4 +1,4 @@
-// Makes recorded edits and events happen again in a live scene.
+// Runs the input of a frame in a scene, for logs that hold it beside the changes.
 #include "replay_input.h"
 
 #include <algorithm>

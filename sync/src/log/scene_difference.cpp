@@ -1,4 +1,4 @@
-// Finds the first node, field or route in which two scenes differ.
+// Finds the first difference of two scenes, the cause rather than what followed from it.
 #include <algorithm>
 #include <tuple>
 

@@ -111,7 +111,7 @@ Result<> LogWriter::openAppended() {
 }
 
 LogWriter::~LogWriter() {
-    (void)close();
+    (void)close();  // who wants to know of errors calls it before
 }
 
 Result<> LogWriter::beginEpoch() {

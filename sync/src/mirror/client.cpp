@@ -1,4 +1,4 @@
-// MirrorClient's calls for its user; the connection is in client_connection.cpp, the replica in client_replica.cpp.
+// The public face of a mirror's client: what it does is in client_connection.cpp and client_replica.cpp.
 #include <rtsg/sync/mirror_client.h>
 
 #include "client_impl.h"

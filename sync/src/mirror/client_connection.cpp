@@ -111,6 +111,9 @@ void MirrorClient::Impl::hello(bool afresh) {
     greeting.wishes.milliFrames = static_cast<std::uint32_t>(std::clamp(options_.framesPerSecond, 0.0, 1e6) * 1000);
     greeting.wishes.parts = options_.parts;
     greeting.wishes.inputs = options_.inputs && options_.latency.count() == 0 && inputTroubles_ < kMostInputTroubles;
+    if (options_.whenSlow == MirrorWhenSlow::coalesce)
+        greeting.wishes.lag = static_cast<std::uint32_t>(std::clamp<std::int64_t>(options_.maxLag.count(), 0, 1 << 30));
+    greeting.wishes.rate = options_.mostBytesPerSecond;
     running_ = false;
     for (const Aspect aspect : options_.aspects)
         greeting.wishes.aspects |= std::uint32_t{1} << static_cast<unsigned>(aspect);
@@ -315,7 +318,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
         refusal_ = ok.error().text;
         return;
     }
-    (void)inputDecoder_.setHead(*head);  // servers send inputs to equals only
+    inputsFit_ = inputDecoder_.setHead(*head).has_value();  // else the server sends none
     if (numbers[1] != epoch_) {
         if (epoch_ != 0) {
             ++statistics_.restarts;

@@ -80,6 +80,7 @@ class MirrorClient::Impl {
     void apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh);
     void input(std::span<const std::byte> bytes, const RecordHeader& header);
     void stopRunning(const std::string& why);
+    void noteLag();
     void compare(const RecordHeader& header);
     void repair(std::span<const std::byte> bytes, const RecordHeader& header);
     void answer(std::span<const std::byte> message);
@@ -103,9 +104,9 @@ class MirrorClient::Impl {
 
     std::uint64_t session_ = 0, epoch_ = 0, client_ = 0, nextRequest_ = 1;
     bool helloPending_ = true, connected_ = false;
-    bool up_ = false;      // there is a connection, by the last event of it that was read
-    bool cut_ = false;     // one has ended; what came by it is still being read
-    int descriptor_ = -1;  // of the newest connection
+    bool up_ = false;         // there is a connection, by the last event of it that was read
+    bool cut_ = false;        // one has ended; what came by it is still being read
+    int descriptor_ = -1;     // of the newest connection
     bool haveState_ = false;  // the replica is in a state of this epoch
     bool touched_ = false;    // something was applied to the replica: it has to be reset before a keyframe
     std::uint64_t state_ = 0, newestHeard_ = 0;
@@ -118,6 +119,7 @@ class MirrorClient::Impl {
     std::vector<std::shared_ptr<ChangeSet>> sets_;
     std::size_t applied_ = 0;  // in this turn of poll()
 
+    bool inputsFit_ = false;      // they are of this program's node types
     bool running_ = false;        // from a run state on; inputs can be run
     unsigned inputTroubles_ = 0;  // so many that it is left be
     static constexpr unsigned kMostInputTroubles = 3;

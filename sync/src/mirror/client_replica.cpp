@@ -171,7 +171,16 @@ void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHea
         diverged_ = false;
     }
     state_ = statistics_.sequence = header.to;
+    if (!afresh) noteLag();
     compare(header);
+}
+
+/// Of the frame that has just been applied, as good as the clocks' offset is known.
+void MirrorClient::Impl::noteLag() {
+    if (shownAt_ == 0 || !clock_.known()) return;
+    statistics_.lag =
+        std::max(0., (static_cast<double>(mirror::clockNow()) - static_cast<double>(clock_.here(shownAt_))) * 1e-9);
+    statistics_.mostLag = std::max(statistics_.mostLag, statistics_.lag);
 }
 
 /// What came into a frame, to be run here; or how things go on, from which inputs can be.
@@ -185,6 +194,7 @@ void MirrorClient::Impl::input(std::span<const std::byte> bytes, const RecordHea
         ++statistics_.gaps;
         return hello(false);
     }
+    if (!inputsFit_) return garbage("an input for other node types than ours");
     const std::shared_ptr<ChangeSet> set = freshSet();
     if (auto ok = inputDecoder_.decode(bytes, *set); !ok) {
         garbage("an input that makes no sense: " + ok.error().text);
@@ -330,7 +340,7 @@ void MirrorClient::Impl::nothingDiffers() {
     set->from = set->to = state_;
     set->time = replica_.now();
     set->hash = statistics_.originHash;
-    (void)replica_.apply(set);  // computes the hash anew
+    if (auto ok = replica_.apply(set); !ok) return giveUpRepair(ok.error().text);  // computes the hash anew
     statistics_.hash = replica_.hash();
     if (statistics_.hash != statistics_.originHash) return giveUpRepair("the state hash stays wrong");
     announce(

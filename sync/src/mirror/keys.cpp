@@ -1,4 +1,4 @@
-// Loads, generates and checks the CURVE keys of servers and clients.
+// Reads, checks and makes key files, and tells endpoints of this machine from others.
 #include <rtsg/sync/mirror_keys.h>
 
 #include <cerrno>

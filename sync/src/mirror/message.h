@@ -75,6 +75,8 @@ struct Wishes {
     std::uint32_t aspects = 0;       // bit n: aspect n; 0: all
     std::vector<std::string> parts;  // DEF names or #numbers of subtrees; none: all
     bool inputs = false;             // runs the cascade itself, given what came into each frame
+    std::uint32_t lag = 0;           // ms that it may be behind beside the way's delay; 0: any
+    std::uint64_t rate = 0;          // most bytes a second; 0: any
 
     bool partial() const { return aspects != 0 || !parts.empty(); }
     void write(ByteBuffer& out) const {
@@ -84,6 +86,8 @@ struct Wishes {
         out.put(aspects);
         wire::putTexts(out, parts);
         out.put(static_cast<std::uint8_t>(inputs));
+        out.put(lag);
+        out.put(rate);
     }
     void read(wire::Reader& in) {
         client = in.number<std::uint64_t>();
@@ -94,6 +98,9 @@ struct Wishes {
         if (count > kMostParts) in.refuse("too many parts");
         for (std::size_t i = 0; i < count && !in.problem; ++i) parts.emplace_back(in.text());
         if (in.left() && !in.problem) inputs = in.number<std::uint8_t>() & 1u;
+        if (in.left() < sizeof(lag) + sizeof(rate) || in.problem) return;
+        lag = in.number<std::uint32_t>();
+        rate = in.number<std::uint64_t>();
     }
 };
 

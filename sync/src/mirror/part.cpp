@@ -1,4 +1,4 @@
-// Cuts a part out of a scene by subtree and aspect, and keeps it in step.
+// Follows a scene and keeps of it what a peer asked for, as a scene of its own.
 #include "part.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Holds frames until their time has come, and interpolates between them.
+// Holds frames back until they are due, and interpolates between the replica and the next one.
 #include "playout.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Narrows a difference between two scenes down by hashes of ranges, and writes the repair.
+// Answers questions about hashes, and asks them: from "something differs" to the fields that do, and their repair.
 #include "questions.h"
 
 #include <algorithm>

@@ -137,6 +137,8 @@ std::chrono::milliseconds MirrorServer::Io::patience() const {
     const Clock::time_point now = Clock::now();
     for (const auto& [identity, peer] : peers_) {
         if (!peer.placed) result = std::min(result, 20ms);
+        if (const auto wait = peer.pace.wait(now); wait.count() > 0)
+            result = std::min(result, std::max(1ms, std::chrono::ceil<std::chrono::milliseconds>(wait)));
         if (peer.interval.count() > 0 && peer.placed && peer.state != historyOf(peer).newest())
             result = std::min(result, std::max(1ms, std::chrono::ceil<std::chrono::milliseconds>(peer.due - now)));
     }

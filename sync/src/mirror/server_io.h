@@ -19,6 +19,7 @@
 #include "gate.h"
 #include "history.h"
 #include "message.h"
+#include "pace.h"
 #include "shadow.h"
 #include "upstream.h"
 #include "zmq_socket.h"
@@ -73,6 +74,7 @@ class MirrorServer::Io {
     struct Peer {
         std::string identity, name;
         std::uint64_t session = 0, window = 0;
+        MirrorPace pace;
         std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
         std::uint64_t debt = 0;   // bytes sent before its last hello that it may not have read yet
         bool placed = false;      // `state` means something
@@ -95,7 +97,8 @@ class MirrorServer::Io {
         // A question to the shadow: nothing is sent until there is an answer, then frames up to the state it is about.
         bool asking = false;
         std::optional<MirrorShadow::Answer> answer;
-        double allowance = 0;  // questions it may ask
+        std::optional<MirrorShadow::Answer> after;  // its turn comes when frames up to its state, merged, are there
+        double allowance = 0;                       // questions it may ask
         Clock::time_point allowed{};
         mirror::Assembly submission;
         std::deque<mirror::Verdict> verdicts;  // of requests whose frames have not been sent yet
@@ -139,6 +142,8 @@ class MirrorServer::Io {
     Stream& streamOf(const Peer& peer) { return streams_.find(peer.part)->second; }
     const MirrorHistory& historyOf(const Peer& peer) const { return streams_.find(peer.part)->second.history; }
     bool behind(const Peer& peer) const;
+    bool late(const Peer& peer) const;
+    bool mayPass(Peer& peer);
     /// False when the peer is gone.
     bool pump(Peer& peer);
     bool deliverAnswer(Peer& peer);
@@ -148,6 +153,8 @@ class MirrorServer::Io {
     SharedRecord asFollowed(Peer& peer, SharedRecord next);
     SharedRecord keyframeFor(Peer& peer);
     SharedRecord frameFor(Peer& peer);
+    void merge(Peer& peer, std::vector<SharedRecord> frames);
+    SharedRecord frameTowards(Peer& peer, std::uint64_t state);
     SharedRecord codedFor(Peer& peer, SharedRecord record);
     bool sendChunk(Peer& peer);
     bool sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body = nullptr);

@@ -64,6 +64,7 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
                 return garbage("an acknowledgement of what was never sent");
             peer.debt = 0;  // messages arrive in order: it has read everything before
             peer.ackedBytes = numbers[2];
+            peer.pace.acknowledged(numbers[2], Clock::now());
             peer.ackedState = numbers[1];
             break;
         }
@@ -152,6 +153,10 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     if (shared_->options.keys)
         if (const auto own = shared_->options.keys->upstream.find(user); own != shared_->options.keys->upstream.end())
             peer.upstream = own->second;
+    std::uint64_t rate = hello.wishes.rate;
+    if (const std::uint64_t most = shared_->options.mostBytesPerSecond; most > 0)
+        rate = rate > 0 ? std::min(rate, most) : most;
+    peer.pace = MirrorPace(hello.wishes.lag / 1e3, static_cast<double>(rate));
     peer.sameTypes = hello.dictionaryHash == dictionaryHash_;
     peer.part = *part;
     peer.inputs =
@@ -228,6 +233,12 @@ bool MirrorServer::Io::behind(const Peer& peer) const {
     return peer.placed && historyOf(peer).bytesFrom(peer.state) > peer.window;
 }
 
+/// What waits for it would be older than it wants when it arrives.
+bool MirrorServer::Io::late(const Peer& peer) const {
+    return peer.placed && peer.whenSlow == MirrorWhenSlow::coalesce &&
+           peer.pace.late(historyOf(peer).bytesFrom(peer.state));
+}
+
 /// For a peer that has no state of ours: the last keyframe if frames lead on from it and are few, else a fresh one.
 SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
     const SharedRecord keyframe = historyOf(peer).keyframe();
@@ -244,19 +255,34 @@ SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
     return keyframe;
 }
 
-/// Everything that the peer has not got merged into one, if that is more than a frame; made by the shadow.
-SharedRecord MirrorServer::Io::frameFor(Peer& peer) {
-    const SharedRecord next = historyOf(peer).frameFrom(peer.state);
-    if (!next || next->header.to == historyOf(peer).newest()) return next;
+void MirrorServer::Io::merge(Peer& peer, std::vector<SharedRecord> frames) {
     MirrorShadow::Question question;
     question.kind = Kind::merge;
     question.peer = peer.identity;
     question.session = peer.session;
-    question.frames = historyOf(peer).framesFrom(peer.state, kMostMerged);
+    question.frames = std::move(frames);
     statistics_.merged += question.frames.size();
     peer.asking = true;
     peer.answer.reset();
     shadow_.ask(std::move(question));
+}
+
+/// Everything that the peer has not got merged into one, if that is more than a frame; made by the shadow.
+SharedRecord MirrorServer::Io::frameFor(Peer& peer) {
+    const SharedRecord next = historyOf(peer).frameFrom(peer.state);
+    if (!next || next->header.to == historyOf(peer).newest()) return next;
+    merge(peer, historyOf(peer).framesFrom(peer.state, kMostMerged));
+    return nullptr;
+}
+
+/// An answer is about `state` and waits until the peer is there: frame by frame, or at once if that would be late.
+SharedRecord MirrorServer::Io::frameTowards(Peer& peer, std::uint64_t state) {
+    const SharedRecord next = historyOf(peer).frameFrom(peer.state);
+    if (!next || next->header.to >= state || !late(peer)) return next;
+    std::vector<SharedRecord> frames = historyOf(peer).framesFrom(peer.state, kMostMerged);
+    std::erase_if(frames, [state](const SharedRecord& frame) { return frame->header.to > state; });
+    peer.after = std::exchange(peer.answer, std::nullopt);
+    merge(peer, std::move(frames));
     return nullptr;
 }
 
@@ -269,20 +295,20 @@ SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
         peer.answer.reset();
         next = keyframeFor(peer);
     } else if (peer.state != historyOf(peer).newest()) {
-        if (peer.answer) {  // up to the state it is about, frame by frame
-            next = historyOf(peer).frameFrom(peer.state);
+        if (peer.answer) {
+            next = frameTowards(peer, peer.answer->state);
         } else if (peer.interval.count() > 0) {
             const Clock::time_point now = Clock::now();
             if (now < peer.due) return nullptr;
             peer.due = std::max(peer.due + peer.interval, now);
             next = frameFor(peer);
-        } else if (!behind(peer) || peer.whenSlow == MirrorWhenSlow::block) {
+        } else if ((!behind(peer) && !late(peer)) || peer.whenSlow == MirrorWhenSlow::block) {
             next = historyOf(peer).frameFrom(peer.state);
         } else if (peer.whenSlow == MirrorWhenSlow::resync) {
             peer.placed = false;
             next = keyframeFor(peer);
         } else {
-            // More than a whole window behind: it would only fall further back, one frame after the other.
+            // A whole window behind, or too late: it would only fall further back, one frame after the other.
             next = frameFor(peer);
         }
     }
@@ -317,8 +343,8 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
             there = sendTo(peer.identity, *answer.message);
         }
     }
-    peer.asking = false;
-    peer.answer.reset();
+    peer.answer = std::exchange(peer.after, std::nullopt);
+    peer.asking = peer.answer.has_value();
     return there;
 }
 
@@ -365,7 +391,8 @@ SharedRecord MirrorServer::Io::asFollowed(Peer& peer, SharedRecord next) {
 
 bool MirrorServer::Io::sendChunk(Peer& peer) {
     const std::span<const std::byte> whole = peer.sending->bytes.bytes();
-    const std::span<const std::byte> part = whole.subspan(peer.sent, std::min(kChunk, whole.size() - peer.sent));
+    const std::size_t most = peer.pace.chunk(kChunk);
+    const std::span<const std::byte> part = whole.subspan(peer.sent, std::min(most, whole.size() - peer.sent));
     const std::uint64_t numbers[] = {peer.session, whole.size(), peer.sent, peer.sending->published};
     mirror::write(message_, Message::data, numbers);
     bool ok = false;
@@ -380,13 +407,22 @@ bool MirrorServer::Io::sendChunk(Peer& peer) {
     peer.spoken = Clock::now();
     peer.sent += part.size();
     peer.sentBytes += part.size();
+    peer.pace.sent(peer.sentBytes, peer.spoken);
     statistics_.bytes += part.size();
     if (peer.sent == whole.size()) peer.sending.reset();
     return true;
 }
 
+/// Credit in bytes, and in time.
+bool MirrorServer::Io::mayPass(Peer& peer) {
+    const std::uint64_t record = peer.sending ? peer.sending->bytes.size() : 0;
+    if (peer.sentBytes - peer.ackedBytes < peer.window && peer.pace.open(record, Clock::now())) return true;
+    if (peer.sending || (peer.placed && peer.state != historyOf(peer).newest())) peer.pace.held();
+    return false;
+}
+
 bool MirrorServer::Io::pump(Peer& peer) {
-    while (peer.sentBytes - peer.ackedBytes < peer.window) {
+    while (mayPass(peer)) {
         if (peer.answer && !peer.sending && !peer.then && !deliverAnswer(peer)) return false;
         if (!peer.sending) {
             peer.sending = peer.then ? std::exchange(peer.then, nullptr) : asFollowed(peer, nextFor(peer));

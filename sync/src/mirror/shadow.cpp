@@ -176,9 +176,10 @@ void MirrorShadow::followParts(const Scene& scene, const ChangeSet* set, std::ui
 
 void MirrorShadow::follow(Scene& scene, const SharedRecord& record) {
     if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
+    Result<> ok;
     if (record->header.kind == RecordKind::keyframe && (scene.sequence() != 0 || scene.nodeCount() > 1))
-        (void)scene.reset();
-    if (decoder_.decode(record->bytes.bytes(), *set_) && scene.apply(set_))
+        ok = scene.reset();
+    if (ok && decoder_.decode(record->bytes.bytes(), *set_) && scene.apply(set_))
         return followParts(scene, set_.get(), record->published);
     const std::scoped_lock lock(mutex_);
     lost_ = true;
@@ -202,7 +203,9 @@ SharedRecord MirrorShadow::merge(const std::vector<SharedRecord>& frames) {
         if (!decoder_.decode(frame->bytes.bytes(), set)) return nullptr;
         composer.add(set);
     }
-    return lastMerged_ = encode(composer.take());
+    const std::shared_ptr<EncodedRecord> merged = encode(composer.take());
+    merged->published = frames.back()->published;
+    return lastMerged_ = merged;
 }
 
 MirrorShadow::Answer MirrorShadow::answer(const Scene& whole, const Question& question) {

@@ -1,4 +1,4 @@
-// Owns ZeroMQ's messages and sockets.
+// Messages that own or borrow their bytes, and errors as diagnostics.
 #include "zmq_socket.h"
 
 #include <cstring>

@@ -1,8 +1,8 @@
 // Logs: replay, search, damage, index, appending, and the difference of two.
 #include <rtsg/sync/log.h>
 
-#include <algorithm>
 #include <gtest/gtest.h>
+#include <algorithm>
 
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/replay.h>

@@ -46,6 +46,12 @@ struct MirrorClientOptions {
     /// the work of the origin. Checked by the hash; changes come where that does not do, or the server does not offer
     /// it. Not with `latency`, `parts` or `aspects`. The application's deterministic behaviours must be registered.
     bool inputs = false;
+    /// On a link that carries less than the scene makes, frames come merged into one so that what arrives is at most so
+    /// old, beside the link's delay and the time that one frame takes. 0: every frame comes, however late, until a
+    /// whole window waits. For MirrorWhenSlow::coalesce.
+    std::chrono::milliseconds maxLag{250};
+    /// What the server may send at most, bytes a second; 0: any.
+    std::uint64_t mostBytesPerSecond = 0;
     /// At most so many frames a second, those in between merged; 0: all.
     double framesPerSecond = 0;
     /// Only these subtrees (DEF names, or # and a node's number), with the nodes on the way to them; none: everything.
@@ -84,6 +90,8 @@ struct MirrorStatistics {
     double clockOffset = 0, delay = 0, jitter = 0;
     std::uint64_t clockSamples = 0;
     std::uint64_t late = 0;  // frames that came after the time they were to be shown at
+    /// Age of frames when they were applied, seconds since the origin published them: the last one's, and the most.
+    double lag = 0, mostLag = 0;
 };
 
 /// What the origin made of a request.

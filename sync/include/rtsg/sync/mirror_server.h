@@ -54,6 +54,8 @@ struct MirrorServerOptions {
     std::size_t maximumParts = 8;
     /// Frames kept for peers that resume, bytes.
     std::uint64_t history = std::uint64_t{64} << 20;
+    /// To each peer, at most; 0: any. A peer may ask for less.
+    std::uint64_t mostBytesPerSecond = 0;
     /// What peers may send to the scene if the keys do not say it of theirs.
     MirrorUpstream upstream = MirrorUpstream::none;
     /// How long peers that ask for MirrorWhenSlow::block may hold up a frame; after that they count as coalesce.

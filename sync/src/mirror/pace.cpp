@@ -1,0 +1,108 @@
+// Measures what the way to a peer carries, and says how much may be under way.
+#include "pace.h"
+
+#include <algorithm>
+
+namespace rtsg {
+
+namespace {
+
+constexpr double kHeadroom = 1.25;                    // else a rate that is measured too low would stay so
+constexpr double kFirst = 8 << 10, kLeast = 2 << 10;  // bytes under way: before anything is known, and always
+constexpr double kSmallRecord = 16 << 10;             // may be under way as a whole in any case,
+constexpr double kLargeRecord = 64 << 10;             // and one so long if the link takes it within the lag
+constexpr double kShortest = 1e-4;                    // s: measures of less are noise
+constexpr MirrorPace::Seconds kRateSpan{1}, kDelaySpan{5};
+constexpr double kSpanDelays = 8;  // or as many delays, if that is longer
+
+double leastOf(double a, double b) {
+    return a <= 0 ? b : b <= 0 ? a : std::min(a, b);
+}
+
+}  // namespace
+
+double MirrorPace::rate() const {
+    const double measured = std::max(rate_.now, rate_.before);
+    return most_ > 0 && measured > 0 ? std::min(most_, measured) : measured;
+}
+
+double MirrorPace::delay() const {
+    return leastOf(delay_.now, delay_.before);
+}
+
+double MirrorPace::limit(std::uint64_t record) const {
+    if (lag_ <= 0) return std::numeric_limits<double>::infinity();
+    if (rate() <= 0) return kFirst;
+    const double whole = std::min(double(record), std::clamp(rate() * lag_, kSmallRecord, kLargeRecord));
+    return std::max({kLeast, whole, kHeadroom * rate() * (delay() + lag_ / 8)});
+}
+
+bool MirrorPace::open(std::uint64_t record, Clock::time_point now) {
+    if (most_ > 0 && now < next_) return false;
+    const std::uint64_t under = sentTotal_ - acknowledgedTotal_;
+    if (draining_) draining_ = under != 0;
+    return !draining_ && (under == 0 || double(under) < limit(record));
+}
+
+std::uint64_t MirrorPace::chunk(std::uint64_t most) const {
+    double result = double(most);
+    if (lag_ > 0) result = std::min(result, std::max(kLeast, limit(0) / 4));
+    if (most_ > 0) result = std::min(result, std::max(kLeast, most_ / 20));  // a twentieth of a second
+    return static_cast<std::uint64_t>(result);
+}
+
+void MirrorPace::sent(std::uint64_t total, Clock::time_point now) {
+    const std::uint64_t size = total - sentTotal_;
+    if (most_ > 0)
+        next_ = std::max(next_, now) + std::chrono::duration_cast<Clock::duration>(Seconds(double(size) / most_));
+    if (lag_ > 0) {
+        const bool alone = sentTotal_ == acknowledgedTotal_;
+        if (alone) acknowledgedAt_ = now;
+        sent_.push_back({total, acknowledgedTotal_, now, acknowledgedAt_, alone});
+    }
+    sentTotal_ = total;
+}
+
+/// `size`: of what was sent alone; the link took its time for that too.
+void MirrorPace::learnDelay(const Sent& sent, std::uint64_t size, Clock::time_point now) {
+    const double whole = Seconds(now - sent.at).count();
+    const double own = rate() > 0 ? double(size) / rate() : 0;
+    delay_.now = leastOf(delay_.now, std::max(kShortest, whole - own));
+    draining_ = false;
+}
+
+void MirrorPace::learnRate(const Sent& sent, Clock::time_point now) {
+    const double seconds = std::max(kShortest, Seconds(now - sent.since).count());
+    const double found = double(acknowledgedTotal_ - sent.acknowledgedThen) / seconds;
+    // One that the sender limited says only that the link carries so much.
+    const bool links = sent.total <= heldUpTo_;
+    if (links && now - rate_.began > std::max(kRateSpan, Seconds(kSpanDelays * delay()))) {
+        rate_.before = rate_.now;
+        rate_.now = 0;
+        rate_.began = now;
+    }
+    if (links || found > rate()) rate_.now = std::max(rate_.now, found);
+}
+
+void MirrorPace::acknowledged(std::uint64_t total, Clock::time_point now) {
+    if (total <= acknowledgedTotal_) return;
+    std::uint64_t before = acknowledgedTotal_;
+    acknowledgedTotal_ = total;
+    while (!sent_.empty() && sent_.front().total <= total) {
+        const Sent chunk = sent_.front();
+        sent_.pop_front();
+        if (chunk.alone) learnDelay(chunk, chunk.total - before, now);
+        before = chunk.total;
+        if (sent_.empty() || sent_.front().total > total) learnRate(chunk, now);
+    }
+    acknowledgedAt_ = now;
+    if (lag_ > 0 && now - delay_.began > kDelaySpan) {
+        // Without a measure of the empty way in all this time it has to be made empty.
+        draining_ = delay_.now <= 0;
+        if (!draining_) delay_.before = delay_.now;
+        delay_.now = 0;
+        delay_.began = now;
+    }
+}
+
+}  // namespace rtsg
