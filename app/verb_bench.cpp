@@ -58,7 +58,7 @@ constexpr Bench kBenches[] = {
     {"overlap", "the next frame's cascade while this one is pictured, against one after the other", bench::overlap},
     {"frames", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},
     {"instances", "rays through 100,000 things that may move against one flat BVH", always<bench::instances>},
-    {"stage", "one box of many moves: what following it costs sound", always<bench::stage>},
+    {"stage", "one world: light, sound, and readers on threads of their own", always<bench::stage>},
     {"export", "one box of many moves: what writing it as MCAP adds", always<bench::exporting>},
     {"deform", "following a deforming mesh against a bare refit; rays against a rebuilt BVH", always<bench::deform>},
     {"codec", "encoding and decoding a changed field", synced<bench::codec>},

@@ -4,6 +4,10 @@
 #include <algorithm>
 #include <charconv>
 #include <ctime>
+#include <fstream>
+
+#include <malloc.h>
+#include <unistd.h>
 
 namespace rtsg::bench {
 
@@ -25,6 +29,14 @@ double threadSeconds() {
 }
 double wallSeconds() {
     return clockSeconds(CLOCK_MONOTONIC);
+}
+
+double residentBytes() {
+    malloc_trim(0);
+    std::ifstream in("/proc/self/statm");
+    double total = 0, resident = 0;
+    in >> total >> resident;
+    return resident * static_cast<double>(sysconf(_SC_PAGESIZE));
 }
 
 double median(std::vector<double> values) {

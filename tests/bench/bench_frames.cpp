@@ -6,7 +6,6 @@
 #include <iterator>
 
 #include <fmt/format.h>
-#include <malloc.h>
 #include <unistd.h>
 
 #include <rtsg/core/loader.h>
@@ -19,14 +18,6 @@
 namespace rtsg::bench {
 
 namespace {
-
-double residentBytes() {
-    malloc_trim(0);
-    std::ifstream in("/proc/self/statm");
-    double total = 0, resident = 0;
-    in >> total >> resident;
-    return resident * static_cast<double>(sysconf(_SC_PAGESIZE));
-}
 
 /// Removed with everything in it.
 struct Folder {

@@ -1,4 +1,5 @@
-// Bench "stage": one of many boxes moves; what following it costs sound, beside all walls anew and beside the BVH.
+// Bench "stage": one world and those who start from it. Here: one of many boxes moves; what following it costs sound,
+// beside all walls anew and beside the BVH.
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -8,7 +9,7 @@
 #include <rtsg/audio/world_geometry.h>
 #include <rtsg/renderers/mesh.h>
 
-#include "bench.h"
+#include "bench_stage.h"
 
 namespace rtsg::bench {
 namespace {
@@ -84,6 +85,9 @@ class Boxes {
 }  // namespace
 
 void stage(const Report& report, bool quick) {
+    stageLights(report, quick);
+    stageReaders(report, quick);
+    stageMemory(report, quick);
     const double clock = cpuClockSeconds();
     for (const std::uint32_t count : quick ? std::vector{1000u} : std::vector{1000u, 10'000u, 100'000u}) {
         Boxes boxes(count);

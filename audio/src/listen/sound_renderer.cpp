@@ -81,6 +81,25 @@ Result<> SoundRenderer::follow(const Scene& scene, const ChangeSet& changes, con
     return impl_->renderer->apply(scene, changes, delta);
 }
 
+std::shared_ptr<const void> SoundRenderer::freezeTables() {
+    return impl_->renderer->latest();
+}
+
+Result<> SoundRenderer::renderFrame(const WorldState& state) {
+    Impl& s = *impl_;
+    if (!s.refused.empty()) return fail("listening failed: " + s.refused);
+    if (ownsNodes()) return fail("sound renderer: nodes that it voices itself are voiced on the scene's thread only");
+    const auto* tables = static_cast<const AcousticState*>(tablesIn(state));
+    if (!tables || !state.rays) return fail("sound renderer: this state was made without it");
+    const auto start = Clock::now();
+    SoundBuffer& sound = s.report.sound;
+    s.blockAt = sound.samples.size();
+    if (!s.options.sound) return {};
+    if (auto rendered = s.renderer->render(*tables, *state.rays, state.time, sound); !rendered) return rendered;
+    s.report.seconds += secondsSince(start);
+    return {};
+}
+
 Result<> SoundRenderer::renderFrame() {
     Impl& s = *impl_;
     if (!s.refused.empty()) return fail("listening failed: " + s.refused);

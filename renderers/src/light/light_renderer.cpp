@@ -30,22 +30,51 @@ Result<> LightRenderer::follow(const Scene& scene, const ChangeSet& changes, con
     return impl_->tracer.apply(scene, changes, delta);
 }
 
+std::shared_ptr<const void> LightRenderer::freezeTables() {
+    return impl_->tracer.latest();
+}
+
+namespace {
+
+/// Width over height; 0 for sizes that no picture has.
+double aspectOf(const RenderSettings& settings) {
+    if (settings.width < 1 || settings.height < 1) return 0;
+    return static_cast<double>(settings.width) / settings.height;
+}
+
+}  // namespace
+
 Result<> LightRenderer::make(const ImageOptions& options) {
     Impl& s = *impl_;
     if (!s.refused.empty()) return fail(s.refused);
     if (auto ok = begin(); !ok) return ok;
-    if (options.settings.width < 1 || options.settings.height < 1)
-        return fail("a picture's width and height must be positive");
-    const double aspect = static_cast<double>(options.settings.width) / options.settings.height;
-    auto camera = s.tracer.camera(s.rays, aspect, options.viewpoint);
+    auto camera = s.tracer.camera(s.rays, aspectOf(options.settings), options.viewpoint);
     if (!camera) return std::unexpected(camera.error());
     s.camera = *camera;
     if (auto ok = world().setViewer(s.camera.position); !ok) return ok;
     s.stats = {};
-    auto picture = s.tracer.render(s.rays, s.camera, options.settings, &s.stats);
-    if (!picture) return std::unexpected(picture.error());
-    s.frame = std::move(*picture);
+    if (auto ok = take(s.tracer.render(s.rays, s.camera, options.settings, &s.stats)); !ok) return ok;
     return renderOwnNodes(kDraw);
+}
+
+Result<> LightRenderer::renderFrame(const WorldState& state) {
+    Impl& s = *impl_;
+    if (ownsNodes()) return fail("light renderer: nodes that it draws itself are drawn on the scene's thread only");
+    const auto* tables = static_cast<const LightState*>(tablesIn(state));
+    if (!tables || !state.rays) return fail("light renderer: this state was made without it");
+    const ImageOptions& options = s.options.image;
+    auto camera = LightTracer::camera(*tables, *state.rays, aspectOf(options.settings), options.viewpoint);
+    if (!camera) return std::unexpected(camera.error());
+    s.camera = *camera;
+    world().lookFrom(s.camera.position);
+    s.stats = {};
+    return take(LightTracer::render(*tables, *state.rays, s.camera, options.settings, &s.stats));
+}
+
+Result<> LightRenderer::take(Result<Picture> picture) {
+    if (!picture) return std::unexpected(picture.error());
+    impl_->frame = std::move(*picture);
+    return {};
 }
 
 Result<> LightRenderer::renderFrame() {

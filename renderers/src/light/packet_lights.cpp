@@ -75,7 +75,7 @@ Vec3f look(const TraceScene& scene, Ray ray) {
         if (!hit) return left;
         left *= straightTransmittance(scene, hit);
         if (!(std::max({left.x, left.y, left.z}) > 1 / 1024.0f)) return Vec3f(0);
-        const Vec3f next = RayWorld::leave(scene.world->point(hit), ray.direction);
+        const Vec3f next = RayView::leave(scene.world->point(hit), ray.direction);
         // For a light at a place, t counts in shares of the way that is left.
         if (std::isfinite(ray.tMax)) {
             ray.direction = ray.origin + ray.direction - next;
@@ -99,7 +99,7 @@ F8 beyond(F8 x, F8 step) {
     return select(step == 0.0f, x, fromBits(moved));
 }
 
-/// As RayWorld::leave.
+/// As RayView::leave.
 V8 leave8(const SurfacePacket& s, int at, const V8& towards) {
     const V8 n{load(s.hits.normalX + at), load(s.hits.normalY + at), load(s.hits.normalZ + at)}, e = loadV(s.error, at);
     const auto absolute = [](F8 x) { return max(x, -x); };
@@ -241,24 +241,28 @@ void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowR
         storeV(s.radiance, at,
                {select(plain, base.x, own.x), select(plain, base.y, own.y), select(plain, base.z, own.z)});
     }
+    const LightGroups& all = scene.lightGroups;
     // Lanes that share their lights go together; nearly always all of them.
     for (std::uint32_t lit = s.mask & ~s.unlit; lit;) {
-        const std::uint32_t list = s.lights[std::countr_zero(lit)];
+        const std::uint32_t start = all.start(s.lights[std::countr_zero(lit)]);
         std::uint32_t group = 0;
-        for (int lane = 0; lane < 16; ++lane) group |= static_cast<std::uint32_t>(s.lights[lane] == list) << lane;
-        group &= lit;
+        for (std::uint32_t rest = lit; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            group |= static_cast<std::uint32_t>(all.start(s.lights[lane]) == start) << lane;
+        }
         lit &= ~group;
         const std::uint32_t phong = group & ~s.physical, physical = group & s.physical;
         alignas(32) std::int32_t phongLanes[16], physicalLanes[16];
         spread(phong, phongLanes);
         spread(physical, physicalLanes);
-        for (const TraceLight& light : scene.lightLists[list]) {
-            Incoming in;
-            if (!gather(light, s, in)) continue;
-            if (light.shadows) castShadows(scene, light, s, group, in, shadowRays);
-            if (phong) addPhong(light, s, in, phongLanes, (phong & s.shiny) != 0);
-            if (physical) addPhysical(light, s, in, physicalLanes);
-        }
+        for (std::uint32_t at = start; at != LightGroups::kEnd; at = all.next(at))
+            for (const TraceLight& light : all.lightsOf(at)) {
+                Incoming in;
+                if (!gather(light, s, in)) continue;
+                if (light.shadows) castShadows(scene, light, s, group, in, shadowRays);
+                if (phong) addPhong(light, s, in, phongLanes, (phong & s.shiny) != 0);
+                if (physical) addPhysical(light, s, in, physicalLanes);
+            }
     }
 }
 

@@ -1,35 +1,50 @@
 // TraceScene: what an integrator sees of a scene at one moment; everything by index, nothing by name or node.
 //
+// It reads a LightState and rays of the same state, both of which must outlive it.
 // Threading: const while a picture is made. Built by LightTracer::render, read by every tile.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include <rtsg/renderers/camera.h>
 #include <rtsg/renderers/light_tracer.h>
 #include <rtsg/renderers/material.h>
+#include <rtsg/renderers/paged_array.h>
 #include <rtsg/renderers/ray_world.h>
 
 namespace rtsg::trace {
 
 /// What an instance slot is drawn with.
 struct SlotShading {
-    std::uint32_t material = 0, lights = 0;
-    NodeId appearance, geometry;
-    ScopeId scope;
+    std::uint32_t material = 0;
+    std::uint32_t lights = 0;                            // LightGroups: what reaches it
     std::array<std::uint8_t, kTextureRoles> channels{};  // of the mesh's texture coordinates, per role
-    bool used = false;
+};
+constexpr unsigned kSlotBits = 6;  // of the number of slots to a page
+
+/// By slot, in pages.
+class SlotPages {
+  public:
+    SlotPages() = default;
+    explicit SlotPages(const PagedArray<SlotShading, kSlotBits>& slots);
+    std::size_t size() const { return size_; }
+    const SlotShading& operator[](std::size_t slot) const {
+        return pages_[slot >> kSlotBits][slot & ((std::size_t{1} << kSlotBits) - 1)];
+    }
+
+  private:
+    std::vector<const SlotShading*> pages_;
+    std::size_t size_ = 0;
 };
 
 /// A material and what is decided about it beforehand.
 struct MaterialEntry {
     Material material = defaultMaterial();
     bool textured = false, transmits = false, mirrors = false;
-    NodeId appearance;
-    std::uint32_t users = 0;
     void finish() {
         textured = material.textured() || (material.back && material.back->textured());
         transmits = material.transmits();
@@ -49,11 +64,44 @@ struct TraceLight {
     float beamWidth = 0, cutOffAngle = 0;
 };
 
+/// The materials by number.
+class MaterialList {
+  public:
+    MaterialList() = default;
+    explicit MaterialList(const PagedArray<std::shared_ptr<const MaterialEntry>>& materials);
+    const MaterialEntry& operator[](std::size_t material) const { return *entries_[material]; }
+
+  private:
+    std::vector<const MaterialEntry*> entries_;
+};
+
+/// The lights by the scope that they shine in: an instance sees those of its own scope and of all around it.
+class LightGroups {
+  public:
+    static constexpr std::uint32_t kEnd = 0xFFFFFFFF;
+    /// One group a scope, numbered as these are; 0 is the whole scene.
+    struct Group {
+        std::uint32_t start = 0;      // itself, or the next one outwards that has lights
+        std::uint32_t around = kEnd;  // the one with lights outside of `start`
+        std::uint32_t first = 0, count = 0;
+    };
+
+    /// The group to begin with for an instance of this one; next() leads outwards, up to kEnd.
+    std::uint32_t start(std::uint32_t group) const { return groups[group].start; }
+    std::uint32_t next(std::uint32_t group) const { return groups[group].around; }
+    std::span<const TraceLight> lightsOf(std::uint32_t group) const {
+        return std::span(lights).subspan(groups[group].first, groups[group].count);
+    }
+
+    std::vector<Group> groups{1};
+    std::vector<TraceLight> lights;
+};
+
 struct TraceScene {
-    const RayWorld* world = nullptr;
-    std::span<const MaterialEntry> materials;
-    std::span<const SlotShading> slots;
-    std::vector<std::vector<TraceLight>> lightLists;
+    const RayView* world = nullptr;
+    MaterialList materials;
+    SlotPages slots;
+    LightGroups lightGroups;
     /// Of all that is computed; automatic: of PhysicalMaterials linear, of all else display.
     ColorSpace space = ColorSpace::linear;
     const Sky* sky = nullptr;

@@ -1,14 +1,20 @@
-// The shared world: one flattener and one RayWorld on the bus, and the list of those who start from them.
+// The shared world: one flattener and one RayWorld on the bus, the list of those who start from them, and states of
+// all of it for readers on other threads.
 #include <rtsg/renderers/shared_world.h>
 
 #include <algorithm>
+#include <atomic>
 #include <ctime>
 #include <exception>
 #include <functional>
+#include <mutex>
+#include <thread>
 #include <utility>
 #include <vector>
 
 #include <rtsg/core/scene.h>
+
+#include "hand_over.h"
 
 namespace rtsg {
 
@@ -48,6 +54,7 @@ struct SharedWorld::Impl final : Subscriber {
         InstanceSubscriber* subscriber = nullptr;  // null: removed during a delivery
         bool upToDate = false;
         std::string failure;
+        std::uint64_t number = 0;
     };
 
     Impl(Scene& s, Options o) : scene(s), options(std::move(o)), flattener(std::move(options.flattening)) {}
@@ -55,10 +62,15 @@ struct SharedWorld::Impl final : Subscriber {
     double clock() const { return options.timed ? threadSeconds() : 0; }
 
     Result<> apply(const Scene& at, const ChangeSet& changes) override {
-        const double start = clock();
-        const InstanceDelta& now = flattener.apply(at, changes);
-        times.flattening = clock() - start;
-        return deliver(at, changes, now);
+        const Result<> done = guarded([&] {
+            const double start = clock();
+            takeEye();
+            const InstanceDelta& now = flattener.apply(at, changes);
+            times.flattening = clock() - start;
+            return deliver(at, changes, now);
+        });
+        if (!done) failed.store(true, std::memory_order_relaxed);
+        return done;
     }
     std::string subscriberName() const override { return "shared world"; }
 
@@ -105,15 +117,71 @@ struct SharedWorld::Impl final : Subscriber {
         }
         delivering = false;
         std::erase_if(entries, [](const Entry& entry) { return !entry.subscriber; });
-        times.subscribers = clock() - done;
+        const double served = clock();
+        times.subscribers = served - done;
+        if (news) ++moment;
+        serve();
+        times.handingOver = clock() - served;
         return {};
+    }
+
+    /// Where a reader looks from, if one has said so.
+    bool takeEye() {
+        if (!eyeMoved.load(std::memory_order_relaxed)) return false;
+        const std::unique_lock lock(eyeMutex, std::try_to_lock);  // a reader that holds it is heard the next time
+        if (!lock) return false;
+        eyeMoved.store(false, std::memory_order_relaxed);
+        flattener.setViewer(eye);
+        return true;
+    }
+
+    // ---- for readers on other threads --------------------------------------------------------------------------
+
+    /// After a delivery: a new state if somebody has asked for one.
+    void serve() {
+        if (delivering) return;  // not all have had their turn
+        current.store(moment, std::memory_order_release);
+        if (wanted.load(std::memory_order_relaxed)) {
+            askedAt = moment;
+            if (handedAt != moment) handOver();
+        } else if (handedAt != 0 && moment - askedAt > kForget) {
+            if (states.put(nullptr)) handedAt = 0;
+        }
+    }
+    void handOver() {
+        wanted.store(false, std::memory_order_relaxed);  // who asks from now on wants the next one
+        const Result<> made = guarded([&]() -> Result<> {
+            auto state = std::make_shared<WorldState>();
+            state->sequence = delta ? delta->sequence : 0;
+            state->time = scene.now();
+            state->moment = moment;
+            if (rays && !(state->rays = rays->freeze())) return fail("so many are held");
+            state->tables.reserve(entries.size());
+            for (const Entry& entry : entries)
+                if (entry.subscriber && entry.upToDate && entry.failure.empty())
+                    if (auto table = entry.subscriber->freeze())
+                        state->tables.emplace_back(entry.number, std::move(table));
+            if (!states.put(std::move(state))) return fail("all places are taken");
+            return {};
+        });
+        if (made) {
+            handedAt = moment;
+            ++counts.handedOver;
+            return;
+        }
+        ++counts.refused;
+        refusedAt.store(moment, std::memory_order_release);
+        wanted.store(true, std::memory_order_relaxed);
     }
 
     /// What is done outside of the bus's deliveries stops everything as well if it fails.
     Result<> outside(const std::function<Result<>()>& work) {
         if (!failure.empty()) return fail(failure);
         const Result<> result = guarded(work);
-        if (!result) failure = reason(result.error());
+        if (!result) {
+            failure = reason(result.error());
+            failed.store(true, std::memory_order_relaxed);
+        }
         return result;
     }
 
@@ -128,6 +196,19 @@ struct SharedWorld::Impl final : Subscriber {
     std::string failure;
     Counts counts;
     Times times;
+    std::uint64_t added = 0;  // subscribers, ever
+
+    // The scene's thread counts; readers look at the atomic ones.
+    std::uint64_t moment = 1;                                     // deliveries, from 1
+    std::uint64_t handedAt = 0, askedAt = 0;                      // moments
+    mutable std::atomic<std::uint64_t> current{1}, refusedAt{0};  // moments
+    mutable std::atomic<bool> wanted{false};
+    std::atomic<bool> failed{false};
+    HandOver<WorldState> states;
+    std::mutex eyeMutex;
+    std::atomic<bool> eyeMoved{false};
+    std::optional<Vec3d> eye;  // as a reader last said
+
     Attachment attachment;  // last: detached first
 };
 
@@ -138,11 +219,13 @@ SharedWorld::SharedWorld(Scene& scene, Options options) : impl_(std::make_unique
 }
 SharedWorld::~SharedWorld() = default;
 
-void SharedWorld::add(InstanceSubscriber& subscriber) {
+std::uint64_t SharedWorld::add(InstanceSubscriber& subscriber) {
     Impl& s = *impl_;
     if (!s.delivering) (void)update();  // a failure is kept
-    s.entries.push_back({&subscriber, false, {}});
+    s.entries.push_back({&subscriber, false, {}, ++s.added});
+    ++s.moment;  // what was handed over is without it
     if (!s.delivering && failure().empty()) (void)s.outside([&] { return s.deliverViewer(); });
+    return s.added;
 }
 
 void SharedWorld::remove(InstanceSubscriber& subscriber) {
@@ -169,11 +252,42 @@ Result<> SharedWorld::update() {
     s.scene.seal();
     s.attachment.poll();
     if (const std::string why = failure(); !why.empty()) return fail("the scene could not be followed: " + why);
+    if (s.takeEye()) return s.outside([&] { return s.deliverViewer(); });
+    s.serve();
     return {};
+}
+
+Result<std::shared_ptr<const WorldState>> SharedWorld::latest(std::chrono::nanoseconds patience) const {
+    using Clock = std::chrono::steady_clock;
+    Impl& s = *impl_;
+    const Clock::time_point end = Clock::now() + patience;
+    for (std::chrono::microseconds pause{50};; pause = std::min(2 * pause, std::chrono::microseconds(1000))) {
+        std::shared_ptr<const WorldState> state = s.states.get();
+        const std::uint64_t now = s.current.load(std::memory_order_acquire);
+        s.wanted.store(true, std::memory_order_relaxed);
+        if (s.failed.load(std::memory_order_relaxed))
+            return fail("the world follows its scene no longer; SharedWorld::failure() says why");
+        if (state && state->moment >= now) return state;
+        if (s.refusedAt.load(std::memory_order_acquire) == now || Clock::now() >= end) {
+            if (state) return state;
+            return fail(
+                "no state of the scene was handed over: its thread must run frames, or call SharedWorld::update(), and "
+                "readers must let go of old states");
+        }
+        std::this_thread::sleep_for(pause);
+    }
+}
+
+void SharedWorld::lookFrom(const Vec3d& eye) {
+    const std::lock_guard lock(impl_->eyeMutex);
+    if (impl_->eye == eye) return;
+    impl_->eye = eye;
+    impl_->eyeMoved.store(true, std::memory_order_relaxed);
 }
 
 Result<> SharedWorld::setViewer(std::optional<Vec3d> position) {
     impl_->flattener.setViewer(position);
+    if (const std::unique_lock lock(impl_->eyeMutex, std::try_to_lock); lock) impl_->eye.reset();
     if (impl_->delivering) return {};  // with the next one
     if (const std::string why = failure(); !why.empty()) return fail("the scene could not be followed: " + why);
     return impl_->outside([&] { return impl_->deliverViewer(); });
@@ -214,6 +328,8 @@ const RayWorld& SharedWorld::rays() {
         (void)s.outside([&]() -> Result<> {
             s.rays->apply(s.flattener.snapshot());
             ++s.counts.commits;
+            ++s.moment;
+            s.serve();
             return {};
         });
     return *s.rays;

@@ -21,6 +21,7 @@ struct WorldRenderer::Impl final : InstanceSubscriber {
             }
         return renderer.follow(scene, changes, delta);
     }
+    std::shared_ptr<const void> freeze() override { return renderer.freezeTables(); }
     std::string subscriberName() const override { return renderer.subscriberName(); }
     void take(const Node& node) {
         if (renderer.ownsType(node.type())) own.insert(node.id().value);
@@ -29,6 +30,7 @@ struct WorldRenderer::Impl final : InstanceSubscriber {
     WorldRenderer& renderer;
     SharedWorld& world;
     bool added = false;
+    std::uint64_t number = 0;     // in the world
     bool registered = false;      // any node renderer of its own
     bool known = false;           // `own` is up to date
     std::set<std::uint32_t> own;  // nodes of the types registered
@@ -50,7 +52,7 @@ Result<> WorldRenderer::attachToScene(Scene& scene) {
     if (auto ok = Renderer::attachToScene(scene); !ok) return ok;
     impl_->known = false;
     impl_->added = true;
-    impl_->world.add(*impl_);
+    impl_->number = impl_->world.add(*impl_);
     if (const std::string why = failure(); !why.empty()) return fail(why);
     return {};
 }
@@ -72,6 +74,18 @@ void WorldRenderer::registerNodeRenderer(std::string_view type, NodeRenderer ren
     Renderer::registerNodeRenderer(type, std::move(renderer));
     impl_->registered = true;
     impl_->known = false;
+}
+
+Result<> WorldRenderer::renderFrame(const WorldState&) {
+    return fail(subscriberName() + ": it renders on the scene's thread only");
+}
+
+const void* WorldRenderer::tablesIn(const WorldState& state) const {
+    return state.of(impl_->number);
+}
+
+bool WorldRenderer::ownsNodes() const {
+    return impl_->registered;
 }
 
 Result<> WorldRenderer::begin() {

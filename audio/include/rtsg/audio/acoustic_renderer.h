@@ -26,6 +26,11 @@ class AcousticRenderer final : public InstanceSubscriber {
 
     /// As AcousticEngine's, with the state and the rays of the latest apply().
     Result<> render(double untilSeconds, SoundBuffer& sound);
+    /// With another state, on any one thread.
+    Result<> render(const AcousticState& state, const RayView& rays, double untilSeconds, SoundBuffer& sound) {
+        return engine_->render(state, rays, untilSeconds, sound);
+    }
+    std::shared_ptr<const AcousticState> latest() { return tables_.latest(); }
     int channels() const { return engine_->channels(); }
     const SoundScene& scene() const { return tables_.scene(); }
     OpenedGeometry geometryFor(const glm::dvec3& source);

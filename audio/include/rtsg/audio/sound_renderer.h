@@ -3,7 +3,8 @@
 // Invariant: sound has been made up to the scene time of the last renderFrame(), from the time it was attached on,
 // however many frames went by between two calls. Walls are where the world's rays meet them; what sound needs alone
 // (sources, materials, responses) is here. Figures of rooms are those of the moment measure() is called.
-// Threading: the scene's thread; tracing uses all cores. Source: paper section 8 (sound as one more renderer).
+// Threading: as WorldRenderer, but for measure(), room() and finish(): the scene's thread, and not while another
+// renders; tracing uses all cores. Source: paper section 8 (sound as one more renderer).
 
 // Example:
 //     #include <rtsg/audio/sound_renderer.h>
@@ -40,6 +41,9 @@ class SoundRenderer final : public WorldRenderer {
 
     /// Makes the sound from the end of the last frame to the scene's time; nothing where the options ask for no sound.
     Result<> renderFrame() override;
+    /// The same up to the state's time, with what the state has. Errors: node renderers are registered here, which
+    /// voice on the scene's thread only.
+    Result<> renderFrame(const WorldState& state) override;
     /// The samples that the last renderFrame() made, interleaved, and the scene time of the first.
     std::span<float> block();
     double blockStart() const;
@@ -61,6 +65,7 @@ class SoundRenderer final : public WorldRenderer {
 
   protected:
     Result<> follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
+    std::shared_ptr<const void> freezeTables() override;
 
   private:
     struct Impl;

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/paged_array.h>
+#include <rtsg/renderers/paged_array.h>
 #include <rtsg/renderers/ray_world.h>
 
 namespace rtsg {

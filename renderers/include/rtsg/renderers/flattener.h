@@ -85,6 +85,9 @@ class InstanceSubscriber {
     virtual ~InstanceSubscriber() = default;
     /// On the scene's thread, in the order of attaching. `scene` and `changes` are there for materials and the like.
     virtual Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) = 0;
+    /// A version of what it has made of the scene by its last apply(), to be read on any thread while it goes on; null:
+    /// it has none. Called when a reader has asked (SharedWorld::latest()); should cost what changed since the last.
+    virtual std::shared_ptr<const void> freeze() { return nullptr; }
     virtual std::string subscriberName() const { return "instance subscriber"; }
 };
 

@@ -3,7 +3,7 @@
 // Invariant: a picture shows the scene's present state, however it got there: loaded, run, mirrored or replayed. What
 // light needs alone (materials, lights, sky, textures) is here; where things are, is the world's.
 // Levels of detail are chosen for the eye of the last picture, and hold for all that share the world.
-// Threading: the scene's thread; a picture itself is made by several. Source: paper section 5.1 and Listing 1.
+// Threading: as WorldRenderer; a picture itself is made by several. Source: paper section 5.1 and Listing 1.
 
 // Example:
 //     #include <rtsg/core/loader.h>
@@ -53,6 +53,10 @@ class LightRenderer final : public WorldRenderer {
 
     /// Makes the picture of the scene's present state: frame(). Errors: as picture().
     Result<> renderFrame() override;
+    /// The picture of that state, bit for bit the one that renderFrame() makes on the scene's thread in it; levels of
+    /// detail are those that the state has, and the next will have them for this eye. Errors: as picture(); node
+    /// renderers are registered here, which draw on the scene's thread only.
+    Result<> renderFrame(const WorldState& state) override;
     /// The last picture, empty before the first; camera() is the one it was taken with.
     Picture& frame();
     const Camera& camera() const;
@@ -69,9 +73,11 @@ class LightRenderer final : public WorldRenderer {
 
   protected:
     Result<> follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
+    std::shared_ptr<const void> freezeTables() override;
 
   private:
     Result<> make(const ImageOptions& options);
+    Result<> take(Result<Picture> picture);
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };

@@ -3,8 +3,8 @@
 // Invariant: after apply() its tables (materials, lights, viewpoints, sky, fog) are those that reading the scene anew
 // would give; the work follows the delta, and a transform never touches a material. A picture depends on the scene, the
 // camera and the settings alone, not on the number of threads.
-// Threading: apply() on the scene's thread; in between, render() and camera() from any. RayWorld must be at the same
-// change set; an instance that it alone knows shows unlit white.
+// Threading: apply() and latest() on the scene's thread; in between, render() and camera() from any; those of a
+// LightState at any time. The rays must be of the same change set; an instance that they alone know shows unlit white.
 // Source: ISO/IEC 19775-1 V4.0 17.2.2 (lighting), 23.2 (bindable viewpoints), 24.2 (backgrounds, fog); Whitted 1980.
 // Differs from 17.2.2 in that light from behind a surface gives no specular term, and in what Material's header says.
 #pragma once
@@ -51,6 +51,10 @@ struct RenderStats {
     bool cancelled = false;
 };
 
+/// A version of what light must know of a scene besides its rays: materials, lights, sky, fog, viewpoints. It never
+/// changes, and needs neither scene nor tracer.
+struct LightState;
+
 class LightTracer final : public InstanceSubscriber {
   public:
     /// `resources`: what urls of textures may open.
@@ -59,13 +63,21 @@ class LightTracer final : public InstanceSubscriber {
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
 
+    /// As of the last apply(); the same one until something changes that it holds.
+    std::shared_ptr<const LightState> latest();
+    std::shared_ptr<const void> freeze() override;
+
     /// The bound viewpoint, else the first; without any, all of `world` seen along -z. `name`: the DEF name or the
     /// description of a viewpoint instead. Error: no viewpoint has that name.
-    Result<Camera> camera(const RayWorld& world, double aspect, std::string_view name = {}) const;
+    Result<Camera> camera(const RayView& world, double aspect, std::string_view name = {}) const;
+    static Result<Camera> camera(const LightState& state, const RayView& world, double aspect,
+                                 std::string_view name = {});
 
     /// Errors: a size or a number of samples that is not positive or is absurd; paths in the display's space.
-    Result<Picture> render(const RayWorld& world, const Camera& camera, const RenderSettings& settings = {},
+    Result<Picture> render(const RayView& world, const Camera& camera, const RenderSettings& settings = {},
                            RenderStats* stats = nullptr) const;
+    static Result<Picture> render(const LightState& state, const RayView& world, const Camera& camera,
+                                  const RenderSettings& settings = {}, RenderStats* stats = nullptr);
 
     /// How many materials, lights and textures have been read since the start; for tests of the invariant.
     struct Counts {

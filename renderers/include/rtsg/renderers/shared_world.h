@@ -5,8 +5,9 @@
 // are brought to its sequence number, in the order of adding; so rays are up to date before any of them, whenever they
 // came. One that fails gets nothing more and is named; the others go on. If the rays fail, everybody stops: failure().
 // The RayWorld is made when somebody first asks for it: who only counts or exports pays for no BVH.
-// Threading: the scene's thread; between two change sets the const members of rays() from any.
-// Source: the paper's speed-up graph (5.1.1), kept apart from the renderers that use it.
+// Threading: the scene's thread, but for latest() and lookFrom(): readers on other threads work from a WorldState,
+// which stays as it was while the scene goes on. Neither ever waits for the other's work. Source: the paper's speed-up
+// graph (5.1.1), kept apart from the renderers that use it.
 
 // Example:
 //     #include <rtsg/core/loader.h>
@@ -22,17 +23,40 @@
 //     if (const rtsg::Hit hit = world.rays().intersect(ray)) std::cout << "a wall in " << hit.t << " m\n";
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include <rtsg/core/bus.h>
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/ray_world.h>
 
 namespace rtsg {
+
+/// One state of a world, whole: what rays meet and what those added to the world have made of the same change set. It
+/// never changes, and pins what it was made of. Threading: any number of threads.
+struct WorldState {
+    std::uint64_t sequence = 0;  // as the scene numbers them
+    double time = 0;             // the scene's: seconds since 1970, or whatever it counts from
+    /// Null if nobody has asked for rays() on the scene's thread.
+    std::shared_ptr<const WorldVersion> rays;
+    /// By the number that SharedWorld::add() gave.
+    std::vector<std::pair<std::uint64_t, std::shared_ptr<const void>>> tables;
+    /// Counts what the world has delivered: states with the same one are the same.
+    std::uint64_t moment = 0;
+
+    /// What InstanceSubscriber::freeze() gave; null: it was not there, had failed, or has none.
+    const void* of(std::uint64_t subscriber) const {
+        for (const auto& [number, table] : tables)
+            if (number == subscriber) return table.get();
+        return nullptr;
+    }
+};
 
 class SharedWorld {
   public:
@@ -53,8 +77,8 @@ class SharedWorld {
     SharedWorld& operator=(const SharedWorld&) = delete;
 
     /// `subscriber` gets all there is at once, as a snapshot, and from then on what changes. It must be removed before
-    /// it goes. Added during a delivery it has its turn in the same one.
-    void add(InstanceSubscriber& subscriber);
+    /// it goes. Added during a delivery it has its turn in the same one. Returns its number, which no other ever has.
+    std::uint64_t add(InstanceSubscriber& subscriber);
     void remove(InstanceSubscriber& subscriber);
     /// Why the subscriber gets nothing more; empty while it follows, or if it was not added.
     std::string failure(const InstanceSubscriber& subscriber) const;
@@ -63,6 +87,18 @@ class SharedWorld {
 
     /// Brings all to the scene's present state: edits not yet sealed belong to it. Error: failure().
     Result<> update();
+    /// The newest state, for readers on any thread. If what is there is older than the scene, the scene's thread is
+    /// asked for a new one, which it makes after its next delivery or in update(), and `patience` is how long to wait
+    /// for that; then, and while RayWorld::kMostVersions states are held by readers, it is the newest there is. Who has
+    /// nothing new to do sees it by `moment`. Costs the scene nothing while nobody asks, and what was handed over is
+    /// forgotten when nobody has for kForget deliveries. Errors: none was handed over within `patience`; the world
+    /// follows no longer.
+    Result<std::shared_ptr<const WorldState>> latest(
+        std::chrono::nanoseconds patience = std::chrono::milliseconds(100)) const;
+    static constexpr std::uint64_t kForget = 256;
+    /// setViewer() from any thread: with the next delivery.
+    void lookFrom(const Vec3d& eye);
+
     /// Levels of detail are chosen for this eye, in world space, for all that start from here; none: the first levels.
     Result<> setViewer(std::optional<Vec3d> position);
     /// The triangles of geometry nodes of a type of one's own (or in place of a built-in one's), for all that start
@@ -85,12 +121,14 @@ class SharedWorld {
         std::uint64_t flatteners = 0, rayWorlds = 0;  // made by this process since it started, by whomever
         std::uint64_t deliveries = 0;                 // change sets and moved viewers, of this world
         std::uint64_t commits = 0;                    // of them, those with instances or geometry for the rays
+        std::uint64_t handedOver = 0;                 // states, to readers on other threads
+        std::uint64_t refused = 0;                    // because readers held too many
     };
     Counts counts() const;
     /// CPU seconds of the scene's thread in the last delivery, if they are kept.
     struct Times {
-        double flattening = 0, rays = 0, subscribers = 0;
-        double all() const { return flattening + rays + subscribers; }
+        double flattening = 0, rays = 0, subscribers = 0, handingOver = 0;
+        double all() const { return flattening + rays + subscribers + handingOver; }
     };
     const Times& times() const;
     /// Of paths left out, of tessellation, of instances that are not traced, of subscribers that failed; each once.

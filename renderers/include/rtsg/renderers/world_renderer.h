@@ -3,7 +3,8 @@
 // Invariant: while attached, follow() gets every delta of the world, first a snapshot, after the rays have taken it.
 // Node renderers that are registered with it are called for every node of their types that the scene holds, wherever it
 // hangs, when renderOwnNodes() is called; the work follows their number, never the scene.
-// Threading: the scene's thread. Source: paper section 4.1; the world in between is ours.
+// Threading: the scene's thread; or all but renderFrame(state) there, and that one on a thread of the renderer's own,
+// with states of SharedWorld::latest(). Source: paper section 4.1; the world in between is ours.
 #pragma once
 
 #include <memory>
@@ -28,9 +29,19 @@ class WorldRenderer : public Renderer {
     std::string failure() const override;
     void registerNodeRenderer(std::string_view type, NodeRenderer renderer) override;
 
+    using Renderer::renderFrame;
+    /// Presents this state, of this world, without the scene: on any thread, one call at a time. The default refuses.
+    virtual Result<> renderFrame(const WorldState& state);
+
     SharedWorld& world() const;
 
   protected:
+    /// As InstanceSubscriber::freeze(): what renderFrame(state) finds with tablesIn().
+    virtual std::shared_ptr<const void> freezeTables() { return nullptr; }
+    /// Null: the state was made before this was attached, or after it failed.
+    const void* tablesIn(const WorldState& state) const;
+    /// Whether node renderers are registered here: renderOwnNodes() needs the scene, hence its thread.
+    bool ownsNodes() const;
     /// As InstanceSubscriber::apply.
     virtual Result<> follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) = 0;
     /// Sends the operation to the nodes that have a node renderer of their own here, in the order of their numbers.

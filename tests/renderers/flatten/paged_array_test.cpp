@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/paged_array.h>
+#include <rtsg/renderers/paged_array.h>
 
 namespace rtsg {
 namespace {

@@ -6,6 +6,7 @@
 //
 // A tree of pages. The writer changes pages in place which no version has seen, and copies others, so a version is
 // never written to and may be read from any thread while the writer goes on. Elements that were never changed are T{}.
+// Light and sound keep their tables so. What rays read is in pages of another kind (src/embree/paged.h).
 // Threading: the writer on one thread; versions from any number.
 #pragma once
 
@@ -17,17 +18,26 @@
 
 namespace rtsg {
 
-template <class T>
+/// 2^kLeafBits elements to a page: few where they are large, or changed here and there.
+template <class T, unsigned kLeafBits = 4>
 class PagedArray {
   public:
     std::size_t size() const { return size_; }
     /// Precondition: at < size().
     const T& operator[](std::size_t at) const {
+        const T* items = page(at);
+        return items ? items[at % kLeaf] : none();
+    }
+
+    /// The page that holds an element, for those who look up many; null while none of it was changed. Lives as long as
+    /// this version. Precondition: at < size().
+    const T* page(std::size_t at) const {
         const Node* node = root_.get();
         for (unsigned level = levels_; level > 0 && node; --level)
             node = static_cast<const Inner*>(node)->children[childOf(at, level)].get();
-        return node ? static_cast<const Leaf*>(node)->items[at % kLeaf] : none();
+        return node ? static_cast<const Leaf*>(node)->items.data() : nullptr;
     }
+    static constexpr std::size_t kPerPage = std::size_t{1} << kLeafBits;
 
     /// Calls visit(index, in a, in b) for every element on a page that the two do not share; beyond the end of either
     /// elements are T{}. Takes time with the pages that differ.
@@ -37,8 +47,8 @@ class PagedArray {
     }
 
   protected:
-    static constexpr unsigned kLeafBits = 4, kFanBits = 5;
-    static constexpr std::size_t kLeaf = 1 << kLeafBits, kFan = 1 << kFanBits;
+    static constexpr unsigned kFanBits = 5;
+    static constexpr std::size_t kLeaf = kPerPage, kFan = 1 << kFanBits;
     struct Node {
         explicit Node(std::uint64_t e) : epoch(e) {}
         std::uint64_t epoch;  // of the writer when it was made
@@ -88,9 +98,9 @@ class PagedArray {
     std::size_t size_ = 0;
 };
 
-template <class T>
-class PagedArrayWriter : private PagedArray<T> {
-    using Base = PagedArray<T>;
+template <class T, unsigned kLeafBits = 4>
+class PagedArrayWriter : private PagedArray<T, kLeafBits> {
+    using Base = PagedArray<T, kLeafBits>;
     using Base::root_, Base::levels_, Base::size_;
     using typename Base::Inner, typename Base::Leaf, typename Base::Node;
 
@@ -116,10 +126,12 @@ class PagedArrayWriter : private PagedArray<T> {
         return own<Leaf>(*link).items[at % Base::kLeaf];
     }
     /// The array as it is now.
-    PagedArray<T> freeze() {
+    PagedArray<T, kLeafBits> freeze() {
         ++epoch_;
         return *this;
     }
+    /// The same for reading at once: the next change may change it too.
+    const PagedArray<T, kLeafBits>& now() const { return *this; }
 
   private:
     template <class N>

@@ -1,0 +1,114 @@
+// What light's tables hold of lights, viewpoints, backgrounds, fogs and NavigationInfos.
+#include <algorithm>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+#include "light_tables.h"
+
+namespace rtsg {
+
+using namespace trace;
+
+namespace {
+
+View readView(const Scene& scene, const Node& node) {
+    View view;
+    view.name = scene.name(node.id());
+    const auto common = [&]<class V>(const V*) {
+        view.orientation = node.get(V::orientation);
+        view.bound = node.get(V::isBound);
+        view.viewAll = node.get(V::viewAll);
+        view.farDistance = node.get(V::farDistance);
+        view.description = node.get(V::description).str();
+        view.position = Vec3d(node.get(V::position));
+    };
+    if (node.is(x3d::Viewpoint::type)) {
+        common(static_cast<const x3d::Viewpoint*>(nullptr));
+        view.fieldOfView = node.get(x3d::Viewpoint::fieldOfView);
+    } else if (node.is(x3d::OrthoViewpoint::type)) {
+        common(static_cast<const x3d::OrthoViewpoint*>(nullptr));
+        view.orthographic = true;
+        const auto& extent = node.get(x3d::OrthoViewpoint::fieldOfView);
+        for (std::size_t i = 0; i < 4 && extent.size() >= 4; ++i) view.extent[i] = extent[i];
+    } else if (node.is(x3d::GeoViewpoint::type)) {
+        common(static_cast<const x3d::GeoViewpoint*>(nullptr));
+        view.fieldOfView = node.get(x3d::GeoViewpoint::fieldOfView);
+    }
+    return view;
+}
+
+template <class S>
+void readColors(const Node& node, Sky& sky, const S*) {
+    const auto colors = [](const Array<Color>& from) {
+        std::vector<Vec3f> result;
+        for (const Color& c : from) result.emplace_back(std::max(c.r, 0.0f), std::max(c.g, 0.0f), std::max(c.b, 0.0f));
+        return result;
+    };
+    sky.skyColors = colors(node.get(S::skyColor));
+    sky.groundColors = colors(node.get(S::groundColor));
+    sky.skyAngles.assign(node.get(S::skyAngle).begin(), node.get(S::skyAngle).end());
+    sky.groundAngles.assign(node.get(S::groundAngle).begin(), node.get(S::groundAngle).end());
+    sky.alpha = std::clamp(1 - node.get(S::transparency), 0.0f, 1.0f);
+}
+
+}  // namespace
+
+std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, const Placed& placed) {
+    auto entry = std::make_shared<PlacedEntry>();
+    entry->placed = placed;
+    const Node* node = scene.find(placed.node);
+    if (!node) return entry;
+    switch (placed.kind) {
+        case PlacedKind::light:
+            entry->what = readLight(scene, placed.node, placed.worldFromLocal, placed.scope);
+            ++counts_.lightsRead;
+            break;
+        case PlacedKind::view:
+            entry->what = readView(scene, *node);
+            break;
+        case PlacedKind::background:
+            entry->what = readSky(scene, *node, placed.worldFromLocal);
+            break;
+        case PlacedKind::fog:
+            if (node->is(x3d::Fog::type))
+                entry->what =
+                    FogEntry{readFog(scene, placed.node, placed.worldFromLocal), node->get(x3d::Fog::isBound)};
+            break;
+        case PlacedKind::navigation:
+            if (node->is(x3d::NavigationInfo::type))
+                entry->what =
+                    Navigation{node->get(x3d::NavigationInfo::headlight), node->get(x3d::NavigationInfo::isBound),
+                               node->get(x3d::NavigationInfo::visibilityLimit)};
+            break;
+        default:
+            break;
+    }
+    return entry;
+}
+
+SkyEntry LightTables::readSky(const Scene& scene, const Node& node, const WorldFromLocal& worldFromLocal) {
+    SkyEntry entry;
+    constexpr auto color = Texture::Content::color;
+    if (node.is(x3d::Background::type)) {
+        using B = x3d::Background;
+        readColors(node, entry.sky, static_cast<const B*>(nullptr));
+        entry.bound = node.get(B::isBound);
+        const Field<Array<String>> urls[] = {B::frontUrl, B::backUrl, B::leftUrl, B::rightUrl, B::topUrl, B::bottomUrl};
+        for (std::size_t i = 0; i < 6; ++i)
+            entry.sky.panorama[i] = textures_.ofUrls(scene, node, node.get(urls[i]), color, diagnostics_);
+    } else if (node.is(x3d::TextureBackground::type)) {
+        using B = x3d::TextureBackground;
+        readColors(node, entry.sky, static_cast<const B*>(nullptr));
+        entry.bound = node.get(B::isBound);
+        const Field<NodeId> sides[] = {B::frontTexture, B::backTexture, B::leftTexture,
+                                       B::rightTexture, B::topTexture,  B::bottomTexture};
+        for (std::size_t i = 0; i < 6; ++i)
+            if (const Node* side = scene.effectiveNode(node.get(sides[i])))
+                entry.sky.panorama[i] = textures_.ofNode(scene, *side, color, diagnostics_);
+    }
+    entry.sky.localFromWorld = glm::mat3(glm::transpose(turningOf(worldFromLocal)));
+    return entry;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,159 @@
+// LightTables: what light must know of a scene besides its rays: who is drawn with what, what shines where, from where
+// it is seen.
+//
+// Invariant: after apply() they are those that reading the scene anew would give. Work follows the delta: a light that
+// is switched touches the list of its own scope; which lists reach an instance is found along the scopes around it, by
+// whoever makes a picture.
+// Versions: what a picture reads lies in paged arrays of which a version costs four pointers; materials and placed
+// things are replaced, never changed. Threading: one thread, the scene's; a LightState from any.
+// Source: ISO/IEC 19775-1 V4.0 17.2.2 (scope of lights), 7.2.2 (bindable nodes).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <unordered_map>
+#include <unordered_set>
+#include <variant>
+#include <vector>
+
+#include <rtsg/renderers/light_tracer.h>
+#include <rtsg/renderers/paged_array.h>
+
+#include "mesh/told_once.h"
+#include "texture_store.h"
+#include "trace_scene.h"
+
+namespace rtsg {
+
+namespace trace {
+
+/// A Viewpoint, OrthoViewpoint or GeoViewpoint, in its own frame.
+struct View {
+    Vec3d position{0, 0, 10};
+    Rotation orientation;
+    double fieldOfView = 0.7854;
+    std::array<double, 4> extent{-1, -1, 1, 1};
+    bool orthographic = false, bound = false, viewAll = false;
+    float farDistance = -1;
+    std::string name, description;
+};
+struct Navigation {
+    bool headlight = true, bound = false;
+    float visibilityLimit = 0;
+};
+struct SkyEntry {
+    Sky sky;
+    bool bound = false;
+};
+struct FogEntry {
+    Fog fog;
+    bool bound = false;
+};
+struct PlacedEntry {
+    Placed placed;
+    std::variant<std::monostate, Light, View, SkyEntry, FogEntry, Navigation> what;
+};
+
+/// A place that holds local lights, by a number of its own; 0 is the whole scene, whose lights are the global ones.
+struct LightScope {
+    std::uint32_t around = 0;                                  // the next one outwards
+    std::shared_ptr<const std::vector<std::uint32_t>> lights;  // that are on, as placed slots, in order; null: none
+};
+
+}  // namespace trace
+
+/// One version.
+struct LightState {
+    PagedArray<trace::SlotShading, trace::kSlotBits> slots;
+    PagedArray<std::shared_ptr<const trace::MaterialEntry>> materials;  // [0]: without an Appearance
+    PagedArray<trace::LightScope> scopes;
+    PagedArray<std::shared_ptr<const trace::PlacedEntry>> placed;  // null: a hole
+    bool anyTransmits = false;                                     // some material or mesh lets light through
+};
+
+class LightTables {
+  public:
+    explicit LightTables(Resources resources);
+
+    void apply(const Scene& scene, const InstanceDelta& delta);
+
+    /// For reading at once.
+    LightState now() const;
+    /// The same one until something changes that it holds.
+    std::shared_ptr<const LightState> latest();
+
+    const LightTracer::Counts& counts() const { return counts_; }
+    const Diagnostics& diagnostics() const { return said_; }
+
+  private:
+    static constexpr std::uint32_t kNone = 0xFFFFFFFF;
+    /// A slot, and its neighbours among those of the same material.
+    struct Slot {
+        NodeId geometry;
+        std::uint32_t next = kNone, previous = kNone;
+        std::uint32_t mapped = kNone;  // its place in mappedSlotsOf_
+        bool used = false;
+    };
+    struct Use {  // of a material
+        NodeId appearance;
+        std::uint32_t users = 0, first = kNone;
+        bool isMapped = false;  // a texture asks for coordinates by name
+    };
+    struct Scope {
+        std::vector<std::uint32_t> lights;   // as in LightScope
+        std::vector<std::uint32_t> changed;  // placed slots that come or go, maybe, in this apply()
+    };
+
+    // light_tables.cpp
+    void followGeometries(const InstanceDelta& delta);
+    void followMaterials(const Scene& scene, const InstanceDelta& delta);
+    void followPlaced(const Scene& scene, const InstanceDelta& delta);
+    std::uint32_t takeMaterial(const Scene& scene, NodeId appearance);
+    void loadMaterial(const Scene& scene, std::uint32_t index);
+    void dropMaterial(std::uint32_t index);
+    void bind(const Scene& scene, const Instance& instance);
+    void release(std::uint32_t slot);
+    void findChannels(std::uint32_t slot);
+    void setMapped(std::uint32_t slot, bool mapped);
+    std::uint32_t scopeNumber(ScopeId scope);
+    /// A light of this scope comes or goes.
+    void noteLight(ScopeId scope, std::uint32_t placed);
+    bool shinesIn(std::uint32_t scopeNumber, std::uint32_t placed);
+    void followLights();
+    void place(const Scene& scene, const Placed& what);
+    void unplace(std::uint32_t slot);
+    void setPlaced(std::uint32_t slot, std::shared_ptr<const trace::PlacedEntry> entry);
+
+    // light_placed.cpp: what is read of lights, viewpoints, backgrounds ...
+    std::shared_ptr<const trace::PlacedEntry> readPlaced(const Scene& scene, const Placed& placed);
+    trace::SkyEntry readSky(const Scene& scene, const Node& node, const WorldFromLocal& worldFromLocal);
+
+    TextureStore textures_;
+    Diagnostics diagnostics_;  // of this apply() so far
+    Diagnostics said_;         // since the start, each once
+    ToldOnce told_;
+    LightTracer::Counts counts_;
+
+    PagedArrayWriter<trace::SlotShading, trace::kSlotBits> shading_;
+    PagedArrayWriter<std::shared_ptr<const trace::MaterialEntry>> materials_;
+    PagedArrayWriter<trace::LightScope> lightScopes_;
+    PagedArrayWriter<std::shared_ptr<const trace::PlacedEntry>> placed_;
+    std::size_t transmitting_ = 0;  // materials that let light through
+    bool anyTransmits() const { return transmitting_ > 0 || !alphaColored_.empty(); }
+    std::shared_ptr<const LightState> latest_;
+
+    std::vector<Slot> slots_;
+    std::vector<Use> uses_;  // by material
+    std::vector<std::uint32_t> freeMaterials_;
+    std::unordered_map<std::uint32_t, std::uint32_t> materialOf_;                 // appearance -> index
+    std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> namedMeshes_;  // geometry -> with named coordinates
+    std::unordered_set<std::uint32_t> alphaColored_;  // geometries whose vertex colours may let light through
+    std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> mappedSlotsOf_;  // geometry -> with a mapped material
+    std::unordered_multimap<std::uint32_t, std::uint32_t> placedOf_;               // node -> slots
+    std::vector<Scope> scopes_;                                                    // by number
+    std::unordered_map<std::uint32_t, std::uint32_t> numberOf_;                    // scope -> number
+    std::vector<std::uint32_t> dirtyScopes_;
+};
+
+}  // namespace rtsg

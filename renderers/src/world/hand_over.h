@@ -1,0 +1,79 @@
+// HandOver: the newest of something, from the thread that makes it to any number of others. Nobody waits for anybody.
+//
+// The newest lies in one of a few places; one word says in which, and how many have come for it there. Who gets it
+// counts itself in by one addition, copies the pointer, and counts itself out at the place. The writer puts the next
+// one into a place that as many have left as came to.
+// Invariant: a place is written only while no reader can be at it. A reader that is stopped in between costs its place,
+// nothing else; when all places are so taken, put() changes nothing and says so.
+// Threading: put() and tidy() on one thread; get() on any.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <utility>
+
+namespace rtsg {
+
+template <class T>
+class HandOver {
+  public:
+    HandOver() { places_[0].isUsed = places_[0].isCurrent = true; }
+    HandOver(const HandOver&) = delete;
+    HandOver& operator=(const HandOver&) = delete;
+
+    /// Null: there is none any more. False: no place is free, and get() gives what it gave before.
+    bool put(std::shared_ptr<const T> next) {
+        tidy();
+        for (std::size_t i = 0; i < kPlaces; ++i) {
+            if (places_[i].isUsed) continue;
+            Place& place = places_[i];
+            place.isUsed = true;
+            place.value = std::move(next);
+            place.left.store(0, std::memory_order_relaxed);
+            const std::uint64_t before = word_.exchange(std::uint64_t{i} << kCountBits, std::memory_order_acq_rel);
+            Place& old = places_[before >> kCountBits];
+            old.came = before & kCountMask;
+            old.isCurrent = false;
+            place.isCurrent = true;
+            tidy();
+            return true;
+        }
+        return false;
+    }
+    /// Lets go of what was there before, as far as nobody is at it any more.
+    void tidy() {
+        for (Place& place : places_) {
+            if (!place.isUsed || place.isCurrent) continue;
+            if (place.left.load(std::memory_order_acquire) != place.came) continue;
+            place.value.reset();
+            place.isUsed = false;
+        }
+    }
+    /// What was last put; null before.
+    std::shared_ptr<const T> get() const {
+        const std::uint64_t word = word_.fetch_add(1, std::memory_order_acquire);
+        const Place& place = places_[word >> kCountBits];
+        std::shared_ptr<const T> value = place.value;
+        place.left.fetch_add(1, std::memory_order_release);
+        return value;
+    }
+
+    static constexpr std::size_t kPlaces = 16;
+
+  private:
+    static constexpr unsigned kCountBits = 56;
+    static constexpr std::uint64_t kCountMask = (std::uint64_t{1} << kCountBits) - 1;
+    struct Place {
+        std::shared_ptr<const T> value;
+        mutable std::atomic<std::uint64_t> left{0};
+        std::uint64_t came = 0;  // when it is not current any more
+        bool isUsed = false, isCurrent = false;
+    };
+    std::array<Place, kPlaces> places_;
+    mutable std::atomic<std::uint64_t> word_{0};
+};
+
+}  // namespace rtsg

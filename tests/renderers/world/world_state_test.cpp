@@ -1,0 +1,349 @@
+// States that a shared world hands to readers on other threads: whole, the newest there is, and made only for those who
+// ask.
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/light_renderer.h>
+
+namespace rtsg {
+namespace {
+
+using namespace std::chrono_literals;
+using State = std::shared_ptr<const WorldState>;
+
+/// Counts the shapes, also in versions.
+struct Counter final : InstanceSubscriber {
+    Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
+        if (fails) return fail("out of ideas");
+        shapes += static_cast<int>(delta.added.size()) - static_cast<int>(delta.removed.size());
+        return {};
+    }
+    std::shared_ptr<const void> freeze() override {
+        ++frozen;
+        return std::make_shared<const int>(shapes);
+    }
+    int shapes = 0, frozen = 0;
+    bool fails = false;
+};
+
+struct Stage {
+    Scene scene;
+    SharedWorld world{scene};
+    Counter counter;
+    std::uint64_t number = world.add(counter);
+    NodeId last;
+
+    void addBox() {
+        last = scene.createNode(x3d::Transform::type);
+        const NodeId shape = scene.createNode(x3d::Shape::type), box = scene.createNode(x3d::Box::type);
+        ASSERT_TRUE(scene.set(shape, x3d::Shape::geometry, box));
+        ASSERT_TRUE(scene.insertChild(last, x3d::Transform::children, shape));
+        ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, last));
+        scene.seal();
+    }
+    void moveBox(float x) {
+        ASSERT_TRUE(scene.set(last, x3d::Transform::translation, Vec3f(x, 0, 0)));
+        scene.seal();
+    }
+    /// Without waiting: asked before, made by the delivery in between.
+    State now() {
+        const auto state = world.latest(0ns);
+        return state ? *state : nullptr;
+    }
+    int shapesIn(const State& state) const { return *static_cast<const int*>(state->of(number)); }
+};
+
+TEST(WorldState, IsMadeForThoseWhoAskAndForNobodyElse) {
+    Stage stage;
+    stage.world.rays();
+    stage.addBox();
+    for (int i = 0; i < 100; ++i) stage.moveBox(static_cast<float>(i));
+    EXPECT_EQ(stage.world.counts().handedOver, 0u);
+    EXPECT_EQ(stage.counter.frozen, 0);
+
+    const auto none = stage.world.latest(0ns);
+    ASSERT_FALSE(none);
+    EXPECT_NE(none.error().text.find("no state"), std::string::npos);
+    stage.addBox();
+    const State state = stage.now();
+    ASSERT_TRUE(state);
+    EXPECT_EQ(state->sequence, stage.scene.sequence());
+    EXPECT_EQ(state->time, stage.scene.now());
+    EXPECT_EQ(stage.shapesIn(state), 2);
+    ASSERT_TRUE(state->rays);
+    EXPECT_EQ(stage.world.counts().handedOver, 1u);
+    EXPECT_EQ(stage.now(), state) << "while nothing changes";
+
+    // Whoever was served wants the next one too; nobody wants the ones after that.
+    for (int i = 0; i < 50; ++i) stage.moveBox(static_cast<float>(i));
+    EXPECT_EQ(stage.world.counts().handedOver, 2u);
+    EXPECT_EQ(stage.counter.frozen, 2);
+}
+
+TEST(WorldState, AWorldThatRestsHandsOverWhenItIsUpdated) {
+    Stage stage;
+    stage.addBox();
+    EXPECT_EQ(stage.now(), nullptr);
+    ASSERT_TRUE(stage.world.update());
+    const State state = stage.now();
+    ASSERT_TRUE(state);
+    EXPECT_EQ(stage.shapesIn(state), 1);
+    EXPECT_EQ(state->rays, nullptr) << "nobody has asked for rays";
+    stage.world.rays();
+    EXPECT_TRUE(stage.now()->rays);
+}
+
+TEST(WorldState, StaysWhatItWasWhileTheSceneGoesOn) {
+    Stage stage;
+    stage.world.rays();
+    std::vector<State> states;
+    for (int i = 0; i < 5; ++i) {
+        (void)stage.now();
+        stage.addBox();
+        states.push_back(stage.now());
+        ASSERT_TRUE(states.back());
+    }
+    for (int i = 0; i < 5; ++i) {
+        EXPECT_EQ(stage.shapesIn(states[static_cast<std::size_t>(i)]), i + 1);
+        int traced = 0;
+        for (const RayInstance& instance : states[static_cast<std::size_t>(i)]->rays->instances())
+            traced += bool(instance.info.id);
+        EXPECT_EQ(traced, i + 1);
+    }
+}
+
+TEST(WorldState, WithNoVersionLeftReadersGetTheNewestThereIsAtOnce) {
+    Stage stage;
+    stage.world.rays();
+    std::vector<State> held;
+    (void)stage.now();
+    for (std::size_t i = 0; i < RayWorld::kMostVersions; ++i) {
+        stage.addBox();
+        held.push_back(stage.now());
+        ASSERT_TRUE(held.back());
+        EXPECT_EQ(held.back()->sequence, stage.scene.sequence());
+    }
+    for (int i = 0; i < 3; ++i) {
+        stage.addBox();
+        const auto start = std::chrono::steady_clock::now();
+        const auto state = stage.world.latest(60s);
+        ASSERT_TRUE(state);
+        EXPECT_EQ(*state, held.back());
+        EXPECT_LT(std::chrono::steady_clock::now() - start, 30s) << "there was nothing to wait for";
+    }
+    EXPECT_GT(stage.world.counts().refused, 0u);
+    held.erase(held.begin());
+    stage.addBox();
+    EXPECT_EQ(stage.now()->sequence, stage.scene.sequence()) << "as soon as one is let go";
+}
+
+TEST(WorldState, WhatNobodyAsksForAnyMoreIsForgotten) {
+    Stage stage;
+    (void)stage.now();
+    stage.addBox();
+    std::weak_ptr<const WorldState> first = stage.now();
+    stage.moveBox(1);  // wanted by who took the first
+    EXPECT_TRUE(first.expired());
+    State kept = stage.now();
+    ASSERT_TRUE(kept);
+    std::weak_ptr<const WorldState> second = kept;
+    kept.reset();
+    for (std::uint64_t i = 0; i < SharedWorld::kForget + 10; ++i) stage.moveBox(static_cast<float>(i) + 2);
+    EXPECT_TRUE(second.expired());
+    EXPECT_EQ(stage.now(), nullptr);
+    stage.moveBox(0);
+    EXPECT_TRUE(stage.now());
+}
+
+TEST(WorldState, KnowsNothingOfThoseWhoCameLaterOrFailed) {
+    Stage stage;
+    (void)stage.now();
+    stage.addBox();
+    const State before = stage.now();
+    Counter late;
+    const std::uint64_t number = stage.world.add(late);
+    const State after = stage.now();
+    ASSERT_TRUE(before && after);
+    EXPECT_EQ(before->of(number), nullptr);
+    ASSERT_NE(after->of(number), nullptr) << "coming makes a new state for those who have asked";
+    late.fails = true;
+    stage.addBox();
+    EXPECT_EQ(stage.now()->of(number), nullptr);
+    EXPECT_EQ(stage.shapesIn(stage.now()), 2);
+    stage.world.remove(late);
+    Counter again;
+    EXPECT_NE(stage.world.add(again), number);
+}
+
+TEST(WorldState, AReaderWaitsForTheNextFrameAndTheSceneForNobody) {
+    Stage stage;
+    stage.world.rays();
+    stage.addBox();
+    std::atomic<bool> stop{false}, done{false};
+    std::atomic<int> taken{0}, backwards{0}, failed{0};
+    std::thread reader([&] {
+        std::uint64_t last = 0;
+        while (!stop) {
+            const auto state = stage.world.latest(10s);
+            if (!state) {
+                ++failed;
+                continue;
+            }
+            backwards += (*state)->sequence < last;
+            last = (*state)->sequence;
+            ++taken;
+        }
+        done = true;
+    });
+    for (int i = 0; !done; ++i) {
+        stop = taken >= 200 || i > 100'000;
+        stage.moveBox(static_cast<float>(i % 100));
+        std::this_thread::sleep_for(100us);
+    }
+    reader.join();
+    EXPECT_GE(taken, 200);
+    EXPECT_EQ(backwards, 0);
+    EXPECT_EQ(failed, 0);
+}
+
+const char* const kRoom = R"(#X3D V4.0 utf8
+PROFILE Immersive
+Viewpoint { }
+DEF T Transform { children [
+  DEF L PointLight { global FALSE location 0 0 3 }
+  Shape { appearance Appearance { material DEF M Material { diffuseColor 1 .5 .2 } } geometry Box { } } ] }
+LOD { range [5] children [ Shape { geometry Sphere { radius .5 } } Shape { geometry Box { size .3 .3 .3 } } ] }
+)";
+
+LightRenderer::Options small() {
+    LightRenderer::Options options;
+    options.image.settings.width = 40, options.image.settings.height = 30;
+    return options;
+}
+
+TEST(WorldState, ThePictureOfAStateIsThatOfTheScenesThread) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
+    SharedWorld world(scene);
+    LightRenderer here(world, small()), there(world, small());
+    const NodeId box = scene.findName("T"), lamp = scene.findName("L"), paint = scene.findName("M");
+    (void)world.latest(0ns);
+    std::vector<State> states;
+    std::vector<Picture> pictures;
+    for (int i = 0; i < 8; ++i) {
+        if (i % 2 == 0) {
+            ASSERT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(.1f * static_cast<float>(i), 0, 0)));
+        }
+        if (i % 3 == 0) {
+            ASSERT_TRUE(scene.set(lamp, x3d::PointLight::on, i % 2 != 0));
+        }
+        if (i % 3 == 1) {
+            ASSERT_TRUE(scene.set(paint, x3d::Material::diffuseColor, Color{.1f * static_cast<float>(i), 1, 0}));
+        }
+        scene.newFrame(i);
+        ASSERT_TRUE(here.renderFrame());
+        const auto state = world.latest(0ns);
+        ASSERT_TRUE(state);
+        ASSERT_EQ((*state)->sequence, scene.sequence());
+        states.push_back(*state);
+        pictures.push_back(here.frame());
+    }
+    std::thread reader([&] {
+        for (std::size_t i = states.size(); i-- > 0;) {
+            ASSERT_TRUE(there.renderFrame(*states[i]));
+            EXPECT_EQ(there.frame().pixels, pictures[i].pixels) << i;
+        }
+    });
+    reader.join();
+    EXPECT_NE(pictures[0].pixels, pictures[1].pixels);
+    there.registerNodeRenderer("Box", {});
+    EXPECT_FALSE(there.renderFrame(*states[0])) << "its own nodes need the scene's thread";
+    LightRenderer late(world, small());
+    EXPECT_FALSE(late.renderFrame(*states[0])) << "it was not there";
+}
+
+/// A square lit from behind the eye, below three groups with a local light each: red, green and blue.
+TEST(WorldState, LocalLightsAreSwitchedInTheStatesToCome) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, R"(#X3D V4.0 utf8
+PROFILE Immersive
+NavigationInfo { headlight FALSE }
+Viewpoint { }
+DEF G0 Group { children [ DEF L0 DirectionalLight { global FALSE on FALSE color 1 0 0 }
+  DEF G1 Group { children [ DEF L1 DirectionalLight { global FALSE on FALSE color 0 1 0 }
+    DEF G2 Group { children [ DEF L2 DirectionalLight { global FALSE on FALSE color 0 0 1 }
+      Shape { appearance Appearance { material Material { diffuseColor 1 1 1 } } geometry Box { } } ] } ] } ] }
+)",
+                         diagnostics));
+    SharedWorld world(scene);
+    LightRenderer here(world, small()), there(world, small());
+    (void)world.latest(0ns);
+    std::vector<State> states;
+    const auto center = [](LightRenderer& light) { return Vec3f(light.frame().at(20, 15)); };
+    const auto wanted = [](int lit) { return Vec3f(lit & 1 ? 1 : 0, lit & 2 ? 1 : 0, lit & 4 ? 1 : 0); };
+    int lit = 0;
+    std::vector<int> history;
+    for (const int flip : {0, 2, 1, 0, 2, 0, 1, 2, 0, 1, 2}) {
+        lit ^= 1 << flip;
+        ASSERT_TRUE(
+            scene.set(scene.findName(fmt::format("L{}", flip)), x3d::DirectionalLight::on, (lit >> flip & 1) != 0));
+        scene.newFrame(scene.now() + 1);
+        ASSERT_TRUE(here.renderFrame());
+        EXPECT_EQ(center(here), wanted(lit));
+        const auto state = world.latest(0ns);
+        ASSERT_TRUE(state);
+        if (states.size() < 8) states.push_back(*state), history.push_back(lit);
+    }
+    for (std::size_t i = 0; i < states.size(); ++i) {
+        ASSERT_TRUE(there.renderFrame(*states[i]));
+        EXPECT_EQ(center(there), wanted(history[i])) << i;
+    }
+    // The group with the green light leaves the red one's: what is below sees the red one no longer.
+    ASSERT_TRUE(scene.set(scene.findName("L0"), x3d::DirectionalLight::on, true));
+    ASSERT_TRUE(scene.set(scene.findName("L1"), x3d::DirectionalLight::on, true));
+    scene.newFrame(scene.now() + 1);
+    ASSERT_TRUE(here.renderFrame());
+    EXPECT_EQ(center(here), wanted((lit & 4) | 3));
+    const NodeId inner = scene.findName("G1");
+    ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, inner));
+    ASSERT_TRUE(scene.removeChild(scene.findName("G0"), x3d::Group::children.index, 1));
+    scene.newFrame(scene.now() + 1);
+    ASSERT_TRUE(here.renderFrame());
+    EXPECT_EQ(center(here), wanted((lit & 4) | 2));
+}
+
+TEST(WorldState, WhereAReaderLooksFromChoosesTheLevelsOfTheNextState) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
+    SharedWorld world(scene);
+    world.rays();
+    const auto widest = [&] {  // the sphere is wider than the box that stands in for it
+        (void)world.latest(0ns);
+        EXPECT_TRUE(world.update());
+        scene.newFrame(scene.now() + 1);
+        const State state = *world.latest(0ns);
+        const Hit hit = state->rays->intersect({{0, .4f, 10}, 0, {0, 0, -1}});
+        return hit ? hit.t : 0.f;
+    };
+    ASSERT_TRUE(scene.set(scene.findName("T"), x3d::Transform::translation, Vec3f(90, 0, 0)));
+    EXPECT_NEAR(widest(), 9.7f, .01f);
+    std::thread([&] { world.lookFrom({0, 0, 50}); }).join();
+    EXPECT_EQ(widest(), 0);
+    std::thread([&] { world.lookFrom({0, 0, 0}); }).join();
+    EXPECT_NEAR(widest(), 9.7f, .01f);
+}
+
+}  // namespace
+}  // namespace rtsg
