@@ -88,6 +88,52 @@ TEST(OneWorld, PictureSoundAndPickingAgreeOnSkinsAndDeformingMeshes) {
     EXPECT_GE(world.rays().stats().meshRefits, 15u);
 }
 
+TEST(OneWorld, WhatAnEyeChoosesOfLevelsOfDetailChangesNoSound) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, R"(#X3D V4.0 utf8
+PROFILE Full
+DEF EYE Viewpoint { position 0 0 10 }
+LOD { range [6] children [
+  Shape { geometry Box { size 4 4 4 } }
+  Group { children [ Shape { geometry Box { size 1 1 1 } } Sound { source AudioClip { url "nothing.wav" } } ] } ] }
+)",
+                         diagnostics));
+    SharedWorld world(scene);
+    SoundRenderer sound(world, quiet());
+    ASSERT_EQ(sound.failure(), "");
+    LightRenderer::Options options;
+    options.image.settings.width = options.image.settings.height = 8;
+    LightRenderer light(world, options);
+    const RayWorld& rays = world.rays();
+    const auto reach = [&](RayKind kind) {
+        const Hit hit = rays.intersect(Ray{{0, .1f, 10}, 0, {0, 0, -1}, std::numeric_limits<float>::infinity()}, kind);
+        return hit ? static_cast<double>(hit.t) : -1;
+    };
+    const auto heard = [&] {
+        AcousticHit hit;
+        EXPECT_TRUE(sound.room({100, 0, 0}).closest({0, .1, 10}, {0, 0, -1}, 1e6, kNoPlane, hit));
+        return hit.distance;
+    };
+    for (const float z : {10.f, 5.f, 20.f}) {
+        ASSERT_TRUE(scene.set(scene.findName("EYE"), x3d::Viewpoint::position, Vec3f(0, 0, z)));
+        scene.newFrame(scene.now() + 1);
+        ASSERT_TRUE(light.renderFrame());
+        const double half = z > 6 ? .5 : 2;
+        EXPECT_NEAR(reach(RayKind::view), 10 - half, 1e-5) << z;
+        EXPECT_NEAR(reach(RayKind::shadow), 10 - half, 1e-5) << z;
+        EXPECT_NEAR(reach(RayKind::sound), 8, 1e-5) << z;
+        EXPECT_NEAR(heard(), 8, 1e-5) << z;
+        EXPECT_NEAR(sound.room({100, 0, 0}).distanceToSurface({0, 0, 10}), 8, 1e-5) << z;
+        EXPECT_EQ(sound.room({100, 0, 0}).planes().size(), 6u) << "the first level's";
+        EXPECT_TRUE(sound.renderer().scene().emitters().empty()) << "of another level";
+        EXPECT_NEAR(rays.bounds().max.z, half, 1e-5) << "what is seen";
+        const auto pick = Picker(rays, world.flattener()).closest({0, 0, 10});
+        ASSERT_TRUE(pick && *pick);
+        EXPECT_NEAR(pick->distance, 10 - half, 1e-5) << "what is picked is what is seen";
+    }
+}
+
 TEST(OneWorld, EqualPrimitivesShareOneMesh) {
     std::string text = "#X3D V4.0 utf8\nPROFILE Immersive\n";
     for (int i = 0; i < 5000; ++i)

@@ -30,7 +30,7 @@ void Walls::setMaterial(NodeId acoustics, const AcousticMaterial& material) {
 void Walls::write(std::uint32_t slot) {
     const RayInstance& instance = world_->instance(slot);
     Wall& wall = walls_.change(slot);
-    wall.mesh = instance.mesh;
+    wall.mesh = instance.info.heard ? instance.mesh : nullptr;
     wall.worldFromLocal = instance.info.worldFromLocal;
     wall.stamp = ++stamp_;
 }

@@ -170,13 +170,15 @@ double WorldGeometry::distanceToSurface(const glm::dvec3& point) const {
     const glm::dvec3 away = glm::abs(point - rays_->origin());
     const double rounding = 0x1p-20 * std::max({away.x, away.y, away.z}) + 1e-30;
     const auto radius = [&](double distance) { return static_cast<float>(distance * (1 + 0x1p-20) + rounding); };
-    rays_->visitNear(rays_->fromWorld(point), radius(RayWorld::kMaxCoordinate),
-                     [&](std::uint32_t slot, std::uint32_t triangle) {
-                         glm::dvec3 corners[3];
-                         cornersOf(walls_.walls[slot], triangle, corners);
-                         nearest = std::min(nearest, distanceToTriangle(point, corners));
-                         return radius(std::min<double>(nearest, RayWorld::kMaxCoordinate));
-                     });
+    rays_->visitNear(
+        rays_->fromWorld(point), radius(RayWorld::kMaxCoordinate),
+        [&](std::uint32_t slot, std::uint32_t triangle) {
+            glm::dvec3 corners[3];
+            cornersOf(walls_.walls[slot], triangle, corners);
+            nearest = std::min(nearest, distanceToTriangle(point, corners));
+            return radius(std::min<double>(nearest, RayWorld::kMaxCoordinate));
+        },
+        RayKind::sound);
     return nearest;
 }
 

@@ -27,6 +27,7 @@ void Flattener::Impl::begin(const Scene& now, std::uint64_t sequence) {
     delta.sequence = sequence;
     freeOccurrences.insert(freeOccurrences.end(), freedOccurrences.begin(), freedOccurrences.end());
     freedOccurrences.clear();
+    nodes.tidy();
 }
 
 void Flattener::Impl::startOver() {
@@ -387,12 +388,14 @@ const InstanceDelta& Flattener::apply(const Scene& scene, const ChangeSet& chang
 
 void Flattener::setMeshSource(const Scene& scene, std::string_view type, MeshSource source) {
     impl_->ownMeshes.insert_or_assign(std::string(type), std::move(source));
+    impl_->scene = &scene;
     for (const auto& [id, mesh] : impl_->meshes) {
         const Node* node = scene.find(NodeId{id});
         if (!node || node->type().name != type) continue;
         impl_->state(NodeId{id}).meshStale = true;
         impl_->touchGeometry(NodeId{id});
     }
+    impl_->scene = nullptr;
 }
 
 void Flattener::setViewer(std::optional<Vec3d> position) {

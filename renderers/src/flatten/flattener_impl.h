@@ -17,6 +17,7 @@
 
 #include "flattener_roles.h"
 #include "mesh/told_once.h"
+#include "node_states.h"
 #include "skin.h"
 
 namespace rtsg {
@@ -41,9 +42,10 @@ struct Occurrence {
     std::uint32_t rigid = 0;  // innermost one around its content that is a mover or has been seen to move; 0: none
     Role role = Role::none;
     bool ownsFrame = false, hidden = false, isLocal = false;
-    bool isMover = false;  // its transform or choice may change by itself
-    bool wasSeen = false;  // its transform has changed though that was not foreseen
-    bool moving = false;   // it or one around it is a mover
+    bool seen = true, heard = true;  // as Instance has them
+    bool isMover = false;            // its transform or choice may change by itself
+    bool wasSeen = false;            // its transform has changed though that was not foreseen
+    bool moving = false;             // it or one around it is a mover
     std::uint16_t layer = 0;
 };
 
@@ -114,7 +116,6 @@ struct SlotTable {
 };
 
 struct Flattener::Impl {
-    /// By NodeId: ids are never reused and mostly dense.
     struct NodeState {
         std::uint32_t firstOccurrence = kNone;
         std::uint32_t geometryUses = 0, appearanceUses = 0, acousticsUses = 0;
@@ -122,6 +123,11 @@ struct Flattener::Impl {
         std::uint32_t reported = 0;  // in this apply() as changed
         std::uint32_t queued = 0;    // in this apply() for reconciling
         bool meshSent = false, meshStale = false, touched = false;
+        /// Nothing of it outlasts this apply().
+        bool isIdle() const {
+            return firstOccurrence == kNone && geometryUses == 0 && appearanceUses == 0 && acousticsUses == 0 &&
+                   !meshSent && !meshStale && !touched;
+        }
     };
     struct ChildOp {
         NodeId group, child;
@@ -156,8 +162,8 @@ struct Flattener::Impl {
 
     // flattener_tree.cpp: occurrences
     NodeState& state(NodeId id) {
-        if (id.value >= nodes.size()) nodes.resize(std::max<std::size_t>(id.value + 1, nodes.size() * 3 / 2));
-        return nodes[id.value];
+        NodeState* quick = nodes.dense(id.value);
+        return quick ? *quick : nodes.at(id.value, scene->nodeCount());
     }
     std::uint32_t newOccurrence(const Node& node, const TypeRole& role, std::uint32_t parent);
     /// Adds `child` and everything below it under `parent`.
@@ -167,9 +173,24 @@ struct Flattener::Impl {
     void prune(std::uint32_t top);
     void pruneContent(std::uint32_t occurrence);
     void release(std::uint32_t occurrence);
-    /// Makes the children those that the scene has now.
+    /// Makes the children those that the scene has now, and those of LODs below it as far as that concerns them.
     void reconcile(std::uint32_t occurrence);
+    void reconcileChildren(std::uint32_t occurrence);
     std::uint32_t findChild(std::uint32_t parent, NodeId child) const;
+    /// What an LOD shows: the children it has occurrences of, the one that is seen and the one that is heard.
+    struct Levels {
+        NodeId seen, heard;
+    };
+    Levels levelsOf(std::uint32_t occurrence);
+    /// Whether eyes or ears meet the child, as a child of this parent.
+    static void setSenses(Occurrence& child, const Occurrence& parent, const Levels& levels);
+    /// To those of the children of an LOD that were there before, and all below them; tells of those that differ.
+    void spreadSenses(std::uint32_t level);
+    /// Whether a placed thing is for what can be sensed of its place.
+    static bool isSensed(const Occurrence& o, PlacedKind kind);
+    void dropPlaced(std::uint32_t occurrence);
+    /// The children that there are occurrences of, into `wanted`.
+    void chooseChildren(std::uint32_t occurrence, const Node& node, const TypeRole& role);
     /// Those of the node that were there before this apply(), into `found`.
     void oldOccurrences(NodeId node, std::vector<std::uint32_t>& found) const;
     void makeInstance(std::uint32_t occurrence, const Node& node, const TypeRole& role);
@@ -177,7 +198,7 @@ struct Flattener::Impl {
     void makePlaced(std::uint32_t occurrence, const Node& node, const TypeRole& role);
     /// Sets geometry, appearance ... from the shape's fields; true if anything differs.
     bool bind(Instance& instance, const Node& shape, const TypeRole& role, const Occurrence& occurrence);
-    void use(NodeId node, std::uint32_t NodeState::* uses, int change);
+    void use(NodeId node, std::uint32_t NodeState::*uses, int change);
     void touchGeometry(NodeId geometry);
     void updateFrames(std::uint32_t top);
     static ScopeId scopeOf(std::uint32_t occurrence) { return ScopeId{occurrence}; }
@@ -202,7 +223,7 @@ struct Flattener::Impl {
     std::vector<std::uint32_t> freeOccurrences, freedOccurrences;
     std::vector<WorldFromLocal> frames{identityTransform()};
     std::vector<std::uint32_t> freeFrames;
-    std::vector<NodeState> nodes;
+    flatten::NodeStates<NodeState> nodes;
     SlotTable<Instance> instances;
     SlotTable<Placed> placed;
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
@@ -226,6 +247,7 @@ struct Flattener::Impl {
         bool structural;
     };
     std::vector<Content> contents;
+    std::vector<std::uint32_t> reconciling;  // occurrences whose turn is to come
     std::vector<std::uint32_t> scopeDirty, movedLevels, found, growing, walking;
     std::vector<NodeId> wanted, climbing;
 };

@@ -35,6 +35,10 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
         o.scope = p.scope;
         o.layer = p.layer;
         o.hidden = p.hidden;
+        if (p.role == Role::level)
+            setSenses(o, p, levelsOf(parent));
+        else
+            o.seen = p.seen, o.heard = p.heard;
         if (p.role == Role::layers) {
             const Node& set = scene->node(p.node);
             const auto& layers = flatten::read<Array<NodeId>>(set, roles.of(set).children[0]);
@@ -91,8 +95,7 @@ void Flattener::Impl::growContent(std::uint32_t top) {
             makePlaced(index, node, role);
             continue;
         }
-        wanted.clear();
-        flatten::desiredChildren(node, role, tree[index].level, wanted);
+        chooseChildren(index, node, role);
         const std::size_t first = growing.size();
         for (const NodeId child : wanted) {
             const Node* below = scene->find(child);
@@ -120,6 +123,7 @@ void Flattener::Impl::makeInstance(std::uint32_t index, const Node& node, const 
     instance.scope = scopeOf(o.scope);
     instance.layer = o.layer;
     instance.worldFromLocal = frames[o.frame];
+    instance.seen = o.seen, instance.heard = o.heard;
     bind(instance, node, role, o);
 }
 
@@ -137,6 +141,7 @@ void Flattener::Impl::dropInstance(std::uint32_t index) {
 void Flattener::Impl::makePlaced(std::uint32_t index, const Node& node, const TypeRole& role) {
     Occurrence& o = tree[index];
     if (o.hidden && role.kind == PlacedKind::light) return;
+    if (!isSensed(o, role.kind)) return;
     o.slot = placed.create(index, stamp);
     Placed& thing = placed.records[o.slot];
     thing.node = o.node;
@@ -151,6 +156,85 @@ void Flattener::Impl::makePlaced(std::uint32_t index, const Node& node, const Ty
     changeLocalLights(index, 1);
 }
 
+void Flattener::Impl::dropPlaced(std::uint32_t index) {
+    Occurrence& o = tree[index];
+    if (o.slot == kNone) return;
+    if (o.isLocal) changeLocalLights(index, -1);
+    o.isLocal = false;
+    placed.remove(o.slot, stamp);
+    o.slot = kNone;
+}
+
+// ---- levels of detail ---------------------------------------------------------------------------------------------
+
+Flattener::Impl::Levels Flattener::Impl::levelsOf(std::uint32_t index) {
+    const Node& node = scene->node(tree[index].node);
+    const TypeRole& role = roles.of(node);
+    const auto child = [&](std::uint32_t level) {
+        std::vector<NodeId> one;
+        flatten::desiredChildren(node, role, level, one);
+        return one.empty() ? NodeId{} : one[0];
+    };
+    const NodeId seen = child(tree[index].level);
+    return {seen, tree[index].level == 0 ? seen : child(0)};
+}
+
+void Flattener::Impl::setSenses(Occurrence& child, const Occurrence& parent, const Levels& levels) {
+    child.seen = parent.seen && child.node == levels.seen;
+    child.heard = parent.heard && child.node == levels.heard;
+}
+
+void Flattener::Impl::chooseChildren(std::uint32_t index, const Node& node, const TypeRole& role) {
+    wanted.clear();
+    if (role.role != Role::level) {
+        flatten::desiredChildren(node, role, tree[index].level, wanted);
+        return;
+    }
+    const Levels levels = levelsOf(index);
+    if (levels.seen && tree[index].seen) wanted.push_back(levels.seen);
+    if (levels.heard && tree[index].heard && (levels.heard != levels.seen || !tree[index].seen))
+        wanted.push_back(levels.heard);
+}
+
+bool Flattener::Impl::isSensed(const Occurrence& o, PlacedKind kind) {
+    return kind == PlacedKind::sound || kind == PlacedKind::listener ? o.heard : o.seen;
+}
+
+void Flattener::Impl::spreadSenses(std::uint32_t level) {
+    const Levels levels = levelsOf(level);
+    std::vector<std::uint32_t> way;
+    const auto below = [&](std::uint32_t index) {
+        for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) way.push_back(c);
+    };
+    below(level);
+    while (!way.empty()) {
+        const std::uint32_t index = way.back();
+        way.pop_back();
+        Occurrence& o = tree[index];
+        const bool seen = o.seen, heard = o.heard;
+        const Occurrence& parent = tree[o.parent];
+        if (o.parent == level)
+            setSenses(o, parent, levels);
+        else
+            o.seen = parent.seen, o.heard = parent.heard;
+        if (o.seen == seen && o.heard == heard) continue;
+        if (o.role == Role::level) {
+            reconciling.push_back(index);
+            continue;
+        }
+        const Node& node = scene->node(o.node);
+        if (o.role == Role::shape && o.slot != kNone) {
+            Instance& instance = instances.records[o.slot];
+            instance.seen = o.seen, instance.heard = o.heard;
+            instances.markRebound(o.slot, stamp);
+        } else if (o.role == Role::placed && isSensed(o, roles.of(node).kind) != (o.slot != kNone)) {
+            dropPlaced(index);
+            makePlaced(index, node, roles.of(node));
+        }
+        below(index);
+    }
+}
+
 bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole& role, const Occurrence& o) {
     const NodeId geometry = flatten::resolve(*scene, roles, flatten::read<NodeId>(shape, role.geometry));
     const NodeId appearance = flatten::resolve(*scene, roles, flatten::read<NodeId>(shape, role.appearance));
@@ -159,7 +243,7 @@ bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole
         if (const Node& node = scene->node(appearance); node.is(x3d::Appearance::type))
             acoustics = flatten::resolve(*scene, roles, node.get(x3d::Appearance::acousticProperties));
     const bool castShadow = role.castShadow == kNoField || flatten::read<bool>(shape, role.castShadow);
-    const auto change = [&](NodeId& now, NodeId wantedNow, std::uint32_t NodeState::* uses) {
+    const auto change = [&](NodeId& now, NodeId wantedNow, std::uint32_t NodeState::*uses) {
         if (now == wantedNow) return false;
         use(now, uses, -1);
         use(wantedNow, uses, 1);
@@ -179,7 +263,7 @@ bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole
     return changed;
 }
 
-void Flattener::Impl::use(NodeId node, std::uint32_t NodeState::* uses, int change) {
+void Flattener::Impl::use(NodeId node, std::uint32_t NodeState::*uses, int change) {
     if (!node) return;
     state(node).*uses += static_cast<std::uint32_t>(change);
     if (uses == &NodeState::geometryUses) touchGeometry(node);
@@ -290,7 +374,8 @@ void Flattener::Impl::release(std::uint32_t index) {
 std::uint32_t Flattener::Impl::findChild(std::uint32_t parent, NodeId child) const {
     // Either list may be long; the shorter one bounds the search.
     std::uint32_t sibling = tree[parent].firstChild;
-    std::uint32_t twin = child.value < nodes.size() ? nodes[child.value].firstOccurrence : kNone;
+    const NodeState* known = nodes.find(child.value);
+    std::uint32_t twin = known ? known->firstOccurrence : kNone;
     while (sibling != kNone && twin != kNone) {
         if (tree[sibling].node == child) return sibling;
         if (tree[twin].parent == parent) return twin;
@@ -302,12 +387,22 @@ std::uint32_t Flattener::Impl::findChild(std::uint32_t parent, NodeId child) con
 
 void Flattener::Impl::oldOccurrences(NodeId node, std::vector<std::uint32_t>& out) const {
     out.clear();
-    if (node.value >= nodes.size()) return;
-    for (std::uint32_t o = nodes[node.value].firstOccurrence; o != kNone; o = tree[o].nextOfNode)
+    const NodeState* known = nodes.find(node.value);
+    if (!known) return;
+    for (std::uint32_t o = known->firstOccurrence; o != kNone; o = tree[o].nextOfNode)
         if (tree[o].created != stamp) out.push_back(o);
 }
 
-void Flattener::Impl::reconcile(std::uint32_t index) {
+void Flattener::Impl::reconcile(std::uint32_t top) {
+    reconciling.assign(1, top);
+    while (!reconciling.empty()) {
+        const std::uint32_t index = reconciling.back();
+        reconciling.pop_back();
+        if (tree[index].node) reconcileChildren(index);
+    }
+}
+
+void Flattener::Impl::reconcileChildren(std::uint32_t index) {
     const Node& node = scene->node(tree[index].node);
     const TypeRole& role = roles.of(node);
     const std::uint32_t parent = tree[index].parent;
@@ -321,8 +416,7 @@ void Flattener::Impl::reconcile(std::uint32_t index) {
     }
     if (role.role == Role::level)
         tree[index].level = flatten::chooseLevel(node, role, frames[tree[index].frame], viewer ? &*viewer : nullptr);
-    wanted.clear();
-    flatten::desiredChildren(node, role, tree[index].level, wanted);
+    chooseChildren(index, node, role);
     std::sort(wanted.begin(), wanted.end());
     // Both sides sorted: what is only here goes, what is only there comes.
     std::vector<std::pair<NodeId, std::uint32_t>> have;
@@ -338,6 +432,7 @@ void Flattener::Impl::reconcile(std::uint32_t index) {
             prune(occurrence);
     }
     missing.insert(missing.end(), wanted.begin() + static_cast<std::ptrdiff_t>(w), wanted.end());
+    if (role.role == Role::level) spreadSenses(index);
     for (const NodeId child : missing) grow(index, child);
 }
 

@@ -134,8 +134,13 @@ void RayView::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& ou
     }
 }
 
-void RayView::visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const {
-    tables_->top.visitNear(center, radius, visit);
+void RayView::visitNear(const Vec3f& center, float radius, const NearVisitor& visit, RayKind kind) const {
+    float reach = radius;
+    tables_->top.visitNear(center, radius, [&](std::uint32_t slot, std::uint32_t triangle) {
+        const Instance& info = instances_[slot].info;
+        if (kind == RayKind::sound ? info.heard : info.seen) reach = visit(slot, triangle);
+        return reach;
+    });
 }
 
 HitPoint RayView::point(const Hit& hit) const {
@@ -178,7 +183,7 @@ Bounds RayView::bounds() const {
     // Not the tree's own: that keeps room for what has moved away or gone until it is rebuilt.
     Bounds result;
     for (const RayInstance& instance : instances_) {
-        if (!instance.info.id || !instance.mesh) continue;
+        if (!instance.info.id || !instance.mesh || !instance.info.seen) continue;
         const Bounds& local = instance.mesh->bounds;
         const glm::mat4x3& m = instance.rayFromLocal;
         const Vec3f center = m * Vec4f(local.center(), 1), half = 0.5f * local.size();

@@ -284,7 +284,7 @@ void RayWorld::Impl::rebind(const Instance& info) {
     RayInstance& instance = instances.write(slot);
     const bool moved = instance.info.worldFromLocal != info.worldFromLocal;
     const bool replace = instance.info.geometry != info.geometry;
-    const bool masked = instance.info.castShadow != info.castShadow;
+    const bool masked = kindsOf(instance.info) != kindsOf(info);
     const bool elsewhere = instance.info.rigid != info.rigid, otherwise = instance.info.motion != info.motion;
     Place& place = places[slot];
     if (replace) {

@@ -36,8 +36,14 @@ bvh::InstanceTree::Box floatBox(const DoubleBox& box) {
 }
 
 std::uint32_t RayWorld::Impl::kindsOf(const Instance& info) {
-    constexpr auto shadow = static_cast<std::uint32_t>(RayKind::shadow);
-    return info.castShadow ? ~0u : ~shadow;
+    constexpr auto view = static_cast<std::uint32_t>(RayKind::view),
+                   shadow = static_cast<std::uint32_t>(RayKind::shadow),
+                   sound = static_cast<std::uint32_t>(RayKind::sound);
+    std::uint32_t kinds = ~0u;
+    if (!info.seen) kinds &= ~(view | shadow);
+    if (!info.castShadow) kinds &= ~shadow;
+    if (!info.heard) kinds &= ~sound;
+    return kinds;
 }
 
 RayWorld::Impl::Fitness RayWorld::Impl::fitness(std::uint32_t slot, std::string& reason) const {

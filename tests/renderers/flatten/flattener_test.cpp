@@ -5,8 +5,10 @@
 
 #include <cmath>
 #include <map>
+#include <optional>
 #include <random>
 #include <set>
+#include <utility>
 
 #include <glm/gtc/matrix_transform.hpp>
 
@@ -28,7 +30,7 @@ constexpr std::uint64_t kSeed = 20090616;
 struct Flat {
     NodeId shape, geometry, appearance, acoustics;
     int layer = 0;
-    bool castShadow = true;
+    bool castShadow = true, seen = true, heard = true;
     glm::dmat4 world{1.0};
     std::set<std::vector<NodeId>> lights;  // paths of the local lights that reach it
 };
@@ -40,14 +42,17 @@ struct FlatPlaced {
 
 class Oracle {
   public:
-    explicit Oracle(const Scene& scene) : scene_(scene) {}
+    explicit Oracle(const Scene& scene, std::optional<Vec3d> viewer = {}) : scene_(scene), viewer_(viewer) {}
     std::multimap<std::vector<NodeId>, Flat> shapes;
     std::multimap<std::vector<NodeId>, FlatPlaced> placed;
 
-    void run() { children(scene_.root(), glm::dmat4(1.0), {}, false, 0, {}); }
+    void run() { children(scene_.root(), glm::dmat4(1.0), {}, false, {}, 0, {}); }
 
   private:
     using Lights = std::set<std::vector<NodeId>>;
+    struct Senses {
+        bool seen = true, heard = true;
+    };
 
     static glm::dmat4 rotation(const Rotation& r) {
         const Vec3d axis(r.x, r.y, r.z);
@@ -81,12 +86,27 @@ class Oracle {
             if (which < 0 || which >= static_cast<int>(all.size())) return {};
             return {all[static_cast<std::size_t>(which)]};
         }
-        if (n.is(x3d::LOD::type)) {
-            const auto all = list(x3d::LOD::children);
-            if (all.empty()) return {};
-            return {all[0]};
-        }
         return {};
+    }
+    /// What is seen of an LOD is its level for the viewer, what is heard the first one.
+    std::vector<std::pair<NodeId, Senses>> levels(const Node& n, const glm::dmat4& world, Senses above) {
+        const auto& all = n.get(x3d::LOD::children);
+        if (all.empty()) return {};
+        std::size_t level = 0;
+        WorldFromLocal affine;
+        for (int c = 0; c < 4; ++c) affine[c] = Vec3d(world[c]);
+        if (viewer_ && determinantSign(affine) != 0) {
+            const Vec3d eye = glm::inverse(world) * Vec4d(*viewer_, 1);
+            for (const float range : n.get(x3d::LOD::range)) {
+                if (glm::length(eye - Vec3d(n.get(x3d::LOD::center))) < double{range}) break;
+                ++level;
+            }
+        }
+        const NodeId seen = all[std::min<std::size_t>(level, all.size() - 1)], heard = all[0];
+        std::vector<std::pair<NodeId, Senses>> result;
+        if (seen && above.seen) result.push_back({seen, {true, above.heard && seen == heard}});
+        if (heard && above.heard && (seen != heard || !above.seen)) result.push_back({heard, {false, true}});
+        return result;
     }
     bool visible(const Node& n) {
         const FieldIndex f = n.type().findExact("visible");
@@ -96,7 +116,8 @@ class Oracle {
         return (n.is(x3d::DirectionalLight::type) && !n.get(x3d::DirectionalLight::global)) ||
                (n.is(x3d::PointLight::type) && !n.get(x3d::PointLight::global));
     }
-    void children(NodeId id, const glm::dmat4& world, std::vector<NodeId> path, bool hidden, int layer, Lights lights) {
+    void children(NodeId id, const glm::dmat4& world, std::vector<NodeId> path, bool hidden, Senses senses, int layer,
+                  Lights lights) {
         const Node& n = scene_.node(id);
         if (n.is(x3d::LayerSet::type)) {
             const auto& layers = n.get(x3d::LayerSet::layers);
@@ -104,23 +125,28 @@ class Oracle {
                 if (i > 0 && i <= static_cast<int>(layers.size())) {
                     const NodeId layerNode = layers[static_cast<std::size_t>(i - 1)];
                     const auto* first = std::find(layers.begin(), layers.end(), layerNode);
-                    visit(layerNode, world, path, hidden, static_cast<int>(first - layers.begin()) + 1, lights);
+                    visit(layerNode, world, path, hidden, senses, static_cast<int>(first - layers.begin()) + 1, lights);
                 }
             return;
         }
-        const auto list = below(n);
+        std::vector<std::pair<NodeId, Senses>> list;
+        if (n.is(x3d::LOD::type))
+            list = levels(n, world, senses);
+        else
+            for (const NodeId c : below(n)) list.emplace_back(c, senses);
         // Lights at the top shine everywhere, which is not a scope to be told apart.
         if (id != scene_.root() && !hidden)
-            for (const NodeId c : list)
-                if (c && isLocalLight(scene_.node(c))) {
+            for (const auto& [c, sensed] : list)
+                if (c && sensed.seen && isLocalLight(scene_.node(c))) {
                     auto p = path;
                     p.push_back(c);
                     lights.insert(p);
                 }
-        for (const NodeId c : list)
-            if (c) visit(c, world, path, hidden, layer, lights);
+        for (const auto& [c, sensed] : list)
+            if (c) visit(c, world, path, hidden, sensed, layer, lights);
     }
-    void visit(NodeId id, glm::dmat4 world, std::vector<NodeId> path, bool hidden, int layer, const Lights& lights) {
+    void visit(NodeId id, glm::dmat4 world, std::vector<NodeId> path, bool hidden, Senses senses, int layer,
+               const Lights& lights) {
         const Node& n = scene_.node(id);
         path.push_back(id);
         hidden = hidden || !visible(n);
@@ -141,17 +167,19 @@ class Oracle {
                 flat.acoustics = a->get(x3d::Appearance::acousticProperties);
             flat.castShadow = n.get(x3d::Shape::castShadow);
             flat.layer = layer;
+            flat.seen = senses.seen, flat.heard = senses.heard;
             flat.world = world;
             flat.lights = lights;
             shapes.emplace(path, flat);
         }
         const bool light = n.is(x3d::DirectionalLight::type) || n.is(x3d::PointLight::type);
-        if (light && !hidden) placed.emplace(path, FlatPlaced{id, PlacedKind::light, world});
-        if (n.is(x3d::Viewpoint::type)) placed.emplace(path, FlatPlaced{id, PlacedKind::view, world});
-        if (n.is(x3d::Sound::type)) placed.emplace(path, FlatPlaced{id, PlacedKind::sound, world});
-        children(id, world, path, hidden, layer, lights);
+        if (light && !hidden && senses.seen) placed.emplace(path, FlatPlaced{id, PlacedKind::light, world});
+        if (n.is(x3d::Viewpoint::type) && senses.seen) placed.emplace(path, FlatPlaced{id, PlacedKind::view, world});
+        if (n.is(x3d::Sound::type) && senses.heard) placed.emplace(path, FlatPlaced{id, PlacedKind::sound, world});
+        children(id, world, path, hidden, senses, layer, lights);
     }
     const Scene& scene_;
+    std::optional<Vec3d> viewer_;
 };
 
 double difference(const glm::dmat4& a, const WorldFromLocal& b) {
@@ -207,8 +235,9 @@ struct Follower {
     }
 };
 
-void expectSame(const Scene& scene, const Flattener& flattener, const Follower& follower) {
-    Oracle oracle(scene);
+void expectSame(const Scene& scene, const Flattener& flattener, const Follower& follower,
+                std::optional<Vec3d> viewer = {}) {
+    Oracle oracle(scene, viewer);
     oracle.run();
     EXPECT_EQ(flattener.instanceCount(), oracle.shapes.size());
     EXPECT_EQ(follower.instances.size(), oracle.shapes.size());
@@ -238,6 +267,8 @@ void expectSame(const Scene& scene, const Flattener& flattener, const Follower& 
         EXPECT_EQ(instance.acoustics, flat.acoustics);
         EXPECT_EQ(instance.castShadow, flat.castShadow);
         EXPECT_EQ(instance.layer, flat.layer);
+        EXPECT_EQ(instance.seen, flat.seen);
+        EXPECT_EQ(instance.heard, flat.heard);
         EXPECT_LT(difference(flat.world, instance.worldFromLocal), 1e-12);
         std::set<std::vector<NodeId>> lights;
         for (const auto& [light, lightPath] : localLights) {
@@ -316,6 +347,55 @@ TEST(Flattener, FollowsRandomEditsAsIfFlattenedAnew) {
             }
         }
         EXPECT_GT(compared, 1000u);
+    }
+}
+
+// The same with an eye that comes and goes, and LODs that have ranges.
+TEST(Flattener, FollowsRandomEditsAndAnEyeAsIfFlattenedAnew) {
+    for (std::uint64_t seed = kSeed; seed < kSeed + 10; ++seed) {
+        SCOPED_TRACE(testing::Message() << "seed " << seed);
+        Scene scene;
+        Edits edits(scene, seed);
+        Meshes meshes;
+        SharedWorld flat(scene, {.flattening = {.meshes = meshes.source()}, .rays = {}});
+        Watcher watcher;
+        flat.add(watcher);
+        std::mt19937_64 random(seed);
+        std::optional<Vec3d> viewer;
+        std::size_t seenOnly = 0, heardOnly = 0;
+        for (int frame = 0; frame < 300; ++frame) {
+            SCOPED_TRACE(frame);
+            for (std::size_t n = frame ? 1 + random() % 6 : 500; n > 0; --n) edits.step();
+            scene.forEachNode([&](const Node& node) {
+                if (node.is(x3d::LOD::type) && (frame == 0 || random() % 16 == 0)) {
+                    EXPECT_TRUE(
+                        scene.set(node.id(), x3d::LOD::range, Array<float>{static_cast<float>(random() % 4), 4, 8}));
+                }
+            });
+            if (random() % 3 == 0) {
+                viewer.reset();
+                if (random() % 5 != 0)
+                    viewer = Vec3d(static_cast<double>(random() % 20), static_cast<double>(random() % 5), 0);
+                ASSERT_TRUE(flat.setViewer(viewer));
+            }
+            scene.seal();
+            ASSERT_EQ(flat.failure(), "");
+            expectSame(scene, flat.flattener(), watcher.follower, viewer);
+            if (testing::Test::HasFailure()) return;
+            for (const auto& [slot, instance] : watcher.follower.instances) {
+                EXPECT_TRUE(instance.seen || instance.heard);
+                seenOnly += !instance.heard, heardOnly += !instance.seen;
+            }
+            if (frame % 50 == 49) {
+                Flattener late;
+                late.setViewer(viewer);
+                Follower lateFollower;
+                lateFollower.apply(late.apply(scene, scene.snapshot()));
+                expectSame(scene, late, lateFollower, viewer);
+            }
+        }
+        EXPECT_GT(seenOnly, 100u);
+        EXPECT_GT(heardOnly, 100u);
     }
 }
 
@@ -488,8 +568,17 @@ TEST_F(FlattenerCase, LevelOfDetailFollowsTheViewer) {
     EXPECT_TRUE(scene.setField(lod, x3d::LOD::range.index, Array<float>{10, 20}));
     seal();
     const auto shown = [&] {
-        EXPECT_EQ(watcher.follower.instances.size(), 1u);
-        return watcher.follower.instances.begin()->second.shape;
+        NodeId seen, heard;
+        for (const auto& [slot, instance] : watcher.follower.instances) {
+            if (instance.seen) {
+                EXPECT_FALSE(std::exchange(seen, instance.shape));
+            }
+            if (instance.heard) {
+                EXPECT_FALSE(std::exchange(heard, instance.shape));
+            }
+        }
+        EXPECT_EQ(heard, levels[0]) << "whatever is seen";
+        return seen;
     };
     EXPECT_EQ(shown(), levels[0]);
     const NodeId expected[] = {levels[0], levels[1], levels[2], levels[1]};
@@ -503,6 +592,34 @@ TEST_F(FlattenerCase, LevelOfDetailFollowsTheViewer) {
     EXPECT_TRUE(scene.set(transform, x3d::Transform::translation, Vec3f(0, 0, 9)));
     seal();
     EXPECT_EQ(shown(), levels[0]);
+}
+
+TEST_F(FlattenerCase, LevelsInLevelsOfAnyDepth) {
+    // Each LOD's further level is the next LOD; all are too far away, so the last shape is seen and the first one
+    // heard.
+    NodeId lod = add(x3d::LOD::type, scene.root());
+    NodeId nearest, last;
+    for (int i = 0; i < 20'000; ++i) {
+        EXPECT_TRUE(scene.setField(lod, x3d::LOD::range.index, Array<float>{10}));
+        last = addShape(lod);
+        if (i == 0) nearest = last;
+        if (i < 19'999) lod = add(x3d::LOD::type, lod);
+    }
+    seal();
+    const auto expectShown = [&](NodeId seen) {
+        std::size_t others = 0;
+        for (const auto& [slot, instance] : watcher.follower.instances) {
+            EXPECT_EQ(instance.heard, instance.shape == nearest);
+            EXPECT_EQ(instance.seen, instance.shape == seen);
+            others += !instance.heard && !instance.seen;
+        }
+        EXPECT_EQ(others, 0u);
+    };
+    expectShown(nearest);
+    ASSERT_TRUE(flat.setViewer(Vec3d(0, 0, 50)));
+    expectShown(last);
+    ASSERT_TRUE(flat.setViewer(Vec3d(0, 0, 5)));
+    expectShown(nearest);
 }
 
 TEST_F(FlattenerCase, NestingOfAnyDepthAndManyParents) {

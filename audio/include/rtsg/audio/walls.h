@@ -22,7 +22,7 @@ namespace rtsg {
 
 /// One instance.
 struct Wall {
-    std::shared_ptr<const Mesh> mesh;  // null: nothing that rays can hit
+    std::shared_ptr<const Mesh> mesh;  // null: nothing that rays of sound can hit
     WorldFromLocal worldFromLocal{1.0};
     std::uint32_t material = 0;  // WallsVersion::materials
     std::uint64_t stamp = 0;     // another after each change; 0: never used

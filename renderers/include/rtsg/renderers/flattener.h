@@ -52,8 +52,9 @@ class Flattener {
     /// updateViewer().
     void setMeshSource(const Scene& scene, std::string_view type, MeshSource source);
 
-    /// The viewer's place in world space, by which LOD chooses; none: every LOD shows its first level. Takes effect
-    /// with the next apply() or with updateViewer().
+    /// The viewer's place in world space, by which LOD chooses what is seen; none: every LOD shows its first level.
+    /// What is heard is the first level always (Instance::seen, heard): what a picture shows changes no sound. Takes
+    /// effect with the next apply() or with updateViewer().
     void setViewer(std::optional<Vec3d> position);
     /// Re-chooses the LOD levels alone, between two frames.
     const InstanceDelta& updateViewer(const Scene& scene);

@@ -2,7 +2,8 @@
 // scene is traversed, compared with what the last frame found, and the differences go to a RayWorld of its own.
 //
 // Invariant: after renderFrame() its RayWorld answers as one that follows a Flattener would.
-// It exists to be measured against, and to check the incremental path by one that shares no state with it.
+// It exists to be measured against, and to check the incremental path by one that shares no state with it: for both it
+// must not start from a SharedWorld, as all other renderers do.
 // Threading: the scene's thread.
 // Source: paper sections 2, 4 and 6.1.
 #pragma once

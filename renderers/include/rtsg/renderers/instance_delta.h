@@ -60,6 +60,9 @@ struct Instance {
     std::uint16_t layer = 0;  // index in LayerSet.layers, from 1; 0 is the scene outside any LayerSet
     Motion motion = Motion::unknown;
     bool castShadow = true;
+    /// Whether eyes see it, and whether sound meets it. Both, unless a level of detail is chosen for an eye: sound
+    /// meets the first level, whatever is seen. One of the two is true.
+    bool seen = true, heard = true;
     /// Other than 0: those with the same number hang below the same thing that moves, and as a rule move together,
     /// rigidly. A hint that no result depends on.
     std::uint32_t rigid = 0;

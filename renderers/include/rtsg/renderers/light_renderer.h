@@ -2,8 +2,8 @@
 //
 // Invariant: a picture shows the scene's present state, however it got there: loaded, run, mirrored or replayed. What
 // light needs alone (materials, lights, sky, textures) is here; where things are, is the world's.
-// Levels of detail are chosen for the eye of the last picture, and hold for all that share the world.
-// Threading: as WorldRenderer; a picture itself is made by several. Source: paper section 5.1 and Listing 1.
+// Levels of detail are chosen for the eye of the last picture, and hold for all that see in the world; sound has its
+// own. Threading: as WorldRenderer; a picture itself is made by several. Source: paper section 5.1 and Listing 1.
 
 // Example:
 //     #include <rtsg/core/loader.h>

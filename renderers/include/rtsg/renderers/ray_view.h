@@ -92,8 +92,9 @@ class RayView {
 
     /// Calls visit(slot, triangle) for every triangle whose box comes within `radius` of `center` (both in ray space,
     /// metres), and maybe others; visit returns the radius from then on. What is nearer tends to come first.
+    /// Of what rays of this kind may meet; of shadows: as of views.
     using NearVisitor = rtsg::NearVisitor;
-    void visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const;
+    void visitNear(const Vec3f& center, float radius, const NearVisitor& visit, RayKind kind = RayKind::view) const;
 
     /// Precondition: the slot of a hit or of a live instance.
     const RayInstance& instance(std::uint32_t slot) const { return instances_[slot]; }
@@ -109,7 +110,7 @@ class RayView {
     Vec3f fromWorld(const Vec3d& world) const { return Vec3f(world - origin_); }
     Vec3d toWorld(const Vec3f& ray) const { return Vec3d(ray) + origin_; }
 
-    /// Box around everything traced, in ray space; min > max when there is nothing. Looks at every instance.
+    /// Box around everything that is seen, in ray space; min > max when there is nothing. Looks at every instance.
     Bounds bounds() const;
 
     /// Counts RayWorld::apply() calls that changed anything: caches keyed by it know when to forget.

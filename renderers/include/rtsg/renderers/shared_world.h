@@ -99,7 +99,8 @@ class SharedWorld {
     /// setViewer() from any thread: with the next delivery.
     void lookFrom(const Vec3d& eye);
 
-    /// Levels of detail are chosen for this eye, in world space, for all that start from here; none: the first levels.
+    /// Levels of detail are chosen for this eye, in world space, for all that see; none: the first levels, which are
+    /// what sound meets in any case (Instance::seen, heard).
     Result<> setViewer(std::optional<Vec3d> position);
     /// The triangles of geometry nodes of a type of one's own (or in place of a built-in one's), for all that start
     /// from here. Also of those that are there already.
