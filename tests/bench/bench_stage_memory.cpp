@@ -52,7 +52,7 @@ void stageMemory(const Report& report, bool quick) {
     const auto folder = std::filesystem::temp_directory_path() / fmt::format("rtsg-bench-stage-{}", getpid());
     std::filesystem::create_directories(folder);
     const char* const name = quick ? "Kitchen" : "Campus";
-    const double scale = quick ? .05 : .25;
+    const double scale = quick ? .05 : .5;
     const auto triangles = writeBenchScene(name, scale, false, folder);
     const auto file = folder / fmt::format("{}.x3dv", name);
     if (triangles) {

@@ -179,9 +179,9 @@ Flattener::Impl::Levels Flattener::Impl::levelsOf(std::uint32_t index) {
     return {seen, tree[index].level == 0 ? seen : child(0)};
 }
 
-void Flattener::Impl::setSenses(Occurrence& child, const Occurrence& parent, const Levels& levels) {
-    child.seen = parent.seen && child.node == levels.seen;
-    child.heard = parent.heard && child.node == levels.heard;
+void Flattener::Impl::setSenses(Occurrence& child, const Occurrence& parent, const Levels& shown) {
+    child.seen = parent.seen && child.node == shown.seen;
+    child.heard = parent.heard && child.node == shown.heard;
 }
 
 void Flattener::Impl::chooseChildren(std::uint32_t index, const Node& node, const TypeRole& role) {
@@ -190,10 +190,10 @@ void Flattener::Impl::chooseChildren(std::uint32_t index, const Node& node, cons
         flatten::desiredChildren(node, role, tree[index].level, wanted);
         return;
     }
-    const Levels levels = levelsOf(index);
-    if (levels.seen && tree[index].seen) wanted.push_back(levels.seen);
-    if (levels.heard && tree[index].heard && (levels.heard != levels.seen || !tree[index].seen))
-        wanted.push_back(levels.heard);
+    const Levels shown = levelsOf(index);
+    if (shown.seen && tree[index].seen) wanted.push_back(shown.seen);
+    if (shown.heard && tree[index].heard && (shown.heard != shown.seen || !tree[index].seen))
+        wanted.push_back(shown.heard);
 }
 
 bool Flattener::Impl::isSensed(const Occurrence& o, PlacedKind kind) {
@@ -201,7 +201,7 @@ bool Flattener::Impl::isSensed(const Occurrence& o, PlacedKind kind) {
 }
 
 void Flattener::Impl::spreadSenses(std::uint32_t level) {
-    const Levels levels = levelsOf(level);
+    const Levels shown = levelsOf(level);
     std::vector<std::uint32_t> way;
     const auto below = [&](std::uint32_t index) {
         for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) way.push_back(c);
@@ -214,7 +214,7 @@ void Flattener::Impl::spreadSenses(std::uint32_t level) {
         const bool seen = o.seen, heard = o.heard;
         const Occurrence& parent = tree[o.parent];
         if (o.parent == level)
-            setSenses(o, parent, levels);
+            setSenses(o, parent, shown);
         else
             o.seen = parent.seen, o.heard = parent.heard;
         if (o.seen == seen && o.heard == heard) continue;

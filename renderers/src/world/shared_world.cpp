@@ -286,15 +286,19 @@ void SharedWorld::lookFrom(const Vec3d& eye) {
 }
 
 Result<> SharedWorld::setViewer(std::optional<Vec3d> position) {
-    impl_->flattener.setViewer(position);
-    if (const std::unique_lock lock(impl_->eyeMutex, std::try_to_lock); lock) impl_->eye.reset();
-    if (impl_->delivering) return {};  // with the next one
-    if (const std::string why = failure(); !why.empty()) return fail("the scene could not be followed: " + why);
-    return impl_->outside([&] { return impl_->deliverViewer(); });
+    Impl& s = *impl_;
+    // Edits that are not sealed yet come first: the flattener must not look at nodes of a state it does not know.
+    if (!s.delivering)
+        if (auto ok = update(); !ok) return ok;
+    s.flattener.setViewer(position);
+    if (const std::unique_lock lock(s.eyeMutex, std::try_to_lock); lock) s.eye.reset();
+    if (s.delivering) return {};  // with the next one
+    return s.outside([&] { return s.deliverViewer(); });
 }
 
 void SharedWorld::setMeshSource(std::string_view type, MeshSource source) {
     Impl& s = *impl_;
+    if (!s.delivering) (void)update();  // a failure is kept
     s.flattener.setMeshSource(s.scene, type, std::move(source));
     if (!s.delivering && failure().empty()) (void)s.outside([&] { return s.deliverViewer(); });
 }

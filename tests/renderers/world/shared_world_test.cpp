@@ -155,6 +155,25 @@ TEST(SharedWorld, WhoIsAddedOrRemovedDuringADeliveryIsTreatedAsBetweenTwo) {
     EXPECT_EQ(world.failure(), "");
 }
 
+TEST(SharedWorld, AnEyeThatMovesAmongEditsFindsThemSealed) {
+    Scene scene;
+    SharedWorld world(scene);
+    Counter counter("counter");
+    world.add(counter);
+    const NodeId lod = scene.createNode(x3d::LOD::type), group = scene.createNode(x3d::Group::type);
+    ASSERT_TRUE(scene.insertChild(group, x3d::Group::children, lod));
+    ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, group));
+    scene.seal();
+    ASSERT_TRUE(scene.destroyNode(lod));  // and not sealed
+    EXPECT_TRUE(world.setViewer(Vec3d(0, 0, 5)));
+    EXPECT_EQ(world.sequence(), scene.sequence());
+    addBox(scene);
+    ASSERT_TRUE(scene.destroyNode(group));
+    world.setMeshSource("Box", [](const Scene&, NodeId) { return std::make_shared<const Mesh>(); });
+    EXPECT_EQ(world.failure(), "");
+    EXPECT_EQ(counter.shapes, 1);
+}
+
 TEST(SharedWorld, PolledItTakesWhatHappenedMerged) {
     Scene scene;
     SharedWorld world(scene, {.flattening = {}, .rays = {}, .delivery = Delivery::polled});
