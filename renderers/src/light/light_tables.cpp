@@ -117,9 +117,16 @@ void LightTables::bind(const Scene& scene, const Instance& instance) {
         slots_.resize(at + 1);
         shading_.resize(at + 1);
     }
+    Slot& slot = slots_[at];
+    const std::uint32_t lights = scopeNumber(instance.scope);
+    const auto isAsBefore = [&] {
+        const SlotShading& now = shading_[at];
+        return slot.used && slot.geometry == instance.geometry && now.lights == lights &&
+               uses_[now.material].appearance == instance.appearance;
+    };
+    if (isAsBefore()) return;  // something that is none of light's business
     const std::uint32_t material = takeMaterial(scene, instance.appearance);
     release(at);
-    Slot& slot = slots_[at];
     slot.used = true;
     slot.geometry = instance.geometry;
     if (material != 0) {
@@ -128,7 +135,7 @@ void LightTables::bind(const Scene& scene, const Instance& instance) {
     }
     SlotShading& shading = shading_.change(at);
     shading.material = material;
-    shading.lights = scopeNumber(instance.scope);
+    shading.lights = lights;
     shading.channels = {};
     if (!uses_[material].isMapped) return;
     setMapped(at, true);

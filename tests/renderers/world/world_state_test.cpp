@@ -121,6 +121,39 @@ TEST(WorldState, StaysWhatItWasWhileTheSceneGoesOn) {
     }
 }
 
+/// Asks for a state, and for rays for the first time, in the middle of a delivery.
+struct Meddler final : InstanceSubscriber {
+    explicit Meddler(SharedWorld& w) : world(w) {}
+    Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta&) override {
+        (void)world.latest(0ns);
+        world.rays();
+        if (const auto state = world.latest(0ns)) seen.push_back((*state)->sequence);
+        return world.update();
+    }
+    SharedWorld& world;
+    std::vector<std::uint64_t> seen;
+};
+
+TEST(WorldState, IsNotMadeInTheMiddleOfADelivery) {
+    Scene scene;
+    SharedWorld world(scene);
+    Meddler meddler(world);
+    Counter counter;
+    world.add(meddler);
+    const std::uint64_t number = world.add(counter);
+    for (int i = 0; i < 3; ++i) {
+        (void)scene.insertChild(scene.root(), x3d::RtsgScene::children, scene.createNode(x3d::Group::type));
+        scene.seal();
+        const auto state = world.latest(0ns);
+        ASSERT_TRUE(state);
+        EXPECT_EQ((*state)->sequence, scene.sequence());
+        EXPECT_NE((*state)->of(number), nullptr) << "all have had their turn";
+        if (i > 0) {
+            EXPECT_LT(meddler.seen.back(), scene.sequence()) << "it was offered the state before";
+        }
+    }
+}
+
 TEST(WorldState, WithNoVersionLeftReadersGetTheNewestThereIsAtOnce) {
     Stage stage;
     stage.world.rays();

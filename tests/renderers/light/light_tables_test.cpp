@@ -1,0 +1,138 @@
+// Light's tables follow a scene at the cost of what changed, and hold what reading it anew would give.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
+
+#include "light/light_tables.h"
+#include "renderers/light/light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+/// Entries on pages that differ between two versions.
+template <class Array>
+std::size_t differing(const Array& a, const Array& b) {
+    std::size_t count = 0;
+    Array::differences(a, b, [&](std::size_t, const auto&, const auto&) { ++count; });
+    return count;
+}
+
+TEST(LightTables, ALightThatIsSwitchedOrMovedTouchesItsOwnListAlone) {
+    constexpr int kLamps = 2000;
+    std::string body;
+    for (int i = 0; i < kLamps; ++i)
+        body += fmt::format(
+            "DEF T{0} Transform {{ translation {1} 0 0 children [ DEF L{0} PointLight {{ global FALSE }} Shape {{ "
+            "appearance DEF A{0} Appearance {{ material DEF M{0} Material {{ }} }} geometry Box {{ }} }} ] }}\n",
+            i, 3 * i);
+    LightScene s(body);
+    LightTracer tracer;
+    s.world->add(tracer);
+    const auto before = tracer.latest();
+    EXPECT_EQ(tracer.latest(), before);
+    ASSERT_TRUE(s.scene.set(s.node("L700"), x3d::PointLight::on, false));
+    s.scene.newFrame(1);
+    const auto off = tracer.latest();
+    EXPECT_EQ(differing(before->slots, off->slots), 0u);
+    EXPECT_EQ(differing(before->materials, off->materials), 0u);
+    EXPECT_LE(differing(before->scopes, off->scopes), 16u) << "a page";
+    EXPECT_LE(differing(before->placed, off->placed), 16u);
+    ASSERT_TRUE(s.scene.set(s.node("T900"), x3d::Transform::translation, Vec3f(0, 9, 0)));
+    s.scene.newFrame(2);
+    const auto moved = tracer.latest();
+    EXPECT_EQ(differing(off->slots, moved->slots), 0u);
+    EXPECT_EQ(differing(off->scopes, moved->scopes), 0u) << "it is on as before";
+    EXPECT_LE(differing(off->placed, moved->placed), 16u);
+    ASSERT_TRUE(s.scene.set(s.node("M100"), x3d::Material::shininess, .7f));
+    s.scene.newFrame(3);
+    const auto painted = tracer.latest();
+    EXPECT_EQ(differing(moved->slots, painted->slots), 0u);
+    EXPECT_LE(differing(moved->materials, painted->materials), 16u);
+    EXPECT_EQ(tracer.counts().lights, static_cast<std::size_t>(kLamps));
+    // What is none of light's business makes no other version of it.
+    s.scene.newFrame(4);
+    EXPECT_EQ(tracer.latest(), painted);
+}
+
+TEST(LightTables, ManyLightsOfOneScopeComeAndGoAtOnce) {
+    std::string body = "DEF G Group { children [ ";
+    for (int i = 0; i < 60; ++i)
+        body += fmt::format("DEF L{} DirectionalLight {{ global FALSE intensity {} }} ", i, 1 / 64.0);
+    LightScene s(body +
+                 "Shape { appearance Appearance { material Material { diffuseColor 1 1 1 } } geometry Box { } } ] }");
+    expectColor(s.center(), Vec3d(60 / 64.0), 1e-5);
+    for (const int stride : {2, 3, 1}) {  // 30 at once, 20, all of them
+        for (int i = 0; i < 60; i += stride)
+            ASSERT_TRUE(s.scene.set(s.node(fmt::format("L{}", i).c_str()), x3d::DirectionalLight::on, stride == 3));
+        s.scene.newFrame(stride);
+        // After 2: the odd ones; after 3: those and every sixth; then none.
+        const int lit = stride == 2 ? 30 : stride == 3 ? 40 : 0;
+        expectColor(s.center(), Vec3d(lit / 64.0), 1e-5);
+    }
+}
+
+/// Red where coordinates "A" are used, green where "B".
+const char* const kMapped = R"(
+Shape {
+  appearance Appearance { material DEF M UnlitMaterial {
+    emissiveTexture PixelTexture { image 2 1 3 0xFF0000 0x00FF00 } } }
+  geometry IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1]
+    coord Coordinate { point [-9 -9 0, 9 -9 0, 9 9 0, -9 9 0] }
+    texCoord MultiTextureCoordinate { texCoord [
+      DEF FIRST TextureCoordinate { mapping "A" point [.25 .5, .25 .5, .25 .5, .25 .5] }
+      DEF SECOND TextureCoordinate { mapping "B" point [.75 .5, .75 .5, .75 .5, .75 .5] } ] } } }
+)";
+
+TEST(LightTables, TheCoordinatesOfATextureFollowMaterialAndMesh) {
+    LightScene s(kMapped);
+    const Vec3d red(1, 0, 0), green(0, 1, 0);
+    const auto shows = [&](const Vec3d& color, const char* when) {
+        SCOPED_TRACE(when);
+        s.scene.newFrame(s.scene.now() + 1);
+        expectColor(s.center(), color, 1e-5);
+        SharedWorld anew(s.scene);
+        LightRenderer fresh(anew);
+        const auto picture = fresh.picture(s.options);
+        ASSERT_TRUE(picture);
+        expectColor(Vec3f(picture->at(picture->width / 2, picture->height / 2)), color, 1e-5);
+    };
+    shows(red, "no mapping: the first");
+    const auto map = [&](const char* name) {
+        ASSERT_TRUE(s.scene.set(s.node("M"), x3d::UnlitMaterial::emissiveTextureMapping, String(name)));
+    };
+    map("B");
+    shows(green, "the material asks for B");
+    ASSERT_TRUE(s.scene.set(s.node("SECOND"), x3d::TextureCoordinate::mapping, String("C")));
+    shows(red, "the mesh has none of that name");
+    map("C");
+    shows(green, "both say C");
+    map("");
+    shows(red, "no mapping again");
+    ASSERT_TRUE(s.scene.set(s.node("FIRST"), x3d::TextureCoordinate::mapping, String("C")));
+    ASSERT_TRUE(s.scene.set(s.node("SECOND"), x3d::TextureCoordinate::mapping, String("A")));
+    map("A");
+    shows(green, "they have changed places");
+}
+
+TEST(LightTables, VertexColoursThatAreClearLetLightThrough) {
+    const auto lit = [](const char* alpha) {
+        LightScene s(fmt::format(
+            "DirectionalLight {{ direction 0 -1 0 }} Viewpoint {{ position 0 3 10 orientation 1 0 0 -.29 }}\n"
+            "Shape {{ appearance Appearance {{ material Material {{ diffuseColor 1 1 1 }} }} geometry Box {{ size 9 .1 "
+            "9 }} }}\n"
+            "Transform {{ translation 0 6 0 children Shape {{ appearance Appearance {{ material Material {{ }} }} "
+            "geometry IndexedFaceSet {{ solid FALSE coordIndex [0 1 2 3 -1] coord Coordinate {{ point [-5 0 -5, 5 0 "
+            "-5, "
+            "5 0 5, -5 0 5] }} color ColorRGBA {{ color [1 1 1 {0}, 1 1 1 {0}, 1 1 1 {0}, 1 1 1 {0}] }} }} }} }}",
+            alpha));
+        return s.center();
+    };
+    expectColor(lit("1"), Vec3d(0), 1e-5);
+    expectColor(lit("0"), Vec3d(1), 1e-5);
+}
+
+}  // namespace
+}  // namespace rtsg
