@@ -90,12 +90,30 @@ void SoundArguments::addTo(CLI::App& command) {
     s->excludes(a);
     command.add_option("--rays", rays, "rays a source; else what is usual for the purpose")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40));
+    command.add_option("--temperature", air.celsius, "of the air, degrees Celsius; else the scene's, else 20")
+        ->check(CLI::Range(-50.0, 60.0));
+    command.add_option("--humidity", air.relativeHumidity, "of the air, percent; else the scene's, else 50")
+        ->check(CLI::Range(0.0, 100.0));
+    command.add_option("--speed-of-sound", air.speedOfSound, "m/s; else by the temperature, else 343")
+        ->check(CLI::Range(10.0, 10'000.0));
+    command.add_flag("--no-air", noAir, "air absorbs nothing");
+    command
+        .add_option("--length", length, "seconds of reverberation that are traced; else what is usual for the purpose")
+        ->check(CLI::Range(0.01, 600.0));
 }
 
 ListenOptions SoundArguments::parse() const {
+    using Channels = ImpulseResponseOptions::Channels;
     ListenOptions options;
     options.render.binaural = binaural;
     options.render.ambisonicOrder = ambisonic;
+    options.render.air = air;
+    if (noAir) options.render.air.absorbs = false;
+    if (length > 0) options.trace.maxSeconds = options.render.trace.maxSeconds = length;
+    options.responses = ambisonic > 0 ? Channels::ambisonic
+                        : binaural    ? Channels::binaural
+                        : stereo      ? Channels::stereo
+                                      : Channels::mono;
     if (rays > 0) options.trace.rays = rays;
     options.error = error;
     options.render.ask(rays, error);

@@ -39,7 +39,9 @@ struct SoundArguments {
     bool binaural = false, stereo = false;
     int ambisonic = 0;
     std::uint64_t rays = 0;
-    double error = 0;
+    double error = 0, length = 0;
+    AirChoice air;
+    bool noAir = false;
 
     void addTo(CLI::App& command);
     ListenOptions parse() const;

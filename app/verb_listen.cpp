@@ -66,7 +66,9 @@ Verb addListen(CLI::App& program) {
     command->add_option("SCENE", options->scene, "scene file, or -")->required();
     command->add_option("-o,--output", options->out, "WAV to write");
     command->add_option("--for", options->duration, "how long")->capture_default_str();
-    command->add_option("--ir", options->ir, "WAV of impulse responses, a channel a source");
+    command->add_option(
+        "--ir", options->ir,
+        "WAV of impulse responses, source by source: mono, or with the channels of --stereo, --binaural, --ambisonic");
     command->add_flag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
     command
         ->add_option("--error", options->sound.error,

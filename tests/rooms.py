@@ -20,7 +20,7 @@ HEADERS = {
     "core": {"behaviour": "scene", "document_handler": "document", "frame_input": "scene", "script": "scene", "x3d": "value", "check": "value"},
     "renderers": {"paged_array": "flatten", "ray": "embree", "shading": "light", "tessellate": "mesh"},
     "sync": {"byte_buffer": "codec", "change_codec": "codec", "log": "log", "stream_mode": "codec"},
-    "audio": {"acoustic_box": "walls", "acoustic_geometry": "walls", "paged_array": "walls"},
+    "audio": {"acoustic_box": "walls", "acoustic_geometry": "walls", "paged_array": "walls", "panning": "signal"},
 }
 # Names of outside libraries that only one room may use, comments aside.
 NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}

@@ -76,6 +76,14 @@ class TriangleGeometry : public AcousticGeometry {
         return nearest;
     }
 
+    void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override {
+        for (const Triangle& t : triangles_) {
+            if (distanceTo(t, point) > radius) continue;
+            const glm::dvec3 normal = glm::normalize(glm::cross(t.u, t.v));
+            visit(normal, glm::dot(point - t.a, normal));
+        }
+    }
+
   private:
     struct Triangle {
         glm::dvec3 a, u, v;

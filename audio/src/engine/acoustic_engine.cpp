@@ -19,6 +19,8 @@ glm::dvec3 mixedAxis(const glm::dvec3& a, const glm::dvec3& b, double alpha) {
     return length > 1e-6 ? m / length : b;
 }
 
+}  // namespace
+
 ListenerPose mixedPose(const ListenerPose& before, const ListenerPose& now, double alpha) {
     ListenerPose pose = now;
     pose.position = glm::mix(before.position, now.position, alpha);
@@ -27,8 +29,6 @@ ListenerPose mixedPose(const ListenerPose& before, const ListenerPose& now, doub
     pose.back = mixedAxis(before.back, now.back, alpha);
     return pose;
 }
-
-}  // namespace
 
 void AcousticOptions::ask(std::uint64_t rays, double largestError) {
     if (rays > trace.rays || largestError > 0) trace.maxImageCandidates = TraceOptions().maxImageCandidates;
@@ -44,7 +44,8 @@ Result<std::unique_ptr<AcousticEngine>> AcousticEngine::create(const AcousticOpt
     if (options.ambisonicOrder < 0 || options.ambisonicOrder > kMaxAmbisonicOrder)
         return fail("the ambisonic order must be 1 to 7");
     std::optional<LoopbackMixer> mixer;
-    if (options.ambisonicOrder == 0) {
+    // Two plain channels are panned here.
+    if (options.binaural && options.ambisonicOrder == 0) {
         auto opened = LoopbackMixer::open(
             {.sampleRate = options.sampleRate, .binaural = options.binaural, .blockSize = options.blockSize});
         if (!opened) return std::unexpected(opened.error());
@@ -64,11 +65,18 @@ const Diagnostics& AcousticEngine::diagnostics() const {
 }
 OpenedGeometry AcousticEngine::geometryFor(const AcousticState& state, const RayView& rays, const glm::dvec3& source) {
     impl_->follow(state, rays);
-    return {impl_->geometry, impl_->geometry.instancesAround(source, impl_->options.bodySize)};
+    const auto around = impl_->geometry.instancesAround(source, impl_->options.bodySize);
+    return {impl_->geometry, impl_->bodyOf(around, state.sounds.listener.position)};
+}
+Air AcousticEngine::airOf(const AcousticState& state) const {
+    return impl_->options.air.over(state.sounds.air.over(impl_->options.trace.air));
 }
 
-void AcousticEngine::Impl::findBody(EmitterState& state) {
-    state.body = geometry.instancesAround(state.to, options.bodySize);
+/// A body holds what sounds and nobody else: what the listener is in too is a room, however small.
+std::vector<std::uint32_t> AcousticEngine::Impl::bodyOf(std::vector<std::uint32_t> around,
+                                                        const glm::dvec3& listener) const {
+    std::erase_if(around, [&](std::uint32_t slot) { return geometry.boxHolds(slot, listener); });
+    return around;
 }
 
 /// Takes over the walls and marks the emitters that what changed may concern.
@@ -89,12 +97,14 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
             // Written so that a box which is no number is near.
             inBody = inBody || !(box.distance(emitter.to) > 1.01 * options.bodySize);
         }
-        if (inBody && !emitter.gone) findBody(emitter);
+        if (inBody && !emitter.gone) emitter.around = geometry.instancesAround(emitter.to, options.bodySize);
     }
 }
 
 /// Where the emitters are on their way to; those that are no longer there begin to fade.
 void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double seconds) {
+    const double time = (renderedUntil + seconds) * options.sampleRate;
+    for (const SoundEmitter& emitter : *sounds.emitters) stateOf(emitter, time);
     for (auto& [id, state] : states) {
         if (state.gone) continue;
         const SoundEmitter* emitter = sounds.find(id);
@@ -103,30 +113,52 @@ void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double sec
             state.fading = static_cast<std::size_t>(state.level.delay) + state.responseFrames + options.blockSize;
             continue;
         }
-        state.from = state.to;
-        state.to = emitter->position();
-        if (state.from != state.to) findBody(state);
+        const glm::dvec3 to = emitter->position();
+        if (to != state.to) state.around = geometry.instancesAround(to, options.bodySize);
         // Faster than sound is not moving but being put somewhere else.
-        if (glm::distance(state.from, state.to) > options.trace.air.speedOfSound * std::max(1e-3, seconds))
-            state.from = state.to;
+        const bool jump = !(glm::distance(state.to, to) <= air.speedOfSound * std::max(1e-3, seconds));
+        state.jumped = state.jumped || jump;
+        state.to = to;
+        state.motion.put(time, to, jump);
+        const auto body = bodyOf(state.around, now.position);
+        state.stale = state.stale || body != state.body;
+        state.body = body;
     }
 }
 
-Result<EmitterState*> AcousticEngine::Impl::stateOf(const SoundEmitter& emitter) {
-    const auto found = states.find(emitter.id);
-    if (found != states.end()) return &found->second;
-    EmitterState& state = states.try_emplace(emitter.id, options.blockSize, channels).first->second;
-    if (freeSources.empty()) {
-        if (mixer)
-            if (auto added = mixer->addSource(); !added) return std::unexpected(added.error());
-        freeSources.push_back(blocks.size());
-        blocks.emplace_back(options.blockSize);
+void AcousticEngine::Impl::followListener(const ListenerPose& listener, double seconds) {
+    now = listener;
+    if (!posed) {
+        before = now;
+        posed = true;
+        toSkip = channels * latency();
+        listenerMotion.put(renderedUntil * options.sampleRate, now.position, true);
     }
-    state.mixerSource = freeSources.back();
-    freeSources.pop_back();
-    state.from = state.to = emitter.position();
-    findBody(state);
-    return &state;
+    const bool jump = !(glm::distance(before.position, now.position) <= air.speedOfSound * std::max(1e-3, seconds));
+    listenerMotion.put((renderedUntil + seconds) * options.sampleRate, now.position, jump);
+    if (!jump) return;
+    for (auto& [id, state] : states) state.jumped = true;
+}
+
+/// What the air of the scene changes concerns every response.
+void AcousticEngine::Impl::followAir(const SoundVersion& sounds) {
+    const Air fresh = options.air.over(sounds.air.over(options.trace.air));
+    if (fresh == air) return;
+    air = fresh;
+    longest = options.trace.maxSeconds * air.speedOfSound;
+    for (auto& [id, state] : states) state.stale = true;
+}
+
+EmitterState& AcousticEngine::Impl::stateOf(const SoundEmitter& emitter, double time) {
+    const auto found = states.find(emitter.id);
+    if (found != states.end()) return found->second;
+    const auto fade = static_cast<std::size_t>(options.retraceSeconds * options.sampleRate);
+    EmitterState& state = states.try_emplace(emitter.id, options.blockSize, channels, fade).first->second;
+    state.to = emitter.position();
+    state.motion.put(time, state.to, true);
+    state.around = geometry.instancesAround(state.to, options.bodySize);
+    state.body = bodyOf(state.around, now.position);
+    return state;
 }
 
 Result<> AcousticEngine::render(const AcousticState& state, const RayView& rays, double untilSeconds,
@@ -139,21 +171,17 @@ Result<> AcousticEngine::render(const AcousticState& state, const RayView& rays,
     if (sound.sampleRate != s.options.sampleRate || sound.channels != channels())
         return fail("the sound rendered into has another format");
     const double rate = s.options.sampleRate, span = untilSeconds - s.renderedUntil;
-    s.now = state.sounds.listener;
-    if (!s.posed) {
-        s.before = s.now;
-        s.posed = true;
-        s.toSkip = s.channels * s.latency();
-    }
+    s.followAir(state.sounds);
+    s.followListener(state.sounds.listener, std::max(0.0, span));
     s.follow(state, rays);
-    s.followEmitters(state.sounds, span);
+    s.followEmitters(state.sounds, std::max(0.0, span));
     const std::size_t wanted =
         s.channels *
         static_cast<std::size_t>(std::max(0.0, std::round(untilSeconds * rate) - std::round(s.renderedUntil * rate)));
     while (s.ready.size() < wanted) {
         const double end = static_cast<double>(s.samples + static_cast<std::int64_t>(s.options.blockSize)) / rate;
         const double alpha = span > 0 ? std::clamp((end - s.renderedUntil) / span, 0.0, 1.0) : 1;
-        if (auto done = s.block(state.sounds, alpha, mixedPose(s.before, s.now, alpha)); !done) return done;
+        if (auto done = s.block(state.sounds, alpha); !done) return done;
     }
     sound.samples.insert(sound.samples.end(), s.ready.begin(), s.ready.begin() + static_cast<std::ptrdiff_t>(wanted));
     s.ready.erase(s.ready.begin(), s.ready.begin() + static_cast<std::ptrdiff_t>(wanted));

@@ -3,103 +3,141 @@
 #include <cmath>
 
 #include <rtsg/audio/impulse_response.h>
+#include <rtsg/audio/panning.h>
 
 #include "acoustic_engine_impl.h"
-#include "trace/reach.h"
 
 namespace rtsg {
 namespace {
 
 /// Nothing is heard from farther away; metres.
 constexpr double kHorizon = 20'000;
+/// Samples between the places where a delay is computed; in between it is cubic.
+constexpr std::size_t kDelayStep = 32;
+
+/// Where the channels of a clip stand around the direction of what plays it: degrees to the left.
+double channelAngle(std::size_t channel, std::size_t count) {
+    static constexpr double kStereo[] = {30, -30}, kThree[] = {30, -30, 0}, kQuad[] = {45, -45, 135, -135},
+                            kFive[] = {30, -30, 0, 110, -110}, kSurround[] = {30, -30, 0, 0, 110, -110};
+    switch (count) {
+        case 1:
+            return 0;
+        case 2:
+            return kStereo[channel];
+        case 3:
+            return kThree[channel];
+        case 4:
+            return kQuad[channel];
+        case 5:
+            return kFive[channel];
+        case 6:
+            return kSurround[channel];
+        default:
+            return 360.0 * static_cast<double>(channel) / static_cast<double>(count);
+    }
+}
+
+/// About the listener's upright axis.
+glm::dvec3 turned(const glm::dvec3& direction, double degrees) {
+    const double a = degrees * std::numbers::pi / 180, c = std::cos(a), s = std::sin(a);
+    return {c * direction.x + s * direction.z, direction.y, c * direction.z - s * direction.x};
+}
 
 }  // namespace
 
-bool AcousticEngine::Impl::mustTrace(const EmitterState& state, const glm::dvec3& source,
-                                     const ListenerPose& listener) const {
-    if (!state.hasResponse) return true;
-    const bool moved = state.stale || glm::distance(state.tracedSource, source) > options.moveTolerance ||
-                       glm::distance(state.tracedListener, listener.position) > options.moveTolerance ||
-                       glm::dot(state.tracedRight, listener.right) < 0.998 ||  // 3.6 degrees
-                       (!mixer && glm::dot(state.tracedBack, listener.back) < 0.998);
-    return moved && static_cast<double>(samples) / options.sampleRate >= state.tracedAt + options.retraceSeconds;
-}
-
-void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
-                                 const ListenerPose& listener) {
-    const OpenedGeometry room(geometry, state.body);
-    const ReachRecorder recorder(room, longest);
-    const AcousticTracer tracer(recorder);
-    TraceResult traced = tracer.trace(source, listener.position, options.trace);
-    if (options.error > 0) {
-        const double error =
-            tracer.refineTo(traced, source, listener.position, options.trace, options.error, options.maxRays);
-        heard.error = std::isnan(heard.error) ? error : std::max(heard.error, error);
-    }
-    ImpulseResponseOptions response;
-    using Channels = ImpulseResponseOptions::Channels;
-    response.channels = options.ambisonicOrder > 0 ? Channels::ambisonic
-                        : options.binaural         ? Channels::binaural
-                                                   : Channels::stereo;
-    response.ambisonicOrder = options.ambisonicOrder;
-    response.sampleRate = options.sampleRate;
-    response.listenerRight = listener.right;
-    response.listenerUp = listener.up;
-    response.listenerBack = listener.back;
-    response.firstOrder = 1;
-    response.cutShare = 1e-6;
-    response.speedOfSound = options.trace.air.speedOfSound;
-    // The same noise each time, another for each emitter: crossfades then do not rustle.
-    response.seed = emitter.id.slot + 1;
-    const ImpulseResponse ir = makeImpulseResponse(traced.echogram(), response);
-    for (std::size_t c = 0; c < channels; ++c) state.late[c].setResponse(ir.channels[c]);
-    state.responseFrames = ir.frames();
-    state.hasResponse = true;
-    state.tracedAt = static_cast<double>(samples) / options.sampleRate;
-    state.tracedSource = source;
-    state.tracedListener = listener.position;
-    state.tracedRight = listener.right;
-    state.tracedBack = listener.back;
-    state.reached = recorder.reached();
-    // The receiver's sphere shrinks so as to touch no surface: what comes near the listener counts as well.
-    state.reached.extend(listener.position - options.trace.receiverRadius / 0.9);
-    state.reached.extend(listener.position + options.trace.receiverRadius / 0.9);
-    state.stale = false;
-    ++heard.responses;
-    heard.rays = std::max(heard.rays, traced.rays);
-    heard.images = std::max(heard.images, traced.arrivals.size());
-}
-
-void AcousticEngine::Impl::play(const SoundNode& sound, EmitterState& state, std::span<float> dry) {
-    std::fill(dry.begin(), dry.end(), 0.0f);
+void AcousticEngine::Impl::play(const SoundNode& sound, EmitterState& state, Block& block) {
+    std::size_t inputs = std::max<std::size_t>(1, state.inputs.size());
+    for (const SoundVoice& voice : sound.voices)
+        inputs = std::max(inputs, state.players[voice.node.value].channels(voice, clips));
+    block.dry.resize(inputs);
+    for (std::vector<float>& dry : block.dry) dry.assign(options.blockSize, 0.0f);
     if (!sound.enabled) return;
-    for (const SoundVoice& voice : sound.voices) state.players[voice.node.value].play(voice, clips, samples, dry);
+    for (const SoundVoice& voice : sound.voices) state.players[voice.node.value].play(voice, clips, samples, block.dry);
 }
 
-/// Where it was when it sent what arrives now; a few steps converge for anything slower than sound.
-glm::dvec3 AcousticEngine::Impl::apparentPosition(const EmitterState& state, const glm::dvec3& source,
-                                                  const glm::dvec3& listener) const {
-    glm::dvec3 apparent = source;
-    for (int i = 0; i < 6; ++i) {
-        const double delaySamples =
-            glm::distance(apparent, listener) / options.trace.air.speedOfSound * options.sampleRate;
-        apparent = state.track.at(state.track.newest() - delaySamples / static_cast<double>(options.blockSize));
+Result<> AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count) {
+    while (state.inputs.size() < count) {
+        EmitterInput input;
+        input.gains.resize(channels);
+        if (mixer) {
+            if (freeSources.empty()) {
+                if (auto added = mixer->addSource(); !added) return std::unexpected(added.error());
+                freeSources.push_back(blocks.size());
+                blocks.emplace_back(options.blockSize);
+            }
+            input.mixerSource = freeSources.back();
+            freeSources.pop_back();
+        }
+        state.inputs.push_back(std::move(input));
     }
-    return apparent;
+    return {};
 }
 
-HeardLevel AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterState& state,
-                                         const glm::dvec3& apparent, const ListenerPose& listener,
-                                         bool& audible) const {
+/// How long what arrives at `time` was under way, and how that changes; Newton's method from a guess.
+void AcousticEngine::Impl::findDelay(const Trajectory& motion, double time, double& delay, double& slope) const {
+    const double speed = air.speedOfSound / options.sampleRate;  // metres a sample
+    const Trajectory::Point at = listenerMotion.at(time);
+    slope = 0;
+    for (int step = 0; step < 8; ++step) {
+        const Trajectory::Point from = motion.at(time - delay);
+        const glm::dvec3 way = from.position - at.position;
+        const double distance = glm::length(way);
+        // Written so that what is no number is far away.
+        if (!(distance < kHorizon)) {
+            delay = kHorizon / speed;
+            return;
+        }
+        const glm::dvec3 towards = distance > 0 ? way / distance : glm::dvec3(0);
+        const double along = glm::dot(towards, from.velocity);
+        // Nothing is faster than nine tenths of sound here.
+        const double approach = std::max(0.1 * speed, speed + along);
+        const double change = (distance - delay * speed) / approach;
+        delay = std::max(0.0, delay + change);
+        slope = std::clamp((along - glm::dot(towards, at.velocity)) / approach, -10.0, 0.9);
+        if (std::abs(change) < 1e-9) return;
+    }
+}
+
+/// The delays of this block, sample by sample; the last are kept in `to`.
+void AcousticEngine::Impl::delaysOf(const EmitterState& state, HeardLevel& to, Block& block) const {
+    const std::size_t size = options.blockSize;
+    block.delays.resize(size);
+    double from = state.level.delay, fromSlope = state.level.slope;
+    for (std::size_t at = 0; at < size;) {
+        const std::size_t next = std::min(size, at + kDelayStep);
+        const double h = static_cast<double>(next - at);
+        double delay = from + fromSlope * h, slope = 0;
+        findDelay(state.motion, static_cast<double>(samples) + static_cast<double>(next), delay, slope);
+        const double way = delay - from, a = fromSlope * h, b = slope * h;
+        for (std::size_t i = at; i < next; ++i) {
+            const double u = static_cast<double>(i + 1 - at) / h;
+            block.delays[i] = from + u * (a + u * (3 * way - 2 * a - b + u * (a + b - 2 * way)));
+        }
+        from = delay;
+        fromSlope = slope;
+        at = next;
+    }
+    to.delay = from;
+    to.slope = fromSlope;
+}
+
+glm::dvec3 AcousticEngine::Impl::apparentPosition(const EmitterState& state, double delay) const {
+    return state.motion.at(static_cast<double>(samples) + static_cast<double>(options.blockSize) - delay).position;
+}
+
+void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent,
+                                   const ListenerPose& listener, HeardLevel& to, bool& audible) const {
     const SoundNode& sound = *emitter.sound;
+    if (sound.law == SoundNode::Law::none) {
+        audible = true;
+        to.directGain = to.lateGain = sound.intensity * listener.gain;
+        return;
+    }
     double distance = glm::distance(apparent, listener.position);
     const bool near = distance < kHorizon;
     if (!near) distance = kHorizon;
-    const glm::dmat3 linear(emitter.worldFromLocal[0], emitter.worldFromLocal[1], emitter.worldFromLocal[2]);
-    // The listener in the node's frame as if the node were where it was heard; singular transforms: as it is.
-    const glm::dvec3 offset = listener.position - apparent;
-    const glm::dvec3 local =
-        sound.location + (std::abs(glm::determinant(linear)) > 1e-12 ? glm::inverse(linear) * offset : offset);
+    // The listener in the node's frame as if the node were where it was heard.
+    const glm::dvec3 local = emitter.localFrom(listener.position - apparent);
     const double level =
         !near ? 0
               : sound.intensity * listener.gain *
@@ -108,115 +146,199 @@ HeardLevel AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const Emit
     if (level != 0) {
         const Bands share = directShare(OpenedGeometry(geometry, state.body), apparent, listener.position);
         for (std::size_t b = 2; b < 7; ++b) open += share[b] / 5;
-        const Bands air = airAttenuation(options.trace.air);
-        open *= std::exp(-air[4] * distance);
+        open *= std::exp(-airAttenuation(air)[4] * distance);
     }
     audible = level != 0;
     // In a response direct sound is 1 / d: times d, reflections keep their ratio to it.
-    return {.delay = distance / options.trace.air.speedOfSound * options.sampleRate,
-            .directGain = level * sound.coneGain(local) * std::sqrt(open),
-            .lateGain = level * std::max(distance, 0.1)};
+    to.directGain = level * sound.coneGain(local) * std::sqrt(open);
+    to.lateGain = level * std::max(distance, 0.1);
 }
 
-/// From the level and delay at the end of the last block to these.
-void AcousticEngine::Impl::renderDirect(const SoundNode& sound, EmitterState& state, const HeardLevel& to,
-                                        Block& block) {
+/// What is heard of each input straight from the emitter, into `block.direct`.
+void AcousticEngine::Impl::renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block) {
     const std::size_t size = options.blockSize;
     const HeardLevel from = state.level;
-    const std::size_t first = state.line.written();
-    state.line.write(block.dry, static_cast<std::size_t>(std::max(to.delay, from.delay)) + 2);
-    std::vector<float>& direct = blocks[state.mixerSource];
-    const bool glide = sound.doppler || std::abs(to.delay - from.delay) < 0.5;
-    for (std::size_t i = 0; i < size; ++i) {
-        const double w = static_cast<double>(i + 1) / static_cast<double>(size);
-        const double gain = from.directGain + (to.directGain - from.directGain) * w;
-        double value;
-        if (glide) {
-            const double d = to.delay == from.delay ? to.delay : from.delay + (to.delay - from.delay) * w;
-            value = static_cast<double>(state.line.read(first + i, d));
-        } else {  // no change of pitch wanted: from one delay to the other by crossfading
-            value = static_cast<double>(state.line.read(first + i, from.delay)) * (1 - w) +
-                    static_cast<double>(state.line.read(first + i, to.delay)) * w;
+    const double farthest =
+        std::max({to.delay, from.delay, *std::max_element(block.delays.begin(), block.delays.end())});
+    block.direct.resize(state.inputs.size());
+    for (std::size_t k = 0; k < state.inputs.size(); ++k) {
+        DelayLine& line = state.inputs[k].line;
+        const std::size_t first = line.written();
+        line.write(block.dry[k], static_cast<std::size_t>(farthest) + 2);
+        block.direct[k].resize(size);
+        for (std::size_t i = 0; i < size; ++i) {
+            const double w = static_cast<double>(i + 1) / static_cast<double>(size);
+            const double gain = from.directGain + (to.directGain - from.directGain) * w;
+            auto value = static_cast<double>(line.read(first + i, crossfade ? to.delay : block.delays[i]));
+            if (crossfade) value = value * w + static_cast<double>(line.read(first + i, from.delay)) * (1 - w);
+            block.direct[k][i] = static_cast<float>(value * gain);
         }
-        direct[i] = static_cast<float>(value * gain);
-        block.late[i] = block.dry[i] * static_cast<float>(from.lateGain + (to.lateGain - from.lateGain) * w);
     }
+}
+
+/// Gains of one input by channel of the output.
+void AcousticEngine::Impl::gainsOf(const glm::dvec3& towards, bool spatialize, std::size_t input, std::size_t inputs,
+                                   std::vector<double>& gains) const {
+    std::fill(gains.begin(), gains.end(), 0.0);
+    const double share = 1.0 / static_cast<double>(inputs);
+    if (options.ambisonicOrder > 0) {
+        if (!spatialize && inputs == 1) {
+            gains[0] = 1;
+            return;
+        }
+        const glm::dvec3 direction = turned(spatialize ? towards : glm::dvec3(0, 0, -1), channelAngle(input, inputs));
+        ambisonicGains(options.ambisonicOrder, ambisonicAxes(direction), gains);
+        for (double& gain : gains) gain *= share;
+        return;
+    }
+    const auto both = spatialize ? stereoGains(towards) : std::array<double, 2>{1, 1};
+    if (inputs == 2) {
+        // Left stays left: panning is a balance.
+        gains[input] = both[input];
+        return;
+    }
+    const auto own =
+        inputs == 1 ? both
+                    : stereoGains(turned(spatialize ? towards : glm::dvec3(0, 0, -1), channelAngle(input, inputs)));
+    for (std::size_t c = 0; c < 2; ++c) gains[c] = own[c] * share;
 }
 
 /// Gives direct sound the direction that it comes from.
 void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent,
                                       Block& block) {
-    const std::size_t size = options.blockSize;
+    const std::size_t size = options.blockSize, inputs = state.inputs.size();
     const glm::dvec3 offset = apparent - block.listener.position;
     const double far = glm::distance(apparent, block.listener.position);
     const double distance = far < kHorizon ? far : kHorizon;
-    const glm::dvec3 towards =
-        sound.spatialize && distance > 1e-6 ? block.listener.toLocal(offset) / distance : glm::dvec3(0);
-    if (mixer) {
-        mixer->setDirection(state.mixerSource, glm::vec3(towards));
-        return;
-    }
-    const std::vector<float>& direct = blocks[state.mixerSource];
+    const bool spatialize = sound.spatialize && distance > 1e-6;
+    const glm::dvec3 towards = spatialize ? block.listener.toLocal(offset) / distance : glm::dvec3(0);
     std::vector<double> gains(channels);
-    if (towards == glm::dvec3(0)) {
-        gains[0] = 1;
-    } else {
-        ambisonicGains(options.ambisonicOrder, ambisonicAxes(towards), gains);
+    for (std::size_t k = 0; k < inputs; ++k) {
+        EmitterInput& input = state.inputs[k];
+        if (mixer && spatialize) {
+            mixer->setDirection(input.mixerSource, glm::vec3(turned(towards, channelAngle(k, inputs))));
+            for (std::size_t i = 0; i < size; ++i)
+                blocks[input.mixerSource][i] = block.direct[k][i] / static_cast<float>(inputs);
+            continue;
+        }
+        gainsOf(towards, spatialize, k, inputs, gains);
+        if (!state.spatialisedOnce) input.gains = gains;
+        mixInput(input, gains, block.direct[k], block);
     }
-    if (state.line.written() == size) state.gains = gains;
-    for (std::size_t ch = 0; ch < channels; ++ch)
-        for (std::size_t i = 0; i < size; ++i)
-            block.out[ch][i] += direct[i] * static_cast<float>(state.gains[ch] + (gains[ch] - state.gains[ch]) *
-                                                                                     static_cast<double>(i + 1) /
-                                                                                     static_cast<double>(size));
-    state.gains = gains;
+    state.spatialisedOnce = true;
 }
 
-void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
-    const glm::dvec3 source = glm::mix(state.from, state.to, block.alpha);
-    state.track.add(source);
-    play(*emitter.sound, state, block.dry);
-    const glm::dvec3 apparent = apparentPosition(state, source, block.listener.position);
-    bool audible = false;
-    const HeardLevel level = levelOf(emitter, state, apparent, block.listener, audible);
-    if (!state.started) state.level = level;
-    state.started = true;
-    renderDirect(*emitter.sound, state, level, block);
-    spatialise(*emitter.sound, state, apparent, block);
-    if (options.reflections) {
-        if (audible && mustTrace(state, source, block.listener)) trace(state, emitter, source, block.listener);
-        for (std::size_t ch = 0; ch < channels; ++ch) state.late[ch].process(block.late, block.out[ch]);
+/// Adds an input to the output, with gains that go from the last block's to these.
+void AcousticEngine::Impl::mixInput(EmitterInput& input, const std::vector<double>& gains,
+                                    const std::vector<float>& direct, Block& block) const {
+    const std::size_t size = options.blockSize;
+    for (std::size_t ch = 0; ch < channels; ++ch) {
+        if (gains[ch] == 0 && input.gains[ch] == 0) continue;
+        for (std::size_t i = 0; i < size; ++i)
+            block.out[ch][i] += direct[i] * static_cast<float>(input.gains[ch] + (gains[ch] - input.gains[ch]) *
+                                                                                     static_cast<double>(i + 1) /
+                                                                                     static_cast<double>(size));
     }
-    state.level = level;
+    input.gains = gains;
+}
+
+/// Reflections of what is played; left of two channels stays left.
+void AcousticEngine::Impl::renderLate(EmitterState& state, const HeardLevel& to, Block& block) {
+    const std::size_t size = options.blockSize, inputs = state.inputs.size();
+    const auto fill = [&](std::size_t first, std::size_t count) {
+        for (std::size_t i = 0; i < size; ++i) {
+            const double w = static_cast<double>(i + 1) / static_cast<double>(size);
+            float sum = 0;
+            for (std::size_t k = first; k < first + count; ++k) sum += block.dry[k][i];
+            block.late[i] = sum / static_cast<float>(count) *
+                            static_cast<float>(state.level.lateGain + (to.lateGain - state.level.lateGain) * w);
+        }
+    };
+    const bool apart = inputs == 2 && channels == 2;
+    if (!apart) fill(0, inputs);
+    for (std::size_t ch = 0; ch < channels; ++ch) {
+        if (apart) fill(ch, 1);
+        state.late[ch].process(block.late, block.out[ch]);
+    }
+}
+
+Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
+    const SoundNode& sound = *emitter.sound;
+    const double end = static_cast<double>(samples) + static_cast<double>(options.blockSize);
+    state.motion.advance(end);
+    play(sound, state, block);
+    if (auto made = makeInputs(state, block.dry.size()); !made) return made;
+    HeardLevel to;
+    if (!state.started) findDelay(state.motion, static_cast<double>(samples), state.level.delay, state.level.slope);
+    delaysOf(state, to, block);
+    // Without Doppler shift sound keeps its delay as long as there is any: it takes the new one while it is silent.
+    const bool silent = state.quiet > static_cast<std::size_t>(state.level.delay) + options.blockSize;
+    const bool held = !sound.doppler && state.started && !silent;
+    const glm::dvec3 apparent = apparentPosition(state, to.delay);
+    if (held) {
+        to.delay = state.level.delay;
+        to.slope = 0;
+    }
+    if (sound.law == SoundNode::Law::none) to.delay = to.slope = 0;
+    if (!sound.doppler) std::fill(block.delays.begin(), block.delays.end(), to.delay);
+    bool audible = false;
+    levelOf(emitter, state, apparent, block.listener, to, audible);
+    if (!state.started) {
+        state.level.directGain = to.directGain;
+        state.level.lateGain = to.lateGain;
+    }
+    const bool crossfade = state.started && state.jumped && !held;
+    state.started = true;
+    state.jumped = false;
+    renderDirect(state, to, crossfade, block);
+    spatialise(sound, state, apparent, block);
+    if (options.reflections && sound.reflected) {
+        const glm::dvec3 source = state.motion.at(end).position;
+        if (audible && mustTrace(emitter, state, source, block.listener)) trace(state, emitter, source, block.listener);
+        renderLate(state, to, block);
+    }
+    noteSilence(state, block);
+    state.level = to;
+    return {};
+}
+
+void AcousticEngine::Impl::noteSilence(EmitterState& state, const Block& block) const {
+    for (const std::vector<float>& dry : block.dry)
+        if (std::any_of(dry.begin(), dry.end(), [](float sample) { return sample != 0; })) {
+            state.quiet = 0;
+            return;
+        }
+    state.quiet += options.blockSize;
 }
 
 /// Those that are gone fall silent when their last reflections have.
 void AcousticEngine::Impl::fadeOut(Block& block) {
     const std::size_t size = options.blockSize;
-    std::fill(block.dry.begin(), block.dry.end(), 0.0f);
     for (auto it = states.begin(); it != states.end();) {
         EmitterState& state = it->second;
         if (!state.gone) {
             ++it;
             continue;
         }
-        const std::size_t first = state.line.written();
-        state.line.write(block.dry, static_cast<std::size_t>(state.level.delay) + 2);
-        for (std::size_t i = 0; i < size; ++i) {
-            const float sample =
-                state.line.read(first + i, state.level.delay) * static_cast<float>(state.level.directGain);
-            blocks[state.mixerSource][i] = sample;
-            if (!mixer)
-                for (std::size_t ch = 0; ch < channels; ++ch)
-                    block.out[ch][i] += sample * static_cast<float>(state.gains[ch]);
+        block.dry.resize(state.inputs.size());
+        for (std::vector<float>& dry : block.dry) dry.assign(size, 0.0f);
+        block.delays.assign(size, state.level.delay);
+        renderDirect(state, state.level, false, block);
+        for (std::size_t k = 0; k < state.inputs.size(); ++k) {
+            EmitterInput& input = state.inputs[k];
+            if (mixer)
+                for (std::size_t i = 0; i < size; ++i)
+                    blocks[input.mixerSource][i] = block.direct[k][i] / static_cast<float>(state.inputs.size());
+            else
+                mixInput(input, std::vector<double>(input.gains), block.direct[k], block);
         }
-        if (options.reflections)
-            for (std::size_t ch = 0; ch < channels; ++ch) state.late[ch].process(block.dry, block.out[ch]);
+        if (options.reflections) renderLate(state, state.level, block);
         state.fading -= std::min(state.fading, size);
         if (state.fading > 0) {
             ++it;
         } else {
-            freeSources.push_back(state.mixerSource);
+            if (mixer)
+                for (const EmitterInput& input : state.inputs) freeSources.push_back(input.mixerSource);
             it = states.erase(it);
         }
     }
@@ -244,16 +366,17 @@ Result<> AcousticEngine::Impl::mixDown(const Block& block) {
     return {};
 }
 
-Result<> AcousticEngine::Impl::block(const SoundVersion& sounds, double alpha, const ListenerPose& listener) {
+Result<> AcousticEngine::Impl::block(const SoundVersion& sounds, double alpha) {
     const std::size_t size = options.blockSize;
-    Block block{alpha, listener, std::vector<float>(size), std::vector<float>(size),
-                std::vector<std::vector<float>>(channels, std::vector<float>(size))};
+    listenerMotion.advance(static_cast<double>(samples) + static_cast<double>(size));
+    ListenerPose listener = mixedPose(before, now, alpha);
+    listener.position = listenerMotion.at(static_cast<double>(samples) + static_cast<double>(size)).position;
+    Block block{listener, {},
+                {},       std::vector<float>(size),
+                {},       std::vector<std::vector<float>>(channels, std::vector<float>(size))};
     for (auto& b : blocks) std::fill(b.begin(), b.end(), 0.0f);
-    for (const SoundEmitter& emitter : *sounds.emitters) {
-        auto state = stateOf(emitter);
-        if (!state) return std::unexpected(state.error());
-        renderEmitter(emitter, **state, block);
-    }
+    for (const SoundEmitter& emitter : *sounds.emitters)
+        if (auto done = renderEmitter(emitter, states.at(emitter.id), block); !done) return done;
     fadeOut(block);
     if (auto mixed = mixDown(block); !mixed) return mixed;
     samples += static_cast<std::int64_t>(size);

@@ -19,22 +19,29 @@
 
 namespace rtsg {
 
+/// On the way from one pose to another.
+ListenerPose mixedPose(const ListenerPose& before, const ListenerPose& now, double alpha);
+
 struct AcousticEngine::Impl {
     Impl(const AcousticOptions& o, std::optional<LoopbackMixer> m)
         : options(o),
           channels(static_cast<std::size_t>(o.ambisonicOrder > 0 ? ambisonicChannels(o.ambisonicOrder) : 2)),
-          longest(o.trace.maxSeconds * o.trace.air.speedOfSound),
+          air(o.air.over(o.trace.air)),
+          longest(o.trace.maxSeconds * air.speedOfSound),
           mixer(std::move(m)),
           clips(o.sampleRate, o.resources),
+          listenerMotion(o.blockSize),
           renderedUntil(o.startTime),
           samples(std::llround(o.startTime * o.sampleRate)),
           lateQueue(channels * latency()) {}
 
     /// What one block sounds like while it is made.
     struct Block {
-        double alpha;  // 0 to 1 on the way from the last state to this one
-        const ListenerPose& listener;
-        std::vector<float> dry, late;
+        ListenerPose listener;                   // at the end
+        std::vector<std::vector<float>> dry;     // what an emitter plays, by input
+        std::vector<std::vector<float>> direct;  // what comes of it straight, by input
+        std::vector<float> late;
+        std::vector<double> delays;           // by sample
         std::vector<std::vector<float>> out;  // by channel: all but what goes to the mixer
     };
 
@@ -42,34 +49,49 @@ struct AcousticEngine::Impl {
 
     void follow(const AcousticState& state, const RayView& rays);
     void followEmitters(const SoundVersion& sounds, double seconds);
-    void findBody(EmitterState& state);
-    Result<EmitterState*> stateOf(const SoundEmitter& emitter);
+    void followListener(const ListenerPose& listener, double seconds);
+    void followAir(const SoundVersion& sounds);
+    std::vector<std::uint32_t> bodyOf(std::vector<std::uint32_t> around, const glm::dvec3& listener) const;
+    EmitterState& stateOf(const SoundEmitter& emitter, double time);
 
-    Result<> block(const SoundVersion& sounds, double alpha, const ListenerPose& listener);
-    void renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block);
-    void play(const SoundNode& sound, EmitterState& state, std::span<float> dry);
-    glm::dvec3 apparentPosition(const EmitterState& state, const glm::dvec3& source, const glm::dvec3& listener) const;
-    HeardLevel levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent,
-                       const ListenerPose& listener, bool& audible) const;
-    void renderDirect(const SoundNode& sound, EmitterState& state, const HeardLevel& to, Block& block);
+    Result<> block(const SoundVersion& sounds, double alpha);
+    Result<> renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block);
+    void play(const SoundNode& sound, EmitterState& state, Block& block);
+    Result<> makeInputs(EmitterState& state, std::size_t count);
+    void findDelay(const Trajectory& motion, double time, double& delay, double& slope) const;
+    void delaysOf(const EmitterState& state, HeardLevel& to, Block& block) const;
+    glm::dvec3 apparentPosition(const EmitterState& state, double delay) const;
+    void levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent,
+                 const ListenerPose& listener, HeardLevel& to, bool& audible) const;
+    void renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block);
     void spatialise(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent, Block& block);
+    void gainsOf(const glm::dvec3& towards, bool spatialize, std::size_t input, std::size_t inputs,
+                 std::vector<double>& gains) const;
+    void mixInput(EmitterInput& input, const std::vector<double>& gains, const std::vector<float>& direct,
+                  Block& block) const;
+    void renderLate(EmitterState& state, const HeardLevel& to, Block& block);
+    void noteSilence(EmitterState& state, const Block& block) const;
     void fadeOut(Block& block);
     Result<> mixDown(const Block& block);
 
-    bool mustTrace(const EmitterState& state, const glm::dvec3& source, const ListenerPose& listener) const;
+    SourcePattern patternOf(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener) const;
+    bool mustTrace(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
+                   const ListenerPose& listener) const;
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                const ListenerPose& listener);
 
     AcousticOptions options;
     std::size_t channels;
+    Air air;         // of the state being rendered
     double longest;  // metres that sound goes within a response
     WorldGeometry geometry;
-    std::optional<LoopbackMixer> mixer;  // none for ambisonics
+    std::optional<LoopbackMixer> mixer;  // binaural only
     ClipLibrary clips;
     std::map<InstanceId, EmitterState> states;
     std::vector<std::size_t> freeSources;
     std::vector<std::vector<float>> blocks;  // by mixer source
     ListenerPose before, now;                // at the ends of the frame being rendered
+    Trajectory listenerMotion;
     bool posed = false;
     double renderedUntil;
     std::int64_t samples;         // consumed from the voices

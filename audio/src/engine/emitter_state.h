@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <map>
 #include <vector>
 
@@ -13,61 +12,46 @@
 #include <rtsg/audio/convolver.h>
 
 #include "signal/delay_line.h"
+#include "trajectory.h"
 
 namespace rtsg {
-
-/// Positions over time, one a block, for looking up where a source was when it sent what is heard now.
-class Track {
-  public:
-    void add(const glm::dvec3& position) {
-        positions_.push_back(position);
-        if (positions_.size() > 8192) {
-            positions_.pop_front();
-            ++first_;
-        }
-    }
-    /// `block` may lie between two.
-    glm::dvec3 at(double block) const {
-        const double newestIndex = static_cast<double>(positions_.size() - 1);
-        // Written so that what is no number gives the oldest.
-        const double wanted = block - static_cast<double>(first_);
-        const double index = wanted > 0 ? std::min(wanted, newestIndex) : 0;
-        const auto low = static_cast<std::size_t>(index);
-        const std::size_t high = std::min(low + 1, positions_.size() - 1);
-        return glm::mix(positions_[low], positions_[high], index - static_cast<double>(low));
-    }
-    double newest() const { return static_cast<double>(first_ + positions_.size() - 1); }
-
-  private:
-    std::deque<glm::dvec3> positions_;
-    std::size_t first_ = 0;
-};
 
 /// How much of an emitter reaches the listener, and when.
 struct HeardLevel {
     double delay = 0;  // samples
+    double slope = 0;  // of the delay, samples a sample
     double directGain = 0, lateGain = 0;
 };
 
+/// One channel of what an emitter plays, on its way to the listener.
+struct EmitterInput {
+    DelayLine line;
+    std::size_t mixerSource = 0;  // binaural
+    std::vector<double> gains;    // otherwise: by channel of the output, at the end of the last block
+};
+
 struct EmitterState {
-    EmitterState(std::size_t block, std::size_t channels) : gains(channels) {
-        for (std::size_t c = 0; c < channels; ++c) late.emplace_back(block);
+    EmitterState(std::size_t block, std::size_t channels, std::size_t fade) : motion(block) {
+        for (std::size_t c = 0; c < channels; ++c) late.emplace_back(block, fade);
     }
 
-    std::size_t mixerSource = 0;
     std::map<std::uint32_t, VoicePlayer> players;  // by voice node
-    DelayLine line;
-    Track track;
-    std::vector<Convolver> late;      // by channel
-    std::vector<double> gains;        // ambisonic, of direct sound at the end of the last block
-    glm::dvec3 from{0}, to{0};        // this frame's way
-    std::vector<std::uint32_t> body;  // slots of the shapes that it is in
-    HeardLevel level;                 // at the end of the last block
+    std::vector<EmitterInput> inputs;
+    Trajectory motion;
+    std::vector<Convolver> late;        // by channel
+    glm::dvec3 to{0};                   // where it is at the end of this frame
+    std::vector<std::uint32_t> around;  // slots of the shapes that may be its body
+    std::vector<std::uint32_t> body;    // of those, the ones that the listener is not in
+    HeardLevel level;                   // at the end of the last block
     bool started = false;
+    bool jumped = false;        // put somewhere else: what is under way is not followed
+    std::size_t quiet = 0;      // samples since something was played
+    glm::dvec3 spatialised{0};  // the direction of the last block, in the listener's frame
+    bool spatialisedOnce = false;
     // Of the response in use.
     bool hasResponse = false;
     double tracedAt = 0;
-    glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0}, tracedBack{0};
+    glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0}, tracedBack{0}, tracedAim{0};
     AcousticBox reached;  // by its paths
     bool stale = false;   // something changed there since
     std::size_t responseFrames = 0;

@@ -26,6 +26,10 @@ OpenedGeometry AcousticRenderer::geometryFor(const glm::dvec3& source) {
     return engine_->geometryFor(*tables_.latest(), *rays_, source);
 }
 
+Air AcousticRenderer::air() {
+    return engine_->airOf(*tables_.latest());
+}
+
 Diagnostics AcousticRenderer::diagnostics() const {
     Diagnostics all;
     all.append(tables_.scene().diagnostics());

@@ -62,25 +62,39 @@ std::string ListenReport::toJson() const {
     }
     text += fmt::format("],\"rays\":{},\"seconds\":{},\"escaped\":{},\"gain\":{}", rays, jsonNumber(seconds),
                         jsonNumber(escaped), jsonNumber(static_cast<double>(gain)));
+    text += fmt::format(
+        ",\"air\":{{\"absorbs\":{},\"temperature_c\":{},\"humidity_percent\":{},\"pressure_kpa\":{},\"speed_m_s\":{}}}",
+        air.absorbs, jsonNumber(air.celsius), jsonNumber(air.relativeHumidity), jsonNumber(air.pressureKpa),
+        jsonNumber(air.speedOfSound));
     text += fmt::format(",\"heard\":{{\"responses\":{},\"rays\":{},\"images\":{},\"error\":{}}}}}", heard.responses,
                         heard.rays, heard.images, jsonNumber(heard.error));
     return text;
 }
 
 SoundBuffer ListenReport::impulseResponses(int sampleRate) const {
-    std::vector<ImpulseResponse> responses;
-    std::size_t frames = 1;
+    std::vector<ImpulseResponse> parts;
+    std::size_t frames = 1, channels = 0;
     for (const Source& source : sources) {
         ImpulseResponseOptions options;
+        options.channels = responses;
+        options.ambisonicOrder = ambisonicOrder;
         options.sampleRate = sampleRate;
-        responses.push_back(makeImpulseResponse(source.trace.echogram(), options));
-        frames = std::max(frames, responses.back().frames());
+        options.listenerRight = listener.right;
+        options.listenerUp = listener.up;
+        options.listenerBack = listener.back;
+        options.speedOfSound = air.speedOfSound;
+        parts.push_back(makeImpulseResponse(source.trace.echogram(), options));
+        frames = std::max(frames, parts.back().frames());
+        channels += parts.back().channels.size();
     }
-    SoundBuffer result{sampleRate, static_cast<int>(std::max<std::size_t>(1, responses.size())), {}};
+    SoundBuffer result{sampleRate, static_cast<int>(std::max<std::size_t>(1, channels)), {}};
     result.samples.resize(frames * static_cast<std::size_t>(result.channels));
-    for (std::size_t k = 0; k < responses.size(); ++k)
-        for (std::size_t i = 0; i < responses[k].frames(); ++i)
-            result.samples[i * responses.size() + k] = responses[k].channels[0][i];
+    std::size_t at = 0;
+    for (const ImpulseResponse& part : parts)
+        for (const std::vector<float>& channel : part.channels) {
+            for (std::size_t i = 0; i < channel.size(); ++i) result.samples[i * channels + at] = channel[i];
+            ++at;
+        }
     return result;
 }
 

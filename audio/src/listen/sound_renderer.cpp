@@ -9,6 +9,8 @@
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/core/scene.h>
 
+#include "trace/places.h"
+
 namespace rtsg {
 namespace {
 
@@ -25,18 +27,11 @@ double meanOf(const Bands& bands) {
 }
 
 /// 2000 sqrt(T / V), with the volume that the listener sees; NaN in the open.
-double schroederFrequency(const AcousticGeometry& geometry, const glm::dvec3& listener, double reverberationTime) {
-    constexpr int kDirections = 2048;
-    constexpr double kGolden = 2.39996322972865332;
-    double volume = 0;
-    for (int i = 0; i < kDirections; ++i) {
-        const double z = 1 - (2 * i + 1) / double{kDirections}, r = std::sqrt(1 - z * z);
-        AcousticHit hit;
-        if (!geometry.closest(listener, {r * std::cos(i * kGolden), r * std::sin(i * kGolden), z}, 1e6, kNoPlane, hit))
-            return std::numeric_limits<double>::quiet_NaN();
-        volume += 4 * std::numbers::pi / 3 * hit.distance * hit.distance * hit.distance / kDirections;
-    }
-    return 2000 * std::sqrt(reverberationTime / volume);
+double schroederFrequency(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                          double reverberationTime) {
+    const Surroundings around = surroundings(geometry, offWalls(geometry, listener, source), 1, 2048);
+    return around.closed ? 2000 * std::sqrt(reverberationTime / around.volume)
+                         : std::numeric_limits<double>::quiet_NaN();
 }
 
 }  // namespace
@@ -140,22 +135,27 @@ Result<> SoundRenderer::measure() {
     if (auto ok = begin(); !ok) return ok;
     const SoundScene& sounds = s.renderer->scene();
     const glm::dvec3 listener = sounds.listener().position;
+    s.report.listener = sounds.listener();
+    s.report.air = s.renderer->air();
+    s.report.responses = s.options.responses;
+    s.report.ambisonicOrder = std::max(1, s.options.render.ambisonicOrder);
     for (const SoundEmitter& emitter : sounds.emitters()) {
-        if (!sounds.sound(emitter).enabled) continue;
+        if (!sounds.sound(emitter).enabled || !sounds.sound(emitter).reflected) continue;
         ListenReport::Source source;
         source.source = emitter.name;
         source.position = sounds.position(emitter);
         const OpenedGeometry room = s.renderer->geometryFor(source.position);
         const AcousticTracer tracer(room);
-        source.trace = tracer.trace(source.position, listener, s.options.trace);
+        TraceOptions tracing = s.options.trace;
+        tracing.air = s.renderer->air();
+        source.trace = tracer.trace(source.position, listener, tracing);
         bool cancelled = false;
         if (s.options.error > 0)
-            tracer.refineTo(source.trace, source.position, listener, s.options.trace, s.options.error,
-                            s.options.maxRays,
+            tracer.refineTo(source.trace, source.position, listener, tracing, s.options.error, s.options.maxRays,
                             [&] { return !(cancelled = s.options.progress && !s.options.progress(0)); });
         if (cancelled) return fail("cancelled");
         source.metrics = source.trace.metrics();
-        source.schroederHz = schroederFrequency(room, listener, source.metrics.value.t20[4]);
+        source.schroederHz = schroederFrequency(room, source.position, listener, source.metrics.value.t20[4]);
         s.report.rays += source.trace.rays;
         s.report.sources.push_back(std::move(source));
     }

@@ -1,4 +1,4 @@
-// Reads, resamples and keeps the sounds of AudioClips, and plays voices from them.
+// Reads the sounds of clips once, and plays voices from them.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -36,7 +36,7 @@ Result<SoundBuffer> ClipLibrary::read(const SoundVoice& voice, const std::string
     auto sound = readSoundBytes(*bytes, limit - samplesRead_);
     if (sound) {
         samplesRead_ += sound->samples.size();
-        sound = resample(mixToMono(*sound), sampleRate_);
+        sound = resample(*sound, sampleRate_);
     }
     if (!sound) return fail(fmt::format("{}: {}", resource->name(), sound.error().text));
     if (sound->samples.empty()) return fail(fmt::format("{} is empty", resource->name()));
@@ -70,19 +70,48 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
     return at->second;
 }
 
-void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t first, std::span<float> out) {
+void VoicePlayer::load(const SoundVoice& voice, ClipLibrary& clips) {
+    if (voice.kind == SoundVoice::Kind::oscillator) return;
+    if (clip_ && urls_ == voice.urls && folders_ == voice.folders && buffer_ == voice.buffer.data()) return;
+    clip_ = clips.get(voice);
+    urls_ = voice.urls;
+    folders_ = voice.folders;
+    buffer_ = voice.buffer.data();
+}
+
+std::size_t VoicePlayer::channels(const SoundVoice& voice, ClipLibrary& clips) {
+    if (voice.kind == SoundVoice::Kind::oscillator) return 1;
+    load(voice, clips);
+    return static_cast<std::size_t>(clip_->channels);
+}
+
+/// Of the clip, where it has got to; between samples by the sinc.
+float VoicePlayer::sampleAt(const SoundVoice& voice, std::size_t channel) const {
     static const SincTable sinc;
+    const auto count = static_cast<std::size_t>(clip_->channels);
+    const auto length = static_cast<double>(clip_->frames());
+    const double whole = std::floor(phase_), fraction = phase_ - whole;
+    if (fraction == 0) return clip_->samples[static_cast<std::size_t>(whole) * count + channel];
+    double sample = 0;
+    for (int k = 0; k < 2 * SincTable::kHalf; ++k) {
+        double at = whole + k - (SincTable::kHalf - 1);
+        if (voice.loop) at -= std::floor(at / length) * length;
+        if (at < 0 || at >= length) continue;
+        sample +=
+            static_cast<double>(clip_->samples[static_cast<std::size_t>(at) * count + channel] * sinc.tap(fraction, k));
+    }
+    return static_cast<float>(sample);
+}
+
+void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t first,
+                       std::span<std::vector<float>> out) {
     const double rate = clips.sampleRate();
     const bool oscillator = voice.kind == SoundVoice::Kind::oscillator;
-    if (!oscillator && (!clip_ || urls_ != voice.urls || folders_ != voice.folders || buffer_ != voice.buffer.data())) {
-        clip_ = clips.get(voice);
-        urls_ = voice.urls;
-        folders_ = voice.folders;
-        buffer_ = voice.buffer.data();
-    }
-    const double length = oscillator ? 0 : static_cast<double>(clip_->samples.size());
+    load(voice, clips);
+    const double length = oscillator ? 0 : static_cast<double>(clip_->frames());
+    const std::size_t channels = oscillator ? 1 : static_cast<std::size_t>(clip_->channels);
     const double step = oscillator ? voice.frequency / rate : voice.pitch;
-    for (std::size_t i = 0; i < out.size(); ++i) {
+    for (std::size_t i = 0; i < out[0].size(); ++i) {
         // Half a sample of grace: a start between two samples must not be late by one through rounding.
         const double t = (static_cast<double>(first) + static_cast<double>(i) + 0.5) / rate;
         if (!voice.active(t)) {
@@ -100,13 +129,7 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
         }
         if (!playing_) continue;
         if (!std::isfinite(phase_)) phase_ = 0;
-        if (oscillator) {
-            out[i] += static_cast<float>(voice.gain * std::sin(2 * std::numbers::pi * phase_));
-            phase_ += step;
-            phase_ -= std::floor(phase_);
-            continue;
-        }
-        if (phase_ >= length) {
+        if (!oscillator && phase_ >= length) {
             if (!voice.loop || length < 1) {
                 playing_ = false;
                 finished_ = true;
@@ -114,20 +137,15 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
             }
             phase_ = std::fmod(phase_, length);
         }
-        const double whole = std::floor(phase_), fraction = phase_ - whole;
-        double sample = 0;
-        if (fraction == 0) {
-            sample = static_cast<double>(clip_->samples[static_cast<std::size_t>(whole)]);
-        } else {
-            for (int k = 0; k < 2 * SincTable::kHalf; ++k) {
-                double at = whole + k - (SincTable::kHalf - 1);
-                if (voice.loop) at -= std::floor(at / length) * length;
-                if (at < 0 || at >= length) continue;
-                sample += static_cast<double>(clip_->samples[static_cast<std::size_t>(at)] * sinc.tap(fraction, k));
-            }
+        const auto gain = static_cast<float>(voice.gain);
+        for (std::size_t c = 0; c < out.size(); ++c) {
+            if (oscillator)
+                out[c][i] += static_cast<float>(voice.gain * std::sin(2 * std::numbers::pi * phase_));
+            else if (channels == 1 || c < channels)
+                out[c][i] += gain * sampleAt(voice, channels == 1 ? 0 : c);
         }
-        out[i] += static_cast<float>(voice.gain * sample);
         phase_ += step;
+        if (oscillator) phase_ -= std::floor(phase_);
     }
 }
 

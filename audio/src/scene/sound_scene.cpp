@@ -116,6 +116,7 @@ bool SoundVoice::active(double t) const {
 double SoundNode::level(const glm::dvec3& listener) const {
     const glm::dvec3 to = listener - location;
     const double distance = glm::length(to);
+    if (law == Law::none) return 1;
     if (law != Law::ellipsoids) {
         const double reference = std::max(1e-6, referenceDistance), limit = std::max(reference, maxDistance);
         const double d = std::clamp(distance, reference, limit);
@@ -154,6 +155,12 @@ double SoundNode::coneGain(const glm::dvec3& listener) const {
     return 1 + (coneOuterGain - 1) * (angle - inner) / (outer - inner);
 }
 
+bool SoundNode::directional(bool levels) const {
+    if (law == Law::none) return false;
+    if (law == Law::ellipsoids) return levels && (minFront != minBack || maxFront != maxBack);
+    return (coneInner < 6.2831 || coneOuter < 6.2831) && coneOuterGain != 1;
+}
+
 namespace {
 
 /// The first emitter in this slot or a later one.
@@ -168,6 +175,11 @@ auto emitterFrom(Emitters& emitters, std::uint32_t slot) {
 glm::dvec3 SoundEmitter::position() const {
     const glm::dvec3 p = worldFromLocal * glm::dvec4(sound->location, 1.0);
     return std::isfinite(p.x + p.y + p.z) ? p : glm::dvec3(kNowhere);
+}
+
+glm::dvec3 SoundEmitter::localFrom(const glm::dvec3& offset) const {
+    const glm::dmat3 linear(worldFromLocal[0], worldFromLocal[1], worldFromLocal[2]);
+    return sound->location + (std::abs(glm::determinant(linear)) > 1e-12 ? glm::inverse(linear) * offset : offset);
 }
 
 const SoundEmitter* SoundVersion::find(InstanceId id) const {
@@ -190,7 +202,7 @@ std::vector<SoundEmitter>& SoundScene::ownEmitters() {
 
 SoundVersion SoundScene::freeze() {
     shared_ = true;
-    return {emitters_, listener_};
+    return {emitters_, listener_, air_};
 }
 
 void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound) {
@@ -286,6 +298,13 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
         sound.coneOuter = number(node.get(S::coneOuterAngle), 0);
         sound.coneOuterGain = number(node.get(S::coneOuterGain), 0);
         for (const NodeId child : node.get(S::children)) readVoices(scene, child, 1, 0, sound);
+    } else if (node.is(x3d::AudioDestination::type)) {
+        using D = x3d::AudioDestination;
+        sound.enabled = node.get(D::enabled);
+        sound.spatialize = sound.doppler = sound.reflected = false;
+        sound.law = SoundNode::Law::none;
+        sound.intensity = number(node.get(D::gain), 0);
+        for (const NodeId child : node.get(D::children)) readVoices(scene, child, 1, 0, sound);
     }
     return read;
 }
@@ -353,7 +372,9 @@ bool SoundScene::placeEmitters(const Scene& scene, const InstanceDelta& delta) {
         for (const Placed& placed : *list) {
             if (placed.kind != PlacedKind::sound) continue;
             const Node* node = scene.find(placed.node);
-            if (!node || (!node->is(x3d::Sound::type) && !node->is(x3d::SpatialSound::type))) continue;
+            if (!node || (!node->is(x3d::Sound::type) && !node->is(x3d::SpatialSound::type) &&
+                          !node->is(x3d::AudioDestination::type)))
+                continue;
             auto& sound = sounds_[placed.node.value];
             if (!sound) sound = readSound(scene, *node);
             SoundEmitter fresh{placed.id, sound, placed.worldFromLocal, {}};
@@ -394,21 +415,88 @@ void SoundScene::warnOnce(std::string text) {
     if (told_.size() < kMost && told_.insert(text).second) diagnostics_.warning({}, std::move(text));
 }
 
-/// Destinations play what they hold on a device of the viewer, which there is not.
+/// What leads to a stream is played by nobody here.
 void SoundScene::nameSilent(const Scene& scene, const ChangeSet& changes) {
     for (const Change& change : changes.changes) {
         if (change.kind == ChangeKind::defineType) continue;
         if (change.kind != ChangeKind::createNode) return;  // these come first
         const TypeIndex type{static_cast<std::uint16_t>(change.index)};
-        if (type != x3d::AudioDestination::type && type != x3d::StreamAudioDestination::type) continue;
+        if (type != x3d::StreamAudioDestination::type) continue;
         if (const Node* node = scene.find(change.node))
             warnOnce(fmt::format("{} {} plays nothing by itself: only what a Sound or SpatialSound holds is heard",
                                  node->type().name, nameOf(scene, *node)));
     }
 }
 
+namespace {
+
+/// A number or a truth in a metadata node called `name`.
+std::optional<double> numberFromMetadata(const Scene& scene, NodeId id, std::string_view name, int depth = 0) {
+    const Node* node = scene.find(id);
+    if (!node || depth > 8) return std::nullopt;
+    if (node->is(x3d::MetadataSet::type)) {
+        for (const NodeId child : node->get(x3d::MetadataSet::value))
+            if (const auto found = numberFromMetadata(scene, child, name, depth + 1)) return found;
+        return std::nullopt;
+    }
+    const auto first = [&]<class N>() -> std::optional<double> {
+        if (!node->is(N::type) || node->get(N::name).view() != name || node->get(N::value).empty()) return std::nullopt;
+        const auto value = static_cast<double>(node->get(N::value)[0]);
+        return std::isfinite(value) ? std::optional(value) : std::nullopt;
+    };
+    for (const auto& found :
+         {first.template operator()<x3d::MetadataFloat>(), first.template operator()<x3d::MetadataDouble>(),
+          first.template operator()<x3d::MetadataBoolean>(), first.template operator()<x3d::MetadataInteger>()})
+        if (found) return found;
+    return std::nullopt;
+}
+
+}  // namespace
+
+/// Of the first WorldInfo that says so: airTemperature (degrees Celsius), airHumidity (percent), airPressure (kPa),
+/// speedOfSound (m/s), airAbsorption (a boolean).
+void SoundScene::readAir(const Scene& scene, const ChangeSet& changes) {
+    bool touched = false;
+    for (const Change& change : changes.changes) {
+        if (change.kind == ChangeKind::createNode) {
+            if (TypeIndex{static_cast<std::uint16_t>(change.index)} == x3d::WorldInfo::type)
+                touched = infos_.insert(change.node.value).second || touched;
+        } else if (change.kind == ChangeKind::destroyNode) {
+            touched = infos_.erase(change.node.value) > 0 || touched;
+        } else if (!infos_.empty() && change.kind == ChangeKind::setField) {
+            const Node* node = scene.find(change.node);
+            touched = touched || (node && (node->is(x3d::WorldInfo::type) || node->type().isA("X3DMetadataObject")));
+        }
+    }
+    if (!touched) return;
+    air_ = {};
+    std::vector<std::uint32_t> infos(infos_.begin(), infos_.end());
+    std::sort(infos.begin(), infos.end());
+    for (const std::uint32_t info : infos) {
+        const Node* node = scene.find(NodeId{info});
+        if (!node) continue;
+        const NodeId metadata = node->get(x3d::WorldInfo::metadata);
+        const auto read = [&](std::string_view name, double low, double high, std::optional<double>& into) {
+            if (into) return;
+            into = numberFromMetadata(scene, metadata, name);
+            if (!into || (*into >= low && *into <= high)) return;
+            warnOnce(
+                fmt::format("{} of the metadata is {:.6g}; it counts from {:g} to {:g} only", name, *into, low, high));
+            into.reset();
+        };
+        read("airTemperature", -50, 60, air_.celsius);
+        read("airHumidity", 0, 100, air_.relativeHumidity);
+        read("airPressure", 10, 200, air_.pressureKpa);
+        read("speedOfSound", 10, 10'000, air_.speedOfSound);
+        std::optional<double> absorbs;
+        read("airAbsorption", 0, 1, absorbs);
+        if (absorbs && !air_.absorbs) air_.absorbs = *absorbs != 0;
+    }
+}
+
 void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
     nameSilent(scene, changes);
+    readAir(scene, changes);
     readWalls(scene, delta);
     if (placeEmitters(scene, delta) || changes.isSnapshot()) nameEmitters();
     // Listeners and views.

@@ -4,6 +4,23 @@
 
 namespace rtsg {
 
+double speedOfSound(double celsius) {
+    return 343.2 * std::sqrt((celsius + 273.15) / 293.15);
+}
+
+Air AirChoice::over(const Air& base) const {
+    Air air = base;
+    if (absorbs) air.absorbs = *absorbs;
+    if (celsius) {
+        air.celsius = *celsius;
+        air.speedOfSound = rtsg::speedOfSound(*celsius);
+    }
+    if (relativeHumidity) air.relativeHumidity = *relativeHumidity;
+    if (pressureKpa) air.pressureKpa = *pressureKpa;
+    if (speedOfSound) air.speedOfSound = *speedOfSound;
+    return air;
+}
+
 double airAbsorptionDbPerMetre(const Air& air, double hz) {
     const double kelvin = air.celsius + 273.15;
     const double relativeTemperature = kelvin / 293.15;

@@ -1,15 +1,32 @@
-// Convolves block by block in the frequency domain; a new response fades in over one block.
+// Convolves block by block in the frequency domain; a new response fades in smoothly.
 #include <rtsg/audio/convolver.h>
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
 #include "fft.h"
 
 namespace rtsg {
+namespace {
+
+/// From 0 to 1 with two continuous derivatives, so that a tone that fades over stays beside no line of its own.
+float fadeIn(double share) {
+    const double x = std::clamp(share, 0.0, 1.0);
+    return static_cast<float>(x - std::sin(2 * std::numbers::pi * x) / (2 * std::numbers::pi));
+}
+
+}  // namespace
 
 struct Convolver::Impl {
     using Spectrum = RealFft::Spectrum;
 
-    explicit Impl(std::size_t size) : block(size), fft(2 * size), window(2 * size), time(2 * size), sum(fft.bins()) {}
+    Impl(std::size_t size, std::size_t fadeSamples)
+        : block(size),
+          fadeLength(std::max<std::size_t>(1, fadeSamples)),
+          fft(2 * size),
+          window(2 * size),
+          time(2 * size),
+          sum(fft.bins()) {}
 
     /// The last block of the input so far through `response`, into `time`'s second half.
     std::span<const float> convolve(const std::vector<Spectrum>& response) {
@@ -36,17 +53,30 @@ struct Convolver::Impl {
         history.resize(partitions, Spectrum(fft.bins()));
     }
 
-    std::size_t block;
+    /// Takes the response that waits, if there is one and none is fading in.
+    void takeWaiting() {
+        if (fading || !waits) return;
+        next = std::move(waiting);
+        waits = false;
+        if (!started) current = std::move(next);
+        fading = started;
+        started = true;
+        faded = 0;
+    }
+
+    std::size_t block, fadeLength;
     RealFft fft;
     std::vector<float> window, time;
     Spectrum sum;
     std::vector<Spectrum> history;  // of the input, ring with the newest at `newest`
     std::size_t newest = 0;
-    std::vector<Spectrum> current, next;
-    bool changing = false, started = false;
+    std::vector<Spectrum> current, next, waiting;
+    bool fading = false, waits = false, started = false;
+    std::size_t faded = 0;  // samples
 };
 
-Convolver::Convolver(std::size_t blockSize) : impl_(std::make_unique<Impl>(std::max<std::size_t>(2, blockSize))) {}
+Convolver::Convolver(std::size_t blockSize, std::size_t fadeSamples)
+    : impl_(std::make_unique<Impl>(std::max<std::size_t>(2, blockSize), fadeSamples)) {}
 Convolver::~Convolver() = default;
 Convolver::Convolver(Convolver&&) noexcept = default;
 Convolver& Convolver::operator=(Convolver&&) noexcept = default;
@@ -58,16 +88,16 @@ std::size_t Convolver::blockSize() const {
 void Convolver::setResponse(std::span<const float> response) {
     Impl& s = *impl_;
     const std::size_t partitions = (response.size() + s.block - 1) / s.block;
-    s.next.resize(partitions);
+    s.waiting.resize(partitions);
     std::vector<float> padded(2 * s.block);
     for (std::size_t p = 0; p < partitions; ++p) {
         const auto part = response.subspan(p * s.block, std::min(s.block, response.size() - p * s.block));
         std::fill(padded.begin(), padded.end(), 0.0f);
         std::copy(part.begin(), part.end(), padded.begin());
-        s.fft.forward(padded, s.next[p]);
+        s.fft.forward(padded, s.waiting[p]);
     }
     s.keep(std::max<std::size_t>(1, partitions));
-    s.changing = true;
+    s.waits = true;
 }
 
 void Convolver::process(std::span<const float> input, std::span<float> output) {
@@ -77,24 +107,24 @@ void Convolver::process(std::span<const float> input, std::span<float> output) {
     s.keep(1);
     s.newest = (s.newest + s.history.size() - 1) % s.history.size();
     s.fft.forward(s.window, s.history[s.newest]);
-    if (s.changing) {
-        std::vector<float> before(s.block);
-        if (!s.current.empty()) {
-            const auto old = s.convolve(s.current);
-            std::copy(old.begin(), old.end(), before.begin());
-        }
-        const auto fresh = s.convolve(s.next);
-        for (std::size_t i = 0; i < s.block; ++i) {
-            const float fade = !s.started ? 1.0f : static_cast<float>(i + 1) / static_cast<float>(s.block);
-            output[i] += before[i] + (fresh[i] - before[i]) * fade;
-        }
-        std::swap(s.current, s.next);
-        s.changing = false;
-        s.started = true;
-    } else if (!s.current.empty()) {
+    s.takeWaiting();
+    if (!s.fading) {
+        if (s.current.empty()) return;
         const auto result = s.convolve(s.current);
         for (std::size_t i = 0; i < s.block; ++i) output[i] += result[i];
+        return;
     }
+    const auto old = s.convolve(s.current);
+    const std::vector<float> before(old.begin(), old.end());
+    const auto fresh = s.convolve(s.next);
+    for (std::size_t i = 0; i < s.block; ++i) {
+        const float share = fadeIn(static_cast<double>(s.faded + i + 1) / static_cast<double>(s.fadeLength));
+        output[i] += before[i] + (fresh[i] - before[i]) * share;
+    }
+    s.faded += s.block;
+    if (s.faded < s.fadeLength) return;
+    std::swap(s.current, s.next);
+    s.fading = false;
 }
 
 }  // namespace rtsg

@@ -8,6 +8,7 @@
 
 #include <rtsg/audio/acoustic_tracer.h>
 
+#include "places.h"
 #include "signal/random.h"
 
 namespace rtsg {
@@ -23,19 +24,17 @@ enum class LastEvent : std::uint8_t { emitted, diffuse, mirror };
 struct SoundRay {
     glm::dvec3 origin, direction;
     Bands energy;
-    /// Just before the wall that `origin` is on, as seen by who came there.
-    glm::dvec3 before;
+    glm::dvec3 before;     // where it came from to `origin`
     double travelled = 0;  // metres
     std::uint32_t plane = kNoPlane;
     LastEvent last = LastEvent::emitted;
     int mirrorOrder = 0;  // reflections while all were mirror-like
     bool onlyMirrors = true;
-    bool transmitted = false;
 };
 
 struct Batch {
     EnergyHistogram histogram;
-    Bands absorbed{}, escaped{}, truncated{};
+    Bands absorbed{}, escaped{}, truncated{}, tried{};
 };
 
 glm::dvec3 directionFrom(double u, double v) {
@@ -61,18 +60,24 @@ double sum(const Bands& energy) {
     return result;
 }
 
+double ballVolume(double radius) {
+    return 4 * kPi / 3 * radius * radius * radius;
+}
+
 class BatchTracer {
   public:
     BatchTracer(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                const TraceOptions& options, int imageOrder, double radius, Batch& batch, std::uint64_t seed)
+                const TraceOptions& options, const TraceResult& result, Batch& batch, std::uint64_t seed)
         : geometry_(geometry),
           source_(source),
           listener_(listener),
-          imageOrder_(imageOrder),
-          radius_(radius),
-          sphereVolume_(4 * kPi / 3 * radius * radius * radius),
-          maxDistance_(options.maxSeconds * options.air.speedOfSound),
+          imageOrder_(result.imageOrder),
+          radius_(result.receiverRadius),
+          sphereVolume_(result.receiverVolume),
+          cut_(result.receiverVolume < ballVolume(result.receiverRadius) * (1 - 1e-9)),
+          maxDistance_(result.seconds * options.air.speedOfSound),
           speed_(options.air.speedOfSound),
+          pattern_(options.pattern),
           attenuation_(airAttenuation(options.air)),
           airAbsorbs_(largest(attenuation_) > 0),
           batch_(batch),
@@ -88,9 +93,9 @@ class BatchTracer {
             ray.origin = ray.before = source_;
             const double u = n / kPlastic + shiftU, v = n / (kPlastic * kPlastic) + shiftV;
             ray.direction = directionFrom(u - std::floor(u), v - std::floor(v));
-            ray.energy = allBands(1 / static_cast<double>(rays));
             initial_ = 1 / static_cast<double>(rays);
-            follow(ray);
+            ray.energy = allBands(pattern_ ? initial_ * pattern_(ray.direction) : initial_);
+            if (largest(ray.energy) > 0) follow(ray);
         }
     }
 
@@ -100,10 +105,11 @@ class BatchTracer {
             AcousticHit hit;
             const double left = maxDistance_ - ray.travelled;
             bool met = geometry_.closest(ray.origin, ray.direction, left, ray.plane, hit);
-            if (!met && ray.plane != kNoPlane && geometry_.closest(ray.before, ray.direction, left, ray.plane, hit)) {
-                // In a corner rounding may have put the start behind the next wall; what is a hair before it is not.
-                met = true;
-                ray.origin = ray.before;
+            if (!met && ray.plane != kNoPlane) {
+                // In a corner rounding may have put the start behind the next wall, or the ray between two of them.
+                const glm::dvec3 inside = offWalls(geometry_, ray.origin, ray.before);
+                met = geometry_.closest(inside, ray.direction, left, kNoPlane, hit);
+                if (met) ray.origin = inside;
             }
             if (countsInSphere(ray)) crossSphere(ray, met ? hit.distance : left);
             if (!met) {
@@ -117,12 +123,12 @@ class BatchTracer {
     }
 
     bool countsInSphere(const SoundRay& ray) const {
-        return ray.last == LastEvent::mirror &&
-               !(ray.onlyMirrors && !ray.transmitted && ray.mirrorOrder <= imageOrder_);
+        return ray.last == LastEvent::mirror && !(ray.onlyMirrors && ray.mirrorOrder <= imageOrder_);
     }
 
-    /// Mean intensity over the sphere is energy times chord over volume.
+    /// Mean intensity over the ball is energy times chord over volume.
     void crossSphere(const SoundRay& ray, double length) {
+        add(batch_.tried, ray.energy);
         const glm::dvec3 toCenter = listener_ - ray.origin;
         const double nearest = glm::dot(toCenter, ray.direction);
         const double half2 = radius_ * radius_ - (glm::dot(toCenter, toCenter) - nearest * nearest);
@@ -130,7 +136,16 @@ class BatchTracer {
         const double half = std::sqrt(half2), from = std::max(0.0, nearest - half),
                      to = std::min(length, nearest + half);
         if (to <= from) return;
-        receive(ray.energy, (to - from) / sphereVolume_, (from + to) / 2, ray.travelled + (from + to) / 2);
+        double at = (from + to) / 2;
+        if (cut_) {
+            // One point of the chord stands for all: it counts if it is seen from the listener.
+            at = from + (to - from) * random_.uniform();
+            const glm::dvec3 toPoint = ray.origin + ray.direction * at - listener_;
+            const double distance = glm::length(toPoint);
+            AcousticHit hit;
+            if (distance > 0 && geometry_.closest(listener_, toPoint / distance, distance, kNoPlane, hit)) return;
+        }
+        receive(ray.energy, (to - from) / sphereVolume_, at, ray.travelled + at);
     }
 
     /// `distance` of it since the energy was last weakened by air.
@@ -148,7 +163,7 @@ class BatchTracer {
         const AcousticMaterial& material = geometry_.materials()[hit.material];
         const double step = hit.distance, cosine = glm::dot(ray.direction, hit.normal);
         const glm::dvec3 point = ray.origin + ray.direction * step;
-        ray.before = point - ray.direction * std::min(step, 1e-6 * (10 + glm::length(point)));
+        ray.before = ray.origin;
         ray.travelled += step;
         if (airAbsorbs_)
             for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -189,7 +204,6 @@ class BatchTracer {
         } else {
             ray.energy = through;
             probability = throughSum / all;
-            ray.transmitted = true;
         }
         ray.origin = point;
         ray.plane = hit.plane;
@@ -207,6 +221,7 @@ class BatchTracer {
         const glm::dvec3 toListener = listener_ - point;
         const double distance = glm::length(toListener), cosine = glm::dot(toListener, normal) / distance;
         if (!(cosine > 0) || travelled + distance >= maxDistance_) return;
+        add(batch_.tried, energy);
         const glm::dvec3 direction = toListener / distance;
         glm::dvec3 origin = point;
         double left = distance;
@@ -229,7 +244,10 @@ class BatchTracer {
     const AcousticGeometry& geometry_;
     glm::dvec3 source_, listener_;
     int imageOrder_;
-    double radius_, sphereVolume_, maxDistance_, speed_;
+    double radius_, sphereVolume_;
+    bool cut_;  // by walls
+    double maxDistance_, speed_;
+    const SourcePattern& pattern_;
     Bands attenuation_;
     bool airAbsorbs_;
     Batch& batch_;
@@ -247,7 +265,10 @@ void mix(Bands& mean, const Bands& fresh, double weight) {
 Echogram TraceResult::echogram() const {
     Echogram result;
     result.arrivals = arrivals;
-    if (!batches.empty()) result.late.binsPerSecond = batches.front().binsPerSecond;
+    if (!batches.empty()) {
+        result.late.binsPerSecond = batches.front().binsPerSecond;
+        result.late.start = batches.front().start;
+    }
     for (const EnergyHistogram& batch : batches)
         result.late.accumulate(batch, 1.0 / static_cast<double>(batches.size()));
     return result;
@@ -262,47 +283,123 @@ MetricsEstimate TraceResult::metrics() const {
             if (truncated[b] > 3e-4) m->t20[b] = kNan;
             if (truncated[b] > 1e-2) m->edt[b] = kNan;
         }
+    // Nothing that arrived by chance is no proof that nothing would: how far the figures are off is not known.
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        if (!(tried[b] > 0) || std::any_of(batches.begin(), batches.end(), [&](const EnergyHistogram& batch) {
+                return std::any_of(batch.bins.begin(), batch.bins.end(), [&](const Bands& bin) { return bin[b] > 0; });
+            }))
+            continue;
+        RoomMetrics& m = result.ci95;
+        for (Bands* figure : {&m.edt, &m.t20, &m.t30, &m.c50, &m.c80, &m.d50, &m.ts, &m.g}) (*figure)[b] = kNan;
+    }
     return result;
 }
 
-TraceResult AcousticTracer::trace(const glm::dvec3& source, const glm::dvec3& listener,
-                                  const TraceOptions& options) const {
+namespace {
+
+constexpr double kMost = 60;  // seconds of an echogram that is as long as it need be
+
+/// How long it takes until 65 dB of what a source emits are gone in all bands: the longest that any of some rays needs.
+double decaySeconds(const AcousticGeometry& geometry, const glm::dvec3& source, const TraceOptions& options) {
+    constexpr int kRays = 64, kMostReflections = 4000;
+    constexpr double kGone = 3e-7, kShort = 10;
+    const Bands attenuation = airAttenuation(options.air);
+    Random random(Random::mix(options.seed, 0xDECA));
+    double longest = 0;
+    for (int i = 0; i < kRays; ++i) {
+        glm::dvec3 origin = source, direction = evenDirection(i, kRays);
+        std::uint32_t plane = kNoPlane;
+        Bands energy = allBands(1);
+        double metres = 0;
+        for (int reflection = 0; largest(energy) > kGone && metres < kMost * options.air.speedOfSound; ++reflection) {
+            AcousticHit hit;
+            // What is slow to fade in a small room would take rays without end.
+            if (reflection > kMostReflections && metres > kShort * options.air.speedOfSound) break;
+            if (!geometry.closest(origin, direction, 1e6, plane, hit)) break;
+            const AcousticMaterial& material = geometry.materials()[hit.material];
+            double scattered = 0, mirrored = 0, through = 0;
+            for (std::size_t b = 0; b < kBandCount; ++b) {
+                scattered += energy[b] * material.reflected(b) * material.scattering[b];
+                mirrored += energy[b] * material.mirrored(b);
+                through += energy[b] * material.transmission[b];
+                energy[b] *= (1 - material.absorption[b]) * std::exp(-attenuation[b] * hit.distance);
+            }
+            metres += hit.distance;
+            origin += direction * hit.distance;
+            plane = hit.plane;
+            const double choice = random.uniform() * (scattered + mirrored + through);
+            const double cosine = glm::dot(direction, hit.normal);
+            if (choice < scattered)
+                direction = cosineDirection(cosine > 0 ? -hit.normal : hit.normal, random);
+            else if (choice < scattered + mirrored)
+                direction -= hit.normal * (2 * cosine);
+        }
+        longest = std::max(longest, metres / options.air.speedOfSound);
+    }
+    return longest;
+}
+
+/// The ball around the listener in which rays are counted.
+void chooseReceiver(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                    const TraceOptions& options, TraceResult& result) {
+    const Surroundings around = surroundings(geometry, listener, std::max(1.0, glm::distance(source, listener)));
+    const double size = std::cbrt(around.volume);
+    const double radius =
+        options.receiverRadius > 0 ? options.receiverRadius : std::min(std::max(0.5, 0.065 * size), 0.2 * size);
+    // Smaller before a wall, but not so small that it is hardly hit.
+    result.receiverRadius = std::clamp(0.95 * around.nearest, 0.5 * radius, radius);
+    result.receiverVolume = around.nearest < result.receiverRadius
+                                ? visibleVolume(geometry, listener, result.receiverRadius)
+                                : ballVolume(result.receiverRadius);
+}
+
+}  // namespace
+
+TraceResult AcousticTracer::trace(const glm::dvec3& from, const glm::dvec3& to, const TraceOptions& options) const {
     TraceResult result;
     // A place that is none, or farther away than anything is heard, neither sends nor receives.
-    if (!(glm::distance(source, listener) < 1e6)) return result;
+    if (!(glm::distance(from, to) < 1e6)) return result;
+    const glm::dvec3 source = offWalls(*geometry_, from, to), listener = offWalls(*geometry_, to, from);
+    const double direct = glm::distance(source, listener) / options.air.speedOfSound;
+    result.seconds = options.maxSeconds > 0
+                         ? options.maxSeconds
+                         : std::clamp(decaySeconds(*geometry_, source, options) + 2 * direct, 1.0, kMost);
     ImageSourceOptions imageOptions;
     imageOptions.maxOrder = options.imageOrder;
     imageOptions.maxCandidates = options.maxImageCandidates;
-    imageOptions.maxDistance = options.maxSeconds * options.air.speedOfSound;
+    imageOptions.maxDistance = result.seconds * options.air.speedOfSound;
+    imageOptions.pattern = options.pattern;
     ImageSources images = findImageSources(*geometry_, source, listener, imageOptions, options.air.speedOfSound,
                                            airAttenuation(options.air));
     result.arrivals = std::move(images.arrivals);
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;
-    // Cut by a surface, the sphere would be larger than the air in it; very small, it would never be hit.
-    result.receiverRadius = std::clamp(0.95 * geometry_->distanceToSurface(listener),
-                                       std::min(0.05, options.receiverRadius), options.receiverRadius);
+    chooseReceiver(*geometry_, source, listener, options, result);
+    const double start =
+        result.arrivals.empty() ? 0 : std::fmod(result.arrivals.front().seconds, 1 / options.binsPerSecond);
     result.batches.assign(static_cast<std::size_t>(std::max(2, options.batches)),
-                          EnergyHistogram{options.binsPerSecond, {}});
+                          EnergyHistogram{options.binsPerSecond, {}, start});
     refine(result, source, listener, options, options.rays);
     return result;
 }
 
-void AcousticTracer::refine(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener,
+void AcousticTracer::refine(TraceResult& result, const glm::dvec3& from, const glm::dvec3& to,
                             const TraceOptions& options, std::uint64_t rays) const {
     const std::size_t count = result.batches.size();
+    if (count == 0) return;
+    const glm::dvec3 source = offWalls(*geometry_, from, to), listener = offWalls(*geometry_, to, from);
     const std::uint64_t each = (rays + count - 1) / count;
     if (each == 0) return;
     std::vector<Batch> fresh(count);
     tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
-        fresh[i].histogram.binsPerSecond = result.batches[i].binsPerSecond;
-        BatchTracer(*geometry_, source, listener, options, result.imageOrder, result.receiverRadius, fresh[i],
+        fresh[i].histogram = EnergyHistogram{result.batches[i].binsPerSecond, {}, result.batches[i].start};
+        BatchTracer(*geometry_, source, listener, options, result, fresh[i],
                     Random::mix(options.seed, Random::mix(result.rays, i)))
             .run(each);
     });
     const double total = static_cast<double>(result.rays + each * count);
     const double weight = static_cast<double>(each * count) / total;
-    Bands absorbed{}, escaped{}, truncated{};
+    Bands absorbed{}, escaped{}, truncated{}, tried{};
     for (std::size_t i = 0; i < count; ++i) {
         for (Bands& bin : result.batches[i].bins)
             for (double& energy : bin) energy *= 1 - weight;
@@ -310,10 +407,12 @@ void AcousticTracer::refine(TraceResult& result, const glm::dvec3& source, const
         mix(absorbed, fresh[i].absorbed, 1.0 / static_cast<double>(i + 1));
         mix(escaped, fresh[i].escaped, 1.0 / static_cast<double>(i + 1));
         mix(truncated, fresh[i].truncated, 1.0 / static_cast<double>(i + 1));
+        mix(tried, fresh[i].tried, 1.0 / static_cast<double>(i + 1));
     }
     mix(result.absorbed, absorbed, weight);
     mix(result.escaped, escaped, weight);
     mix(result.truncated, truncated, weight);
+    mix(result.tried, tried, weight);
     result.rays += each * count;
 }
 

@@ -11,7 +11,7 @@ void EnergyHistogram::accumulate(const EnergyHistogram& other, double factor) {
 }
 
 double Echogram::duration() const {
-    double result = static_cast<double>(late.bins.size()) / late.binsPerSecond;
+    double result = late.startOf(late.bins.size());
     for (const Arrival& arrival : arrivals) result = std::max(result, arrival.seconds);
     return result;
 }

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <optional>
 #include <unordered_map>
 #include <utility>
 
@@ -11,18 +10,37 @@
 
 #include <rtsg/audio/image_sources.h>
 
+#include "places.h"
+
 namespace rtsg {
 namespace {
 
-/// Images nearer to each other than this are one; metres.
-constexpr double kSameImage = 2e-3;
 constexpr double kCell = 0.25;
 /// Paths are checked from a listener this far beside the true one: symmetric rooms are full of paths that meet an edge
 /// exactly, where it is chance which wall is hit, and whether both are.
 const glm::dvec3 kAside{4.1e-4, 6.3e-4, 2.9e-4};
 
+/// How far an image, or the end of its path, may be from where it should be: walls are given in single precision, so
+/// each reflection turns what is far away by some of its roundings.
+double tolerance(int order, double distance) {
+    return 2e-6 * (1 + order) * (1 + distance);
+}
+
+/// The turn of a reflection.
+glm::dmat3 mirroring(const glm::dvec3& normal) {
+    return glm::dmat3(1.0) - 2.0 * glm::outerProduct(normal, normal);
+}
+
+bool alike(const glm::dmat3& a, const glm::mat3& b) {
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 3; ++k)
+            if (std::abs(a[i][k] - static_cast<double>(b[i][k])) > 1e-3) return false;
+    return true;
+}
+
 struct Candidate {
     glm::dvec3 position;
+    glm::mat3 turn;           // of the source on its way there
     std::uint32_t lastPlane;  // of one of the ways to get here
     double share;             // of energy that is left at best
     bool severalWays = false;
@@ -33,23 +51,23 @@ class CandidateSet {
   public:
     std::vector<Candidate> all;
 
-    /// False when the position was there already.
-    bool insert(const glm::dvec3& p, std::uint32_t lastPlane, double share) {
-        const glm::dvec3 low = glm::floor((p - kSameImage) / kCell), high = glm::floor((p + kSameImage) / kCell);
+    /// False when it was there already; `same` is how near the positions of one are.
+    bool insert(const glm::dvec3& p, const glm::dmat3& turn, std::uint32_t lastPlane, double share, double same) {
+        const glm::dvec3 low = glm::floor((p - same) / kCell), high = glm::floor((p + same) / kCell);
         for (double x = low.x; x <= high.x; ++x)
             for (double y = low.y; y <= high.y; ++y)
                 for (double z = low.z; z <= high.z; ++z) {
                     const auto bucket = buckets_.find(key({x, y, z}));
                     if (bucket == buckets_.end()) continue;
                     for (std::uint32_t i = bucket->second; i != kNoPlane; i = next_[i])
-                        if (glm::distance(all[i].position, p) < kSameImage) {
+                        if (glm::distance(all[i].position, p) < same && alike(turn, all[i].turn)) {
                             if (all[i].lastPlane != lastPlane) all[i].severalWays = true;
                             all[i].share = std::max(all[i].share, share);
                             return false;
                         }
                 }
         const auto index = static_cast<std::uint32_t>(all.size());
-        all.push_back({p, lastPlane, share});
+        all.push_back({p, glm::mat3(turn), lastPlane, share});
         next_.push_back(kNoPlane);
         const auto [bucket, fresh] = buckets_.try_emplace(key(glm::floor(p / kCell)), index);
         if (!fresh) next_.back() = std::exchange(bucket->second, index);
@@ -83,55 +101,173 @@ bool canFollow(const glm::dvec3& p, const ReflectingPlane& through, const Reflec
     return std::acos(std::clamp(glm::dot(a, b) / (lengthA * lengthB), -1.0, 1.0)) <= spread + 1e-6;
 }
 
-/// The mirror path from the listener towards the image, if it ends in the source: its order and its share of energy.
-std::optional<Arrival> retrace(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                               const glm::dvec3& image, int maxOrder) {
-    const glm::dvec3 toImage = image - listener;
-    const double distance = glm::length(toImage);
-    if (!(distance > 1e-6)) return std::nullopt;
+/// A path that was found, and the direction in which it left the source.
+struct Path {
     Arrival arrival;
-    arrival.energy = allBands(1);
-    const auto materials = geometry.materials();
-    glm::dvec3 origin = listener, direction = toImage / distance;
-    double left = distance;
-    std::uint32_t plane = kNoPlane;
-    for (int order = 0;; ++order) {
+    glm::dvec3 departure;
+};
+
+/// Follows the way from a listener towards an image: mirrored by walls, and straight on through those that let sound
+/// pass. What ends in the source after the image's motion is a path.
+class Retracer {
+  public:
+    Retracer(const AcousticGeometry& geometry, const glm::dvec3& source, const Candidate& image, int maxOrder,
+             double minShare, std::vector<Path>& found)
+        : geometry_(geometry),
+          source_(source),
+          image_(image),
+          maxOrder_(maxOrder),
+          minShare_(minShare),
+          found_(found) {}
+
+    void run(const glm::dvec3& listener) {
+        const glm::dvec3 toImage = image_.position - listener;
+        distance_ = glm::length(toImage);
+        if (!(distance_ > 0)) return;
+        State state{listener, toImage / distance_, glm::dmat3(1.0), allBands(1), distance_, kNoPlane, 0};
+        follow(state);
+    }
+
+  private:
+    struct State {
+        glm::dvec3 origin, direction;
+        glm::dmat3 turn;
+        Bands energy;
+        double left;  // metres to go
+        std::uint32_t plane;
+        int order;
+    };
+
+    bool worthFollowing(const Bands& energy, double least) {
+        return *std::max_element(energy.begin(), energy.end()) > least && ++steps_ <= kMostSteps;
+    }
+
+    /// Whether it ends in the source after the image's motion; notes the path if so.
+    bool ends(const State& state, double slack) {
+        if (!alike(state.turn, image_.turn) ||
+            glm::distance(state.origin + state.direction * state.left, source_) > slack)
+            return false;
+        Path path{{}, -state.direction};
+        path.arrival.energy = state.energy;
+        path.arrival.order = static_cast<std::uint32_t>(state.order);
+        // Without a reflection it is direct sound.
+        if (state.order > 0) found_.push_back(path);
+        return true;
+    }
+
+    /// Whether what is left of the way, no longer than paths are exact, ends in the source.
+    bool follow(State& state) {
+        for (;;) {
+            AcousticHit hit;
+            const double slack = tolerance(state.order, distance_);
+            const bool met = geometry_.closest(state.origin, state.direction, state.left + slack, state.plane, hit);
+            // Where the source is nearer to walls than the path is exact, it may end before or behind each of them: the
+            // turn tells which is meant.
+            const bool atEnd = !met || hit.distance > state.left - slack;
+            if (atEnd && ends(state, slack)) return true;
+            if (!met) return false;
+            const AcousticMaterial& material = geometry_.materials()[hit.material];
+            State through = state;
+            for (std::size_t b = 0; b < kBandCount; ++b) {
+                if (!atEnd) through.energy[b] *= material.transmission[b];
+                state.energy[b] *= material.mirrored(b);
+            }
+            const glm::dvec3 point = state.origin + state.direction * hit.distance;
+            for (State* next : {&through, &state}) {
+                next->origin = point;
+                next->left -= hit.distance;
+                next->plane = hit.plane;
+            }
+            if (worthFollowing(through.energy, minShare_) && follow(through) && atEnd) return true;
+            if (state.order == maxOrder_ || !worthFollowing(state.energy, 0)) return false;
+            state.direction -= hit.normal * (2 * glm::dot(state.direction, hit.normal));
+            state.turn = state.turn * mirroring(hit.normal);
+            ++state.order;
+        }
+    }
+
+    /// Each wall that lets sound pass doubles the ways.
+    static constexpr int kMostSteps = 20'000;
+    const AcousticGeometry& geometry_;
+    const glm::dvec3& source_;
+    const Candidate& image_;
+    int maxOrder_;
+    double minShare_, distance_ = 0;
+    std::vector<Path>& found_;
+    int steps_ = 0;
+};
+
+/// A place a little aside of the listener, with nothing in between.
+glm::dvec3 aside(const AcousticGeometry& geometry, const glm::dvec3& listener) {
+    glm::dvec3 step = kAside;
+    for (int attempt = 0; attempt < 24; ++attempt) {
         AcousticHit hit;
-        // The source may be on a surface: what is within a millimetre of the end does not block.
-        if (!geometry.closest(origin, direction, left - 1e-3, plane, hit)) {
-            const double miss = glm::distance(origin + direction * left, source);
-            if (miss > 5e-3 + 1e-5 * distance) return std::nullopt;
-            arrival.order = static_cast<std::uint32_t>(order);
-            return arrival;
+        const double length = glm::length(step);
+        if (!geometry.closest(listener, step / length, 2 * length, kNoPlane, hit)) return listener + step;
+        // Back from the wall; between walls that are nearer to each other than this, a shorter way.
+        step -= hit.normal * (2 * glm::dot(step, hit.normal));
+        if (attempt % 6 == 5) step *= 0.1;
+    }
+    return listener;
+}
+
+/// Finds candidates order by order, as far as the options allow.
+void findCandidates(const AcousticGeometry& geometry, const ImageSourceOptions& options, CandidateSet& candidates,
+                    ImageSources& result) {
+    const auto planes = geometry.planes();
+    std::size_t generation = 0, attempts = 0;
+    const std::size_t maxAttempts = 64 * std::max<std::size_t>(options.maxCandidates, 1000);
+    result.complete = planes.empty();
+    for (int order = 1; order <= options.maxOrder && !planes.empty(); ++order) {
+        const std::size_t end = candidates.all.size();
+        bool whole = true;
+        for (std::size_t i = generation; i < end && whole; ++i)
+            for (std::uint32_t p = 0; p < planes.size(); ++p) {
+                // In a room of many small surfaces most pairs see each other not at all, which takes time to find out.
+                if (++attempts > maxAttempts || candidates.all.size() > options.maxCandidates) {
+                    whole = false;
+                    break;
+                }
+                const Candidate from = candidates.all[i];
+                const double share = from.share * planes[p].mirrors;
+                if (from.lastPlane == p || share < options.minShare) continue;
+                if (from.lastPlane != kNoPlane && !from.severalWays &&
+                    !canFollow(from.position, planes[from.lastPlane], planes[p]))
+                    continue;
+                const glm::dvec3& normal = planes[p].normal;
+                const glm::dvec3 image = from.position - normal * (2 * planes[p].signedDistance(from.position));
+                const double away = glm::distance(image, candidates.all[0].position);
+                candidates.insert(image, mirroring(normal) * glm::dmat3(from.turn), p, share,
+                                  std::min(2e-3, tolerance(order, away)));
+            }
+        if (!whole) {
+            candidates.all.resize(end);
+            return;
         }
-        if (order == maxOrder) return std::nullopt;
-        const AcousticMaterial& material = materials[hit.material];
-        bool any = false;
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            arrival.energy[b] *= material.mirrored(b);
-            any = any || arrival.energy[b] > 0;
+        generation = end;
+        result.order = order;
+        if (candidates.all.size() == end) {
+            result.order = options.maxOrder;  // nothing more to find
+            result.complete = true;
+            return;
         }
-        if (!any) return std::nullopt;
-        origin += direction * hit.distance;
-        direction -= hit.normal * (2 * glm::dot(direction, hit.normal));
-        left -= hit.distance;
-        plane = hit.plane;
     }
 }
 
 }  // namespace
 
-Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener) {
+Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to) {
     Bands share = allBands(1);
+    const glm::dvec3 source = offWalls(geometry, from, to), listener = offWalls(geometry, to, from);
     const glm::dvec3 toSource = source - listener;
     const double distance = glm::length(toSource);
-    if (!(distance > 1e-3)) return share;
+    if (!(distance > 0)) return share;
     const glm::dvec3 direction = toSource / distance;
     glm::dvec3 origin = listener;
     double left = distance;
     std::uint32_t plane = kNoPlane;
     AcousticHit hit;
-    while (geometry.closest(origin, direction, left - 1e-3, plane, hit)) {
+    while (geometry.closest(origin, direction, left, plane, hit)) {
         bool any = false;
         for (std::size_t b = 0; b < kBandCount; ++b) {
             share[b] *= geometry.materials()[hit.material].transmission[b];
@@ -145,73 +281,43 @@ Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& source, co
     return share;
 }
 
-ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to,
                               const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation) {
     ImageSources result;
-    const auto planes = geometry.planes();
-    const auto keep = [&](std::optional<Arrival> arrival, const glm::dvec3& image) {
+    const glm::dvec3 source = offWalls(geometry, from, to), listener = offWalls(geometry, to, from);
+    const auto keep = [&](Path path, const glm::dvec3& image) {
         const double distance = glm::distance(image, listener);
-        if (!arrival || distance > options.maxDistance) return;
+        if (distance > options.maxDistance) return;
         // A source in the listener's head has no direction and, as for any nearer than a centimetre, no 1/r^2 either.
         const double clamped = std::max(distance, 0.01);
-        arrival->seconds = distance / speedOfSound;
-        arrival->direction = distance > 1e-9 ? (image - listener) / distance : glm::dvec3(0, 0, -1);
+        const double sent = options.pattern ? options.pattern(path.departure) : 1;
+        if (!(sent > 0)) return;
+        path.arrival.seconds = distance / speedOfSound;
+        path.arrival.direction = distance > 1e-9 ? (image - listener) / distance : glm::dvec3(0, 0, -1);
         for (std::size_t b = 0; b < kBandCount; ++b)
-            arrival->energy[b] *= std::exp(-attenuation[b] * distance) / (4 * std::numbers::pi * clamped * clamped);
-        result.arrivals.push_back(*arrival);
+            path.arrival.energy[b] *=
+                sent * std::exp(-attenuation[b] * distance) / (4 * std::numbers::pi * clamped * clamped);
+        result.arrivals.push_back(path.arrival);
     };
-    Arrival direct;
-    direct.energy = directShare(geometry, source, listener);
-    if (direct.energy != Bands{}) keep(direct, source);
+    Path direct;
+    direct.arrival.energy = directShare(geometry, source, listener);
+    const double distance = glm::distance(source, listener);
+    direct.departure = distance > 0 ? (listener - source) / distance : glm::dvec3(0, 0, -1);
+    if (direct.arrival.energy != Bands{}) keep(direct, source);
 
     CandidateSet candidates;
-    candidates.insert(source, kNoPlane, 1);
-    std::size_t generation = 0, attempts = 0;
-    const std::size_t maxAttempts = 64 * std::max<std::size_t>(options.maxCandidates, 1000);
-    for (int order = 1; order <= options.maxOrder && !planes.empty(); ++order) {
-        const std::size_t end = candidates.all.size();
-        bool complete = true;
-        for (std::size_t i = generation; i < end && complete; ++i)
-            for (std::uint32_t p = 0; p < planes.size(); ++p) {
-                // In a room of many small surfaces most pairs see each other not at all, which takes time to find out.
-                if (++attempts > maxAttempts) {
-                    complete = false;
-                    break;
-                }
-                const Candidate from = candidates.all[i];
-                const double share = from.share * planes[p].mirrors;
-                if (from.lastPlane == p || share < options.minShare) continue;
-                if (from.lastPlane != kNoPlane && !from.severalWays &&
-                    !canFollow(from.position, planes[from.lastPlane], planes[p]))
-                    continue;
-                const double distance = planes[p].signedDistance(from.position);
-                // An image in its own mirror is no further image.
-                if (std::abs(distance) < kSameImage) continue;
-                candidates.insert(from.position - planes[p].normal * (2 * distance), p, share);
-                if (candidates.all.size() > options.maxCandidates) {
-                    complete = false;
-                    break;
-                }
-            }
-        if (!complete) {
-            candidates.all.resize(end);
-            break;
-        }
-        generation = end;
-        result.order = order;
-        if (candidates.all.size() == end) {
-            result.order = options.maxOrder;  // nothing more to find
-            break;
-        }
-    }
+    candidates.insert(source, glm::dmat3(1.0), kNoPlane, 1, 0);
+    findCandidates(geometry, options, candidates, result);
     result.candidates = candidates.all.size();
-    std::vector<std::optional<Arrival>> paths(candidates.all.size());
+    const glm::dvec3 beside = aside(geometry, listener);
+    std::vector<std::vector<Path>> paths(candidates.all.size());
     tbb::parallel_for(
         tbb::blocked_range<std::size_t>(1, std::max<std::size_t>(1, paths.size()), 64), [&](const auto& range) {
             for (std::size_t i = range.begin(); i != range.end(); ++i)
-                paths[i] = retrace(geometry, source, listener + kAside, candidates.all[i].position, result.order);
+                Retracer(geometry, source, candidates.all[i], result.order, options.minShare, paths[i]).run(beside);
         });
-    for (std::size_t i = 1; i < paths.size(); ++i) keep(paths[i], candidates.all[i].position);
+    for (std::size_t i = 1; i < paths.size(); ++i)
+        for (const Path& path : paths[i]) keep(path, candidates.all[i].position);
     std::stable_sort(result.arrivals.begin(), result.arrivals.end(),
                      [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });
     return result;

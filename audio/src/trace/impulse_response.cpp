@@ -7,6 +7,7 @@
 
 #include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/impulse_response.h>
+#include <rtsg/audio/panning.h>
 
 #include "signal/fft.h"
 #include "signal/fractional_delay.h"
@@ -40,9 +41,9 @@ Pan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions
         ambisonicGains(options.ambisonicOrder, ambisonicAxes(local), gains);
         return {gains[static_cast<std::size_t>(channel)], 0};
     }
-    const double towards = glm::dot(direction, options.listenerRight) * (channel == 0 ? -1 : 1);
+    const double right = glm::dot(direction, options.listenerRight), towards = channel == 0 ? -right : right;
     Pan pan;
-    pan.gain = std::sqrt(std::max(0.0, 1 + 0.9 * towards));
+    pan.gain = stereoGains({right, 0, 0})[static_cast<std::size_t>(channel)];
     if (options.channels == ImpulseResponseOptions::Channels::binaural) {
         // Relative to the head's centre: the near ear hears earlier by r sin a, the far one later by r a.
         const double angle = std::asin(std::clamp(towards, -1.0, 1.0));
@@ -55,7 +56,6 @@ Pan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions
 double usefulDuration(const Echogram& echogram, double share) {
     const Bands total = echogram.total();
     Bands left{};
-    const double bin = 1 / echogram.late.binsPerSecond;
     const auto enough = [&] {
         for (std::size_t b = 0; b < kBandCount; ++b)
             if (left[b] > share * total[b]) return true;
@@ -63,7 +63,7 @@ double usefulDuration(const Echogram& echogram, double share) {
     };
     std::size_t arrival = echogram.arrivals.size(), k = echogram.late.bins.size();
     while (arrival > 0 || k > 0) {
-        const double binTime = static_cast<double>(k) * bin;
+        const double binTime = echogram.late.startOf(k);
         if (k == 0 || (arrival > 0 && echogram.arrivals[arrival - 1].seconds > binTime)) {
             --arrival;
             for (std::size_t b = 0; b < kBandCount; ++b) left[b] += echogram.arrivals[arrival].energy[b];
@@ -124,6 +124,10 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
     const RealFft fft(RealFft::sizeFor(frames + 4096));
     const BandFilters filters(fft, options.sampleRate);
 
+    const auto endOf = [&](std::size_t bin) {
+        return std::min(frames, static_cast<std::size_t>(std::llround(echogram.late.startOf(bin + 1) * rate)));
+    };
+
     ImpulseResponse result;
     result.sampleRate = options.sampleRate;
     for (int channel = 0; channel < channelCount; ++channel) {
@@ -133,10 +137,8 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
         Random random(Random::mix(options.seed, static_cast<std::uint64_t>(channel)));
         std::vector<float> noise(frames);
         std::vector<float> scale;  // per bin: makes the noise's energy in it exactly 1
-        const double samplesPerBin = rate / echogram.late.binsPerSecond;
         for (std::size_t k = 0, i = 0; k < echogram.late.bins.size() && i < frames; ++k) {
-            const auto end =
-                std::min(frames, static_cast<std::size_t>(std::llround(static_cast<double>(k + 1) * samplesPerBin)));
+            const std::size_t end = endOf(k);
             double energy = 0;
             for (; i < end; ++i) {
                 noise[i] = static_cast<float>(gaussian(random));
@@ -150,8 +152,7 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
         for (std::size_t b = 0; b < kBandCount; ++b) {
             std::fill(band.begin(), band.end(), 0.0f);
             for (std::size_t k = 0, i = 0; k < scale.size(); ++k) {
-                const auto end = std::min(
-                    frames, static_cast<std::size_t>(std::llround(static_cast<double>(k + 1) * samplesPerBin)));
+                const std::size_t end = endOf(k);
                 const float amplitude =
                     scale[k] * static_cast<float>(std::sqrt(kFourPi * diffuseShare * echogram.late.bins[k][b]));
                 for (; i < end; ++i) band[i] = noise[i] * amplitude;

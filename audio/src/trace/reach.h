@@ -31,6 +31,9 @@ class ReachRecorder final : public AcousticGeometry {
         return met;
     }
     double distanceToSurface(const glm::dvec3& point) const override { return geometry_->distanceToSurface(point); }
+    void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override {
+        geometry_->surfacesNear(point, radius, visit);
+    }
 
     AcousticBox reached() const {
         AcousticBox all;

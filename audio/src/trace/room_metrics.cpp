@@ -11,6 +11,8 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kGridSeconds = 0.0001;
+/// Of what only tells how much figures vary.
+constexpr double kCoarseGridSeconds = 0.001;
 constexpr std::array<Bands RoomMetrics::*, 8> kFigures{&RoomMetrics::edt, &RoomMetrics::t20, &RoomMetrics::t30,
                                                        &RoomMetrics::c50, &RoomMetrics::c80, &RoomMetrics::d50,
                                                        &RoomMetrics::ts,  &RoomMetrics::g};
@@ -18,7 +20,8 @@ constexpr std::array<Bands RoomMetrics::*, 8> kFigures{&RoomMetrics::edt, &RoomM
 /// Energy of one band after time t, exact for arrivals and linear within bins.
 class BandDecay {
   public:
-    BandDecay(const Echogram& echogram, std::size_t band) : binsPerSecond_(echogram.late.binsPerSecond) {
+    BandDecay(const Echogram& echogram, std::size_t band)
+        : binsPerSecond_(echogram.late.binsPerSecond), start_(echogram.late.start) {
         arrivals_.reserve(echogram.arrivals.size());
         for (const Arrival& arrival : echogram.arrivals)
             if (arrival.energy[band] > 0) arrivals_.emplace_back(arrival.seconds, arrival.energy[band]);
@@ -33,9 +36,8 @@ class BandDecay {
         tail_.assign(bins.size() + 1, 0.0);
         for (std::size_t i = bins.size(); i-- > 0;) {
             tail_[i] = tail_[i + 1] + bins[i][band];
-            moment_ += bins[i][band] * (static_cast<double>(i) + 0.5) / binsPerSecond_;
-            if (bins[i][band] > 0 && static_cast<double>(i) / binsPerSecond_ < first_)
-                first_ = std::min(first_, static_cast<double>(i) / binsPerSecond_);
+            moment_ += bins[i][band] * (echogram.late.startOf(i) + 0.5 / binsPerSecond_);
+            if (bins[i][band] > 0) first_ = std::min(first_, echogram.late.startOf(i));
         }
         total_ = sum + tail_[0];
     }
@@ -49,7 +51,7 @@ class BandDecay {
         const auto it = std::upper_bound(arrivals_.begin(), arrivals_.end(), seconds,
                                          [](double t, const auto& arrival) { return t < arrival.first; });
         if (it != arrivals_.end()) sum += it->second;
-        const double position = std::max(0.0, seconds * binsPerSecond_);
+        const double position = std::max(0.0, (seconds - start_) * binsPerSecond_);
         if (position < static_cast<double>(tail_.size() - 1)) {
             const auto bin = static_cast<std::size_t>(position);
             sum += tail_[bin] + (tail_[bin + 1] - tail_[bin]) * (position - static_cast<double>(bin));
@@ -60,33 +62,35 @@ class BandDecay {
   private:
     std::vector<std::pair<double, double>> arrivals_;  // time; energy from here on
     std::vector<double> tail_;                         // energy from the bin's start on
-    double binsPerSecond_;
+    double binsPerSecond_, start_;
     double first_ = 0, total_ = 0, moment_ = 0;
 };
 
 struct DecayCurve {
-    std::vector<double> levelDb;  // at k * kGridSeconds after the first arrival, down to just below -35 dB
+    double grid;
+    std::vector<double> levelDb;  // at k * grid after the first arrival, down to just below -45 dB
 
-    explicit DecayCurve(const BandDecay& decay) {
+    DecayCurve(const BandDecay& decay, double gridSeconds) : grid(gridSeconds) {
         levelDb.push_back(0);
-        const double lowest = std::pow(10.0, -3.6) * decay.total();
+        const double lowest = std::pow(10.0, -4.6) * decay.total();
         for (std::size_t k = 1;; ++k) {
-            const double energy = decay.after(decay.first() + static_cast<double>(k) * kGridSeconds);
+            const double energy = decay.after(decay.first() + static_cast<double>(k) * grid);
             if (energy <= 0) break;
             levelDb.push_back(10 * std::log10(energy / decay.total()));
             if (energy < lowest) break;
         }
     }
 
-    /// 60 dB over the slope of the least-squares line between two levels.
+    /// 60 dB over the slope of the least-squares line between two levels; NaN unless the decay goes on for 10 dB below
+    /// them, where the end of what was traced no longer bends it.
     double reverberationTime(double fromDb, double toDb) const {
-        if (levelDb.back() > toDb) return kNan;
+        if (levelDb.back() > toDb - 10) return kNan;
         double n = 0, sumT = 0, sumL = 0, sumTT = 0, sumTL = 0;
         for (std::size_t k = 0; k < levelDb.size(); ++k) {
             const double level = levelDb[k];
             if (level > fromDb) continue;
             if (level < toDb) break;
-            const double t = static_cast<double>(k) * kGridSeconds;
+            const double t = static_cast<double>(k) * grid;
             n += 1, sumT += t, sumL += level, sumTT += t * t, sumTL += t * level;
         }
         if (n < 2) return kNan;
@@ -95,9 +99,7 @@ struct DecayCurve {
     }
 };
 
-}  // namespace
-
-RoomMetrics roomMetrics(const Echogram& echogram) {
+RoomMetrics metricsOnGrid(const Echogram& echogram, double gridSeconds) {
     RoomMetrics metrics;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         const BandDecay decay(echogram, b);
@@ -105,10 +107,10 @@ RoomMetrics roomMetrics(const Echogram& echogram) {
             for (auto figure : kFigures) (metrics.*figure)[b] = kNan;
             continue;
         }
-        const DecayCurve curve(decay);
+        const DecayCurve curve(decay, gridSeconds);
         metrics.edt[b] = curve.reverberationTime(0, -10);
         metrics.t20[b] = curve.reverberationTime(-5, -25);
-        metrics.t30[b] = curve.reverberationTime(-5, -35);
+        metrics.t30[b] = std::isfinite(metrics.t20[b]) ? curve.reverberationTime(-5, -35) : kNan;
         const double after50 = decay.after(decay.first() + 0.05), after80 = decay.after(decay.first() + 0.08);
         // Without anything late the ratio is infinite, which is no number to average: report it as missing.
         metrics.c50[b] = after50 > 0 ? 10 * std::log10((decay.total() - after50) / after50) : kNan;
@@ -118,6 +120,12 @@ RoomMetrics roomMetrics(const Echogram& echogram) {
         metrics.g[b] = 10 * std::log10(decay.total() * 4 * std::numbers::pi * 100);
     }
     return metrics;
+}
+
+}  // namespace
+
+RoomMetrics roomMetrics(const Echogram& echogram) {
+    return metricsOnGrid(echogram, kGridSeconds);
 }
 
 double largestError(const MetricsEstimate& m) {
@@ -150,8 +158,11 @@ MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<
     const std::size_t count = batches.size();
     Echogram echogram;
     echogram.arrivals = arrivals;
-    if (count) echogram.late.binsPerSecond = batches.front().binsPerSecond;
-    EnergyHistogram sum{echogram.late.binsPerSecond, {}};
+    if (count) {
+        echogram.late.binsPerSecond = batches.front().binsPerSecond;
+        echogram.late.start = batches.front().start;
+    }
+    EnergyHistogram sum{echogram.late.binsPerSecond, {}, echogram.late.start};
     for (const EnergyHistogram& batch : batches) sum.accumulate(batch);
     if (count) echogram.late.accumulate(sum, 1.0 / static_cast<double>(count));
 
@@ -168,7 +179,7 @@ MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<
         echogram.late.accumulate(batches[i], -1.0);
         for (Bands& bin : echogram.late.bins)
             for (double& energy : bin) energy = std::max(0.0, energy / static_cast<double>(count - 1));
-        without[i] = roomMetrics(echogram);
+        without[i] = metricsOnGrid(echogram, kCoarseGridSeconds);
     }
     const double t = studentT95(static_cast<int>(count) - 1);
     for (auto figure : kFigures)

@@ -89,25 +89,39 @@ const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version,
     return changes_;
 }
 
-double WorldGeometry::exactDistance(const Hit& hit, const glm::dvec3& origin, const glm::dvec3& direction) const {
+/// The normal of what was hit, and its distance: those of the plane, or of the triangle itself where there is none.
+glm::dvec3 WorldGeometry::exactHit(const Hit& hit, std::uint32_t plane, const glm::dvec3& origin,
+                                   const glm::dvec3& direction, double& distance) const {
+    const double rough = distance;
+    if (plane != kNoPlane) {
+        const ReflectingPlane& on = planes_->planes()[plane];
+        distance = -on.signedDistance(origin) / glm::dot(direction, on.normal);
+        // Grazing rays amplify what little the merged triangles are apart: then the triangle itself is right.
+        if (std::abs(distance - rough) < 1e-3 * (1 + std::abs(rough))) return on.normal;
+    }
     glm::dvec3 corners[3];
     cornersOf(walls_.walls[hit.instance], hit.triangle, corners);
     const glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
-    const double along = glm::dot(direction, normal);
-    return along != 0 ? glm::dot(corners[0] - origin, normal) / along : static_cast<double>(hit.t);
+    distance = glm::dot(corners[0] - origin, normal) / glm::dot(direction, normal);
+    // Also what is no number: of a sliver, or seen from its edge.
+    if (!(std::abs(distance - rough) < 1e-3 * (1 + std::abs(rough)))) distance = rough;
+    return plane != kNoPlane ? planes_->planes()[plane].normal : glm::normalize(glm::dvec3(hit.normal));
 }
 
 bool WorldGeometry::closestBut(std::span<const std::uint32_t> open, const glm::dvec3& origin,
                                const glm::dvec3& direction, double maxDistance, std::uint32_t except,
                                AcousticHit& hit) const {
     if (!(maxDistance > 0)) return false;
+    // The ray in single precision is longer at both ends by what rounding may shift it; what it meets there is judged
+    // in double precision.
+    const glm::dvec3 away = glm::abs(origin - rays_->origin());
+    const double rounding = 0x1p-20 * (0x1p-3 + std::max({away.x, away.y, away.z}));
     Ray ray;
-    ray.origin = rays_->fromWorld(origin);
+    ray.origin = rays_->fromWorld(origin - direction * rounding);
     ray.direction = Vec3f(direction);
-    ray.tMax = static_cast<float>(std::min(maxDistance, 1e9));
-    const double rounding = 1e-6 * (1 + static_cast<double>(glm::length(ray.origin)));
-    // The surface a ray starts on may be hit within the rounding of its origin, at most once for each of its triangles
-    // that meet there; the limit is for geometry that is thousands of layers thick.
+    ray.tMax = static_cast<float>(std::min(maxDistance * (1 + 0x1p-20) + 2 * rounding, 1e9));
+    // The surface a ray starts on may be hit, at most once for each of its triangles that meet there; the limit is for
+    // geometry that is thousands of layers thick.
     for (int attempt = 0; attempt < 256; ++attempt) {
         const Hit found = rays_->intersect(ray, RayKind::sound);
         if (!found) return false;
@@ -115,22 +129,16 @@ bool WorldGeometry::closestBut(std::span<const std::uint32_t> open, const glm::d
         // Without a plane at least the triangle itself is left out, under a number no plane has.
         const std::uint32_t plane =
             known != kNoPlane ? known : 0x80000000u | ((found.instance * 0x9E3779B1u + found.triangle) & 0x7FFFFFFEu);
-        // A wall that the ray starts a hair in front of, and leaves, may be hit from behind through rounding.
-        const bool behind = except != kNoPlane && static_cast<double>(found.t) < rounding &&
-                            exactDistance(found, origin, direction) < 0;
-        if (plane != except && !behind && std::find(open.begin(), open.end(), found.instance) == open.end()) {
-            hit.plane = plane;
-            hit.material = walls_.walls[found.instance].material;
-            hit.distance = static_cast<double>(found.t);
-            hit.normal = glm::normalize(glm::dvec3(found.normal));
-            if (known != kNoPlane) {
-                const ReflectingPlane& on = planes_->planes()[plane];
-                hit.normal = on.normal;
-                const double exact = -on.signedDistance(origin) / glm::dot(direction, hit.normal);
-                // Grazing rays amplify what little the merged triangles are apart: then the triangle itself is right.
-                if (std::abs(exact - hit.distance) < 1e-3 * (1 + hit.distance)) hit.distance = std::max(0.0, exact);
+        if (plane != except && std::find(open.begin(), open.end(), found.instance) == open.end()) {
+            double distance = static_cast<double>(found.t) - rounding;
+            const glm::dvec3 normal = exactHit(found, known, origin, direction, distance);
+            if (distance >= 0 && distance < maxDistance) {
+                hit.plane = plane;
+                hit.material = walls_.walls[found.instance].material;
+                hit.distance = distance;
+                hit.normal = normal;
+                return true;
             }
-            return true;
         }
         ray.tMin = std::nextafter(std::max(found.t, 1e-30f), std::numeric_limits<float>::infinity());
         if (!(ray.tMin < ray.tMax)) return false;
@@ -162,6 +170,44 @@ std::vector<std::uint32_t> WorldGeometry::instancesAround(const glm::dvec3& poin
         }
     }
     return result;
+}
+
+bool WorldGeometry::boxHolds(std::uint32_t slot, const glm::dvec3& point) const {
+    const Wall& wall = walls_.walls[slot];
+    if (!wall.mesh || wall.mesh->bounds.empty()) return false;
+    const WorldFromLocal& m = wall.worldFromLocal;
+    const glm::dmat3 linear(m[0], m[1], m[2]);
+    if (glm::determinant(linear) == 0) return false;
+    const glm::dvec3 local = glm::inverse(linear) * (point - m[3]);
+    const glm::dvec3 low(wall.mesh->bounds.min), high(wall.mesh->bounds.max), slack = 1e-6 * (high - low);
+    return glm::all(glm::greaterThanEqual(local, low - slack)) && glm::all(glm::lessThanEqual(local, high + slack));
+}
+
+void WorldGeometry::surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const {
+    // As far as surfaces may be from the plane they are taken to lie on, the search reaches farther.
+    const glm::dvec3 away = glm::abs(point - rays_->origin());
+    const double reach = radius + 2 * PlaneTolerance().distance, rounding = 0x1p-20 * (away.x + away.y + away.z);
+    const auto searched = static_cast<float>(reach + rounding);
+    rays_->visitNear(rays_->fromWorld(point), searched, [&](std::uint32_t slot, std::uint32_t triangle) {
+        glm::dvec3 corners[3];
+        cornersOf(walls_.walls[slot], triangle, corners);
+        if (distanceToTriangle(point, corners) > reach) return searched;
+        const std::uint32_t plane = planes_->usable() ? planes_->planeOf(slot, triangle) : kNoPlane;
+        glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
+        const double length = glm::length(normal);
+        if (!(length > 0)) return searched;
+        normal /= length;
+        double distance = glm::dot(point - corners[0], normal);
+        if (plane != kNoPlane) {
+            // Seen from the side the triangle faces.
+            const ReflectingPlane& on = planes_->planes()[plane];
+            const double side = glm::dot(on.normal, normal) < 0 ? -1 : 1;
+            normal = side * on.normal;
+            distance = side * on.signedDistance(point);
+        }
+        if (std::abs(distance) <= radius) visit(normal, distance);
+        return searched;
+    });
 }
 
 double WorldGeometry::distanceToSurface(const glm::dvec3& point) const {

@@ -76,7 +76,7 @@ TEST(Convolver, EqualsTheSumInTheTimeDomain) {
 }
 
 TEST(Convolver, ANewResponseFadesInWithoutAClick) {
-    Convolver convolver(64);
+    Convolver convolver(64, 150);
     const std::vector<float> one{1.0f}, three{3.0f};
     convolver.setResponse(one);
     std::vector<float> input(64, 1.0f), output(64 * 6);
@@ -86,7 +86,24 @@ TEST(Convolver, ANewResponseFadesInWithoutAClick) {
     }
     for (std::size_t i = 1; i < output.size(); ++i) EXPECT_LT(std::abs(output[i] - output[i - 1]), 0.05) << i;
     EXPECT_NEAR(output.front(), 1, 1e-5);
+    EXPECT_NEAR(output[3 * 64 + 74], 2, .03);
     EXPECT_NEAR(output.back(), 3, 1e-5);
+}
+
+TEST(Convolver, AResponseThatComesWhileOneFadesInWaits) {
+    Convolver convolver(64, 128);
+    std::vector<float> input(64, 1.0f), output(64 * 8);
+    const auto step = [&](std::size_t k) { convolver.process(input, std::span(output).subspan(64 * k, 64)); };
+    convolver.setResponse(std::vector<float>{1.0f});
+    step(0);
+    convolver.setResponse(std::vector<float>{2.0f});
+    step(1);
+    convolver.setResponse(std::vector<float>{5.0f});
+    convolver.setResponse(std::vector<float>{3.0f});
+    for (std::size_t k = 2; k < 8; ++k) step(k);
+    EXPECT_NEAR(output[64 * 3 - 1], 2, 1e-5);
+    EXPECT_NEAR(output.back(), 3, 1e-5);
+    for (const float sample : output) EXPECT_LE(sample, 3.0001f);
 }
 
 TEST(SoundFile, RoundTripIsExactAndBytesRepeat) {

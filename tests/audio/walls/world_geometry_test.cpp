@@ -119,6 +119,44 @@ TEST(WorldGeometry, TheBoxThroughTheBvhHasTheImagesOfTheLattice) {
     }
 }
 
+TEST(WorldGeometry, PlacesAtWallsHaveTheImagesOfTheLatticeToo) {
+    const Shoebox box = Shoebox::uniform({6, 5, 3}, .1);
+    for (const double angle : {0.0, 0.6}) {
+        Room room;
+        room.mesh(NodeId{1}, unitBox());
+        const WorldFromLocal m = placed({7, -2, 3}, {6, 5, 3}, angle);
+        room.add(NodeId{1}, m, NodeId{9});
+        room.walls.setMaterial(NodeId{9}, uniform(.1, 0));
+        room.commit();
+        const auto at = [&](const glm::dvec3& p) { return m * glm::dvec4(p / glm::dvec3(6, 5, 3), 1); };
+        for (const glm::dvec3& source :
+             {glm::dvec3(1e-4, 1, 1.5), glm::dvec3(1e-6, 1, 1.5), glm::dvec3(0, 1, 1.5), glm::dvec3(0, 0, 0)})
+            for (const glm::dvec3& listener : {kListener, glm::dvec3(5.9999, 3, 1.5), glm::dvec3(6, 3, 1.5)}) {
+                std::vector<double> lattice;
+                box.images(source, listener, 200, [&](double d, double, int order) {
+                    if (order <= 5) lattice.push_back(d);
+                });
+                std::sort(lattice.begin(), lattice.end());
+                const ImageSources found =
+                    findImageSources(room.geometry, at(source), at(listener), {.maxOrder = 5}, 343, {});
+                std::size_t first = 0;
+                while (first < found.arrivals.size() && first < lattice.size() &&
+                       std::abs(found.arrivals[first].seconds * 343 - lattice[first]) < 1e-4)
+                    ++first;
+                ASSERT_EQ(found.arrivals.size(), lattice.size())
+                    << angle << " " << source.x << " " << source.y << " " << listener.x
+                    << ": the first that differs is " << lattice[first] << " of arrival " << first;
+                for (std::size_t i = 0; i < lattice.size(); ++i)
+                    EXPECT_NEAR(found.arrivals[i].seconds * 343, lattice[i], 1e-4);
+                TraceOptions options;
+                options.rays = 4000;
+                options.imageOrder = 0;
+                options.maxSeconds = 1;
+                EXPECT_LT(AcousticTracer(room.geometry).trace(at(source), at(listener), options).escaped[0], 1e-6);
+            }
+    }
+}
+
 TEST(WorldGeometry, RaysInTheBvhAgreeWithTheReferenceAndNothingLeaks) {
     Room room;
     room.mesh(NodeId{1}, unitBox());
@@ -130,6 +168,7 @@ TEST(WorldGeometry, RaysInTheBvhAgreeWithTheReferenceAndNothingLeaks) {
     options.rays = 9600;
     options.imageOrder = 3;
     options.maxSeconds = 3;
+    options.air.absorbs = false;
     const TraceResult result = AcousticTracer(geometry).trace(kSource, kListener, options);
     const MetricsEstimate m = result.metrics();
     EXPECT_NEAR(m.value.t30[0], 1.1088, 2 * m.ci95.t30[0] + 0.006);
@@ -386,6 +425,7 @@ TEST(WorldGeometry, WithoutPlanesRaysDoItAll) {
     TraceOptions options;
     options.rays = 9600;
     options.maxSeconds = 2;
+    options.air.absorbs = false;
     const TraceResult result = AcousticTracer(room.geometry).trace(kSource, kListener, options);
     EXPECT_EQ(result.imageOrder, 0);
     EXPECT_EQ(result.arrivals.size(), 1u);

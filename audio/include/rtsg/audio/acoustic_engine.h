@@ -3,10 +3,10 @@
 //     auto engine = AcousticEngine::create({.binaural = true});
 //     (*engine)->render(*tables.latest(), *world.freeze(), t, sound);      // to scene time t
 //
-// Each emitter goes two ways: direct sound through a delay line of its own (propagation delay, hence Doppler) to a
-// direction in the LoopbackMixer; reflections through a Convolver with the impulse response of the traced room, traced
-// anew when emitter or listener have moved, or a wall within reach of its paths. Time runs in samples: scene time t is
-// sample t * sampleRate; between two calls poses are interpolated. Levels: 1 is full scale.
+// Each emitter goes two ways: direct sound through a delay line of its own (propagation delay, hence Doppler) to the
+// panning, binaural by the LoopbackMixer; reflections through a Convolver with the impulse response of the traced room,
+// traced anew when emitter or listener have moved, or a wall within reach of its paths. Clips keep their channels. Time
+// runs in samples: scene time t is sample t * sampleRate; places in between are smooth. Levels: 1 is full scale.
 // Threading: one thread at a time, which need not be the scene's: the state and the rays are all that it reads. Tracing
 // runs on all cores. Source: ISO/IEC 19775-1 V4.0 clause 16; Vorlaender 2008, 11.4 for the split into direct and rest.
 #pragma once
@@ -37,6 +37,8 @@ struct AcousticOptions {
     Levels levels = Levels::x3d;
     /// Of the responses that are heard; metrics want more rays (see listen()).
     TraceOptions trace = heardTrace();
+    /// Goes before what the scene says of its air, and that before trace.air.
+    AirChoice air;
     /// When positive: rays are added to each response until its figures are within `error` just noticeable differences
     /// (see largestError()), or there are `maxRays`.
     double error = 0;
@@ -47,7 +49,7 @@ struct AcousticOptions {
     double retraceSeconds = 0.2;
     double moveTolerance = 0.1;
     /// Authors put a Sound into the thing that sounds. Shapes around it that measure no more than this from corner
-    /// to corner (metres) let its sound pass.
+    /// to corner (metres) let its sound pass, unless the listener is in them too: that is a room.
     double bodySize = 2.5;
     /// No reflections at all: direct sound only.
     bool reflections = true;
@@ -91,6 +93,7 @@ class AcousticEngine {
 
     /// Of what render() appends.
     int channels() const;
+    Air airOf(const AcousticState& state) const;
     /// The room ready to be traced, as it is for sound from `source`: its own body left out. Good until the next call;
     /// `rays` must live as long.
     OpenedGeometry geometryFor(const AcousticState& state, const RayView& rays, const glm::dvec3& source);

@@ -3,11 +3,13 @@
 // Coplanar surfaces share one plane whatever triangles, shapes or materials they are made of, so that a box has six
 // planes and every mirror image of a source exists once. Surfaces reflect from both sides.
 // Invariant: `closest` never reports a surface of the plane it is told to leave out; that, not an offset, is what keeps
-// a ray from hitting the wall it starts on. Threading: all queries are const and safe from many threads.
+// a ray from hitting the wall it starts on. Whether a surface lies before or behind a point is decided in double
+// precision. Threading: all queries are const and safe from many threads.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <span>
 
@@ -66,6 +68,10 @@ class AcousticGeometry {
                          std::uint32_t except, AcousticHit& hit) const = 0;
     /// Distance from a point to the nearest surface, metres; infinity in the void.
     virtual double distanceToSurface(const glm::dvec3& point) const = 0;
+    /// Called with the unit normal of a surface and the point's distance from its plane on that side.
+    using SurfaceVisitor = std::function<void(const glm::dvec3& normal, double signedDistance)>;
+    /// Visits the surfaces that come within `radius` of a point and whose planes do; one may be visited several times.
+    virtual void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const = 0;
 };
 
 }  // namespace rtsg

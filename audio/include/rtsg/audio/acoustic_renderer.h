@@ -34,6 +34,8 @@ class AcousticRenderer final : public InstanceSubscriber {
     int channels() const { return engine_->channels(); }
     const SoundScene& scene() const { return tables_.scene(); }
     OpenedGeometry geometryFor(const glm::dvec3& source);
+    /// As the options and the scene say.
+    Air air();
     const HeardResponses& heard() const { return engine_->heard(); }
     /// Responses traced so far.
     std::uint64_t traces() const { return heard().responses; }

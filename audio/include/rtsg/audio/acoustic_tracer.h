@@ -1,13 +1,12 @@
 // AcousticTracer: from a source, a listener and an AcousticGeometry to an Echogram with confidence intervals.
 //
 // Every path is counted once, by exactly one of three estimators, so the expectation does not depend on the options:
-//   mirror reflections only, up to the image order (and direct sound):  image sources, exact
-//   the last reflection is diffuse:                                      next-event estimation to the listener, a point
-//   all others (mirror last after diffuse, mirror above the image order, reflection and transmission mixed):
-//                                                                        track length in a sphere around the listener
-// The sphere yields the mean over its volume; it shrinks so as to touch no surface. Rays end by Russian roulette, never
-// by a threshold, and start from walls without any offset. Energy that leaves the geometry is counted as escaped. Below
-// the Schroeder frequency of a room, rays are not a model of it: phase is not kept. Threading: const; batches run in
+//   mirror reflections only, up to the image order (and direct sound), through walls or not:  image sources, exact
+//   the last reflection is diffuse:                         next-event estimation to the listener, a point
+//   all others (mirror last after diffuse or above the image order):   track length in a ball around the listener
+// The ball yields the mean over what of it is seen from the listener. Rays end by Russian roulette, never by a
+// threshold. Places on walls: see trace/places.h. Energy that leaves the geometry is counted as escaped. Below the
+// Schroeder frequency of a room, rays are not a model of it: phase is not kept. Threading: const; batches run in
 // parallel, results are the same for any number of threads.
 #pragma once
 
@@ -31,11 +30,15 @@ struct TraceOptions {
     std::uint64_t rays = 20'000;
     /// Independent parts that the rays are divided into, for the confidence intervals; at least 2.
     int batches = 16;
-    double maxSeconds = 10;  // length of the echogram
+    /// Length of the echogram; 0: until 65 dB are gone, within limits (10 s, in large or live rooms a minute at most).
+    double maxSeconds = 0;
     double binsPerSecond = 1000;
-    double receiverRadius = 0.5;  // m, the most that is used
+    /// Of the ball, m; 0: by the room, half a metre in one of 100 m^3, three metres in one of 100,000 m^3.
+    double receiverRadius = 0;
     std::uint64_t seed = 1;
     Air air;
+    /// Of what is radiated; paths to the images and rays alike.
+    SourcePattern pattern = {};
 };
 
 struct TraceResult {
@@ -44,7 +47,12 @@ struct TraceResult {
     std::uint64_t rays = 0;
     int imageOrder = 0;  // that was complete within maxImageCandidates
     std::size_t imageCandidates = 0;
+    double seconds = 0;         // length of the echogram
     double receiverRadius = 0;  // used
+    double receiverVolume = 0;  // m^3 of the ball that are seen from the listener
+    /// Share of the energy that might have arrived by chance; where it is more than 0 and nothing arrived, the figures
+    /// have no interval.
+    Bands tried{};
     /// Shares of the emitted energy: absorbed by surfaces and air, gone to infinity, still on its way at maxSeconds.
     Bands absorbed{}, escaped{}, truncated{};
 

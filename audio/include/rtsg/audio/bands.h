@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 
 namespace rtsg {
 
@@ -23,10 +24,25 @@ constexpr Bands allBands(double value) {
 
 struct Air {
     double speedOfSound = 343;  // m/s
-    bool absorbs = false;       // whether the attenuation below applies at all
+    bool absorbs = true;        // whether the attenuation below applies at all
     double celsius = 20;
-    double relativeHumidity = 70;  // percent
+    double relativeHumidity = 50;  // percent
     double pressureKpa = 101.325;
+
+    friend bool operator==(const Air&, const Air&) = default;
+};
+
+/// Speed of sound in dry air, m/s.
+double speedOfSound(double celsius);
+
+/// What somebody says of the air; the rest is as it was.
+struct AirChoice {
+    std::optional<bool> absorbs;
+    std::optional<double> speedOfSound, celsius, relativeHumidity, pressureKpa;
+
+    /// With a temperature and no speed the speed is that of the temperature.
+    Air over(const Air& base) const;
+    friend bool operator==(const AirChoice&, const AirChoice&) = default;
 };
 
 /// Pure-tone attenuation in dB per metre at `hz`.

@@ -22,7 +22,7 @@ class ClipLibrary {
   public:
     ClipLibrary(int sampleRate, Resources resources) : sampleRate_(sampleRate), resources_(std::move(resources)) {}
 
-    /// Mono, at the library's rate; never null.
+    /// At the library's rate, with the channels it has; never null.
     std::shared_ptr<const SoundBuffer> get(const SoundVoice& voice);
     int sampleRate() const { return sampleRate_; }
     const Diagnostics& diagnostics() const { return diagnostics_; }
@@ -44,10 +44,16 @@ class ClipLibrary {
 /// Where one voice has got to. Follows the rules of time-dependent nodes: a voice that is sounding keeps its start.
 class VoicePlayer {
   public:
-    /// Adds the samples of [first, first + out.size()) at the library's rate, scene time 0 being sample 0.
-    void play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t first, std::span<float> out);
+    /// Adds the samples from `first` on, as many as each channel of `out` holds, at the library's rate, scene time 0
+    /// being sample 0. What has one channel goes to all.
+    void play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t first, std::span<std::vector<float>> out);
+    /// Of what it plays.
+    std::size_t channels(const SoundVoice& voice, ClipLibrary& clips);
 
   private:
+    void load(const SoundVoice& voice, ClipLibrary& clips);
+    float sampleAt(const SoundVoice& voice, std::size_t channel) const;
+
     std::shared_ptr<const SoundBuffer> clip_;
     std::vector<std::string> urls_;
     std::vector<std::filesystem::path> folders_;

@@ -1,8 +1,7 @@
 // Convolver: one signal through a long response, block by block, without delay beyond the block.
 //
-// Uniformly partitioned overlap-save (Kulp 1988; Wefers 2015, 5.2) on kissfft. A new response is crossfaded in over one
-// block, so that a moving source or wall makes no click.
-// Threading: one thread per object.
+// Uniformly partitioned overlap-save (Kulp 1988; Wefers 2015, 5.2) on kissfft. A new response fades in smoothly, so
+// that a moving source or wall makes no click; one that comes meanwhile waits. Threading: one thread per object.
 #pragma once
 
 #include <complex>
@@ -15,7 +14,7 @@ namespace rtsg {
 
 class Convolver {
   public:
-    explicit Convolver(std::size_t blockSize = 512);
+    explicit Convolver(std::size_t blockSize = 512, std::size_t fadeSamples = 256);
     ~Convolver();
     Convolver(Convolver&&) noexcept;
     Convolver& operator=(Convolver&&) noexcept;

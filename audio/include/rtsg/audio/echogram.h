@@ -6,6 +6,7 @@
 // Threading: a plain value.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -22,17 +23,20 @@ struct Arrival {
     std::uint32_t order = 0;  // reflections; 0 is direct sound
 };
 
-/// Bin k covers [k, k + 1) / binsPerSecond.
+/// Bin k covers [k, k + 1) / binsPerSecond + start; the first also what comes earlier.
 struct EnergyHistogram {
     double binsPerSecond = 1000;
     std::vector<Bands> bins;
+    /// Such that bins begin with the first arrival, and with it the limits of 50 and 80 ms; less than a bin.
+    double start = 0;
 
+    double startOf(std::size_t bin) const { return start + static_cast<double>(bin) / binsPerSecond; }
     void add(double seconds, const Bands& energy) {
-        const auto bin = static_cast<std::size_t>(seconds * binsPerSecond);
+        const auto bin = static_cast<std::size_t>(std::max(0.0, (seconds - start) * binsPerSecond));
         if (bin >= bins.size()) bins.resize(bin + 1, Bands{});
         for (std::size_t b = 0; b < kBandCount; ++b) bins[bin][b] += energy[b];
     }
-    /// Adds `factor` times another histogram of the same resolution.
+    /// Adds `factor` times another histogram of the same resolution and start.
     void accumulate(const EnergyHistogram& other, double factor = 1);
 };
 

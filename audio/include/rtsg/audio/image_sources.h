@@ -1,13 +1,17 @@
 // Exact specular reflections: mirror images of a source, each checked on the geometry.
 //
-// Candidates are found breadth first and merged by position: two orders of the same walls that give one image (in a box
-// nearly all do) are one candidate. A candidate counts when the mirror path that leaves the listener towards it ends in
-// the source; a listener sees at most one path per image position, so nothing is counted twice and no valid path of the
-// given order is missed. Source: Allen and Berkley 1979; Borish 1984; differs in the merging and in the check by
+// Candidates are found breadth first and merged when they are the same motion of the source: turned alike and at one
+// position. Two orders of the same walls that give one image (in a box nearly all do) are one candidate; a source and
+// its image in the wall that it touches are two. A candidate counts when the mirror path that leaves the listener
+// towards it ends in the source after the same motion, so nothing is counted twice and no valid path of the given order
+// is missed. Paths pass straight through walls that let sound pass; that does not count in the order. Places on walls:
+// see trace/places.h. Source: Allen and Berkley 1979; Borish 1984; differs in the merging and in the check by
 // retracing. Threading: pure function over const geometry.
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <limits>
 #include <vector>
 
 #include <glm/glm.hpp>
@@ -17,6 +21,10 @@
 
 namespace rtsg {
 
+/// How much of the energy that a source radiates alike in all directions it sends towards a unit direction in the
+/// world; empty: 1 everywhere.
+using SourcePattern = std::function<double(const glm::dvec3& direction)>;
+
 struct ImageSourceOptions {
     int maxOrder = 3;
     /// Paths longer than this are left out; metres.
@@ -25,11 +33,14 @@ struct ImageSourceOptions {
     std::size_t maxCandidates = 200'000;
     /// Paths whose walls leave less than this share of the energy are not followed (they are not left to rays either).
     double minShare = 1e-7;
+    SourcePattern pattern = {};
 };
 
 struct ImageSources {
     /// The highest order that is complete.
     int order = 0;
+    /// Whether no order above has any: nothing is left to others.
+    bool complete = false;
     std::size_t candidates = 0;
     /// Sorted by time; direct sound included when it is not blocked.
     std::vector<Arrival> arrivals;

@@ -23,8 +23,10 @@ struct ListenOptions {
     bool metrics = true;          // measure at the start
     /// Rendering: sample rate, stereo or binaural, levels, what urls may open, defaults of walls.
     AcousticRenderer::Options render;
-    /// Measuring: rays, image order, air. `seed`, `air` and walls are used for rendering too.
+    /// Measuring: rays, image order, air. `seed`, `air` and walls are used for rendering too. render.air goes before.
     TraceOptions trace;
+    /// Of ListenReport::impulseResponses().
+    ImpulseResponseOptions::Channels responses = ImpulseResponseOptions::Channels::mono;
     /// When positive: rays are added until the 95 % half widths from 125 Hz to 4 kHz are below `error` times the just
     /// noticeable difference (T 5 %, C80 1 dB, D50 .05, G 1 dB), or `maxRays` is reached.
     double error = 0;
@@ -47,6 +49,10 @@ struct ListenReport {
         double schroederHz = 0;
     };
     std::vector<Source> sources;
+    ListenerPose listener;  // when it was measured
+    Air air;
+    ImpulseResponseOptions::Channels responses = ImpulseResponseOptions::Channels::mono;
+    int ambisonicOrder = 1;
     std::uint64_t rays = 0;
     double seconds = 0;  // of computing, metrics and sound
     double escaped = 0;  // share of the emitted energy, mean over bands and sources
@@ -57,7 +63,7 @@ struct ListenReport {
 
     /// One object as the command line's contract says; NaN and infinity are null.
     std::string toJson() const;
-    /// Mono responses at pressure 1 at 1 m, a channel a source, in the order of `sources`.
+    /// Responses at pressure 1 at 1 m, in the order of `sources`, each with the channels that `responses` says.
     SoundBuffer impulseResponses(int sampleRate = 48000) const;
 };
 

@@ -4,7 +4,8 @@
 // lines through 0..-10, -5..-25 and -5..-35 dB of the decay curve sampled every 0.1 ms, extrapolated to 60 dB;
 // C50, C80, D50 and Ts count from the first arrival; G is re the same source at 10 m in free field (unit power).
 // Differs: there is no background noise to correct for, so the curve is integrated from the end of the echogram.
-// A figure is NaN where the band has no energy or the decay is too short for it.
+// A figure is NaN where the band has no energy or the decay is too short for it: EDT, T20 and T30 need a curve down to
+// -20, -35 and -45 dB, as there is no T30 without T20.
 // Threading: pure functions.
 #pragma once
 

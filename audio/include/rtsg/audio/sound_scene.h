@@ -6,8 +6,9 @@
 // diffuse is scattered by Lambert's law, specular mirrored; what is left over goes to diffuse and specular in their
 // proportion, and all of it to specular while specular is 0. Octave bands, which the node has not, may be given by a
 // MetadataFloat (or a MetadataSet of them) in its `metadata`, named like the field, with 8 values from 63 Hz, 7 from
-// 125 Hz, or 6 from 125 Hz on. Source: ISO/IEC 19775-1 V4.0 12.4.1 (AcousticProperties), 16.4 (Sound component), 8.2.4
-// (time-dependent nodes). Threading: apply() on the scene's thread; the rest between two of them.
+// 125 Hz, or 6 from 125 Hz on; the air by one in the metadata of a WorldInfo, see readAir(). Source: ISO/IEC 19775-1
+// V4.0 12.4.1 (AcousticProperties), 16.4 (Sound component), 8.2.4 (time-dependent nodes). Threading: apply() on the
+// scene's thread; the rest between two of them.
 #pragma once
 
 #include <cstdint>
@@ -51,11 +52,13 @@ struct SoundVoice {
 
 /// A Sound or SpatialSound node.
 struct SoundNode {
-    enum class Law : std::uint8_t { ellipsoids, linear, inverse, exponential };
+    /// none: as loud everywhere, of an AudioDestination.
+    enum class Law : std::uint8_t { ellipsoids, linear, inverse, exponential, none };
     NodeId node;
     std::string name;  // DEF; without one the type and a number
     bool enabled = true, spatialize = true, doppler = true;
-    double intensity = 1;  // with gain
+    bool reflected = true;  // heard by way of walls too
+    double intensity = 1;   // with gain
     glm::dvec3 location{0}, direction{0, 0, 1};
     Law law = Law::ellipsoids;
     double minBack = 1, minFront = 1, maxBack = 10, maxFront = 10;   // ellipsoids
@@ -68,6 +71,8 @@ struct SoundNode {
     double level(const glm::dvec3& listener) const;
     /// Amplitude factor of the cones towards a place.
     double coneGain(const glm::dvec3& listener) const;
+    /// Whether it sends more to one side than to another, by its cones or, if `levels` count, by its ellipsoids.
+    bool directional(bool levels) const;
 };
 
 struct SoundEmitter {
@@ -78,6 +83,9 @@ struct SoundEmitter {
 
     /// In the world; out of all hearing when it is not a number.
     glm::dvec3 position() const;
+    /// The place in the node's frame that lies by this from the emitter in the world; as it is if the frame is
+    /// singular.
+    glm::dvec3 localFrom(const glm::dvec3& offset) const;
 };
 
 struct ListenerPose {
@@ -94,6 +102,7 @@ struct ListenerPose {
 struct SoundVersion {
     std::shared_ptr<const std::vector<SoundEmitter>> emitters;  // in the order of their slots; never null
     ListenerPose listener;
+    AirChoice air;  // of the scene's metadata
 
     /// Null when there is none of this name.
     const SoundEmitter* find(InstanceId id) const;
@@ -125,6 +134,7 @@ class SoundScene {
     void readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound);
     std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node) const;
     void chooseListener(const Scene& scene);
+    void readAir(const Scene& scene, const ChangeSet& changes);
     void nameSilent(const Scene& scene, const ChangeSet& changes);
     void warnOnce(std::string text);
 
@@ -138,6 +148,8 @@ class SoundScene {
     std::shared_ptr<std::vector<SoundEmitter>> emitters_ = std::make_shared<std::vector<SoundEmitter>>();
     bool shared_ = false;  // emitters_ belong to a version too
     ListenerPose listener_;
+    AirChoice air_;
+    std::unordered_set<std::uint32_t> infos_;  // WorldInfo nodes, by NodeId
     Diagnostics diagnostics_;
     std::unordered_set<std::string> told_;
 };

@@ -58,11 +58,15 @@ class WorldGeometry final : public AcousticGeometry {
     /// Slots of instances whose box holds the point and measures at most `maxSize` metres from corner to corner, as far
     /// as they are in the way of 32 rays from there.
     std::vector<std::uint32_t> instancesAround(const glm::dvec3& point, double maxSize) const;
+    /// Whether the box of an instance, in its own frame, holds a point.
+    bool boxHolds(std::uint32_t slot, const glm::dvec3& point) const;
     double distanceToSurface(const glm::dvec3& point) const override;
+    void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override;
 
   private:
     void followMaterials(const PagedArray<AcousticMaterial>& materials);
-    double exactDistance(const Hit& hit, const glm::dvec3& origin, const glm::dvec3& direction) const;
+    glm::dvec3 exactHit(const Hit& hit, std::uint32_t plane, const glm::dvec3& origin, const glm::dvec3& direction,
+                        double& distance) const;
 
     WallsVersion walls_;
     const RayView* rays_ = nullptr;
@@ -87,6 +91,9 @@ class OpenedGeometry final : public AcousticGeometry {
         return whole_->closestBut(open_, origin, direction, maxDistance, except, hit);
     }
     double distanceToSurface(const glm::dvec3& point) const override { return whole_->distanceToSurface(point); }
+    void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override {
+        whole_->surfacesNear(point, radius, visit);
+    }
 
   private:
     const WorldGeometry* whole_;

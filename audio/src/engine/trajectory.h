@@ -1,0 +1,132 @@
+// Trajectory: where something is over time, smooth, from what is known once a frame.
+//
+// Between the ends of blocks it is cubic, with the velocities that the frames show; beyond the last frame it goes on
+// straight, so that a block may be longer than the frame it ends in. What moves evenly, but for the rounding of its
+// places in single precision, is taken to lie on one line, so that this rounding is not heard.
+// Threading: the engine's thread.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <deque>
+
+#include <glm/glm.hpp>
+
+namespace rtsg {
+
+class Trajectory {
+  public:
+    struct Point {
+        double time = 0;  // samples
+        glm::dvec3 position{0};
+        glm::dvec3 velocity{0};  // metres a sample
+    };
+
+    /// `block`: samples from one advance() to the next.
+    explicit Trajectory(std::size_t block) : spacing_(static_cast<double>(block) / 8) {}
+
+    /// Where it is by the scene at `time`, not before the last. A jump forgets the way there.
+    void put(double time, const glm::dvec3& position, bool jump) {
+        if (jump) {
+            const double since = knots_.empty() ? time : knots_.back().time;
+            frames_.clear();
+            even_ = false;
+            knots_.assign(1, {since, position, glm::dvec3(0)});
+        }
+        if (!frames_.empty() && time <= frames_.back().time) {
+            frames_.back().position = position;
+            return;
+        }
+        // Of frames that are much shorter than blocks only some are kept, besides the last.
+        const std::size_t count = frames_.size();
+        if (count > 1 && frames_[count - 1].time - frames_[count - 2].time < spacing_) frames_.pop_back();
+        frames_.push_back({time, position, velocityAt(time, position)});
+        if (frames_.size() > kFrames) frames_.pop_front();
+        fitLine();
+    }
+    /// Goes on to `time`, the end of a block. Precondition: put() was called.
+    void advance(double time) {
+        Point target = known(time);
+        target.time = time;
+        knots_.push_back(target);
+        if (knots_.size() > kMost) knots_.pop_front();
+    }
+    /// At a time up to the last that advance() went to; before the first, where it was first.
+    Point at(double time) const {
+        // Written so that what is no number gives the oldest.
+        if (!(time > knots_.front().time)) return {time, knots_.front().position, glm::dvec3(0)};
+        if (time >= knots_.back().time) return knots_.back();
+        const auto next = std::upper_bound(knots_.begin(), knots_.end(), time,
+                                           [](double t, const Point& knot) { return t < knot.time; });
+        return between(*(next - 1), *next, time);
+    }
+
+  private:
+    /// Farther back than sound from the horizon takes, with blocks of a usual size.
+    static constexpr std::size_t kMost = 16384;
+
+    static Point between(const Point& a, const Point& b, double time) {
+        const double h = b.time - a.time, u = (time - a.time) / h;
+        const glm::dvec3 way = b.position - a.position, from = a.velocity * h, to = b.velocity * h;
+        const glm::dvec3 second = 3.0 * way - 2.0 * from - to, third = from + to - 2.0 * way;
+        return {time, a.position + u * (from + u * (second + u * third)),
+                (from + u * (2.0 * second + 3.0 * u * third)) / h};
+    }
+    /// The slope at the end of the parabola through the last two frames and this; less of a bend where it starts or
+    /// stops.
+    glm::dvec3 velocityAt(double time, const glm::dvec3& position) const {
+        if (frames_.empty()) return glm::dvec3(0);
+        const Point& last = frames_.back();
+        const double step = time - last.time;
+        const glm::dvec3 now = (position - last.position) / step;
+        if (frames_.size() < 2) return now;
+        const Point& first = frames_[frames_.size() - 2];
+        const glm::dvec3 before = (last.position - first.position) / (last.time - first.time);
+        const glm::dvec3 bend = (now - before) * (step / (time - first.time));
+        const double most = 0.5 * std::min(glm::length(now), glm::length(before)), size = glm::length(bend);
+        return size > most ? now + bend * (most / size) : now + bend;
+    }
+    /// The line of least squares through the frames, if they lie on one but for rounding.
+    void fitLine() {
+        even_ = false;
+        if (frames_.size() < 3) return;
+        const double count = static_cast<double>(frames_.size()), origin = frames_.back().time;
+        double st = 0, stt = 0, size = 0;
+        glm::dvec3 sp(0), stp(0);
+        for (const Point& p : frames_) {
+            const double t = p.time - origin;
+            st += t, stt += t * t, sp += p.position, stp += t * p.position;
+            for (int i = 0; i < 3; ++i) size = std::max(size, std::abs(p.position[i]));
+        }
+        const double determinant = count * stt - st * st;
+        line_.time = origin;
+        line_.velocity = (count * stp - st * sp) / determinant;
+        line_.position = (sp - st * line_.velocity) / count;
+        const double rounding = 0x1p-21 * size;
+        even_ = std::all_of(frames_.begin(), frames_.end(), [&](const Point& p) {
+            return glm::distance(onLine(p.time).position, p.position) <= rounding;
+        });
+    }
+    Point onLine(double time) const {
+        return {time, line_.position + line_.velocity * (time - line_.time), line_.velocity};
+    }
+    Point known(double time) const {
+        if (even_) return onLine(time);
+        const Point& last = frames_.back();
+        if (time >= last.time || frames_.size() == 1)
+            return {time, last.position + last.velocity * (time - last.time), last.velocity};
+        const Point& before = frames_[frames_.size() - 2];
+        return time > before.time ? between(before, last, time) : before;
+    }
+
+    static constexpr std::size_t kFrames = 16;
+
+    double spacing_;
+    std::deque<Point> frames_;  // the last ones
+    Point line_;
+    bool even_ = false;
+    std::deque<Point> knots_;  // ends of blocks
+};
+
+}  // namespace rtsg

@@ -1,0 +1,91 @@
+// Moves places off the walls that they touch, and measures what is seen from a place.
+#include "places.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <vector>
+
+namespace rtsg {
+namespace {
+
+struct Touched {
+    glm::dvec3 normal;
+    double distance;
+};
+
+/// Which side of a wall that both places touch is meant: the one that has something in front of it.
+double innerSide(const AcousticGeometry& geometry, const glm::dvec3& point, const Touched& wall, double off) {
+    const auto shut = [&](double side) {
+        AcousticHit hit;
+        // Not straight away from the wall: symmetric rooms have edges there.
+        const glm::dvec3 slant = glm::normalize(side * wall.normal + 0.1 * glm::dvec3(0.31, 0.53, 0.79));
+        return geometry.closest(point + wall.normal * (side * off - wall.distance), slant, 1e9, kNoPlane, hit);
+    };
+    const bool front = shut(1), back = shut(-1);
+    return back && !front ? -1 : 1;
+}
+
+}  // namespace
+
+glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards) {
+    const glm::dvec3 size = glm::abs(point);
+    const double off = 0x1p-19 * (0x1p-3 + std::max({size.x, size.y, size.z}));
+    std::vector<Touched> walls;
+    geometry.surfacesNear(point, off, [&](const glm::dvec3& normal, double distance) {
+        for (const Touched& known : walls)
+            if (std::abs(glm::dot(known.normal, normal)) > 1 - 1e-9) return;
+        walls.push_back({normal, distance});
+    });
+    if (walls.empty()) return point;
+    std::vector<double> sides;
+    for (const Touched& wall : walls) {
+        const double across = glm::dot(towards - point, wall.normal) + wall.distance;
+        sides.push_back(across > off ? 1 : across < -off ? -1 : innerSide(geometry, point, wall, off));
+    }
+    glm::dvec3 moved = point;
+    // In a corner that is no right one, leaving one wall leads back to the other a little: some rounds settle it.
+    for (int round = 0; round < 8; ++round)
+        for (std::size_t i = 0; i < walls.size(); ++i) {
+            const double now = sides[i] * (walls[i].distance + glm::dot(moved - point, walls[i].normal));
+            if (now < off) moved += walls[i].normal * (sides[i] * (off - now));
+        }
+    return moved;
+}
+
+glm::dvec3 evenDirection(int i, int count) {
+    constexpr double kGolden = 2.39996322972865332;
+    const double z = 1 - (2.0 * i + 1) / count, r = std::sqrt(1 - z * z);
+    return {r * std::cos(i * kGolden), r * std::sin(i * kGolden), z};
+}
+
+Surroundings surroundings(const AcousticGeometry& geometry, const glm::dvec3& listener, double openDistance,
+                          int directions) {
+    Surroundings result;
+    for (int i = 0; i < directions; ++i) {
+        AcousticHit hit;
+        double distance = openDistance;
+        if (geometry.closest(listener, evenDirection(i, directions), 1e6, kNoPlane, hit))
+            distance = hit.distance;
+        else
+            result.closed = false;
+        result.volume += 4 * std::numbers::pi / 3 * distance * distance * distance / directions;
+    }
+    result.nearest = geometry.distanceToSurface(listener);
+    return result;
+}
+
+double visibleVolume(const AcousticGeometry& geometry, const glm::dvec3& listener, double radius) {
+    constexpr int kDirections = 4096;
+    double volume = 0;
+    for (int i = 0; i < kDirections; ++i) {
+        AcousticHit hit;
+        const double distance =
+            geometry.closest(listener, evenDirection(i, kDirections), radius, kNoPlane, hit) ? hit.distance : radius;
+        volume += 4 * std::numbers::pi / 3 * distance * distance * distance / kDirections;
+    }
+    return volume;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,33 @@
+// Where sources and listeners are put that touch a wall, and what surrounds a listener.
+//
+// A place on a wall is the limit of places before it, on the side from which it is looked at; so it is moved off by
+// some roundings of its coordinates in single precision, as rays are (1e-5 m in a room of some metres).
+// Threading: pure functions over const geometry.
+#pragma once
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/acoustic_geometry.h>
+
+namespace rtsg {
+
+/// `point`, or where it touches walls a place just before them: on the side of `towards`, or if that is on the wall as
+/// well, on the side that has something in front of it, or else on the one that the wall faces.
+glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards);
+
+/// What a listener's surroundings measure: seen from there.
+struct Surroundings {
+    double volume = 0;   // m^3 of what is seen; in the open, as if walls were at `openDistance`
+    double nearest = 0;  // m to the nearest surface
+    bool closed = true;  // no direction leads out
+};
+Surroundings surroundings(const AcousticGeometry& geometry, const glm::dvec3& listener, double openDistance,
+                          int directions = 512);
+
+/// Volume of the part of a ball around the listener that is seen from there, m^3.
+double visibleVolume(const AcousticGeometry& geometry, const glm::dvec3& listener, double radius);
+
+/// Direction i of `count` that are spread evenly over the sphere.
+glm::dvec3 evenDirection(int i, int count);
+
+}  // namespace rtsg

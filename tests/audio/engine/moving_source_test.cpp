@@ -1,0 +1,211 @@
+// Moving sources against the exact Doppler shift, and what is beside the line; responses that change without a tick.
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/audio/acoustic_engine.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/shared_world.h>
+
+#include "engine/trajectory.h"
+
+namespace rtsg {
+namespace {
+
+constexpr double kRate = 48000, kTone = 1000;
+
+/// Renders while `place` says where the emitter is.
+template <class Place>
+SoundBuffer render(const std::string& text, AcousticOptions options, double fps, double seconds, const Place& place) {
+    Scene scene;
+    Diagnostics diagnostics;
+    EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + text, diagnostics));
+    SharedWorld world(scene);
+    AcousticTables tables(world.rays());
+    world.add(tables);
+    const NodeId car = scene.findName("Car");
+    EXPECT_TRUE(scene.set(car, x3d::Transform::translation, Vec3f(place(0.0))));
+    scene.newFrame(0);
+    options.trace.air.absorbs = false;
+    auto engine = *AcousticEngine::create(options);
+    SoundBuffer sound;
+    // The state of the start, then frame by frame.
+    EXPECT_TRUE(engine->render(*tables.latest(), world.rays(), 0, sound));
+    for (int frame = 1; frame <= std::lround(seconds * fps); ++frame) {
+        const double t = frame / fps;
+        EXPECT_TRUE(scene.set(car, x3d::Transform::translation, Vec3f(place(t))));
+        scene.newFrame(t);
+        EXPECT_TRUE(engine->render(*tables.latest(), world.rays(), t, sound));
+    }
+    world.remove(tables);
+    return sound;
+}
+
+struct Line {
+    double amplitude, besideDb;
+};
+
+/// Least squares of one line of known frequency from `from` to `to` seconds, and what is left.
+Line fit(const SoundBuffer& sound, double hz, double from, double to) {
+    double cc = 0, ss = 0, cs = 0, xc = 0, xs = 0, xx = 0;
+    const auto channels = static_cast<std::size_t>(sound.channels);
+    for (auto i = static_cast<std::size_t>(from * kRate); i < static_cast<std::size_t>(to * kRate); ++i) {
+        const double a = 2 * std::numbers::pi * hz * static_cast<double>(i) / kRate, c = std::cos(a), s = std::sin(a);
+        const auto x = static_cast<double>(sound.samples[i * channels]);
+        cc += c * c, ss += s * s, cs += c * s, xc += x * c, xs += x * s, xx += x * x;
+    }
+    const double determinant = cc * ss - cs * cs;
+    const double p = (xc * ss - xs * cs) / determinant, q = (xs * cc - xc * cs) / determinant;
+    const double left = xx - p * xc - q * xs;
+    return {std::hypot(p, q), 10 * std::log10(std::max(left, 1e-300) / xx)};
+}
+
+const std::string kCar =
+    "DEF Car Transform { children Sound { minBack 300 minFront 300 maxBack 400 maxFront 400 source OscillatorSource { "
+    "frequency 1000 } } }\nViewpoint { position 0 0 0 }\n";
+const std::string kPlainCar =
+    "DEF Car Transform { children SpatialSound { rolloffFactor 0 dopplerEnabled FALSE children OscillatorSource { "
+    "frequency 1000 } } }\nViewpoint { position 0 0 0 }\n";
+
+TEST(MovingSource, NothingIsBesideTheLineWhateverBlocksAndFrames) {
+    for (const double speed : {1.0, 5.0, 34.0, -20.0})
+        for (const std::size_t block : {64u, 256u, 1000u, 4096u})
+            for (const double fps : {24.7, 60.0, 700.0}) {
+                AcousticOptions options;
+                options.blockSize = block;
+                options.reflections = false;
+                // Places are single precision: nearer than 64 m they are good for -94 dB at 1 kHz.
+                const double start = speed > 0 ? -60 : -20;
+                const SoundBuffer sound =
+                    render(kCar, options, fps, 1.3, [&](double t) { return glm::dvec3(0, 0, start + speed * t); });
+                const Line line = fit(sound, kTone / (1 - speed / 343), .4, 1.2);
+                EXPECT_LE(line.besideDb, -90)
+                    << speed << " m/s, blocks of " << block << ", " << fps << " frames a second";
+                EXPECT_NEAR(line.amplitude, 1, 1e-3);
+            }
+}
+
+TEST(MovingSource, WithoutDopplerTheToneIsKept) {
+    for (const double speed : {5.0, 34.0}) {
+        AcousticOptions options;
+        options.reflections = false;
+        const SoundBuffer sound =
+            render(kPlainCar, options, 60, 1.3, [&](double t) { return glm::dvec3(0, 0, -60 + speed * t); });
+        const Line line = fit(sound, kTone, .4, 1.2);
+        EXPECT_LE(line.besideDb, -90) << speed;
+        EXPECT_NEAR(line.amplitude, 1, 1e-3);
+    }
+}
+
+TEST(MovingSource, WithoutDopplerTheDelayIsTakenInSilence) {
+    // A click each half second, from a source that jumps by a fifth of a second of sound in between.
+    AcousticOptions options;
+    options.reflections = false;
+    const std::string click =
+        "DEF Car Transform { children SpatialSound { rolloffFactor 0 dopplerEnabled FALSE children BufferAudioSource { "
+        "loop TRUE buffer [ 1 " +
+        [] {
+            std::string zeros;
+            for (int i = 1; i < 24000; ++i) zeros += "0 ";
+            return zeros;
+        }() +
+        "] sampleRate 48000 } } }\nViewpoint { position 0 0 0 }\n";
+    const SoundBuffer sound =
+        render(click, options, 60, .9, [](double t) { return glm::dvec3(0, 0, t < .3 ? -6.86 : -68.6); });
+    const auto peakAfter = [&](double from, double to) {
+        std::size_t best = static_cast<std::size_t>(from * kRate);
+        for (std::size_t i = best; i < static_cast<std::size_t>(to * kRate); ++i)
+            if (std::abs(sound.samples[2 * i]) > std::abs(sound.samples[2 * best])) best = i;
+        return static_cast<double>(best) / kRate;
+    };
+    EXPECT_NEAR(peakAfter(0, .3), .02, 1e-4);
+    EXPECT_NEAR(peakAfter(.5, .9), .5 + .2, 1e-4);
+}
+
+/// Share of the energy that lies farther than `hz` from the tone, by a window without sidelobes.
+double farFromTheTone(const SoundBuffer& sound, double from, double hz) {
+    constexpr std::size_t kSize = 32768;
+    std::vector<std::complex<double>> x(kSize);
+    const auto bessel = [](double v) {
+        double sum = 1, term = 1;
+        for (int k = 1; k < 80; ++k) sum += term *= (v / (2 * k)) * (v / (2 * k));
+        return sum;
+    };
+    for (std::size_t i = 0; i < kSize; ++i) {
+        const double u = 2.0 * static_cast<double>(i) / (kSize - 1) - 1;
+        x[i] = static_cast<double>(sound.samples[2 * (static_cast<std::size_t>(from * kRate) + i)]) *
+               bessel(20 * std::sqrt(1 - u * u)) / bessel(20);
+    }
+    for (std::size_t i = 1, j = 0; i < kSize; ++i) {
+        std::size_t bit = kSize >> 1;
+        for (; j & bit; bit >>= 1) j ^= bit;
+        j ^= bit;
+        if (i < j) std::swap(x[i], x[j]);
+    }
+    for (std::size_t length = 2; length <= kSize; length *= 2)
+        for (std::size_t i = 0; i < kSize; i += length)
+            for (std::size_t k = 0; k < length / 2; ++k) {
+                const auto w =
+                    std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(length));
+                const auto a = x[i + k], b = x[i + k + length / 2] * w;
+                x[i + k] = a + b;
+                x[i + k + length / 2] = a - b;
+            }
+    double all = 0, far = 0;
+    for (std::size_t i = 0; i < kSize / 2; ++i) {
+        const double energy = std::norm(x[i]);
+        all += energy;
+        if (std::abs(static_cast<double>(i) * kRate / kSize - kTone) > hz) far += energy;
+    }
+    return 10 * std::log10(far / all);
+}
+
+TEST(MovingSource, NewResponsesDoNotTick) {
+    AcousticOptions options;
+    options.trace.rays = 400;
+    options.trace.maxSeconds = 1;
+    const std::string hall =
+        "Transform { translation 3 2.5 1.5 children Shape { geometry Box { size 6 5 3 solid FALSE } } }\n"
+        "DEF Car Transform { children Sound { minBack 30 minFront 30 maxBack 60 maxFront 60 source OscillatorSource { "
+        "frequency 1000 } } }\nViewpoint { position 4 3 1.5 }\n";
+    const SoundBuffer sound =
+        render(hall, options, 60, 1.6, [](double t) { return glm::dvec3(1 + .6 * t, 1 + .3 * t, 1.5); });
+    EXPECT_LE(farFromTheTone(sound, .8, 300), -100);
+}
+
+TEST(Trajectory, FollowsAParabolaExactlyAndGoesOnStraight) {
+    Trajectory path(4);
+    const auto at = [](double t) { return glm::dvec3(1 + .5 * t + .01 * t * t, 2 - .2 * t, 0); };
+    for (int frame = 0; frame <= 10; ++frame) path.put(10.0 * frame, at(10.0 * frame), frame == 0);
+    // Once three frames are known, between frames and at their ends.
+    path.advance(93);
+    path.advance(97);
+    path.advance(100);
+    for (const double t : {93.0, 97.0, 100.0}) {
+        EXPECT_NEAR(path.at(t).position.x, at(t).x, 1e-9);
+        EXPECT_NEAR(path.at(t).velocity.x, .5 + .02 * t, 1e-9);
+    }
+    path.advance(104);
+    EXPECT_NEAR(path.at(104).position.x, at(100).x + 4 * 2.5, 1e-9);
+    path.put(110, {500, 0, 0}, true);
+    path.advance(114);
+    EXPECT_NEAR(path.at(112).position.x, 500, 1e-12);
+}
+
+TEST(Trajectory, WhatStopsDoesNotSwingBack) {
+    Trajectory path(10);
+    for (int frame = 0; frame <= 40; ++frame) {
+        path.put(100.0 * frame, glm::dvec3(std::min(frame, 20), 0, 0), frame == 0);
+        for (int block = 1; block <= 10; ++block) path.advance(100.0 * frame + 10 * block);
+        EXPECT_LT(path.at(100.0 * frame + 55).position.x, 20.6) << frame;
+        if (frame > 36) {
+            EXPECT_NEAR(path.at(100.0 * frame + 55).position.x, 20, 1e-9) << frame;
+        }
+    }
+}
+
+}  // namespace
+}  // namespace rtsg
