@@ -140,6 +140,7 @@ TEST(WorldState, IsNotMadeInTheMiddleOfADelivery) {
     Meddler meddler(world);
     Counter counter;
     world.add(meddler);
+    EXPECT_TRUE(meddler.seen.empty()) << "it has not had its own turn to the end";
     const std::uint64_t number = world.add(counter);
     for (int i = 0; i < 3; ++i) {
         (void)scene.insertChild(scene.root(), x3d::RtsgScene::children, scene.createNode(x3d::Group::type));
