@@ -594,6 +594,30 @@ TEST_F(FlattenerCase, LevelOfDetailFollowsTheViewer) {
     EXPECT_EQ(shown(), levels[0]);
 }
 
+TEST_F(FlattenerCase, ALevelThatIsOnlyHeardHasItsLevelsHeard) {
+    const NodeId outer = add(x3d::LOD::type, scene.root()), group = add(x3d::Group::type, outer);
+    const NodeId inner = add(x3d::LOD::type, group);
+    const NodeId first = addShape(inner), second = addShape(inner), far = addShape(outer);
+    EXPECT_TRUE(scene.setField(outer, x3d::LOD::range.index, Array<float>{10}));
+    EXPECT_TRUE(scene.setField(inner, x3d::LOD::range.index, Array<float>{4}));
+    seal();
+    const auto shown = [&](double distance) {
+        const Vec3d eye(0, 0, distance);
+        EXPECT_TRUE(flat.setViewer(eye));
+        expectSame(scene, flat.flattener(), watcher.follower, eye);
+        std::map<NodeId, std::pair<bool, bool>> senses;
+        for (const auto& [slot, i] : watcher.follower.instances) senses[i.shape] = {i.seen, i.heard};
+        return senses;
+    };
+    using Senses = std::map<NodeId, std::pair<bool, bool>>;  // seen, heard
+    for (int round = 0; round < 2; ++round) {
+        EXPECT_EQ(shown(1), (Senses{{first, {true, true}}}));
+        EXPECT_EQ(shown(6), (Senses{{first, {false, true}}, {second, {true, false}}}));
+        EXPECT_EQ(shown(50), (Senses{{first, {false, true}}, {far, {true, false}}}));
+        EXPECT_EQ(shown(6), (Senses{{first, {false, true}}, {second, {true, false}}}));
+    }
+}
+
 TEST_F(FlattenerCase, LevelsInLevelsOfAnyDepth) {
     // Each LOD's further level is the next LOD; all are too far away, so the last shape is seen and the first one
     // heard.
