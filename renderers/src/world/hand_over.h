@@ -19,6 +19,13 @@ namespace rtsg {
 
 template <class T>
 class HandOver {
+    struct Place {
+        std::shared_ptr<const T> value;
+        mutable std::atomic<std::uint64_t> left{0};
+        std::uint64_t came = 0;  // when it is not current any more
+        bool isUsed = false, isCurrent = false;
+    };
+
   public:
     HandOver() { places_[0].isUsed = places_[0].isCurrent = true; }
     HandOver(const HandOver&) = delete;
@@ -53,25 +60,27 @@ class HandOver {
         }
     }
     /// What was last put; null before.
-    std::shared_ptr<const T> get() const {
-        const std::uint64_t word = word_.fetch_add(1, std::memory_order_acquire);
-        const Place& place = places_[word >> kCountBits];
-        std::shared_ptr<const T> value = place.value;
-        place.left.fetch_add(1, std::memory_order_release);
-        return value;
-    }
+    std::shared_ptr<const T> get() const { return Visit(*this).value(); }
+
+    /// A reader at a place: what is there stays until it leaves.
+    class Visit {
+      public:
+        explicit Visit(const HandOver& all)
+            : place_(all.places_[all.word_.fetch_add(1, std::memory_order_acquire) >> kCountBits]) {}
+        ~Visit() { place_.left.fetch_add(1, std::memory_order_release); }
+        Visit(const Visit&) = delete;
+        Visit& operator=(const Visit&) = delete;
+        const std::shared_ptr<const T>& value() const { return place_.value; }
+
+      private:
+        const Place& place_;
+    };
 
     static constexpr std::size_t kPlaces = 16;
 
   private:
     static constexpr unsigned kCountBits = 56;
     static constexpr std::uint64_t kCountMask = (std::uint64_t{1} << kCountBits) - 1;
-    struct Place {
-        std::shared_ptr<const T> value;
-        mutable std::atomic<std::uint64_t> left{0};
-        std::uint64_t came = 0;  // when it is not current any more
-        bool isUsed = false, isCurrent = false;
-    };
     std::array<Place, kPlaces> places_;
     mutable std::atomic<std::uint64_t> word_{0};
 };

@@ -1,4 +1,8 @@
 // Light's tables follow a scene at the cost of what changed, and hold what reading it anew would give.
+#include <random>
+#include <utility>
+#include <vector>
+
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -115,6 +119,55 @@ TEST(LightTables, TheCoordinatesOfATextureFollowMaterialAndMesh) {
     ASSERT_TRUE(s.scene.set(s.node("SECOND"), x3d::TextureCoordinate::mapping, String("A")));
     map("A");
     shows(green, "they have changed places");
+}
+
+TEST(LightTables, AllThatShareAMaterialFollowItWhoeverHasGone) {
+    constexpr std::uint64_t kSeed = 7;
+    SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+    std::string body = fmt::format("DEF T0 Transform {{ children DEF G Group {{ children [ {} ] }} }}\n", kMapped);
+    for (int i = 1; i < 40; ++i) body += fmt::format("DEF T{} Transform {{ children USE G }}\n", i);
+    LightScene s(body);
+    LightTracer tracer;
+    s.world->add(tracer);
+    std::mt19937_64 random(kSeed);
+    std::vector<NodeId> there, gone;
+    for (int i = 0; i < 40; ++i) there.push_back(s.node(fmt::format("T{}", i).c_str()));
+    const NodeId shapes = s.node("G");
+    bool swapped = false;
+    for (int step = 0; step < 60; ++step) {
+        for (std::size_t moves = 1 + random() % 4; moves > 0; --moves) {
+            auto& from = random() % 3 == 0 ? gone : there;
+            auto& to = &from == &gone ? there : gone;
+            if (from.empty()) continue;
+            std::swap(from[random() % from.size()], from.back());
+            const FieldIndex children = x3d::Transform::children.index;
+            ASSERT_TRUE(&from == &there ? s.scene.removeChild(from.back(), children, 0)
+                                        : s.scene.insertChild(from.back(), children, shapes));
+            to.push_back(from.back());
+            from.pop_back();
+        }
+        if (random() % 2) s.scene.newFrame(step + .5);
+        const char* const names[] = {"", "A", "B"};
+        if (random() % 2) {
+            swapped = !swapped;
+            ASSERT_TRUE(s.scene.set(s.node("FIRST"), x3d::TextureCoordinate::mapping, String(swapped ? "B" : "A")));
+            ASSERT_TRUE(s.scene.set(s.node("SECOND"), x3d::TextureCoordinate::mapping, String(swapped ? "A" : "B")));
+            if (random() % 2) s.scene.newFrame(step + .7);
+        }
+        const std::size_t name = random() % 3;
+        const int channel = name == 0 || (name == 1) != swapped ? 0 : 1;
+        ASSERT_TRUE(s.scene.set(s.node("M"), x3d::UnlitMaterial::emissiveTextureMapping, String(names[name])));
+        s.scene.newFrame(step + 1);
+        const auto tables = tracer.latest();
+        std::size_t live = 0;
+        for (const RayInstance& instance : s.world->rays().instances()) {
+            if (!instance.info.id) continue;
+            ++live;
+            EXPECT_EQ(tables->slots[instance.info.id.slot].channels[0], channel) << "step " << step;
+        }
+        ASSERT_EQ(live, there.size());
+        if (HasFailure()) return;
+    }
 }
 
 TEST(LightTables, VertexColoursThatAreClearLetLightThrough) {

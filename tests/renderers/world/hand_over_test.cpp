@@ -1,6 +1,7 @@
 // The newest of something from one thread to others: nobody sees older after newer, and nothing is kept for longer than
 // somebody holds it.
 #include <atomic>
+#include <memory>
 #include <thread>
 #include <vector>
 
@@ -36,6 +37,36 @@ TEST(HandOver, GivesTheNewestAndKeepsNoOther) {
     EXPECT_EQ(places.get(), nullptr);
     EXPECT_EQ(Counted::alive, 1) << "that which is held";
     EXPECT_EQ(held->number, 99);
+}
+
+TEST(HandOver, AReaderThatStopsOnItsWayKeepsItsPlaceAndHoldsUpNobody) {
+    using Places = HandOver<Counted>;
+    {
+        Places places;
+        ASSERT_TRUE(places.put(std::make_shared<const Counted>(0)));
+        std::vector<std::unique_ptr<Places::Visit>> stopped;
+        stopped.push_back(std::make_unique<Places::Visit>(places));
+        for (int i = 1; i < 100; ++i) {
+            ASSERT_TRUE(places.put(std::make_shared<const Counted>(i)));
+            EXPECT_EQ(places.get()->number, i);
+            EXPECT_EQ(stopped[0]->value()->number, 0);
+            EXPECT_EQ(Counted::alive, 2);
+        }
+        // One at each place there is: then nothing can be put, and the newest stays.
+        int last = 99;
+        while (stopped.size() < Places::kPlaces) {
+            stopped.push_back(std::make_unique<Places::Visit>(places));
+            if (stopped.size() == Places::kPlaces) break;
+            ASSERT_TRUE(places.put(std::make_shared<const Counted>(++last)));
+        }
+        EXPECT_FALSE(places.put(std::make_shared<const Counted>(1000)));
+        EXPECT_EQ(places.get()->number, last);
+        stopped.erase(stopped.begin() + 3);
+        EXPECT_TRUE(places.put(std::make_shared<const Counted>(1001)));
+        EXPECT_EQ(places.get()->number, 1001);
+        EXPECT_EQ(stopped[0]->value()->number, 0);
+    }
+    EXPECT_EQ(Counted::alive, 0);
 }
 
 TEST(HandOver, ReadersOnThreeThreadsSeeWholeOnesInOrder) {
