@@ -1,0 +1,74 @@
+// Levels of detail: what is seen of them and what is heard, and who is told when an eye has moved.
+#include "flattener_impl.h"
+
+namespace rtsg {
+
+Flattener::Impl::Levels Flattener::Impl::levelsOf(std::uint32_t index) {
+    const Node& node = scene->node(tree[index].node);
+    const TypeRole& role = roles.of(node);
+    const auto child = [&](std::uint32_t level) {
+        std::vector<NodeId> one;
+        flatten::desiredChildren(node, role, level, one);
+        return one.empty() ? NodeId{} : one[0];
+    };
+    const NodeId seen = child(tree[index].level);
+    return {seen, tree[index].level == 0 ? seen : child(0)};
+}
+
+void Flattener::Impl::setSenses(Occurrence& child, const Occurrence& parent, const Levels& shown) {
+    child.seen = parent.seen && child.node == shown.seen;
+    child.heard = parent.heard && child.node == shown.heard;
+}
+
+void Flattener::Impl::chooseChildren(std::uint32_t index, const Node& node, const TypeRole& role) {
+    wanted.clear();
+    if (role.role != Role::level) {
+        flatten::desiredChildren(node, role, tree[index].level, wanted);
+        return;
+    }
+    const Levels shown = levelsOf(index);
+    if (shown.seen && tree[index].seen) wanted.push_back(shown.seen);
+    if (shown.heard && tree[index].heard && (shown.heard != shown.seen || !tree[index].seen))
+        wanted.push_back(shown.heard);
+}
+
+bool Flattener::Impl::isSensed(const Occurrence& o, PlacedKind kind) {
+    return kind == PlacedKind::sound || kind == PlacedKind::listener ? o.heard : o.seen;
+}
+
+void Flattener::Impl::spreadSenses(std::uint32_t level) {
+    const Levels shown = levelsOf(level);
+    std::vector<std::uint32_t> way;
+    const auto below = [&](std::uint32_t index) {
+        for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) way.push_back(c);
+    };
+    below(level);
+    while (!way.empty()) {
+        const std::uint32_t index = way.back();
+        way.pop_back();
+        Occurrence& o = tree[index];
+        const bool seen = o.seen, heard = o.heard;
+        const Occurrence& parent = tree[o.parent];
+        if (o.parent == level)
+            setSenses(o, parent, shown);
+        else
+            o.seen = parent.seen, o.heard = parent.heard;
+        if (o.seen == seen && o.heard == heard) continue;
+        if (o.role == Role::level) {
+            reconciling.push_back(index);
+            continue;
+        }
+        const Node& node = scene->node(o.node);
+        if (o.role == Role::shape && o.slot != kNone) {
+            Instance& instance = instances.records[o.slot];
+            instance.seen = o.seen, instance.heard = o.heard;
+            instances.markRebound(o.slot, stamp);
+        } else if (o.role == Role::placed && isSensed(o, roles.of(node).kind) != (o.slot != kNone)) {
+            dropPlaced(index);
+            makePlaced(index, node, roles.of(node));
+        }
+        below(index);
+    }
+}
+
+}  // namespace rtsg
