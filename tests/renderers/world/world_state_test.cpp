@@ -3,6 +3,7 @@
 #include <atomic>
 #include <chrono>
 #include <memory>
+#include <stdexcept>
 #include <thread>
 #include <vector>
 
@@ -216,6 +217,36 @@ TEST(WorldState, KnowsNothingOfThoseWhoCameLaterOrFailed) {
     stage.world.remove(late);
     Counter again;
     EXPECT_NE(stage.world.add(again), number);
+}
+
+TEST(WorldState, OfAWorldThatFailsThereIsNone) {
+    Stage stage;
+    (void)stage.now();
+    stage.addBox();
+    ASSERT_TRUE(stage.now());
+    stage.world.setMeshSource(
+        "Box", [](const Scene&, NodeId) -> std::shared_ptr<const Mesh> { throw std::runtime_error("no"); });
+    EXPECT_NE(stage.world.failure(), "");
+    const auto none = stage.world.latest(60s);
+    ASSERT_FALSE(none) << "and nobody waits for it";
+    EXPECT_NE(none.error().text.find("no longer"), std::string::npos);
+}
+
+TEST(WorldState, OutlivesItsWorldAndItsScene) {
+    State state;
+    std::uint64_t number = 0;
+    {
+        Stage stage;
+        stage.world.rays();
+        (void)stage.now();
+        stage.addBox();
+        state = stage.now();
+        number = stage.number;
+        stage.moveBox(100);
+    }
+    ASSERT_TRUE(state);
+    EXPECT_EQ(*static_cast<const int*>(state->of(number)), 1);
+    EXPECT_NEAR(state->rays->intersect({{0, 0, 9}, 0, {0, 0, -1}}).t, 8, 1e-5);
 }
 
 TEST(WorldState, AReaderWaitsForTheNextFrameAndTheSceneForNobody) {
