@@ -99,8 +99,9 @@ void ResourceArguments::addTo(CLI::App& command) {
         ->expected(1)
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
     command
-        .add_option("--limit", limits,
-                    "NAME=N raises a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances")
+        .add_option(
+            "--limit", limits,
+            "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds")
         ->expected(1)
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
 }
@@ -116,7 +117,8 @@ ResourcePolicy ResourceArguments::policy() const {
     const std::pair<std::string_view, std::uint64_t*> known[] = {
         {"bytes", &policy.maximumBytes},     {"nodes", &policy.maximumNodes},
         {"depth", &policy.maximumDepth},     {"pixels", &policy.maximumPixels},
-        {"samples", &policy.maximumSamples}, {"instances", &policy.maximumInstances}};
+        {"samples", &policy.maximumSamples}, {"instances", &policy.maximumInstances},
+        {"seconds", &policy.maximumSeconds}};
     for (const std::string& limit : limits) {
         const std::string_view text = limit;
         const auto equals = std::min(text.find('='), text.size());
@@ -129,7 +131,8 @@ ResourcePolicy ResourceArguments::policy() const {
             }
         if (!good)
             throw CLI::ValidationError(
-                "--limit", limit + ": expected bytes=N, nodes=N, depth=N, pixels=N, samples=N or instances=N");
+                "--limit",
+                limit + ": expected bytes=N, nodes=N, depth=N, pixels=N, samples=N, instances=N or seconds=N");
     }
     return policy;
 }

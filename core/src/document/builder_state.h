@@ -4,6 +4,7 @@
 // A PROTO body and an Inline are replayed into the same builder with a scope of their own on top.
 #pragma once
 
+#include <chrono>
 #include <map>
 
 #include <rtsg/core/scene_builder.h>
@@ -119,6 +120,8 @@ struct NameScope {
 
 struct SceneBuilder::State {
     State(SceneBuilder& builder, Scene& target, Diagnostics& sink, BuildOptions buildOptions);
+    /// Counts a node that is about to be made. False, and reported once, if it is one too many or too late.
+    bool hasRoomFor(const NameScope& scope, SourceLocation where);
 
     SceneBuilder& handler;
     Scene& scene;
@@ -134,6 +137,9 @@ struct SceneBuilder::State {
     std::size_t skipProtoDepth = 0;  // > 0 inside a PROTO declaration that is known already
     std::size_t documentDepth = 0;
     std::uint64_t expandedNodes = 0;  // in PROTO bodies and Inlines
+    const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+    std::uint64_t nodesBegun = 0;
+    bool isLate = false;  // more time has gone by than the policy lets: no further node is made
     bool finished = false;
     bool isTrial = false;  // instancing into a scratch scene, for diagnostics only
 
@@ -206,6 +212,12 @@ struct SceneBuilder::State {
 inline FieldIndex hiddenField(const NodeType& type, std::string_view name) {
     const FieldIndex index = type.findExact(name);
     return index != kNoField && type.fields[index].hidden ? index : kNoField;
+}
+
+/// Precondition: a field of our own making, which takes the value.
+inline void setHidden(Scene& scene, NodeId node, FieldIndex field, Value value) {
+    const Result<> set = scene.setField(node, field, std::move(value));
+    RTSG_CHECK_EQ(set ? std::string() : set.error().text, std::string());
 }
 
 /// The node that `name` means inside `scope`: a DEF, or an imported node if its Inline is loaded.

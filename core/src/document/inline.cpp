@@ -116,7 +116,7 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
 
 void SceneBuilder::State::fillInline(NodeId id, LoadSession::File& file, std::string_view url, SourceLocation where) {
     reportFile(file);
-    (void)scene.setField(id, hiddenField(scene.node(id).type(), "loadedUrl"), Value(String(joinUrls({}, url))));
+    setHidden(scene, id, hiddenField(scene.node(id).type(), "loadedUrl"), Value(String(joinUrls({}, url))));
     NameScope& document = pushScope(id, session.newEnvironment(), &file.source);
     document.isDocument = true;
     document.prefix = file.source.path.stem().string() + '#';
@@ -214,12 +214,13 @@ struct InlineLoader::State final : Subscriber {
             }
         }
         const NodeType& type = scene.node(id).type();
-        (void)scene.setField(id, type.body(), Value(Array<NodeId>()));
-        (void)scene.setField(id, hiddenField(type, "loadedUrl"), Value(String()));
+        setHidden(scene, id, type.body(), Value(Array<NodeId>()));
+        setHidden(scene, id, hiddenField(type, "loadedUrl"), Value(String()));
         for (const char* name : {"imports", "exports", "importRoutes"})
             if (const FieldIndex field = hiddenField(type, name); field != kNoField)
-                (void)scene.setField(id, field, Value(Array<String>()));
-        for (const NodeId node : gone) (void)scene.destroyNode(node);
+                setHidden(scene, id, field, Value(Array<String>()));
+        for (const NodeId node : gone)
+            if (auto ok = scene.destroyNode(node); !ok) diagnostics.error({}, ok.error().text);
     }
 
     Scene& scene;

@@ -311,7 +311,7 @@ void SceneBuilder::State::expand(OpenNode& instance) {
     }
     const NodeId id = instance.id;
     if (const FieldIndex loaded = hiddenField(scene.node(id).type(), "loadedUrl"); external && loaded != kNoField)
-        (void)scene.setField(id, loaded, Value(String(instance.proto->targetUrl)));
+        setHidden(scene, id, loaded, Value(String(instance.proto->targetUrl)));
     NameScope& inside = pushScope(id, proto->inside, proto->source);
     inside.proto = proto;
     inside.instanceType = &scene.node(id).type();

@@ -45,7 +45,7 @@ void SceneBuilder::finish() {
         const FieldIndex children = s.scene.node(root).type().findExact("children");
         Array<NodeId> all = *static_cast<const Array<NodeId>*>(s.scene.node(root).storage(children));
         for (const NodeId id : s.roots) all.push_back(id);
-        if (!s.roots.empty())
+        if (!s.roots.empty() && !s.options.detached)
             if (auto stored = s.scene.setField(root, children, Value(std::move(all))); !stored)
                 s.error({}, stored.error().text);
         s.writeDocumentInfo();
@@ -73,6 +73,25 @@ void SceneBuilder::unit(std::string_view category, std::string_view name, double
     state_->units.emplace_back(fmt::format("{}", conversionFactor));
 }
 
+bool SceneBuilder::State::hasRoomFor(const NameScope& scope, SourceLocation where) {
+    constexpr std::uint64_t kNodesPerLook = 1024;  // at the clock
+    const ResourcePolicy& policy = options.resources->policy();
+    if (++nodesBegun % kNodesPerLook == 0 && !isLate) {
+        isLate = std::chrono::steady_clock::now() - started > std::chrono::seconds(policy.maximumSeconds);
+        if (isLate)
+            diagnostics.error(where, fmt::format("reading takes more than {} seconds; the rest is left out, unless "
+                                                 "--limit seconds=N raises this",
+                                                 policy.maximumSeconds));
+    }
+    if (isLate) return false;
+    if ((!scope.proto && !scope.owner) || ++expandedNodes <= policy.maximumNodes) return true;
+    if (expandedNodes == policy.maximumNodes + 1)
+        diagnostics.error(where, fmt::format("PROTO instances and Inlines make more than {} nodes; the rest is left "
+                                             "out, unless --limit nodes=N raises this",
+                                             policy.maximumNodes));
+    return false;
+}
+
 void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::string_view field,
                              SourceLocation where) {
     State& s = *state_;
@@ -91,13 +110,7 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
         ++s.skipDepth;
         return;
     }
-    const std::uint64_t limit = s.options.resources->policy().maximumNodes;
-    if ((scope.proto || scope.owner) && ++s.expandedNodes > limit) {
-        if (s.expandedNodes == limit + 1)
-            s.diagnostics.error(where,
-                                fmt::format("PROTO instances and Inlines make more than {} nodes; the rest is left "
-                                            "out, unless --limit nodes=N raises this",
-                                            limit));
+    if (!s.hasRoomFor(scope, where)) {
         ++s.skipDepth;
         return;
     }

@@ -73,7 +73,7 @@ SceneBuilder::State::State(SceneBuilder& builder, Scene& target, Diagnostics& si
     if (!options.resources) options.resources = options.file.empty() ? Resources() : Resources::ofFile(options.file);
     source.base = options.resources->folder();
     source.file = sink.file();
-    NameScope& document = pushScope({}, session.newEnvironment(), session.keep(std::move(source)));
+    NameScope& document = pushScope(options.scope, session.newEnvironment(), session.keep(std::move(source)));
     document.isDocument = true;
     push(OpenNode::Kind::body, {});
 }
@@ -350,7 +350,7 @@ void SceneBuilder::State::writeDocumentInfo() {
     };
     const FieldIndex profile = hiddenField(type, "profile");
     if (profile != kNoField && !header.profile.empty() && scene.node(root).isDefault(profile))
-        (void)scene.setField(root, profile, Value(String(header.profile)));
+        setHidden(scene, root, profile, Value(String(header.profile)));
     append("components", components);
     append("meta", metas);
     append("units", units);

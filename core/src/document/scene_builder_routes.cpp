@@ -155,7 +155,7 @@ void SceneBuilder::State::storeImports(NameScope& in) {
         if (added.empty()) return;
         Array<String> list = *tuples(scene, holder, name);
         for (const std::string& one : added) list.push_back(String(one));
-        (void)scene.setField(holder, hiddenField(type, name), Value(std::move(list)));
+        setHidden(scene, holder, hiddenField(type, name), Value(std::move(list)));
     };
     std::vector<std::string> imports, exports, routes;
     for (const ImportStatement& one : in.imports) {

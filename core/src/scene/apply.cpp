@@ -213,6 +213,7 @@ Result<> Scene::State::releaseDestroyed(std::span<const Change> changes) {
 
 Result<> Scene::reset() {
     if (auto ok = state_->checkOutsideFrame(); !ok) return ok;
+    if (state_->scripts) state_->scripts->forgetAll();
     auto fresh = std::make_unique<State>(*this);
     fresh->allocate(root(), state_->find(root())->typeIndex_, {});
     fresh->firstNewId = fresh->nextId;

@@ -207,7 +207,8 @@ void Scene::State::playEffects(Cascade& cascade, const BehaviourCall& call) {
             if (playProblem.empty())
                 playProblem = fmt::format("a recorded effect on node {} does not fit it", effect.node.value);
         } else if (effect.kind == BehaviourEffect::Kind::deliver) {
-            (void)cascade.deliver(effect.node, effect.field, effect.value);
+            if (auto ok = cascade.deliver(effect.node, effect.field, effect.value); !ok && playProblem.empty())
+                playProblem = std::move(ok.error().text);
         } else if (effect.kind == BehaviourEffect::Kind::emit) {
             cascade.emitStorage(*node, effect.field, value);
         } else {

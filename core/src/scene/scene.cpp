@@ -7,6 +7,7 @@
 
 #include <rtsg/core/x3d.h>
 
+#include "prototype_maker.h"
 #include "state.h"
 
 namespace rtsg {
@@ -16,7 +17,9 @@ Scene::Scene() : state_(std::make_unique<State>(*this)), bus_(std::make_unique<B
     state_->allocate(root(), x3d::RtsgScene::type, {});
     state_->firstNewId = state_->nextId;
 }
-Scene::~Scene() = default;
+Scene::~Scene() {
+    if (state_->scripts) state_->scripts->forgetAll();
+}
 
 Result<> Scene::State::checkThread() const {
     if (onOwnThread()) return {};
@@ -202,6 +205,11 @@ NodeId Scene::createNode(TypeIndex type, NodeId scope) {
 Result<NodeId> Scene::createNode(std::string_view type, NodeId scope) {
     const auto index = findType(type);
     if (!index) return fail(fmt::format("unknown node type {}", type));
+    const NodeType::Kind kind = state_->types[index->value].type->kind;
+    if (kind == NodeType::Kind::proto || kind == NodeType::Kind::externProto) {
+        if (auto ok = state_->checkEdit(); !ok) return std::unexpected(std::move(ok.error()));
+        return detail::makePrototypeInstance(*this, *index, scope, state_->scriptOptions.resources.get());
+    }
     const NodeId id = createNode(*index, scope);
     if (!id) return fail("no node could be created here");
     return id;
@@ -249,8 +257,9 @@ std::size_t Scene::destroyUnreachable() {
     forEachNode([&](const Node& node) {
         if (!reached[node.id_.value]) gone.push_back(node.id_);
     });
-    for (const NodeId id : gone) (void)destroyNode(id);
-    return gone.size();
+    std::size_t count = 0;
+    for (const NodeId id : gone) count += destroyNode(id).has_value() ? 1 : 0;
+    return count;
 }
 
 Result<> Scene::setField(NodeId id, FieldIndex field, Value value) {

@@ -25,6 +25,7 @@ Behaviour ScriptPrograms::behaviour() {
 }
 
 void Scene::setScriptOptions(ScriptOptions options) {
+    if (state_->scripts) state_->scripts->forgetAll();
     state_->scriptOptions = std::move(options);
     state_->scripts.reset();
 }

@@ -21,6 +21,8 @@ class ScriptPrograms {
     virtual double onTime(Cascade& cascade, const Node& node) = 0;
     /// Drops the program of a node that is about to be destroyed; shutdown() is called, its outputs go nowhere.
     virtual void forget(NodeId node) = 0;
+    /// The same for all, before the scene goes or starts over.
+    virtual void forgetAll() = 0;
 
     /// The behaviour of every Script type: finds the programs of the running scene, makes them on first use.
     static Behaviour behaviour();

@@ -17,6 +17,7 @@ class AbsentPrograms final : public ScriptPrograms {
         return kNever;
     }
     void forget(NodeId node) override { said_.erase(node.value); }
+    void forgetAll() override { said_.clear(); }
 
   private:
     void say(Cascade& cascade, const Node& node) {

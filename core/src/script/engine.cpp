@@ -1,6 +1,7 @@
 // Runs the programs of Script nodes in SpiderMonkey: compiles, calls, and turns exceptions into diagnostics.
 #include "engine.h"
 
+#include <algorithm>
 #include <unordered_map>
 
 #include <fmt/format.h>
@@ -13,11 +14,6 @@
 namespace rtsg {
 
 using namespace script;
-
-namespace script {
-extern const char* const kPrelude;
-extern const char* const kFences;
-}  // namespace script
 
 namespace {
 
@@ -57,6 +53,7 @@ struct ScriptEngine::State {
         bool eventsPending = false;
         double preparedAt = -kNever;
         bool stale = false;  // its url has changed
+        Array<String> url;   // which it came from
         bool hasInitialize = false, hasPrepareEvents = false, hasEventsProcessed = false;
         std::vector<std::string> handlers;  // by field: the function's name; empty if there is none
 
@@ -223,8 +220,8 @@ struct ScriptEngine::State {
         JSContext* cx = context();
         JS::RootedObject global(cx, *program.global);
         JS::RootedValue fences(cx), prelude(cx), made(cx), ignored(cx);
-        if (!JS::InitRealmStandardClasses(cx) || !evaluate(kFences, "fences", &fences) ||
-            !evaluate(kPrelude, "prelude", &prelude))
+        if (!runtime->evaluate(Runtime::Library::fences, &fences) ||
+            !runtime->evaluate(Runtime::Library::prelude, &prelude))
             return false;
         JS::RootedObject bridge(cx, newBridge(cx));
         if (!bridge) return false;
@@ -244,12 +241,35 @@ struct ScriptEngine::State {
         return call(program, "flush", JS::HandleValueArray::empty(), &ignored);
     }
 
+    static bool hasNewUrl(const Program& program, const Node& node) {
+        const Array<String>& url = node.get(x3d::Script::url);
+        return !program.url.sameStorage(url) && Value(program.url) != Value(url);
+    }
+
+    /// Forgets the program; its shutdown() is called first, and has no outputs.
+    void shutDown(NodeId id) {
+        const auto found = programs.find(id.value);
+        if (found == programs.end()) return;
+        const Node* node = scene.find(id);
+        Program program = std::move(found->second);
+        programs.erase(found);
+        if (!program.controller || !node || !runtime->onOwnThread()) return;
+        enter(nullptr, *node, program, [&] {
+            if (!has(program, "shutdown")) return true;
+            JS::RootedValueArray<1> arguments(context());
+            JS::RootedValue ignored(context());
+            arguments[0].setString(JS_NewStringCopyZ(context(), "shutdown"));
+            return call(program, "call", arguments, &ignored);
+        });
+    }
+
     /// The node's program, compiled and initialised; null if it has none that can run.
     Program* ready(Cascade& cascade, const Node& node) {
         // Not while programs run: one may have changed the url of another on the stack.
         if (const auto old = programs.find(node.id().value);
-            old != programs.end() && old->second.stale && (!runtime || runtime->depth == 0))
-            programs.erase(old);
+            old != programs.end() && (!runtime || runtime->depth == 0)) {
+            if (old->second.stale || hasNewUrl(old->second, node)) shutDown(node.id());
+        }
         const auto [found, isNew] = programs.try_emplace(node.id().value);
         Program& program = found->second;
         if (isNew) create(cascade, node, program);
@@ -264,13 +284,16 @@ struct ScriptEngine::State {
         }
         if (refused) return cascade.warn(node, "the script engine does not start");
         std::string problem;
-        if (node.get(x3d::Script::url).empty()) return;
+        program.url = node.get(x3d::Script::url);
+        if (program.url.empty()) return;
         const std::string source = sourceOf(scene, node, options, problem);
         if (source.empty()) {
             if (!problem.empty()) cascade.warn(node, problem);
             return;
         }
+        // One zone for all: each of its own would take half a megabyte more, and the collector's time.
         JS::RealmOptions realm;
+        realm.creationOptions().setExistingCompartment(runtime->anchor());
         JS::RootedObject global(context(),
                                 JS_NewGlobalObject(context(), &kGlobalClass, nullptr, JS::FireOnNewGlobalHook, realm));
         if (!global) {
@@ -278,17 +301,15 @@ struct ScriptEngine::State {
             return cascade.warn(node, "out of memory for scripts");
         }
         program.global = std::make_unique<JS::PersistentRootedObject>(context(), global);
-        {
-            JSAutoRealm inside(context(), global);
-            program.holding = std::make_shared<Holding>(context(), runtime->memory());
-        }
+        program.holding = runtime->holding();
         const bool loaded = enter(&cascade, node, program, [&] { return load(program, node, source); });
         if (!loaded) return program.end();
         enter(&cascade, node, program, [&] {
             program.hasPrepareEvents = has(program, "prepareEvents");
             program.hasEventsProcessed = has(program, "eventsProcessed");
             for (const FieldDef& def : node.type().fields) {
-                std::string name = def.access == Access::inputOutput ? "set_" + def.name : def.name;
+                std::string name = def.name;
+                if (def.access == Access::inputOutput && has(program, "set_" + def.name)) name = "set_" + def.name;
                 if (def.hidden || !def.writable() || !has(program, name)) name.clear();
                 program.handlers.push_back(std::move(name));
             }
@@ -371,24 +392,21 @@ double ScriptEngine::onTime(Cascade& cascade, const Node& node) {
     }
     if (std::exchange(program->eventsPending, false) && program->hasEventsProcessed)
         s.run(cascade, node, *program, "eventsProcessed");
-    return everyFrame ? cascade.now() : kNever;
+    // One that has set its own url starts anew with the next frame.
+    const auto still = s.programs.find(id.value);
+    const bool restarts = still != s.programs.end() && s.hasNewUrl(still->second, node);
+    return everyFrame || restarts ? cascade.now() : kNever;
 }
 
 void ScriptEngine::forget(NodeId id) {
-    State& s = *state_;
-    const auto found = s.programs.find(id.value);
-    if (found == s.programs.end()) return;
-    const Node* node = s.scene.find(id);
-    State::Program program = std::move(found->second);
-    s.programs.erase(found);
-    if (!program.controller || !node || !s.runtime->onOwnThread()) return;
-    s.enter(nullptr, *node, program, [&] {
-        if (!s.has(program, "shutdown")) return true;
-        JS::RootedValueArray<1> arguments(s.context());
-        JS::RootedValue ignored(s.context());
-        arguments[0].setString(JS_NewStringCopyZ(s.context(), "shutdown"));
-        return s.call(program, "call", arguments, &ignored);
-    });
+    state_->shutDown(id);
+}
+
+void ScriptEngine::forgetAll() {
+    std::vector<NodeId> nodes;
+    for (const auto& [id, program] : state_->programs) nodes.push_back(NodeId{id});
+    std::ranges::sort(nodes);
+    for (const NodeId id : nodes) state_->shutDown(id);
 }
 
 }  // namespace rtsg

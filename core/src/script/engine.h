@@ -19,6 +19,7 @@ class ScriptEngine final : public ScriptPrograms {
     void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) override;
     double onTime(Cascade& cascade, const Node& node) override;
     void forget(NodeId node) override;
+    void forgetAll() override;
 
   private:
     struct State;

@@ -108,19 +108,126 @@
             return Rotation.fromQuaternion(a.map((c, i) => wa * c + wb * b[i]));
         }
     }
-    class Matrix extends Tuple {}
+    // Row by row; a point is a row from the left, so the translation is the last row (ISO/IEC 19777-1 V3.3 clause 7).
+    class Matrix extends Tuple {
+        static product(a, b, n) {
+            const out = new Array(n * n).fill(0);
+            for (let i = 0; i < n; ++i)
+                for (let j = 0; j < n; ++j)
+                    for (let k = 0; k < n; ++k) out[i * n + j] += a[i * n + k] * b[k * n + j];
+            return out;
+        }
+        // Gauss-Jordan with pivots. The inverse is null where there is none.
+        static solve(given, n) {
+            const m = given.slice(), inverse = Array.from({length: n * n}, (_, i) => i % (n + 1) ? 0 : 1);
+            let determinant = 1;
+            for (let c = 0; c < n; ++c) {
+                let pivot = c;
+                for (let r = c + 1; r < n; ++r) if (Math.abs(m[r * n + c]) > Math.abs(m[pivot * n + c])) pivot = r;
+                const p = m[pivot * n + c];
+                if (p === 0 || !Number.isFinite(p)) return {determinant: 0, inverse: null};
+                determinant *= pivot === c ? p : -p;
+                for (let k = 0; k < n; ++k)
+                    for (const a of [m, inverse]) {
+                        const kept = a[c * n + k];
+                        a[c * n + k] = a[pivot * n + k] / p;
+                        if (pivot !== c) a[pivot * n + k] = kept;
+                    }
+                for (let r = 0; r < n; ++r) {
+                    const factor = m[r * n + c];
+                    if (r === c || factor === 0) continue;
+                    for (let k = 0; k < n; ++k) { m[r * n + k] -= factor * m[c * n + k]; inverse[r * n + k] -= factor * inverse[c * n + k]; }
+                }
+            }
+            return {determinant, inverse};
+        }
+        get order() { return Math.sqrt(this.constructor.keys.length); }
+        made(numbers) { return new this.constructor(...numbers); }
+        transpose() { const n = this.order, c = this.components(); return this.made(c.map((_, i) => c[i % n * n + Math.trunc(i / n)])); }
+        inverse() {
+            const {inverse} = Matrix.solve(this.components(), this.order);
+            if (!inverse) throw new RangeError("this matrix has no inverse");
+            return this.made(inverse);
+        }
+        multLeft(m) { return this.made(Matrix.product(m.components(), this.components(), this.order)); }
+        multRight(m) { return this.made(Matrix.product(this.components(), m.components(), this.order)); }
+        // A vector with one component less than the matrix has rows is a point.
+        times(v, entry) {
+            const n = this.order, from = v.components(), m = this.components(), isPoint = from.length === n - 1;
+            if (!isPoint && from.length !== n) throw new TypeError(`a vector of ${from.length} does not fit this matrix`);
+            if (isPoint) from.push(1);
+            const out = from.map((_, j) => from.reduce((sum, c, i) => sum + c * entry(m, i, j, n), 0));
+            const w = isPoint ? out.pop() : 1;
+            return new v.constructor(...out.map(c => c / w));
+        }
+        multVecMatrix(v) { return this.times(v, (m, i, j, n) => m[i * n + j]); }
+        multMatrixVec(v) { return this.times(v, (m, i, j, n) => m[j * n + i]); }
+        determinant() { return Matrix.solve(this.components(), this.order).determinant; }
+    }
+    class Matrix3 extends Matrix {
+        det3() { return this.determinant(); }
+    }
+    class Matrix4 extends Matrix {
+        det4() { return this.determinant(); }
+        det3() { const c = this.components(); return Matrix.solve([0, 1, 2, 4, 5, 6, 8, 9, 10].map(i => c[i]), 3).determinant; }
+        // As Transform has them; what is left out does nothing.
+        setTransform(translation, rotation, scale, scaleOrientation, center) {
+            const moved = (v, sign) => [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, sign * v.x, sign * v.y, sign * v.z, 1];
+            const turned = r => {
+                const rows = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(axis => r.multVec(new global.SFVec3d(...axis)).components());
+                return [...rows[0], 0, ...rows[1], 0, ...rows[2], 0, 0, 0, 0, 1];
+            };
+            const parts = [];
+            if (center) parts.push(moved(center, -1));
+            if (scaleOrientation && scale) parts.push(turned(scaleOrientation.inverse()));
+            if (scale) parts.push([scale.x, 0, 0, 0, 0, scale.y, 0, 0, 0, 0, scale.z, 0, 0, 0, 0, 1]);
+            if (scaleOrientation && scale) parts.push(turned(scaleOrientation));
+            if (rotation) parts.push(turned(rotation));
+            if (center) parts.push(moved(center, 1));
+            if (translation) parts.push(moved(translation, 1));
+            const whole = parts.reduce((product, part) => Matrix.product(product, part, 4), moved({x: 0, y: 0, z: 0}, 1));
+            whole.forEach((c, i) => { this[i] = c; });
+        }
+        // Fills in the objects that are given. Exact for what has no shear.
+        getTransform(translation, rotation, scale) {
+            const c = this.components(), row = i => new global.SFVec3d(c[4 * i], c[4 * i + 1], c[4 * i + 2]);
+            const lengths = [0, 1, 2].map(i => row(i).length());
+            if (this.det3() < 0) lengths[2] = -lengths[2];
+            if (translation) { translation.x = c[12]; translation.y = c[13]; translation.z = c[14]; }
+            if (scale) { scale.x = lengths[0]; scale.y = lengths[1]; scale.z = lengths[2]; }
+            if (!rotation) return;
+            const [x, y, z] = [0, 1, 2].map(i => lengths[i] === 0 ? row(i) : row(i).divide(lengths[i]));
+            // Of the four ways to a quaternion, the one with the largest divisor.
+            const squares = [x.x - y.y - z.z, y.y - x.x - z.z, z.z - x.x - y.y, x.x + y.y + z.z];
+            const best = squares.indexOf(Math.max(...squares)), s = 2 * Math.sqrt(Math.max(0, 1 + squares[best]));
+            const q = best === 0 ? [s / 4, (x.y + y.x) / s, (z.x + x.z) / s, (y.z - z.y) / s]
+                : best === 1 ? [(x.y + y.x) / s, s / 4, (y.z + z.y) / s, (z.x - x.z) / s]
+                : best === 2 ? [(z.x + x.z) / s, (y.z + z.y) / s, s / 4, (x.y - y.x) / s]
+                : [(y.z - z.y) / s, (z.x - x.z) / s, (x.y - y.x) / s, s / 4];
+            const found = Rotation.fromQuaternion(q);
+            rotation.x = found.x; rotation.y = found.y; rotation.z = found.z; rotation.angle = found.angle;
+        }
+    }
 
     function publish(name, value) {
         Object.defineProperty(global, name, {value, writable: true, configurable: true, enumerable: false});
+    }
+    // What a program calls to make one, with `new` or without.
+    function publishClass(name, made) {
+        const maker = {[name]: function (...given) { return Reflect.construct(made, given, new.target ?? maker); }}[name];
+        Object.setPrototypeOf(maker, made);  // for what is asked of the class
+        maker.prototype = made.prototype;
+        Object.defineProperty(made.prototype, "constructor", {value: maker, writable: true, configurable: true, enumerable: false});
+        publish(name, maker);
     }
     function defineTuple(code, name, base, keys, zero = keys.map(() => 0)) {
         const made = {[name]: class extends base {}}[name];
         made.keys = keys;
         made.zero = zero;
-        if (base !== Matrix)
+        if (!(base.prototype instanceof Matrix))
             keys.forEach((key, i) => Object.defineProperty(made.prototype, i, {get() { return this[key]; }, set(v) { this[key] = v; }}));
         tuples.set(code, made);
-        publish(name, made);
+        publishClass(name, made);
     }
     defineTuple(14, "SFColor", Color, ["r", "g", "b"]);
     defineTuple(16, "SFColorRGBA", Color, ["r", "g", "b", "a"]);
@@ -132,7 +239,7 @@
     defineTuple(30, "SFVec4d", Vector, ["x", "y", "z", "w"]);
     defineTuple(SFRotation, "SFRotation", Rotation, ["x", "y", "z", "angle"], [0, 0, 1, 0]);
     [[34, "SFMatrix3f", 3], [36, "SFMatrix3d", 3], [38, "SFMatrix4f", 4], [40, "SFMatrix4d", 4]].forEach(([code, name, n]) =>
-        defineTuple(code, name, Matrix, Array.from({length: n * n}, (_, i) => String(i)),
+        defineTuple(code, name, n === 3 ? Matrix3 : Matrix4, Array.from({length: n * n}, (_, i) => String(i)),
                     Array.from({length: n * n}, (_, i) => i % (n + 1) ? 0 : 1)));
 
     class SFImage_ {
@@ -141,19 +248,46 @@
         }
         toString() { return [this.width, this.height, this.comp, ...this.array].join(" "); }
     }
-    publish("SFImage", SFImage_);
+    publishClass("SFImage", SFImage_);
 
     const mfNames = ["Bool", "Int32", "Float", "Double", "Time", "String", "Node", "Color", "ColorRGBA", "Image", "Vec2f", "Vec2d",
                      "Vec3f", "Vec3d", "Vec4f", "Vec4d", "Rotation", "Matrix3f", "Matrix3d", "Matrix4f", "Matrix4d"];
     class MF extends Array {
-        constructor(...elements) { super(); for (const element of elements) this.push(element); }
+        constructor(...elements) { super(); for (const element of elements) put(this, this.length, element); }
         static get [Symbol.species]() { return Array; }
         toString() { return "[" + this.join(", ") + "]"; }
     }
+    // An element that was never given, before one that was assigned far beyond the end, is what the type has by default.
+    // Only what neither an element nor a method answers comes here.
+    for (const key of Reflect.ownKeys(Array.prototype))
+        if (!Object.hasOwn(MF.prototype, key)) Object.defineProperty(MF.prototype, key, Object.getOwnPropertyDescriptor(Array.prototype, key));
+    const indexOf = key => typeof key === "string" && /^(?:0|[1-9]\d{0,9})$/.test(key) ? Number(key) : -1;
+    const slot = {value: undefined, writable: true, enumerable: true, configurable: true};
+    const put = (array, key, value) => { slot.value = value; Reflect.defineProperty(array, key, slot); };
+    // The engine's own would look behind the proxy for every element.
+    MF.prototype.push = function push(...given) {
+        for (const value of given) put(this, this.length, value);
+        return this.length;
+    };
+    Object.setPrototypeOf(MF.prototype, new Proxy(Array.prototype, {
+        get(target, key, receiver) {
+            const index = indexOf(key);
+            if (index < 0 || !Array.isArray(receiver) || index >= receiver.length) return Reflect.get(target, key, receiver);
+            const value = receiver.constructor.filler();
+            put(receiver, key, value);
+            return value;
+        },
+    }));
     mfNames.forEach((name, i) => {
         const made = {["MF" + name]: class extends MF {}}["MF" + name];
-        arrays.set(2 * i + 1, made);
-        publish("MF" + name, made);
+        const element = 2 * i;
+        made.filler = () => {
+            const tuple = tuples.get(element);
+            return tuple ? new tuple() : element === SFString ? "" : element === SFNode ? null : element === SFImage ? new SFImage_()
+                : element === 0 ? false : 0;
+        };
+        arrays.set(element + 1, made);
+        publishClass("MF" + name, made);
     });
 
     // ---- to and from the plain form that crosses the bridge: numbers, strings, Float64Array, arrays of strings ----
@@ -194,7 +328,7 @@
         }
         const element = code - 1;
         if (value === null || typeof value !== "object" || typeof value.length !== "number") value = [value];
-        if (element === SFString) return Array.from(value, String);
+        if (element === SFString) return Array.from(value, text => text === undefined ? "" : String(text));
         if (element === SFImage) return Float64Array.from(Array.from(value).flatMap(imageWords));
         const tuple = tuples.get(element), width = tuple ? tuple.keys.length : 1, out = new Float64Array(value.length * width);
         for (let i = 0; i < value.length; ++i) {
@@ -212,7 +346,7 @@
             const tuple = tuples.get(code);
             return tuple ? new tuple(...flat) : flat;
         }
-        const element = code - 1, result = new (arrays.get(code))(), tuple = tuples.get(element);
+        const element = code - 1, result = [], tuple = tuples.get(element);
         if (element === SFImage) {
             for (let at = 0; at + 3 <= flat.length;) {
                 const words = flat[at] * flat[at + 1];
@@ -225,6 +359,7 @@
         } else {
             for (let i = 0; i < flat.length; ++i) result.push(element === SFString ? flat[i] : revive(element, flat[i]));
         }
+        Object.setPrototypeOf(result, arrays.get(code).prototype);
         return result;
     }
 
@@ -284,7 +419,7 @@
         getPrototypeOf() { return SFNode_.prototype; },
     };
     class SFNode_ {}
-    publish("SFNode", SFNode_);
+    publishClass("SFNode", SFNode_);
     function nodeOf(id) {
         if (!id) return null;
         let proxy = proxies.get(id);
@@ -361,12 +496,12 @@
     publish("TRUE", true);
     publish("FALSE", false);
 
-    // ---- the Script's own fields are variables of its program ---------------------------------------------------
+    // ---- the Script's own fields are variables of its program; a function of that name takes the place of one ----
     for (const name of native.fieldNames(self)) {
         const field = fieldOf(self, name);
         if (!field || field.access === inputOnly) continue;
         Object.defineProperty(global, name, {
-            get: () => read(self, field), set: value => assign(self, field, value), enumerable: true, configurable: false,
+            get: () => read(self, field), set: value => assign(self, field, value), enumerable: true, configurable: true,
         });
     }
 

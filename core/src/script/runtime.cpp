@@ -6,6 +6,9 @@
 
 namespace rtsg::script {
 
+extern const char* const kPrelude;
+extern const char* const kFences;
+
 namespace {
 
 std::int64_t steadyNow() {
@@ -28,6 +31,8 @@ bool startLibrary() {
 
 /// How often a running program is looked at.
 constexpr std::chrono::milliseconds kWatchPeriod{20};
+/// Looks at nothing running after which the watch goes to sleep: until then a call need not wake it.
+constexpr int kIdlePeriods = 50;
 /// Of the process, in memory; 0 if the system does not tell.
 std::size_t residentBytes() {
     std::ifstream file("/proc/self/statm");
@@ -62,6 +67,17 @@ bool Runtime::start(std::size_t heapLimit) {
     if (!JS_SetDefaultLocale(JS_GetRuntime(context_), "en-US")) return false;
     jobs_ = std::make_unique<Jobs>(context_);
     if (!JS_AddInterruptCallback(context_, onInterrupt) || !JS::InitSelfHostedCode(context_)) return false;
+    static constexpr JSClass kAnchorClass{"Anchor", JSCLASS_GLOBAL_FLAGS, &JS::DefaultGlobalClassOps, nullptr, nullptr,
+                                          nullptr};
+    const JS::RealmOptions realm;
+    JS::RootedObject anchor(context_,
+                            JS_NewGlobalObject(context_, &kAnchorClass, nullptr, JS::FireOnNewGlobalHook, realm));
+    if (!anchor) return false;
+    anchor_ = std::make_unique<JS::PersistentRootedObject>(context_, anchor);
+    {
+        const JSAutoRealm inside(context_, anchor);
+        holding_ = std::make_shared<Holding>(context_, memory_);
+    }
     watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
     return true;
 }
@@ -72,16 +88,23 @@ Runtime::~Runtime() {
     if (!context_) return;
     if (!onOwnThread()) {
         (void)jobs_.release();
+        (void)anchor_.release();
+        (void)new std::shared_ptr<Holding>(std::move(holding_));
         return;
     }
     jobs_.reset();
+    holding_.reset();
+    anchor_.reset();
+    for (RefPtr<JS::Stencil>& library : libraries_) library = nullptr;
     JS_DestroyContext(context_);
     --contexts;
 }
 
 void Runtime::startWatch(double seconds) {
     bytesAtStart_ = 0;
-    deadline_.store(steadyNow() + static_cast<std::int64_t>(seconds * 1e9), std::memory_order_relaxed);
+    deadline_ = steadyNow() + static_cast<std::int64_t>(seconds * 1e9);
+    if (!watcherSleeps_) return;
+    const std::scoped_lock lock(mutex_);
     wakeUp_.notify_one();
 }
 
@@ -91,13 +114,37 @@ void Runtime::stopWatch() {
 
 void Runtime::watch(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
-    const auto running = [this] { return deadline_.load(std::memory_order_relaxed) != 0; };
+    int idle = 0;
     while (!stop.stop_requested()) {
-        wakeUp_.wait_for(lock, stop, std::chrono::seconds(1), running);
         wakeUp_.wait_for(lock, stop, kWatchPeriod, [] { return false; });
-        const std::int64_t deadline = deadline_.load(std::memory_order_relaxed);
-        if (deadline != 0) JS_RequestInterruptCallback(context_);
+        if (deadline_ != 0) {
+            idle = 0;
+            JS_RequestInterruptCallback(context_);
+        } else if (++idle > kIdlePeriods) {
+            // A call that begins from here on sees the flag, or its deadline is seen below.
+            watcherSleeps_ = true;
+            wakeUp_.wait(lock, stop, [this] { return deadline_ != 0; });
+            watcherSleeps_ = false;
+            idle = 0;
+        }
     }
+}
+
+bool Runtime::evaluate(Library library, JS::MutableHandleValue result) {
+    const bool isPrelude = library == Library::prelude;
+    JS::CompileOptions options(context_);
+    options.setFileAndLine(isPrelude ? "prelude" : "fences", 1);
+    RefPtr<JS::Stencil>& stencil = libraries_[isPrelude ? 0 : 1];
+    if (!stencil) {
+        const std::string_view source = isPrelude ? kPrelude : kFences;
+        JS::SourceText<mozilla::Utf8Unit> text;
+        if (!text.init(context_, source.data(), source.size(), JS::SourceOwnership::Borrowed)) return false;
+        stencil = JS::CompileGlobalScriptToStencil(context_, options, text);
+        if (!stencil) return false;
+    }
+    const JS::InstantiateOptions instantiate(options);
+    JS::RootedScript script(context_, JS::InstantiateGlobalStencil(context_, instantiate, stencil));
+    return script && JS_ExecuteScript(context_, script, result);
 }
 
 bool Runtime::hasRoomFor(std::size_t more) {

@@ -49,6 +49,15 @@ class Runtime {
     /// False, with the excess noted, if they are beyond it now.
     bool withinMemory();
 
+    /// Evaluates one of our own libraries in the current realm; it is parsed once a context, whatever the number of
+    /// realms. False with an exception pending.
+    enum class Library { prelude, fences };
+    bool evaluate(Library library, JS::MutableHandleValue result);
+
+    /// An empty global object, in whose compartment those of programs are made; and what is held there.
+    JSObject* anchor() const { return *anchor_; }
+    const std::shared_ptr<Holding>& holding() const { return holding_; }
+
     Jobs& jobs() { return *jobs_; }
     Memory& memory() { return memory_; }
 
@@ -65,9 +74,13 @@ class Runtime {
     std::size_t bytesAtStart_ = 0;  // of the process, when the outermost call began
     Excess excess_ = Excess::none;
     std::unique_ptr<Jobs> jobs_;
+    RefPtr<JS::Stencil> libraries_[2];
+    std::unique_ptr<JS::PersistentRootedObject> anchor_;
+    std::shared_ptr<Holding> holding_;
     Memory memory_;
     std::mutex mutex_;
     std::condition_variable_any wakeUp_;
+    std::atomic<bool> watcherSleeps_ = false;  // until it is woken; else it looks by itself every now and then
     std::jthread watcher_;
 };
 

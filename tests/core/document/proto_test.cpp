@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include <rtsg/core/scene_builder.h>
+#include <rtsg/core/x3d.h>
 
 #include "core/scene_check.h"
 
@@ -208,6 +209,62 @@ TEST(Proto, ABombOfInstancesIsStopped) {
     readDocument("#X3D V4.0 utf8\n" + text + "P39 { }", builder, diagnostics);
     EXPECT_GE(diagnostics.errors(), 1u);
     EXPECT_LT(scene.nodeCount(), 25'000u);
+}
+
+TEST(Proto, AnInstanceMadeByNameHasItsBody) {
+    Loaded l(
+        "PROTO Part [ inputOutput SFVec3f at 1 2 3 ] { Transform { translation IS at } }\n"
+        "PROTO Whole [ inputOutput SFVec3f at 4 5 6 inputOutput MFNode children [ ] ]"
+        "{ Group { children [ DEF P Part { at IS at } DEF C Group { children IS children } ] } }\n"
+        "DEF A Whole { }");
+    const std::size_t types = l.scene.typeCount();
+    const NodeId a = l.scene.findName("A");
+    const auto made = l.scene.createNode("Whole");
+    ASSERT_TRUE(made) << made.error().text;
+    EXPECT_EQ(l.scene.typeCount(), types) << "it is of the type that is there";
+    EXPECT_EQ(l.scene.node(*made).typeIndex(), l.scene.node(a).typeIndex());
+    EXPECT_TRUE(l.scene.parents(*made).empty()) << "where it goes is the caller's";
+    ASSERT_TRUE(l.scene.insertChild(l.scene.root(), x3d::RtsgScene::children, *made));
+    const NodeId part = l.scene.findName("P", *made);
+    ASSERT_TRUE(part);
+    EXPECT_NE(part, l.scene.findName("P", a));
+    ASSERT_TRUE(l.scene.sendEvent(*made, l.scene.node(*made).type().find("at"), Vec3f(7, 8, 9)));
+    l.scene.newFrame(0);
+    EXPECT_EQ(l.scene.node(part).value(l.scene.node(part).type().find("at")), Value(Vec3f(7, 8, 9)));
+    const auto body = l.scene.node(part).value(l.scene.node(part).type().body()).as<Array<NodeId>>();
+    ASSERT_EQ(body.size(), 1u);
+    EXPECT_EQ(l.scene.node(body[0]).get(x3d::Transform::translation), Vec3f(7, 8, 9));
+    EXPECT_EQ(l.problems(), "");
+
+    const auto unknown = l.scene.createNode("Nothing");
+    ASSERT_FALSE(unknown);
+    EXPECT_THAT(unknown.error().text, HasSubstr("unknown node type"));
+}
+
+/// The limit of nothing at all passes with the first look at the clock, after 1,024 nodes.
+TEST(Proto, ReadingEndsWhenItsTimeIsOver) {
+    std::string text = "#X3D V4.0 utf8\n";
+    for (int i = 0; i < 3000; ++i) text += "Group { }\n";
+    const auto nodes = [&](std::uint64_t seconds, std::string& problems) {
+        Scene scene;
+        Diagnostics diagnostics;
+        BuildOptions options;
+        ResourcePolicy policy;
+        policy.maximumSeconds = seconds;
+        options.resources = Resources({}, policy);
+        SceneBuilder builder(scene, diagnostics, options);
+        readDocument(text, builder, diagnostics);
+        builder.finish();
+        for (const Diagnostic& d : diagnostics.all()) problems += d.format() + '\n';
+        return scene.nodeCount();
+    };
+    std::string problems;
+    EXPECT_EQ(nodes(600, problems), 3001u);
+    EXPECT_EQ(problems, "");
+    EXPECT_EQ(nodes(0, problems), 1024u);
+    EXPECT_THAT(problems, HasSubstr("takes more than 0 seconds"));
+    EXPECT_THAT(problems, HasSubstr("--limit seconds=N"));
+    EXPECT_EQ(std::ranges::count(problems, '\n'), 1) << problems;
 }
 
 TEST(Proto, AnInstanceStandsWhereItsFirstNodeMay) {

@@ -20,9 +20,9 @@ inline ScriptOptions limits(bool enabled, double seconds, std::size_t bytes = st
 
 /// A scene with one Script `S`, made of declared fields, its program and more nodes.
 struct ScriptScene {
+    std::string printed;  // outlives the scene, whose scripts may print when it goes
     Scene scene;
     Diagnostics diagnostics{"test"};
-    std::string printed;
     double time = 0;
 
     explicit ScriptScene(const std::string& fields, const std::string& program, const std::string& others = {},

@@ -305,6 +305,119 @@ TEST(Script, AProgramSeesNothingOfAnother) {
     EXPECT_FALSE(s.get<bool>("seen"));
 }
 
+/// What a program makes of an expression, as text.
+std::string evaluated(const std::string& expression) {
+    ScriptScene s("outputOnly SFString text", "function initialize() { text = String(" + expression + "); }");
+    s.frame();
+    EXPECT_EQ(s.problems(), "") << expression;
+    return std::string(s.get<String>("text").view());
+}
+
+TEST(Script, ValuesAreMadeWithNewOrWithout) {
+    EXPECT_EQ(evaluated("SFVec3f(1, 2, 3).add(new SFVec3f(1, 1, 1))"), "2 3 4");
+    EXPECT_EQ(evaluated("SFVec3f(1, 2, 3) instanceof SFVec3f && new SFVec3f().constructor === SFVec3f"), "true");
+    EXPECT_EQ(evaluated("SFRotation(0, 1, 0, 2)"), "0 1 0 2");
+    EXPECT_EQ(evaluated("SFColor(.5, 0, 1)"), "0.5 0 1");
+    EXPECT_EQ(evaluated("SFImage(1, 1, 1, [7])"), "1 1 1 7");
+    EXPECT_EQ(evaluated("MFInt32(1, 2, 3)"), "[1, 2, 3]");
+    EXPECT_EQ(evaluated("MFVec3f(SFVec3f(1, 2, 3))[0].y"), "2");
+    EXPECT_EQ(evaluated("(class extends SFVec3f { twice() { return this.multiply(2); } }) && "
+                        "new (class extends SFVec3f { twice() { return this.multiply(2); } })(1, 2, 3).twice()"),
+              "2 4 6");
+}
+
+TEST(Script, ArraysHaveNoHoles) {
+    EXPECT_EQ(evaluated("(m => { m[3] = new SFVec3f(1, 2, 3); m[1].x = 5; return m; })(new MFVec3f())"),
+              "[0 0 0, 5 0 0, 0 0 0, 1 2 3]");
+    EXPECT_EQ(evaluated("(m => { m[5] = 1; return m.length + ' ' + m[2] + ' ' + m[9]; })(MFInt32(7))"),
+              "6 0 undefined");
+    EXPECT_EQ(evaluated("(m => { m[2] = 'c'; return m; })(MFString('a'))"), "[a, , c]");
+    ScriptScene s("outputOnly MFString names outputOnly MFVec2f points outputOnly MFBool flags",
+                  "function initialize() { names[2] = 'c'; points[1] = new SFVec2f(1, 2); flags[1] = true; }");
+    s.frame();
+    EXPECT_EQ(s.get<Array<String>>("names"), (Array<String>{String(""), String(""), String("c")}));
+    EXPECT_EQ(s.get<Array<Vec2f>>("points"), (Array<Vec2f>{{0, 0}, {1, 2}}));
+    EXPECT_EQ(s.get<Array<bool>>("flags"), (Array<bool>{false, true}));
+    EXPECT_EQ(s.problems(), "");
+}
+
+TEST(Script, MatricesHaveTheirMethods) {
+    const std::string rounded = ".components().map(c => Math.round(c * 1e6) / 1e6 + 0).join(' ')";
+    const std::string made =
+        "(m => { m.setTransform(SFVec3f(1, 2, 3), SFRotation(0, 0, 1, Math.PI / 2), SFVec3f(2, 3, 4)); return m; })"
+        "(new SFMatrix4d())";
+    // A point is a row from the left: scaled, turned about z, moved.
+    EXPECT_EQ(evaluated(made + ".multVecMatrix(SFVec3d(1, 1, 1))" + rounded), "-2 4 7");
+    EXPECT_EQ(evaluated(made + ".multVecMatrix(SFVec3f(0, 0, 0))" + rounded), "1 2 3");
+    EXPECT_EQ(evaluated(made + ".det4().toFixed(6)"), "24.000000");
+    EXPECT_EQ(evaluated("(m => m.multRight(m.inverse()))(" + made + ")" + rounded), "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
+    EXPECT_EQ(evaluated(made + ".transpose()" + rounded), "0 -3 0 1 2 0 0 2 0 0 4 3 0 0 0 1");
+    EXPECT_EQ(evaluated("((m, t, r, s) => { m.getTransform(t, r, s); return [t, r.angle.toFixed(6), s" + rounded +
+                        "].join(', '); })(" + made + ", SFVec3d(), SFRotation(), SFVec3d())"),
+              "1 2 3, 1.570796, 2 3 4");
+    EXPECT_EQ(evaluated("SFMatrix3f(0, 1, 0, 1, 0, 0, 0, 0, 1).inverse()"), "0 1 0 1 0 0 0 0 1");
+    EXPECT_EQ(evaluated("SFMatrix3f(0, 1, 0, 1, 0, 0, 0, 0, 1).det3()"), "-1");
+    EXPECT_EQ(evaluated("SFMatrix3f(1, 2, 3, 4, 5, 6, 7, 8, 10).multMatrixVec(SFVec3f(1, 0, 0))"), "1 4 7");
+    EXPECT_EQ(evaluated("SFMatrix3f(1, 2, 3, 4, 5, 6, 7, 8, 10).multVecMatrix(SFVec3f(1, 0, 0))"), "1 2 3");
+    EXPECT_EQ(evaluated("(m => { try { return m.inverse(); } catch (e) { return e.name; } })"
+                        "(SFMatrix3f(1, 1, 1, 1, 1, 1, 1, 1, 1))"),
+              "RangeError");
+}
+
+TEST(Script, AFunctionNamedLikeAFieldHandlesItsEvents) {
+    ScriptScene s("inputOutput SFInt32 size 1 inputOutput SFInt32 depth 1 outputOnly SFString text",
+                  "function size(n) { text = 'size ' + n; } function depth(n) { text = 'no'; } "
+                  "function set_depth(n) { text = 'depth ' + n; }");
+    s.frame();
+    s.send("size", 5);
+    s.frame();
+    EXPECT_EQ(s.get<String>("text"), String("size 5")) << s.problems();
+    s.send("depth", 6);
+    s.frame();
+    EXPECT_EQ(s.get<String>("text"), String("depth 6"));
+    EXPECT_EQ(s.problems(), "");
+}
+
+TEST(Script, ShutdownIsCalledWheneverAProgramEnds) {
+    const std::string program = "function shutdown() { print('bye'); }";
+    std::string printed;
+    {
+        ScriptOptions options;
+        options.print = [&](std::string_view text) { printed += text; };
+        Scene scene;
+        scene.setScriptOptions(options);
+        Diagnostics diagnostics;
+        const std::string text = "#X3D V4.0 utf8\nDEF S Script { url \"ecmascript:" + program + "\" }";
+        ASSERT_TRUE(loadText(scene, text, diagnostics));
+        scene.newFrame(0);
+        EXPECT_EQ(printed, "");
+        ASSERT_TRUE(scene.sendEvent(scene.findName("S"), x3d::Script::url.index,
+                                    Value(Array<String>{String("ecmascript:" + program)})));
+        scene.newFrame(1);
+        EXPECT_EQ(printed, "bye\n") << "the url has changed";
+        ASSERT_TRUE(scene.reset());
+        EXPECT_EQ(printed, "bye\nbye\n") << "the scene starts over";
+        ASSERT_TRUE(loadText(scene, text, diagnostics));
+        scene.newFrame(2);
+    }
+    EXPECT_EQ(printed, "bye\nbye\nbye\n") << "the scene is gone";
+}
+
+TEST(Script, OneThatSetsItsOwnUrlIsRestarted) {
+    ScriptScene s("inputOnly SFBool go outputOnly SFInt32 n",
+                  "function go() { Browser.currentScene.getNamedNode('S').url = new MFString('ecmascript: function "
+                  "initialize() { n = 7; } "
+                  "function go() { n = 8; }'); }");
+    s.frame();
+    s.send("go", true);
+    s.frame();
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 7) << s.problems();
+    s.send("go", true);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 8) << s.problems();
+}
+
 TEST(Script, ADestroyedScriptShutsDownWithoutTouchingTheScene) {
     ScriptScene s("outputOnly SFInt32 n", "function shutdown() { print('bye'); n = 3; }");
     s.frame();

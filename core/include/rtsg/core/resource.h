@@ -33,6 +33,7 @@ struct ResourcePolicy {
     std::uint64_t maximumNodes = 5'000'000;                 // in Inlines and PROTO bodies, which may repeat without end
     std::uint64_t maximumInstances = 2'000'000;             // shapes and the like, one per path from the root
     std::uint64_t maximumDepth = 32;                        // of documents within documents
+    std::uint64_t maximumSeconds = 600;                     // of reading a document with all that it inlines
 };
 
 /// A regular file, opened and checked, or the content of a `data:` url. Move only.

@@ -136,7 +136,7 @@ class Scene {
     // ---- editing: takes effect at once, becomes part of the next ChangeSet, sends no events ------------------
     Result<TypeIndex> defineType(std::shared_ptr<const NodeType> type);
     NodeId createNode(TypeIndex type, NodeId scope = {});
-    Result<NodeId> createNode(std::string_view type, NodeId scope = {});
+    Result<NodeId> createNode(std::string_view type, NodeId scope = {});  // of a PROTO: with its body
     /// Removes every reference and route to it first; its children stay.
     Result<> destroyNode(NodeId id);
     /// Destroys nodes that cannot be reached from the root, a name or a route. Returns their number.

@@ -24,6 +24,8 @@ struct BuildOptions {
     std::filesystem::path file;          // the document's own path, if it has one: a guard against Inlines of itself
     std::optional<Resources> resources;  // what urls may open, and limits; none given: Resources::ofFile(file)
     bool loadInlines = true;
+    bool detached = false;  // roots() are put nowhere: that is the caller's
+    NodeId scope;           // the PROTO instance or Inline that the nodes belong to; none: the document itself
 };
 
 class SceneBuilder final : public DocumentHandler {

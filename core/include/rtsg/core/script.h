@@ -26,7 +26,7 @@ struct ScriptOptions {
     std::size_t heapLimit = std::size_t{256} << 20;
     /// What urls of scripts may open; that of the first document loaded, if null. A scene without either opens none.
     std::shared_ptr<const Resources> resources;
-    /// Gets what scripts print, as it comes; standard output if empty.
+    /// Gets what scripts print, as it comes, also in shutdown() when the scene goes; standard output if empty.
     std::function<void(std::string_view)> print;
 };
 
