@@ -11,6 +11,7 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         std::vector<BuiltinBehaviour> t;
         t.push_back({x3d::TimeSensor::type, {.accepts = timeSensorAccepts, .onTime = timeSensorOnTime}});
         t.push_back({x3d::LOD::type, {.onTime = lodOnTime}});
+        t.push_back({x3d::RtsgScene::type, {.onTime = rootOnTime}});
         appendInterpolators(t);
         appendTriggers(t);
         appendBindables(t);

@@ -13,6 +13,8 @@ void appendTriggers(std::vector<BuiltinBehaviour>& table);
 void appendBindables(std::vector<BuiltinBehaviour>& table);
 
 double lodOnTime(Cascade& cascade, const Node& node);
+/// The root is woken when a node has lost a parent.
+double rootOnTime(Cascade& cascade, const Node& node);
 
 /// An event value in block representation as what it is.
 template <class T>

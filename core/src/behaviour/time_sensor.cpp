@@ -14,14 +14,15 @@ namespace {
 
 using S = x3d::TimeSensor;
 
-void sendProgress(Cascade& cascade, const Node& node, double active, double interval) {
+/// `at`: the time that this is about: the frame's, or the boundary at which the sensor ended before it.
+void sendProgress(Cascade& cascade, const Node& node, double active, double interval, double at) {
     // 8.4.1: the fraction at the exact end of a cycle is 1, not 0.
     const double cycles = active / interval;
     double fraction = cycles - std::floor(cycles);
     if (fraction == 0 && active > 0) fraction = 1;
     cascade.emit(node, S::fraction_changed, static_cast<float>(fraction));
     cascade.emit(node, S::elapsedTime, Time{active});
-    cascade.emit(node, S::time, Time{cascade.now()});
+    cascade.emit(node, S::time, Time{at});
 }
 
 double start(Cascade& cascade, const Node& node) {
@@ -35,7 +36,7 @@ double start(Cascade& cascade, const Node& node) {
     // The cycle's beginning is news only if it came with this frame: not when a scene is loaded in mid-cycle.
     const double begun = startTime + cycleStart;
     if (begun == now || begun > cascade.previous()) cascade.emit(node, S::cycleTime, Time{begun});
-    sendProgress(cascade, node, node.get(S::loop) ? active : std::min(active, interval), interval);
+    sendProgress(cascade, node, node.get(S::loop) ? active : std::min(active, interval), interval, now);
     return now;
 }
 
@@ -45,13 +46,15 @@ double stop(Cascade& cascade, const Node& node) {
     return node.get(S::startTime).seconds > cascade.now() ? node.get(S::startTime).seconds : kNever;
 }
 
-/// True while paused. Keeps _pausedTotal, so that the fraction goes on where it was (8.2.4.4).
+/// True while paused. Keeps _pausedTotal, so that the fraction goes on where it was; says at both edges which time it
+/// was (8.2.4.4).
 bool handlePause(Cascade& cascade, const Node& node) {
     const double now = cascade.now();
     const double pause = node.get(S::pauseTime).seconds, resume = node.get(S::resumeTime).seconds;
     if (!node.get(S::isPaused)) {
         if (pause <= resume || pause > now || pause < node.get(S::startTime).seconds) return false;
         cascade.emit(node, S::isPaused, true);
+        cascade.emit(node, S::pauseTime, Time{pause});
         const double active = pause - node.get(S::startTime).seconds - node.get(S::_pausedTotal).seconds;
         cascade.emit(node, S::elapsedTime, Time{active});
         return true;
@@ -59,6 +62,7 @@ bool handlePause(Cascade& cascade, const Node& node) {
     if (resume <= pause || resume > now) return true;
     cascade.store(node, S::_pausedTotal, Time{node.get(S::_pausedTotal).seconds + resume - pause});
     cascade.emit(node, S::isPaused, false);
+    cascade.emit(node, S::resumeTime, Time{resume});
     return false;
 }
 
@@ -100,7 +104,7 @@ double timeSensorOnTime(Cascade& cascade, const Node& node) {
     if (!loop && active >= cycleStart + interval) {
         cascade.emit(node, S::fraction_changed, 1.0f);
         cascade.emit(node, S::elapsedTime, Time{cycleStart + interval});
-        cascade.emit(node, S::time, Time{now});
+        cascade.emit(node, S::time, Time{startTime + node.get(S::_pausedTotal).seconds + cycleStart + interval});
         return stop(cascade, node);
     }
     const double newest = std::floor(active / interval) * interval;
@@ -108,7 +112,7 @@ double timeSensorOnTime(Cascade& cascade, const Node& node) {
         cascade.store(node, S::_cycleStart, Time{newest});
         cascade.emit(node, S::cycleTime, Time{startTime + node.get(S::_pausedTotal).seconds + newest});
     }
-    sendProgress(cascade, node, active, interval);
+    sendProgress(cascade, node, active, interval, until);
     return stopping ? stop(cascade, node) : now;
 }
 

@@ -1,5 +1,6 @@
 // The event cascade of one timestamp (ISO/IEC 19775-1 V4.0, 4.4.8.3): input events, time, routes, until nothing moves.
 #include <algorithm>
+#include <set>
 
 #include <fmt/format.h>
 
@@ -95,6 +96,8 @@ void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const
     } else {
         writingExternally = false;
         if (listener) listener(now, node, field, Value::fromStorage(def.type, value));
+        for (const auto& [from, stored] : entry.inputs)
+            if (from == field) write(node, stored, value);
         if (field == entry.addChildren || field == entry.removeChildren)
             deliverChildren(cascade, node, field, value, entry);
         // An inputOnly field of a PROTO instance hands the event on to its body at once: it has no storage.
@@ -222,6 +225,19 @@ void Scene::State::runTime(Cascade& cascade) {
     active.swap(nextActive);
 }
 
+/// An inputOutput field passes on one event a timestamp (4.4.8.4): of several that wait for it, the last one is it.
+/// inputOnly fields get all.
+void Scene::State::dropSuperseded(std::vector<QueuedEvent>& queued) const {
+    if (queued.size() < 2) return;
+    std::set<std::pair<NodeId, FieldIndex>> later;
+    for (std::size_t i = queued.size(); i-- > 0;) {
+        const Node* node = find(queued[i].node);
+        if (!node || node->type_->fields[queued[i].field].access != Access::inputOutput) continue;
+        if (!later.emplace(queued[i].node, queued[i].field).second) queued[i].node = {};
+    }
+    std::erase_if(queued, [](const QueuedEvent& event) { return !event.node; });
+}
+
 std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     State& s = *state_;
     if (s.refuseForeign() || s.refuseFromWithin()) return std::make_shared<ChangeSet>();
@@ -239,6 +255,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     s.announced.clear();
     std::vector<State::QueuedEvent> queued;
     queued.swap(s.inputQueue);
+    s.dropSuperseded(queued);
     for (State::QueuedEvent& event : queued) {
         Node* node = s.find(event.node);
         if (!node) continue;

@@ -88,6 +88,8 @@ struct TypeEntry {
     Behaviour behaviour;
     std::uint64_t nameHash = 0;
     FieldIndex children = kNoField, addChildren = kNoField, removeChildren = kNoField;
+    /// Inputs that stand for an initializeOnly field (set_coordIndex for coordIndex), and that field.
+    std::vector<std::pair<FieldIndex, FieldIndex>> inputs;
 };
 
 struct Scene::State {
@@ -299,6 +301,7 @@ struct Scene::State {
     void send(Node& node, FieldIndex field);
     void deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value);
     void deliverChildren(Cascade& cascade, Node& node, FieldIndex field, const void* value, const TypeEntry& entry);
+    void dropSuperseded(std::vector<QueuedEvent>& queued) const;
     void runRoutes(Cascade& cascade);
     void runTime(Cascade& cascade);
     void tick(Cascade& cascade, const std::vector<NodeId>& nodes);

@@ -58,6 +58,15 @@ void Scene::State::addTypeEntry(const NodeType& type) {
     entry.children = type.findExact("children");
     entry.addChildren = type.findExact("addChildren");
     entry.removeChildren = type.findExact("removeChildren");
+    const bool fromTable = type.kind == NodeType::Kind::builtin || type.kind == NodeType::Kind::user;
+    for (std::size_t i = 0; fromTable && i < type.fields.size(); ++i) {
+        const FieldDef& def = type.fields[i];
+        if (def.access != Access::inputOnly || !def.name.starts_with("set_")) continue;
+        const FieldIndex stored = type.findExact(std::string_view(def.name).substr(4));
+        if (stored != kNoField && type.fields[stored].access == Access::initializeOnly &&
+            type.fields[stored].type == def.type)
+            entry.inputs.emplace_back(static_cast<FieldIndex>(i), stored);
+    }
     // A type of the same name that came first stays: built-in types are never shadowed (4.4.4.2).
     if ((type.kind == NodeType::Kind::script || type.name == "Script") && type.isA("X3DScriptNode"))
         entry.behaviour = ScriptPrograms::behaviour();
@@ -127,6 +136,7 @@ void Scene::State::removeParent(Node& child, ParentRef parent) {
         child.parent_ = {};
     }
     trimLinks(child);
+    if (woken.empty() || woken.back() != owner.root()) wake(*find(owner.root()));  // what is bound may have left
 }
 
 bool Scene::State::isHierarchy(const Node& parent, FieldIndex field) const {

@@ -129,9 +129,10 @@ TEST(Spec, TagsSayWhatActsAndWhatHasAPlace) {
         EXPECT_EQ(type(onInput).acts, Acts::onInput) << onInput;
     for (const char* never : {"Transform", "IndexedFaceSet", "PointLight", "RigidBodyCollection"})
         EXPECT_EQ(type(never).acts, Acts::never) << never;
-    for (const char* writes : {"Script", "BooleanToggle", "EspduTransform", "MotorJoint", "CollisionSensor"})
+    for (const char* writes :
+         {"Script", "BooleanToggle", "EspduTransform", "MotorJoint", "CollisionSensor", "TimeSensor"})
         EXPECT_TRUE(type(writes).writesInputs) << writes;
-    for (const char* other : {"TimeSensor", "PositionInterpolator", "Inline", "LoadSensor"})
+    for (const char* other : {"TouchSensor", "PositionInterpolator", "Inline", "LoadSensor"})
         EXPECT_FALSE(type(other).writesInputs) << other;
 
     EXPECT_EQ(type("Transform").role, "group");
