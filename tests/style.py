@@ -16,11 +16,9 @@ MOST = 80
 LONG = {
     ("app/verb_replay.cpp", "replay"): 120,
     ("app/verb_serve.cpp", "serve"): 130,
-    ("renderers/src/embree/instance_tree.cpp", "InstanceTree::build"): 113,
     ("renderers/src/embree/packet_avx512.cpp", "traverse"): 86,
     ("renderers/src/embree/tree_view.h", "TreeView::traverse"): 85,
     ("renderers/src/light/path.cpp", "bounce"): 107,
-    ("renderers/src/mesh/tessellate_grid.cpp", "tessellate"): 84,
     ("sync/src/codec/change_decoder.cpp", "ChangeDecoder::decode"): 120,
     ("sync/src/codec/input_codec.cpp", "InputDecoder::decode"): 120,
     ("tests/audio/scene/sound_scene_test.cpp", "TEST"): 94,

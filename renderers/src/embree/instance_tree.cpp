@@ -233,6 +233,74 @@ void InstanceTree::take(std::uint32_t object) {
     refitUp(node);
 }
 
+/// Objects order_[begin] to order_[end], and the box around them.
+struct InstanceTree::Part {
+    std::uint32_t begin, end;
+    Box box;
+};
+
+InstanceTree::Part InstanceTree::partOf(std::uint32_t begin, std::uint32_t end) const {
+    Part part{begin, end, {}};
+    for (std::uint32_t i = begin; i < end; ++i) part.box.extend(objects_[order_[i]].box);
+    return part;
+}
+
+/// Cuts a part in two where the surface-area heuristic over `kBins` slices says so; far down the tree in halves,
+/// whatever they cost: the depth stays bounded.
+void InstanceTree::split(const Part& part, std::size_t level, Part& a, Part& b) {
+    const auto center = [&](std::uint32_t object) { return objects_[object].box.lower + objects_[object].box.upper; };
+    Vec3f lower(HUGE_VALF), upper(-HUGE_VALF);
+    for (std::uint32_t i = part.begin; i < part.end; ++i) {
+        const Vec3f c = center(order_[i]);
+        lower = glm::min(lower, c), upper = glm::max(upper, c);
+    }
+    const Vec3f size = upper - lower;
+    int bestAxis = -1, bestBin = 0;
+    float bestCost = HUGE_VALF;
+    for (int axis = 0; axis < 3 && level < kMostLevels / 2; ++axis) {
+        if (!(size[axis] > 0)) continue;
+        std::array<Box, kBins> boxes;
+        std::array<std::uint32_t, kBins> counts{};
+        const float scale = kBins * (1 - 1e-5f) / size[axis];
+        for (std::uint32_t i = part.begin; i < part.end; ++i) {
+            const auto bin = static_cast<std::size_t>((center(order_[i])[axis] - lower[axis]) * scale);
+            boxes[bin].extend(objects_[order_[i]].box);
+            ++counts[bin];
+        }
+        std::array<float, kBins> right{};
+        Box sum;
+        std::uint32_t n = 0;
+        for (std::size_t k = kBins - 1; k > 0; --k) {
+            sum.extend(boxes[k]);
+            n += counts[k];
+            right[k] = sum.area() * static_cast<float>(n);
+        }
+        sum = {}, n = 0;
+        for (std::size_t k = 1; k < kBins; ++k) {
+            sum.extend(boxes[k - 1]);
+            n += counts[k - 1];
+            if (n == 0 || n == part.end - part.begin) continue;
+            const float total = sum.area() * static_cast<float>(n) + right[k];
+            if (total < bestCost) bestCost = total, bestAxis = axis, bestBin = static_cast<int>(k);
+        }
+    }
+    std::uint32_t middle = part.begin + (part.end - part.begin) / 2;
+    const auto first = order_.begin() + part.begin, last = order_.begin() + part.end;
+    if (bestAxis >= 0) {
+        const float scale = kBins * (1 - 1e-5f) / size[bestAxis];
+        const auto at = std::partition(first, last, [&](std::uint32_t object) {
+            return static_cast<int>((center(object)[bestAxis] - lower[bestAxis]) * scale) < bestBin;
+        });
+        middle = part.begin + static_cast<std::uint32_t>(at - first);
+    } else {
+        const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+        std::nth_element(first, first + (middle - part.begin), last,
+                         [&](std::uint32_t x, std::uint32_t y) { return center(x)[axis] < center(y)[axis]; });
+    }
+    a = partOf(part.begin, middle);
+    b = partOf(middle, part.end);
+}
+
 void InstanceTree::build() {
     ++builds_;
     nodes_.clear();
@@ -242,77 +310,13 @@ void InstanceTree::build() {
     for (std::uint32_t i = 0; i < objects_.size(); ++i)
         if (objects_[i].present) order_.push_back(i);
 
-    struct Part {
-        std::uint32_t begin, end;
-        Box box;
-    };
-    const auto boxOfRange = [&](std::uint32_t begin, std::uint32_t end) {
-        Box box;
-        for (std::uint32_t i = begin; i < end; ++i) box.extend(objects_[order_[i]].box);
-        return box;
-    };
-    const auto center = [&](std::uint32_t object) { return objects_[object].box.lower + objects_[object].box.upper; };
-    const auto split = [&](const Part& part, std::size_t level, Part& a, Part& b) {
-        Vec3f lower(HUGE_VALF), upper(-HUGE_VALF);
-        for (std::uint32_t i = part.begin; i < part.end; ++i) {
-            const Vec3f c = center(order_[i]);
-            lower = glm::min(lower, c), upper = glm::max(upper, c);
-        }
-        const Vec3f size = upper - lower;
-        std::uint32_t middle = part.begin + (part.end - part.begin) / 2;
-        int bestAxis = -1, bestBin = 0;
-        float bestCost = HUGE_VALF;
-        // Far down the tree halves are taken whatever they cost: the depth stays bounded.
-        for (int axis = 0; axis < 3 && level < kMostLevels / 2; ++axis) {
-            if (!(size[axis] > 0)) continue;
-            std::array<Box, kBins> boxes;
-            std::array<std::uint32_t, kBins> counts{};
-            const float scale = kBins * (1 - 1e-5f) / size[axis];
-            for (std::uint32_t i = part.begin; i < part.end; ++i) {
-                const auto bin = static_cast<std::size_t>((center(order_[i])[axis] - lower[axis]) * scale);
-                boxes[bin].extend(objects_[order_[i]].box);
-                ++counts[bin];
-            }
-            std::array<float, kBins> right{};
-            Box sum;
-            std::uint32_t n = 0;
-            for (std::size_t k = kBins - 1; k > 0; --k) {
-                sum.extend(boxes[k]);
-                n += counts[k];
-                right[k] = sum.area() * static_cast<float>(n);
-            }
-            sum = {}, n = 0;
-            for (std::size_t k = 1; k < kBins; ++k) {
-                sum.extend(boxes[k - 1]);
-                n += counts[k - 1];
-                if (n == 0 || n == part.end - part.begin) continue;
-                const float total = sum.area() * static_cast<float>(n) + right[k];
-                if (total < bestCost) bestCost = total, bestAxis = axis, bestBin = static_cast<int>(k);
-            }
-        }
-        const auto first = order_.begin() + part.begin, last = order_.begin() + part.end;
-        if (bestAxis >= 0) {
-            const float scale = kBins * (1 - 1e-5f) / size[bestAxis];
-            const auto at = std::partition(first, last, [&](std::uint32_t object) {
-                return static_cast<int>((center(object)[bestAxis] - lower[bestAxis]) * scale) < bestBin;
-            });
-            middle = part.begin + static_cast<std::uint32_t>(at - first);
-        } else {
-            const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-            std::nth_element(first, first + (middle - part.begin), last,
-                             [&](std::uint32_t x, std::uint32_t y) { return center(x)[axis] < center(y)[axis]; });
-        }
-        a = {part.begin, middle, boxOfRange(part.begin, middle)};
-        b = {middle, part.end, boxOfRange(middle, part.end)};
-    };
-
     struct Work {
         Part part;
         std::uint32_t node;
         std::size_t level;
     };
     const auto all = static_cast<std::uint32_t>(order_.size());
-    std::vector<Work> stack{{{0, all, boxOfRange(0, all)}, newNode(kNone, 0), 1}};
+    std::vector<Work> stack{{partOf(0, all), newNode(kNone, 0), 1}};
     area_ = 0;
     while (!stack.empty()) {
         const Work work = stack.back();

@@ -8,8 +8,46 @@ namespace rtsg {
 using detail::warn;
 
 namespace {
+
 constexpr std::size_t kMostFilledHeights = std::size_t{1} << 22;
+
+/// Two triangles a quadrilateral; those with a point that is not finite are left out. `faces`, if it is wanted: the
+/// quadrilateral of each triangle.
+void cutQuadrilaterals(Mesh& mesh, const ElevationGridParams& params, std::size_t columns, std::size_t rows,
+                       Array<std::int32_t>* faces) {
+    // Seen from +Y with z downwards, each quadrilateral runs down, right, up: fronts face +Y.
+    Array<std::int32_t> triangles = Array<std::int32_t>::ofSize((columns - 1) * (rows - 1) * 6);
+    if (faces) *faces = Array<std::int32_t>::ofSize(triangles.size() / 3);
+    std::int32_t *out = triangles.mutableData(), *outFace = faces ? faces->mutableData() : nullptr;
+    std::size_t count = 0, dropped = 0;
+    const std::size_t second = params.ccw ? 1 : 2, third = params.ccw ? 2 : 1;
+    for (std::size_t j = 0; j + 1 < rows; ++j)
+        for (std::size_t i = 0; i + 1 < columns; ++i) {
+            const std::size_t a = j * columns + i, b = a + columns, c = b + 1, d = a + 1;
+            const std::size_t quad = j * (columns - 1) + i;
+            const std::size_t corners[2][3] = {{a, b, c}, {a, c, d}};
+            for (const auto& t : corners) {
+                if (!detail::usable(mesh.positions[t[0]]) || !detail::usable(mesh.positions[t[1]]) ||
+                    !detail::usable(mesh.positions[t[2]])) {
+                    ++dropped;
+                    continue;
+                }
+                for (const std::size_t v : {t[0], t[second], t[third]}) {
+                    *out++ = static_cast<std::int32_t>(v);
+                    mesh.bounds.extend(mesh.positions[v]);
+                }
+                if (outFace) outFace[count] = static_cast<std::int32_t>(quad);
+                ++count;
+            }
+        }
+    if (dropped) warn(mesh, fmt::format("height: {} triangles left out: their points are not finite", dropped));
+    triangles.resize(count * 3);
+    if (faces) faces->resize(count);
+    mesh.triangles = triangles;
+    mesh.triangleCount = static_cast<std::uint32_t>(count);
 }
+
+}  // namespace
 
 Mesh tessellate(const ElevationGridParams& params) {
     Mesh mesh;
@@ -48,39 +86,9 @@ Mesh tessellate(const ElevationGridParams& params) {
                         static_cast<float>(j) * params.zSpacing};
     mesh.positions = std::move(positions);
 
-    // Seen from +Y with z downwards, each quadrilateral runs down, right, up: fronts face +Y.
     const bool faceValues = !params.colorPerVertex || !params.normalPerVertex;
-    Array<std::int32_t> identity;  // a grid's corners are its vertices
-    Array<std::int32_t> triangles = Array<std::int32_t>::ofSize((columns - 1) * (rows - 1) * 6);
-    Array<std::int32_t> faces = faceValues ? Array<std::int32_t>::ofSize(triangles.size() / 3) : identity;
-    std::int32_t *out = triangles.mutableData(), *outFace = faces.mutableData();
-    std::size_t count = 0, dropped = 0;
-    for (std::size_t j = 0; j + 1 < rows; ++j)
-        for (std::size_t i = 0; i + 1 < columns; ++i) {
-            const std::size_t a = j * columns + i, b = a + columns, c = b + 1, d = a + 1;
-            const std::size_t quad = j * (columns - 1) + i;
-            const std::size_t corners[2][3] = {{a, b, c}, {a, c, d}};
-            for (const auto& t : corners) {
-                if (!detail::usable(mesh.positions[t[0]]) || !detail::usable(mesh.positions[t[1]]) ||
-                    !detail::usable(mesh.positions[t[2]])) {
-                    ++dropped;
-                    continue;
-                }
-                const int swap = params.ccw ? 0 : 1;
-                for (const std::size_t v :
-                     {t[0], t[1 + static_cast<std::size_t>(swap)], t[2 - static_cast<std::size_t>(swap)]}) {
-                    *out++ = static_cast<std::int32_t>(v);
-                    mesh.bounds.extend(mesh.positions[v]);
-                }
-                if (faceValues) outFace[count] = static_cast<std::int32_t>(quad);
-                ++count;
-            }
-        }
-    if (dropped) warn(mesh, fmt::format("height: {} triangles left out: their points are not finite", dropped));
-    triangles.resize(count * 3);
-    faces.resize(faceValues ? count : 0);
-    mesh.triangles = triangles;
-    mesh.triangleCount = static_cast<std::uint32_t>(count);
+    Array<std::int32_t> faces;
+    cutQuadrilaterals(mesh, params, columns, rows, faceValues ? &faces : nullptr);
     if (mesh.empty()) return mesh;
 
     detail::bindAttributes(mesh, {.corners = {}, .faces = faces}, params, {});

@@ -144,6 +144,32 @@ TEST(TessellateExtrusion, ZigZagDoesNotFlip) {
 }
 
 // 13.3.5.4: one value holds everywhere, coincident points share a plane, one distinct point draws nothing.
+/// An S in the plane z = 0: by itself Z is +z in the first bend and -z in the second, "flipped" there as its product
+/// with the one before is negative (13.3.5.4). So Z is +z everywhere and X = (Y.y, -Y.x, 0).
+TEST(TessellateExtrusion, ZIsFlippedWhereTheSpineBendsTheOtherWay) {
+    ExtrusionParams p;
+    p.spine = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {2, 1, 0}};
+    p.crossSection = {{0.125f, 0.25f}, {0.375f, 0.25f}};
+    p.beginCap = p.endCap = false;
+    const double half = std::sqrt(0.5);
+    const Vec2d ys[] = {{1, 0}, {half, half}, {half, half}, {1, 0}};
+    std::vector<Vec3d> expected;
+    for (std::size_t i = 0; i < 4; ++i)
+        for (const double x : {0.125, 0.375})
+            expected.push_back(Vec3d(p.spine[i]) + Vec3d(ys[i].y * x, -ys[i].x * x, 0.25));
+    const Mesh mesh = tessellate(p);
+    ASSERT_EQ(mesh.triangleCount, 6u);
+    std::vector<bool> met(expected.size());
+    for (unsigned t = 0; t < mesh.triangleCount; ++t)
+        for (unsigned c = 0; c < 3; ++c) {
+            const Vec3d at(mesh.vertex(t, c));
+            const auto same = std::ranges::find_if(expected, [&](Vec3d e) { return glm::distance(e, at) < 1e-6; });
+            ASSERT_NE(same, expected.end()) << at.x << ' ' << at.y << ' ' << at.z;
+            met[static_cast<std::size_t>(same - expected.begin())] = true;
+        }
+    EXPECT_EQ(std::ranges::count(met, true), 8);
+}
+
 TEST(TessellateExtrusion, ScaleOrientationAndCoincidentPoints) {
     ExtrusionParams p;
     p.spine = {{0, 0, 0}, {0, 3, 0}};
