@@ -19,8 +19,6 @@ LONG = {
     ("renderers/src/embree/packet_avx512.cpp", "traverse"): 86,
     ("renderers/src/embree/tree_view.h", "TreeView::traverse"): 85,
     ("renderers/src/light/path.cpp", "bounce"): 107,
-    ("sync/src/codec/change_decoder.cpp", "ChangeDecoder::decode"): 120,
-    ("sync/src/codec/input_codec.cpp", "InputDecoder::decode"): 120,
     ("tests/audio/scene/sound_scene_test.cpp", "TEST"): 94,
     ("tests/bench/scenes/conference.cpp", "writeConference"): 94,
     ("tests/bench/scenes/kitchen.cpp", "writeKitchen"): 146,
