@@ -93,25 +93,20 @@ Progress progressBar(std::string label) {
     };
 }
 
-void ResourceArguments::addTo(CLI::App& command) {
-    command.add_option("--base", base, "folder where relative urls start, and below which they may open files");
-    command.add_option("--allow", allow, "urls may open files in this folder and below, too (repeatable)")
-        ->expected(1)
-        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+void ResourceArguments::addTo(Command& command) {
+    command.addOption("--base", base, "folder where relative urls start, and below which they may open files");
+    command.addOption("--allow", allow, "urls may open files in this folder and below, too (repeatable)")->repeatable();
     command
-        .add_option(
-            "--limit", limits,
-            "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds")
-        ->expected(1)
-        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+        .addOption("--limit", limits,
+                   "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds")
+        ->repeatable();
 }
 
 ResourcePolicy ResourceArguments::policy() const {
     ResourcePolicy policy;
     for (const std::string& folder : allow) {
         std::error_code ignored;
-        if (!std::filesystem::is_directory(folder, ignored))
-            throw CLI::ValidationError("--allow", folder + " is no folder");
+        if (!std::filesystem::is_directory(folder, ignored)) throw UsageError("--allow", folder + " is no folder");
         policy.roots.emplace_back(folder);
     }
     const std::pair<std::string_view, std::uint64_t*> known[] = {
@@ -130,7 +125,7 @@ ResourcePolicy ResourceArguments::policy() const {
                 good = problem == std::errc() && at == end;
             }
         if (!good)
-            throw CLI::ValidationError(
+            throw UsageError(
                 "--limit",
                 limit + ": expected bytes=N, nodes=N, depth=N, pixels=N, samples=N, instances=N or seconds=N");
     }
@@ -179,7 +174,7 @@ double parseSeconds(const std::string& text) {
     const std::string_view unit(end, static_cast<std::size_t>(text.data() + text.size() - end));
     const double scale = unit == "ms" ? 1e-3 : unit.empty() || unit == "s" ? 1 : unit == "min" ? 60 : 0;
     if (error != std::errc() || scale == 0 || !(value >= 0) || value > 1e9)
-        throw CLI::ValidationError(text, "expected a duration such as 2s, 500ms or 1.5");
+        throw UsageError(text, "expected a duration such as 2s, 500ms or 1.5");
     return value * scale;
 }
 

@@ -6,12 +6,11 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
-
 #include <rtsg/core/loader.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 
+#include "command.h"
 #include "export/labels.h"
 
 namespace rtsg::app {
@@ -20,25 +19,25 @@ namespace rtsg::app {
 enum ExitStatus { kDone = 0, kBad = 1, kUsage = 2 };
 
 struct Verb {
-    CLI::App* command = nullptr;
+    Command* command = nullptr;
     std::function<int()> run;
 };
 
-Verb addInfo(CLI::App& program);
-Verb addValidate(CLI::App& program);
-Verb addConvert(CLI::App& program);
-Verb addRun(CLI::App& program);
-Verb addRender(CLI::App& program);
-Verb addPick(CLI::App& program);
-Verb addBench(CLI::App& program);
-Verb addChart(CLI::App& program);
-Verb addListen(CLI::App& program);
-Verb addRecord(CLI::App& program);
-Verb addReplay(CLI::App& program);
-Verb addServe(CLI::App& program);
-Verb addMirror(CLI::App& program);
-Verb addHelp(CLI::App& program);
-Verb addCompletion(CLI::App& program);
+Verb addInfo(Command& program);
+Verb addValidate(Command& program);
+Verb addConvert(Command& program);
+Verb addRun(Command& program);
+Verb addRender(Command& program);
+Verb addPick(Command& program);
+Verb addBench(Command& program);
+Verb addChart(Command& program);
+Verb addListen(Command& program);
+Verb addRecord(Command& program);
+Verb addReplay(Command& program);
+Verb addServe(Command& program);
+Verb addMirror(Command& program);
+Verb addHelp(Command& program);
+Verb addCompletion(Command& program);
 
 /// `file:line:col: error: text`, one a line, on stderr, each once; then how many were left out. Of subscribers that
 /// failed, the one whose failure the caller tells of itself (`said`) is not named again.
@@ -58,9 +57,9 @@ struct ResourceArguments {
     std::string base;
     std::vector<std::string> allow, limits;
 
-    void addTo(CLI::App& command);
+    void addTo(Command& command);
     /// Of a scene or log that the user named: below its own folder, the working folder, --base and --allow. Throws
-    /// CLI::ValidationError.
+    /// UsageError.
     Resources ofFile(const std::string& file) const;
     /// Of what others send: below --base and --allow, else nothing.
     Resources ofReplica() const;
@@ -79,7 +78,7 @@ struct FieldRef {
 };
 Result<FieldRef> findField(const Scene& scene, const std::string& path);
 
-/// "2s", "500ms", "1.5" (seconds). Throws CLI::ValidationError.
+/// "2s", "500ms", "1.5" (seconds). Throws UsageError.
 double parseSeconds(const std::string& text);
 
 }  // namespace rtsg::app

@@ -5,6 +5,8 @@
 #include <numeric>
 #include <regex>
 
+#include <CLI/CLI.hpp>
+
 namespace rtsg::app {
 
 namespace {
@@ -40,9 +42,7 @@ std::size_t editDistance(const std::string& a, const std::string& b) {
     return d[a.size()][b.size()];
 }
 
-}  // namespace
-
-std::vector<OptionRow> optionTable(const CLI::App& command) {
+std::vector<OptionRow> rowsOf(const CLI::App& command) {
     std::vector<OptionRow> rows;
     for (const CLI::Option* option : command.get_options()) {
         OptionRow row;
@@ -61,10 +61,16 @@ std::vector<OptionRow> optionTable(const CLI::App& command) {
     return rows;
 }
 
-std::vector<VerbRow> commandTable(const CLI::App& program) {
+}  // namespace
+
+std::vector<OptionRow> optionTable(const Command& command) {
+    return rowsOf(command.parser());
+}
+
+std::vector<VerbRow> commandTable(const Command& program) {
     std::vector<VerbRow> rows;
-    for (const CLI::App* verb : program.get_subcommands([](const CLI::App*) { return true; }))
-        rows.push_back({verb->get_name(), verb->get_description(), verb->get_footer(), optionTable(*verb)});
+    for (const CLI::App* verb : program.parser().get_subcommands([](const CLI::App*) { return true; }))
+        rows.push_back({verb->get_name(), verb->get_description(), verb->get_footer(), rowsOf(*verb)});
     return rows;
 }
 
@@ -82,15 +88,15 @@ std::string nearest(const std::string& typed, const std::vector<std::string>& kn
     return best;
 }
 
-std::string suggestion(const CLI::App& program, const CLI::ParseError& error) {
+std::string suggestion(const Command& program, const UsageError& error) {
     static const std::regex kNotIn(R"((\S+) not in \{([^}]*)\})");
     const std::string text = error.what();
     if (std::smatch found; std::regex_search(text, found, kNotIn))
         return nearest(found[1], choicesOf("{" + found[2].str() + "}"));
-    const auto parsed = program.get_subcommands();
-    const CLI::App& command = parsed.empty() ? program : *parsed.front();
+    const Command* verb = program.parsedVerb();
+    const CLI::App& command = verb ? verb->parser() : program.parser();
     std::vector<std::string> known;
-    for (const OptionRow& row : optionTable(command))
+    for (const OptionRow& row : rowsOf(command))
         if (!row.positional) known.insert(known.end(), row.names.begin(), row.names.end());
     for (std::string typed : command.remaining()) {
         if (!typed.starts_with("-")) continue;

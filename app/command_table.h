@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
+#include "command.h"
 
 namespace rtsg::app {
 
@@ -24,18 +24,18 @@ struct VerbRow {
     std::vector<OptionRow> options;
 };
 
-std::vector<VerbRow> commandTable(const CLI::App& program);
+std::vector<VerbRow> commandTable(const Command& program);
 /// Of one command.
-std::vector<OptionRow> optionTable(const CLI::App& command);
+std::vector<OptionRow> optionTable(const Command& command);
 
 /// The nearest of `known` to what was typed, if it can be meant; else empty.
 std::string nearest(const std::string& typed, const std::vector<std::string>& known);
 /// For the error of a parse: "did you mean --size", or empty.
-std::string suggestion(const CLI::App& program, const CLI::ParseError& error);
+std::string suggestion(const Command& program, const UsageError& error);
 
 /// The script for "bash", "zsh" or "fish".
-std::string completionScript(const CLI::App& program, const std::string& shell);
+std::string completionScript(const Command& program, const std::string& shell);
 /// In roff, section 1.
-std::string manPage(const CLI::App& program, const std::string& version);
+std::string manPage(const Command& program, const std::string& version);
 
 }  // namespace rtsg::app

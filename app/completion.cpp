@@ -139,7 +139,7 @@ std::string fish(const std::vector<VerbRow>& verbs) {
 
 }  // namespace
 
-std::string completionScript(const CLI::App& program, const std::string& shell) {
+std::string completionScript(const Command& program, const std::string& shell) {
     const auto verbs = commandTable(program);
     return shell == "zsh" ? zsh(verbs) : shell == "fish" ? fish(verbs) : bash(verbs);
 }

@@ -24,9 +24,7 @@ bool isFile(const std::string& name) {
 }
 
 void checkName(const OutputName& output) {
-    const auto refuse = [&](const Diagnostic& why) {
-        throw CLI::ValidationError(output.option, output.file + ": " + why.text);
-    };
+    const auto refuse = [&](const Diagnostic& why) { throw UsageError(output.option, output.file + ": " + why.text); };
     Encoding encoding{};
     bool gzip = false;
     switch (output.kind) {
@@ -38,7 +36,7 @@ void checkName(const OutputName& output) {
             break;
         case OutputKind::scene:
             if (output.file != "-" && !encodingFromName(output.file, encoding, gzip))
-                throw CLI::ValidationError(
+                throw UsageError(
                     output.option,
                     output.file +
                         ": no kind of scene that can be written has such a name; there are: .x3d .x3dv .wrl .json, "
@@ -51,8 +49,8 @@ void checkName(const OutputName& output) {
 
 }  // namespace
 
-void addForce(CLI::App& command, bool& force) {
-    command.add_flag("--force", force, "replace a log or scene that is there already");
+void addForce(Command& command, bool& force) {
+    command.addFlag("--force", force, "replace a log or scene that is there already");
 }
 
 Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force) {
@@ -63,13 +61,12 @@ Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<Ou
         if (!isFile(output.file)) continue;
         for (const std::string& input : inputs)
             if (isFile(input) && sameFile(input, output.file))
-                throw CLI::ValidationError(
-                    output.option, fmt::format("{} is {}", output.file,
-                                               output.file == input ? "the input itself" : "the input " + input));
+                throw UsageError(output.option,
+                                 fmt::format("{} is {}", output.file,
+                                             output.file == input ? "the input itself" : "the input " + input));
         for (std::size_t k = 0; k < i; ++k)
             if (isFile(outputs[k].file) && sameFile(outputs[k].file, output.file))
-                throw CLI::ValidationError(output.option,
-                                           fmt::format("{} is what {} writes", output.file, outputs[k].option));
+                throw UsageError(output.option, fmt::format("{} is what {} writes", output.file, outputs[k].option));
     }
     for (const OutputName& output : outputs) {
         std::error_code error;

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
-
 #include <rtsg/core/output_file.h>
+
+#include "command.h"
 
 namespace rtsg::app {
 
@@ -20,12 +20,12 @@ struct OutputName {
     OutputKind kind = OutputKind::picture;
 };
 
-void addForce(CLI::App& command, bool& force);
+void addForce(Command& command, bool& force);
 inline Existing existing(bool force) {
     return force ? Existing::replace : Existing::keep;
 }
 
-/// Throws CLI::ValidationError for a name that says nothing that can be written, and where an output is an input or
+/// Throws UsageError for a name that says nothing that can be written, and where an output is an input or
 /// another output. Fails where a log or scene is there already and is to be kept.
 Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force);
 

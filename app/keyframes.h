@@ -14,21 +14,20 @@ struct KeyframeArguments {
     std::uint64_t bytes = LogOptions().keyframeBytes;
     std::string seconds = "10s";
 
-    void addTo(CLI::App& command) {
+    void addTo(Command& command) {
         command
-            .add_option(
-                "--keyframe-bytes", bytes,
-                "a keyframe once the frames since the last take so much and twice its size, as 1MB; damage to a "
-                "log costs at most what is between two")
-            ->transform(CLI::AsSizeValue(true))
-            ->capture_default_str();
+            .addOption("--keyframe-bytes", bytes,
+                       "a keyframe once the frames since the last take so much and twice its size, as 1MB; damage to a "
+                       "log costs at most what is between two")
+            ->bytes()
+            ->preset();
         command
-            .add_option("--keyframe-seconds", seconds,
-                        "and after so much scene time, rarer only where keyframes would take over 1 MiB a second; 0: "
-                        "not for that")
-            ->capture_default_str();
+            .addOption("--keyframe-seconds", seconds,
+                       "and after so much scene time, rarer only where keyframes would take over 1 MiB a second; 0: "
+                       "not for that")
+            ->preset();
     }
-    /// Throws CLI::ValidationError.
+    /// Throws UsageError.
     void setIn(LogOptions& options) const {
         options.keyframeBytes = bytes;
         options.keyframeSeconds = parseSeconds(seconds);

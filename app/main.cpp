@@ -11,7 +11,7 @@
 namespace rtsg::app {
 namespace {
 
-std::vector<Verb> addVerbs(CLI::App& program) {
+std::vector<Verb> addVerbs(Command& program) {
     std::vector<Verb> verbs{addInfo(program),   addValidate(program), addConvert(program), addRun(program),
                             addRender(program), addListen(program),   addServe(program),   addMirror(program),
                             addRecord(program), addReplay(program),   addPick(program),    addBench(program),
@@ -22,7 +22,7 @@ std::vector<Verb> addVerbs(CLI::App& program) {
 }
 
 /// A first word that is no verb gets a better answer than the parser's.
-bool isVerbOrOption(const CLI::App& program, const std::string& word) {
+bool isVerbOrOption(const Command& program, const std::string& word) {
     if (word.starts_with("-")) return true;
     std::vector<std::string> names;
     for (const VerbRow& verb : commandTable(program)) {
@@ -35,31 +35,27 @@ bool isVerbOrOption(const CLI::App& program, const std::string& word) {
     return false;
 }
 
-int wrongUsage(const CLI::App& program, const CLI::ParseError& error) {
+int wrongUsage(const Command& program, const UsageError& error) {
     printError(error.what());
     if (const std::string meant = suggestion(program, error); !meant.empty())
         fmt::print(stderr, "did you mean {}?\n", meant);
-    const auto parsed = program.get_subcommands();
-    fmt::print(stderr, "rtsg help{} says more\n", parsed.empty() ? "" : " " + parsed.front()->get_name());
+    const Command* verb = program.parsedVerb();
+    fmt::print(stderr, "rtsg help{} says more\n", verb ? " " + verb->name() : "");
     return kUsage;
 }
 
 int run(int argc, char** argv) {
-    CLI::App program{
-        "rtsg keeps one X3D scene and any number of subscribers in step: pictures, sound, mirrors, logs.\n"
-        "A SCENE is a file (X3D XML, ClassicVRML, VRML97, also gzipped) or - for standard input.",
-        "rtsg"};
-    program.require_subcommand(1);
-    program.set_version_flag("-V,--version", "rtsg " RTSG_VERSION);
+    Command program("rtsg",
+                    "rtsg keeps one X3D scene and any number of subscribers in step: pictures, sound, mirrors, logs.\n"
+                    "A SCENE is a file (X3D XML, ClassicVRML, VRML97, also gzipped) or - for standard input.",
+                    RTSG_VERSION);
     const std::vector<Verb> verbs = addVerbs(program);
     if (argc > 1 && !isVerbOrOption(program, argv[1])) return kUsage;
     try {
-        program.parse(argc, argv);
+        if (const auto status = program.parse(argc, argv)) return *status == 0 ? kDone : kUsage;
         for (const Verb& verb : verbs)
             if (verb.command->parsed()) return verb.run();
-    } catch (const CLI::Success& e) {  // --help, --version
-        return program.exit(e) == 0 ? kDone : kUsage;
-    } catch (const CLI::ParseError& e) {
+    } catch (const UsageError& e) {
         return wrongUsage(program, e);
     }
     return kUsage;

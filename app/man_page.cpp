@@ -56,13 +56,13 @@ std::string option(const OptionRow& row) {
 
 }  // namespace
 
-std::string manPage(const CLI::App& program, const std::string& version) {
+std::string manPage(const Command& program, const std::string& version) {
     std::string out = fmt::format(
         ".TH RTSG 1 \"\" \"rtsg {}\" \"User Commands\"\n"
         ".SH NAME\nrtsg \\- one X3D scene and any number of subscribers in step with it\n"
         ".SH SYNOPSIS\n.B rtsg\n\\fIVERB\\fR [\\fIOPTION\\fR...] [\\fIARGUMENT\\fR...]\n"
         ".SH DESCRIPTION\n{}\n.SH VERBS\n",
-        version, plain(program.get_description()));
+        version, plain(program.description()));
     for (const VerbRow& verb : commandTable(program)) {
         out += fmt::format(".SS {}\n{}.\n", plain(verb.name), plain(verb.description));
         for (const OptionRow& row : verb.options) out += option(row);

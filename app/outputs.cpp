@@ -24,32 +24,28 @@ std::string lowerExtension(const std::string& file) {
 
 }  // namespace
 
-void PictureArguments::addTo(CLI::App& command) {
-    command.add_option("--size", size, "pixels, such as 1280x720")->capture_default_str();
-    command.add_option("--viewpoint", viewpoint, "DEF name or description of a viewpoint; else the bound one");
+void PictureArguments::addTo(Command& command) {
+    command.addOption("--size", size, "pixels, such as 1280x720")->preset();
+    command.addOption("--viewpoint", viewpoint, "DEF name or description of a viewpoint; else the bound one");
     command
-        .add_option("--integrator", integrator,
-                    "whitted: lights, mirrors, glass; path: light between surfaces too; raster is not built in")
-        ->capture_default_str()
-        ->check(CLI::IsMember({"whitted", "path", "raster"}));
-    command.add_option("--spp", samples, "samples a pixel")->capture_default_str()->check(CLI::Range(1, 1 << 20));
-    command.add_option("--error", error, "not built in yet: error to reach instead of --spp");
-    command.add_option("--depth", depth, "mirrorings and refractions along a ray")
-        ->capture_default_str()
-        ->check(CLI::Range(0, 250));
-    command.add_option("--shadows", shadows, "all: every light casts them; authored: as its field says; none")
-        ->capture_default_str()
-        ->check(CLI::IsMember({"all", "authored", "none"}));
+        .addOption("--integrator", integrator,
+                   "whitted: lights, mirrors, glass; path: light between surfaces too; raster is not built in")
+        ->preset()
+        ->oneOf({"whitted", "path", "raster"});
+    command.addOption("--spp", samples, "samples a pixel")->preset()->range(1, 1 << 20);
+    command.addOption("--error", error, "not built in yet: error to reach instead of --spp");
+    command.addOption("--depth", depth, "mirrorings and refractions along a ray")->preset()->range(0, 250);
+    command.addOption("--shadows", shadows, "all: every light casts them; authored: as its field says; none")
+        ->preset()
+        ->oneOf({"all", "authored", "none"});
     command
-        .add_option("--color-space", colorSpace,
-                    "auto: PhysicalMaterial and path in linear light, all else as display values; linear; display")
-        ->capture_default_str()
-        ->check(CLI::IsMember({"auto", "linear", "display"}));
-    command.add_option("--seed", seed, "of the sampling")->capture_default_str();
-    command.add_option("--threads", threads, "0: as many as cores")->capture_default_str();
-    command.add_option("--exposure", exposure, "factor on radiance; .exr stays as it is")
-        ->capture_default_str()
-        ->check(CLI::PositiveNumber);
+        .addOption("--color-space", colorSpace,
+                   "auto: PhysicalMaterial and path in linear light, all else as display values; linear; display")
+        ->preset()
+        ->oneOf({"auto", "linear", "display"});
+    command.addOption("--seed", seed, "of the sampling")->preset();
+    command.addOption("--threads", threads, "0: as many as cores")->preset();
+    command.addOption("--exposure", exposure, "factor on radiance; .exr stays as it is")->preset()->positive();
 }
 
 ImageOptions PictureArguments::parse() const {
@@ -61,16 +57,16 @@ ImageOptions PictureArguments::parse() const {
     };
     if (cross == std::string::npos || !number(std::string_view(size).substr(0, cross), options.settings.width) ||
         !number(std::string_view(size).substr(cross + 1), options.settings.height))
-        throw CLI::ValidationError("--size", "expected WIDTHxHEIGHT in pixels, such as 1280x720");
+        throw UsageError("--size", "expected WIDTHxHEIGHT in pixels, such as 1280x720");
     if (integrator == "raster")
-        throw CLI::ValidationError("--integrator", integrator + " is not built in; there are: whitted, path");
+        throw UsageError("--integrator", integrator + " is not built in; there are: whitted, path");
     options.settings.integrator = integrator == "path" ? Integrator::path : Integrator::whitted;
     options.settings.colorSpace = colorSpace == "linear"    ? ColorSpace::linear
                                   : colorSpace == "display" ? ColorSpace::display
                                                             : ColorSpace::automatic;
     if (integrator == "path" && colorSpace == "display")
-        throw CLI::ValidationError("--color-space", "path computes in linear light; there are: auto, linear");
-    if (error != 0) throw CLI::ValidationError("--error", "not built in for pictures; use --spp");
+        throw UsageError("--color-space", "path computes in linear light; there are: auto, linear");
+    if (error != 0) throw UsageError("--error", "not built in for pictures; use --spp");
     options.settings.samplesPerPixel = samples;
     options.settings.maxDepth = depth;
     options.settings.threads = threads;
@@ -82,24 +78,24 @@ ImageOptions PictureArguments::parse() const {
     return options;
 }
 
-void SoundArguments::addTo(CLI::App& command) {
-    auto* b = command.add_flag("--binaural", binaural, "for headphones");
-    auto* s = command.add_flag("--stereo", stereo, "for loudspeakers (the default)");
-    auto* a = command.add_option("--ambisonic", ambisonic, "AmbiX (ACN, SN3D) of this order")->check(CLI::Range(1, 7));
+void SoundArguments::addTo(Command& command) {
+    auto* b = command.addFlag("--binaural", binaural, "for headphones");
+    auto* s = command.addFlag("--stereo", stereo, "for loudspeakers (the default)");
+    auto* a = command.addOption("--ambisonic", ambisonic, "AmbiX (ACN, SN3D) of this order")->range(1, 7);
     b->excludes(s)->excludes(a);
     s->excludes(a);
-    command.add_option("--rays", rays, "rays a source; else what is usual for the purpose")
-        ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40));
-    command.add_option("--temperature", air.celsius, "of the air, degrees Celsius; else the scene's, else 20")
-        ->check(CLI::Range(-50.0, 60.0));
-    command.add_option("--humidity", air.relativeHumidity, "of the air, percent; else the scene's, else 50")
-        ->check(CLI::Range(0.0, 100.0));
-    command.add_option("--speed-of-sound", air.speedOfSound, "m/s; else by the temperature, else 343")
-        ->check(CLI::Range(10.0, 10'000.0));
-    command.add_flag("--no-air", noAir, "air absorbs nothing");
+    command.addOption("--rays", rays, "rays a source; else what is usual for the purpose")
+        ->range(std::uint64_t{1}, std::uint64_t{1} << 40);
+    command.addOption("--temperature", air.celsius, "of the air, degrees Celsius; else the scene's, else 20")
+        ->range(-50.0, 60.0);
+    command.addOption("--humidity", air.relativeHumidity, "of the air, percent; else the scene's, else 50")
+        ->range(0.0, 100.0);
+    command.addOption("--speed-of-sound", air.speedOfSound, "m/s; else by the temperature, else 343")
+        ->range(10.0, 10'000.0);
+    command.addFlag("--no-air", noAir, "air absorbs nothing");
     command
-        .add_option("--length", length, "seconds of reverberation that are traced; else what is usual for the purpose")
-        ->check(CLI::Range(0.01, 600.0));
+        .addOption("--length", length, "seconds of reverberation that are traced; else what is usual for the purpose")
+        ->range(0.01, 600.0);
 }
 
 ListenOptions SoundArguments::parse() const {
@@ -120,16 +116,14 @@ ListenOptions SoundArguments::parse() const {
     return options;
 }
 
-void OutputArguments::addTo(CLI::App& command, Options which) {
-    command.add_option("--render", render,
-                       "picture of the last state; with %04d in the name, or .gif, one every 1/--fps s");
+void OutputArguments::addTo(Command& command, Options which) {
+    command.addOption("--render", render,
+                      "picture of the last state; with %04d in the name, or .gif, one every 1/--fps s");
     if (which != Options::ofRun)
-        command.add_option("--fps", picturesPerSecond, "pictures a second of scene time")
-            ->capture_default_str()
-            ->check(CLI::Range(1e-3, 1e3));
-    command.add_option("--listen", listen, "WAV of what the listener hears");
-    if (which == Options::ofMirror) command.add_option("--record", record, "log of every state");
-    command.add_option("--save", save, "the last state as a scene file");
+        command.addOption("--fps", picturesPerSecond, "pictures a second of scene time")->preset()->range(1e-3, 1e3);
+    command.addOption("--listen", listen, "WAV of what the listener hears");
+    if (which == Options::ofMirror) command.addOption("--record", record, "log of every state");
+    command.addOption("--save", save, "the last state as a scene file");
     addForce(command, force);
     resources.addTo(command);
     picture.addTo(command);

@@ -28,8 +28,8 @@ struct PictureArguments {
     std::uint64_t seed = 1;
     double error = 0, exposure = 1;
 
-    void addTo(CLI::App& command);
-    /// Throws CLI::ValidationError for what is wrong or not built in.
+    void addTo(Command& command);
+    /// Throws UsageError for what is wrong or not built in.
     ImageOptions parse() const;
     ToneMap toneMap() const { return {static_cast<float>(exposure)}; }
 };
@@ -43,7 +43,7 @@ struct SoundArguments {
     AirChoice air;
     bool noAir = false;
 
-    void addTo(CLI::App& command);
+    void addTo(Command& command);
     ListenOptions parse() const;
 };
 
@@ -59,11 +59,11 @@ struct OutputArguments {
 
     /// `run` has an --fps of its own, which is that of its pictures; only `mirror` has --record.
     enum class Options : std::uint8_t { ofRun, ofReplay, ofMirror };
-    void addTo(CLI::App& command, Options which);
+    void addTo(Command& command, Options which);
     bool animated() const;
     bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
     /// Finds out before any work that something cannot be made, or would overwrite one of `inputs` (checkFiles(), to
-    /// which `more` outputs of the verb go as well). Throws CLI::ValidationError.
+    /// which `more` outputs of the verb go as well). Throws UsageError.
     Result<> check(const std::vector<std::string>& inputs, std::vector<OutputName> more = {}) const;
 };
 

@@ -52,33 +52,33 @@ std::string toJson(const std::optional<Divergence>& d) {
                        orNull(d->node), orNull(d->field), jsonString(d->text));
 }
 
-void ReplayTestArguments::addTo(CLI::App& command) {
+void ReplayTestArguments::addTo(Command& command) {
     const std::string group = "As a test";
-    command.add_option("--rerun", rerun, "run SCENE afresh on the log's input; every frame has to be the recorded one")
+    command.addOption("--rerun", rerun, "run SCENE afresh on the log's input; every frame has to be the recorded one")
         ->group(group);
-    command.add_option("--expect-picture", expectPicture, "picture that the last state has to give")->group(group);
-    command.add_option("--picture-tolerance", pictureTolerance, "root mean square error allowed, linear, white is 1")
-        ->capture_default_str()
+    command.addOption("--expect-picture", expectPicture, "picture that the last state has to give")->group(group);
+    command.addOption("--picture-tolerance", pictureTolerance, "root mean square error allowed, linear, white is 1")
+        ->preset()
         ->group(group);
-    command.add_option("--expect-sound", expectSound, "WAV that has to be heard")->group(group);
-    command.add_option("--sound-tolerance", soundTolerance, "level allowed of the difference, dB below the sound")
-        ->capture_default_str()
+    command.addOption("--expect-sound", expectSound, "WAV that has to be heard")->group(group);
+    command.addOption("--sound-tolerance", soundTolerance, "level allowed of the difference, dB below the sound")
+        ->preset()
         ->group(group);
     command
-        .add_flag("--update", update,
-                  "record anew instead: write the log as SCENE runs now, and the picture and sound expected")
+        .addFlag("--update", update,
+                 "record anew instead: write the log as SCENE runs now, and the picture and sound expected")
         ->group(group);
 }
 
 int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json) {
     if (arguments.update && arguments.rerun.empty())
-        throw CLI::ValidationError("--update", "needs --rerun SCENE: there is no scene to record");
+        throw UsageError("--update", "needs --rerun SCENE: there is no scene to record");
     if (!arguments.expectPicture.empty()) {
-        if (!outputs.render.empty()) throw CLI::ValidationError("--expect-picture", "not together with --render");
+        if (!outputs.render.empty()) throw UsageError("--expect-picture", "not together with --render");
         outputs.render = arguments.update ? arguments.expectPicture : actualName(arguments.expectPicture);
     }
     if (!arguments.expectSound.empty()) {
-        if (!outputs.listen.empty()) throw CLI::ValidationError("--expect-sound", "not together with --listen");
+        if (!outputs.listen.empty()) throw UsageError("--expect-sound", "not together with --listen");
         outputs.listen = arguments.update ? arguments.expectSound : actualName(arguments.expectSound);
     }
     std::vector<std::string> read = {log, arguments.rerun};

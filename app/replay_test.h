@@ -16,11 +16,11 @@ struct ReplayTestArguments {
     double pictureTolerance = 0.01, soundTolerance = -40;
     bool update = false;
 
-    void addTo(CLI::App& command);
+    void addTo(Command& command);
     bool any() const { return update || !rerun.empty() || !expectPicture.empty() || !expectSound.empty(); }
 };
 
-/// The exit status. Throws CLI::ValidationError for options that do not go together.
+/// The exit status. Throws UsageError for options that do not go together.
 int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json);
 
 /// {"frame":…,"t":…,"node":…,"field":…,"text":…} or null.

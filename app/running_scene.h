@@ -31,7 +31,7 @@ struct Pace {
 
 class RunningScene {
   public:
-    /// Throws CLI::ValidationError as ResourceArguments::ofFile().
+    /// Throws UsageError as ResourceArguments::ofFile().
     RunningScene(std::string file, const ResourceArguments& arguments);
 
     /// Reads the file and prints what there is to say of it. False if nothing usable was in it.

@@ -98,7 +98,7 @@ int writeScenes(const bench::FrameOptions& options, const std::string& folder) {
 
 }  // namespace
 
-Verb addBench(CLI::App& program) {
+Verb addBench(Command& program) {
     struct Options {
         std::vector<std::string> names;
         bool quick = false, list = false, json = false;
@@ -106,19 +106,17 @@ Verb addBench(CLI::App& program) {
         std::string folder;
     };
     auto options = std::make_shared<Options>();
-    CLI::App* command =
-        program.add_subcommand("bench", "Measure; each figure beside a baseline and a limit, as JSON lines");
-    command->add_option("NAME", options->names, "benches to run; all if none is named");
-    command->add_flag("--quick", options->quick, "smaller sizes, for a first look");
-    command->add_flag("--list", options->list, "say what there is");
-    command->add_option("--scene", options->frames.scenes,
-                        "of `frames`: Beetles, Venice, Conference[+teapot], Campus[+teapot], Kitchen, Troopers, "
-                        "Escherknot, City");
-    command->add_option("--scale", options->frames.scale, "of `frames`: share of the triangles")
-        ->check(CLI::Range(1e-4, 1.0));
-    command->add_option("--write", options->folder,
-                        "write the scenes of `frames` into this folder instead of measuring");
-    command->add_flag("--json", options->json, "as it is anyway");
+    Command* command = program.addVerb("bench", "Measure; each figure beside a baseline and a limit, as JSON lines");
+    command->addOption("NAME", options->names, "benches to run; all if none is named");
+    command->addFlag("--quick", options->quick, "smaller sizes, for a first look");
+    command->addFlag("--list", options->list, "say what there is");
+    command->addOption("--scene", options->frames.scenes,
+                       "of `frames`: Beetles, Venice, Conference[+teapot], Campus[+teapot], Kitchen, Troopers, "
+                       "Escherknot, City");
+    command->addOption("--scale", options->frames.scale, "of `frames`: share of the triangles")->range(1e-4, 1.0);
+    command->addOption("--write", options->folder,
+                       "write the scenes of `frames` into this folder instead of measuring");
+    command->addFlag("--json", options->json, "as it is anyway");
     command->footer(
         "Example: rtsg bench transform mirror\nExample: rtsg bench frames --scene Campus+teapot --scale 0.1");
     return {command, [options] {

@@ -78,14 +78,14 @@ int chart(const Options& options) {
 
 }  // namespace
 
-Verb addChart(CLI::App& program) {
+Verb addChart(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("chart", "Measure speed against accuracy or size; CSV and pictures");
-    command->add_option("NAME", options->names, "charts to make; all if none is named");
-    command->add_option("-o,--output", options->folder, "folder for NAME.svg and NAME.csv");
-    command->add_flag("--quick", options->quick, "smaller sizes, for a first look");
-    command->add_flag("--list", options->list, "say what there is");
-    command->add_flag("--json", options->json, "a line of JSON for each chart written");
+    Command* command = program.addVerb("chart", "Measure speed against accuracy or size; CSV and pictures");
+    command->addOption("NAME", options->names, "charts to make; all if none is named");
+    command->addOption("-o,--output", options->folder, "folder for NAME.svg and NAME.csv");
+    command->addFlag("--quick", options->quick, "smaller sizes, for a first look");
+    command->addFlag("--list", options->list, "say what there is");
+    command->addFlag("--json", options->json, "a line of JSON for each chart written");
     command->footer("Example: rtsg chart scale -o out/charts");
     return {command, [options] { return chart(*options); }};
 }

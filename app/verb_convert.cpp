@@ -57,15 +57,14 @@ int convert(const Options& options) {
 
 }  // namespace
 
-Verb addConvert(CLI::App& program) {
+Verb addConvert(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command =
-        program.add_subcommand("convert", "Convert between encodings, streaming, without building a scene");
-    command->add_option("IN", options->in, "scene file, or -")->required();
-    command->add_option("OUT", options->out, "file to write (.x3d .x3dv .wrl .json, also .gz), or -")->required();
+    Command* command = program.addVerb("convert", "Convert between encodings, streaming, without building a scene");
+    command->addOption("IN", options->in, "scene file, or -")->required();
+    command->addOption("OUT", options->out, "file to write (.x3d .x3dv .wrl .json, also .gz), or -")->required();
     std::vector<std::string> known;
     for (const std::string_view name : filterNames()) known.emplace_back(name);
-    command->add_option("--filter", options->filters, "applied in this order")->check(CLI::IsMember(known));
+    command->addOption("--filter", options->filters, "applied in this order")->oneOf(known);
     command->footer("Example: rtsg convert hall.wrl hall.x3d --filter drop-metadata");
     addForce(*command, options->force);
     return {command, [options] { return convert(*options); }};

@@ -122,12 +122,12 @@ int describeLog(const Options& options) {
 
 }  // namespace
 
-Verb addInfo(CLI::App& program) {
+Verb addInfo(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("info", "Say what is in a scene or a log");
-    command->add_option("FILE", options->file, "scene file, log, or - for a scene")->required();
+    Command* command = program.addVerb("info", "Say what is in a scene or a log");
+    command->addOption("FILE", options->file, "scene file, log, or - for a scene")->required();
     options->resources.addTo(*command);
-    command->add_flag("--json", options->json, "one JSON object");
+    command->addFlag("--json", options->json, "one JSON object");
     command->footer(
         "Example: rtsg info --json hall.x3dv\n"
         "Example: rtsg info hall.rlog\n"

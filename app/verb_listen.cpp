@@ -23,7 +23,7 @@ int listenTo(const Options& options) {
     ListenOptions listening = options.sound.parse();
     listening.seconds = parseSeconds(options.duration);
     if (options.out.empty() && options.ir.empty() && !options.metrics && !options.json)
-        throw CLI::RequiredError("-o, --ir or --metrics");
+        throw UsageError("-o, --ir or --metrics is required");
     if (auto ok = checkFiles({options.scene},
                              {{"-o", options.out, OutputKind::sound}, {"--ir", options.ir, OutputKind::sound}}, false);
         !ok)
@@ -60,23 +60,23 @@ int listenTo(const Options& options) {
 
 }  // namespace
 
-Verb addListen(CLI::App& program) {
+Verb addListen(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("listen", "Make the sound that the listener hears; measure the room");
-    command->add_option("SCENE", options->scene, "scene file, or -")->required();
-    command->add_option("-o,--output", options->out, "WAV to write");
-    command->add_option("--for", options->duration, "how long")->capture_default_str();
-    command->add_option(
+    Command* command = program.addVerb("listen", "Make the sound that the listener hears; measure the room");
+    command->addOption("SCENE", options->scene, "scene file, or -")->required();
+    command->addOption("-o,--output", options->out, "WAV to write");
+    command->addOption("--for", options->duration, "how long")->preset();
+    command->addOption(
         "--ir", options->ir,
         "WAV of impulse responses, source by source: mono, or with the channels of --stereo, --binaural, --ambisonic");
-    command->add_flag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
+    command->addFlag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
     command
-        ->add_option("--error", options->sound.error,
-                     "trace until the figures' 95 % half width is this many noticeable differences")
-        ->check(CLI::PositiveNumber);
+        ->addOption("--error", options->sound.error,
+                    "trace until the figures' 95 % half width is this many noticeable differences")
+        ->positive();
     options->resources.addTo(*command);
     options->sound.addTo(*command);
-    command->add_flag("--json", options->json, "the same as --metrics");
+    command->addFlag("--json", options->json, "the same as --metrics");
     command->footer("Example: rtsg listen hall.x3dv -o hall.wav --for 5s --binaural --metrics");
     return {command, [options] { return listenTo(*options); }};
 }

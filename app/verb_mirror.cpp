@@ -360,50 +360,49 @@ int mirror(const Options& options) {
 
 }  // namespace
 
-Verb addMirror(CLI::App& program) {
+Verb addMirror(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command =
-        program.add_subcommand("mirror", "Follow a served scene; picture, hear, log and save the replica");
-    command->add_option("ENDPOINT", options->endpoint, "ZeroMQ endpoint that rtsg serve named")->required();
-    command->add_option("--for", options->duration, "how long, in scene time; else until the server leaves or Ctrl-C");
-    command->add_option("--wait", options->patience, "give up after so long without a server")->capture_default_str();
-    command->add_option("--key", options->key, "key file, the server's or one with its public key and a pair");
-    command->add_option("--set", options->set,
-                        "send an event to the origin: DEF.field=VALUE@TIME, TIME in scene time since joining");
-    command->add_option("--part", options->parts, "follow only this subtree: a DEF name, or # and a node's number");
-    command->add_option("--aspect", options->aspects, "follow only fields of this aspect, as transform or geometry")
-        ->check(CLI::IsMember(std::vector<std::string>(std::begin(kAspects), std::end(kAspects))));
-    command->add_option("--mode", options->mode, "input: run the cascade here, from what comes into each frame")
-        ->check(CLI::IsMember({"state", "input"}))
-        ->capture_default_str();
-    command->add_option("--latency", options->latency, "hold frames this long after they were published, for evenness")
-        ->capture_default_str();
-    command->add_option("--most-fps", options->fps, "at most so many frames a second, others merged; 0: all")
-        ->capture_default_str()
-        ->check(CLI::Range(0.0, 1e4));
-    command->add_option(
+    Command* command = program.addVerb("mirror", "Follow a served scene; picture, hear, log and save the replica");
+    command->addOption("ENDPOINT", options->endpoint, "ZeroMQ endpoint that rtsg serve named")->required();
+    command->addOption("--for", options->duration, "how long, in scene time; else until the server leaves or Ctrl-C");
+    command->addOption("--wait", options->patience, "give up after so long without a server")->preset();
+    command->addOption("--key", options->key, "key file, the server's or one with its public key and a pair");
+    command->addOption("--set", options->set,
+                       "send an event to the origin: DEF.field=VALUE@TIME, TIME in scene time since joining");
+    command->addOption("--part", options->parts, "follow only this subtree: a DEF name, or # and a node's number");
+    command->addOption("--aspect", options->aspects, "follow only fields of this aspect, as transform or geometry")
+        ->oneOf(std::vector<std::string>(std::begin(kAspects), std::end(kAspects)));
+    command->addOption("--mode", options->mode, "input: run the cascade here, from what comes into each frame")
+        ->oneOf({"state", "input"})
+        ->preset();
+    command->addOption("--latency", options->latency, "hold frames this long after they were published, for evenness")
+        ->preset();
+    command->addOption("--most-fps", options->fps, "at most so many frames a second, others merged; 0: all")
+        ->preset()
+        ->range(0.0, 1e4);
+    command->addOption(
         "--max-lag", options->maxLag,
         "how old frames may come on a slow link before they are merged, beside its delay; 0: never merged "
         "for that, the default with --render, --listen, --record and --save, else 250ms");
-    command->add_option("--max-rate", options->maxRate, "most bytes a second taken from the server, as 100kB; 0: any")
-        ->transform(CLI::AsSizeValue(true))
-        ->capture_default_str();
-    command->add_option("--max-record", options->maxRecord, "longest record taken from the server, as 64MB")
-        ->transform(CLI::AsSizeValue(true))
-        ->capture_default_str();
+    command->addOption("--max-rate", options->maxRate, "most bytes a second taken from the server, as 100kB; 0: any")
+        ->bytes()
+        ->preset();
+    command->addOption("--max-record", options->maxRecord, "longest record taken from the server, as 64MB")
+        ->bytes()
+        ->preset();
     command
-        ->add_option("--when-slow", options->whenSlow,
-                     "what to get when too slow: merged frames, every frame while the scene waits (if the server "
-                     "lets it), or a new snapshot")
-        ->capture_default_str()
-        ->check(CLI::IsMember({"merge", "block", "resync"}));
-    command->add_flag("--live", options->live,
-                      "make pictures and sound of the newest state, frames merged, instead of every frame");
+        ->addOption("--when-slow", options->whenSlow,
+                    "what to get when too slow: merged frames, every frame while the scene waits (if the server "
+                    "lets it), or a new snapshot")
+        ->preset()
+        ->oneOf({"merge", "block", "resync"});
+    command->addFlag("--live", options->live,
+                     "make pictures and sound of the newest state, frames merged, instead of every frame");
     options->outputs.addTo(*command, OutputArguments::Options::ofMirror);
-    command->add_flag("--json", options->json, "the summary as JSON");
+    command->addFlag("--json", options->json, "the summary as JSON");
     command->footer(
-        "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --listen out.wav --base "
-        "examples/demo\n"
+        "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --size 320x180 "
+        "--listen out.wav --base examples/demo\n"
         "Exit status 1 unless the replica had the origin's state hash in every frame, and the origin took every "
         "event.");
     return {command, [options] { return mirror(*options); }};

@@ -72,16 +72,16 @@ int run(const Options& options) {
 
 }  // namespace
 
-Verb addPick(CLI::App& program) {
+Verb addPick(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("pick", "What a ray meets, what is nearest, where a moving ball stops");
-    command->add_option("SCENE", options->scene, "scene file, or -")->required();
-    command->add_option("--ray", options->ray, "origin and direction: X Y Z DX DY DZ")->expected(6);
-    command->add_option("--point", options->point, "nearest surface to X Y Z")->expected(3);
-    command->add_option("--sweep", options->sweep, "ball at X Y Z of radius R moved by DX DY DZ")->expected(7);
-    command->add_option("--time", options->time, "run the scene until then")->capture_default_str();
+    Command* command = program.addVerb("pick", "What a ray meets, what is nearest, where a moving ball stops");
+    command->addOption("SCENE", options->scene, "scene file, or -")->required();
+    command->addOption("--ray", options->ray, "origin and direction: X Y Z DX DY DZ")->expected(6);
+    command->addOption("--point", options->point, "nearest surface to X Y Z")->expected(3);
+    command->addOption("--sweep", options->sweep, "ball at X Y Z of radius R moved by DX DY DZ")->expected(7);
+    command->addOption("--time", options->time, "run the scene until then")->preset();
     options->resources.addTo(*command);
-    command->add_flag("--json", options->json, "one JSON object");
+    command->addFlag("--json", options->json, "one JSON object");
     command->footer("Example: rtsg pick hall.x3dv --ray 0 1.6 10 0 0 -1");
     return {command, [options] { return run(*options); }};
 }

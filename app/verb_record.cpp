@@ -115,31 +115,31 @@ int record(const Options& options) {
 
 }  // namespace
 
-Verb addRecord(CLI::App& program) {
+Verb addRecord(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("record", "Run a scene in simulated time from 0 and log every change");
-    command->add_option("SCENE", options->scene, "scene file, or -")->required();
-    command->add_option("-o,--output", options->out, "log to write (.rlog)")->required();
-    command->add_option("--for", options->duration, "how long")->capture_default_str();
-    command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e6));
-    command->add_option("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
+    Command* command = program.addVerb("record", "Run a scene in simulated time from 0 and log every change");
+    command->addOption("SCENE", options->scene, "scene file, or -")->required();
+    command->addOption("-o,--output", options->out, "log to write (.rlog)")->required();
+    command->addOption("--for", options->duration, "how long")->preset();
+    command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e6);
+    command->addOption("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
     command
-        ->add_option("--mode", options->mode,
-                     "state: the changes; input: only what came into each frame; lossy: as state, within --error")
-        ->check(CLI::IsMember(std::vector<std::string>(kModeNames.begin(), kModeNames.end())))
-        ->capture_default_str();
-    command->add_option("--error", options->error, "lossy: largest error in motion, metres and radians; rest is exact")
-        ->capture_default_str()
-        ->check(CLI::PositiveNumber);
-    command->add_option("--coding", options->coding, "of values: raw, fastest; compact; smallest")
-        ->check(CLI::IsMember(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end())))
-        ->capture_default_str();
-    command->add_flag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
+        ->addOption("--mode", options->mode,
+                    "state: the changes; input: only what came into each frame; lossy: as state, within --error")
+        ->oneOf(std::vector<std::string>(kModeNames.begin(), kModeNames.end()))
+        ->preset();
+    command->addOption("--error", options->error, "lossy: largest error in motion, metres and radians; rest is exact")
+        ->preset()
+        ->positive();
+    command->addOption("--coding", options->coding, "of values: raw, fastest; compact; smallest")
+        ->oneOf(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end()))
+        ->preset();
+    command->addFlag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
     options->keyframes.addTo(*command);
     options->resources.addTo(*command);
-    command->add_flag("--realtime", options->realtime, "one second a second");
+    command->addFlag("--realtime", options->realtime, "one second a second");
     addForce(*command, options->force);
-    command->add_flag("--json", options->json, "the summary as JSON");
+    command->addFlag("--json", options->json, "the summary as JSON");
     command->footer(
         "Example: rtsg record hall.x3dv -o hall.rlog --for 10s\n"
         "Example: rtsg record door.x3dv -o door.rlog --for 3s --set PRESSED.set_boolean=TRUE@0.5\n"

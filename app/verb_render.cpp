@@ -30,7 +30,7 @@ int render(const Options& options) {
     animation.start = parseSeconds(options.time);
     const std::filesystem::path out(options.out);
     if (options.frames > 1 && out.extension() != ".gif" && !numberedName(out.filename().string(), 0))
-        throw CLI::ValidationError("-o", "several frames need a .gif, or a place for their number such as %04d");
+        throw UsageError("-o", "several frames need a .gif, or a place for their number such as %04d");
 
     if (auto ok = checkFiles({options.scene}, {{"-o", options.out, OutputKind::picture}}, false); !ok)
         return printError(ok.error()), kBad;
@@ -82,19 +82,19 @@ int render(const Options& options) {
 
 }  // namespace
 
-Verb addRender(CLI::App& program) {
+Verb addRender(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("render", "Make a picture or an animation");
-    command->add_option("SCENE", options->scene, "scene file, or -")->required();
-    command->add_option("-o,--output", options->out, "file to write; .exr is linear radiance")->required();
-    command->add_option("--time", options->time, "scene time of the first frame")->capture_default_str();
-    command->add_option("--frames", options->frames, "number of frames: into %04d, or a .gif")
-        ->capture_default_str()
-        ->check(CLI::Range(1, 1'000'000));
-    command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e4));
+    Command* command = program.addVerb("render", "Make a picture or an animation");
+    command->addOption("SCENE", options->scene, "scene file, or -")->required();
+    command->addOption("-o,--output", options->out, "file to write; .exr is linear radiance")->required();
+    command->addOption("--time", options->time, "scene time of the first frame")->preset();
+    command->addOption("--frames", options->frames, "number of frames: into %04d, or a .gif")
+        ->preset()
+        ->range(1, 1'000'000);
+    command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e4);
     options->resources.addTo(*command);
     options->picture.addTo(*command);
-    command->add_flag("--json", options->json, "what was done, as JSON");
+    command->addFlag("--json", options->json, "what was done, as JSON");
     command->footer("Example: rtsg render hall.x3dv -o hall.png --size 960x540 --time 2.5s --spp 16");
     return {command, [options] { return render(*options); }};
 }

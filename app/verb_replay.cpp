@@ -206,27 +206,26 @@ int replay(const Options& options) {
 
 }  // namespace
 
-Verb addReplay(CLI::App& program) {
+Verb addReplay(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("replay", "Play a log back; verify it; picture, hear and save it");
-    command->add_option("LOG", options->log, "log to read (.rlog)")->required();
-    command->add_flag("--verify", options->verify,
-                      "all of it, to the index that a log ends with; states are checked in any case");
-    command->add_option("--seek", options->seek, "begin with the state of this scene time");
-    command->add_option("--for", options->duration, "how much to play");
-    command->add_option("--diff", options->diff, "compare with another log, state by state");
-    command->add_option("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
-    command->add_flag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");
-    command->add_option("--compact", options->compact,
-                        "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
-    command->add_option("--every", options->every, "with --compact: so many frames become one")
-        ->capture_default_str()
-        ->check(CLI::Range(std::uint64_t{1}, UINT64_MAX));
-    command->add_option("--interval", options->interval, "with --compact: frames closer than this become one")
-        ->capture_default_str();
+    Command* command = program.addVerb("replay", "Play a log back; verify it; picture, hear and save it");
+    command->addOption("LOG", options->log, "log to read (.rlog)")->required();
+    command->addFlag("--verify", options->verify,
+                     "all of it, to the index that a log ends with; states are checked in any case");
+    command->addOption("--seek", options->seek, "begin with the state of this scene time");
+    command->addOption("--for", options->duration, "how much to play");
+    command->addOption("--diff", options->diff, "compare with another log, state by state");
+    command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
+    command->addFlag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");
+    command->addOption("--compact", options->compact,
+                       "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
+    command->addOption("--every", options->every, "with --compact: so many frames become one")
+        ->preset()
+        ->range(std::uint64_t{1}, UINT64_MAX);
+    command->addOption("--interval", options->interval, "with --compact: frames closer than this become one")->preset();
     options->outputs.addTo(*command, OutputArguments::Options::ofReplay);
     options->test.addTo(*command);
-    command->add_flag("--json", options->json, "the report as JSON");
+    command->addFlag("--json", options->json, "the report as JSON");
     command->footer(
         "Example: rtsg replay hall.rlog --verify\n"
         "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"

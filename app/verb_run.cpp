@@ -138,20 +138,18 @@ int run(const Options& options) {
 
 }  // namespace
 
-Verb addRun(CLI::App& program) {
+Verb addRun(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("run", "Run the event cascade in simulated time from 0");
-    command->add_option("SCENE", options->scene, "scene file, or -")->required();
-    command->add_option("--for", options->duration, "how long, such as 2s")->capture_default_str();
-    command->add_option("--fps", options->fps, "frames a second, and pictures of --render")
-        ->capture_default_str()
-        ->check(CLI::Range(1e-3, 1e6));
-    command->add_option("--watch", options->watch, "print every event of DEF.field, DEF.* or *");
-    command->add_option("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
+    Command* command = program.addVerb("run", "Run the event cascade in simulated time from 0");
+    command->addOption("SCENE", options->scene, "scene file, or -")->required();
+    command->addOption("--for", options->duration, "how long, such as 2s")->preset();
+    command->addOption("--fps", options->fps, "frames a second, and pictures of --render")->preset()->range(1e-3, 1e6);
+    command->addOption("--watch", options->watch, "print every event of DEF.field, DEF.* or *");
+    command->addOption("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
     options->outputs.addTo(*command, OutputArguments::Options::ofRun);
-    command->add_flag("--realtime", options->realtime, "one second a second");
-    command->add_flag("--hash", options->hash, "print the state hash of every frame");
-    command->add_flag("--json", options->json, "the summary as JSON, after the events if any are watched");
+    command->addFlag("--realtime", options->realtime, "one second a second");
+    command->addFlag("--hash", options->hash, "print the state hash of every frame");
+    command->addFlag("--json", options->json, "the summary as JSON, after the events if any are watched");
     command->footer(
         "Example: rtsg run door.x3dv --for 2s --fps 60 --watch DOOR.rotation --set PRESSED.set_boolean=TRUE@0.5\n"
         "Example: rtsg run hall.x3dv --for 2s --fps 25 --render out/%03d.png --size 320x180 --listen out/hall.wav");

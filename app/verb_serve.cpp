@@ -29,7 +29,7 @@ struct Options {
     std::string mode = "state", coding = "raw";
     double fps = 60, error = 1e-3;
     std::string linger = "10s";
-    std::size_t peers = 64;
+    std::size_t peers = 64, await = 0;
     std::uint64_t maxRate = 0;
     ResourceArguments resources;
     KeyframeArguments keyframes;
@@ -50,6 +50,16 @@ Result<std::optional<MirrorKeys>> keysFrom(const std::string& file) {
 
 void printNews(MirrorServer& server) {
     for (const Diagnostic& d : server.takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+}
+
+/// Until so many mirrors have the scene's first state, which is then that of all of them.
+void await(MirrorServer& server, std::size_t mirrors) {
+    for (bool there = false; !there && !interrupted();) {
+        server.service();
+        printNews(server);
+        there = server.statistics().peers >= mirrors && server.drain(std::chrono::milliseconds(50));
+        if (!there) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
 }
 
 int serve(const Options& options) {
@@ -98,6 +108,7 @@ int serve(const Options& options) {
         fmt::print("serving {} at {}\n", options.scene, (*server)->endpoint());
     std::fflush(stdout);
 
+    if (options.await > 0) await(**server, options.await);
     // Frames are at even times; those that there was no time for are left out, the clock never lags behind.
     const auto start = Clock::now();
     std::uint64_t frames = 0, slot = 0;
@@ -164,44 +175,44 @@ int serve(const Options& options) {
 
 }  // namespace
 
-Verb addServe(CLI::App& program) {
+Verb addServe(Command& program) {
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand("serve", "Run a scene in real time and mirror it");
-    command->add_option("SCENE", options->scene, "scene file, or -")->required();
-    command->add_option("--bind", options->endpoint, "ZeroMQ endpoint; * picks a free port")->capture_default_str();
-    command->add_option("--for", options->duration, "how long; else until Ctrl-C");
-    command->add_option("--fps", options->fps, "frames a second")->capture_default_str()->check(CLI::Range(1e-3, 1e4));
+    Command* command = program.addVerb("serve", "Run a scene in real time and mirror it");
+    command->addOption("SCENE", options->scene, "scene file, or -")->required();
+    command->addOption("--bind", options->endpoint, "ZeroMQ endpoint; * picks a free port")->preset();
+    command->addOption("--for", options->duration, "how long; else until Ctrl-C");
+    command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e4);
     command
-        ->add_option("--mode", options->mode,
-                     "state: bit for bit; lossy: within --error while in motion; input: as state, and mirrors that ask "
-                     "for it get what comes into each frame and run it")
-        ->check(CLI::IsMember({"state", "lossy", "input"}))
-        ->capture_default_str();
-    command->add_option("--error", options->error, "lossy: largest error, metres and radians; what rests is exact")
-        ->check(CLI::PositiveNumber)
-        ->capture_default_str();
-    command->add_option("--coding", options->coding, "of values: raw, fastest; compact; smallest")
-        ->check(CLI::IsMember(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end())))
-        ->capture_default_str();
-    command->add_option("--record", options->record, "log to write as well (.rlog)");
+        ->addOption("--mode", options->mode,
+                    "state: bit for bit; lossy: within --error while in motion; input: as state, and mirrors that ask "
+                    "for it get what comes into each frame and run it")
+        ->oneOf({"state", "lossy", "input"})
+        ->preset();
+    command->addOption("--error", options->error, "lossy: largest error, metres and radians; what rests is exact")
+        ->positive()
+        ->preset();
+    command->addOption("--coding", options->coding, "of values: raw, fastest; compact; smallest")
+        ->oneOf(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end()))
+        ->preset();
+    command->addOption("--record", options->record, "log to write as well (.rlog)");
     options->keyframes.addTo(*command);
     addForce(*command, options->force);
-    command->add_option("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
-    command->add_option("--linger", options->linger, "how long mirrors may catch up at the end")->capture_default_str();
+    command->addOption("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
+    command->addOption("--linger", options->linger, "how long mirrors may catch up at the end")->preset();
     command
-        ->add_option("--upstream", options->upstream,
-                     "what mirrors may send, if the key file does not say it; code: edits of urls and Scripts too")
-        ->capture_default_str()
-        ->check(CLI::IsMember({"none", "events", "edits", "code"}));
-    command->add_option("--peers", options->peers, "how many mirrors may follow")->capture_default_str();
-    command->add_option("--max-rate", options->maxRate, "most bytes a second to each mirror, as 1MB; 0: any")
-        ->transform(CLI::AsSizeValue(true))
-        ->capture_default_str();
-    command->add_option("--block", options->block, "how long a mirror that asks for it may hold up a frame")
-        ->capture_default_str();
-    command->add_flag("--insecure", options->insecure, "serve other machines without keys");
+        ->addOption("--upstream", options->upstream,
+                    "what mirrors may send, if the key file does not say it; code: edits of urls and Scripts too")
+        ->preset()
+        ->oneOf({"none", "events", "edits", "code"});
+    command->addOption("--peers", options->peers, "how many mirrors may follow")->preset();
+    command->addOption("--max-rate", options->maxRate, "most bytes a second to each mirror, as 1MB; 0: any")
+        ->bytes()
+        ->preset();
+    command->addOption("--await", options->await, "begin with the first frame when so many mirrors follow")->preset();
+    command->addOption("--block", options->block, "how long a mirror that asks for it may hold up a frame")->preset();
+    command->addFlag("--insecure", options->insecure, "serve other machines without keys");
     options->resources.addTo(*command);
-    command->add_flag("--json", options->json, "first the endpoint, then the summary as JSON lines");
+    command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
     command->footer(
         "Example: rtsg serve hall.x3dv --bind tcp://127.0.0.1:4711 --for 20s --record hall.rlog\n"
         "The first line on standard output names the endpoint, the port filled in.");

@@ -9,18 +9,17 @@
 
 namespace rtsg::app {
 
-Verb addValidate(CLI::App& program) {
+Verb addValidate(Command& program) {
     struct Options {
         std::vector<std::string> files;
         ResourceArguments resources;
         bool json = false;
     };
     auto options = std::make_shared<Options>();
-    CLI::App* command =
-        program.add_subcommand("validate", "Print errors and warnings with positions; look for what urls name");
-    command->add_option("FILE", options->files, "scene files")->required();
+    Command* command = program.addVerb("validate", "Print errors and warnings with positions; look for what urls name");
+    command->addOption("FILE", options->files, "scene files")->required();
     options->resources.addTo(*command);
-    command->add_flag("--json", options->json, "one JSON object a file");
+    command->addFlag("--json", options->json, "one JSON object a file");
     command->footer("Example: rtsg validate models/*.x3d\nExit status 1 if any file has an error.");
     return {command, [options] {
                 bool good = true;

@@ -136,6 +136,48 @@ TEST_F(LateInline, ThatIsNotThereIsReportedOnce) {
         EXPECT_EQ(count(rtsg(arguments).err, said), 1u) << arguments.front();
 }
 
+class RunOutputs : public CommandLine {
+  protected:
+    double seconds(const std::string& wav) {  // 24-bit stereo at 48 kHz
+        const std::string bytes = readFile(wav);
+        const std::size_t data = bytes.find("data");
+        std::uint32_t size = 0;
+        std::memcpy(&size, bytes.data() + data + 4, 4);
+        return size / 6 / 48000.;
+    }
+    std::size_t pictures() const {
+        std::size_t n = 0;
+        while (std::filesystem::exists(folder / ("r" + std::to_string(n) + ".png"))) ++n;
+        return n;
+    }
+};
+
+class AwaitedMirrors : public RunOutputs {};
+
+TEST_F(AwaitedMirrors, HaveEveryFrameFromTheStart) {
+    const std::string endpoint = "ipc://" + folder / "s";
+    Program server({"serve", file, "--for", "1s", "--fps", "20", "--bind", endpoint, "--await", "1", "--linger", "60s"},
+                   streams());
+    server.firstLine();
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));  // without --await a third of it would have gone by
+    const Outcome mirrored = rtsg({"mirror", endpoint, "--for", "1s", "--fps", "10", "--render", folder / "r%d.png",
+                                   "--size", "16x9", "--listen", folder / "r.wav", "--rays", "50", "--json"});
+    EXPECT_EQ(mirrored.status, 0) << mirrored.err;
+    EXPECT_EQ(server.wait().status, 0);
+    EXPECT_EQ(pictures(), 10u);
+    EXPECT_DOUBLE_EQ(seconds(folder / "r.wav"), 1);
+    // The first picture is of the scene's start.
+    ASSERT_EQ(rtsg({"render", file, "-o", folder / "d.png", "--size", "16x9"}).status, 0);
+    EXPECT_EQ(readFile(folder / "r0.png"), readFile(folder / "d.png"));
+}
+
+TEST_F(AwaitedMirrors, ThatDoNotComeDoNotKeepTheServerFromEnding) {
+    Program server({"serve", file, "--bind", "ipc://" + folder / "s", "--await", "1"}, streams());
+    server.firstLine();
+    server.signal(SIGINT);
+    EXPECT_EQ(server.wait().status, 0);
+}
+
 class RecordedFrames : public CommandLine {};
 
 TEST_F(RecordedFrames, AreAllInTheLogHoweverFastTheSceneRuns) {
@@ -219,22 +261,6 @@ TEST_F(ControlCharacters, OfASceneAreShownAndNotSent) {
     EXPECT_THAT(pick.out, HasSubstr("RED\\x9b31m"));
     EXPECT_THAT(pick.out, Not(HasSubstr(csi)));
 }
-
-class RunOutputs : public CommandLine {
-  protected:
-    double seconds(const std::string& wav) {  // 24-bit stereo at 48 kHz
-        const std::string bytes = readFile(wav);
-        const std::size_t data = bytes.find("data");
-        std::uint32_t size = 0;
-        std::memcpy(&size, bytes.data() + data + 4, 4);
-        return size / 6 / 48000.;
-    }
-    std::size_t pictures() const {
-        std::size_t n = 0;
-        while (std::filesystem::exists(folder / ("r" + std::to_string(n) + ".png"))) ++n;
-        return n;
-    }
-};
 
 TEST_F(RunOutputs, ArePicturesAtEveryFrameAndAllOfTheSound) {
     const Outcome outcome = rtsg({"run", file, "--for", "0.9s", "--fps", "10", "--render", folder / "r%d.png", "--size",

@@ -1,0 +1,143 @@
+// Verbs and options, on CLI11.
+#include "command.h"
+
+#include <CLI/CLI.hpp>
+
+namespace rtsg::app {
+
+Option* Option::required() {
+    parsed_->required();
+    return this;
+}
+Option* Option::preset() {
+    parsed_->capture_default_str();
+    return this;
+}
+Option* Option::range(int least, int most) {
+    parsed_->check(CLI::Range(least, most));
+    return this;
+}
+Option* Option::range(std::uint64_t least, std::uint64_t most) {
+    parsed_->check(CLI::Range(least, most));
+    return this;
+}
+Option* Option::range(double least, double most) {
+    parsed_->check(CLI::Range(least, most));
+    return this;
+}
+Option* Option::positive() {
+    parsed_->check(CLI::PositiveNumber);
+    return this;
+}
+Option* Option::bytes() {
+    parsed_->transform(CLI::AsSizeValue(true));
+    return this;
+}
+Option* Option::oneOf(std::vector<std::string> values) {
+    parsed_->check(CLI::IsMember(std::move(values)));
+    return this;
+}
+Option* Option::expected(int count) {
+    parsed_->expected(count);
+    return this;
+}
+Option* Option::repeatable() {
+    parsed_->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+    return this;
+}
+Option* Option::excludes(Option* other) {
+    parsed_->excludes(other->parsed_);
+    return this;
+}
+Option* Option::group(const std::string& name) {
+    parsed_->group(name);
+    return this;
+}
+
+Command::Command(const std::string& name, const std::string& description, const std::string& version)
+    : own_(std::make_unique<CLI::App>(description, name)), parser_(own_.get()) {
+    parser_->require_subcommand(1);
+    parser_->set_version_flag("-V,--version", name + " " + version);
+}
+Command::Command(CLI::App* parser) : parser_(parser) {}
+Command::~Command() = default;
+
+Command* Command::addVerb(const std::string& name, const std::string& description) {
+    verbs_.push_back(std::unique_ptr<Command>(new Command(parser_->add_subcommand(name, description))));
+    return verbs_.back().get();
+}
+
+Option* Command::add(CLI::Option* option) {
+    options_.push_back(std::unique_ptr<Option>(new Option(option)));
+    return options_.back().get();
+}
+Option* Command::addOption(const std::string& names, std::string& into, const std::string& description) {
+    return add(parser_->add_option(names, into, description));
+}
+Option* Command::addOption(const std::string& names, int& into, const std::string& description) {
+    return add(parser_->add_option(names, into, description));
+}
+Option* Command::addOption(const std::string& names, unsigned& into, const std::string& description) {
+    return add(parser_->add_option(names, into, description));
+}
+Option* Command::addOption(const std::string& names, std::uint64_t& into, const std::string& description) {
+    return add(parser_->add_option(names, into, description));
+}
+Option* Command::addOption(const std::string& names, double& into, const std::string& description) {
+    return add(parser_->add_option(names, into, description));
+}
+Option* Command::addOption(const std::string& names, std::optional<double>& into, const std::string& description) {
+    return add(parser_->add_option(names, into, description));
+}
+Option* Command::addOption(const std::string& names, std::vector<std::string>& into, const std::string& description) {
+    return add(parser_->add_option(names, into, description));
+}
+Option* Command::addOption(const std::string& names, std::vector<double>& into, const std::string& description) {
+    return add(parser_->add_option(names, into, description));
+}
+Option* Command::addFlag(const std::string& names, bool& into, const std::string& description) {
+    return add(parser_->add_flag(names, into, description));
+}
+void Command::footer(const std::string& text) {
+    parser_->footer(text);
+}
+
+std::optional<int> Command::parse(int argc, char** argv) {
+    try {
+        parser_->parse(argc, argv);
+    } catch (const CLI::Success& e) {  // --help, --version
+        return parser_->exit(e);
+    } catch (const CLI::ParseError& e) {
+        throw UsageError(e.what());
+    }
+    return std::nullopt;
+}
+
+bool Command::parsed() const {
+    return parser_->parsed();
+}
+
+const Command* Command::parsedVerb() const {
+    for (const auto& verb : verbs_)
+        if (verb->parsed()) return verb.get();
+    return nullptr;
+}
+
+std::string Command::name() const {
+    return parser_->get_name();
+}
+
+std::string Command::description() const {
+    return parser_->get_description();
+}
+
+std::string Command::help() const {
+    // App::help() would explain the verb that was parsed.
+    return parser_->get_formatter()->make_help(parser_, name(), CLI::AppFormatMode::Normal);
+}
+
+std::string Command::help(const std::string& verb) const {
+    return parser_->get_subcommand(verb)->help(name());
+}
+
+}  // namespace rtsg::app
