@@ -1,12 +1,16 @@
 // The checks of the names that a verb reads from and writes to.
 #include "files.h"
 
+#include <algorithm>
+#include <charconv>
 #include <filesystem>
 
 #include <fmt/format.h>
 
 #include <rtsg/audio/sound_file.h>
+#include <rtsg/core/resource_check.h>
 #include <rtsg/core/writer.h>
+#include <rtsg/renderers/image.h>
 #include <rtsg/renderers/picture.h>
 
 namespace rtsg::app {
@@ -21,6 +25,22 @@ bool isFile(const std::string& name) {
     std::error_code error;
     const fs::file_status status = fs::status(name, error);
     return !fs::exists(status) || fs::is_regular_file(status);
+}
+
+/// Of a name with a place for a number, as %04d: the file has it with one of the numbers.
+bool isOneOf(const fs::path& file, const fs::path& pattern) {
+    const std::string name = file.filename().string();
+    std::error_code error;
+    if (!numberedName(pattern.filename().string(), 0) ||
+        !fs::equivalent(file.parent_path(), pattern.has_parent_path() ? pattern.parent_path() : ".", error))
+        return false;
+    for (std::size_t i = 0; i < name.size(); ++i) {
+        int number = 0;
+        if (std::from_chars(name.data() + i, name.data() + name.size(), number).ec == std::errc() &&
+            numberedName(pattern.filename().string(), number) == name)
+            return true;
+    }
+    return false;
 }
 
 void checkName(const OutputName& output) {
@@ -75,6 +95,14 @@ Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<Ou
             return fail("there is a file already; --force replaces it", {}, output.file);
     }
     return {};
+}
+
+void keepResources(const Scene& scene, const Resources& resources, const std::vector<OutputName>& outputs) {
+    if (std::ranges::none_of(outputs, [](const OutputName& output) { return isFile(output.file); })) return;
+    for (const fs::path& used : resourceFiles(scene, resources))
+        for (const OutputName& output : outputs)
+            if (isFile(output.file) && (sameFile(used, output.file) || isOneOf(used, output.file)))
+                throw UsageError(output.option, fmt::format("the scene uses {}", used.string()));
 }
 
 }  // namespace rtsg::app

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include <rtsg/core/output_file.h>
+#include <rtsg/core/resource.h>
+#include <rtsg/core/scene.h>
 
 #include "command.h"
 
@@ -28,5 +30,8 @@ inline Existing existing(bool force) {
 /// Throws UsageError for a name that says nothing that can be written, and where an output is an input or
 /// another output. Fails where a log or scene is there already and is to be kept.
 Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force);
+
+/// Throws UsageError where an output is a file that a url of the scene opens; once that is loaded.
+void keepResources(const Scene& scene, const Resources& resources, const std::vector<OutputName>& outputs);
 
 }  // namespace rtsg::app

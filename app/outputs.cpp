@@ -137,11 +137,15 @@ bool OutputArguments::animated() const {
 Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vector<OutputName> more) const {
     picture.parse();
     sound.parse();
-    more.push_back({"--render", render, OutputKind::picture});
-    more.push_back({"--listen", listen, OutputKind::sound});
-    more.push_back({"--record", record, OutputKind::log});
-    more.push_back({"--save", save, OutputKind::scene});
+    std::ranges::move(names(), std::back_inserter(more));
     return checkFiles(inputs, more, force);
+}
+
+std::vector<OutputName> OutputArguments::names() const {
+    return {{"--render", render, OutputKind::picture},
+            {"--listen", listen, OutputKind::sound},
+            {"--record", record, OutputKind::log},
+            {"--save", save, OutputKind::scene}};
 }
 
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing) {
@@ -164,6 +168,7 @@ SharedWorld::Options worldOptions(const Resources& resources) {
 
 Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArguments& arguments,
                                                  const Resources& resources, Follow follow) {
+    keepResources(scene, resources, arguments.names());
     std::unique_ptr<Outputs> outputs(new Outputs(scene, arguments, resources));
     outputs->start_ = scene.now();
     if (!arguments.render.empty()) {

@@ -62,6 +62,7 @@ struct OutputArguments {
     void addTo(Command& command, Options which);
     bool animated() const;
     bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
+    std::vector<OutputName> names() const;
     /// Finds out before any work that something cannot be made, or would overwrite one of `inputs` (checkFiles(), to
     /// which `more` outputs of the verb go as well). Throws UsageError.
     Result<> check(const std::vector<std::string>& inputs, std::vector<OutputName> more = {}) const;
@@ -79,7 +80,8 @@ class Outputs final : public Subscriber {
         sets,    // every set of the scene's bus
         frames,  // frame() says that a frame is complete, with all sets that belong to it
     };
-    /// The scene must outlive this and be in its first state. `resources`: what urls may open.
+    /// The scene must outlive this and be in its first state. `resources`: what urls may open. Throws as
+    /// keepResources().
     static Result<std::unique_ptr<Outputs>> attach(Scene& scene, const OutputArguments& arguments,
                                                    const Resources& resources, Follow follow = Follow::sets);
 

@@ -24,12 +24,12 @@ int listenTo(const Options& options) {
     listening.seconds = parseSeconds(options.duration);
     if (options.out.empty() && options.ir.empty() && !options.metrics && !options.json)
         throw UsageError("-o, --ir or --metrics is required");
-    if (auto ok = checkFiles({options.scene},
-                             {{"-o", options.out, OutputKind::sound}, {"--ir", options.ir, OutputKind::sound}}, false);
-        !ok)
-        return printError(ok.error()), kBad;
+    const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::sound},
+                                          {"--ir", options.ir, OutputKind::sound}};
+    if (auto ok = checkFiles({options.scene}, outputs, false); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.resources);
     if (!running.load()) return kBad;
+    keepResources(running.scene(), running.resources(), outputs);
     listening.render.resources = running.resources();
     listening.runTo = [&](double t) { running.frame(t); };
     listening.sound = !options.out.empty();

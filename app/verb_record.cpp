@@ -80,11 +80,12 @@ void printSummary(const Options& options, const Scene& scene, std::uint64_t fram
 
 int record(const Options& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime};
-    if (auto ok = checkFiles({options.scene}, {{"-o", options.out, OutputKind::log}}, options.force); !ok)
-        return printError(ok.error()), kBad;
+    const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::log}};
+    if (auto ok = checkFiles({options.scene}, outputs, options.force); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.resources);
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
+    keepResources(scene, running.resources(), outputs);
     if (auto ok = running.inject(options.set); !ok) return printError(ok.error().text), kUsage;
     const LogOptions wanted = logOptions(options);
     std::unique_ptr<LossyScene> lossy;

@@ -32,11 +32,12 @@ int render(const Options& options) {
     if (options.frames > 1 && out.extension() != ".gif" && !numberedName(out.filename().string(), 0))
         throw UsageError("-o", "several frames need a .gif, or a place for their number such as %04d");
 
-    if (auto ok = checkFiles({options.scene}, {{"-o", options.out, OutputKind::picture}}, false); !ok)
-        return printError(ok.error()), kBad;
+    const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::picture}};
+    if (auto ok = checkFiles({options.scene}, outputs, false); !ok) return printError(ok.error()), kBad;
 
     RunningScene running(options.scene, options.resources);
     if (!running.load()) return kBad;
+    keepResources(running.scene(), running.resources(), outputs);
     SharedWorld world(running.scene(), worldOptions(running.resources()));
     LightRenderer light(world, LightRenderer::Options(running.resources()));
     running.runTo(animation.start);

@@ -116,6 +116,7 @@ int run(const Options& options) {
     RunningScene running(options.scene, options.outputs.resources);
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
+    keepResources(scene, running.resources(), options.outputs.names());
     if (auto ok = running.inject(options.set); !ok) return printError(ok.error().text), kUsage;
     const auto watches = parseWatches(scene, options.watch);
     if (!watches) return printError(watches.error().text), kUsage;

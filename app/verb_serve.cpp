@@ -64,13 +64,13 @@ void await(MirrorServer& server, std::size_t mirrors) {
 
 int serve(const Options& options) {
     const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
-    if (auto ok =
-            checkFiles({options.scene, options.key}, {{"--record", options.record, OutputKind::log}}, options.force);
-        !ok)
+    const std::vector<OutputName> outputs{{"--record", options.record, OutputKind::log}};
+    if (auto ok = checkFiles({options.scene, options.key}, outputs, options.force); !ok)
         return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.resources);
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
+    keepResources(scene, running.resources(), outputs);
     auto keys = keysFrom(options.key);
     if (!keys) return printError(keys.error()), kBad;
     MirrorServerOptions serverOptions;

@@ -67,6 +67,45 @@ TEST_F(NothingIsLost, NoVerbOverwritesItsInput) {
     EXPECT_EQ(files(), before);
 }
 
+TEST_F(NothingIsLost, WhatTheSceneUsesIsNotOverwritten) {
+    const std::string picture = folder / "t01.png", sound = folder / "tone.wav", part = folder / "part.x3dv",
+                      given = folder / "given.x3dv";
+    writeFile(part,
+              "#X3D V4.0 utf8\nPROFILE Immersive\nShape { appearance Appearance { texture ImageTexture { url "
+              "\"t01.png\" } } geometry Box { } }\n");
+    writeFile(given,
+              "#X3D V4.0 utf8\nPROFILE Immersive\nInline { url \"part.x3dv\" }\nSound { source AudioClip { url "
+              "[ \"no.wav\" \"tone.wav\" ] } }\n");
+    ASSERT_EQ(rtsg({"render", file, "-o", picture, "--size", "8x8"}).status, 0);
+    ASSERT_EQ(rtsg({"listen", file, "-o", sound, "--for", "0.1s", "--rays", "10"}).status, 0);
+    fs::create_symlink(picture, folder / "link.png");
+    const std::string log2 = folder / "given.rlog";
+    ASSERT_EQ(rtsg({"record", given, "-o", log2, "--for", "0.2s"}).status, 0);
+    const std::string pixels = readFile(picture), samples = readFile(sound), text = readFile(part);
+    for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+             {"render", given, "-o", picture},
+             {"render", given, "-o", folder / "link.png"},
+             {"render", given, "-o", folder / "t%02d.png", "--frames", "3"},
+             {"listen", given, "-o", sound},
+             {"listen", given, "--ir", sound},
+             {"record", given, "-o", picture, "--force"},
+             {"serve", given, "--record", part, "--for", "100ms", "--force"},
+             {"run", given, "--render", picture},
+             {"run", given, "--save", part, "--force"},
+             {"replay", log2, "--render", picture},
+             {"replay", log2, "--listen", sound},
+         }) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments) << outcome.err;
+        EXPECT_THAT(outcome.err, HasSubstr("the scene uses ")) << testing::PrintToString(arguments);
+    }
+    EXPECT_EQ(readFile(picture), pixels);
+    EXPECT_EQ(readFile(sound), samples);
+    EXPECT_EQ(readFile(part), text);
+    // Another number is another file.
+    EXPECT_EQ(rtsg({"render", given, "-o", folder / "t%03d.png", "--frames", "2", "--size", "8x8"}).status, 0);
+}
+
 TEST_F(NothingIsLost, LogsAndScenesAreReplacedOnlyByForce) {
     const std::string other = folder / "other.x3dv", recorded = readFile(log);
     writeFile(other, "precious");

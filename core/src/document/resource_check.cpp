@@ -34,23 +34,42 @@ std::string problemOf(const Scene& scene, const Node& node, FieldIndex field, co
     return problem;
 }
 
-}  // namespace
-
-void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics) {
+/// Calls `visit(node, field)` for every field that names files.
+void forEachUrlField(const Scene& scene, const auto& visit) {
     scene.forEachNode([&](const Node& node) {
         const NodeType& type = node.type();
         if (type.kind != NodeType::Kind::builtin && !type.isA("X3DScriptNode")) return;
-        if (!isChecked(node)) return;
         for (FieldIndex i = 0; i < type.fields.size(); ++i) {
             const FieldDef& field = type.fields[i];
-            if (field.type != FieldType::MFString || (field.name != "url" && !field.name.ends_with("Url"))) continue;
-            const std::string problem = problemOf(scene, node, i, resources);
-            if (problem.empty()) continue;
-            const std::string name(scene.name(node.id()));
-            diagnostics.warning(
-                {}, fmt::format("{}{}.{}: {}", type.name, name.empty() ? "" : " " + name, field.name, problem));
+            if (field.type == FieldType::MFString && (field.name == "url" || field.name.ends_with("Url")))
+                visit(node, i);
         }
     });
+}
+
+}  // namespace
+
+void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics) {
+    forEachUrlField(scene, [&](const Node& node, FieldIndex i) {
+        if (!isChecked(node)) return;
+        const std::string problem = problemOf(scene, node, i, resources);
+        if (problem.empty()) return;
+        const std::string name(scene.name(node.id()));
+        diagnostics.warning({}, fmt::format("{}{}.{}: {}", node.type().name, name.empty() ? "" : " " + name,
+                                            node.type().fields[i].name, problem));
+    });
+}
+
+std::vector<std::filesystem::path> resourceFiles(const Scene& scene, const Resources& resources) {
+    std::vector<std::filesystem::path> files;
+    forEachUrlField(scene, [&](const Node& node, FieldIndex i) {
+        for (const String& url : *static_cast<const Array<String>*>(node.storage(i))) {
+            if (isProgram(url.view())) continue;
+            const auto resource = resources.open(scene, node, i, url.view());
+            if (resource && !resource->path().empty()) files.push_back(resource->path());
+        }
+    });
+    return files;
 }
 
 }  // namespace rtsg

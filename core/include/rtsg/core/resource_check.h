@@ -5,6 +5,9 @@
 // Threading: the scene's thread.
 #pragma once
 
+#include <filesystem>
+#include <vector>
+
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
@@ -12,5 +15,9 @@
 namespace rtsg {
 
 void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics);
+
+/// The files that urls of the scene open: what must not be written while the scene is played. Each url that names a
+/// file that is there counts, not just the first of a list.
+std::vector<std::filesystem::path> resourceFiles(const Scene& scene, const Resources& resources);
 
 }  // namespace rtsg
