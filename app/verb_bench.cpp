@@ -60,6 +60,7 @@ constexpr Bench kBenches[] = {
     {"instances", "rays through 100,000 things that may move against one flat BVH", always<bench::instances>},
     {"stage", "one world: light, sound, and readers on threads of their own", always<bench::stage>},
     {"export", "one box of many moves: what writing it as MCAP adds", always<bench::exporting>},
+    {"sound", "the acoustic tracer's rays against bare Embree; the time of a box's figures", bench::sound},
     {"deform", "following a deforming mesh against a bare refit; rays against a rebuilt BVH", always<bench::deform>},
     {"codec", "encoding and decoding a changed field", synced<bench::codec>},
     {"input", "input mode: bytes and time of a frame that derives from the clock", synced<bench::input>},

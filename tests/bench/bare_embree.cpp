@@ -72,13 +72,13 @@ struct FlatScene::Impl {
     double seconds = 0;
 };
 
-FlatScene::FlatScene(const RayWorld& world) : impl_(std::make_unique<Impl>()) {
+FlatScene::FlatScene(const RayWorld& world, bool robust) : impl_(std::make_unique<Impl>()) {
     Impl& i = *impl_;
     for (const RayInstance& instance : world.instances())
         if (instance.mesh) i.triangles.add(*instance.mesh, instance.rayFromLocal);
     const double start = cpuSeconds();
     i.scene = rtcNewScene(i.device.device);
-    rtcSetSceneFlags(i.scene, RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneFlags(i.scene, robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE);
     attach(i.scene, i.triangles.geometry(i.device.device, RTC_BUILD_QUALITY_MEDIUM));
     rtcCommitScene(i.scene);
     i.seconds = cpuSeconds() - start;
@@ -91,6 +91,30 @@ double FlatScene::buildSeconds() const {
 }
 std::size_t FlatScene::bvhBytes() const {
     return static_cast<std::size_t>(impl_->device.bytes);
+}
+double FlatScene::trace(std::span<const AskedRay> rays) const {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    unsigned hits = 0;
+    const double start = cpuSeconds();
+    for (const AskedRay& asked : rays) {
+        RTCRayHit r;
+        r.ray.org_x = asked.ray.origin.x, r.ray.org_y = asked.ray.origin.y, r.ray.org_z = asked.ray.origin.z;
+        r.ray.dir_x = asked.ray.direction.x, r.ray.dir_y = asked.ray.direction.y, r.ray.dir_z = asked.ray.direction.z;
+        r.ray.tnear = asked.ray.tMin, r.ray.tfar = asked.ray.tMax, r.ray.time = 0;
+        r.ray.mask = ~0u, r.ray.flags = 0, r.ray.id = 0;
+        r.hit.geomID = RTC_INVALID_GEOMETRY_ID, r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+        if (asked.any) {
+            rtcOccluded1(impl_->scene, &context, &r.ray);
+            hits += r.ray.tfar < 0;
+        } else {
+            rtcIntersect1(impl_->scene, &context, &r);
+            hits += r.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+        }
+    }
+    keep(hits);
+    return cpuSeconds() - start;
 }
 std::size_t FlatScene::triangles() const {
     return impl_->triangles.indices.size() / 3;

@@ -13,10 +13,17 @@
 
 namespace rtsg::bench {
 
+/// One ray that somebody asked.
+struct AskedRay {
+    Ray ray;
+    bool any = false;  // whether something is in the way, no matter what
+};
+
 /// Everything of a ray world in one flat scene: each instance's triangles in ray space.
 class FlatScene {
   public:
-    explicit FlatScene(const RayWorld& world);
+    /// `robust`: with Embree's flag of that name, which costs a little.
+    explicit FlatScene(const RayWorld& world, bool robust = true);
     ~FlatScene();
     FlatScene(const FlatScene&) = delete;
     FlatScene& operator=(const FlatScene&) = delete;
@@ -25,6 +32,8 @@ class FlatScene {
     double buildSeconds() const;
     std::size_t bvhBytes() const;
     std::size_t triangles() const;
+    /// CPU seconds to trace single rays.
+    double trace(std::span<const AskedRay> rays) const;
 
     struct Impl;
     const Impl& impl() const { return *impl_; }

@@ -8,252 +8,12 @@
 
 #include <rtsg/audio/acoustic_tracer.h>
 
-#include "places.h"
-#include "signal/random.h"
+#include "batch_tracer.h"
 
 namespace rtsg {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-/// Share of a ray's energy at which Russian roulette begins, and the chance to survive it.
-constexpr double kRouletteStart = 1e-6;
-constexpr double kRouletteSurvival = 0.2;
-
-enum class LastEvent : std::uint8_t { emitted, diffuse, mirror };
-
-struct SoundRay {
-    glm::dvec3 origin, direction;
-    Bands energy;
-    glm::dvec3 before;     // where it came from to `origin`
-    double travelled = 0;  // metres
-    std::uint32_t plane = kNoPlane;
-    LastEvent last = LastEvent::emitted;
-    int mirrorOrder = 0;  // reflections while all were mirror-like
-    bool onlyMirrors = true;
-};
-
-struct Batch {
-    EnergyHistogram histogram;
-    Bands absorbed{}, escaped{}, truncated{}, tried{};
-};
-
-glm::dvec3 directionFrom(double u, double v) {
-    const double z = 1 - 2 * u, r = std::sqrt(std::max(0.0, 1 - z * z)), phi = 2 * kPi * v;
-    return {r * std::cos(phi), r * std::sin(phi), z};
-}
-
-/// Lambert-distributed about a unit normal.
-glm::dvec3 cosineDirection(const glm::dvec3& normal, Random& random) {
-    const double u = random.uniform(), phi = 2 * kPi * random.uniform();
-    const glm::dvec3 helper = std::abs(normal.x) < 0.7 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
-    const glm::dvec3 tangent = glm::normalize(glm::cross(helper, normal)), bitangent = glm::cross(normal, tangent);
-    const double r = std::sqrt(u);
-    return r * std::cos(phi) * tangent + r * std::sin(phi) * bitangent + std::sqrt(std::max(0.0, 1 - u)) * normal;
-}
-
-double largest(const Bands& energy) {
-    return *std::max_element(energy.begin(), energy.end());
-}
-double sum(const Bands& energy) {
-    double result = 0;
-    for (const double e : energy) result += e;
-    return result;
-}
-
-double ballVolume(double radius) {
-    return 4 * kPi / 3 * radius * radius * radius;
-}
-
-class BatchTracer {
-  public:
-    BatchTracer(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                const TraceOptions& options, const TraceResult& result, Batch& batch, std::uint64_t seed)
-        : geometry_(geometry),
-          source_(source),
-          listener_(listener),
-          imageOrder_(result.imageOrder),
-          radius_(result.receiverRadius),
-          sphereVolume_(result.receiverVolume),
-          cut_(result.receiverVolume < ballVolume(result.receiverRadius) * (1 - 1e-9)),
-          maxDistance_(result.seconds * options.air.speedOfSound),
-          speed_(options.air.speedOfSound),
-          pattern_(options.pattern),
-          attenuation_(airAttenuation(options.air)),
-          airAbsorbs_(largest(attenuation_) > 0),
-          batch_(batch),
-          random_(seed) {}
-
-    void run(std::uint64_t rays) {
-        // Evenly spread directions, shifted at random: unbiased, less noise, and batches stay independent.
-        const double shiftU = random_.uniform(), shiftV = random_.uniform();
-        constexpr double kPlastic = 1.32471795724474602596;  // the R2 sequence
-        for (std::uint64_t i = 0; i < rays; ++i) {
-            const double n = static_cast<double>(i) + 1;
-            SoundRay ray;
-            ray.origin = ray.before = source_;
-            const double u = n / kPlastic + shiftU, v = n / (kPlastic * kPlastic) + shiftV;
-            ray.direction = directionFrom(u - std::floor(u), v - std::floor(v));
-            initial_ = 1 / static_cast<double>(rays);
-            ray.energy = allBands(pattern_ ? initial_ * pattern_(ray.direction) : initial_);
-            if (largest(ray.energy) > 0) follow(ray);
-        }
-    }
-
-  private:
-    void follow(SoundRay& ray) {
-        for (;;) {
-            AcousticHit hit;
-            const double left = maxDistance_ - ray.travelled;
-            bool met = geometry_.closest(ray.origin, ray.direction, left, ray.plane, hit);
-            if (!met && ray.plane != kNoPlane) {
-                // In a corner rounding may have put the start behind the next wall, or the ray between two of them.
-                const glm::dvec3 inside = offWalls(geometry_, ray.origin, ray.before);
-                met = geometry_.closest(inside, ray.direction, left, kNoPlane, hit);
-                if (met) ray.origin = inside;
-            }
-            if (countsInSphere(ray)) crossSphere(ray, met ? hit.distance : left);
-            if (!met) {
-                // Beyond the echogram's end there may still be a wall: then the sound is late, not gone.
-                const bool wall = geometry_.closest(ray.origin, ray.direction, 1e9, ray.plane, hit);
-                add(wall ? batch_.truncated : batch_.escaped, ray.energy);
-                return;
-            }
-            if (!interact(ray, hit)) return;
-        }
-    }
-
-    bool countsInSphere(const SoundRay& ray) const {
-        return ray.last == LastEvent::mirror && !(ray.onlyMirrors && ray.mirrorOrder <= imageOrder_);
-    }
-
-    /// Mean intensity over the ball is energy times chord over volume.
-    void crossSphere(const SoundRay& ray, double length) {
-        add(batch_.tried, ray.energy);
-        const glm::dvec3 toCenter = listener_ - ray.origin;
-        const double nearest = glm::dot(toCenter, ray.direction);
-        const double half2 = radius_ * radius_ - (glm::dot(toCenter, toCenter) - nearest * nearest);
-        if (half2 <= 0) return;
-        const double half = std::sqrt(half2), from = std::max(0.0, nearest - half),
-                     to = std::min(length, nearest + half);
-        if (to <= from) return;
-        double at = (from + to) / 2;
-        if (cut_) {
-            // One point of the chord stands for all: it counts if it is seen from the listener.
-            at = from + (to - from) * random_.uniform();
-            const glm::dvec3 toPoint = ray.origin + ray.direction * at - listener_;
-            const double distance = glm::length(toPoint);
-            AcousticHit hit;
-            if (distance > 0 && geometry_.closest(listener_, toPoint / distance, distance, kNoPlane, hit)) return;
-        }
-        receive(ray.energy, (to - from) / sphereVolume_, at, ray.travelled + at);
-    }
-
-    /// `distance` of it since the energy was last weakened by air.
-    void receive(const Bands& energy, double factor, double distance, double travelled) {
-        if (travelled >= maxDistance_) return;
-        Bands received;
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            received[b] = energy[b] * factor;
-            if (airAbsorbs_) received[b] *= std::exp(-attenuation_[b] * distance);
-        }
-        batch_.histogram.add(travelled / speed_, received);
-    }
-
-    bool interact(SoundRay& ray, const AcousticHit& hit) {
-        const AcousticMaterial& material = geometry_.materials()[hit.material];
-        const double step = hit.distance, cosine = glm::dot(ray.direction, hit.normal);
-        const glm::dvec3 point = ray.origin + ray.direction * step;
-        ray.before = ray.origin;
-        ray.travelled += step;
-        if (airAbsorbs_)
-            for (std::size_t b = 0; b < kBandCount; ++b) {
-                const double lost = ray.energy[b] * -std::expm1(-attenuation_[b] * step);
-                batch_.absorbed[b] += lost;
-                ray.energy[b] -= lost;
-            }
-        const glm::dvec3 facing = cosine > 0 ? -hit.normal : hit.normal;
-
-        Bands diffuse, mirror, through;
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            const double reflected = std::max(0.0, material.reflected(b));
-            diffuse[b] = ray.energy[b] * reflected * material.scattering[b];
-            mirror[b] = ray.energy[b] * reflected * (1 - material.scattering[b]);
-            through[b] = ray.energy[b] * material.transmission[b];
-            batch_.absorbed[b] += ray.energy[b] - diffuse[b] - mirror[b] - through[b];
-        }
-        const double diffuseSum = sum(diffuse), mirrorSum = sum(mirror), throughSum = sum(through);
-        const double all = diffuseSum + mirrorSum + throughSum;
-        if (!(all > 0)) return false;
-        if (diffuseSum > 0) nextEvent(point, facing, diffuse, hit.plane, ray.travelled);
-
-        const double choice = random_.uniform() * all;
-        double probability = 0;
-        // Rounding may put the choice past the last share; a share of nothing is never chosen.
-        if (diffuseSum > 0 && (choice < diffuseSum || mirrorSum + throughSum <= 0)) {
-            ray.energy = diffuse;
-            probability = diffuseSum / all;
-            ray.direction = cosineDirection(facing, random_);
-            ray.last = LastEvent::diffuse;
-            ray.onlyMirrors = false;
-        } else if (mirrorSum > 0 && (choice < diffuseSum + mirrorSum || throughSum <= 0)) {
-            ray.energy = mirror;
-            probability = mirrorSum / all;
-            ray.direction -= hit.normal * (2 * cosine);
-            ray.last = LastEvent::mirror;
-            ++ray.mirrorOrder;
-        } else {
-            ray.energy = through;
-            probability = throughSum / all;
-        }
-        ray.origin = point;
-        ray.plane = hit.plane;
-        for (double& e : ray.energy) e /= probability;
-        if (largest(ray.energy) < kRouletteStart * initial_) {
-            if (random_.uniform() >= kRouletteSurvival) return false;
-            for (double& e : ray.energy) e /= kRouletteSurvival;
-        }
-        return true;
-    }
-
-    /// Lambert: of the energy scattered at `point` the listener gets cos / (pi d^2), through whatever lets sound pass.
-    void nextEvent(const glm::dvec3& point, const glm::dvec3& normal, Bands energy, std::uint32_t plane,
-                   double travelled) {
-        const glm::dvec3 toListener = listener_ - point;
-        const double distance = glm::length(toListener), cosine = glm::dot(toListener, normal) / distance;
-        if (!(cosine > 0) || travelled + distance >= maxDistance_) return;
-        add(batch_.tried, energy);
-        const glm::dvec3 direction = toListener / distance;
-        glm::dvec3 origin = point;
-        double left = distance;
-        AcousticHit hit;
-        while (geometry_.closest(origin, direction, left, plane, hit)) {
-            const AcousticMaterial& material = geometry_.materials()[hit.material];
-            for (std::size_t b = 0; b < kBandCount; ++b) energy[b] *= material.transmission[b];
-            if (!(largest(energy) > 0)) return;
-            origin += direction * hit.distance;
-            left -= hit.distance;
-            plane = hit.plane;
-        }
-        receive(energy, cosine / (kPi * distance * distance), distance, travelled + distance);
-    }
-
-    static void add(Bands& target, const Bands& energy) {
-        for (std::size_t b = 0; b < kBandCount; ++b) target[b] += energy[b];
-    }
-
-    const AcousticGeometry& geometry_;
-    glm::dvec3 source_, listener_;
-    int imageOrder_;
-    double radius_, sphereVolume_;
-    bool cut_;  // by walls
-    double maxDistance_, speed_;
-    const SourcePattern& pattern_;
-    Bands attenuation_;
-    bool airAbsorbs_;
-    Batch& batch_;
-    Random random_;
-    double initial_ = 1;
-};
+using namespace trace;
 
 /// Mean of what `oldRays` and `newRays` rays gave.
 void mix(Bands& mean, const Bands& fresh, double weight) {
@@ -311,7 +71,8 @@ double decaySeconds(const AcousticGeometry& geometry, const glm::dvec3& source, 
         std::uint32_t plane = kNoPlane;
         Bands energy = allBands(1);
         double metres = 0;
-        for (int reflection = 0; largest(energy) > kGone && metres < kMost * options.air.speedOfSound; ++reflection) {
+        for (int reflection = 0; largest<kBandCount>(energy) > kGone && metres < kMost * options.air.speedOfSound;
+             ++reflection) {
             AcousticHit hit;
             // What is slow to fade in a small room would take rays without end.
             if (reflection > kMostReflections && metres > kShort * options.air.speedOfSound) break;
@@ -355,6 +116,112 @@ void chooseReceiver(const AcousticGeometry& geometry, const glm::dvec3& source, 
 
 }  // namespace
 
+namespace {
+
+/// Mirror images as far as they are worth it: all of the paths that keep the shares tried, from the largest on, as long
+/// as these are few; else as many orders as are allowed.
+ImageSources imagesOf(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                      const TraceOptions& options, double seconds, double& share) {
+    constexpr std::size_t kFew = 4000;
+    constexpr double kShares[] = {3e-2, 3e-3, 3e-4, 3e-5, 3e-6, 1e-7};
+    ImageSourceOptions asked;
+    asked.maxOrder = options.imageOrder;
+    asked.maxCandidates = options.maxImageCandidates;
+    asked.maxDistance = seconds * options.air.speedOfSound;
+    asked.pattern = options.pattern;
+    share = asked.minShare;
+    if (options.imageOrder >= TraceOptions().imageOrder) {
+        bool found = false;
+        for (const double tried : kShares) {
+            const CandidateCount count = countImageCandidates(
+                geometry, source, listener, tried, found ? std::min(kFew, asked.maxCandidates) : asked.maxCandidates);
+            if (!count.complete) break;
+            share = asked.minShare = tried;
+            found = true;
+            if (count.candidates > kFew / 4) break;
+        }
+    }
+    return findImageSources(geometry, source, listener, asked, options.air.speedOfSound, airAttenuation(options.air));
+}
+
+/// Whether a ray need not know bands apart.
+bool alikeInAllBands(const AcousticGeometry& geometry) {
+    const auto flat = [](const Bands& bands) {
+        return std::all_of(bands.begin(), bands.end(), [&](double value) { return value == bands[0]; });
+    };
+    const auto materials = geometry.materials();
+    return std::all_of(materials.begin(), materials.end(), [&](const AcousticMaterial& m) {
+        return flat(m.absorption) && flat(m.scattering) && flat(m.transmission);
+    });
+}
+
+/// Energy in N bands as what it is in all.
+template <std::size_t N>
+double bandOf(const Energy<N>& energy, std::size_t band) {
+    return energy[N == 1 ? 0 : band];
+}
+
+/// What is left in air after some metres.
+Bands airShare(const Bands& attenuation, double metres) {
+    Bands share;
+    for (std::size_t b = 0; b < kBandCount; ++b) share[b] = std::exp(-attenuation[b] * metres);
+    return share;
+}
+
+/// More rays into the batches of a result.
+template <std::size_t N>
+void refineAs(const AcousticGeometry& geometry, TraceResult& result, const glm::dvec3& source,
+              const glm::dvec3& listener, const TraceOptions& options, std::uint64_t each) {
+    const std::size_t count = result.batches.size();
+    const Task<N> task(geometry, source, listener, options, result);
+    std::vector<Batch<N>> fresh(count);
+    tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+        BatchTracer<N>(task, fresh[i], Random::mix(options.seed, Random::mix(result.rays, i))).run(each);
+    });
+    const double total = static_cast<double>(result.rays + each * count);
+    const double weight = static_cast<double>(each * count) / total;
+    const Bands attenuation = airAttenuation(options.air);
+    const double metresPerBin = options.air.speedOfSound / options.binsPerSecond;
+    const Bands perBin = airShare(attenuation, metresPerBin);
+    Bands escaped{}, truncated{}, sent{}, tried{};
+    for (std::size_t i = 0; i < count; ++i) {
+        for (Bands& bin : result.batches[i].bins)
+            for (double& energy : bin) energy *= 1 - weight;
+        std::vector<Energy<N>>& bins = fresh[i].bins;
+        while (!bins.empty() && !(largest<N>(bins.back()) > 0)) bins.pop_back();
+        if (result.batches[i].bins.size() < bins.size()) result.batches[i].bins.resize(bins.size(), Bands{});
+        // What air takes is that of the middle of each bin.
+        Bands air = airShare(attenuation, (result.batches[i].startOf(0) * options.binsPerSecond + 0.5) * metresPerBin);
+        for (std::size_t k = 0; k < bins.size(); ++k)
+            for (std::size_t b = 0; b < kBandCount; ++b) {
+                result.batches[i].bins[k][b] += weight * bandOf<N>(bins[k], b) * air[b];
+                air[b] *= perBin[b];
+            }
+        const double share = 1.0 / static_cast<double>(count);
+        const auto collect = [&](const std::vector<std::pair<Energy<N>, double>>& rays, Bands& into) {
+            for (const auto& [energy, metres] : rays) {
+                const Bands left = airShare(attenuation, metres);
+                for (std::size_t b = 0; b < kBandCount; ++b) into[b] += share * bandOf<N>(energy, b) * left[b];
+            }
+        };
+        collect(fresh[i].escaped, escaped);
+        collect(fresh[i].truncated, truncated);
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            sent[b] += share * bandOf<N>(fresh[i].sent, b);
+            tried[b] += share * bandOf<N>(fresh[i].tried, b);
+        }
+    }
+    Bands absorbed{};
+    for (std::size_t b = 0; b < kBandCount; ++b) absorbed[b] = sent[b] - escaped[b] - truncated[b];
+    mix(result.absorbed, absorbed, weight);
+    mix(result.escaped, escaped, weight);
+    mix(result.truncated, truncated, weight);
+    mix(result.tried, tried, weight);
+    result.rays += each * count;
+}
+
+}  // namespace
+
 TraceResult AcousticTracer::trace(const glm::dvec3& from, const glm::dvec3& to, const TraceOptions& options) const {
     TraceResult result;
     // A place that is none, or farther away than anything is heard, neither sends nor receives.
@@ -364,13 +231,7 @@ TraceResult AcousticTracer::trace(const glm::dvec3& from, const glm::dvec3& to, 
     result.seconds = options.maxSeconds > 0
                          ? options.maxSeconds
                          : std::clamp(decaySeconds(*geometry_, source, options) + 2 * direct, 1.0, kMost);
-    ImageSourceOptions imageOptions;
-    imageOptions.maxOrder = options.imageOrder;
-    imageOptions.maxCandidates = options.maxImageCandidates;
-    imageOptions.maxDistance = result.seconds * options.air.speedOfSound;
-    imageOptions.pattern = options.pattern;
-    ImageSources images = findImageSources(*geometry_, source, listener, imageOptions, options.air.speedOfSound,
-                                           airAttenuation(options.air));
+    ImageSources images = imagesOf(*geometry_, source, listener, options, result.seconds, result.imageShare);
     result.arrivals = std::move(images.arrivals);
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;
@@ -386,34 +247,13 @@ TraceResult AcousticTracer::trace(const glm::dvec3& from, const glm::dvec3& to, 
 void AcousticTracer::refine(TraceResult& result, const glm::dvec3& from, const glm::dvec3& to,
                             const TraceOptions& options, std::uint64_t rays) const {
     const std::size_t count = result.batches.size();
-    if (count == 0) return;
-    const glm::dvec3 source = offWalls(*geometry_, from, to), listener = offWalls(*geometry_, to, from);
-    const std::uint64_t each = (rays + count - 1) / count;
+    const std::uint64_t each = count == 0 ? 0 : (rays + count - 1) / count;
     if (each == 0) return;
-    std::vector<Batch> fresh(count);
-    tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
-        fresh[i].histogram = EnergyHistogram{result.batches[i].binsPerSecond, {}, result.batches[i].start};
-        BatchTracer(*geometry_, source, listener, options, result, fresh[i],
-                    Random::mix(options.seed, Random::mix(result.rays, i)))
-            .run(each);
-    });
-    const double total = static_cast<double>(result.rays + each * count);
-    const double weight = static_cast<double>(each * count) / total;
-    Bands absorbed{}, escaped{}, truncated{}, tried{};
-    for (std::size_t i = 0; i < count; ++i) {
-        for (Bands& bin : result.batches[i].bins)
-            for (double& energy : bin) energy *= 1 - weight;
-        result.batches[i].accumulate(fresh[i].histogram, weight);
-        mix(absorbed, fresh[i].absorbed, 1.0 / static_cast<double>(i + 1));
-        mix(escaped, fresh[i].escaped, 1.0 / static_cast<double>(i + 1));
-        mix(truncated, fresh[i].truncated, 1.0 / static_cast<double>(i + 1));
-        mix(tried, fresh[i].tried, 1.0 / static_cast<double>(i + 1));
-    }
-    mix(result.absorbed, absorbed, weight);
-    mix(result.escaped, escaped, weight);
-    mix(result.truncated, truncated, weight);
-    mix(result.tried, tried, weight);
-    result.rays += each * count;
+    const glm::dvec3 source = offWalls(*geometry_, from, to), listener = offWalls(*geometry_, to, from);
+    if (alikeInAllBands(*geometry_))
+        refineAs<1>(*geometry_, result, source, listener, options, each);
+    else
+        refineAs<kBandCount>(*geometry_, result, source, listener, options, each);
 }
 
 double AcousticTracer::refineTo(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener,

@@ -281,6 +281,19 @@ Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& from, cons
     return share;
 }
 
+CandidateCount countImageCandidates(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to,
+                                    double minShare, std::size_t maxCandidates) {
+    ImageSourceOptions options;
+    options.maxOrder = 1000;
+    options.maxCandidates = maxCandidates;
+    options.minShare = minShare;
+    CandidateSet candidates;
+    candidates.insert(offWalls(geometry, from, to), glm::dmat3(1.0), kNoPlane, 1, 0);
+    ImageSources result;
+    findCandidates(geometry, options, candidates, result);
+    return {candidates.all.size(), result.complete};
+}
+
 ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to,
                               const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation) {
     ImageSources result;

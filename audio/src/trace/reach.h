@@ -30,6 +30,13 @@ class ReachRecorder final : public AcousticGeometry {
         box.extend(origin + direction * std::min(met ? hit.distance : maxDistance, longest_));
         return met;
     }
+    bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction, double distance,
+                 std::uint32_t except) const override {
+        AcousticBox& box = reached_.local();
+        box.extend(origin);
+        box.extend(origin + direction * std::min(distance, longest_));
+        return geometry_->blocked(origin, facing, direction, distance, except);
+    }
     double distanceToSurface(const glm::dvec3& point) const override { return geometry_->distanceToSurface(point); }
     void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override {
         geometry_->surfacesNear(point, radius, visit);

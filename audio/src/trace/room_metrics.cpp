@@ -51,15 +51,32 @@ class BandDecay {
         const auto it = std::upper_bound(arrivals_.begin(), arrivals_.end(), seconds,
                                          [](double t, const auto& arrival) { return t < arrival.first; });
         if (it != arrivals_.end()) sum += it->second;
-        const double position = std::max(0.0, (seconds - start_) * binsPerSecond_);
-        if (position < static_cast<double>(tail_.size() - 1)) {
-            const auto bin = static_cast<std::size_t>(position);
-            sum += tail_[bin] + (tail_[bin + 1] - tail_[bin]) * (position - static_cast<double>(bin));
-        }
-        return sum;
+        return sum + binsAfter(seconds);
     }
 
+    /// after() of times that only grow, without searching.
+    class Walk {
+      public:
+        explicit Walk(const BandDecay& decay) : decay_(decay) {}
+        double after(double seconds) {
+            const auto& arrivals = decay_.arrivals_;
+            while (next_ < arrivals.size() && arrivals[next_].first <= seconds) ++next_;
+            return (next_ < arrivals.size() ? arrivals[next_].second : 0) + decay_.binsAfter(seconds);
+        }
+
+      private:
+        const BandDecay& decay_;
+        std::size_t next_ = 0;
+    };
+
   private:
+    double binsAfter(double seconds) const {
+        const double position = std::max(0.0, (seconds - start_) * binsPerSecond_);
+        if (!(position < static_cast<double>(tail_.size() - 1))) return 0;
+        const auto bin = static_cast<std::size_t>(position);
+        return tail_[bin] + (tail_[bin + 1] - tail_[bin]) * (position - static_cast<double>(bin));
+    }
+
     std::vector<std::pair<double, double>> arrivals_;  // time; energy from here on
     std::vector<double> tail_;                         // energy from the bin's start on
     double binsPerSecond_, start_;
@@ -73,8 +90,9 @@ struct DecayCurve {
     DecayCurve(const BandDecay& decay, double gridSeconds) : grid(gridSeconds) {
         levelDb.push_back(0);
         const double lowest = std::pow(10.0, -4.6) * decay.total();
+        BandDecay::Walk walk(decay);
         for (std::size_t k = 1;; ++k) {
-            const double energy = decay.after(decay.first() + static_cast<double>(k) * grid);
+            const double energy = walk.after(decay.first() + static_cast<double>(k) * grid);
             if (energy <= 0) break;
             levelDb.push_back(10 * std::log10(energy / decay.total()));
             if (energy < lowest) break;
@@ -99,9 +117,21 @@ struct DecayCurve {
     }
 };
 
+/// Whether two bands hold the same.
+bool alike(const Echogram& echogram, std::size_t a, std::size_t b) {
+    return std::all_of(echogram.arrivals.begin(), echogram.arrivals.end(),
+                       [&](const Arrival& arrival) { return arrival.energy[a] == arrival.energy[b]; }) &&
+           std::all_of(echogram.late.bins.begin(), echogram.late.bins.end(),
+                       [&](const Bands& bin) { return bin[a] == bin[b]; });
+}
+
 RoomMetrics metricsOnGrid(const Echogram& echogram, double gridSeconds) {
     RoomMetrics metrics;
     for (std::size_t b = 0; b < kBandCount; ++b) {
+        if (b > 0 && alike(echogram, b - 1, b)) {
+            for (auto figure : kFigures) (metrics.*figure)[b] = (metrics.*figure)[b - 1];
+            continue;
+        }
         const BandDecay decay(echogram, b);
         if (!(decay.total() > 0)) {
             for (auto figure : kFigures) (metrics.*figure)[b] = kNan;

@@ -146,6 +146,20 @@ bool WorldGeometry::closestBut(std::span<const std::uint32_t> open, const glm::d
     return false;
 }
 
+bool WorldGeometry::blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction,
+                            double distance, std::uint32_t except) const {
+    const glm::dvec3 away = glm::abs(origin - rays_->origin());
+    const double rounding = 0x1p-20 * (0x1p-3 + std::max({away.x, away.y, away.z}));
+    Ray ray;
+    ray.origin = rays_->fromWorld(origin + facing * rounding);
+    ray.direction = Vec3f(direction);
+    ray.tMax = static_cast<float>(distance - 2 * rounding);
+    if (!(ray.tMax > 0) || !rays_->occluded(ray, RayKind::sound)) return false;
+    // Something is there, if not the surface itself, where it is not as even as its plane.
+    AcousticHit hit;
+    return closestBut({}, origin, direction, distance, except, hit);
+}
+
 std::vector<std::uint32_t> WorldGeometry::instancesAround(const glm::dvec3& point, double maxSize) const {
     constexpr int kDirections = 32;
     constexpr double kGolden = 2.39996322972865332;

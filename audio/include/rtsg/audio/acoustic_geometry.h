@@ -66,6 +66,14 @@ class AcousticGeometry {
     /// Nearest surface along a unit direction with 0 <= distance < maxDistance that is not on plane `except`.
     virtual bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance,
                          std::uint32_t except, AcousticHit& hit) const = 0;
+    /// Whether a surface lies on the way from a place on plane `except`, before it by `facing` (unit), to one that
+    /// touches none; what closest() would say.
+    virtual bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction,
+                         double distance, std::uint32_t except) const {
+        static_cast<void>(facing);
+        AcousticHit hit;
+        return closest(origin, direction, distance, except, hit);
+    }
     /// Distance from a point to the nearest surface, metres; infinity in the void.
     virtual double distanceToSurface(const glm::dvec3& point) const = 0;
     /// Called with the unit normal of a surface and the point's distance from its plane on that side.

@@ -1,7 +1,8 @@
 // AcousticTracer: from a source, a listener and an AcousticGeometry to an Echogram with confidence intervals.
 //
 // Every path is counted once, by exactly one of three estimators, so the expectation does not depend on the options:
-//   mirror reflections only, up to the image order (and direct sound), through walls or not:  image sources, exact
+//   mirror reflections only, up to the image order and down to the image share (and direct sound), through walls or
+//   not:                                                    image sources, exact
 //   the last reflection is diffuse:                         next-event estimation to the listener, a point
 //   all others (mirror last after diffuse or above the image order):   track length in a ball around the listener
 // The ball yields the mean over what of it is seen from the listener. Rays end by Russian roulette, never by a
@@ -24,7 +25,8 @@
 namespace rtsg {
 
 struct TraceOptions {
-    /// As high as the candidates allow, by default: images are exact where rays are noisy (flutter echoes above all).
+    /// By default as high as the candidates allow and is worth it: images are exact where rays are noisy (flutter
+    /// echoes above all), but of walls that scatter they have little.
     int imageOrder = 1000;
     std::size_t maxImageCandidates = 60'000;
     std::uint64_t rays = 20'000;
@@ -45,7 +47,8 @@ struct TraceResult {
     std::vector<Arrival> arrivals;         // exact part
     std::vector<EnergyHistogram> batches;  // random part: equally good estimates of the same
     std::uint64_t rays = 0;
-    int imageOrder = 0;  // that was complete within maxImageCandidates
+    int imageOrder = 0;     // that was complete within maxImageCandidates
+    double imageShare = 0;  // of energy that the paths of images keep at best, at least
     std::size_t imageCandidates = 0;
     double seconds = 0;         // length of the echogram
     double receiverRadius = 0;  // used

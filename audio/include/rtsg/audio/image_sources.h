@@ -31,7 +31,7 @@ struct ImageSourceOptions {
     double maxDistance = std::numeric_limits<double>::infinity();
     /// When the candidates of an order would exceed this, the order is not begun and `order` of the result says so.
     std::size_t maxCandidates = 200'000;
-    /// Paths whose walls leave less than this share of the energy are not followed (they are not left to rays either).
+    /// Paths whose walls leave less than this share of the energy are not followed.
     double minShare = 1e-7;
     SourcePattern pattern = {};
 };
@@ -49,6 +49,14 @@ struct ImageSources {
 /// Energies are those of an Echogram; `attenuation` is the air's, 1/m.
 ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                               const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation);
+
+struct CandidateCount {
+    std::size_t candidates = 0;
+    bool complete = false;  // all that keep the share, within the number allowed
+};
+/// How many candidates findImageSources would check for paths that keep this share of the energy at best.
+CandidateCount countImageCandidates(const AcousticGeometry& geometry, const glm::dvec3& source,
+                                    const glm::dvec3& listener, double minShare, std::size_t maxCandidates);
 
 /// Share of the energy per band that is left on the straight way: 1 in the open, 0 behind a wall that lets nothing
 /// through.

@@ -55,6 +55,8 @@ class WorldGeometry final : public AcousticGeometry {
     /// As closest(), through the instances in `open` (slots).
     bool closestBut(std::span<const std::uint32_t> open, const glm::dvec3& origin, const glm::dvec3& direction,
                     double maxDistance, std::uint32_t except, AcousticHit& hit) const;
+    bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction, double distance,
+                 std::uint32_t except) const override;
     /// Slots of instances whose box holds the point and measures at most `maxSize` metres from corner to corner, as far
     /// as they are in the way of 32 rays from there.
     std::vector<std::uint32_t> instancesAround(const glm::dvec3& point, double maxSize) const;
@@ -89,6 +91,11 @@ class OpenedGeometry final : public AcousticGeometry {
     bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance, std::uint32_t except,
                  AcousticHit& hit) const override {
         return whole_->closestBut(open_, origin, direction, maxDistance, except, hit);
+    }
+    bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction, double distance,
+                 std::uint32_t except) const override {
+        if (open_.empty()) return whole_->blocked(origin, facing, direction, distance, except);
+        return AcousticGeometry::blocked(origin, facing, direction, distance, except);
     }
     double distanceToSurface(const glm::dvec3& point) const override { return whole_->distanceToSurface(point); }
     void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override {

@@ -1,0 +1,300 @@
+// BatchTracer: follows the rays of one batch through a geometry.
+//
+// Energies are kept in N bands: 8, or 1 where walls and sources are alike in all bands. What air takes depends on the
+// way alone and is left to whoever reads the histogram. Source: see acoustic_tracer.h. Threading: one thread an object.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <span>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/acoustic_tracer.h>
+
+#include "places.h"
+#include "signal/random.h"
+
+namespace rtsg::trace {
+
+inline glm::dvec3 directionFrom(double u, double v) {
+    const double z = 1 - 2 * u, r = std::sqrt(std::max(0.0, 1 - z * z)), phi = 2 * std::numbers::pi * v;
+    return {r * std::cos(phi), r * std::sin(phi), z};
+}
+
+/// Lambert-distributed about a unit normal.
+inline glm::dvec3 cosineDirection(const glm::dvec3& normal, Random& random) {
+    const double u = random.uniform(), phi = 2 * std::numbers::pi * random.uniform();
+    const glm::dvec3 helper = std::abs(normal.x) < 0.7 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
+    const glm::dvec3 tangent = glm::normalize(glm::cross(helper, normal)), bitangent = glm::cross(normal, tangent);
+    const double r = std::sqrt(u);
+    return r * std::cos(phi) * tangent + r * std::sin(phi) * bitangent + std::sqrt(std::max(0.0, 1 - u)) * normal;
+}
+
+inline double ballVolume(double radius) {
+    return 4 * std::numbers::pi / 3 * radius * radius * radius;
+}
+
+template <std::size_t N>
+using Energy = std::array<double, N>;
+
+template <std::size_t N>
+double largest(const Energy<N>& energy) {
+    return *std::max_element(energy.begin(), energy.end());
+}
+template <std::size_t N>
+double sum(const Energy<N>& energy) {
+    double result = 0;
+    for (const double e : energy) result += e;
+    return result;
+}
+template <std::size_t N>
+void add(Energy<N>& target, const Energy<N>& energy, double factor = 1) {
+    for (std::size_t b = 0; b < N; ++b) target[b] += energy[b] * factor;
+}
+
+/// What a wall does with energy.
+template <std::size_t N>
+struct Shares {
+    Energy<N> diffuse, mirror, through;
+
+    explicit Shares(const AcousticMaterial& material) {
+        for (std::size_t b = 0; b < N; ++b) {
+            const double reflected = std::max(0.0, material.reflected(b));
+            diffuse[b] = reflected * material.scattering[b];
+            mirror[b] = reflected * (1 - material.scattering[b]);
+            through[b] = material.transmission[b];
+        }
+    }
+};
+
+/// Without what air takes.
+template <std::size_t N>
+struct Batch {
+    std::vector<Energy<N>> bins;
+    Energy<N> sent{}, tried{};
+    /// What left, and what is still under way: energy and metres, of each ray.
+    std::vector<std::pair<Energy<N>, double>> escaped, truncated;
+};
+
+/// What all batches of one run have in common.
+template <std::size_t N>
+struct Task {
+    const AcousticGeometry& geometry;
+    glm::dvec3 source, listener;
+    const TraceOptions& options;
+    const TraceResult& result;
+    std::vector<Shares<N>> walls;
+    std::span<const ReflectingPlane> planes;
+    bool transmits;  // any of them
+
+    Task(const AcousticGeometry& g, const glm::dvec3& s, const glm::dvec3& l, const TraceOptions& o,
+         const TraceResult& r)
+        : geometry(g), source(s), listener(l), options(o), result(r), planes(g.planes()) {
+        for (const AcousticMaterial& material : g.materials()) walls.emplace_back(material);
+        transmits =
+            std::any_of(walls.begin(), walls.end(), [](const Shares<N>& w) { return largest<N>(w.through) > 0; });
+    }
+};
+
+template <std::size_t N>
+class BatchTracer {
+  public:
+    BatchTracer(const Task<N>& task, Batch<N>& batch, std::uint64_t seed)
+        : task_(task),
+          geometry_(task.geometry),
+          listener_(task.listener),
+          radius_(task.result.receiverRadius),
+          volume_(task.result.receiverVolume),
+          cut_(volume_ < ballVolume(radius_) * (1 - 1e-9)),
+          maxDistance_(task.result.seconds * task.options.air.speedOfSound),
+          binsPerMetre_(task.options.binsPerSecond / task.options.air.speedOfSound),
+          startMetres_(task.result.batches.front().start * task.options.air.speedOfSound),
+          batch_(batch),
+          random_(seed) {}
+
+    void run(std::uint64_t rays) {
+        // Evenly spread directions, shifted at random: unbiased, less noise, and batches stay independent.
+        const double shiftU = random_.uniform(), shiftV = random_.uniform();
+        constexpr double kPlastic = 1.32471795724474602596;  // the R2 sequence
+        initial_ = 1 / static_cast<double>(rays);
+        for (std::uint64_t i = 0; i < rays; ++i) {
+            const double n = static_cast<double>(i) + 1;
+            Ray ray;
+            ray.origin = ray.before = task_.source;
+            const double u = n / kPlastic + shiftU, v = n / (kPlastic * kPlastic) + shiftV;
+            ray.direction = directionFrom(u - std::floor(u), v - std::floor(v));
+            ray.energy.fill(task_.options.pattern ? initial_ * task_.options.pattern(ray.direction) : initial_);
+            add<N>(batch_.sent, ray.energy);
+            if (largest<N>(ray.energy) > 0) follow(ray);
+        }
+    }
+
+  private:
+    /// Share of a ray's energy at which Russian roulette begins, and the chance to survive it.
+    static constexpr double kRouletteStart = 1e-6;
+    static constexpr double kRouletteSurvival = 0.2;
+
+    enum class LastEvent : std::uint8_t { emitted, diffuse, mirror };
+
+    struct Ray {
+        glm::dvec3 origin, direction;
+        Energy<N> energy;
+        glm::dvec3 before;     // where it came from to `origin`
+        double travelled = 0;  // metres
+        std::uint32_t plane = kNoPlane;
+        LastEvent last = LastEvent::emitted;
+        int mirrorOrder = 0;     // reflections while all were mirror-like
+        double mirrorShare = 1;  // at most, of energy that they left
+        bool onlyMirrors = true;
+    };
+
+    void follow(Ray& ray) {
+        for (;;) {
+            AcousticHit hit;
+            const double left = maxDistance_ - ray.travelled;
+            bool met = geometry_.closest(ray.origin, ray.direction, left, ray.plane, hit);
+            if (!met && ray.plane != kNoPlane) {
+                // In a corner rounding may have put the start behind the next wall, or the ray between two of them.
+                const glm::dvec3 inside = offWalls(geometry_, ray.origin, ray.before);
+                met = geometry_.closest(inside, ray.direction, left, kNoPlane, hit);
+                if (met) ray.origin = inside;
+            }
+            if (countsInBall(ray)) crossBall(ray, met ? hit.distance : left);
+            if (!met) {
+                // Beyond the echogram's end there may still be a wall: then the sound is late, not gone.
+                const bool wall = geometry_.closest(ray.origin, ray.direction, 1e9, ray.plane, hit);
+                if (wall)
+                    batch_.truncated.emplace_back(ray.energy, maxDistance_);
+                else
+                    batch_.escaped.emplace_back(ray.energy, ray.travelled);
+                return;
+            }
+            if (!interact(ray, hit)) return;
+        }
+    }
+
+    bool countsInBall(const Ray& ray) const {
+        return ray.last == LastEvent::mirror && !(ray.onlyMirrors && ray.mirrorOrder <= task_.result.imageOrder &&
+                                                  ray.mirrorShare >= task_.result.imageShare);
+    }
+
+    /// Mean intensity over the ball is energy times chord over volume.
+    void crossBall(const Ray& ray, double length) {
+        add<N>(batch_.tried, ray.energy);
+        const glm::dvec3 toCenter = listener_ - ray.origin;
+        const double nearest = glm::dot(toCenter, ray.direction);
+        const double half2 = radius_ * radius_ - (glm::dot(toCenter, toCenter) - nearest * nearest);
+        if (half2 <= 0) return;
+        const double half = std::sqrt(half2), from = std::max(0.0, nearest - half),
+                     to = std::min(length, nearest + half);
+        if (to <= from) return;
+        double at = (from + to) / 2;
+        if (cut_) {
+            // One point of the chord stands for all: it counts if it is seen from the listener.
+            at = from + (to - from) * random_.uniform();
+            const glm::dvec3 toPoint = ray.origin + ray.direction * at - listener_;
+            const double distance = glm::length(toPoint);
+            AcousticHit hit;
+            if (distance > 0 && geometry_.closest(listener_, toPoint / distance, distance, kNoPlane, hit)) return;
+        }
+        receive(ray.energy, (to - from) / volume_, ray.travelled + at);
+    }
+
+    void receive(const Energy<N>& energy, double factor, double travelled) {
+        if (travelled >= maxDistance_) return;
+        const auto bin = static_cast<std::size_t>(std::max(0.0, (travelled - startMetres_) * binsPerMetre_));
+        if (bin >= batch_.bins.size()) batch_.bins.resize(bin + 1 + bin / 4, Energy<N>{});
+        add<N>(batch_.bins[bin], energy, factor);
+    }
+
+    bool interact(Ray& ray, const AcousticHit& hit) {
+        const Shares<N>& wall = task_.walls[hit.material];
+        const double cosine = glm::dot(ray.direction, hit.normal);
+        const glm::dvec3 point = ray.origin + ray.direction * hit.distance;
+        ray.before = ray.origin;
+        ray.travelled += hit.distance;
+        const glm::dvec3 facing = cosine > 0 ? -hit.normal : hit.normal;
+
+        Energy<N> diffuse, mirror, through;
+        for (std::size_t b = 0; b < N; ++b) {
+            diffuse[b] = ray.energy[b] * wall.diffuse[b];
+            mirror[b] = ray.energy[b] * wall.mirror[b];
+            through[b] = ray.energy[b] * wall.through[b];
+        }
+        const double diffuseSum = sum<N>(diffuse), mirrorSum = sum<N>(mirror), throughSum = sum<N>(through);
+        const double all = diffuseSum + mirrorSum + throughSum;
+        if (!(all > 0)) return false;
+        if (diffuseSum > 0) nextEvent(point, facing, diffuse, hit.plane, ray.travelled);
+
+        const double choice = random_.uniform() * all;
+        double probability = 0;
+        // Rounding may put the choice past the last share; a share of nothing is never chosen.
+        if (diffuseSum > 0 && (choice < diffuseSum || mirrorSum + throughSum <= 0)) {
+            ray.energy = diffuse;
+            probability = diffuseSum / all;
+            ray.direction = cosineDirection(facing, random_);
+            ray.last = LastEvent::diffuse;
+            ray.onlyMirrors = false;
+        } else if (mirrorSum > 0 && (choice < diffuseSum + mirrorSum || throughSum <= 0)) {
+            ray.energy = mirror;
+            probability = mirrorSum / all;
+            ray.direction -= hit.normal * (2 * cosine);
+            ray.last = LastEvent::mirror;
+            ++ray.mirrorOrder;
+            if (hit.plane < task_.planes.size()) ray.mirrorShare *= task_.planes[hit.plane].mirrors;
+        } else {
+            ray.energy = through;
+            probability = throughSum / all;
+        }
+        ray.origin = point;
+        ray.plane = hit.plane;
+        for (double& e : ray.energy) e /= probability;
+        if (largest<N>(ray.energy) < kRouletteStart * initial_) {
+            if (random_.uniform() >= kRouletteSurvival) return false;
+            for (double& e : ray.energy) e /= kRouletteSurvival;
+        }
+        return true;
+    }
+
+    /// Lambert: of the energy scattered at `point` the listener gets cos / (pi d^2), through whatever lets sound pass.
+    void nextEvent(const glm::dvec3& point, const glm::dvec3& normal, Energy<N> energy, std::uint32_t plane,
+                   double travelled) {
+        const glm::dvec3 toListener = listener_ - point;
+        const double distance = glm::length(toListener), cosine = glm::dot(toListener, normal) / distance;
+        if (!(cosine > 0) || travelled + distance >= maxDistance_) return;
+        add<N>(batch_.tried, energy);
+        const glm::dvec3 direction = toListener / distance;
+        if (!task_.transmits) {
+            if (geometry_.blocked(point, normal, direction, distance, plane)) return;
+        } else {
+            glm::dvec3 origin = point;
+            double left = distance;
+            AcousticHit hit;
+            while (geometry_.closest(origin, direction, left, plane, hit)) {
+                for (std::size_t b = 0; b < N; ++b) energy[b] *= task_.walls[hit.material].through[b];
+                if (!(largest<N>(energy) > 0)) return;
+                origin += direction * hit.distance;
+                left -= hit.distance;
+                plane = hit.plane;
+            }
+        }
+        receive(energy, cosine / (std::numbers::pi * distance * distance), travelled + distance);
+    }
+
+    const Task<N>& task_;
+    const AcousticGeometry& geometry_;
+    glm::dvec3 listener_;
+    double radius_, volume_;
+    bool cut_;  // by walls
+    double maxDistance_, binsPerMetre_, startMetres_;
+    Batch<N>& batch_;
+    Random random_;
+    double initial_ = 1;
+};
+
+}  // namespace rtsg::trace

@@ -1,0 +1,191 @@
+// Bench "sound": the acoustic tracer's rays against bare Embree on the same triangles and the same rays, and the time
+// that the figures of a box take.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include <rtsg/audio/acoustic_tables.h>
+#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/world_geometry.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/renderers/shared_world.h>
+
+#include "bare_embree.h"
+#include "bench.h"
+#include "scenes/scenes.h"
+
+namespace rtsg::bench {
+
+namespace {
+
+template <class Run>
+void onOneThread(const Run& run) {
+    tbb::task_arena(1).execute(run);
+}
+
+/// Notes what a tracer asks.
+class RayList final : public AcousticGeometry {
+  public:
+    RayList(const AcousticGeometry& geometry, const RayView& rays) : geometry_(&geometry), rays_(&rays) {}
+    mutable std::vector<AskedRay> asked;
+
+    std::span<const ReflectingPlane> planes() const override { return geometry_->planes(); }
+    std::span<const AcousticMaterial> materials() const override { return geometry_->materials(); }
+    bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance, std::uint32_t except,
+                 AcousticHit& hit) const override {
+        note(origin, direction, maxDistance, false);
+        return geometry_->closest(origin, direction, maxDistance, except, hit);
+    }
+    bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction, double distance,
+                 std::uint32_t except) const override {
+        note(origin + 1e-5 * facing, direction, distance - 2e-5, true);
+        return geometry_->blocked(origin, facing, direction, distance, except);
+    }
+    double distanceToSurface(const glm::dvec3& point) const override { return geometry_->distanceToSurface(point); }
+    void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override {
+        geometry_->surfacesNear(point, radius, visit);
+    }
+
+  private:
+    void note(const glm::dvec3& origin, const glm::dvec3& direction, double most, bool any) const {
+        if (asked.size() >= 4'000'000) return;
+        Ray ray;
+        ray.origin = rays_->fromWorld(origin);
+        ray.direction = Vec3f(direction);
+        ray.tMin = 1e-5f;
+        ray.tMax = static_cast<float>(std::min(most, 1e9));
+        asked.push_back({ray, any});
+    }
+    const AcousticGeometry* geometry_;
+    const RayView* rays_;
+};
+
+constexpr const char* kBox =
+    "#X3D V4.0 utf8\nPROFILE Full\nTransform { translation 3 2.5 1.5 children Shape { geometry Box { size 6 5 3 solid "
+    "FALSE } appearance Appearance { acousticProperties AcousticProperties { absorption .1 diffuse .45 specular .45 } "
+    "} } "
+    "}\n";
+
+struct Hall {
+    std::string name;
+    Scene scene;
+    std::unique_ptr<SharedWorld> world;
+    std::unique_ptr<AcousticTables> tables;
+    WorldGeometry geometry;
+    glm::dvec3 source{1, 1, 1.5}, listener{4, 3, 1.5};
+
+    void start() {
+        AcousticMaterial usual;
+        usual.absorption = allBands(.1);
+        usual.scattering = allBands(.5);
+        world = std::make_unique<SharedWorld>(scene);
+        tables = std::make_unique<AcousticTables>(world->rays(), usual);
+        world->add(*tables);
+        scene.newFrame(0);
+        world->finishBackgroundWork();
+        geometry.follow(tables->latest()->walls, world->rays());
+    }
+    ~Hall() {
+        if (world) world->remove(*tables);
+    }
+};
+
+void rayRatios(const Report& report, Hall& hall, bool quick) {
+    TraceOptions options;
+    options.rays = quick ? 320 : 3200;
+    options.imageOrder = 0;
+    options.maxSeconds = 2;
+    options.air.absorbs = false;
+    const RayView& rays = hall.world->rays();
+    const RayList list(hall.geometry, rays);
+    onOneThread([&] { AcousticTracer(list).trace(hall.source, hall.listener, options); });
+    const FlatScene robust(hall.world->rays()), fast(hall.world->rays(), false);
+    const int runs = quick ? 1 : 5;
+    std::vector<double> traced, asked, bareRobust, bareFast;
+    for (int run = 0; run < runs; ++run) {
+        double start = cpuSeconds();
+        onOneThread([&] { keep(AcousticTracer(hall.geometry).trace(hall.source, hall.listener, options).rays); });
+        traced.push_back(cpuSeconds() - start);
+        start = cpuSeconds();
+        for (const AskedRay& a : list.asked) {
+            AcousticHit hit;
+            const glm::dvec3 origin = rays.toWorld(a.ray.origin), direction(a.ray.direction);
+            if (a.any)
+                keep(
+                    hall.geometry.blocked(origin, glm::dvec3(0), direction, static_cast<double>(a.ray.tMax), kNoPlane));
+            else
+                keep(hall.geometry.closest(origin, direction, static_cast<double>(a.ray.tMax), kNoPlane, hit));
+        }
+        asked.push_back(cpuSeconds() - start);
+        bareRobust.push_back(robust.trace(list.asked));
+        bareFast.push_back(fast.trace(list.asked));
+    }
+    const auto count = static_cast<double>(list.asked.size());
+    const auto rate = [&](std::vector<double>& seconds) { return count / median(seconds) * 1e-6; };
+    const double best = std::max(rate(bareFast), rate(bareRobust));
+    report({"sound", hall.name, "rays of the tracer", "M/s", rate(traced), "bare Embree, robust", rate(bareRobust),
+            "bare Embree, best flags", best});
+    report({"sound", hall.name, "questions of the tracer", "M/s", rate(asked), "bare Embree, robust", rate(bareRobust),
+            "bare Embree, best flags", best});
+    report({"sound", hall.name, "rays of the tracer / bare", "1", rate(traced) / best, "", 0, "asked for", .8});
+}
+
+/// Wall time on all cores until T20 is good to 1 % and levels to .1 dB.
+void figures(const Report& report, Hall& hall, bool quick) {
+    TraceOptions options;
+    options.air.absorbs = false;
+    for (const std::uint64_t rays : {std::uint64_t{1600}, std::uint64_t{6400}, std::uint64_t{25600}}) {
+        options.rays = rays;
+        std::vector<double> seconds, parts, t20, g;
+        for (int run = 0; run < (quick ? 1 : 9); ++run) {
+            options.seed = static_cast<std::uint64_t>(run) + 1;
+            const double start = wallSeconds();
+            const TraceResult result = AcousticTracer(hall.geometry).trace(hall.source, hall.listener, options);
+            const double middle = wallSeconds();
+            const MetricsEstimate m = result.metrics();
+            seconds.push_back(wallSeconds() - start);
+            parts.push_back(middle - start);
+            t20.push_back(100 * std::abs(m.value.t20[4] / 1.109 - 1));
+            g.push_back(std::abs(m.value.g[4] - 25.315));
+        }
+        const std::string name = fmt::format("{} with {} rays", hall.name, rays);
+        report({"sound", name, "time of the figures", "ms", 1e3 * median(seconds), "tracing alone", 1e3 * median(parts),
+                "asked for", 30});
+        report({"sound", name, "error of T20", "%", median(t20), "", 0, "asked for", 1});
+        report({"sound", name, "error of G", "dB", median(g), "", 0, "asked for", .1});
+        if (quick) return;
+    }
+}
+
+}  // namespace
+
+bool sound(const Report& report, bool quick) {
+    Diagnostics diagnostics;
+    Hall box;
+    box.name = "box";
+    if (!loadText(box.scene, kBox, diagnostics)) return false;
+    box.start();
+    rayRatios(report, box, quick);
+    figures(report, box, quick);
+    const std::filesystem::path folder = std::filesystem::temp_directory_path() / "rtsg_bench_sound";
+    std::filesystem::create_directories(folder);
+    const auto written = writeBenchScene("conference", quick ? .02 : .5, false, folder);
+    Hall hall;
+    hall.name = "conference room";
+    const bool loaded = written && loadFile(hall.scene, (folder / "conference.x3dv").string(), diagnostics);
+    std::error_code ignored;
+    std::filesystem::remove_all(folder, ignored);
+    if (!loaded) return false;
+    hall.start();
+    const Bounds bounds = hall.world->rays().bounds();
+    const glm::dvec3 low = hall.world->rays().toWorld(bounds.min), high = hall.world->rays().toWorld(bounds.max);
+    hall.source = glm::mix(low, high, glm::dvec3(.3, .6, .4));
+    hall.listener = glm::mix(low, high, glm::dvec3(.7, .55, .6));
+    rayRatios(report, hall, quick);
+    return true;
+}
+
+}  // namespace rtsg::bench
