@@ -34,10 +34,14 @@ void PictureArguments::addTo(Command& command) {
         ->oneOf({"whitted", "path", "raster"});
     command.addOption("--spp", samples, "samples a pixel")->preset()->range(1, 1 << 20);
     command.addOption("--error", error, "not built in yet: error to reach instead of --spp");
-    command.addOption("--depth", depth, "mirrorings and refractions along a ray")->preset()->range(0, 250);
-    command.addOption("--shadows", shadows, "all: every light casts them; authored: as its field says; none")
+    command.addOption("--depth", depth, "mirrorings and refractions along a ray at most; its weight ends it before")
         ->preset()
-        ->oneOf({"all", "authored", "none"});
+        ->range(0, 250);
+    command
+        .addOption("--shadows", shadows,
+                   "auto: as the lights' fields say if any says TRUE, else all; authored; all: whatever they say; none")
+        ->preset()
+        ->oneOf({"auto", "authored", "all", "none"});
     command
         .addOption("--color-space", colorSpace,
                    "auto: PhysicalMaterial and path in linear light, all else as display values; linear; display")
@@ -73,7 +77,8 @@ ImageOptions PictureArguments::parse() const {
     options.settings.seed = seed;
     options.settings.shadows = shadows == "none"       ? Shadows::none
                                : shadows == "authored" ? Shadows::authored
-                                                       : Shadows::all;
+                               : shadows == "all"      ? Shadows::all
+                                                       : Shadows::automatic;
     options.viewpoint = viewpoint;
     return options;
 }

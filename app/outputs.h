@@ -22,8 +22,8 @@ namespace rtsg::app {
 
 /// --size, --spp and so on; shared by all verbs that make pictures.
 struct PictureArguments {
-    std::string size = "1280x720", viewpoint, integrator = "whitted", shadows = "all", colorSpace = "auto";
-    int samples = 4, depth = 8;
+    std::string size = "1280x720", viewpoint, integrator = "whitted", shadows = "auto", colorSpace = "auto";
+    int samples = 4, depth = 250;
     unsigned threads = 0;
     std::uint64_t seed = 1;
     double error = 0, exposure = 1;

@@ -53,8 +53,11 @@ int render(const Options& options) {
             progress(static_cast<std::uint64_t>((finished + std::min(share, 1.0)) / options.frames * 1e6), 1'000'000);
         return !interrupted();
     };
-    double seconds = 0;
-    animation.stats = [&](const RenderStats& stats) { seconds += stats.seconds; };
+    double seconds = 0, missing = 0;
+    animation.stats = [&](const RenderStats& stats) {
+        seconds += stats.seconds;
+        missing = std::max(missing, stats.missing);
+    };
     const auto written = renderToFile(light, out, image, animation, options.picture.toneMap());
     if (progress) progress(1, 1);
     running.printDiagnostics();
@@ -72,9 +75,9 @@ int render(const Options& options) {
     if (options.json)
         fmt::print(
             "{{\"file\":{},\"width\":{},\"height\":{},\"frames\":{},\"spp\":{},\"seconds\":{:.6f},\"instances\":{},"
-            "\"triangles\":{}}}\n",
+            "\"triangles\":{},\"missing\":{:.4g}}}\n",
             jsonString(options.out), image.settings.width, image.settings.height, options.frames,
-            image.settings.samplesPerPixel, seconds, rays.traced, rays.instancedTriangles);
+            image.settings.samplesPerPixel, seconds, rays.traced, rays.instancedTriangles, missing);
     else
         fmt::print("{}: {} x {}, {} frame{}, {:.2f} s of tracing\n", options.out, image.settings.width,
                    image.settings.height, options.frames, options.frames == 1 ? "" : "s", seconds);

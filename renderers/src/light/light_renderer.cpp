@@ -1,7 +1,11 @@
 // Pictures from the shared world: camera, levels of detail for it, tracing, then what node renderers draw themselves.
 #include <rtsg/renderers/light_renderer.h>
 
+#include <algorithm>
+#include <mutex>
 #include <utility>
+
+#include <fmt/format.h>
 
 namespace rtsg {
 
@@ -15,6 +19,32 @@ struct LightRenderer::Impl {
     Picture frame;
     Camera camera;
     RenderStats stats;
+    Diagnostics said;       // the tracer's and its own
+    std::size_t taken = 0;  // of the tracer's
+    std::mutex mutex;       // of what follows: pictures of states are made on other threads
+    Diagnostics lacks;      // of pictures, not yet in `said`
+    double named = 0;       // share of missing light that has been reported
+
+    void takeDiagnostics() {
+        const auto& news = tracer.diagnostics().all();
+        for (; taken < news.size(); ++taken) said.add(news[taken].severity, news[taken].where, news[taken].text);
+        const std::lock_guard lock(mutex);
+        said.append(std::exchange(lacks, Diagnostics()));
+    }
+    /// Light that is missing is named; again only once it has doubled, or a film would repeat it frame by frame.
+    void nameMissing(const RenderSettings& settings) {
+        constexpr double kVisible = 2 / 255.0;
+        const std::lock_guard lock(mutex);
+        if (!(stats.missingMost > std::max(kVisible, 2 * named))) return;
+        named = stats.missingMost;
+        const bool path = settings.integrator == Integrator::path;
+        lacks.warning({},
+                     fmt::format("rays were cut off after {} {}: up to {:.2g} % of a pixel's light is missing, {:.2g} "
+                                 "% of the picture's{}",
+                                 path ? 10'000 : settings.maxDepth, path ? "bounces" : "mirrorings and refractions",
+                                 100 * stats.missingMost, 100 * stats.missing,
+                                 path || settings.maxDepth >= 250 ? "" : "; --depth raises the limit"));
+    }
 };
 
 LightRenderer::LightRenderer(SharedWorld& world) : LightRenderer(world, Options()) {}
@@ -53,7 +83,8 @@ Result<> LightRenderer::make(const ImageOptions& options) {
     s.camera = *camera;
     if (auto ok = world().setViewer(s.camera.position); !ok) return ok;
     s.stats = {};
-    if (auto ok = take(s.tracer.render(s.rays, s.camera, options.settings, &s.stats)); !ok) return ok;
+    if (auto ok = take(s.tracer.render(s.rays, s.camera, options.settings, &s.stats), options.settings);
+        !ok) return ok;
     return renderOwnNodes(kDraw);
 }
 
@@ -68,11 +99,13 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
     s.camera = *camera;
     world().lookFrom(s.camera.position);
     s.stats = {};
-    return take(LightTracer::render(*tables, *state.rays, s.camera, options.settings, &s.stats));
+    return take(LightTracer::render(*tables, *state.rays, s.camera, options.settings, &s.stats),
+                options.settings);
 }
 
-Result<> LightRenderer::take(Result<Picture> picture) {
+Result<> LightRenderer::take(Result<Picture> picture, const RenderSettings& settings) {
     if (!picture) return std::unexpected(picture.error());
+    impl_->nameMissing(settings);
     impl_->frame = std::move(*picture);
     return {};
 }
@@ -101,7 +134,8 @@ const LightTracer& LightRenderer::tracer() const {
 }
 
 const Diagnostics& LightRenderer::diagnostics() const {
-    return impl_->tracer.diagnostics();
+    impl_->takeDiagnostics();
+    return impl_->said;
 }
 
 }  // namespace rtsg

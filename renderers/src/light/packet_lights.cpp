@@ -109,6 +109,24 @@ V8 leave8(const SurfacePacket& s, int at, const V8& towards) {
     return {beyond(start.x, offset.x), beyond(start.y, offset.y), beyond(start.z, offset.z)};
 }
 
+/// Which of the blocked rays meet something first that may let light through. What an opaque thing blocks needs no
+/// closer look, whatever else the scene holds.
+std::uint32_t clearFirst(const TraceScene& scene, const RayPacket16& rays, std::uint32_t blocked, bool directional) {
+    if (!blocked) return 0;
+    RayPacket16 again = rays;
+    for (int lane = 0; lane < 16; ++lane) {
+        again.tMax[lane] = directional ? std::numeric_limits<float>::infinity() : 1.0f;
+        again.active[lane] = blocked >> lane & 1u ? -1 : 0;
+    }
+    std::uint32_t result = 0;
+    for (std::uint32_t rest = scene.world->intersect(again, kCoherentShadows, RayKind::shadow) & blocked; rest;
+         rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        if (letsThrough(scene, scene.world->hit(again, lane).instance)) result |= 1u << lane;
+    }
+    return result;
+}
+
 void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket& s, std::uint32_t mask, Incoming& in,
                  std::uint64_t& shadowRays) {
     RayPacket16 rays;
@@ -144,11 +162,12 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     }
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
     const std::uint32_t blocked = scene.world->occluded(rays, kCoherentShadows) & tested;
+    const std::uint32_t clear = scene.anyTransmits ? clearFirst(scene, rays, blocked, directional) : 0;
     for (std::uint32_t rest = blocked | behind; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         const bool free = !(blocked >> lane & 1u) && rays.active[lane];
         Vec3f left(free ? 1.0f : 0.0f);
-        if (!free && rays.active[lane] && scene.anyTransmits) {
+        if (clear >> lane & 1u) {
             Ray ray;
             ray.tMin = kLeave;
             ray.origin = {rays.originX[lane], rays.originY[lane], rays.originZ[lane]};

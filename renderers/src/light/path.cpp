@@ -1,7 +1,7 @@
 // Path tracing: at each surface the lights are asked directly and one way on is chosen at random. A tile's paths
 // advance together, in packets of sixteen.
 //
-// Source: Kajiya 1986; sampling of visible normals after Heitz 2018 (Journal of Computer Graphics Techniques 7, 4).
+// Source: Kajiya 1986; Russian roulette as Arvo & Kirk 1990, by the weight that is left.
 // Units: a Lambertian surface of colour c under a light of intensity 1 head-on shows c, as X3D has it; so a surface
 // that sends radiance L in all directions is lit like the sky of colour L.
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "bsdf.h"
 #include "surface_packet.h"
 #include "tile_rays.h"
 
@@ -16,8 +17,9 @@ namespace rtsg::trace {
 
 namespace {
 
-constexpr int kMaxPasses = 250, kMaxBounces = 250, kSureBounces = 3;
-constexpr float kSurvival = 0.95f;
+// Roulette ends paths; these only keep light between perfect mirrors from running for ever. What they cut off is
+// counted.
+constexpr int kMaxPasses = 10'000, kMaxBounces = 10'000;
 
 float largest(const Vec3f& v) {
     return std::max({v.x, v.y, v.z});
@@ -28,33 +30,6 @@ void basis(const Vec3f& n, Vec3f& s, Vec3f& t) {
     const float sign = std::copysign(1.0f, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
     s = {1 + sign * n.x * n.x * a, sign * b, -sign * n.x};
     t = {b, sign + n.y * n.y * a, -n.y};
-}
-
-/// Density cos / pi about +z.
-Vec3f cosineSample(float u, float v) {
-    const float r = std::sqrt(u), phi = 2 * std::numbers::pi_v<float> * v;
-    return {r * std::cos(phi), r * std::sin(phi), std::sqrt(std::max(1 - u, 0.0f))};
-}
-
-/// A microfacet's normal as seen from `view` (z up), for GGX of roughness alpha.
-Vec3f visibleNormal(const Vec3f& view, float alpha, float u, float v) {
-    const Vec3f stretched = glm::normalize(Vec3f(alpha * view.x, alpha * view.y, view.z));
-    const float r = std::sqrt(u), phi = 2 * std::numbers::pi_v<float> * v;
-    const float x = r * std::cos(phi);
-    float y = r * std::sin(phi);
-    const float blend = 0.5f * (1 + stretched.z);
-    const Vec3f across = stretched.z < 0.9999f ? glm::normalize(glm::cross(Vec3f(0, 0, 1), stretched)) : Vec3f(1, 0, 0);
-    const Vec3f along = glm::cross(stretched, across);
-    y = (1 - blend) * std::sqrt(std::max(1 - x * x, 0.0f)) + blend * y;
-    const Vec3f h = x * across + y * along + std::sqrt(std::max(1 - x * x - y * y, 0.0f)) * stretched;
-    return glm::normalize(Vec3f(alpha * h.x, alpha * h.y, std::max(h.z, 1e-6f)));
-}
-
-/// Smith's masking of one direction, 2 / (1 + sqrt(1 + alpha^2 tan^2)).
-float masking(float cosine, float alpha) {
-    if (!(cosine > 0)) return 0;
-    const float c2 = cosine * cosine;
-    return 2 / (1 + std::sqrt(1 + alpha * alpha * (1 - c2) / c2));
 }
 
 class Paths {
@@ -129,33 +104,64 @@ class Paths {
         }
     }
 
-    /// The share of light that a way on carries, and where to.
-    struct Way {
-        Vec3f share{0};
-        Vec3f direction{0};
+    /// The ways on from a surface, of which one is taken.
+    enum Way { mirror, enter, straight, surface, kWays };
+    struct Ways {
+        Vec3f share[kWays] = {};  // of the light from there
+        Vec3f solid{0};           // of the surface's own light
+        float chance[kWays] = {};
+        float total = 0, eta = 1;
     };
+
+    /// The surface's own colours; nothing for unlit ones.
+    Bsdf bsdf(int lane) const {
+        const SurfacePacket& s = surfaces_;
+        switch (s.material[lane]->model) {
+            case ShadingModel::physical:
+                return Bsdf::physical(s.base.get(lane), s.metallic[lane], s.roughness[lane]);
+            case ShadingModel::phong:
+                return Bsdf::phong(s.base.get(lane), s.specular.get(lane), s.exponent[lane]);
+            case ShadingModel::unlit:
+                break;
+        }
+        return Bsdf::phong(Vec3f(0), Vec3f(0), 0);
+    }
+
+    Ways ways(int lane, float cosine, const Bsdf& own) const {
+        const SurfacePacket& s = surfaces_;
+        const Material& material = *s.material[lane];
+        const float coverage = s.coverage[lane], opacity = s.opacity[lane];
+        Ways result;
+        Vec3f mirrored = material.reflectivity, body = Vec3f(1) - mirrored;
+        const bool glass = material.refractiveIndex > 0;
+        if (glass) {
+            result.eta = s.back >> lane & 1u ? 1 / material.refractiveIndex : material.refractiveIndex;
+            const float reflectance = fresnelDielectric(cosine, result.eta).mean();
+            mirrored += body * reflectance;
+            body *= 1 - reflectance;
+        }
+        const Vec3f entering = coverage * body * (1 - opacity);
+        result.solid = coverage * body * opacity;
+        result.share[mirror] = coverage * mirrored;
+        result.share[enter] = glass ? entering : Vec3f(0);
+        result.share[straight] = Vec3f(1 - coverage) + (glass ? Vec3f(0) : entering);
+        result.share[surface] = result.solid * own.albedo(cosine);
+        for (int i = 0; i < kWays; ++i) result.total += result.chance[i] = largest(result.share[i]);
+        return result;
+    }
 
     void bounce(const Vec3f& direction, PathTask task, int lane) {
         const SurfacePacket& s = surfaces_;
         const Material& material = *s.material[lane];
         const bool back = s.back >> lane & 1u;
         const Vec3f normal = s.normal.get(lane), facing = back ? -s.outside(lane) : s.outside(lane);
-        const float t = s.distance[lane], coverage = s.coverage[lane], opacity = s.opacity[lane];
+        const float t = s.distance[lane], coverage = s.coverage[lane];
         PathRandom random(task.random);
         if (task.absorption != Vec3f(0)) task.weight *= glm::exp(-task.absorption * t);
         const float cosine = std::clamp(glm::dot(normal, -direction), 1e-4f, 1.0f);
-        const bool glass = material.refractiveIndex > 0;
-        float eta = 1;
-        Vec3f mirror = material.reflectivity, body = Vec3f(1) - mirror;
-        if (glass) {
-            eta = back ? 1 / material.refractiveIndex : material.refractiveIndex;
-            const float reflectance = fresnelDielectric(cosine, eta).mean();
-            mirror += body * reflectance;
-            body *= 1 - reflectance;
-        }
-        const Vec3f entering = coverage * body * (1 - opacity), solid = coverage * body * opacity;
-        const Vec3f straight = Vec3f(1 - coverage) + (glass ? Vec3f(0) : entering);
-        cover(task, 1 - largest(straight));
+        const Bsdf own = bsdf(lane);
+        const Ways w = ways(lane, cosine, own);
+        cover(task, 1 - largest(w.share[straight]));
         if (scene_.fog.type != FogType::none && coverage > 0) {
             const float fog = fogFactor(scene_.fog.type, scene_.fog.visibilityRange, t + task.line);
             PathTask hazy = task;
@@ -163,108 +169,69 @@ class Paths {
             add(hazy, scene_.fogLinear);
             if (coverage >= 1) task.weight *= fog;
         }
-        PathTask own = task;
-        own.weight *= solid;
-        add(own, s.radiance.get(lane));
+        PathTask lit = task;
+        lit.weight *= w.solid;
+        add(lit, s.radiance.get(lane));
 
-        // The ways on: mirror, through glass, straight, diffuse, glossy. One is taken.
-        Way ways[5];
-        ways[0].share = coverage * mirror;
-        if (glass) ways[1].share = entering;
-        ways[2].share = straight;
-        if (material.model == ShadingModel::phong) {
-            ways[3].share = solid * s.base.get(lane);
-        } else if (material.model == ShadingModel::physical) {
-            const Vec3f base = s.base.get(lane);
-            const Vec3f f0 = glm::mix(Vec3f(0.04f), base, s.metallic[lane]);
-            const Vec3f fresnel = fresnelSchlick(f0, cosine);
-            ways[3].share = solid * (Vec3f(1) - fresnel) * (1 - s.metallic[lane]) * base;
-            ways[4].share = solid * fresnel;
-        }
-        float total = 0, chance[5];
-        for (int i = 0; i < 5; ++i) total += chance[i] = largest(ways[i].share);
-        if (!(total > 0)) return;
-        float pick = random.next() * total;
+        if (!(w.total > 0)) return;
+        float pick = random.next() * w.total;
         int way = 0;
-        while (way < 4 && pick >= chance[way]) pick -= chance[way++];
-        if (!(chance[way] > 0)) return;
-        Vec3f share = ways[way].share * (total / chance[way]);
-
-        Vec3f out = direction;
-        switch (way) {
-            case 0:
-                out = reflectDirection(direction, normal);
-                if (glm::dot(out, facing) <= 0) out = reflectDirection(direction, facing);
-                break;
-            case 1: {
-                auto bent = refractDirection(direction, normal, eta);
-                if (bent && glm::dot(*bent, facing) >= 0) bent = refractDirection(direction, facing, eta);
-                if (!bent) return;
-                out = *bent;
-                task.absorption = back ? Vec3f(0) : material.absorption;
-                break;
-            }
-            case 2:
-                break;
-            case 3: {
-                const Vec3f local = cosineSample(random.next(), random.next());
-                Vec3f x, y;
-                basis(normal, x, y);
-                out = local.x * x + local.y * y + local.z * normal;
-                if (glm::dot(out, facing) <= 0) return;  // below the true surface: nothing comes from there
-                break;
-            }
-            case 4:
-                if (!glossy(direction, normal, facing, s.base.get(lane), s.metallic[lane], s.roughness[lane], cosine,
-                            random, out, share))
-                    return;
-                break;
-            default:
-                return;
+        while (way < kWays - 1 && pick >= w.chance[way]) pick -= w.chance[way++];
+        if (!(w.chance[way] > 0)) return;
+        Vec3f share = w.share[way] * (w.total / w.chance[way]), out = direction;
+        if (way == mirror) {
+            out = reflectDirection(direction, normal);
+            if (glm::dot(out, facing) <= 0) out = reflectDirection(direction, facing);
+        } else if (way == enter) {
+            auto bent = refractDirection(direction, normal, w.eta);
+            if (bent && glm::dot(*bent, facing) >= 0) bent = refractDirection(direction, facing, w.eta);
+            if (!bent) return;
+            out = *bent;
+            task.absorption = back ? Vec3f(0) : material.absorption;
+        } else if (way == surface) {
+            share = w.solid * (w.total / w.chance[way]) * scatter(own, direction, normal, facing, cosine, random, out);
         }
         task.weight *= share;
-        if (way == 2) {
-            if (task.passes++ >= kMaxPasses) return;
-            task.line += t;
-        } else {
-            if (++task.depth > kMaxBounces) return;
-            task.line = 0;
-        }
-        // Russian roulette keeps the mean: what survives carries the share of what does not.
-        if (task.depth > kSureBounces && way != 2) {
-            const float survival = std::min(largest(task.weight), kSurvival);
+        follow(task, way == straight, t, out, lane, random);
+    }
+
+    /// A direction that the surface's own colours send light on from, and what light from there counts.
+    static Vec3f scatter(const Bsdf& own, const Vec3f& direction, const Vec3f& normal, const Vec3f& facing,
+                         float cosine, PathRandom& random, Vec3f& out) {
+        Vec3f x, y;
+        basis(normal, x, y);
+        const Vec3f view = glm::normalize(Vec3f(glm::dot(-direction, x), glm::dot(-direction, y), cosine));
+        const float choice = random.next(), u = random.next(), v = random.next();
+        const BsdfSample sample = own.sample(view, choice, u, v);
+        out = sample.direction.x * x + sample.direction.y * y + sample.direction.z * normal;
+        // A smooth normal's half space reaches below the true surface, where nothing comes from. What would be lost
+        // there is taken from the same angle above.
+        if (const float depth = glm::dot(out, facing); depth < 0) out -= 2 * depth * facing;
+        return sample.weight;
+    }
+
+    /// Roulette, and the ray: what survives carries the share of what does not, which keeps the mean.
+    void follow(PathTask& task, bool straightOn, float t, const Vec3f& out, int lane, PathRandom& random) {
+        const float survival = std::min(largest(task.weight), 1.0f);
+        if (!(survival > 0)) return;
+        if (!straightOn) {
             if (!(random.next() < survival)) return;
             task.weight /= survival;
         }
+        const bool enough = straightOn ? task.passes >= kMaxPasses : task.depth >= kMaxBounces;
+        if (enough) {
+            result_.missing[task.pixel] += largest(task.weight);
+            return;
+        }
+        if (straightOn)
+            ++task.passes, task.line += t;
+        else
+            ++task.depth, task.line = 0;
         task.travelled += t;
         task.direction = out;
-        task.origin = RayWorld::leave(s.point(lane), out);
+        task.origin = RayWorld::leave(surfaces_.point(lane), out);
         task.random = random.state();
         next_.push_back(task);
-    }
-
-    /// Reflection at a rough surface; `share` comes with Fresnel's term head-on to `cosine` and leaves with the true
-    /// one.
-    static bool glossy(const Vec3f& direction, const Vec3f& normal, const Vec3f& facing, const Vec3f& base,
-                       float metallic, float roughness, float cosine, PathRandom& random, Vec3f& out, Vec3f& share) {
-        const float alpha = std::max(roughness * roughness, 1e-3f);
-        Vec3f x, y;
-        basis(normal, x, y);
-        const Vec3f view(glm::dot(-direction, x), glm::dot(-direction, y), cosine);
-        const float u = random.next(), v = random.next();
-        const Vec3f h = visibleNormal(view, alpha, u, v);
-        const Vec3f light = 2 * glm::dot(view, h) * h - view;
-        if (!(light.z > 0)) return false;
-        out = light.x * x + light.y * y + light.z * normal;
-        if (glm::dot(out, facing) <= 0) return false;
-        const Vec3f f0 = glm::mix(Vec3f(0.04f), base, metallic);
-        const Vec3f assumed = fresnelSchlick(f0, cosine),
-                    exact = fresnelSchlick(f0, std::max(glm::dot(light, h), 0.0f));
-        // Weight of a visible normal: F G2 / G1; G2 with correlated heights.
-        const float gv = masking(view.z, alpha), gl = masking(light.z, alpha);
-        const float g2 = gv + gl > 0 ? gv * gl / (gv + gl - gv * gl) : 0;
-        share *= exact / glm::max(assumed, Vec3f(1e-6f)) * (gv > 0 ? g2 / gv : 0);
-        return true;
     }
 
     const TraceScene& scene_;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "bsdf.h"
 #include "mesh/simd8.h"
 
 namespace rtsg::trace {
@@ -332,6 +333,18 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
         fetchMaterial(scene, common, lanes, tasks, out);
         rest &= ~lanes;
     }
+    if (!scene.energyLimited) return;
+    for (std::uint32_t rest = mask & ~out.unlit; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const Vec3f base = out.base.get(lane);
+        if (out.physical >> lane & 1u) {
+            const float cosine = glm::dot(out.normal.get(lane), out.view.get(lane));
+            out.base.set(lane, energyLimited(base, out.metallic[lane], out.roughness[lane], cosine));
+        } else {
+            out.base.set(lane, glm::min(base, Vec3f(1)));
+            out.specular.set(lane, energyLimited(base, out.specular.get(lane), out.exponent[lane]));
+        }
+    }
 }
 
 void findPoints(const TraceScene& scene, SurfacePacket& s) {
@@ -379,13 +392,19 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
     }
 }
 
+bool letsThrough(const TraceScene& scene, std::uint32_t instance) {
+    if (scene.materials[slotOf(scene, instance).material].transmits) return true;
+    const Mesh& mesh = *scene.world->instance(instance).mesh;
+    return mesh.colors.present() && mesh.colors.components() == 4;
+}
+
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
     const SlotShading& slot = slotOf(scene, hit.instance);
     const MaterialEntry& entry = scene.materials[slot.material];
     const RayInstance& instance = scene.world->instance(hit.instance);
     const Mesh& mesh = *instance.mesh;
     const bool colored = mesh.colors.present() && mesh.colors.components() == 4;
-    if (!entry.transmits && !colored) return Vec3f(0);
+    if (!letsThrough(scene, hit.instance)) return Vec3f(0);
     const Material& material = entry.material;
     float opacity = colored ? mesh.color(hit.triangle, hit.u, hit.v).a : material.opacity, alpha = 1;
     if (material.texture(TextureRole::base))

@@ -53,6 +53,9 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
 /// Fills `exact` and `error`, once.
 void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
 
+/// Whether light may pass straight through an instance.
+bool letsThrough(const TraceScene& scene, std::uint32_t instance);
+
 /// What part of light a surface lets through straight at a hit: 0 if opaque there. For shadow rays.
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit);
 

@@ -107,11 +107,12 @@ struct TraceScene {
     const Sky* sky = nullptr;
     bool evenSky = false;  // the same in all directions: skyLinear, skyDisplay
     Vec4f skyLinear{0}, skyDisplay{0};
-    Fog fog;                    // its colour as display value
-    Vec3f fogLinear{0};         // the same, decoded
-    bool anyTransmits = false;  // some instance lets light through: shadow rays must look closer
-    float pixelSpread = 0;      // radians a pixel is wide in the middle of the picture, or
-    float pixelSize = 0;        // metres, for an orthographic camera
+    Fog fog;                     // its colour as display value
+    Vec3f fogLinear{0};          // the same, decoded
+    bool energyLimited = false;  // colours that would create light are made smaller
+    bool anyTransmits = false;   // some instance lets light through: shadow rays must look closer
+    float pixelSpread = 0;       // radians a pixel is wide in the middle of the picture, or
+    float pixelSize = 0;         // metres, for an orthographic camera
 
     Vec4f skyColor(const Vec3f& direction, bool linear) const {
         if (evenSky) return linear ? skyLinear : skyDisplay;
@@ -128,8 +129,8 @@ struct PathTask {
     float line = 0;       // of them along this straight line; for fog
     Vec3f absorption{0};  // 1/m, of what it runs in
     std::uint16_t pixel = 0;
-    std::uint8_t depth = 0;    // mirrorings and refractions before
-    std::uint8_t passes = 0;   // clear surfaces passed straight
+    std::uint16_t depth = 0;   // mirrorings, refractions and bounces before
+    std::uint16_t passes = 0;  // clear surfaces passed straight
     bool linear = false;       // what it finds counts as light; else as display values
     std::uint64_t random = 0;  // PathRandom's state; paths only
 };
@@ -146,6 +147,7 @@ struct TileResult {
     /// ColorSpace::automatic: what PhysicalMaterials add to a pixel, as light, and which share of the pixel it is. It
     /// is encoded when it is complete, and then joins `sum`, which holds display values.
     std::array<Vec3f, kTilePixels> light{}, share{};
+    std::array<float, kTilePixels> missing{};  // weight of rays that were cut off, however bright they might have been
     std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
 };
 

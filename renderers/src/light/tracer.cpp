@@ -93,6 +93,14 @@ LightGroups groupLights(const LightState& state, const ToTrace& toTrace) {
     return result;
 }
 
+bool anyLightWantsShadows(const LightState& state) {
+    for (std::size_t i = 0; i < state.scopes.size(); ++i)
+        if (const auto& lights = state.scopes[i].lights)
+            for (const std::uint32_t slot : *lights)
+                if (std::get<Light>(state.placed[slot]->what).shadows) return true;
+    return false;
+}
+
 TraceScene makeTraceScene(const LightState& state, const RayView& world, const Camera& camera,
                           const RenderSettings& settings) {
     static const Sky black;
@@ -109,12 +117,26 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     }
     if (const PlacedEntry* fog = active<FogEntry>(state)) scene.fog = std::get<FogEntry>(fog->what).fog;
     scene.fogLinear = linearFromSrgb(scene.fog.color);
+    scene.energyLimited = settings.integrator == Integrator::path;
     scene.space = settings.integrator == Integrator::path ? ColorSpace::linear : settings.colorSpace;
 
+    const bool anySays = settings.shadows == Shadows::automatic && anyLightWantsShadows(state);
     const auto toTrace = [&](const Light& light) {
         TraceLight result;
         result.kind = light.kind;
-        result.shadows = settings.shadows == Shadows::all || (settings.shadows == Shadows::authored && light.shadows);
+        switch (settings.shadows) {
+            case Shadows::all:
+                result.shadows = true;
+                break;
+            case Shadows::none:
+                break;
+            case Shadows::authored:
+                result.shadows = light.shadows;
+                break;
+            case Shadows::automatic:
+                result.shadows = light.shadows || !anySays;
+                break;
+        }
         result.shadows = result.shadows && light.shadowIntensity > 0;
         result.shadowIntensity = light.shadowIntensity;
         result.color = light.color;
@@ -225,6 +247,9 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
     const int tiles = tilesX * tilesY;
     std::atomic<std::uint64_t> primary = 0, shadow = 0, secondary = 0;
     std::atomic<int> done = 0;
+    double missing = 0;
+    float missingMost = 0;
+    std::mutex missingMutex;
     std::atomic<bool> cancelled = false;
     std::mutex progressMutex;
     const float scale = 1.0f / static_cast<float>(settings.samplesPerPixel);
@@ -239,6 +264,12 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
             for (int x = 0; x < kTileSide && x0 + x < settings.width; ++x)
                 picture.at(x0 + x, y0 + y) =
                     finite(result.sum[static_cast<std::size_t>(y) * kTileSide + static_cast<std::size_t>(x)] * scale);
+        const float most = *std::ranges::max_element(result.missing) * scale;
+        if (most > 0) {
+            const std::lock_guard lock(missingMutex);
+            for (const float m : result.missing) missing += double{m} * scale;
+            missingMost = std::max(missingMost, most);
+        }
         primary += result.primaryRays, shadow += result.shadowRays, secondary += result.secondaryRays;
         const int finished = ++done;
         if (settings.progress && progressMutex.try_lock()) {
@@ -256,6 +287,8 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
         stats->primaryRays = primary, stats->shadowRays = shadow, stats->secondaryRays = secondary;
         stats->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         stats->cancelled = cancelled;
+        stats->missing = missing / (double{1} * settings.width * settings.height);
+        stats->missingMost = missingMost;
     }
     return picture;
 }

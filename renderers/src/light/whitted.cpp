@@ -12,7 +12,8 @@ namespace rtsg::trace {
 namespace {
 
 constexpr int kMaxPasses = 250;
-constexpr std::size_t kDrain = 8192;  // queued rays, so that many samples need no more memory than few
+constexpr float kLeastCutoff = 1e-6f;  // so that the number of rays of a sample has a bound
+constexpr std::size_t kDrain = 8192;   // queued rays, so that many samples need no more memory than few
 
 class Tile {
   public:
@@ -126,29 +127,34 @@ class Tile {
         if (fog < 1) add(pixel, task, weight * (1 - fog), scene_.fogColor(light), light, 1);
     }
 
-    /// What becomes of the light that a surface sends along a ray: shares of the mirror, of what is behind that (its
-    /// own colours and what passes), and of what does not pass straight.
+    /// What becomes of the light that a surface sends along a ray: shares of the mirror, of its own colours if it is
+    /// opaque, of what passes if it is clear, and of what does not pass straight. Mirror and what passes are never more
+    /// than 1, or rays would multiply.
     struct Shares {
-        Vec3f mirror, body, whole;
+        Vec3f mirror, body, passing, whole;
         float eta = 1;
     };
     Shares shares(int lane, float cosine, bool back) const {
         const SurfacePacket& s = surfaces_;
         const Material& material = *s.material[lane];
         const float opacity = s.opacity[lane];
-        Shares result{material.reflectivity, Vec3f(1) - material.reflectivity, Vec3f(1)};
+        const Vec3f rest = Vec3f(1) - material.reflectivity;
+        Shares result{material.reflectivity, rest, rest, Vec3f(1)};
         if (material.refractiveIndex > 0) {
             result.eta = back ? 1 / material.refractiveIndex : material.refractiveIndex;
             const float reflectance = fresnelDielectric(cosine, result.eta).mean();
             result.mirror += result.body * reflectance;
             result.body *= 1 - reflectance;
+            result.passing = result.body;
             return result;
         }
         if (material.model == ShadingModel::physical) {
             // The diffuse part already is what Fresnel leaves, so `body` stays whole.
             const Vec3f f0 = glm::mix(Vec3f(0.04f), s.base.get(lane), s.metallic[lane]);
             const float smooth = 1 - s.roughness[lane];
-            result.mirror += result.body * fresnelSchlick(f0, cosine) * (smooth * smooth);
+            result.mirror =
+                glm::min(result.mirror + result.body * fresnelSchlick(f0, cosine) * (smooth * smooth), Vec3f(1));
+            result.passing = Vec3f(1) - result.mirror;
         }
         result.whole = opacity + (1 - opacity) * result.mirror;
         return result;
@@ -164,7 +170,7 @@ class Tile {
         const float cosine = std::clamp(glm::dot(normal, -direction), 0.0f, 1.0f);
         const float coverage = s.coverage[lane], opacity = s.opacity[lane];
         const bool glass = material.refractiveIndex > 0;
-        const auto [mirror, body, whole, eta] = shares(lane, cosine, back);
+        const auto [mirror, body, passing, whole, eta] = shares(lane, cosine, back);
         const PathTask* task = tasks ? tasks + lane : nullptr;
         const bool linear = s.linear >> lane & 1u;
         const Vec3f own = weight * coverage * body * opacity;
@@ -182,7 +188,7 @@ class Tile {
         const HitPoint point = s.point(lane);
         const auto queue = [&](PathTask& next, const Vec3f& share, const Vec3f& towards) {
             next.weight = share;
-            if (!(std::max({share.x, share.y, share.z}) >= settings_.cutoff)) return;
+            if (!(std::max({share.x, share.y, share.z}) >= cutoff_)) return;
             next.direction = towards;
             next.origin = RayWorld::leave(point, towards);
             next_.push_back(next);
@@ -192,19 +198,28 @@ class Tile {
         turned.line = 0;
         turned.linear = base.linear || root;
 
+        const bool deeper = base.depth < settings_.maxDepth;
+        const auto cut = [&](const Vec3f& share) {
+            const float most = std::max({share.x, share.y, share.z});
+            if (most >= cutoff_) result_.missing[pixel] += most;
+        };
         const Vec3f mirrored = weight * coverage * mirror;
         if (mirrored != Vec3f(0)) {
-            if (base.depth < settings_.maxDepth) {
+            if (!deeper) {
+                cut(mirrored * fog);
+            } else {
                 Vec3f out = reflectDirection(direction, normal);
                 // A shading normal may mirror into the surface; the true one never does.
                 if (glm::dot(out, facing) <= 0) out = reflectDirection(direction, facing);
                 queue(turned, mirrored * fog, out);
             }
         }
-        const Vec3f entering = weight * coverage * body * (1 - opacity);
+        const Vec3f entering = weight * coverage * passing * (1 - opacity);
         if (glass && entering != Vec3f(0)) {
             const auto bent = refractDirection(direction, normal, eta);
-            if (bent && base.depth < settings_.maxDepth) {
+            if (!deeper) {
+                cut(entering * fog);
+            } else if (bent) {
                 Vec3f out = *bent;
                 if (glm::dot(out, facing) >= 0) out = refractDirection(direction, facing, eta).value_or(direction);
                 turned.absorption = back ? Vec3f(0) : material.absorption;
@@ -212,7 +227,9 @@ class Tile {
             }
         }
         const Vec3f straight = weight * (1 - coverage) + (glass ? Vec3f(0) : entering);
-        if (straight != Vec3f(0) && base.passes < kMaxPasses) {
+        if (straight != Vec3f(0) && base.passes >= kMaxPasses) {
+            cut(straight);
+        } else if (straight != Vec3f(0)) {
             ++base.passes;
             base.line += s.distance[lane];
             queue(base, straight, direction);
@@ -222,6 +239,7 @@ class Tile {
     const TraceScene& scene_;
     const Camera& camera_;
     const RenderSettings& settings_;
+    const float cutoff_ = std::max(settings_.cutoff, kLeastCutoff);
     int x0_, y0_;
     TileResult& result_;
     SurfacePacket surfaces_{};  // unused lanes stay finite

@@ -49,6 +49,36 @@ TEST(LightTracer, FacingMirrorsEndAndFadeGeometrically) {
     }
 }
 
+// Rays end where their weight is less than a pixel can show, not after so many mirrorings: a corridor of mirrors that
+// keep .9 is as bright as its walls' emission. A limit that was asked for, and what it takes away, is named.
+TEST(LightTracer, MirrorCorridorIsFollowedUntilNothingIsLeft) {
+    const auto corridor = [](const char* mirror) {
+        const std::string wall = fmt::format(
+            "material Material {{ diffuseColor 0 0 0 emissiveColor 0.5 0.5 0.5 metadata "
+            "MetadataFloat {{ name \"reflectivity\" reference \"RTSG\" value {} }} }}",
+            mirror);
+        return "Viewpoint { position 0 0 1 }" + square(100, wall) + "Transform { translation 0 0 2 children " +
+               square(100, wall) + "}";
+    };
+    LightScene s(corridor("0.9"), 9, 9);
+    EXPECT_NEAR(s.center().r, 0.5, 0.5 / 512);
+    EXPECT_EQ(s.stats.missing, 0);
+    EXPECT_TRUE(s.light->diagnostics().all().empty());
+    s.options.settings.maxDepth = 8;
+    EXPECT_NEAR(s.center().r, 0.5 * (1 - std::pow(0.9, 9)), 1e-5);
+    EXPECT_NEAR(s.stats.missing, std::pow(0.9, 9), 1e-5);
+    EXPECT_NEAR(s.stats.missingMost, std::pow(0.9, 9), 1e-5);
+    s.center();
+    ASSERT_EQ(s.light->diagnostics().all().size(), 1u) << "once";
+    EXPECT_NE(s.light->diagnostics().all()[0].text.find("39 % of a pixel's light is missing"), std::string::npos)
+        << s.light->diagnostics().all()[0].text;
+    LightScene perfect("Viewpoint { position 0.13 0.07 0.5 } Shape { appearance Appearance { " + mirror("1") +
+                           " } geometry Box { solid FALSE } }",
+                       3, 3);
+    EXPECT_EQ(perfect.center(), Vec3f(0));
+    EXPECT_NEAR(perfect.stats.missing, 1, 1e-6);
+}
+
 // (1 - R) / (1 + R) of a plate in front of white, with all the mirrorings inside.
 TEST(LightTracer, PlateTransmitsWhatTwoSurfacesLetThrough) {
     LightScene s("Transform { translation 0 0 2 children Shape { appearance Appearance { " + glass(1.5) +

@@ -228,6 +228,53 @@ TEST(LightTracer, ShadowFieldsAreObeyed) {
         << "what lies beyond the light casts none";
 }
 
+TEST(LightTracer, ShadowsFalseCountsWhereAnyLightSaysTrue) {
+    // Red from the left with the field TRUE or absent, green from the right with it FALSE: each has its own shadow of
+    // the ball, of which the middle of the picture lies in both.
+    const auto lit = [](const char* red, Shadows shadows) {
+        LightScene s(fmt::format("Viewpoint {{ position 0 0 1 }} PointLight {{ location 0 0 9 color 1 0 0 {} }} "
+                                 "PointLight {{ location 0 0 9 color 0 1 0 shadows FALSE }}",
+                                 red) +
+                     square(100, matte("1 1 1")) +
+                     "Transform { translation 0 0 2 children Shape { appearance Appearance { material Material { } } "
+                     "geometry Sphere { radius 0.5 } } }");
+        s.options.settings.shadows = shadows;
+        return s.center();
+    };
+    EXPECT_EQ(lit("shadows TRUE", Shadows::automatic), Vec3f(0, 1, 0));
+    EXPECT_EQ(lit("", Shadows::automatic), Vec3f(0));
+    EXPECT_EQ(lit("shadows TRUE", Shadows::all), Vec3f(0));
+    EXPECT_EQ(lit("shadows TRUE", Shadows::none), Vec3f(1, 1, 0));
+    EXPECT_EQ(lit("", Shadows::authored), Vec3f(1, 1, 0));
+}
+
+// Vertex colours whose alpha is a half let half of the light through, though no material is see-through.
+TEST(LightTracer, VertexColorsWithAlphaLetShadowRaysThrough) {
+    LightScene s(
+        "Viewpoint { position 0 0 1 } PointLight { location 0 0 9 } " + square(100, matte("1 1 1")) +
+        "Transform { translation 0 0 2 children " +
+        square(0.5, "material Material { }", "solid FALSE colorPerVertex FALSE color ColorRGBA { color [1 1 1 0.5] }") +
+        "}");
+    EXPECT_NEAR(s.center().r, 0.5, 1e-5);
+}
+
+// Shadows are the same beside a clear thing that no ray meets; and of two things behind one another, whichever comes
+// first, the opaque one blocks.
+TEST(LightTracer, OpaqueThingsBlockBesideAndBehindClearOnes) {
+    const auto ball = [](double z, const char* transparency) {
+        return fmt::format(
+            "Transform {{ translation 0 0 {} children Shape {{ appearance Appearance {{ material Material "
+            "{{ transparency {} }} }} geometry Sphere {{ radius 0.5 }} }} }}",
+            z, transparency);
+    };
+    const std::string start =
+        "Viewpoint { position 0 0 1 } PointLight { location 0 0 9 } " + square(100, matte("1 1 1"));
+    for (const std::string& things :
+         {ball(2, "0") + ball(900, "0.5"), ball(2, "0") + ball(4, "0.5"), ball(2, "0.5") + ball(4, "0")})
+        EXPECT_EQ(LightScene(start + things).center().r, 0) << things;
+    EXPECT_NEAR(LightScene(start + ball(2, "0.5") + ball(4, "0.5")).center().r, 1 / 16.0, 1e-5);
+}
+
 // A plain lit from 80 degrees off its normal, with everything far from the origin, must not shadow itself.
 TEST(LightTracer, NoFalseSelfShadowsFarFromTheOrigin) {
     for (const double offset : {0.0, 1e4, 1e6}) {

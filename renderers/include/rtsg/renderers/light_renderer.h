@@ -67,7 +67,7 @@ class LightRenderer final : public WorldRenderer {
     Result<Picture> picture(const ImageOptions& options, RenderStats* stats = nullptr);
 
     const LightTracer& tracer() const;
-    /// Of materials, lights and textures, since the start; the world has its own.
+    /// Of materials, lights and textures, and of light that pictures lack, since the start; the world has its own.
     const Diagnostics& diagnostics() const;
     std::string subscriberName() const override { return "light renderer"; }
 
@@ -77,7 +77,7 @@ class LightRenderer final : public WorldRenderer {
 
   private:
     Result<> make(const ImageOptions& options);
-    Result<> take(Result<Picture> picture);
+    Result<> take(Result<Picture> picture, const RenderSettings& settings);
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };

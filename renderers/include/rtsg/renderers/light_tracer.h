@@ -22,11 +22,14 @@
 
 namespace rtsg {
 
-/// Which lights cast shadows: those whose `shadows` field says so, all but the headlight, or none.
-enum class Shadows : std::uint8_t { authored, all, none };
+/// Which lights cast shadows: those whose `shadows` field says so; all but the headlight, whatever the fields say;
+/// none; or (automatic) as the fields say if that of any light says TRUE, and else all: authors seldom set the field.
+enum class Shadows : std::uint8_t { authored, all, none, automatic };
 
 /// Whitted: lights, mirrors and glass, X3D's ambient terms for the rest. Path: unbiased, light between surfaces and
-/// from the sky included, ambient terms left out; X3D's Phong highlights show lights only. Raster: not of this tracer.
+/// from the sky included, ambient terms left out; colours that would send on more light than they get are smaller
+/// (bsdf.h): highlights beside bright diffuse colours, PhysicalMaterial's white at grazing views. Raster: not of this
+/// tracer.
 enum class Integrator : std::uint8_t { whitted, path, raster };
 
 struct RenderSettings {
@@ -34,9 +37,9 @@ struct RenderSettings {
     int width = 1280, height = 720;
     int samplesPerPixel = 1;     // 1: through the pixels' centres; more: a scrambled (0,2)-sequence
     std::uint64_t seed = 1;      // of the scrambling
-    int maxDepth = 8;            // of whitted: mirrorings and refractions on one way; paths end by Russian roulette
     float cutoff = 1 / 1024.0f;  // of whitted: rays that could add less than this share to a pixel are left out
-    Shadows shadows = Shadows::all;
+    int maxDepth = 250;          // of whitted: mirrorings and refractions on one way, should its weight not run out
+    Shadows shadows = Shadows::automatic;
     /// In which space light is computed (docs/color.md). The picture is of the display's space, or linear if that is
     /// asked for. Paths compute in linear light always: automatic means that, display is an error.
     ColorSpace colorSpace = ColorSpace::automatic;
@@ -48,6 +51,10 @@ struct RenderSettings {
 struct RenderStats {
     std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
     double seconds = 0;
+    /// The share of the picture's, and the largest share of a pixel's, lines of sight that was cut off by
+    /// RenderSettings::maxDepth (whitted) or 10,000 bounces (path) before its weight had run out: how much darker than
+    /// it is something may show.
+    double missing = 0, missingMost = 0;
     bool cancelled = false;
 };
 

@@ -71,6 +71,12 @@ inline std::optional<Vec3f> refractDirection(const Vec3f& direction, const Vec3f
     return glm::normalize(direction / eta + (cosIncident / eta - std::sqrt(1 - sinSquared)) * normal);
 }
 
+/// pi * GGX's distribution of the facets' normals; `alphaSquared` is the fourth power of glTF's roughness.
+inline float ggx(float cosHalf, float alphaSquared) {
+    const float d = cosHalf * cosHalf * (alphaSquared - 1) + 1;
+    return alphaSquared / (d * d);
+}
+
 /// pi * BRDF of glTF's metallic-roughness model, so that a white Lambertian surface gives 1 as X3D's diffuse term does.
 /// The cosines are clamped to what is above the horizon by the caller.
 inline Vec3f metallicRoughness(const Vec3f& baseColor, float metallic, float roughness, float cosLight, float cosView,
@@ -78,8 +84,7 @@ inline Vec3f metallicRoughness(const Vec3f& baseColor, float metallic, float rou
     const Vec3f f0 = glm::mix(Vec3f(0.04f), baseColor, metallic);
     const Vec3f fresnel = fresnelSchlick(f0, cosLightHalf);
     const float alpha = std::max(roughness * roughness, 1e-3f), a2 = alpha * alpha;
-    const float d = cosHalf * cosHalf * (a2 - 1) + 1;
-    const float distribution = a2 / (d * d);  // times 1/pi, which cancels
+    const float distribution = ggx(cosHalf, a2);
     const float masking = cosLight * std::sqrt(cosView * cosView * (1 - a2) + a2) +
                           cosView * std::sqrt(cosLight * cosLight * (1 - a2) + a2);
     const float specular = masking > 0 ? 0.5f * distribution / masking : 0;

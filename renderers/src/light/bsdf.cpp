@@ -1,0 +1,218 @@
+// Value, density and samples of the reflection models.
+#include "bsdf.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace rtsg::trace {
+
+namespace {
+
+constexpr float kPi = std::numbers::pi_v<float>;
+
+float largest(const Vec3f& v) {
+    return std::max({v.x, v.y, v.z});
+}
+Vec3f headOn(const Vec3f& base, float metallic) {
+    return glm::mix(Vec3f(0.04f), base, metallic);
+}
+float alphaOf(float roughness) {
+    return std::max(roughness * roughness, 1e-3f);
+}
+
+/// Density cos / pi about +z.
+Vec3f cosineSample(float u, float v) {
+    const float r = std::sqrt(u), phi = 2 * kPi * v;
+    return {r * std::cos(phi), r * std::sin(phi), std::sqrt(std::max(1 - u, 0.0f))};
+}
+
+/// A microfacet's normal as seen from `view`, for GGX of roughness alpha.
+Vec3f visibleNormal(const Vec3f& view, float alpha, float u, float v) {
+    const Vec3f stretched = glm::normalize(Vec3f(alpha * view.x, alpha * view.y, view.z));
+    const float r = std::sqrt(u), phi = 2 * kPi * v;
+    const float x = r * std::cos(phi);
+    float y = r * std::sin(phi);
+    const float blend = 0.5f * (1 + stretched.z);
+    const Vec3f across = stretched.z < 0.9999f ? glm::normalize(glm::cross(Vec3f(0, 0, 1), stretched)) : Vec3f(1, 0, 0);
+    const Vec3f along = glm::cross(stretched, across);
+    y = (1 - blend) * std::sqrt(std::max(1 - x * x, 0.0f)) + blend * y;
+    const Vec3f h = x * across + y * along + std::sqrt(std::max(1 - x * x - y * y, 0.0f)) * stretched;
+    return glm::normalize(Vec3f(alpha * h.x, alpha * h.y, std::max(h.z, 1e-6f)));
+}
+
+/// Smith's masking of one direction, 2 / (1 + sqrt(1 + alpha^2 tan^2)).
+float masking(float cosine, float alpha) {
+    const float c2 = cosine * cosine;
+    return 2 / (1 + std::sqrt(1 + alpha * alpha * std::max(1 - c2, 0.0f) / c2));
+}
+
+/// The normal half way between; 0, 0, 0 for opposite directions.
+Vec3f halfway(const Vec3f& a, const Vec3f& b) {
+    const Vec3f sum = a + b;
+    const float length = glm::length(sum);
+    return length > 1e-20f ? sum / length : Vec3f(0);
+}
+
+}  // namespace
+
+Bsdf Bsdf::phong(const Vec3f& diffuse, const Vec3f& specular, float exponent) {
+    Bsdf result;
+    result.base_ = diffuse, result.specular_ = specular, result.exponent_ = exponent;
+    return result;
+}
+
+Bsdf Bsdf::physical(const Vec3f& base, float metallic, float roughness) {
+    Bsdf result;
+    result.physical_ = true;
+    result.base_ = base, result.metallic_ = metallic, result.roughness_ = roughness;
+    return result;
+}
+
+Vec3f Bsdf::value(const Vec3f& view, const Vec3f& light) const {
+    if (!(light.z > 0) || !(view.z > 0)) return Vec3f(0);
+    const Vec3f h = halfway(view, light);
+    if (physical_)
+        return light.z * metallicRoughness(base_, metallic_, roughness_, light.z, view.z, h.z,
+                                           std::max(glm::dot(light, h), 0.0f));
+    return base_ * light.z + specular_ * std::pow(std::clamp(h.z, 0.0f, 1.0f), exponent_);
+}
+
+Vec3f Bsdf::albedo(float cosView) const {
+    if (!physical_) return base_ + specular_ * highlightAlbedo(exponent_);
+    const Vec3f fresnel = fresnelSchlick(headOn(base_, metallic_), cosView);
+    return (Vec3f(1) - fresnel) * (1 - metallic_) * base_ + fresnel;
+}
+
+float Bsdf::diffuseShare(float cosView) const {
+    float diffuse, glossy;
+    if (physical_) {
+        glossy = largest(fresnelSchlick(headOn(base_, metallic_), cosView));
+        diffuse = (1 - glossy) * (1 - metallic_) * largest(base_);
+    } else {
+        glossy = largest(specular_) * highlightAlbedo(exponent_);
+        diffuse = largest(base_);
+    }
+    const float sum = diffuse + glossy;
+    return sum > 0 ? diffuse / sum : 1;
+}
+
+float Bsdf::density(const Vec3f& view, const Vec3f& light) const {
+    const float diffuse = diffuseShare(view.z);
+    float result = diffuse * std::max(light.z, 0.0f) / kPi;
+    const Vec3f h = halfway(view, light);
+    const float cosine = std::abs(glm::dot(view, h));
+    if (diffuse >= 1 || !(cosine > 0)) return result;
+    if (physical_) {
+        if (!(h.z > 0)) return result;
+        // The visible normals' G1 D (v.h) / (v.z), over the 4 (v.h) by which a mirror spreads directions.
+        const float alpha = alphaOf(roughness_);
+        return result + (1 - diffuse) * masking(view.z, alpha) * ggx(h.z, alpha * alpha) / (4 * kPi * view.z);
+    }
+    return result +
+           (1 - diffuse) * (exponent_ + 1) * std::pow(std::min(std::abs(h.z), 1.0f), exponent_) / (8 * kPi * cosine);
+}
+
+BsdfSample Bsdf::sample(const Vec3f& view, float choice, float u, float v) const {
+    BsdfSample result;
+    if (choice < diffuseShare(view.z)) {
+        result.direction = cosineSample(u, v);
+    } else {
+        Vec3f h;
+        if (physical_) {
+            h = visibleNormal(view, alphaOf(roughness_), u, v);
+        } else {
+            const float c = std::pow(1 - u, 1 / (exponent_ + 1)), s = std::sqrt(std::max(1 - c * c, 0.0f));
+            h = {s * std::cos(2 * kPi * v), s * std::sin(2 * kPi * v), c};
+        }
+        result.direction = glm::normalize(2 * glm::dot(view, h) * h - view);
+    }
+    result.density = density(view, result.direction);
+    if (result.density > 0) result.weight = value(view, result.direction) / (kPi * result.density);
+    return result;
+}
+
+float highlightAlbedo(float exponent) {
+    // 1 / pi times the integral of (n.h)^e over the light's directions, which mirror spreads: d light = 4 (n.h) d half.
+    return 8 / (exponent + 2) * (1 - std::exp2(-0.5f * (exponent + 2)));
+}
+
+Vec3f energyLimited(const Vec3f& diffuse, const Vec3f& specular, float exponent) {
+    const Vec3f room = glm::max(Vec3f(1) - diffuse, Vec3f(0)) / highlightAlbedo(exponent);
+    return glm::min(specular, room);
+}
+
+namespace {
+
+/// What a white sky shows of the parts of glTF's model, by angle of view and roughness: f0 mirrored + grazing of the
+/// facets, and 1 - lost of the diffuse part.
+struct Albedos {
+    static constexpr int kSteps = 32;
+    float mirrored[kSteps][kSteps], grazing[kSteps][kSteps], lost[kSteps];
+
+    static float cosineOf(int i) { return std::max(static_cast<float>(i) / (kSteps - 1), 0.01f); }
+
+    Albedos() {
+        for (int i = 0; i < kSteps; ++i) {
+            const float c = cosineOf(i);
+            const Vec3f view(std::sqrt(1 - c * c), 0, c);
+            for (int j = 0; j < kSteps; ++j)
+                facets(view, alphaOf(static_cast<float>(j) / (kSteps - 1)), mirrored[i][j], grazing[i][j]);
+            lost[i] = halfwayLoss(view);
+        }
+    }
+
+    static void facets(const Vec3f& view, float alpha, float& mirrored, float& grazing) {
+        constexpr int kSide = 16;
+        mirrored = grazing = 0;
+        for (int i = 0; i < kSide * kSide; ++i) {
+            const Vec3f h = visibleNormal(view, alpha, (static_cast<float>(i / kSide) + 0.5f) / kSide,
+                                          (static_cast<float>(i % kSide) + 0.5f) / kSide);
+            const float cosine = glm::dot(view, h), light = 2 * cosine * h.z - view.z;
+            if (!(light > 0)) continue;
+            // The weight of a visible normal is G2 / G1, with correlated heights.
+            const float gv = masking(view.z, alpha), gl = masking(light, alpha);
+            const float weight = gl / (gv + gl - gv * gl), m = std::max(1 - cosine, 0.0f), m5 = m * m * m * m * m;
+            mirrored += weight * (1 - m5), grazing += weight * m5;
+        }
+        mirrored /= kSide * kSide, grazing /= kSide * kSide;
+    }
+
+    static float halfwayLoss(const Vec3f& view) {
+        constexpr int kSide = 32;
+        float sum = 0;
+        for (int i = 0; i < kSide * kSide; ++i) {
+            const Vec3f light = cosineSample((static_cast<float>(i / kSide) + 0.5f) / kSide,
+                                             (static_cast<float>(i % kSide) + 0.5f) / kSide);
+            const float m = std::max(1 - glm::dot(light, halfway(view, light)), 0.0f);
+            sum += m * m * m * m * m;
+        }
+        return sum / (kSide * kSide);
+    }
+};
+
+}  // namespace
+
+Vec3f energyLimited(const Vec3f& base, float metallic, float roughness, float cosView) {
+    static const Albedos table;
+    const float x = std::clamp(cosView, 0.0f, 1.0f) * (Albedos::kSteps - 1),
+                y = std::clamp(roughness, 0.0f, 1.0f) * (Albedos::kSteps - 1);
+    const int i = std::min(static_cast<int>(x), Albedos::kSteps - 2),
+              j = std::min(static_cast<int>(y), Albedos::kSteps - 2);
+    const float fx = x - static_cast<float>(i), fy = y - static_cast<float>(j);
+    const auto at = [&](const auto& t) {
+        return (t[i][j] * (1 - fx) + t[i + 1][j] * fx) * (1 - fy) +
+               (t[i][j + 1] * (1 - fx) + t[i + 1][j + 1] * fx) * fy;
+    };
+    const Vec3f most = glm::min(base, Vec3f(1)), f0 = headOn(most, metallic);
+    const Vec3f specular = f0 * at(table.mirrored) + at(table.grazing);
+    const float lost = table.lost[i] * (1 - fx) + table.lost[i + 1] * fx;
+    const Vec3f diffuse = (1 - metallic) * (1 - lost) * most * (Vec3f(1) - f0);
+    Vec3f result = most;
+    for (int c = 0; c < 3; ++c)
+        if (diffuse[c] > 1e-3f && specular[c] + diffuse[c] > 1)
+            result[c] *= std::max(1 - specular[c], 0.0f) / diffuse[c];
+    return result;
+}
+
+}  // namespace rtsg::trace
