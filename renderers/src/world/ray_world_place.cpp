@@ -60,8 +60,16 @@ RayWorld::Impl::Fitness RayWorld::Impl::fitness(std::uint32_t slot, std::string&
     }
     WorldFromLocal inRaySpace = m;
     inRaySpace[3] -= origin;
-    if (!transformed(place.mesh->mesh->bounds, inRaySpace).inReach()) {
+    const DoubleBox box = transformed(place.mesh->mesh->bounds, inRaySpace);
+    if (!box.inReach()) {
         reason = "it reaches too far out or its coordinates are not finite";
+        return Fitness::none;
+    }
+    // What is only a few of the float's steps across at its place falls into a point, or into what only looks like it.
+    const double size = std::max({box.half.x, box.half.y, box.half.z}),
+                 away = std::max({std::abs(box.center.x), std::abs(box.center.y), std::abs(box.center.z)});
+    if (size > 0 && size < away * 0x1p-22) {
+        reason = "it is too small for its distance from the scene's middle, where numbers are coarser than it";
         return Fitness::none;
     }
     double area = 0;

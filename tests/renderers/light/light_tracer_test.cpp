@@ -484,6 +484,29 @@ TEST(LightTracer, FogCoversByDistance) {
     EXPECT_EQ(Vec3f(s.picture().at(0, 0)), Vec3f(1, 0, 0)) << "the background is not fogged";
 }
 
+// A ball of a micrometre ten kilometres away cannot be told from a point in single precision: it is left out, and
+// named. At home the same ball fills the picture as trigonometry says.
+TEST(LightTracer, WhatIsTooSmallForItsPlaceIsNamed) {
+    const auto look = [](double x) {
+        return fmt::format(
+            "Viewpoint {{ position {0} 0 3e-6 fieldOfView 0.9 }} Transform {{ translation {0} 0 0 children "
+            "Shape {{ geometry Sphere {{ radius 1e-6 }} }} }}",
+            x);
+    };
+    LightScene far(look(10000) + "Shape { geometry Box { size 1 1 1 } }");
+    EXPECT_EQ(far.center(), Vec3f(0));
+    const auto all = far.world->diagnostics().all();
+    ASSERT_EQ(all.size(), 1u);
+    EXPECT_NE(all[0].text.find("too small for its distance"), std::string::npos) << all[0].text;
+    LightScene near(look(0), 101, 101);
+    int white = 0;
+    for (const Vec4f& pixel : near.picture().pixels) white += pixel.r > 0.5f;
+    // The tangent cone of a ball at three radii: its rim is at tan = 1 / sqrt(8).
+    const double radius = 50.5 / std::sqrt(8) / std::tan(0.45);
+    EXPECT_NEAR(white, kPi * radius * radius, 0.03 * kPi * radius * radius);
+    EXPECT_TRUE(near.world->diagnostics().all().empty());
+}
+
 // ---- viewpoints --------------------------------------------------------------------------------------------------
 
 TEST(LightTracer, ViewpointsByNameAndByOrder) {
