@@ -18,7 +18,6 @@ LONG = {
     ("app/verb_serve.cpp", "serve"): 130,
     ("renderers/src/embree/packet_avx512.cpp", "traverse"): 86,
     ("renderers/src/embree/tree_view.h", "TreeView::traverse"): 85,
-    ("renderers/src/light/path.cpp", "bounce"): 107,
     ("tests/audio/scene/sound_scene_test.cpp", "TEST"): 94,
     ("tests/bench/scenes/conference.cpp", "writeConference"): 94,
     ("tests/bench/scenes/kitchen.cpp", "writeKitchen"): 146,

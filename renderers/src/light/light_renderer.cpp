@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include "undrawn.h"
+
 namespace rtsg {
 
 struct LightRenderer::Impl {
@@ -19,6 +21,7 @@ struct LightRenderer::Impl {
     Picture frame;
     Camera camera;
     RenderStats stats;
+    Undrawn undrawn;
     Diagnostics said;       // the tracer's and its own
     std::size_t taken = 0;  // of the tracer's
     std::mutex mutex;       // of what follows: pictures of states are made on other threads
@@ -39,11 +42,11 @@ struct LightRenderer::Impl {
         named = stats.missingMost;
         const bool path = settings.integrator == Integrator::path;
         lacks.warning({},
-                     fmt::format("rays were cut off after {} {}: up to {:.2g} % of a pixel's light is missing, {:.2g} "
-                                 "% of the picture's{}",
-                                 path ? 10'000 : settings.maxDepth, path ? "bounces" : "mirrorings and refractions",
-                                 100 * stats.missingMost, 100 * stats.missing,
-                                 path || settings.maxDepth >= 250 ? "" : "; --depth raises the limit"));
+                      fmt::format("rays were cut off after {} {}: up to {:.2g} % of a pixel's light is missing, {:.2g} "
+                                  "% of the picture's{}",
+                                  path ? 10'000 : settings.maxDepth, path ? "bounces" : "mirrorings and refractions",
+                                  100 * stats.missingMost, 100 * stats.missing,
+                                  path || settings.maxDepth >= 250 ? "" : "; --depth raises the limit"));
     }
 };
 
@@ -57,6 +60,7 @@ LightRenderer::~LightRenderer() {
 }
 
 Result<> LightRenderer::follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    impl_->undrawn.follow(scene, changes, impl_->said);
     return impl_->tracer.apply(scene, changes, delta);
 }
 
@@ -83,8 +87,7 @@ Result<> LightRenderer::make(const ImageOptions& options) {
     s.camera = *camera;
     if (auto ok = world().setViewer(s.camera.position); !ok) return ok;
     s.stats = {};
-    if (auto ok = take(s.tracer.render(s.rays, s.camera, options.settings, &s.stats), options.settings);
-        !ok) return ok;
+    if (auto ok = take(s.tracer.render(s.rays, s.camera, options.settings, &s.stats), options.settings); !ok) return ok;
     return renderOwnNodes(kDraw);
 }
 
@@ -99,8 +102,7 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
     s.camera = *camera;
     world().lookFrom(s.camera.position);
     s.stats = {};
-    return take(LightTracer::render(*tables, *state.rays, s.camera, options.settings, &s.stats),
-                options.settings);
+    return take(LightTracer::render(*tables, *state.rays, s.camera, options.settings, &s.stats), options.settings);
 }
 
 Result<> LightRenderer::take(Result<Picture> picture, const RenderSettings& settings) {

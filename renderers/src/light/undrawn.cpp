@@ -1,0 +1,67 @@
+// Which kinds of nodes pictures leave out, and what is seen instead.
+#include "undrawn.h"
+
+#include <fmt/format.h>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+
+namespace {
+
+struct Row {
+    TypeIndex type;
+    std::string_view outcome;
+};
+
+constexpr std::string_view kNotDrawn = "it is not drawn", kWhole = "what it would cut away is drawn whole",
+                           kPlain = "things show without it", kFlat = "its layers are not drawn one over the other",
+                           kShader = "the material beside it is drawn in its place";
+constexpr Row kRows[] = {
+    {x3d::VolumeData::type, kNotDrawn},
+    {x3d::SegmentedVolumeData::type, kNotDrawn},
+    {x3d::IsoSurfaceVolumeData::type, kNotDrawn},
+    {x3d::ParticleSystem::type, kNotDrawn},
+    {x3d::ClipPlane::type, kWhole},
+    {x3d::LocalFog::type, kPlain},
+    {x3d::FogCoordinate::type, kPlain},
+    {x3d::TextureProjector::type, kPlain},
+    {x3d::TextureProjectorParallel::type, kPlain},
+    {x3d::LineProperties::type, kPlain},
+    {x3d::PointProperties::type, kPlain},
+    {x3d::FillProperties::type, kPlain},
+    {x3d::Billboard::type, "its children keep the direction that they have in the file"},
+    {x3d::LayerSet::type, kFlat},
+    {x3d::Layer::type, kFlat},
+    {x3d::LayoutLayer::type, kFlat},
+    {x3d::ComposedShader::type, kShader},
+    {x3d::PackagedShader::type, kShader},
+    {x3d::ProgramShader::type, kShader},
+    {x3d::MultiTexture::type, "the first of its textures is drawn alone"},
+};
+
+}  // namespace
+
+Undrawn::Undrawn() {
+    for (const Row& row : kRows) {
+        if (row.type.value >= outcome_.size()) outcome_.resize(row.type.value + 1u);
+        outcome_[row.type.value] = row.outcome;
+    }
+}
+
+void Undrawn::follow(const Scene& scene, const ChangeSet& changes, Diagnostics& into) {
+    for (const Change& change : changes.changes) {
+        if (change.kind != ChangeKind::createNode || change.index >= outcome_.size()) continue;
+        std::string_view& outcome = outcome_[change.index];
+        if (outcome.empty()) continue;
+        const Node* node = scene.find(change.node);
+        if (!node) continue;
+        const std::string_view name = scene.name(node->id());
+        into.warning({}, fmt::format("{}{}{} is not in pictures: {}", node->type().name, name.empty() ? "" : " ", name,
+                                     outcome));
+        outcome = {};
+    }
+}
+
+}  // namespace rtsg
