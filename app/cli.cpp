@@ -97,8 +97,9 @@ void ResourceArguments::addTo(Command& command) {
     command.addOption("--base", base, "folder where relative urls start, and below which they may open files");
     command.addOption("--allow", allow, "urls may open files in this folder and below, too (repeatable)")->repeatable();
     command
-        .addOption("--limit", limits,
-                   "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds")
+        .addOption(
+            "--limit", limits,
+            "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds")
         ->repeatable();
 }
 

@@ -28,7 +28,7 @@ bool chartSound(const ChartSink& sink, bool quick) {
     const int runs = quick ? 2 : 8;
     struct Figure {
         const char* name;
-        Bands RoomMetrics::*value;
+        Bands RoomMetrics::* value;
     };
     constexpr Figure kFigures[] = {{"EDT", &RoomMetrics::edt}, {"T20", &RoomMetrics::t20}, {"T30", &RoomMetrics::t30}};
     Chart chart{

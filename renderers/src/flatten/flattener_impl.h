@@ -198,7 +198,7 @@ struct Flattener::Impl {
     void makePlaced(std::uint32_t occurrence, const Node& node, const TypeRole& role);
     /// Sets geometry, appearance ... from the shape's fields; true if anything differs.
     bool bind(Instance& instance, const Node& shape, const TypeRole& role, const Occurrence& occurrence);
-    void use(NodeId node, std::uint32_t NodeState::*uses, int change);
+    void use(NodeId node, std::uint32_t NodeState::* uses, int change);
     void touchGeometry(NodeId geometry);
     void updateFrames(std::uint32_t top);
     static ScopeId scopeOf(std::uint32_t occurrence) { return ScopeId{occurrence}; }

@@ -173,7 +173,7 @@ bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole
         if (const Node& node = scene->node(appearance); node.is(x3d::Appearance::type))
             acoustics = flatten::resolve(*scene, roles, node.get(x3d::Appearance::acousticProperties));
     const bool castShadow = role.castShadow == kNoField || flatten::read<bool>(shape, role.castShadow);
-    const auto change = [&](NodeId& now, NodeId wantedNow, std::uint32_t NodeState::*uses) {
+    const auto change = [&](NodeId& now, NodeId wantedNow, std::uint32_t NodeState::* uses) {
         if (now == wantedNow) return false;
         use(now, uses, -1);
         use(wantedNow, uses, 1);
@@ -193,7 +193,7 @@ bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole
     return changed;
 }
 
-void Flattener::Impl::use(NodeId node, std::uint32_t NodeState::*uses, int change) {
+void Flattener::Impl::use(NodeId node, std::uint32_t NodeState::* uses, int change) {
     if (!node) return;
     state(node).*uses += static_cast<std::uint32_t>(change);
     if (uses == &NodeState::geometryUses) touchGeometry(node);

@@ -32,7 +32,7 @@ struct Row {
 
 /// Within twice the reported 95 % interval (about 1e-4 to miss by chance) plus what the reference itself is good for.
 void expectRow(const MetricsEstimate& got, const Row& row) {
-    const auto near = [&](Bands RoomMetrics::*figure, double expected, double reference, const char* name) {
+    const auto near = [&](Bands RoomMetrics::* figure, double expected, double reference, const char* name) {
         const double ci = (got.ci95.*figure)[kBand];
         EXPECT_NEAR((got.value.*figure)[kBand], expected, 2 * ci + reference)
             << name << " at absorption " << row.absorption << ", scattering " << row.scattering << ", ci95 " << ci;
