@@ -222,14 +222,14 @@ double lodOnTime(Cascade& cascade, const Node& node) {
     }
     const glm::dmat4 world = worldFromLocal(scene, node.id());
     const double volume = glm::determinant(world);
-    if (volume == 0 || !std::isfinite(volume)) return cascade.now();  // drawn flat: any level does
+    if (volume == 0 || !std::isfinite(volume)) return kUntilMoved;  // drawn flat: any level does
     const glm::dvec3 local = glm::inverse(world) * glm::dvec4(viewer, 1);
     const double distance = glm::length(local - glm::dvec3(node.get(N::center)));
     std::size_t level = 0;
     while (level < range.size() && distance >= range[level]) ++level;
     const auto shown = static_cast<std::int32_t>(std::min(level, children.size() - 1));
     if (shown != node.get(N::level_changed)) cascade.emit(node, N::level_changed, shown);
-    return cascade.now();
+    return kUntilMoved;
 }
 
 }  // namespace rtsg::behaviours

@@ -276,6 +276,7 @@ Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<c
     std::vector<NodeId> changedParents;
     deferCycleCheck = true;
     noting = pending;
+    touched = UINT32_MAX;
     for (const Change& change : changes) {
         // Nodes that go together may still refer to each other: all let go before any is destroyed.
         if (change.kind == ChangeKind::destroyNode && !released) {

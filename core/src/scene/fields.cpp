@@ -77,6 +77,7 @@ inline Scene::State::WrittenField* Scene::State::knownTerm(const Node& node, Fie
     entry.field = field;
     entry.type = slot.type;
     entry.external = writingExternally;
+    touched |= aspectBit(slot.aspect);
     if (isShared(slot.type)) {
         entry.setTerm(termOf(node, field));
     } else if (WrittenField* known = knownTerm(node, field)) {

@@ -56,6 +56,7 @@ RunState Scene::runState() const {
 RunState Scene::State::runState() const {
     RunState result;
     result.active = active;
+    result.active.insert(result.active.end(), watchers.begin(), watchers.end());  // asked once more, they wait again
     for (auto copy = sleepers; !copy.empty(); copy.pop()) result.sleepers.push_back(copy.top());
     result.behaviours = uses;
     result.nextId = nextId;
@@ -265,6 +266,7 @@ void Scene::State::adoptRunState(const RunState& state) {
     active = state.active;
     std::ranges::sort(active);
     sleepers = {};
+    watchers.clear();
     for (const auto& sleeper : state.sleepers)
         if (sleeper.first < kNever) sleepers.push(sleeper);
     woken.clear();

@@ -191,6 +191,8 @@ void Scene::State::tick(Cascade& cascade, const std::vector<NodeId>& nodes) {
         const double next = onTime(behaviour, cascade, *node);
         if (next <= now)
             nextActive.push_back(id);
+        else if (next == kUntilMoved)
+            watchers.push_back(id);
         else if (next < kNever)
             sleepers.emplace(next, id);
     }
@@ -202,6 +204,13 @@ void Scene::State::runTime(Cascade& cascade) {
         due.push_back(sleepers.top().second);
         sleepers.pop();
     }
+    constexpr std::uint32_t kPlaces =
+        aspectBit(Aspect::structure) | aspectBit(Aspect::transform) | aspectBit(Aspect::view);
+    if ((touched | std::exchange(touchedBefore, 0u)) & kPlaces) {
+        due.insert(due.end(), watchers.begin(), watchers.end());
+        watchers.clear();
+    }
+    const std::size_t waiting = watchers.size();
     nextActive.clear();
     bool first = true;
     for (int round = 0; first || !woken.empty(); ++round) {
@@ -223,6 +232,9 @@ void Scene::State::runTime(Cascade& cascade) {
     if (!std::ranges::is_sorted(nextActive)) std::ranges::sort(nextActive);
     nextActive.erase(std::unique(nextActive.begin(), nextActive.end()), nextActive.end());
     active.swap(nextActive);
+    if (watchers.size() == waiting) return;
+    std::ranges::sort(watchers);
+    watchers.erase(std::unique(watchers.begin(), watchers.end()), watchers.end());
 }
 
 /// An inputOutput field passes on one event a timestamp (4.4.8.4): of several that wait for it, the last one is it.

@@ -176,6 +176,7 @@ void Scene::setBehavioursEnabled(bool enabled) {
     state_->behavioursEnabled = enabled;
     state_->active.clear();
     state_->woken.clear();
+    state_->watchers.clear();
     if (enabled) forEachNode([&](const Node& node) { state_->wake(node); });
 }
 

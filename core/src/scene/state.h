@@ -257,6 +257,9 @@ struct Scene::State {
     };
     std::vector<Emission> emissions;
     std::vector<NodeId> active, due, woken, nextActive;  // nodes with onTime; active is sorted
+    std::vector<NodeId> watchers;                        // those that wait until something has moved
+    std::uint32_t touched = 0, touchedBefore = 0;  // aspectBit()s of fields written since, and before, the last seal
+    static constexpr std::uint32_t aspectBit(Aspect aspect) { return 1u << static_cast<unsigned>(aspect); }
     using Sleeper = std::pair<double, NodeId>;
     std::priority_queue<Sleeper, std::vector<Sleeper>, std::greater<>> sleepers;
     EventListener listener;

@@ -53,6 +53,7 @@ Result<> Scene::State::insertChild(Node& parent, FieldIndex field, Node& child, 
         return fail(kCycle, "node " + std::to_string(child.id_.value) + " cannot contain itself");
     auto& children = *reinterpret_cast<Array<NodeId>*>(parent.block() + parent.type_->fields[field].offset);
     index = std::min(index, children.size());
+    touched |= aspectBit(Aspect::structure);
     if (isNew(parent.id_)) beginWrite(parent, field);
     if (!isDirty(parent, field)) {
         const NodeId before = index > 0 ? children[index - 1] : NodeId{};
@@ -80,6 +81,7 @@ Result<> Scene::State::insertChild(Node& parent, FieldIndex field, Node& child, 
 void Scene::State::removeChildAt(Node& parent, FieldIndex field, std::size_t index) {
     auto& children = *reinterpret_cast<Array<NodeId>*>(parent.block() + parent.type_->fields[field].offset);
     const NodeId child = children[index];
+    touched |= aspectBit(Aspect::structure);
     if (isNew(parent.id_)) beginWrite(parent, field);
     if (!isDirty(parent, field)) {
         const NodeId before = index > 0 ? children[index - 1] : NodeId{};
@@ -106,10 +108,10 @@ void Scene::State::removeChildAt(Node& parent, FieldIndex field, std::size_t ind
 void Scene::State::detachEverything(Node& node) {
     // Insertions of a node that nobody outside will ever hear of: its parents' lists are sent whole instead.
     if (isNew(node.id_) && !childOps.empty()) {
-        std::vector<ParentRef> touched;
+        std::vector<ParentRef> lists;
         for (const Change& op : childOps)
-            if (op.other == node.id_) touched.push_back({op.node, op.field});
-        for (const ParentRef& p : touched) beginWrite(*find(p.node), p.field);
+            if (op.other == node.id_) lists.push_back({op.node, op.field});
+        for (const ParentRef& p : lists) beginWrite(*find(p.node), p.field);
     }
     std::vector<ParentRef> above;
     if (node.parent_.node) above.push_back(node.parent_);
@@ -265,6 +267,7 @@ std::shared_ptr<const ChangeSet> Scene::State::seal() {
     events.clear();
     firstNewId = nextId;
 
+    touchedBefore |= std::exchange(touched, 0u);
     set->from = sequence;
     set->to = ++sequence;
     set->time = now;

@@ -24,6 +24,8 @@
 namespace rtsg {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
+/// From onTime: not before a place, a view or the hierarchy of the scene has changed, or a field was written.
+constexpr double kUntilMoved = std::numeric_limits<double>::max();
 
 /// The running event cascade of one timestamp, as a behaviour sees it.
 class Cascade {
@@ -67,7 +69,7 @@ struct Behaviour {
     /// An input event has arrived; inputOutput fields already hold the new value. `value`: block representation.
     void (*onEvent)(Cascade& cascade, const Node& node, FieldIndex field, const void* value) = nullptr;
     /// Time has come (or a field was written). Returns when to be called next: now or earlier means every frame,
-    /// kNever means not before a field is written.
+    /// kNever means not before a field is written, kUntilMoved not before that or until something has moved.
     double (*onTime)(Cascade& cascade, const Node& node) = nullptr;
     /// True promises that what it does follows from the scene's fields, the event and the clock alone, on any machine
     /// (no random numbers, wall clock, files, variables of its own). Others are recorded call by call for replicas
