@@ -152,6 +152,32 @@ TEST_F(FromWithin, AnAnswerToEverySetComesToAnEnd) {
     EXPECT_EQ(late_.replica.hash(), scene_.hash());
 }
 
+/// Beyond the limit nothing is sealed, so there is no state to tell until the next frame.
+TEST_F(FromWithin, WhoAttachesWhereNoStateCanBeToldGetsTheNextOne) {
+    Witness joined;
+    Attachment joining;
+    float x = 0;
+    meddler_.within = [&](const ChangeSet& set) {
+        if (set.isSnapshot()) return;
+        move(++x);
+        if (!scene_.seal() && !joining.attached()) joining = scene_.bus().attach(joined);
+    };
+    scene_.newFrame(1);
+    EXPECT_TRUE(joining.attached());
+    EXPECT_TRUE(joined.sets.empty());
+    EXPECT_TRUE(scene_.hasUnsealedEdits());
+    EXPECT_EQ(scene_.snapshot().to, 0U) << "the answer to its own seal leaves edits again";
+    meddler_.within = nullptr;
+    const ChangeSet whole = scene_.snapshot();
+    EXPECT_EQ(whole.to, scene_.sequence());
+    scene_.newFrame(2);
+    ASSERT_FALSE(joined.sets.empty());
+    EXPECT_EQ(joined.sets.front().first, 0U);
+    EXPECT_GT(joined.sets.front().second, 100U);
+    EXPECT_EQ(joined.replica.hash(), scene_.hash());
+    EXPECT_EQ(late_.replica.hash(), scene_.hash());
+}
+
 // ---- inside a frame ------------------------------------------------------------------------------------------------
 
 class InsideAFrame : public FromWithin {
