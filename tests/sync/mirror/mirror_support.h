@@ -18,7 +18,7 @@ namespace rtsg::test {
 using namespace std::chrono_literals;
 
 /// Generous: only a failing test ever waits this long.
-constexpr auto kPatience = 30s;
+constexpr auto kPatience = 60s;
 
 inline bool eventually(const std::function<bool()>& condition) {
     const auto end = std::chrono::steady_clock::now() + kPatience;
