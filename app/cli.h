@@ -36,6 +36,7 @@ Verb addRecord(Command& program);
 Verb addReplay(Command& program);
 Verb addServe(Command& program);
 Verb addMirror(Command& program);
+Verb addRelay(Command& program);
 Verb addHelp(Command& program);
 Verb addCompletion(Command& program);
 

@@ -18,6 +18,7 @@ namespace {
 
 struct Bench {
     const char* name;
+    const char* group;  // whose name runs all of it but those that run only by their own
     const char* about;
     bool (*run)(const bench::Report& report, bool quick);
     bool onlyByName = false;  // takes minutes and gigabytes
@@ -49,27 +50,31 @@ bool frames(const bench::Report& report, bool quick) {
 }
 
 constexpr Bench kBenches[] = {
-    {"read", "a ClassicVRML mesh of 2 M triangles: MB/s and peak memory", always<bench::read>},
-    {"transform", "one animated Transform among many shapes: scene and bus work of a frame", always<bench::transform>},
-    {"animated", "10,000 animated Transforms: cascade and change set", always<bench::animated>},
-    {"changes", "a changed field on its way to three subscribers", always<bench::changes>},
-    {"structure", "adding, removing and moving one node of many; bytes a node", always<bench::structure>},
-    {"rays", "primary rays with shading against the bare intersections", bench::rays},
-    {"overlap", "the next frame's cascade while this one is pictured, against one after the other", bench::overlap},
-    {"frames", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},
-    {"instances", "rays through 100,000 things that may move against one flat BVH", always<bench::instances>},
-    {"stage", "one world: light, sound, and readers on threads of their own", always<bench::stage>},
-    {"export", "one box of many moves: what writing it as MCAP adds", always<bench::exporting>},
-    {"sound", "the acoustic tracer's rays against bare Embree; the time of a box's figures", bench::sound},
-    {"deform", "following a deforming mesh against a bare refit; rays against a rebuilt BVH", always<bench::deform>},
-    {"codec", "encoding and decoding a changed field", synced<bench::codec>},
-    {"input", "input mode: bytes and time of a frame that derives from the clock", synced<bench::input>},
-    {"mirror", "transform changes a second over loopback TCP, hash equal each frame", synced<bench::mirrorThroughput>},
-    {"latency", "one change from newFrame() to the replica", synced<bench::mirrorLatency>},
-    {"join", "a late joiner's verified replica, and what it costs the scene", synced<bench::mirrorJoin>},
-    {"resume", "from the return of a link to a replica in step", synced<bench::mirrorResume>},
-    {"peers", "many replicas, and a part of them stopped", synced<bench::mirrorPeers>},
-    {"log", "a log: written, scanned, replayed, sought in; what it costs the scene", synced<bench::log>},
+    {"read", "scene", "a ClassicVRML mesh of 2 M triangles: MB/s and peak memory", always<bench::read>},
+    {"transform", "scene", "one animated Transform among many shapes: scene and bus work of a frame",
+     always<bench::transform>},
+    {"animated", "scene", "10,000 animated Transforms: cascade and change set", always<bench::animated>},
+    {"changes", "scene", "a changed field on its way to three subscribers", always<bench::changes>},
+    {"structure", "scene", "adding, removing and moving one node of many; bytes a node", always<bench::structure>},
+    {"rays", "world", "primary rays with shading against the bare intersections", bench::rays},
+    {"overlap", "world", "the next frame's cascade while this one is pictured, against one after the other",
+     bench::overlap},
+    {"frames", "world", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},
+    {"instances", "world", "rays through 100,000 things that may move against one flat BVH", always<bench::instances>},
+    {"stage", "world", "one world: light, sound, and readers on threads of their own", always<bench::stage>},
+    {"export", "world", "one box of many moves: what writing it as MCAP adds", always<bench::exporting>},
+    {"sound", "audio", "the acoustic tracer's rays against bare Embree; the time of a box's figures", bench::sound},
+    {"deform", "world", "following a deforming mesh against a bare refit; rays against a rebuilt BVH",
+     always<bench::deform>},
+    {"codec", "sync", "encoding and decoding a changed field", synced<bench::codec>},
+    {"input", "sync", "input mode: bytes and time of a frame that derives from the clock", synced<bench::input>},
+    {"mirror", "sync", "transform changes a second over loopback TCP, hash equal each frame",
+     synced<bench::mirrorThroughput>},
+    {"latency", "sync", "one change from newFrame() to the replica", synced<bench::mirrorLatency>},
+    {"join", "sync", "a late joiner's verified replica, and what it costs the scene", synced<bench::mirrorJoin>},
+    {"resume", "sync", "from the return of a link to a replica in step", synced<bench::mirrorResume>},
+    {"peers", "sync", "many replicas, and a part of them stopped", synced<bench::mirrorPeers>},
+    {"log", "sync", "a log: written, scanned, replayed, sought in; what it costs the scene", synced<bench::log>},
 };
 
 std::string figure(const std::string& name, double value) {
@@ -108,7 +113,8 @@ Verb addBench(Command& program) {
     };
     auto options = std::make_shared<Options>();
     Command* command = program.addVerb("bench", "Measure; each figure beside a baseline and a limit, as JSON lines");
-    command->addOption("NAME", options->names, "benches to run; all if none is named");
+    command->addOption("NAME", options->names,
+                       "benches to run, or groups of them (scene, world, audio, sync); all if none is named");
     command->addFlag("--quick", options->quick, "smaller sizes, for a first look");
     command->addFlag("--list", options->list, "say what there is");
     command->addOption("--scene", options->frames.scenes,
@@ -119,10 +125,12 @@ Verb addBench(Command& program) {
                        "write the scenes of `frames` into this folder instead of measuring");
     command->addFlag("--json", options->json, "as it is anyway");
     command->footer(
-        "Example: rtsg bench transform mirror\nExample: rtsg bench frames --scene Campus+teapot --scale 0.1");
+        "Example: rtsg bench transform mirror\nExample: rtsg bench sync --quick\nExample: rtsg bench frames --scene "
+        "Campus+teapot --scale 0.1");
     return {command, [options] {
                 for (const std::string& name : options->names)
-                    if (std::ranges::find(kBenches, name, &Bench::name) == std::end(kBenches)) {
+                    if (std::ranges::find(kBenches, name, &Bench::name) == std::end(kBenches) &&
+                        std::ranges::find(kBenches, name, &Bench::group) == std::end(kBenches)) {
                         printError(fmt::format("no bench is called {}; rtsg bench --list names them", name));
                         return static_cast<int>(kUsage);
                     }
@@ -131,11 +139,12 @@ Verb addBench(Command& program) {
                 bool good = true;
                 for (const Bench& b : kBenches) {
                     if (options->list)
-                        fmt::print("{:<12} {}\n", b.name, b.about);
+                        fmt::print("{:<12} {:<6} {}\n", b.name, b.group, b.about);
                     else if (chosen && b.run == frames)
                         good = bench::frames(options->frames, printLine) && good;
                     else if ((options->names.empty() && !b.onlyByName && !chosen) ||
-                             std::ranges::find(options->names, b.name) != options->names.end())
+                             std::ranges::find(options->names, b.name) != options->names.end() ||
+                             (std::ranges::find(options->names, b.group) != options->names.end() && !b.onlyByName))
                         good = b.run(printLine, options->quick) && good;
                 }
                 return static_cast<int>(good ? kDone : kBad);

@@ -233,7 +233,7 @@ bool Mirroring::isOver(std::size_t applied) {
     const bool byClock = !options_.outputs.any() && secondsSince(joinedAt_) >= duration_ && client.inStep();
     if (joined() && (since() >= duration_ || byClock)) return true;
     if (secondsSince(heard_) < patience_) return false;
-    // A server that ends in order says goodbye.
+    // A server that ends in order says goodbye; a relay that has lost its origin says so.
     fail(fmt::format("{}: {} for {} s", options_.endpoint, joined() ? "the server has been silent" : "no server",
                      patience_));
     return true;
@@ -246,7 +246,8 @@ void Mirroring::follow() {
         const std::size_t applied = client.poll(std::chrono::milliseconds(50));
         for (const Diagnostic& d : client.takeDiagnostics())
             if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
-        if (!client.refusal().empty()) {
+        // Who has no room for us now may have some in a while.
+        if (!client.refusal().empty() && (!client.turnedAway() || secondsSince(heard_) >= patience_)) {
             fail(fmt::format("{} refused: {}", options_.endpoint, client.refusal()));
             break;
         }

@@ -29,7 +29,7 @@ struct Options {
     std::string mode = "state", coding = "raw";
     double fps = 60, error = 1e-3;
     std::string linger = "10s";
-    std::size_t peers = 64, await = 0;
+    std::size_t peers = 64, parts = 8, await = 0;
     std::uint64_t maxRate = 0;
     ResourceArguments resources;
     KeyframeArguments keyframes;
@@ -78,6 +78,7 @@ int serve(const Options& options) {
     serverOptions.insecure = options.insecure;
     serverOptions.upstream = *mirrorUpstreamFromName(options.upstream);
     serverOptions.maximumPeers = options.peers;
+    serverOptions.maximumParts = options.parts;
     serverOptions.mostBytesPerSecond = options.maxRate;
     serverOptions.blockFor = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.block)));
     serverOptions.mode.coding = *codingFromName(options.coding);
@@ -205,6 +206,7 @@ Verb addServe(Command& program) {
         ->preset()
         ->oneOf({"none", "events", "edits", "code"});
     command->addOption("--peers", options->peers, "how many mirrors may follow")->preset();
+    command->addOption("--parts", options->parts, "how many different parts of the scene they may ask for")->preset();
     command->addOption("--max-rate", options->maxRate, "most bytes a second to each mirror, as 1MB; 0: any")
         ->bytes()
         ->preset();

@@ -111,7 +111,9 @@ def main():
                 (folder / arguments[1]).unlink(missing_ok=True)
             if arguments[0] == "serve" and "--for" not in arguments:
                 arguments += ["--for", "1s"]
-            if arguments[0] == "mirror":
+            if arguments[0] == "relay":
+                arguments[arguments.index("--bind") + 1] = free_endpoint()
+            if arguments[0] in ("mirror", "relay"):
                 server = subprocess.Popen([program, "serve", "hall.x3dv", "--bind", endpoint, "--for", "20s", "--fps", "10"], cwd=folder,
                                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             try:

@@ -33,6 +33,7 @@ struct LogRecorder::Impl {
             if (impl.ended) return impl.outcome();
             ring();
             if (impl.thread.joinable() && impl.whenBehind == WhenBehind::wait) impl.waitForRoom(changes);
+            if (impl.ended) return impl.outcome();
             return {};
         }
         void ring() {

@@ -32,6 +32,12 @@ const MirrorStatistics& MirrorClient::statistics() const {
 std::vector<Diagnostic> MirrorClient::takeDiagnostics() {
     return std::exchange(impl_->diagnostics_, {});
 }
+bool MirrorClient::turnedAway() const {
+    return impl_->turnedAway_;
+}
+bool MirrorClient::originLost() const {
+    return impl_->originLost();
+}
 bool MirrorClient::serverLeft() const {
     return impl_->serverLeft_;
 }

@@ -21,6 +21,7 @@ constexpr auto kAttemptsFor = 2s;                           // with one such tim
 constexpr auto kHelloAgain = 500ms;                         // without an answer
 constexpr auto kLongestTurn = 20ms;                         // of poll() beyond its timeout, while frames keep coming
 constexpr auto kPing = 500ms;
+constexpr auto kQuiet = 400ms;       // beyond a heartbeat: then the server counts as lost, though it may come back
 constexpr auto kPingAtFirst = 20ms;  // until there are a few samples of the clock
 constexpr std::uint64_t kFewSamples = 8;
 constexpr auto kRequestAgain = 1s;  // without a verdict
@@ -156,6 +157,7 @@ void MirrorClient::Impl::connectionLost() {
 /// `idle`: nothing that has come waits to be read, so that a silence is the server's and not ours.
 void MirrorClient::Impl::keepInTouch(bool idle) {
     const Clock::time_point now = Clock::now();
+    quiet_ = idle && now - heard_ > heartbeat_ + kQuiet;
     if (linked() && (helloPending_ || (!connected_ && now - greeted_ > kHelloAgain))) {
         hello(false);
     } else if (idle && connected_ && now - heard_ > options_.timeout) {
@@ -287,6 +289,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             return;
         case Message::refused:
             refusal_ = in.text();
+            turnedAway_ = true;
             connected_ = false;
             greeted_ = Clock::now();
             return;
@@ -300,10 +303,17 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
     }
 }
 
-/// What a server appends to a ping or a goodbye: the state it is in, which it may not have sent us yet.
+/// What a server appends to a ping or a goodbye: the state it is in, which it may not have sent us yet, and whether it
+/// is a relay that has lost its origin.
 void MirrorClient::Impl::hearOrigin(wire::Reader& in) {
-    std::uint64_t state[1];
-    if (connected_ && mirror::read(in, state)) originAt_ = std::max(originAt_, state[0]);
+    std::uint64_t numbers[1];
+    if (!connected_ || !mirror::read(in, numbers)) return;
+    originAt_ = std::max(originAt_, numbers[0]);
+    relayLost_ = in.left() && mirror::read(in, numbers) && (numbers[0] & 1) != 0;
+}
+
+bool MirrorClient::Impl::originLost() const {
+    return !connected_ || relayLost_ || quiet_;
 }
 
 void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
@@ -335,8 +345,9 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
     }
     for (Request& request : requests_) request.sent = 0;
     refusal_.clear();
-    serverLeft_ = false;
+    serverLeft_ = turnedAway_ = relayLost_ = false;
     connected_ = true;
+    heartbeat_ = std::chrono::milliseconds(std::min<std::uint64_t>(numbers[2], 60000));
     acknowledge();  // tells the server that everything before has been read
 }
 

@@ -29,9 +29,10 @@ class MirrorClient::Impl {
     Result<> start(const std::string& endpoint);
     std::size_t poll(std::chrono::milliseconds timeout);
     bool inStep() const {
-        return connected_ && haveState_ && partial_.empty() && playout_.empty() && !diverged_ &&
+        return connected_ && !relayLost_ && haveState_ && partial_.empty() && playout_.empty() && !diverged_ &&
                statistics_.sequence >= newestHeard_;
     }
+    bool originLost() const;
     Result<std::uint64_t> submit(std::vector<Change> changes);
     Value presented(NodeId node, FieldIndex field) const;
 
@@ -40,7 +41,7 @@ class MirrorClient::Impl {
     std::vector<Diagnostic> diagnostics_;
     std::vector<MirrorVerdict> verdicts_;
     std::string refusal_;
-    bool serverLeft_ = false;
+    bool serverLeft_ = false, turnedAway_ = false;
     std::uint32_t nextProvisional_;
     struct Request {
         std::uint64_t number = 0;
@@ -107,6 +108,9 @@ class MirrorClient::Impl {
     bool up_ = false;         // there is a connection, by the last event of it that was read
     bool cut_ = false;        // one has ended; what came by it is still being read
     int descriptor_ = -1;     // of the newest connection
+    bool relayLost_ = false;  // the server is a relay without an origin
+    bool quiet_ = false;      // nothing has been heard for longer than a heartbeat
+    std::chrono::milliseconds heartbeat_{500};
     bool haveState_ = false;  // the replica is in a state of this epoch
     bool touched_ = false;    // something was applied to the replica: it has to be reset before a keyframe
     std::uint64_t state_ = 0, newestHeard_ = 0;

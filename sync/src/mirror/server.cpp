@@ -10,6 +10,7 @@
 
 #include <rtsg/core/frame_input.h>
 #include <rtsg/sync/input_codec.h>
+#include <rtsg/sync/mirror_client.h>
 
 #include "server_io.h"
 
@@ -31,6 +32,11 @@ void MirrorServer::Shared::post(Item item) {
 void MirrorServer::Shared::awaken() const {
     const std::uint64_t one = 1;
     (void)!::write(wake, &one, sizeof(one));
+}
+
+void MirrorServer::Shared::answer(mirror::Verdict verdict) {
+    const std::scoped_lock lock(mutex);
+    verdicts.push_back(std::move(verdict));
 }
 
 void MirrorServer::Shared::report(Severity severity, std::string text) {
@@ -185,15 +191,51 @@ void MirrorServer::service() {
         submissions.swap(shared_->submissions);
         shared_->submittedBytes = 0;
     }
-    for (const mirror::Submission& submission : submissions) {
-        mirror::Verdict verdict = mirror::carryOut(scene_, submission);
-        const std::scoped_lock lock(shared_->mutex);
-        shared_->verdicts.push_back(std::move(verdict));
+    const bool any = !submissions.empty();
+    if (forward_) {
+        pass(std::move(submissions));
+    } else {
+        for (const mirror::Submission& submission : submissions) shared_->answer(mirror::carryOut(scene_, submission));
     }
-    if (!submissions.empty()) shared_->awaken();
+    if (any) shared_->awaken();
     if (!shared_->wantSnapshot) return;
     scene_.seal();  // publishes what is pending, and with it the snapshot
     if (shared_->wantSnapshot.exchange(false)) encodeAndPost(scene_.snapshot(), true);
+}
+
+void MirrorServer::forwardRequests(Forward forward) {
+    forward_ = std::move(forward);
+}
+
+/// Judged here by what these peers may, and there by what this server may.
+void MirrorServer::pass(std::vector<mirror::Submission> submissions) {
+    for (const mirror::Submission& submission : submissions) {
+        mirror::Verdict verdict{submission.client, submission.request, scene_.sequence(), {}, {}};
+        if (auto changes = mirror::examine(scene_, submission); !changes) {
+            verdict.refusal = changes.error().text;
+        } else if (const auto number = forward_(std::move(*changes)); !number) {
+            verdict.refusal = number.error().text;
+        } else {
+            forwarded_[*number] = {submission.client, submission.request};
+            continue;
+        }
+        shared_->answer(std::move(verdict));
+    }
+}
+
+void MirrorServer::answer(const MirrorVerdict& verdict) {
+    const auto found = forwarded_.find(verdict.request);
+    if (found == forwarded_.end()) return;
+    mirror::Verdict result{found->second.first, found->second.second, verdict.state, verdict.refusal, {}};
+    for (const auto& [provisional, number] : verdict.created)
+        result.created.emplace_back(provisional.value, number.value);
+    forwarded_.erase(found);
+    shared_->answer(std::move(result));
+    shared_->awaken();
+}
+
+void MirrorServer::setOriginLost(bool lost) {
+    if (shared_->originLost.exchange(lost) != lost) shared_->awaken();
 }
 
 bool MirrorServer::drain(std::chrono::milliseconds timeout) {

@@ -21,6 +21,7 @@ namespace {
 
 constexpr std::int64_t kLongestIncoming = mirror::kSubmitPart + 512;  // bytes; a hello is far below
 constexpr int kIncoming = 64;                                         // messages waiting per connection
+constexpr int kBacklog = 4096;                                        // connections at once that wait to be taken
 constexpr int kLinger = 200;                                          // ms
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
 constexpr auto kLookAround = 20ms, kLookAgain = 1ms;                  // for connections that send no whole message
@@ -49,6 +50,7 @@ Result<> MirrorServer::Io::start(const std::string& endpoint) {
     router_.set(ZMQ_RCVHWM, kIncoming);
     router_.set(ZMQ_MAXMSGSIZE, kLongestIncoming);
     router_.set(ZMQ_HANDSHAKE_IVL, 5000);
+    router_.set(ZMQ_BACKLOG, kBacklog);
     if (auto ok = gate_.guard(router_, shared_->options.keys ? &*shared_->options.keys : nullptr); !ok) return ok;
     if (zmq_bind(router_.get(), endpoint.c_str()) != 0)
         return std::unexpected(zmqFailure(fmt::format("cannot bind {}", endpoint)));
@@ -267,6 +269,7 @@ void MirrorServer::Io::dropStream(std::uint32_t part) {
 }
 
 void MirrorServer::Io::tick(Clock::time_point now) {
+    const bool lost = shared_->originLost, news = std::exchange(toldLost_, lost) != lost;
     for (const auto& [identity, peer] : peers_) streamOf(peer).used = now;
     for (auto s = std::next(streams_.begin()); s != streams_.end();) {
         const auto next = std::next(s);
@@ -279,8 +282,8 @@ void MirrorServer::Io::tick(Clock::time_point now) {
         if (gone) {
             ++statistics_.lost;
             shared_->report(Severity::note, fmt::format("peer '{}' was silent for too long", peer.name));
-        } else if (now - peer.spoken > shared_->options.heartbeat) {
-            const std::uint64_t token[] = {peer.state, historyOf(peer).newest()};
+        } else if (news || now - peer.spoken > shared_->options.heartbeat) {
+            const std::uint64_t token[] = {peer.state, historyOf(peer).newest(), lost ? 1u : 0u};
             mirror::write(message_, Message::ping, token);
             gone = !sendTo(peer.identity, message_);
             peer.spoken = now;

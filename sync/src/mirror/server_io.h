@@ -41,7 +41,8 @@ struct MirrorServer::Shared {
     std::atomic<std::uint64_t> coded{0};
     std::atomic<bool> wantForget{false};  // somebody has not got what predicted values refer to
     std::atomic<std::uint64_t> epoch{0};
-    int wake = -1;  // eventfd
+    std::atomic<bool> originLost{false};  // of a relay
+    int wake = -1;                        // eventfd
 
     std::mutex mutex;  // guards the rest
     std::condition_variable caughtUp;
@@ -58,6 +59,7 @@ struct MirrorServer::Shared {
     Result<> result();
     void post(Item item);
     void awaken() const;
+    void answer(mirror::Verdict verdict);
     void report(Severity severity, std::string text);
 };
 
@@ -93,7 +95,8 @@ class MirrorServer::Io {
         std::uint64_t client = 0;  // its name across connections
         std::uint32_t part = 0;    // which stream it follows
         MirrorUpstream upstream = MirrorUpstream::none;
-        bool sameTypes = false;
+        bool sameTypes = false;  // as here
+        bool noTypes = false;    // takes ours as they are described
         // A question to the shadow: nothing is sent until there is an answer, then frames up to the state it is about.
         bool asking = false;
         std::optional<MirrorShadow::Answer> answer;
@@ -171,7 +174,8 @@ class MirrorServer::Io {
     MirrorShadow shadow_;
     mirror::RequestLedger ledger_;
     Peers peers_;
-    bool leaving_ = false;  // goodbyes are out; only answers to them count
+    bool toldLost_ = false;  // what peers have been told of the origin
+    bool leaving_ = false;   // goodbyes are out; only answers to them count
     MirrorServerStatistics statistics_;
     ByteBuffer message_, head_;
     std::uint64_t dictionaryHash_ = 0;

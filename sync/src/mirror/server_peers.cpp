@@ -158,6 +158,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
         rate = rate > 0 ? std::min(rate, most) : most;
     peer.pace = MirrorPace(hello.wishes.lag / 1e3, static_cast<double>(rate));
     peer.sameTypes = hello.dictionaryHash == dictionaryHash_;
+    peer.noTypes = hello.dictionaryHash == 0;
     peer.part = *part;
     peer.inputs =
         hello.wishes.inputs && shared_->options.mode.mode == Mode::input && peer.sameTypes && !hello.wishes.partial();
@@ -201,7 +202,7 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
     const bool complete = peer.submission.add(request, size, offset, body.bytes(), problem);
     if (problem) return garbage(problem);
     if (!complete) return;
-    mirror::Submission whole{peer.client, request, peer.upstream, std::move(peer.submission.bytes)};
+    mirror::Submission whole{peer.client, request, peer.upstream, std::move(peer.submission.bytes), peer.noTypes};
     peer.submission = {};
     const mirror::Verdict* known = nullptr;
     switch (ledger_.standing(peer.client, request, known)) {
@@ -214,7 +215,7 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
             break;
     }
     mirror::Verdict refusal{peer.client, request, 0, {}, {}};
-    if (!peer.sameTypes) {
+    if (!peer.sameTypes && !peer.noTypes) {
         refusal.refusal = "the node types here are others than there";
     } else {
         const std::scoped_lock lock(shared_->mutex);

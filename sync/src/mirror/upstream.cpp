@@ -10,6 +10,7 @@
 #include <rtsg/sync/change_codec.h>
 
 #include "code_guard.h"
+#include "codec/blocks.h"
 #include "codec/node_label.h"
 
 namespace rtsg::mirror {
@@ -215,38 +216,68 @@ bool Verdict::read(wire::Reader& in) {
     return !in.problem;
 }
 
+namespace {
+
+/// Whether the record begins with descriptions of types.
+bool describes(std::span<const std::byte> record) {
+    return record.size() > kRecordHeaderSize &&
+           std::to_integer<unsigned>(record[kRecordHeaderSize]) == wire::kDescriptions;
+}
+
+Result<> decode(const Submission& submission, ChangeSet& set) {
+    if (const auto intact = checkRecord(submission.record); !intact) return std::unexpected(intact.error());
+    ChangeDecoder decoder(builtinTypes(), 0);
+    if (submission.noTypes && describes(submission.record)) {
+        StreamHead theirs;
+        theirs.dictionaryHash = 1;  // any other than ours: types are mapped by name as they are described
+        theirs.builtinTypes = 0xFFFF;
+        if (auto ok = decoder.setHead(theirs); !ok) return ok;
+    }
+    return decoder.decode(submission.record, set);
+}
+
+std::string reason(const Scene& scene, const Change& change, const Diagnostic& why, std::string_view more = {}) {
+    std::string text = why.text;
+    if (const Node* node = scene.find(change.node); node && change.field < node->type().fields.size())
+        text = fmt::format("{}.{}: {}", nodeLabel(scene, change.node), node->type().fields[change.field].name, text);
+    return (text + std::string(more)).substr(0, kLongestReason);
+}
+
+/// `request` has then judged all of `set`.
+Result<> examine(const Scene& scene, const Submission& submission, Request& request, ChangeSet& set) {
+    if (auto ok = decode(submission, set); !ok)
+        return fail(("a malformed request: " + ok.error().text).substr(0, kLongestReason));
+    for (const Change& change : set.changes)
+        if (auto fine = request.check(change); !fine) return fail(reason(scene, change, fine.error()));
+    return {};
+}
+
+}  // namespace
+
+Result<std::vector<Change>> examine(Scene& scene, const Submission& submission) {
+    Verdict unused;
+    Request request(scene, submission.permission, unused);
+    ChangeSet set;
+    if (auto ok = examine(scene, submission, request, set); !ok) return std::unexpected(ok.error());
+    return std::move(set.changes);
+}
+
 Verdict carryOut(Scene& scene, const Submission& submission) {
     Verdict verdict;
     verdict.client = submission.client;
     verdict.request = submission.request;
     verdict.state = scene.sequence();
-    ChangeDecoder decoder(builtinTypes(), 0);
-    ChangeSet set;
-    Result<> ok;
-    if (const auto intact = checkRecord(submission.record); !intact) ok = std::unexpected(intact.error());
-    if (ok) ok = decoder.decode(submission.record, set);
     Request request(scene, submission.permission, verdict);
-    const auto refuse = [&](const Change& change, const Diagnostic& why, bool begun) {
-        std::string text = why.text;
-        if (const Node* node = scene.find(change.node); node && change.field < node->type().fields.size())
-            text =
-                fmt::format("{}.{}: {}", nodeLabel(scene, change.node), node->type().fields[change.field].name, text);
-        if (begun) text += " (changes of the request before this one are made)";
-        verdict.refusal = text.substr(0, kLongestReason);
-    };
-    if (!ok) {
-        verdict.refusal = ("a malformed request: " + ok.error().text).substr(0, kLongestReason);
+    ChangeSet set;
+    if (auto ok = examine(scene, submission, request, set); !ok) {
+        verdict.refusal = ok.error().text;
         return verdict;
     }
-    for (const Change& change : set.changes)
-        if (auto fine = request.check(change); !fine) {
-            refuse(change, fine.error(), false);
-            return verdict;
-        }
     bool events = false, begun = false;
     for (const Change& change : set.changes) {
         if (auto done = request.carryOut(change); !done) {
-            refuse(change, done.error(), begun);
+            verdict.refusal =
+                reason(scene, change, done.error(), begun ? " (changes of the request before this one are made)" : "");
             break;
         }
         begun = true;

@@ -30,6 +30,7 @@ struct Submission {
     std::uint64_t client = 0, request = 0;
     MirrorUpstream permission = MirrorUpstream::none;
     std::vector<std::byte> record;
+    bool noTypes = false;  // numbers of types and fields are the server's; those of types that it describes, its own
 };
 
 struct Verdict {
@@ -42,6 +43,9 @@ struct Verdict {
     bool read(wire::Reader& in);  // behind the session
 };
 
+/// The changes of a submission that may be carried out, with numbers of its own for the nodes that it creates; or why
+/// it may not be.
+Result<std::vector<Change>> examine(Scene& scene, const Submission& submission);
 /// On the scene's thread, between frames.
 Verdict carryOut(Scene& scene, const Submission& submission);
 

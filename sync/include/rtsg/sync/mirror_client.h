@@ -112,13 +112,18 @@ class MirrorClient {
 
     /// Applies what has come; if nothing has, waits up to `timeout` for it. Returns the number of change sets applied.
     std::size_t poll(std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
-    /// There is a connection and the replica is in the newest state heard of.
+    /// There is a connection, at a relay one of its own too, and the replica is in the newest state heard of.
     bool inStep() const;
     const MirrorStatistics& statistics() const;
     /// What went wrong since the last call, at most a hundred.
     std::vector<Diagnostic> takeDiagnostics();
     /// The server said why it will not have us; empty otherwise.
     const std::string& refusal() const;
+    /// The server said that it will not have us for now; it is asked again every half second.
+    bool turnedAway() const;
+    /// There is no connection, nothing has been heard for more than a heartbeat and .4 s, or the server is a relay that
+    /// says so of its own origin.
+    bool originLost() const;
     /// The server said goodbye, and has not welcomed us since.
     bool serverLeft() const;
 

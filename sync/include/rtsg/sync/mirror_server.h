@@ -20,9 +20,12 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <rtsg/core/scene.h>
@@ -30,6 +33,10 @@
 #include <rtsg/sync/stream_mode.h>
 
 namespace rtsg {
+
+namespace mirror {
+struct Submission;
+}
 
 /// What becomes of a peer that falls behind by more than its window.
 enum class MirrorWhenSlow : std::uint8_t {
@@ -84,6 +91,7 @@ struct MirrorServerStatistics {
 };
 
 struct EncodedRecord;
+struct MirrorVerdict;
 
 class MirrorServer : public Subscriber {
   public:
@@ -104,6 +112,17 @@ class MirrorServer : public Subscriber {
     /// Carries out what peers have sent, between frames. Call it once a frame, and now and then while the scene stands
     /// still. Takes a snapshot if the server's replica could not keep up and was given up (statistics: stalls).
     void service();
+
+    // ---- of a scene that is a replica itself: see MirrorRelay --------------------------------------------------
+    /// From now on service() checks what peers have sent, and instead of carrying it out hands it to `forward`, which
+    /// returns the request's number there.
+    using Forward = std::function<Result<std::uint64_t>(std::vector<Change>)>;
+    void forwardRequests(Forward forward);
+    /// What became of such a request.
+    void answer(const MirrorVerdict& verdict);
+    /// Whether the scene's own origin is lost: peers are told at once, and again with every ping.
+    void setOriginLost(bool lost);
+
     /// Waits until all peers have acknowledged the scene's state; false if `timeout` passes first.
     bool drain(std::chrono::milliseconds timeout);
 
@@ -119,11 +138,14 @@ class MirrorServer : public Subscriber {
     void encodePredicted(const ChangeSet& changes, EncodedRecord& record);
     void encodeInput(const ChangeSet& changes, EncodedRecord& record);
     void waitForThoseWhoBlock();
+    void pass(std::vector<mirror::Submission> submissions);
 
     Scene& scene_;
     std::shared_ptr<Shared> shared_;
     std::unique_ptr<Encoder> encoder_;
     std::unique_ptr<Io> io_;
+    Forward forward_;
+    std::map<std::uint64_t, std::pair<std::uint64_t, std::uint64_t>> forwarded_;  // to client and request
     Attachment attachment_;
 };
 

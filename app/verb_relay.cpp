@@ -1,0 +1,162 @@
+// rtsg relay: passes a served session on to mirrors of its own, requests and verdicts too.
+#include <chrono>
+#include <cstdio>
+#include <memory>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/terminal.h>
+#include <rtsg/sync/mirror_relay.h>
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+    std::string origin, endpoint = "tcp://127.0.0.1:*", key, serveKey, upstream = "none", duration, patience = "5s";
+    std::string maxLag = "250ms";
+    std::size_t peers = 64, parts = 8;
+    bool insecure = false, json = false;
+};
+
+Result<std::optional<MirrorKeys>> keysFrom(const std::string& file) {
+    if (file.empty()) return std::nullopt;
+    auto keys = MirrorKeys::load(file);
+    if (!keys) return std::unexpected(keys.error());
+    return std::optional(std::move(*keys));
+}
+
+template <class Source>
+void printNews(Source& source) {
+    for (const Diagnostic& d : source.takeDiagnostics())
+        if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
+}
+
+class Relaying {
+  public:
+    explicit Relaying(const Options& options)
+        : options_(options),
+          duration_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
+          patience_(parseSeconds(options.patience)) {}
+
+    int run() {
+        if (auto ok = connect(); !ok) return printError(ok.error()), kBad;
+        while (!interrupted() && seconds(start_) < duration_ && !over_) turn();
+        if (relay_->server()) relay_->server()->drain(std::chrono::seconds(1));
+        print();
+        return good_ ? kDone : kBad;
+    }
+
+  private:
+    static double seconds(Clock::time_point since) {
+        return std::chrono::duration<double>(Clock::now() - since).count();
+    }
+
+    Result<> connect() {
+        MirrorClientOptions from;
+        MirrorServerOptions to;
+        auto theirs = keysFrom(options_.key), ours = keysFrom(options_.serveKey);
+        if (!theirs) return std::unexpected(theirs.error());
+        if (!ours) return std::unexpected(ours.error());
+        from.keys = std::move(*theirs);
+        from.name = "rtsg relay";
+        from.maxLag = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options_.maxLag)));
+        to.keys = std::move(*ours);
+        to.insecure = options_.insecure;
+        to.upstream = *mirrorUpstreamFromName(options_.upstream);
+        to.maximumPeers = options_.peers;
+        to.maximumParts = options_.parts;
+        (void)interrupted();  // from here on an interruption ends in order
+        auto relay = MirrorRelay::connect(replica_, options_.origin, options_.endpoint, std::move(from), std::move(to));
+        if (!relay) return std::unexpected(relay.error());
+        relay_ = std::move(*relay);
+        return {};
+    }
+
+    void turn() {
+        const bool before = relay_->server() != nullptr;
+        if (const auto applied = relay_->poll(std::chrono::milliseconds(50)); !applied)
+            return fail(applied.error().text);
+        MirrorClient& client = relay_->client();
+        printNews(client);
+        if (relay_->server()) printNews(*relay_->server());
+        if (!before && relay_->server()) sayEndpoint();
+        if (!client.originLost()) heard_ = Clock::now();
+        const bool left = client.serverLeft(), refused = !client.refusal().empty() && !client.turnedAway();
+        if (refused) fail(fmt::format("{} refused: {}", options_.origin, client.refusal()));
+        if (left) over_ = true;  // in order: so does the relay
+        if (!over_ && seconds(heard_) > patience_)
+            fail(client.turnedAway() ? fmt::format("{} refused: {}", options_.origin, client.refusal())
+                                     : fmt::format("{}: no origin for {} s", options_.origin, patience_));
+    }
+    void sayEndpoint() const {
+        if (options_.json)
+            fmt::print("{{\"endpoint\":{}}}\n", jsonString(relay_->server()->endpoint()));
+        else
+            fmt::print("relaying {} at {}\n", options_.origin, relay_->server()->endpoint());
+        std::fflush(stdout);
+    }
+    void fail(const std::string& text) {
+        printError(text);
+        good_ = false;
+        over_ = true;
+    }
+    void print() const {
+        const MirrorStatistics& from = relay_->client().statistics();
+        const MirrorServerStatistics to = relay_->server() ? relay_->server()->statistics() : MirrorServerStatistics{};
+        if (options_.json)
+            fmt::print(
+                "{{\"frames\":{},\"snapshots\":{},\"gaps\":{},\"restarts\":{},\"sequence\":{},\"hash\":\"{}\","
+                "\"equal\":{},"
+                "\"peers\":{},\"requests\":{},\"bytes\":{}}}\n",
+                from.frames, from.snapshots, from.gaps, from.restarts, from.sequence, from.hash.hex(), from.equal,
+                to.peers, to.requests, to.bytes);
+        else
+            fmt::print("{} frames to state {}, {} requests passed on, {} bytes to mirrors\n", from.frames,
+                       from.sequence, to.requests, to.bytes);
+    }
+
+    const Options& options_;
+    const double duration_, patience_;
+    Scene replica_;
+    std::unique_ptr<MirrorRelay> relay_;
+    Clock::time_point start_ = Clock::now(), heard_ = Clock::now();
+    bool over_ = false, good_ = true;
+};
+
+int relay(const Options& options) {
+    return Relaying(options).run();
+}
+
+}  // namespace
+
+Verb addRelay(Command& program) {
+    auto options = std::make_shared<Options>();
+    Command* command = program.addVerb("relay", "Pass a served scene on to mirrors of its own");
+    command->addOption("ENDPOINT", options->origin, "ZeroMQ endpoint of the origin, or of another relay")->required();
+    command->addOption("--bind", options->endpoint, "ZeroMQ endpoint to serve at; * picks a free port")->preset();
+    command->addOption("--for", options->duration, "how long; else until the origin leaves or Ctrl-C");
+    command->addOption("--wait", options->patience, "give up after so long without an origin")->preset();
+    command->addOption("--key", options->key, "key file for the origin");
+    command->addOption("--serve-key", options->serveKey, "key file for the mirrors here");
+    command
+        ->addOption("--upstream", options->upstream,
+                    "what mirrors here may send, if the key file does not say it; the origin judges too")
+        ->preset()
+        ->oneOf({"none", "events", "edits", "code"});
+    command->addOption("--max-lag", options->maxLag, "as rtsg mirror; 0: every frame comes, however late")->preset();
+    command->addOption("--peers", options->peers, "how many mirrors may follow")->preset();
+    command->addOption("--parts", options->parts, "how many different parts of the scene they may ask for")->preset();
+    command->addFlag("--insecure", options->insecure, "serve other machines without keys");
+    command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
+    command->footer(
+        "Example: rtsg relay tcp://127.0.0.1:4711 --bind tcp://127.0.0.1:4712 --for 20s\n"
+        "Mirrors that follow a relay are told within a second when it has lost its origin.");
+    return {command, [options] { return relay(*options); }};
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,50 @@
+// A client and a server on one replica, with requests passed up and verdicts passed down.
+#include <rtsg/sync/mirror_relay.h>
+
+#include <algorithm>
+
+namespace rtsg {
+
+namespace {
+
+constexpr std::chrono::milliseconds kTurn{5};  // that a request of a peer may wait while nothing comes from the origin
+
+}  // namespace
+
+MirrorRelay::MirrorRelay(Scene& replica, std::string endpoint, MirrorServerOptions to)
+    : replica_(replica), endpoint_(std::move(endpoint)), options_(std::move(to)) {}
+MirrorRelay::~MirrorRelay() = default;
+
+Result<std::unique_ptr<MirrorRelay>> MirrorRelay::connect(Scene& replica, const std::string& origin,
+                                                          const std::string& endpoint, MirrorClientOptions from,
+                                                          MirrorServerOptions to) {
+    auto client = MirrorClient::connect(replica, origin, std::move(from));
+    if (!client) return std::unexpected(client.error());
+    std::unique_ptr<MirrorRelay> relay(new MirrorRelay(replica, endpoint, std::move(to)));
+    relay->client_ = std::move(*client);
+    return relay;
+}
+
+Result<std::size_t> MirrorRelay::poll(std::chrono::milliseconds timeout) {
+    const auto end = std::chrono::steady_clock::now() + timeout;
+    std::size_t applied = 0;
+    while (true) {
+        const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+        applied += client_->poll(std::clamp(left, std::chrono::milliseconds(0), kTurn));
+        if (!server_ && client_->statistics().frames > 0) {
+            auto started = MirrorServer::start(replica_, endpoint_, options_);
+            if (!started) return std::unexpected(started.error());
+            server_ = std::move(*started);
+            server_->forwardRequests(
+                [this](std::vector<Change> changes) { return client_->submit(std::move(changes)); });
+        }
+        if (server_) {
+            for (const MirrorVerdict& verdict : client_->takeVerdicts()) server_->answer(verdict);
+            server_->setOriginLost(client_->originLost());
+            server_->service();
+        }
+        if (applied > 0 || std::chrono::steady_clock::now() >= end) return applied;
+    }
+}
+
+}  // namespace rtsg

@@ -1,0 +1,166 @@
+// A client of another program, that knows only what PROTOCOL.md and the stream tell it: it joins with 0 for its types,
+// sends edits in the server's numbers, and describes types that the stream has not.
+#include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
+#include <rtsg/sync/change_codec.h>
+
+#include "mirror/message.h"
+#include "mirror/upstream.h"
+#include "mirror_support.h"
+
+namespace rtsg {
+namespace {
+
+using mirror::Message;
+
+class ForeignClient {
+  public:
+    explicit ForeignClient(const std::string& endpoint)
+        : context_(zmq_ctx_new()), socket_(zmq_socket(context_, ZMQ_DEALER)) {
+        const int none = 0;
+        zmq_setsockopt(socket_, ZMQ_LINGER, &none, sizeof(none));
+        zmq_connect(socket_, endpoint.c_str());
+        mirror::Hello hello;
+        hello.session = 7;
+        hello.window = 1 << 20;
+        hello.name = "foreign";
+        hello.wishes.client = 99;
+        hello.write(message_);
+        zmq_send(socket_, message_.data(), message_.size(), 0);
+    }
+    ~ForeignClient() {
+        zmq_close(socket_);
+        zmq_ctx_term(context_);
+    }
+    void submit(std::uint64_t request, const ByteBuffer& record) {
+        const std::uint64_t numbers[] = {7, request, record.size(), 0};
+        mirror::write(message_, Message::submit, numbers);
+        zmq_send(socket_, message_.data(), message_.size(), ZMQ_SNDMORE);
+        zmq_send(socket_, record.data(), record.size(), 0);
+    }
+    /// Reads what has come; acknowledges, so that there is always credit.
+    bool poll() {
+        std::vector<std::string> parts;
+        int more = 1;
+        while (more) {
+            zmq_msg_t part;
+            zmq_msg_init(&part);
+            const bool any = zmq_msg_recv(&part, socket_, ZMQ_DONTWAIT) >= 0;
+            if (any) parts.emplace_back(static_cast<const char*>(zmq_msg_data(&part)), zmq_msg_size(&part));
+            more = any && zmq_msg_more(&part);
+            zmq_msg_close(&part);
+            if (!any) return false;
+        }
+        wire::Reader in(std::as_bytes(std::span(parts[0])));
+        const auto type = mirror::readPrologue(in);
+        const auto session = in.number<std::uint64_t>();
+        if (type == Message::data) {
+            received_ += parts[1].size();
+            const std::uint64_t numbers[] = {session, 0, received_};
+            mirror::write(message_, Message::ack, numbers);
+            zmq_send(socket_, message_.data(), message_.size(), 0);
+        } else if (type == Message::verdict) {
+            verdict.emplace();
+            EXPECT_TRUE(verdict->read(in));
+        }
+        return true;
+    }
+    std::optional<mirror::Verdict> verdict;
+
+  private:
+    void *context_, *socket_;
+    ByteBuffer message_;
+    std::uint64_t received_ = 0;
+};
+
+struct Origin {
+    Scene scene;
+    NodeId box;
+    std::unique_ptr<MirrorServer> server;
+
+    Origin() {
+        box = scene.createNode(x3d::Transform::type);
+        EXPECT_TRUE(scene.setField(scene.root(), x3d::RtsgScene::children.index, Array<NodeId>{box}));
+        scene.newFrame(0);
+        MirrorServerOptions options;
+        options.upstream = MirrorUpstream::edits;
+        server = *MirrorServer::start(scene, "tcp://127.0.0.1:*", options);
+    }
+    mirror::Verdict verdictOf(ForeignClient& client, std::uint64_t request, const ByteBuffer& record) {
+        client.verdict.reset();
+        client.submit(request, record);
+        EXPECT_TRUE(test::eventually([&] {
+            server->service();
+            while (client.poll()) continue;
+            return client.verdict.has_value();
+        }));
+        return client.verdict.value_or(mirror::Verdict{});
+    }
+};
+
+ByteBuffer recordOf(std::vector<Change> changes, TypeTable types) {
+    ChangeSet set;
+    set.from = set.to = 1;  // any state
+    set.changes = std::move(changes);
+    ByteBuffer record;
+    ChangeEncoder({}, types).encode(set, record);
+    return record;
+}
+
+Change edit(NodeId node, FieldIndex field, Value value) {
+    Change change;
+    change.node = node;
+    change.field = field;
+    change.value = std::move(value);
+    return change;
+}
+
+TEST(ForeignUpstream, EditsInTheServersNumbersAreTaken) {
+    Origin origin;
+    ForeignClient client(origin.server->endpoint());
+    const auto record = recordOf({edit(origin.box, x3d::Transform::translation.index, Vec3f(1, 2, 3))}, {});
+    EXPECT_EQ(origin.verdictOf(client, 1, record).refusal, "");
+    EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(1, 2, 3));
+}
+
+TEST(ForeignUpstream, TypesThatItDescribesAreFoundByName) {
+    // Two types, none of them where ours is, with fields that are elsewhere.
+    const auto type = [](const char* name, std::vector<std::pair<const char*, FieldType>> fields) {
+        auto made = std::make_unique<NodeType>();
+        made->name = name;
+        for (const auto& [field, kind] : fields) {
+            FieldDef& def = made->fields.emplace_back();
+            def.name = field;
+            def.type = kind;
+        }
+        EXPECT_TRUE(made->finish());
+        return made;
+    };
+    std::vector<std::unique_ptr<NodeType>> own;
+    own.push_back(type("Group", {{"children", FieldType::MFNode}}));
+    own.push_back(type("Sphere", {{"solid", FieldType::SFBool}, {"radius", FieldType::SFFloat}}));
+    const NodeId created{mirror::kFirstProvisional};
+    Change create;
+    create.kind = ChangeKind::createNode;
+    create.node = created;
+    create.index = 1;
+    Origin origin;
+    ForeignClient client(origin.server->endpoint());
+    const auto verdict = origin.verdictOf(client, 1, recordOf({create, edit(created, 1, 2.5f)}, own));
+    ASSERT_EQ(verdict.refusal, "");
+    ASSERT_EQ(verdict.created.size(), 1u);
+    const Node& sphere = origin.scene.node(NodeId{verdict.created[0].second});
+    EXPECT_EQ(sphere.type().name, "Sphere");
+    EXPECT_EQ(sphere.get(x3d::Sphere::radius), 2.5f);
+
+    std::vector<std::unique_ptr<NodeType>> unheardOf;
+    unheardOf.push_back(type("Hovercraft", {{"eels", FieldType::SFInt32}}));
+    create.index = 0;
+    EXPECT_NE(
+        origin.verdictOf(client, 2, recordOf({create}, unheardOf)).refusal.find("node types come from files only"),
+        std::string::npos);
+}
+
+}  // namespace
+}  // namespace rtsg
