@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/audio/live_sound.h>
+
 #include "files.h"
 #include "outputs.h"
 #include "running_scene.h"
@@ -16,10 +18,44 @@ struct Options {
     std::string scene, out, duration = "5s", ir;
     ResourceArguments resources;
     SoundArguments sound;
-    bool metrics = false, json = false;
+    std::string device;
+    bool metrics = false, json = false, live = false;
 };
 
+/// Plays what is heard while the scene runs in real time.
+int listenLive(const Options& options) {
+    if (!options.out.empty() || !options.ir.empty() || options.metrics)
+        throw UsageError("--live plays and reports; files and figures are made without it");
+    RunningScene running(options.scene, options.resources);
+    if (!running.load()) return kBad;
+    LiveOptions live;
+    live.render = options.sound.parse().render;
+    live.render.resources = running.resources();
+    live.device = options.device;
+    SharedWorld world(running.scene(), worldOptions(running.resources()));
+    auto sound = LiveSound::start(world, live);
+    if (!sound) return printError(sound.error()), kBad;
+    Pace pace;
+    pace.seconds = parseSeconds(options.duration);
+    pace.realtime = true;
+    running.run(pace, "listening to " + options.scene,
+                [&](std::uint64_t, const ChangeSet&) { return !interrupted() && (*sound)->report().failure.empty(); });
+    const LiveReport report = (*sound)->stop();
+    running.printDiagnostics();
+    print(report.diagnostics);
+    print(world.diagnostics());
+    fmt::print(
+        "{{\"device\":{},\"seconds\":{:.3f},\"blocks\":{},\"underruns\":{},\"latency_ms\":{:.1f},\"busy\":{:.3f},"
+        "\"responses\":{}}}\n",
+        jsonString(report.device), report.seconds, report.blocks, report.underruns, 1e3 * report.latencySeconds,
+        report.busy, report.heard.responses);
+    if (!report.failure.empty()) return printError(report.failure), kBad;
+    return kDone;
+}
+
 int listenTo(const Options& options) {
+    if (options.live) return listenLive(options);
+    if (!options.device.empty()) throw UsageError("--device is of --live");
     ListenOptions listening = options.sound.parse();
     listening.seconds = parseSeconds(options.duration);
     if (options.out.empty() && options.ir.empty() && !options.metrics && !options.json)
@@ -74,6 +110,8 @@ Verb addListen(Command& program) {
         ->addOption("--error", options->sound.error,
                     "trace until the figures' 95 % half width is this many noticeable differences")
         ->positive();
+    command->addFlag("--live", options->live, "play it now, on a sound device");
+    command->addOption("--device", options->device, "of --live; else the default one");
     options->resources.addTo(*command);
     options->sound.addTo(*command);
     command->addFlag("--json", options->json, "the same as --metrics");

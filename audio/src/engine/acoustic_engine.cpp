@@ -90,7 +90,7 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
     }
     for (auto& [id, emitter] : states) {
         bool inBody = changes.everything;
-        emitter.stale = emitter.stale || changes.everything;
+        emitter.stale = emitter.stale || changes.everything || (emitter.tracing && !boxes.empty());
         for (const AcousticBox& box : boxes) {
             emitter.stale =
                 emitter.stale || mayReach(emitter.reached, emitter.tracedSource, emitter.tracedListener, longest, box);
@@ -102,8 +102,8 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
 }
 
 /// Where the emitters are on their way to; those that are no longer there begin to fade.
-void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double seconds) {
-    const double time = (renderedUntil + seconds) * options.sampleRate;
+void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double poseSeconds) {
+    const double time = poseSeconds * options.sampleRate, seconds = std::max(0.0, poseSeconds - posedAt);
     for (const SoundEmitter& emitter : *sounds.emitters) stateOf(emitter, time);
     for (auto& [id, state] : states) {
         if (state.gone) continue;
@@ -126,16 +126,17 @@ void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double sec
     }
 }
 
-void AcousticEngine::Impl::followListener(const ListenerPose& listener, double seconds) {
+void AcousticEngine::Impl::followListener(const ListenerPose& listener, double poseSeconds) {
+    const double seconds = std::max(0.0, poseSeconds - posedAt);
     now = listener;
     if (!posed) {
         before = now;
         posed = true;
         toSkip = channels * latency();
-        listenerMotion.put(renderedUntil * options.sampleRate, now.position, true);
+        listenerMotion.put(posedAt * options.sampleRate, now.position, true);
     }
     const bool jump = !(glm::distance(before.position, now.position) <= air.speedOfSound * std::max(1e-3, seconds));
-    listenerMotion.put((renderedUntil + seconds) * options.sampleRate, now.position, jump);
+    listenerMotion.put(poseSeconds * options.sampleRate, now.position, jump);
     if (!jump) return;
     for (auto& [id, state] : states) state.jumped = true;
 }
@@ -161,33 +162,55 @@ EmitterState& AcousticEngine::Impl::stateOf(const SoundEmitter& emitter, double 
     return state;
 }
 
+void AcousticEngine::Impl::followState(const AcousticState& state, const RayView& rays, double poseSeconds) {
+    followAir(state.sounds);
+    followListener(state.sounds.listener, poseSeconds);
+    follow(state, rays);
+    followEmitters(state.sounds, poseSeconds);
+    posedAt = std::max(posedAt, poseSeconds);
+}
+
+Result<> AcousticEngine::Impl::renderTo(const SoundVersion& sounds, double untilSeconds, SoundBuffer& sound) {
+    const auto count = static_cast<int>(channels);
+    if (sound.samples.empty()) {
+        sound.sampleRate = options.sampleRate;
+        sound.channels = count;
+    }
+    if (sound.sampleRate != options.sampleRate || sound.channels != count)
+        return fail("the sound rendered into has another format");
+    const double rate = options.sampleRate, span = untilSeconds - renderedUntil;
+    const std::size_t wanted = channels * static_cast<std::size_t>(std::max(
+                                              0.0, std::round(untilSeconds * rate) - std::round(renderedUntil * rate)));
+    while (ready.size() < wanted) {
+        const double end = static_cast<double>(samples + static_cast<std::int64_t>(options.blockSize)) / rate;
+        const double alpha = span > 0 ? std::clamp((end - renderedUntil) / span, 0.0, 1.0) : 1;
+        if (auto done = block(sounds, alpha); !done) return done;
+    }
+    sound.samples.insert(sound.samples.end(), ready.begin(), ready.begin() + static_cast<std::ptrdiff_t>(wanted));
+    ready.erase(ready.begin(), ready.begin() + static_cast<std::ptrdiff_t>(wanted));
+    before = now;
+    renderedUntil = std::max(renderedUntil, untilSeconds);
+    return {};
+}
+
 Result<> AcousticEngine::render(const AcousticState& state, const RayView& rays, double untilSeconds,
                                 SoundBuffer& sound) {
+    impl_->followState(state, rays, std::max(untilSeconds, impl_->renderedUntil));
+    return impl_->renderTo(state.sounds, untilSeconds, sound);
+}
+
+Result<> AcousticEngine::renderLive(std::shared_ptr<const AcousticState> state, std::shared_ptr<const RayView> rays,
+                                    double poseSeconds, double untilSeconds, SoundBuffer& sound) {
     Impl& s = *impl_;
-    if (sound.samples.empty()) {
-        sound.sampleRate = s.options.sampleRate;
-        sound.channels = channels();
+    if (s.options.background && !s.worker) s.worker = std::make_unique<TraceWorker>();
+    if (s.worker)
+        if (auto done = s.worker->take()) s.takeResponse(std::move(*done));
+    if (state != s.liveState) {
+        s.liveState = std::move(state);
+        s.liveRays = std::move(rays);
+        s.followState(*s.liveState, *s.liveRays, poseSeconds);
     }
-    if (sound.sampleRate != s.options.sampleRate || sound.channels != channels())
-        return fail("the sound rendered into has another format");
-    const double rate = s.options.sampleRate, span = untilSeconds - s.renderedUntil;
-    s.followAir(state.sounds);
-    s.followListener(state.sounds.listener, std::max(0.0, span));
-    s.follow(state, rays);
-    s.followEmitters(state.sounds, std::max(0.0, span));
-    const std::size_t wanted =
-        s.channels *
-        static_cast<std::size_t>(std::max(0.0, std::round(untilSeconds * rate) - std::round(s.renderedUntil * rate)));
-    while (s.ready.size() < wanted) {
-        const double end = static_cast<double>(s.samples + static_cast<std::int64_t>(s.options.blockSize)) / rate;
-        const double alpha = span > 0 ? std::clamp((end - s.renderedUntil) / span, 0.0, 1.0) : 1;
-        if (auto done = s.block(state.sounds, alpha); !done) return done;
-    }
-    sound.samples.insert(sound.samples.end(), s.ready.begin(), s.ready.begin() + static_cast<std::ptrdiff_t>(wanted));
-    s.ready.erase(s.ready.begin(), s.ready.begin() + static_cast<std::ptrdiff_t>(wanted));
-    s.before = s.now;
-    s.renderedUntil = std::max(s.renderedUntil, untilSeconds);
-    return {};
+    return s.renderTo(s.liveState->sounds, untilSeconds, sound);
 }
 
 }  // namespace rtsg

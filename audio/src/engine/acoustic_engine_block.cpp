@@ -46,13 +46,12 @@ glm::dvec3 turned(const glm::dvec3& direction, double degrees) {
 }  // namespace
 
 void AcousticEngine::Impl::play(const SoundNode& sound, EmitterState& state, Block& block) {
-    std::size_t inputs = std::max<std::size_t>(1, state.inputs.size());
-    for (const SoundVoice& voice : sound.voices)
-        inputs = std::max(inputs, state.players[voice.node.value].channels(voice, clips));
-    block.dry.resize(inputs);
+    block.dry.resize(std::max<std::size_t>(1, state.inputs.size()));
+    if (sound.enabled) {
+        state.mix.render(sound.voices, sound.processes, clips, samples, options.blockSize, block.dry);
+        return;
+    }
     for (std::vector<float>& dry : block.dry) dry.assign(options.blockSize, 0.0f);
-    if (!sound.enabled) return;
-    for (const SoundVoice& voice : sound.voices) state.players[voice.node.value].play(voice, clips, samples, block.dry);
 }
 
 Result<> AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count) {

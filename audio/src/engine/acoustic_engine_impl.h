@@ -16,6 +16,7 @@
 #include <rtsg/audio/loopback.h>
 
 #include "emitter_state.h"
+#include "trace_worker.h"
 
 namespace rtsg {
 
@@ -32,6 +33,7 @@ struct AcousticEngine::Impl {
           clips(o.sampleRate, o.resources),
           listenerMotion(o.blockSize),
           renderedUntil(o.startTime),
+          posedAt(o.startTime),
           samples(std::llround(o.startTime * o.sampleRate)),
           lateQueue(channels * latency()) {}
 
@@ -48,8 +50,11 @@ struct AcousticEngine::Impl {
     std::size_t latency() const { return mixer ? mixer->latency() : 0; }
 
     void follow(const AcousticState& state, const RayView& rays);
-    void followEmitters(const SoundVersion& sounds, double seconds);
-    void followListener(const ListenerPose& listener, double seconds);
+    /// Everything but the sound: what is where at `poseSeconds`.
+    void followState(const AcousticState& state, const RayView& rays, double poseSeconds);
+    Result<> renderTo(const SoundVersion& sounds, double untilSeconds, SoundBuffer& sound);
+    void followEmitters(const SoundVersion& sounds, double poseSeconds);
+    void followListener(const ListenerPose& listener, double poseSeconds);
     void followAir(const SoundVersion& sounds);
     std::vector<std::uint32_t> bodyOf(std::vector<std::uint32_t> around, const glm::dvec3& listener) const;
     EmitterState& stateOf(const SoundEmitter& emitter, double time);
@@ -79,6 +84,7 @@ struct AcousticEngine::Impl {
                    const ListenerPose& listener) const;
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                const ListenerPose& listener);
+    void takeResponse(TracedResponse traced);
 
     AcousticOptions options;
     std::size_t channels;
@@ -94,11 +100,16 @@ struct AcousticEngine::Impl {
     Trajectory listenerMotion;
     bool posed = false;
     double renderedUntil;
+    double posedAt = 0;           // the scene time of the last poses
     std::int64_t samples;         // consumed from the voices
     std::deque<float> lateQueue;  // interleaved; delays reflections by the mixer's latency
     std::size_t toSkip = 0;       // of the mixer's latency, still to be dropped
     std::vector<float> ready;     // interleaved, rendered but not yet asked for
     HeardResponses heard;
+    // Of sound that does not wait.
+    std::shared_ptr<const AcousticState> liveState;
+    std::shared_ptr<const RayView> liveRays;
+    std::unique_ptr<TraceWorker> worker;
 };
 
 }  // namespace rtsg

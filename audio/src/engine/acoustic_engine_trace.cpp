@@ -2,10 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <rtsg/audio/impulse_response.h>
-
 #include "acoustic_engine_impl.h"
-#include "trace/reach.h"
 
 namespace rtsg {
 namespace {
@@ -32,7 +29,7 @@ SourcePattern AcousticEngine::Impl::patternOf(const SoundEmitter& emitter, const
     const double distance = glm::distance(source, listener);
     const double reference = levelled ? sound.level(emitter.localFrom(listener - source)) : 1;
     if (!(reference > 0)) return {};
-    return [&emitter, distance, reference, levelled](const glm::dvec3& direction) {
+    return [emitter, distance, reference, levelled](const glm::dvec3& direction) {
         const glm::dvec3 local = emitter.localFrom(direction * std::max(distance, 1e-3));
         const double amplitude =
             emitter.sound->coneGain(local) * (levelled ? emitter.sound->level(local) / reference : 1);
@@ -42,6 +39,7 @@ SourcePattern AcousticEngine::Impl::patternOf(const SoundEmitter& emitter, const
 
 bool AcousticEngine::Impl::mustTrace(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
                                      const ListenerPose& listener) const {
+    if (worker && !worker->idle()) return false;
     if (!state.hasResponse) return true;
     const bool aimed = emitter.sound->directional(options.levels == AcousticOptions::Levels::x3d);
     const bool moved = state.stale || glm::distance(state.tracedSource, source) > options.moveTolerance ||
@@ -54,36 +52,32 @@ bool AcousticEngine::Impl::mustTrace(const SoundEmitter& emitter, const EmitterS
 
 void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                                  const ListenerPose& listener) {
-    const OpenedGeometry room(geometry, state.body);
-    const ReachRecorder recorder(room, longest);
-    const AcousticTracer tracer(recorder);
-    TraceOptions tracing = options.trace;
-    tracing.air = air;
-    tracing.pattern = patternOf(emitter, source, listener.position);
-    TraceResult traced = tracer.trace(source, listener.position, tracing);
-    if (options.error > 0) {
-        const double error =
-            tracer.refineTo(traced, source, listener.position, tracing, options.error, options.maxRays);
-        heard.error = std::isnan(heard.error) ? error : std::max(heard.error, error);
-    }
-    ImpulseResponseOptions response;
+    TraceJob job;
+    job.emitter = emitter.id;
+    job.source = source;
+    job.listener = listener.position;
+    job.body = state.body;
+    job.tracing = options.trace;
+    job.tracing.air = air;
+    job.tracing.pattern = patternOf(emitter, source, listener.position);
+    job.error = options.error;
+    job.maxRays = options.maxRays;
+    job.longest = longest;
+    job.block = options.blockSize;
     using Channels = ImpulseResponseOptions::Channels;
-    response.channels = options.ambisonicOrder > 0 ? Channels::ambisonic
-                        : options.binaural         ? Channels::binaural
-                                                   : Channels::stereo;
-    response.ambisonicOrder = options.ambisonicOrder;
-    response.sampleRate = options.sampleRate;
-    response.listenerRight = listener.right;
-    response.listenerUp = listener.up;
-    response.listenerBack = listener.back;
-    response.firstOrder = 1;
-    response.cutShare = 1e-6;
-    response.speedOfSound = air.speedOfSound;
+    job.response.channels = options.ambisonicOrder > 0 ? Channels::ambisonic
+                            : options.binaural         ? Channels::binaural
+                                                       : Channels::stereo;
+    job.response.ambisonicOrder = options.ambisonicOrder;
+    job.response.sampleRate = options.sampleRate;
+    job.response.listenerRight = listener.right;
+    job.response.listenerUp = listener.up;
+    job.response.listenerBack = listener.back;
+    job.response.firstOrder = 1;
+    job.response.cutShare = 1e-6;
+    job.response.speedOfSound = air.speedOfSound;
     // The same noise each time, another for each emitter: crossfades then do not rustle.
-    response.seed = emitter.id.slot + 1;
-    const ImpulseResponse ir = makeImpulseResponse(traced.echogram(), response);
-    for (std::size_t c = 0; c < channels; ++c) state.late[c].setResponse(ir.channels[c]);
-    state.responseFrames = ir.frames();
+    job.response.seed = emitter.id.slot + 1;
     state.hasResponse = true;
     state.tracedAt = static_cast<double>(samples) / options.sampleRate;
     state.tracedSource = source;
@@ -91,14 +85,30 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     state.tracedRight = listener.right;
     state.tracedBack = listener.back;
     state.tracedAim = aimOf(emitter);
-    state.reached = recorder.reached();
-    // The receiver's ball shrinks before a wall: what comes near the listener counts as well.
-    state.reached.extend(listener.position - traced.receiverRadius / 0.4);
-    state.reached.extend(listener.position + traced.receiverRadius / 0.4);
     state.stale = false;
+    if (!worker) {
+        takeResponse(traceResponse(job, geometry));
+        return;
+    }
+    job.state = liveState;
+    job.rays = liveRays;
+    state.tracing = true;
+    worker->submit(std::move(job));
+}
+
+void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     ++heard.responses;
     heard.rays = std::max(heard.rays, traced.rays);
-    heard.images = std::max(heard.images, traced.arrivals.size());
+    heard.images = std::max(heard.images, traced.images);
+    if (!std::isnan(traced.error))
+        heard.error = std::isnan(heard.error) ? traced.error : std::max(heard.error, traced.error);
+    const auto found = states.find(traced.emitter);
+    if (found == states.end()) return;
+    EmitterState& state = found->second;
+    for (std::size_t c = 0; c < channels; ++c) state.late[c].setResponse(std::move(traced.channels[c]));
+    state.responseFrames = std::max(state.responseFrames, traced.frames);
+    state.reached = traced.reached;
+    state.tracing = false;
 }
 
 }  // namespace rtsg

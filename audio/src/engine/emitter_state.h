@@ -4,13 +4,13 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <vector>
 
 #include <rtsg/audio/acoustic_box.h>
 #include <rtsg/audio/clip_library.h>
 #include <rtsg/audio/convolver.h>
 
+#include "scene/process_player.h"
 #include "signal/delay_line.h"
 #include "trajectory.h"
 
@@ -35,7 +35,7 @@ struct EmitterState {
         for (std::size_t c = 0; c < channels; ++c) late.emplace_back(block, fade);
     }
 
-    std::map<std::uint32_t, VoicePlayer> players;  // by voice node
+    AudioMix mix;
     std::vector<EmitterInput> inputs;
     Trajectory motion;
     std::vector<Convolver> late;        // by channel
@@ -50,6 +50,7 @@ struct EmitterState {
     bool spatialisedOnce = false;
     // Of the response in use.
     bool hasResponse = false;
+    bool tracing = false;  // in the background: where its paths go is not known yet
     double tracedAt = 0;
     glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0}, tracedBack{0}, tracedAim{0};
     AcousticBox reached;  // by its paths

@@ -57,8 +57,11 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::read(const SoundVoice& voice) {
 
 std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
     if (voice.kind == SoundVoice::Kind::buffer) {
-        SoundBuffer sound{std::clamp(static_cast<int>(voice.bufferRate), 1000, 1'000'000), 1, {}};
+        SoundBuffer sound{std::clamp(static_cast<int>(voice.bufferRate), 1000, 1'000'000), voice.bufferChannels, {}};
         for (const float sample : voice.buffer) sound.samples.push_back(std::isfinite(sample) ? sample : 0);
+        // Of frames that are not whole the rest is no sound.
+        sound.samples.resize(sound.frames() * static_cast<std::size_t>(sound.channels));
+        if (sound.samples.empty()) sound.samples.resize(static_cast<std::size_t>(sound.channels));
         auto converted = resample(sound, sampleRate_);
         return converted ? std::make_shared<const SoundBuffer>(std::move(*converted)) : testSignal();
     }
@@ -109,8 +112,15 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
     const bool oscillator = voice.kind == SoundVoice::Kind::oscillator;
     load(voice, clips);
     const double length = oscillator ? 0 : static_cast<double>(clip_->frames());
+    // Where a loop begins and ends.
+    const bool region = voice.loopEnd > voice.loopStart && voice.loopStart >= 0 && voice.loopStart * rate < length;
+    const double begin = region ? voice.loopStart * rate : 0,
+                 end = region ? std::min(length, voice.loopEnd * rate) : length;
     const std::size_t channels = oscillator ? 1 : static_cast<std::size_t>(clip_->channels);
     const double step = oscillator ? voice.frequency / rate : voice.pitch;
+    // Below half the sample rate.
+    const auto harmonics =
+        static_cast<std::size_t>(std::min(1e6, step != 0 ? std::max(0.0, std::ceil(0.5 / std::abs(step)) - 1) : 1e6));
     for (std::size_t i = 0; i < out[0].size(); ++i) {
         // Half a sample of grace: a start between two samples must not be late by one through rounding.
         const double t = (static_cast<double>(first) + static_cast<double>(i) + 0.5) / rate;
@@ -129,18 +139,21 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
         }
         if (!playing_) continue;
         if (!std::isfinite(phase_)) phase_ = 0;
-        if (!oscillator && phase_ >= length) {
-            if (!voice.loop || length < 1) {
+        if (!oscillator && phase_ >= (voice.loop ? end : length)) {
+            if (!voice.loop || end - begin < 1) {
                 playing_ = false;
                 finished_ = true;
                 continue;
             }
-            phase_ = std::fmod(phase_, length);
+            phase_ = begin + std::fmod(phase_ - begin, end - begin);
         }
         const auto gain = static_cast<float>(voice.gain);
+        const double tone = !oscillator  ? 0
+                            : voice.wave ? voice.wave->at(phase_, harmonics)
+                                         : std::sin(2 * std::numbers::pi * phase_);
         for (std::size_t c = 0; c < out.size(); ++c) {
             if (oscillator)
-                out[c][i] += static_cast<float>(voice.gain * std::sin(2 * std::numbers::pi * phase_));
+                out[c][i] += static_cast<float>(voice.gain * tone);
             else if (channels == 1 || c < channels)
                 out[c][i] += gain * sampleAt(voice, channels == 1 ? 0 : c);
         }

@@ -85,18 +85,25 @@ std::size_t Convolver::blockSize() const {
     return impl_->block;
 }
 
-void Convolver::setResponse(std::span<const float> response) {
-    Impl& s = *impl_;
-    const std::size_t partitions = (response.size() + s.block - 1) / s.block;
-    s.waiting.resize(partitions);
-    std::vector<float> padded(2 * s.block);
-    for (std::size_t p = 0; p < partitions; ++p) {
-        const auto part = response.subspan(p * s.block, std::min(s.block, response.size() - p * s.block));
+Convolver::Response Convolver::prepare(std::size_t blockSize, std::span<const float> response) {
+    const std::size_t block = std::max<std::size_t>(2, blockSize);
+    RealFft fft(2 * block);
+    Response result;
+    result.parts_.resize((response.size() + block - 1) / block);
+    std::vector<float> padded(2 * block);
+    for (std::size_t p = 0; p < result.parts_.size(); ++p) {
+        const auto part = response.subspan(p * block, std::min(block, response.size() - p * block));
         std::fill(padded.begin(), padded.end(), 0.0f);
         std::copy(part.begin(), part.end(), padded.begin());
-        s.fft.forward(padded, s.waiting[p]);
+        fft.forward(padded, result.parts_[p]);
     }
-    s.keep(std::max<std::size_t>(1, partitions));
+    return result;
+}
+
+void Convolver::setResponse(Response response) {
+    Impl& s = *impl_;
+    s.waiting = std::move(response.parts_);
+    s.keep(std::max<std::size_t>(1, s.waiting.size()));
     s.waits = true;
 }
 

@@ -53,6 +53,8 @@ struct AcousticOptions {
     double bodySize = 2.5;
     /// No reflections at all: direct sound only.
     bool reflections = true;
+    /// Rooms are traced on a thread of its own, and sound goes on with what was traced before; for renderLive() only.
+    bool background = false;
     /// Scene time of the first sample.
     double startTime = 0;
     /// What urls of clips may open, and where relative ones start.
@@ -90,6 +92,11 @@ class AcousticEngine {
     /// `untilSeconds`; states may be skipped, but never go back. `rays` are of the same state and used in the call
     /// only.
     Result<> render(const AcousticState& state, const RayView& rays, double untilSeconds, SoundBuffer& sound);
+
+    /// The same for sound that does not wait: the poses are those at `poseSeconds`, which may lie before or after
+    /// `untilSeconds`. Responses come when they are ready, in the background if the options say so.
+    Result<> renderLive(std::shared_ptr<const AcousticState> state, std::shared_ptr<const RayView> rays,
+                        double poseSeconds, double untilSeconds, SoundBuffer& sound);
 
     /// Of what render() appends.
     int channels() const;

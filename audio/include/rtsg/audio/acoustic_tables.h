@@ -33,6 +33,9 @@ class AcousticTables final : public InstanceSubscriber {
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
 
+    /// latest(), as an AcousticState, for readers of the whole world's state.
+    std::shared_ptr<const void> freeze() override { return latest(); }
+
     /// The state as of the last apply(); the same one until the next.
     std::shared_ptr<const AcousticState> latest();
     const SoundScene& scene() const { return sounds_; }

@@ -19,9 +19,23 @@ class Convolver {
     Convolver(Convolver&&) noexcept;
     Convolver& operator=(Convolver&&) noexcept;
 
+    /// A response made ready to be convolved with.
+    class Response {
+      public:
+        Response() = default;
+        std::size_t partitions() const { return parts_.size(); }
+
+      private:
+        friend class Convolver;
+        std::vector<std::vector<std::complex<float>>> parts_;
+    };
+    static Response prepare(std::size_t blockSize, std::span<const float> response);
+
     std::size_t blockSize() const;
     /// Empty for silence. Takes effect with the next block.
-    void setResponse(std::span<const float> response);
+    void setResponse(std::span<const float> response) { setResponse(prepare(blockSize(), response)); }
+    /// Precondition: prepared for blocks of this size.
+    void setResponse(Response response);
     /// Adds to `output`; both of blockSize() samples.
     void process(std::span<const float> input, std::span<float> output);
 

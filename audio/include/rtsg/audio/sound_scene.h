@@ -20,6 +20,7 @@
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/audio_processing.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/flattener.h>
@@ -41,6 +42,9 @@ struct SoundVoice {
     std::vector<std::filesystem::path> folders;  // where they start, see Resources::foldersOf
     Array<float> buffer;                         // buffer: mono
     double bufferRate = 48000;
+    int bufferChannels = 1;                    // interleaved
+    double loopStart = 0, loopEnd = 0;         // seconds; no region unless the end is after the start
+    std::shared_ptr<const PeriodicWave> wave;  // oscillator; null: a sine
     double gain = 1, pitch = 1;
     double frequency = 440;  // oscillator, Hz
     bool loop = false;
@@ -48,6 +52,24 @@ struct SoundVoice {
 
     /// Whether it sounds at scene time `t`, but for a clip's end.
     bool active(double t) const;
+};
+
+/// A node that does something with what leads into it. A tree: what is USEd more than once is several.
+struct AudioProcess {
+    enum class Kind : std::uint8_t { mix, biquad, delay, convolver, compressor, shaper, splitter, merger, selector };
+    Kind kind = Kind::mix;
+    NodeId node;
+    double gain = 1;  // of what comes out
+    Biquad::Type filter = Biquad::Type::lowpass;
+    double frequency = 350, quality = 1, filterGainDb = 0;  // biquad: Hz, detuned already
+    double delay = 0;                                       // s
+    Array<float> buffer;                                    // convolver: mono, at the rate of what is heard
+    bool normalize = false;
+    Compressor::Settings compressor;
+    std::vector<float> curve;  // shaper
+    int selection = 0;         // selector
+    std::vector<SoundVoice> voices;
+    std::vector<std::shared_ptr<const AudioProcess>> inputs;
 };
 
 /// A Sound or SpatialSound node.
@@ -65,6 +87,7 @@ struct SoundNode {
     double referenceDistance = 1, maxDistance = 10000, rolloff = 1;  // the others
     double coneInner = 6.2832, coneOuter = 6.2832, coneOuterGain = 0;
     std::vector<SoundVoice> voices;
+    std::vector<std::shared_ptr<const AudioProcess>> processes;
 
     /// Amplitude at a place in the node's frame, intensity not included. Ellipsoids: 1 in the inner, falling linearly
     /// in decibels to -20 dB at the outer, silent beyond; location is one focus of both.
@@ -131,7 +154,15 @@ class SoundScene {
     bool placeEmitters(const Scene& scene, const InstanceDelta& delta);
     void nameEmitters();
     std::vector<SoundEmitter>& ownEmitters();
-    void readVoices(const Scene& scene, NodeId id, double gain, int depth, SoundNode& sound);
+    /// What a branch of an audio graph adds.
+    struct Branch {
+        std::vector<SoundVoice>& voices;
+        std::vector<std::shared_ptr<const AudioProcess>>& processes;
+        const std::string& sound;  // its name
+    };
+    void readVoices(const Scene& scene, NodeId id, double gain, int depth, Branch to);
+    bool readSource(const Scene& scene, const Node& node, double gain, Branch to);
+    bool readProcess(const Scene& scene, const Node& node, double gain, int depth, Branch to);
     std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node) const;
     void chooseListener(const Scene& scene);
     void readAir(const Scene& scene, const ChangeSet& changes);

@@ -1,0 +1,89 @@
+// Traces a room for one emitter and makes a response of it; in place or on a thread of its own.
+#include "trace_worker.h"
+
+#include <limits>
+#include <utility>
+
+#include <tbb/task_arena.h>
+
+#include "trace/reach.h"
+
+namespace rtsg {
+
+TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry) {
+    const OpenedGeometry room(geometry, job.body);
+    const ReachRecorder recorder(room, job.longest);
+    const AcousticTracer tracer(recorder);
+    TraceResult traced = tracer.trace(job.source, job.listener, job.tracing);
+    TracedResponse result;
+    result.emitter = job.emitter;
+    result.error = std::numeric_limits<double>::quiet_NaN();
+    if (job.error > 0)
+        result.error = tracer.refineTo(traced, job.source, job.listener, job.tracing, job.error, job.maxRays);
+    const ImpulseResponse ir = makeImpulseResponse(traced.echogram(), job.response);
+    for (const std::vector<float>& channel : ir.channels)
+        result.channels.push_back(Convolver::prepare(job.block, channel));
+    result.frames = ir.frames();
+    result.reached = recorder.reached();
+    // The receiver's ball shrinks before a wall: what comes near the listener counts as well.
+    result.reached.extend(job.listener - traced.receiverRadius / 0.4);
+    result.reached.extend(job.listener + traced.receiverRadius / 0.4);
+    result.rays = traced.rays;
+    result.images = traced.arrivals.size();
+    return result;
+}
+
+TraceWorker::TraceWorker() : thread_([this] { run(); }) {}
+
+TraceWorker::~TraceWorker() {
+    {
+        const std::lock_guard lock(mutex_);
+        stop_ = true;
+    }
+    wake_.notify_one();
+    thread_.join();
+}
+
+bool TraceWorker::idle() const {
+    const std::lock_guard lock(mutex_);
+    return !busy_ && !done_;
+}
+
+void TraceWorker::submit(TraceJob job) {
+    {
+        const std::lock_guard lock(mutex_);
+        job_ = std::move(job);
+        busy_ = true;
+    }
+    wake_.notify_one();
+}
+
+std::optional<TracedResponse> TraceWorker::take() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(done_, std::nullopt);
+}
+
+void TraceWorker::run() {
+    // One core is the sound's own.
+    tbb::task_arena arena(std::max(1, tbb::this_task_arena::max_concurrency() - 1));
+    WorldGeometry geometry;
+    for (;;) {
+        std::optional<TraceJob> job;
+        {
+            std::unique_lock lock(mutex_);
+            wake_.wait(lock, [&] { return stop_ || job_; });
+            if (stop_) return;
+            job = std::exchange(job_, std::nullopt);
+        }
+        TracedResponse response;
+        arena.execute([&] {
+            geometry.follow(job->state->walls, *job->rays);
+            response = traceResponse(*job, geometry);
+        });
+        const std::lock_guard lock(mutex_);
+        done_ = std::move(response);
+        busy_ = false;
+    }
+}
+
+}  // namespace rtsg

@@ -1,0 +1,75 @@
+// Responses made apart from the sound that they are for: what is needed is handed in whole, and what comes out is ready
+// to be convolved with.
+//
+// Threading: traceResponse() is a pure function over a const geometry. TraceWorker has a thread of its own, with a
+// geometry of its own that follows the states it is handed; submit() and take() from one other thread.
+#pragma once
+
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include <rtsg/audio/acoustic_box.h>
+#include <rtsg/audio/acoustic_tables.h>
+#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/convolver.h>
+#include <rtsg/audio/impulse_response.h>
+#include <rtsg/audio/world_geometry.h>
+
+namespace rtsg {
+
+struct TraceJob {
+    InstanceId emitter;
+    glm::dvec3 source{0}, listener{0};
+    std::vector<std::uint32_t> body;  // slots that are not there
+    TraceOptions tracing;
+    double error = 0;  // refine to this many noticeable differences, if positive
+    std::uint64_t maxRays = 0;
+    double longest = 0;  // metres that sound goes within a response
+    ImpulseResponseOptions response;
+    std::size_t block = 256;
+    // Of the worker alone.
+    std::shared_ptr<const AcousticState> state;
+    std::shared_ptr<const RayView> rays;
+};
+
+struct TracedResponse {
+    InstanceId emitter;
+    std::vector<Convolver::Response> channels;
+    std::size_t frames = 0;
+    AcousticBox reached;  // by its paths
+    std::uint64_t rays = 0;
+    std::size_t images = 0;
+    double error = 0;  // NaN unless asked for
+};
+
+TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry);
+
+class TraceWorker {
+  public:
+    TraceWorker();
+    ~TraceWorker();
+    TraceWorker(const TraceWorker&) = delete;
+    TraceWorker& operator=(const TraceWorker&) = delete;
+
+    bool idle() const;
+    /// Precondition: idle().
+    void submit(TraceJob job);
+    /// What is done since the last call.
+    std::optional<TracedResponse> take();
+
+  private:
+    void run();
+
+    mutable std::mutex mutex_;
+    std::condition_variable wake_;
+    std::optional<TraceJob> job_;
+    std::optional<TracedResponse> done_;
+    bool busy_ = false, stop_ = false;
+    std::thread thread_;
+};
+
+}  // namespace rtsg

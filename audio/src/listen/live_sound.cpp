@@ -1,0 +1,143 @@
+// Renders the newest state of a world into a sound device, block by block, on a thread of its own.
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include <rtsg/audio/acoustic_tables.h>
+#include <rtsg/audio/live_sound.h>
+#include <rtsg/audio/sound_device.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Farther apart than this the clocks of scene and device are set anew; seconds.
+constexpr double kApart = 0.1;
+
+}  // namespace
+
+struct LiveSound::Impl {
+    Impl(SharedWorld& w, const LiveOptions& o, std::unique_ptr<AcousticEngine> e, SoundDevice d)
+        : world(w),
+          options(o),
+          tables(w.rays(), o.render.defaultMaterial, o.render.resources),
+          engine(std::move(e)),
+          device(std::move(d)) {
+        told.device = device.name();
+    }
+    ~Impl() { end(); }
+
+    void end() {
+        stop = true;
+        if (thread.joinable()) thread.join();
+        if (std::exchange(added, false)) world.remove(tables);
+    }
+
+    void run() {
+        const double blockSeconds = static_cast<double>(options.render.blockSize) / options.render.sampleRate;
+        Clock::duration working{};
+        const auto begin = Clock::now();
+        std::string failure;
+        while (!stop && failure.empty()) {
+            if (device.free() == 0) {
+                std::this_thread::sleep_for(std::chrono::duration<double>(0.2 * blockSeconds));
+                continue;
+            }
+            const auto start = Clock::now();
+            if (auto played = playBlock(blockSeconds); !played) failure = played.error().text;
+            const auto now = Clock::now();
+            working += now - start;
+            const std::lock_guard lock(mutex);
+            told.blocks = blocks;
+            told.seconds = static_cast<double>(blocks) * blockSeconds;
+            told.underruns = device.underruns();
+            told.latencySeconds = std::max(told.latencySeconds, device.latencySeconds());
+            told.busy =
+                std::chrono::duration<double>(working).count() / std::chrono::duration<double>(now - begin).count();
+            told.heard = engine->heard();
+            told.failure = failure;
+        }
+    }
+
+    Result<> playBlock(double blockSeconds) {
+        // The newest there is; the scene is asked for one that is newer, and not waited for.
+        if (auto newest = world.latest(std::chrono::nanoseconds(0))) {
+            const auto* sounds = (*newest)->of(number);
+            if (sounds && (*newest)->rays) state = *newest;
+        }
+        std::vector<float> out(2 * options.render.blockSize);
+        if (state) {
+            const double until = time + blockSeconds;
+            if (!ahead || std::abs(state->time + *ahead - until) > kApart) ahead = until - state->time;
+            SoundBuffer sound;
+            const std::shared_ptr<const AcousticState> sounds(state,
+                                                              static_cast<const AcousticState*>(state->of(number)));
+            if (auto done = engine->renderLive(sounds, state->rays, state->time + *ahead, until, sound); !done)
+                return done;
+            std::copy_n(sound.samples.begin(), std::min(sound.samples.size(), out.size()), out.begin());
+            for (float& sample : out) sample = std::clamp(sample, -1.0f, 1.0f);
+            time = until;
+        }
+        ++blocks;
+        return device.write(out);
+    }
+
+    SharedWorld& world;
+    LiveOptions options;
+    AcousticTables tables;
+    std::uint64_t number = 0;  // of the tables
+    bool added = false;
+    std::unique_ptr<AcousticEngine> engine;
+    SoundDevice device;
+    std::shared_ptr<const WorldState> state;
+    double time = 0;              // of the end of the last block, as the scene counts
+    std::optional<double> ahead;  // of the scene's places, s
+    std::uint64_t blocks = 0;
+    std::atomic<bool> stop = false;
+    mutable std::mutex mutex;
+    LiveReport told;
+    std::thread thread;
+};
+
+LiveSound::LiveSound(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+LiveSound::~LiveSound() = default;
+
+Result<std::unique_ptr<LiveSound>> LiveSound::start(SharedWorld& world, const LiveOptions& options) {
+    LiveOptions live = options;
+    live.render.ambisonicOrder = 0;
+    live.render.background = true;
+    live.render.startTime = world.scene().now();
+    auto engine = AcousticEngine::create(live.render);
+    if (!engine) return std::unexpected(engine.error());
+    auto device = SoundDevice::open({.name = live.device,
+                                     .sampleRate = live.render.sampleRate,
+                                     .blockSize = live.render.blockSize,
+                                     .blocks = live.blocks});
+    if (!device) return std::unexpected(device.error());
+    auto impl = std::make_unique<Impl>(world, live, std::move(*engine), std::move(*device));
+    impl->time = live.render.startTime;
+    impl->number = world.add(impl->tables);
+    impl->added = true;
+    impl->thread = std::thread([s = impl.get()] { s->run(); });
+    return std::unique_ptr<LiveSound>(new LiveSound(std::move(impl)));
+}
+
+LiveReport LiveSound::report() const {
+    const std::lock_guard lock(impl_->mutex);
+    return impl_->told;
+}
+
+LiveReport LiveSound::stop() {
+    impl_->end();
+    LiveReport report = impl_->told;
+    report.diagnostics.append(impl_->tables.scene().diagnostics());
+    report.diagnostics.append(impl_->engine->diagnostics());
+    return report;
+}
+
+}  // namespace rtsg

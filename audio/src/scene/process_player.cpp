@@ -1,0 +1,161 @@
+// Renders the processing nodes of an audio graph from what leads into them.
+#include "process_player.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace rtsg {
+namespace {
+
+/// What a response is scaled by so that what is convolved keeps about its loudness, as the Web Audio API has it.
+double loudness(std::span<const float> response, double rate) {
+    double power = 0;
+    for (const float sample : response) power += static_cast<double>(sample) * static_cast<double>(sample);
+    power = std::sqrt(power / static_cast<double>(std::max<std::size_t>(1, response.size())));
+    return 0.00125 / std::max(power, 0.000125) * 44100 / rate;
+}
+
+/// Of a channel that is not there: silence; what has one channel has it everywhere.
+void addTo(AudioChannels& out, const AudioChannels& in) {
+    for (std::size_t c = 0; c < out.size(); ++c) {
+        if (in.size() != 1 && c >= in.size()) continue;
+        const std::vector<float>& from = in[in.size() == 1 ? 0 : c];
+        for (std::size_t i = 0; i < from.size(); ++i) out[c][i] += from[i];
+    }
+}
+
+}  // namespace
+
+void AudioMix::render(const std::vector<SoundVoice>& voices,
+                      const std::vector<std::shared_ptr<const AudioProcess>>& processes, ClipLibrary& clips,
+                      std::int64_t first, std::size_t frames, AudioChannels& out) {
+    std::size_t channels = std::max<std::size_t>(1, out.size());
+    for (const SoundVoice& voice : voices)
+        channels = std::max(channels, players_[voice.node.value].channels(voice, clips));
+    processes_.resize(processes.size());
+    std::vector<AudioChannels> processed(processes.size());
+    for (std::size_t i = 0; i < processes.size(); ++i) {
+        if (!processes_[i] || !processes_[i]->is(*processes[i]))
+            processes_[i] = std::make_unique<ProcessPlayer>(*processes[i]);
+        processes_[i]->render(*processes[i], clips, first, frames, processed[i]);
+        channels = std::max(channels, processed[i].size());
+    }
+    out.resize(channels);
+    for (std::vector<float>& channel : out) channel.assign(frames, 0.0f);
+    for (const SoundVoice& voice : voices) players_[voice.node.value].play(voice, clips, first, out);
+    for (const AudioChannels& one : processed) addTo(out, one);
+}
+
+void ProcessPlayer::merge(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
+                          AudioChannels& out) {
+    merged_.resize(process.inputs.size());
+    for (std::size_t i = 0; i < process.inputs.size(); ++i) {
+        const AudioProcess& input = *process.inputs[i];
+        if (!merged_[i] || !merged_[i]->is(input)) merged_[i] = std::make_unique<ProcessPlayer>(input);
+        AudioChannels one;
+        merged_[i]->render(input, clips, first, frames, one);
+        if (input.kind == AudioProcess::Kind::splitter) {
+            out.insert(out.end(), one.begin(), one.end());
+            continue;
+        }
+        // Mixed down to one.
+        std::vector<float> mono(frames);
+        for (const std::vector<float>& channel : one)
+            for (std::size_t k = 0; k < frames; ++k) mono[k] += channel[k] / static_cast<float>(one.size());
+        out.push_back(std::move(mono));
+    }
+    if (out.empty()) out.emplace_back(frames);
+}
+
+void ProcessPlayer::convolve(const AudioProcess& process, double rate, AudioChannels& out) {
+    if (process.buffer.empty()) {
+        for (std::vector<float>& channel : out) std::fill(channel.begin(), channel.end(), 0.0f);
+        return;
+    }
+    const std::size_t frames = out[0].size();
+    const bool fresh = response_ != process.buffer.data() || normalized_ != process.normalize;
+    if (!convolvers_.empty() && convolvers_[0].blockSize() != frames) convolvers_.clear();
+    const std::size_t known = fresh ? 0 : convolvers_.size();
+    while (convolvers_.size() < out.size()) convolvers_.emplace_back(frames, 1);
+    response_ = process.buffer.data();
+    normalized_ = process.normalize;
+    std::vector<float> response(process.buffer.begin(), process.buffer.end());
+    const auto scale = static_cast<float>(process.normalize ? loudness(response, rate) : 1);
+    for (float& sample : response) sample = std::isfinite(sample) ? sample * scale : 0;
+    for (std::size_t c = known; c < convolvers_.size(); ++c) convolvers_[c].setResponse(response);
+    for (std::size_t c = 0; c < out.size(); ++c) {
+        const std::vector<float> input = out[c];
+        std::fill(out[c].begin(), out[c].end(), 0.0f);
+        convolvers_[c].process(input, out[c]);
+    }
+}
+
+void ProcessPlayer::filter(const AudioProcess& process, double rate, AudioChannels& out) {
+    const auto c = Biquad::coefficients(process.filter, process.frequency, rate, process.quality, process.filterGainDb);
+    // What a filter has stored suits one that differs little; another one begins anew, and fades in over a block.
+    const bool another = filtered_ && (type_ != process.filter || !(process.frequency < 1.5 * frequency_) ||
+                                       !(frequency_ < 1.5 * process.frequency));
+    for (std::size_t k = 0; k < out.size(); ++k) {
+        if (!another) {
+            filters_[k].process(c, out[k]);
+            continue;
+        }
+        std::vector<float> old = out[k];
+        filters_[k].process(last_, old);
+        filters_[k] = Biquad();
+        filters_[k].process(c, out[k]);
+        for (std::size_t i = 0; i < old.size(); ++i) {
+            const float share = static_cast<float>(i + 1) / static_cast<float>(old.size());
+            out[k][i] = old[i] + (out[k][i] - old[i]) * share;
+        }
+    }
+    filtered_ = true;
+    type_ = process.filter;
+    frequency_ = process.frequency;
+    last_ = c;
+}
+
+void ProcessPlayer::render(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
+                           AudioChannels& out) {
+    using Kind = AudioProcess::Kind;
+    const double rate = clips.sampleRate();
+    out.clear();
+    if (process.kind == Kind::merger)
+        merge(process, clips, first, frames, out);
+    else
+        inputs_.render(process.voices, process.inputs, clips, first, frames, out);
+    filters_.resize(std::max(filters_.size(), out.size()));
+    delays_.resize(std::max(delays_.size(), out.size()));
+    switch (process.kind) {
+        case Kind::biquad:
+            filter(process, rate, out);
+            break;
+        case Kind::delay:
+            for (std::size_t k = 0; k < out.size(); ++k) delays_[k].process(process.delay * rate, out[k]);
+            break;
+        case Kind::convolver:
+            convolve(process, rate, out);
+            break;
+        case Kind::compressor:
+            compressor_.process(process.compressor, rate, out);
+            break;
+        case Kind::shaper:
+            for (std::vector<float>& channel : out)
+                for (float& sample : channel) sample = shaped(process.curve, sample);
+            break;
+        case Kind::selector: {
+            const auto chosen = static_cast<std::size_t>(std::max(0, process.selection));
+            out = {chosen < out.size() ? out[chosen] : std::vector<float>(frames)};
+            break;
+        }
+        case Kind::mix:
+        case Kind::splitter:
+        case Kind::merger:
+            break;
+    }
+    if (process.gain == 1) return;
+    for (std::vector<float>& channel : out)
+        for (float& sample : channel) sample *= static_cast<float>(process.gain);
+}
+
+}  // namespace rtsg

@@ -1,0 +1,61 @@
+// ProcessPlayer: one processing node of an audio graph at work, with what leads into it.
+//
+// Threading: the engine's thread.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <vector>
+
+#include <rtsg/audio/audio_processing.h>
+#include <rtsg/audio/clip_library.h>
+#include <rtsg/audio/convolver.h>
+
+namespace rtsg {
+
+using AudioChannels = std::vector<std::vector<float>>;
+
+/// What voices and processes give together, in as many channels as the one with the most.
+class AudioMix {
+  public:
+    /// The next `frames` samples; all calls with as many.
+    void render(const std::vector<SoundVoice>& voices,
+                const std::vector<std::shared_ptr<const AudioProcess>>& processes, ClipLibrary& clips,
+                std::int64_t first, std::size_t frames, AudioChannels& out);
+
+  private:
+    std::map<std::uint32_t, VoicePlayer> players_;  // by voice node
+    std::vector<std::unique_ptr<class ProcessPlayer>> processes_;
+};
+
+class ProcessPlayer {
+  public:
+    explicit ProcessPlayer(const AudioProcess& process) : node_(process.node), kind_(process.kind) {}
+    bool is(const AudioProcess& process) const { return node_ == process.node && kind_ == process.kind; }
+    void render(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
+                AudioChannels& out);
+
+  private:
+    void filter(const AudioProcess& process, double rate, AudioChannels& out);
+    void convolve(const AudioProcess& process, double rate, AudioChannels& out);
+    void merge(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
+               AudioChannels& out);
+
+    NodeId node_;
+    AudioProcess::Kind kind_;
+    AudioMix inputs_;
+    std::vector<std::unique_ptr<ProcessPlayer>> merged_;  // of a merger, by input
+    std::vector<Biquad> filters_;                         // by channel, as the next
+    bool filtered_ = false;
+    Biquad::Type type_{};  // of the last block
+    double frequency_ = 0;
+    Biquad::Coefficients last_;
+    std::vector<AudioDelay> delays_;
+    std::vector<Convolver> convolvers_;
+    Compressor compressor_;
+    const void* response_ = nullptr;
+    bool normalized_ = false;
+};
+
+}  // namespace rtsg

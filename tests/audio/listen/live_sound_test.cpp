@@ -1,0 +1,140 @@
+// Live sound on OpenAL's silent device, and responses that are made in the background.
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/audio/acoustic_tables.h>
+#include <rtsg/audio/live_sound.h>
+#include <rtsg/audio/sound_device.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+namespace {
+
+/// Before OpenAL is first asked for anything: a device that plays in time, and silently.
+const int kSilent = ::setenv("ALSOFT_DRIVERS", "null", 1);
+
+const char* const kRoom =
+    "#X3D V4.0 utf8\nPROFILE Full\n"
+    "Transform { translation 3 2.5 1.5 children Shape { geometry Box { size 6 5 3 solid FALSE } } }\n"
+    "DEF Voice Transform { children Sound { location 1 1 1.5 minBack 30 minFront 30 maxBack 60 maxFront 60 source "
+    "OscillatorSource { frequency 440 } } }\nViewpoint { position 4 3 1.5 }\n";
+
+AcousticOptions few() {
+    AcousticOptions options;
+    options.trace.rays = 400;
+    options.trace.maxSeconds = 1;
+    return options;
+}
+
+TEST(SoundDevice, TakesBlocksInTimeAndCountsWhatComesTooLate) {
+    ASSERT_EQ(kSilent, 0);
+    auto device = SoundDevice::open({.blockSize = 480, .blocks = 4});
+    ASSERT_TRUE(device) << device.error().text;
+    const std::vector<float> block(2 * 480, .1f);
+    EXPECT_EQ(device->free(), 4u);
+    for (int i = 0; i < 4; ++i) ASSERT_TRUE(device->write(block));
+    EXPECT_FALSE(device->write(block));
+    EXPECT_GT(device->latencySeconds(), .02);
+    // 40 ms are there; after much longer they are played, and nothing followed.
+    for (int i = 0; i < 200 && device->free() < 4; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    EXPECT_EQ(device->free(), 4u);
+    EXPECT_EQ(device->underruns(), 1u);
+    for (int i = 0; i < 4; ++i) ASSERT_TRUE(device->write(block));
+    EXPECT_EQ(device->underruns(), 1u);
+    EXPECT_FALSE(SoundDevice::open({.name = "no such device"}));
+    EXPECT_FALSE(SoundDevice::open({.blockSize = 1}));
+}
+
+TEST(LiveSound, PlaysWhileTheSceneRunsAndTracesBeside) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
+    SharedWorld world(scene);
+    LiveOptions options;
+    options.render = few();
+    auto live = LiveSound::start(world, options);
+    ASSERT_TRUE(live) << live.error().text;
+    // Until something was traced; a machine that is busy takes its time.
+    const auto start = std::chrono::steady_clock::now();
+    double t = 0;
+    while ((*live)->report().heard.responses < 3 && t < 60) {
+        t = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        ASSERT_TRUE(
+            scene.set(scene.findName("Voice"), x3d::Transform::translation, Vec3f(static_cast<float>(t), 0, 0)));
+        scene.newFrame(t);
+        std::this_thread::sleep_for(std::chrono::milliseconds(16));
+        if (t > 2.5) break;
+    }
+    const LiveReport report = (*live)->stop();
+    EXPECT_EQ(report.failure, "");
+    EXPECT_GE(report.heard.responses, 1u);
+    EXPECT_GT(report.blocks, 10u);
+    EXPECT_GT(report.latencySeconds, 0);
+    EXPECT_TRUE(report.diagnostics.all().empty());
+    // The world goes on without it.
+    scene.newFrame(t + 1);
+    EXPECT_EQ(world.failure(), "");
+    LiveOptions missing;
+    missing.device = "no such device";
+    EXPECT_FALSE(LiveSound::start(world, missing));
+}
+
+/// Rays that can be frozen.
+struct OwnRays final : InstanceSubscriber {
+    RayWorld world;
+    Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
+        world.apply(delta);
+        return {};
+    }
+};
+
+TEST(LiveSound, ABackgroundResponseIsTheOneThatIsTracedInPlace) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
+    SharedWorld world(scene);
+    OwnRays own;
+    AcousticTables tables(own.world);
+    world.add(own);
+    world.add(tables);
+    scene.newFrame(0);
+    const std::shared_ptr<const WorldVersion> rays = own.world.freeze();
+    const auto sound = [&](bool background) {
+        AcousticOptions options = few();
+        options.background = background;
+        options.retraceSeconds = 100;
+        auto engine = *AcousticEngine::create(options);
+        SoundBuffer out;
+        int block = 0;
+        const auto render = [&](int blocks) {
+            for (const int end = block + blocks; block < end; ++block)
+                EXPECT_TRUE(engine->renderLive(tables.latest(), rays, 0, (block + 1) * 256 / 48000.0, out));
+        };
+        render(1);
+        while (engine->heard().responses == 0) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            if (!background) break;
+            render(1);
+        }
+        render(400);
+        EXPECT_EQ(engine->heard().responses, 1u);
+        // A tone that has gone on for longer than the response: its level is that of the room.
+        double energy = 0;
+        for (std::size_t i = out.samples.size() - 2 * 48000 / 2; i < out.samples.size(); i += 2)
+            energy += static_cast<double>(out.samples[i]) * static_cast<double>(out.samples[i]) / 24000;
+        return energy;
+    };
+    const double inPlace = sound(false), beside = sound(true);
+    EXPECT_GT(inPlace, .01);
+    EXPECT_NEAR(beside / inPlace, 1, 1e-3);
+    world.remove(tables);
+    world.remove(own);
+}
+
+}  // namespace
+}  // namespace rtsg

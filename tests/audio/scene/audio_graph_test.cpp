@@ -1,0 +1,171 @@
+// Audio graphs of scenes, heard through an AudioDestination: what each node does to known sounds.
+#include <cmath>
+#include <complex>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/audio/sound_renderer.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+namespace {
+
+constexpr double kRate = 48000;
+
+/// Left and right of `seconds` of a graph.
+std::array<std::vector<double>, 2> hear(const std::string& graph, double seconds = .5) {
+    Scene scene;
+    Diagnostics diagnostics;
+    EXPECT_TRUE(loadText(
+        scene,
+        "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { children [ " + graph + " ] }\nViewpoint { position 0 0 0 }\n",
+        diagnostics));
+    for (const Diagnostic& d : diagnostics.all()) ADD_FAILURE() << d.format();
+    ListenOptions options;
+    options.metrics = false;
+    SharedWorld world(scene);
+    SoundRenderer sound(world, options);
+    std::array<std::vector<double>, 2> out;
+    for (int frame = 1; frame <= std::lround(seconds * 60); ++frame) {
+        scene.newFrame(frame / 60.0);
+        EXPECT_TRUE(sound.renderFrame());
+        for (std::size_t i = 0; i < sound.block().size(); ++i)
+            out[i % 2].push_back(static_cast<double>(sound.block()[i]));
+    }
+    const ListenReport report = sound.finish();
+    for (const Diagnostic& d : report.diagnostics.all()) ADD_FAILURE() << d.format();
+    return out;
+}
+
+/// The last quarter second's line at a frequency of whole turns in it.
+double lineOf(const std::vector<double>& x, double hz) {
+    std::complex<double> sum = 0;
+    for (std::size_t i = x.size() - 12000; i < x.size(); ++i)
+        sum += x[i] * std::polar(2.0 / 12000, -2 * M_PI * hz * static_cast<double>(i) / kRate);
+    return std::abs(sum);
+}
+
+const std::string kTone = "OscillatorSource { frequency 1000 }";
+/// An impulse a second, of .5.
+const std::string kClick = "BufferAudioSource { buffer [ .5 0 0 0 ] sampleRate 48000 }";
+
+TEST(AudioGraph, AFilterIsHeard) {
+    // At its corner a lowpass of 0 dB has gain 1; the gain of the node is that of what comes out.
+    EXPECT_NEAR(lineOf(hear("BiquadFilter { frequency 1000 qualityFactor 0 gain .5 children " + kTone + " }")[0], 1000),
+                .5, 1e-5);
+    EXPECT_NEAR(
+        lineOf(hear("BiquadFilter { type \"HIGHPASS\" frequency 1000 qualityFactor 6 children " + kTone + " }")[0],
+               1000),
+        std::pow(10, .3), 1e-5);
+    // Of peaks and shelves it is the filter's own, in decibels.
+    EXPECT_NEAR(
+        lineOf(hear("BiquadFilter { type \"PEAKING\" frequency 1000 gain -12 children " + kTone + " }")[0], 1000),
+        std::pow(10, -.6), 1e-5);
+    EXPECT_LT(lineOf(hear("BiquadFilter { type \"NOTCH\" frequency 500 detune 1200 children " + kTone + " }")[0], 1000),
+              1e-4);
+}
+
+TEST(AudioGraph, DelaysAndResponsesComeInTime) {
+    const auto delayed = hear("Delay { delayTime .01 gain .5 children " + kClick + " }", .1)[0];
+    for (std::size_t i = 0; i < 2000; ++i) ASSERT_NEAR(delayed[i], i == 480 ? .25 : 0, 1e-6) << i;
+    // No longer than it may.
+    EXPECT_NEAR(hear("Delay { delayTime 5 maxDelayTime .02 children " + kClick + " }", .1)[0][960], .5, 1e-6);
+    const auto convolved = hear("Convolver { buffer [ .5 0 -.25 ] children " + kClick + " }", .1)[1];
+    EXPECT_NEAR(convolved[0], .25, 1e-6);
+    EXPECT_NEAR(convolved[1], 0, 1e-6);
+    EXPECT_NEAR(convolved[2], -.125, 1e-6);
+    // Normalised: .00125 over the root mean square, at 44,100 over 48,000.
+    const auto normal = hear("Convolver { normalize TRUE buffer [ .5 0 -.25 ] children " + kClick + " }", .1)[0];
+    EXPECT_NEAR(normal[0], .25 * .00125 / std::sqrt((.25 + .0625) / 3) * 44100 / 48000, 1e-6);
+}
+
+TEST(AudioGraph, ShapersAndCompressorsWorkOnWhatLeadsIntoThem) {
+    // A curve that squares: half of a tone at twice the frequency.
+    const std::string square = "metadata MetadataFloat { name \"curve\" value [ " + [] {
+        std::string values;
+        for (int i = -500; i <= 500; ++i) values += fmt::format("{} ", i * i / 250000.0);
+        return values;
+    }() + "]}";
+    const auto shaped = hear("WaveShaper { " + square + " children Gain { gain .8 children " + kTone + " } }")[0];
+    EXPECT_NEAR(lineOf(shaped, 2000), .32, 1e-5);
+    EXPECT_LT(lineOf(shaped, 1000), 1e-5);
+    // Twice as loud is four times, where the gain comes before.
+    const auto louder = hear("WaveShaper { " + square + " children Gain { gain .4 children " + kTone + " } }")[0];
+    EXPECT_NEAR(lineOf(louder, 2000), .08, 1e-5);
+    // Below its threshold a compressor only makes up.
+    const Compressor::Settings usual;
+    EXPECT_NEAR(lineOf(hear("DynamicsCompressor { children Gain { gain .01 children " + kTone + " } }")[0], 1000),
+                .01 * Compressor::makeUp(usual), 1e-5);
+}
+
+TEST(AudioGraph, ChannelsAreSplitSelectedAndMerged) {
+    const std::string pair = "BufferAudioSource { numberOfChannels 2 sampleRate 48000 loop TRUE buffer [ .25 -.5 ] }";
+    const auto straight = hear(pair, .1);
+    EXPECT_NEAR(straight[0][1000], .25, 1e-6);
+    EXPECT_NEAR(straight[1][1000], -.5, 1e-6);
+    const auto second = hear("ChannelSelector { channelSelection 1 children " + pair + " }", .1);
+    EXPECT_NEAR(second[0][1000], -.5, 1e-6);
+    EXPECT_NEAR(second[1][1000], -.5, 1e-6);
+    // Crossed over, and what is silent stays so.
+    const auto crossed = hear("ChannelMerger { children [ ChannelSelector { channelSelection 1 children " + pair +
+                                  " } ChannelSelector { channelSelection 0 gain .5 children " + pair + " } ] }",
+                              .1);
+    EXPECT_NEAR(crossed[0][1000], -.5, 1e-6);
+    EXPECT_NEAR(crossed[1][1000], .125, 1e-6);
+    const auto whole = hear("ChannelMerger { children ChannelSplitter { children " + pair + " } }", .1);
+    EXPECT_NEAR(whole[0][1000], .25, 1e-6);
+    EXPECT_NEAR(whole[1][1000], -.5, 1e-6);
+    // Two channels into one of a merger: their mean.
+    EXPECT_NEAR(hear("ChannelMerger { children [ " + pair + " " + kTone + " ] }", .1)[0][1000], -.125, 1e-6);
+    EXPECT_NEAR(hear("ChannelSelector { channelSelection 7 children " + pair + " }", .1)[0][1000], 0, 1e-12);
+}
+
+TEST(AudioGraph, ABufferLoopsWhereItIsTold) {
+    std::string values;
+    for (int i = 0; i < 480; ++i) values += fmt::format("{} ", i / 480.0);
+    const auto x = hear(
+        "BufferAudioSource { sampleRate 48000 loop TRUE loopStart .002 loopEnd .005 buffer [ " + values + "] }", .1)[0];
+    for (std::size_t i = 0; i < 2000; ++i) {
+        const std::size_t at = i < 240 ? i : 96 + (i - 96) % 144;
+        ASSERT_NEAR(x[i], static_cast<double>(at) / 480, 1e-6) << i;
+    }
+}
+
+TEST(AudioGraph, FollowsEdits) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(
+        loadText(scene,
+                 "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { children DEF F BiquadFilter { type \"LOWPASS\" "
+                 "frequency 24000 children " +
+                     kTone + " } }\nViewpoint { }\n",
+                 diagnostics));
+    ListenOptions options;
+    options.metrics = false;
+    SharedWorld world(scene);
+    SoundRenderer sound(world, options);
+    const auto level = [&](double until) {
+        scene.newFrame(until);
+        EXPECT_TRUE(sound.renderFrame());
+        const std::vector<double> x(sound.block().begin(), sound.block().end());
+        double most = 0;
+        for (std::size_t i = x.size() / 2; i < x.size(); ++i) most = std::max(most, std::abs(x[i]));
+        return most;
+    };
+    EXPECT_NEAR(level(.2), 1, 1e-3);
+    ASSERT_TRUE(scene.set(scene.findName("F"), x3d::BiquadFilter::frequency, 10.f));
+    EXPECT_LT(level(1.2), .01);
+    const FieldIndex type = scene.node(scene.findName("F")).type().findExact("type");
+    ASSERT_TRUE(scene.set(scene.findName("F"), Field<String>{type}, String("HIGHPASS")));
+    EXPECT_NEAR(level(2.2), 1, 1e-2);
+    // A filter that becomes another one does not ring with what the first has left: no louder than what goes in.
+    ASSERT_TRUE(scene.set(scene.findName("F"), Field<String>{type}, String("LOWPASS")));
+    scene.newFrame(2.4);
+    ASSERT_TRUE(sound.renderFrame());
+    for (const float sample : sound.block()) ASSERT_LT(std::abs(sample), 1.3f);
+}
+
+}  // namespace
+}  // namespace rtsg
