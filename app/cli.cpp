@@ -158,6 +158,10 @@ bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const
     return ok;
 }
 
+void setClock(Scene& scene, double secondsSince1970) {
+    if (secondsSince1970 > 0) scene.newFrame(secondsSince1970);
+}
+
 Result<FieldRef> findField(const Scene& scene, const std::string& path) {
     const auto dot = path.find('.');
     if (dot == std::string::npos) return fail(fmt::format("{}: expected DEF.field", path));

@@ -72,6 +72,9 @@ struct ResourceArguments {
 /// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it.
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources);
 
+/// The time of a scene that is still empty: what is loaded into it is there from then on.
+void setClock(Scene& scene, double secondsSince1970);
+
 /// "DEF.field" of a loaded scene; the field may be written as set_x, x_changed or x.
 struct FieldRef {
     NodeId node;

@@ -17,9 +17,12 @@ Result<Injections::Injection> Injections::parseOne(const Scene& scene, const std
     if (!target) return std::unexpected(target.error());
     const FieldDef& def = scene.node(target->node).type().fields[target->field];
     if (!def.writable()) return fail(fmt::format("{}: {} takes no events", text, def.name));
-    auto value = parseFieldText(def.type, text.substr(equals + 1, at - equals - 1));
+    const std::string given = text.substr(equals + 1, at - equals - 1);
+    const double time = parseSeconds(text.substr(at + 1));
+    if (def.type == FieldType::SFTime && given == "now") return Injection{time, *target, Value(Time{0}), true};
+    auto value = parseFieldText(def.type, given);
     if (!value) return fail(fmt::format("{}: {}", text, value.error().text));
-    return Injection{parseSeconds(text.substr(at + 1)), *target, std::move(*value)};
+    return Injection{time, *target, std::move(*value), false};
 }
 
 Result<Injections> Injections::parse(Scene& scene, const std::vector<std::string>& texts) {
@@ -38,9 +41,11 @@ const Injections::Injection* Injections::next(double t) {
     return next_ < all_.size() && all_[next_].time <= t ? &all_[next_++] : nullptr;
 }
 
-void Injections::sendUntil(double t) {
+void Injections::sendUntil(double t, double start) {
     while (const Injection* due = next(t))
-        if (auto ok = scene_->sendEvent(due->target.node, due->target.field, due->value); !ok)
+        if (auto ok = scene_->sendEvent(due->target.node, due->target.field,
+                                        due->isNow ? Value(Time{start + t}) : due->value);
+            !ok)
             printError(ok.error().text);
 }
 

@@ -16,11 +16,13 @@ class Injections {
         double time = 0;  // seconds
         FieldRef target;
         Value value;
+        bool isNow = false;  // the value is the scene's time when it is sent
     };
     /// The next one that is due at `t`, each once; null when none is.
     const Injection* next(double t);
-    /// Queues those that are due for the frame at `t`; what the scene refuses goes to standard error.
-    void sendUntil(double t);
+    /// Queues those that are due for the frame at `t`, which is `start` later on the scene's clock; what the scene
+    /// refuses goes to standard error.
+    void sendUntil(double t, double start);
 
   private:
     static Result<Injection> parseOne(const Scene& scene, const std::string& text);

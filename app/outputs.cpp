@@ -225,7 +225,7 @@ Result<> Outputs::frame() {
 }
 
 Result<> Outputs::make() {
-    constexpr double kRounding = 1e-9;
+    constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter of that
     const double t = scene_.now() - start_;
     if (sound_)
         if (auto ok = sound_->renderFrame(); !ok) return ok;

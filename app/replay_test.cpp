@@ -1,6 +1,7 @@
 // rtsg replay as a test: runs the scene again and compares pictures and sound with those expected.
 #include "replay_test.h"
 
+#include <cmath>
 #include <filesystem>
 #include <optional>
 
@@ -45,6 +46,16 @@ Result<> compareSounds(const std::string& reference, const std::string& made, do
 
 }  // namespace
 
+double logStart(const std::string& log) {
+    auto reader = LogReader::open(log);
+    return reader && !reader->keyframes().empty() ? reader->keyframes().front().time : 0;
+}
+
+std::optional<Divergence> fromStart(std::optional<Divergence> divergence, double start) {
+    if (divergence) divergence->time = std::round((divergence->time - start) * 1e6) / 1e6;
+    return divergence;
+}
+
 std::string toJson(const std::optional<Divergence>& d) {
     const auto orNull = [](const std::string& text) { return text.empty() ? "null" : jsonString(text); };
     if (!d) return "null";
@@ -87,6 +98,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     const std::string& origin = arguments.rerun.empty() ? log : arguments.rerun;
     const Resources resources = outputs.resources.ofFile(origin);
 
+    const double start = logStart(log);
     ReplayTest test;
     test.log = log;
     test.update = arguments.update;
@@ -118,6 +130,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     Result<ReplayReport> report = runReplayTest(test);
     if (!report) return printError(report.error()), kBad;
 
+    report->divergence = fromStart(report->divergence, start);
     std::vector<std::string> failures;
     if (report->divergence) failures.push_back(log + ": " + report->divergence->format());
     const auto expect = [&](const std::string& reference, const auto& comparison) {

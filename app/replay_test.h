@@ -23,6 +23,11 @@ struct ReplayTestArguments {
 /// The exit status. Throws UsageError for options that do not go together.
 int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json);
 
+/// Scene time where a log begins; 0 if nothing in it is intact.
+double logStart(const std::string& log);
+/// With its time counted from there.
+std::optional<Divergence> fromStart(std::optional<Divergence> divergence, double start);
+
 /// {"frame":…,"t":…,"node":…,"field":…,"text":…} or null.
 std::string toJson(const std::optional<Divergence>& divergence);
 

@@ -15,10 +15,11 @@ double Pace::timeOf(std::uint64_t frame) const {
     return std::min(seconds, static_cast<double>(frame) / framesPerSecond);
 }
 
-RunningScene::RunningScene(std::string file, const ResourceArguments& arguments)
-    : file_(std::move(file)), resources_(arguments.ofFile(file_)), inlineDiagnostics_(file_) {}
+RunningScene::RunningScene(std::string file, const ResourceArguments& arguments, const StartTime& start)
+    : file_(std::move(file)), resources_(arguments.ofFile(file_)), start_(start.seconds()), inlineDiagnostics_(file_) {}
 
 bool RunningScene::load() {
+    setClock(scene_, start_);
     Diagnostics diagnostics(file_);
     if (!app::load(scene_, file_, diagnostics, resources_)) return false;
     BuildOptions build;
@@ -36,8 +37,9 @@ Result<> RunningScene::inject(const std::vector<std::string>& events) {
 }
 
 std::shared_ptr<const ChangeSet> RunningScene::frame(double t) {
-    injections_.sendUntil(t);
-    auto set = scene_.newFrame(t);
+    time_ = t;
+    injections_.sendUntil(t, start_);
+    auto set = scene_.newFrame(start_ + t);
     if (inlines_->update() > 0) scene_.seal();  // a picture of this frame shows them
     return set;
 }
@@ -47,7 +49,7 @@ void RunningScene::runTo(double seconds) {
     const Progress progress = progressBar("running " + file_);
     const std::uint64_t frames = pace.frames();
     for (std::uint64_t k = 0; k < frames; ++k) {
-        if (const double t = pace.timeOf(k); t >= scene_.now()) frame(t);
+        if (const double t = pace.timeOf(k); t >= time_) frame(t);
         if (progress) progress(k + 1, frames);
     }
 }

@@ -2,8 +2,8 @@
 // events of --set, and what all of these have to say.
 //
 // Invariant: a frame is the same whichever verb runs it: the events that are due, the cascade, then the Inlines that
-// the cascade asked for, whose content is in the scene (and with all subscribers) when the call returns.
-// Threading: the scene's thread.
+// the cascade asked for, whose content is in the scene (and with all subscribers) when the call returns. Times count
+// from the start, which is start() on the scene's own clock. Threading: the scene's thread.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +16,7 @@
 
 #include "cli.h"
 #include "injections.h"
+#include "start_time.h"
 
 namespace rtsg::app {
 
@@ -31,8 +32,8 @@ struct Pace {
 
 class RunningScene {
   public:
-    /// Throws UsageError as ResourceArguments::ofFile().
-    RunningScene(std::string file, const ResourceArguments& arguments);
+    /// Throws UsageError as ResourceArguments::ofFile() and StartTime::seconds().
+    RunningScene(std::string file, const ResourceArguments& arguments, const StartTime& start);
 
     /// Reads the file and prints what there is to say of it. False if nothing usable was in it.
     bool load();
@@ -43,8 +44,13 @@ class RunningScene {
     Scene& scene() { return scene_; }
     const Resources& resources() const { return resources_; }
 
+    double start() const { return start_; }
+    /// Of the last frame.
+    double time() const { return time_; }
     /// One frame. Returns its set; Inlines that were loaded are sets of their own, published as well.
     std::shared_ptr<const ChangeSet> frame(double t);
+    /// The same by the scene's clock.
+    void frameAt(double sceneTime) { frame(sceneTime - start_); }
     /// Frames from the present time to `seconds`, as even as those of `rtsg run`.
     void runTo(double seconds);
     /// Frames until `after` (given the frame's number and its set) says false. Returns how many there were.
@@ -57,6 +63,7 @@ class RunningScene {
   private:
     std::string file_;
     Resources resources_;
+    double start_, time_ = 0;
     Scene scene_;
     Diagnostics inlineDiagnostics_;
     std::unique_ptr<InlineLoader> inlines_;

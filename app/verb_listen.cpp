@@ -17,6 +17,7 @@ namespace {
 struct Options {
     std::string scene, out, duration = "5s", ir;
     ResourceArguments resources;
+    StartTime start;
     SoundArguments sound;
     std::string device;
     bool metrics = false, json = false, live = false;
@@ -63,11 +64,11 @@ int listenTo(const Options& options) {
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::sound},
                                           {"--ir", options.ir, OutputKind::sound}};
     if (auto ok = checkFiles({options.scene}, outputs, false); !ok) return printError(ok.error()), kBad;
-    RunningScene running(options.scene, options.resources);
+    RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     keepResources(running.scene(), running.resources(), outputs);
     listening.render.resources = running.resources();
-    listening.runTo = [&](double t) { running.frame(t); };
+    listening.runTo = [&](double t) { running.frameAt(t); };
     listening.sound = !options.out.empty();
     listening.metrics = options.metrics || options.json || !options.ir.empty();
     const Progress progress = progressBar("listening to " + options.scene);
@@ -112,6 +113,7 @@ Verb addListen(Command& program) {
         ->positive();
     command->addFlag("--live", options->live, "play it now, on a sound device");
     command->addOption("--device", options->device, "of --live; else the default one");
+    options->start.addTo(*command);
     options->resources.addTo(*command);
     options->sound.addTo(*command);
     command->addFlag("--json", options->json, "the same as --metrics");

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -64,9 +65,10 @@ class Requests {
         injections_ = std::move(*parsed);
         return {};
     }
-    void turn(MirrorClient& client, double since) {
+    void turn(MirrorClient& client, double since, double now) {
         while (const Injections::Injection* due = injections_.next(since)) {
-            if (const auto request = client.submitEvent(due->target.node, due->target.field, due->value))
+            if (const auto request =
+                    client.submitEvent(due->target.node, due->target.field, due->isNow ? Value(Time{now}) : due->value))
                 ++sent;
             else
                 printError(request.error());
@@ -180,7 +182,8 @@ class Mirroring {
     int run();
 
   private:
-    double since() const { return replica_.now() - firstTime_; }
+    /// Rounded to a microsecond: times since 1970 are exact to a quarter of that.
+    double since() const { return std::round((replica_.now() - firstTime_) * 1e6) / 1e6; }
     bool joined() const { return made_ != nullptr; }
     /// After the first state has come. False ends it with status_.
     bool join();
@@ -255,7 +258,7 @@ void Mirroring::follow() {
         if (joined() && progress)
             progress(static_cast<std::uint64_t>(1e3 * std::clamp(since(), 0., duration_)),
                      static_cast<std::uint64_t>(1e3 * duration_) + 1);
-        if (joined()) requests_.turn(client, since());
+        if (joined()) requests_.turn(client, since(), replica_.now());
         if (isOver(applied)) break;
     }
     if (progress) progress(1, 1);
@@ -323,7 +326,7 @@ void Mirroring::printJson() const {
         "\"divergences\":{},\"repairs\":{},\"sequence\":{},\"origin_sequence\":{},\"t\":{},\"seconds\":{:.3f},",
         statistics.frames, statistics.snapshots, statistics.gaps, statistics.bytes, statistics.hash.hex(),
         statistics.originHash.hex(), equal_, statistics.divergences, statistics.repairs, statistics.sequence,
-        statistics.originSequence, replica_.now(), seconds_);
+        statistics.originSequence, since(), seconds_);
     fmt::print(
         "\"fps\":{:.2f},\"bytes_per_frame\":{:.1f},\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},"
         "\"delay_s\":{:.6f},\"lag_s\":{:.4f},\"most_lag_s\":{:.4f},\"jitter_s\":{:.6f},\"late\":{},\"sent\":{},"

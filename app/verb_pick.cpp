@@ -19,6 +19,7 @@ struct Options {
     std::string scene, time = "0s";
     std::vector<double> ray, point, sweep;
     ResourceArguments resources;
+    StartTime start;
     bool json = false;
 };
 
@@ -51,7 +52,7 @@ int run(const Options& options) {
         return kUsage;
     }
     const double time = parseSeconds(options.time);
-    RunningScene running(options.scene, options.resources);
+    RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     running.runTo(time);
     running.printDiagnostics();
@@ -79,7 +80,8 @@ Verb addPick(Command& program) {
     command->addOption("--ray", options->ray, "origin and direction: X Y Z DX DY DZ")->expected(6);
     command->addOption("--point", options->point, "nearest surface to X Y Z")->expected(3);
     command->addOption("--sweep", options->sweep, "ball at X Y Z of radius R moved by DX DY DZ")->expected(7);
-    command->addOption("--time", options->time, "run the scene until then")->preset();
+    command->addOption("--time", options->time, "run the scene so long")->preset();
+    options->start.addTo(*command);
     options->resources.addTo(*command);
     command->addFlag("--json", options->json, "one JSON object");
     command->footer("Example: rtsg pick hall.x3dv --ray 0 1.6 10 0 0 -1");

@@ -20,6 +20,7 @@ struct Options {
     double error = 1e-3;
     std::vector<std::string> set;
     ResourceArguments resources;
+    StartTime start;
     KeyframeArguments keyframes;
     double fps = 60;
     bool realtime = false, json = false, inputs = false, force = false;
@@ -68,21 +69,21 @@ LogOptions logOptions(const Options& options) {
     return result;
 }
 
-void printSummary(const Options& options, const Scene& scene, std::uint64_t frames, std::uint64_t bytes) {
+void printSummary(const Options& options, RunningScene& running, std::uint64_t frames, std::uint64_t bytes) {
     const double perFrame = static_cast<double>(bytes) / static_cast<double>(std::max<std::uint64_t>(1, frames));
     if (options.json)
         fmt::print("{{\"frames\":{},\"t\":{},\"bytes\":{},\"bytes_per_frame\":{:.1f},\"hash\":\"{}\"}}\n", frames,
-                   scene.now(), bytes, perFrame, scene.hash().hex());
+                   running.time(), bytes, perFrame, running.scene().hash().hex());
     else
-        fmt::print("{} frames to t = {} s, {} bytes ({:.1f} a frame), state {}\n", frames, scene.now(), bytes, perFrame,
-                   scene.hash().hex());
+        fmt::print("{} frames to t = {} s, {} bytes ({:.1f} a frame), state {}\n", frames, running.time(), bytes,
+                   perFrame, running.scene().hash().hex());
 }
 
 int record(const Options& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime};
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::log}};
     if (auto ok = checkFiles({options.scene}, outputs, options.force); !ok) return printError(ok.error()), kBad;
-    RunningScene running(options.scene, options.resources);
+    RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), outputs);
@@ -108,7 +109,7 @@ int record(const Options& options) {
         printError(fmt::format("{} holds the first {} bytes, to a whole frame", options.out, (*log)->bytes()));
         return kBad;
     }
-    printSummary(options, scene, done, (*log)->bytes());
+    printSummary(options, running, done, (*log)->bytes());
     if (done == pace.frames()) return kDone;
     printError(fmt::format("interrupted: {} holds {} of {} frames", options.out, done, pace.frames()));
     return kBad;
@@ -118,7 +119,7 @@ int record(const Options& options) {
 
 Verb addRecord(Command& program) {
     auto options = std::make_shared<Options>();
-    Command* command = program.addVerb("record", "Run a scene in simulated time from 0 and log every change");
+    Command* command = program.addVerb("record", "Run a scene in simulated time and log every change");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "log to write (.rlog)")->required();
     command->addOption("--for", options->duration, "how long")->preset();
@@ -137,6 +138,7 @@ Verb addRecord(Command& program) {
         ->preset();
     command->addFlag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
     options->keyframes.addTo(*command);
+    options->start.addTo(*command);
     options->resources.addTo(*command);
     command->addFlag("--realtime", options->realtime, "one second a second");
     addForce(*command, options->force);

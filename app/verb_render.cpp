@@ -16,6 +16,7 @@ namespace {
 struct Options {
     std::string scene, out, time = "0";
     ResourceArguments resources;
+    StartTime start;
     int frames = 1;
     double fps = 25;
     PictureArguments picture;
@@ -27,7 +28,7 @@ int render(const Options& options) {
     AnimationOptions animation;
     animation.frames = options.frames;
     animation.framesPerSecond = options.fps;
-    animation.start = parseSeconds(options.time);
+    const double time = parseSeconds(options.time);
     const std::filesystem::path out(options.out);
     if (options.frames > 1 && out.extension() != ".gif" && !numberedName(out.filename().string(), 0))
         throw UsageError("-o", "several frames need a .gif, or a place for their number such as %04d");
@@ -35,13 +36,14 @@ int render(const Options& options) {
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::picture}};
     if (auto ok = checkFiles({options.scene}, outputs, false); !ok) return printError(ok.error()), kBad;
 
-    RunningScene running(options.scene, options.resources);
+    RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     keepResources(running.scene(), running.resources(), outputs);
     SharedWorld world(running.scene(), worldOptions(running.resources()));
     LightRenderer light(world, LightRenderer::Options(running.resources()));
-    running.runTo(animation.start);
-    animation.runTo = [&](double t) { running.frame(t); };
+    running.runTo(time);
+    animation.start = running.start() + time;
+    animation.runTo = [&](double t) { running.frameAt(t); };
     const Progress progress = progressBar("rendering " + options.out);
     int finished = 0;
     animation.progress = [&](int done) {
@@ -91,11 +93,12 @@ Verb addRender(Command& program) {
     Command* command = program.addVerb("render", "Make a picture or an animation");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "file to write; .exr is linear radiance")->required();
-    command->addOption("--time", options->time, "scene time of the first frame")->preset();
+    command->addOption("--time", options->time, "of the first frame, from the start")->preset();
     command->addOption("--frames", options->frames, "number of frames: into %04d, or a .gif")
         ->preset()
         ->range(1, 1'000'000);
     command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e4);
+    options->start.addTo(*command);
     options->resources.addTo(*command);
     options->picture.addTo(*command);
     command->addFlag("--json", options->json, "what was done, as JSON");

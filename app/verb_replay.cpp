@@ -1,4 +1,5 @@
 // rtsg replay: a log played back, verified, compared, shortened, exported, or run as a test.
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -31,18 +32,20 @@ int diff(const Options& options) {
     const auto result = diffLogs(options.log, options.diff, progress);
     if (progress) progress(1, 1);
     if (!result) return printError(result.error()), kBad;
+    const std::optional<Divergence> first = fromStart(*result, logStart(options.log));
     if (options.json)
-        fmt::print("{{\"equal\":{},\"first_divergence\":{}}}\n", !*result, toJson(*result));
-    else if (!*result)
+        fmt::print("{{\"equal\":{},\"first_divergence\":{}}}\n", !first, toJson(first));
+    else if (!first)
         fmt::print("{} and {} are equal in every state\n", options.log, options.diff);
-    if (*result) printError((*result)->format());
-    return *result ? kBad : kDone;
+    if (first) printError(first->format());
+    return first ? kBad : kDone;
 }
 
 int compact(const Options& options) {
     CompactOptions to;
-    if (!options.seek.empty()) to.from = parseSeconds(options.seek);
-    if (!options.duration.empty()) to.to = (options.seek.empty() ? 0 : to.from) + parseSeconds(options.duration);
+    const double start = logStart(options.log), from = options.seek.empty() ? 0 : parseSeconds(options.seek);
+    if (!options.seek.empty()) to.from = start + from;
+    if (!options.duration.empty()) to.to = start + (from + parseSeconds(options.duration));
     to.every = options.every;
     to.interval = parseSeconds(options.interval);
     to.log.existing = existing(options.outputs.force);
@@ -110,98 +113,137 @@ class Check {
     std::optional<Divergence> first_;
 };
 
+/// A log played from its start, or from --seek on, with what is made of it.
+class Replaying {
+  public:
+    Replaying(const Options& options, Replayer& replayer)
+        : options_(options),
+          replayer_(replayer),
+          check_(replayer),
+          start_(replayer.keyframes().empty() ? 0 : replayer.keyframes().front().time),
+          length_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
+          resources_(options.outputs.resources.ofFile(options.log)) {}
+
+    int run() {
+        replayer_.scene().setScriptResources(std::make_shared<const Resources>(resources_));
+        if (auto ok = begin(); !ok) return printError(ok.error()), kBad;
+        if (replayer_.frames() == 0)
+            printError(options_.log + ": no intact state");
+        else if (auto ok = play(); !ok)
+            return printError(ok.error()), kBad;
+        if (options_.verify && !more_ && !cut_) check_.expectClosed();
+        print();
+        return !cut_ && replayer_.frames() > 0 && !check_.first() && replayer_.verified() == replayer_.frames() ? kDone
+                                                                                                                : kBad;
+    }
+
+  private:
+    bool seeks() const { return !options_.seek.empty(); }
+    /// Since the log's start, to a microsecond: times since 1970 are exact to a quarter of that.
+    double time() const { return std::round((replayer_.scene().now() - start_) * 1e6) / 1e6; }
+    std::optional<Divergence> first() const { return fromStart(check_.first(), start_); }
+
+    Result<> begin() {
+        if (!seeks()) {
+            more_ = check_.step();
+            return {};
+        }
+        const double from = parseSeconds(options_.seek);
+        if (auto ok = replayer_.seek(start_ + from); !ok) return ok;
+        more_ = true;
+        if (time() < from && replayer_.atEnd())
+            return fail(fmt::format("--seek {}: the log ends at {} s", options_.seek, time()), {}, options_.log);
+        return {};
+    }
+
+    Result<> play() {
+        OutputArguments wanted = options_.outputs;
+        if (!options_.duration.empty()) wanted.seconds = length_;
+        auto attached = Outputs::attach(replayer_.scene(), wanted, resources_);
+        if (!attached) return std::unexpected(attached.error());
+        Outputs& outputs = **attached;
+        auto exported = startExport(outputs);
+        if (!exported) return std::unexpected(exported.error());
+        // A state that was asked for by its time is what is shown or saved; anything that has a length plays on.
+        if (!seeks() || !options_.duration.empty() || options_.verify || *exported ||
+            !options_.outputs.listen.empty() || options_.outputs.animated())
+            step(outputs);
+        if (*exported)
+            if (auto ok = (*exported)->finish(); !ok) {
+                printError(ok.error());
+                cut_ = true;
+            }
+        app::print(replayer_.scene().diagnostics(), outputs.failure());
+        if (auto ok = outputs.finish(); !ok) return ok;
+        if (const std::string missing = outputs.missing(); !missing.empty()) {
+            printError("missing: " + missing);
+            cut_ = true;
+        }
+        made_ = outputs.worldJson() +
+                fmt::format(R"(,"pictures":{},"sound_seconds":{:.3f})", outputs.pictures(), outputs.soundSeconds());
+        return {};
+    }
+
+    /// Null if there is none to be made.
+    Result<std::unique_ptr<McapExport>> startExport(Outputs& outputs) {
+        if (options_.exported.empty()) return nullptr;
+        McapOptions mcap;
+        mcap.compress = !options_.exportPlain;
+        mcap.existing = existing(options_.outputs.force);
+        return McapExport::attach(outputs.world(), options_.exported, mcap);
+    }
+
+    void step(const Outputs& outputs) {
+        const double until = time() + length_;
+        const Progress progress = progressBar("replaying " + options_.log);
+        while (more_ && time() < until && !interrupted() && outputs.failure().empty()) {
+            more_ = check_.step();
+            if (progress) progress(replayer_.log().position(), replayer_.log().size());
+        }
+        if (progress) progress(1, 1);
+        if (!more_ || !interrupted()) return;
+        cut_ = true;
+        printError(fmt::format("interrupted: what is written holds {} to t = {} s", options_.log, time()));
+    }
+
+    void print() const {
+        const LogReader& log = replayer_.log();
+        const std::string hash = replayer_.scene().hash().hex();
+        if (!options_.json)
+            fmt::print("{} frames to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}\n",
+                       replayer_.frames(), time(), replayer_.verified(), replayer_.gaps(), log.damage().size(), hash);
+        else
+            fmt::print(
+                "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"hash\":\"{}\",\"gaps\":{},"
+                "\"damaged\":{},\"bytes\":{},\"closed\":{}{}}}\n",
+                replayer_.frames(), replayer_.verified(), toJson(first()), time(), hash, replayer_.gaps(),
+                log.damage().size(), log.size(), log.closed(), made_);
+        if (first()) printError(first()->format());
+    }
+
+    const Options& options_;
+    Replayer& replayer_;
+    Check check_;
+    const double start_, length_;
+    const Resources resources_;
+    bool more_ = false, cut_ = false;
+    std::string made_;
+};
+
 int replay(const Options& options) {
     if (auto ok = options.outputs.check(
             {options.log, options.diff, options.test.rerun},
             {{"--export", options.exported, OutputKind::log}, {"--compact", options.compact, OutputKind::log}});
         !ok)
         return printError(ok.error()), kBad;
-    const bool seeks = !options.seek.empty();
-    const double from = seeks ? parseSeconds(options.seek) : 0;
-    const double length = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
     if (!options.diff.empty()) return diff(options);
     (void)interrupted();  // from here on an interruption ends in order: no half file stays
     if (!options.compact.empty()) return compact(options);
     if (options.test.any()) return runReplayTest(options.log, options.test, options.outputs, options.json);
-
+    if (!options.seek.empty()) parseSeconds(options.seek);  // before anything is opened
     auto opened = Replayer::open(options.log);
     if (!opened) return printError(opened.error()), kBad;
-    Replayer& replayer = **opened;
-    const Resources resources = options.outputs.resources.ofFile(options.log);
-    replayer.scene().setScriptResources(std::make_shared<const Resources>(resources));
-    if (seeks)
-        if (auto ok = replayer.seek(from); !ok) return printError(ok.error()), kBad;
-    if (seeks && replayer.scene().now() < from && replayer.atEnd()) {
-        printError(
-            fmt::format("{}: --seek {}: the log ends at {} s", options.log, options.seek, replayer.scene().now()));
-        return kBad;
-    }
-    Check check(replayer);
-    bool more = seeks || check.step(), cut = false;
-
-    std::string worldJson;
-    if (replayer.frames() > 0) {
-        OutputArguments wanted = options.outputs;
-        if (!options.duration.empty()) wanted.seconds = length;
-        auto outputs = Outputs::attach(replayer.scene(), wanted, resources);
-        if (!outputs) return printError(outputs.error()), kBad;
-        std::unique_ptr<McapExport> exported;
-        if (!options.exported.empty()) {
-            McapOptions mcap;
-            mcap.compress = !options.exportPlain;
-            mcap.existing = existing(options.outputs.force);
-            auto attached = McapExport::attach((*outputs)->world(), options.exported, mcap);
-            if (!attached) return printError(attached.error()), kBad;
-            exported = std::move(*attached);
-        }
-        // A state that was asked for by its time is what is shown or saved; anything that has a length plays on.
-        const bool plays = !seeks || !options.duration.empty() || options.verify || exported ||
-                           !options.outputs.listen.empty() || options.outputs.animated();
-        const double until = replayer.scene().now() + length;
-        const Progress progress = progressBar("replaying " + options.log);
-        while (plays && more && replayer.scene().now() < until && !interrupted() && (*outputs)->failure().empty()) {
-            more = check.step();
-            if (progress) progress(replayer.log().position(), replayer.log().size());
-        }
-        if (progress) progress(1, 1);
-        if (plays && more && interrupted()) {
-            cut = true;
-            printError(
-                fmt::format("interrupted: what is written holds {} to t = {} s", options.log, replayer.scene().now()));
-        }
-        if (exported)
-            if (auto ok = exported->finish(); !ok) {
-                printError(ok.error());
-                cut = true;
-            }
-        print(replayer.scene().diagnostics(), (*outputs)->failure());
-        if (auto ok = (*outputs)->finish(); !ok) return printError(ok.error()), kBad;
-        if (const std::string missing = (*outputs)->missing(); !missing.empty()) {
-            printError("missing: " + missing);
-            cut = true;
-        }
-        worldJson = (*outputs)->worldJson() + fmt::format(R"(,"pictures":{},"sound_seconds":{:.3f})",
-                                                          (*outputs)->pictures(), (*outputs)->soundSeconds());
-    } else {
-        printError(options.log + ": no intact state");
-    }
-
-    if (options.verify && !more && !cut) check.expectClosed();
-    const bool good = !cut && replayer.frames() > 0 && !check.first() && replayer.verified() == replayer.frames();
-    if (!options.json)
-        fmt::print("{} frames to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}\n", replayer.frames(),
-                   replayer.scene().now(), replayer.verified(), replayer.gaps(), replayer.log().damage().size(),
-                   replayer.scene().hash().hex());
-    else
-        fmt::print(
-            "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"hash\":\"{}\",\"gaps\":{},\"damaged\":{"
-            "},"
-            "\"bytes\":{},\"closed\":{}{}}}\n",
-            replayer.frames(), replayer.verified(), toJson(check.first()), replayer.scene().now(),
-            replayer.scene().hash().hex(), replayer.gaps(), replayer.log().damage().size(), replayer.log().size(),
-            replayer.log().closed(), worldJson);
-    if (check.first()) printError(check.first()->format());
-    return good ? kDone : kBad;
+    return Replaying(options, **opened).run();
 }
 
 }  // namespace
@@ -212,7 +254,7 @@ Verb addReplay(Command& program) {
     command->addOption("LOG", options->log, "log to read (.rlog)")->required();
     command->addFlag("--verify", options->verify,
                      "all of it, to the index that a log ends with; states are checked in any case");
-    command->addOption("--seek", options->seek, "begin with the state of this scene time");
+    command->addOption("--seek", options->seek, "begin with the state so long after the log's start");
     command->addOption("--for", options->duration, "how much to play");
     command->addOption("--diff", options->diff, "compare with another log, state by state");
     command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");

@@ -17,6 +17,7 @@ struct Options {
     double fps = 60;
     std::vector<std::string> watch, set;
     OutputArguments outputs;
+    StartTime start;
     bool realtime = false, hash = false, json = false;
 };
 
@@ -48,13 +49,13 @@ Result<std::vector<Watch>> parseWatches(const Scene& scene, const std::vector<st
     return watches;
 }
 
-void printEvents(Scene& scene, const std::vector<Watch>& watches) {
-    scene.setEventListener([&](double t, const Node& node, FieldIndex field, const Value& value) {
+void printEvents(RunningScene& running, const std::vector<Watch>& watches) {
+    running.scene().setEventListener([&](double, const Node& node, FieldIndex field, const Value& value) {
         for (const Watch& w : watches)
             if ((!w.node || w.node == node.id()) && (w.field == kNoField || w.field == field)) {
-                fmt::print("{{\"t\":{},\"node\":{},\"field\":{},\"value\":{}}}\n", t,
-                           jsonString(nodeLabel(scene, node.id())), jsonString(node.type().fields[field].name),
-                           printFieldText(value, TextSyntax::json));
+                fmt::print("{{\"t\":{},\"node\":{},\"field\":{},\"value\":{}}}\n", running.time(),
+                           jsonString(nodeLabel(running.scene(), node.id())),
+                           jsonString(node.type().fields[field].name), printFieldText(value, TextSyntax::json));
                 return;
             }
     });
@@ -87,7 +88,7 @@ class Made {
         if (!outputs_) return false;
         bool good = complete;
         if (!complete && outputs_->failure().empty())
-            printError(fmt::format("interrupted after {} of {} s", running_.scene().now(), arguments_.seconds));
+            printError(fmt::format("interrupted after {} of {} s", running_.time(), arguments_.seconds));
         if (auto ok = outputs_->finish(); !ok) {
             printError(ok.error());
             good = false;
@@ -113,27 +114,27 @@ class Made {
 int run(const Options& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime};
     if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
-    RunningScene running(options.scene, options.outputs.resources);
+    RunningScene running(options.scene, options.outputs.resources, options.start);
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), options.outputs.names());
     if (auto ok = running.inject(options.set); !ok) return printError(ok.error().text), kUsage;
     const auto watches = parseWatches(scene, options.watch);
     if (!watches) return printError(watches.error().text), kUsage;
-    if (!watches->empty()) printEvents(scene, *watches);
+    if (!watches->empty()) printEvents(running, *watches);
     Made made(running, options);
     const std::uint64_t frames = running.run(pace, "running " + options.scene, [&](std::uint64_t k, const auto& set) {
-        if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", k, set.time, set.hash.hex());
+        if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", k, running.time(), set.hash.hex());
         return made.follow(k);
     });
     running.printDiagnostics();
     const bool good = made.finish(frames == pace.frames());
     // Text would be in the way of whoever reads the events; a summary in JSON is one line more.
     if (options.json)
-        fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"{}}}\n", frames, scene.now(), scene.hash().hex(),
+        fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"{}}}\n", frames, running.time(), scene.hash().hex(),
                    made.json());
     else if (watches->empty() && !options.hash)
-        fmt::print("{} frames to t = {} s, state {}\n", frames, scene.now(), scene.hash().hex());
+        fmt::print("{} frames to t = {} s, state {}\n", frames, running.time(), scene.hash().hex());
     return good ? kDone : kBad;
 }
 
@@ -141,12 +142,13 @@ int run(const Options& options) {
 
 Verb addRun(Command& program) {
     auto options = std::make_shared<Options>();
-    Command* command = program.addVerb("run", "Run the event cascade in simulated time from 0");
+    Command* command = program.addVerb("run", "Run the event cascade in simulated time");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("--for", options->duration, "how long, such as 2s")->preset();
     command->addOption("--fps", options->fps, "frames a second, and pictures of --render")->preset()->range(1e-3, 1e6);
     command->addOption("--watch", options->watch, "print every event of DEF.field, DEF.* or *");
     command->addOption("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
+    options->start.addTo(*command);
     options->outputs.addTo(*command, OutputArguments::Options::ofRun);
     command->addFlag("--realtime", options->realtime, "one second a second");
     command->addFlag("--hash", options->hash, "print the state hash of every frame");

@@ -32,6 +32,7 @@ struct Options {
     std::size_t peers = 64, parts = 8, await = 0;
     std::uint64_t maxRate = 0;
     ResourceArguments resources;
+    StartTime start{StartTime::Kind::live, {}};
     KeyframeArguments keyframes;
     bool insecure = false, json = false, force = false;
 };
@@ -67,7 +68,7 @@ int serve(const Options& options) {
     const std::vector<OutputName> outputs{{"--record", options.record, OutputKind::log}};
     if (auto ok = checkFiles({options.scene, options.key}, outputs, options.force); !ok)
         return printError(ok.error()), kBad;
-    RunningScene running(options.scene, options.resources);
+    RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), outputs);
@@ -158,7 +159,7 @@ int serve(const Options& options) {
             "{{\"frames\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"t\":{},\"sequence\":{},\"peers\":{},\"bytes\":{},"
             "\"snapshots\":{},\"merged\":{},\"resumed\":{},\"repairs\":{},\"requests\":{},\"stalls\":{},"
             "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"hash\":\"{}\"}}\n",
-            frames, seconds, fps, scene.now(), scene.sequence(), mostPeers, statistics.bytes, statistics.snapshots,
+            frames, seconds, fps, running.time(), scene.sequence(), mostPeers, statistics.bytes, statistics.snapshots,
             statistics.merged, statistics.resumed, statistics.repairs, statistics.requests, statistics.stalls,
             statistics.garbage, statistics.refused, statistics.lost, log ? log->bytes() : 0, scene.hash().hex());
     else
@@ -166,8 +167,8 @@ int serve(const Options& options) {
                    seconds, fps, statistics.bytes, mostPeers, scene.hash().hex());
     if (interrupted()) {
         if (log && !failed) fmt::print(stderr, "{} holds the session to state {}\n", options.record, scene.sequence());
-        if (!options.duration.empty() && scene.now() < duration) {
-            printError(fmt::format("interrupted at {} of {} s", scene.now(), duration));
+        if (!options.duration.empty() && running.time() < duration) {
+            printError(fmt::format("interrupted at {} of {} s", running.time(), duration));
             failed = true;
         }
     }
@@ -213,6 +214,7 @@ Verb addServe(Command& program) {
     command->addOption("--await", options->await, "begin with the first frame when so many mirrors follow")->preset();
     command->addOption("--block", options->block, "how long a mirror that asks for it may hold up a frame")->preset();
     command->addFlag("--insecure", options->insecure, "serve other machines without keys");
+    options->start.addTo(*command);
     options->resources.addTo(*command);
     command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
     command->footer(

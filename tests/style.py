@@ -14,7 +14,6 @@ FOLDERS = ["core", "renderers", "audio", "sync", "app", "examples", "tests"]
 MOST = 80
 # (file, function): lines
 LONG = {
-    ("app/verb_replay.cpp", "replay"): 120,
     ("app/verb_serve.cpp", "serve"): 130,
     ("renderers/src/embree/packet_avx512.cpp", "traverse"): 86,
     ("renderers/src/embree/tree_view.h", "TreeView::traverse"): 85,

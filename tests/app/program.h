@@ -3,6 +3,7 @@
 // Threading: one thread. A Program still running when its object goes is killed, by its process id.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
@@ -10,6 +11,7 @@
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -70,6 +72,7 @@ class Program {
     Program(std::vector<std::string> arguments, std::string streams, const std::string& input = {})
         : streams_(std::move(streams)) {
         writeFile(streams_ + ".in", input);
+        startAtZero(arguments);
         arguments.insert(arguments.begin(), RTSG_PROGRAM);
         std::vector<char*> argv;
         for (std::string& argument : arguments) argv.push_back(argument.data());
@@ -124,6 +127,14 @@ class Program {
     }
 
   private:
+    /// The scenes of these tests start their clocks at small times.
+    static void startAtZero(std::vector<std::string>& arguments) {
+        constexpr std::string_view kRunning[] = {"run", "render", "listen", "pick", "record", "serve"};
+        if (arguments.empty() || std::ranges::find(kRunning, arguments.front()) == std::end(kRunning)) return;
+        if (std::ranges::none_of(arguments, [](const std::string& a) { return a.starts_with("--at"); }))
+            arguments.insert(arguments.begin() + 1, {"--at", "0"});
+    }
+
     void redirect(const char* suffix, int flags, int to) const {
         const int from = ::open((streams_ + suffix).c_str(), flags, 0600);
         if (from < 0 || ::dup2(from, to) < 0) ::_exit(126);

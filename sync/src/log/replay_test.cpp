@@ -77,6 +77,8 @@ class Run {
         if (!first) return std::unexpected(first.error());
         if (!*first) return fail("no intact state", {}, test_.log.string());
         if (test_.build) {
+            // What is loaded is there from the same time on as in the session.
+            if (const double t = recorded_.scene().now(); t > 0) scene_.newFrame(t);
             if (auto ok = test_.build(scene_); !ok) return ok;
             scene_.seal();
         }

@@ -21,7 +21,8 @@ namespace rtsg {
 struct ReplayTest {
     std::filesystem::path log;
 
-    /// Rerun: builds the scene under test as the application does, without running a frame. Empty: replay.
+    /// Rerun: builds the scene under test as the application does, without running a frame; the clock
+    /// stands where the log begins. Empty: replay.
     std::function<Result<>(Scene&)> build;
     /// Rerun: the application's own work before each frame, given the frame's time. With it, only recorded events are
     /// sent; without it the edits that the application made are made again as recorded.
