@@ -220,7 +220,7 @@ class Paths {
         }
         const bool enough = straightOn ? task.passes >= kMaxPasses : task.depth >= kMaxBounces;
         if (enough) {
-            result_.missing[task.pixel] += largest(task.weight);
+            result_.addMissing(task.pixel, largest(task.weight));
             return;
         }
         if (straightOn)

@@ -145,10 +145,19 @@ constexpr int kTilePixels = kTileSide * kTileSide;
 struct TileResult {
     std::array<Vec4f, kTilePixels> sum{};  // colour and coverage, not yet divided by the samples
     /// ColorSpace::automatic: what PhysicalMaterials add to a pixel, as light, and which share of the pixel it is. It
-    /// is encoded when it is complete, and then joins `sum`, which holds display values.
-    std::array<Vec3f, kTilePixels> light{}, share{};
-    std::array<float, kTilePixels> missing{};  // weight of rays that were cut off, however bright they might have been
+    /// is encoded when it is complete, and then joins `sum`, which holds display values. Empty: nothing.
+    std::vector<Vec3f> light, share;
+    std::vector<float> missing;  // weight of rays that were cut off, however bright they might have been; or empty
     std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
+
+    void addLight(std::uint16_t pixel, const Vec3f& amount, const Vec3f& ofShare) {
+        if (light.empty()) light.resize(kTilePixels, Vec3f(0)), share.resize(kTilePixels, Vec3f(0));
+        light[pixel] += amount, share[pixel] += ofShare;
+    }
+    void addMissing(std::uint16_t pixel, float weight) {
+        if (missing.empty()) missing.resize(kTilePixels);
+        missing[pixel] += weight;
+    }
 };
 
 /// Traces one tile whose top left pixel is (x0, y0). Deterministic.

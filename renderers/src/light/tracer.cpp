@@ -29,7 +29,7 @@ Vec4f finite(Vec4f v) {
 
 /// Encodes what PhysicalMaterials have added and puts it to the rest.
 void addLight(TileResult& tile) {
-    for (std::size_t i = 0; i < tile.sum.size(); ++i) {
+    for (std::size_t i = 0; i < tile.light.size(); ++i) {
         const Vec3f& share = tile.share[i];
         if (share == Vec3f(0)) continue;
         for (int c = 0; c < 3; ++c)
@@ -264,11 +264,10 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
             for (int x = 0; x < kTileSide && x0 + x < settings.width; ++x)
                 picture.at(x0 + x, y0 + y) =
                     finite(result.sum[static_cast<std::size_t>(y) * kTileSide + static_cast<std::size_t>(x)] * scale);
-        const float most = *std::ranges::max_element(result.missing) * scale;
-        if (most > 0) {
+        if (!result.missing.empty()) {
             const std::lock_guard lock(missingMutex);
             for (const float m : result.missing) missing += double{m} * scale;
-            missingMost = std::max(missingMost, most);
+            missingMost = std::max(missingMost, *std::ranges::max_element(result.missing) * scale);
         }
         primary += result.primaryRays, shadow += result.shadowRays, secondary += result.secondaryRays;
         const int finished = ++done;

@@ -67,8 +67,7 @@ class Tile {
         if (scene_.space == ColorSpace::automatic && (linear || (task && task->linear))) {
             const bool within = task && task->linear;
             if (!linear) color = linearFromSrgb(color);
-            result_.light[pixel] += weight * color;
-            if (!within && whole) result_.share[pixel] += weight;
+            result_.addLight(pixel, weight * color, !within && whole ? weight : Vec3f(0));
             return;
         }
         result_.sum[pixel] += Vec4f(weight * color, 0);
@@ -179,7 +178,7 @@ class Tile {
         // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
         // its own colour. What it lets pass straight goes on as the ray came.
         const bool root = scene_.space == ColorSpace::automatic && linear && !(task && task->linear);
-        if (root) result_.share[pixel] += weight * fog * coverage * whole;
+        if (root) result_.addLight(pixel, Vec3f(0), weight * fog * coverage * whole);
 
         PathTask base;
         if (tasks) base = tasks[lane];
@@ -201,7 +200,7 @@ class Tile {
         const bool deeper = base.depth < settings_.maxDepth;
         const auto cut = [&](const Vec3f& share) {
             const float most = std::max({share.x, share.y, share.z});
-            if (most >= cutoff_) result_.missing[pixel] += most;
+            if (most >= cutoff_) result_.addMissing(pixel, most);
         };
         const Vec3f mirrored = weight * coverage * mirror;
         if (mirrored != Vec3f(0)) {
