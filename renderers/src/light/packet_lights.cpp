@@ -109,22 +109,17 @@ V8 leave8(const SurfacePacket& s, int at, const V8& towards) {
     return {beyond(start.x, offset.x), beyond(start.y, offset.y), beyond(start.z, offset.z)};
 }
 
-/// Which of the blocked rays meet something first that may let light through. What an opaque thing blocks needs no
-/// closer look, whatever else the scene holds.
-std::uint32_t clearFirst(const TraceScene& scene, const RayPacket16& rays, std::uint32_t blocked, bool directional) {
-    if (!blocked) return 0;
-    RayPacket16 again = rays;
-    for (int lane = 0; lane < 16; ++lane) {
-        again.tMax[lane] = directional ? std::numeric_limits<float>::infinity() : 1.0f;
-        again.active[lane] = blocked >> lane & 1u ? -1 : 0;
-    }
-    std::uint32_t result = 0;
-    for (std::uint32_t rest = scene.world->intersect(again, kCoherentShadows, RayKind::shadow) & blocked; rest;
-         rest &= rest - 1) {
+/// Which rays are blocked, and in `clear` which of them by something that may let light through. What an opaque thing
+/// blocks needs no closer look, whatever else the scene holds.
+std::uint32_t findBlocked(const TraceScene& scene, RayPacket16& rays, std::uint32_t tested, std::uint32_t& clear) {
+    clear = 0;
+    if (!scene.anyTransmits) return scene.world->occluded(rays, kCoherentShadows) & tested;
+    const std::uint32_t blocked = scene.world->intersect(rays, kCoherentShadows, RayKind::shadow) & tested;
+    for (std::uint32_t rest = blocked; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        if (letsThrough(scene, scene.world->hit(again, lane).instance)) result |= 1u << lane;
+        if (letsThrough(scene, scene.world->hit(rays, lane).instance)) clear |= 1u << lane;
     }
-    return result;
+    return blocked;
 }
 
 void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket& s, std::uint32_t mask, Incoming& in,
@@ -161,8 +156,8 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
         if (through[lane] == Vec3f(0)) rays.active[lane] = 0;
     }
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
-    const std::uint32_t blocked = scene.world->occluded(rays, kCoherentShadows) & tested;
-    const std::uint32_t clear = scene.anyTransmits ? clearFirst(scene, rays, blocked, directional) : 0;
+    std::uint32_t clear = 0;
+    const std::uint32_t blocked = findBlocked(scene, rays, tested, clear);
     for (std::uint32_t rest = blocked | behind; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         const bool free = !(blocked >> lane & 1u) && rays.active[lane];
