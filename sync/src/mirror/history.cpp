@@ -20,6 +20,11 @@ std::uint64_t memoryOf(const EncodedRecord& record) {
 
 }  // namespace
 
+/// All the room at once: records are given back where nothing may be thrown, by threads without memory too.
+RecordPool::RecordPool() {
+    free_.reserve(kPooled);
+}
+
 std::shared_ptr<EncodedRecord> RecordPool::take() {
     std::unique_ptr<EncodedRecord> record;
     {

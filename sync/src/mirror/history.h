@@ -28,6 +28,7 @@ using SharedRecord = std::shared_ptr<const EncodedRecord>;
 /// Buffers go back to where they came from once nobody sends them any more.
 class RecordPool : public std::enable_shared_from_this<RecordPool> {
   public:
+    RecordPool();
     std::shared_ptr<EncodedRecord> take();
 
   private:
