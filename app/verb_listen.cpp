@@ -27,7 +27,9 @@ struct Options {
 int listenLive(const Options& options) {
     if (!options.out.empty() || !options.ir.empty() || options.metrics)
         throw UsageError("--live plays and reports; files and figures are made without it");
-    RunningScene running(options.scene, options.resources);
+    StartTime start = options.start;
+    start.kind = StartTime::Kind::live;
+    RunningScene running(options.scene, options.resources, start);
     if (!running.load()) return kBad;
     LiveOptions live;
     live.render = options.sound.parse().render;
