@@ -44,16 +44,18 @@ struct SoundDevice::Impl {
     /// Takes back what was played, and counts if that was all.
     void collect() {
         ALint processed = 0, state = AL_PLAYING;
+        alGetSourcei(source, AL_SOURCE_STATE, &state);
         alGetSourcei(source, AL_BUFFERS_PROCESSED, &processed);
         for (; processed > 0; --processed) {
             ALuint buffer = 0;
             alSourceUnqueueBuffers(source, 1, &buffer);
             idle.push_back(buffer);
         }
-        alGetSourcei(source, AL_SOURCE_STATE, &state);
         if (playing && state != AL_PLAYING) {
             ++underruns;
             playing = false;
+            // What is queued in a stopped source counts as played at once, so that it would never be full again.
+            alSourceRewind(source);
         }
     }
 

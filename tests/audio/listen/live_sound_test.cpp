@@ -33,19 +33,22 @@ AcousticOptions few() {
 
 TEST(SoundDevice, TakesBlocksInTimeAndCountsWhatComesTooLate) {
     ASSERT_EQ(kSilent, 0);
-    auto device = SoundDevice::open({.blockSize = 480, .blocks = 4});
+    auto device = SoundDevice::open({.blockSize = 12000, .blocks = 4});
     ASSERT_TRUE(device) << device.error().text;
-    const std::vector<float> block(2 * 480, .1f);
+    const std::vector<float> block(2 * 12000, .1f);
     EXPECT_EQ(device->free(), 4u);
     for (int i = 0; i < 4; ++i) ASSERT_TRUE(device->write(block));
     EXPECT_FALSE(device->write(block));
     EXPECT_GT(device->latencySeconds(), .02);
-    // 40 ms are there; after much longer they are played, and nothing followed.
-    for (int i = 0; i < 200 && device->free() < 4; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    // One second is there; after much longer it is played, and nothing followed.
+    for (int i = 0; i < 2000 && device->free() < 4; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     EXPECT_EQ(device->free(), 4u);
     EXPECT_EQ(device->underruns(), 1u);
+    // It goes on after that: what comes now waits to be played, as before, and is not taken as fast as it can be made.
     for (int i = 0; i < 4; ++i) ASSERT_TRUE(device->write(block));
     EXPECT_EQ(device->underruns(), 1u);
+    EXPECT_EQ(device->free(), 0u);
+    EXPECT_FALSE(device->write(block));
     EXPECT_FALSE(SoundDevice::open({.name = "no such device"}));
     EXPECT_FALSE(SoundDevice::open({.blockSize = 1}));
 }
