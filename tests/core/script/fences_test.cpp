@@ -58,6 +58,9 @@ TEST(ScriptFences, NothingLargerThanTheLimitIsTakenInOneStep) {
 }
 
 TEST(ScriptFences, WhatIsLetGoOfDoesNotCount) {
+#ifdef __SANITIZE_ADDRESS__
+    GTEST_SKIP() << "the engine frees arrays on a thread of its own, which is late here: the limit is met before";
+#endif
     const Held held =
         hold("function prepareEvents() { for (let i = 0; i < 4; ++i) new Uint8Array(16 << 20).fill(1); n = n + 1; }",
              64 * kMiB);
