@@ -3,29 +3,11 @@
 #include <cmath>
 #include <vector>
 
-#define AL_ALEXT_PROTOTYPES
-#include <AL/al.h>
-#include <AL/alc.h>
-#include <AL/alext.h>
-
 #include <rtsg/audio/loopback.h>
 
+#include "openal_context.h"
+
 namespace rtsg {
-namespace {
-
-/// OpenAL's current context, for one call, on this thread only.
-class Bound {
-  public:
-    explicit Bound(ALCcontext* context) : before_(alcGetThreadContext()) { alcSetThreadContext(context); }
-    ~Bound() { alcSetThreadContext(before_); }
-    Bound(const Bound&) = delete;
-    Bound& operator=(const Bound&) = delete;
-
-  private:
-    ALCcontext* before_;
-};
-
-}  // namespace
 
 struct LoopbackMixer::Impl {
     struct Source {
@@ -36,7 +18,7 @@ struct LoopbackMixer::Impl {
 
     ~Impl() {
         if (context) {
-            const Bound bound(context);
+            const BoundContext bound(context);
             for (const Source& source : sources) {
                 alDeleteSources(1, &source.name);
                 alDeleteBuffers(static_cast<ALsizei>(source.buffers.size()), source.buffers.data());
@@ -115,7 +97,7 @@ Result<LoopbackMixer> LoopbackMixer::open(const Options& options) {
     if (options.binaural && !impl->binaural)
         return fail("OpenAL has no head-related responses for " + std::to_string(options.sampleRate) + " Hz");
     {
-        const Bound bound(impl->context);
+        const BoundContext bound(impl->context);
         alDistanceModel(AL_NONE);
         alListenerf(AL_GAIN, 1);
     }
@@ -158,7 +140,7 @@ Result<LoopbackMixer> LoopbackMixer::open(const Options& options) {
 }
 
 Result<std::size_t> LoopbackMixer::addSource() {
-    const Bound bound(impl_->context);
+    const BoundContext bound(impl_->context);
     alGetError();
     Impl::Source source;
     alGenSources(1, &source.name);
@@ -171,7 +153,7 @@ Result<std::size_t> LoopbackMixer::addSource() {
 }
 
 void LoopbackMixer::setDirection(std::size_t source, const glm::vec3& direction) {
-    const Bound bound(impl_->context);
+    const BoundContext bound(impl_->context);
     const float length = glm::length(direction);
     const glm::vec3 unit = length > 1e-6f && std::isfinite(length) ? direction / length : glm::vec3(0);
     alSource3f(impl_->sources[source].name, AL_POSITION, unit.x, unit.y, unit.z);
@@ -180,7 +162,7 @@ void LoopbackMixer::setDirection(std::size_t source, const glm::vec3& direction)
 Result<> LoopbackMixer::render(std::span<const std::span<const float>> blocks, std::span<float> stereo) {
     Impl& s = *impl_;
     if (blocks.size() != s.sources.size()) return fail("one block per source is needed");
-    const Bound bound(s.context);
+    const BoundContext bound(s.context);
     alGetError();
     for (std::size_t i = 0; i < blocks.size(); ++i) {
         Impl::Source& source = s.sources[i];

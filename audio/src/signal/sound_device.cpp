@@ -3,35 +3,17 @@
 #include <utility>
 #include <vector>
 
-#define AL_ALEXT_PROTOTYPES
-#include <AL/al.h>
-#include <AL/alc.h>
-#include <AL/alext.h>
-
 #include <rtsg/audio/sound_device.h>
 
+#include "openal_context.h"
+
 namespace rtsg {
-namespace {
-
-/// OpenAL's current context, for one call, on this thread only.
-class Bound {
-  public:
-    explicit Bound(ALCcontext* context) : before_(alcGetThreadContext()) { alcSetThreadContext(context); }
-    ~Bound() { alcSetThreadContext(before_); }
-    Bound(const Bound&) = delete;
-    Bound& operator=(const Bound&) = delete;
-
-  private:
-    ALCcontext* before_;
-};
-
-}  // namespace
 
 struct SoundDevice::Impl {
     ~Impl() {
         if (context) {
             {
-                const Bound bound(context);
+                const BoundContext bound(context);
                 alSourceStop(source);
                 alDeleteSources(1, &source);
                 alDeleteBuffers(static_cast<ALsizei>(buffers.size()), buffers.data());
@@ -95,7 +77,7 @@ Result<SoundDevice> SoundDevice::open(const Options& options) {
     impl->context = alcCreateContext(impl->device, attributes);
     if (!impl->context) return fail("the sound device cannot be used");
     if (const ALCchar* name = alcGetString(impl->device, ALC_DEVICE_SPECIFIER)) impl->name = name;
-    const Bound bound(impl->context);
+    const BoundContext bound(impl->context);
     if (!alIsExtensionPresent("AL_EXT_FLOAT32")) return fail("the sound device takes no floating-point samples");
     alGenSources(1, &impl->source);
     impl->buffers.resize(options.blocks);
@@ -108,14 +90,14 @@ Result<SoundDevice> SoundDevice::open(const Options& options) {
 }
 
 std::size_t SoundDevice::free() {
-    const Bound bound(impl_->context);
+    const BoundContext bound(impl_->context);
     impl_->collect();
     return impl_->idle.size();
 }
 
 Result<> SoundDevice::write(std::span<const float> stereo) {
     Impl& s = *impl_;
-    const Bound bound(s.context);
+    const BoundContext bound(s.context);
     alGetError();
     s.collect();
     if (s.idle.empty()) return fail("the sound device has no room for a block");
