@@ -36,44 +36,19 @@ class Paths {
   public:
     Paths(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
           TileResult& result)
-        : scene_(scene), camera_(camera), settings_(settings), x0_(x0), y0_(y0), result_(result) {}
+        : scene_(scene), settings_(settings), result_(result), loop_(scene, camera, settings, x0, y0, result) {}
 
     void run() {
-        for (int sample = 0; sample < settings_.samplesPerPixel; ++sample) {
-            for (int block = 0; block < kTilePixels / 16; ++block) {
-                RayPacket16 rays;
-                std::uint16_t pixels[16];
-                const std::uint32_t active =
-                    primaryRays(scene_, camera_, settings_, x0_, y0_, block, sample, rays, pixels);
-                if (!active) continue;
-                result_.primaryRays += static_cast<std::uint64_t>(std::popcount(active));
-                PathTask tasks[16];
-                for (int lane = 0; lane < 16; ++lane) {
-                    const int x = x0_ + pixels[lane] % kTileSide, y = y0_ + pixels[lane] / kTileSide;
-                    tasks[lane].pixel = pixels[lane];
-                    tasks[lane].random = PathRandom(settings_.seed, x, y, sample).state();
-                }
-                trace(rays, tasks, true);
+        loop_.run([this](RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, int sample) {
+            if (tasks) return trace(rays, tasks, false);
+            PathTask first[16];
+            for (int lane = 0; lane < 16; ++lane) {
+                first[lane].pixel = pixels[lane];
+                const PathRandom random(settings_.seed, loop_.x(pixels[lane]), loop_.y(pixels[lane]), sample);
+                first[lane].random = random.state();
             }
-            while (!next_.empty()) {
-                now_.swap(next_);
-                next_.clear();
-                for (std::size_t first = 0; first < now_.size(); first += 16) {
-                    RayPacket16 rays;
-                    const auto count = static_cast<int>(std::min<std::size_t>(16, now_.size() - first));
-                    PathTask tasks[16];
-                    for (int lane = 0; lane < 16; ++lane) {
-                        rays.skip(lane);
-                        if (lane >= count) continue;
-                        tasks[lane] = now_[first + static_cast<std::size_t>(lane)];
-                        rays.set(lane, {tasks[lane].origin, kLeave, tasks[lane].direction,
-                                        std::numeric_limits<float>::infinity()});
-                    }
-                    result_.secondaryRays += static_cast<std::uint64_t>(count);
-                    trace(rays, tasks, false);
-                }
-            }
-        }
+            trace(rays, first, true);
+        });
     }
 
   private:
@@ -85,7 +60,7 @@ class Paths {
         if (task.depth == 0) result_.sum[task.pixel].a += coverage * largest(task.weight);
     }
 
-    void trace(RayPacket16& rays, PathTask* tasks, bool coherent) {
+    void trace(RayPacket16& rays, const PathTask* tasks, bool coherent) {
         const std::uint32_t hits = scene_.world->intersect(rays, coherent);
         for (int lane = 0; lane < 16; ++lane) {
             if (!rays.active[lane] || (hits >> lane & 1u)) continue;
@@ -231,16 +206,14 @@ class Paths {
         task.direction = out;
         task.origin = RayWorld::leave(surfaces_.point(lane), out);
         task.random = random.state();
-        next_.push_back(task);
+        loop_.push(task);
     }
 
     const TraceScene& scene_;
-    const Camera& camera_;
     const RenderSettings& settings_;
-    int x0_, y0_;
     TileResult& result_;
+    TileLoop loop_;
     SurfacePacket surfaces_{};  // unused lanes stay finite
-    std::vector<PathTask> now_, next_;
 };
 
 }  // namespace

@@ -1,7 +1,12 @@
-// The rays that every integrator starts a tile with.
+// What integrators share of a tile: the rays that it starts with, and the loop in which they and their followers go in
+// packets of sixteen.
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <cstdint>
+#include <limits>
+#include <vector>
 
 #include "trace_scene.h"
 
@@ -11,6 +16,69 @@ namespace rtsg::trace {
 /// tile they belong to. Returns a bit per ray; lanes outside the picture are inactive.
 std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
                           int block, int sample, RayPacket16& rays, std::uint16_t* pixels);
+
+/// A tile's rays: the primary ones, then those that they lead to, generation by generation.
+class TileLoop {
+  public:
+    TileLoop(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+             TileResult& result)
+        : scene_(scene), camera_(camera), settings_(settings), x0_(x0), y0_(y0), result_(result) {}
+
+    /// `trace(rays, tasks, pixels, sample)` is given packets in which at least one ray is active. `tasks` is null for
+    /// primary rays, else one for each active lane; of what it is asked to follow, push() is told.
+    template <class Trace>
+    void run(const Trace& trace) {
+        for (int block = 0; block < kTilePixels / 16; ++block) {
+            for (int sample = 0; sample < settings_.samplesPerPixel; ++sample) {
+                RayPacket16 rays;
+                std::uint16_t pixels[16];
+                const std::uint32_t active =
+                    primaryRays(scene_, camera_, settings_, x0_, y0_, block, sample, rays, pixels);
+                if (!active) break;
+                result_.primaryRays += static_cast<std::uint64_t>(std::popcount(active));
+                trace(rays, nullptr, pixels, sample);
+                if (next_.size() >= kDrain) drain(trace);
+            }
+        }
+        drain(trace);
+    }
+    void push(const PathTask& task) { next_.push_back(task); }
+
+    int x(std::uint16_t pixel) const { return x0_ + pixel % kTileSide; }
+    int y(std::uint16_t pixel) const { return y0_ + pixel / kTileSide; }
+
+  private:
+    static constexpr std::size_t kDrain = 8192;  // queued rays, so that many samples need no more memory than few
+
+    template <class Trace>
+    void drain(const Trace& trace) {
+        while (!next_.empty()) {
+            now_.swap(next_);
+            next_.clear();
+            for (std::size_t first = 0; first < now_.size(); first += 16) {
+                RayPacket16 rays;
+                std::uint16_t pixels[16];
+                const auto count = static_cast<int>(std::min<std::size_t>(16, now_.size() - first));
+                for (int lane = 0; lane < 16; ++lane) {
+                    rays.skip(lane);
+                    if (lane >= count) continue;
+                    const PathTask& task = now_[first + static_cast<std::size_t>(lane)];
+                    rays.set(lane, {task.origin, kLeave, task.direction, std::numeric_limits<float>::infinity()});
+                    pixels[lane] = task.pixel;
+                }
+                result_.secondaryRays += static_cast<std::uint64_t>(count);
+                trace(rays, &now_[first], pixels, 0);
+            }
+        }
+    }
+
+    const TraceScene& scene_;
+    const Camera& camera_;
+    const RenderSettings& settings_;
+    int x0_, y0_;
+    TileResult& result_;
+    std::vector<PathTask> now_, next_;
+};
 
 /// Random numbers of one path: a counter and a hash, so that they depend on the path alone.
 class PathRandom {

@@ -13,52 +13,20 @@ namespace {
 
 constexpr int kMaxPasses = 250;
 constexpr float kLeastCutoff = 1e-6f;  // so that the number of rays of a sample has a bound
-constexpr std::size_t kDrain = 8192;   // queued rays, so that many samples need no more memory than few
 
 class Tile {
   public:
     Tile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
          TileResult& result)
-        : scene_(scene), camera_(camera), settings_(settings), x0_(x0), y0_(y0), result_(result) {}
+        : scene_(scene), settings_(settings), result_(result), loop_(scene, camera, settings, x0, y0, result) {}
 
     void run() {
-        for (int block = 0; block < kTilePixels / 16; ++block) {
-            for (int sample = 0; sample < settings_.samplesPerPixel; ++sample) {
-                RayPacket16 rays;
-                std::uint16_t pixels[16];
-                const std::uint32_t active =
-                    primaryRays(scene_, camera_, settings_, x0_, y0_, block, sample, rays, pixels);
-                if (!active) break;
-                result_.primaryRays += static_cast<std::uint64_t>(std::popcount(active));
-                trace(rays, nullptr, pixels, true);
-                if (next_.size() >= kDrain) drain();
-            }
-        }
-        drain();
+        loop_.run([this](RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, int) {
+            trace(rays, tasks, pixels);
+        });
     }
 
   private:
-    void drain() {
-        while (!next_.empty()) {
-            now_.swap(next_);
-            next_.clear();
-            for (std::size_t first = 0; first < now_.size(); first += 16) {
-                RayPacket16 rays;
-                std::uint16_t pixels[16];
-                const auto count = static_cast<int>(std::min<std::size_t>(16, now_.size() - first));
-                for (int lane = 0; lane < 16; ++lane) {
-                    rays.skip(lane);
-                    if (lane >= count) continue;
-                    const PathTask& task = now_[first + static_cast<std::size_t>(lane)];
-                    rays.set(lane, {task.origin, kLeave, task.direction, std::numeric_limits<float>::infinity()});
-                    pixels[lane] = task.pixel;
-                }
-                result_.secondaryRays += static_cast<std::uint64_t>(count);
-                trace(rays, &now_[first], pixels, false);
-            }
-        }
-    }
-
     /// Where a colour that a ray finds goes. `linear`: it is light, otherwise display values; `whole`: what is light is
     /// not yet part of a share, so its weight counts as one.
     void add(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, Vec3f color, bool linear, float coverage,
@@ -75,8 +43,8 @@ class Tile {
     /// Whether what has no space of its own is to be light: sky and fog.
     bool asLight(const PathTask* task) const { return scene_.space == ColorSpace::linear || (task && task->linear); }
 
-    void trace(RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, bool coherent) {
-        const std::uint32_t hits = scene_.world->intersect(rays, coherent);
+    void trace(RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels) {
+        const std::uint32_t hits = scene_.world->intersect(rays, !tasks);
         for (int lane = 0; lane < 16; ++lane) {
             if (!rays.active[lane] || (hits >> lane & 1u)) continue;
             const PathTask* task = tasks ? tasks + lane : nullptr;
@@ -190,7 +158,7 @@ class Tile {
             if (!(std::max({share.x, share.y, share.z}) >= cutoff_)) return;
             next.direction = towards;
             next.origin = RayWorld::leave(point, towards);
-            next_.push_back(next);
+            loop_.push(next);
         };
         PathTask turned = base;
         ++turned.depth;
@@ -236,13 +204,11 @@ class Tile {
     }
 
     const TraceScene& scene_;
-    const Camera& camera_;
     const RenderSettings& settings_;
     const float cutoff_ = std::max(settings_.cutoff, kLeastCutoff);
-    int x0_, y0_;
     TileResult& result_;
+    TileLoop loop_;
     SurfacePacket surfaces_{};  // unused lanes stay finite
-    std::vector<PathTask> now_, next_;
 };
 
 }  // namespace
