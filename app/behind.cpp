@@ -45,6 +45,9 @@ Result<> OutputsBehind::follow() {
         if (*taken == FrameQueue::Taken::nothingYet) continue;
         if (set->isSnapshot() && copy.sequence() != 0)
             if (auto ok = copy.reset(); !ok) return ok;
+        // What belongs to the instant before has come: an Inline that it loaded is a set of its own.
+        if (outputs_ && (set->isSnapshot() || set->time != copy.now()))
+            if (!outputs_->frame()) break;  // finish() says why
         const Hash128 origin = set->hash;
         if (auto ok = copy.apply(set); !ok) return ok;
         if (copy.hash() != origin) return fail(fmt::format("the copy differs in state {}", copy.sequence()));
@@ -53,11 +56,11 @@ Result<> OutputsBehind::follow() {
             if (!attached) return std::unexpected(attached.error());
             outputs_ = std::move(*attached);
         }
-        if (!outputs_->failure().empty()) break;  // finish() says it
         mostBehind_ = std::max(mostBehind_.load(), queue_.secondsBehind());
     }
-    Result<> result = outputs_ ? outputs_->finish() : Result<>();
-    print(copy.diagnostics(), result ? "" : result.error().format());
+    if (outputs_) (void)outputs_->frame();  // of the last instant; finish() says what fails
+    const Result<> result = outputs_ ? outputs_->finish() : Result<>();
+    print(copy.diagnostics());
     return result;
 }
 
@@ -73,6 +76,12 @@ Result<> OutputsBehind::finish() {
     if (progress) progress(1, 1);
     if (thread_.joinable()) thread_.join();
     return result_;
+}
+
+OutputReport OutputsBehind::report() const {
+    OutputReport report = outputs_ ? outputs_->report() : OutputReport();
+    report.mostBehind = mostBehind_;
+    return report;
 }
 
 }  // namespace rtsg::app

@@ -8,7 +8,6 @@
 
 #include <atomic>
 #include <memory>
-#include <string>
 #include <thread>
 
 #include <rtsg/core/scene.h>
@@ -18,25 +17,20 @@
 
 namespace rtsg::app {
 
-class OutputsBehind {
+class OutputsBehind final : public OutputMaker {
   public:
     /// Begins with the scene's present state. The scene must outlive this.
     OutputsBehind(Scene& scene, OutputArguments arguments, Resources resources);
     /// What waits is not made any more.
-    ~OutputsBehind();
-    OutputsBehind(const OutputsBehind&) = delete;
-    OutputsBehind& operator=(const OutputsBehind&) = delete;
+    ~OutputsBehind() override;
 
-    /// The outputs have failed: there is no sense in going on. finish() says why.
-    bool failed() const { return failed_; }
+    /// There is nothing to do: the bus has told.
+    Result<> frame() override { return {}; }
+    bool failed() const override { return failed_; }
     /// No more frames will come: makes what waits, with a progress bar, and writes what is written at the end.
     /// Interruption ends it early; what was made until then is written.
-    Result<> finish();
-
-    /// After finish(); null if there was no first state.
-    const Outputs* outputs() const { return outputs_.get(); }
-    /// The most scene time, seconds, that the outputs ever were behind the scene.
-    double mostBehind() const { return mostBehind_; }
+    Result<> finish() override;
+    OutputReport report() const override;
 
   private:
     void run();

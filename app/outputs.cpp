@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <rtsg/core/scene_exporter.h>
 #include <rtsg/core/writer.h>
@@ -126,7 +127,13 @@ void OutputArguments::addTo(Command& command, Options which) {
                       "picture of the last state; with %04d in the name, or .gif, one every 1/--fps s");
     if (which != Options::ofRun)
         command.addOption("--fps", picturesPerSecond, "pictures a second of scene time")->preset()->range(1e-3, 1e3);
-    command.addOption("--listen", listen, "WAV of what the listener hears");
+    command.addOption("--listen", listen,
+                      "WAV of what the listener hears; device: play it now (then pictures are --live)");
+    command.addOption("--device", device, "of --listen device; else the default one");
+    command.addFlag("--live", live,
+                    which == Options::ofMirror
+                        ? "make pictures and sound of the newest state, states merged, instead of every one"
+                        : "run in real time; pictures and sound of the newest state, states merged");
     if (which == Options::ofMirror) command.addOption("--record", record, "log of every state");
     command.addOption("--save", save, "the last state as a scene file");
     addForce(command, force);
@@ -142,13 +149,14 @@ bool OutputArguments::animated() const {
 Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vector<OutputName> more) const {
     picture.parse();
     sound.parse();
+    if (!device.empty() && !onDevice()) throw UsageError("--device", "is of --listen device");
     std::ranges::move(names(), std::back_inserter(more));
     return checkFiles(inputs, more, force);
 }
 
 std::vector<OutputName> OutputArguments::names() const {
     return {{"--render", render, OutputKind::picture},
-            {"--listen", listen, OutputKind::sound},
+            {"--listen", onDevice() ? std::string() : listen, OutputKind::sound},
             {"--record", record, OutputKind::log},
             {"--save", save, OutputKind::scene}};
 }
@@ -171,8 +179,106 @@ SharedWorld::Options worldOptions(const Resources& resources) {
     return options;
 }
 
+namespace {
+
+template <class T>
+std::string jsonArray(const std::vector<T>& values) {
+    return fmt::format("[{}]", fmt::join(values, ","));
+}
+
+std::string deviceJson(const LiveReport& report) {
+    return fmt::format(
+        R"({{"name":{},"seconds":{:.3f},"blocks":{},"underruns":{},"latency_ms":{:.1f},"busy":{:.3f},"responses":{}}})",
+        jsonString(report.device), report.seconds, report.blocks, report.underruns, 1e3 * report.latencySeconds,
+        report.busy, report.heard.responses);
+}
+
+}  // namespace
+
+std::string OutputReport::json() const {
+    std::string text = fmt::format(
+        R"(,"pictures":{},"sound_seconds":{:.3f},"picture_states":{},"picture_times":{},"sound_states":{},"behind_s":{:.3f},)"
+        R"("missing":{},"flattenings":{},"worlds":{},"commits":{})",
+        pictureStates.size(), soundSeconds, jsonArray(pictureStates), jsonArray(pictureTimes), jsonArray(soundStates),
+        mostBehind, missing.empty() ? "null" : jsonString(missing), world.flatteners, world.rayWorlds, world.commits);
+    if (live)
+        text += fmt::format(
+            R"(,"live":{{"states":{},"states_pictured":{},"states_heard":{},"pictures_skipped":{},"device":{}}})",
+            live->states, live->statesPictured, live->statesHeard, live->picturesSkipped,
+            live->device ? deviceJson(*live->device) : "null");
+    return text;
+}
+
+std::string OutputReport::text() const {
+    if (!live)
+        return fmt::format("{} pictures, {:.3f} s of sound, at most {:.2f} s behind", pictureStates.size(),
+                           soundSeconds, mostBehind);
+    std::string text = fmt::format("{} pictures ({} skipped), {:.3f} s of sound, of {} of {} states",
+                                   pictureStates.size(), live->picturesSkipped, soundSeconds,
+                                   std::max(live->statesPictured, live->statesHeard), live->states);
+    if (live->device)
+        text += fmt::format("; {:.3f} s played on {}, {} underruns", live->device->seconds, live->device->device,
+                            live->device->underruns);
+    return text;
+}
+
+Result<> PictureFiles::add(Picture picture, std::uint64_t skipped) {
+    const std::filesystem::path pattern(arguments_.render);
+    const auto numbered = numberedName(pattern.filename().string(), count_++);
+    if (lowerExtension(arguments_.render) == ".gif") {
+        if (frames_.empty()) {
+            frames_.push_back(std::move(picture));
+            hold(skipped);
+        } else {
+            hold(skipped);
+            frames_.push_back(std::move(picture));
+        }
+        return {};
+    }
+    return writePicture(picture, numbered ? (pattern.parent_path() / *numbered).string() : arguments_.render,
+                        arguments_.picture.toneMap());
+}
+
+void PictureFiles::hold(std::uint64_t pictures) {
+    for (; pictures > 0 && !frames_.empty(); --pictures) frames_.push_back(Picture(frames_.back()));
+}
+
+Result<> PictureFiles::finish(std::uint64_t skipped) {
+    hold(skipped);
+    if (frames_.empty()) return {};
+    return writeAnimation(frames_, arguments_.render, arguments_.picturesPerSecond, arguments_.picture.toneMap());
+}
+
+Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments) {
+    ListenReport report = sound.finish();
+    const double most = std::round(arguments.seconds * report.sound.sampleRate);
+    if (most < static_cast<double>(report.sound.frames()))  // frames and blocks end a little later
+        report.sound.samples.resize(static_cast<std::size_t>(most) * static_cast<std::size_t>(report.sound.channels));
+    print(report.diagnostics);
+    if (auto ok = writeWav(arguments.listen, report.sound); !ok) return std::unexpected(ok.error());
+    return report.sound.seconds();
+}
+
+std::string missingSound(double made, double wanted, bool first) {
+    if (!(made < wanted - 1e-4)) return {};
+    return fmt::format("{}{:.4g} of {:.4g} s of sound", first ? "" : ", ", wanted - made, wanted);
+}
+
+Result<> allOf(std::initializer_list<std::function<Result<>()>> steps) {
+    Result<> first;
+    for (const auto& step : steps) {
+        const Result<> done = step();
+        if (done) continue;
+        if (first)
+            first = done;
+        else
+            printError(done.error());
+    }
+    return first;
+}
+
 Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArguments& arguments,
-                                                 const Resources& resources, Follow follow) {
+                                                 const Resources& resources) {
     keepResources(scene, resources, arguments.names());
     std::unique_ptr<Outputs> outputs(new Outputs(scene, arguments, resources));
     outputs->start_ = scene.now();
@@ -189,9 +295,6 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArgum
         outputs->sound_ = std::make_unique<SoundRenderer>(outputs->world(), options);
         if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
     }
-    // After those above, which it looks at.
-    if (follow == Follow::sets) outputs->attachment_ = scene.bus().attach(*outputs);
-    if (!outputs->failed_) return std::unexpected(outputs->failed_.error());
     return outputs;
 }
 
@@ -200,27 +303,19 @@ SharedWorld& Outputs::world() {
     return *world_;
 }
 
-std::string Outputs::worldJson() const {
-    const SharedWorld::Counts counts = world_ ? world_->counts() : SharedWorld::Counts();
-    return fmt::format(R"(,"flattenings":{},"worlds":{},"commits":{})", counts.flatteners, counts.rayWorlds,
-                       counts.commits);
-}
-
-Result<> Outputs::takePicture(const std::string& file) {
+Result<> Outputs::takePicture() {
     RenderStats stats;
     auto picture = light_->picture(image_, &stats);
     if (!picture) return std::unexpected(picture.error());
     if (stats.cancelled) return {};
-    ++pictures_;
-    if (lowerExtension(file) == ".gif") {
-        frames_.push_back(std::move(*picture));
-        return {};
-    }
-    return writePicture(*picture, file, arguments_.picture.toneMap());
+    report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : scene_.now() - start_);
+    report_.pictureStates.push_back(light_->presented());
+    report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
+    return files_.add(std::move(*picture));
 }
 
 Result<> Outputs::frame() {
-    failed_ = make();
+    if (failed_) failed_ = make();
     return failed_;
 }
 
@@ -230,73 +325,46 @@ Result<> Outputs::make() {
     if (sound_)
         if (auto ok = sound_->renderFrame(); !ok) return ok;
     if (!light_ || !arguments_.animated()) return {};
-    while (nextPicture() <= t + kRounding && nextPicture() < arguments_.seconds - kRounding && !interrupted()) {
-        const std::filesystem::path pattern(arguments_.render);
-        const auto numbered = numberedName(pattern.filename().string(), pictures_);
-        if (auto ok = takePicture(numbered ? (pattern.parent_path() / *numbered).string() : arguments_.render); !ok)
-            return ok;
-    }
+    while (nextPicture() <= t + kRounding && nextPicture() < arguments_.seconds - kRounding && !interrupted())
+        if (auto ok = takePicture(); !ok) return ok;
     return {};
 }
 
 Result<> Outputs::finish() {
-    Result<> result = failed_;
-    attachment_.detach();
     finishing_ = true;
-    // One that cannot be written costs the others nothing.
-    for (const auto step : {&Outputs::finishPictures, &Outputs::finishSound})
-        if (auto ok = (this->*step)(); !ok) {
-            if (!result) printError(result.error());
-            result = ok;
-        }
-    if (world_) print(world_->diagnostics());
-    if (!arguments_.save.empty()) {
-        if (auto ok = saveScene(scene_, arguments_.save, existing(arguments_.force)); !ok) {
-            if (!result) printError(result.error());
-            result = ok;
-        }
-    }
-    return result;
+    return allOf({[&] { return failed_; }, [&] { return finishPictures(); },
+                  [&]() -> Result<> {
+                      if (!sound_) return {};
+                      const Result<double> seconds = writeSound(*sound_, arguments_);
+                      report_.soundSeconds = seconds.value_or(0);
+                      return seconds ? Result<>() : std::unexpected(seconds.error());
+                  },
+                  [&]() -> Result<> {
+                      if (world_) print(world_->diagnostics());
+                      if (arguments_.save.empty()) return {};
+                      return saveScene(scene_, arguments_.save, existing(arguments_.force));
+                  }});
 }
 
 Result<> Outputs::finishPictures() {
-    if (light_) {
-        if (!arguments_.animated())
-            if (auto ok = takePicture(arguments_.render); !ok) return ok;
-        if (!frames_.empty())
-            if (auto ok = writeAnimation(frames_, arguments_.render, arguments_.picturesPerSecond,
-                                         arguments_.picture.toneMap());
-                !ok)
-                return ok;
-        print(light_->diagnostics());
-    }
+    if (!light_) return {};
+    if (!arguments_.animated())
+        if (auto ok = takePicture(); !ok) return ok;
+    if (auto ok = files_.finish(); !ok) return ok;
+    print(light_->diagnostics());
     return {};
 }
 
-Result<> Outputs::finishSound() {
-    if (sound_) {
-        ListenReport report = sound_->finish();
-        const double most = std::round(arguments_.seconds * report.sound.sampleRate);
-        if (most < static_cast<double>(report.sound.frames()))  // frames and blocks end a little later
-            report.sound.samples.resize(static_cast<std::size_t>(most) *
-                                        static_cast<std::size_t>(report.sound.channels));
-        print(report.diagnostics);
-        soundSeconds_ = report.sound.seconds();
-        if (auto ok = writeWav(arguments_.listen, report.sound); !ok) return ok;
-    }
-    return {};
-}
-
-std::string Outputs::missing() const {
-    if (!std::isfinite(arguments_.seconds)) return {};
-    std::string text;
+OutputReport Outputs::report() const {
+    OutputReport report = report_;
+    if (world_) report.world = world_->counts();
+    if (!std::isfinite(arguments_.seconds)) return report;
     const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6);
-    if (light_ && arguments_.animated() && pictures_ < pictures)
-        text = fmt::format("{} of {} pictures", pictures - pictures_, pictures);
-    if (sound_ && soundSeconds_ < arguments_.seconds - 1e-4)
-        text += fmt::format("{}{:.4g} of {:.4g} s of sound", text.empty() ? "" : ", ",
-                            arguments_.seconds - soundSeconds_, arguments_.seconds);
-    return text;
+    const auto made = static_cast<double>(report.pictureStates.size());
+    if (light_ && arguments_.animated() && made < pictures)
+        report.missing = fmt::format("{} of {} pictures", pictures - made, pictures);
+    if (sound_) report.missing += missingSound(report.soundSeconds, arguments_.seconds, report.missing.empty());
+    return report;
 }
 
 }  // namespace rtsg::app

@@ -1,17 +1,21 @@
-// Outputs: what --render, --listen and --save make of a scene that something else drives: a file, a mirror or a log.
+// What --render, --listen and --save make of a scene that something drives: a file, a mirror or a log.
 //
-// Invariant: every state is seen in its turn, however many come at once. Pictures are taken at even distances of scene
-// time if the file's name holds a place for a number (%04d) or is a .gif; else one is taken at the end. Of T seconds at
-// F pictures a second these are the ones at k / F < T, and sound is T long to the sample; missing() says what is not.
-// Threading: the scene's thread.
+// Outputs makes every picture that is due and all of the sound, on the scene's thread; OutputsBehind (behind.h) the
+// same on a thread of its own, however late; LiveOutputs (live_outputs.h) of the newest state, at the machine's own
+// pace. Invariant: pictures are taken at even distances of scene time if the file's name holds a place for a number
+// (%04d) or is a .gif; else one is taken at the end. Of T seconds at F pictures a second these are the ones at k / F <
+// T, and sound is T long to the sample; OutputReport says what is not. Threading: the scene's thread.
 #pragma once
 
+#include <functional>
+#include <initializer_list>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include <rtsg/audio/live_sound.h>
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/renderers/image.h>
 
@@ -48,12 +52,12 @@ struct SoundArguments {
 };
 
 struct OutputArguments {
-    std::string render, listen, record, save;
+    std::string render, listen, record, save, device;
     ResourceArguments resources;
     double picturesPerSecond = 5;
     /// Scene time to make pictures and sound of; set by the verb.
     double seconds = std::numeric_limits<double>::infinity();
-    bool force = false;
+    bool force = false, live = false;
     PictureArguments picture;
     SoundArguments sound;
 
@@ -61,6 +65,9 @@ struct OutputArguments {
     enum class Options : std::uint8_t { ofRun, ofReplay, ofMirror };
     void addTo(Command& command, Options which);
     bool animated() const;
+    /// Played, not written.
+    bool onDevice() const { return listen == "device"; }
+    bool isLive() const { return live || onDevice(); }
     bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
     std::vector<OutputName> names() const;
     /// Finds out before any work that something cannot be made, or would overwrite one of `inputs` (checkFiles(), to
@@ -74,48 +81,101 @@ SharedWorld::Options worldOptions(const Resources& resources);
 /// The present state as a document.
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing);
 
-class Outputs final : public Subscriber {
-  public:
-    enum class Follow : std::uint8_t {
-        sets,    // every set of the scene's bus
-        frames,  // frame() says that a frame is complete, with all sets that belong to it
+/// What was made, for the reports of verbs.
+struct OutputReport {
+    /// The scene's number of the state that each picture shows; of the one that the sound up to the same instant was
+    /// made from (0: there is none); and the instant, in seconds from the start.
+    std::vector<std::uint64_t> pictureStates, soundStates;
+    std::vector<double> pictureTimes;
+    double soundSeconds = 0;
+    double mostBehind = 0;  // seconds of scene time that the outputs ever were behind the scene
+    std::string missing;    // "7 of 20 pictures, 1.4 of 4 s of sound"; empty if all that was asked for is there
+    SharedWorld::Counts world;
+    struct Live {
+        std::uint64_t states = 0;                           // of the scene, while it was followed
+        std::uint64_t statesPictured = 0, statesHeard = 0;  // of them; the others were merged with these
+        std::uint64_t picturesSkipped = 0;  // times k / F that went by while another picture was in the making
+        std::optional<LiveReport> device;
     };
+    std::optional<Live> live;
+
+    /// ,"pictures":… of a JSON object.
+    std::string json() const;
+    /// A line of text.
+    std::string text() const;
+};
+
+/// The files of --render: one, many with numbers, or a .gif.
+class PictureFiles {
+  public:
+    explicit PictureFiles(const OutputArguments& arguments) : arguments_(arguments) {}
+    /// Writes it, or keeps it for the .gif, in which the one before stays as long as those that were skipped would
+    /// have.
+    Result<> add(Picture picture, std::uint64_t skipped = 0);
+    Result<> finish(std::uint64_t skipped = 0);
+
+  private:
+    void hold(std::uint64_t pictures);
+
+    const OutputArguments& arguments_;
+    int count_ = 0;
+    std::vector<Picture> frames_;  // of a .gif
+};
+
+/// Writes what was heard, as long as was asked for. Returns its length in seconds.
+Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments);
+
+/// "1.4 of 4 s of sound", after a comma unless it is the first that is missing; empty if nothing is.
+std::string missingSound(double made, double wanted, bool first);
+
+/// Does one after the other; what fails costs the others nothing. The first error, if there is more than one the others
+/// are printed.
+Result<> allOf(std::initializer_list<std::function<Result<>()>> steps);
+
+class OutputMaker {
+  public:
+    virtual ~OutputMaker() = default;
+    OutputMaker() = default;
+    OutputMaker(const OutputMaker&) = delete;
+    OutputMaker& operator=(const OutputMaker&) = delete;
+
+    /// Every set of the scene's present instant has come: makes what is due. Calling it again at the same instant, and
+    /// now and then while nothing comes, does no harm.
+    virtual Result<> frame() = 0;
+    /// It follows no longer: there is no sense in going on. finish() says why.
+    virtual bool failed() const = 0;
+    /// Makes what is still to be made, and writes what is written at the end.
+    virtual Result<> finish() = 0;
+    /// After finish().
+    virtual OutputReport report() const = 0;
+};
+
+class Outputs final : public OutputMaker {
+  public:
     /// The scene must outlive this and be in its first state. `resources`: what urls may open. Throws as
     /// keepResources().
     static Result<std::unique_ptr<Outputs>> attach(Scene& scene, const OutputArguments& arguments,
-                                                   const Resources& resources, Follow follow = Follow::sets);
+                                                   const Resources& resources);
 
     Scene& scene() { return scene_; }
     /// What pictures, sound and others share; made when first asked for.
     SharedWorld& world();
 
-    /// Makes what is due at the scene's time.
-    Result<> frame();
-    Result<> apply(const Scene&, const ChangeSet&) override { return frame(); }
-    std::string subscriberName() const override { return "outputs"; }
-    /// Why it follows no longer; empty if it does.
-    std::string failure() const { return failed_ ? "" : failed_.error().format(); }
-
-    /// Writes what is written at the end.
-    Result<> finish();
-
-    /// ,"flattenings":…,"worlds":…,"commits":… of a JSON object: how often the scene was flattened, into how many
-    /// BVHs, and in how many change sets these had something to do.
-    std::string worldJson() const;
-    /// After finish(): "7 of 20 pictures, 1.4 of 4 s of sound"; empty if all that was asked for is there.
-    std::string missing() const;
-    int pictures() const { return pictures_; }
-    double soundSeconds() const { return soundSeconds_; }
+    Result<> frame() override;
+    bool failed() const override { return !failed_; }
+    Result<> finish() override;
+    OutputReport report() const override;
 
   private:
     Outputs(Scene& scene, const OutputArguments& arguments, const Resources& resources)
-        : scene_(scene), arguments_(arguments), worldOptions_(worldOptions(resources)) {}
+        : scene_(scene), arguments_(arguments), worldOptions_(worldOptions(resources)), files_(arguments_) {}
     Result<> make();
+    Result<> takePicture();
     Result<> finishPictures();
-    Result<> finishSound();
-    Result<> takePicture(const std::string& file);
     /// Seconds from the start to the next picture.
-    double nextPicture() const { return pictures_ / arguments_.picturesPerSecond; }
+    double nextPicture() const {
+        return static_cast<double>(report_.pictureStates.size()) / arguments_.picturesPerSecond;
+    }
 
     Scene& scene_;
     OutputArguments arguments_;
@@ -124,12 +184,11 @@ class Outputs final : public Subscriber {
     std::unique_ptr<SharedWorld> world_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<SoundRenderer> sound_;
-    std::vector<Picture> frames_;  // of a .gif
-    double start_ = 0, soundSeconds_ = 0;
-    int pictures_ = 0;
+    PictureFiles files_;
+    OutputReport report_;
+    double start_ = 0;
     bool finishing_ = false;
     Result<> failed_;
-    Attachment attachment_;
 };
 
 }  // namespace rtsg::app

@@ -120,11 +120,13 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         following = std::move(*attached);
         return {};
     };
+    if (!outputs.render.empty() || !outputs.listen.empty())
+        test.frame = [&](const Scene&) { return following->frame(); };
     // Within the test's run, as the scene goes with it.
     test.finish = [&]() -> Result<> {
         if (!following) return {};
         Result<> result = following->finish();
-        print(following->scene().diagnostics(), result ? "" : result.error().format());
+        print(following->scene().diagnostics());
         return result;
     };
     Result<ReplayReport> report = runReplayTest(test);

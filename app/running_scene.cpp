@@ -57,13 +57,14 @@ void RunningScene::runTo(double seconds) {
 std::uint64_t RunningScene::run(const Pace& pace, const std::string& label,
                                 const std::function<bool(std::uint64_t, const ChangeSet&)>& after) {
     const std::uint64_t frames = pace.frames();
-    const auto start = std::chrono::steady_clock::now();
+    auto start = std::chrono::steady_clock::now();
     const Progress progress = progressBar(label);
     std::uint64_t done = 0;
     for (bool goOn = true; goOn && done < frames; ++done) {
         const double t = pace.timeOf(done);
         if (pace.realtime) std::this_thread::sleep_until(start + std::chrono::duration<double>(t));
         goOn = after(done, *frame(t));
+        if (done == 0) start = std::chrono::steady_clock::now();  // what attaches then takes nobody's time
         if (progress) progress(done + 1, frames);
     }
     if (progress) progress(1, 1);

@@ -16,7 +16,7 @@
 #include "behind.h"
 #include "cli.h"
 #include "injections.h"
-#include "outputs.h"
+#include "live_outputs.h"
 
 namespace rtsg::app {
 
@@ -34,7 +34,7 @@ struct Options {
     std::string maxLag;
     std::uint64_t maxRecord = kMaxPayload, maxRate = 0;
     OutputArguments outputs;
-    bool json = false, live = false;
+    bool json = false;
 };
 
 /// Names that nothing in the replica has; a number begins with #.
@@ -101,7 +101,7 @@ Result<MirrorClientOptions> clientOptions(const Options& options) {
     result.maxRecord = options.maxRecord;
     result.mostBytesPerSecond = options.maxRate;
     // What is made of every frame wants every frame, however late.
-    const bool everyFrame = options.outputs.any() && !options.live;
+    const bool everyFrame = options.outputs.any() && !options.outputs.isLive();
     const std::string lag = !options.maxLag.empty() ? options.maxLag : everyFrame ? "0" : "250ms";
     result.maxLag = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(lag)));
     result.inputs = options.mode == "input";
@@ -118,7 +118,7 @@ Result<MirrorClientOptions> clientOptions(const Options& options) {
 /// with --live of the newest state.
 class Made {
   public:
-    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources, bool live) : replica_(replica) {
+    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources) : replica_(replica) {
         if (!arguments.record.empty()) {
             LogOptions options;
             options.existing = existing(arguments.force);
@@ -129,45 +129,34 @@ class Made {
             }
             log_ = std::move(*log);
         }
-        if (!live && (!arguments.render.empty() || !arguments.listen.empty())) {
-            behind_ = std::make_unique<OutputsBehind>(replica, arguments, resources);
+        if (!arguments.isLive() && (!arguments.render.empty() || !arguments.listen.empty())) {
+            outputs_ = std::make_unique<OutputsBehind>(replica, arguments, resources);
             return;
         }
-        auto attached = Outputs::attach(replica, arguments, resources);
+        auto attached = makeOutputs(replica, arguments, resources);
         if (attached)
-            live_ = std::move(*attached);
+            outputs_ = std::move(*attached);
         else
             problem_ = std::unexpected(attached.error());
     }
-    bool failed() const {
-        if (!problem_ || (log_ && !log_->failure().empty())) return true;
-        return behind_ ? behind_->failed() : !live_->failure().empty();
+    /// In every turn of the mirror's loop. False: there is no sense in going on.
+    bool frame() {
+        if (!problem_ || (log_ && !log_->failure().empty())) return false;
+        return outputs_->frame() && !outputs_->failed();
     }
     Result<> finish() {
-        Result<> result = problem_;
-        std::string said = result ? "" : result.error().format();
-        const auto finished = [&](const Result<>& one) {
-            if (one) return;
-            said += one.error().format();
-            if (!result) printError(result.error());
-            result = one;
-        };
-        if (log_) finished(log_->stop());
-        if (behind_) finished(behind_->finish());
-        if (live_) finished(live_->finish());
-        app::print(replica_.diagnostics(), said);
+        const Result<> result = allOf({[&] { return problem_; }, [&] { return log_ ? log_->stop() : Result<>(); },
+                                       [&] { return outputs_ ? outputs_->finish() : Result<>(); }});
+        app::print(replica_.diagnostics(), result ? "" : result.error().format());
         return result;
     }
-    /// Null if nothing could be made.
-    const Outputs* outputs() const { return behind_ ? behind_->outputs() : live_.get(); }
-    double mostBehind() const { return behind_ ? behind_->mostBehind() : 0; }
+    OutputReport report() const { return outputs_ ? outputs_->report() : OutputReport(); }
 
   private:
     Scene& replica_;
     Result<> problem_;
     std::unique_ptr<LogRecorder> log_;
-    std::unique_ptr<OutputsBehind> behind_;
-    std::unique_ptr<Outputs> live_;
+    std::unique_ptr<OutputMaker> outputs_;
 };
 
 class Mirroring {
@@ -210,7 +199,7 @@ class Mirroring {
     Clock::time_point heard_ = Clock::now(), joinedAt_ = Clock::now();
     bool good_ = true, equal_ = false;
     int status_ = kDone;
-    std::string missing_;
+    OutputReport report_;  // of the outputs, in the end
 };
 
 bool Mirroring::join() {
@@ -218,7 +207,7 @@ bool Mirroring::join() {
     firstTime_ = replica_.now();
     OutputArguments arguments = options_.outputs;
     if (!options_.duration.empty()) arguments.seconds = duration_;
-    made_ = std::make_unique<Made>(replica_, arguments, resources_, options_.live);
+    made_ = std::make_unique<Made>(replica_, arguments, resources_);
     if (auto ok = requests_.parse(replica_); !ok) {
         printError(ok.error().text);
         status_ = kUsage;
@@ -229,7 +218,7 @@ bool Mirroring::join() {
 
 bool Mirroring::isOver(std::size_t applied) {
     MirrorClient& client = *client_;
-    if (joined() && made_->failed()) return true;
+    if (joined() && !made_->frame()) return true;
     if (client.serverLeft() && applied == 0) return true;
     if (applied > 0 || client.inStep()) heard_ = Clock::now();
     // What is made has a length in scene time; who only follows need not wait for a scene that stands still.
@@ -292,8 +281,8 @@ void Mirroring::finish() {
     seconds_ = secondsSince(joinedAt_);
     if (joined()) {
         if (auto ok = made_->finish(); !ok) fail(ok.error().format());
-        if (made_->outputs()) missing_ = made_->outputs()->missing();
-        if (!missing_.empty()) fail("missing: " + missing_);
+        report_ = made_->report();
+        if (!report_.missing.empty()) fail("missing: " + report_.missing);
     }
     equal_ = statistics.equal && statistics.sequence == statistics.originSequence;
     good_ = good_ && equal_ && statistics.divergences == 0 && requests_.refused == 0;
@@ -311,16 +300,12 @@ void Mirroring::print() const {
         statistics.divergences, statistics.repairs);
     if (requests_.sent > 0)
         fmt::print("{} events sent, {} accepted, {} refused\n", requests_.sent, requests_.accepted, requests_.refused);
-    const Outputs* outputs = joined() ? made_->outputs() : nullptr;
-    if (outputs && options_.outputs.any())
-        fmt::print("{} pictures, {:.3f} s of sound, at most {:.2f} s behind\n", outputs->pictures(),
-                   outputs->soundSeconds(), made_->mostBehind());
+    if (joined() && options_.outputs.any()) fmt::print("{}\n", report_.text());
 }
 
 void Mirroring::printJson() const {
     const MirrorStatistics& statistics = client_->statistics();
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
-    const Outputs* outputs = joined() ? made_->outputs() : nullptr;
     fmt::print(
         "{{\"frames\":{},\"snapshots\":{},\"gaps\":{},\"bytes\":{},\"hash\":\"{}\",\"origin_hash\":\"{}\",\"equal\":{},"
         "\"divergences\":{},\"repairs\":{},\"sequence\":{},\"origin_sequence\":{},\"t\":{},\"seconds\":{:.3f},",
@@ -334,10 +319,7 @@ void Mirroring::printJson() const {
         frames / std::max(seconds_, 1e-9), static_cast<double>(statistics.bytes) / frames, statistics.restarts,
         statistics.garbage, statistics.clockOffset, statistics.delay, statistics.lag, statistics.mostLag,
         statistics.jitter, statistics.late, requests_.sent, requests_.accepted, requests_.refused);
-    fmt::print("\"pictures\":{},\"sound_seconds\":{:.3f},\"behind_s\":{:.3f},\"missing\":{},\"inputs\":{}{}}}\n",
-               outputs ? outputs->pictures() : 0, outputs ? outputs->soundSeconds() : 0.0,
-               joined() ? made_->mostBehind() : 0.0, missing_.empty() ? "null" : jsonString(missing_),
-               statistics.inputs, outputs ? outputs->worldJson() : std::string());
+    fmt::print("\"inputs\":{}{}}}\n", statistics.inputs, report_.json());
 }
 
 int Mirroring::run() {
@@ -400,8 +382,6 @@ Verb addMirror(Command& program) {
                     "lets it), or a new snapshot")
         ->preset()
         ->oneOf({"merge", "block", "resync"});
-    command->addFlag("--live", options->live,
-                     "make pictures and sound of the newest state, frames merged, instead of every frame");
     options->outputs.addTo(*command, OutputArguments::Options::ofMirror);
     command->addFlag("--json", options->json, "the summary as JSON");
     command->footer(

@@ -1,8 +1,11 @@
 // rtsg replay: a log played back, verified, compared, shortened, exported, or run as a test.
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <thread>
 
 #include <fmt/format.h>
 
@@ -11,7 +14,7 @@
 
 #include "cli.h"
 #include "export/mcap_export.h"
-#include "outputs.h"
+#include "live_outputs.h"
 #include "replay_test.h"
 
 namespace rtsg::app {
@@ -159,10 +162,11 @@ class Replaying {
     Result<> play() {
         OutputArguments wanted = options_.outputs;
         if (!options_.duration.empty()) wanted.seconds = length_;
-        auto attached = Outputs::attach(replayer_.scene(), wanted, resources_);
+        SharedWorld* world = nullptr;
+        auto attached = makeOutputs(replayer_.scene(), wanted, resources_, &world);
         if (!attached) return std::unexpected(attached.error());
-        Outputs& outputs = **attached;
-        auto exported = startExport(outputs);
+        OutputMaker& outputs = **attached;
+        auto exported = startExport(*world);
         if (!exported) return std::unexpected(exported.error());
         // A state that was asked for by its time is what is shown or saved; anything that has a length plays on.
         if (!seeks() || !options_.duration.empty() || options_.verify || *exported ||
@@ -173,30 +177,40 @@ class Replaying {
                 printError(ok.error());
                 cut_ = true;
             }
-        app::print(replayer_.scene().diagnostics(), outputs.failure());
+        app::print(replayer_.scene().diagnostics());
         if (auto ok = outputs.finish(); !ok) return ok;
-        if (const std::string missing = outputs.missing(); !missing.empty()) {
-            printError("missing: " + missing);
+        const OutputReport report = outputs.report();
+        if (!report.missing.empty()) {
+            printError("missing: " + report.missing);
             cut_ = true;
         }
-        made_ = outputs.worldJson() +
-                fmt::format(R"(,"pictures":{},"sound_seconds":{:.3f})", outputs.pictures(), outputs.soundSeconds());
+        made_ = report.json();
         return {};
     }
 
     /// Null if there is none to be made.
-    Result<std::unique_ptr<McapExport>> startExport(Outputs& outputs) {
+    Result<std::unique_ptr<McapExport>> startExport(SharedWorld& world) {
         if (options_.exported.empty()) return nullptr;
         McapOptions mcap;
         mcap.compress = !options_.exportPlain;
         mcap.existing = existing(options_.outputs.force);
-        return McapExport::attach(outputs.world(), options_.exported, mcap);
+        return McapExport::attach(world, options_.exported, mcap);
     }
 
-    void step(const Outputs& outputs) {
+    void step(OutputMaker& outputs) {
         const double until = time() + length_;
         const Progress progress = progressBar("replaying " + options_.log);
-        while (more_ && time() < until && !interrupted() && outputs.failure().empty()) {
+        const auto begun = std::chrono::steady_clock::now() - std::chrono::duration<double>(time());
+        const bool looks = !options_.outputs.render.empty() || !options_.outputs.listen.empty();
+        while (more_ && !interrupted() && !outputs.failed()) {
+            // All sets of one instant make one frame: an Inline that it loaded is a set of its own. To look ahead costs
+            // about as much as the states themselves.
+            const std::optional<double> next = looks ? replayer_.nextTime() : std::nullopt;
+            if (!next || *next != replayer_.scene().now()) {
+                if (!outputs.frame() || time() >= until) break;
+                if (next && options_.outputs.isLive())
+                    wait(outputs, begun + std::chrono::duration<double>(*next - start_));
+            }
             more_ = check_.step();
             if (progress) progress(replayer_.log().position(), replayer_.log().size());
         }
@@ -204,6 +218,14 @@ class Replaying {
         if (!more_ || !interrupted()) return;
         cut_ = true;
         printError(fmt::format("interrupted: what is written holds {} to t = {} s", options_.log, time()));
+    }
+
+    /// Until then nothing comes; who asks for the newest state gets it.
+    template <class Moment>
+    static void wait(OutputMaker& outputs, Moment until) {
+        while (!interrupted() && outputs.frame() && std::chrono::steady_clock::now() < until)
+            std::this_thread::sleep_for(std::min<std::chrono::duration<double>>(
+                std::chrono::milliseconds(20), until - std::chrono::steady_clock::now()));
     }
 
     void print() const {

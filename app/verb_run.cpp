@@ -1,11 +1,12 @@
 // rtsg run: the cascade of a scene in simulated time, with events sent and watched.
 #include <memory>
+#include <optional>
 
 #include <fmt/format.h>
 
 #include <rtsg/core/field_text.h>
 
-#include "outputs.h"
+#include "live_outputs.h"
 #include "running_scene.h"
 
 namespace rtsg::app {
@@ -72,8 +73,7 @@ class Made {
     bool follow(std::uint64_t frame) {
         if (!arguments_.any()) return true;
         if (frame == 0) {
-            auto attached =
-                Outputs::attach(running_.scene(), arguments_, running_.resources(), Outputs::Follow::frames);
+            auto attached = makeOutputs(running_.scene(), arguments_, running_.resources());
             if (!attached) {
                 printError(attached.error());
                 return false;
@@ -87,32 +87,30 @@ class Made {
         if (!arguments_.any()) return true;
         if (!outputs_) return false;
         bool good = complete;
-        if (!complete && outputs_->failure().empty())
+        if (!complete && !outputs_->failed())
             printError(fmt::format("interrupted after {} of {} s", running_.time(), arguments_.seconds));
         if (auto ok = outputs_->finish(); !ok) {
             printError(ok.error());
             good = false;
         }
-        if (const std::string missing = outputs_->missing(); !missing.empty()) {
-            printError("missing: " + missing);
+        report_ = outputs_->report();
+        if (!report_->missing.empty()) {
+            printError("missing: " + report_->missing);
             good = false;
         }
         return good;
     }
-    std::string json() const {
-        if (!outputs_) return {};
-        return fmt::format(R"(,"pictures":{},"sound_seconds":{:.3f}{})", outputs_->pictures(), outputs_->soundSeconds(),
-                           outputs_->worldJson());
-    }
+    std::string json() const { return report_ ? report_->json() : std::string(); }
 
   private:
     RunningScene& running_;
     OutputArguments arguments_;
-    std::unique_ptr<Outputs> outputs_;
+    std::unique_ptr<OutputMaker> outputs_;
+    std::optional<OutputReport> report_;
 };
 
 int run(const Options& options) {
-    const Pace pace{parseSeconds(options.duration), options.fps, options.realtime};
+    const Pace pace{parseSeconds(options.duration), options.fps, options.realtime || options.outputs.isLive()};
     if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.outputs.resources, options.start);
     if (!running.load()) return kBad;

@@ -86,6 +86,8 @@ checks = [
      f"{len(pictures)} pictures of the replica, one a second from the origin's start"),
     (channels == 2 and samples == round(seconds * rate) and -40 < min(rms) and peak <= -0.5,
      f"{samples} samples of stereo sound, {seconds:g} s to the sample: peak {peak:.1f} dB, mean {rms[0]:.1f} and {rms[1]:.1f} dB re full scale"),
+    (len(mirror["picture_states"]) == len(pictures) and mirror["picture_states"] == mirror["sound_states"],
+     f"each picture and the sound of its instant are of one state: {', '.join(map(str, mirror['picture_states'][:3]))}, … {mirror['picture_states'][-1]}"),
     (mirror["flattenings"] == 1 and mirror["worlds"] == 1,
      "pictures and sound share one flattening and one BVH"),
     (mirror["commits"] == moved,

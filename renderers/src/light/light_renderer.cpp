@@ -94,7 +94,7 @@ Result<> LightRenderer::make(const ImageOptions& options) {
 Result<> LightRenderer::renderFrame(const WorldState& state) {
     Impl& s = *impl_;
     if (ownsNodes()) return fail("light renderer: nodes that it draws itself are drawn on the scene's thread only");
-    const auto* tables = static_cast<const LightState*>(tablesIn(state));
+    const auto* tables = static_cast<const LightState*>(begin(state));
     if (!tables || !state.rays) return fail("light renderer: this state was made without it");
     const ImageOptions& options = s.options.image;
     auto camera = LightTracer::camera(*tables, *state.rays, aspectOf(options.settings), options.viewpoint);

@@ -30,7 +30,8 @@ struct WorldRenderer::Impl final : InstanceSubscriber {
     WorldRenderer& renderer;
     SharedWorld& world;
     bool added = false;
-    std::uint64_t number = 0;     // in the world
+    std::uint64_t number = 0;  // in the world
+    std::uint64_t presented = 0;
     bool registered = false;      // any node renderer of its own
     bool known = false;           // `own` is up to date
     std::set<std::uint32_t> own;  // nodes of the types registered
@@ -80,8 +81,14 @@ Result<> WorldRenderer::renderFrame(const WorldState&) {
     return fail(subscriberName() + ": it renders on the scene's thread only");
 }
 
-const void* WorldRenderer::tablesIn(const WorldState& state) const {
-    return state.of(impl_->number);
+const void* WorldRenderer::begin(const WorldState& state) {
+    const void* tables = state.of(impl_->number);
+    if (tables) impl_->presented = state.sequence;
+    return tables;
+}
+
+std::uint64_t WorldRenderer::presented() const {
+    return impl_->presented;
 }
 
 bool WorldRenderer::ownsNodes() const {
@@ -92,6 +99,7 @@ Result<> WorldRenderer::begin() {
     if (!impl_->added) return fail("the renderer is not attached to a scene");
     if (auto ok = impl_->world.update(); !ok) return ok;
     if (const std::string why = failure(); !why.empty()) return fail(subscriberName() + ": " + why);
+    impl_->presented = impl_->world.sequence();
     return {};
 }
 

@@ -263,17 +263,19 @@ Result<bool> Replayer::step() {
     return false;
 }
 
-bool Replayer::atEnd() {
+std::optional<double> Replayer::nextTime() {
     const std::uint64_t here = log_.position();
-    bool end = true;
-    while (const std::optional<LogReader::Record> record = log_.next()) {
-        if (record->header.to == scene_->sequence() || record->header.kind == RecordKind::head) continue;
-        const RecordKind kind = record->header.kind;
-        end = kind != RecordKind::frame && kind != RecordKind::keyframe && kind != RecordKind::input;
-        if (!end) break;
+    std::optional<double> time;
+    while (!time) {
+        const std::optional<LogReader::Record> record = log_.next();
+        if (!record) break;
+        const RecordHeader& header = record->header;
+        const bool leads = header.kind == RecordKind::frame || header.kind == RecordKind::keyframe ||
+                           (header.kind == RecordKind::input && header.from != header.to);
+        if (leads && header.to != scene_->sequence()) time = header.time;
     }
     log_.seek(here);
-    return end;
+    return time;
 }
 
 /// Brings the scene to a keyframe's state. False when it, or the head before it, is damaged.

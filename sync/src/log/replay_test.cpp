@@ -31,7 +31,8 @@ class Run {
     Result<ReplayReport> run() {
         if (auto ok = start(); !ok) return std::unexpected(ok.error());
         while (!done()) {
-            if (!next()) break;
+            if (test_.frame && recorded_.nextTime() != recorded_.scene().now()) frameIsWhole();
+            if (done() || !next()) break;
             if (test_.build) {
                 if (auto ok = rerunFrame(); !ok) {
                     diverge(ok.error().text);
@@ -41,6 +42,7 @@ class Run {
             ++report_.frames;
             compare();
         }
+        frameIsWhole();
         if (test_.finish)
             if (auto ok = test_.finish(); !ok) diverge(ok.error().text);
         if (log_)
@@ -119,6 +121,11 @@ class Run {
         if (test_.application)
             if (auto ok = test_.application(scene_, set.time); !ok) return ok;
         return input_.run(set);
+    }
+
+    void frameIsWhole() {
+        if (done() || !test_.frame) return;
+        if (auto ok = test_.frame(scene()); !ok) diverge(ok.error().text);
     }
 
     void compare() {

@@ -33,20 +33,26 @@ class WorldRenderer : public Renderer {
     /// Presents this state, of this world, without the scene: on any thread, one call at a time. The default refuses.
     virtual Result<> renderFrame(const WorldState& state);
 
+    /// The state that the last renderFrame() presented, as the scene numbers them; 0 before the first. Pictures and
+    /// sound that name the same one belong together. Threading: as renderFrame().
+    std::uint64_t presented() const;
+
     SharedWorld& world() const;
 
   protected:
-    /// As InstanceSubscriber::freeze(): what renderFrame(state) finds with tablesIn().
+    /// As InstanceSubscriber::freeze(): what renderFrame(state) finds with begin().
     virtual std::shared_ptr<const void> freezeTables() { return nullptr; }
-    /// Null: the state was made before this was attached, or after it failed.
-    const void* tablesIn(const WorldState& state) const;
+    /// First of all in a renderFrame(state): what freezeTables() gave, and from now on presented() names the state.
+    /// Null: it was made before this was attached, or after it failed.
+    const void* begin(const WorldState& state);
     /// Whether node renderers are registered here: renderOwnNodes() needs the scene, hence its thread.
     bool ownsNodes() const;
     /// As InstanceSubscriber::apply.
     virtual Result<> follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) = 0;
     /// Sends the operation to the nodes that have a node renderer of their own here, in the order of their numbers.
     Result<> renderOwnNodes(Operation operation);
-    /// Error: failure(), or that it is not attached. First of all in a renderFrame(): brings the world up to date.
+    /// Error: failure(), or that it is not attached. First of all in a renderFrame(): brings the world up to date, and
+    /// presented() to its state.
     Result<> begin();
     bool listens() const override { return false; }  // the world does
 

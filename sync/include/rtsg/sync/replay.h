@@ -61,8 +61,11 @@ class Replayer {
     /// To the last state whose time is not after `time` (the first one if all are): from the nearest intact keyframe,
     /// or from where it is if that is nearer. Subscribers get the keyframe and one set with all that came after it.
     Result<> seek(double time);
+    /// The time of the state that step() leads to next, as far as the log is intact; nothing at the end. States may
+    /// share an instant: what an Inline brought is one of its own.
+    std::optional<double> nextTime();
     /// No state comes after the one that the scene is in.
-    bool atEnd();
+    bool atEnd() { return !nextTime(); }
 
     std::uint64_t frames() const { return frames_; }      // states reached by step() and seek()
     std::uint64_t verified() const { return verified_; }  // of these, with the origin's hash

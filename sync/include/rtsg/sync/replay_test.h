@@ -32,6 +32,9 @@ struct ReplayTest {
     std::function<Result<>(Scene&)> attach;
     /// Called at every state; an error fails the test there. This is where results of subscribers are compared.
     std::function<Result<>(const Scene&)> check;
+    /// Called once every state of an instant has come: several share one where an Inline came, or the application
+    /// edited between frames. This is where frames of pictures and sound are made. An error fails the test there.
+    std::function<Result<>(const Scene&)> frame;
     /// Called at the end, however it went, while the scene is still there.
     std::function<Result<>()> finish;
 

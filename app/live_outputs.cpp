@@ -1,0 +1,217 @@
+// Two threads that take the newest state of a world whenever they have time for one.
+#include "live_outputs.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <exception>
+
+#include <fmt/format.h>
+
+namespace rtsg::app {
+
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter of that
+
+}  // namespace
+
+LiveOutputs::LiveOutputs(Scene& scene, const OutputArguments& arguments, const Resources& resources)
+    : scene_(scene),
+      arguments_(arguments),
+      start_(scene.now()),
+      firstState_(scene.sequence()),
+      world_(scene, worldOptions(resources)),
+      files_(arguments_) {}
+
+Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(Scene& scene, const OutputArguments& arguments,
+                                                         const Resources& resources) {
+    keepResources(scene, resources, arguments.names());
+    std::unique_ptr<LiveOutputs> outputs(new LiveOutputs(scene, arguments, resources));
+    if (auto ok = outputs->start(resources); !ok) return std::unexpected(ok.error());
+    return outputs;
+}
+
+Result<> LiveOutputs::start(const Resources& resources) {
+    if (!arguments_.render.empty()) {
+        ImageOptions image = arguments_.picture.parse();
+        image.settings.progress = [this](double) { return !abandoned_ && (ending_ || !interrupted()); };
+        light_ = std::make_unique<LightRenderer>(world_, LightRenderer::Options(resources, image));
+        if (!light_->attached()) return rtsg::fail(light_->failure());
+    }
+    if (!arguments_.listen.empty()) {
+        ListenOptions options = arguments_.sound.parse();
+        options.render.resources = resources;
+        if (arguments_.onDevice()) {
+            auto device = LiveSound::start(world_, {.render = options.render, .device = arguments_.device});
+            if (!device) return std::unexpected(device.error());
+            device_ = std::move(*device);
+        } else {
+            sound_ = std::make_unique<SoundRenderer>(world_, options);
+            if (!sound_->attached()) return rtsg::fail(sound_->failure());
+        }
+    }
+    const auto run = [this](auto present) {
+        ++running_;
+        threads_.emplace_back([this, present] { follow(present); });
+    };
+    if (light_) run([this](const WorldState& state, bool last) { return takePicture(state, last); });
+    if (sound_) run([this](const WorldState& state, bool) { return hear(state); });
+    return {};
+}
+
+LiveOutputs::~LiveOutputs() {
+    abandoned_ = true;
+    threads_.clear();  // joins
+}
+
+void LiveOutputs::fail(const Result<>& why) {
+    const std::lock_guard lock(mutex_);
+    if (problem_) problem_ = why;
+    failed_ = true;
+}
+
+void LiveOutputs::follow(const std::function<Result<>(const WorldState&, bool)>& present) {
+    try {
+        followUntilTheEnd(present);
+    } catch (const std::exception& e) {
+        fail(rtsg::fail(fmt::format("pictures and sound ended: {}", e.what())));
+    }
+    --running_;
+}
+
+void LiveOutputs::followUntilTheEnd(const std::function<Result<>(const WorldState&, bool)>& present) {
+    std::uint64_t moment = 0;
+    while (!abandoned_) {
+        const bool ending = ending_;
+        const auto state = world_.latest(milliseconds(20));
+        if (!state) continue;  // if there will never be one, frame() finds out
+        const bool last = ending && (*state)->sequence >= lastState_;
+        if ((*state)->moment == moment && !last) {
+            std::this_thread::sleep_for(milliseconds(1));
+            continue;
+        }
+        moment = (*state)->moment;
+        if (auto ok = present(**state, last); !ok) return fail(ok);
+        if (last) return;
+    }
+}
+
+/// The last k with k / F not after this time.
+double LiveOutputs::dueAt(double time) const {
+    return std::floor((time - start_) * arguments_.picturesPerSecond + kRounding);
+}
+/// Of those that are asked for.
+double LiveOutputs::lastDueAt(double time) const {
+    return std::min(dueAt(time), std::ceil(arguments_.seconds * arguments_.picturesPerSecond - kRounding) - 1);
+}
+
+Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
+    const double due = dueAt(state.time);
+    if (arguments_.animated() ? due < nextPicture_ || due != lastDueAt(state.time) : !last) return {};
+    if (auto ok = light_->renderFrame(state); !ok) return ok;
+    if (light_->stats().cancelled) return {};
+    const double skipped = arguments_.animated() ? due - nextPicture_ : 0;
+    nextPicture_ = due + 1;
+    live_.picturesSkipped += static_cast<std::uint64_t>(skipped);
+    ++live_.statesPictured;
+    report_.pictureStates.push_back(light_->presented());
+    report_.pictureTimes.push_back(std::round((state.time - start_) * 1e6) / 1e6);
+    return files_.add(std::exchange(light_->frame(), Picture()), static_cast<std::uint64_t>(skipped));
+}
+
+Result<> LiveOutputs::hear(const WorldState& state) {
+    if (!heard_.empty() &&
+        (heard_.back().second == state.sequence || heard_.back().first - start_ >= arguments_.seconds))
+        return {};
+    if (auto ok = sound_->renderFrame(state); !ok) return ok;
+    ++live_.statesHeard;
+    heard_.emplace_back(state.time, sound_->presented());
+    return {};
+}
+
+Result<> LiveOutputs::frame() {
+    if (auto ok = world_.update(); !ok) {
+        fail(ok);
+        abandoned_ = true;
+    }
+    if (device_)
+        if (const std::string why = device_->report().failure; !why.empty()) fail(rtsg::fail(why));
+    if (!failed_) return {};
+    const std::lock_guard lock(mutex_);
+    return problem_;
+}
+
+Result<> LiveOutputs::finish() {
+    lastState_ = scene_.sequence();
+    ending_ = true;
+    const Progress progress = running_ > 0 ? progressBar("completing pictures and sound") : Progress{};
+    while (running_ > 0) {
+        (void)frame();  // who asks gets the last state
+        if (progress) progress(0, 1);
+        std::this_thread::sleep_for(milliseconds(1));
+    }
+    if (progress) progress(1, 1);
+    threads_.clear();
+    if (device_) {
+        live_.device = device_->stop();
+        print(live_.device->diagnostics);
+        if (const std::string& why = live_.device->failure; !why.empty()) fail(rtsg::fail(why));
+    }
+    live_.states = scene_.sequence() - firstState_ + 1;
+    return write();
+}
+
+Result<> LiveOutputs::write() {
+    return allOf({[&] { return problem_; },
+                  [&]() -> Result<> {
+                      if (!light_) return {};
+                      const double skipped = arguments_.animated() ? lastDueAt(scene_.now()) + 1 - nextPicture_ : 0;
+                      live_.picturesSkipped += static_cast<std::uint64_t>(std::max(0.0, skipped));
+                      const Result<> written = files_.finish(static_cast<std::uint64_t>(std::max(0.0, skipped)));
+                      print(light_->diagnostics());
+                      return written;
+                  },
+                  [&]() -> Result<> {
+                      if (!sound_) return {};
+                      const Result<double> seconds = writeSound(*sound_, arguments_);
+                      report_.soundSeconds = seconds.value_or(0);
+                      return seconds ? Result<>() : std::unexpected(seconds.error());
+                  },
+                  [&]() -> Result<> {
+                      print(world_.diagnostics());
+                      if (arguments_.save.empty()) return {};
+                      return saveScene(scene_, arguments_.save, existing(arguments_.force));
+                  }});
+}
+
+/// The state that the sound at this time was made from.
+std::uint64_t LiveOutputs::heardAt(double time) const {
+    const auto first = std::ranges::lower_bound(heard_, time, {}, &std::pair<double, std::uint64_t>::first);
+    return first == heard_.end() ? 0 : first->second;
+}
+
+OutputReport LiveOutputs::report() const {
+    OutputReport report = report_;
+    for (const double t : report.pictureTimes) report.soundStates.push_back(heardAt(start_ + t - kRounding));
+    if (sound_ && std::isfinite(arguments_.seconds))
+        report.missing = missingSound(report.soundSeconds, arguments_.seconds, true);
+    report.world = world_.counts();
+    report.live = live_;
+    return report;
+}
+
+Result<std::unique_ptr<OutputMaker>> makeOutputs(Scene& scene, const OutputArguments& arguments,
+                                                 const Resources& resources, SharedWorld** world) {
+    const auto give = [world](auto made) -> Result<std::unique_ptr<OutputMaker>> {
+        if (!made) return std::unexpected(made.error());
+        if (world) *world = &(*made)->world();
+        return std::move(*made);
+    };
+    if (arguments.isLive()) return give(LiveOutputs::attach(scene, arguments, resources));
+    return give(Outputs::attach(scene, arguments, resources));
+}
+
+}  // namespace rtsg::app

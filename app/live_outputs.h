@@ -1,0 +1,78 @@
+// LiveOutputs: pictures and sound of a scene that does not wait for them: each on a thread of its own, of the newest
+// state there is (SharedWorld::latest()), states merged.
+//
+// Invariant: a picture is of one whole state, taken at times k / F if the one before is made by then, else skipped and
+// counted; files are numbered without holes. Sound is as long as the scene's time: places follow the newest state.
+// With --listen device it is played instead. One flattening and one BVH serve all.
+// Threading: all calls on the scene's thread, which must call frame() now and then for states to be handed over.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "outputs.h"
+
+namespace rtsg::app {
+
+class LiveOutputs final : public OutputMaker {
+  public:
+    /// The scene must outlive this and be in its first state. Throws as keepResources().
+    static Result<std::unique_ptr<LiveOutputs>> attach(Scene& scene, const OutputArguments& arguments,
+                                                       const Resources& resources);
+    ~LiveOutputs() override;
+
+    SharedWorld& world() { return world_; }
+
+    Result<> frame() override;
+    bool failed() const override { return failed_; }
+    /// The picture under way is completed; the last state is heard, and pictured if only one was asked for.
+    Result<> finish() override;
+    OutputReport report() const override;
+
+  private:
+    LiveOutputs(Scene& scene, const OutputArguments& arguments, const Resources& resources);
+    Result<> start(const Resources& resources);
+    void follow(const std::function<Result<>(const WorldState&, bool)>& present);
+    void followUntilTheEnd(const std::function<Result<>(const WorldState&, bool)>& present);
+    double dueAt(double time) const;
+    double lastDueAt(double time) const;
+    Result<> takePicture(const WorldState& state, bool last);
+    Result<> hear(const WorldState& state);
+    void fail(const Result<>& why);
+    Result<> write();
+    std::uint64_t heardAt(double time) const;
+
+    Scene& scene_;
+    const OutputArguments arguments_;
+    const double start_;
+    const std::uint64_t firstState_;
+    SharedWorld world_;
+    std::unique_ptr<LightRenderer> light_;
+    std::unique_ptr<SoundRenderer> sound_;
+    std::unique_ptr<LiveSound> device_;
+    PictureFiles files_;
+
+    // The threads' own until they have ended.
+    OutputReport report_;
+    OutputReport::Live live_;
+    double nextPicture_ = 0;                               // k of the next time k / F
+    std::vector<std::pair<double, std::uint64_t>> heard_;  // until when sound was made, from which state
+
+    std::atomic<bool> failed_{false}, ending_{false}, abandoned_{false};
+    std::atomic<std::uint64_t> lastState_{0};  // once ending_
+    std::atomic<int> running_{0};
+    std::mutex mutex_;
+    Result<> problem_;  // the first
+    std::vector<std::jthread> threads_;
+};
+
+/// In step with the scene, or live, as the arguments say. `world`: what others may use as well, in the maker.
+Result<std::unique_ptr<OutputMaker>> makeOutputs(Scene& scene, const OutputArguments& arguments,
+                                                 const Resources& resources, SharedWorld** world = nullptr);
+
+}  // namespace rtsg::app

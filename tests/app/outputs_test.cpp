@@ -1,0 +1,302 @@
+// Pictures and sound of `run`, `replay` and `mirror`: the same of the same instants whichever verb makes them, which
+// states they are of, and what --live makes of the newest ones.
+#include "program.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <set>
+
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+/// A box that moves all the time, a tone, and at .5 s an Inline that puts another box and tone beside them.
+class MadeOutputs : public CommandLine {
+  protected:
+    void SetUp() override {
+        writeFile(folder / "part.x3dv",
+                  "#X3D V4.0 utf8\nPROFILE Immersive\n"
+                  "Shape { appearance Appearance { material Material { emissiveColor 1 1 0 } } geometry Sphere { } }\n"
+                  "Sound { maxFront 50 maxBack 50 source OscillatorSource { frequency 660 } }\n");
+        writeFile(file, R"(#X3D V4.0 utf8
+PROFILE Immersive
+Viewpoint { position 0 0 6 }
+DEF BOX Transform { children Shape { appearance Appearance { material Material { } } geometry Box { } } }
+Sound { location 0 3 0 maxFront 50 maxBack 50 source OscillatorSource { frequency 440 } }
+DEF LATER Inline { load FALSE url "part.x3dv" }
+DEF CLOCK TimeSensor { cycleInterval 1000 loop TRUE }
+DEF WHEN BooleanSequencer { key [ 0 0.0005 ] keyValue [ FALSE TRUE ] }
+DEF PATH PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 2000 0 0 ] }
+ROUTE CLOCK.fraction_changed TO WHEN.set_fraction
+ROUTE WHEN.value_changed TO LATER.set_load
+ROUTE CLOCK.fraction_changed TO PATH.set_fraction
+ROUTE PATH.value_changed TO BOX.set_translation
+)");
+    }
+    /// Runs a verb that makes NAME0.png … and NAME.wav, ten pictures a second, and returns what it says.
+    json make(std::vector<std::string> verb, const std::string& name, const std::vector<std::string>& more = {}) {
+        for (const std::string& one :
+             {std::string("--for"), std::string("1s"), std::string("--fps"), std::string("10"), std::string("--render"),
+              folder / (name + "%d.png"), std::string("--listen"), folder / (name + ".wav"), std::string("--size"),
+              std::string("16x9"), std::string("--rays"), std::string("50"), std::string("--json")})
+            verb.push_back(one);
+        verb.insert(verb.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(verb);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return json::parse(lastLine(outcome.out), nullptr, false);
+    }
+    std::string bytes(const std::string& name) { return readFile(folder / name); }
+    void expectSameFiles(const std::string& a, const std::string& b) {
+        for (int k = 0; k < 10; ++k) {
+            const std::string picture = std::to_string(k) + ".png";
+            EXPECT_EQ(bytes(a + picture), bytes(b + picture)) << b << picture;
+        }
+        EXPECT_EQ(bytes(a + ".wav"), bytes(b + ".wav")) << b;
+    }
+    double seconds(const std::string& wav) {  // 24-bit stereo at 48 kHz
+        const std::string all = bytes(wav);
+        std::uint32_t size = 0;
+        std::memcpy(&size, all.data() + all.find("data") + 4, 4);
+        return size / 6 / 48000.;
+    }
+    json mirror(const std::string& name, const std::vector<std::string>& more = {}) {
+        const std::string endpoint = "ipc://" + folder / "s";
+        Program server(
+            {"serve", file, "--for", "1.5s", "--fps", "10", "--bind", endpoint, "--await", "1", "--linger", "60s"},
+            streams());
+        server.firstLine();
+        const json report = make({"mirror", endpoint, "--base", folder / ""}, name, more);
+        EXPECT_EQ(server.wait().status, 0);
+        return report;
+    }
+};
+
+TEST_F(MadeOutputs, AreTheSameInRunReplayAndMirrorAlsoWhereAnInlineLoads) {
+    const json run = make({"run", file}, "a");
+    ASSERT_EQ(rtsg({"record", file, "-o", folder / "s.rlog", "--for", "1s", "--fps", "10"}).status, 0);
+    const json replay = make({"replay", folder / "s.rlog"}, "b");
+    const json mirrored = mirror("c", {"--record", folder / "c.rlog"});
+    expectSameFiles("a", "b");
+    expectSameFiles("a", "c");
+    EXPECT_NE(bytes("a4.png"), bytes("a5.png"));
+    EXPECT_DOUBLE_EQ(seconds("a.wav"), 1);
+    // State 2 is the first frame; what the Inline brings is one more state of the instant .5 s, and the one shown.
+    const json states = {2, 3, 4, 5, 6, 8, 9, 10, 11, 12};
+    for (const json& report : {run, replay, mirrored}) {
+        EXPECT_EQ(report.at("picture_states"), states);
+        EXPECT_EQ(report.at("sound_states"), states);  // picture and sound of one frame are of one state
+        EXPECT_TRUE(report.at("missing").is_null());
+        EXPECT_EQ(report.at("worlds"), 1);
+    }
+    // The numbers are those of the log: a replay of what the mirror recorded finds them again.
+    EXPECT_EQ(make({"replay", folder / "c.rlog"}, "d").at("picture_states"), states);
+    expectSameFiles("a", "d");
+}
+
+TEST_F(MadeOutputs, OfATestReplayAreThoseOfTheReplay) {
+    const std::string log = folder / "s.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.9s", "--fps", "10"}).status, 0);
+    ASSERT_EQ(rtsg({"replay", log, "--render", folder / "a%d.png", "--fps", "10", "--listen", folder / "a.wav",
+                    "--size", "16x9", "--rays", "50"})
+                  .status,
+              0);
+    const Outcome tested = rtsg({"replay", log, "--rerun", file, "--render", folder / "b%d.png", "--fps", "10",
+                                 "--listen", folder / "b.wav", "--size", "16x9", "--rays", "50"});
+    ASSERT_EQ(tested.status, 0) << tested.err;
+    expectSameFiles("a", "b");
+}
+
+TEST_F(MadeOutputs, WithoutSoundNameNoStateOfIt) {
+    const Outcome outcome =
+        rtsg({"run", file, "--for", "0.2s", "--fps", "10", "--render", folder / "p%d.png", "--size", "8x8", "--json"});
+    const json report = json::parse(outcome.out);
+    EXPECT_EQ(report.at("picture_states"), json({2, 3}));
+    EXPECT_EQ(report.at("sound_states"), json({0, 0}));
+    EXPECT_EQ(report.at("picture_times"), json({0.0, 0.1}));
+    EXPECT_FALSE(report.contains("live"));
+}
+
+/// --live: what is made is of some states, each whole; how many were merged is said.
+class LiveOutputsOf : public MadeOutputs {
+  protected:
+    void expectConsistent(const json& report, const std::string& name, std::uint64_t states) {
+        const json& live = report.at("live");
+        EXPECT_EQ(live.at("states"), states);
+        const auto pictured = report.at("picture_states").get<std::vector<std::uint64_t>>();
+        const auto heard = report.at("sound_states").get<std::vector<std::uint64_t>>();
+        const auto times = report.at("picture_times").get<std::vector<double>>();
+        ASSERT_GE(pictured.size(), 1u);
+        EXPECT_EQ(report.at("pictures"), pictured.size());
+        EXPECT_EQ(live.at("states_pictured"), pictured.size());
+        EXPECT_EQ(pictured.size() + live.at("pictures_skipped").get<std::size_t>(), 10u);
+        EXPECT_EQ(std::set(pictured.begin(), pictured.end()).size(), pictured.size());  // none twice
+        EXPECT_GE(live.at("states_heard"), 1);
+        EXPECT_LE(live.at("states_heard"), states);
+        EXPECT_DOUBLE_EQ(seconds(name + ".wav"), 1);
+        EXPECT_FALSE(std::filesystem::exists(folder / (name + std::to_string(pictured.size()) + ".png")));
+        for (std::size_t k = 0; k < pictured.size(); ++k) {
+            // What is shown is the state of that instant, whole: the Inline's two states are both of .5 s.
+            EXPECT_GE(heard[k], pictured[k] - (std::abs(times[k] - .5) < 1e-4 ? 1 : 0)) << k;
+            const std::string picture = bytes(name + std::to_string(k) + ".png");
+            const auto instant = static_cast<std::size_t>(std::lround(times[k] * 10));
+            const bool before = std::abs(times[k] - .5) < 1e-4 && pictured[k] == 7;  // as it was without the Inline
+            EXPECT_EQ(picture == bytes("a" + std::to_string(instant) + ".png"), !before) << k << " at " << times[k];
+        }
+    }
+};
+
+TEST_F(LiveOutputsOf, RunReplayAndMirrorAreOfWholeStates) {
+    make({"run", file}, "a");  // those of every instant, to compare with
+    expectConsistent(make({"run", file}, "b", {"--live"}), "b", 12);
+    ASSERT_EQ(rtsg({"record", file, "-o", folder / "s.rlog", "--for", "1s", "--fps", "10"}).status, 0);
+    expectConsistent(make({"replay", folder / "s.rlog"}, "c", {"--live"}), "c", 13);
+    const json mirrored = mirror("d", {"--live"});
+    expectConsistent(mirrored, "d", mirrored.at("live").at("states"));
+    EXPECT_EQ(mirrored.at("equal"), true);
+}
+
+TEST_F(LiveOutputsOf, ASlowPictureHoldsUpNeitherTheSceneNorTheSound) {
+    // Each picture takes far longer than a frame: most are skipped, no state of the scene is, and all of the sound is
+    // there.
+    const Outcome outcome =
+        rtsg({"run", file, "--for", "1s", "--fps", "100", "--live", "--render", folder / "p%d.png", "--size",
+              "1280x720", "--spp", "64", "--listen", folder / "p.wav", "--rays", "50", "--json"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const json report = json::parse(outcome.out);
+    EXPECT_EQ(report.at("frames"), 101);
+    EXPECT_GE(report.at("pictures"), 1);
+    EXPECT_EQ(report.at("pictures").get<int>() + report.at("live").at("pictures_skipped").get<int>(), 100);
+    EXPECT_LE(report.at("pictures"), 30);
+    EXPECT_GT(report.at("live").at("states_heard"), report.at("pictures"));
+    EXPECT_DOUBLE_EQ(seconds("p.wav"), 1);
+    EXPECT_EQ(report.at("flattenings"), 1);
+    EXPECT_EQ(report.at("worlds"), 1);
+}
+
+TEST_F(LiveOutputsOf, OnePictureIsOfTheLastState) {
+    ASSERT_EQ(rtsg({"render", file, "--time", "0.3", "-o", folder / "d.png", "--size", "16x9"}).status, 0);
+    const Outcome outcome = rtsg({"run", file, "--for", "0.3s", "--fps", "10", "--live", "--render", folder / "p.png",
+                                  "--size", "16x9", "--json"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_EQ(bytes("p.png"), bytes("d.png"));
+    EXPECT_EQ(json::parse(outcome.out).at("picture_states"), json({5}));
+}
+
+TEST_F(LiveOutputsOf, AnAnimationKeepsItsTime) {
+    const Outcome outcome = rtsg({"run", file, "--for", "1s", "--fps", "50", "--live", "--render", folder / "p.gif",
+                                  "--size", "320x180", "--json"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const json report = json::parse(outcome.out);
+    const std::string gif = bytes("p.gif");
+    std::size_t frames = 0;  // each begins with a graphic control extension
+    for (auto at = gif.find(std::string("\x21\xf9\x04", 3)); at != gif.npos;
+         at = gif.find(std::string("\x21\xf9\x04", 3), at + 1))
+        ++frames;
+    EXPECT_EQ(frames,
+              report.at("pictures").get<std::size_t>() + report.at("live").at("pictures_skipped").get<std::size_t>());
+}
+
+TEST_F(LiveOutputsOf, WhatFailsEndsTheVerbAndIsSaidOnce) {
+    const Outcome outcome = rtsg({"run", file, "--for", "60min", "--fps", "10", "--live", "--render",
+                                  folder / "no/such/%d.png", "--size", "8x8", "--json"});
+    EXPECT_EQ(outcome.status, 1);
+    const auto first = outcome.err.find("No such file or directory");
+    ASSERT_NE(first, outcome.err.npos) << outcome.err;
+    EXPECT_EQ(outcome.err.find("No such file or directory", first + 1), outcome.err.npos) << outcome.err;
+}
+
+TEST_F(LiveOutputsOf, InterruptedOnesAreKept) {
+    Program program({"run", file, "--for", "60min", "--fps", "10", "--live", "--render", folder / "p%d.png", "--size",
+                     "8x8", "--listen", folder / "p.wav", "--rays", "50", "--json"},
+                    streams());
+    while (!std::filesystem::exists(folder / "p2.png")) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    program.signal(SIGINT);
+    const Outcome outcome = program.wait();
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("interrupted after"));
+    EXPECT_THAT(outcome.err, HasSubstr("s of sound"));
+    EXPECT_GE(json::parse(outcome.out).at("pictures"), 3);
+    EXPECT_GT(seconds("p.wav"), 0);
+}
+
+/// --listen device, on OpenAL's back ends that need no hardware.
+class SoundOnADevice : public MadeOutputs {
+  protected:
+    void TearDown() override {
+        ::unsetenv("ALSOFT_DRIVERS");
+        ::unsetenv("ALSOFT_CONF");
+    }
+    /// What is played goes into played.wav.
+    void useWaveWriter() {
+        writeFile(folder / "alsoft.conf",
+                  "[general]\ndrivers=wave\nsample-type=int16\n[wave]\nfile=" + folder / "played.wav" + "\n");
+        ::setenv("ALSOFT_CONF", (folder / "alsoft.conf").c_str(), 1);
+    }
+};
+
+TEST_F(SoundOnADevice, PlaysAMirroredSceneBesideItsPictures) {
+    useWaveWriter();
+    const std::string endpoint = "ipc://" + folder / "s";
+    Program server({"serve", file, "--for", "3s", "--fps", "60", "--bind", endpoint, "--await", "1", "--linger", "60s"},
+                   streams());
+    server.firstLine();
+    const Outcome outcome =
+        rtsg({"mirror", endpoint, "--base", folder / "", "--for", "2s", "--listen", "device", "--render",
+              folder / "p%d.png", "--fps", "5", "--size", "64x36", "--record", folder / "m.rlog", "--json"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_EQ(server.wait().status, 0);
+    const json report = json::parse(lastLine(outcome.out));
+    EXPECT_EQ(report.at("equal"), true);
+    EXPECT_EQ(report.at("gaps"), 0);
+    EXPECT_EQ(report.at("flattenings"), 1);
+    EXPECT_EQ(report.at("worlds"), 1);
+    EXPECT_GE(report.at("pictures"), 1);
+    const json& device = report.at("live").at("device");
+    EXPECT_NE(device.at("name"), "");
+    EXPECT_GT(device.at("blocks"), 20);
+    EXPECT_GT(device.at("latency_ms"), 0);
+    // Tone and all: half of full scale is far more than any rounding.
+    const std::string wav = bytes("played.wav");
+    int most = 0;
+    for (std::size_t at = wav.find("data") + 8; at + 1 < wav.size(); at += 2)
+        most =
+            std::max(most, std::abs(static_cast<int>(static_cast<std::int16_t>(
+                               static_cast<unsigned char>(wav[at]) | static_cast<unsigned char>(wav[at + 1]) << 8))));
+    EXPECT_GT(most, 300);
+    EXPECT_FALSE(std::filesystem::exists("device"));
+    ASSERT_EQ(rtsg({"replay", folder / "m.rlog", "--verify"}).status, 0);
+}
+
+TEST_F(SoundOnADevice, PlaysRunsAndReplays) {
+    ::setenv("ALSOFT_DRIVERS", "null", 1);
+    for (const std::vector<std::string>& verb :
+         {std::vector<std::string>{"run", file, "--for", "0.5s"}, {"replay", folder / "s.rlog"}}) {
+        if (verb[0] == "replay") {
+            ASSERT_EQ(rtsg({"record", file, "-o", folder / "s.rlog", "--for", "0.5s", "--fps", "30"}).status, 0);
+        }
+        std::vector<std::string> arguments = verb;
+        arguments.insert(arguments.end(), {"--listen", "device", "--json"});
+        const Outcome outcome = rtsg(arguments);
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+        EXPECT_GT(json::parse(outcome.out).at("live").at("device").at("blocks"), 5) << verb[0];
+    }
+}
+
+TEST_F(SoundOnADevice, ThatIsNotThereIsSaid) {
+    ::setenv("ALSOFT_DRIVERS", "null", 1);
+    const Outcome missing =
+        rtsg({"run", file, "--for", "60min", "--listen", "device", "--device", "no such device", "--json"});
+    EXPECT_EQ(missing.status, 1);
+    EXPECT_THAT(missing.err, HasSubstr("no such device"));
+    const Outcome unasked = rtsg({"run", file, "--device", "a device"});
+    EXPECT_EQ(unasked.status, 2);
+    EXPECT_THAT(unasked.err, HasSubstr("--listen device"));
+}
+
+}  // namespace
+}  // namespace rtsg::test
