@@ -1,4 +1,6 @@
 // Hostile and curious scripts, through the program: it goes on, and says the same wherever it runs.
+#include <sys/resource.h>
+
 #include "program.h"
 
 namespace rtsg {
@@ -51,6 +53,21 @@ TEST(ScriptProgram, TheMachinesTimeZoneAndLocaleDoNotMoveTheHash) {
     EXPECT_EQ(hashesIn(folder, "Asia/Kathmandu", "C"), here);
     EXPECT_EQ(hashesIn(folder, "UTC", "de_DE.UTF-8"), here);
     EXPECT_EQ(hashesIn(folder, "UTC", "tr_TR.UTF-8"), here);
+}
+
+TEST(ScriptProgram, AStringOvershootsByItsOwnLengthAndNoMore) {
+    const TempFolder folder;
+    // 2^29 characters in one step, where the engine lets nobody look in between.
+    writeFile(
+        folder / "s.x3dv",
+        scriptScene("outputOnly SFInt32 n",
+                    "var s = 'x'; function initialize() { for (let i = 0; i < 29; ++i) s += s; s.indexOf('y'); }"));
+    const Outcome run = Program({"run", folder / "s.x3dv", "--for", "0.1"}, folder / "run").wait();
+    EXPECT_EQ(run.status, 0) << run.err;
+    EXPECT_NE(run.err.find("out of memory, scripts may hold 256 MiB"), std::string::npos) << run.err;
+    rusage usage{};
+    ASSERT_EQ(::getrusage(RUSAGE_CHILDREN, &usage), 0);
+    EXPECT_LT(usage.ru_maxrss, (256 + 512 + 96) << 10);  // KiB
 }
 
 }  // namespace

@@ -49,7 +49,6 @@ std::string sourceOf(const Scene& scene, const Node& node, const ScriptOptions& 
 struct ScriptEngine::State {
     struct Program {
         std::unique_ptr<JS::PersistentRootedObject> global, controller;  // controller: null if it cannot run
-        std::shared_ptr<Holding> holding;
         bool eventsPending = false;
         double preparedAt = -kNever;
         bool stale = false;  // its url has changed
@@ -61,7 +60,6 @@ struct ScriptEngine::State {
         void end() {
             controller.reset();
             global.reset();
-            holding.reset();
         }
     };
 
@@ -127,8 +125,7 @@ struct ScriptEngine::State {
         }
         // The program may destroy its own node, and so itself: nothing of either is used after the body.
         const NodeId id = node.id();
-        const std::shared_ptr<Holding> holding = program.holding;
-        Call call{scene, cascade, options, scene.now(), holding.get()};
+        Call call{scene, cascade, options, scene.now()};
         Call* outer = std::exchange(runtime->current, &call);
         if (++runtime->depth == 1) runtime->startWatch(options.timeLimit);
         JS::RootedObject global(context(), *program.global);
@@ -294,6 +291,7 @@ struct ScriptEngine::State {
         // One zone for all: each of its own would take half a megabyte more, and the collector's time.
         JS::RealmOptions realm;
         realm.creationOptions().setExistingCompartment(runtime->anchor());
+        realm.behaviors().setDiscardSource(true);  // texts of functions, kept or not, are in no count
         JS::RootedObject global(context(),
                                 JS_NewGlobalObject(context(), &kGlobalClass, nullptr, JS::FireOnNewGlobalHook, realm));
         if (!global) {
@@ -301,7 +299,6 @@ struct ScriptEngine::State {
             return cascade.warn(node, "out of memory for scripts");
         }
         program.global = std::make_unique<JS::PersistentRootedObject>(context(), global);
-        program.holding = runtime->holding();
         const bool loaded = enter(&cascade, node, program, [&] { return load(program, node, source); });
         if (!loaded) return program.end();
         enter(&cascade, node, program, [&] {
@@ -343,7 +340,6 @@ ScriptEngine::~ScriptEngine() {
         for (auto& [id, program] : state_->programs) {
             (void)program.global.release();
             (void)program.controller.release();
-            (void)new std::shared_ptr<Holding>(std::move(program.holding));
         }
 }
 

@@ -102,10 +102,52 @@
     for (const name of ["Int8Array", "Uint8Array", "Uint8ClampedArray", "Int16Array", "Uint16Array", "Int32Array", "Uint32Array",
                         "Float32Array", "Float64Array", "BigInt64Array", "BigUint64Array"])
         guard(name, (value, Real) => size(value) * Real.BYTES_PER_ELEMENT);
-    for (const [name, length] of [["repeat", (text, count) => text.length * count], ["padStart", (_, to) => to], ["padEnd", (_, to) => to]]) {
+    // Strings that one call of the engine makes longer, or into more, than what it is given: `bytesOf(text, ...arguments)`
+    // is what it may take while it works. Text and numbers are made once, as the engine would.
+    const small = 1 << 20, hasRoom = bytes => !(bytes > small) || reserve(bytes);
+    const textOf = value => typeof value === "string" ? value : typeof value === "number" ? String(value) : "";
+    function guardText(name, bytesOf, prepare = value => value) {
         const real = String.prototype[name];
         publish(String.prototype, name, {[name](...given) {
-            if (typeof given[0] === "number") reserve(2 * length(String(this), given[0]));
+            if (this === undefined || this === null) return real.apply(this, given);
+            const text = String(this);
+            if (given.length > 0) given[0] = prepare(given[0]);
+            hasRoom(bytesOf(text, ...given));
+            return real.apply(text, given);
+        }}[name]);
+    }
+    const toNumber = value => +value;
+    guardText("repeat", (text, count) => 2 * text.length * count, toNumber);
+    for (const name of ["padStart", "padEnd"]) guardText(name, (_, to) => 2 * to, toNumber);
+    guardText("split", (text, by) => by === undefined ? 0 : 8 * text.length / Math.max(1, textOf(by).length));
+    guardText("replaceAll", (text, from, to) => 2 * text.length * textOf(to).length / Math.max(1, textOf(from).length));
+    for (const name of ["normalize", "toLowerCase", "toUpperCase", "toLocaleLowerCase", "toLocaleUpperCase"])
+        guardText(name, text => 6 * text.length);
+    for (const [name, longest] of [["encodeURI", 9], ["encodeURIComponent", 9], ["escape", 6]]) {
+        const real = global[name];
+        publish(global, name, {[name](given) {
+            const text = String(given);
+            hasRoom(3 * longest * text.length);
+            return real(text);
+        }}[name]);
+    }
+    const parseJson = JSON.parse;
+    publish(JSON, "parse", function parse(given, ...more) {
+        const text = String(given);
+        hasRoom(8 * text.length);
+        return parseJson(text, ...more);
+    });
+    for (const name of ["join", "toLocaleString"]) {
+        const real = Array.prototype[name];
+        publish(Array.prototype, name, {[name](...given) {
+            if (Array.isArray(this)) {
+                let characters = this.length * (name === "join" && given[0] !== undefined ? textOf(given[0]).length : 1);
+                for (let i = 0; i < this.length; ++i) {
+                    const one = this[i];
+                    if (typeof one === "string") characters += one.length;
+                }
+                hasRoom(3 * characters);
+            }
             return real.apply(this, given);
         }}[name]);
     }

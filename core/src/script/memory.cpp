@@ -1,47 +1,87 @@
-// Counts what scripts hold, by the engine's own gauges: one for its heap, one a program for what lies outside of it.
+// Counts what scripts hold, by the engine's own gauges, and by a count of everything where these do not suffice.
 #include "memory.h"
 
 #include <algorithm>
+#include <chrono>
+#include <fstream>
+
+#include <malloc.h>
+
+#include <js/MemoryMetrics.h>
 
 namespace rtsg::script {
 
-Holding::Holding(JSContext* cx, Memory& memory) : cx_(cx), memory_(memory), global_(cx), gauge_(cx) {
-    global_ = JS::CurrentGlobalOrNull(cx);
-    JS::RootedObject info(cx, js::gc::NewMemoryInfoObject(cx));
-    JS::RootedValue zone(cx);
-    if (info && JS_GetProperty(cx, info, "zone", &zone) && zone.isObject()) gauge_ = &zone.toObject();
+namespace {
+
+/// Of the process, in memory; 0 if the system does not tell.
+std::size_t residentBytes() {
+    std::ifstream file("/proc/self/statm");
+    std::size_t all = 0, resident = 0;
+    file >> all >> resident;
+    return file ? resident * 4096 : 0;
+}
+
+std::int64_t steadyNow() {
+    return std::chrono::steady_clock::now().time_since_epoch().count();
+}
+
+/// Between two looks at the process: a look takes some microseconds, and calls may be as short.
+constexpr std::int64_t kLookNanoseconds = 5'000'000;
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wnon-virtual-dtor"  // of the engine's class; nothing is deleted through it
+/// The engine's count of everything; of interest is what no gauge of its shows.
+struct Everything final : JS::RuntimeStats {
+    Everything() : RuntimeStats([](const void* at) { return ::malloc_usable_size(const_cast<void*>(at)); }) {}
+    void initExtraRealmStats(JS::Realm*, JS::RealmStats*, const JS::AutoRequireNoGC&) override {}
+    void initExtraZoneStats(JS::Zone*, JS::ZoneStats*, const JS::AutoRequireNoGC&) override {}
+};
+#pragma GCC diagnostic pop
+
+}  // namespace
+
+Memory::Memory(JSContext* cx) : cx_(cx), gauge_(cx, js::gc::NewMemoryInfoObject(cx)) {
     JS_ClearPendingException(cx);
-    memory_.holdings_.push_back(this);
+    counted_ = gauged();
+    resident_ = residentBytes();
 }
 
-Holding::~Holding() {
-    memory_.outside_ -= bytes_;
-    std::erase(memory_.holdings_, this);
-}
-
-void Holding::update() {
-    if (!gauge_) return;
-    JSAutoRealm realm(cx_, global_);
-    JS::RootedValue bytes(cx_);
-    JS::RootedObject gauge(cx_, gauge_);
-    if (!JS_GetProperty(cx_, gauge, "mallocBytes", &bytes) || !bytes.isNumber()) {
-        JS_ClearPendingException(cx_);
-        return;
+std::size_t Memory::gauged() {
+    double bytes = 0;
+    if (gauge_) {
+        // An object with getters: it needs a realm, not always the current one, and no pending exception.
+        const JS::AutoSaveExceptionState state(cx_);
+        const JSAutoRealm realm(cx_, gauge_);
+        JS::RootedObject gauge(cx_, gauge_);
+        JS::RootedValue one(cx_);
+        for (const char* part : {"gcBytes", "mallocBytes"})
+            if (JS_GetProperty(cx_, gauge, part, &one) && one.isNumber()) bytes += one.toNumber();
     }
-    memory_.outside_ -= bytes_;
-    bytes_ = static_cast<std::size_t>(bytes.toNumber());
-    memory_.outside_ += bytes_;
+    return static_cast<std::size_t>(bytes) + compiled_;
 }
 
-std::size_t Memory::bytes(JSContext* cx, Holding* changed) {
-    if (changed) changed->update();
-    return JS_GetGCParameter(cx, JSGC_BYTES) + outside_;
+void Memory::count() {
+    JS_GC(cx_);
+    Everything everything;
+    if (JS::CollectRuntimeStats(cx_, &everything, nullptr, true)) compiled_ = everything.runtime.scriptData;
+    counted_ = gauged();
+    resident_ = residentBytes();
 }
 
-std::size_t Memory::bytesCollected(JSContext* cx) {
-    JS_GC(cx);
-    for (Holding* holding : holdings_) holding->update();
-    return bytes(cx, nullptr);
+bool Memory::within(std::size_t limit) {
+    lookedAt_ = steadyNow();
+    const std::size_t resident = residentBytes();
+    resident_ = std::min(resident_, resident);
+    if (std::max(gauged(), counted_ + (resident - resident_)) <= limit) return true;
+    count();
+    return counted_ <= limit;
+}
+
+bool Memory::withinForNow(std::size_t limit) {
+    if (steadyNow() - lookedAt_ > kLookNanoseconds) return within(limit);
+    if (gauged() <= limit) return true;
+    count();
+    return counted_ <= limit;
 }
 
 }  // namespace rtsg::script

@@ -1,47 +1,37 @@
-// What the programs of one context hold: objects on the engine's heap, and what hangs from them outside of it (the
-// contents of arrays and strings, which the engine's own limits do not count).
+// What the programs of one context hold: objects on the engine's heap, what hangs from them outside of it (the contents
+// of arrays, strings and names), and what they have compiled.
 //
-// Invariant: bytes() is never less than what is held by reachable objects as of the last update of each program; it may
-// count rubbish that is not collected yet, so whoever finds too much collects first. Threading: the context's thread.
+// The engine's gauges leave out what it has not looked at since it was made, and programs' code. What the process takes
+// in memory leaves out nothing, but other threads and rubbish are in it. So the first say where scripts certainly hold
+// too much, the second where that may be; then a collection and the engine's own count of everything decide.
+// Invariant: nobody is found guilty without that count. Threading: the context's thread.
 #pragma once
 
-#include <vector>
+#include <cstddef>
 
 #include "values.h"
 
 namespace rtsg::script {
 
-class Memory;
-
-/// One program's share; the program's global object is the one of the current realm when this is made.
-class Holding {
-  public:
-    Holding(JSContext* cx, Memory& memory);
-    ~Holding();
-    Holding(const Holding&) = delete;
-    Holding& operator=(const Holding&) = delete;
-    /// Asks the engine anew.
-    void update();
-
-  private:
-    friend class Memory;
-    JSContext* cx_;
-    Memory& memory_;
-    JS::PersistentRootedObject global_, gauge_;
-    std::size_t bytes_ = 0;
-};
-
 class Memory {
   public:
-    /// All programs together, with `changed` asked anew (it may be null).
-    std::size_t bytes(JSContext* cx, Holding* changed);
-    /// The same after a collection, all asked anew.
-    std::size_t bytesCollected(JSContext* cx);
+    /// Inside a realm of the context whose memory this is.
+    explicit Memory(JSContext* cx);
+    /// Whether what is held stays within `limit` bytes.
+    bool within(std::size_t limit);
+    /// As within(), but looks at what the process takes only after some milliseconds: for the end of short calls.
+    bool withinForNow(std::size_t limit);
 
   private:
-    friend class Holding;
-    std::vector<Holding*> holdings_;
-    std::size_t outside_ = 0;  // sum over holdings
+    std::size_t gauged();
+    void count();
+
+    JSContext* cx_;
+    JS::PersistentRootedObject gauge_;
+    std::size_t compiled_ = 0;  // programs' code, as of the last count
+    std::size_t counted_ = 0;   // all of it, then
+    std::size_t resident_ = 0;  // of the process, then, or the least since
+    std::int64_t lookedAt_ = 0;
 };
 
 }  // namespace rtsg::script

@@ -2,7 +2,6 @@
 #include "runtime.h"
 
 #include <chrono>
-#include <fstream>
 
 namespace rtsg::script {
 
@@ -33,13 +32,14 @@ bool startLibrary() {
 constexpr std::chrono::milliseconds kWatchPeriod{20};
 /// Looks at nothing running after which the watch goes to sleep: until then a call need not wake it.
 constexpr int kIdlePeriods = 50;
-/// Of the process, in memory; 0 if the system does not tell.
-std::size_t residentBytes() {
-    std::ifstream file("/proc/self/statm");
-    std::size_t all = 0, resident = 0;
-    file >> all >> resident;
-    return file ? resident * 4096 : 0;
+/// Of a text that scripts give to eval() or Function(): parsing it is one step, which nothing interrupts.
+constexpr std::size_t kLongestProgramText = std::size_t{1} << 22;
+
+bool mayCompile(JSContext*, JS::RuntimeCode, JS::HandleString text) {
+    return !text || JS_GetStringLength(text) <= kLongestProgramText;
 }
+
+constexpr JSSecurityCallbacks kSecurity{mayCompile, nullptr};
 
 constexpr std::size_t kStackBytes = std::size_t{512} << 10;
 
@@ -65,6 +65,7 @@ bool Runtime::start(std::size_t heapLimit) {
     JS_SetNativeStackQuota(context_, kStackBytes);
     // What the language takes from the machine's locale comes from here.
     if (!JS_SetDefaultLocale(JS_GetRuntime(context_), "en-US")) return false;
+    JS_SetSecurityCallbacks(context_, &kSecurity);
     jobs_ = std::make_unique<Jobs>(context_);
     if (!JS_AddInterruptCallback(context_, onInterrupt) || !JS::InitSelfHostedCode(context_)) return false;
     static constexpr JSClass kAnchorClass{"Anchor", JSCLASS_GLOBAL_FLAGS, &JS::DefaultGlobalClassOps, nullptr, nullptr,
@@ -76,7 +77,7 @@ bool Runtime::start(std::size_t heapLimit) {
     anchor_ = std::make_unique<JS::PersistentRootedObject>(context_, anchor);
     {
         const JSAutoRealm inside(context_, anchor);
-        holding_ = std::make_shared<Holding>(context_, memory_);
+        memory_ = std::make_unique<Memory>(context_);
     }
     watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
     return true;
@@ -89,11 +90,11 @@ Runtime::~Runtime() {
     if (!onOwnThread()) {
         (void)jobs_.release();
         (void)anchor_.release();
-        (void)new std::shared_ptr<Holding>(std::move(holding_));
+        (void)memory_.release();
         return;
     }
     jobs_.reset();
-    holding_.reset();
+    memory_.reset();
     anchor_.reset();
     for (RefPtr<JS::Stencil>& library : libraries_) library = nullptr;
     JS_DestroyContext(context_);
@@ -101,7 +102,6 @@ Runtime::~Runtime() {
 }
 
 void Runtime::startWatch(double seconds) {
-    bytesAtStart_ = 0;
     deadline_ = steadyNow() + static_cast<std::int64_t>(seconds * 1e9);
     if (!watcherSleeps_) return;
     const std::scoped_lock lock(mutex_);
@@ -148,14 +148,11 @@ bool Runtime::evaluate(Library library, JS::MutableHandleValue result) {
 }
 
 bool Runtime::hasRoomFor(std::size_t more) {
-    if (more > heapLimit_) return false;
-    const std::size_t room = heapLimit_ - more;
-    return memory_.bytes(context_, current ? current->holding : nullptr) <= room ||
-           memory_.bytesCollected(context_) <= room;
+    return more <= heapLimit_ && memory_->within(heapLimit_ - more);
 }
 
 bool Runtime::withinMemory() {
-    if (!hasRoomFor(0)) excess_ = Excess::memory;
+    if (!memory_->withinForNow(heapLimit_)) excess_ = Excess::memory;
     return excess_ == Excess::none;
 }
 
@@ -163,14 +160,10 @@ bool Runtime::onInterrupt(JSContext* cx) {
     auto& runtime = *static_cast<Runtime*>(JS_GetContextPrivate(cx));
     const std::int64_t deadline = runtime.deadline_.load(std::memory_order_relaxed);
     if (deadline == 0) return true;
-    const std::size_t bytes = residentBytes();
-    if (runtime.bytesAtStart_ == 0) runtime.bytesAtStart_ = bytes;
     if (steadyNow() > deadline)
         runtime.excess_ = Excess::time;
-    else if (bytes > runtime.bytesAtStart_ + runtime.heapLimit_)
+    else if (!runtime.hasRoomFor(0))
         runtime.excess_ = Excess::memory;
-    else
-        runtime.withinMemory();
     // False ends the program, which cannot catch this.
     return runtime.excess_ == Excess::none;
 }

@@ -22,7 +22,6 @@ struct Call {
     Cascade* cascade;  // null: nothing may be changed (shutdown)
     const ScriptOptions& options;
     double now;
-    Holding* holding;  // the program's
 };
 
 class Runtime {
@@ -54,12 +53,10 @@ class Runtime {
     enum class Library { prelude, fences };
     bool evaluate(Library library, JS::MutableHandleValue result);
 
-    /// An empty global object, in whose compartment those of programs are made; and what is held there.
+    /// An empty global object, in whose compartment those of programs are made.
     JSObject* anchor() const { return *anchor_; }
-    const std::shared_ptr<Holding>& holding() const { return holding_; }
 
     Jobs& jobs() { return *jobs_; }
-    Memory& memory() { return memory_; }
 
   private:
     Runtime() = default;
@@ -71,13 +68,11 @@ class Runtime {
     std::thread::id thread_ = std::this_thread::get_id();
     std::atomic<std::int64_t> deadline_ = 0;  // steady clock's nanoseconds; 0: nothing runs
     std::size_t heapLimit_ = 0;
-    std::size_t bytesAtStart_ = 0;  // of the process, when the outermost call began
     Excess excess_ = Excess::none;
     std::unique_ptr<Jobs> jobs_;
     RefPtr<JS::Stencil> libraries_[2];
     std::unique_ptr<JS::PersistentRootedObject> anchor_;
-    std::shared_ptr<Holding> holding_;
-    Memory memory_;
+    std::unique_ptr<Memory> memory_;
     std::mutex mutex_;
     std::condition_variable_any wakeUp_;
     std::atomic<bool> watcherSleeps_ = false;  // until it is woken; else it looks by itself every now and then

@@ -1,12 +1,16 @@
 // What a Script cannot take from the machine: more memory than it may hold, the clock, the time zone, the locale.
+#include <atomic>
 #include <thread>
+#include <vector>
 
 #include "core/script/script_scene.h"
+#include "support/resident_bytes.h"
 
 namespace rtsg {
 namespace {
 
 using test::limits;
+using test::residentBytes;
 using test::ScriptScene;
 
 constexpr std::size_t kMiB = std::size_t{1} << 20;
@@ -48,8 +52,26 @@ TEST(ScriptFences, TheContentsOfStringsCount) {
 }
 
 TEST(ScriptFences, NothingLargerThanTheLimitIsTakenInOneStep) {
-    for (const char* piece : {"new Uint8Array(1 << 30)", "new Float64Array(1 << 27)", "new ArrayBuffer(1 << 30)",
-                              "'xy'.repeat(1 << 28)", "'x'.padStart(1 << 29)"}) {
+    for (const char* piece : {"new Uint8Array(1 << 30)",
+                              "new Float64Array(1 << 27)",
+                              "new ArrayBuffer(1 << 30)",
+                              "'xy'.repeat(1 << 28)",
+                              "'x'.padStart(1 << 29)",
+                              "'x'.padEnd(1 << 29)",
+                              "'x'.repeat('536870912')",
+                              "'x'.repeat({valueOf() { return 1 << 29; }})",
+                              "new Array(1000).fill('x'.repeat(1 << 19)).join()",
+                              "new Array(1 << 19).join('x'.repeat(1 << 10))",
+                              "String(new Array(1000).fill('x'.repeat(1 << 19)))",
+                              "new Array(1000).fill('x'.repeat(1 << 19)).toLocaleString()",
+                              "'x'.repeat(1 << 26).split('')",
+                              "'x'.repeat(1 << 10).replaceAll('x', 'x'.repeat(1 << 19))",
+                              "encodeURIComponent('x'.repeat(1 << 24))",
+                              "encodeURI('x'.repeat(1 << 24))",
+                              "escape('x'.repeat(1 << 24))",
+                              "'x'.repeat(1 << 26).toUpperCase()",
+                              "'x'.repeat(1 << 26).normalize('NFKD')",
+                              "JSON.parse('1'.repeat(1 << 26))"}) {
         ScriptScene s("outputOnly SFInt32 n", std::string("function initialize() { try { ") + piece +
                                                   "; n = 1; } catch (e) { n = e instanceof RangeError ? 2 : 3; } }");
         s.frame();
@@ -58,14 +80,79 @@ TEST(ScriptFences, NothingLargerThanTheLimitIsTakenInOneStep) {
 }
 
 TEST(ScriptFences, WhatIsLetGoOfDoesNotCount) {
-#ifdef __SANITIZE_ADDRESS__
-    GTEST_SKIP() << "the engine frees arrays on a thread of its own, which is late here: the limit is met before";
-#endif
     const Held held =
         hold("function prepareEvents() { for (let i = 0; i < 4; ++i) new Uint8Array(16 << 20).fill(1); n = n + 1; }",
              64 * kMiB);
     EXPECT_EQ(held.pieces, 8);
     EXPECT_EQ(held.problems, "");
+}
+
+TEST(ScriptFences, NamesAndPatternsCount) {
+    for (const char* piece : {"a[s + n] = 1", "a.push(new RegExp(s + n))", "a.push(Symbol(s + n))"}) {
+        const Held held = hold(
+            std::string("var s = 'x'.repeat(16 << 20), a = []; function prepareEvents() { ") + piece + "; n = n + 1; }",
+            64 * kMiB);
+        EXPECT_LE(held.pieces, 4) << piece;
+        EXPECT_NE(held.problems.find("memory"), std::string::npos) << piece << held.problems;
+    }
+}
+
+TEST(ScriptFences, ProgramsThatAreCompiledCount) {
+    const Held held = hold(
+        "var s = '+x'.repeat(1 << 16), a = []; function prepareEvents() { "
+        "for (let i = 0; i < 40; ++i) a.push(eval('(function(x) { return ' + a.length + s + '})')); n = n + 1; }",
+        24 * kMiB);
+    EXPECT_LE(held.pieces, 4);
+    EXPECT_NE(held.problems.find("memory"), std::string::npos) << held.problems;
+}
+
+TEST(ScriptFences, TextsToCompileHaveALimit) {
+    ScriptScene s("outputOnly SFString text", R"(
+        function initialize() {
+            const end = '/*' + 'x'.repeat((1 << 22) - 5) + '*/';
+            text = String(eval('7' + end));
+            try { eval('78' + end); } catch (e) { text += e.name; }
+            try { new Function('return 7;' + end); } catch (e) { text += e.name; }
+        })");
+    s.frame();
+    EXPECT_EQ(s.get<String>("text").view(), "7EvalErrorEvalError") << s.problems();
+}
+
+TEST(ScriptFences, TextsOfFunctionsTakeNothing) {
+    const std::size_t before = residentBytes();
+    std::size_t after = 0;
+    std::thread([&] {
+        ScriptScene s(
+            "outputOnly SFInt32 n",
+            "var s = 'x'.repeat(1 << 20), a = []; function prepareEvents() { "
+            "for (let i = 0; i < 8; ++i) a.push(eval('(function() {/*' + a.length + s + '*/})')); n = a.length; }",
+            {}, limits(true, 30, 64 * kMiB));
+        for (int i = 0; i < 24; ++i) s.frame();
+        EXPECT_EQ(s.get<std::int32_t>("n"), 192) << s.problems();
+        after = residentBytes();
+    }).join();
+    EXPECT_LT(after, before + 128 * kMiB);
+}
+
+TEST(ScriptFences, WhatOtherThreadsTakeDoesNotCount) {
+    std::string problems;
+    std::thread([&] {
+        ScriptScene s(
+            "inputOnly SFInt32 go outputOnly SFInt32 n",
+            "function prepareEvents() { const end = {}; for (let i = 0; i < 3e6; ++i) end.x = i; n = n + 1; }", {},
+            limits(true, 30, 64 * kMiB));
+        s.frame();
+        std::atomic<bool> stop = false;
+        std::jthread other([&] {
+            std::vector<std::string> pieces;
+            while (!stop && pieces.size() < 64) pieces.emplace_back(8 * kMiB, 'x');
+            while (!stop) std::this_thread::yield();
+        });
+        for (int i = 0; i < 8; ++i) s.frame();
+        stop = true;
+        problems = s.problems();
+    }).join();
+    EXPECT_EQ(problems, "");
 }
 
 TEST(ScriptFences, OneThatIsStoppedLeavesRoomForTheOthers) {
@@ -98,6 +185,30 @@ TEST(ScriptFences, TypedArraysAreWhatTheyWere) {
         })");
     s.frame();
     EXPECT_EQ(s.get<String>("text").view(), "1,2 2 true 2,4 true 8,7 1 2") << s.problems();
+}
+
+TEST(ScriptFences, GuardedFunctionsAreWhatTheyWere) {
+    ScriptScene s("outputOnly MFString text", R"(
+        function thrown(f) { try { return String(f()); } catch (e) { return e.name; } }
+        function initialize() {
+            text = new MFString(
+                'ab'.repeat('2'), thrown(() => 'a'.repeat(-1)), thrown(() => String.prototype.repeat.call(null, 2)),
+                '7'.padStart(3, '0') + '7'.padEnd('3', '0') + '7'.padEnd(), String.prototype.padStart.call(7, 2),
+                'a,b'.split(',').join('+'), 'abc'.split('').length + 'abc'.split().length + 'a1b'.split(/\d/).length,
+                'aXbX'.replaceAll('X', '$&$&'), 'aXb'.replaceAll(/x/gi, m => m + m),
+                [1, , null, [2, 3]].join(';'), String([1, 'a', [2]]), [1.5].toLocaleString(), Array.prototype.join.call({length: 2, 0: 'p', 1: 'q'}),
+                encodeURIComponent('a b') + encodeURI('a/b ') + escape('ä'), thrown(() => encodeURI('\uD800')),
+                'ß'.toUpperCase() + 'É'.toLowerCase() + '\u00c5'.normalize('NFD').length, thrown(() => 'a'.normalize('x')));
+        })");
+    s.frame();
+    const auto text = s.get<Array<String>>("text");
+    std::string all;
+    for (const String& one : text) all += std::string(one.view()) + "|";
+    EXPECT_EQ(
+        all,
+        "abab|RangeError|TypeError|0077007| 7|a+b|6|aXXbXX|aXXb|1;;;2,3|1,a,2|1.5|p,q|a%20ba/b%20%E4|URIError|SSé2|"
+        "RangeError|")
+        << s.problems();
 }
 
 /// What an expression gives, as text.
