@@ -34,6 +34,7 @@ Verb addChart(Command& program);
 Verb addListen(Command& program);
 Verb addRecord(Command& program);
 Verb addReplay(Command& program);
+Verb addDiff(Command& program);
 Verb addServe(Command& program);
 Verb addMirror(Command& program);
 Verb addRelay(Command& program);

@@ -63,6 +63,7 @@ void checkName(const OutputName& output) {
                         "each also with .gz");
             break;
         case OutputKind::log:
+        case OutputKind::report:
             break;
     }
 }

@@ -1,7 +1,7 @@
 // What a verb reads and writes, looked at before any work: nothing that was not meant to go is overwritten.
 //
-// Inputs and outputs are told apart by the files that their names lead to, through whatever links. Pictures and sounds
-// are replaced; logs and scenes only with --force. What is no regular file (a pipe, /dev/null) is let be.
+// Inputs and outputs are told apart by the files that their names lead to, through whatever links. Pictures, sounds and
+// reports are replaced; logs and scenes only with --force. What is no regular file (a pipe, /dev/null) is let be.
 #pragma once
 
 #include <string>
@@ -15,7 +15,7 @@
 
 namespace rtsg::app {
 
-enum class OutputKind { picture, sound, scene, log };
+enum class OutputKind { picture, sound, scene, log, report };
 
 struct OutputName {
     std::string option, file;  // "--save"; empty: not asked for

@@ -1,6 +1,7 @@
 // rtsg replay as a test: runs the scene again and compares pictures and sound with those expected.
 #include "replay_test.h"
 
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <optional>
@@ -10,6 +11,8 @@
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/renderers/picture.h>
 #include <rtsg/sync/replay_test.h>
+
+#include "replay_page.h"
 
 namespace rtsg::app {
 
@@ -56,6 +59,20 @@ std::optional<Divergence> fromStart(std::optional<Divergence> divergence, double
     return divergence;
 }
 
+namespace {
+
+void countFromStart(ReplayReport& report, double start) {
+    const auto since = [start](double t) { return std::round((t - start) * 1e6) / 1e6; };
+    report.divergence = fromStart(report.divergence, start);
+    report.start = since(report.start);
+    report.end = since(report.end);
+    for (FieldDifference& d : report.differences) d.time = since(d.time);
+    for (FieldHistory& h : report.histories)
+        for (FieldHistory::Sample& s : h.samples) s.time = since(s.time);
+}
+
+}  // namespace
+
 std::string toJson(const std::optional<Divergence>& d) {
     const auto orNull = [](const std::string& text) { return text.empty() ? "null" : jsonString(text); };
     if (!d) return "null";
@@ -63,8 +80,28 @@ std::string toJson(const std::optional<Divergence>& d) {
                        orNull(d->node), orNull(d->field), jsonString(d->text));
 }
 
+void addFieldSelection(Command& command, FieldSelection& selection) {
+    command
+        .addOption("--field", selection.fields,
+                   "compare these only, by DEF and field names: HOOK.translation, DOOR.*; else states as a whole")
+        ->repeatable();
+    command
+        .addOption("--ignore", selection.ignore,
+                   "leave these out; the word initial: what has not changed since the first state")
+        ->repeatable();
+    command
+        .addOption("--tolerance", selection.tolerance,
+                   "largest difference of a number, in its unit; of a rotation, radians")
+        ->preset();
+}
+
+void check(const FieldSelection& selection) {
+    if (auto ok = selection.check(); !ok) throw UsageError("--field", ok.error().text);
+}
+
 void ReplayTestArguments::addTo(Command& command) {
     const std::string group = "As a test";
+    addFieldSelection(command, compared);
     command.addOption("--rerun", rerun, "run SCENE afresh on the log's input; every frame has to be the recorded one")
         ->group(group);
     command.addOption("--expect-picture", expectPicture, "picture that the last state has to give")->group(group);
@@ -75,15 +112,89 @@ void ReplayTestArguments::addTo(Command& command) {
     command.addOption("--sound-tolerance", soundTolerance, "level allowed of the difference, dB below the sound")
         ->preset()
         ->group(group);
+    command.addOption("--junit", junit, "what came of it, as JUnit XML")->group(group);
+    command
+        .addOption("--page", page,
+                   "if the test fails, one HTML page: time line, what differed first and why, pictures side by side")
+        ->group(group);
+    command.addOption("--name", name, "of the test, in both; else the log's")->group(group);
     command
         .addFlag("--update", update,
                  "record anew instead: write the log as SCENE runs now, and the picture and sound expected")
         ->group(group);
 }
 
+namespace {
+
+/// There is nothing to compare with yet: how to get it.
+void sayHowToRecord(const std::string& log, const std::string& scene) {
+    printError(log + ": there is no log yet");
+    fmt::print(stderr,
+               "record one, with the input that the test is about:\n"
+               "  rtsg record {} -o {} --for 5s --set NODE.field=VALUE@1.5\n",
+               scene.empty() ? "SCENE" : scene, log);
+}
+
+/// The page of a test that passes would be that of an earlier failure.
+Result<> writeReports(const ReplayTestArguments& arguments, const ReplayOutcome& outcome) {
+    const auto write = [](const std::string& file, const std::string& text) {
+        return file.empty() ? Result<>{} : writeWholeFile(file, std::as_bytes(std::span(text)));
+    };
+    if (auto ok = write(arguments.junit, arguments.junit.empty() ? "" : junitXml(outcome)); !ok) return ok;
+    if (arguments.page.empty()) return {};
+    if (!outcome.passed()) {
+        if (auto ok = write(arguments.page, replayPage(outcome)); !ok) return ok;
+        fmt::print(stderr, "{} shows what differed\n", arguments.page);
+        return {};
+    }
+    std::error_code error;
+    std::filesystem::remove(arguments.page, error);
+    return error ? fail(error.message(), {}, arguments.page) : Result<>{};
+}
+
+std::string jsonDifferences(const ReplayReport& report) {
+    std::string text;
+    for (const FieldDifference& d : report.differences)
+        text += fmt::format(
+            "{}{{\"node\":{},\"field\":{},\"frame\":{},\"last\":{},\"t\":{},\"states\":{},\"largest\":{},\"text\":{},"
+            "\"cause\":{}}}",
+            text.empty() ? "" : ",", jsonString(d.node), jsonString(d.field), d.frame, d.last, d.time, d.states,
+            std::isinf(d.largest) ? "null" : fmt::format("{}", d.largest), jsonString(d.text), jsonString(d.cause));
+    return text;
+}
+
+void printOutcome(const ReplayOutcome& outcome, bool json) {
+    const ReplayReport& report = outcome.report;
+    if (!json)
+        fmt::print("{} of {} states as recorded{}: {}{}\n", report.verified, report.frames,
+                   report.fields > 0 ? fmt::format(" in {} fields", report.fields) : "",
+                   outcome.passed() ? "passed" : "failed", report.updated ? "; the log was written anew" : "");
+    else
+        fmt::print(
+            "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"passed\":{},\"updated\":{},\"fields\":{},"
+            "\"differences\":[{}]}}\n",
+            report.frames, report.verified, toJson(report.divergence), outcome.passed(), report.updated, report.fields,
+            jsonDifferences(report));
+    for (const ReplayCheck& check : outcome.checks)
+        if (!check.failure.empty()) printError(check.failure);
+    if (json) return;
+    constexpr std::size_t kMost = 10;
+    for (std::size_t i = 1; i < std::min(report.differences.size(), kMost); ++i) {
+        const FieldDifference& d = report.differences[i];
+        fmt::print(stderr, "  also {}.{} from frame {} (t = {} s): {}\n", d.node, d.field, d.frame, d.time, d.text);
+    }
+    if (report.differences.size() > kMost)
+        fmt::print(stderr, "  and {} more fields\n", report.differences.size() - kMost);
+}
+
+}  // namespace
+
 int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json) {
     if (arguments.update && arguments.rerun.empty())
         throw UsageError("--update", "needs --rerun SCENE: there is no scene to record");
+    check(arguments.compared);
+    if (arguments.compared.any() && arguments.rerun.empty())
+        throw UsageError("--field", "needs --rerun SCENE: a replay has no values but the log's");
     if (!arguments.expectPicture.empty()) {
         if (!outputs.render.empty()) throw UsageError("--expect-picture", "not together with --render");
         outputs.render = arguments.update ? arguments.expectPicture : actualName(arguments.expectPicture);
@@ -94,7 +205,12 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     }
     std::vector<std::string> read = {log, arguments.rerun};
     if (!arguments.update) read.insert(read.end(), {arguments.expectPicture, arguments.expectSound});
-    if (auto ok = outputs.check(read); !ok) return printError(ok.error()), kBad;
+    if (auto ok = outputs.check(
+            read, {{"--junit", arguments.junit, OutputKind::report}, {"--page", arguments.page, OutputKind::report}});
+        !ok)
+        return printError(ok.error()), kBad;
+    if (!std::filesystem::exists(log)) return sayHowToRecord(log, arguments.rerun), kBad;
+    const auto begun = std::chrono::steady_clock::now();
     const std::string& origin = arguments.rerun.empty() ? log : arguments.rerun;
     const Resources resources = outputs.resources.ofFile(origin);
 
@@ -102,6 +218,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     ReplayTest test;
     test.log = log;
     test.update = arguments.update;
+    test.compared = arguments.compared;
     Diagnostics diagnostics(arguments.rerun);
     if (!arguments.rerun.empty())
         test.build = [&](Scene& scene) -> Result<> {
@@ -132,26 +249,36 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     Result<ReplayReport> report = runReplayTest(test);
     if (!report) return printError(report.error()), kBad;
 
-    report->divergence = fromStart(report->divergence, start);
-    std::vector<std::string> failures;
-    if (report->divergence) failures.push_back(log + ": " + report->divergence->format());
-    const auto expect = [&](const std::string& reference, const auto& comparison) {
-        if (reference.empty() || arguments.update || report->divergence) return;
-        if (auto ok = comparison(); !ok) failures.push_back(ok.error().format());
+    ReplayOutcome outcome{arguments.name.empty() ? std::filesystem::path(log).stem().string() : arguments.name,
+                          log,
+                          arguments.rerun,
+                          std::move(*report),
+                          {},
+                          {},
+                          {},
+                          0};
+    countFromStart(outcome.report, start);
+    outcome.checks.push_back(
+        {"states", outcome.report.divergence ? log + ": " + outcome.report.divergence->format() : ""});
+    const auto expect = [&](const std::string& name, const std::string& reference, const auto& comparison) {
+        // A run that ended at a difference has not come to the state that they are of.
+        const bool cut = outcome.report.divergence && outcome.report.differences.empty();
+        if (reference.empty() || arguments.update || cut) return;
+        const Result<> ok = comparison();
+        outcome.checks.push_back({name, ok ? "" : ok.error().format()});
     };
-    expect(arguments.expectPicture,
+    expect("picture", arguments.expectPicture,
            [&] { return comparePictures(arguments.expectPicture, outputs.render, arguments.pictureTolerance); });
-    expect(arguments.expectSound,
+    expect("sound", arguments.expectSound,
            [&] { return compareSounds(arguments.expectSound, outputs.listen, arguments.soundTolerance); });
-    const bool passed = report->passed() && failures.empty();
-    if (!json)
-        fmt::print("{} of {} states as recorded: {}{}\n", report->verified, report->frames,
-                   passed ? "passed" : "failed", report->updated ? "; the log was written anew" : "");
-    else
-        fmt::print("{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"passed\":{},\"updated\":{}}}\n",
-                   report->frames, report->verified, toJson(report->divergence), passed, report->updated);
-    for (const std::string& failure : failures) printError(failure);
-    return passed ? kDone : kBad;
+    if (!arguments.expectPicture.empty() && !arguments.update) {
+        outcome.expectedPicture = arguments.expectPicture;
+        outcome.madePicture = outputs.render;
+    }
+    outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+    printOutcome(outcome, json);
+    if (auto ok = writeReports(arguments, outcome); !ok) return printError(ok.error()), kBad;
+    return outcome.passed() ? kDone : kBad;
 }
 
 }  // namespace rtsg::app

@@ -1,24 +1,33 @@
 // The part of `rtsg replay` that is a test: the scene run afresh on the log's input, and pictures and sound compared
-// with those kept beside the log.
+// with those kept beside the log; what came of it as a page and as JUnit XML.
 #pragma once
 
 #include <optional>
 #include <string>
 
-#include <rtsg/sync/replay.h>
+#include <rtsg/sync/field_comparison.h>
 
 #include "outputs.h"
 
 namespace rtsg::app {
 
 struct ReplayTestArguments {
-    std::string rerun, expectPicture, expectSound;
+    std::string rerun, expectPicture, expectSound, junit, page, name;
+    FieldSelection compared;
     double pictureTolerance = 0.01, soundTolerance = -40;
     bool update = false;
 
     void addTo(Command& command);
-    bool any() const { return update || !rerun.empty() || !expectPicture.empty() || !expectSound.empty(); }
+    bool any() const {
+        return update || compared.any() || !rerun.empty() || !expectPicture.empty() || !expectSound.empty() ||
+               !junit.empty() || !page.empty();
+    }
 };
+
+/// --field, --ignore and --tolerance.
+void addFieldSelection(Command& command, FieldSelection& selection);
+/// Throws UsageError.
+void check(const FieldSelection& selection);
 
 /// The exit status. Throws UsageError for options that do not go together.
 int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json);

@@ -81,8 +81,76 @@ TEST_F(ReplayAsTest, PicturesAndSoundsAreComparedWithinTolerances) {
     EXPECT_EQ(rerun(both({"--picture-tolerance", "10"})).status, 0);
 }
 
+TEST_F(ReplayAsTest, ChosenFieldsOutliveEditsOfTheDocument) {
+    writeFile(file, scene() + "WorldInfo { title \"more\" }\n");
+    EXPECT_EQ(rerun().status, 1);
+    const Outcome fields =
+        rerun({"--field", "BOX.*", "--field", "FLAG.*", "--ignore", "initial", "--tolerance", "1e-4"});
+    EXPECT_EQ(fields.status, 0) << fields.err;
+    EXPECT_GT(json::parse(fields.out)["fields"], 2);
+}
+
+TEST_F(ReplayAsTest, AFailureLeavesAPageAndJUnitXml) {
+    const std::string page = folder / "a.html", junit = folder / "a.xml";
+    ASSERT_EQ(rerun(withPicture({"--update"})).status, 0);
+    const std::vector<std::string> reports = {"--field", "BOX.translation", "--tolerance", "1e-4",   "--page",
+                                              page,      "--junit",         junit,         "--name", "slide <&>"};
+    writeFile(file, scene("3"));
+    const Outcome failed = rerun(withPicture(reports));
+    EXPECT_EQ(failed.status, 1);
+    const json report = json::parse(failed.out);
+    ASSERT_EQ(report["differences"].size(), 1);
+    EXPECT_EQ(report["differences"][0]["node"], "BOX");
+    const std::string html = readFile(page), xml = readFile(junit);
+    EXPECT_THAT(html, HasSubstr("slide &lt;&amp;&gt;"));
+    EXPECT_THAT(html, HasSubstr("<b>BOX.translation</b>"));
+    EXPECT_THAT(html, HasSubstr("ROUTE CLOCK.fraction_changed &gt; PATH.set_fraction, PATH.value_changed &gt; BOX."));
+    EXPECT_THAT(html, HasSubstr("<polyline"));
+    // Both pictures and their difference, and nothing that has to be fetched.
+    std::size_t pictures = 0;
+    for (auto at = html.find("src="); at != html.npos; at = html.find("src=", at + 1)) {
+        EXPECT_EQ(html.substr(at, 28), "src=\"data:image/png;base64,i");
+        ++pictures;
+    }
+    EXPECT_EQ(pictures, 3u);
+    EXPECT_EQ(html.find("http"), html.npos);
+    EXPECT_THAT(xml, HasSubstr("<testsuite name=\"slide &lt;&amp;&gt;\" tests=\"2\" failures=\"2\""));
+    EXPECT_THAT(xml, HasSubstr("BOX.translation"));
+    // The page of a failure does not outlive it.
+    writeFile(file, scene());
+    EXPECT_EQ(rerun(withPicture(reports)).status, 0);
+    EXPECT_FALSE(std::filesystem::exists(page));
+    EXPECT_THAT(readFile(junit), HasSubstr("failures=\"0\""));
+}
+
+TEST_F(ReplayAsTest, WithoutALogItSaysHowToRecordOne) {
+    const Outcome none = rtsg({"replay", folder / "none.rlog", "--rerun", file});
+    EXPECT_EQ(none.status, 1);
+    EXPECT_THAT(none.err, HasSubstr("rtsg record " + file + " -o " + (folder / "none.rlog")));
+}
+
+TEST_F(ReplayAsTest, DiffNamesWhatTwoScenesOrLogsDifferIn) {
+    const std::string other = folder / "other.x3dv", otherLog = folder / "other.rlog";
+    writeFile(other, scene("3"));
+    const Outcome scenes = rtsg({"diff", file, other, "--json"});
+    EXPECT_EQ(scenes.status, 1);
+    EXPECT_EQ(json::parse(scenes.out)["count"], 1);
+    EXPECT_EQ(json::parse(scenes.out)["differences"][0]["field"], "keyValue");
+    EXPECT_EQ(rtsg({"diff", file, file}).status, 0);
+    ASSERT_EQ(rtsg({"record", other, "-o", otherLog, "--for", "1s", "--fps", "20"}).status, 0);
+    const Outcome logs = rtsg({"diff", log, otherLog, "--field", "BOX.translation", "--tolerance", "1e-4", "--json"});
+    EXPECT_EQ(logs.status, 1);
+    EXPECT_EQ(json::parse(logs.out)["differences"][0]["node"], "BOX");
+    EXPECT_EQ(rtsg({"diff", log, log}).status, 0);
+    EXPECT_EQ(rtsg({"diff", log, file}).status, 2);
+    EXPECT_EQ(rtsg({"diff", log, otherLog, "--field", "BOX"}).status, 2);
+}
+
 TEST_F(ReplayAsTest, OptionsThatDoNotGoTogetherAreWrongUsage) {
     EXPECT_EQ(rtsg({"replay", "--json", log, "--update"}).status, 2);
+    EXPECT_EQ(rtsg({"replay", "--json", log, "--field", "BOX.*"}).status, 2);
+    EXPECT_EQ(rerun({"--field", "BOX"}).status, 2);
+    EXPECT_EQ(rerun({"--junit", file}).status, 2);
     EXPECT_EQ(rerun(withPicture({"--render", folder / "b.png"})).status, 2);
     EXPECT_EQ(rtsg({"record", file, "-o", log, "--force", "--set", "NOBODY.on=TRUE@1"}).status, 2);
 }

@@ -1,8 +1,9 @@
 // A recorded session as a test: its states compared with those of a scene run afresh on its input.
 #include <rtsg/sync/replay_test.h>
 
+#include <charconv>
 #include <cstdio>
-#include <cstring>
+#include <memory>
 
 #include <fmt/format.h>
 
@@ -17,7 +18,7 @@ class Run {
     Run(const ReplayTest& test, Replayer& recorded)
         : test_(test),
           recorded_(recorded),
-          input_(scene_, test.update ? &recorded.scene() : nullptr,
+          input_(scene_, test.update || test.compared.any() ? &recorded.scene() : nullptr,
                  test.application ? ReplayInput::eventsOnly : ReplayInput::everything) {}
 
     ~Run() {
@@ -40,9 +41,11 @@ class Run {
                 }
             }
             ++report_.frames;
+            if (fields_) fields_->changedA(recorded_.lastSet());
             compare();
         }
         frameIsWhole();
+        takeDifferences();
         if (test_.finish)
             if (auto ok = test_.finish(); !ok) diverge(ok.error().text);
         if (log_)
@@ -51,6 +54,37 @@ class Run {
     }
 
   private:
+    /// What the scene under test did in a frame, edits of subscribers included.
+    class Changes final : public Subscriber {
+      public:
+        explicit Changes(FieldComparison& fields) : fields_(fields) {}
+        Result<> apply(const Scene&, const ChangeSet& set) override {
+            fields_.changedB(set);
+            return {};
+        }
+        std::string subscriberName() const override { return "field comparison"; }
+
+      private:
+        FieldComparison& fields_;
+    };
+
+    bool byFields() const { return test_.compared.any() && !test_.update; }
+
+    void takeDifferences() {
+        report_.end = recorded_.scene().now();
+        if (!fields_) return;
+        report_.fields = fields_->fieldCount();
+        report_.differences = fields_->differences();
+        report_.histories = fields_->histories();
+        if (!report_.differences.empty() && !done()) {
+            const FieldDifference& d = report_.differences.front();
+            report_.divergence = Divergence{d.frame, d.time, d.node, d.field,
+                                            d.cause.empty() ? d.text : fmt::format("{}, by {}", d.text, d.cause)};
+        }
+        if (const auto unmatched = fields_->unmatched(); !unmatched.empty())
+            diverge(fmt::format("{}: the log has no such field, so nothing was compared", unmatched.front()));
+    }
+
     /// Only by one that is whole: the old one is all there is of the session.
     Result<> replaceLog() {
         attachment_.detach();
@@ -94,6 +128,13 @@ class Run {
             attachment_ = scene_.bus().attach(*log_);
         }
         ++report_.frames;
+        report_.start = recorded_.scene().now();
+        if (byFields()) {
+            fields_ = std::make_unique<FieldComparison>(test_.compared, recorded_.scene(), scene_,
+                                                        DifferenceWords{"recorded", "now"});
+            changes_ = std::make_unique<Changes>(*fields_);
+            changesAttachment_ = scene_.bus().attach(*changes_);
+        }
         compare();
         return {};
     }
@@ -133,6 +174,8 @@ class Run {
         if (log_) {
             if (!attachment_.attached()) return diverge(attachment_.failure());
             ++report_.verified;
+        } else if (fields_) {
+            if (report_.frames == 1 ? fields_->first() : fields_->compare()) ++report_.verified;
         } else if (now.hash() == recorded_.scene().hash()) {
             ++report_.verified;
         } else if (auto difference = firstDifference(recorded_.scene(), now, {"recorded", "now"})) {
@@ -152,30 +195,70 @@ class Run {
     std::filesystem::path fresh_;
     std::unique_ptr<LogWriter> log_;
     Attachment attachment_;
+    std::unique_ptr<FieldComparison> fields_;
+    std::unique_ptr<Changes> changes_;
+    Attachment changesAttachment_;
 };
 
 }  // namespace
 
 std::string ReplayReport::format() const {
     if (divergence) return divergence->format();
-    return fmt::format("{} of {} states as recorded{}", verified, frames, updated ? "; the log was written anew" : "");
+    return fmt::format("{} of {} states as recorded{}{}", verified, frames,
+                       fields > 0 ? fmt::format(" in {} fields", fields) : "",
+                       updated ? "; the log was written anew" : "");
 }
 
 Result<ReplayReport> runReplayTest(const ReplayTest& test) {
     if (test.update && !test.build) return fail("only a rerun can update its log: there is no scene to record");
+    if (test.compared.any() && !test.build)
+        return fail("only a rerun can compare fields: a replay has no other values");
+    if (auto ok = test.compared.check(); !ok) return std::unexpected(ok.error());
+    if (!std::filesystem::exists(test.log))
+        return fail("there is no log yet: record a session first", {}, test.log.string());
     auto recorded = Replayer::open(test.log);
     if (!recorded) return std::unexpected(recorded.error());
     return Run(test, **recorded).run();
 }
 
+namespace {
+
+/// False for what is no such call.
+bool parseTestArguments(int argc, char** argv, ReplayTest& test) {
+    if (argc < 2) return false;
+    test.log = argv[1];
+    for (int i = 2; i < argc; ++i) {
+        const std::string_view option = argv[i];
+        if (option == "--update") {
+            test.update = true;
+            continue;
+        }
+        if (++i == argc) return false;
+        const std::string_view value = argv[i];
+        if (option == "--field") {
+            test.compared.fields.emplace_back(value);
+        } else if (option == "--ignore") {
+            test.compared.ignore.emplace_back(value);
+        } else if (option == "--tolerance") {
+            const auto [end, problem] =
+                std::from_chars(value.data(), value.data() + value.size(), test.compared.tolerance);
+            if (problem != std::errc() || end != value.data() + value.size()) return false;
+        } else {
+            return false;
+        }
+    }
+    return true;
+}
+
+}  // namespace
+
 int replayTestMain(int argc, char** argv, ReplayTest test) {
-    const bool update = argc == 3 && std::strcmp(argv[2], "--update") == 0;
-    if (argc != 2 && !update) {
-        fmt::print(stderr, "usage: {} LOG [--update]\n", argc > 0 ? argv[0] : "test");
+    if (!parseTestArguments(argc, argv, test)) {
+        fmt::print(stderr,
+                   "usage: {} LOG [--update] [--field NODE.FIELD]... [--ignore NODE.FIELD]... [--tolerance N]\n",
+                   argc > 0 ? argv[0] : "test");
         return 2;
     }
-    test.log = argv[1];
-    test.update = update;
     const Result<ReplayReport> report = runReplayTest(test);
     if (!report) {
         fmt::print(stderr, "{}\n", report.error().format());

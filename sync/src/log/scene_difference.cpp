@@ -8,6 +8,7 @@
 #include <rtsg/sync/replay.h>
 
 #include "codec/node_label.h"
+#include "excerpt.h"
 
 namespace rtsg {
 
@@ -30,15 +31,6 @@ std::vector<Route> sortedRoutes(const Scene& scene, NodeId node) {
     std::ranges::sort(routes, {},
                       [](const Route& r) { return std::tuple(r.fromField, r.toNode, r.toField, r.isConnection); });
     return routes;
-}
-
-/// A value, or the part of a long one around where it differs from `other`.
-std::string excerpt(const std::string& text, const std::string& other) {
-    constexpr std::size_t kLongest = 60, kBefore = 20, kPart = 40;
-    if (text.size() <= kLongest) return text;
-    const auto at = static_cast<std::size_t>(std::ranges::mismatch(text, other).in1 - text.begin());
-    const std::size_t from = at > kBefore ? at - kBefore : 0;
-    return fmt::format("{}{}{}", from ? "..." : "", text.substr(from, kPart), from + kPart < text.size() ? "..." : "");
 }
 
 class Comparison {

@@ -4,8 +4,12 @@
 //   rerun    the scene is built afresh and gets the recorded input (events, edits, clock); each frame's state has to be
 //            the recorded one, so a change in scene, scripts or behaviours is named by frame, node and field
 //
+// States are compared whole, by their hash, or in chosen fields, within a tolerance (field_comparison.h): then edits
+// of the document elsewhere change nothing, and what it does counts rather than what it says.
+//
 // Invariant: a test passes only if there was at least one frame, none was missing or damaged, and every one agreed.
-// A rerun stops at its first divergence: what comes after follows from it. Threading: the calling thread.
+// A rerun that compares states whole stops at its first divergence: what comes after follows from it.
+// Threading: the calling thread.
 #pragma once
 
 #include <filesystem>
@@ -14,6 +18,7 @@
 #include <string>
 
 #include <rtsg/core/scene.h>
+#include <rtsg/sync/field_comparison.h>
 #include <rtsg/sync/replay.h>
 
 namespace rtsg {
@@ -27,6 +32,9 @@ struct ReplayTest {
     /// Rerun: the application's own work before each frame, given the frame's time. With it, only recorded events are
     /// sent; without it the edits that the application made are made again as recorded.
     std::function<Result<>(Scene&, double)> application;
+
+    /// Rerun: what is compared of each state. Empty: all of it, bit for bit.
+    FieldSelection compared;
 
     /// Called once with the scene in its first state: where subscribers under test attach.
     std::function<Result<>(Scene&)> attach;
@@ -47,6 +55,12 @@ struct ReplayReport {
     std::uint64_t verified = 0;  // of these, equal to the recorded ones
     std::optional<Divergence> divergence;
     bool updated = false;
+    double start = 0, end = 0;  // times of the first and the last state reached
+    /// With chosen fields: how many there were, those that differed, in the order in which they began, and their
+    /// values.
+    std::size_t fields = 0;
+    std::vector<FieldDifference> differences;
+    std::vector<FieldHistory> histories;
 
     bool passed() const { return frames > 0 && verified == frames && !divergence; }
     /// One line for a test's output.
@@ -57,8 +71,9 @@ struct ReplayReport {
 /// built.
 Result<ReplayReport> runReplayTest(const ReplayTest& test);
 
-/// A test program's main: `PROGRAM LOG [--update]`, as rtsg_add_replay_test(... PROGRAM ...) calls it. Prints the
-/// report and returns the exit status: 0 passed, 1 not, 2 wrong usage.
+/// A test program's main: `PROGRAM LOG [--update] [--field P]... [--ignore P]... [--tolerance N]`, as
+/// rtsg_add_replay_test(... PROGRAM ...) calls it; what is given there goes before `test.compared`. Prints the report
+/// and returns the exit status: 0 passed, 1 not, 2 wrong usage.
 int replayTestMain(int argc, char** argv, ReplayTest test);
 
 }  // namespace rtsg

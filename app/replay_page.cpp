@@ -1,0 +1,245 @@
+// The page of a replay test: verdict, time line, what differed first and why, curves, pictures side by side.
+#include "replay_page.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <rtsg/core/output_file.h>
+#include <rtsg/renderers/picture.h>
+
+#include "markup.h"
+
+namespace rtsg::app {
+
+namespace {
+
+constexpr std::string_view kHead = R"(<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{0}</title><style>
+:root {{ color-scheme: light dark; --ink: #1c2430; --soft: #5d6877; --line: #d5dae1; --bad: #b3261e; --good: #1a7f4b; --card: #f6f7f9 }}
+@media (prefers-color-scheme: dark) {{ :root {{ --ink: #e6e9ee; --soft: #9aa5b4; --line: #3a424e; --bad: #ff8a80; --good: #7bd8a4; --card: #1d232b }} }}
+body {{ font: 16px/1.5 system-ui, sans-serif; color: var(--ink); max-width: 960px; margin: 0 auto; padding: 16px }}
+h1 {{ font-size: 1.4rem; margin: .2em 0 }} h2 {{ font-size: 1.1rem; margin: 1.6em 0 .4em }}
+.soft {{ color: var(--soft); font-size: .9rem }} .bad {{ color: var(--bad) }} .good {{ color: var(--good) }}
+.card {{ background: var(--card); border-left: 4px solid var(--bad); padding: 10px 14px; overflow-wrap: anywhere }}
+code {{ font-family: ui-monospace, monospace; font-size: .92em }}
+table {{ border-collapse: collapse; width: 100% }} td, th {{ text-align: left; padding: 4px 8px 4px 0; border-bottom: 1px solid var(--line); vertical-align: top; overflow-wrap: anywhere }}
+.wide {{ overflow-x: auto }} svg {{ width: 100%; height: auto; display: block }}
+.pictures {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(240px, 1fr)); gap: 10px }}
+figure {{ margin: 0 }} img {{ width: 100%; image-rendering: pixelated; border: 1px solid var(--line) }}
+</style></head><body>
+)";
+
+constexpr const char* kColors[] = {"#3b6fd4", "#d4573b", "#2f9e68", "#8e5bd0"};
+
+std::string verdict(const ReplayOutcome& o) {
+    const ReplayReport& r = o.report;
+    std::string text = fmt::format(
+        "<h1>{} <span class=\"{}\">{}</span></h1>\n<p class=\"soft\">{} of {} states as recorded{} · {:.3f} s of scene "
+        "time · ran in {:.2f} s · {:%Y-%m-%d %H:%M} UTC · rtsg {}<br>log <code>{}</code>{}</p>\n",
+        escapeMarkup(o.name), o.passed() ? "good" : "bad", o.passed() ? "passed" : "failed", r.verified, r.frames,
+        r.fields > 0 ? fmt::format(", {} fields", r.fields) : "", r.end - r.start, o.seconds,
+        fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())), RTSG_VERSION,
+        escapeMarkup(o.log), o.scene.empty() ? "" : fmt::format(" · scene <code>{}</code>", escapeMarkup(o.scene)));
+    for (const ReplayCheck& check : o.checks)
+        if (!check.failure.empty() && check.name != "states")
+            text += fmt::format("<p class=\"bad\">{}</p>\n", escapeMarkup(check.failure));
+    return text;
+}
+
+std::string firstDifference(const ReplayReport& r) {
+    if (!r.divergence) return {};
+    const Divergence& d = *r.divergence;
+    std::string text = fmt::format(
+        "<h2>What differed first</h2>\n<div class=\"card\"><b>{}{}{}</b> in state {}, t = {} s<br>{}",
+        escapeMarkup(d.node), d.field.empty() ? "" : ".", escapeMarkup(d.field), d.frame, d.time, escapeMarkup(d.text));
+    return text + "</div>\n";
+}
+
+/// One lane a field: where it differed.
+std::string timeLine(const ReplayReport& r) {
+    struct Lane {
+        std::string name;
+        double from, to;
+    };
+    std::vector<Lane> lanes;
+    const double length = std::max(r.end - r.start, 1e-9);
+    const auto share = [&](double t) { return std::clamp(t / length, 0.0, 1.0); };
+    for (const FieldDifference& d : r.differences) {
+        if (lanes.size() == 40) break;
+        const double last =
+            r.frames > 1 ? share(d.time) + static_cast<double>(d.last - d.frame + 1) / static_cast<double>(r.frames)
+                         : 1;
+        lanes.push_back({d.node + "." + d.field, share(d.time), std::min(last, 1.0)});
+    }
+    if (lanes.empty() && r.divergence) lanes.push_back({"all fields", share(r.divergence->time), 1});
+    if (lanes.empty()) return {};
+    const double lane = 26, height = lane * static_cast<double>(lanes.size()) + 26;
+    std::string svg = fmt::format(
+        "<h2>Time line</h2>\n<svg viewBox=\"0 0 720 {}\" role=\"img\" aria-label=\"time line\" font-size=\"12\" "
+        "fill=\"currentColor\">\n",
+        height);
+    for (std::size_t i = 0; i < lanes.size(); ++i) {
+        const double y = lane * static_cast<double>(i);
+        svg += fmt::format(
+            "<text x=\"0\" y=\"{:.0f}\">{}</text><rect x=\"0\" y=\"{:.0f}\" width=\"720\" height=\"8\" "
+            "fill=\"#2f9e68\" "
+            "opacity=\".35\"/><rect x=\"{:.1f}\" y=\"{:.0f}\" width=\"{:.1f}\" height=\"8\" fill=\"#d4573b\"/>\n",
+            y + 11, escapeMarkup(lanes[i].name), y + 15, 720 * lanes[i].from, y + 15,
+            std::max(720 * (lanes[i].to - lanes[i].from), 2.0));
+    }
+    svg += fmt::format(
+        "<text x=\"0\" y=\"{0}\">0 s</text><text x=\"720\" y=\"{0}\" text-anchor=\"end\">{1:.3g} s</text></svg>\n",
+        height - 6, length);
+    return svg;
+}
+
+std::string curve(const FieldHistory& h, double start) {
+    double low = 1e300, high = -1e300;
+    for (const FieldHistory::Sample& s : h.samples)
+        for (int k = 0; k < h.components; ++k)
+            for (const float v : {s.a[static_cast<std::size_t>(k)], s.b[static_cast<std::size_t>(k)]})
+                if (std::isfinite(v)) low = std::min(low, double(v)), high = std::max(high, double(v));
+    if (!(high >= low)) return {};
+    const double span = high > low ? high - low : 1, t0 = h.samples.front().time;
+    const double duration = std::max(h.samples.back().time - t0, 1e-9);
+    std::string svg = fmt::format(
+        "<h3><code>{}.{}</code></h3>\n<svg viewBox=\"0 0 720 180\" role=\"img\" aria-label=\"values over time\" "
+        "font-size=\"12\" fill=\"currentColor\">\n<text x=\"0\" y=\"12\">{:.4g}</text><text x=\"0\" y=\"172\">{:.4g}"
+        "</text><text x=\"60\" y=\"180\">{:.3g} s</text><text x=\"720\" y=\"180\" text-anchor=\"end\">{:.3g} "
+        "s</text>\n",
+        escapeMarkup(h.node), escapeMarkup(h.field), high, low, t0 - start, t0 + duration - start);
+    for (int k = 0; k < h.components; ++k)
+        for (const bool now : {false, true}) {
+            std::string points;
+            for (const FieldHistory::Sample& s : h.samples) {
+                const double v = (now ? s.b : s.a)[static_cast<std::size_t>(k)];
+                if (std::isfinite(v))
+                    points += fmt::format("{:.1f},{:.1f} ", 60 + 660 * (s.time - t0) / duration,
+                                          165 - 155 * (v - low) / span);
+            }
+            svg += fmt::format("<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\"{}/>\n", points,
+                               kColors[k], now ? " stroke-dasharray=\"5 4\"" : " opacity=\".55\"");
+        }
+    return svg + "</svg>\n";
+}
+
+std::string curves(const ReplayReport& r, double start) {
+    std::string text;
+    for (std::size_t i = 0; i < std::min<std::size_t>(r.histories.size(), 6); ++i) text += curve(r.histories[i], start);
+    if (text.empty()) return text;
+    return "<h2>Values</h2>\n<p class=\"soft\">Solid: recorded. Dashed: now. One colour a component.</p>\n" + text;
+}
+
+std::string table(const ReplayReport& r) {
+    if (r.differences.empty()) return {};
+    std::string text = fmt::format(
+        "<h2>{} fields differed</h2>\n<div class=\"wide\"><table><tr><th>Field<th>From state<th>t, "
+        "s<th>States<th>Largest<th>At first<th>By</tr>\n",
+        r.differences.size());
+    constexpr std::size_t kMost = 200;
+    for (std::size_t i = 0; i < std::min(r.differences.size(), kMost); ++i) {
+        const FieldDifference& d = r.differences[i];
+        text += fmt::format("<tr><td><code>{}.{}</code><td>{}<td>{:.4g}<td>{}<td>{}<td>{}<td>{}</tr>\n",
+                            escapeMarkup(d.node), escapeMarkup(d.field), d.frame, d.time, d.states,
+                            std::isinf(d.largest) ? "–" : fmt::format("{:.4g}", d.largest), escapeMarkup(d.text),
+                            escapeMarkup(d.cause));
+    }
+    text += "</table></div>\n";
+    if (r.differences.size() > kMost) text += fmt::format("<p class=\"soft\">The first {} are listed.</p>\n", kMost);
+    return text;
+}
+
+std::string readSmallFile(const std::filesystem::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+/// As PNG within the page. What cannot be read is said in its place.
+std::string figure(const Result<Picture>& picture, std::string_view caption) {
+    std::string body;
+    if (!picture) {
+        body = fmt::format("<p class=\"bad\">{}</p>", escapeMarkup(picture.error().format()));
+    } else {
+        std::error_code error;
+        const std::filesystem::path file =
+            freshNameBeside(std::filesystem::temp_directory_path(error) / "rtsg-page.png");
+        Result<> written = writePicture(*picture, file);
+        std::string bytes;
+        if (written) bytes = readSmallFile(file);
+        std::filesystem::remove(file, error);
+        body = written ? fmt::format("<img alt=\"{}\" src=\"data:image/png;base64,{}\">", caption,
+                                     base64(std::as_bytes(std::span(bytes))))
+                       : fmt::format("<p class=\"bad\">{}</p>", escapeMarkup(written.error().format()));
+    }
+    return fmt::format("<figure>{}<figcaption class=\"soft\">{}</figcaption></figure>\n", body, caption);
+}
+
+/// Eight times the difference, so that a small one is seen.
+Result<Picture> difference(const Result<Picture>& a, const Result<Picture>& b) {
+    if (!a) return a;
+    if (!b) return b;
+    if (a->width != b->width || a->height != b->height)
+        return fail(fmt::format("{} x {} and {} x {} pixels", a->width, a->height, b->width, b->height));
+    Picture result(a->width, a->height, Vec4f(0, 0, 0, 1));
+    result.space = a->space;
+    for (std::size_t i = 0; i < result.pixels.size(); ++i)
+        for (int k = 0; k < 3; ++k)
+            result.pixels[i][k] = std::min(8 * std::abs(a->pixels[i][k] - b->pixels[i][k]), 1.f);
+    return result;
+}
+
+std::string pictures(const ReplayOutcome& o) {
+    if (o.expectedPicture.empty()) return {};
+    const auto expected = readPicture(o.expectedPicture), made = readPicture(o.madePicture);
+    return fmt::format("<h2>Pictures of the last state</h2>\n<div class=\"pictures\">{}{}{}</div>\n",
+                       figure(expected, "expected"), figure(made, "now"),
+                       figure(difference(expected, made), "difference, 8 times"));
+}
+
+}  // namespace
+
+bool ReplayOutcome::passed() const {
+    return report.passed() && std::ranges::all_of(checks, [](const ReplayCheck& c) { return c.failure.empty(); });
+}
+
+std::string replayPage(const ReplayOutcome& outcome) {
+    const ReplayReport& report = outcome.report;
+    return fmt::format(kHead, escapeMarkup(outcome.name)) + verdict(outcome) + firstDifference(report) +
+           timeLine(report) + curves(report, 0) + pictures(outcome) + table(report) + "</body></html>\n";
+}
+
+std::string junitXml(const ReplayOutcome& outcome) {
+    const auto failed = std::ranges::count_if(outcome.checks, [](const ReplayCheck& c) { return !c.failure.empty(); });
+    std::string xml = fmt::format(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n<testsuite name=\"{}\" tests=\"{}\" "
+        "failures=\"{}\" errors=\"0\" skipped=\"0\" time=\"{:.3f}\" timestamp=\"{:%Y-%m-%dT%H:%M:%S}\">\n",
+        escapeMarkup(outcome.name), outcome.checks.size(), failed, outcome.seconds,
+        fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())));
+    for (const ReplayCheck& check : outcome.checks) {
+        xml += fmt::format("<testcase classname=\"{}\" name=\"{}\" time=\"{:.3f}\"", escapeMarkup(outcome.name),
+                           escapeMarkup(check.name), &check == &outcome.checks.front() ? outcome.seconds : 0.0);
+        if (check.failure.empty()) {
+            xml += "/>\n";
+            continue;
+        }
+        xml += fmt::format(">\n<failure message=\"{}\">", escapeMarkup(check.failure));
+        if (check.name == "states")
+            for (const FieldDifference& d : outcome.report.differences)
+                xml += escapeMarkup(fmt::format("{}.{} from state {} (t = {} s), {} states: {}{}{}\n", d.node, d.field,
+                                                d.frame, d.time, d.states, d.text, d.cause.empty() ? "" : ", by ",
+                                                d.cause));
+        xml += "</failure>\n</testcase>\n";
+    }
+    return xml + "</testsuite>\n</testsuites>\n";
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,131 @@
+// rtsg diff: two logs or two scenes compared, and what differs named.
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <memory>
+
+#include <fmt/format.h>
+
+#include <rtsg/sync/field_comparison.h>
+
+#include "cli.h"
+#include "replay_test.h"
+
+namespace rtsg::app {
+
+namespace {
+
+struct Options {
+    std::string a, b;
+    FieldSelection selection;
+    std::uint64_t most = 20;
+    ResourceArguments resources;
+    bool json = false;
+};
+
+bool isLog(const std::string& file) {
+    std::array<char, 8> magic{};
+    std::ifstream(file, std::ios::binary).read(magic.data(), magic.size());
+    return std::string_view(magic.data(), magic.size()) == kRecordMagic;
+}
+
+/// One line for each difference, or one object.
+int report(const Options& options, const std::vector<Divergence>& found, const std::string& compared) {
+    const std::size_t shown = std::min<std::size_t>(found.size(), options.most);
+    if (options.json) {
+        std::string list;
+        for (std::size_t i = 0; i < shown; ++i) list += (i ? "," : "") + toJson(std::optional(found[i]));
+        fmt::print("{{\"equal\":{},\"count\":{},\"differences\":[{}]}}\n", found.empty(), found.size(), list);
+        return found.empty() ? kDone : kBad;
+    }
+    for (std::size_t i = 0; i < shown; ++i) {
+        const Divergence& d = found[i];
+        const std::string place = d.node.empty() || d.field.empty() ? d.node + d.field : d.node + "." + d.field;
+        const std::string when = d.frame > 0 ? fmt::format("frame {} (t = {} s), ", d.frame, d.time) : "";
+        fmt::print("{}{}{}{}\n", when, place, place.empty() ? "" : ": ", d.text);
+    }
+    if (shown < found.size()) fmt::print("and {} more\n", found.size() - shown);
+    if (found.empty()) fmt::print("{} and {} are equal{}\n", options.a, options.b, compared);
+    return found.empty() ? kDone : kBad;
+}
+
+Divergence toDivergence(const FieldDifference& d, double start) {
+    const double t = std::round((d.time - start) * 1e6) / 1e6;
+    return {d.frame, t, d.node, d.field, d.cause.empty() ? d.text : fmt::format("{}, by {}", d.text, d.cause)};
+}
+
+int diffLogs(const Options& options) {
+    std::vector<Divergence> found;
+    if (!options.selection.any()) {
+        const Progress progress = progressBar("comparing " + options.a);
+        const auto first = rtsg::diffLogs(options.a, options.b, progress);
+        if (progress) progress(1, 1);
+        if (!first) return printError(first.error()), kBad;
+        if (*first) found.push_back(*fromStart(*first, logStart(options.a)));
+        return report(options, found, " in every state");
+    }
+    const auto fields = diffLogFields(options.a, options.b, options.selection);
+    if (!fields) return printError(fields.error()), kBad;
+    const double start = logStart(options.a);
+    for (const FieldDifference& d : fields->differences) found.push_back(toDivergence(d, start));
+    if (!fields->unequalEnds.empty()) found.push_back({0, fields->end, "", "", fields->unequalEnds});
+    return report(options, found, fmt::format(" in {} fields and {} states", fields->fields, fields->states));
+}
+
+int diffScenes(const Options& options) {
+    Scene scenes[2];
+    for (int i = 0; i < 2; ++i) {
+        const std::string& file = i == 0 ? options.a : options.b;
+        Diagnostics diagnostics(file);
+        if (!load(scenes[i], file, diagnostics, options.resources.ofFile(file))) return kBad;
+    }
+    if (!options.selection.any()) {
+        std::vector<Divergence> found = sceneDifferences(scenes[0], scenes[1]);
+        for (Divergence& d : found) d.frame = 0;
+        return report(options, found, "");
+    }
+    FieldComparison fields(options.selection, scenes[0], scenes[1], {"first", "second"});
+    fields.first();
+    if (const auto unmatched = fields.unmatched(); !unmatched.empty())
+        return printError(fmt::format("{}: {}: no such field, so nothing was compared", options.a, unmatched.front())),
+               kBad;
+    std::vector<Divergence> found;
+    for (const FieldDifference& d : fields.differences()) {
+        found.push_back(toDivergence(d, 0));
+        found.back().frame = 0;
+    }
+    return report(options, found, fmt::format(" in {} fields", fields.fieldCount()));
+}
+
+int diff(const Options& options) {
+    check(options.selection);
+    const bool log = isLog(options.a);
+    if (log != isLog(options.b))
+        throw UsageError(
+            fmt::format("{} is a log, the other a scene: save a state first, rtsg replay {} --seek 2s "
+                        "--save state.x3dv",
+                        log ? options.a : options.b, log ? options.a : options.b));
+    return log ? diffLogs(options) : diffScenes(options);
+}
+
+}  // namespace
+
+Verb addDiff(Command& program) {
+    auto options = std::make_shared<Options>();
+    Command* command = program.addVerb("diff", "Compare two logs or two scenes, and name what differs");
+    command->addOption("A", options->a, "log or scene")->required();
+    command->addOption("B", options->b, "another of the same kind")->required();
+    addFieldSelection(*command, options->selection);
+    command->addOption("--most", options->most, "differences to print")->preset()->range(std::uint64_t{1}, UINT64_MAX);
+    options->resources.addTo(*command);
+    command->addFlag("--json", options->json, "the report as JSON");
+    command->footer(
+        "Example: rtsg diff door.x3dv door_new.x3dv\n"
+        "Example: rtsg diff monday.rlog tuesday.rlog --field DOOR.* --ignore initial --tolerance 1e-4\n"
+        "Logs are compared state by state; with --field, --ignore or --tolerance by time since their starts. Nodes "
+        "are\n"
+        "paired by their DEF names. Exit status 1 if anything differs.");
+    return {command, [options] { return diff(*options); }};
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,60 @@
+// Follows routes back from a field to what began it in that frame.
+#include "cause.h"
+
+#include <fmt/format.h>
+
+#include "codec/node_label.h"
+
+namespace rtsg {
+
+void FrameTouches::add(const ChangeSet& set) {
+    for (const Change& c : set.changes)
+        if (c.kind == ChangeKind::setField || c.kind == ChangeKind::insertChild || c.kind == ChangeKind::removeChild ||
+            c.kind == ChangeKind::event)
+            places_[key(c.node, c.field)] |= c.external;
+}
+
+/// One step back, to a field that changed as well. `anyField`: of what came into the node, whatever its field.
+std::string FrameTouches::routeInto(const Scene& scene, NodeId& node, FieldIndex& field, bool anyField) const {
+    for (const Route& r : scene.routesTo(node)) {
+        if (!anyField && r.toField != field) continue;
+        if (!has(r.fromNode, r.fromField)) continue;
+        const auto name = [&](NodeId id, FieldIndex index) {
+            return fmt::format("{}.{}", nodeLabel(scene, id), scene.node(id).type().fields[index].name);
+        };
+        std::string text = fmt::format("{} > {}", name(r.fromNode, r.fromField), name(r.toNode, r.toField));
+        node = r.fromNode;
+        field = r.fromField;
+        return text;
+    }
+    return {};
+}
+
+bool FrameTouches::anyFromOutside(const Scene& scene, NodeId node) const {
+    for (FieldIndex i = 0; i < scene.node(node).type().fields.size(); ++i)
+        if (const auto found = places_.find(key(node, i)); found != places_.end() && found->second) return true;
+    return false;
+}
+
+std::string FrameTouches::cause(const Scene& scene, NodeId node, FieldIndex field) const {
+    constexpr int kLongest = 16;  // steps back; cascades may have circles
+    std::string text;
+    bool outside = false;
+    for (int step = 0; step < kLongest; ++step) {
+        const auto found = places_.find(key(node, field));
+        outside = found != places_.end() && found->second;
+        if (outside || !scene.find(node)) break;
+        // Into the very field, or, of what a node has sent, through what it made that of.
+        const FieldDef& def = scene.node(node).type().fields[field];
+        std::string route = routeInto(scene, node, field, step > 0 || !def.writable());
+        if (route.empty()) {
+            outside = step > 0 && anyFromOutside(scene, node);
+            break;
+        }
+        text = text.empty() ? route : fmt::format("{}, {}", route, text);
+    }
+    if (outside) return text.empty() ? "set from outside" : fmt::format("set from outside, then ROUTE {}", text);
+    return text.empty() ? text : fmt::format("ROUTE {}", text);
+}
+
+}  // namespace rtsg

@@ -1,0 +1,31 @@
+// What a frame changed, and which routes led there.
+//
+// Invariant: nothing but what the sets say: a cause is named only where the field it comes from changed in the same
+// state. Threading: that of the scene.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <unordered_map>
+
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+class FrameTouches {
+  public:
+    void add(const ChangeSet& set);
+    void clear() { places_.clear(); }
+    bool has(NodeId node, FieldIndex field) const { return places_.contains(key(node, field)); }
+    /// "ROUTE A.x > B.y, B.z > C.w" with what began it; empty if nothing is known.
+    std::string cause(const Scene& scene, NodeId node, FieldIndex field) const;
+
+  private:
+    static std::uint64_t key(NodeId node, FieldIndex field) { return std::uint64_t{node.value} << 32 | field; }
+    bool anyFromOutside(const Scene& scene, NodeId node) const;
+    std::string routeInto(const Scene& scene, NodeId& node, FieldIndex& field, bool anyField) const;
+
+    std::unordered_map<std::uint64_t, bool> places_;  // whether it came from outside
+};
+
+}  // namespace rtsg

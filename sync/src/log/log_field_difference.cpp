@@ -1,0 +1,90 @@
+// Two logs side by side by time, compared in chosen fields.
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include <rtsg/sync/field_comparison.h>
+
+namespace rtsg {
+
+namespace {
+
+/// Times since 1970 are exact to a quarter of that.
+constexpr double kSameTime = 1e-6;
+
+/// One log, and where it is.
+class Side {
+  public:
+    static Result<Side> open(const std::filesystem::path& file) {
+        auto replayer = Replayer::open(file);
+        if (!replayer) return std::unexpected(replayer.error());
+        Side side(std::move(*replayer));
+        const Result<bool> first = side.log_->step();
+        if (!first) return std::unexpected(first.error());
+        if (!*first) return fail("no intact state", {}, file.string());
+        side.start_ = side.log_->scene().now();
+        return side;
+    }
+    const Scene& scene() const { return log_->scene(); }
+    double time() const { return log_->scene().now() - start_; }
+    bool more() const { return more_; }
+
+    Result<> step(const std::function<void(const ChangeSet&)>& changed) {
+        const Result<bool> more = log_->step();
+        if (!more) return std::unexpected(more.error());
+        more_ = *more;
+        if (more_) changed(log_->lastSet());
+        return whole();
+    }
+
+  private:
+    explicit Side(std::unique_ptr<Replayer> log) : log_(std::move(log)) {}
+    Result<> whole() const {
+        if (log_->gaps() == 0 && log_->log().damage().empty()) return {};
+        return fail("states are missing or damaged: rtsg replay --verify names them", {}, log_->log().file().string());
+    }
+
+    std::unique_ptr<Replayer> log_;
+    double start_ = 0;
+    bool more_ = true;
+};
+
+}  // namespace
+
+Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::filesystem::path& b,
+                                     const FieldSelection& selection) {
+    if (auto ok = selection.check(); !ok) return std::unexpected(ok.error());
+    Result<Side> opened[] = {Side::open(a), Side::open(b)};
+    for (const auto& side : opened)
+        if (!side) return std::unexpected(side.error());
+    Side &x = *opened[0], &y = *opened[1];
+    FieldComparison fields(selection, x.scene(), y.scene());
+    LogFieldReport report;
+    const auto changedA = [&](const ChangeSet& set) { fields.changedA(set); };
+    const auto changedB = [&](const ChangeSet& set) { fields.changedB(set); };
+    fields.first();
+    ++report.states;
+    while (true) {
+        // In step; and whichever is behind in time catches up.
+        const double tx = x.time(), ty = y.time();
+        if (tx <= ty + kSameTime)
+            if (auto ok = x.step(changedA); !ok) return std::unexpected(ok.error());
+        if (ty <= tx + kSameTime)
+            if (auto ok = y.step(changedB); !ok) return std::unexpected(ok.error());
+        if (!x.more() || !y.more()) break;
+        if (std::abs(x.time() - y.time()) > kSameTime) continue;
+        fields.compare();
+        report.end = x.time();
+        ++report.states;
+    }
+    if (x.more() != y.more())
+        report.unequalEnds =
+            fmt::format("{} ends before {} does", (x.more() ? b : a).string(), (x.more() ? a : b).string());
+    report.fields = fields.fieldCount();
+    report.differences = fields.differences();
+    if (const auto unmatched = fields.unmatched(); !unmatched.empty())
+        return fail(fmt::format("{}: no such field, so nothing was compared", unmatched.front()), {}, a.string());
+    return report;
+}
+
+}  // namespace rtsg
