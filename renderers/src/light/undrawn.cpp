@@ -31,6 +31,7 @@ constexpr Row kRows[] = {
     {x3d::LineProperties::type, kPlain},
     {x3d::PointProperties::type, kPlain},
     {x3d::FillProperties::type, kPlain},
+    {x3d::ScreenFontStyle::type, "its points are 1/72 inch of the scene, not of the screen"},
     {x3d::Billboard::type, "its children keep the direction that they have in the file"},
     {x3d::LayerSet::type, kFlat},
     {x3d::Layer::type, kFlat},

@@ -5,6 +5,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "tessellate_deform.h"
+#include "tessellate_text.h"
 
 namespace rtsg {
 
@@ -172,8 +173,8 @@ class ComposedReader {
 
 class SceneTessellator {
   public:
-    SceneTessellator(const Scene& scene, const Node& node, const TessellationOptions& options)
-        : scene_(scene), node_(node), options_(options), properties_(scene, problems_) {}
+    SceneTessellator(const Scene& scene, const Node& node, const TessellationOptions& options, detail::TextMaker* text)
+        : scene_(scene), node_(node), options_(options), text_(text), properties_(scene, problems_) {}
 
     Mesh run() {
         Mesh mesh = dispatch();
@@ -221,6 +222,10 @@ class SceneTessellator {
                     TriangleSet2DParams{get(x3d::TriangleSet2D::vertices), get(x3d::TriangleSet2D::solid)});
             case x3d::ArcClose2D::type.value:
                 return arc();
+            case x3d::Text::type.value: {
+                const TextParams params = detail::readText(scene_, node_, problems_);
+                return text_ ? text_->make(params, options_) : tessellate(params, options_);
+            }
             default:
                 break;
         }
@@ -276,6 +281,7 @@ class SceneTessellator {
     const Scene& scene_;
     const Node& node_;
     const TessellationOptions& options_;
+    detail::TextMaker* text_;
     Mesh problems_;  // only its diagnostics
     PropertyReader properties_;
 };
@@ -313,14 +319,19 @@ void detail::labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& me
     mesh.diagnostics = std::move(named);
 }
 
-Result<std::shared_ptr<const Mesh>> tessellate(const Scene& scene, NodeId geometry,
-                                               const TessellationOptions& options) {
+Result<std::shared_ptr<const Mesh>> detail::tessellateNode(const Scene& scene, NodeId geometry,
+                                                           const TessellationOptions& options, TextMaker* text) {
     const Node* node = scene.effectiveNode(geometry);
     if (!node) return fail(fmt::format("node {} does not exist or has no body", geometry.value));
     if (!node->type().isA("X3DGeometryNode")) return fail(fmt::format("{} is not a geometry node", node->type().name));
-    std::shared_ptr<Mesh> mesh(new Mesh(SceneTessellator(scene, *node, options).run()));
+    std::shared_ptr<Mesh> mesh(new Mesh(SceneTessellator(scene, *node, options, text).run()));
     detail::labelDiagnostics(scene, *node, *mesh);
     return mesh;
+}
+
+Result<std::shared_ptr<const Mesh>> tessellate(const Scene& scene, NodeId geometry,
+                                               const TessellationOptions& options) {
+    return detail::tessellateNode(scene, geometry, options, nullptr);
 }
 
 }  // namespace rtsg

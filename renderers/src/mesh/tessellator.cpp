@@ -9,6 +9,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "tessellate_deform.h"
+#include "tessellate_text.h"
 
 namespace rtsg {
 
@@ -137,7 +138,8 @@ std::shared_ptr<const Mesh> Tessellator::make(const Scene& scene, NodeId geometr
             return scaled;
         }
     }
-    auto mesh = tessellate(scene, geometry, options_);
+    if (!text_) text_ = std::make_unique<detail::TextMaker>();
+    auto mesh = detail::tessellateNode(scene, geometry, options_, text_.get());
     if (!mesh) {
         diagnostics_.error(mesh.error().where, mesh.error().text);
         return nullptr;

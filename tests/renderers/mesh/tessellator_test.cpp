@@ -71,7 +71,7 @@ TEST(Tessellator, FailuresAreNoted) {
     EXPECT_EQ(tessellator.mesh(scene, NodeId{4711}), nullptr);
     EXPECT_EQ(tessellator.mesh(scene, scene.createNode(x3d::Group::type)), nullptr);
     EXPECT_EQ(tessellator.diagnostics().errors(), 2u);
-    EXPECT_TRUE(tessellator.mesh(scene, scene.createNode(x3d::Text::type))->empty());
+    EXPECT_TRUE(tessellator.mesh(scene, scene.createNode(x3d::NurbsPatchSurface::type))->empty());
     EXPECT_EQ(tessellator.diagnostics().warnings(), 1u);
 }
 

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include <rtsg/renderers/mesh.h>
@@ -144,8 +145,29 @@ Mesh tessellate(const Rectangle2DParams& params);
 Mesh tessellate(const TriangleSet2DParams& params);
 Mesh tessellate(const ArcClose2DParams& params, const TessellationOptions& options = {});
 
+/// Strings as flat outlines in the plane z = 0, filled by the nonzero rule (clause 15). The em of the font is `size`;
+/// lines follow each other at spacing * size. A string of another `length`, or too long for maxExtent, is scaled along
+/// its line. Letters run to the left where leftToRight is FALSE, those of right-to-left scripts always. Texture: s = x
+/// / size, t = y / size.
+struct TextParams {
+    std::vector<std::string> strings;  // UTF-8
+    std::vector<float> length;         // per string; 0 or none: as the font has it
+    float maxExtent = 0;               // 0: any
+    bool solid = false;
+    std::vector<std::string> family{"SERIF"};
+    bool bold = false, italic = false;
+    float size = 1, spacing = 1;
+    bool horizontal = true, leftToRight = true, topToBottom = true;
+    enum class Justify : std::uint8_t { first, begin, middle, end };
+    Justify major = Justify::begin, minor = Justify::first;
+    std::string language;
+};
+
+/// Error, as a warning of the mesh: there are no fonts, or this build leaves them out.
+Mesh tessellate(const TextParams& params, const TessellationOptions& options = {});
+
 /// The mesh of a geometry node, looked up with its Coordinate, Color, Normal and TextureCoordinate nodes; a PROTO
-/// instance stands for the first node of its body. Points, lines, text and other geometry without triangles give an
+/// instance stands for the first node of its body. Points, lines and other geometry without triangles give an
 /// empty mesh whose diagnostics say so. Diagnostics name the node. Fails when the node is missing or no geometry.
 Result<std::shared_ptr<const Mesh>> tessellate(const Scene& scene, NodeId geometry,
                                                const TessellationOptions& options = {});

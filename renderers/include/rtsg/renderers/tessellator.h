@@ -18,7 +18,8 @@ namespace rtsg {
 
 namespace detail {
 class DeformingSurface;
-}
+class TextMaker;
+}  // namespace detail
 
 class Tessellator {
   public:
@@ -58,6 +59,7 @@ class Tessellator {
     std::unordered_map<Key, std::weak_ptr<const Mesh>, KeyHash> shared_;
     std::size_t forgetAt_ = 64;
     std::shared_ptr<const Mesh> unitSphere_;
+    std::unique_ptr<detail::TextMaker> text_;  // made for the first Text
     /// Composed geometries by NodeId; null until they are asked for a second time.
     std::unordered_map<std::uint32_t, std::unique_ptr<detail::DeformingSurface>> surfaces_;
 };

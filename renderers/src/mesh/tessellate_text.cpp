@@ -1,0 +1,266 @@
+// Text: strings to lines, lines to their places by FontStyle, glyphs to triangles.
+#include "tessellate_text.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+#include "text/fonts.h"
+
+namespace rtsg {
+
+namespace detail {
+
+namespace {
+
+using Justify = TextParams::Justify;
+
+/// Fields of a file may ask for any number of glyphs; more triangles than this are left out, with a warning.
+constexpr std::size_t kMostTriangles = std::size_t{1} << 25;
+constexpr float kPoint = .0254f / 72;     // metres, of ScreenFontStyle
+constexpr float kToleranceOfChord = .4f;  // of TessellationOptions' chord error, which is of a radius of half an em
+
+struct Piece {
+    const GlyphMesh* glyph;
+    Vec2f at;  // ems
+};
+
+/// Where a line, or all lines, begin along an axis on which they fill [low, high] and run upwards.
+float beginOf(Justify justify, float low, float high, bool upwards) {
+    switch (justify) {
+        case Justify::middle:
+            return -.5f * (low + high);
+        case Justify::end:
+            return upwards ? -high : -low;
+        default:
+            return upwards ? -low : -high;
+    }
+}
+
+/// The characters of a line of its own each, marks and joiners with what they follow.
+std::vector<std::string> cells(const std::string& text) {
+    std::vector<std::string> result;
+    for (std::size_t i = 0; i < text.size();) {
+        std::size_t end = i + 1;
+        while (end < text.size() && (static_cast<unsigned char>(text[end]) & 0xC0u) == 0x80u) ++end;
+        const std::string one = text.substr(i, end - i);
+        const bool mark = one >= "\xCC\x80" && one < "\xCD\xB0";  // U+0300 to U+036F
+        if (mark && !result.empty())
+            result.back() += one;
+        else
+            result.push_back(one);
+        i = end;
+    }
+    return result;
+}
+
+}  // namespace
+
+struct TextMaker::Line {
+    std::vector<PlacedGlyph> glyphs;
+    float extent = 0;  // along the line
+    float stretch = 1;
+};
+
+const GlyphMesh& TextMaker::glyph(const Fonts& fonts, const PlacedGlyph& placed, float tolerance) {
+    if (tolerance != tolerance_) glyphs_.clear();
+    tolerance_ = tolerance;
+    const auto [found, isNew] = glyphs_.try_emplace(std::uint64_t{placed.face} << 32 | placed.glyph);
+    if (isNew) {
+        std::vector<GlyphContour> contours;
+        fonts.outline(placed.face, placed.glyph, contours);
+        found->second = cutGlyph(contours, tolerance);
+    }
+    return found->second;
+}
+
+std::vector<TextMaker::Line> TextMaker::layOut(const Fonts& fonts, const TextParams& p, Mesh& mesh) {
+    FontChoice font;
+    if (const std::string error = fonts.choose({p.family, p.bold, p.italic}, font); !error.empty()) {
+        warn(mesh, error + ": it is not drawn");
+        return {};
+    }
+    if (!font.said.empty()) warn(mesh, font.said);
+    std::vector<Line> lines(p.strings.size());
+    std::uint32_t missing = 0;
+    float longest = 0;
+    ShapedLine shaped;
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+        Line& line = lines[i];
+        if (p.horizontal) {
+            fonts.shape(font.face, p.strings[i], p.language, p.leftToRight, shaped);
+            line.glyphs = std::move(shaped.glyphs);
+            line.extent = shaped.width;
+            missing += shaped.missing;
+        } else {
+            // A cell of one em for each character, which stands in its middle.
+            const float baseline = font.descent / std::max(font.ascent + font.descent, 1e-3f);
+            for (const std::string& cell : cells(p.strings[i])) {
+                fonts.shape(font.face, cell, p.language, true, shaped);
+                const float y = p.topToBottom ? -line.extent - 1 + baseline : line.extent + baseline;
+                for (PlacedGlyph g : shaped.glyphs) {
+                    g.x += .5f * (1 - shaped.width), g.y += y;
+                    line.glyphs.push_back(g);
+                }
+                line.extent += 1;
+                missing += shaped.missing;
+            }
+        }
+        const float wanted = i < p.length.size() ? p.length[i] / p.size : 0;
+        if (wanted > 0 && line.extent > 0) line.stretch = wanted / line.extent;
+        longest = std::max(longest, line.extent * line.stretch);
+    }
+    if (p.maxExtent > 0 && longest * p.size > p.maxExtent)
+        for (Line& line : lines) line.stretch *= p.maxExtent / (longest * p.size);
+    if (missing > 0) warn(mesh, fmt::format("no installed font has {} of its characters", missing));
+
+    // Across the lines: what they fill together, from the first one on.
+    const float last = static_cast<float>(lines.size() - 1) * p.spacing;
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+        Line& line = lines[i];
+        const float along = line.extent * line.stretch, step = static_cast<float>(i) * p.spacing;
+        Vec2f scale(1), shift(0);
+        if (p.horizontal) {
+            scale.x = line.stretch;
+            shift.x = beginOf(p.major, 0, along, p.leftToRight);
+            const float low = p.topToBottom ? -last - font.descent : -font.descent;
+            const float high = p.topToBottom ? font.ascent : last + font.ascent;
+            shift.y = p.topToBottom ? -step : step;
+            if (p.minor != Justify::first) shift.y += beginOf(p.minor, low, high, !p.topToBottom);
+        } else {
+            scale.y = line.stretch;
+            const bool up = !p.topToBottom;
+            shift.y = beginOf(p.major, up ? 0 : -along, up ? along : 0, up);
+            shift.x = p.leftToRight ? step : -step;
+            shift.x += beginOf(p.minor, p.leftToRight ? 0 : -last, p.leftToRight ? last + 1 : 1, p.leftToRight);
+        }
+        for (PlacedGlyph& g : line.glyphs) g.x = g.x * scale.x + shift.x, g.y = g.y * scale.y + shift.y;
+    }
+    return lines;
+}
+
+Mesh TextMaker::make(const TextParams& p, const TessellationOptions& options) {
+    Mesh mesh;
+    mesh.solid = p.solid;
+    if (p.strings.empty()) return mesh;
+    if (!(p.size > 0) || !usable(p.size) || !(p.spacing >= 0) || !usable(p.spacing)) {
+        warn(mesh, fmt::format("size {} must be above 0 and spacing {} not below: it is not drawn", p.size, p.spacing));
+        return mesh;
+    }
+    const auto loaded = fonts();
+    if (!loaded) {
+        warn(mesh, loaded.error().text);
+        return mesh;
+    }
+    const Fonts& from = **loaded;
+    if (glyphs_.size() > kMostGlyphs) glyphs_.clear();
+    const std::vector<Line> lines = layOut(from, p, mesh);
+
+    std::size_t points = 0, corners = 0;
+    const float tolerance = kToleranceOfChord * std::clamp(options.chordError, 1e-5f, .25f);
+    std::vector<const GlyphMesh*> shapes;
+    for (const Line& line : lines)
+        for (const PlacedGlyph& g : line.glyphs) {
+            const GlyphMesh& shape = glyph(from, g, tolerance);
+            points += shape.points.size(), corners += shape.triangles.size();
+            shapes.push_back(&shape);
+        }
+    if (corners / 3 > kMostTriangles) {
+        warn(mesh, fmt::format("its {} triangles are more than {}: it is not drawn", corners / 3, kMostTriangles));
+        return mesh;
+    }
+    mesh.positions = Array<Vec3f>::ofSize(points);
+    mesh.triangles = Array<std::int32_t>::ofSize(corners);
+    mesh.triangleCount = static_cast<std::uint32_t>(corners / 3);
+    Vec3f* position = mesh.positions.mutableData();
+    std::int32_t* corner = mesh.triangles.mutableData();
+    std::int32_t first = 0;
+    std::size_t next = 0;
+    for (const Line& line : lines) {
+        const Vec2f stretch = p.size * (p.horizontal ? Vec2f(line.stretch, 1) : Vec2f(1, line.stretch));
+        for (const PlacedGlyph& g : line.glyphs) {
+            const GlyphMesh& shape = *shapes[next++];
+            const Vec2f at = p.size * Vec2f(g.x, g.y);
+            for (const Vec2f& point : shape.points) {
+                *position = Vec3f(at + stretch * point, 0);
+                mesh.bounds.extend(*position++);
+            }
+            for (const std::int32_t c : shape.triangles) *corner++ = first + c;
+            first += static_cast<std::int32_t>(shape.points.size());
+        }
+    }
+    if (!mesh.bounds.empty() && !(usable(mesh.bounds.min) && usable(mesh.bounds.max))) {
+        Mesh none;
+        none.diagnostics = std::move(mesh.diagnostics);
+        warn(none, "its size is out of range: it is not drawn");
+        return none;
+    }
+    TexCoords place;
+    place.sFromPosition = {1 / p.size, 0, 0, 0}, place.tFromPosition = {0, 1 / p.size, 0, 0};
+    mesh.texCoords.push_back(place);
+    return mesh;
+}
+
+namespace {
+
+Justify justifyOf(Mesh& problems, const Array<String>& words, std::size_t which, Justify otherwise) {
+    if (which >= words.size()) return otherwise;
+    const std::string_view word = words[which].view();
+    if (word == "BEGIN" || word.empty()) return Justify::begin;
+    if (word == "FIRST") return Justify::first;
+    if (word == "MIDDLE") return Justify::middle;
+    if (word == "END") return Justify::end;
+    warn(problems, fmt::format("justify \"{}\" is none of BEGIN, FIRST, MIDDLE, END: taken as BEGIN", word));
+    return Justify::begin;
+}
+
+template <class T>
+void readStyle(const Node& style, TextParams& p, Mesh& problems) {
+    p.family.clear();
+    for (const String& family : style.get(T::family)) p.family.emplace_back(family.view());
+    p.horizontal = style.get(T::horizontal);
+    p.leftToRight = style.get(T::leftToRight);
+    p.topToBottom = style.get(T::topToBottom);
+    p.spacing = style.get(T::spacing);
+    p.language = std::string(style.get(T::language).view());
+    p.major = justifyOf(problems, style.get(T::justify), 0, Justify::begin);
+    p.minor = justifyOf(problems, style.get(T::justify), 1, Justify::first);
+    const std::string_view word = style.get(T::style).view();
+    p.bold = word == "BOLD" || word == "BOLDITALIC";
+    p.italic = word == "ITALIC" || word == "BOLDITALIC";
+    if (!p.bold && !p.italic && word != "PLAIN" && !word.empty())
+        warn(problems, fmt::format("style \"{}\" is none of PLAIN, BOLD, ITALIC, BOLDITALIC: taken as PLAIN", word));
+}
+
+}  // namespace
+
+TextParams readText(const Scene& scene, const Node& text, Mesh& problems) {
+    TextParams p;
+    for (const String& line : text.get(x3d::Text::string)) p.strings.emplace_back(line.view());
+    for (const float length : text.get(x3d::Text::length)) p.length.push_back(length);
+    p.maxExtent = text.get(x3d::Text::maxExtent);
+    p.solid = text.get(x3d::Text::solid);
+    const Node* style = scene.effectiveNode(text.get(x3d::Text::fontStyle));
+    if (!style) return p;
+    if (style->is(x3d::FontStyle::type)) {
+        readStyle<x3d::FontStyle>(*style, p, problems);
+        p.size = style->get(x3d::FontStyle::size);
+    } else if (style->is(x3d::ScreenFontStyle::type)) {
+        readStyle<x3d::ScreenFontStyle>(*style, p, problems);
+        p.size = style->get(x3d::ScreenFontStyle::pointSize) * kPoint;
+    } else {
+        warn(problems, fmt::format("fontStyle: {} is not supported here: the default is used", style->type().name));
+    }
+    return p;
+}
+
+}  // namespace detail
+
+Mesh tessellate(const TextParams& params, const TessellationOptions& options) {
+    return detail::TextMaker().make(params, options);
+}
+
+}  // namespace rtsg

@@ -1,0 +1,54 @@
+// TextMaker: Text nodes to meshes; each glyph is cut into triangles once and then copied.
+//
+// Invariant: what it makes does not depend on what it made before. Memory: at most kMostGlyphs of the last ones used.
+// Threading: one thread.
+#pragma once
+
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+#include "tessellate_detail.h"
+
+namespace rtsg {
+
+class Fonts;
+class Node;
+struct GlyphContour;
+struct PlacedGlyph;
+
+namespace detail {
+
+/// A filled outline; lengths in ems.
+struct GlyphMesh {
+    std::vector<Vec2f> points;
+    std::vector<std::int32_t> triangles;  // counter-clockwise
+};
+
+/// Cuts what the nonzero rule encloses into triangles. Curves deviate by `tolerance` at most.
+GlyphMesh cutGlyph(const std::vector<GlyphContour>& contours, float tolerance);
+
+class TextMaker {
+  public:
+    static constexpr std::size_t kMostGlyphs = 16384;
+
+    Mesh make(const TextParams& params, const TessellationOptions& options);
+
+  private:
+    struct Line;
+    const GlyphMesh& glyph(const Fonts& fonts, const PlacedGlyph& placed, float tolerance);
+    std::vector<Line> layOut(const Fonts& fonts, const TextParams& params, Mesh& mesh);
+
+    std::unordered_map<std::uint64_t, GlyphMesh> glyphs_;  // by face and glyph
+    float tolerance_ = 0;
+};
+
+/// The fields of a Text and its font style. Precondition: it is a Text.
+TextParams readText(const Scene& scene, const Node& text, Mesh& problems);
+
+/// As tessellate(); `text`, if any, remembers glyphs.
+Result<std::shared_ptr<const Mesh>> tessellateNode(const Scene& scene, NodeId geometry,
+                                                   const TessellationOptions& options, TextMaker* text);
+
+}  // namespace detail
+}  // namespace rtsg

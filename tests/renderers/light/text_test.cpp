@@ -1,0 +1,89 @@
+// Text in pictures: seen, mirrored, throwing shadows and picked; by how much of the picture it covers.
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/picking.h>
+#include <rtsg/renderers/tessellate.h>
+
+#include "light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+const std::string kText =
+    "geometry Text { string [ \"ho\" \"%\" ] fontStyle FontStyle { justify [ \"MIDDLE\" \"MIDDLE\" ] size 1 } }";
+
+double inkArea() {
+    TextParams p;
+    p.strings = {"ho", "%"};
+    p.major = p.minor = TextParams::Justify::middle;
+    return surfaceArea(tessellate(p));
+}
+/// Metres squared, of a picture 4 m wide and high.
+double lit(const Picture& p, float level) {
+    double sum = 0;
+    for (const Vec4f& pixel : p.pixels) sum += pixel.r / level;
+    return sum * 16 / (double(p.width) * p.height);
+}
+
+TEST(TextInPictures, CoversItsAreaInBothIntegrators) {
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        LightScene s("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } Shape { appearance Appearance { " + unlit("1 1 1") +
+                         " } " + kText + " }",
+                     200, 200);
+        s.options.settings.integrator = integrator;
+        s.options.settings.samplesPerPixel = 4;
+        EXPECT_NEAR(lit(s.picture(), 1), inkArea(), .01 * inkArea());
+    }
+}
+
+TEST(TextInPictures, ThrowsItsShadow) {
+    LightScene s("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } DirectionalLight { direction 0 0 -1 }" +
+                     square(10, matte("1 1 1")) + "Transform { translation 0 0 20 children Shape { " + kText + " } }",
+                 200, 200);
+    s.options.settings.samplesPerPixel = 4;
+    EXPECT_NEAR(16 - lit(s.picture(), 1), inkArea(), .01 * inkArea());
+}
+
+TEST(TextInPictures, IsSeenInAMirror) {
+    LightScene s("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } " + square(10, mirror("1")) +
+                     "Transform { translation 0 0 20 children Shape { appearance Appearance { " + unlit("1 1 1") +
+                     " } " + kText + " } }",
+                 200, 200);
+    s.options.settings.samplesPerPixel = 4;
+    EXPECT_NEAR(lit(s.picture(), 1), inkArea(), .01 * inkArea());
+}
+
+// The head-up display of the paper: text before the eye that says what was clicked.
+TEST(TextInPictures, IsPicked) {
+    LightScene s(
+        "Transform { translation 0 0 9 children Shape { geometry DEF HUD Text { string \"l\" fontStyle "
+        "FontStyle { family \"SANS\" style \"BOLD\" size .1 justify \"MIDDLE\" } } } } " +
+        square(10, unlit("1 1 1")));
+    const Picker picker(s.world->rays(), s.world->flattener());
+    const auto hit = picker.ray({0, .04, 10}, {0, 0, -1});
+    ASSERT_TRUE(hit && *hit);
+    EXPECT_EQ(hit->geometry, s.node("HUD"));
+    EXPECT_NEAR(hit->distance, 1, 1e-6);
+    const auto beside = picker.ray({.05, .04, 10}, {0, 0, -1});
+    ASSERT_TRUE(beside && *beside);
+    EXPECT_NE(beside->geometry, s.node("HUD"));
+}
+
+TEST(TextInPictures, FollowsTheScene) {
+    LightScene s("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } Shape { appearance Appearance { " + unlit("1 1 1") +
+                     " } geometry DEF T Text { fontStyle DEF F FontStyle { family \"TYPEWRITER\" } } }",
+                 200, 200);
+    s.options.settings.samplesPerPixel = 16;
+    EXPECT_EQ(lit(s.picture(), 1), 0);
+    ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Text::string, Array<String>{"M"}));
+    s.scene.newFrame(1);
+    const double one = lit(s.picture(), 1);
+    EXPECT_GT(one, .1);
+    ASSERT_TRUE(s.scene.set(s.node("F"), x3d::FontStyle::size, 2.0f));
+    s.scene.newFrame(2);
+    EXPECT_NEAR(lit(s.picture(), 1), 4 * one, .04 * one);
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,298 @@
+// Text: areas against the exact integrals of the outlines, places against DejaVu Sans Mono, whose letters all advance
+// by 1233 of 2048 units.
+#include <algorithm>
+#include <limits>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+#include "mesh_check.h"
+#include "text/fonts.h"
+
+namespace rtsg {
+namespace {
+
+using Justify = TextParams::Justify;
+constexpr double kAdvance = 1233.0 / 2048;
+
+TextParams mono(std::vector<std::string> strings) {
+    TextParams p;
+    p.strings = std::move(strings);
+    p.family = {"TYPEWRITER"};
+    return p;
+}
+Mesh made(const TextParams& p) {
+    Mesh mesh = tessellate(p);
+    EXPECT_EQ(findDefect(mesh), "");
+    for (const Diagnostic& d : mesh.diagnostics.all()) ADD_FAILURE() << d.format();
+    return mesh;
+}
+FontChoice chosen(const char* family, bool bold = false) {
+    FontChoice choice;
+    EXPECT_EQ((*fonts())->choose({{family}, bold, false}, choice), "");
+    return choice;
+}
+
+/// By Green's theorem: the sum of half the integral of x dy - y dx along each curve.
+double exactArea(const std::string& text, const char* family) {
+    const Fonts& from = **fonts();
+    ShapedLine line;
+    from.shape(chosen(family).face, text, "", true, line);
+    double sum = 0;
+    for (const PlacedGlyph& g : line.glyphs) {
+        std::vector<GlyphContour> contours;
+        from.outline(g.face, g.glyph, contours);
+        for (const GlyphContour& c : contours) {
+            const auto at = [&](std::size_t i) { return Vec2d(c.points[2 * i], c.points[2 * i + 1]); };
+            const auto cross = [](Vec2d a, Vec2d b) { return a.x * b.y - a.y * b.x; };
+            std::size_t i = 0;
+            for (const std::uint8_t degree : c.segments) {
+                if (degree == 1) sum += cross(at(i), at(i + 1)) / 2;
+                if (degree == 2)
+                    sum += (cross(at(i), at(i + 1)) + cross(at(i + 1), at(i + 2))) / 3 + cross(at(i), at(i + 2)) / 6;
+                EXPECT_LT(degree, 3) << "TrueType has quadratic curves";
+                i += degree;
+            }
+            sum += cross(at(i), at(0)) / 2;
+        }
+    }
+    return std::abs(sum);
+}
+
+TEST(TessellateText, AreaIsThatOfTheOutlines) {
+    for (const char* family : {"SERIF", "SANS", "TYPEWRITER"})
+        for (const char* text : {"l", "o", "8", "%", "The quick brown fox"}) {
+            TextParams p;
+            p.strings = {text};
+            p.family = {family};
+            const double exact = exactArea(text, family);
+            ASSERT_GT(exact, .01);
+            EXPECT_NEAR(surfaceArea(made(p)), exact, .006 * exact) << family << ' ' << text;
+            p.size = 3;
+            EXPECT_NEAR(surfaceArea(made(p)), 9 * exact, 9 * .006 * exact) << "area grows with the square of the size";
+        }
+}
+
+TEST(TessellateText, FinerOptionsComeNearerToTheCurves) {
+    TextParams p;
+    p.strings = {"oooo"};
+    const double exact = exactArea("oooo", "SERIF");
+    TessellationOptions coarse, fine;
+    coarse.chordError = .02f, fine.chordError = .0001f;
+    const double far = std::abs(surfaceArea(tessellate(p, coarse)) - exact);
+    const double near = std::abs(surfaceArea(tessellate(p, fine)) - exact);
+    EXPECT_LT(near, 2e-4 * exact);
+    EXPECT_LT(10 * near, far);
+}
+
+TEST(TessellateText, TurnsItsFrontToPlusZ) {
+    const Mesh mesh = made(mono({"Aog&"}));
+    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
+        const Vec3f a = mesh.vertex(t, 0);
+        EXPECT_GE(glm::cross(mesh.vertex(t, 1) - a, mesh.vertex(t, 2) - a).z, 0);
+    }
+    EXPECT_FALSE(mesh.solid);
+}
+
+TEST(TessellateText, LettersFollowEachOther) {
+    const Mesh one = made(mono({"l"})), four = made(mono({"llll"}));
+    EXPECT_NEAR(four.bounds.min.x, one.bounds.min.x, 1e-6);
+    EXPECT_NEAR(four.bounds.max.x, one.bounds.max.x + 3 * kAdvance, 1e-5);
+    TextParams big = mono({"llll"});
+    big.size = 2.5f;
+    EXPECT_NEAR(made(big).bounds.max.x, 2.5 * four.bounds.max.x, 1e-5);
+}
+
+TEST(TessellateText, LinesFollowEachOther) {
+    const Mesh one = made(mono({"x"}));
+    TextParams p = mono({"x", "", "x"});
+    p.spacing = 1.5f, p.size = 2;
+    const Mesh down = made(p);
+    EXPECT_NEAR(down.bounds.max.y, 2 * one.bounds.max.y, 1e-6) << "FIRST: the first baseline stays";
+    EXPECT_NEAR(down.bounds.min.y, 2 * one.bounds.min.y - 2 * 1.5 * 2, 1e-5);
+    p.topToBottom = false;
+    const Mesh up = made(p);
+    EXPECT_NEAR(up.bounds.min.y, 2 * one.bounds.min.y, 1e-6);
+    EXPECT_NEAR(up.bounds.max.y, 2 * one.bounds.max.y + 2 * 1.5 * 2, 1e-5);
+}
+
+TEST(TessellateText, MajorJustification) {
+    const Mesh begin = made(mono({"ll"}));
+    const auto shift = [&](Justify major, bool leftToRight) {
+        TextParams p = mono({"ll"});
+        p.major = major, p.leftToRight = leftToRight;
+        return double{made(p).bounds.min.x} - begin.bounds.min.x;
+    };
+    EXPECT_NEAR(shift(Justify::first, true), 0, 1e-6);
+    EXPECT_NEAR(shift(Justify::middle, true), -kAdvance, 1e-6);
+    EXPECT_NEAR(shift(Justify::end, true), -2 * kAdvance, 1e-6);
+    EXPECT_NEAR(shift(Justify::begin, false), -2 * kAdvance, 1e-6);
+    EXPECT_NEAR(shift(Justify::end, false), 0, 1e-6);
+}
+
+// Each line by itself along the lines, all together across them.
+TEST(TessellateText, MinorJustification) {
+    const FontChoice font = chosen("TYPEWRITER");
+    const double ascent = font.ascent, descent = font.descent;
+    const auto shift = [&](Justify minor, bool down) {
+        TextParams p = mono({"x", "x", "x"});
+        p.spacing = 2, p.topToBottom = down;
+        const double first = made(p).bounds.min.y;
+        p.minor = minor;
+        return made(p).bounds.min.y - first;
+    };
+    EXPECT_NEAR(shift(Justify::begin, true), -ascent, 1e-5);
+    EXPECT_NEAR(shift(Justify::end, true), 4 + descent, 1e-5);
+    EXPECT_NEAR(shift(Justify::middle, true), (4 + descent - ascent) / 2, 1e-5);
+    EXPECT_NEAR(shift(Justify::begin, false), descent, 1e-5);
+    EXPECT_NEAR(shift(Justify::end, false), -4 - ascent, 1e-5);
+    EXPECT_NEAR(shift(Justify::middle, false), (-4 - ascent + descent) / 2, 1e-5);
+}
+
+TEST(TessellateText, VerticalCellsAreOneEm) {
+    const auto boundsOf = [](std::vector<std::string> strings, bool down, bool right, Justify major, Justify minor) {
+        TextParams p = mono(std::move(strings));
+        p.horizontal = false, p.topToBottom = down, p.leftToRight = right, p.major = major, p.minor = minor;
+        p.spacing = 3;
+        return made(p).bounds;
+    };
+    const Bounds one = boundsOf({"o"}, true, true, Justify::begin, Justify::first);
+    EXPECT_NEAR(one.center().x, .5, .03) << "in the middle of its cell";
+    EXPECT_LT(one.max.y, 0);
+    EXPECT_GT(one.min.y, -1);
+    const Bounds column = boundsOf({"oooo"}, true, true, Justify::begin, Justify::first);
+    EXPECT_NEAR(column.min.y, one.min.y - 3, 1e-5);
+    EXPECT_NEAR(column.max.y, one.max.y, 1e-5);
+    const Bounds up = boundsOf({"oooo"}, false, true, Justify::begin, Justify::first);
+    EXPECT_NEAR(up.min.y, one.min.y + 1, 1e-5);
+    EXPECT_NEAR(boundsOf({"oooo"}, true, true, Justify::end, Justify::first).min.y, column.min.y + 4, 1e-5);
+    const Bounds right = boundsOf({"o", "o"}, true, true, Justify::begin, Justify::first);
+    EXPECT_NEAR(right.max.x, one.max.x + 3, 1e-5);
+    const Bounds left = boundsOf({"o", "o"}, true, false, Justify::begin, Justify::first);
+    EXPECT_NEAR(left.max.x, one.max.x - 1, 1e-5);
+    EXPECT_NEAR(left.min.x, one.min.x - 4, 1e-5);
+    EXPECT_NEAR(boundsOf({"o", "o"}, true, true, Justify::begin, Justify::middle).center().x, 0, .03);
+}
+
+TEST(TessellateText, LengthAndMaxExtentScaleAlongTheLine) {
+    TextParams p = mono({"llll", "llll"});
+    const Mesh plain = made(p);
+    p.length = {static_cast<float>(8 * kAdvance)};
+    Mesh mesh = made(p);
+    EXPECT_NEAR(mesh.bounds.max.x, 2 * plain.bounds.max.x, 1e-5);
+    EXPECT_NEAR(mesh.bounds.max.y, plain.bounds.max.y, 1e-6) << "across it they stay";
+    EXPECT_NEAR(surfaceArea(mesh), 1.5 * surfaceArea(plain), 1e-4) << "the second line has no length of its own";
+    p.maxExtent = static_cast<float>(4 * kAdvance);
+    mesh = made(p);
+    EXPECT_NEAR(mesh.bounds.max.x, plain.bounds.max.x, 1e-5);
+    EXPECT_NEAR(surfaceArea(mesh), .75 * surfaceArea(plain), 1e-4) << "all lines alike";
+    p.maxExtent = 100;
+    EXPECT_NEAR(made(p).bounds.max.x, 2 * plain.bounds.max.x, 1e-5) << "and none is stretched";
+    TextParams vertical = mono({"llll"});
+    vertical.horizontal = false;
+    const Bounds before = made(vertical).bounds;
+    vertical.length = {8};
+    EXPECT_NEAR(made(vertical).bounds.min.y, 2 * before.min.y, 1e-5);
+    EXPECT_NEAR(made(vertical).bounds.min.x, before.min.x, 1e-6);
+}
+
+TEST(TessellateText, StylesAreOtherFaces) {
+    TextParams p = mono({"lm"});
+    const double plain = surfaceArea(made(p));
+    const Bounds upright = made(p).bounds;
+    p.bold = true;
+    EXPECT_GT(surfaceArea(made(p)), 1.2 * plain);
+    p.bold = false, p.italic = true;
+    EXPECT_GT(made(p).bounds.max.x, upright.max.x);
+}
+
+TEST(TessellateText, LettersOfRightToLeftScriptsRunToTheLeft) {
+    if (!(*fonts())->shapes()) GTEST_SKIP() << "built without HarfBuzz";
+    const Fonts& from = **fonts();
+    const std::uint32_t face = chosen("SANS").face;
+    const auto glyphsOf = [&](const char* text, bool leftToRight) {
+        ShapedLine line;
+        from.shape(face, text, "", leftToRight, line);
+        std::vector<std::uint32_t> glyphs;
+        for (const PlacedGlyph& g : line.glyphs) glyphs.push_back(g.glyph);
+        return glyphs;
+    };
+    const auto reversed = [](std::vector<std::uint32_t> glyphs) {
+        std::reverse(glyphs.begin(), glyphs.end());
+        return glyphs;
+    };
+    const auto ltr = glyphsOf("abc", true);
+    ASSERT_EQ(ltr.size(), 3u);
+    EXPECT_EQ(glyphsOf("abc", false), reversed(ltr));
+    // Alef and bet: the first letter comes last.
+    EXPECT_EQ(glyphsOf("\xD7\x90\xD7\x91", true).back(), glyphsOf("\xD7\x90", true).front());
+    // Lam and alef join to one glyph.
+    EXPECT_EQ(glyphsOf("\xD9\x84\xD8\xA7", true).size(), 1u);
+    // A number in Hebrew keeps its order.
+    const auto mixed = glyphsOf(
+        "\xD7\x90"
+        "12",
+        true);
+    ASSERT_EQ(mixed.size(), 3u);
+    EXPECT_EQ(std::vector(mixed.begin() + 1, mixed.end()), glyphsOf("12", true));
+}
+
+TEST(TessellateText, WhatCannotBeIsSaid) {
+    TextParams p = mono({"x"});
+    p.family = {"No Such Family"};
+    Mesh mesh = tessellate(p);
+    EXPECT_GT(mesh.triangleCount, 0u);
+    ASSERT_EQ(mesh.diagnostics.warnings(), 1u);
+    EXPECT_NE(mesh.diagnostics.all()[0].text.find("\"No Such Family\" is not installed"), std::string::npos);
+    p.family = {"No Such Family", "TYPEWRITER"};
+    EXPECT_EQ(made(mono({"x"})).bounds.max, tessellate(p).bounds.max);
+    p = mono({"\xF3\xB0\x80\x80"});  // a character for private use
+    EXPECT_EQ(tessellate(p).diagnostics.warnings(), 1u);
+    for (const float size : {0.0f, -1.0f, std::numeric_limits<float>::quiet_NaN(), 1e30f}) {
+        p = mono({"x"});
+        p.size = size;
+        mesh = tessellate(p);
+        EXPECT_TRUE(mesh.empty());
+        EXPECT_EQ(mesh.diagnostics.warnings(), 1u) << size;
+    }
+    p = mono({"x\x80y\xC3"});  // not UTF-8
+    EXPECT_GT(tessellate(p).triangleCount, 0u);
+    EXPECT_TRUE(made(mono({})).empty());
+    EXPECT_TRUE(made(mono({"", " "})).empty());
+}
+
+TEST(TessellateText, ReadsTheNodesOfAScene) {
+    Scene scene;
+    const NodeId text = scene.createNode(x3d::Text::type), style = scene.createNode(x3d::FontStyle::type);
+    ASSERT_TRUE(scene.set(text, x3d::Text::string, Array<String>{"ll"}));
+    ASSERT_TRUE(scene.set(text, x3d::Text::fontStyle, style));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::family, Array<String>{"TYPEWRITER"}));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::justify, Array<String>{"END", "BEGIN"}));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::style, String("BOLD")));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::size, 2.0f));
+    TextParams p = mono({"ll"});
+    p.major = Justify::end, p.minor = Justify::begin, p.bold = true, p.size = 2;
+    const Mesh expected = made(p);
+    const auto mesh = tessellate(scene, text);
+    ASSERT_TRUE(mesh);
+    EXPECT_EQ((*mesh)->bounds.min, expected.bounds.min);
+    EXPECT_EQ((*mesh)->bounds.max, expected.bounds.max);
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::justify, Array<String>{"LEFT"}));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::style, String("HEAVY")));
+    EXPECT_EQ((*tessellate(scene, text))->diagnostics.warnings(), 2u);
+}
+
+// 15.4.2: the texture's size is the font's.
+TEST(TessellateText, TexturesHaveTheSizeOfTheFont) {
+    TextParams p = mono({"M"});
+    p.size = 4;
+    const Mesh mesh = made(p);
+    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
+        const Vec4f st = mesh.texCoord(t, 0, 0);
+        EXPECT_NEAR(st.x, mesh.vertex(t, 0).x / 4, 1e-6);
+        EXPECT_NEAR(st.y, mesh.vertex(t, 0).y / 4, 1e-6);
+    }
+}
+
+}  // namespace
+}  // namespace rtsg
