@@ -1,15 +1,17 @@
-// Path tracing: at each surface the lights are asked directly and one way on is chosen at random. A tile's paths
-// advance together, in packets of sixteen.
+// Path tracing: at each surface the lights and one shining triangle are asked directly, and one way on is chosen at
+// random. A tile's paths advance together, in packets of sixteen.
 //
-// Source: Kajiya 1986; Russian roulette as Arvo & Kirk 1990, by the weight that is left.
-// Units: a Lambertian surface of colour c under a light of intensity 1 head-on shows c, as X3D has it; so a surface
-// that sends radiance L in all directions is lit like the sky of colour L.
+// Source: Kajiya 1986; Veach 1997, section 9.2 (what both a bounce and a chosen direction find, counts in shares);
+// Russian roulette as Arvo & Kirk 1990, by the weight that is left. Units: a Lambertian surface of colour c under a
+// light of intensity 1 head-on shows c, as X3D has it; so a surface that sends radiance L in all directions is lit like
+// the sky of colour L.
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <numbers>
 
 #include "bsdf.h"
+#include "path_emitters.h"
 #include "surface_packet.h"
 #include "tile_rays.h"
 
@@ -39,7 +41,7 @@ class Paths {
         : scene_(scene), settings_(settings), result_(result), loop_(scene, camera, settings, x0, y0, result) {}
 
     void run() {
-        loop_.run([this](RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, int sample) {
+        loop_.run([this](RayPacket16& rays, PathTask* tasks, const std::uint16_t* pixels, int sample) {
             if (tasks) return trace(rays, tasks, false);
             PathTask first[16];
             for (int lane = 0; lane < 16; ++lane) {
@@ -60,7 +62,7 @@ class Paths {
         if (task.depth == 0) result_.sum[task.pixel].a += coverage * largest(task.weight);
     }
 
-    void trace(RayPacket16& rays, const PathTask* tasks, bool coherent) {
+    void trace(RayPacket16& rays, PathTask* tasks, bool coherent) {
         const std::uint32_t hits = scene_.world->intersect(rays, coherent);
         for (int lane = 0; lane < 16; ++lane) {
             if (!rays.active[lane] || (hits >> lane & 1u)) continue;
@@ -73,6 +75,8 @@ class Paths {
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
         addLights(scene_, surfaces_, result_.shadowRays);
         findPoints(scene_, surfaces_);
+        found_.mask = 0;
+        if (scene_.emitters) lookForEmitters(scene_, surfaces_, tasks, found_, result_.shadowRays);
         for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             bounce({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, tasks[lane], lane);
@@ -146,9 +150,12 @@ class Paths {
         }
         PathTask lit = task;
         lit.weight *= w.solid;
-        add(lit, s.radiance.get(lane));
+        add(lit, radiance(lane, task));
 
         if (!(w.total > 0)) return;
+        const Frame frame(normal, facing, direction, cosine);
+        const float chance = w.chance[surface] / w.total;
+        if (found_.mask >> lane & 1u) add(lit, fromEmitter(lane, own, frame, chance));
         float pick = random.next() * w.total;
         int way = 0;
         while (way < kWays - 1 && pick >= w.chance[way]) pick -= w.chance[way++];
@@ -164,25 +171,62 @@ class Paths {
             out = *bent;
             task.absorption = back ? Vec3f(0) : material.absorption;
         } else if (way == surface) {
-            share = w.solid * (w.total / w.chance[way]) * scatter(own, direction, normal, facing, cosine, random, out);
+            const BsdfSample sample = scatter(own, frame, random, out);
+            share = w.solid * (w.total / w.chance[way]) * sample.weight;
+            task.normal = normal, task.density = chance * sample.density;
         }
+        if (way == mirror || way == enter) task.density = 0;
         task.weight *= share;
         follow(task, way == straight, t, out, lane, random);
     }
 
+    /// The directions around a surface's shading normal, and the view in them.
+    struct Frame {
+        Vec3f x, y, z, facing, view;
+        Frame(const Vec3f& normal, const Vec3f& facesUs, const Vec3f& direction, float cosine)
+            : z(normal), facing(facesUs) {
+            basis(z, x, y);
+            view = glm::normalize(Vec3f(glm::dot(-direction, x), glm::dot(-direction, y), cosine));
+        }
+        Vec3f local(const Vec3f& v) const { return {glm::dot(v, x), glm::dot(v, y), glm::dot(v, z)}; }
+        /// A smooth normal's half space reaches below the true surface, where nothing comes from. What would be lost
+        /// there is taken from the same angle above.
+        Vec3f mirrored(const Vec3f& v) const { return v - 2 * glm::dot(v, facing) * facing; }
+    };
+
     /// A direction that the surface's own colours send light on from, and what light from there counts.
-    static Vec3f scatter(const Bsdf& own, const Vec3f& direction, const Vec3f& normal, const Vec3f& facing,
-                         float cosine, PathRandom& random, Vec3f& out) {
-        Vec3f x, y;
-        basis(normal, x, y);
-        const Vec3f view = glm::normalize(Vec3f(glm::dot(-direction, x), glm::dot(-direction, y), cosine));
+    static BsdfSample scatter(const Bsdf& own, const Frame& frame, PathRandom& random, Vec3f& out) {
         const float choice = random.next(), u = random.next(), v = random.next();
-        const BsdfSample sample = own.sample(view, choice, u, v);
-        out = sample.direction.x * x + sample.direction.y * y + sample.direction.z * normal;
-        // A smooth normal's half space reaches below the true surface, where nothing comes from. What would be lost
-        // there is taken from the same angle above.
-        if (const float depth = glm::dot(out, facing); depth < 0) out -= 2 * depth * facing;
-        return sample.weight;
+        const BsdfSample sample = own.sample(frame.view, choice, u, v);
+        out = sample.direction.x * frame.x + sample.direction.y * frame.y + sample.direction.z * frame.z;
+        if (glm::dot(out, frame.facing) < 0) out = frame.mirrored(out);
+        return sample;
+    }
+
+    /// What the surface shows of the emitter that was found; `chance`: of a bounce from its own colours.
+    Vec3f fromEmitter(int lane, const Bsdf& own, const Frame& frame, float chance) const {
+        const Vec3f direction = found_.direction.get(lane);
+        Vec3f result(0);
+        // A bounce comes to this direction in two ways where the normal is smooth.
+        for (const Vec3f& way : {direction, frame.mirrored(direction)}) {
+            const Vec3f light = frame.local(way);
+            if (!(light.z > 0)) continue;
+            const float weight = powerHeuristic(found_.density[lane], chance * own.density(frame.view, light));
+            result += own.value(frame.view, light) * (weight / std::numbers::pi_v<float>);
+        }
+        return result * found_.light.get(lane);
+    }
+
+    /// What the surface sends out without another bounce: what lights show, and its own emission, of which only the
+    /// share counts that no chosen direction brings.
+    Vec3f radiance(int lane, const PathTask& task) const {
+        const Vec3f all = surfaces_.radiance.get(lane);
+        if (!scene_.emitters || !(task.density > 0)) return all;
+        const bool unlit = surfaces_.unlit >> lane & 1u;
+        const Vec3f own = unlit ? surfaces_.base.get(lane) : surfaces_.emissive.get(lane);
+        if (own == Vec3f(0)) return all;
+        const float other = emitterDensity(scene_, surfaces_, lane, task);
+        return all - own * (1 - powerHeuristic(task.density, other));
     }
 
     /// Roulette, and the ray: what survives carries the share of what does not, which keeps the mean.
@@ -214,6 +258,7 @@ class Paths {
     TileResult& result_;
     TileLoop loop_;
     SurfacePacket surfaces_{};  // unused lanes stay finite
+    EmitterLight found_{};
 };
 
 }  // namespace

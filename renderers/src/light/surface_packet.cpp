@@ -409,10 +409,31 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
     float opacity = colored ? mesh.color(hit.triangle, hit.u, hit.v).a : material.opacity, alpha = 1;
     if (material.texture(TextureRole::base))
         alpha = TextureLookup{instance, slot, hit, 0}.sample(material, TextureRole::base).a;
-    float through = 1 - coverageOf(material, alpha) * opacityOf(material, opacity);
+    const float coverage = coverageOf(material, alpha);
+    Vec3f through = coverage * (1 - opacityOf(material, opacity)) * (Vec3f(1) - material.reflectivity);
     // Two boundaries of a dielectric reflect some of what passes; the bending is not followed.
     if (material.refractiveIndex > 0) through *= 1 - fresnelDielectric(1, material.refractiveIndex).mean();
-    return Vec3f(through) * (Vec3f(1) - material.reflectivity);
+    return Vec3f(1 - coverage) + through;
+}
+
+Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footprint) {
+    const SlotShading& slot = slotOf(scene, hit.instance);
+    const RayInstance& instance = scene.world->instance(hit.instance);
+    const Material& front = scene.materials[slot.material].material;
+    const Material& material = behind && front.back ? *front.back : front;
+    const Material::Linear colors = colorsOf(material, true);
+    const TextureLookup look{instance, slot, hit, footprint};
+    if (material.model != ShadingModel::unlit) {
+        if (!material.texture(TextureRole::emissive)) return colors.emissive;
+        return colors.emissive * Vec3f(look.sample(material, TextureRole::emissive));
+    }
+    Vec3f base = colors.base;
+    if (instance.mesh->colors.present()) {
+        const ColorRGBA color = instance.mesh->color(hit.triangle, hit.u, hit.v);
+        base = linearFromSrgb(Vec3f(color.r, color.g, color.b));
+    }
+    if (material.texture(TextureRole::base)) base *= Vec3f(look.sample(material, TextureRole::base));
+    return base;
 }
 
 }  // namespace rtsg::trace

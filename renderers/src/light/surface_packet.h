@@ -59,6 +59,9 @@ bool letsThrough(const TraceScene& scene, std::uint32_t instance);
 /// What part of light a surface lets through straight at a hit: 0 if opaque there. For shadow rays.
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit);
 
+/// What an opaque surface itself sends out at a hit, in linear light. `footprint`: metres, of a pixel there.
+Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footprint);
+
 /// Adds the light of the lights, shadows included, into `radiance`, which is set to the emission.
 void addLights(const TraceScene& scene, SurfacePacket& surfaces, std::uint64_t& shadowRays);
 

@@ -97,8 +97,11 @@ class LightGroups {
     std::vector<TraceLight> lights;
 };
 
+class Emitters;
+
 struct TraceScene {
     const RayView* world = nullptr;
+    const Emitters* emitters = nullptr;  // of paths, where anything shines
     MaterialList materials;
     SlotPages slots;
     LightGroups lightGroups;
@@ -133,6 +136,10 @@ struct PathTask {
     std::uint16_t passes = 0;  // clear surfaces passed straight
     bool linear = false;       // what it finds counts as light; else as display values
     std::uint64_t random = 0;  // PathRandom's state; paths only
+    /// Of the surface that sampled this direction, and how likely it was, per steradian; 0: nothing else could have
+    /// found what lies there (the eye, mirrors, glass). Paths only.
+    Vec3f normal{0};
+    float density = 0;
 };
 
 /// tMin of rays that leave a surface. Their start is off it by its error bound, which is 0 where a plane holds a

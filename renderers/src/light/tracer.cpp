@@ -12,6 +12,7 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include "emitters.h"
 #include "light_tables.h"
 #include "trace_scene.h"
 
@@ -239,7 +240,9 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
     if (settings.integrator == Integrator::path && settings.colorSpace == ColorSpace::display)
         return fail("paths are light: they cannot be computed in the display's space, only auto and linear");
     const auto start = std::chrono::steady_clock::now();
-    const TraceScene scene = makeTraceScene(state, world, camera, settings);
+    TraceScene scene = makeTraceScene(state, world, camera, settings);
+    const Emitters emitters = settings.integrator == Integrator::path ? Emitters(scene) : Emitters();
+    if (!emitters.empty()) scene.emitters = &emitters;
     Picture picture(settings.width, settings.height);
     picture.space = scene.space == ColorSpace::linear ? ColorSpace::linear : ColorSpace::display;
     const int tilesX = (settings.width + kTileSide - 1) / kTileSide,

@@ -1,0 +1,115 @@
+// Rays towards chosen emitters, and what is left of their light on the way.
+#include "path_emitters.h"
+
+#include <bit>
+#include <cmath>
+
+#include "tile_rays.h"
+
+namespace rtsg::trace {
+
+namespace {
+
+// A ray reaches a little further than its target, so that rounding does not end it in front of it.
+constexpr float kReach = 1.001f;
+
+/// What a bounce meets at a hit that it goes straight on from: all of the light behind the back of a solid, which is
+/// not there; 0 at glass, which bends it.
+Vec3f passes(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
+    const float index = scene.materials[scene.slots[hit.instance].material].material.refractiveIndex;
+    const RayInstance& instance = scene.world->instance(hit.instance);
+    if (index > 0) return Vec3f(0);
+    if (instance.mesh->solid && glm::dot(direction, hit.normal) > 0) return Vec3f(1);
+    return straightTransmittance(scene, hit);
+}
+
+/// Follows a ray to its emitter through what is clear; false: something is in the way.
+bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& place, const Vec3f& direction,
+             Hit& hit, Vec3f& left) {
+    left = Vec3f(1);
+    for (int step = 0; step < 64; ++step) {
+        if (!hit) return false;
+        if (hit.instance == target.instance && hit.triangle == target.triangle) return true;
+        if (hit.instance >= scene.slots.size()) return false;
+        left *= passes(scene, hit, direction);
+        if (left == Vec3f(0)) return false;
+        Ray ray;
+        ray.tMin = kLeave, ray.tMax = kReach;
+        ray.origin = RayView::leave(scene.world->point(hit), direction);
+        ray.direction = place - ray.origin;
+        if (!(glm::dot(ray.direction, direction) > 0)) return false;
+        hit = scene.world->intersect(ray);
+    }
+    return false;
+}
+
+}  // namespace
+
+void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks, EmitterLight& out,
+                     std::uint64_t& shadowRays) {
+    out.mask = 0;
+    const Emitters& emitters = *scene.emitters;
+    RayPacket16 rays;
+    Vec3f places[16];
+    std::uint32_t chosen[16];
+    for (int lane = 0; lane < 16; ++lane) {
+        rays.skip(lane);
+        if (!((s.mask & ~s.unlit) >> lane & 1u) || !(s.coverage[lane] * s.opacity[lane] > 0)) continue;
+        PathRandom random(tasks[lane].random);
+        const float u = random.next(), side = std::sqrt(random.next()), v = random.next();
+        tasks[lane].random = random.state();
+        const Vec3f normal = s.normal.get(lane);
+        const Emitters::Choice choice = emitters.sample(s.position.get(lane), normal, u);
+        if (choice.emitter == Emitters::kNone) continue;
+        const Emitters::Emitter& e = emitters[choice.emitter];
+        const Vec3f place = e.corner + (1 - side) * e.ab + (v * side) * e.ac;
+        const Vec3f start = RayView::leave(s.point(lane), place - s.position.get(lane)), way = place - start;
+        const float squared = glm::dot(way, way), distance = std::sqrt(squared);
+        if (!(distance > 1e-12f)) continue;
+        const Vec3f direction = way / distance;
+        const Vec3f facing = s.back >> lane & 1u ? -s.outside(lane) : s.outside(lane);
+        if (!(glm::dot(direction, facing) > 0) || !(glm::dot(direction, normal) > 0)) continue;
+        const float cosine = -glm::dot(e.normal, direction);
+        if (!(cosine > 0) && !e.bothSides) continue;
+        const float density = choice.probability * squared / (e.area * std::abs(cosine));
+        if (!(density > 0) || !std::isfinite(density)) continue;
+        out.density[lane] = density;
+        out.direction.set(lane, direction);
+        places[lane] = place, chosen[lane] = choice.emitter;
+        rays.set(lane, {start, kLeave, way, kReach});
+        out.mask |= 1u << lane;
+    }
+    if (!out.mask) return;
+    shadowRays += static_cast<std::uint64_t>(std::popcount(out.mask));
+    out.mask &= scene.world->intersect(rays);
+    for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const Vec3f direction = out.direction.get(lane), from = s.position.get(lane);
+        Hit hit = scene.world->hit(rays, lane);
+        Vec3f left;
+        if (!reaches(scene, emitters[chosen[lane]], places[lane], direction, hit, left)) {
+            out.mask &= ~(1u << lane);
+            continue;
+        }
+        const float distance = glm::length(places[lane] - from),
+                    run = tasks[lane].travelled + s.distance[lane] + distance;
+        const float cosine = std::max(std::abs(glm::dot(direction, hit.normal)), 0.05f);
+        const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
+        left *= emitted(scene, hit, glm::dot(direction, hit.normal) > 0, footprint);
+        if (tasks[lane].absorption != Vec3f(0)) left *= glm::exp(-tasks[lane].absorption * distance);
+        if (scene.fog.type != FogType::none) left *= fogFactor(scene.fog.type, scene.fog.visibilityRange, distance);
+        out.light.set(lane, left / out.density[lane]);
+    }
+}
+
+float emitterDensity(const TraceScene& scene, const SurfacePacket& s, int lane, const PathTask& task) {
+    const std::uint32_t emitter = scene.emitters->find(s.hits.instance[lane], s.hits.triangle[lane]);
+    if (emitter == Emitters::kNone) return 0;
+    const Emitters::Emitter& e = (*scene.emitters)[emitter];
+    const float distance = task.line + s.distance[lane], cosine = -glm::dot(e.normal, task.direction);
+    if (!(e.area > 0) || !(cosine > 0 || e.bothSides)) return 0;
+    const Vec3f from = s.position.get(lane) - distance * task.direction;
+    return scene.emitters->density(emitter, from, task.normal) * distance * distance / (e.area * std::abs(cosine));
+}
+
+}  // namespace rtsg::trace
