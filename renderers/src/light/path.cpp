@@ -12,6 +12,7 @@
 
 #include "bsdf.h"
 #include "path_emitters.h"
+#include "sample_points.h"
 #include "surface_packet.h"
 #include "tile_rays.h"
 
@@ -196,8 +197,9 @@ class Paths {
 
     /// A direction that the surface's own colours send light on from, and what light from there counts.
     static BsdfSample scatter(const Bsdf& own, const Frame& frame, PathRandom& random, Vec3f& out) {
-        const float choice = random.next(), u = random.next(), v = random.next();
-        const BsdfSample sample = own.sample(frame.view, choice, u, v);
+        const float choice = random.next();
+        const Vec2f place = random.nextPair();
+        const BsdfSample sample = own.sample(frame.view, choice, place.x, place.y);
         out = sample.direction.x * frame.x + sample.direction.y * frame.y + sample.direction.z * frame.z;
         if (glm::dot(out, frame.facing) < 0) out = frame.mirrored(out);
         return sample;

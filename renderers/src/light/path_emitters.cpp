@@ -4,7 +4,7 @@
 #include <bit>
 #include <cmath>
 
-#include "tile_rays.h"
+#include "sample_points.h"
 
 namespace rtsg::trace {
 
@@ -56,13 +56,15 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, PathTask* 
         rays.skip(lane);
         if (!((s.mask & ~s.unlit) >> lane & 1u) || !(s.coverage[lane] * s.opacity[lane] > 0)) continue;
         PathRandom random(tasks[lane].random);
-        const float u = random.next(), side = std::sqrt(random.next()), v = random.next();
+        const float u = random.next();
+        const Vec2f at = random.nextPair();
         tasks[lane].random = random.state();
         const Vec3f normal = s.normal.get(lane);
         const Emitters::Choice choice = emitters.sample(s.position.get(lane), normal, u);
         if (choice.emitter == Emitters::kNone) continue;
         const Emitters::Emitter& e = emitters[choice.emitter];
-        const Vec3f place = e.corner + (1 - side) * e.ab + (v * side) * e.ac;
+        const float side = std::sqrt(at.x);
+        const Vec3f place = e.corner + (1 - side) * e.ab + (at.y * side) * e.ac;
         const Vec3f start = RayView::leave(s.point(lane), place - s.position.get(lane)), way = place - start;
         const float squared = glm::dot(way, way), distance = std::sqrt(squared);
         if (!(distance > 1e-12f)) continue;

@@ -2,6 +2,7 @@
 #include "tile_rays.h"
 
 #include "mesh/simd8.h"
+#include "sample_points.h"
 
 namespace rtsg::trace {
 
@@ -9,34 +10,12 @@ using namespace simd;
 
 namespace {
 
-std::uint32_t scramble(std::uint64_t x) {
-    x ^= x >> 33, x *= 0xff51afd7ed558ccdull, x ^= x >> 33, x *= 0xc4ceb9fe1a85ec53ull, x ^= x >> 33;
-    return static_cast<std::uint32_t>(x);
-}
-
-std::uint32_t reverseBits(std::uint32_t x) {
-    x = x << 16 | x >> 16;
-    x = (x & 0x00ff00ffu) << 8 | (x & 0xff00ff00u) >> 8;
-    x = (x & 0x0f0f0f0fu) << 4 | (x & 0xf0f0f0f0u) >> 4;
-    x = (x & 0x33333333u) << 2 | (x & 0xccccccccu) >> 2;
-    return (x & 0x55555555u) << 1 | (x & 0xaaaaaaaau) >> 1;
-}
-
-std::uint32_t sobol2(std::uint32_t index) {
-    std::uint32_t result = 0;
-    for (std::uint32_t v = 1u << 31; index; index >>= 1, v ^= v >> 1)
-        if (index & 1u) result ^= v;
-    return result;
-}
+constexpr std::uint64_t kPlaces = 0xd1b54a32d192ed03;  // other numbers than a path's
 
 /// The place of a sample in its pixel, [0, 1)^2.
 Vec2f samplePlace(const RenderSettings& settings, int x, int y, int sample) {
     if (settings.samplesPerPixel == 1) return Vec2f(0.5f);
-    const std::uint64_t pixel = static_cast<std::uint64_t>(y) << 32 | static_cast<std::uint32_t>(x);
-    const auto index = static_cast<std::uint32_t>(sample);
-    const std::uint32_t u = reverseBits(index) ^ scramble(pixel * 2 + settings.seed * 0x9e3779b97f4a7c15ull);
-    const std::uint32_t v = sobol2(index) ^ scramble((pixel * 2 + 1) ^ settings.seed * 0xd1b54a32d192ed03ull);
-    return {static_cast<float>(u >> 8) * 0x1p-24f, static_cast<float>(v >> 8) * 0x1p-24f};
+    return PathRandom(settings.seed ^ kPlaces, x, y, sample).nextPair();
 }
 
 }  // namespace

@@ -80,29 +80,4 @@ class TileLoop {
     std::vector<PathTask> now_, next_;
 };
 
-/// Random numbers of one path: a counter and a hash, so that they depend on the path alone.
-class PathRandom {
-  public:
-    PathRandom(std::uint64_t seed, int x, int y, int sample)
-        : state_(mix(seed * 0x9e3779b97f4a7c15ull ^
-                     mix(static_cast<std::uint64_t>(y) << 32 | static_cast<std::uint32_t>(x)) ^
-                     mix(static_cast<std::uint64_t>(sample) + 0x632be59bd9b4e019ull))) {}
-    explicit PathRandom(std::uint64_t state) : state_(state) {}
-
-    /// In [0, 1).
-    float next() {
-        state_ += 0x9e3779b97f4a7c15ull;
-        return static_cast<float>(mix(state_) >> 40) * 0x1p-24f;
-    }
-    std::uint64_t state() const { return state_; }
-
-  private:
-    static std::uint64_t mix(std::uint64_t x) {  // splitmix64's finaliser
-        x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9ull;
-        x = (x ^ x >> 27) * 0x94d049bb133111ebull;
-        return x ^ x >> 31;
-    }
-    std::uint64_t state_;
-};
-
 }  // namespace rtsg::trace

@@ -1,0 +1,93 @@
+// Sample points in [0, 1): Sobol's first two dimensions, Owen-scrambled, as many pairs of them as a path needs.
+//
+// Invariant: the first 2^k samples of a pixel lie one to each of the 2^k elementary intervals, in every single number
+// and in every pair; numbers of different calls are independent of each other, as are those of different pixels.
+// Threading: values. Source: Burley 2020, Journal of Computer Graphics Techniques 9, 4 (scrambling by hashes, shuffled
+// order); Laine & Karras 2011 (the hash).
+#pragma once
+
+#include <cstdint>
+
+#include <rtsg/core/value.h>
+
+namespace rtsg::trace {
+
+inline std::uint64_t mixBits(std::uint64_t x) {  // splitmix64's finaliser
+    x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9ull;
+    x = (x ^ x >> 27) * 0x94d049bb133111ebull;
+    return x ^ x >> 31;
+}
+
+inline std::uint32_t reverseBits(std::uint32_t x) {
+    x = x << 16 | x >> 16;
+    x = (x & 0x00ff00ffu) << 8 | (x & 0xff00ff00u) >> 8;
+    x = (x & 0x0f0f0f0fu) << 4 | (x & 0xf0f0f0f0u) >> 4;
+    x = (x & 0x33333333u) << 2 | (x & 0xccccccccu) >> 2;
+    return (x & 0x55555555u) << 1 | (x & 0xaaaaaaaau) >> 1;
+}
+
+/// Flips each bit by a hash of the lower ones: Owen's scrambling of numbers whose bits are in reverse order.
+inline std::uint32_t scrambleUpwards(std::uint32_t x, std::uint32_t seed) {
+    x ^= x * 0x3d20adeau;
+    x += seed;
+    x *= (seed >> 16) | 1u;
+    x ^= x * 0x05526c56u;
+    return x ^ x * 0x53a22864u;
+}
+
+/// Sobol's second dimension of an index, its bits in reverse order: Pascal's triangle modulo 2.
+inline std::uint32_t sobolSecondReversed(std::uint32_t index) {
+    index ^= (index & 0xaaaaaaaau) >> 1;
+    index ^= (index & 0xccccccccu) >> 2;
+    index ^= (index & 0xf0f0f0f0u) >> 4;
+    index ^= (index & 0xff00ff00u) >> 8;
+    return index ^ index >> 16;
+}
+
+/// The numbers of one sample of one pixel, in the order in which they are asked for.
+class PathRandom {
+  public:
+    /// Precondition: 0 <= sample < 2^20.
+    PathRandom(std::uint64_t seed, int x, int y, int sample)
+        : state_((mixBits(seed * 0x9e3779b97f4a7c15ull ^
+                          mixBits(static_cast<std::uint64_t>(y) << 32 | static_cast<std::uint32_t>(x))) &
+                  kPixel) |
+                 static_cast<std::uint64_t>(sample) << kCallBits) {}
+    explicit PathRandom(std::uint64_t state) : state_(state) {}
+
+    float next() {
+        const std::uint64_t seed = nextSeed();
+        return fraction(scrambleUpwards(shuffled(seed), static_cast<std::uint32_t>(seed >> 32)));
+    }
+    Vec2f nextPair() {
+        const std::uint64_t seed = nextSeed(), other = mixBits(seed);
+        const std::uint32_t index = shuffled(seed);
+        return {fraction(scrambleUpwards(index, static_cast<std::uint32_t>(seed >> 32))),
+                fraction(scrambleUpwards(sobolSecondReversed(index), static_cast<std::uint32_t>(other)))};
+    }
+    std::uint64_t state() const { return state_; }
+
+  private:
+    static constexpr unsigned kCallBits = 12, kSampleBits = 20;
+    static constexpr std::uint64_t kPixel = ~std::uint64_t{0} << (kCallBits + kSampleBits),
+                                   kCalls = (std::uint64_t{1} << kCallBits) - 1;
+
+    /// Of the pixel and the number of the call, not of the sample. Behind the last call, the pixel is another one.
+    std::uint64_t nextSeed() {
+        const std::uint64_t seed = mixBits((state_ & kPixel) | (state_ & kCalls));
+        if ((state_ & kCalls) == kCalls)
+            state_ = (state_ & ~kPixel & ~kCalls) | (mixBits(state_ & kPixel) & kPixel);
+        else
+            ++state_;
+        return seed;
+    }
+    /// The sample's number in an order of its own, in which each block of 2^k samples is one still.
+    std::uint32_t shuffled(std::uint64_t seed) const {
+        const auto sample = static_cast<std::uint32_t>(state_ >> kCallBits & ((1u << kSampleBits) - 1));
+        return reverseBits(scrambleUpwards(reverseBits(sample), static_cast<std::uint32_t>(seed)));
+    }
+    static float fraction(std::uint32_t reversed) { return static_cast<float>(reverseBits(reversed) >> 8) * 0x1p-24f; }
+    std::uint64_t state_;
+};
+
+}  // namespace rtsg::trace

@@ -1,0 +1,256 @@
+// Shining triangles as paths find them: the tree's probabilities, and that what is looked for is what bounces find.
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "light/emitters.h"
+#include "light/light_tables.h"
+#include "renderers/light/light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+using trace::Emitters;
+
+/// The emitters of a scene, with all that they read.
+struct Table {
+    LightScene s;
+    LightTracer tracer;
+    std::shared_ptr<const LightState> state;
+    trace::TraceScene traced;
+    Emitters emitters;
+    explicit Table(const std::string& body) : s(body) {
+        s.world->add(tracer);
+        state = tracer.latest();
+        traced.world = &s.world->rays();
+        traced.materials = trace::MaterialList(state->materials);
+        traced.slots = trace::SlotPages(state->slots);
+        emitters = Emitters(traced);
+    }
+};
+
+std::string lampsAndThings(int seed) {
+    std::mt19937 random(static_cast<unsigned>(seed));
+    std::uniform_real_distribution<double> at(-5, 5), turn(0, 6.28), size(0.05, 0.8);
+    std::string body = "Viewpoint { }\n";
+    for (int i = 0; i < 12; ++i)
+        body += fmt::format(
+            "Transform {{ translation {} {} {} rotation {} {} scale {} 1 -1 children Shape {{ appearance "
+            "Appearance {{ material Material {{ emissiveColor {} .5 0 }} }} geometry {} }} }}\n",
+            at(random), at(random), at(random), i % 2 ? "0.6 0.8 0" : "0 -0.8 0.6", turn(random), size(random),
+            size(random),
+            i % 3 == 0   ? "Box { }"
+            : i % 3 == 1 ? "Sphere { radius 0.4 }"
+                         : "IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] coord Coordinate { point [-1 -1 0, 1 "
+                           "-1 0, 1 1 0, -1 1 0] } }");
+    return body + "Shape { geometry Box { } appearance Appearance { material Material { } } }";
+}
+
+TEST(Emitters, AreThoseThatShineAndCannotBeSeenThrough) {
+    const auto count = [](const std::string& appearance) {
+        return Table("Shape { appearance Appearance { " + appearance + " } geometry Box { } }").emitters.size();
+    };
+    EXPECT_EQ(count("material Material { }"), 0u);
+    EXPECT_EQ(count("material Material { emissiveColor 0 .1 0 }"), 12u);
+    EXPECT_EQ(count("material UnlitMaterial { emissiveColor 0 .1 0 }"), 12u);
+    EXPECT_EQ(count("material UnlitMaterial { emissiveColor 0 0 0 }"), 0u);
+    EXPECT_EQ(count("material PhysicalMaterial { emissiveColor 1 1 0 }"), 12u);
+    EXPECT_EQ(count("material Material { emissiveColor 0 .1 0 transparency .5 }"), 0u);
+    EXPECT_EQ(count("material Material { emissiveColor 0 .1 0 } backMaterial Material { }"), 12u);
+    EXPECT_EQ(count(mirror(".5")), 0u);
+}
+
+// The probabilities of all emitters are one whole, and are those with which sample() chooses: 10^5 draws at each of
+// twenty places lie within five standard deviations. What is not chosen cannot send light there.
+TEST(Emitters, AreChosenWithTheProbabilityThatIsTold) {
+    const int seed = 7;
+    const Table t(lampsAndThings(seed));
+    ASSERT_GT(t.emitters.size(), 100u);
+    std::mt19937 random(seed);
+    std::normal_distribution<float> normal;
+    std::uniform_real_distribution<float> at(-7, 7), unit(0, 1);
+    for (int place = 0; place < 20; ++place) {
+        const Vec3f point(at(random), at(random), at(random)),
+            up = glm::normalize(Vec3f(normal(random), normal(random), normal(random)));
+        SCOPED_TRACE(fmt::format("seed {}, place {}", seed, place));
+        double sum = 0;
+        std::vector<double> expected(t.emitters.size());
+        for (std::uint32_t e = 0; e < t.emitters.size(); ++e) {
+            sum += expected[e] = double{t.emitters.density(e, point, up)};
+            if (expected[e] > 0) continue;
+            const Emitters::Emitter& emitter = t.emitters[e];
+            for (const Vec3f& corner : {emitter.corner, emitter.corner + emitter.ab, emitter.corner + emitter.ac}) {
+                const Vec3f way = corner - point;
+                const bool lights = glm::dot(way, up) > 1e-4f &&
+                                    (emitter.bothSides || glm::dot(way, emitter.normal) < -1e-4f) && emitter.area > 0;
+                EXPECT_FALSE(lights) << "emitter " << e << " is never chosen";
+            }
+        }
+        constexpr int kDraws = 100'000;
+        std::vector<int> drawn(t.emitters.size());
+        int none = 0;
+        for (int i = 0; i < kDraws; ++i) {
+            const auto choice = t.emitters.sample(point, up, unit(random));
+            if (choice.emitter == Emitters::kNone) {
+                ++none;
+                continue;
+            }
+            ++drawn[choice.emitter];
+            ASSERT_NEAR(choice.probability, expected[choice.emitter], 1e-5 * expected[choice.emitter]);
+        }
+        EXPECT_NEAR(sum + double(none) / kDraws, 1, 5 * std::sqrt(0.25 / kDraws));
+        for (std::size_t e = 0; e < drawn.size(); ++e)
+            EXPECT_NEAR(drawn[e], kDraws * expected[e], 5 * std::sqrt(kDraws * expected[e]) + 5) << e;
+    }
+}
+
+TEST(Emitters, AreFoundByWhatARayHits) {
+    const Table t(lampsAndThings(3));
+    for (std::uint32_t e = 0; e < t.emitters.size(); ++e) {
+        const Emitters::Emitter& emitter = t.emitters[e];
+        EXPECT_EQ(t.emitters.find(emitter.instance, emitter.triangle), e);
+        const Vec3f middle = emitter.corner + (emitter.ab + emitter.ac) / 3.0f;
+        Ray ray;
+        ray.origin = middle + 0.01f * emitter.normal, ray.direction = -emitter.normal;
+        const Hit hit = t.traced.world->intersect(ray);
+        if (hit.instance != emitter.instance || hit.triangle != emitter.triangle) continue;  // something lies before it
+        EXPECT_GT(glm::dot(hit.normal, emitter.normal), 0.999f) << "the side that is shown";
+    }
+    EXPECT_EQ(t.emitters.find(1'000'000, 0), Emitters::kNone);
+}
+
+/// Mean colour over the pixels of a picture by paths, and its standard error, of one colour.
+struct Mean {
+    double value = 0, error = 0;
+};
+Mean mean(const std::string& body, int samples, int side = 16) {
+    LightScene s(body, side, side);
+    s.options.settings.integrator = Integrator::path;
+    s.options.settings.samplesPerPixel = samples;
+    Mean result;
+    double squares = 0;
+    const Picture p = s.picture();
+    for (const Vec4f& pixel : p.pixels) result.value += double{pixel.g}, squares += double{pixel.g} * double{pixel.g};
+    const auto n = double(p.pixels.size());
+    result.value /= n;
+    result.error = std::sqrt(std::max(squares / n - result.value * result.value, 0.0) / n);
+    return result;
+}
+
+/// A panel of `half` metres to each side, `height` above the floor, that shines downwards with radiance 1 in green.
+/// `hidden`: it mirrors a trace of light, which leaves it to bounces alone.
+std::string panel(double half, double height, bool hidden = false, const char* solid = "TRUE") {
+    return fmt::format(
+        "Transform {{ translation 0 {1} 0 children Shape {{ appearance Appearance {{ material Material {{ diffuseColor "
+        "0 0 0 emissiveColor 0 1 0 {2} }} }} geometry IndexedFaceSet {{ solid {3} coordIndex [0 1 2 3 -1] coord "
+        "Coordinate {{ point [-{0} 0 -{0}, {0} 0 -{0}, {0} 0 {0}, -{0} 0 {0}] }} }} }} }}\n",
+        half, height, hidden ? "metadata MetadataFloat { name \"reflectivity\" reference \"RTSG\" value 1e-7 }" : "",
+        solid);
+}
+std::string floorOf(const std::string& material, const char* more = "solid FALSE") {
+    return fmt::format(
+        "Shape {{ appearance Appearance {{ material {} }} geometry IndexedFaceSet {{ {} coordIndex [0 1 2 3 -1] coord "
+        "Coordinate {{ point [-9 0 9, 9 0 9, 9 0 -9, -9 0 -9] }} }} }}\n",
+        material, more);
+}
+const char* const kLookDown = "Viewpoint { position 0.3 1.2 0.2 orientation 1 0 0 -1.5707963 fieldOfView 0.02 }\n";
+
+// The irradiance of a square by its corners (Lambert 1760), in double: 5 cm wide and two metres away. A single sample
+// a pixel is within .1 of it; bounces alone find the panel once in 5,000.
+TEST(PathEmitters, ASmallLampIsFoundAtOnce) {
+    const double half = 0.025, height = 2, x = 0.3, z = 0.2;
+    Vec3d corners[4] = {{-half - x, height, -half - z},
+                        {half - x, height, -half - z},
+                        {half - x, height, half - z},
+                        {-half - x, height, half - z}};
+    double sum = 0;
+    for (int i = 0; i < 4; ++i) {
+        const Vec3d a = glm::normalize(corners[i]), b = glm::normalize(corners[(i + 1) % 4]), n = glm::cross(a, b);
+        sum += std::acos(glm::dot(a, b)) * glm::normalize(n).y;
+    }
+    const double expected = 0.5 * std::abs(sum) / (2 * kPi);  // of a white floor's half
+    const double srgb = double{srgbFromLinear(0.5f)};
+    const std::string scene =
+        kLookDown + floorOf(fmt::format("Material {{ diffuseColor {0} {0} {0} }}", srgb)) + panel(half, height);
+    const Mean one = mean(scene, 1, 32);
+    EXPECT_NEAR(one.value, expected, 4 * one.error + 0.005 * expected);
+    EXPECT_LT(one.error * 32, 0.1 * expected) << "standard deviation of one sample";
+}
+
+// Each scene twice: its panel looked for, and left to bounces. Both means agree within their errors, whatever lies
+// between and however the floor sends light on; and looking for it never makes the error much larger.
+TEST(PathEmitters, WhatIsLookedForIsWhatBouncesFind) {
+    const struct {
+        const char* name;
+        std::string things;
+    } scenes[] = {
+        {"matte", floorOf("Material { diffuseColor .8 .8 .8 }")},
+        {"highlight", floorOf("Material { diffuseColor .5 .5 .5 specularColor .6 .6 .6 shininess .2 }")},
+        {"rough metal", floorOf("PhysicalMaterial { metallic 1 roughness .4 baseColor .9 .9 .9 }")},
+        {"dielectric", floorOf("PhysicalMaterial { metallic 0 roughness .3 baseColor .7 .7 .7 }")},
+        {"fog", floorOf("Material { diffuseColor .8 .8 .8 }") + "Fog { color 0 0 0 visibilityRange 4 }"},
+        {"clear pane", floorOf("Material { diffuseColor .8 .8 .8 }") + "Transform { translation 0 .8 0 children " +
+                           floorOf("Material { diffuseColor 0 0 0 transparency .5 }") + "}"},
+        {"back of a solid", floorOf("Material { diffuseColor .8 .8 .8 }") + "Transform { translation 0 .8 0 children " +
+                                floorOf("Material { diffuseColor .2 .2 .2 }", "solid TRUE") + "}"},
+        {"glass", floorOf("Material { diffuseColor .8 .8 .8 }") +
+                      "Transform { translation 0 .8 0 children Shape { "
+                      "geometry Box { size 9 .1 9 } appearance "
+                      "Appearance { " +
+                      glass(1.5) + " } } }"},
+        {"smooth normals",
+         "Shape { appearance Appearance { material Material { diffuseColor .8 .8 .8 } } geometry IndexedFaceSet { "
+         "solid "
+         "FALSE normalPerVertex FALSE coordIndex [0 1 2 3 -1] coord Coordinate { point [-9 0 9, 9 0 9, 9 0 -9, -9 0 "
+         "-9] } normal Normal { vector [.6 .6 .52915] } } }"},
+        {"a wall that is lit too", floorOf("Material { diffuseColor .8 .8 .8 }") +
+                                       "Transform { translation -1 0 0 rotation 0 0 1 -1.5707963 children " +
+                                       floorOf("Material { diffuseColor .8 .8 .8 }") + "}"},
+        {"partly covered", floorOf("Material { diffuseColor .8 .8 .8 transparency .4 }")},
+    };
+    for (const auto& scene : scenes) {
+        SCOPED_TRACE(scene.name);
+        const Mean found = mean(kLookDown + scene.things + panel(1, 1.5), 256);
+        const Mean bounced = mean(kLookDown + scene.things + panel(1, 1.5, true), 1024);
+        EXPECT_NEAR(found.value, bounced.value, 4 * std::hypot(found.error, bounced.error) + 1e-6);
+        EXPECT_GT(bounced.value, 1e-3);
+        EXPECT_LT(found.error, 3 * bounced.error + 1e-6);
+    }
+}
+
+// One-sided panels shine to their front only, two-sided ones to both, textured and coloured ones with what is there.
+TEST(PathEmitters, SidesTexturesAndColorsShineAsTheyShow) {
+    const std::string matteFloor = floorOf("Material { diffuseColor .8 .8 .8 }");
+    const double below = mean(kLookDown + matteFloor + panel(1, 1.5), 64).value;
+    EXPECT_GT(below, 0.1);
+    const std::string turned = "Transform { rotation 1 0 0 3.1415927 center 0 1.5 0 children " + panel(1, 1.5) + "}";
+    EXPECT_NEAR(mean(kLookDown + matteFloor + turned, 64).value, 0, 1e-7);
+    const std::string both =
+        "Transform { rotation 1 0 0 3.1415927 center 0 1.5 0 children " + panel(1, 1.5, false, "FALSE") + "}";
+    EXPECT_NEAR(mean(kLookDown + matteFloor + both, 64).value, below, 0.01 * below);
+    // Half of the texels shine; of the vertex colours' green the mean over the panel is .5 as light, too.
+    const auto painted = [&](const std::string& appearance, const std::string& more) {
+        return mean(kLookDown + matteFloor +
+                        fmt::format("Transform {{ translation 0 1.5 0 children Shape {{ appearance Appearance {{ {} }} "
+                                    "geometry IndexedFaceSet {{ {} coordIndex [0 1 2 3 -1] coord Coordinate {{ point "
+                                    "[-1 0 -1, 1 0 -1, 1 0 1, -1 0 1] }} }} }} }}",
+                                    appearance, more),
+                    256)
+            .value;
+    };
+    const char* const texture = "texture PixelTexture { image 2 1 3 0x00FF00 0x000000 }";
+    const double looked =
+        painted(std::string("material UnlitMaterial { emissiveColor 1 1 1 } ") + texture, "solid TRUE");
+    EXPECT_GT(looked, 0.3 * below);
+    EXPECT_LT(looked, 0.7 * below);
+    const double colored =
+        painted("material UnlitMaterial { }", "colorPerVertex FALSE color Color { color [0 1 0] } colorIndex [0]");
+    EXPECT_NEAR(colored, below, 0.02 * below);
+}
+
+}  // namespace
+}  // namespace rtsg
