@@ -7,6 +7,7 @@
 
 // Example:
 //     #include <rtsg/sync/field_comparison.h>
+//     rtsg::Scene recorded, now;  // each runs its frames beside the other
 //     rtsg::FieldComparison doors({{"DOOR.*"}, {"initial"}, 1e-4}, recorded, now, {"recorded", "now"});
 //     doors.first();
 #pragma once
