@@ -87,6 +87,7 @@ class Boxes {
 void stage(const Report& report, bool quick) {
     stageLights(report, quick);
     stageReaders(report, quick);
+    stageBus(report, quick);
     stageMemory(report, quick);
     const double clock = cpuClockSeconds();
     for (const std::uint32_t count : quick ? std::vector{1000u} : std::vector{1000u, 10'000u, 100'000u}) {

@@ -12,6 +12,8 @@ std::string manyBoxes(int count);
 void stageLights(const Report& report, bool quick);
 /// States for readers on other threads: what the scene's thread pays, and how long it waits.
 void stageReaders(const Report& report, bool quick);
+/// A subscriber that never polls, and the thread that merges for it.
+void stageBus(const Report& report, bool quick);
 void stageMemory(const Report& report, bool quick);
 
 }  // namespace rtsg::bench

@@ -150,5 +150,25 @@ TEST_F(Threads, ARecorderThatIsWaitedForLosesNoState) {
     EXPECT_EQ((*replayer)->verified(), (*replayer)->frames());
 }
 
+TEST_F(Threads, AMergersThreadWithoutMemoryDetachesWhomItMergesFor) {
+    struct Idle final : Subscriber {
+        Result<> apply(const Scene&, const ChangeSet&) override { return {}; }
+        std::string subscriberName() const override { return "idle"; }
+    } idle;
+    Attachment attachment = scene.bus().attach(idle, Delivery::polled);
+    {
+        const FailingHeap failing("rtsg merger");
+        EXPECT_TRUE(eventually([&] {
+            scene.createNode(x3d::Transform::type);  // so that the merged sets grow
+            step();
+            return !attachment.attached();
+        }));
+    }
+    EXPECT_EQ(attachment.failure(), "there was no memory to merge what it had not taken");
+    EXPECT_FALSE(attachment.poll());
+    step();
+    EXPECT_EQ(reported, "detached: " + attachment.failure());
+}
+
 }  // namespace
 }  // namespace rtsg

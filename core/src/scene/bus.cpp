@@ -1,11 +1,20 @@
-// Hands out sealed sets: to immediate subscribers at once, into a backlog for those that poll. Sets that are sealed
-// while another is handed out wait in a queue, so that everybody gets every set in order.
+// Hands out sealed sets: to immediate subscribers at once, into a backlog for those that poll, which a thread of its
+// own keeps short. Sets that are sealed while another is handed out wait in a queue, so that everybody gets every set
+// in order.
 #include <rtsg/core/bus.h>
 
 #include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <deque>
 #include <exception>
 #include <mutex>
+#include <system_error>
+#include <thread>
 #include <vector>
+
+#include <fmt/format.h>
+#include <pthread.h>
 
 #include <rtsg/core/scene.h>
 
@@ -13,8 +22,11 @@ namespace rtsg {
 
 namespace {
 
-/// A cursor keeps this many sets as they are; older ones are merged into one, a set at a time.
-constexpr std::size_t kBacklog = 256;
+/// A cursor keeps this many sets as they are. Older ones are merged into one, by the merger, which is woken when so
+/// many more wait; should it not get to it, the scene's thread merges what comes beyond the last of these numbers.
+constexpr std::size_t kBacklog = 256, kOverdue = 320, kMost = 384;
+
+constexpr const char* kUnmerged = "there was no memory to merge what it had not taken";
 
 /// Who is told of subscribers that failed, whichever thread they failed on.
 class Reports {
@@ -47,37 +59,59 @@ class Reports {
 
 using Sets = std::vector<std::shared_ptr<const ChangeSet>>;
 
-/// What a polled subscriber has not taken yet, oldest first. Adding a set costs what that set costs, however long the
-/// backlog: the composer takes in one old set for each new one beyond kBacklog.
+/// What a polled subscriber has not taken yet, oldest first: some sets merged into one, then sets as they came. The
+/// composer belongs to whoever holds the cursor's `merging`, all else to who holds its `mutex`.
 class Backlog {
   public:
-    bool empty() const { return first_ == sets_.size() && merged_->empty(); }
+    bool empty() const { return waiting() == 0 && !anyMerged_; }
     /// The state that the newest set leads to. Precondition: !empty().
-    std::uint64_t to() const { return first_ == sets_.size() ? mergedTo_ : sets_.back()->to; }
-    void add(std::shared_ptr<const ChangeSet> set) {
-        sets_.push_back(std::move(set));
-        if (sets_.size() - first_ <= kBacklog) return;
+    std::uint64_t to() const { return waiting() == 0 ? mergedTo_ : sets_.back()->to; }
+    std::size_t waiting() const { return sets_.size() - first_; }
+    void add(std::shared_ptr<const ChangeSet> set) { sets_.push_back(std::move(set)); }
+    void clear() {
+        sets_.clear();
+        first_ = 0;
+        anyMerged_ = false;
+        ++generation_;
+    }
+
+    /// The oldest set, to be merged next. Precondition: waiting() > 0.
+    std::shared_ptr<const ChangeSet> oldest() const { return sets_[first_]; }
+    std::uint64_t generation() const { return generation_; }
+    /// Nothing but `merging` is held: the set and the composer are nobody else's.
+    void merge(const ChangeSet& set, std::uint64_t generation) {
+        freshen(generation);
+        merged_->add(set);
+    }
+    /// The oldest set is merged, unless all has been cleared meanwhile.
+    void dropOldest(std::uint64_t generation) {
+        if (generation != generation_) return;
+        anyMerged_ = true;
         mergedTo_ = sets_[first_]->to;
-        merged_->add(*sets_[first_]);
         sets_[first_++].reset();
         if (first_ < kBacklog) return;
         sets_.erase(sets_.begin(), sets_.begin() + static_cast<std::ptrdiff_t>(first_));
         first_ = 0;
     }
-    void clear() {
-        sets_.clear();
-        first_ = 0;
-        if (!merged_->empty()) merged_ = std::make_unique<ChangeComposer>();
-    }
     /// Hands over what is merged, for a composer that is empty, and the sets after it.
     void takeInto(std::unique_ptr<ChangeComposer>& merged, Sets& sets) {
+        freshen(generation_);
         merged_.swap(merged);
+        anyMerged_ = false;
         sets_.swap(sets);
         sets.erase(sets.begin(), sets.begin() + static_cast<std::ptrdiff_t>(std::exchange(first_, 0)));
     }
 
   private:
+    /// What was cleared is in the composer until somebody comes who may touch it.
+    void freshen(std::uint64_t generation) {
+        if (std::exchange(mergedOf_, generation) != generation) merged_ = std::make_unique<ChangeComposer>();
+    }
+
     std::unique_ptr<ChangeComposer> merged_ = std::make_unique<ChangeComposer>();  // what came before sets_
+    std::uint64_t mergedOf_ = 0;                                                   // the generation it is of
+    std::uint64_t generation_ = 0;                                                 // counts clear()
+    bool anyMerged_ = false;
     std::uint64_t mergedTo_ = 0;
     Sets sets_;
     std::size_t first_ = 0;  // those before are in merged_
@@ -92,7 +126,10 @@ struct Attachment::Cursor {
     std::shared_ptr<Reports> reports;
     bool joining = false;  // gets its snapshot when there is a state to tell; the scene's thread only
 
-    std::mutex mutex;  // guards everything below, but for the polling thread's own
+    std::mutex merging;     // is locked before `mutex`; see Backlog
+    std::mutex mutex;       // guards everything below, but for the polling thread's own
+    bool overdue = false;   // the merger knows
+    bool unmerged = false;  // detached for kUnmerged, and nobody told yet
     bool attached = true;
     std::string failure;
     std::uint64_t seen = 0;
@@ -133,9 +170,48 @@ struct Attachment::Cursor {
     Sets takeBacklog() {
         Sets sets = std::move(taken);
         sets.clear();
+        const std::scoped_lock held(merging);
         const std::scoped_lock lock(mutex);
         if (attached) backlog.takeInto(composer, sets);
         return sets;
+    }
+    /// Merges one set if more than kBacklog wait; false: they do not. On any thread.
+    bool mergeOldest() {
+        const std::scoped_lock held(merging);
+        std::shared_ptr<const ChangeSet> set;
+        std::uint64_t generation = 0;
+        {
+            const std::scoped_lock lock(mutex);
+            if (!attached || backlog.waiting() <= kBacklog) {
+                overdue = false;
+                return false;
+            }
+            set = backlog.oldest();
+            generation = backlog.generation();
+        }
+        try {
+            backlog.merge(*set, generation);
+        } catch (...) {
+            const std::scoped_lock lock(mutex);
+            overdue = false;
+            if (attached) unmerged = true, attached = false;
+            backlog.clear();
+            return false;
+        }
+        const std::scoped_lock lock(mutex);
+        backlog.dropOldest(generation);
+        return true;
+    }
+    /// Of those that could not be merged for: told by the scene's thread, as the merger's may have no memory to do so.
+    void tellUnmerged() {
+        std::string name;
+        {
+            const std::scoped_lock lock(mutex);
+            if (!std::exchange(unmerged, false)) return;
+            name = subscriber->subscriberName();
+            failure = kUnmerged;
+        }
+        reports->report({Severity::error, name, {}, std::string("detached: ") + kUnmerged});
     }
     void putBack(Sets sets) {
         sets.clear();
@@ -154,6 +230,56 @@ struct Attachment::Cursor {
     }
 };
 
+namespace {
+
+/// A thread that merges what waits for those that do not poll, so that it costs the scene nothing. Started for the
+/// first.
+class Merger {
+  public:
+    ~Merger() {
+        if (!thread_.joinable()) return;
+        {
+            const std::scoped_lock lock(mutex_);
+            stop_ = true;
+        }
+        wake_.notify_one();
+        thread_.join();
+    }
+    void push(std::shared_ptr<Attachment::Cursor> cursor) {
+        const std::scoped_lock lock(mutex_);
+        cursors_.push_back(std::move(cursor));
+        if (!thread_.joinable()) try {
+                thread_ = std::thread([this] { run(); });
+            } catch (const std::system_error&) {
+                return;  // the scene's thread merges then
+            }
+        wake_.notify_one();
+    }
+
+  private:
+    void run() {
+        ::pthread_setname_np(::pthread_self(), "rtsg merger");
+        std::unique_lock lock(mutex_);
+        for (;;) {
+            wake_.wait(lock, [this] { return stop_ || !cursors_.empty(); });
+            if (stop_) return;
+            const std::shared_ptr<Attachment::Cursor> cursor = std::move(cursors_.front());
+            cursors_.pop_front();
+            lock.unlock();
+            while (!stop_ && cursor->mergeOldest()) continue;
+            lock.lock();
+        }
+    }
+
+    std::mutex mutex_;
+    std::condition_variable wake_;
+    std::deque<std::shared_ptr<Attachment::Cursor>> cursors_;
+    std::atomic<bool> stop_{false};
+    std::thread thread_;
+};
+
+}  // namespace
+
 struct Bus::State {
     Scene* scene = nullptr;
     std::vector<std::shared_ptr<Attachment::Cursor>> cursors;
@@ -163,8 +289,9 @@ struct Bus::State {
     std::size_t handedOut = 0;  // since the outermost publish began
     std::size_t restarts = 0;
     std::size_t joining = 0;  // cursors that wait for their snapshot
+    Merger merger;
 
-    bool give(Attachment::Cursor& cursor, const std::shared_ptr<const ChangeSet>& set);
+    bool give(const std::shared_ptr<Attachment::Cursor>& cursor, const std::shared_ptr<const ChangeSet>& set);
     bool join(Attachment::Cursor& cursor);
     void joinAll();
     void handOut(const std::shared_ptr<const ChangeSet>& set);
@@ -172,10 +299,17 @@ struct Bus::State {
 };
 
 /// False if the subscriber is not, or no longer, attached.
-bool Bus::State::give(Attachment::Cursor& cursor, const std::shared_ptr<const ChangeSet>& set) {
+bool Bus::State::give(const std::shared_ptr<Attachment::Cursor>& to, const std::shared_ptr<const ChangeSet>& set) {
+    Attachment::Cursor& cursor = *to;
+    std::size_t behind = 0;
+    bool wake = false;
     {
-        const std::scoped_lock lock(cursor.mutex);
-        if (!cursor.attached) return false;
+        std::unique_lock lock(cursor.mutex);
+        if (!cursor.attached) {
+            lock.unlock();
+            cursor.tellUnmerged();
+            return false;
+        }
         const std::uint64_t have = cursor.backlog.empty() ? cursor.seen : cursor.backlog.to();
         // A set that leads to the state it starts from puts right what had gone wrong in it.
         const bool repairs = set->from == set->to && have == set->to && have != 0;
@@ -183,10 +317,15 @@ bool Bus::State::give(Attachment::Cursor& cursor, const std::shared_ptr<const Ch
         cursor.restarted = false;
         if (cursor.delivery == Delivery::polled) {
             cursor.backlog.add(set);
-            return true;
+            behind = cursor.backlog.waiting();
+            if (behind <= kOverdue) return true;
+            wake = !std::exchange(cursor.overdue, true);
         }
     }
-    return cursor.deliver(*set);
+    if (cursor.delivery == Delivery::immediate) return cursor.deliver(*set);
+    if (wake) merger.push(to);
+    if (behind > kMost) cursor.mergeOldest();
+    return true;
 }
 
 /// Gives the cursor the scene as it is now. Precondition: nothing is pending.
@@ -224,7 +363,7 @@ void Bus::State::handOut(const std::shared_ptr<const ChangeSet>& set) {
     const std::size_t count = cursors.size(), before = restarts;
     for (std::size_t i = 0; i < count; ++i) {
         const auto cursor = cursors[i];
-        anyGone |= !give(*cursor, set);
+        anyGone |= !give(cursor, set);
         if (restarts != before) break;  // the scene starts over: this set is about one that is gone
     }
     if (anyGone) removeDetached();
@@ -330,7 +469,7 @@ Attachment::~Attachment() {
 void Attachment::detach() {
     if (!cursor_) return;
     const std::scoped_lock lock(cursor_->mutex);
-    cursor_->attached = false;
+    cursor_->attached = cursor_->unmerged = false;
     cursor_->backlog.clear();
 }
 
@@ -378,7 +517,7 @@ bool Attachment::attached() const {
 std::string Attachment::failure() const {
     if (!cursor_) return {};
     const std::scoped_lock lock(cursor_->mutex);
-    return cursor_->failure;
+    return cursor_->unmerged ? kUnmerged : cursor_->failure;
 }
 
 }  // namespace rtsg

@@ -1,6 +1,11 @@
 // The change bus when somebody edits, seals, runs frames, attaches or detaches from within a delivery or a frame: every
 // subscriber still sees every set, whole and in order.
+#include <atomic>
+#include <chrono>
 #include <functional>
+#include <mutex>
+#include <random>
+#include <thread>
 
 #include <gtest/gtest.h>
 
@@ -308,6 +313,106 @@ TEST(BusBacklog, DrainingALongOneGivesWhatIsMergedFirstThenEachFrame) {
     }
     EXPECT_EQ(slow.replica.hash(), scene.hash());
     EXPECT_EQ(attachment.drain(), 0U);
+}
+
+/// Where the scene's thread would not merge yet, somebody else has: sooner or later only the last 256 are as they were.
+TEST(BusBacklog, IsMergedBesideTheScenesThread) {
+    std::size_t count = 0;
+    for (int patience = 1; patience < 20'000 && count != 257; patience *= 2) {
+        Scene scene;
+        Witness slow;
+        Attachment attachment = scene.bus().attach(slow, Delivery::polled);
+        for (int i = 1; i < 380; ++i) scene.newFrame(i);
+        std::this_thread::sleep_for(std::chrono::milliseconds(patience));
+        count = attachment.drain();
+        EXPECT_EQ(slow.sets.back().second, scene.sequence());
+        EXPECT_EQ(slow.replica.hash(), scene.hash());
+        for (std::size_t i = 1; i < slow.sets.size(); ++i) EXPECT_EQ(slow.sets[i].first, slow.sets[i - 1].second);
+    }
+    EXPECT_EQ(count, 257U);
+}
+
+/// What waits is merged, taken, forgotten and begun again at the same time, on three threads.
+TEST(BusBacklog, IsWholeHoweverItIsTakenWhileItIsMerged) {
+    const unsigned seed = std::random_device{}();
+    RecordProperty("seed", static_cast<int>(seed));
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    Scene scene;
+    const NodeId box = scene.createNode(x3d::Transform::type);
+    struct Witnessed : Subscriber {  // on a thread that has no scene
+        std::vector<std::pair<std::uint64_t, std::uint64_t>> sets;
+        ChangeComposer composer;
+        Result<> apply(const Scene&, const ChangeSet& set) override {
+            sets.emplace_back(set.from, set.to);
+            composer.add(set);
+            return {};
+        }
+        Hash128 hash() {
+            Scene replica;
+            EXPECT_TRUE(replica.apply(std::make_shared<const ChangeSet>(composer.take())));
+            return replica.hash();
+        }
+    };
+    struct Follower {
+        Witnessed witness;
+        std::mutex mutex;  // of the attachment
+        Attachment attachment;
+        std::mt19937 random;
+    } one, two;
+    std::atomic<bool> ending = false;
+    const auto follow = [&ending](Follower& f) {
+        for (bool last = false; !last;) {
+            last = ending;
+            {
+                const std::scoped_lock lock(f.mutex);
+                f.random() % 2 ? f.attachment.poll() : f.attachment.drain() != 0;
+            }
+            std::this_thread::sleep_for(std::chrono::microseconds(f.random() % 4000));
+        }
+    };
+    one.random.seed(seed + 1), two.random.seed(seed + 2);
+    one.attachment = scene.bus().attach(one.witness, Delivery::polled);
+    std::thread first([&] { follow(one); }), second([&] { follow(two); });
+    for (int i = 1; i <= 20'000; ++i) {
+        ASSERT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(static_cast<float>(i))));
+        scene.newFrame(i);
+        if (i % 3000 != 0) continue;
+        const std::scoped_lock lock(two.mutex);  // comes, and goes with all that waits for it
+        two.attachment.detach();
+        two.witness.sets.clear();
+        (void)two.witness.composer.take();
+        if (random() % 4) two.attachment = scene.bus().attach(two.witness, Delivery::polled);
+    }
+    ending = true;
+    first.join(), second.join();
+    EXPECT_TRUE(one.witness.hash() == scene.hash());
+    if (two.attachment.attached()) {
+        EXPECT_TRUE(two.witness.hash() == scene.hash());
+    }
+    for (const Follower* f : {&one, &two})
+        for (std::size_t i = 1; i < f->witness.sets.size(); ++i)
+            ASSERT_EQ(f->witness.sets[i].first, f->witness.sets[i - 1].second) << i;
+}
+
+/// A scene that starts over makes void what waits and what is being merged.
+TEST(BusBacklog, IsForgottenWhenTheSceneStartsOver) {
+    Scene scene;
+    Witness slow;
+    Attachment attachment = scene.bus().attach(slow, Delivery::polled);
+    for (int round = 0; round < 30; ++round) {
+        for (int i = 1; i < 350; ++i) {
+            scene.createNode(x3d::Transform::type);
+            scene.newFrame(i);
+        }
+        ASSERT_TRUE(scene.reset());
+        const NodeId only = scene.createNode(x3d::Shape::type);
+        ASSERT_TRUE(scene.setName(only, "ONLY"));
+        scene.newFrame(round);
+        if (round % 3 == 0) continue;
+        ASSERT_TRUE(attachment.poll());
+        EXPECT_EQ(slow.replica.hash(), scene.hash()) << round;
+    }
 }
 
 /// Nodes that come and go leave nothing behind in what waits.

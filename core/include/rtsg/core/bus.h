@@ -89,7 +89,7 @@ class Bus {
     /// frame is complete. `subscriber` must outlive the attachment.
     Attachment attach(Subscriber& subscriber, Delivery delivery = Delivery::immediate);
     /// Called by the scene; from within a delivery the set waits its turn. Sets that a polled subscriber has not taken
-    /// yet are kept, and merged in steps, so that memory is bounded by the scene and not by the lag.
+    /// yet are kept, and merged in steps by a thread of the bus's own: memory follows the scene and not the lag.
     void publish(std::shared_ptr<const ChangeSet> set);
     /// Sets handed out since the outermost publish began, and waiting for it; 0 outside of one.
     std::size_t inDelivery() const;
