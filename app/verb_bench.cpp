@@ -56,6 +56,8 @@ constexpr Bench kBenches[] = {
     {"animated", "scene", "10,000 animated Transforms: cascade and change set", always<bench::animated>},
     {"changes", "scene", "a changed field on its way to three subscribers", always<bench::changes>},
     {"structure", "scene", "adding, removing and moving one node of many; bytes a node", always<bench::structure>},
+    {"runtime", "scene", "scripts, levels of detail, routes, sensors and followers by the thousand",
+     always<bench::runtime>},
     {"rays", "world", "primary rays with shading against the bare intersections", bench::rays},
     {"overlap", "world", "the next frame's cascade while this one is pictured, against one after the other",
      bench::overlap},

@@ -27,6 +27,7 @@ void transform(const Report& report, bool quick);
 void animated(const Report& report, bool quick);
 void changes(const Report& report, bool quick);
 void structure(const Report& report, bool quick);
+void runtime(const Report& report, bool quick);
 bool rays(const Report& report, bool quick);
 /// False if the copy on the other thread differs.
 bool overlap(const Report& report, bool quick);

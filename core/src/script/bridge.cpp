@@ -51,6 +51,12 @@ bool now(JSContext* cx, unsigned count, JS::Value* vp) {
     return true;
 }
 
+/// The running program's global object.
+bool global(JSContext* cx, unsigned count, JS::Value* vp) {
+    JS::CallArgsFromVp(count, vp).rval().setObject(*currentCall(cx).global);
+    return true;
+}
+
 /// hasRoomFor(bytes)
 bool hasRoomFor(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
@@ -261,6 +267,7 @@ JSObject* newBridge(JSContext* cx) {
     static constexpr JSFunctionSpec functions[] = {
         JS_FN("print", print, 1, 0),
         JS_FN("now", now, 0, 0),
+        JS_FN("global", global, 0, 0),
         JS_FN("hasRoomFor", hasRoomFor, 1, 0),
         JS_FN("exists", exists, 1, 0),
         JS_FN("type", type, 1, 0),
@@ -283,6 +290,8 @@ JSObject* newBridge(JSContext* cx) {
     };
     JS::RootedObject bridge(cx, JS_NewPlainObject(cx));
     if (!bridge || !JS_DefineFunctions(cx, bridge, functions)) return nullptr;
+    JS::RootedString version(cx, JS_NewStringCopyZ(cx, RTSG_VERSION));
+    if (!version || !JS_DefineProperty(cx, bridge, "version", version, 0)) return nullptr;
     return bridge;
 }
 

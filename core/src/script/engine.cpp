@@ -20,11 +20,6 @@ namespace {
 /// Scripts that write to each other's fields directly nest; beyond this it is a circle.
 constexpr int kMaximumDepth = 16;
 
-/// Of the global object: the program's controller.
-constexpr std::uint32_t kControllerSlot = 0;
-
-constexpr JSClass kGlobalClass{"Script", JSCLASS_GLOBAL_FLAGS, &JS::DefaultGlobalClassOps, nullptr, nullptr, nullptr};
-
 /// The program's text, from the first url that has one; `problem` says why there is none.
 std::string sourceOf(const Scene& scene, const Node& node, const ScriptOptions& options, std::string& problem) {
     for (const String& url : node.get(x3d::Script::url)) {
@@ -49,16 +44,20 @@ std::string sourceOf(const Scene& scene, const Node& node, const ScriptOptions& 
 struct ScriptEngine::State {
     struct Program {
         std::unique_ptr<JS::PersistentRootedObject> global, controller;  // controller: null if it cannot run
+        std::unique_ptr<JS::PersistentRootedValue> event;                // the controller's function of that name
         bool eventsPending = false;
         double preparedAt = -kNever;
         bool stale = false;  // its url has changed
         Array<String> url;   // which it came from
         bool hasInitialize = false, hasPrepareEvents = false, hasEventsProcessed = false;
-        std::vector<std::string> handlers;  // by field: the function's name; empty if there is none
+        std::vector<std::unique_ptr<JS::PersistentRooted<JSString*>>>
+            handlers;  // by field: the function's name, or null
 
         /// It never runs again; what it holds goes with the next collection.
         void end() {
             controller.reset();
+            event.reset();
+            handlers.clear();
             global.reset();
         }
     };
@@ -125,10 +124,10 @@ struct ScriptEngine::State {
         }
         // The program may destroy its own node, and so itself: nothing of either is used after the body.
         const NodeId id = node.id();
-        Call call{scene, cascade, options, scene.now()};
+        JS::RootedObject global(context(), *program.global);
+        Call call{scene, cascade, options, scene.now(), global};
         Call* outer = std::exchange(runtime->current, &call);
         if (++runtime->depth == 1) runtime->startWatch(options.timeLimit);
-        JS::RootedObject global(context(), *program.global);
         JSAutoRealm realm(context(), global);
         const Jobs::Mark mark = runtime->jobs().mark();
         const bool ok = body();
@@ -165,7 +164,7 @@ struct ScriptEngine::State {
             function.setObject(*job);
             bool done = JS_CheckForInterrupt(cx) &&
                         JS::Call(cx, JS::UndefinedHandleValue, function, JS::HandleValueArray::empty(), &ignored);
-            controller.set(JS::GetReservedSlot(global, kControllerSlot));
+            controller.set(JS::GetReservedSlot(global, Runtime::kControllerSlot));
             if (done && controller.isObject()) {
                 JS::RootedObject object(cx, &controller.toObject());
                 done = JS_CallFunctionName(cx, object, "flush", JS::HandleValueArray::empty(), &ignored);
@@ -204,38 +203,17 @@ struct ScriptEngine::State {
         return result.isBoolean() && result.toBoolean();
     }
 
-    bool evaluate(std::string_view source, const char* name, JS::MutableHandleValue result) const {
-        JS::CompileOptions compile(context());
-        compile.setFileAndLine(name, 1);
-        JS::SourceText<mozilla::Utf8Unit> text;
-        return text.init(context(), source.data(), source.size(), JS::SourceOwnership::Borrowed) &&
-               JS::Evaluate(context(), compile, text, result);
-    }
-
-    /// The global object with the prelude's names in it, then the program itself.
-    bool load(Program& program, const Node& node, const std::string& source) const {
+    /// The program's controller, then the program itself.
+    bool load(Program& program, const std::string& source) const {
         JSContext* cx = context();
-        JS::RootedObject global(cx, *program.global);
-        JS::RootedValue fences(cx), prelude(cx), made(cx), ignored(cx);
-        if (!runtime->evaluate(Runtime::Library::fences, &fences) ||
-            !runtime->evaluate(Runtime::Library::prelude, &prelude))
-            return false;
-        JS::RootedObject bridge(cx, newBridge(cx));
-        if (!bridge) return false;
-        JS::RootedValue version(cx, JS::StringValue(JS_NewStringCopyZ(cx, RTSG_VERSION)));
-        if (!JS_SetProperty(cx, bridge, "version", version)) return false;
-        JS::RootedValueArray<3> arguments(cx);
-        arguments[0].setObject(*bridge);
-        arguments[1].setNumber(node.id().value);
-        arguments[2].setObject(*global);
-        if (!JS_CallFunctionValue(cx, nullptr, prelude, arguments, &made) ||
-            !JS_CallFunctionValue(cx, nullptr, fences, arguments, &ignored))
-            return false;
-        program.controller = std::make_unique<JS::PersistentRootedObject>(cx, &made.toObject());
-        JS::SetReservedSlot(global, kControllerSlot, made);
-        if (!evaluate(source, "script", &ignored)) return false;
+        JS::RootedObject global(cx, *program.global), controller(cx, runtime->newController(global));
+        JS::RootedValue event(cx), ignored(cx);
+        if (!controller || !JS_GetProperty(cx, controller, "event", &event)) return false;
+        program.controller = std::make_unique<JS::PersistentRootedObject>(cx, controller);
+        program.event = std::make_unique<JS::PersistentRootedValue>(cx, event);
+        if (!runtime->run(source)) return false;
         // Top-level statements may have assigned to fields.
-        return call(program, "flush", JS::HandleValueArray::empty(), &ignored);
+        return JS_CallFunctionName(cx, controller, "flush", JS::HandleValueArray::empty(), &ignored);
     }
 
     static bool hasNewUrl(const Program& program, const Node& node) {
@@ -288,18 +266,10 @@ struct ScriptEngine::State {
             if (!problem.empty()) cascade.warn(node, problem);
             return;
         }
-        // One zone for all: each of its own would take half a megabyte more, and the collector's time.
-        JS::RealmOptions realm;
-        realm.creationOptions().setExistingCompartment(runtime->anchor());
-        realm.behaviors().setDiscardSource(true);  // texts of functions, kept or not, are in no count
-        JS::RootedObject global(context(),
-                                JS_NewGlobalObject(context(), &kGlobalClass, nullptr, JS::FireOnNewGlobalHook, realm));
-        if (!global) {
-            JS_ClearPendingException(context());
-            return cascade.warn(node, "out of memory for scripts");
-        }
+        JS::RootedObject global(context(), runtime->newGlobal(node.id()));
+        if (!global) return cascade.warn(node, "out of memory for scripts");
         program.global = std::make_unique<JS::PersistentRootedObject>(context(), global);
-        const bool loaded = enter(&cascade, node, program, [&] { return load(program, node, source); });
+        const bool loaded = enter(&cascade, node, program, [&] { return load(program, source); });
         if (!loaded) return program.end();
         enter(&cascade, node, program, [&] {
             program.hasPrepareEvents = has(program, "prepareEvents");
@@ -307,8 +277,11 @@ struct ScriptEngine::State {
             for (const FieldDef& def : node.type().fields) {
                 std::string name = def.name;
                 if (def.access == Access::inputOutput && has(program, "set_" + def.name)) name = "set_" + def.name;
-                if (def.hidden || !def.writable() || !has(program, name)) name.clear();
-                program.handlers.push_back(std::move(name));
+                program.handlers.emplace_back();
+                if (def.hidden || !def.writable() || !has(program, name)) continue;
+                JSString* text = JS_AtomizeStringN(context(), name.data(), name.size());
+                if (!text) return false;
+                program.handlers.back() = std::make_unique<JS::PersistentRooted<JSString*>>(context(), text);
             }
             program.hasInitialize = has(program, "initialize");
             return true;
@@ -340,6 +313,8 @@ ScriptEngine::~ScriptEngine() {
         for (auto& [id, program] : state_->programs) {
             (void)program.global.release();
             (void)program.controller.release();
+            (void)program.event.release();
+            (void)new auto(std::move(program.handlers));
         }
 }
 
@@ -353,23 +328,19 @@ void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field,
     State::Program* program = s.ready(cascade, node);
     if (!program) return;
     program->eventsPending = true;
-    if (program->handlers[field].empty()) return;
+    if (!program->handlers[field]) return;
     s.enter(&cascade, node, *program, [&] {
         JSContext* cx = s.context();
-        JS::RootedValueArray<3> arguments(cx);
-        const std::string& name = program->handlers[field];
-        JSString* text = JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(name.data(), name.size()));
-        if (!text) return false;
-        arguments[0].setString(text);
+        JS::RootedValueArray<4> arguments(cx);
         const FieldType type = node.type().fields[field].type;
-        JS::RootedValueArray<2> plain(cx);
-        plain[0].setInt32(static_cast<int>(type));
-        if (!toScript(cx, type, value, plain[1])) return false;
-        JS::RootedValue event(cx), ignored(cx);
-        if (!s.call(*program, "revive", plain, &event)) return false;
-        arguments[1].set(event);
-        arguments[2].setNumber(cascade.now());
-        return s.call(*program, "call", arguments, &ignored);
+        arguments[0].setString(*program->handlers[field]);
+        arguments[1].setInt32(static_cast<int>(type));
+        arguments[3].setNumber(cascade.now());
+        JS::RootedValue event(cx, *program->event), ignored(cx);
+        JS::RootedObject library(cx, s.runtime->library());
+        const JSAutoRealm realm(cx, library);
+        return toScript(cx, type, value, arguments[2]) &&
+               JS::Call(cx, JS::UndefinedHandleValue, event, arguments, &ignored);
     });
 }
 

@@ -1,24 +1,25 @@
 // What a Script sees besides ECMAScript itself: field values as objects, nodes, Browser. ISO/IEC 19777-1 V3.3 clause 7.
 //
-// Evaluated once for every Script, in a global object of its own. `native` is the bridge to the scene. A field is read
-// when it is first touched in a call and kept until the call ends; then whatever was assigned, or changed in place
-// (`points[3].y = 1`), goes to the scene in the order of first touch, as events where the field sends or takes them.
-(function (native, self, global) {
+// Evaluated once a thread, in a realm of its own whose objects no program can change; `native` is the bridge to the
+// scene. It answers with the names that every program finds in its global object, and a function that makes a program's
+// controller. A field is read when it is first touched in a call and kept until the call ends; then whatever was
+// assigned, or changed in place (`points[3].y = 1`), goes to the scene in the order of first touch, as events where the
+// field sends or takes them.
+(function (native) {
     "use strict";
 
-    const Float64Array = global.Float64Array;  // whatever a program makes of the name
+    const names = Object.create(null);
+    /// Errors and arrays are the running program's own: it can tell them by `instanceof`.
+    function fail(kind, text) { throw new (native.global()[kind])(text); }
+    const ownArray = list => native.global().Array.from(list);
     const SFString = 10, SFNode = 12, SFImage = 18, SFRotation = 32, SFMatrix = 34;
     const tuples = new Map();  // SF type code -> class
     const arrays = new Map();  // MF type code -> class
+    const spares = new Map();  // SF type code -> an array for its components, between two statements
 
     // ---- values of several numbers ---------------------------------------------------------------------------
+    // Methods alone: constructors and what goes component by component are made below, class by class.
     class Tuple {
-        constructor(...given) {
-            if (given.length === 1 && given[0] instanceof Tuple) given = given[0].components();
-            const keys = this.constructor.keys;
-            for (let i = 0; i < keys.length; ++i) this[keys[i]] = i < given.length ? Number(given[i]) : this.constructor.zero[i];
-        }
-        components() { return this.constructor.keys.map(key => this[key]); }
         map(f) { return new this.constructor(...this.components().map(f)); }
         zip(other, f) { const o = other.components(); return this.map((c, i) => f(c, o[i])); }
         equals(other) { const o = other.components(); return this.components().every((c, i) => c === o[i]); }
@@ -58,14 +59,13 @@
             const max = Math.max(this.r, this.g, this.b), d = max - Math.min(this.r, this.g, this.b);
             const h = d === 0 ? 0 : max === this.r ? ((this.g - this.b) / d + 6) % 6
                 : max === this.g ? (this.b - this.r) / d + 2 : (this.r - this.g) / d + 4;
-            return [h * 60, max === 0 ? 0 : d / max, max];
+            return ownArray([h * 60, max === 0 ? 0 : d / max, max]);
         }
     }
     class Rotation extends Tuple {
-        constructor(a, b, ...rest) {
-            if (!(a instanceof Vector3)) super(...(a === undefined ? [] : [a, b, ...rest].filter(c => c !== undefined)));
-            else if (!(b instanceof Vector3)) super(a.x, a.y, a.z, b);
-            else super(...Rotation.between(a.normalize(), b.normalize()));
+        /// What the constructor takes besides components: two vectors, or an axis and an angle.
+        static given(a, b) {
+            return b instanceof Vector3 ? Rotation.between(a.normalize(), b.normalize()) : [a.x, a.y, a.z, b];
         }
         static between(from, to) {
             let axis = from.cross(to);
@@ -80,15 +80,15 @@
         }
         static fromQuaternion([x, y, z, w]) {
             const s = Math.hypot(x, y, z);
-            return s < 1e-300 ? new global.SFRotation() : new global.SFRotation(x / s, y / s, z / s, 2 * Math.atan2(s, w));
+            return s < 1e-300 ? new names.SFRotation() : new names.SFRotation(x / s, y / s, z / s, 2 * Math.atan2(s, w));
         }
         quaternion() {
             const l = Math.hypot(this.x, this.y, this.z), s = l > 0 ? Math.sin(this.angle / 2) / l : 0;
             return [this.x * s, this.y * s, this.z * s, Math.cos(this.angle / 2)];
         }
-        getAxis() { return new global.SFVec3f(this.x, this.y, this.z); }
+        getAxis() { return new names.SFVec3f(this.x, this.y, this.z); }
         setAxis(axis) { this.x = axis.x; this.y = axis.y; this.z = axis.z; }
-        inverse() { return new global.SFRotation(this.x, this.y, this.z, -this.angle); }
+        inverse() { return new names.SFRotation(this.x, this.y, this.z, -this.angle); }
         // Turning by the result is turning by `r` first, then by this.
         multiply(r) {
             const [ax, ay, az, aw] = this.quaternion(), [bx, by, bz, bw] = r.quaternion();
@@ -146,7 +146,7 @@
         transpose() { const n = this.order, c = this.components(); return this.made(c.map((_, i) => c[i % n * n + Math.trunc(i / n)])); }
         inverse() {
             const {inverse} = Matrix.solve(this.components(), this.order);
-            if (!inverse) throw new RangeError("this matrix has no inverse");
+            if (!inverse) fail("RangeError", "this matrix has no inverse");
             return this.made(inverse);
         }
         multLeft(m) { return this.made(Matrix.product(m.components(), this.components(), this.order)); }
@@ -154,7 +154,7 @@
         // A vector with one component less than the matrix has rows is a point.
         times(v, entry) {
             const n = this.order, from = v.components(), m = this.components(), isPoint = from.length === n - 1;
-            if (!isPoint && from.length !== n) throw new TypeError(`a vector of ${from.length} does not fit this matrix`);
+            if (!isPoint && from.length !== n) fail("TypeError", `a vector of ${from.length} does not fit this matrix`);
             if (isPoint) from.push(1);
             const out = from.map((_, j) => from.reduce((sum, c, i) => sum + c * entry(m, i, j, n), 0));
             const w = isPoint ? out.pop() : 1;
@@ -174,7 +174,7 @@
         setTransform(translation, rotation, scale, scaleOrientation, center) {
             const moved = (v, sign) => [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, sign * v.x, sign * v.y, sign * v.z, 1];
             const turned = r => {
-                const rows = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(axis => r.multVec(new global.SFVec3d(...axis)).components());
+                const rows = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(axis => r.multVec(new names.SFVec3d(...axis)).components());
                 return [...rows[0], 0, ...rows[1], 0, ...rows[2], 0, 0, 0, 0, 1];
             };
             const parts = [];
@@ -190,7 +190,7 @@
         }
         // Fills in the objects that are given. Exact for what has no shear.
         getTransform(translation, rotation, scale) {
-            const c = this.components(), row = i => new global.SFVec3d(c[4 * i], c[4 * i + 1], c[4 * i + 2]);
+            const c = this.components(), row = i => new names.SFVec3d(c[4 * i], c[4 * i + 1], c[4 * i + 2]);
             const lengths = [0, 1, 2].map(i => row(i).length());
             if (this.det3() < 0) lengths[2] = -lengths[2];
             if (translation) { translation.x = c[12]; translation.y = c[13]; translation.z = c[14]; }
@@ -209,25 +209,42 @@
         }
     }
 
-    function publish(name, value) {
-        Object.defineProperty(global, name, {value, writable: true, configurable: true, enumerable: false});
-    }
     // What a program calls to make one, with `new` or without.
     function publishClass(name, made) {
         const maker = {[name]: function (...given) { return Reflect.construct(made, given, new.target ?? maker); }}[name];
         Object.setPrototypeOf(maker, made);  // for what is asked of the class
         maker.prototype = made.prototype;
         Object.defineProperty(made.prototype, "constructor", {value: maker, writable: true, configurable: true, enumerable: false});
-        publish(name, maker);
+        names[name] = maker;
     }
+    // Written out for each class, which is several times as fast as a loop over its components.
     function defineTuple(code, name, base, keys, zero = keys.map(() => 0)) {
-        const made = {[name]: class extends base {}}[name];
+        const parameters = keys.map((_, i) => `a${i}`), property = key => /^\d/.test(key) ? `[${key}]` : `.${key}`;
+        const each = (f, between) => keys.map(f).join(between);
+        const special = base === Rotation ? "if (a0 instanceof Vector3) { [a0, a1, a2, a3] = Rotation.given(a0, a1); count = 4; }" : "";
+        const made = new Function("Tuple", "Vector3", "Rotation", `"use strict"; return function ${name}(${parameters}) {
+            if (new.target === undefined) return Reflect.construct(${name}, arguments);
+            let count = arguments.length;
+            ${special}
+            if (count === 1 && a0 instanceof Tuple) { const from = a0.components(); count = from.length; [${parameters}] = from; }
+            ${each((key, i) => `this${property(key)} = count > ${i} ? Number(a${i}) : ${zero[i]};`, " ")}
+        }`)(Tuple, Vector3, Rotation);
         made.keys = keys;
         made.zero = zero;
+        spares.set(code, new Float64Array(keys.length));
+        made.prototype = Object.create(base.prototype);
+        const define = (holder, key, parts) => Object.defineProperty(holder, key, {configurable: true, ...parts});
+        const from = each((_, i) => `flat[at + ${i}]`, ", ");
+        /// From and to plain numbers.
+        made.load = new Function("made", `return (flat, at) => new made(${from});`)(made);
+        made.store = new Function(`return (value, out, at) => { ${each((key, i) => `out[at + ${i}] = value${property(key)};`, " ")} };`)();
+        const components = new Function(`"use strict"; return function components() { return [${each(key => `this${property(key)}`, ", ")}]; };`)();
+        define(made.prototype, "components", {value: components, writable: true});
+        define(made.prototype, "constructor", {value: made, writable: true});
         if (!(base.prototype instanceof Matrix))
-            keys.forEach((key, i) => Object.defineProperty(made.prototype, i, {get() { return this[key]; }, set(v) { this[key] = v; }}));
+            keys.forEach((key, i) => define(made.prototype, i, {get() { return this[key]; }, set(v) { this[key] = v; }}));
         tuples.set(code, made);
-        publishClass(name, made);
+        names[name] = made;
     }
     defineTuple(14, "SFColor", Color, ["r", "g", "b"]);
     defineTuple(16, "SFColorRGBA", Color, ["r", "g", "b", "a"]);
@@ -269,14 +286,23 @@
         for (const value of given) put(this, this.length, value);
         return this.length;
     };
-    Object.setPrototypeOf(MF.prototype, new Proxy(Array.prototype, {
+    // What is not known here the program's own Array.prototype may know.
+    const beyond = () => native.global().Array.prototype;
+    Object.setPrototypeOf(MF.prototype, new Proxy({}, {
         get(target, key, receiver) {
             const index = indexOf(key);
-            if (index < 0 || !Array.isArray(receiver) || index >= receiver.length) return Reflect.get(target, key, receiver);
+            if (index < 0 || !Array.isArray(receiver) || index >= receiver.length) return Reflect.get(beyond(), key, receiver);
             const value = receiver.constructor.filler();
             put(receiver, key, value);
             return value;
         },
+        set(target, key, value, receiver) {
+            slot.value = value;
+            return Reflect.defineProperty(receiver, key, slot);
+        },
+        has: (target, key) => Reflect.has(beyond(), key),
+        getPrototypeOf: beyond,
+        setPrototypeOf: () => false, defineProperty: () => false, deleteProperty: () => false, preventExtensions: () => false,
     }));
     mfNames.forEach((name, i) => {
         const made = {["MF" + name]: class extends MF {}}["MF" + name];
@@ -294,7 +320,7 @@
     const typeName = code => (code & 1 ? "MF" : "SF") + mfNames[code >> 1];
     function refuse(code, value) {
         const what = value === null ? "null" : typeof value === "object" ? value.constructor?.name ?? "object" : typeof value;
-        throw new TypeError(`${typeName(code)} cannot hold ${what}`);
+        fail("TypeError", `${typeName(code)} cannot hold ${what}`);
     }
     function scalar(code, value) {
         if (code === 0) return value ? 1 : 0;
@@ -306,9 +332,9 @@
         if (typeof value !== "number" && typeof value !== "boolean") refuse(code, value);
         return Number(value);
     }
-    function tupleInto(code, value, out, at) {
-        const keys = tuples.get(code).keys;
-        const source = value instanceof Tuple ? value.components() : Array.isArray(value) ? value : refuse(code, value);
+    function tupleInto(code, tuple, value, out, at) {
+        if (value instanceof tuple) return tuple.store(value, out, at);
+        const keys = tuple.keys, source = value instanceof Tuple ? value.components() : Array.isArray(value) ? value : refuse(code, value);
         if (source.length !== keys.length) refuse(code, value);
         for (let i = 0; i < keys.length; ++i) out[at + i] = Number(source[i]);
     }
@@ -316,14 +342,15 @@
         if (!(value instanceof SFImage_)) refuse(SFImage, value);
         return [value.width, value.height, value.comp, ...value.array];
     }
-    function flatten(code, value) {
+    /// `spare`: an array of the right length that may be used again.
+    function flatten(code, value, spare) {
         if (!(code & 1)) {
             if (code === SFString) return String(value);
             if (code === SFImage) return Float64Array.from(imageWords(value));
             const tuple = tuples.get(code);
             if (!tuple) return scalar(code, value);
-            const out = new Float64Array(tuple.keys.length);
-            tupleInto(code, value, out, 0);
+            const out = spare ?? new Float64Array(tuple.keys.length);
+            tupleInto(code, tuple, value, out, 0);
             return out;
         }
         const element = code - 1;
@@ -334,17 +361,18 @@
         for (let i = 0; i < value.length; ++i) {
             if (!tuple) out[i] = value[i] === undefined ? 0 : scalar(element, value[i]);
             else if (value[i] === undefined) out.set(tuple.zero, i * width);
-            else tupleInto(element, value[i], out, i * width);
+            else tupleInto(element, tuple, value[i], out, i * width);
         }
         return out;
     }
-    function revive(code, flat) {
+    /// `nodeOf`: the program's own object for a node.
+    function revive(code, flat, nodeOf) {
         if (!(code & 1)) {
             if (code === 0) return flat !== 0;
             if (code === SFNode) return nodeOf(flat);
             if (code === SFImage) return flat.length < 3 ? new SFImage_() : new SFImage_(flat[0], flat[1], flat[2], flat.subarray(3));
             const tuple = tuples.get(code);
-            return tuple ? new tuple(...flat) : flat;
+            return tuple ? tuple.load(flat, 0) : flat;
         }
         const element = code - 1, result = [], tuple = tuples.get(element);
         if (element === SFImage) {
@@ -355,165 +383,213 @@
             }
         } else if (tuple) {
             const width = tuple.keys.length;
-            for (let at = 0; at < flat.length; at += width) result.push(new tuple(...flat.subarray(at, at + width)));
+            for (let at = 0; at < flat.length; at += width) result.push(tuple.load(flat, at));
         } else {
-            for (let i = 0; i < flat.length; ++i) result.push(element === SFString ? flat[i] : revive(element, flat[i]));
+            for (let i = 0; i < flat.length; ++i) result.push(element === SFString ? flat[i] : revive(element, flat[i], nodeOf));
         }
         Object.setPrototypeOf(result, arrays.get(code).prototype);
         return result;
     }
 
-    // ---- nodes and their fields --------------------------------------------------------------------------------
-    const inputOnly = 1, outputOnly = 2;
-    let touched = new Map();
-    const proxies = new Map(), ids = new WeakMap(), fieldTables = new Map();
+    /// What an assignment keeps: later changes of `value` are not meant.
+    function copied(code, value, nodeOf) {
+        const tuple = tuples.get(code);
+        return tuple && value instanceof tuple ? tuple.load(flatten(code, value, spares.get(code)), 0) : revive(code, flatten(code, value), nodeOf);
+    }
 
-    function fieldOf(id, name) {
-        if (typeof name !== "string") return undefined;
-        const type = native.type(id);
-        let table = fieldTables.get(type);
-        if (!table) fieldTables.set(type, table = new Map());
-        let field = table.get(name);
-        if (field === undefined) {
-            const packed = native.field(id, name);
-            field = packed < 0 ? null : {index: packed & 0xFFFF, code: packed >> 16 & 0xFF, access: packed >> 24, name};
-            table.set(name, field);
-        }
-        return field;
-    }
-    function read(id, field) {
-        if (field.access === inputOnly) return undefined;
-        const key = id * 65536 + field.index, known = touched.get(key);
-        if (known) return known.value;
-        const value = revive(field.code, native.read(id, field.index));
-        touched.set(key, {id, field, value, assigned: false});
-        return value;
-    }
-    function assign(id, field, value) {
-        const flaw = native.mayWrite(self, id, field.index);
-        if (flaw) throw new TypeError(`${field.name}: ${flaw}`);
-        const key = id * 65536 + field.index;
-        touched.delete(key);
-        touched.set(key, {id, field, value: revive(field.code, flatten(field.code, value)), assigned: true});
-    }
+    // ---- nodes, and what prints ----------------------------------------------------------------------------------
+    const inputOnly = 1, ids = new WeakMap();
+    class SFNode_ {}
+    publishClass("SFNode", SFNode_);
     const methods = {
         getTypeName: id => native.typeName(id), getNodeTypeName: id => native.typeName(id), getNodeName: id => native.nodeName(id),
         getName: id => native.nodeName(id), toString: id => `${native.typeName(id)} { }`, valueOf: id => id,
     };
-    const nodeHandler = {
-        get(target, name) {
-            if (!native.exists(target.id)) throw new ReferenceError("this node has been destroyed");
-            const field = fieldOf(target.id, name);
-            if (field) return read(target.id, field);
-            if (name === Symbol.toPrimitive) return () => `${native.typeName(target.id)} { }`;
-            return Object.hasOwn(methods, name) ? () => methods[name](target.id) : undefined;
-        },
-        set(target, name, value) {
-            if (!native.exists(target.id)) throw new ReferenceError("this node has been destroyed");
-            const field = fieldOf(target.id, name);
-            if (!field) throw new TypeError(`${native.typeName(target.id)} has no field ${String(name)}`);
-            assign(target.id, field, value);
-            return true;
-        },
-        has(target, name) { return Boolean(fieldOf(target.id, name)); },
-        getPrototypeOf() { return SFNode_.prototype; },
-    };
-    class SFNode_ {}
-    publishClass("SFNode", SFNode_);
-    function nodeOf(id) {
-        if (!id) return null;
-        let proxy = proxies.get(id);
-        if (!proxy) {
-            proxies.set(id, proxy = new Proxy({id}, nodeHandler));
-            ids.set(proxy, id);
-        }
-        return proxy;
-    }
     function idOf(node) {
         const id = typeof node === "object" && node !== null ? ids.get(node) : undefined;
-        if (id === undefined) throw new TypeError("a node is expected here");
+        if (id === undefined) fail("TypeError", "a node is expected here");
         return id;
     }
-    function flush() {
-        const pending = touched;
-        touched = new Map();
-        for (const {id, field, value, assigned} of pending.values()) {
-            // Numbers, strings and nodes cannot be changed in place.
-            if (!assigned && (value === null || typeof value !== "object" || field.code === SFNode)) continue;
-            const flaw = native.write(self, id, field.index, flatten(field.code, value), assigned);
-            if (flaw) throw new TypeError(`${field.name}: ${flaw}`);
-        }
-    }
-    /// Edits of the structure take effect at once: what was assigned before them comes first.
-    function edit(f) {
-        return (...given) => {
-            flush();
-            const flaw = f(...given);
-            if (typeof flaw === "string") throw new Error(flaw);
-        };
-    }
-
-    // ---- Browser ---------------------------------------------------------------------------------------------
-    const route = f => edit((from, fromField, to, toField) => f(self, idOf(from), String(fromField), idOf(to), String(toField)));
-    const addRoute = route(native.addRoute), deleteRoute = route(native.deleteRoute);
-    const currentScene = {
-        getNamedNode(name) {
-            const id = native.named(self, String(name));
-            if (!id) throw new ReferenceError(`no node is named ${name}`);
-            return nodeOf(id);
-        },
-        get rootNodes() { return revive(SFNode + 1, native.roots()); },
-        createNode(type) {
-            const id = native.createNode(self, String(type));
-            if (typeof id === "string") throw new TypeError(id);
-            return nodeOf(id);
-        },
-        addRootNode: edit(node => native.addRoot(idOf(node))),
-        removeRootNode: edit(node => native.removeRoot(idOf(node))),
-        updateNamedNode: edit((name, node) => native.rename(idOf(node), String(name))),
-        addRoute, deleteRoute,
-    };
     const text = given => given.map(String).join(" ");
     const print = (...given) => native.print(text(given));
     const println = (...given) => native.print(text(given) + "\n");
-    const absent = name => () => { throw new Error(`Browser.${name} is not supported`); };
-    publish("Browser", {
-        name: "RTSG", version: native.version, currentSpeed: 0, description: "", currentScene, addRoute, deleteRoute, print, println,
-        getName() { return this.name; },
-        getVersion() { return this.version; },
-        getCurrentSpeed: () => 0,
-        getCurrentTime: () => native.now(),
-        setDescription(text) { this.description = String(text); },
-        setBrowserOption: () => false,
-        getExecutionContext: () => currentScene,
-        createVrmlFromString: absent("createVrmlFromString"), createX3DFromString: absent("createX3DFromString"),
-        createVrmlFromURL: absent("createVrmlFromURL"), createX3DFromURL: absent("createX3DFromURL"),
-        loadURL: absent("loadURL"), replaceWorld: absent("replaceWorld"),
+    const absent = name => () => { fail("Error", `Browser.${name} is not supported`); };
+    Object.assign(names, {
+        print: println, trace: println, TRUE: true, FALSE: false,
+        console: {log: println, info: println, debug: println, warn: println, error: println},
     });
-    publish("print", println);
-    publish("trace", println);
-    publish("console", {log: println, info: println, debug: println, warn: println, error: println});
-    publish("TRUE", true);
-    publish("FALSE", false);
 
-    // ---- the Script's own fields are variables of its program; a function of that name takes the place of one ----
-    for (const name of native.fieldNames(self)) {
-        const field = fieldOf(self, name);
-        if (!field || field.access === inputOnly) continue;
-        Object.defineProperty(global, name, {
-            get: () => read(self, field), set: value => assign(self, field, value), enumerable: true, configurable: true,
+    // ---- a program: its nodes and their fields ---------------------------------------------------------------------
+    /// `self`: the Script's number; `global`: the program's global object.
+    function program(self, global) {
+        let touched = new Map(), spareTouched = null;
+        const proxies = new Map(), fieldTables = new Map();
+
+        function fieldOf(id, name) {
+            if (typeof name !== "string") return undefined;
+            const type = native.type(id);
+            let table = fieldTables.get(type);
+            if (!table) fieldTables.set(type, table = new Map());
+            let field = table.get(name);
+            if (field === undefined) {
+                const packed = native.field(id, name);
+                field = packed < 0 ? null : {index: packed & 0xFFFF, code: packed >> 16 & 0xFF, access: packed >> 24, name};
+                table.set(name, field);
+            }
+            return field;
+        }
+        function read(id, field) {
+            if (field.access === inputOnly) return undefined;
+            const key = id * 65536 + field.index, known = touched.get(key);
+            if (known) return known.value;
+            const value = revive(field.code, native.read(id, field.index), nodeOf);
+            touched.set(key, {id, field, value, assigned: false});
+            return value;
+        }
+        function assign(id, field, value) {
+            // Its own fields, but for inputs, a program may always write.
+            const flaw = id === self && field.access !== inputOnly ? undefined : native.mayWrite(self, id, field.index);
+            if (flaw) fail("TypeError", `${field.name}: ${flaw}`);
+            const key = id * 65536 + field.index;
+            touched.delete(key);
+            touched.set(key, {id, field, value: copied(field.code, value, nodeOf), assigned: true});
+        }
+        const nodeHandler = {
+            get(target, name) {
+                if (!native.exists(target.id)) fail("ReferenceError", "this node has been destroyed");
+                const field = fieldOf(target.id, name);
+                if (field) return read(target.id, field);
+                if (name === Symbol.toPrimitive) return () => `${native.typeName(target.id)} { }`;
+                return Object.hasOwn(methods, name) ? () => methods[name](target.id) : undefined;
+            },
+            set(target, name, value) {
+                if (!native.exists(target.id)) fail("ReferenceError", "this node has been destroyed");
+                const field = fieldOf(target.id, name);
+                if (!field) fail("TypeError", `${native.typeName(target.id)} has no field ${String(name)}`);
+                assign(target.id, field, value);
+                return true;
+            },
+            has(target, name) { return Boolean(fieldOf(target.id, name)); },
+            getPrototypeOf() { return SFNode_.prototype; },
+        };
+        function nodeOf(id) {
+            if (!id) return null;
+            let proxy = proxies.get(id);
+            if (!proxy) {
+                proxies.set(id, proxy = new Proxy({id}, nodeHandler));
+                ids.set(proxy, id);
+            }
+            return proxy;
+        }
+        function flush() {
+            if (touched.size === 0) return;
+            // A write may call this program again: it must not find what is on its way.
+            const pending = touched;
+            touched = spareTouched ?? new Map();
+            spareTouched = null;
+            for (const {id, field, value, assigned} of pending.values()) {
+                // Numbers, strings and nodes cannot be changed in place.
+                if (!assigned && (value === null || typeof value !== "object" || field.code === SFNode)) continue;
+                const flaw = native.write(self, id, field.index, flatten(field.code, value, spares.get(field.code)), assigned);
+                if (flaw) fail("TypeError", `${field.name}: ${flaw}`);
+            }
+            pending.clear();
+            spareTouched = pending;
+        }
+        /// Edits of the structure take effect at once: what was assigned before them comes first.
+        function edit(f) {
+            return (...given) => {
+                flush();
+                const flaw = f(...given);
+                if (typeof flaw === "string") fail("Error", flaw);
+            };
+        }
+
+        // ---- Browser ---------------------------------------------------------------------------------------------
+        const route = f => edit((from, fromField, to, toField) => f(self, idOf(from), String(fromField), idOf(to), String(toField)));
+        const addRoute = route(native.addRoute), deleteRoute = route(native.deleteRoute);
+        const currentScene = {
+            getNamedNode(name) {
+                const id = native.named(self, String(name));
+                if (!id) fail("ReferenceError", `no node is named ${name}`);
+                return nodeOf(id);
+            },
+            get rootNodes() { return revive(SFNode + 1, native.roots(), nodeOf); },
+            createNode(type) {
+                const id = native.createNode(self, String(type));
+                if (typeof id === "string") fail("TypeError", id);
+                return nodeOf(id);
+            },
+            addRootNode: edit(node => native.addRoot(idOf(node))),
+            removeRootNode: edit(node => native.removeRoot(idOf(node))),
+            updateNamedNode: edit((name, node) => native.rename(idOf(node), String(name))),
+            addRoute, deleteRoute,
+        };
+        function publish(name, value) {
+            Object.defineProperty(global, name, {value, writable: true, configurable: true, enumerable: false});
+        }
+        publish("Browser", {
+            name: "RTSG", version: native.version, currentSpeed: 0, description: "", currentScene, addRoute, deleteRoute, print, println,
+            getName() { return this.name; },
+            getVersion() { return this.version; },
+            getCurrentSpeed: () => 0,
+            getCurrentTime: () => native.now(),
+            setDescription(text) { this.description = String(text); },
+            setBrowserOption: () => false,
+            getExecutionContext: () => currentScene,
+            createVrmlFromString: absent("createVrmlFromString"), createX3DFromString: absent("createX3DFromString"),
+            createVrmlFromURL: absent("createVrmlFromURL"), createX3DFromURL: absent("createX3DFromURL"),
+            loadURL: absent("loadURL"), replaceWorld: absent("replaceWorld"),
         });
+
+        // ---- the Script's own fields are variables of its program; a function of that name takes the place of one ----
+        for (const name of native.fieldNames(self)) {
+            const field = fieldOf(self, name);
+            if (!field || field.access === inputOnly) continue;
+            Object.defineProperty(global, name, {
+                get: () => read(self, field), set: value => assign(self, field, value), enumerable: true, configurable: true,
+            });
+        }
+
+        return {
+            has: name => typeof Object.getOwnPropertyDescriptor(global, name)?.value === "function",
+            call(name, ...given) {
+                try {
+                    global[name](...given);
+                } finally {
+                    flush();
+                }
+            },
+            /// An event of type `code` for the function `name`.
+            event(name, code, flat, time) {
+                try {
+                    global[name](revive(code, flat, nodeOf), time);
+                } finally {
+                    flush();
+                }
+            },
+            flush,
+        };
     }
 
-    return {
-        has: name => typeof Object.getOwnPropertyDescriptor(global, name)?.value === "function",
-        call(name, ...given) {
-            try {
-                global[name](...given);
-            } finally {
-                flush();
+    // ---- what all programs share none of them can change -----------------------------------------------------------
+    /// Everything that can be reached from `roots`, but for the ends of chains that look into the program's own realm.
+    function freezeAll(roots) {
+        const seen = new Set([native, globalThis]), pending = roots.slice();
+        while (pending.length) {
+            const one = pending.pop();
+            if ((typeof one !== "object" && typeof one !== "function") || one === null || seen.has(one)) continue;
+            seen.add(one);
+            Object.freeze(one);
+            if (one !== MF.prototype) pending.push(Object.getPrototypeOf(one));
+            for (const key of Reflect.ownKeys(one)) {
+                const {value, get, set} = Object.getOwnPropertyDescriptor(one, key) ?? {};
+                pending.push(value, get, set);
             }
-        },
-        revive, flush,
-    };
+        }
+    }
+    delete Function.prototype.constructor;  // nobody can make code for this realm
+    freezeAll([names, [][Symbol.iterator](), ""[Symbol.iterator](), new Map()[Symbol.iterator](), /./[Symbol.matchAll](""),
+               ...Reflect.ownKeys(globalThis).map(name => globalThis[name])]);
+    return {names, program};
 })

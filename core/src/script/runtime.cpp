@@ -1,4 +1,5 @@
-// One JavaScript context a thread, with a watch thread that stops calls that take too long or too much.
+// One JavaScript context a thread: the prelude in a realm of its own, a realm for each program, and a watch thread that
+// stops calls that take too long or too much.
 #include "runtime.h"
 
 #include <chrono>
@@ -17,7 +18,7 @@ std::int64_t steadyNow() {
 std::atomic<int> contexts = 0;
 
 /// Started once, ended with the process, unless a context was left behind on a thread that is gone.
-bool startLibrary() {
+bool startEngine() {
     struct Library {
         bool started = JS_Init();
         ~Library() {
@@ -43,6 +44,28 @@ constexpr JSSecurityCallbacks kSecurity{mayCompile, nullptr};
 
 constexpr std::size_t kStackBytes = std::size_t{512} << 10;
 
+/// All that the prelude and the fences are made of. What is not there nobody can get at through them.
+bool resolveForLibrary(JSContext* cx, JS::HandleObject global, JS::HandleId id, bool* resolved) {
+    if (!id.isString()) return true;
+    for (const char* name :
+         {"Array",  "Error",  "Float64Array", "Function",   "Infinity",       "Map",     "Math",       "NaN",
+          "Number", "Object", "Proxy",        "RangeError", "ReferenceError", "Reflect", "RegExp",     "Set",
+          "String", "Symbol", "SyntaxError",  "TypeError",  "WeakMap",        "WeakRef", "globalThis", "undefined"})
+        if (JS_LinearStringEqualsAscii(id.toLinearString(), name))
+            return JS_ResolveStandardClass(cx, global, id, resolved);
+    return true;
+}
+
+JSClassOps globalOps(JSResolveOp resolve) {
+    JSClassOps ops = JS::DefaultGlobalClassOps;
+    ops.resolve = resolve;
+    ops.mayResolve = nullptr;
+    return ops;
+}
+const JSClassOps kLibraryOps = globalOps(resolveForLibrary), kProgramOps = globalOps(Runtime::onResolve);
+const JSClass kLibraryClass{"Library", JSCLASS_GLOBAL_FLAGS, &kLibraryOps, nullptr, nullptr, nullptr};
+const JSClass kProgramClass{"Script", JSCLASS_GLOBAL_FLAGS, &kProgramOps, nullptr, nullptr, nullptr};
+
 }  // namespace
 
 std::shared_ptr<Runtime> Runtime::ofThisThread(std::size_t heapLimit) {
@@ -55,7 +78,7 @@ std::shared_ptr<Runtime> Runtime::ofThisThread(std::size_t heapLimit) {
 }
 
 bool Runtime::start(std::size_t heapLimit) {
-    if (!startLibrary()) return false;
+    if (!startEngine()) return false;
     // No limit of the library's own: reached while it moves objects about, that would end the process.
     context_ = JS_NewContext(UINT32_MAX);
     if (!context_) return false;
@@ -68,17 +91,7 @@ bool Runtime::start(std::size_t heapLimit) {
     JS_SetSecurityCallbacks(context_, &kSecurity);
     jobs_ = std::make_unique<Jobs>(context_);
     if (!JS_AddInterruptCallback(context_, onInterrupt) || !JS::InitSelfHostedCode(context_)) return false;
-    static constexpr JSClass kAnchorClass{"Anchor", JSCLASS_GLOBAL_FLAGS, &JS::DefaultGlobalClassOps, nullptr, nullptr,
-                                          nullptr};
-    const JS::RealmOptions realm;
-    JS::RootedObject anchor(context_,
-                            JS_NewGlobalObject(context_, &kAnchorClass, nullptr, JS::FireOnNewGlobalHook, realm));
-    if (!anchor) return false;
-    anchor_ = std::make_unique<JS::PersistentRootedObject>(context_, anchor);
-    {
-        const JSAutoRealm inside(context_, anchor);
-        memory_ = std::make_unique<Memory>(context_);
-    }
+    if (!startLibrary()) return false;
     watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
     return true;
 }
@@ -89,14 +102,15 @@ Runtime::~Runtime() {
     if (!context_) return;
     if (!onOwnThread()) {
         (void)jobs_.release();
-        (void)anchor_.release();
+        for (auto* root : {&library_, &prelude_, &names_, &fences_, &fenced_}) (void)root->release();
+        (void)new auto(std::move(compiled_));
         (void)memory_.release();
         return;
     }
     jobs_.reset();
     memory_.reset();
-    anchor_.reset();
-    for (RefPtr<JS::Stencil>& library : libraries_) library = nullptr;
+    for (auto* root : {&library_, &prelude_, &names_, &fences_, &fenced_}) root->reset();
+    compiled_.clear();
     JS_DestroyContext(context_);
     --contexts;
 }
@@ -130,21 +144,125 @@ void Runtime::watch(const std::stop_token& stop) {
     }
 }
 
-bool Runtime::evaluate(Library library, JS::MutableHandleValue result) {
-    const bool isPrelude = library == Library::prelude;
+bool Runtime::startLibrary() {
+    JSContext* cx = context_;
+    const JS::RealmOptions options;
+    JS::RootedObject global(cx, JS_NewGlobalObject(cx, &kLibraryClass, nullptr, JS::FireOnNewGlobalHook, options));
+    if (!global) return false;
+    library_ = std::make_unique<JS::PersistentRootedObject>(cx, global);
+    const JSAutoRealm inside(cx, global);
+    memory_ = std::make_unique<Memory>(cx);
+    JS::RootedObject bridge(cx, newBridge(cx)), fences(cx), prelude(cx);
+    if (!bridge) return false;
+    JS::RootedValue bridgeValue(cx, JS::ObjectValue(*bridge)), names(cx), fenced(cx);
+    // The prelude comes last: it freezes what the two of them are made of.
+    if (!evaluateOwn("fences", kFences, bridgeValue, &fences) || !JS_GetProperty(cx, fences, "byName", &fenced) ||
+        !evaluateOwn("prelude", kPrelude, bridgeValue, &prelude) || !JS_GetProperty(cx, prelude, "names", &names) ||
+        !names.isObject() || !fenced.isObject())
+        return false;
+    const auto keep = [&](JSObject* object) { return std::make_unique<JS::PersistentRootedObject>(cx, object); };
+    prelude_ = keep(prelude);
+    fences_ = keep(fences);
+    names_ = keep(&names.toObject());
+    fenced_ = keep(&fenced.toObject());
+    return true;
+}
+
+bool Runtime::evaluateOwn(const char* name, std::string_view source, JS::HandleValue bridge,
+                          JS::MutableHandleObject result) {
     JS::CompileOptions options(context_);
-    options.setFileAndLine(isPrelude ? "prelude" : "fences", 1);
-    RefPtr<JS::Stencil>& stencil = libraries_[isPrelude ? 0 : 1];
-    if (!stencil) {
-        const std::string_view source = isPrelude ? kPrelude : kFences;
+    options.setFileAndLine(name, 1);
+    JS::SourceText<mozilla::Utf8Unit> text;
+    JS::RootedValue function(context_), made(context_);
+    JS::RootedValueArray<1> arguments(context_);
+    arguments[0].set(bridge);
+    if (!text.init(context_, source.data(), source.size(), JS::SourceOwnership::Borrowed) ||
+        !JS::Evaluate(context_, options, text, &function) ||
+        !JS_CallFunctionValue(context_, nullptr, function, arguments, &made) || !made.isObject())
+        return false;
+    result.set(&made.toObject());
+    return true;
+}
+
+JSObject* Runtime::newGlobal(NodeId self) {
+    // One zone for all: each of its own would take half a megabyte more, and the collector's time.
+    JS::RealmOptions options;
+    options.creationOptions().setExistingCompartment(*library_);
+    options.behaviors().setDiscardSource(true);  // texts of functions, kept or not, are in no count
+    JS::RootedObject global(context_,
+                            JS_NewGlobalObject(context_, &kProgramClass, nullptr, JS::FireOnNewGlobalHook, options));
+    if (!global) {
+        JS_ClearPendingException(context_);
+        return nullptr;
+    }
+    JS::SetReservedSlot(global, kSelfSlot, JS::NumberValue(self.value));
+    return global;
+}
+
+JSObject* Runtime::newController(JS::HandleObject global) {
+    JS::RootedValueArray<2> arguments(context_);
+    JS::RootedValue made(context_), ignored(context_);
+    JS::RootedObject prelude(context_, *prelude_), fences(context_, *fences_);
+    arguments[0].set(JS::GetReservedSlot(global, kSelfSlot));
+    arguments[1].setObject(*global);
+    if (!JS_CallFunctionName(context_, prelude, "program", arguments, &made)) return nullptr;
+    JS::SetReservedSlot(global, kControllerSlot, made);
+    JS::RootedValueArray<1> realm(context_);
+    realm[0].setObject(*global);
+    return JS_CallFunctionName(context_, fences, "begin", realm, &ignored) ? &made.toObject() : nullptr;
+}
+
+bool Runtime::run(const std::string& source) {
+    constexpr std::size_t kMostKept = std::size_t{4} << 20;
+    JS::CompileOptions options(context_);
+    options.setFileAndLine("script", 1);
+    auto found = compiled_.find(source);
+    if (found == compiled_.end()) {
         JS::SourceText<mozilla::Utf8Unit> text;
         if (!text.init(context_, source.data(), source.size(), JS::SourceOwnership::Borrowed)) return false;
-        stencil = JS::CompileGlobalScriptToStencil(context_, options, text);
+        RefPtr<JS::Stencil> stencil = JS::CompileGlobalScriptToStencil(context_, options, text);
         if (!stencil) return false;
+        if (compiledBytes_ + source.size() > kMostKept) {
+            compiled_.clear();
+            compiledBytes_ = 0;
+        }
+        compiledBytes_ += source.size();
+        found = compiled_.emplace(source, std::move(stencil)).first;
     }
     const JS::InstantiateOptions instantiate(options);
-    JS::RootedScript script(context_, JS::InstantiateGlobalStencil(context_, instantiate, stencil));
-    return script && JS_ExecuteScript(context_, script, result);
+    JS::RootedScript script(context_, JS::InstantiateGlobalStencil(context_, instantiate, found->second));
+    JS::RootedValue ignored(context_);
+    return script && JS_ExecuteScript(context_, script, &ignored);
+}
+
+bool Runtime::putUpFence(JS::HandleObject global, JS::HandleId id) {
+    bool isFenced = false;
+    JS::RootedObject fenced(context_, *fenced_), fences(context_, *fences_);
+    if (!JS_HasOwnPropertyById(context_, fenced, id, &isFenced)) return false;
+    if (!isFenced) return true;
+    JS::RootedValueArray<3> arguments(context_);
+    JS::RootedValue ignored(context_);
+    arguments[0].set(JS::StringValue(id.toString()));
+    arguments[1].setObject(*global);
+    arguments[2].set(JS::GetReservedSlot(global, kSelfSlot));
+    return JS_CallFunctionName(context_, fences, "put", arguments, &ignored);
+}
+
+bool Runtime::onResolve(JSContext* cx, JS::HandleObject global, JS::HandleId id, bool* resolved) {
+    auto& runtime = *static_cast<Runtime*>(JS_GetContextPrivate(cx));
+    if (!runtime.names_ || !id.isString()) return JS_ResolveStandardClass(cx, global, id, resolved);
+    if (JS_LinearStringEqualsLiteral(id.toLinearString(), "WebAssembly")) return true;  // its memory is not counted
+    bool isOurs = false;
+    JS::RootedObject names(cx, *runtime.names_);
+    if (!JS_HasOwnPropertyById(cx, names, id, &isOurs)) return false;
+    if (isOurs) {
+        JS::RootedValue value(cx);
+        *resolved = true;
+        return JS_GetPropertyById(cx, names, id, &value) &&
+               JS_DefinePropertyById(cx, global, id, value, JSPROP_RESOLVING);
+    }
+    if (!JS_ResolveStandardClass(cx, global, id, resolved)) return false;
+    return !*resolved || runtime.putUpFence(global, id);
 }
 
 bool Runtime::hasRoomFor(std::size_t more) {

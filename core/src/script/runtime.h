@@ -8,6 +8,7 @@
 #include <condition_variable>
 #include <mutex>
 #include <thread>
+#include <unordered_map>
 
 #include <rtsg/core/behaviour.h>
 
@@ -22,6 +23,7 @@ struct Call {
     Cascade* cascade;  // null: nothing may be changed (shutdown)
     const ScriptOptions& options;
     double now;
+    JS::HandleObject global;
 };
 
 class Runtime {
@@ -48,19 +50,28 @@ class Runtime {
     /// False, with the excess noted, if they are beyond it now.
     bool withinMemory();
 
-    /// Evaluates one of our own libraries in the current realm; it is parsed once a context, whatever the number of
-    /// realms. False with an exception pending.
-    enum class Library { prelude, fences };
-    bool evaluate(Library library, JS::MutableHandleValue result);
-
-    /// An empty global object, in whose compartment those of programs are made.
-    JSObject* anchor() const { return *anchor_; }
+    /// A global object for a program, with the prelude's names in it; `self` is its Script. Null without memory.
+    JSObject* newGlobal(NodeId self);
+    /// The controller of a program (prelude.js): functions that call into it. Null with an exception pending.
+    /// Precondition: a call of this program is current.
+    JSObject* newController(JS::HandleObject global);
+    /// Compiles a program, once for all that have the same text, and runs it in the current realm. False with an
+    /// exception pending.
+    bool run(const std::string& source);
+    /// The prelude's own realm, in whose compartment those of programs are.
+    JSObject* library() const { return *library_; }
+    /// The name of something in a program's global object: defined if it is the prelude's, fenced in if need be.
+    static bool onResolve(JSContext* cx, JS::HandleObject global, JS::HandleId id, bool* resolved);
+    static constexpr std::uint32_t kControllerSlot = 0, kSelfSlot = 1;  // of a program's global object
 
     Jobs& jobs() { return *jobs_; }
 
   private:
     Runtime() = default;
     bool start(std::size_t heapLimit);
+    bool startLibrary();
+    bool evaluateOwn(const char* name, std::string_view source, JS::HandleValue bridge, JS::MutableHandleObject result);
+    bool putUpFence(JS::HandleObject global, JS::HandleId id);
     void watch(const std::stop_token& stop);
     static bool onInterrupt(JSContext* cx);
 
@@ -70,8 +81,10 @@ class Runtime {
     std::size_t heapLimit_ = 0;
     Excess excess_ = Excess::none;
     std::unique_ptr<Jobs> jobs_;
-    RefPtr<JS::Stencil> libraries_[2];
-    std::unique_ptr<JS::PersistentRootedObject> anchor_;
+    std::unique_ptr<JS::PersistentRootedObject> library_;  // the global object of its realm
+    std::unique_ptr<JS::PersistentRootedObject> prelude_, names_, fences_, fenced_;
+    std::unordered_map<std::string, RefPtr<JS::Stencil>> compiled_;
+    std::size_t compiledBytes_ = 0;  // of their texts
     std::unique_ptr<Memory> memory_;
     std::mutex mutex_;
     std::condition_variable_any wakeUp_;

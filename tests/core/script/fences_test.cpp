@@ -247,6 +247,20 @@ TEST(ScriptFences, NoClockIsReachable) {
     EXPECT_EQ(evaluated("new Intl.DateTimeFormat('en', {year: 'numeric'}).format()"), "1970");
 }
 
+TEST(ScriptFences, NoOtherWayLeadsAroundAFence) {
+    EXPECT_EQ(evaluated("((5).toLocaleString(), [3].toLocaleString(), 'a'.localeCompare('b'), new Intl.DateTimeFormat("
+                        "'en', {year: 'numeric'}).format())"),
+              "1970");
+    EXPECT_EQ(evaluated("(() => { try { return new (new Float32Array(1).buffer.constructor)(2 ** 31); } catch (e) { "
+                        "return e.name; } })()"),
+              "RangeError");
+    EXPECT_EQ(evaluated("(() => { try { return new (Object.getPrototypeOf(new Int8Array(1)).constructor)(2 ** 31); } "
+                        "catch (e) { return e.name; } })()"),
+              "RangeError");
+    EXPECT_EQ(evaluated("typeof WebAssembly + typeof SharedArrayBuffer + ('WebAssembly' in globalThis)"),
+              "undefinedundefinedfalse");
+}
+
 TEST(ScriptFences, TheLocaleIsFixed) {
     EXPECT_EQ(evaluated("(1234567.5).toLocaleString()"), "1,234,567.5");
     EXPECT_EQ(evaluated("new Intl.NumberFormat().resolvedOptions().locale"), "en-US");

@@ -313,6 +313,46 @@ std::string evaluated(const std::string& expression) {
     return std::string(s.get<String>("text").view());
 }
 
+TEST(Script, WhatAllProgramsShareNoneCanChange) {
+    ScriptScene s(
+        "outputOnly SFString text",
+        "function initialize() { const v = new SFVec3f(3, 4, 0); text = [v.length(), v.secret, [].secret, "
+        "new MFFloat(1).secret, Browser.secret, typeof SFVec3f, print.secret].join(); }",
+        "DEF O Script { url \"ecmascript: SFVec3f.prototype.length = () => 7; SFVec3f.prototype.secret = 1; "
+        "MFFloat.prototype.secret = 1; Object.getPrototypeOf(MFFloat.prototype).secret = 1; print.secret = 1; "
+        "Object.getPrototypeOf(Object.getPrototypeOf(MFFloat.prototype)).secret = 1; Browser.secret = 1; "
+        "for (let o = SFVec3f.prototype; o; o = Object.getPrototypeOf(o)) { o.secret = 1; "
+        "o.constructor.secret = 1; } for (let o = print; o; o = Object.getPrototypeOf(o)) o.secret = 1; "
+        "SFVec3f = 5; \" }");
+    s.frame();
+    EXPECT_EQ(s.get<String>("text").view(), "5,,,,,function,") << s.problems();
+}
+
+TEST(Script, NoCodeCanBeMadeForTheRealmThatAllShare) {
+    EXPECT_EQ(evaluated("[SFVec3f, print, Browser.getName, new MFFloat(1).push, "
+                        "Object.getOwnPropertyDescriptor(SFVec3f.prototype, 0).get].map(f => typeof "
+                        "f.constructor('return 1'))"),
+              "object,object,object,object,object");
+    EXPECT_EQ(evaluated("(() => { try { return SFVec3f.constructor('return 1')(); } catch (e) { return 'none'; } })()"),
+              "none");
+}
+
+TEST(Script, ObjectsAndErrorsOfThePreludeAreInstancesOfTheProgramsOwn) {
+    EXPECT_EQ(
+        evaluated("[new SFVec3f() instanceof Object, new MFFloat() instanceof Array, Array.isArray(new MFFloat()), "
+                  "Browser instanceof Object, Object.create(null) instanceof Object]"),
+        "true,true,true,true,false");
+    EXPECT_EQ(evaluated("(() => { try { Browser.currentScene.getNamedNode('?'); } catch (e) { return [e instanceof "
+                        "ReferenceError, e instanceof Error, e instanceof TypeError]; } })()"),
+              "true,true,false");
+    EXPECT_EQ(evaluated("(() => { try { new SFVec3f().add(undefined); } catch (e) { return [e instanceof TypeError, e "
+                        "instanceof Error]; } })()"),
+              "true,true");
+    EXPECT_EQ(evaluated("(() => { Array.prototype.last = function () { return this[this.length - 1]; }; return new "
+                        "MFInt32(4, 5).last(); })()"),
+              "5");
+}
+
 TEST(Script, ValuesAreMadeWithNewOrWithout) {
     EXPECT_EQ(evaluated("SFVec3f(1, 2, 3).add(new SFVec3f(1, 1, 1))"), "2 3 4");
     EXPECT_EQ(evaluated("SFVec3f(1, 2, 3) instanceof SFVec3f && new SFVec3f().constructor === SFVec3f"), "true");

@@ -1,0 +1,149 @@
+// The run-time of X3D: scripts, levels of detail, routes, sensors and followers by the thousand.
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+#include "bench.h"
+
+namespace rtsg::bench {
+
+namespace {
+
+/// Median CPU time of a frame, seconds; `before` edits the scene, outside of what is measured.
+template <class Edit>
+double frameSeconds(Scene& scene, int frames, const Edit& before) {
+    std::vector<double> times;
+    for (int i = 0; i < frames; ++i) {
+        before(i);
+        const double start = cpuSeconds();
+        scene.newFrame(scene.now() + 1 / 60.0);
+        times.push_back(cpuSeconds() - start);
+    }
+    return median(times);
+}
+
+void load(Scene& scene, const std::string& body) {
+    Diagnostics diagnostics("bench");
+    (void)loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + body, diagnostics);
+}
+
+/// Seconds for the same arithmetic on bare arrays.
+template <class F>
+double bareSeconds(std::size_t count, const F& value) {
+    std::vector<Vec3f> out(count);
+    std::vector<double> times;
+    for (int i = 0; i < 100; ++i) {
+        const double start = cpuSeconds();
+        for (std::size_t k = 0; k < count; ++k) out[k] = value(static_cast<float>(i) / 100 + static_cast<float>(k));
+        keep(out.data());
+        times.push_back(cpuSeconds() - start);
+    }
+    return median(times);
+}
+
+void scripts(const Report& report, bool quick) {
+    const int count = quick ? 100 : 1000;
+    std::string text = "DEF C TimeSensor { loop TRUE }\n";
+    for (int i = 0; i < count; ++i)
+        text += fmt::format(
+            "DEF S{0} Script {{ inputOnly SFFloat set_fraction outputOnly SFVec3f value_changed initializeOnly SFFloat "
+            "r {0} url \"ecmascript: var turns = 0; function initialize() {{ turns = r; }} function set_fraction(f) {{ "
+            "turns += f; value_changed = new SFVec3f(r * Math.cos(turns), f, r * Math.sin(turns)); }}\" }}\nDEF T{0} "
+            "Transform {{ }}\nROUTE C.fraction_changed TO S{0}.set_fraction\nROUTE S{0}.value_changed TO "
+            "T{0}.translation\n",
+            i);
+    const double bytesBefore = residentBytes();
+    Scene scene;
+    load(scene, text);
+    const double bytesLoaded = residentBytes(), start = cpuSeconds(), startWall = wallSeconds();
+    scene.newFrame(.001);
+    const double seconds = cpuSeconds() - start, wall = wallSeconds() - startWall;
+    const double bytes = residentBytes() - bytesLoaded;
+    const std::string what = fmt::format("{} Scripts, one event and one output each a frame", count);
+    report({"runtime", what, "start, CPU", "s", seconds, "", 0, "", 0});
+    report({"runtime", what, "start, by the clock", "s", wall, "", 0, "", 0});
+    report({"runtime", what, "memory of the running programs", "MB", bytes / 1e6, "the scene itself",
+            (bytesLoaded - bytesBefore) / 1e6, "", 0});
+    const double frame = frameSeconds(scene, 200, [](int) {});
+    report({"runtime", what, "a frame", "ms", frame * 1e3, "", 0, "the arithmetic alone",
+            1e3 * bareSeconds(static_cast<std::size_t>(count),
+                              [](float x) { return Vec3f(std::cos(x), x, std::sin(x)); })});
+}
+
+void pushes(const Report& report, bool quick) {
+    const int count = quick ? 100'000 : 1'000'000;
+    const auto seconds = [&](std::string_view made, std::string_view element, std::string_view put) {
+        Scene scene;
+        const std::string_view field = element == "i" ? "MFFloat" : "MFVec3f";
+        load(scene,
+             fmt::format("Script {{ inputOutput {0} kept [] url \"ecmascript: function initialize() {{ var a = {1}; "
+                         "for (var i = 0; i < {2}; ++i) {3}; kept = a; }}\" }}",
+                         field, made, count,
+                         fmt::format(fmt::runtime(put == "push" ? "a.push({})" : "a[i] = {}"), element)));
+        const double start = cpuSeconds();
+        scene.newFrame(0);
+        return cpuSeconds() - start;
+    };
+    for (const std::string_view put : {"push", "a[i] ="})
+        for (const std::string_view element : {"i", "new SFVec3f(i, 1, 2)"}) {
+            const std::string_view type = element == "i" ? "new MFFloat()" : "new MFVec3f()";
+            report({"runtime",
+                    fmt::format("a script fills {} with {} values: {} {}", type.substr(4), count, put, element),
+                    "the call, with the assignment to a field", "s", seconds(type, element, put),
+                    "the same with an Array", seconds("[]", element, put), "", 0});
+        }
+}
+
+void levels(const Report& report, bool quick) {
+    const int count = quick ? 1000 : 10'000;
+    std::string text = "DEF V Viewpoint { position 0 0 10 }\nDEF M Transform { }\n";
+    for (int i = 0; i < count; ++i)
+        text += fmt::format(
+            "Transform {{ translation {} 0 0 children LOD {{ range [ 5 20 ] children [ Group {{ }} Group {{ }} "
+            "Group {{ }} ] }} }}\n",
+            i % 100);
+    Scene scene;
+    load(scene, text);
+    scene.newFrame(0);
+    const NodeId mover = scene.findName("M"), view = scene.findName("V");
+    const double rest = frameSeconds(scene, 100, [](int) {});
+    const double moved = frameSeconds(scene, 100, [&](int i) {
+        (void)scene.set(mover, x3d::Transform::translation, Vec3f(static_cast<float>(i), 0, 0));
+    });
+    const double viewed = frameSeconds(scene, 100, [&](int i) {
+        (void)scene.set(view, x3d::Viewpoint::position, Vec3f(static_cast<float>(i), 0, 10));
+    });
+    const std::string what = fmt::format("{} LODs", count);
+    const double clock = cpuClockSeconds() * 1e3;
+    report({"runtime", what, "a frame at rest", "ms", rest * 1e3, "", 0, "reading the clock", clock});
+    report({"runtime", what, "a frame, one Transform beside them moves", "ms", moved * 1e3, "", 0, "reading the clock",
+            clock});
+    report({"runtime", what, "a frame, the viewer moves", "ms", viewed * 1e3, "", 0, "reading the clock", clock});
+}
+
+void routes(const Report& report, bool quick) {
+    const std::size_t count = quick ? 100'000 : 1'000'000;
+    Scene scene;
+    std::vector<NodeId> nodes;
+    for (std::size_t i = 0; i < count; ++i) nodes.push_back(scene.createNode(x3d::Transform::type));
+    const double start = cpuSeconds();
+    for (std::size_t i = 0; i < count; ++i)
+        (void)scene.addRoute(nodes[i], x3d::Transform::translation.index, nodes[(i + 1) % count],
+                             x3d::Transform::translation.index);
+    report({"runtime", fmt::format("{} routes", count), "set up", "s", cpuSeconds() - start, "", 0, "", 0});
+}
+
+}  // namespace
+
+void runtime(const Report& report, bool quick) {
+    scripts(report, quick);
+    pushes(report, quick);
+    levels(report, quick);
+    routes(report, quick);
+}
+
+}  // namespace rtsg::bench
