@@ -125,6 +125,31 @@ void levels(const Report& report, bool quick) {
     report({"runtime", what, "a frame, the viewer moves", "ms", viewed * 1e3, "", 0, "reading the clock", clock});
 }
 
+void followers(const Report& report, bool quick) {
+    const int count = quick ? 1000 : 10'000;
+    for (const auto& [name, body] : {std::pair{"PositionDamper", "tau 100 tolerance 0"},
+                                     {"PositionChaser", "duration 100"},
+                                     {"OrientationDamper", "tau 100 tolerance 0"}}) {
+        const bool turns = std::string_view(name).starts_with("O");
+        std::string text;
+        for (int i = 0; i < count; ++i)
+            text += fmt::format(
+                "DEF F{0} {1} {{ {2} initialDestination {3} }} DEF T{0} Transform {{ }} ROUTE "
+                "F{0}.value_changed TO T{0}.{4}\n",
+                i, name, body, turns ? "0 0 1 2" : "1 2 3", turns ? "rotation" : "translation");
+        Scene scene;
+        load(scene, text);
+        scene.newFrame(0);
+        report({"runtime", fmt::format("{} of type {} on their way, each with a route to a Transform", count, name),
+                "a frame", "ms", 1e3 * frameSeconds(scene, 100, [](int) {}), "", 0,
+                "the arithmetic of a damper of order 3 alone",
+                1e3 * bareSeconds(static_cast<std::size_t>(count), [](float x) {
+                    const double s = x * .01, e = std::exp(-s);
+                    return Vec3f(glm::dvec3(1, 2, 3) * (1 - e * (1 + s + s * s / 2)));
+                })});
+    }
+}
+
 void routes(const Report& report, bool quick) {
     const std::size_t count = quick ? 100'000 : 1'000'000;
     Scene scene;
@@ -143,6 +168,7 @@ void runtime(const Report& report, bool quick) {
     scripts(report, quick);
     pushes(report, quick);
     levels(report, quick);
+    followers(report, quick);
     routes(report, quick);
 }
 

@@ -13,6 +13,8 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         t.push_back({x3d::LOD::type, {.onTime = lodOnTime}});
         t.push_back({x3d::RtsgScene::type, {.onTime = rootOnTime}});
         appendInterpolators(t);
+        appendFollowers(t);
+        appendSplines(t);
         appendTriggers(t);
         appendBindables(t);
         for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;

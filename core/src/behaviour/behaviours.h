@@ -9,6 +9,8 @@ double timeSensorOnTime(Cascade& cascade, const Node& node);
 bool timeSensorAccepts(const Node& node, FieldIndex field, const void* value);
 
 void appendInterpolators(std::vector<BuiltinBehaviour>& table);
+void appendFollowers(std::vector<BuiltinBehaviour>& table);
+void appendSplines(std::vector<BuiltinBehaviour>& table);
 void appendTriggers(std::vector<BuiltinBehaviour>& table);
 void appendBindables(std::vector<BuiltinBehaviour>& table);
 

@@ -1,0 +1,390 @@
+// Followers: chasers and dampers (ISO/IEC 19775-1 V4.0, clause 39). One template each for all types.
+//
+// Both answer in closed form for any time, so nothing depends on the frame rate, and their state changes with their
+// inputs alone. What the clause leaves open: a chaser answers a step with half a cosine, as others do; a damper is a
+// chain of first-order filters solved exactly; orientations are filtered as rotation vectors from the destination,
+// which is exact about one axis; colours component by component.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <glm/gtc/quaternion.hpp>
+
+#include <rtsg/core/x3d.h>
+
+#include "behaviours.h"
+
+namespace rtsg::behaviours {
+
+namespace {
+
+// ---- values: differences that can be scaled and added ----------------------------------------------------------
+
+template <class E>
+struct Motion;
+
+template <class E, class W>
+struct LinearMotion {
+    using Wide = W;
+    using Delta = W;
+    static Wide widen(const E& value) { return Wide(value); }
+    static E narrow(const Wide& value) { return E(value); }
+    static Delta from(const Wide& a, const Wide& b) { return b - a; }
+    static Wide moved(const Wide& a, const Delta& d) { return a + d; }
+    static double size(const Delta& d) {
+        if constexpr (std::is_same_v<W, double>)
+            return std::abs(d);
+        else
+            return glm::length(d);
+    }
+};
+template <>
+struct Motion<float> : LinearMotion<float, double> {};
+template <>
+struct Motion<Vec2f> : LinearMotion<Vec2f, glm::dvec2> {};
+template <>
+struct Motion<Vec3f> : LinearMotion<Vec3f, glm::dvec3> {};
+template <>
+struct Motion<Color> : LinearMotion<Color, glm::dvec3> {
+    static Wide widen(const Color& c) { return {c.r, c.g, c.b}; }
+    static Color narrow(const Wide& c) {
+        return {static_cast<float>(c.x), static_cast<float>(c.y), static_cast<float>(c.z)};
+    }
+};
+/// A difference is a rotation vector, about axes that turn with the first of the two.
+template <>
+struct Motion<Rotation> {
+    using Wide = glm::dquat;
+    using Delta = glm::dvec3;
+    static Wide turned(const glm::dvec3& axis, double angle) {
+        const double length = glm::length(axis);
+        if (!(length > 0)) return {1, 0, 0, 0};
+        const glm::dvec3 v = axis * (std::sin(angle / 2) / length);
+        return {std::cos(angle / 2), v.x, v.y, v.z};
+    }
+    static Wide widen(const Rotation& r) { return turned({r.x, r.y, r.z}, r.angle); }
+    static Rotation narrow(Wide q) {
+        if (q.w < 0) q = -q;
+        const double s = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z);
+        if (!(s > 0)) return {0, 0, 1, 0};
+        return {static_cast<float>(q.x / s), static_cast<float>(q.y / s), static_cast<float>(q.z / s),
+                static_cast<float>(2 * std::atan2(s, q.w))};
+    }
+    static Delta from(const Wide& a, const Wide& b) {
+        Wide q = glm::conjugate(a) * b;
+        if (q.w < 0) q = -q;  // the shorter way
+        const glm::dvec3 v(q.x, q.y, q.z);
+        const double s = glm::length(v);
+        return s > 0 ? v * (2 * std::atan2(s, q.w) / s) : glm::dvec3(0);
+    }
+    static Wide moved(const Wide& a, const Delta& d) { return glm::normalize(a * turned(d, glm::length(d))); }
+    static double size(const Delta& d) { return glm::length(d); }
+};
+
+/// A field's value as a list of elements, of which types that are no arrays have one.
+template <class T>
+struct Elements {
+    using Element = T;
+    static std::size_t count(const T&) { return 1; }
+    static const T& at(const T& value, std::size_t) { return value; }
+    static T make(std::span<const T> elements) { return elements[0]; }
+};
+template <class E>
+struct Elements<Array<E>> {
+    using Element = E;
+    static std::size_t count(const Array<E>& value) { return value.size(); }
+    static const E& at(const Array<E>& value, std::size_t i) { return value[i]; }
+    static Array<E> make(std::span<const E> elements) {
+        auto made = Array<E>::ofSize(elements.size());
+        std::ranges::copy(elements, made.mutableData());
+        return made;
+    }
+};
+
+template <class N>
+using ValueOf = std::remove_cvref_t<decltype(std::declval<const Node&>().get(N::value_changed))>;
+template <class N>
+using ElementOf = typename Elements<ValueOf<N>>::Element;
+
+/// `count` elements of a list, from element `first` on; missing ones are `otherwise`'s.
+template <class E>
+std::vector<E> part(const Array<E>& list, std::size_t first, std::size_t count, std::span<const E> otherwise) {
+    std::vector<E> out(otherwise.begin(), otherwise.end());
+    out.resize(count);
+    for (std::size_t i = 0; i < count && first + i < list.size(); ++i) out[i] = list[first + i];
+    return out;
+}
+template <class T>
+std::vector<typename Elements<T>::Element> elements(const T& value) {
+    std::vector<typename Elements<T>::Element> out(Elements<T>::count(value));
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] = Elements<T>::at(value, i);
+    return out;
+}
+template <class E>
+Array<E> listOf(const std::vector<E>& elements) {
+    return Elements<Array<E>>::make(elements);
+}
+
+template <class N>
+void setActive(Cascade& cascade, const Node& node, bool active) {
+    if (node.get(N::isActive) != active) cascade.emit(node, N::isActive, active);
+}
+template <class N>
+void sendValue(Cascade& cascade, const Node& node, const std::vector<ElementOf<N>>& value) {
+    using T = ValueOf<N>;
+    const T& known = node.get(N::value_changed);
+    if (Elements<T>::count(known) == value.size()) {
+        std::size_t same = 0;
+        while (same < value.size() && Elements<T>::at(known, same) == value[same]) ++same;
+        if (same == value.size()) return;
+    }
+    cascade.emit(node, N::value_changed, Elements<T>::make(value));
+}
+
+// ---- chasers ---------------------------------------------------------------------------------------------------
+
+/// State: `_base`, the value before all steps, and the destinations on the way with the times at which they came.
+template <class N>
+struct Chaser {
+    using T = ValueOf<N>;
+    using E = ElementOf<N>;
+    using M = Motion<E>;
+    /// More than this many steps on the way are not told apart.
+    static constexpr double kMostSteps = 256;
+
+    static double duration(const Node& node) {
+        const double d = node.get(N::duration).seconds;
+        return d > 0 && std::isfinite(d) ? d : 0;
+    }
+    /// 0 at the step, 1 after `duration`.
+    static double response(double t, double duration) {
+        if (t >= duration) return 1;
+        return t <= 0 ? 0 : .5 - .5 * std::cos(std::numbers::pi * t / duration);
+    }
+    static std::size_t count(const Node& node) { return node.get(N::_base).size(); }
+    static std::vector<E> destination(const Node& node) {
+        const auto& all = node.get(N::_destinations);
+        const std::size_t each = count(node);
+        return all.size() < each || all.empty() ? elements(node.get(N::_base))
+                                                : part<E>(all, all.size() - each, each, {});
+    }
+    static std::vector<E> value(const Node& node, double now) {
+        const auto& base = node.get(N::_base);
+        const auto& steps = node.get(N::_destinations);
+        const auto& times = node.get(N::_times);
+        const double whole = duration(node);
+        std::vector<E> out(base.size());
+        std::vector<double> weight(times.size());
+        for (std::size_t j = 0; j < times.size(); ++j) weight[j] = response(now - times[j].seconds, whole);
+        for (std::size_t i = 0; i < out.size(); ++i) {
+            auto from = M::widen(base[i]), at = from;
+            for (std::size_t j = 0; j < times.size(); ++j) {
+                const auto to = M::widen(steps[j * out.size() + i]);
+                at = M::moved(at, M::from(from, to) * weight[j]);
+                from = to;
+            }
+            out[i] = M::narrow(at);
+        }
+        return out;
+    }
+    static void begin(Cascade& cascade, const Node& node) {
+        if (node.get(N::_begun)) return;
+        cascade.store(node, N::_begun, true);
+        const auto start = elements(node.get(N::initialValue)), goal = elements(node.get(N::initialDestination));
+        cascade.store(node, N::_base, listOf(start));
+        cascade.store(node, N::value_changed, node.get(N::initialValue));
+        if (start != goal) approach(cascade, node, goal);
+    }
+    static void approach(Cascade& cascade, const Node& node, const std::vector<E>& goal) {
+        const double now = cascade.now(), whole = duration(node);
+        std::vector<E> base = elements(node.get(N::_base));
+        Array<E> steps = node.get(N::_destinations);
+        Array<Time> times = node.get(N::_times);
+        std::size_t each = base.size(), done = 0;
+        while (done < times.size() && now - times[done].seconds >= whole) ++done;
+        if (done > 0) base = part<E>(steps, (done - 1) * each, each, {});
+        std::vector<E> kept;
+        std::vector<Time> keptTimes;
+        const auto resized = [&](std::vector<E> list) {
+            // New elements are there at once; those left out are gone.
+            const std::size_t had = list.size();
+            list.resize(goal.size());
+            for (std::size_t i = had; i < list.size(); ++i) list[i] = goal[i];
+            return list;
+        };
+        for (std::size_t j = done; j < times.size(); ++j) {
+            const bool replaced = j + 1 == times.size() && now - times[j].seconds <= whole / kMostSteps;
+            if (replaced && times[j].seconds == now) break;
+            if (replaced && j > done && times[j].seconds - times[j - 1].seconds <= whole / kMostSteps) break;
+            const auto list = resized(part<E>(steps, j * each, each, {}));
+            kept.insert(kept.end(), list.begin(), list.end());
+            keptTimes.push_back(times[j]);
+        }
+        kept.insert(kept.end(), goal.begin(), goal.end());
+        keptTimes.push_back(Time{now});
+        cascade.store(node, N::_base, listOf(resized(std::move(base))));
+        cascade.store(node, N::_destinations, listOf(kept));
+        cascade.store(node, N::_times, listOf(keptTimes));
+    }
+    static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* event) {
+        const bool isValue = field == N::set_value.index;
+        if (!isValue && field != N::set_destination.index) return;
+        begin(cascade, node);
+        const auto given = elements(eventValue<T>(event));
+        if (!isValue) return approach(cascade, node, given);
+        // From here the way to the destination begins anew.
+        const auto goal = destination(node);
+        cascade.store(node, N::_base, listOf(given));
+        cascade.store(node, N::_destinations, Array<E>());
+        cascade.store(node, N::_times, Array<Time>());
+        if (given.size() == goal.size()) approach(cascade, node, goal);
+    }
+    static double onTime(Cascade& cascade, const Node& node) {
+        begin(cascade, node);
+        const auto& times = node.get(N::_times);
+        const double now = cascade.now();
+        const bool moves = !times.empty() && now - times.back().seconds < duration(node) &&
+                           (times.size() > 1 || destination(node) != elements(node.get(N::_base)));
+        if (moves) {
+            setActive<N>(cascade, node, true);
+            sendValue<N>(cascade, node, value(node, now));
+            return now;
+        }
+        const auto goal = destination(node);
+        sendValue<N>(cascade, node, goal);
+        if (!times.empty()) {
+            cascade.store(node, N::_base, listOf(goal));
+            cascade.store(node, N::_destinations, Array<E>());
+            cascade.store(node, N::_times, Array<Time>());
+        }
+        setActive<N>(cascade, node, false);
+        return kNever;
+    }
+};
+
+// ---- dampers ---------------------------------------------------------------------------------------------------
+
+/// State: what the filters held at `_since`, all elements of the first one, then those of the next; `_tau` is what
+/// they have gone by since then.
+template <class N>
+struct Damper {
+    using T = ValueOf<N>;
+    using E = ElementOf<N>;
+    using M = Motion<E>;
+
+    static std::size_t order(const Node& node) {
+        return static_cast<std::size_t>(std::clamp(node.get(N::order), 0, 5));
+    }
+    static double tau(const Node& node) {
+        const double tau = node.get(N::tau).seconds;
+        return tau > 0 && std::isfinite(tau) ? tau : 0;
+    }
+    /// What filter `i`, from 1, holds at `now`: its distance from the destination is
+    /// exp(-s) sum over k of s^k / k! times that of filter i - k at the beginning, with s = time / tau.
+    static typename M::Delta distance(const Node& node, std::size_t i, std::size_t element, double s) {
+        const auto& goal = node.get(N::_destination);
+        const auto& filters = node.get(N::_filters);
+        const auto to = M::widen(goal[element]);
+        typename M::Delta sum{};
+        double weight = std::exp(-s);
+        for (std::size_t k = 0; k < i; ++k) {
+            sum += M::from(to, M::widen(filters[(i - 1 - k) * goal.size() + element])) * weight;
+            weight *= s / static_cast<double>(k + 1);
+        }
+        return sum;
+    }
+    static double elapsed(const Node& node, double now) {
+        const double tau = node.get(N::_tau).seconds;
+        return tau > 0 ? std::max(0.0, now - node.get(N::_since).seconds) / tau
+                       : std::numeric_limits<double>::infinity();
+    }
+    static E held(const Node& node, std::size_t i, std::size_t element, double s) {
+        const E& goal = node.get(N::_destination)[element];
+        if (s > 700) return goal;  // exp(-s) is none
+        return M::narrow(M::moved(M::widen(goal), distance(node, i, element, s)));
+    }
+    static void begin(Cascade& cascade, const Node& node) {
+        if (node.get(N::_begun)) return;
+        cascade.store(node, N::_begun, true);
+        cascade.store(node, N::value_changed, node.get(N::initialValue));
+        cascade.store(node, N::_destination, listOf(elements(node.get(N::initialDestination))));
+        reset(cascade, node, elements(node.get(N::initialValue)));
+    }
+    /// All filters hold `value` now.
+    static void reset(Cascade& cascade, const Node& node, std::vector<E> value) {
+        const auto& goal = node.get(N::_destination);
+        const std::size_t had = value.size();
+        value.resize(goal.size());
+        for (std::size_t i = had; i < goal.size(); ++i) value[i] = goal[i];
+        std::vector<E> filters;
+        for (std::size_t i = 0; i < order(node); ++i) filters.insert(filters.end(), value.begin(), value.end());
+        restart(cascade, node, filters);
+    }
+    static void restart(Cascade& cascade, const Node& node, const std::vector<E>& filters) {
+        cascade.store(node, N::_filters, listOf(filters));
+        cascade.store(node, N::_since, Time{cascade.now()});
+        cascade.store(node, N::_tau, Time{tau(node)});
+    }
+    static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* event) {
+        const bool isGoal = field == N::set_destination.index;
+        if (!isGoal && field != N::set_value.index && field != N::tau.index) return;
+        begin(cascade, node);
+        if (field == N::set_value.index) return reset(cascade, node, elements(eventValue<T>(event)));
+        const double s = elapsed(node, cascade.now());
+        std::vector<E> goal = elements(node.get(N::_destination));
+        const std::size_t had = goal.size();
+        if (isGoal) goal = elements(eventValue<T>(event));
+        std::vector<E> filters;
+        for (std::size_t i = 1; i <= order(node); ++i)
+            for (std::size_t e = 0; e < goal.size(); ++e) filters.push_back(e < had ? held(node, i, e, s) : goal[e]);
+        cascade.store(node, N::_destination, listOf(goal));
+        restart(cascade, node, filters);
+    }
+    /// How far from the destination is near enough: if the author leaves it open, a hundred-thousandth of the way.
+    static double tolerance(const Node& node) {
+        const double given = node.get(N::tolerance);
+        if (given >= 0) return given;
+        double way = 0;
+        const auto& goal = node.get(N::_destination);
+        const auto& filters = node.get(N::_filters);
+        for (std::size_t i = 0; i < filters.size(); ++i)
+            way = std::max(way, M::size(M::from(M::widen(goal[i % goal.size()]), M::widen(filters[i]))));
+        return way * 1e-5;
+    }
+    static double onTime(Cascade& cascade, const Node& node) {
+        begin(cascade, node);
+        const auto& goal = node.get(N::_destination);
+        const double s = elapsed(node, cascade.now()), near = tolerance(node);
+        bool arrived = true;
+        for (std::size_t e = 0; e < goal.size() && s <= 700 && arrived; ++e)
+            for (std::size_t i = 1; i <= order(node) && arrived; ++i)
+                arrived = M::size(distance(node, i, e, s)) <= near;
+        if (arrived) {
+            if (order(node) > 0 && node.get(N::_filters).size() > 0) reset(cascade, node, elements(goal));
+            sendValue<N>(cascade, node, elements(goal));
+            setActive<N>(cascade, node, false);
+            return kNever;
+        }
+        std::vector<E> value(goal.size());
+        for (std::size_t e = 0; e < value.size(); ++e) value[e] = held(node, order(node), e, s);
+        setActive<N>(cascade, node, true);
+        sendValue<N>(cascade, node, value);
+        return cascade.now();
+    }
+};
+
+template <template <class> class Follower, class... N>
+void append(std::vector<BuiltinBehaviour>& table) {
+    (table.push_back({N::type, {.onEvent = Follower<N>::onEvent, .onTime = Follower<N>::onTime}}), ...);
+}
+
+}  // namespace
+
+void appendFollowers(std::vector<BuiltinBehaviour>& table) {
+    append<Chaser, x3d::ColorChaser, x3d::CoordinateChaser, x3d::OrientationChaser, x3d::PositionChaser,
+           x3d::PositionChaser2D, x3d::ScalarChaser, x3d::TexCoordChaser2D>(table);
+    append<Damper, x3d::ColorDamper, x3d::CoordinateDamper, x3d::OrientationDamper, x3d::PositionDamper,
+           x3d::PositionDamper2D, x3d::ScalarDamper, x3d::TexCoordDamper2D>(table);
+}
+
+}  // namespace rtsg::behaviours
