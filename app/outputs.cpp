@@ -197,10 +197,11 @@ std::string deviceJson(const LiveReport& report) {
 
 std::string OutputReport::json() const {
     std::string text = fmt::format(
-        R"(,"pictures":{},"sound_seconds":{:.3f},"picture_states":{},"picture_times":{},"sound_states":{},"behind_s":{:.3f},)"
+        R"(,"pictures":{},"sound_seconds":{:.3f},"picture_states":{},"picture_times":{},"sound_states":{},"behind_s":{:.3f},"overlapped":{},)"
         R"("missing":{},"flattenings":{},"worlds":{},"commits":{})",
         pictureStates.size(), soundSeconds, jsonArray(pictureStates), jsonArray(pictureTimes), jsonArray(soundStates),
-        mostBehind, missing.empty() ? "null" : jsonString(missing), world.flatteners, world.rayWorlds, world.commits);
+        mostBehind, overlapped, missing.empty() ? "null" : jsonString(missing), world.flatteners, world.rayWorlds,
+        world.commits);
     if (live)
         text += fmt::format(
             R"(,"live":{{"states":{},"states_pictured":{},"states_heard":{},"pictures_skipped":{},"device":{}}})",
@@ -283,10 +284,11 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArgum
     std::unique_ptr<Outputs> outputs(new Outputs(scene, arguments, resources));
     outputs->start_ = scene.now();
     if (!arguments.render.empty()) {
-        outputs->image_ = arguments.picture.parse();
-        outputs->image_.settings.progress = [o = outputs.get()](double) { return o->finishing_ || !interrupted(); };
-        outputs->light_ =
-            std::make_unique<LightRenderer>(outputs->world(), LightRenderer::Options(resources, outputs->image_));
+        ImageOptions image = arguments.picture.parse();
+        image.settings.progress = [o = outputs.get()](double) {
+            return !o->abandoned_ && (o->finishing_ || !interrupted());
+        };
+        outputs->light_ = std::make_unique<LightRenderer>(outputs->world(), LightRenderer::Options(resources, image));
         if (!outputs->light_->attached()) return fail(outputs->light_->failure());
     }
     if (!arguments.listen.empty()) {
@@ -303,36 +305,92 @@ SharedWorld& Outputs::world() {
     return *world_;
 }
 
-Result<> Outputs::takePicture() {
-    RenderStats stats;
-    auto picture = light_->picture(image_, &stats);
-    if (!picture) return std::unexpected(picture.error());
-    if (stats.cancelled) return {};
-    report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : scene_.now() - start_);
-    report_.pictureStates.push_back(light_->presented());
-    report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
-    return files_.add(std::move(*picture));
+Outputs::~Outputs() {
+    abandoned_ = true;
+    {
+        const std::lock_guard lock(mutex_);
+        stop_ = true;
+    }
+    changed_.notify_all();
+    if (worker_.joinable()) worker_.join();
 }
 
-Result<> Outputs::frame() {
-    if (failed_) failed_ = make();
-    return failed_;
-}
-
-Result<> Outputs::make() {
+bool Outputs::pictureIsDue(double t) const {
     constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter of that
-    const double t = scene_.now() - start_;
+    return light_ && arguments_.animated() && nextPicture() <= t + kRounding &&
+           nextPicture() < arguments_.seconds - kRounding && !interrupted();
+}
+
+Result<> Outputs::make(const Job& job) {
     if (sound_)
-        if (auto ok = sound_->renderFrame(); !ok) return ok;
-    if (!light_ || !arguments_.animated()) return {};
-    while (nextPicture() <= t + kRounding && nextPicture() < arguments_.seconds - kRounding && !interrupted())
-        if (auto ok = takePicture(); !ok) return ok;
+        if (auto ok = sound_->renderFrame(*job.state); !ok) return ok;
+    while (job.picture && (!arguments_.animated() || pictureIsDue(job.until))) {
+        if (auto ok = light_->renderFrame(*job.state); !ok) return ok;
+        if (light_->stats().cancelled) return {};
+        report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : job.until);
+        report_.pictureStates.push_back(light_->presented());
+        report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
+        if (auto ok = files_.add(std::exchange(light_->frame(), Picture())); !ok) return ok;
+        if (!arguments_.animated()) return {};
+    }
     return {};
 }
 
+void Outputs::work() {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+        changed_.wait(lock, [this] { return stop_ || job_; });
+        if (stop_) return;
+        lock.unlock();
+        Result<> made;
+        try {
+            made = make(*job_);
+        } catch (const std::exception& e) {
+            made = fail(fmt::format("pictures and sound ended: {}", e.what()));
+        }
+        if (result_) result_ = made;
+        if (!result_) failed_ = true;
+        lock.lock();
+        job_.reset();
+        changed_.notify_all();
+    }
+}
+
+/// Until nothing is in the making: what the worker has is ours then. The first failure.
+Result<> Outputs::ready() {
+    std::unique_lock lock(mutex_);
+    if (job_) ++report_.overlapped;
+    changed_.wait(lock, [this] { return !job_; });
+    return result_;
+}
+
+Result<> Outputs::next(bool picture, double until) {
+    auto state = picture ? light_->prepare() : world().present();
+    if (!state) {
+        result_ = std::unexpected(state.error());
+        failed_ = true;
+        return result_;
+    }
+    if (!worker_.joinable()) worker_ = std::thread([this] { work(); });
+    const std::lock_guard lock(mutex_);
+    job_ = Job{std::move(*state), picture, until};
+    changed_.notify_all();
+    return {};
+}
+
+Result<> Outputs::frame() {
+    if (!light_ && !sound_) return {};
+    if (auto ok = ready(); !ok) return ok;
+    const double t = scene_.now() - start_;
+    const bool picture = pictureIsDue(t);
+    if (!picture && !sound_) return {};
+    return next(picture, t);
+}
+
 Result<> Outputs::finish() {
+    const Result<> made = ready();  // what was interrupted is not waited for
     finishing_ = true;
-    return allOf({[&] { return failed_; }, [&] { return finishPictures(); },
+    return allOf({[&] { return made; }, [&] { return finishPictures(); },
                   [&]() -> Result<> {
                       if (!sound_) return {};
                       const Result<double> seconds = writeSound(*sound_, arguments_);
@@ -348,8 +406,10 @@ Result<> Outputs::finish() {
 
 Result<> Outputs::finishPictures() {
     if (!light_) return {};
-    if (!arguments_.animated())
-        if (auto ok = takePicture(); !ok) return ok;
+    if (!arguments_.animated() && result_) {
+        if (auto ok = next(true, scene_.now() - start_); !ok) return ok;
+        if (auto ok = ready(); !ok) return ok;
+    }
     if (auto ok = files_.finish(); !ok) return ok;
     print(light_->diagnostics());
     return {};

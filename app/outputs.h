@@ -7,12 +7,16 @@
 // T, and sound is T long to the sample; OutputReport says what is not. Threading: the scene's thread.
 #pragma once
 
+#include <atomic>
+#include <condition_variable>
 #include <functional>
 #include <initializer_list>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <rtsg/audio/live_sound.h>
@@ -88,8 +92,9 @@ struct OutputReport {
     std::vector<std::uint64_t> pictureStates, soundStates;
     std::vector<double> pictureTimes;
     double soundSeconds = 0;
-    double mostBehind = 0;  // seconds of scene time that the outputs ever were behind the scene
-    std::string missing;    // "7 of 20 pictures, 1.4 of 4 s of sound"; empty if all that was asked for is there
+    double mostBehind = 0;         // seconds of scene time that the outputs ever were behind the scene
+    std::uint64_t overlapped = 0;  // frames that came while what the one before asked for was still in the making
+    std::string missing;           // "7 of 20 pictures, 1.4 of 4 s of sound"; empty if all that was asked for is there
     SharedWorld::Counts world;
     struct Live {
         std::uint64_t states = 0;                           // of the scene, while it was followed
@@ -156,22 +161,33 @@ class Outputs final : public OutputMaker {
     /// keepResources().
     static Result<std::unique_ptr<Outputs>> attach(Scene& scene, const OutputArguments& arguments,
                                                    const Resources& resources);
+    ~Outputs() override;
 
     Scene& scene() { return scene_; }
     /// What pictures, sound and others share; made when first asked for.
     SharedWorld& world();
 
+    /// Waits for what the frame before has asked for.
     Result<> frame() override;
-    bool failed() const override { return !failed_; }
+    bool failed() const override { return failed_; }
     Result<> finish() override;
     OutputReport report() const override;
 
   private:
     Outputs(Scene& scene, const OutputArguments& arguments, const Resources& resources)
         : scene_(scene), arguments_(arguments), worldOptions_(worldOptions(resources)), files_(arguments_) {}
-    Result<> make();
-    Result<> takePicture();
+    /// What is to be made of one state.
+    struct Job {
+        std::shared_ptr<const WorldState> state;
+        bool picture = false;
+        double until = 0;  // seconds from the start: pictures up to there
+    };
+    Result<> next(bool picture, double until);
+    Result<> ready();
+    void work();
+    Result<> make(const Job& job);
     Result<> finishPictures();
+    bool pictureIsDue(double t) const;
     /// Seconds from the start to the next picture.
     double nextPicture() const {
         return static_cast<double>(report_.pictureStates.size()) / arguments_.picturesPerSecond;
@@ -179,16 +195,23 @@ class Outputs final : public OutputMaker {
 
     Scene& scene_;
     OutputArguments arguments_;
-    ImageOptions image_;
     SharedWorld::Options worldOptions_;
     std::unique_ptr<SharedWorld> world_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<SoundRenderer> sound_;
+    double start_ = 0;
+    std::atomic<bool> failed_{false}, finishing_{false}, abandoned_{false};
+
+    // The worker's while it has a job, else the scene's thread's.
     PictureFiles files_;
     OutputReport report_;
-    double start_ = 0;
-    bool finishing_ = false;
-    Result<> failed_;
+    Result<> result_;  // the first that failed
+
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    std::optional<Job> job_;
+    bool stop_ = false;
+    std::thread worker_;  // from the first job on
 };
 
 }  // namespace rtsg::app

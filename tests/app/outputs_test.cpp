@@ -111,6 +111,20 @@ TEST_F(MadeOutputs, OfATestReplayAreThoseOfTheReplay) {
     expectSameFiles("a", "b");
 }
 
+TEST_F(MadeOutputs, OfOneFrameAreMadeWhileTheNextRuns) {
+    // Each picture takes many times as long as a frame's cascade, so that is over long before.
+    const auto slow = [&](std::vector<std::string> verb) {
+        verb.insert(verb.end(),
+                    {"--render", folder / "p%d.png", "--fps", "10", "--size", "320x180", "--spp", "4", "--json"});
+        const Outcome outcome = rtsg(verb);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return json::parse(outcome.out);
+    };
+    EXPECT_GE(slow({"run", file, "--for", "0.9s"}).at("overlapped"), 5);
+    ASSERT_EQ(rtsg({"record", file, "-o", folder / "s.rlog", "--for", "0.9s", "--fps", "10"}).status, 0);
+    EXPECT_GE(slow({"replay", folder / "s.rlog"}).at("overlapped"), 5);
+}
+
 TEST_F(MadeOutputs, WithoutSoundNameNoStateOfIt) {
     const Outcome outcome =
         rtsg({"run", file, "--for", "0.2s", "--fps", "10", "--render", folder / "p%d.png", "--size", "8x8", "--json"});

@@ -100,6 +100,7 @@ Result<> SoundRenderer::renderFrame() {
     if (!s.refused.empty()) return fail("listening failed: " + s.refused);
     const auto start = Clock::now();
     if (auto ok = begin(); !ok) return ok;
+    presentsNow();
     SoundBuffer& sound = s.report.sound;
     s.blockAt = sound.samples.size();
     if (!s.options.sound) return {};

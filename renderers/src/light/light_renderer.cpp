@@ -2,6 +2,7 @@
 #include <rtsg/renderers/light_renderer.h>
 
 #include <algorithm>
+#include <atomic>
 #include <mutex>
 #include <utility>
 
@@ -22,11 +23,12 @@ struct LightRenderer::Impl {
     Camera camera;
     RenderStats stats;
     Undrawn undrawn;
-    Diagnostics said;       // the tracer's and its own
-    std::size_t taken = 0;  // of the tracer's
-    std::mutex mutex;       // of what follows: pictures of states are made on other threads
-    Diagnostics lacks;      // of pictures, not yet in `said`
-    double named = 0;       // share of missing light that has been reported
+    Diagnostics said;                        // the tracer's and its own
+    std::size_t taken = 0;                   // of the tracer's
+    std::atomic<std::uint64_t> prepared{0};  // the last prepare()'s moment
+    std::mutex mutex;                        // of what follows: pictures of states are made on other threads
+    Diagnostics lacks;                       // of pictures, not yet in `said`
+    double named = 0;                        // share of missing light that has been reported
 
     void takeDiagnostics() {
         const auto& news = tracer.diagnostics().all();
@@ -78,14 +80,29 @@ double aspectOf(const RenderSettings& settings) {
 
 }  // namespace
 
-Result<> LightRenderer::make(const ImageOptions& options) {
+Result<Camera> LightRenderer::look(const ImageOptions& options) {
     Impl& s = *impl_;
     if (!s.refused.empty()) return fail(s.refused);
-    if (auto ok = begin(); !ok) return ok;
+    if (auto ok = begin(); !ok) return std::unexpected(ok.error());
     auto camera = s.tracer.camera(s.rays, aspectOf(options.settings), options.viewpoint);
+    if (!camera) return camera;
+    if (auto ok = world().setViewer(camera->position); !ok) return std::unexpected(ok.error());
+    return camera;
+}
+
+Result<std::shared_ptr<const WorldState>> LightRenderer::prepare() {
+    if (auto camera = look(impl_->options.image); !camera) return std::unexpected(camera.error());
+    auto state = world().present();
+    if (state) impl_->prepared = (*state)->moment;
+    return state;
+}
+
+Result<> LightRenderer::make(const ImageOptions& options) {
+    Impl& s = *impl_;
+    auto camera = look(options);
     if (!camera) return std::unexpected(camera.error());
+    presentsNow();
     s.camera = *camera;
-    if (auto ok = world().setViewer(s.camera.position); !ok) return ok;
     s.stats = {};
     if (auto ok = take(s.tracer.render(s.rays, s.camera, options.settings, &s.stats), options.settings); !ok) return ok;
     return renderOwnNodes(kDraw);
@@ -100,7 +117,7 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
     auto camera = LightTracer::camera(*tables, *state.rays, aspectOf(options.settings), options.viewpoint);
     if (!camera) return std::unexpected(camera.error());
     s.camera = *camera;
-    world().lookFrom(s.camera.position);
+    if (state.moment != s.prepared) world().lookFrom(s.camera.position);
     s.stats = {};
     return take(LightTracer::render(*tables, *state.rays, s.camera, options.settings, &s.stats), options.settings);
 }

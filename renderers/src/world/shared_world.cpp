@@ -278,6 +278,15 @@ Result<std::shared_ptr<const WorldState>> SharedWorld::latest(std::chrono::nanos
     }
 }
 
+Result<std::shared_ptr<const WorldState>> SharedWorld::present() {
+    Impl& s = *impl_;
+    s.wanted.store(true, std::memory_order_relaxed);
+    if (auto ok = update(); !ok) return std::unexpected(ok.error());
+    auto state = s.states.get();
+    if (!state || state->moment != s.moment) return fail("readers hold too many states of the scene");
+    return state;
+}
+
 void SharedWorld::lookFrom(const Vec3d& eye) {
     const std::lock_guard lock(impl_->eyeMutex);
     if (impl_->eye == eye) return;

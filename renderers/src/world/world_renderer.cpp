@@ -1,6 +1,7 @@
 // What renderers of a shared world have in common: following it, and finding the nodes they treat themselves.
 #include <rtsg/renderers/world_renderer.h>
 
+#include <atomic>
 #include <set>
 #include <vector>
 
@@ -31,7 +32,7 @@ struct WorldRenderer::Impl final : InstanceSubscriber {
     SharedWorld& world;
     bool added = false;
     std::uint64_t number = 0;  // in the world
-    std::uint64_t presented = 0;
+    std::atomic<std::uint64_t> presented{0};
     bool registered = false;      // any node renderer of its own
     bool known = false;           // `own` is up to date
     std::set<std::uint32_t> own;  // nodes of the types registered
@@ -87,6 +88,10 @@ const void* WorldRenderer::begin(const WorldState& state) {
     return tables;
 }
 
+void WorldRenderer::presentsNow() {
+    impl_->presented = impl_->world.sequence();
+}
+
 std::uint64_t WorldRenderer::presented() const {
     return impl_->presented;
 }
@@ -99,7 +104,6 @@ Result<> WorldRenderer::begin() {
     if (!impl_->added) return fail("the renderer is not attached to a scene");
     if (auto ok = impl_->world.update(); !ok) return ok;
     if (const std::string why = failure(); !why.empty()) return fail(subscriberName() + ": " + why);
-    impl_->presented = impl_->world.sequence();
     return {};
 }
 

@@ -410,5 +410,73 @@ TEST(WorldState, WhereAReaderLooksFromChoosesTheLevelsOfTheNextState) {
     EXPECT_NEAR(widest(), 9.7f, .01f);
 }
 
+/// The eye jumps to and fro across a level's range in every frame, and has left when the picture is made.
+TEST(WorldState, APreparedOneGivesThePictureOfItsInstantWhileTheSceneGoesOn) {
+    struct Show {
+        Show() {
+            Diagnostics diagnostics;
+            EXPECT_TRUE(loadText(scene, kRoom, diagnostics));
+            scene.forEachNode([this](const Node& node) {
+                if (node.type().name == "Viewpoint") eye = node.id();
+            });
+        }
+        void frame(int k) {
+            EXPECT_TRUE(
+                scene.set(eye, x3d::Viewpoint::position, Vec3f(0, .01f * static_cast<float>(k), k % 2 ? 4 : 9)));
+            scene.newFrame(k);
+        }
+        Scene scene;
+        SharedWorld world{scene};
+        LightRenderer light{world, small()};
+        NodeId eye;
+    } one, other;
+    std::vector<Picture> pictures;
+    for (int k = 0; k < 6; ++k) {
+        one.frame(k);
+        ASSERT_TRUE(one.light.renderFrame());
+        EXPECT_EQ(one.light.presented(), one.scene.sequence());
+        pictures.push_back(one.light.frame());
+    }
+    EXPECT_NE(pictures[0].pixels, pictures[1].pixels);
+    other.frame(0);
+    for (int k = 0; k < 6; ++k) {
+        const auto state = other.light.prepare();
+        ASSERT_TRUE(state);
+        const std::uint64_t sequence = other.scene.sequence();
+        if (k < 5) other.frame(k + 1);
+        std::thread([&] {
+            ASSERT_TRUE(other.light.renderFrame(**state));
+            EXPECT_EQ(other.light.frame().pixels, pictures[static_cast<std::size_t>(k)].pixels) << k;
+            EXPECT_EQ(other.light.presented(), sequence);
+        }).join();
+    }
+    // Nobody else's eye came between: the levels were chosen as often.
+    EXPECT_EQ(other.world.counts().commits, one.world.counts().commits);
+}
+
+TEST(WorldState, ThePresentOneIsNewEachTimeSomethingHasHappened) {
+    Stage stage;
+    stage.world.rays();
+    const auto first = stage.world.present();
+    ASSERT_TRUE(first);
+    EXPECT_EQ(*first, *stage.world.present());  // nothing has happened
+    ASSERT_TRUE(stage.scene.set(stage.scene.createNode(x3d::Transform::type), x3d::Transform::translation, Vec3f(1)));
+    const auto second = stage.world.present();  // edits not yet sealed belong to it
+    ASSERT_TRUE(second);
+    EXPECT_EQ((*second)->sequence, stage.scene.sequence());
+    EXPECT_NE((*second)->sequence, (*first)->sequence);
+    std::vector<State> held{*first, *second};
+    Result<State> more = *first;
+    for (int i = 0; i < 20 && more; ++i) {
+        stage.addBox();
+        more = stage.world.present();
+        if (more) held.push_back(*more);
+    }
+    ASSERT_FALSE(more);
+    EXPECT_NE(more.error().text.find("too many"), std::string::npos);
+    held.clear();
+    EXPECT_TRUE(stage.world.present());
+}
+
 }  // namespace
 }  // namespace rtsg

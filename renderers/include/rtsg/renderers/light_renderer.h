@@ -53,6 +53,10 @@ class LightRenderer final : public WorldRenderer {
 
     /// Makes the picture of the scene's present state: frame(). Errors: as picture().
     Result<> renderFrame() override;
+    /// On the scene's thread: the present state, with the levels of detail for the eye of its picture. renderFrame() of
+    /// it, on any thread while the scene goes on, makes the picture that renderFrame() would make now. Errors: as
+    /// picture().
+    Result<std::shared_ptr<const WorldState>> prepare();
     /// The picture of that state, bit for bit the one that renderFrame() makes on the scene's thread in it; levels of
     /// detail are those that the state has, and the next will have them for this eye. Errors: as picture(); node
     /// renderers are registered here, which draw on the scene's thread only.
@@ -76,6 +80,7 @@ class LightRenderer final : public WorldRenderer {
     std::shared_ptr<const void> freezeTables() override;
 
   private:
+    Result<Camera> look(const ImageOptions& options);
     Result<> make(const ImageOptions& options);
     Result<> take(Result<Picture> picture, const RenderSettings& settings);
     struct Impl;

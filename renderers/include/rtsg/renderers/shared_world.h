@@ -96,6 +96,9 @@ class SharedWorld {
     Result<std::shared_ptr<const WorldState>> latest(
         std::chrono::nanoseconds patience = std::chrono::milliseconds(100)) const;
     static constexpr std::uint64_t kForget = 256;
+    /// On the scene's thread: the present state, for others to work from while the scene goes on. Errors: as update();
+    /// or readers hold too many states.
+    Result<std::shared_ptr<const WorldState>> present();
     /// setViewer() from any thread: with the next delivery.
     void lookFrom(const Vec3d& eye);
 

@@ -34,7 +34,7 @@ class WorldRenderer : public Renderer {
     virtual Result<> renderFrame(const WorldState& state);
 
     /// The state that the last renderFrame() presented, as the scene numbers them; 0 before the first. Pictures and
-    /// sound that name the same one belong together. Threading: as renderFrame().
+    /// sound that name the same one belong together. Any thread.
     std::uint64_t presented() const;
 
     SharedWorld& world() const;
@@ -51,9 +51,10 @@ class WorldRenderer : public Renderer {
     virtual Result<> follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) = 0;
     /// Sends the operation to the nodes that have a node renderer of their own here, in the order of their numbers.
     Result<> renderOwnNodes(Operation operation);
-    /// Error: failure(), or that it is not attached. First of all in a renderFrame(): brings the world up to date, and
-    /// presented() to its state.
+    /// Error: failure(), or that it is not attached. First of all in a renderFrame(): brings the world up to date.
     Result<> begin();
+    /// After that: presented() is the world's state.
+    void presentsNow();
     bool listens() const override { return false; }  // the world does
 
   private:
