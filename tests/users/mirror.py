@@ -25,6 +25,9 @@ def whole(user, report):
     _, rate, samples = wav_samples(user.path("m.wav"))
     equal(samples, SECONDS * rate, "samples of sound")
     equal(report["gaps"], 0, "gaps")
+    equal(len(report["picture_states"]), SECONDS * FPS, "states named")
+    equal(report["picture_states"], report["sound_states"], "picture and sound of a frame are of one state")
+    equal((report["flattenings"], report["worlds"]), (1, 1), "flattenings and worlds")
     only(user.folder, "results")
 
 
@@ -104,6 +107,77 @@ def test_full_disk(user):
         check("disk" in mirror.err or "space" in mirror.err, f"the reason is said: {mirror.err!r}")
         names = pictures(disk, r".*")
         check(names and all(is_whole_png(disk / n) for n in names), f"half a picture is left: {names}")
+    server.signal(signal.SIGTERM)
+    server.wait()
+
+
+def live(user):
+    """Newest states, merged: the session is followed to its end, all of the sound is there, each picture is whole."""
+    server, endpoint = user.serve(HALL, "--linger", "120s", "--for", f"{SECONDS + 2}s", "--await", "1")
+    report = user.start("mirror", endpoint, "--json", "--live", "--for", f"{SECONDS}s", "--fps", 30, "--render", "p%02d.png", "--listen", "m.wav",
+                        "--wait", "60s", "--size", "320x180", *COMMON).done()
+    equal(report["equal"], True, "equal")
+    _, rate, samples = wav_samples(user.path("m.wav"))
+    equal(samples, SECONDS * rate, "samples of sound")
+    names = pictures(user.folder, r"p\d\d\.png")
+    equal(len(names), report["pictures"], "pictures counted")
+    check(names and all(is_whole_png(user.path(n)) for n in names), f"pictures: {names}")
+    states = report["picture_states"]
+    check(all(a < b for a, b in zip(states, states[1:])), f"each picture is of a later state: {states}")
+    equal(report["live"]["states_pictured"], len(states), "states pictured")
+    equal(len(states) + report["live"]["pictures_skipped"], SECONDS * 30, "every instant is pictured or counted as skipped")
+    check(report["live"]["states_heard"] <= report["live"]["states"], "states heard")
+    server.done()
+
+
+def test_live(user):
+    live(user)
+
+
+def test_live_under_load(user):
+    with user.load():
+        live(user)
+
+
+def test_mirror_is_killed(user):
+    """The server goes on, the next mirror is as good as the first, and what was logged can be replayed."""
+    server, endpoint = user.serve(HALL, "--for", "60s")
+    mirror = user.start("mirror", endpoint, "--fps", FPS, "--render", "k%02d.png", "--record", "k.rlog", "--wait", "60s", "--size", "64x36", *COMMON)
+    while not user.path("k02.png").exists():
+        check(mirror.process.poll() is None, mirror.err)
+        time.sleep(0.05)
+    mirror.signal(signal.SIGKILL)
+    mirror.wait()
+    check(all(is_whole_png(user.path(n)) for n in pictures(user.folder, r"k\d\d\.png")), "a picture is cut short")
+    user.run("replay", "k.rlog")
+    cut = user.start("replay", "k.rlog", "--verify")
+    cut.done(status=1)
+    check("not closed" in cut.err, f"that it was cut is said: {cut.err!r}")
+    whole(user, mirror_with_everything(user, endpoint).done())
+    server.signal(signal.SIGTERM)
+    server.wait()
+
+
+def test_server_with_a_full_disk_goes_on(user):
+    with small_disk(user.path("disk"), 32) as disk:
+        server, endpoint = user.serve(HALL, "--record", disk / "s.rlog", "--linger", "120s", "--for", f"{SECONDS + 2}s")
+        whole(user, mirror_with_everything(user, endpoint).done())
+        server.wait()
+        check("space" in server.err, f"that its log ended is said: {server.err!r}")
+        user.run("replay", disk / "s.rlog")
+
+
+def test_wrong_files(user):
+    server, endpoint = user.serve(HALL, "--for", "60s")
+    user.path("old.rlog").write_bytes(b"a log of last week")
+    user.path("key").write_bytes(b"this is no key")
+    for wrong, named in ((["--record", "old.rlog"], "old.rlog"), (["--key", "key"], "key"), (["--render", "no/such/folder/p%d.png"], "no/such"),
+                         (["--render", "p.txt"], "p.txt"), (["--save", "s.doc"], "s.doc")):
+        mirror = user.start("mirror", endpoint, "--for", "1s", "--wait", "10s", "--size", "8x8", *wrong)
+        check(mirror.wait() in (1, 2), f"{wrong} is accepted")
+        check(named in mirror.err, f"{wrong}: what is wrong is named: {mirror.err!r}")
+    equal(user.path("old.rlog").read_bytes(), b"a log of last week", "the file that was there")
+    whole(user, mirror_with_everything(user, endpoint).done())  # the server minds nothing of it
     server.signal(signal.SIGTERM)
     server.wait()
 

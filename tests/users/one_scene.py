@@ -20,6 +20,8 @@ def same_world(user, report):
     equal(report["worlds"], 1, "worlds")
     equal(report["flattenings"], 1, "flattenings")
     equal(report["pictures"], 10, "pictures")
+    equal(len(report["picture_states"]), 10, "states named")
+    equal(report["picture_states"], report["sound_states"], "picture and sound of a frame are of one state")
     _, rate, samples = wav_samples(user.path("s.wav"))
     equal(samples, 2 * rate, "samples of sound")
 
@@ -48,6 +50,48 @@ def test_alone_and_together_are_the_same(user):
     user.run("replay", "s.rlog", "--for", "2s", "--listen", "s.wav", *SMALL)
     for name, content in together.items():
         check(user.path(name).read_bytes() == content, f"{name} differs when made alone")
+
+
+def test_a_scene_its_log_and_its_mirror_give_the_same(user):
+    """Who drives the scene makes no difference: a file, a log, or another process."""
+    record(user)
+    options = ["--json", "--for", "2s", "--fps", 5, "--render", "p%02d.png", "--listen", "s.wav", *SMALL]
+    files = lambda: {n: user.path(n).read_bytes() for n in [*pictures(user.folder, r"p\d\d\.png"), "s.wav"]}
+    user.run("run", HALL, *options[:3], "--fps", 5, *options[5:])
+    run = files()
+    user.run("record", HALL, "-o", "five.rlog", "--for", "2s", "--fps", 5)
+    same_world(user, user.run("replay", "five.rlog", *options))
+    replayed = files()
+    server, endpoint = user.serve(HALL, "--at", "2000-01-01", "--fps", 5, "--await", "1", "--linger", "120s", "--for", "3s")
+    same_world(user, user.run("mirror", endpoint, *options, "--wait", "60s"))
+    mirrored = files()
+    server.wait()
+    equal(len(run), 11, "files")
+    for name, content in run.items():
+        check(replayed[name] == content, f"{name} of the log differs")
+        check(mirrored[name] == content, f"{name} of the mirror differs")
+
+
+def test_live(user):
+    report = user.run("run", HALL, "--json", "--live", "--for", "2s", "--fps", 60, "--render", "p%02d.png", "--listen", "s.wav", *SMALL)
+    equal((report["flattenings"], report["worlds"]), (1, 1), "flattenings and worlds")
+    _, rate, samples = wav_samples(user.path("s.wav"))
+    equal(samples, 2 * rate, "samples of sound")
+    equal(report["pictures"] + report["live"]["pictures_skipped"], 120, "every instant is pictured or counted as skipped")
+
+
+def test_killed_in_a_picture(user):
+    record(user)
+    program = user.start("replay", "s.rlog", "--render", "p%02d.png", "--listen", "s.wav", "--fps", 30, "--size", "320x180", "--spp", "4",
+                         "--base", HALL.parent)
+    while not user.path("p01.png").exists():
+        check(program.process.poll() is None, program.err)
+        time.sleep(0.02)
+    program.signal(signal.SIGKILL)
+    program.wait()
+    check(all(is_whole_png(user.path(n)) for n in pictures(user.folder, r"p\d\d\.png")), "half a picture is left")
+    check(not user.path("s.wav").exists(), "half a sound is left")
+    same_world(user, both(user))  # again, over what is there
 
 
 def test_ctrl_c_in_a_picture(user):

@@ -53,7 +53,66 @@ def test_an_added_node_fails_and_says_why(user):
     with open(user.path("door.x3dv"), "a") as scene:
         scene.write('\nWorldInfo { title "edited" }\n')
     program = rerun(user, status=1)
-    check("frame" in program.err, f"the frame is named: {program.err!r}")
+    check("frame 2" in program.err and "#1.children: recorded [" in program.err and ", now [" in program.err,
+          f"frame, node, field and both values are named: {program.err!r}")
+
+
+def test_another_colour_is_named_and_can_be_seen(user):
+    """The state differs, and so does the picture that was expected."""
+    record(user)
+    picture = ["--expect-picture", "door.png", "--size", "64x48"]
+    user.run("replay", "door.rlog", "--rerun", "door.x3dv", "--update", *picture)
+    user.run("replay", "door.rlog", "--rerun", "door.x3dv", *picture)
+    text = user.path("door.x3dv").read_text()
+    user.path("door.x3dv").write_text(text.replace("diffuseColor 0.75 0.72 0.65", "diffuseColor 0.1 0.2 0.65"))
+    program = user.start("replay", "door.rlog", "--rerun", "door.x3dv", *picture)
+    program.done(status=1)
+    check("diffuseColor: recorded 0.75 0.72 0.65, now 0.1 0.2 0.65" in program.err, f"field and values are named: {program.err!r}")
+    user.run("record", "door.x3dv", "-o", "new.rlog", "--for", "2s", "--fps", "30", "--set", "PRESSED.set_boolean=TRUE@0.5")
+    other = user.start("replay", "new.rlog", *picture)
+    other.done(status=1)
+    check("door.png" in other.err, f"the picture is named: {other.err!r}")
+
+
+def test_a_name_that_nothing_uses_is_a_change_and_is_named(user):
+    record(user)
+    text = user.path("door.x3dv").read_text()
+    user.path("door.x3dv").write_text(text.replace("Viewpoint {", "DEF EYE Viewpoint {"))
+    program = rerun(user, status=1)
+    check("name" in program.err and "EYE" in program.err, f"{program.err!r}")
+
+
+def test_ctrl_c_while_recording(user):
+    user.path("door.x3dv").write_text(DOOR.read_text())
+    program = user.start("record", "door.x3dv", "-o", "cut.rlog", "--for", "60min", "--realtime")
+    while not user.path("cut.rlog").exists() or user.path("cut.rlog").stat().st_size < 3000:
+        check(program.process.poll() is None, program.err)
+        time.sleep(0.05)
+    program.signal(signal.SIGINT)
+    program.wait()
+    user.run("replay", "cut.rlog", "--verify")
+    rerun_of_what_is_there = user.start("replay", "cut.rlog", "--rerun", "door.x3dv")
+    rerun_of_what_is_there.done()
+
+
+def test_full_disk_while_recording(user):
+    user.path("door.x3dv").write_text(DOOR.read_text())
+    with small_disk(user.path("disk"), 24) as disk:
+        program = user.start("record", "door.x3dv", "-o", disk / "x.rlog", "--for", "60s", "--set", "PRESSED.set_boolean=TRUE@0.5")
+        program.done(status=1)
+        check("space" in program.err and "x.rlog" in program.err, f"the reason and the file are named: {program.err!r}")
+        user.run("replay", disk / "x.rlog")
+        user.run("replay", disk / "x.rlog", "--rerun", "door.x3dv")
+
+
+def test_a_wrong_file_is_no_log(user):
+    record(user)
+    program = user.start("replay", "door.x3dv", "--rerun", "door.x3dv")
+    program.done(status=1)
+    check("door.x3dv" in program.err, f"the file is named: {program.err!r}")
+    program = user.start("replay", "door.rlog", "--rerun", "none.x3dv")
+    program.done(status=1)
+    check("none.x3dv" in program.err, f"the file is named: {program.err!r}")
 
 
 def test_a_broken_scene_is_an_error_with_its_place(user):
