@@ -3,7 +3,9 @@
 
 In docs/accuracy-and-speed.md every table with a column headed "line of `rtsg bench`" is read: each row has to name at least one
 line there, as `bench: metric`, and the benches' sources have to report that metric under that bench. A metric that is put
-together, such as "primary rays, {}", counts as what stands before the first brace. Exit status 1, a line for each row at fault.
+together, such as "primary rays, {}", counts as what stands before the first brace. On other pages each paragraph with a measured
+time, rate or size names a line in the same way; pages in SETTINGS hold limits that are set, not measured.
+Exit status 1, a line for each row or paragraph at fault.
 """
 import pathlib
 import re
@@ -11,6 +13,9 @@ import sys
 
 ROOT = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent.parent)
 HEADING = "line of `rtsg bench`"
+SETTINGS = {"security.md", "charts.md", "diagnostics.md", "accuracy-and-speed.md"}
+MEASURED = re.compile(r"\d (?:µs|ns|ms|MB|GB|MB/s|GB/s|Mrays/s|M/s)\b")
+NAMED = re.compile(r"`([a-z_]+): ([^`]+)`")
 
 
 def reported():
@@ -41,11 +46,26 @@ def rows(path):
             yield number, line.rstrip().rstrip("|").rsplit("|", 1)[1].strip()
 
 
+def paragraphs(path):
+    """(line number, text) of each, of pages whose figures are measured; code is none."""
+    if path.name in SETTINGS:
+        return
+    text, begun, code = [], 0, False
+    for number, line in enumerate([*path.read_text().splitlines(), ""], 1):
+        code ^= line.startswith("```")
+        if line.strip() and not code:
+            begun = begun if text else number
+            text.append(line)
+        elif text:
+            yield begun, " ".join(text)
+            text = []
+
+
 def main():
     benches, faults, count = reported(), 0, 0
     page = ROOT / "docs" / "accuracy-and-speed.md"
     for number, cell in rows(page):
-        names = re.findall(r"`([a-z_]+): ([^`]+)`", cell)
+        names = NAMED.findall(cell)
         problems = [f"there is no line `{b}: {m}`" for b, m in names if not exists(benches, b, m)]
         if not names:
             problems = ["names no line of `rtsg bench`"]
@@ -53,6 +73,15 @@ def main():
             print(f"{page.relative_to(ROOT)}:{number}: {problem}")
         faults += bool(problems)
         count += 1
+    for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+        for number, paragraph in paragraphs(page):
+            names = NAMED.findall(paragraph)
+            missing = [f"there is no line `{b}: {m}`" for b, m in names if b in benches and not exists(benches, b, m)]
+            if MEASURED.search(paragraph) and not any(exists(benches, b, m) for b, m in names):
+                missing.append(f"a measured figure ({MEASURED.search(paragraph).group()}) without a line of `rtsg bench`")
+            for problem in missing:
+                print(f"{page.relative_to(ROOT)}:{number}: {problem}")
+            faults += bool(missing)
     print(f"{count} rows, {faults} at fault")
     return 1 if faults or count < 20 else 0
 
