@@ -120,8 +120,8 @@ Verb addDiff(Command& program) {
     options->resources.addTo(*command);
     command->addFlag("--json", options->json, "the report as JSON");
     command->footer(
-        "Example: rtsg diff door.x3dv door_new.x3dv\n"
-        "Example: rtsg diff monday.rlog tuesday.rlog --field DOOR.* --ignore initial --tolerance 1e-4\n"
+        "Example: rtsg diff door.x3dv same_door.x3dv\n"
+        "Example: rtsg diff door.rlog other.rlog --field DOOR.* --ignore initial --tolerance 1e-4\n"
         "Logs are compared state by state; with --field, --ignore or --tolerance by time since their starts. Nodes "
         "are\n"
         "paired by their DEF names. Exit status 1 if anything differs.");

@@ -23,7 +23,7 @@ NOT_RUN = {
 }
 # Durations and sizes that show the same in less time.
 SHORTER = {"--for": "1s", "--seek": "0.5s", "--size": "64x36", "--spp": "1", "--rays": "500", "--frames": "2", "--fps": None}
-SCENES = {"hall.x3dv": "examples/demo/hall.x3dv", "door.x3dv": "examples/door.x3dv", "door.png": "examples/door.png"}
+SCENES = {"hall.x3dv": "examples/demo/hall.x3dv", "door.x3dv": "examples/door.x3dv", "same_door.x3dv": "examples/door.x3dv", "door.png": "examples/door.png"}
 
 
 def commands(program):
@@ -99,7 +99,7 @@ def main():
             if arguments[0] in NOT_RUN:
                 unused.discard(arguments[0])
                 continue
-            arguments = shortened([a for given in arguments for a in (sorted(map(str, folder.glob(given))) if "*" in given and "//" not in given else [given])])
+            arguments = shortened([a for given in arguments for a in ((sorted(map(str, folder.glob(given))) or [given]) if "*" in given and "//" not in given else [given])])
             endpoint, server = free_endpoint(), None
             arguments = [endpoint if a.startswith("tcp://") else a for a in arguments]
             shutil.rmtree(folder, ignore_errors=True)  # each command finds what the texts take for granted, no more
