@@ -22,11 +22,27 @@ bool RunningScene::load() {
     setClock(scene_, start_);
     Diagnostics diagnostics(file_);
     if (!app::load(scene_, file_, diagnostics, resources_)) return false;
+    followInlines();
+    return true;
+}
+
+Result<ResumedSession> RunningScene::resume(const std::string& log) {
+    ResumeOptions options;
+    options.progress = progressBar("reading " + log);
+    auto session = resumeSession(log, scene_, options);
+    if (!session) return session;
+    scene_.setScriptResources(std::make_shared<const Resources>(resources_));
+    start_ = session->start;
+    time_ = session->end - session->start;
+    followInlines();
+    return session;
+}
+
+void RunningScene::followInlines() {
     BuildOptions build;
     build.resources = resources_;
     if (file_ != "-") build.file = file_;
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
-    return true;
 }
 
 Result<> RunningScene::inject(const std::vector<std::string>& events) {

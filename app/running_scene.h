@@ -13,6 +13,7 @@
 #include <vector>
 
 #include <rtsg/core/scene_builder.h>
+#include <rtsg/sync/session.h>
 
 #include "cli.h"
 #include "injections.h"
@@ -37,6 +38,8 @@ class RunningScene {
 
     /// Reads the file and prints what there is to say of it. False if nothing usable was in it.
     bool load();
+    /// Instead of load(): goes on with the session in a log, at the time after its last state; start() is the log's.
+    Result<ResumedSession> resume(const std::string& log);
     /// --set; after load().
     Result<> inject(const std::vector<std::string>& events);
 
@@ -61,6 +64,8 @@ class RunningScene {
     void printDiagnostics(std::string_view said = {});
 
   private:
+    void followInlines();
+
     std::string file_;
     Resources resources_;
     double start_, time_ = 0;

@@ -1,12 +1,11 @@
 // rtsg diff: two logs or two scenes compared, and what differs named.
-#include <array>
 #include <cmath>
-#include <fstream>
 #include <memory>
 
 #include <fmt/format.h>
 
 #include <rtsg/sync/field_comparison.h>
+#include <rtsg/sync/log_summary.h>
 
 #include "cli.h"
 #include "replay_test.h"
@@ -22,12 +21,6 @@ struct Options {
     ResourceArguments resources;
     bool json = false;
 };
-
-bool isLog(const std::string& file) {
-    std::array<char, 8> magic{};
-    std::ifstream(file, std::ios::binary).read(magic.data(), magic.size());
-    return std::string_view(magic.data(), magic.size()) == kRecordMagic;
-}
 
 /// One line for each difference, or one object.
 int report(const Options& options, const std::vector<Divergence>& found, const std::string& compared) {

@@ -25,7 +25,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-    std::string scene, endpoint = "tcp://127.0.0.1:*", duration, record, key, upstream = "none", block = "0";
+    std::string scene, resume, endpoint = "tcp://127.0.0.1:*", duration, record, key, upstream = "none", block = "0";
     std::string mode = "state", coding = "raw";
     double fps = 60, error = 1e-3;
     std::string linger = "10s";
@@ -63,13 +63,36 @@ void await(MirrorServer& server, std::size_t mirrors) {
     }
 }
 
+/// From its file, or as the log of the session has it.
+Result<std::optional<ResumedSession>> begin(RunningScene& running, const Options& options) {
+    if (options.resume.empty()) {
+        if (!running.load()) return fail("nothing usable in it", {}, options.scene);
+        return std::nullopt;
+    }
+    auto session = running.resume(options.resume);
+    if (!session) return std::unexpected(session.error());
+    fmt::print(stderr, "going on at state {}, t = {:.3f} s{}\n", running.scene().sequence(), running.time(),
+               session->damaged ? fmt::format("; {} places of the log could not be read", session->damaged) : "");
+    return std::optional(std::move(*session));
+}
+
+void checkResume(const Options& options) {
+    if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
+    if (!options.resume.empty() && !options.record.empty())
+        throw UsageError("--record", "not together with --resume, which goes on writing its log");
+    if (!options.resume.empty() && options.mode == nameOf(Mode::lossy))
+        throw UsageError("--resume", "not together with --mode lossy: mirrors hold other values than the log");
+}
+
 int serve(const Options& options) {
     const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
+    checkResume(options);
     const std::vector<OutputName> outputs{{"--record", options.record, OutputKind::log}};
-    if (auto ok = checkFiles({options.scene, options.key}, outputs, options.force); !ok)
+    if (auto ok = checkFiles({options.scene, options.key, options.resume}, outputs, options.force); !ok)
         return printError(ok.error()), kBad;
-    RunningScene running(options.scene, options.resources, options.start);
-    if (!running.load()) return kBad;
+    RunningScene running(options.scene.empty() ? options.resume : options.scene, options.resources, options.start);
+    auto session = begin(running, options);
+    if (!session) return printError(session.error()), kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), outputs);
     auto keys = keysFrom(options.key);
@@ -92,42 +115,53 @@ int serve(const Options& options) {
         serverOptions.mode.mode = Mode::lossy;
         serverOptions.mode.maxError = options.error;
     }
+    if (*session) {
+        serverOptions.epoch = (*session)->epoch;
+        serverOptions.before = std::move((*session)->before);
+    }
     auto server = MirrorServer::start(lossy ? lossy->scene() : scene, options.endpoint, serverOptions);
     if (!server) return printError(server.error()), kBad;
     (void)interrupted();  // from here on an interruption ends in order: no half file stays
     std::unique_ptr<LogRecorder> log;
-    if (!options.record.empty()) {
+    const std::string& logFile = *session ? options.resume : options.record;
+    if (!logFile.empty()) {
         LogOptions logOptions;
         logOptions.existing = existing(options.force);
+        logOptions.append = session->has_value();
+        logOptions.epoch = lossy ? 0 : (*server)->epoch();
         options.keyframes.setIn(logOptions);
-        auto created = LogRecorder::start(scene, options.record, logOptions);
+        auto created = LogRecorder::start(scene, logFile, logOptions);
         if (!created) return printError(created.error()), kBad;
         log = std::move(*created);
+        // The state that the log ends with, again, before the first new one: so that none is missing between.
+        if (*session) log->waitFor(scene.sequence(), std::chrono::seconds(10));
     }
     if (options.json)
         fmt::print("{{\"endpoint\":{}}}\n", jsonString((*server)->endpoint()));
     else
-        fmt::print("serving {} at {}\n", options.scene, (*server)->endpoint());
+        fmt::print("serving {} at {}\n", running.file(), (*server)->endpoint());
     std::fflush(stdout);
 
     if (options.await > 0) await(**server, options.await);
     // Frames are at even times; those that there was no time for are left out, the clock never lags behind.
     const auto start = Clock::now();
+    // A session that goes on does so with the frame after its last one.
+    const double from = *session ? running.time() + 1 / options.fps : 0;
     std::uint64_t frames = 0, slot = 0;
     const auto last = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9));
     std::size_t mostPeers = 0;
     bool failed = false;
-    const Progress progress = options.duration.empty() ? Progress{} : progressBar("serving " + options.scene);
+    const Progress progress = options.duration.empty() ? Progress{} : progressBar("serving " + running.file());
     while (!interrupted() && slot <= last) {
         (*server)->service();  // what mirrors have sent takes effect in this frame
-        running.frame(static_cast<double>(slot) / options.fps);
+        running.frame(from + static_cast<double>(slot) / options.fps);
         ++frames;
         mostPeers = std::max(mostPeers, (*server)->statistics().peers);
         printNews(**server);
         if (log && !failed && !log->failure().empty()) {
             printError(log->failure());
-            printError(fmt::format("the recording has ended; {} holds the session to state {}", options.record,
-                                   log->acknowledged()));
+            printError(
+                fmt::format("the recording has ended; {} holds the session to state {}", logFile, log->acknowledged()));
             failed = true;  // but those who follow go on
         }
         if (progress) progress(slot, last + 1);
@@ -166,9 +200,9 @@ int serve(const Options& options) {
         fmt::print("{} frames in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", frames,
                    seconds, fps, statistics.bytes, mostPeers, scene.hash().hex());
     if (interrupted()) {
-        if (log && !failed) fmt::print(stderr, "{} holds the session to state {}\n", options.record, scene.sequence());
-        if (!options.duration.empty() && running.time() < duration) {
-            printError(fmt::format("interrupted at {} of {} s", running.time(), duration));
+        if (log && !failed) fmt::print(stderr, "{} holds the session to state {}\n", logFile, scene.sequence());
+        if (!options.duration.empty() && running.time() - from < duration) {
+            printError(fmt::format("interrupted at {} of {} s", running.time() - from, duration));
             failed = true;
         }
     }
@@ -180,7 +214,11 @@ int serve(const Options& options) {
 Verb addServe(Command& program) {
     auto options = std::make_shared<Options>();
     Command* command = program.addVerb("serve", "Run a scene in real time and mirror it");
-    command->addOption("SCENE", options->scene, "scene file, or -")->required();
+    command->addOption("SCENE", options->scene, "scene file, or -; with --resume only the folder that urls start from");
+    command->addOption(
+        "--resume", options->resume,
+        "go on with the session in this log, killed or ended: same states, clock and epoch, so that mirrors "
+        "go on too; the log is continued");
     command->addOption("--bind", options->endpoint, "ZeroMQ endpoint; * picks a free port")->preset();
     command->addOption("--for", options->duration, "how long; else until Ctrl-C");
     command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e4);
@@ -219,6 +257,7 @@ Verb addServe(Command& program) {
     command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
     command->footer(
         "Example: rtsg serve hall.x3dv --bind tcp://127.0.0.1:4711 --for 20s --record hall.rlog\n"
+        "Example: rtsg serve --resume hall.rlog --bind tcp://127.0.0.1:4711 --for 20s\n"
         "The first line on standard output names the endpoint, the port filled in.");
     return {command, [options] { return serve(*options); }};
 }

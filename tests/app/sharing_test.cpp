@@ -167,6 +167,46 @@ TEST_F(Mirror, ServerRefusesToBeOpenToOthersWithoutKeys) {
     EXPECT_THAT(outcome.err, HasSubstr("keys"));
 }
 
+/// kill -9, and the mirror that follows has the rest of the session without a second snapshot.
+TEST_F(Mirror, AServerThatWasKilledGoesOnFromItsLog) {
+    const std::string log = folder / "session.rlog";
+    serve({"--record", log}, "tcp://127.0.0.1:*");
+    Program mirror({"mirror", endpoint, "--for", "3s", "--wait", "60s", "--json"}, streams());
+    const auto recorded = [&] {
+        const Outcome info = rtsg({"info", log, "--json"});
+        return info.status == 0 ? json::parse(info.out).at("frames").get<int>() : 0;
+    };
+    for (int tries = 0; tries < 600 && recorded() < 30; ++tries)
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    server->signal(SIGKILL);
+    EXPECT_EQ(server->wait().status, 128 + SIGKILL);
+    const int before = recorded();
+    ASSERT_GE(before, 30);
+    serve({"--resume", log, "--for", "4s"}, endpoint);
+    const Outcome followed = mirror.wait();
+    ASSERT_EQ(followed.status, 0) << followed.err;
+    const json report = json::parse(followed.out);
+    expectEqual(report);
+    EXPECT_EQ(report.at("restarts"), 0) << report;
+    EXPECT_GT(report.at("sequence"), before) << report;
+    const Outcome ended = server->wait();
+    EXPECT_EQ(ended.status, 0) << ended.err;
+    const json summary = json::parse(lastLine(ended.out));
+    // One that was a frame ahead of the log, by chance, takes the snapshot.
+    EXPECT_EQ(summary.at("resumed").get<int>() + summary.at("snapshots").get<int>(), 1) << summary;
+    EXPECT_EQ(report.at("snapshots").get<int>(), 1 + summary.at("snapshots").get<int>()) << report;
+    const Outcome verified = rtsg({"replay", log, "--verify", "--json"});
+    EXPECT_EQ(verified.status, 0) << verified.err;
+    EXPECT_EQ(json::parse(verified.out).at("hash"), summary.at("hash"));
+}
+
+TEST_F(Mirror, ResumingAsksForALogAndWritesNoOther) {
+    EXPECT_EQ(rtsg({"serve"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog"}).status, 1);
+    EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog", "--record", folder / "other.rlog"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog", "--mode", "lossy"}).status, 2);
+}
+
 class Replay : public CommandLine {
   protected:
     void record(const std::string& name, const std::string& text) {

@@ -3,6 +3,7 @@
 #include <cerrno>
 #include <cstring>
 #include <random>
+#include <utility>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -115,7 +116,8 @@ LogWriter::~LogWriter() {
 }
 
 Result<> LogWriter::beginEpoch() {
-    epoch_ = freshEpoch();
+    const std::uint64_t given = std::exchange(options_.epoch, 0);  // a scene that starts over is another session
+    epoch_ = given ? given : freshEpoch();
     firstOfEpoch_ = true;
     encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_);
     return writeHead();

@@ -115,6 +115,7 @@ void MirrorClient::Impl::hello(bool afresh) {
     if (options_.whenSlow == MirrorWhenSlow::coalesce)
         greeting.wishes.lag = static_cast<std::uint32_t>(std::clamp<std::int64_t>(options_.maxLag.count(), 0, 1 << 30));
     greeting.wishes.rate = options_.mostBytesPerSecond;
+    if (haveState_) greeting.wishes.hash = stateHash_;
     running_ = false;
     for (const Aspect aspect : options_.aspects)
         greeting.wishes.aspects |= std::uint32_t{1} << static_cast<unsigned>(aspect);

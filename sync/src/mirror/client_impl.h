@@ -114,6 +114,7 @@ class MirrorClient::Impl {
     bool haveState_ = false;  // the replica is in a state of this epoch
     bool touched_ = false;    // something was applied to the replica: it has to be reset before a keyframe
     std::uint64_t state_ = 0, newestHeard_ = 0;
+    Hash128 stateHash_;                              // of `state_`, as the server says
     std::uint64_t originAt_ = 0;                     // as the server says without sending it
     std::uint64_t received_ = 0, acknowledged_ = 0;  // bytes of this session
     ByteBuffer partial_;                             // a record that comes in several parts

@@ -171,6 +171,7 @@ void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHea
         diverged_ = false;
     }
     state_ = statistics_.sequence = header.to;
+    stateHash_ = header.hash;
     if (!afresh) noteLag();
     compare(header);
 }
@@ -212,6 +213,7 @@ void MirrorClient::Impl::input(std::span<const std::byte> bytes, const RecordHea
     touched_ = true;
     if (!ran) return stopRunning(ran.error().text);
     state_ = statistics_.sequence = header.to;
+    stateHash_ = header.hash;
     ++applied_;
     ++statistics_.frames;
     ++statistics_.inputs;

@@ -93,6 +93,13 @@ bool MirrorHistory::add(SharedRecord record) {
     return true;
 }
 
+void MirrorHistory::addEarlier(SharedRecord record) {
+    if (record->header.kind != RecordKind::frame) return;
+    if (!started_) newest_ = record->header.from;
+    started_ = true;
+    add(std::move(record));
+}
+
 std::size_t MirrorHistory::indexOf(std::uint64_t state) const {
     const auto found =
         std::ranges::lower_bound(frames_, state, {}, [](const SharedRecord& r) { return r->header.from; });
@@ -102,6 +109,13 @@ std::size_t MirrorHistory::indexOf(std::uint64_t state) const {
 
 bool MirrorHistory::continues(std::uint64_t state) const {
     return !empty() && (state == newest_ || indexOf(state) < frames_.size());
+}
+
+bool MirrorHistory::continues(std::uint64_t state, const Hash128& hash) const {
+    if (!continues(state)) return false;
+    const std::size_t index = indexOf(state);  // of the frame after it; at the end: one behind the last
+    if (hash == Hash128{} || index == 0) return true;
+    return frames_[index - 1]->header.hash == hash;
 }
 
 SharedRecord MirrorHistory::frameFrom(std::uint64_t state) const {

@@ -43,6 +43,8 @@ class MirrorHistory {
 
     /// False when the record does not continue what is here: the scene has started over.
     bool add(SharedRecord record);
+    /// A frame that led to the first state that add() will be given, in order.
+    void addEarlier(SharedRecord record);
     /// A keyframe that was made later, of a state within the frames that are here. Others are ignored.
     void setKeyframe(SharedRecord record);
     void clear();
@@ -51,6 +53,9 @@ class MirrorHistory {
     std::uint64_t newest() const { return newest_; }
     /// A peer in this state can go on with frames alone.
     bool continues(std::uint64_t state) const;
+    /// And it is the same state: one with this hash, where both are known (0: not known). A server that has gone on
+    /// from a log may have lost the end of what its peers have got.
+    bool continues(std::uint64_t state, const Hash128& hash) const;
     /// The frame that starts at `state`; null if there is none.
     SharedRecord frameFrom(std::uint64_t state) const;
     /// All frames from `state` on, at most `most`.

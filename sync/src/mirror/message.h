@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include <rtsg/core/change.h>
 #include <rtsg/sync/byte_buffer.h>
 
 #include "codec/wire.h"
@@ -77,6 +78,7 @@ struct Wishes {
     bool inputs = false;             // runs the cascade itself, given what came into each frame
     std::uint32_t lag = 0;           // ms that it may be behind beside the way's delay; 0: any
     std::uint64_t rate = 0;          // most bytes a second; 0: any
+    Hash128 hash;                    // of the state it is in, as the server said; 0: not said
 
     bool partial() const { return aspects != 0 || !parts.empty(); }
     void write(ByteBuffer& out) const {
@@ -88,6 +90,8 @@ struct Wishes {
         out.put(static_cast<std::uint8_t>(inputs));
         out.put(lag);
         out.put(rate);
+        out.put(hash.low);
+        out.put(hash.high);
     }
     void read(wire::Reader& in) {
         client = in.number<std::uint64_t>();
@@ -101,6 +105,9 @@ struct Wishes {
         if (in.left() < sizeof(lag) + sizeof(rate) || in.problem) return;
         lag = in.number<std::uint32_t>();
         rate = in.number<std::uint64_t>();
+        if (in.left() < sizeof(hash) || in.problem) return;
+        hash.low = in.number<std::uint64_t>();
+        hash.high = in.number<std::uint64_t>();
     }
 };
 

@@ -75,12 +75,21 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
         (options.upstream != MirrorUpstream::none || (options.keys && !options.keys->upstream.empty())))
         return fail("a lossy mirror takes no requests: the scene that it serves is not the one to be changed");
     auto shared = std::make_shared<Shared>();
+    const auto before = std::exchange(options.before, {});
     shared->options = std::move(options);
     shared->wake = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     std::random_device device;
-    shared->epoch = std::uint64_t{device()} << 32 | device();
+    const std::uint64_t fresh = std::uint64_t{device()} << 32 | device();
+    shared->epoch = shared->options.epoch ? shared->options.epoch : fresh;
     std::unique_ptr<MirrorServer> server(new MirrorServer(scene, shared));
     server->io_ = std::make_unique<Io>(shared);
+    // Before anybody can ask: peers come back at once.
+    for (const auto& set : before) {
+        const std::shared_ptr<EncodedRecord> record = shared->pool->take();
+        server->encoder_->encoder.encode(*set, record->bytes);
+        record->header = *parseRecordHeader(record->bytes.bytes());
+        shared->post({record, false, false, true});
+    }
     if (auto ok = server->io_->start(endpoint); !ok) return std::unexpected(ok.error());
     if (shared->options.mode.mode == Mode::input) scene.setInputRecording(true);
     server->attachment_ = scene.bus().attach(*server);

@@ -181,6 +181,10 @@ void MirrorServer::Io::takeInbox() {
             shadow_.post(std::move(item.record));
             continue;
         }
+        if (item.earlier) {
+            history_.addEarlier(std::move(item.record));
+            continue;
+        }
         ++statistics_.frames;
         const SharedRecord record = item.record;
         if (!history_.add(std::move(item.record)))

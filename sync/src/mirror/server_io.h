@@ -32,6 +32,7 @@ struct MirrorServer::Shared {
         SharedRecord record;
         bool requested = false;  // a snapshot that the scene's thread was asked for
         bool restart = false;    // the scene has started over: nothing before counts
+        bool earlier = false;    // of before this server
     };
     MirrorServerOptions options;
     std::string endpoint;

@@ -163,7 +163,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     peer.inputs =
         hello.wishes.inputs && shared_->options.mode.mode == Mode::input && peer.sameTypes && !hello.wishes.partial();
     const std::uint64_t epoch = shared_->epoch ^ streamOf(peer).epochMix;
-    if (hello.epoch == epoch && historyOf(peer).continues(hello.sequence)) {
+    if (hello.epoch == epoch && historyOf(peer).continues(hello.sequence, hello.wishes.hash)) {
         peer.placed = true;
         peer.state = peer.ackedState = hello.sequence;
         ++statistics_.resumed;

@@ -37,6 +37,31 @@ TEST(MirrorHistory, FramesAreFoundByTheStateTheyStartAt) {
     EXPECT_EQ(history.keyframe()->header.to, 5u);
 }
 
+TEST(MirrorHistory, GoesOnFromFramesOfBefore) {
+    MirrorHistory history(1 << 20);
+    for (std::uint64_t s = 5; s < 9; ++s) {
+        const auto earlier = frame(s);
+        earlier->header.hash = {s + 1, 0};
+        history.addEarlier(earlier);
+    }
+    EXPECT_EQ(history.newest(), 9u);
+    EXPECT_EQ(history.keyframe(), nullptr);
+    const auto state = std::const_pointer_cast<EncodedRecord>(keyframe(9));
+    state->header.hash = {9, 0};
+    ASSERT_TRUE(history.add(state));
+    ASSERT_TRUE(history.add(frame(9)));
+    // A peer in one of these states goes on, if it is the same state.
+    for (std::uint64_t s = 6; s < 9; ++s) {
+        EXPECT_TRUE(history.continues(s, {s, 0})) << s;
+        EXPECT_TRUE(history.continues(s, {})) << s;
+        EXPECT_FALSE(history.continues(s, {s, 1})) << s;
+    }
+    EXPECT_TRUE(history.continues(5, {77, 7})) << "of the oldest nothing is known";
+    EXPECT_FALSE(history.continues(4, {}));
+    EXPECT_TRUE(history.continues(9, {9, 0}));
+    EXPECT_FALSE(history.continues(9, {8, 0})) << "the frame that the origin has not got any more";
+}
+
 /// Frames may be much smaller than what it takes to keep one.
 TEST(MirrorHistory, TheLimitIsOneOfMemoryNotOfBytesSent) {
     constexpr std::uint64_t kLimit = 1 << 20;

@@ -68,6 +68,9 @@ struct LogOptions {
     Existing existing = Existing::replace;
     /// Goes on behind the last intact record of an existing log instead of replacing it.
     bool append = false;
+    /// The session that the log belongs to, as a mirror server of the same scene names it, or, appended, as it was; 0:
+    /// one of its own.
+    std::uint64_t epoch = 0;
 };
 
 class LogWriter : public Subscriber {

@@ -59,6 +59,10 @@ struct MirrorServerOptions {
     /// Different parts of the scene that are followed at once by peers that ask for parts (each costs its memory
     /// again).
     std::size_t maximumParts = 8;
+    /// The session that this server goes on with, as resumeSession() found it; 0: a new one. `before`: the sets that
+    /// led to the scene's present state, oldest first, for peers that are in one of the states between.
+    std::uint64_t epoch = 0;
+    std::vector<std::shared_ptr<const ChangeSet>> before;
     /// Frames kept for peers that resume, bytes.
     std::uint64_t history = std::uint64_t{64} << 20;
     /// To each peer, at most; 0: any. A peer may ask for less.

@@ -1,0 +1,89 @@
+// Brings a scene to the last state of a log, and sets it going.
+#include <rtsg/sync/session.h>
+
+#include <deque>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/frame_input.h>
+#include <rtsg/sync/replay.h>
+
+namespace rtsg {
+
+namespace {
+
+/// The newest sets, as many as are wanted, each following the one before.
+class Recent {
+  public:
+    explicit Recent(const ResumeOptions& options) : options_(options) {}
+
+    void add(const ChangeSet& set) {
+        if (set.isSnapshot() || (!sets_.empty() && sets_.back()->to != set.from)) clear();
+        if (set.isSnapshot()) return;
+        changes_ += set.changes.size();
+        sets_.push_back(std::make_shared<const ChangeSet>(set));
+        while (!sets_.empty() && (changes_ > options_.mostChanges || sets_.size() > options_.mostSets)) {
+            changes_ -= sets_.front()->changes.size();
+            sets_.pop_front();
+        }
+    }
+    std::vector<std::shared_ptr<const ChangeSet>> take() { return {sets_.begin(), sets_.end()}; }
+
+  private:
+    void clear() {
+        sets_.clear();
+        changes_ = 0;
+    }
+
+    const ResumeOptions& options_;
+    std::deque<std::shared_ptr<const ChangeSet>> sets_;
+    std::size_t changes_ = 0;
+};
+
+}  // namespace
+
+Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& scene, const ResumeOptions& options) {
+    if (scene.sequence() != 0 || scene.nodeCount() > 1) return fail("a session is resumed into an empty scene");
+    auto opened = Replayer::open(log);
+    if (!opened) return std::unexpected(opened.error());
+    Replayer& replayer = **opened;
+    // Every state, from the first: numbers of nodes that are gone must not be given again.
+    Recent recent(options);
+    ResumedSession session;
+    while (true) {
+        const Result<bool> more = replayer.step();
+        if (!more) {
+            ++session.damaged;  // it goes on with the next keyframe
+            continue;
+        }
+        if (!*more) break;
+        const Scene& last = replayer.scene();
+        if (session.epoch != replayer.head().epoch) session.start = last.now();
+        session.epoch = replayer.head().epoch;
+        ++session.states;
+        if (replayer.head().mode.mode != Mode::input) recent.add(replayer.lastSet());
+        if (options.progress) options.progress(replayer.log().position(), replayer.log().size());
+    }
+    const auto failed = [&](std::string text) { return fail(std::move(text), {}, log.string()); };
+    if (session.states == 0) return failed("no intact state");
+    if (replayer.head().mode.mode == Mode::lossy)
+        return failed("a lossy log holds what its readers had, not the scene itself");
+    const ChangeSet state = replayer.scene().snapshot();
+    if (const auto& divergence = replayer.divergence(); divergence && divergence->frame == state.to)
+        return failed(divergence->format());
+    session.end = state.time;
+    session.damaged += replayer.log().damage().size() + replayer.gaps();
+    session.closed = replayer.log().closed();
+    session.before = recent.take();
+
+    scene.setBehavioursEnabled(false);
+    if (auto ok = scene.apply(std::make_shared<const ChangeSet>(state)); !ok) return std::unexpected(ok.error());
+    if (scene.hash() != state.hash) return failed("its last state came out with another hash");
+    RunState numbers = scene.runState();
+    numbers.nextId = replayer.scene().runState().nextId;
+    if (auto ok = scene.resumeFrom(numbers); !ok) return std::unexpected(ok.error());
+    scene.setBehavioursEnabled(true);  // every node that acts is asked again in the next frame
+    return session;
+}
+
+}  // namespace rtsg

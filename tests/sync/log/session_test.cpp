@@ -1,0 +1,201 @@
+// A session taken up again from its log goes on as if nothing had happened: the same states, numbers and epoch.
+#include <rtsg/sync/session.h>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/sync/log_summary.h>
+
+#include "support/log_support.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+class Sessions : public LogFolder {
+  protected:
+    static constexpr const char* kScene = R"(#X3D V4.0 utf8
+PROFILE Immersive
+DEF SLIDE Transform { }
+DEF DOOR Transform { }
+DEF CLOCK TimeSensor { cycleInterval 2 loop TRUE }
+DEF PATH PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 2 0 0 ] }
+DEF PRESSED BooleanFilter { }
+DEF BUTTON TimeTrigger { }
+DEF OPENING TimeSensor { cycleInterval 1.5 }
+DEF SWING OrientationInterpolator { key [ 0 1 ] keyValue [ 0 1 0 0, 0 1 0 1.4 ] }
+PROTO Lamp [ inputOutput SFBool on FALSE ] { DEF LIGHT PointLight { on IS on } }
+DEF LAMP Lamp { }
+ROUTE CLOCK.fraction_changed TO PATH.set_fraction
+ROUTE PATH.value_changed TO SLIDE.translation
+ROUTE PRESSED.inputTrue TO BUTTON.set_boolean
+ROUTE BUTTON.triggerTime TO OPENING.startTime
+ROUTE OPENING.fraction_changed TO SWING.set_fraction
+ROUTE SWING.value_changed TO DOOR.rotation
+ROUTE OPENING.isActive TO LAMP.on
+)";
+    static constexpr int kFrames = 80;
+    static void build(Scene& scene) {
+        scene.newFrame(100);
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(scene, kScene, diagnostics));
+    }
+    /// Frame `k`: the button is pressed in the twentieth, so that the door is half open in the fortieth; nodes come and
+    /// go.
+    static void frame(Scene& scene, int k) {
+        if (k == 20) {
+            ASSERT_TRUE(scene.sendEvent(scene.findName("PRESSED"), x3d::BooleanFilter::set_boolean.index, true));
+        }
+        if (k % 3 == 0) {
+            const NodeId made = scene.createNode(x3d::Transform::type);
+            ASSERT_TRUE(scene.insertChild(scene.findName("SLIDE"), x3d::Transform::children, made));
+        }
+        if (k % 3 == 2) {
+            const NodeId made = scene.node(scene.findName("SLIDE")).get(x3d::Transform::children)[0];
+            ASSERT_TRUE(scene.destroyNode(made));
+        }
+        scene.newFrame(100 + k / 20.0);
+    }
+    /// The hashes of all frames of a session that nothing interrupts.
+    static std::vector<Hash128> uninterrupted() {
+        std::vector<Hash128> hashes;
+        Scene scene;
+        build(scene);
+        for (int k = 0; k < kFrames; ++k) {
+            frame(scene, k);
+            hashes.push_back(scene.hash());
+        }
+        return hashes;
+    }
+    /// One whose process is killed after `frames` frames.
+    std::uint64_t kill(int frames, LogOptions options = {}) {
+        Scene scene;
+        build(scene);
+        auto log = LogWriter::create(file(), builtinTypes(), options);
+        EXPECT_TRUE(log);
+        Attachment attachment = scene.bus().attach(**log);
+        for (int k = 0; k < frames; ++k) frame(scene, k);
+        attachment.detach();
+        (*log)->abandon();
+        return (*log)->epoch();
+    }
+};
+
+TEST_F(Sessions, GoOnAsIfNothingHadHappened) {
+    const std::vector<Hash128> expected = uninterrupted();
+    // Also from between the creation of a node and its end, and while the door opens.
+    for (const int killed : {1, 19, 21, 31, 32, 33, 60}) {
+        SCOPED_TRACE(killed);
+        const std::uint64_t epoch = kill(killed);
+        Scene scene;
+        auto session = resumeSession(file(), scene);
+        ASSERT_TRUE(session) << session.error().format();
+        EXPECT_EQ(session->epoch, epoch);
+        EXPECT_FALSE(session->closed);
+        EXPECT_EQ(scene.hash(), expected[std::size_t(killed) - 1]);
+        ASSERT_FALSE(session->before.empty());
+        EXPECT_EQ(session->before.back()->to, scene.sequence());
+        EXPECT_EQ(session->before.size(), std::size_t(killed));
+        LogOptions options;
+        options.append = true;
+        options.epoch = session->epoch;
+        auto log = LogWriter::create(file(), builtinTypes(), options);
+        ASSERT_TRUE(log) << log.error().format();
+        EXPECT_EQ((*log)->epoch(), epoch);
+        Attachment attachment = scene.bus().attach(**log);
+        for (int k = killed; k < kFrames; ++k) {
+            frame(scene, k);
+            ASSERT_EQ(scene.hash(), expected[std::size_t(k)]) << "frame " << k;
+        }
+        attachment.detach();
+        ASSERT_TRUE((*log)->close());
+        // The log is one session.
+        const auto summary = summariseLog(file());
+        ASSERT_TRUE(summary);
+        EXPECT_EQ(summary->sessions, 1u);
+        EXPECT_EQ(summary->lastState, scene.sequence());
+        EXPECT_TRUE(summary->closed);
+        auto replayer = Replayer::open(file());
+        ASSERT_TRUE(replayer);
+        Result<bool> more = true;
+        while ((more = (*replayer)->step()) && *more) {
+        }
+        EXPECT_TRUE(more);
+        EXPECT_EQ((*replayer)->gaps(), 0u);
+        EXPECT_EQ((*replayer)->verified(), (*replayer)->frames());
+        EXPECT_EQ((*replayer)->scene().hash(), expected.back());
+    }
+}
+
+TEST_F(Sessions, NumbersOfNodesThatAreGoneAreNotGivenAgain) {
+    kill(33);  // the last node made was destroyed in the last frame
+    Scene whole;
+    build(whole);
+    for (int k = 0; k < 33; ++k) frame(whole, k);
+    Scene scene;
+    ASSERT_TRUE(resumeSession(file(), scene));
+    EXPECT_EQ(scene.createNode(x3d::Group::type), whole.createNode(x3d::Group::type));
+}
+
+TEST_F(Sessions, WhatPeersMayLackIsBounded) {
+    kill(60);
+    Scene scene;
+    ResumeOptions options;
+    options.mostSets = 10;
+    const auto session = resumeSession(file(), scene, options);
+    ASSERT_TRUE(session);
+    ASSERT_EQ(session->before.size(), 10u);
+    EXPECT_EQ(session->before.front()->to + 9, scene.sequence());
+    Scene other;
+    options.mostChanges = 0;
+    EXPECT_TRUE(resumeSession(file(), other, options)->before.empty());
+}
+
+TEST_F(Sessions, ADamagedEndIsLeftOut) {
+    const std::uint64_t epoch = kill(40);
+    std::string bytes = readAll(file());
+    const auto records = recordsOf(file());
+    bytes.resize(bytes.size() - 10);
+    writeAll(file(), bytes);
+    Scene scene;
+    const auto session = resumeSession(file(), scene);
+    ASSERT_TRUE(session);
+    EXPECT_EQ(session->epoch, epoch);
+    EXPECT_EQ(session->damaged, 1u);
+    EXPECT_EQ(scene.sequence() + 1, records.back().second.to);
+}
+
+TEST_F(Sessions, WhatCannotGoOnIsRefused) {
+    Scene empty;
+    EXPECT_FALSE(resumeSession(file("none.rlog"), empty));
+    kill(10);
+    Scene full;
+    build(full);
+    EXPECT_FALSE(resumeSession(file(), full));
+    // A last state that is not what its origin had.
+    const auto records = recordsOf(file());
+    std::string bytes = readAll(file());
+    const auto& [offset, header] = records.back();
+    bytes[offset + 48] = static_cast<char>(bytes[offset + 48] ^ 1);
+    const std::uint64_t sum = checksumOf(asBytes(std::string_view(bytes).substr(offset + 16, header.size() - 16)));
+    std::memcpy(bytes.data() + offset + 8, &sum, sizeof(sum));
+    writeAll(file(), bytes);
+    Scene scene;
+    const auto session = resumeSession(file(), scene);
+    ASSERT_FALSE(session);
+    EXPECT_NE(session.error().text.find("hash"), std::string::npos) << session.error().text;
+}
+
+TEST_F(Sessions, OfALossyLogAreRefused) {
+    LogOptions options;
+    options.mode.mode = Mode::lossy;
+    options.mode.maxError = 1e-3;
+    kill(10, options);
+    Scene scene;
+    EXPECT_FALSE(resumeSession(file(), scene));
+}
+
+}  // namespace
+}  // namespace rtsg
