@@ -187,9 +187,8 @@ void printOutcome(const ReplayOutcome& outcome, bool json) {
         fmt::print(stderr, "  and {} more fields\n", report.differences.size() - kMost);
 }
 
-}  // namespace
-
-int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json) {
+/// What is to be compared has to be made. Throws UsageError where arguments contradict each other.
+void askForWhatIsExpected(const ReplayTestArguments& arguments, OutputArguments& outputs) {
     if (arguments.update && arguments.rerun.empty())
         throw UsageError("--update", "needs --rerun SCENE: there is no scene to record");
     check(arguments.compared);
@@ -203,6 +202,12 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         if (!outputs.listen.empty()) throw UsageError("--expect-sound", "not together with --listen");
         outputs.listen = arguments.update ? arguments.expectSound : actualName(arguments.expectSound);
     }
+}
+
+}  // namespace
+
+int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json) {
+    askForWhatIsExpected(arguments, outputs);
     std::vector<std::string> read = {log, arguments.rerun};
     if (!arguments.update) read.insert(read.end(), {arguments.expectPicture, arguments.expectSound});
     if (auto ok = outputs.check(
