@@ -6,6 +6,9 @@
 // yet. Threading: the scene's thread.
 
 // Example:
+//     #include <rtsg/sync/log.h>
+//     #include <rtsg/sync/mirror_server.h>
+//     #include <rtsg/sync/session.h>
 //     rtsg::Scene scene;
 //     const auto session = rtsg::resumeSession("hall.rlog", scene);
 //     if (!session) return;
