@@ -12,8 +12,10 @@
 //     rtsg::Scene scene;
 //     const auto session = rtsg::resumeSession("hall.rlog", scene);
 //     if (!session) return;
-//     rtsg::LogOptions log{.append = true, .epoch = session->epoch};
-//     rtsg::MirrorServerOptions server{.epoch = session->epoch, .before = session->before};
+//     rtsg::LogOptions log;
+//     log.append = true, log.epoch = session->epoch;
+//     rtsg::MirrorServerOptions server;
+//     server.epoch = session->epoch, server.before = session->before;
 #pragma once
 
 #include <cstdint>
