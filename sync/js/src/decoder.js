@@ -1,0 +1,119 @@
+// The blocks of a frame or keyframe (PROTOCOL.md, "Changes"), handed one by one to whoever follows.
+//
+// A sink has the methods of Scene in scene.js. What is malformed is a FormatError; the sink's state then means nothing.
+
+import {FormatError, Reader, addDelta} from './reader.js';
+import {Memory} from './prediction.js';
+import {readType} from './types.js';
+import {fixedSize, lanesOf, readHashBytes, MFNODE, SFNODE, isKnown} from './values.js';
+
+const kMostChanges = 1 << 26;
+
+export class Decoder {
+  constructor() { this.restart(); }
+  /** Another epoch. */
+  restart() {
+    this.types = new Map();
+    this.memory = new Memory();
+  }
+
+  /** `record`: of kind frame or keyframe. */
+  decode(record, sink) {
+    this.memory.begin(record.kind === 'frame' ? record.flags : 4);
+    this.remembers = record.kind === 'frame' && (record.flags & 1) !== 0;
+    const reader = new Reader(record.payload);
+    while (reader.left) {
+      const kind = reader.u8(), count = reader.varint(), body = reader.part();
+      if (count > kMostChanges) throw new FormatError(`${count} changes in one block`);
+      this.block(kind, count, body, sink);
+    }
+  }
+
+  block(kind, count, b, sink) {
+    let node = 0, other = 0;
+    if (kind === 4) return this.column(count, b, sink);
+    if (kind > 8) return undefined;  // of a later version, or filler
+    for (let i = 0; i < count; ++i) {
+      if (kind === 0 || kind === 1) {
+        const number = kind === 0 ? b.varint() : Math.floor(b.varint() / 2);
+        const type = readType(b);
+        if (kind === 0 || !this.types.has(number)) this.types.set(number, type);
+        sink.defineType(number, this.types.get(number));
+        continue;
+      }
+      if (kind === 3) {
+        node = this.link(b, node, sink);
+        continue;
+      }
+      if (kind === 6) {
+        const tag = b.u8();
+        node = b.node(node);
+        const from = b.varint(), to = b.node(node), into = b.varint();
+        sink.route((tag & 1) === 0, node, from, to, into, (tag & 4) !== 0);
+        continue;
+      }
+      node = addDelta(node, Math.floor(b.varint() / 2));
+      if (kind === 2) {
+        const type = b.varint();
+        other = b.node(other);
+        sink.create(node, this.typeOf(type), other);
+      } else if (kind === 5) {
+        sink.name(node, b.take(b.varint()));
+      } else if (kind === 7) {
+        sink.destroy(node);
+      } else {
+        const field = b.varint(), type = b.u8();
+        if (!isKnown(type)) throw new FormatError(`value type ${type}`);
+        sink.event(node, field, type, readHashBytes(b, type));
+      }
+    }
+    return undefined;
+  }
+
+  typeOf(number) {
+    const type = this.types.get(number);
+    if (!type) throw new FormatError(`node type ${number} is not described`);
+    return type;
+  }
+
+  link(b, before, sink) {
+    const tag = b.u8(), node = b.node(before), field = b.varint();
+    if ((tag & 3) === 0) {
+      sink.setNode(node, field, b.node(node));
+    } else if ((tag & 3) === 1) {
+      const children = new Uint32Array(b.count(1));
+      for (let k = 0, child = node; k < children.length; ++k) children[k] = child = b.node(child);
+      sink.setNodes(node, field, children);
+    } else {
+      const child = b.node(node), index = b.varint();
+      if ((tag & 3) === 2) sink.insert(node, field, child, index);
+      else sink.remove(node, field, child, index);
+    }
+    return node;
+  }
+
+  column(count, b, sink) {
+    const coding = b.u8();
+    b.u8();  // where it came from
+    const type = b.u8(), field = b.varint();
+    if (coding > 2) return;  // of a later version
+    if (!isKnown(type) || type === SFNODE || type === MFNODE) throw new FormatError(`a column of value type ${type}`);
+    const lanes = lanesOf(type);
+    if (coding > 0) {
+      if (!this.remembers) throw new FormatError('foretold values in a record that has none');
+      const {nodes, words} = this.memory.column(b, count, coding, type, field);
+      sink.setWords(nodes, field, type, lanes, words);
+      return;
+    }
+    if (count > b.left) throw new FormatError(`${count} values in ${b.left} bytes`);
+    const nodes = new Uint32Array(count);
+    for (let i = 0, node = 0; i < count; ++i) nodes[i] = node = b.node(node);
+    if (lanes) {
+      const words = new Int32Array(b.take(count * fixedSize(type)).slice().buffer);
+      if (this.remembers) for (let i = 0; i < count; ++i) this.memory.remember(nodes[i], field, type, words, i * lanes);
+      sink.setWords(nodes, field, type, lanes, words);
+      return;
+    }
+    for (let i = 0; i < count; ++i) sink.setBytes(nodes[i], field, type, readHashBytes(b, type));
+  }
+}

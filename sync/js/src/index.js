@@ -1,0 +1,9 @@
+// RTSG's format in JavaScript, written from PROTOCOL.md.
+
+export {FormatError, Reader} from './reader.js';
+export {readRecord, findRecord} from './record.js';
+export {readHead} from './types.js';
+export {Decoder} from './decoder.js';
+export {Scene, Node} from './scene.js';
+export {Replay, records} from './log.js';
+export {typeName} from './values.js';

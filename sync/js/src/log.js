@@ -1,0 +1,78 @@
+// A log, read to its end whatever is wrong with it (PROTOCOL.md, "Log").
+
+import {FormatError} from './reader.js';
+import {findRecord, readRecord} from './record.js';
+import {readHead} from './types.js';
+import {Decoder} from './decoder.js';
+import {Scene} from './scene.js';
+
+/** Every intact record; `damage` is told {offset, length} of the bytes between. */
+export function* records(bytes, damage = () => {}) {
+  let lostAt = -1;
+  for (let at = 0; at < bytes.length;) {
+    let record = null;
+    try {
+      record = readRecord(bytes, at);
+    } catch (error) {
+      if (!(error instanceof FormatError)) throw error;
+      if (lostAt < 0) lostAt = at;
+      at = findRecord(bytes, at + 1);
+    }
+    if (record || at >= bytes.length) {
+      if (lostAt >= 0) damage({offset: lostAt, length: at - lostAt});
+      lostAt = -1;
+    }
+    if (!record) continue;
+    yield record;
+    at += record.size;
+  }
+}
+
+/** Plays a log into a scene, state by state. */
+export class Replay {
+  constructor(bytes) {
+    this.scene = new Scene();
+    this.decoder = new Decoder();
+    this.head = null;
+    this.states = this.verified = this.gaps = 0;
+    this.damage = [];
+    this.closed = false;
+    this.lost = true;  // waiting for a keyframe
+    this.source = records(bytes, (place) => this.damage.push(place));
+  }
+  /** The record that led to the next state; null at the end. */
+  step() {
+    for (let next = this.source.next(); !next.done; next = this.source.next()) {
+      const record = next.value;
+      this.closed = record.kind === 'index';
+      if (record.kind === 'head') this.takeHead(record);
+      else if ((record.kind === 'frame' || record.kind === 'keyframe') && this.leadsOn(record)) return this.take(record);
+    }
+    return null;
+  }
+  takeHead(record) {
+    const head = readHead(record.payload);
+    if (this.head && head.epoch === this.head.epoch) return;
+    if (head.mode === 'input') throw new FormatError('a log in input mode can only be run by the program that wrote it');
+    this.head = head;
+    this.decoder.restart();
+    this.lost = true;
+  }
+  leadsOn(record) {
+    if (!this.head) return false;
+    if (!this.lost) {
+      if (record.from === this.scene.state && !(record.kind === 'keyframe' && record.to === 0)) return true;
+      if (record.to <= this.scene.state) return false;
+      this.lost = true;
+      ++this.gaps;
+    }
+    return record.kind === 'keyframe';
+  }
+  take(record) {
+    this.equal = this.scene.apply(record, this.decoder);
+    this.lost = false;
+    ++this.states;
+    if (this.equal) ++this.verified;
+    return record;
+  }
+}

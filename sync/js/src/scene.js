@@ -1,0 +1,290 @@
+// A replica of a scene: nodes, values, names, routes, and the state hash of all of it (PROTOCOL.md, "State hash"), kept up
+// to date change by change.
+
+import {FormatError} from './reader.js';
+import {MFNODE, SFNODE, valueOf} from './values.js';
+import {xxh128, xxh128OfWords} from './xxh3.js';
+
+const kNode = 1, kField = 2, kNeighbours = 3, kName = 4, kRoute = 5, kNoField = 0xFFFF;
+const utf8 = new TextDecoder('utf-8');
+const term = new Uint32Array(4);
+const scratch = new Uint8Array(16), scratchView = new DataView(scratch.buffer);
+const floats = new Float32Array(4), floatWords = new Int32Array(floats.buffer);
+const empty = new Uint32Array(0);
+
+const sameBytes = (a, b) => a.length === b.length && a.every((x, i) => x === b[i]);
+
+/** The sum of terms modulo 2^128, in four parts of which each may be out of range until it is read. */
+class StateHash {
+  constructor() { this.sum = [0, 0, 0, 0]; }
+  add(t, at, sign) {
+    const s = this.sum;
+    s[0] += sign * t[at];
+    s[1] += sign * t[at + 1];
+    s[2] += sign * t[at + 2];
+    s[3] += sign * t[at + 3];
+    if (++this.pending === 1 << 20) this.carry();
+  }
+  carry() {
+    this.pending = 0;
+    let over = 0;
+    for (let i = 0; i < 4; ++i) {
+      const x = this.sum[i] + over;
+      over = Math.floor(x / 2 ** 32);
+      this.sum[i] = x - over * 2 ** 32;
+    }
+  }
+  /** As the program prints it: high half first. */
+  hex() {
+    this.carry();
+    return [...this.sum].reverse().map((x) => x.toString(16).padStart(8, '0')).join('');
+  }
+}
+StateHash.prototype.pending = 0;
+
+export class Node {
+  constructor(id, type, scope) {
+    this.id = id;
+    this.type = type;
+    this.scope = scope;
+    this.values = [];   // by field; what is missing has its default
+    this.terms = null;  // of these, four numbers each; made when there is one
+    this.name = '';
+    this.routes = [];   // that it sends
+  }
+  /** A field's value by its name or number. */
+  get(field) {
+    const index = typeof field === 'number' ? field : this.type.fields.findIndex((f) => f.name === field);
+    if (!(index in this.type.fields)) throw new RangeError(`${this.type.name} has no field ${field}`);
+    return index in this.values ? this.values[index] : this.type.fields[index].default;
+  }
+}
+
+export class Scene {
+  constructor() {
+    /** `change(node, field)` for every value that is set, once the record is applied; null: nobody listens. */
+    this.listener = null;
+    this.reset();
+  }
+  reset() {
+    this.nodes = new Map();
+    this.names = new Map();
+    this.hash = new StateHash();
+    this.state = 0;
+    this.time = 0;
+    this.epoch = 0n;
+    this.nodes.set(1, new Node(1, {name: 'RtsgScene', fields: [], nameHash: [0, 0]}, 0));
+  }
+  get root() { return this.nodes.get(1); }
+  node(id) {
+    const node = this.nodes.get(id);
+    if (!node) throw new FormatError(`there is no node ${id}`);
+    return node;
+  }
+  /** By its DEF name; of several in different scopes any. */
+  find(name) { return this.nodes.get(this.names.get(name)); }
+
+  // ---- terms -------------------------------------------------------------------------------------------------
+
+  seedLow(field, t) { return (field << 16 | t) >>> 0; }
+  fieldOf(node, field, type) {
+    const def = node.type.fields[field];
+    if (!def) throw new FormatError(`${node.type.name} has no field ${field}`);
+    if (type !== undefined && def.type !== type) throw new FormatError(`${node.type.name}.${def.name} is of another type`);
+    return def;
+  }
+  /** The term of a field is `term` from now on, or none. */
+  replaceTerm(node, field, isDefault) {
+    const terms = node.terms ??= new Uint32Array(4 * node.type.fields.length);
+    const at = 4 * field;
+    this.hash.add(terms, at, -1);  // four zeros where there is none
+    for (let i = 0; i < 4; ++i) terms[at + i] = isDefault ? 0 : term[i];
+    if (!isDefault) this.hash.add(term, 0, 1);
+  }
+  neighbours(node, field, a, b, sign) {
+    if (a === 0 && b === 0) return;
+    scratchView.setUint32(0, a, true);
+    scratchView.setUint32(4, b, true);
+    xxh128(term, 0, scratch, scratchView, 0, 8, this.seedLow(field, kNeighbours), node.id);
+    this.hash.add(term, 0, sign);
+  }
+  list(node, field, children, sign) {
+    for (let i = 0; i <= children.length; ++i)
+      this.neighbours(node, field, i > 0 ? children[i - 1] : 0, i < children.length ? children[i] : 0, sign);
+  }
+  nodeTerm(node, sign) {
+    const [low, high] = node.type.nameHash;
+    [low, high, node.scope, 0].forEach((x, i) => scratchView.setUint32(4 * i, x, true));
+    xxh128(term, 0, scratch, scratchView, 0, 16, this.seedLow(kNoField, kNode), node.id);
+    this.hash.add(term, 0, sign);
+  }
+  nameTerm(node, bytes, sign) {
+    if (!bytes.length) return;
+    const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+    xxh128(term, 0, bytes, view, 0, bytes.length, this.seedLow(kNoField, kName), node.id);
+    this.hash.add(term, 0, sign);
+  }
+  routeTerm(r, sign) {
+    scratchView.setUint32(0, r.to, true);
+    scratchView.setUint32(4, r.toField + (r.isConnection ? 0x10000 : 0), true);
+    xxh128(term, 0, scratch, scratchView, 0, 8, this.seedLow(r.fromField, kRoute), r.from);
+    this.hash.add(term, 0, sign);
+  }
+
+  // ---- what a decoder says -------------------------------------------------------------------------------------
+
+  defineType(number, type) {
+    if (type.name === 'RtsgScene') this.root.type = type;
+  }
+  create(id, type, scope) {
+    if (id === 0 || this.nodes.has(id)) throw new FormatError(`node ${id} is there already`);
+    const node = new Node(id, type, scope);
+    this.nodes.set(id, node);
+    this.nodeTerm(node, 1);
+  }
+  setNode(id, field, child) {
+    const node = this.node(id);
+    this.fieldOf(node, field, SFNODE);
+    node.values[field] = child;
+    scratchView.setUint32(0, child, true);
+    if (child) xxh128(term, 0, scratch, scratchView, 0, 4, this.seedLow(field, kField), id);
+    this.replaceTerm(node, field, child === 0);
+    this.changed?.push(node, field);
+  }
+  childrenOf(node, field) {
+    this.fieldOf(node, field, MFNODE);
+    return node.values[field] ?? empty;
+  }
+  setNodes(id, field, children) {
+    const node = this.node(id);
+    this.list(node, field, this.childrenOf(node, field), -1);
+    this.list(node, field, children, 1);
+    node.values[field] = children;
+    this.changed?.push(node, field);
+  }
+  insert(id, field, child, index) {
+    const node = this.node(id), children = Array.from(this.childrenOf(node, field));
+    if (index > children.length) throw new FormatError(`place ${index} of ${children.length}`);
+    const a = children[index - 1] ?? 0, b = children[index] ?? 0;
+    this.neighbours(node, field, a, b, -1);
+    this.neighbours(node, field, a, child, 1);
+    this.neighbours(node, field, child, b, 1);
+    children.splice(index, 0, child);
+    node.values[field] = Uint32Array.from(children);
+    this.changed?.push(node, field);
+  }
+  remove(id, field, child, index) {
+    const node = this.node(id), children = Array.from(this.childrenOf(node, field));
+    if (children[index] !== child) throw new FormatError(`node ${child} is not at place ${index}`);
+    const a = children[index - 1] ?? 0, b = children[index + 1] ?? 0;
+    this.neighbours(node, field, a, child, -1);
+    this.neighbours(node, field, child, b, -1);
+    this.neighbours(node, field, a, b, 1);
+    children.splice(index, 1);
+    node.values[field] = Uint32Array.from(children);
+    this.changed?.push(node, field);
+  }
+  /** Values of 1 to 4 f32, as their bits, one after the other. */
+  setWords(nodes, field, type, lanes, words) {
+    const low = this.seedLow(field, kField);
+    let known = null, defaults = null;  // most columns are of one type of node
+    for (let i = 0, at = 0; i < nodes.length; ++i, at += lanes) {
+      const node = this.node(nodes[i]);
+      if (node.type !== known) {
+        known = node.type;
+        defaults = new Int32Array(this.fieldOf(node, field, type).defaultBytes.slice().buffer);
+      }
+      let isDefault = true;
+      for (let k = 0; k < lanes; ++k) {
+        floatWords[k] = words[at + k];
+        if (words[at + k] !== defaults[k]) isDefault = false;
+      }
+      if (!isDefault) xxh128OfWords(term, 0, words, at, lanes, low, node.id);
+      this.replaceTerm(node, field, isDefault);
+      node.values[field] = lanes === 3 ? [floats[0], floats[1], floats[2]]
+        : lanes === 1 ? floats[0]
+        : lanes === 4 ? [floats[0], floats[1], floats[2], floats[3]] : [floats[0], floats[1]];
+      this.changed?.push(node, field);
+    }
+  }
+  setBytes(id, field, type, bytes) {
+    const node = this.node(id), def = this.fieldOf(node, field, type);
+    const isDefault = sameBytes(bytes, def.defaultBytes);
+    if (!isDefault) {
+      const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+      xxh128(term, 0, bytes, view, 0, bytes.length, this.seedLow(field, kField), id);
+    }
+    this.replaceTerm(node, field, isDefault);
+    node.values[field] = valueOf(type, bytes);
+    this.changed?.push(node, field);
+  }
+  name(id, bytes) {
+    const node = this.node(id);
+    this.nameTerm(node, node.nameBytes ?? empty, -1);
+    if (this.names.get(node.name) === id) this.names.delete(node.name);
+    node.nameBytes = bytes.slice();
+    node.name = utf8.decode(bytes);
+    this.nameTerm(node, node.nameBytes, 1);
+    if (node.name) this.names.set(node.name, id);
+  }
+  route(added, from, fromField, to, toField, isConnection) {
+    const node = this.node(from);
+    const same = (r) => r.fromField === fromField && r.to === to && r.toField === toField && r.isConnection === isConnection;
+    const at = node.routes.findIndex(same);
+    if (added === at >= 0) throw new FormatError(`a route of node ${from} is ${added ? 'there already' : 'not there'}`);
+    const route = added ? {from, fromField, to, toField, isConnection} : node.routes[at];
+    if (added) node.routes.push(route);
+    else node.routes.splice(at, 1);
+    this.routeTerm(route, added ? 1 : -1);
+  }
+  destroy(id) {
+    const node = this.node(id);
+    this.nodeTerm(node, -1);
+    this.nameTerm(node, node.nameBytes ?? empty, -1);
+    if (this.names.get(node.name) === id) this.names.delete(node.name);
+    node.type.fields.forEach((def, field) => {
+      if (def.type === MFNODE && node.values[field]) this.list(node, field, node.values[field], -1);
+      else if (node.terms) this.hash.add(node.terms, 4 * field, -1);
+    });
+    this.nodes.delete(id);
+  }
+  event() {}
+
+  /** Applies a frame or keyframe that leads on from this state; a keyframe that does not begins anew. Returns whether the
+   * state hash is then the record's. */
+  apply(record, decoder) {
+    if (record.kind === 'keyframe' && !(record.from === this.state && this.nodes.size === 1)) {
+      const {listener} = this;
+      this.reset();
+      this.listener = listener;
+    }
+    if (record.from !== this.state) throw new FormatError(`a frame from state ${record.from} in state ${this.state}`);
+    this.changed = this.listener ? [] : null;
+    decoder.decode(record, this);
+    this.state = record.to;
+    this.time = record.time;
+    const changed = this.changed;
+    this.changed = null;
+    if (changed) this.listener(changed);
+    return this.hash.hex() === record.hash;
+  }
+
+  /** All that differs from a scene of defaults, as JSON can hold it; for tests and people. */
+  dump() {
+    const nodes = {};
+    const label = (def, value) => def.type === MFNODE || ArrayBuffer.isView(value) ? Array.from(value) : value;
+    for (const [id, node] of [...this.nodes].sort((a, b) => a[0] - b[0])) {
+      const fields = {};
+      node.type.fields.forEach((def, field) => {
+        const given = field in node.values ? node.values[field] : undefined;
+        if (given === undefined) return;
+        const isDefault = def.type === MFNODE ? given.length === 0 : !node.terms || !node.terms.subarray(4 * field, 4 * field + 4).some(Boolean);
+        if (!isDefault) fields[def.name] = label(def, given);
+      });
+      nodes[id] = {type: node.type.name, ...(node.name && {name: node.name}), ...(node.scope && {scope: node.scope}), fields};
+    }
+    const routes = [...this.nodes.values()].flatMap((node) => node.routes.map((r) =>
+      `${r.isConnection ? 'IS' : 'ROUTE'} ${r.from}.${node.type.fields[r.fromField].name} TO ${r.to}.${this.node(r.to).type.fields[r.toField].name}`));
+    return {state: this.state, hash: this.hash.hex(), nodes, routes: routes.sort()};
+  }
+}

@@ -1,0 +1,46 @@
+// Descriptions of node types (PROTOCOL.md, "Head").
+
+import {Reader, FormatError} from './reader.js';
+import {xxh64} from './xxh3.js';
+import {isKnown, readHashBytes, valueOf, zeroBytes} from './values.js';
+
+const utf8 = new TextEncoder();
+
+function readField(f) {
+  const name = f.text(), type = f.u8();
+  if (!isKnown(type)) throw new FormatError(`value type ${type}`);
+  const use = f.u8(), bits = f.u8();
+  const field = {name, type, access: ['initializeOnly', 'inputOnly', 'outputOnly', 'inputOutput'][use & 3], aspect: use >> 2,
+    hidden: (bits & 2) !== 0, defaultBytes: null};
+  if (bits & 4) field.minimum = f.f64();
+  if (bits & 8) field.maximum = f.f64();
+  if (bits & 16) field.allowed = f.texts();
+  if (bits & 32) field.accepts = f.texts();
+  field.defaultBytes = bits & 64 ? readHashBytes(f, type) : zeroBytes(type);
+  field.default = valueOf(type, field.defaultBytes);
+  return field;
+}
+
+export function readType(reader) {
+  const r = reader.part();
+  const name = r.text();
+  const type = {name, component: r.text(), level: r.varint(), kind: ['built in', 'user', 'PROTO', 'EXTERNPROTO', 'Script'][r.u8()],
+    container: r.text(), implements: r.texts(), declaration: r.text(), fields: []};
+  for (let n = r.count(1); n > 0; --n) type.fields.push(readField(r.part()));
+  // The name as the state hash has it.
+  const hash = new DataView(new ArrayBuffer(8));
+  hash.setBigUint64(0, xxh64(utf8.encode(name)), true);
+  type.nameHash = [hash.getUint32(0, true), hash.getUint32(4, true)];
+  return type;
+}
+
+/** A head record's payload. */
+export function readHead(payload) {
+  const r = new Reader(payload);
+  const version = r.u16(), oldest = r.u16();
+  if (oldest > 2) throw new FormatError(`the stream is for readers of version ${oldest}; this one reads 2`);
+  const head = {version, epoch: r.u64(), dictionary: r.u64(), builtin: r.u16(), mode: ['state', 'input', 'lossy'][r.u8()],
+    coding: r.u8(), maxError: r.f64(), creator: r.text()};
+  if (!head.mode) throw new FormatError('a stream of an unknown mode');
+  return head;
+}

@@ -1,0 +1,99 @@
+// Field types and their values (PROTOCOL.md, "Values"). A value type is 2k for the k-th SF type, 2k + 1 for its MF type.
+//
+// SFBool is a boolean; SFInt32, SFFloat, SFDouble, SFTime and SFNode are numbers; SFString a string; other SF types are
+// arrays of numbers. MF values are arrays of these, but those of numbers are one typed array, element after element.
+
+import {FormatError} from './reader.js';
+
+export const NAMES = ['Bool', 'Int32', 'Float', 'Double', 'Time', 'String', 'Node', 'Color', 'ColorRGBA', 'Image', 'Vec2f',
+  'Vec2d', 'Vec3f', 'Vec3d', 'Vec4f', 'Vec4d', 'Rotation', 'Matrix3f', 'Matrix3d', 'Matrix4f', 'Matrix4d'];
+const kBool = 0, kString = 5, kNode = 6, kImage = 9, kRotation = 16;
+export const SFNODE = 2 * kNode, MFNODE = SFNODE + 1, SFROTATION = 2 * kRotation;
+
+/** Numbers in an element, and how each is stored. */
+const LAYOUT = [[1, 'u8'], [1, 'i32'], [1, 'f32'], [1, 'f64'], [1, 'f64'], null, [1, 'u32'], [3, 'f32'], [4, 'f32'], null,
+  [2, 'f32'], [2, 'f64'], [3, 'f32'], [3, 'f64'], [4, 'f32'], [4, 'f64'], [4, 'f32'], [9, 'f32'], [9, 'f64'], [16, 'f32'],
+  [16, 'f64']];
+const SIZE = {u8: 1, i32: 4, u32: 4, f32: 4, f64: 8};
+const ARRAY = {u8: Uint8Array, i32: Int32Array, u32: Uint32Array, f32: Float32Array, f64: Float64Array};
+
+export const typeName = (type) => `${type % 2 ? 'MF' : 'SF'}${NAMES[type >> 1]}`;
+export const isKnown = (type) => type >> 1 < NAMES.length;
+/** Components of the types that can be predicted, 1 to 4 of f32; else 0. */
+export function lanesOf(type) {
+  const layout = type % 2 ? null : LAYOUT[type >> 1];
+  return layout && layout[1] === 'f32' && layout[0] <= 4 ? layout[0] : 0;
+}
+/** Bytes of an SF value; 0 where they vary. */
+export const fixedSize = (type) => LAYOUT[type >> 1] ? LAYOUT[type >> 1][0] * SIZE[LAYOUT[type >> 1][1]] : 0;
+
+const sf = (numbers) => numbers.length === 1 ? numbers[0] : Array.from(numbers);
+const aligned = (bytes, kind) => new ARRAY[kind](bytes.slice().buffer);
+
+/** A value of this type, as it is written in files: zero, empty, NULL, identity or no rotation. */
+export function zero(type) {
+  const k = type >> 1;
+  if (type % 2) return LAYOUT[k] ? new ARRAY[LAYOUT[k][1]](0) : [];
+  if (k === kBool) return false;
+  if (k === kString) return '';
+  if (k === kImage) return [];
+  if (k === kRotation) return [0, 0, 1, 0];
+  const n = LAYOUT[k][0];
+  if (n === 9 || n === 16) return Array.from({length: n}, (_, i) => i % (Math.sqrt(n) + 1) === 0 ? 1 : 0);
+  return n === 1 ? 0 : new Array(n).fill(0);
+}
+
+/** The bytes that a value has in a term of the state hash: as on the wire, but sizes only in front of each string and image
+ * of an MF value, of 8 bytes. Reads a value; returns those bytes. */
+export function readHashBytes(reader, type) {
+  const k = type >> 1;
+  const checked = (bytes) => {
+    if (k === kBool && bytes.some((b) => b > 1)) throw new FormatError('a boolean is 0 or 1');
+    return bytes;
+  };
+  if (LAYOUT[k]) {
+    const size = fixedSize(type);
+    return checked(reader.take(type % 2 ? reader.count(size) * size : size));
+  }
+  const one = () => reader.take(k === kImage ? 4 * reader.count(4) : reader.varint());
+  if (type % 2 === 0) return one();
+  const parts = Array.from({length: reader.count(1)}, one);
+  const all = new Uint8Array(parts.reduce((sum, p) => sum + 8 + p.length, 0));
+  let at = 0;
+  for (const part of parts) {
+    new DataView(all.buffer).setBigUint64(at, BigInt(part.length), true);
+    all.set(part, at + 8);
+    at += 8 + part.length;
+  }
+  return all;
+}
+
+const utf8 = new TextDecoder('utf-8');
+
+/** A value from the bytes that readHashBytes gives. */
+export function valueOf(type, bytes) {
+  const k = type >> 1, layout = LAYOUT[k];
+  if (layout) {
+    const numbers = aligned(bytes, layout[1]);
+    if (k === kBool) return type % 2 ? Array.from(numbers, Boolean) : numbers[0] === 1;
+    return type % 2 ? numbers : sf(numbers);
+  }
+  const one = (part) => k === kString ? utf8.decode(part) : Array.from(aligned(part, 'i32'));
+  if (type % 2 === 0) return one(bytes);
+  const result = [];
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  for (let at = 0; at < bytes.length;) {
+    const size = Number(view.getBigUint64(at, true));
+    result.push(one(bytes.subarray(at + 8, at + 8 + size)));
+    at += 8 + size;
+  }
+  return result;
+}
+
+/** And back, for defaults that are not given. */
+export function zeroBytes(type) {
+  const value = zero(type);
+  if (type % 2 || typeof value === 'string' || type >> 1 === kImage) return new Uint8Array(0);
+  const numbers = ARRAY[LAYOUT[type >> 1][1]].from(Array.isArray(value) ? value : [Number(value)]);
+  return new Uint8Array(numbers.buffer);
+}

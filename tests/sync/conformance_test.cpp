@@ -1,0 +1,307 @@
+// The conformance set: small logs with what a reader has to make of them. Checks that this reader does; with
+// RTSG_WRITE_CONFORMANCE=FOLDER it writes the set anew (tests/sync/conformance/README.md).
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <numbers>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/field_text.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/sync/dictionary.h>
+#include <rtsg/sync/lossy_scene.h>
+
+#include "support/log_support.h"
+#include "test_paths.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+namespace fs = std::filesystem;
+
+std::string jsonText(std::string_view text) {
+    return printFieldText(Value(String(text)), TextSyntax::json);
+}
+
+/// All that is not a default, node by node, as JSON.
+std::string dumpOf(const Scene& scene) {
+    std::string nodes;
+    std::vector<std::string> routes;
+    scene.forEachNode([&](const Node& node) {
+        std::string fields;
+        for (FieldIndex i = 0; i < node.type().fields.size(); ++i) {
+            const FieldDef& def = node.type().fields[i];
+            if (!def.readable() || node.isDefault(i)) continue;
+            fields += fmt::format("{}{}:{}", fields.empty() ? "" : ",", jsonText(def.name),
+                                  printFieldText(node.value(i), TextSyntax::json));
+        }
+        const std::string name(scene.name(node.id()));
+        nodes +=
+            fmt::format("{}\n\"{}\":{{\"type\":{}{}{},\"fields\":{{{}}}}}", nodes.empty() ? "" : ",", node.id().value,
+                        jsonText(node.type().name), name.empty() ? "" : ",\"name\":" + jsonText(name),
+                        node.scope() ? fmt::format(",\"scope\":{}", node.scope().value) : "", fields);
+        for (const Route& r : scene.routesFrom(node.id()))
+            routes.push_back(fmt::format("{} {}.{} TO {}.{}", r.isConnection ? "IS" : "ROUTE", r.fromNode.value,
+                                         node.type().fields[r.fromField].name, r.toNode.value,
+                                         scene.node(r.toNode).type().fields[r.toField].name));
+    });
+    std::ranges::sort(routes);
+    std::string list;
+    for (const std::string& route : routes) list += (list.empty() ? "" : ",") + jsonText(route);
+    return fmt::format("{{\"state\":{},\"hash\":\"{}\",\"nodes\":{{{}\n}},\n\"routes\":[{}]}}", scene.sequence(),
+                       scene.hash().hex(), nodes, list);
+}
+
+/// What a reader of PROTOCOL.md makes of a log.
+std::string expectedOf(const fs::path& log) {
+    auto replayer = Replayer::open(log);
+    EXPECT_TRUE(replayer) << replayer.error().format();
+    std::string states, damage;
+    while (true) {
+        const Result<bool> more = (*replayer)->step();
+        EXPECT_TRUE(more) << more.error().format();
+        if (!more || !*more) break;
+        const Scene& scene = (*replayer)->scene();
+        states += fmt::format("{}[{},\"{}\"]", states.empty() ? "" : ",", scene.sequence(), scene.hash().hex());
+    }
+    const LogReader& read = (*replayer)->log();
+    for (const LogDamage& d : read.damage())
+        damage += fmt::format("{}{{\"offset\":{},\"length\":{}}}", damage.empty() ? "" : ",", d.offset, d.length);
+    EXPECT_FALSE((*replayer)->divergence()) << log;
+    return fmt::format("{{\"states\":[{}],\n\"gaps\":{},\"damage\":[{}],\"closed\":{},\n\"last\":{}}}\n", states,
+                       (*replayer)->gaps(), damage, read.closed(), dumpOf((*replayer)->scene()));
+}
+
+// ---- the generator ---------------------------------------------------------------------------------------------
+
+LogOptions optionsOf(std::uint64_t epoch, Coding coding = Coding::raw) {
+    LogOptions options;
+    options.epoch = epoch;
+    options.creator = "conformance";
+    options.mode.coding = coding;
+    options.keyframeBytes = 6000;
+    options.keyframeFactor = .5;
+    return options;
+}
+
+constexpr const char* kDocument = R"(#X3D V4.0 utf8
+PROFILE Immersive
+PROTO Lamp [ inputOutput SFBool on TRUE initializeOnly SFColor tint 1 .5 .25 inputOutput MFString label [ "a" "" ] ] {
+  Group { children [ DEF BULB PointLight { on IS on color IS tint } Shape { geometry Text { string IS label } } ] }
+}
+DEF LAMP Lamp { on FALSE label [ "Grüße" "\"x\"" "" ] }
+DEF PICTURE Shape { appearance Appearance { texture PixelTexture { image 2 2 3 0xFF0000 0x00FF00 0x0000FF 0xFFFFFF } }
+  geometry IndexedFaceSet { coordIndex [ 0 1 2 -1 ] coord Coordinate { point [ 0 0 0, 1 0 0, 0 1 0 ] } } }
+DEF ON BooleanToggle { }
+DEF CLOCK TimeSensor { cycleInterval 1.25 loop TRUE }
+DEF TURN OrientationInterpolator { key [ 0 .5 1 ] keyValue [ 0 1 0 0, 0 1 0 3.14, 0 1 0 6.28 ] }
+DEF THING Transform { rotation 1 0 0 .5 children [ USE PICTURE ] }
+ROUTE CLOCK.fraction_changed TO TURN.set_fraction
+ROUTE TURN.value_changed TO THING.rotation
+ROUTE ON.toggle TO LAMP.on
+)";
+
+void writeDocument(const fs::path& file, bool inputs) {
+    Scene scene;
+    scene.setInputRecording(inputs);
+    scene.newFrame(10);
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kDocument, diagnostics));
+    LogOptions options = optionsOf(0x1001 + inputs);
+    options.inputs = inputs;
+    auto log = LogWriter::create(file, builtinTypes(), options);
+    ASSERT_TRUE(log);
+    const Attachment attachment = scene.bus().attach(**log);
+    for (int k = 0; k < 12; ++k) {
+        if (k == 5) {
+            ASSERT_TRUE(scene.sendEvent(scene.findName("ON"), x3d::BooleanToggle::set_boolean.index, true));
+        }
+        scene.newFrame(10 + k / 8.0);
+    }
+    ASSERT_TRUE((*log)->close());
+}
+
+void writeEdits(const fs::path& file, std::uint64_t epoch, bool append = false) {
+    Scene scene;
+    LogOptions options = optionsOf(epoch);
+    options.append = append;
+    auto log = LogWriter::create(file, builtinTypes(), options);
+    ASSERT_TRUE(log);
+    const Attachment attachment = scene.bus().attach(**log);
+    RandomEdits edits(scene, epoch);
+    for (int frame = 0; frame < 25; ++frame) {
+        for (int i = 0; i < 6; ++i) edits.step();
+        scene.newFrame(frame * .125);
+    }
+    ASSERT_TRUE((*log)->close());
+}
+
+/// Things that move smoothly, jump, rest, and go through what is no number.
+class Motion {
+  public:
+    explicit Motion(Scene& scene) : scene_(scene) {
+        for (int i = 0; i < 10; ++i) {
+            things_.push_back(scene.createNode(x3d::Transform::type));
+            EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, things_.back()));
+        }
+        light_ = scene.createNode(x3d::PointLight::type);
+        EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, light_));
+    }
+    void frame(int k, bool odd) {
+        const auto t = static_cast<float>(k) / 20;
+        for (std::size_t i = 0; i < things_.size(); ++i) {
+            const auto phase = static_cast<float>(i);
+            if (i % 3 == 1 && k % 8 > 4) continue;  // it rests
+            const float jump = (k + static_cast<int>(i)) % 11 == 0 ? 5.f : 0.f;
+            set(things_[i], x3d::Transform::translation,
+                Vec3f(std::sin(t + phase) + jump, t * t, static_cast<float>(i) / 3));
+            const float x = std::sin(phase), z = std::cos(phase);
+            set(things_[i], x3d::Transform::rotation, Rotation{x, 0, z, t * phase});
+            if (i % 4 == 0) set(things_[i], x3d::Transform::scale, Vec3f(1 + t, 1, k % 2 ? -0.f : 1.f));
+        }
+        set(light_, x3d::PointLight::intensity, .5f + .5f * std::cos(t));
+        set(light_, x3d::PointLight::color, Color{t - std::floor(t), .25f, 0});
+        if (odd && k % 7 == 3)
+            set(things_[0], x3d::Transform::translation,
+                Vec3f(std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN(), -0.f));
+        if (k == 20) {
+            EXPECT_TRUE(scene_.destroyNode(things_[9]));
+            things_.pop_back();
+        }
+    }
+
+  private:
+    template <class T>
+    void set(NodeId node, Field<T> field, T value) {
+        EXPECT_TRUE(scene_.set(node, field, value));
+    }
+    Scene& scene_;
+    std::vector<NodeId> things_;
+    NodeId light_;
+};
+
+void writeMotion(const fs::path& file, std::uint64_t epoch, Coding coding, bool lossy) {
+    Scene scene;
+    std::unique_ptr<LossyScene> followed;
+    LogOptions options = optionsOf(epoch, coding);
+    if (lossy) {
+        auto made = LossyScene::follow(scene, 1e-3);
+        ASSERT_TRUE(made);
+        followed = std::move(*made);
+        options.mode.mode = Mode::lossy;
+        options.mode.maxError = 1e-3;
+    }
+    auto log = LogWriter::create(file, builtinTypes(), options);
+    ASSERT_TRUE(log);
+    const Attachment attachment = (followed ? followed->scene() : scene).bus().attach(**log);
+    Motion motion(scene);
+    for (int k = 0; k < 36; ++k) {
+        motion.frame(k, !lossy);
+        scene.newFrame(k / 20.0);
+    }
+    ASSERT_TRUE((*log)->close());
+}
+
+/// Frames merged into one: every third.
+void writeMerged(const fs::path& file) {
+    Scene scene;
+    auto log = LogWriter::create(file, builtinTypes(), optionsOf(0x4001, Coding::smallest));
+    ASSERT_TRUE(log);
+    Motion motion(scene);
+    scene.newFrame(0);
+    ASSERT_TRUE((*log)->write(scene.snapshot()));
+    ChangeComposer composer;
+    for (int k = 1; k < 30; ++k) {
+        motion.frame(k, true);
+        const auto set = scene.newFrame(k / 20.0);
+        composer.add(*set);
+        if (k % 3 == 0 || k > 20) {
+            ASSERT_TRUE((*log)->write(composer.take()));
+        }
+    }
+    ASSERT_TRUE((*log)->close());
+}
+
+/// Bytes flipped in a frame, in a head and in a keyframe; the end cut off.
+void writeDamaged(const fs::path& file, const fs::path& whole) {
+    std::string bytes = readAll(whole);
+    std::vector<std::pair<std::uint64_t, RecordHeader>> records;
+    auto log = LogReader::open(whole);
+    ASSERT_TRUE(log);
+    while (const auto record = log->next()) records.emplace_back(record->offset, record->header);
+    int frames = 0, heads = 0, keyframes = 0;
+    for (const auto& [offset, header] : records) {
+        const bool hit = (header.kind == RecordKind::frame && ++frames == 4) ||
+                         (header.kind == RecordKind::head && ++heads == 1) ||
+                         (header.kind == RecordKind::keyframe && ++keyframes == 3);
+        if (hit) bytes[offset + 70] = static_cast<char>(bytes[offset + 70] ^ 0x10);
+    }
+    bytes.resize(records[records.size() - 2].first + 40);
+    writeAll(file, bytes);
+}
+
+void writeSet(const fs::path& folder) {
+    writeDocument(folder / "document.rlog", false);
+    writeDocument(folder / "inputs.rlog", true);
+    writeEdits(folder / "edits.rlog", 0x2001);
+    fs::remove(folder / "sessions.rlog");
+    writeEdits(folder / "sessions.rlog", 0x2002);
+    writeEdits(folder / "sessions.rlog", 0x2003, true);
+    writeMotion(folder / "raw.rlog", 0x3001, Coding::raw, false);
+    writeMotion(folder / "compact.rlog", 0x3002, Coding::compact, false);
+    writeMotion(folder / "smallest.rlog", 0x3003, Coding::smallest, false);
+    writeMotion(folder / "lossy.rlog", 0x3004, Coding::smallest, true);
+    writeMerged(folder / "merged.rlog");
+    writeDamaged(folder / "damaged.rlog", folder / "edits.rlog");
+    for (const auto& entry : fs::directory_iterator(folder))
+        if (entry.path().extension() == ".rlog")
+            writeAll(fs::path(entry.path()).replace_extension(".json"), expectedOf(entry.path()));
+}
+
+// ---- the tests -------------------------------------------------------------------------------------------------
+
+TEST(Conformance, TheSetCanBeWritten) {
+    if (const char* folder = std::getenv("RTSG_WRITE_CONFORMANCE")) return writeSet(folder);
+    char pattern[] = "/tmp/rtsg-conformance-XXXXXX";
+    const fs::path folder = mkdtemp(pattern);
+    writeSet(folder);
+    std::size_t logs = 0;
+    for (const auto& entry : fs::directory_iterator(folder)) logs += entry.path().extension() == ".rlog";
+    EXPECT_EQ(logs, 10u);
+    fs::remove_all(folder);
+}
+
+/// Logs written by earlier versions stay readable: their values by name; their hashes where the node types are still
+/// the same, as terms name fields by number.
+TEST(Conformance, LogsOfTheSetAreReadAsExpected) {
+    const fs::path folder = RTSG_SOURCE_DIR "/tests/sync/conformance";
+    std::size_t logs = 0;
+    for (const auto& entry : fs::directory_iterator(folder)) {
+        if (entry.path().extension() != ".rlog") continue;
+        SCOPED_TRACE(entry.path().filename());
+        ++logs;
+        auto replayer = Replayer::open(entry.path());
+        ASSERT_TRUE(replayer) << replayer.error().format();
+        const std::string expected = readAll(fs::path(entry.path()).replace_extension(".json"));
+        if ((*replayer)->head().dictionaryHash == dictionaryHash(builtinTypes())) {
+            EXPECT_EQ(expectedOf(entry.path()), expected);
+            continue;
+        }
+        std::size_t states = 0;
+        Result<bool> more = true;
+        while ((more = (*replayer)->step()) && *more) ++states;
+        EXPECT_TRUE(more) << more.error().format();
+        // The first line lists the states, each in brackets.
+        const std::string list = expected.substr(0, expected.find('\n'));
+        EXPECT_EQ(std::ranges::count(list, '[') - 1, static_cast<std::ptrdiff_t>(states));
+    }
+    EXPECT_EQ(logs, 10u);
+}
+
+}  // namespace
+}  // namespace rtsg
