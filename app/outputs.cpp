@@ -33,8 +33,13 @@ void PictureArguments::addTo(Command& command) {
                    "whitted: lights, mirrors, glass; path: light between surfaces too; raster is not built in")
         ->preset()
         ->oneOf({"whitted", "path", "raster"});
-    command.addOption("--spp", samples, "samples a pixel")->preset()->range(1, 1 << 20);
-    command.addOption("--error", error, "not built in yet: error to reach instead of --spp");
+    command.addOption("--spp", samples, "samples a pixel; with --error at most, 16384 unless given")
+        ->preset()
+        ->range(1, 1 << 20);
+    command
+        .addOption("--error", error,
+                   "sample until pixels' relative standard error is this, such as 0.05; .exr gets intervals")
+        ->range(1e-6, 1e3);
     command.addOption("--depth", depth, "mirrorings and refractions along a ray at most; its weight ends it before")
         ->preset()
         ->range(0, 250);
@@ -71,8 +76,9 @@ ImageOptions PictureArguments::parse() const {
                                                             : ColorSpace::automatic;
     if (integrator == "path" && colorSpace == "display")
         throw UsageError("--color-space", "path computes in linear light; there are: auto, linear");
-    if (error != 0) throw UsageError("--error", "not built in for pictures; use --spp");
     options.settings.samplesPerPixel = samples;
+    options.settings.error = static_cast<float>(error);
+    if (error > 0 && samples == PictureArguments().samples) options.settings.samplesPerPixel = 16384;
     options.settings.maxDepth = depth;
     options.settings.threads = threads;
     options.settings.seed = seed;

@@ -23,6 +23,28 @@ struct Options {
     bool json = false;
 };
 
+/// `all`: over the frames, the worst of what is missing and of errors, the mean of samples.
+void tellResult(const Options& options, const RenderSettings& settings, const RenderStats& all,
+                const RayWorld::Stats& rays) {
+    if (options.json) {
+        const std::string error =
+            settings.error > 0 ? fmt::format(",\"error\":{:.4g},\"unreached\":{:.4g}", all.error, all.unreached) : "";
+        fmt::print(
+            "{{\"file\":{},\"width\":{},\"height\":{},\"frames\":{},\"spp\":{:.6g},\"seconds\":{:.6f},\"instances\":{},"
+            "\"triangles\":{},\"missing\":{:.4g}{}}}\n",
+            jsonString(options.out), settings.width, settings.height, options.frames, all.samples, all.seconds,
+            rays.traced, rays.instancedTriangles, all.missing, error);
+        return;
+    }
+    fmt::print("{}: {} x {}, {} frame{}, {:.2f} s of tracing\n", options.out, settings.width, settings.height,
+               options.frames, options.frames == 1 ? "" : "s", all.seconds);
+    if (settings.error > 0)
+        fmt::print("error {:.2g} (asked: {:g}) with {:.0f} samples a pixel{}\n", all.error, settings.error, all.samples,
+                   all.unreached > 0 ? fmt::format("; {:.1f} % of the pixels ran out of samples, --spp allows more",
+                                                   100 * all.unreached)
+                                     : "");
+}
+
 int render(const Options& options) {
     ImageOptions image = options.picture.parse();
     AnimationOptions animation;
@@ -55,10 +77,12 @@ int render(const Options& options) {
             progress(static_cast<std::uint64_t>((finished + std::min(share, 1.0)) / options.frames * 1e6), 1'000'000);
         return !interrupted();
     };
-    double seconds = 0, missing = 0;
+    RenderStats all;
     animation.stats = [&](const RenderStats& stats) {
-        seconds += stats.seconds;
-        missing = std::max(missing, stats.missing);
+        all.seconds += stats.seconds;
+        all.missing = std::max(all.missing, stats.missing);
+        all.error = std::max(all.error, stats.error), all.unreached = std::max(all.unreached, stats.unreached);
+        all.samples += stats.samples / options.frames;
     };
     const auto written = renderToFile(light, out, image, animation, options.picture.toneMap());
     if (progress) progress(1, 1);
@@ -73,16 +97,7 @@ int render(const Options& options) {
                                  : fmt::format("interrupted: {} of {} frames were written", *written, options.frames));
         return kBad;
     }
-    const RayWorld::Stats rays = world.rays().stats();
-    if (options.json)
-        fmt::print(
-            "{{\"file\":{},\"width\":{},\"height\":{},\"frames\":{},\"spp\":{},\"seconds\":{:.6f},\"instances\":{},"
-            "\"triangles\":{},\"missing\":{:.4g}}}\n",
-            jsonString(options.out), image.settings.width, image.settings.height, options.frames,
-            image.settings.samplesPerPixel, seconds, rays.traced, rays.instancedTriangles, missing);
-    else
-        fmt::print("{}: {} x {}, {} frame{}, {:.2f} s of tracing\n", options.out, image.settings.width,
-                   image.settings.height, options.frames, options.frames == 1 ? "" : "s", seconds);
+    tellResult(options, image.settings, all, world.rays().stats());
     return kDone;
 }
 

@@ -53,6 +53,7 @@ class Files final : public ImageFiles {
     }
 
     std::string encode(const std::string& name, const Sheet& sheet, std::vector<unsigned char>& file) const override {
+        if (sheet.interval) return encodeLayers(name, sheet, file);
         const auto output = OIIO::ImageOutput::create(name);
         if (!output) return "cannot write this kind of picture: " + OIIO::geterror();
         const bool linear = sheet.values != nullptr;
@@ -66,6 +67,28 @@ class Files final : public ImageFiles {
         if (!output->set_ioproxy(&memory) || !output->open(name, spec)) return output->geterror();
         const bool done = linear ? output->write_image(OIIO::TypeDesc::FLOAT, sheet.values, 4 * sizeof(float))
                                  : output->write_image(OIIO::TypeDesc::UINT8, sheet.bytes, 4);
+        return done && output->close() ? std::string() : output->geterror();
+    }
+
+    /// Colour, coverage and the layer "interval", for formats that name their channels.
+    static std::string encodeLayers(const std::string& name, const Sheet& sheet, std::vector<unsigned char>& file) {
+        const auto output = OIIO::ImageOutput::create(name);
+        if (!output) return "cannot write this kind of picture: " + OIIO::geterror();
+        constexpr int kChannels = 7;
+        OIIO::ImageSpec spec(sheet.width, sheet.height, kChannels, OIIO::TypeDesc::FLOAT);
+        spec.channelnames = {"R", "G", "B", "A", "interval.R", "interval.G", "interval.B"};
+        spec.alpha_channel = 3;
+        spec.attribute("oiio:ColorSpace", "Linear");
+        spec.attribute("compression", "zip");
+        const std::size_t pixels = static_cast<std::size_t>(sheet.width) * static_cast<std::size_t>(sheet.height);
+        std::vector<float> all(pixels * kChannels);
+        for (std::size_t i = 0; i < pixels; ++i) {
+            std::copy_n(sheet.values + i * 4, 4, &all[i * kChannels]);
+            std::copy_n(sheet.interval + i * 3, 3, &all[i * kChannels + 4]);
+        }
+        OIIO::Filesystem::IOVecOutput memory(file);
+        if (!output->set_ioproxy(&memory) || !output->open(name, spec)) return output->geterror();
+        const bool done = output->write_image(OIIO::TypeDesc::FLOAT, all.data());
         return done && output->close() ? std::string() : output->geterror();
     }
 

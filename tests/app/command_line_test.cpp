@@ -63,7 +63,7 @@ TEST_F(Usage, WrongUsageIsStatusTwo) {
         {"render", file, "-o", folder / "a.png", "--frames", "3"},
         {"render", file, "-o", folder / "a.png", "--integrator", "raster"},
         {"render", file, "-o", folder / "a.png", "--integrator", "magic"},
-        {"render", file, "-o", folder / "a.png", "--error", "0.1"},
+        {"render", file, "-o", folder / "a.png", "--error", "-1"},
         {"listen", file},
         {"listen", file, "-o", folder / "a.wav", "--ambisonic", "9"},
         {"listen", file, "-o", folder / "a.wav", "--stereo", "--binaural"},

@@ -35,6 +35,7 @@ struct Sheet {
     const std::uint8_t* bytes = nullptr;  // sRGB, alpha not multiplied in
     const float* values = nullptr;        // linear, alpha multiplied in
     bool opaque = false;                  // alpha may be left out
+    const float* interval = nullptr;      // three a pixel; only .exr holds it, as layer "interval"
 };
 
 class ImageFiles {
@@ -55,6 +56,6 @@ class ImageFiles {
 Result<const ImageFiles*> imageFiles();
 
 /// What the module exports under this name, which changes whenever this header does.
-#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles1
+#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles2
 
 }  // namespace rtsg

@@ -77,6 +77,7 @@ Vec3f ToneMap::apply(Vec3f linear) const {
 Picture toLinear(Picture picture) {
     if (picture.space == ColorSpace::linear) return picture;
     picture.space = ColorSpace::linear;
+    picture.interval.clear();  // of display values
     for (Vec4f& pixel : picture.pixels) {
         const float alpha = pixel.a > 0 ? pixel.a : 1;
         pixel = Vec4f(linearFromSrgb(Vec3f(pixel) / alpha) * alpha, pixel.a);
@@ -125,6 +126,7 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
     std::vector<std::uint8_t> encoded;
     if (isLinearFormat(extension)) {
         sheet.values = &picture.pixels[0].x;
+        if (extension == ".exr" && !picture.interval.empty()) sheet.interval = &picture.interval[0].x;
     } else {
         encoded = toSrgb8(picture, toneMap);
         sheet.bytes = encoded.data();

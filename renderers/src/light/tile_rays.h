@@ -29,6 +29,7 @@ class TileLoop {
     template <class Trace>
     void run(const Trace& trace) {
         for (int block = 0; block < kTilePixels / 16; ++block) {
+            if (!(result_.blocks >> block & 1u)) continue;
             for (int sample = 0; sample < settings_.samplesPerPixel; ++sample) {
                 RayPacket16 rays;
                 std::uint16_t pixels[16];

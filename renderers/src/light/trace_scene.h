@@ -150,6 +150,7 @@ constexpr int kTileSide = 16;
 constexpr int kTilePixels = kTileSide * kTileSide;
 
 struct TileResult {
+    std::uint32_t blocks = 0xFFFF;         // in: which of its blocks of four by four pixels are sampled, a bit each
     std::array<Vec4f, kTilePixels> sum{};  // colour and coverage, not yet divided by the samples
     /// ColorSpace::automatic: what PhysicalMaterials add to a pixel, as light, and which share of the pixel it is. It
     /// is encoded when it is complete, and then joins `sum`, which holds display values. Empty: nothing.

@@ -12,6 +12,7 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include "adaptive.h"
 #include "emitters.h"
 #include "light_tables.h"
 #include "trace_scene.h"
@@ -26,16 +27,6 @@ namespace {
 Vec4f finite(Vec4f v) {
     for (int c = 0; c < 4; ++c) v[c] = v[c] > 0 ? std::min(v[c], std::numeric_limits<float>::max()) : 0.0f;  // NaN: 0
     return v;
-}
-
-/// Encodes what PhysicalMaterials have added and puts it to the rest.
-void addLight(TileResult& tile) {
-    for (std::size_t i = 0; i < tile.light.size(); ++i) {
-        const Vec3f& share = tile.share[i];
-        if (share == Vec3f(0)) continue;
-        for (int c = 0; c < 3; ++c)
-            if (share[c] > 0) tile.sum[i][c] += share[c] * srgbFromLinear(tile.light[i][c] / share[c]);
-    }
 }
 
 /// The bound one of a kind, else the one that comes first in the document. A node that several paths lead to is
@@ -166,6 +157,87 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     return scene;
 }
 
+/// The tiles of a picture, drawn by several threads, and what is counted over them.
+class Drawing {
+  public:
+    Drawing(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, Picture& picture)
+        : scene_(scene),
+          camera_(camera),
+          settings_(settings),
+          picture_(picture),
+          tilesX_((settings.width + kTileSide - 1) / kTileSide),
+          tiles_(tilesX_ * ((settings.height + kTileSide - 1) / kTileSide)) {}
+
+    int tiles() const { return tiles_; }
+
+    void draw(int number) {
+        if (cancelled_.load(std::memory_order_relaxed)) return;
+        const int x0 = number % tilesX_ * kTileSide, y0 = number / tilesX_ * kTileSide;
+        AdaptiveTile tile;
+        if (settings_.error > 0) {
+            adaptiveTile(scene_, camera_, settings_, x0, y0, tile);
+        } else {
+            const auto trace = settings_.integrator == Integrator::path ? pathTile : whittedTile;
+            trace(scene_, camera_, settings_, x0, y0, tile.result);
+            tile.samples.fill(static_cast<std::uint32_t>(settings_.samplesPerPixel));
+        }
+        if (scene_.space == ColorSpace::automatic) addLight(tile.result);
+        take(tile, x0, y0);
+        const int finished = ++done_;
+        if (settings_.progress && progressMutex_.try_lock()) {
+            const std::lock_guard lock(progressMutex_, std::adopt_lock);
+            if (!settings_.progress(static_cast<double>(finished) / tiles_)) cancelled_ = true;
+        }
+    }
+
+    void tell(RenderStats& stats) const {
+        const double pixels = double{1} * settings_.width * settings_.height;
+        stats.primaryRays = sum_.primaryRays, stats.shadowRays = sum_.shadowRays;
+        stats.secondaryRays = sum_.secondaryRays;
+        stats.cancelled = cancelled_;
+        stats.missing = sum_.missing / pixels, stats.missingMost = sum_.missingMost;
+        stats.error = std::sqrt(sum_.error / pixels), stats.unreached = sum_.unreached / pixels;
+        stats.samples = sum_.samples / pixels;
+    }
+
+  private:
+    void take(const AdaptiveTile& tile, int x0, int y0) {
+        RenderStats own;
+        for (int pixel = 0; pixel < kTilePixels; ++pixel) {
+            const int x = x0 + pixel % kTileSide, y = y0 + pixel / kTileSide;
+            if (x >= settings_.width || y >= settings_.height) continue;
+            const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
+            const float scale = 1.0f / static_cast<float>(tile.samples[block]);
+            picture_.at(x, y) = finite(tile.result.sum[at] * scale);
+            own.samples += tile.samples[block];
+            if (!tile.result.missing.empty()) {
+                const double missing = double{tile.result.missing[at]} * scale;
+                own.missing += missing, own.missingMost = std::max(own.missingMost, missing);
+            }
+            if (picture_.interval.empty()) continue;
+            picture_.interval[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture_.width) +
+                              static_cast<std::size_t>(x)] = tile.interval[at];
+            own.error += double{tile.error[at]} * tile.error[at];
+            own.unreached += tile.ranOut >> block & 1u;
+        }
+        const std::lock_guard lock(sumMutex_);
+        sum_.samples += own.samples, sum_.error += own.error, sum_.unreached += own.unreached;
+        sum_.missing += own.missing, sum_.missingMost = std::max(sum_.missingMost, own.missingMost);
+        sum_.primaryRays += tile.result.primaryRays, sum_.shadowRays += tile.result.shadowRays;
+        sum_.secondaryRays += tile.result.secondaryRays;
+    }
+
+    const TraceScene& scene_;
+    const Camera& camera_;
+    const RenderSettings& settings_;
+    Picture& picture_;
+    const int tilesX_, tiles_;
+    std::atomic<int> done_ = 0;
+    std::atomic<bool> cancelled_ = false;
+    std::mutex progressMutex_, sumMutex_;
+    RenderStats sum_;  // over pixels; of `error` the squares
+};
+
 }  // namespace
 
 trace::SlotPages::SlotPages(const PagedArray<SlotShading, kSlotBits>& slots) : size_(slots.size()) {
@@ -235,6 +307,8 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
                                 settings.height, kMaxSide));
     if (settings.samplesPerPixel < 1 || settings.samplesPerPixel > 1 << 20)
         return fail(fmt::format("cannot take {} samples per pixel", settings.samplesPerPixel));
+    if (!(settings.error >= 0) || !std::isfinite(settings.error))
+        return fail(fmt::format("cannot reach an error of {}", settings.error));
     if (settings.integrator == Integrator::raster)
         return fail("the rasteriser is not built in; there are whitted and path");
     if (settings.integrator == Integrator::path && settings.colorSpace == ColorSpace::display)
@@ -245,52 +319,16 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
     if (!emitters.empty()) scene.emitters = &emitters;
     Picture picture(settings.width, settings.height);
     picture.space = scene.space == ColorSpace::linear ? ColorSpace::linear : ColorSpace::display;
-    const int tilesX = (settings.width + kTileSide - 1) / kTileSide,
-              tilesY = (settings.height + kTileSide - 1) / kTileSide;
-    const int tiles = tilesX * tilesY;
-    std::atomic<std::uint64_t> primary = 0, shadow = 0, secondary = 0;
-    std::atomic<int> done = 0;
-    double missing = 0;
-    float missingMost = 0;
-    std::mutex missingMutex;
-    std::atomic<bool> cancelled = false;
-    std::mutex progressMutex;
-    const float scale = 1.0f / static_cast<float>(settings.samplesPerPixel);
-
-    const auto drawTile = [&](int tile) {
-        if (cancelled.load(std::memory_order_relaxed)) return;
-        const int x0 = tile % tilesX * kTileSide, y0 = tile / tilesX * kTileSide;
-        TileResult result;
-        (settings.integrator == Integrator::path ? pathTile : whittedTile)(scene, camera, settings, x0, y0, result);
-        if (scene.space == ColorSpace::automatic) addLight(result);
-        for (int y = 0; y < kTileSide && y0 + y < settings.height; ++y)
-            for (int x = 0; x < kTileSide && x0 + x < settings.width; ++x)
-                picture.at(x0 + x, y0 + y) =
-                    finite(result.sum[static_cast<std::size_t>(y) * kTileSide + static_cast<std::size_t>(x)] * scale);
-        if (!result.missing.empty()) {
-            const std::lock_guard lock(missingMutex);
-            for (const float m : result.missing) missing += double{m} * scale;
-            missingMost = std::max(missingMost, *std::ranges::max_element(result.missing) * scale);
-        }
-        primary += result.primaryRays, shadow += result.shadowRays, secondary += result.secondaryRays;
-        const int finished = ++done;
-        if (settings.progress && progressMutex.try_lock()) {
-            const std::lock_guard lock(progressMutex, std::adopt_lock);
-            if (!settings.progress(static_cast<double>(finished) / tiles)) cancelled = true;
-        }
-    };
+    if (settings.error > 0) picture.interval.resize(picture.pixels.size(), Vec3f(0));
+    Drawing drawing(scene, camera, settings, picture);
     // No more than there are: TBB would only warn.
     const int available = tbb::this_task_arena::max_concurrency();
     tbb::task_arena arena(
         settings.threads == 0 ? available : std::min(available, static_cast<int>(std::min(settings.threads, 1024u))));
-    arena.execute([&] { tbb::parallel_for(0, tiles, drawTile); });
-
+    arena.execute([&] { tbb::parallel_for(0, drawing.tiles(), [&](int tile) { drawing.draw(tile); }); });
     if (stats) {
-        stats->primaryRays = primary, stats->shadowRays = shadow, stats->secondaryRays = secondary;
+        drawing.tell(*stats);
         stats->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-        stats->cancelled = cancelled;
-        stats->missing = missing / (double{1} * settings.width * settings.height);
-        stats->missingMost = missingMost;
     }
     return picture;
 }

@@ -32,10 +32,16 @@ enum class Shadows : std::uint8_t { authored, all, none, automatic };
 /// tracer.
 enum class Integrator : std::uint8_t { whitted, path, raster };
 
+/// What a relative error is relative to, besides a pixel's value: darker differences are not seen.
+constexpr float kErrorFloor = 0.01f;
+
 struct RenderSettings {
     Integrator integrator = Integrator::whitted;
     int width = 1280, height = 720;
-    int samplesPerPixel = 1;     // 1: through the pixels' centres; more: a scrambled (0,2)-sequence
+    int samplesPerPixel = 1;  // 1: through the pixels' centres; more: a scrambled (0,2)-sequence
+    /// If above 0, blocks of pixels are sampled until their relative standard error (RenderStats::error) is at most
+    /// this, with at most samplesPerPixel samples a pixel; Picture::interval tells how well each pixel is known.
+    float error = 0;
     std::uint64_t seed = 1;      // of the scrambling
     float cutoff = 1 / 1024.0f;  // of whitted: rays that could add less than this share to a pixel are left out
     int maxDepth = 250;          // of whitted: mirrorings and refractions on one way, should its weight not run out
@@ -55,6 +61,10 @@ struct RenderStats {
     /// RenderSettings::maxDepth (whitted) or 10,000 bounces (path) before its weight had run out: how much darker than
     /// it is something may show.
     double missing = 0, missingMost = 0;
+    /// Of RenderSettings::error: the relative standard error that was reached, root mean square over the pixels: each
+    /// pixel's is that of its brightest channel over (value + kErrorFloor). The share of pixels in blocks that ran out
+    /// of samples, and how many samples a pixel got on average.
+    double error = 0, unreached = 0, samples = 0;
     bool cancelled = false;
 };
 
@@ -80,7 +90,8 @@ class LightTracer final : public InstanceSubscriber {
     static Result<Camera> camera(const LightState& state, const RayView& world, double aspect,
                                  std::string_view name = {});
 
-    /// Errors: a size or a number of samples that is not positive or is absurd; paths in the display's space.
+    /// Errors: a size or a number of samples that is not positive or is absurd; an error to reach that is negative or
+    /// no number; paths in the display's space.
     Result<Picture> render(const RayView& world, const Camera& camera, const RenderSettings& settings = {},
                            RenderStats* stats = nullptr) const;
     static Result<Picture> render(const LightState& state, const RayView& world, const Camera& camera,

@@ -20,6 +20,9 @@ struct Picture {
     int width = 0, height = 0;
     ColorSpace space = ColorSpace::linear;  // or display
     std::vector<Vec4f> pixels;              // width * height
+    /// Half the width of each pixel's 95 % interval, by channel, in `space`; empty unless an error was to be reached. In
+    /// .exr of linear pictures as layer "interval".
+    std::vector<Vec3f> interval;
 
     Picture() = default;
     Picture(int w, int h, Vec4f fill = Vec4f(0))

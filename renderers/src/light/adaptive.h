@@ -1,0 +1,41 @@
+// Tiles sampled until their pixels are known well enough.
+//
+// Samples come in rounds, each scrambled on its own, so that the rounds' means are independent of each other and tell
+// the error of their mean. A block of four by four pixels goes on until the errors of all of it are small enough
+// together: none ends because of its own luck alone, which keeps intervals honest.
+// Units: errors are standard errors over (value + kErrorFloor), of the brightest channel. Threading: as tiles.
+#pragma once
+
+#include "trace_scene.h"
+
+namespace rtsg::trace {
+
+constexpr int kBlocks = 16;       // of a tile, four by four pixels each
+constexpr int kRoundSamples = 8;  // samples a pixel and round
+constexpr int kLeastRounds = 6;   // before a block may end
+
+/// 97.5 % quantile of Student's distribution.
+double studentQuantile(int degreesOfFreedom);
+
+struct AdaptiveTile {
+    TileResult result;                             // sums, as of any tile
+    std::array<std::uint32_t, kBlocks> samples{};  // that a block's pixels have got
+    std::uint32_t ranOut = 0;                      // blocks that ended before they were good enough
+    /// By pixel and channel: half the width of the 95 % interval around the mean.
+    std::array<Vec3f, kTilePixels> interval{};
+    std::array<float, kTilePixels> error{};  // relative standard errors
+};
+
+/// `settings.error` is what to reach, with at most `settings.samplesPerPixel` samples a pixel. Deterministic.
+void adaptiveTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+                  AdaptiveTile& tile);
+
+/// Which block of its tile a pixel of the tile is in.
+inline int blockOf(int pixel) {
+    return pixel / (kTileSide * 4) * 4 + pixel % kTileSide / 4;
+}
+
+/// Encodes what PhysicalMaterials have added (ColorSpace::automatic) and puts it to the rest.
+void addLight(TileResult& tile);
+
+}  // namespace rtsg::trace

@@ -1,0 +1,164 @@
+// Sampling until an error is reached: what is told of the error is what the error is.
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "light/adaptive.h"
+#include "renderers/light/light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using test::LightScene;
+
+// Two boxes in a room with a panel under its ceiling: soft shadows, edges, light between walls.
+const char* const kRoom =
+    "Viewpoint { position 0 0 1.9 fieldOfView 1 }\n"
+    "Shape { appearance Appearance { material Material { diffuseColor .8 .8 .8 } } geometry Box { size 4 3 4 solid "
+    "FALSE } }\n"
+    "Transform { translation 0 1.49 0 children Shape { appearance Appearance { material UnlitMaterial { emissiveColor "
+    "1 "
+    "1 1 } } geometry IndexedFaceSet { coordIndex [0 1 2 3 -1] coord Coordinate { point [-.5 0 -.5, .5 0 -.5, .5 0 .5, "
+    "-.5 0 .5] } } } }\n"
+    "Transform { translation -.6 -1 -.5 children Shape { appearance Appearance { material Material { diffuseColor .8 "
+    ".3 "
+    ".2 } } geometry Box { size .8 1 .8 } } }\n"
+    "Transform { translation .6 -1 -.5 rotation 0 1 0 .5 children Shape { appearance Appearance { material "
+    "PhysicalMaterial { baseColor .2 .5 .8 roughness .6 metallic 0 } } geometry Box { size .8 1.4 .8 } } }\n";
+
+void byPaths(LightScene& s, float error, int most = 1 << 14) {
+    s.options.settings.integrator = Integrator::path;
+    s.options.settings.samplesPerPixel = most;
+    s.options.settings.error = error;
+}
+
+TEST(Adaptive, QuantilesAreThoseOfTheTables) {
+    const struct {
+        int degrees;
+        double quantile;
+    } table[] = {{5, 2.5706}, {7, 2.3646}, {10, 2.2281}, {20, 2.0860}, {30, 2.0423}, {120, 1.9799}};
+    for (const auto& [degrees, quantile] : table)
+        EXPECT_NEAR(trace::studentQuantile(degrees), quantile, 0.002 * quantile) << degrees;
+}
+
+// 200 pictures of other seeds: a pixel's true value lies in its 95 % interval 93 to 97 times in a hundred, and the
+// error that is told is the one that there is.
+TEST(Adaptive, IntervalsHoldTheTruthAsOftenAsTheySay) {
+    constexpr int kSide = 8, kSeeds = 200;
+    LightScene s(kRoom, kSide, kSide);
+    byPaths(s, 0, 1 << 15);
+    s.options.settings.seed = 1'000'003;
+    const Picture truth = s.picture();
+    for (const float error : {0.1f, 0.03f}) {
+        SCOPED_TRACE(error);
+        byPaths(s, error);
+        double inside = 0, count = 0, squares = 0, told = 0;
+        for (int seed = 1; seed <= kSeeds; ++seed) {
+            s.options.settings.seed = static_cast<std::uint64_t>(seed);
+            const Picture p = s.picture();
+            ASSERT_EQ(p.interval.size(), p.pixels.size());
+            EXPECT_EQ(s.stats.unreached, 0);
+            EXPECT_LE(s.stats.error, error);
+            told += s.stats.error * s.stats.error;
+            for (std::size_t i = 0; i < p.pixels.size(); ++i) {
+                double worst = 0, value = 0;
+                for (int c = 0; c < 3; ++c) {
+                    const double off = std::abs(double(p.pixels[i][c]) - truth.pixels[i][c]);
+                    inside += off <= p.interval[i][c], count += 1;
+                    worst = std::max(worst, off), value = std::max(value, double(truth.pixels[i][c]));
+                }
+                squares += worst * worst / ((value + kErrorFloor) * (value + kErrorFloor));
+            }
+        }
+        EXPECT_GT(inside / count, 0.93);
+        EXPECT_LT(inside / count, 0.97);
+        const double real = std::sqrt(squares / (kSeeds * kSide * kSide)), said = std::sqrt(told / kSeeds);
+        EXPECT_NEAR(real / said, 1, 0.15);
+        std::printf("error %.3g: told %.4f, real %.4f, coverage %.4f, samples %.0f\n", double(error), said, real,
+                    inside / count, s.stats.samples);
+    }
+}
+
+TEST(Adaptive, SamplesGoWhereTheErrorIs) {
+    LightScene even("Background { skyColor .5 .5 .5 }", 32, 32);
+    byPaths(even, 0.01f);
+    const Picture p = even.picture();
+    EXPECT_EQ(even.stats.samples, trace::kRoundSamples * trace::kLeastRounds);
+    EXPECT_EQ(even.stats.error, 0);
+    for (const Vec3f& interval : p.interval) EXPECT_EQ(interval, Vec3f(0));
+
+    LightScene room(kRoom, 32, 32);
+    byPaths(room, 0.05f);
+    const Picture known = room.picture();
+    EXPECT_LE(room.stats.error, 0.05);
+    const double samples = room.stats.samples;
+    byPaths(room, 0.025f);
+    const Picture finer = room.picture();
+    EXPECT_NEAR(room.stats.samples / samples, 4, 1.5) << "as the square";
+    // The same whatever the threads.
+    byPaths(room, 0.05f);
+    room.options.settings.threads = 1;
+    EXPECT_EQ(room.picture().pixels, known.pixels);
+}
+
+TEST(Adaptive, WhatRanOutOfSamplesIsTold) {
+    LightScene s(kRoom, 16, 16);
+    byPaths(s, 1e-4f, 64);
+    const Picture p = s.picture();
+    EXPECT_EQ(s.stats.samples, 64);
+    EXPECT_GT(s.stats.unreached, 0.9);
+    EXPECT_GT(s.stats.error, 1e-3);
+    byPaths(s, 0, 64);
+    EXPECT_TRUE(s.picture().interval.empty());
+    for (const float wrong : {-1.0f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+        byPaths(s, wrong);
+        EXPECT_FALSE(s.light->picture(s.options)) << wrong;
+    }
+}
+
+// Edges of what Whitted's method draws, in both spaces.
+TEST(Adaptive, EdgesOfWhittedsMethodToo) {
+    LightScene s(
+        "Shape { appearance Appearance { material PhysicalMaterial { emissiveColor .7 .5 .3 baseColor 0 0 0 } "
+        "} geometry Sphere { radius 2 } }",
+        32, 32);
+    s.options.settings.samplesPerPixel = 1 << 12;
+    for (const ColorSpace space : {ColorSpace::linear, ColorSpace::automatic}) {
+        s.options.settings.colorSpace = space;
+        s.options.settings.error = 0;
+        const Picture truth = s.picture();
+        s.options.settings.error = 0.02f;
+        const Picture p = s.picture();
+        EXPECT_LT(s.stats.samples, 600);
+        double squares = 0;
+        for (std::size_t i = 0; i < p.pixels.size(); ++i) {
+            const double off = (p.pixels[i].r - truth.pixels[i].r) / (truth.pixels[i].r + double{kErrorFloor});
+            squares += off * off;
+        }
+        EXPECT_LT(std::sqrt(squares / double(p.pixels.size())), 0.03);
+    }
+}
+
+TEST(Adaptive, IntervalsAreALayerOfExr) {
+    LightScene s(kRoom, 16, 16);
+    byPaths(s, 0.2f);
+    const Picture p = s.picture();
+    const auto file = std::filesystem::temp_directory_path() / fmt::format("rtsg-interval-{}.exr", ::getpid());
+    ASSERT_TRUE(writePicture(p, file));
+    const auto back = readPicture(file);
+    ASSERT_TRUE(back) << back.error().format();
+    for (std::size_t i = 0; i < p.pixels.size(); ++i) EXPECT_EQ(Vec3f(back->pixels[i]), Vec3f(p.pixels[i]));
+    std::ifstream stream(file, std::ios::binary);
+    const std::string bytes((std::istreambuf_iterator<char>(stream)), {});
+    EXPECT_NE(bytes.find("interval.R"), std::string::npos);
+    std::filesystem::remove(file);
+}
+
+}  // namespace
+}  // namespace rtsg
