@@ -59,6 +59,7 @@ constexpr Bench kBenches[] = {
     {"runtime", "scene", "scripts, levels of detail, routes, sensors and followers by the thousand",
      always<bench::runtime>},
     {"rays", "world", "primary rays with shading against the bare intersections", bench::rays},
+    {"paths", "world", "a room lit by panels until its picture is known to 5 %", always<bench::paths>},
     {"overlap", "world", "the next frame's cascade while this one is pictured, against one after the other",
      bench::overlap},
     {"frames", "world", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},

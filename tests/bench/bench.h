@@ -29,6 +29,7 @@ void changes(const Report& report, bool quick);
 void structure(const Report& report, bool quick);
 void runtime(const Report& report, bool quick);
 bool rays(const Report& report, bool quick);
+void paths(const Report& report, bool quick);
 /// False if the copy on the other thread differs.
 bool overlap(const Report& report, bool quick);
 void deform(const Report& report, bool quick);

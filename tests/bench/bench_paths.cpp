@@ -1,0 +1,114 @@
+// Paths: how long a room lit by panels takes until its picture is known to five percent, and what many lamps cost
+// against one. One thread.
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/renderers/light_renderer.h>
+
+#include "bare_embree.h"
+#include "bench.h"
+
+namespace rtsg::bench {
+
+namespace {
+
+constexpr double kError = 0.05;
+
+/// A lamp's material; `mirrors`: it mirrors a trace of light too, so that only bounces find it.
+std::string lamp(double radiance, bool mirrors) {
+    return fmt::format("material Material {{ diffuseColor 0 0 0 emissiveColor {0} {0} {0} {1} }}", radiance,
+                       mirrors ? "metadata MetadataFloat { name \"reflectivity\" reference \"RTSG\" value 1e-7 }" : "");
+}
+
+/// A white room of 4 x 3 x 4 m with a ball and a box, and `lamps` square lamps of .18 m2 together under its ceiling.
+std::string room(int lamps, bool mirrors) {
+    std::string text =
+        "#X3D V4.0 utf8\nPROFILE Immersive\nNavigationInfo { headlight FALSE }\n"
+        "Viewpoint { position 0 0 1.9 fieldOfView 1 }\n"
+        "Shape { appearance Appearance { material Material { diffuseColor .87 .87 .87 } } geometry Box { size 4 3 4 "
+        "solid FALSE } }\n"
+        "Transform { translation -.6 -1 -.5 children Shape { appearance Appearance { material Material { diffuseColor "
+        ".8 .3 .2 specularColor .2 .2 .2 shininess .3 } } geometry Sphere { radius .5 } } }\n"
+        "Transform { translation .6 -1 0 children Shape { appearance Appearance { material PhysicalMaterial { "
+        "baseColor .2 .5 .8 roughness .4 metallic .5 } } geometry Box { size .8 1 .8 } } }\n";
+    const int side = static_cast<int>(std::ceil(std::sqrt(lamps)));
+    const double half = std::sqrt(.18 / lamps) / 2;
+    for (int i = 0; i < lamps; ++i)
+        text += fmt::format(
+            "Transform {{ translation {} 1.49 {} children Shape {{ appearance Appearance {{ {} }} geometry "
+            "IndexedFaceSet {{ coordIndex [0 1 2 3 -1] coord Coordinate {{ point [-{3} 0 -{3}, {3} 0 -{3}, {3} 0 {3}, "
+            "-{3} 0 {3}] }} }} }} }}\n",
+            (i % side + .5) / side * 3 - 1.5, (i / side + .5) / side * 3 - 1.5, lamp(1, mirrors), half);
+    return text;
+}
+
+struct Known {
+    double seconds = 0, error = 0;
+    double rays = 0;
+};
+
+/// The picture of a room sampled until `error` or `most` samples a pixel.
+Known picture(int lamps, bool mirrors, int side, double error, int most) {
+    Scene scene;
+    Diagnostics diagnostics;
+    loadText(scene, room(lamps, mirrors), diagnostics);
+    SharedWorld world(scene);
+    LightRenderer light(world);
+    scene.newFrame(0);
+    ImageOptions options;
+    options.settings.integrator = Integrator::path;
+    options.settings.width = options.settings.height = side;
+    options.settings.threads = 1;
+    options.settings.error = static_cast<float>(error);
+    options.settings.samplesPerPixel = most;
+    RenderStats stats;
+    const double start = cpuSeconds();
+    keep(light.picture(options, &stats));
+    return {cpuSeconds() - start, stats.error,
+            static_cast<double>(stats.primaryRays + stats.shadowRays + stats.secondaryRays)};
+}
+
+/// Seconds a ray of the kind that paths send, by Embree alone.
+double bareSecondsPerRay() {
+    Scene scene;
+    Diagnostics diagnostics;
+    loadText(scene, room(2, false), diagnostics);
+    SharedWorld world(scene);
+    scene.newFrame(0);
+    const FlatScene bare(world.rays(), false);
+    std::mt19937 random(5);
+    std::uniform_real_distribution<float> unit(-1, 1);
+    std::vector<AskedRay> rays(200'000);
+    for (AskedRay& asked : rays) {
+        asked.ray.origin = Vec3f(1.9f * unit(random), 1.4f * unit(random), 1.9f * unit(random));
+        asked.ray.direction = glm::normalize(Vec3f(unit(random), unit(random), unit(random)) + Vec3f(1e-3f));
+    }
+    std::vector<double> seconds;
+    for (int run = 0; run < 5; ++run) seconds.push_back(bare.trace(rays));
+    return median(seconds) / static_cast<double>(rays.size());
+}
+
+}  // namespace
+
+void paths(const Report& report, bool quick) {
+    const int side = quick ? 48 : 128;
+    const double ray = bareSecondsPerRay();
+    const Known known = picture(2, false, side, kError, 1 << 16);
+    // By bounces alone, from what 64 samples reach: the error falls with the root of the time. What few samples have
+    // not met yet is missing in their error, so this is the least it takes.
+    const Known bounced = picture(2, true, side, 1e-6, quick ? 64 : 256);
+    const double bouncedSeconds = bounced.seconds * bounced.error * bounced.error / (kError * kError);
+    report({"paths", "room lit by 2 panels", "CPU time to 5 % relative error", "s", known.seconds, "bounces alone",
+            bouncedSeconds, "as many rays through bare Embree", known.rays * ray});
+    const Known many = picture(1000, false, side, kError, 1 << 16);
+    report({"paths", "room lit by 1,000 lamps", "CPU time to 5 % relative error", "s", many.seconds, "2 panels",
+            known.seconds, "as many rays through bare Embree", many.rays * ray});
+}
+
+}  // namespace rtsg::bench
