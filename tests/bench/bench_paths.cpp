@@ -41,7 +41,7 @@ std::string room(int lamps, bool mirrors) {
     const double half = std::sqrt(.18 / lamps) / 2;
     for (int i = 0; i < lamps; ++i)
         text += fmt::format(
-            "Transform {{ translation {} 1.49 {} children Shape {{ appearance Appearance {{ {} }} geometry "
+            "Transform {{ translation {0} 1.49 {1} children Shape {{ appearance Appearance {{ {2} }} geometry "
             "IndexedFaceSet {{ coordIndex [0 1 2 3 -1] coord Coordinate {{ point [-{3} 0 -{3}, {3} 0 -{3}, {3} 0 {3}, "
             "-{3} 0 {3}] }} }} }} }}\n",
             (i % side + .5) / side * 3 - 1.5, (i / side + .5) / side * 3 - 1.5, lamp(1, mirrors), half);

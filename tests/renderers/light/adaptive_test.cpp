@@ -80,8 +80,6 @@ TEST(Adaptive, IntervalsHoldTheTruthAsOftenAsTheySay) {
         EXPECT_LT(inside / count, 0.97);
         const double real = std::sqrt(squares / (kSeeds * kSide * kSide)), said = std::sqrt(told / kSeeds);
         EXPECT_NEAR(real / said, 1, 0.15);
-        std::printf("error %.3g: told %.4f, real %.4f, coverage %.4f, samples %.0f\n", double(error), said, real,
-                    inside / count, s.stats.samples);
     }
 }
 
