@@ -172,10 +172,10 @@ bool sound(const Report& report, bool quick) {
     figures(report, box, quick);
     const std::filesystem::path folder = std::filesystem::temp_directory_path() / "rtsg_bench_sound";
     std::filesystem::create_directories(folder);
-    const auto written = writeBenchScene("conference", quick ? .02 : .5, false, folder);
+    const auto written = writeBenchScene("Conference", quick ? .02 : .5, false, folder);
     Hall hall;
     hall.name = "conference room";
-    const bool loaded = written && loadFile(hall.scene, (folder / "conference.x3dv").string(), diagnostics);
+    const bool loaded = written && loadFile(hall.scene, (folder / "Conference.x3dv").string(), diagnostics);
     std::error_code ignored;
     std::filesystem::remove_all(folder, ignored);
     if (!loaded) return false;

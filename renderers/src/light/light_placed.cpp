@@ -96,7 +96,7 @@ SkyEntry LightTables::readSky(const Scene& scene, const Node& node, const WorldF
         entry.bound = node.get(B::isBound);
         const Field<Array<String>> urls[] = {B::frontUrl, B::backUrl, B::leftUrl, B::rightUrl, B::topUrl, B::bottomUrl};
         for (std::size_t i = 0; i < 6; ++i)
-            entry.sky.panorama[i] = textures_.ofUrls(scene, node, node.get(urls[i]), color, diagnostics_);
+            entry.sky.panorama[i] = textures_->ofUrls(scene, node, node.get(urls[i]), color, diagnostics_);
     } else if (node.is(x3d::TextureBackground::type)) {
         using B = x3d::TextureBackground;
         readColors(node, entry.sky, static_cast<const B*>(nullptr));
@@ -105,7 +105,7 @@ SkyEntry LightTables::readSky(const Scene& scene, const Node& node, const WorldF
                                        B::rightTexture, B::topTexture,  B::bottomTexture};
         for (std::size_t i = 0; i < 6; ++i)
             if (const Node* side = scene.effectiveNode(node.get(sides[i])))
-                entry.sky.panorama[i] = textures_.ofNode(scene, *side, color, diagnostics_);
+                entry.sky.panorama[i] = textures_->ofNode(scene, *side, color, diagnostics_);
     }
     entry.sky.localFromWorld = glm::mat3(glm::transpose(turningOf(worldFromLocal)));
     return entry;

@@ -13,7 +13,7 @@
 namespace rtsg {
 
 struct LightRenderer::Impl {
-    Impl(SharedWorld& world, Options o) : options(std::move(o)), rays(world.rays()), tracer(options.resources) {}
+    Impl(SharedWorld& world, Options o) : options(std::move(o)), rays(world.rays()), tracer(world, options.resources) {}
 
     Options options;
     const RayWorld& rays;

@@ -21,7 +21,7 @@ bool concernsLight(const InstanceDelta& d) {
 
 }  // namespace
 
-LightTables::LightTables(Resources resources) : textures_(std::move(resources)) {
+LightTables::LightTables(std::shared_ptr<TextureStore> textures) : textures_(std::move(textures)) {
     uses_.resize(1);
     materials_.resize(1);
     materials_.change(0) = std::make_shared<const MaterialEntry>();
@@ -46,7 +46,7 @@ void LightTables::apply(const Scene& scene, const InstanceDelta& delta) {
         alphaColored_.erase(geometry.value);
     }
     followMaterials(scene, delta);
-    if (!delta.removed.empty() || !delta.rebound.empty() || !delta.appearanceChanged.empty()) textures_.collect();
+    if (!delta.removed.empty() || !delta.rebound.empty() || !delta.appearanceChanged.empty()) textures_->collect();
     followPlaced(scene, delta);
     followLights();
     if (!diagnostics_.all().empty()) told_.append(std::exchange(diagnostics_, Diagnostics()), said_);
@@ -86,7 +86,7 @@ std::uint32_t LightTables::takeMaterial(const Scene& scene, NodeId appearance) {
 
 void LightTables::loadMaterial(const Scene& scene, std::uint32_t index) {
     auto entry = std::make_shared<MaterialEntry>();
-    entry->material = readMaterial(scene, uses_[index].appearance, textures_, diagnostics_);
+    entry->material = readMaterial(scene, uses_[index].appearance, *textures_, diagnostics_);
     entry->finish();
     uses_[index].isMapped =
         std::ranges::any_of(entry->material.textures, [](const TextureUse& use) { return !use.mapping.empty(); });

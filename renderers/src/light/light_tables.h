@@ -74,7 +74,7 @@ struct LightState {
 
 class LightTables {
   public:
-    explicit LightTables(Resources resources);
+    explicit LightTables(std::shared_ptr<TextureStore> textures);
 
     void apply(const Scene& scene, const InstanceDelta& delta);
 
@@ -129,7 +129,7 @@ class LightTables {
     std::shared_ptr<const trace::PlacedEntry> readPlaced(const Scene& scene, const Placed& placed);
     trace::SkyEntry readSky(const Scene& scene, const Node& node, const WorldFromLocal& worldFromLocal);
 
-    TextureStore textures_;
+    std::shared_ptr<TextureStore> textures_;
     Diagnostics diagnostics_;  // of this apply() so far
     Diagnostics said_;         // since the start, each once
     ToldOnce told_;

@@ -77,24 +77,30 @@ std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const No
     std::string all = content == Texture::Content::color ? "c" : "d";
     for (const auto& folder : resources_.foldersOf(scene, node, field)) all.append("\n").append(folder.string());
     for (const String& url : urls) all.append("\n").append(url.view());
-    if (const auto found = lists_.find(all); found != lists_.end()) return found->second;
-
-    std::string report;
-    for (const String& url : urls) {
+    const auto [place, isNew] = lists_.try_emplace(all);
+    List& list = place->second;
+    for (std::size_t i = 0; isNew && !list.texture && i < urls.size(); ++i) {
         std::string why;
-        std::shared_ptr<const Texture> texture;
-        auto resource = resources_.open(scene, node, field, url.view());
+        auto resource = resources_.open(scene, node, field, urls[i].view());
         if (resource)
-            texture = ofResource(std::move(*resource), content, why);
+            list.texture = ofResource(std::move(*resource), content, why);
         else
             why = resource.error().text;
-        if (texture) return lists_[all] = texture;
-        report += (report.empty() ? "" : "; ") + why;
+        if (!list.texture) list.why += (list.why.empty() ? "" : "; ") + why;
     }
+    if (list.texture) return list.texture;
     std::string name(scene.name(node.id()));
     diagnostics.warning(
-        {}, fmt::format("{}{} shows no picture: {}", node.type().name, name.empty() ? "" : " " + name, report));
-    return lists_[all] = nullptr;
+        {}, fmt::format("{}{} shows no picture: {}", node.type().name, name.empty() ? "" : " " + name, list.why));
+    return nullptr;
+}
+
+std::string TextureStore::nameOf(const Resources& resources) {
+    const ResourcePolicy& policy = resources.policy();
+    std::string name = fmt::format("textures\n{}\n{} {} {}", resources.folder().string(), policy.maximumBytes,
+                                   policy.maximumPixels, policy.roots.size());
+    for (const auto& root : policy.roots) name.append("\n").append(root.string());
+    return name;
 }
 
 std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const Node& node, Texture::Content content,
@@ -122,10 +128,8 @@ std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const No
             if (const Node* first = scene.effectiveNode(id)) return ofNode(scene, *first, content, diagnostics);
         return nullptr;
     }
-    const std::string key = fmt::format("\nunsupported {}", node.type().name);
-    if (lists_.emplace(key, nullptr).second)
-        diagnostics.warning(
-            {}, fmt::format("{} is not drawn by the light tracer; surfaces show without it", node.type().name));
+    diagnostics.warning({},
+                        fmt::format("{} is not drawn by the light tracer; surfaces show without it", node.type().name));
     return nullptr;
 }
 
@@ -133,14 +137,15 @@ void TextureStore::collect() {
     // Not each time, or the work would grow with the scene: only when there is twice as much as was worth keeping.
     if (files_.size() + lists_.size() + pixels_.size() < 2 * kept_ + 16) return;
     // A list's entry shares with the file's. One in use that is dropped costs a look-up later, nothing else.
-    std::erase_if(lists_, [](const auto& entry) { return entry.second && entry.second.use_count() <= 2; });
+    std::erase_if(lists_,
+                  [](const auto& entry) { return entry.second.texture && entry.second.texture.use_count() <= 2; });
     std::erase_if(files_, [](const auto& entry) { return entry.second.use_count() == 1; });
     std::erase_if(pixels_, [](const auto& entry) { return entry.second.texture.use_count() <= 1; });
     kept_ = files_.size() + lists_.size() + pixels_.size();
     std::unordered_set<const Texture*> inUse;
-    for (const auto* all : {&files_, &lists_})
-        for (const auto& [key, texture] : *all)
-            if (texture) inUse.insert(texture.get());
+    for (const auto& [key, texture] : files_) inUse.insert(texture.get());
+    for (const auto& [key, list] : lists_)
+        if (list.texture) inUse.insert(list.texture.get());
     pixelsInUse_ = 0;
     for (const Texture* texture : inUse) pixelsInUse_ += pixelsOf(*texture);
 }

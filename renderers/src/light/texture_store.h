@@ -1,8 +1,8 @@
 // TextureStore: the textures of one scene, read once each, however many materials use them and however often those
-// change.
+// change, and however many renderers show them.
 //
 // A url list is tried in order, each as core/resource.h says. What cannot be read, or would be more pixels than the
-// policy lets a scene have, is reported once, and tried again only when the list changes.
+// policy lets a scene have, is reported to each who asks, and tried again only when the list changes.
 // Threading: one thread, the scene's.
 #pragma once
 
@@ -30,6 +30,8 @@ class TextureStore {
                                           Texture::Content content, Diagnostics& diagnostics);
     /// Drops what no material uses any more, once there is much of it.
     void collect();
+    /// Says what a store for these resources has in common with others: those of one name may be one.
+    static std::string nameOf(const Resources& resources);
 
   private:
     std::shared_ptr<const Texture> ofResource(Resource resource, Texture::Content content, std::string& why);
@@ -40,8 +42,11 @@ class TextureStore {
     };
     Resources resources_;
     std::unordered_map<std::string, std::shared_ptr<const Texture>> files_;  // by content and path
-    std::unordered_map<std::string, std::shared_ptr<const Texture>>
-        lists_;  // by folders and urls; null: none, reported
+    struct List {
+        std::shared_ptr<const Texture> texture;
+        std::string why;  // there is none
+    };
+    std::unordered_map<std::string, List> lists_;  // by folders and urls
     std::size_t kept_ = 0;
     std::uint64_t pixelsInUse_ = 0;                     // of those in files_ and lists_, as the policy counts them
     std::unordered_map<std::uint64_t, Pixels> pixels_;  // by node and content

@@ -12,6 +12,8 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include <rtsg/renderers/shared_world.h>
+
 #include "adaptive.h"
 #include "emitters.h"
 #include "light_tables.h"
@@ -334,11 +336,15 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
 }
 
 struct LightTracer::Impl {
-    explicit Impl(Resources resources) : tables(std::move(resources)) {}
+    explicit Impl(std::shared_ptr<TextureStore> textures) : tables(std::move(textures)) {}
     LightTables tables;
 };
 
-LightTracer::LightTracer(Resources resources) : impl_(std::make_unique<Impl>(std::move(resources))) {}
+LightTracer::LightTracer(Resources resources)
+    : impl_(std::make_unique<Impl>(std::make_shared<TextureStore>(std::move(resources)))) {}
+LightTracer::LightTracer(SharedWorld& world, const Resources& resources)
+    : impl_(std::make_unique<Impl>(std::static_pointer_cast<TextureStore>(
+          world.shared(TextureStore::nameOf(resources), [&] { return std::make_shared<TextureStore>(resources); })))) {}
 LightTracer::~LightTracer() = default;
 
 Result<> LightTracer::apply(const Scene& scene, const ChangeSet&, const InstanceDelta& delta) {

@@ -7,6 +7,7 @@
 #include <ctime>
 #include <exception>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -197,6 +198,7 @@ struct SharedWorld::Impl final : Subscriber {
     Counts counts;
     Times times;
     std::uint64_t added = 0;  // subscribers, ever
+    std::map<std::string, std::weak_ptr<void>> common;
 
     // The scene's thread counts; readers look at the atomic ones.
     std::uint64_t moment = 1;                                     // deliveries, from 1
@@ -310,6 +312,13 @@ void SharedWorld::setMeshSource(std::string_view type, MeshSource source) {
     if (!s.delivering) (void)update();  // a failure is kept
     s.flattener.setMeshSource(s.scene, type, std::move(source));
     if (!s.delivering && failure().empty()) (void)s.outside([&] { return s.deliverViewer(); });
+}
+
+std::shared_ptr<void> SharedWorld::shared(const std::string& name, const std::function<std::shared_ptr<void>()>& make) {
+    std::weak_ptr<void>& place = impl_->common[name];
+    std::shared_ptr<void> there = place.lock();
+    if (!there) place = there = make();
+    return there;
 }
 
 void SharedWorld::finishBackgroundWork() {

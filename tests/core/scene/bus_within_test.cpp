@@ -317,19 +317,23 @@ TEST(BusBacklog, DrainingALongOneGivesWhatIsMergedFirstThenEachFrame) {
 
 /// Where the scene's thread would not merge yet, somebody else has: sooner or later only the last 256 are as they were.
 TEST(BusBacklog, IsMergedBesideTheScenesThread) {
-    std::size_t count = 0;
-    for (int patience = 1; patience < 20'000 && count != 257; patience *= 2) {
+    for (std::size_t count = 0, patience = 1; patience < 20'000 && count != 2 * 257; patience *= 2) {
         Scene scene;
         Witness slow;
         Attachment attachment = scene.bus().attach(slow, Delivery::polled);
-        for (int i = 1; i < 380; ++i) scene.newFrame(i);
-        std::this_thread::sleep_for(std::chrono::milliseconds(patience));
-        count = attachment.drain();
+        count = 0;
+        for (int round = 0; round < 2; ++round) {  // and again, after it was taken
+            for (int i = 1; i < 380; ++i) scene.newFrame(380 * round + i);
+            std::this_thread::sleep_for(std::chrono::milliseconds(patience));
+            count += attachment.drain();
+        }
         EXPECT_EQ(slow.sets.back().second, scene.sequence());
         EXPECT_EQ(slow.replica.hash(), scene.hash());
         for (std::size_t i = 1; i < slow.sets.size(); ++i) EXPECT_EQ(slow.sets[i].first, slow.sets[i - 1].second);
+        if (2 * patience >= 20'000) {
+            EXPECT_EQ(count, 2 * 257U);
+        }
     }
-    EXPECT_EQ(count, 257U);
 }
 
 /// What waits is merged, taken, forgotten and begun again at the same time, on three threads.

@@ -9,6 +9,7 @@
 
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/renderers/light_renderer.h>
 
 #include "light/texture_store.h"
 
@@ -114,6 +115,52 @@ TEST_F(TextureUrls, TogetherHaveLimitedPixels) {
     EXPECT_EQ(std::ranges::count(textures, nullptr), 2);
     EXPECT_FALSE(textures.at(8));
     EXPECT_THAT(problems, HasSubstr("the scene's pictures have more than 400 pixels"));
+}
+
+/// Two renderers of one world, one after the other, and in between the file goes: what is shared needs it no more.
+TEST_F(TextureUrls, AreLoadedOnceForAllRenderersOfAWorldThatMayOpenTheSame) {
+    write("a.pgm", picture(4, 4));
+    write("main.x3dv",
+          "#X3D V4.0 utf8\nPROFILE Full\nNavigationInfo { headlight FALSE }\nViewpoint { position 0 0 3 }\nShape { "
+          "appearance "
+          "Appearance { material UnlitMaterial { emissiveColor 1 1 1 } texture ImageTexture { url \"a.pgm\" } } "
+          "geometry Box { } }\n"
+          "Shape { appearance Appearance { texture ImageTexture { url \"none.pgm\" } } geometry Box { size .1 .1 .1 } "
+          "}\n");
+    const Resources resources = Resources::ofFile(folder / "main.x3dv");
+    Scene scene;
+    Diagnostics loading;
+    LoadOptions loadOptions;
+    loadOptions.resources = resources;
+    ASSERT_TRUE(loadFile(scene, folder / "main.x3dv", loading, loadOptions));
+    SharedWorld world(scene);
+    ImageOptions image;
+    image.settings.width = image.settings.height = 8;
+    const auto middle = [&](LightRenderer& light) {
+        const auto made = light.picture(image);
+        EXPECT_TRUE(made);
+        return made ? made->at(4, 4).r : -1;
+    };
+    const auto said = [](const LightRenderer& light) {
+        std::string all;
+        for (const Diagnostic& d : light.diagnostics().all()) all += d.text + "\n";
+        return all;
+    };
+    auto first = std::make_unique<LightRenderer>(world, LightRenderer::Options(resources, image));
+    const float grey = middle(*first);
+    EXPECT_NEAR(grey, 'g' / 255., 1e-3);
+    std::filesystem::remove(folder / "a.pgm");
+    LightRenderer second(world, LightRenderer::Options(resources, image)),
+        stranger(world, LightRenderer::Options(Resources(), image));
+    EXPECT_EQ(middle(second), grey);
+    EXPECT_EQ(middle(stranger), 1) << "it may open nothing";
+    for (const LightRenderer* each : {first.get(), &second}) {
+        EXPECT_THAT(said(*each), HasSubstr("none.pgm")) << "each names what it lacks";
+        EXPECT_EQ(said(*each).find("a.pgm' is"), std::string::npos) << said(*each);
+    }
+    EXPECT_THAT(said(stranger), HasSubstr("a.pgm"));
+    first.reset();
+    EXPECT_EQ(middle(second), grey) << "it stays while somebody has it";
 }
 
 }  // namespace

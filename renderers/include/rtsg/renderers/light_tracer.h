@@ -72,10 +72,14 @@ struct RenderStats {
 /// changes, and needs neither scene nor tracer.
 struct LightState;
 
+class SharedWorld;
+
 class LightTracer final : public InstanceSubscriber {
   public:
     /// `resources`: what urls of textures may open.
     explicit LightTracer(Resources resources = {});
+    /// One that shares its textures with others of this world that have the same resources.
+    LightTracer(SharedWorld& world, const Resources& resources);
     ~LightTracer() override;
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;

@@ -25,6 +25,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -108,6 +109,10 @@ class SharedWorld {
     /// The triangles of geometry nodes of a type of one's own (or in place of a built-in one's), for all that start
     /// from here. Also of those that are there already.
     void setMeshSource(std::string_view type, MeshSource source);
+
+    /// What several of those added load once and share, such as the textures under one policy: by a name that says what
+    /// it is and what it was made with. Made when nobody holds one; gone with the last who does. The scene's thread.
+    std::shared_ptr<void> shared(const std::string& name, const std::function<std::shared_ptr<void>()>& make);
 
     /// Waits for what the rays have left to a thread of their own, and takes it.
     void finishBackgroundWork();
