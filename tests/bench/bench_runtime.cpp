@@ -150,6 +150,29 @@ void followers(const Report& report, bool quick) {
     }
 }
 
+void proximity(const Report& report, bool quick) {
+    const int count = quick ? 1000 : 10'000;
+    std::string text = "DEF V Viewpoint { position 0 0 10 }\n";
+    for (int i = 0; i < count; ++i)
+        text += fmt::format("Transform {{ translation {} 0 {} children ProximitySensor {{ size 2 2 2 }} }}\n",
+                            i % 100 * 3, i / 100 * 3);
+    Scene scene;
+    load(scene, text);
+    scene.newFrame(0);
+    const NodeId view = scene.findName("V");
+    const std::string what = fmt::format("{} ProximitySensors", count);
+    report({"runtime", what, "a frame at rest", "ms", 1e3 * frameSeconds(scene, 100, [](int) {}), "", 0,
+            "reading the clock", cpuClockSeconds() * 1e3});
+    const double moved = frameSeconds(scene, 100, [&](int i) {
+        (void)scene.set(view, x3d::Viewpoint::position, Vec3f(static_cast<float>(i) * .1f, 0, 10));
+    });
+    report({"runtime", what, "a frame, the viewer moves", "ms", moved * 1e3, "", 0, "the test of the boxes alone",
+            1e3 * bareSeconds(static_cast<std::size_t>(count), [](float x) {
+                const glm::vec3 d = glm::abs(glm::vec3(x, 0, 10) - glm::vec3(1, 2, 3));
+                return Vec3f(d.x <= 1 && d.y <= 1 && d.z <= 1 ? 1 : 0);
+            })});
+}
+
 void routes(const Report& report, bool quick) {
     const std::size_t count = quick ? 100'000 : 1'000'000;
     Scene scene;
@@ -169,6 +192,7 @@ void runtime(const Report& report, bool quick) {
     pushes(report, quick);
     levels(report, quick);
     followers(report, quick);
+    proximity(report, quick);
     routes(report, quick);
 }
 

@@ -10,11 +10,12 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         using namespace behaviours;
         std::vector<BuiltinBehaviour> t;
         t.push_back({x3d::TimeSensor::type, {.accepts = timeSensorAccepts, .onTime = timeSensorOnTime}});
-        t.push_back({x3d::LOD::type, {.onTime = lodOnTime}});
+        t.push_back({x3d::LOD::type, {.onTime = lodOnTime, .last = true}});
         t.push_back({x3d::RtsgScene::type, {.onTime = rootOnTime}});
         appendInterpolators(t);
         appendFollowers(t);
         appendSplines(t);
+        appendEnvironmentalSensors(t);
         appendTriggers(t);
         appendBindables(t);
         for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;

@@ -78,6 +78,7 @@ inline Scene::State::WrittenField* Scene::State::knownTerm(const Node& node, Fie
     entry.type = slot.type;
     entry.external = writingExternally;
     touched |= aspectBit(slot.aspect);
+    if (isAboutPlaces(slot)) places.noteMoved(node.id_);
     if (isShared(slot.type)) {
         entry.setTerm(termOf(node, field));
     } else if (WrittenField* known = knownTerm(node, field)) {
@@ -96,6 +97,7 @@ inline Scene::State::WrittenField* Scene::State::knownTerm(const Node& node, Fie
     if (node.dirty_ & bit)
         if (WrittenField* entry = entryOf(node, field)) {
             entry->external = writingExternally;
+            if (isAboutPlaces(slot)) places.noteMoved(node.id_);
             return;
         }
     newEntry(node, field, slot);

@@ -59,6 +59,21 @@ Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     return {};
 }
 
+const glm::dmat4& Cascade::worldFromLocal(const Node& node, const Node& asker) {
+    scene_.state_->askedForPlace = true;
+    return scene_.state_->places.worldFromLocal(node.id(), asker.id());
+}
+
+bool Cascade::isShown(const Node& node, const Node& asker) {
+    scene_.state_->askedForPlace = true;
+    return scene_.state_->places.isShown(node.id(), asker.id());
+}
+
+const Viewer& Cascade::viewer(const Node& asker) {
+    scene_.state_->askedForPlace = true;
+    return scene_.state_->places.viewer(asker.id());
+}
+
 void Cascade::warn(const Node& node, const std::string& text) {
     Scene::State& s = *scene_.state_;
     if (!s.warned.emplace(node.id(), text).second) return;
@@ -188,11 +203,18 @@ void Scene::State::tick(Cascade& cascade, const std::vector<NodeId>& nodes) {
         if (!node) continue;
         const Behaviour& behaviour = types[node->typeIndex_.value].behaviour;
         if (!behaviour.onTime) continue;
+        if (behaviour.last && !asksLast) {
+            late.push_back(id);
+            continue;
+        }
+        askedForPlace = false;
         const double next = onTime(behaviour, cascade, *node);
         if (next <= now)
             nextActive.push_back(id);
-        else if (next == kUntilMoved)
+        else if (next == kUntilMoved && !askedForPlace)
             watchers.push_back(id);
+        else if (next == kUntilMoved)
+            continue;
         else if (next < kNever)
             sleepers.emplace(next, id);
     }
@@ -212,7 +234,9 @@ void Scene::State::runTime(Cascade& cascade) {
     }
     const std::size_t waiting = watchers.size();
     nextActive.clear();
-    bool first = true;
+    bool first = true, lastAsked = false;
+    asksLast = false;
+    late.clear();
     for (int round = 0; first || !woken.empty(); ++round) {
         if (round == kMaximumRounds) {
             diagnostics.warning({}, fmt::format("events at t = {} did not settle in {} rounds", now, kMaximumRounds));
@@ -227,8 +251,18 @@ void Scene::State::runTime(Cascade& cascade) {
         tick(cascade, due);
         due.clear();
         runRoutes(cascade);
-        first = false;
+        first = asksLast = false;
+        if (!woken.empty() || std::exchange(lastAsked, true)) continue;
+        // All has come to rest: those that come last, and once a timestamp, as they send one event then.
+        wakeMoved();
+        due.swap(late);
+        due.insert(due.end(), woken.begin(), woken.end());
+        woken.clear();
+        asksLast = first = !due.empty();
     }
+    // What has come to them since they hear of in the next frame.
+    woken.insert(woken.end(), late.begin(), late.end());
+    late.clear();
     if (!std::ranges::is_sorted(nextActive)) std::ranges::sort(nextActive);
     nextActive.erase(std::unique(nextActive.begin(), nextActive.end()), nextActive.end());
     active.swap(nextActive);

@@ -177,6 +177,7 @@ void Scene::setBehavioursEnabled(bool enabled) {
     state_->active.clear();
     state_->woken.clear();
     state_->watchers.clear();
+    state_->places.clear();
     if (enabled) forEachNode([&](const Node& node) { state_->wake(node); });
 }
 

@@ -19,6 +19,7 @@
 
 #include "node_arena.h"
 #include "node_table.h"
+#include "places.h"
 #include "route_list.h"
 #include "script_programs.h"
 #include "state_hash.h"
@@ -257,7 +258,16 @@ struct Scene::State {
     };
     std::vector<Emission> emissions;
     std::vector<NodeId> active, due, woken, nextActive;  // nodes with onTime; active is sorted
-    std::vector<NodeId> watchers;                        // those that wait until something has moved
+    std::vector<NodeId> watchers;                        // those that wait until anything has moved
+    Places places{owner};
+    bool askedForPlace = false;  // by the onTime that runs
+    std::vector<NodeId> late;    // Behaviour::last, set aside until all others have come to rest
+    bool asksLast = false;       // the time for them has come
+    /// Places, views, and which child is shown.
+    static bool isAboutPlaces(const FieldSlot& slot) {
+        return slot.aspect == Aspect::transform || slot.aspect == Aspect::view ||
+               (slot.aspect == Aspect::structure && slot.type == FieldType::SFInt32);
+    }
     std::uint32_t touched = 0, touchedBefore = 0;  // aspectBit()s of fields written since, and before, the last seal
     static constexpr std::uint32_t aspectBit(Aspect aspect) { return 1u << static_cast<unsigned>(aspect); }
     using Sleeper = std::pair<double, NodeId>;
@@ -298,6 +308,9 @@ struct Scene::State {
     std::unique_ptr<ScriptPrograms> scripts;       // made when the first Script runs
     std::vector<std::shared_ptr<ChangeSet>> pool;  // sealed sets come back when no subscriber holds them
 
+    void wakeMoved() {
+        if (places.anyMoved()) places.takeConcerned(woken);
+    }
     void wake(const Node& node) {
         if (behavioursEnabled && types[node.typeIndex_.value].behaviour.onTime) woken.push_back(node.id_);
     }

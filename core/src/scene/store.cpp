@@ -106,6 +106,7 @@ void Scene::State::destroyInPlace(Node& node) {
 void Scene::State::release(Node& node) {
     const NodeId id = node.id_;
     const std::size_t bytes = bytesOf(node);
+    places.noteMoved(id);
     destroyInPlace(node);
     memory.deallocate(&node, bytes);
     nodeTable.remove(id, NodeId{nextId});
@@ -121,6 +122,7 @@ void Scene::State::trimLinks(Node& node) {
 }
 
 void Scene::State::addParent(Node& child, ParentRef parent) {
+    places.noteMoved(child.id_);
     if (!child.parent_.node)
         child.parent_ = parent;
     else
@@ -128,6 +130,7 @@ void Scene::State::addParent(Node& child, ParentRef parent) {
 }
 
 void Scene::State::removeParent(Node& child, ParentRef parent) {
+    places.noteMoved(child.id_);
     if (child.parent_ != parent) {
         if (child.links_) child.links_->parents.remove(parent);
     } else if (child.links_ && !child.links_->parents.empty()) {

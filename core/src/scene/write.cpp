@@ -54,6 +54,7 @@ Result<> Scene::State::insertChild(Node& parent, FieldIndex field, Node& child, 
     auto& children = *reinterpret_cast<Array<NodeId>*>(parent.block() + parent.type_->fields[field].offset);
     index = std::min(index, children.size());
     touched |= aspectBit(Aspect::structure);
+    wake(parent);
     if (isNew(parent.id_)) beginWrite(parent, field);
     if (!isDirty(parent, field)) {
         const NodeId before = index > 0 ? children[index - 1] : NodeId{};
@@ -82,6 +83,7 @@ void Scene::State::removeChildAt(Node& parent, FieldIndex field, std::size_t ind
     auto& children = *reinterpret_cast<Array<NodeId>*>(parent.block() + parent.type_->fields[field].offset);
     const NodeId child = children[index];
     touched |= aspectBit(Aspect::structure);
+    wake(parent);
     if (isNew(parent.id_)) beginWrite(parent, field);
     if (!isDirty(parent, field)) {
         const NodeId before = index > 0 ? children[index - 1] : NodeId{};

@@ -19,13 +19,23 @@
 
 #include <limits>
 
+#include <glm/gtc/quaternion.hpp>
+
 #include <rtsg/core/scene.h>
 
 namespace rtsg {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-/// From onTime: not before a place, a view or the hierarchy of the scene has changed, or a field was written.
+/// From onTime: not before a field was written or something has moved: what the call asked for by
+/// Cascade::worldFromLocal() and viewer(), or, if it asked for nothing, anything in the scene.
 constexpr double kUntilMoved = std::numeric_limits<double>::max();
+
+/// Where the viewer stands and looks from, in world coordinates: the bound viewpoint's pose, or the default one's.
+struct Viewer {
+    NodeId viewpoint;  // none: no viewpoint is bound
+    glm::dvec3 position{0, 0, 10}, centerOfRotation{0, 0, 0};
+    glm::dquat orientation{1, 0, 0, 0};  // turns the view along -Z with +Y up
+};
 
 /// The running event cascade of one timestamp, as a behaviour sees it.
 class Cascade {
@@ -52,6 +62,13 @@ class Cascade {
     Result<> output(const Node& node, FieldIndex field, const Value& value);
     /// Delivers an event to another node's input at this timestamp (direct output of a Script).
     Result<> deliver(NodeId node, FieldIndex field, const Value& value);
+    /// Where what is in `node` stands, on the first path from the root. If `asker`, whose onTime this is, returns
+    /// kUntilMoved, it is called again when that changes, in the same frame if need be.
+    const glm::dmat4& worldFromLocal(const Node& node, const Node& asker);
+    /// The same: whether every Switch and LOD above it shows it.
+    bool isShown(const Node& node, const Node& asker);
+    /// The same of the viewer.
+    const Viewer& viewer(const Node& asker);
     /// Reported once for each node and text, however often it happens.
     void warn(const Node& node, const std::string& text);
 
@@ -71,6 +88,9 @@ struct Behaviour {
     /// Time has come (or a field was written). Returns when to be called next: now or earlier means every frame,
     /// kNever means not before a field is written, kUntilMoved not before that or until something has moved.
     double (*onTime)(Cascade& cascade, const Node& node) = nullptr;
+    /// True: onTime is called after everything else at a timestamp has come to rest, and once then. For what looks at
+    /// places, which routes may still change.
+    bool last = false;
     /// True promises that what it does follows from the scene's fields, the event and the clock alone, on any machine
     /// (no random numbers, wall clock, files, variables of its own). Others are recorded call by call for replicas
     /// that run the cascade themselves.

@@ -1,0 +1,252 @@
+// Paths, matrices and the viewer's pose, each computed once until something on the way moves.
+#include "places.h"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_set>
+
+#include <glm/gtc/matrix_transform.hpp>
+
+#include <rtsg/core/x3d.h>
+
+namespace rtsg {
+
+namespace {
+
+/// The fields by which a type moves what is below it: Transform, and whoever has the like (CADPart, EspduTransform,
+/// HAnimJoint, HAnimSite, types of users). kNoField in `rotation` for all others.
+struct PlaceFields {
+    FieldIndex translation = kNoField, rotation = kNoField, scale = kNoField, scaleOrientation = kNoField,
+               center = kNoField;
+};
+
+PlaceFields findPlaceFields(const NodeType& type) {
+    const auto find = [&](std::string_view name, FieldType wanted) {
+        const FieldIndex index = type.findExact(name);
+        const bool fits = index != kNoField && type.fields[index].type == wanted && type.fields[index].readable();
+        return fits ? index : kNoField;
+    };
+    PlaceFields fields;
+    if (type.below.empty() || !type.isA("X3DChildNode")) return fields;
+    fields.translation = find("translation", FieldType::SFVec3f);
+    if (fields.translation == kNoField) return fields;
+    fields.rotation = find("rotation", FieldType::SFRotation);
+    fields.scale = find("scale", FieldType::SFVec3f);
+    fields.scaleOrientation = find("scaleOrientation", FieldType::SFRotation);
+    fields.center = find("center", FieldType::SFVec3f);
+    return fields;
+}
+
+PlaceFields placeFields(const Node& node) {
+    static const std::vector<PlaceFields> builtin = [] {
+        std::vector<PlaceFields> all;
+        for (const auto& type : builtinTypes()) all.push_back(findPlaceFields(*type));
+        return all;
+    }();
+    const std::size_t index = node.typeIndex().value;
+    return index < builtin.size() ? builtin[index] : findPlaceFields(node.type());
+}
+
+/// The parent below which the node stands on the first path.
+ParentRef parentOnPath(const Scene& scene, NodeId id) {
+    for (const ParentRef& p : scene.parents(id))
+        if (isPlace(scene.node(p.node).type(), p.field)) return p;
+    return {};
+}
+
+/// Whether a Switch or an LOD shows this child; all others show all.
+bool shows(const Node& parent, FieldIndex field, NodeId child) {
+    const NodeType& type = parent.type();
+    const bool chooses = type.role == "choice";
+    if ((!chooses && type.role != "level") || type.fields[field].type != FieldType::MFNode) return true;
+    const FieldIndex which = type.findExact(chooses ? "whichChoice" : "level_changed");
+    if (which == kNoField || type.fields[which].type != FieldType::SFInt32) return true;
+    const auto& children = parent.get(Field<Array<NodeId>>{field});
+    const std::int32_t index = parent.get(Field<std::int32_t>{which});
+    return index >= 0 && static_cast<std::size_t>(index) < children.size() &&
+           children[static_cast<std::size_t>(index)] == child;
+}
+
+}  // namespace
+
+glm::dquat turnOf(const glm::dmat4& matrix) {
+    glm::dvec3 x(matrix[0]), y(matrix[1]);
+    const double length = glm::length(x);
+    if (!(length > 0)) return {1, 0, 0, 0};
+    x /= length;
+    y -= x * glm::dot(x, y);
+    const double height = glm::length(y);
+    if (!(height > 0)) return {1, 0, 0, 0};
+    y /= height;
+    return glm::normalize(glm::quat_cast(glm::dmat3(x, y, glm::cross(x, y))));
+}
+
+glm::dmat4 parentFromLocal(const Node& node) {
+    const PlaceFields fields = placeFields(node);
+    if (fields.rotation == kNoField) return glm::dmat4(1);
+    const auto get = [&](auto otherwise, FieldIndex field) {
+        return field == kNoField ? otherwise : node.get(Field<decltype(otherwise)>{field});
+    };
+    const auto rotate = [](const Rotation& r) {
+        const glm::dvec3 axis(r.x, r.y, r.z);
+        return glm::length(axis) > 0 ? glm::rotate(glm::dmat4(1), double(r.angle), axis) : glm::dmat4(1);
+    };
+    const Rotation orientation = get(Rotation{0, 0, 1, 0}, fields.scaleOrientation);
+    Rotation back = orientation;
+    back.angle = -back.angle;
+    const glm::dvec3 center(get(Vec3f(0), fields.center)), scale(get(Vec3f(1), fields.scale));
+    const glm::dvec3 translation(node.get(Field<Vec3f>{fields.translation}));
+    const glm::dmat4 one(1);
+    return glm::translate(one, translation + center) * rotate(node.get(Field<Rotation>{fields.rotation})) *
+           rotate(orientation) * glm::scale(one, scale) * rotate(back) * glm::translate(one, -center);
+}
+
+bool isPlace(const NodeType& type, FieldIndex field) {
+    const FieldDef& def = type.fields[field];
+    if (type.kind == NodeType::Kind::script || type.isA("X3DScriptNode")) return false;
+    if (type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto) return def.hidden;
+    return !def.hidden || def.aspect == Aspect::structure;
+}
+
+bool isInScene(const Scene& scene, NodeId id) {
+    std::vector<NodeId> pending{id};
+    std::unordered_set<std::uint32_t> seen;
+    while (!pending.empty()) {
+        const NodeId node = pending.back();
+        pending.pop_back();
+        if (node == scene.root()) return true;
+        if (!seen.insert(node.value).second) continue;
+        for (const ParentRef& p : scene.parents(node))
+            if (isPlace(scene.node(p.node).type(), p.field)) pending.push_back(p.node);
+    }
+    return false;
+}
+
+void Places::compute(NodeId id, Place& place) {
+    constexpr std::size_t kDeepest = 1 << 20;
+    std::vector<NodeId> path;
+    glm::dmat4 world(1);
+    bool shown = true;
+    for (NodeId at = id; at && at != scene_.root() && path.size() < kDeepest;) {
+        const Node* node = scene_.find(at);
+        if (!node) break;
+        world = parentFromLocal(*node) * world;
+        path.push_back(at);
+        const ParentRef parent = parentOnPath(scene_, at);
+        shown = shown && parent.node && shows(scene_.node(parent.node), parent.field, at);
+        at = parent.node;
+    }
+    place.worldFromLocal = world;
+    place.shown = shown;
+    place.known = true;
+    if (path == place.path && place.version > 0) return;
+    place.path = std::move(path);
+    ++place.version;
+    for (const NodeId at : place.path) {
+        watch(at);
+        Passers& passers = passers_[at.value];
+        if (passers.list.size() > 2 * passers.cleaned + 16) {
+            std::erase_if(passers.list, [&](const Passer& p) {
+                const auto found = places_.find(p.place.value);
+                return found == places_.end() || found->second.version != p.version;
+            });
+            passers.cleaned = passers.list.size();
+        }
+        passers.list.push_back({id, place.version});
+    }
+}
+
+void Places::watch(NodeId node) {
+    if (node.value >= isWatched_.size()) isWatched_.resize(node.value + node.value / 2 + 64);
+    isWatched_[node.value] = true;
+}
+
+const Places::Place& Places::ask(NodeId node, NodeId asker) {
+    Place& place = places_[node.value];
+    if (!place.known) compute(node, place);
+    if (std::ranges::find(place.askers, asker) == place.askers.end()) place.askers.push_back(asker);
+    return place;
+}
+
+void Places::computeViewer() {
+    using R = x3d::RtsgScene;
+    const auto& stack = scene_.node(scene_.root()).get(R::_viewpointStack);
+    watch(scene_.root());
+    viewerKnown_ = true;
+    viewer_ = {};  // 23.4.6: where a viewer stands who is given no viewpoint
+    const Node* view = stack.empty() ? nullptr : scene_.find(stack[0]);
+    if (!view) return;
+    const auto find = [&]<class T>(std::string_view name, Field<T>) {
+        const FieldIndex index = view->type().findExact(name);
+        const bool fits = index != kNoField && view->type().fields[index].type == FieldTypeOf<T>::value;
+        return Field<T>{fits ? index : kNoField};
+    };
+    const auto position = find("position", Field<Vec3f>{}), center = find("centerOfRotation", Field<Vec3f>{});
+    const auto orientation = find("orientation", Field<Rotation>{});
+    // The root asks, who is told nothing; those that follow the viewer are.
+    const glm::dmat4& world = worldFromLocal(view->id(), scene_.root());
+    const auto placed = [&](const Vec3f& p) { return glm::dvec3(world * glm::dvec4(glm::dvec3(p), 1)); };
+    viewer_.viewpoint = view->id();
+    if (position.index != kNoField) viewer_.position = placed(view->get(position));
+    if (center.index != kNoField) viewer_.centerOfRotation = placed(view->get(center));
+    viewer_.orientation = turnOf(world);
+    if (orientation.index == kNoField) return;
+    const Rotation r = view->get(orientation);
+    const glm::dvec3 axis(r.x, r.y, r.z);
+    if (glm::length(axis) > 0) viewer_.orientation *= glm::angleAxis(double(r.angle), glm::normalize(axis));
+}
+
+const Viewer& Places::viewer(NodeId asker) {
+    if (!viewerKnown_) computeViewer();
+    if (asker.value >= asksViewer_.size()) asksViewer_.resize(asker.value + asker.value / 2 + 64);
+    if (!asksViewer_[asker.value]) viewerAskers_.push_back(asker);
+    asksViewer_[asker.value] = true;
+    return viewer_;
+}
+
+void Places::takeConcerned(std::vector<NodeId>& out) {
+    std::ranges::sort(moved_);
+    moved_.erase(std::unique(moved_.begin(), moved_.end()), moved_.end());
+    bool viewerMoved = false;
+    for (const NodeId node : moved_) {
+        viewerMoved |= node == scene_.root();
+        const auto passers = passers_.find(node.value);
+        if (passers == passers_.end()) continue;
+        for (const Passer& p : passers->second.list) {
+            const auto found = places_.find(p.place.value);
+            if (found == places_.end() || found->second.version != p.version || !found->second.known) continue;
+            Place& place = found->second;
+            place.known = false;
+            for (const NodeId asker : place.askers)
+                if (asker == scene_.root())
+                    viewerMoved = true;
+                else
+                    out.push_back(asker);
+            place.askers.clear();
+        }
+        if (!scene_.find(node)) {
+            // It is gone, and its number never comes again.
+            passers_.erase(passers);
+            places_.erase(node.value);
+            isWatched_[node.value] = false;
+        }
+    }
+    moved_.clear();
+    if (!viewerMoved) return;
+    viewerKnown_ = false;
+    out.insert(out.end(), viewerAskers_.begin(), viewerAskers_.end());
+    for (const NodeId asker : viewerAskers_) asksViewer_[asker.value] = false;
+    viewerAskers_.clear();
+}
+
+void Places::clear() {
+    places_.clear();
+    passers_.clear();
+    isWatched_.clear();
+    moved_.clear();
+    viewerKnown_ = false;
+    viewerAskers_.clear();
+    asksViewer_.clear();
+}
+
+}  // namespace rtsg

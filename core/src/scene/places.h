@@ -1,0 +1,88 @@
+// Places: where nodes are in the world, and who must be asked again when that changes.
+//
+// A place is computed when it is asked for and kept until a node above it is written or hung elsewhere; then those who
+// asked are told. So a frame costs what moved in it, whatever the number of things that wait. The first path from the
+// root counts. Derived from the scene: no part of its state. Threading: the scene's thread.
+// Source: ISO/IEC 19775-1 V4.0 4.3.5, 10.4.4 (transformation hierarchy), 7.2.2 (the bound viewpoint).
+#pragma once
+
+#include <memory>
+#include <unordered_map>
+#include <vector>
+
+#include <rtsg/core/behaviour.h>
+
+namespace rtsg {
+
+class Places {
+  public:
+    explicit Places(const Scene& scene) : scene_(scene) {}
+
+    /// Of what is in the node, that is, with its own translation and the like. `asker` will be told when it changes.
+    const glm::dmat4& worldFromLocal(NodeId node, NodeId asker) { return ask(node, asker).worldFromLocal; }
+    /// Whether all Switches and LODs above it show it. As above.
+    bool isShown(NodeId node, NodeId asker) { return ask(node, asker).shown; }
+    const Viewer& viewer(NodeId asker);
+
+    /// A place, a view or a parent of the node has changed.
+    void noteMoved(NodeId node) {
+        if (node.value < isWatched_.size() && isWatched_[node.value]) moved_.push_back(node);
+    }
+    /// Who asked for what has changed since the last call, each once; in no order.
+    void takeConcerned(std::vector<NodeId>& out);
+    /// Who waits, some of them more than once.
+    template <class F>
+    void forEachAsker(const F& visit) const {
+        for (const auto& [id, place] : places_)
+            for (const NodeId asker : place.askers)
+                if (asker != scene_.root() && scene_.find(asker)) visit(asker);
+        for (const NodeId asker : viewerAskers_)
+            if (scene_.find(asker)) visit(asker);
+    }
+    bool anyMoved() const { return !moved_.empty(); }
+    /// Forgets everything.
+    void clear();
+
+  private:
+    struct Place {
+        glm::dmat4 worldFromLocal{1};
+        bool known = false, shown = true;
+        std::uint32_t version = 0;   // of the path
+        std::vector<NodeId> path;    // up to, and without, the root
+        std::vector<NodeId> askers;  // who asked since it became known
+    };
+    struct Passer {
+        NodeId place;
+        std::uint32_t version = 0;
+    };
+    struct Passers {
+        std::vector<Passer> list;  // the places whose paths lead through a node; old versions are rubbish
+        std::size_t cleaned = 0;
+    };
+    const Place& ask(NodeId node, NodeId asker);
+    void compute(NodeId id, Place& place);
+    void watch(NodeId node);
+    void computeViewer();
+
+    const Scene& scene_;
+    std::unordered_map<std::uint32_t, Place> places_;
+    std::unordered_map<std::uint32_t, Passers> passers_;
+    std::vector<bool> isWatched_;  // by NodeId
+    std::vector<NodeId> moved_;
+    Viewer viewer_;
+    bool viewerKnown_ = false;
+    std::vector<NodeId> viewerAskers_;
+    std::vector<bool> asksViewer_;  // by NodeId
+};
+
+/// Whether nodes in this field are below the node: not those that a stack points at, that a Script refers to, or that
+/// are handed to a PROTO instance, whose body then holds them by IS.
+bool isPlace(const NodeType& type, FieldIndex field);
+/// 10.4.4, of Transform and all that have the like: T C R SR S -SR -C.
+glm::dmat4 parentFromLocal(const Node& node);
+/// The turn in a matrix, without its scale and shear.
+glm::dquat turnOf(const glm::dmat4& matrix);
+/// Whether some path leads up from the node to the root.
+bool isInScene(const Scene& scene, NodeId id);
+
+}  // namespace rtsg
