@@ -40,24 +40,25 @@ struct Everything final : JS::RuntimeStats {
 
 }  // namespace
 
-Memory::Memory(JSContext* cx) : cx_(cx), gauge_(cx, js::gc::NewMemoryInfoObject(cx)) {
+Memory::Memory(JSContext* cx) : cx_(cx), gauge_(cx, js::gc::NewMemoryInfoObject(cx)), outside_(cx) {
+    if (JSString* name = JS_AtomizeAndPinString(cx, "mallocBytes")) outside_ = JS::PropertyKey::fromPinnedString(name);
     JS_ClearPendingException(cx);
     counted_ = gauged();
     resident_ = residentBytes();
 }
 
 std::size_t Memory::gauged() {
-    double bytes = 0;
-    if (gauge_) {
+    double outside = 0;
+    if (gauge_ && !outside_.get().isVoid()) {
         // An object with getters: it needs a realm, not always the current one, and no pending exception.
         const JS::AutoSaveExceptionState state(cx_);
         const JSAutoRealm realm(cx_, gauge_);
         JS::RootedObject gauge(cx_, gauge_);
         JS::RootedValue one(cx_);
-        for (const char* part : {"gcBytes", "mallocBytes"})
-            if (JS_GetProperty(cx_, gauge, part, &one) && one.isNumber()) bytes += one.toNumber();
+        JS::RootedId id(cx_, outside_);
+        if (JS_GetPropertyById(cx_, gauge, id, &one) && one.isNumber()) outside = one.toNumber();
     }
-    return static_cast<std::size_t>(bytes) + compiled_;
+    return JS_GetGCParameter(cx_, JSGC_BYTES) + static_cast<std::size_t>(outside) + compiled_;
 }
 
 void Memory::count() {
