@@ -66,6 +66,7 @@ constexpr Bench kBenches[] = {
     {"instances", "world", "rays through 100,000 things that may move against one flat BVH", always<bench::instances>},
     {"stage", "world", "one world: light, sound, and readers on threads of their own", always<bench::stage>},
     {"export", "world", "one box of many moves: what writing it as MCAP adds", always<bench::exporting>},
+    {"features", "light", "Text, lines and points; what content costs that no ray meets", always<bench::features>},
     {"sound", "audio", "the acoustic tracer's rays against bare Embree; the time of a box's figures", bench::sound},
     {"deform", "world", "following a deforming mesh against a bare refit; rays against a rebuilt BVH",
      always<bench::deform>},
@@ -117,7 +118,7 @@ Verb addBench(Command& program) {
     auto options = std::make_shared<Options>();
     Command* command = program.addVerb("bench", "Measure; each figure beside a baseline and a limit, as JSON lines");
     command->addOption("NAME", options->names,
-                       "benches to run, or groups of them (scene, world, audio, sync); all if none is named");
+                       "benches to run, or groups of them (scene, world, light, audio, sync); all if none is named");
     command->addFlag("--quick", options->quick, "smaller sizes, for a first look");
     command->addFlag("--list", options->list, "say what there is");
     command->addOption("--scene", options->frames.scenes,

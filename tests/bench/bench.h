@@ -36,6 +36,7 @@ void deform(const Report& report, bool quick);
 void instances(const Report& report, bool quick);
 void stage(const Report& report, bool quick);
 void exporting(const Report& report, bool quick);
+void features(const Report& report, bool quick);
 /// False if a scene cannot be made.
 bool sound(const Report& report, bool quick);
 

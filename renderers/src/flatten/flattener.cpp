@@ -113,7 +113,7 @@ void Flattener::Impl::sortOut(const Change& change) {
     } else if (change.field == role.visible || change.field == role.choice || change.field == role.order ||
                (role.role == Role::level && (change.field == role.range || change.field == role.center))) {
         reconciled.push_back(node->id());
-    } else if (role.hasTransform && aspect == Aspect::transform) {
+    } else if ((role.hasTransform && aspect == Aspect::transform) || (role.turns && change.field == role.axis)) {
         transformed.push_back(node->id());
     }
 }
@@ -263,8 +263,22 @@ void Flattener::Impl::runViewer() {
         for (const std::uint32_t index : levels)
             if (std::exchange(tree[index].isMover, viewer.has_value()) != viewer.has_value()) spreadMotion(index);
         movedLevels = levels;
+        turnBillboards();
     }
     runLevels();
+}
+
+void Flattener::Impl::turnBillboards() {
+    // Outer ones first: what lies below is then up to date when its turn comes.
+    found = billboards;
+    std::sort(found.begin(), found.end(), [&](std::uint32_t a, std::uint32_t b) {
+        return std::pair(tree[a].depth, a) < std::pair(tree[b].depth, b);
+    });
+    for (const std::uint32_t index : found) {
+        const bool mover = isMover(scene->node(tree[index].node), roles.of(scene->node(tree[index].node)));
+        if (std::exchange(tree[index].isMover, mover) != mover) spreadMotion(index);
+        if (tree[index].created != stamp) updateFrames(index);
+    }
 }
 
 void Flattener::Impl::runLevels() {
@@ -285,6 +299,8 @@ void Flattener::Impl::report(NodeId node, std::vector<NodeId>& list) {
 void Flattener::Impl::walkUp(NodeId changed, bool structural, bool marksSkins) {
     ++walk;
     climbing.assign(1, changed);
+    const Node* start = scene->find(changed);
+    const bool restyles = start && flatten::isOfStrokeStyle(*start);
     while (!climbing.empty()) {
         const NodeId id = climbing.back();
         climbing.pop_back();
@@ -299,7 +315,8 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural, bool marksSkins) {
         const Node* node = scene->find(id);
         if (!node) continue;
         // Only another node in a PROTO's or an appearance's place can change what a shape refers to.
-        const bool rebinds = structural && (roles.of(*node).role == Role::first || node->is(x3d::Appearance::type));
+        const bool rebinds =
+            (structural && (roles.of(*node).role == Role::first || node->is(x3d::Appearance::type))) || restyles;
         for (const ParentRef& parent : scene->parents(id)) {
             const Node& above = scene->node(parent.node);
             if (marksSkins && roles.of(above).ofHumanoid) skins.mark(*scene, parent.node);

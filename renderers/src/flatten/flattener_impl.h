@@ -32,7 +32,7 @@ struct Occurrence {
     std::uint32_t parent = kNone, firstChild = kNone, next = kNone, previous = kNone;
     std::uint32_t nextOfNode = kNone, previousOfNode = kNone;
     std::uint32_t frame = 0;     // of its content: its own when it has a transform, else its parent's
-    std::uint32_t slot = kNone;  // of its instance or placed thing; LOD: its index in `levels`
+    std::uint32_t slot = kNone;  // of its instance or placed thing; LOD and Billboard: its index in the list of those
     std::uint32_t depth = 0;
     std::uint32_t created = 0;      // apply() number
     std::uint32_t updated = 0;      // apply() number of the last transform update
@@ -46,6 +46,7 @@ struct Occurrence {
     bool isMover = false;            // its transform or choice may change by itself
     bool wasSeen = false;            // its transform has changed though that was not foreseen
     bool moving = false;             // it or one around it is a mover
+    bool turned = false;             // it or one around it is a Billboard
     std::uint16_t layer = 0;
 };
 
@@ -150,6 +151,7 @@ struct Flattener::Impl {
     void runLights();
     void runViewer();
     void runLevels();
+    void turnBillboards();
     void runScopes();
     /// Tells whatever holds `changed`, directly or through other nodes, that its content changed.
     void walkUp(NodeId changed, bool structural, bool marksSkins = true);
@@ -207,7 +209,16 @@ struct Flattener::Impl {
     bool mayChange(const Node& node, Aspect aspect) const {
         return (mobility.mayChange(node) & aspectBit(aspect)) != 0;
     }
+    /// What turns to each eye is nothing to sound: what a picture shows changes none.
+    static bool isHeard(const Occurrence& o) { return o.heard && !(o.turned && o.seen); }
     bool isMover(const Node& node, const TypeRole& role) const;
+    /// False when it is the identity.
+    bool localOf(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent,
+                 WorldFromLocal& parentFromLocal) const {
+        if (role.turns)
+            return flatten::turnTowards(node, role, worldFromParent, viewer ? &*viewer : nullptr, parentFromLocal);
+        return role.hasTransform && flatten::localTransform(node, role, parentFromLocal);
+    }
     bool deforms(NodeId geometry) const;
     /// Sets what it hangs below; true if that is something else.
     bool setMotion(std::uint32_t occurrence);
@@ -227,7 +238,8 @@ struct Flattener::Impl {
     SlotTable<Instance> instances;
     SlotTable<Placed> placed;
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
-    std::vector<std::uint32_t> levels;  // occurrences of LODs
+    std::vector<std::uint32_t> levels;      // occurrences of LODs
+    std::vector<std::uint32_t> billboards;  // occurrences
     std::optional<Vec3d> viewer;
     bool viewerMoved = false;
     std::uint32_t stamp = 0, walk = 0;

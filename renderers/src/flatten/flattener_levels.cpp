@@ -61,7 +61,7 @@ void Flattener::Impl::spreadSenses(std::uint32_t level) {
         const Node& node = scene->node(o.node);
         if (o.role == Role::shape && o.slot != kNone) {
             Instance& instance = instances.records[o.slot];
-            instance.seen = o.seen, instance.heard = o.heard;
+            instance.seen = o.seen, instance.heard = isHeard(o);
             instances.markRebound(o.slot, stamp);
         } else if (o.role == Role::placed && isSensed(o, roles.of(node).kind) != (o.slot != kNone)) {
             dropPlaced(index);

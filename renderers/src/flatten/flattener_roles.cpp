@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <rtsg/core/x3d.h>
+
 namespace rtsg::flatten {
 
 namespace {
@@ -96,6 +98,8 @@ TypeRole RoleTable::work(const NodeType& type) {
         role.scaleOrientation = findTyped(type, "scaleOrientation", FieldType::SFRotation);
         role.hasTransform = role.translation != kNoField && role.rotation != kNoField;
         if (role.hasTransform) role.center = findTyped(type, "center", FieldType::SFVec3f);
+        if (type.isA("Billboard")) role.axis = findTyped(type, "axisOfRotation", FieldType::SFVec3f);
+        role.turns = role.axis != kNoField;
     }
     if (role.childFields == 0 && role.role != Role::shape && role.role != Role::placed) role.role = Role::none;
     return role;
@@ -182,6 +186,66 @@ std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFro
         ++level;
     }
     return level;
+}
+
+bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent, const Vec3d* viewer,
+                 WorldFromLocal& m) {
+    if (!viewer || determinantSign(worldFromParent) == 0 || !isFinite(worldFromParent)) return false;
+    const glm::dmat3 back = glm::inverse(glm::dmat3(worldFromParent[0], worldFromParent[1], worldFromParent[2]));
+    const Vec3d towards = back * (*viewer - worldFromParent[3]);
+    const Vec3d axis(read<Vec3f>(node, role.axis));
+    const double axisLength = glm::length(axis), distance = glm::length(towards);
+    if (!(distance > 0) || !std::isfinite(distance + axisLength)) return false;
+    Vec3d x, y, z;
+    if (axisLength > 0) {
+        // 23.4.1: about the axis alone, as far as it goes; where eye or z axis lie on it, no turn brings them nearer.
+        const Vec3d a = axis / axisLength;
+        const Vec3d from = Vec3d(0, 0, 1) - a * a.z, to = towards - a * glm::dot(a, towards);
+        if (!(glm::length(from) > 1e-9) || !(glm::length(to) > 1e-9 * distance)) return false;
+        const double angle = std::atan2(glm::dot(glm::cross(from, to), a), glm::dot(from, to));
+        const double c = std::cos(angle), s = std::sin(angle);
+        const auto turned = [&](const Vec3d& v) {
+            return v * c + glm::cross(a, v) * s + a * (glm::dot(a, v) * (1 - c));
+        };
+        x = turned({1, 0, 0}), y = turned({0, 1, 0}), z = turned({0, 0, 1});
+    } else {
+        // Towards the eye, upright as the world is: eyes that lean are not known here.
+        z = towards / distance;
+        Vec3d up = back * Vec3d(0, 1, 0);
+        if (!(glm::length(glm::cross(up, z)) > 1e-9 * glm::length(up))) up = back * Vec3d(0, 0, -1);
+        x = glm::normalize(glm::cross(up, z));
+        y = glm::cross(z, x);
+    }
+    m = {x, y, z, Vec3d(0)};
+    return true;
+}
+
+std::shared_ptr<const StrokeStyle> strokeStyle(const Scene& scene, NodeId appearance) {
+    using A = x3d::Appearance;
+    using L = x3d::LineProperties;
+    using P = x3d::PointProperties;
+    const Node* node = scene.find(appearance);
+    if (!node || !node->is(A::type)) return nullptr;
+    const NodeId lineId = node->get(A::lineProperties), pointId = node->get(A::pointProperties);
+    if (!lineId && !pointId) return nullptr;
+    const auto clean = [](float x, float least) { return std::isfinite(x) ? std::clamp(x, least, 1e4f) : least; };
+    StrokeStyle style;
+    if (const Node* line = scene.effectiveNode(lineId); line && line->is(L::type) && line->get(L::applied)) {
+        style.lineWidth = clean(line->get(L::linewidthScaleFactor), 1);  // 12.4.4: from the thinnest there is
+        style.lineType = line->get(L::linetype);
+    }
+    if (const Node* point = scene.effectiveNode(pointId); point && point->is(P::type)) {
+        style.pointSize = clean(point->get(P::pointSizeScaleFactor), 1);
+        const Vec3f& fall = point->get(P::attenuation);
+        if (std::isfinite(fall.x + fall.y + fall.z)) style.attenuation = glm::max(fall, Vec3f(0));
+        style.least = clean(point->get(P::pointSizeMinValue), 0);
+        style.most = std::max(style.least, clean(point->get(P::pointSizeMaxValue), 0));
+    }
+    return std::make_shared<const StrokeStyle>(style);
+}
+
+bool isOfStrokeStyle(const Node& node) {
+    return node.is(x3d::LineProperties::type) || node.is(x3d::PointProperties::type);
 }
 
 }  // namespace rtsg::flatten

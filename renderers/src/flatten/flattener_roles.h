@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <string_view>
 #include <vector>
 
@@ -28,12 +29,13 @@ struct TypeRole {
     Role role = Role::none;
     PlacedKind kind = PlacedKind::light;
     bool hasTransform = false;
+    bool turns = false;       // Billboard: towards the viewer, about `axis`
     bool ofHumanoid = false;  // what it holds may move a skin: a humanoid, joint or displacer
     std::uint8_t childFields = 0;
     std::array<FieldIndex, 3> children{kNoField, kNoField, kNoField};
     FieldIndex visible = kNoField, global = kNoField, choice = kNoField, range = kNoField, order = kNoField;
     FieldIndex translation = kNoField, rotation = kNoField, scale = kNoField, scaleOrientation = kNoField,
-               center = kNoField;
+               center = kNoField, axis = kNoField;
     FieldIndex geometry = kNoField, appearance = kNoField, castShadow = kNoField;
 
     bool isChildField(FieldIndex field) const {
@@ -77,11 +79,20 @@ const T& read(const Node& node, FieldIndex field) {
 /// T C R SR S -SR -C. A rotation whose axis has no length counts as none. False when it is the identity.
 bool localTransform(const Node& node, const TypeRole& role, WorldFromLocal& parentFromLocal);
 
+/// Billboard: how it turns, so that its z axis points to a viewer at `viewer` (world); the identity without one.
+bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent, const Vec3d* viewer,
+                 WorldFromLocal& parentFromLocal);
+
 /// Appends the nodes below it that count, those without a role included.
 void desiredChildren(const Node& node, const TypeRole& role, std::uint32_t level, std::vector<NodeId>& out);
 
 /// Follows PROTO instances to the node that stands for them; `id` itself if it is none. None for an empty body.
 NodeId resolve(const Scene& scene, RoleTable& roles, NodeId id);
+
+/// How an Appearance draws lines and points; null for the default, and for none.
+std::shared_ptr<const StrokeStyle> strokeStyle(const Scene& scene, NodeId appearance);
+/// Whether a node of this type is part of that.
+bool isOfStrokeStyle(const Node& node);
 
 /// LOD: the level for a viewer at `viewer` (world); 0 without one.
 std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromLocal,

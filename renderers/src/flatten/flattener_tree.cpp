@@ -35,6 +35,7 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
         o.scope = p.scope;
         o.layer = p.layer;
         o.hidden = p.hidden;
+        o.turned = p.turned;
         if (p.role == Role::level)
             setSenses(o, p, levelsOf(parent));
         else
@@ -51,10 +52,15 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
     o.nextOfNode = s.firstOccurrence;
     if (o.nextOfNode != kNone) tree[o.nextOfNode].previousOfNode = index;
     s.firstOccurrence = index;
-    if (role.hasTransform) {
+    if (role.turns) {
+        o.slot = static_cast<std::uint32_t>(billboards.size());
+        billboards.push_back(index);
+        o.turned = true;
+    }
+    if (role.hasTransform || role.turns) {
         o.ownsFrame = true;
         WorldFromLocal local, world = frames[o.frame];
-        if (flatten::localTransform(node, role, local)) world = compose(world, local);
+        if (localOf(node, role, world, local)) world = compose(world, local);
         if (freeFrames.empty()) {
             o.frame = static_cast<std::uint32_t>(frames.size());
             frames.push_back(world);
@@ -123,7 +129,7 @@ void Flattener::Impl::makeInstance(std::uint32_t index, const Node& node, const 
     instance.scope = scopeOf(o.scope);
     instance.layer = o.layer;
     instance.worldFromLocal = frames[o.frame];
-    instance.seen = o.seen, instance.heard = o.heard;
+    instance.seen = o.seen, instance.heard = isHeard(o);
     bind(instance, node, role, o);
 }
 
@@ -190,6 +196,11 @@ bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole
     changed |= change(instance.appearance, appearance, &NodeState::appearanceUses);
     changed |= change(instance.acoustics, acoustics, &NodeState::acousticsUses);
     changed |= std::exchange(instance.castShadow, castShadow) != castShadow;
+    std::shared_ptr<const StrokeStyle> strokes = flatten::strokeStyle(*scene, appearance);
+    if (strokes || instance.strokes) {
+        changed |= !strokes || !instance.strokes || *strokes != *instance.strokes;
+        instance.strokes = std::move(strokes);
+    }
     return changed;
 }
 
@@ -205,7 +216,7 @@ void Flattener::Impl::touchGeometry(NodeId geometry) {
 
 bool Flattener::Impl::isMover(const Node& node, const TypeRole& role) const {
     // What a switch or a level of detail shows comes and goes: it must not be merged with what rests.
-    if (role.role == Role::level) return viewer.has_value();
+    if (role.role == Role::level || role.turns) return viewer.has_value();
     if (role.role == Role::choice) return mayChange(node, Aspect::structure);
     return role.hasTransform && mayChange(node, Aspect::transform);
 }
@@ -287,6 +298,10 @@ void Flattener::Impl::release(std::uint32_t index) {
         levels[o.slot] = levels.back();
         tree[levels.back()].slot = o.slot;
         levels.pop_back();
+    } else if (o.slot != kNone) {
+        billboards[o.slot] = billboards.back();
+        tree[billboards.back()].slot = o.slot;
+        billboards.pop_back();
     }
     if (o.previousOfNode != kNone)
         tree[o.previousOfNode].nextOfNode = o.nextOfNode;
@@ -379,7 +394,7 @@ void Flattener::Impl::updateFrames(std::uint32_t top) {
         if (o.ownsFrame) {
             const Node& node = scene->node(o.node);
             WorldFromLocal local, world = frames[tree[o.parent].frame];
-            if (flatten::localTransform(node, roles.of(node), local)) world = compose(world, local);
+            if (localOf(node, roles.of(node), world, local)) world = compose(world, local);
             if (index == top && world == frames[o.frame]) return;
             frames[o.frame] = world;
         } else {

@@ -21,6 +21,7 @@ float largest(const Vec3f& v) {
 /// What a material emits at most, whatever its textures; 0: nothing, or not of the kind that is looked for.
 float emission(const Material& material, const Mesh& mesh) {
     if (material.transmits() || material.refractiveIndex > 0 || material.reflectivity != Vec3f(0)) return 0;
+    if (!material.stages.empty() || material.hatching.present) return 0;
     if (material.model != ShadingModel::unlit) return largest(material.linear.emissive);
     return mesh.colors.present() ? 1.0f : largest(material.linear.base);
 }

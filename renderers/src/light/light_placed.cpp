@@ -1,5 +1,6 @@
 // What light's tables hold of lights, viewpoints, backgrounds, fogs and NavigationInfos.
 #include <algorithm>
+#include <optional>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
@@ -54,6 +55,23 @@ void readColors(const Node& node, Sky& sky, const S*) {
 
 }  // namespace
 
+namespace {
+
+/// Nothing for a plane without a direction, and where there is no way back into its frame.
+std::optional<ClipEntry> readClip(const Node& node, const WorldFromLocal& m) {
+    const Vec4d plane(node.get(x3d::ClipPlane::plane));
+    if (determinantSign(m) == 0 || !isFinite(m)) return std::nullopt;
+    ClipEntry clip;
+    clip.normal = glm::transpose(glm::inverse(glm::dmat3(m[0], m[1], m[2]))) * Vec3d(plane);
+    clip.offset = plane.w - glm::dot(clip.normal, m[3]);
+    const double length = glm::length(clip.normal);
+    if (!(length > 0) || !std::isfinite(length + clip.offset)) return std::nullopt;
+    clip.normal /= length, clip.offset /= length;
+    return clip;
+}
+
+}  // namespace
+
 std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, const Placed& placed) {
     auto entry = std::make_shared<PlacedEntry>();
     entry->placed = placed;
@@ -80,6 +98,13 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
                 entry->what =
                     Navigation{node->get(x3d::NavigationInfo::headlight), node->get(x3d::NavigationInfo::isBound),
                                node->get(x3d::NavigationInfo::visibilityLimit)};
+            break;
+        case PlacedKind::clipPlane:
+            if (node->is(x3d::ClipPlane::type) && node->get(x3d::ClipPlane::enabled))
+                if (auto clip = readClip(*node, placed.worldFromLocal)) {
+                    clip->scope = scopeNumber(placed.scope);
+                    entry->what = *clip;
+                }
             break;
         default:
             break;

@@ -53,13 +53,26 @@ void LightTables::apply(const Scene& scene, const InstanceDelta& delta) {
 }
 
 LightState LightTables::now() const {
-    return {shading_.now(), materials_.now(), lightScopes_.now(), placed_.now(), anyTransmits()};
+    return {shading_.now(), materials_.now(), lightScopes_.now(), placed_.now(), anyTransmits(), clearSlots()};
+}
+
+std::shared_ptr<const std::vector<std::uint32_t>> LightTables::clearSlots() const {
+    // Who has a geometry with such colours is not kept.
+    if (transmitting_.empty() || !alphaColored_.empty() || transmitting_.size() > LightState::kMostClear)
+        return nullptr;
+    auto list = std::make_shared<std::vector<std::uint32_t>>();
+    for (const std::uint32_t material : transmitting_)
+        for (std::uint32_t slot = uses_[material].first; slot != kNone; slot = slots_[slot].next) {
+            if (list->size() == LightState::kMostClear) return nullptr;
+            list->push_back(slot);
+        }
+    return list;
 }
 
 std::shared_ptr<const LightState> LightTables::latest() {
     if (!latest_)
         latest_ = std::make_shared<const LightState>(shading_.freeze(), materials_.freeze(), lightScopes_.freeze(),
-                                                     placed_.freeze(), anyTransmits());
+                                                     placed_.freeze(), anyTransmits(), clearSlots());
     return latest_;
 }
 
@@ -91,8 +104,10 @@ void LightTables::loadMaterial(const Scene& scene, std::uint32_t index) {
     uses_[index].isMapped =
         std::ranges::any_of(entry->material.textures, [](const TextureUse& use) { return !use.mapping.empty(); });
     std::shared_ptr<const MaterialEntry>& place = materials_.change(index);
-    transmitting_ -= place && place->transmits;
-    transmitting_ += entry->transmits;
+    if (entry->transmits)
+        transmitting_.insert(index);
+    else
+        transmitting_.erase(index);
     place = std::move(entry);
     ++counts_.materialsRead;
     counts_.materials = materialOf_.size();
@@ -103,7 +118,7 @@ void LightTables::dropMaterial(std::uint32_t index) {
     materialOf_.erase(uses_[index].appearance.value);
     uses_[index] = Use();
     std::shared_ptr<const MaterialEntry>& place = materials_.change(index);
-    transmitting_ -= place->transmits;
+    transmitting_.erase(index);
     place.reset();
     freeMaterials_.push_back(index);
     counts_.materials = materialOf_.size();

@@ -50,9 +50,15 @@ struct FogEntry {
     Fog fog;
     bool bound = false;
 };
+/// What lies where x dot normal + offset < 0 (world) is left out of everything in its scope.
+struct ClipEntry {
+    Vec3d normal{0, 1, 0};
+    double offset = 0;
+    std::uint32_t scope = 0;  // its number
+};
 struct PlacedEntry {
     Placed placed;
-    std::variant<std::monostate, Light, View, SkyEntry, FogEntry, Navigation> what;
+    std::variant<std::monostate, Light, View, SkyEntry, FogEntry, Navigation, ClipEntry> what;
 };
 
 /// A place that holds local lights, by a number of its own; 0 is the whole scene, whose lights are the global ones.
@@ -70,6 +76,9 @@ struct LightState {
     PagedArray<trace::LightScope> scopes;
     PagedArray<std::shared_ptr<const trace::PlacedEntry>> placed;  // null: a hole
     bool anyTransmits = false;                                     // some material or mesh lets light through
+    /// The slots of all that does, where these are few enough to be listed; null: they are not.
+    std::shared_ptr<const std::vector<std::uint32_t>> clearSlots;
+    static constexpr std::size_t kMostClear = 256;
 };
 
 class LightTables {
@@ -139,8 +148,9 @@ class LightTables {
     PagedArrayWriter<std::shared_ptr<const trace::MaterialEntry>> materials_;
     PagedArrayWriter<trace::LightScope> lightScopes_;
     PagedArrayWriter<std::shared_ptr<const trace::PlacedEntry>> placed_;
-    std::size_t transmitting_ = 0;  // materials that let light through
-    bool anyTransmits() const { return transmitting_ > 0 || !alphaColored_.empty(); }
+    std::unordered_set<std::uint32_t> transmitting_;  // materials that let light through
+    bool anyTransmits() const { return !transmitting_.empty() || !alphaColored_.empty(); }
+    std::shared_ptr<const std::vector<std::uint32_t>> clearSlots() const;
     std::shared_ptr<const LightState> latest_;
 
     std::vector<Slot> slots_;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
@@ -153,8 +154,92 @@ struct Reader {
         return result;
     }
 
+    void readStages(Material& material, const Node& multi) {
+        using M = x3d::MultiTexture;
+        const Color& color = multi.get(M::color);
+        material.factor = {color.r, color.g, color.b, unit(multi.get(M::alpha))};
+        material.stages.clear();
+        const auto word = [](const Array<String>& words, std::size_t i) {
+            return i < words.size() ? words[i].view() : std::string_view();
+        };
+        for (std::size_t i = 0; i < multi.get(M::texture).size(); ++i) {
+            TextureStage stage;
+            stage.use = use(multi.get(M::texture)[i], String(), Texture::Content::color);
+            stage.use.matrix = matrixAt(i);
+            readModes(stage, word(multi.get(M::mode), i));
+            const std::string_view source = word(multi.get(M::source), i), function = word(multi.get(M::function), i);
+            using S = TextureStage::Source;
+            using F = TextureStage::Function;
+            stage.source = source == "DIFFUSE"    ? S::diffuse
+                           : source == "SPECULAR" ? S::specular
+                           : source == "FACTOR"   ? S::factor
+                                                  : S::previous;
+            stage.function = function == "COMPLEMENT"       ? F::complement
+                             : function == "ALPHAREPLICATE" ? F::alphaReplicate
+                                                            : F::none;
+            if (stage.use.texture) material.stages.push_back(std::move(stage));
+        }
+    }
+
+    void readModes(TextureStage& stage, std::string_view words) {
+        using M = TextureStage::Mode;
+        constexpr std::pair<std::string_view, M> kModes[] = {
+            {"MODULATE", M::modulate},
+            {"REPLACE", M::replace},
+            {"SELECTARG1", M::replace},
+            {"MODULATE2X", M::modulate2x},
+            {"MODULATE4X", M::modulate4x},
+            {"ADD", M::add},
+            {"ADDSIGNED", M::addSigned},
+            {"ADDSIGNED2X", M::addSigned2x},
+            {"SUBTRACT", M::subtract},
+            {"ADDSMOOTH", M::addSmooth},
+            {"BLENDDIFFUSEALPHA", M::blendDiffuseAlpha},
+            {"BLENDTEXTUREALPHA", M::blendTextureAlpha},
+            {"BLENDFACTORALPHA", M::blendFactorAlpha},
+            {"BLENDCURRENTALPHA", M::blendCurrentAlpha},
+            {"MODULATEALPHA_ADDCOLOR", M::modulateAlphaAddColor},
+            {"MODULATEINVALPHA_ADDCOLOR", M::modulateInvAlphaAddColor},
+            {"MODULATEINVCOLOR_ADDALPHA", M::modulateInvColorAddAlpha},
+            {"OFF", M::off},
+            {"SELECTARG2", M::selectArg2},
+            {"DOTPRODUCT3", M::dotProduct3},
+        };
+        const auto modeOf = [&](std::string_view name) {
+            while (!name.empty() && name.front() == ' ') name.remove_prefix(1);
+            while (!name.empty() && name.back() == ' ') name.remove_suffix(1);
+            for (const auto& [known, mode] : kModes)
+                if (name == known) return mode;
+            if (!name.empty())
+                diagnostics.warning({}, "MultiTexture has no mode \"" + std::string(name) + "\": taken as MODULATE");
+            return M::modulate;
+        };
+        // "colours, alpha", or one for both.
+        const std::size_t comma = words.find(',');
+        stage.color = modeOf(words.substr(0, comma));
+        stage.alpha = comma == std::string_view::npos ? stage.color : modeOf(words.substr(comma + 1));
+    }
+
+    /// The transform for the texture at this place of a MultiTexture.
+    TextureMatrix matrixAt(std::size_t i) const {
+        const Node* node = transform;
+        if (node && node->is(x3d::MultiTextureTransform::type)) {
+            const auto& all = node->get(x3d::MultiTextureTransform::textureTransform);
+            node = i < all.size() ? scene.effectiveNode(all[i]) : nullptr;
+        }
+        if (!node || !node->is(x3d::TextureTransform::type)) return {};
+        return TextureMatrix::fromTransform(
+            node->get(x3d::TextureTransform::center), node->get(x3d::TextureTransform::rotation),
+            node->get(x3d::TextureTransform::scale), node->get(x3d::TextureTransform::translation));
+    }
+
     void set(Material& material, TextureRole role, NodeId id, const String& mapping,
              Texture::Content content = Texture::Content::color) {
+        if (const Node* node = scene.effectiveNode(id);
+            role == TextureRole::base && node && node->is(x3d::MultiTexture::type)) {
+            readStages(material, *node);
+            return;
+        }
         material.textures[static_cast<std::size_t>(role)] = use(id, mapping, content);
     }
 
@@ -250,7 +335,8 @@ float lengthScale(const WorldFromLocal& m) {
 }  // namespace
 
 bool Material::textured() const {
-    return std::ranges::any_of(textures, [](const TextureUse& use) { return use.texture != nullptr; });
+    return !stages.empty() ||
+           std::ranges::any_of(textures, [](const TextureUse& use) { return use.texture != nullptr; });
 }
 
 void Material::decodeColors() {
@@ -259,9 +345,38 @@ void Material::decodeColors() {
         linear = {linearFromSrgb(base), linearFromSrgb(specular), linearFromSrgb(emissive)};
 }
 
+bool Hatching::isLine(const Vec2f& pixel) const {
+    const auto on = [](float x) { return x - kApart * std::floor(x / kApart) < 1; };
+    // Along a slope the same width is sqrt 2 of a row's.
+    const auto slanted = [](float x) {
+        const float apart = kApart * std::numbers::sqrt2_v<float>;
+        return x - apart * std::floor(x / apart) < std::numbers::sqrt2_v<float>;
+    };
+    switch (style) {
+        case 1:
+            return on(pixel.y);
+        case 2:
+            return on(pixel.x);
+        case 3:
+            return slanted(pixel.y - pixel.x);
+        case 4:
+            return slanted(pixel.y + pixel.x);
+        case 5:
+            return on(pixel.x) || on(pixel.y);
+        case 6:
+            return slanted(pixel.y - pixel.x) || slanted(pixel.y + pixel.x);
+        default:
+            return false;
+    }
+}
+
 bool Material::transmits() const {
+    if (!hatching.filled) return true;
     if (alphaMode == AlphaMode::opaque) return false;
     if (opacity < 1) return true;
+    if (std::ranges::any_of(stages, [](const TextureStage& s) { return s.use.texture->hasAlpha(); }) ||
+        (!stages.empty() && factor.a < 1))
+        return true;
     const TextureUse& main = texture(TextureRole::base);
     return (main && main.texture->hasAlpha()) || (back && back->transmits());
 }
@@ -269,6 +384,77 @@ bool Material::transmits() const {
 bool Material::mirrors() const {
     return reflectivity != Vec3f(0) || refractiveIndex > 0 || (model == ShadingModel::physical && roughness < 1) ||
            (back && back->mirrors());
+}
+
+namespace {
+
+using Mode = TextureStage::Mode;
+
+/// One channel, or (DOTPRODUCT3 apart) each of several. `a`, `b`: both colours' own alpha; `blend`: for the modes that
+/// blend.
+float combineChannel(Mode mode, float x, float y, float a, float blend) {
+    switch (mode) {
+        case Mode::modulate:
+            return x * y;
+        case Mode::replace:
+            return x;
+        case Mode::modulate2x:
+            return 2 * x * y;
+        case Mode::modulate4x:
+            return 4 * x * y;
+        case Mode::add:
+            return x + y;
+        case Mode::addSigned:
+            return x + y - .5f;
+        case Mode::addSigned2x:
+            return 2 * (x + y - .5f);
+        case Mode::subtract:
+            return x - y;
+        case Mode::addSmooth:
+            return x + (1 - x) * y;
+        case Mode::blendDiffuseAlpha:
+        case Mode::blendTextureAlpha:
+        case Mode::blendFactorAlpha:
+        case Mode::blendCurrentAlpha:
+            return x * blend + y * (1 - blend);
+        case Mode::modulateAlphaAddColor:
+            return x + a * y;
+        case Mode::modulateInvAlphaAddColor:
+            return x + (1 - a) * y;
+        case Mode::modulateInvColorAddAlpha:
+            return (1 - x) * y + a;
+        case Mode::off:
+        case Mode::selectArg2:
+        case Mode::dotProduct3:
+            break;
+    }
+    return y;
+}
+
+}  // namespace
+
+Vec4f combine(const TextureStage& stage, const Vec4f& texel, const Vec4f& with, const Vec4f& current,
+              float diffuseAlpha, float factorAlpha) {
+    const auto blendOf = [&](Mode mode) {
+        return mode == Mode::blendDiffuseAlpha   ? diffuseAlpha
+               : mode == Mode::blendTextureAlpha ? texel.a
+               : mode == Mode::blendFactorAlpha  ? factorAlpha
+                                                 : current.a;
+    };
+    if (stage.color == Mode::off) return current;
+    Vec4f result;
+    for (int c = 0; c < 3; ++c)
+        result[c] = combineChannel(stage.color, texel[c], with[c], texel.a, blendOf(stage.color));
+    result.a = combineChannel(stage.alpha, texel.a, with.a, texel.a, blendOf(stage.alpha));
+    if (stage.alpha == Mode::off) result.a = current.a;
+    if (stage.color == Mode::dotProduct3) {
+        const Vec3f x = 2.0f * Vec3f(texel) - Vec3f(1), y = 2.0f * Vec3f(with) - Vec3f(1);
+        result = Vec4f(glm::dot(x, y));
+    }
+    result = glm::clamp(result, Vec4f(0), Vec4f(1));
+    if (stage.function == TextureStage::Function::complement) result = Vec4f(Vec3f(1) - Vec3f(result), result.a);
+    if (stage.function == TextureStage::Function::alphaReplicate) result = Vec4f(result.a);
+    return result;
 }
 
 Material defaultMaterial() {
@@ -296,8 +482,22 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
                                            : AlphaMode::automatic;
     material.alphaCutoff = unit(node->get(A::alphaCutoff));
     // 12.2.3: Appearance.texture stands in for the material's main texture where that is not given.
-    if (!material.texture(TextureRole::base)) reader.set(material, TextureRole::base, node->get(A::texture), String());
+    if (!material.texture(TextureRole::base) && material.stages.empty())
+        reader.set(material, TextureRole::base, node->get(A::texture), String());
 
+    if (const Node* fill = scene.effectiveNode(node->get(A::fillProperties));
+        fill && fill->is(x3d::FillProperties::type)) {
+        using F = x3d::FillProperties;
+        Hatching& hatching = material.hatching;
+        hatching.filled = fill->get(F::filled);
+        if (fill->get(F::hatched)) hatching.style = fill->get(F::hatchStyle);
+        hatching.color = rgb(fill->get(F::hatchColor));
+        if (hatching.style < 0 || hatching.style > 6) {
+            diagnostics.warning({}, "hatchStyle " + std::to_string(hatching.style) + " is none of 1 to 6: taken as 1");
+            hatching.style = 1;
+        }
+        hatching.present = hatching.style != 0 || !hatching.filled;
+    }
     if (const Node* behind = scene.effectiveNode(node->get(A::backMaterial))) {
         Material back;
         back.alphaMode = material.alphaMode, back.alphaCutoff = material.alphaCutoff;

@@ -1,5 +1,6 @@
 // The lighting equations, eight lanes at a time: ISO/IEC 19775-1 V4.0 17.2.2.
 #include <bit>
+#include <cstring>
 
 #include "mesh/simd8.h"
 #include "surface_packet.h"
@@ -109,17 +110,59 @@ V8 leave8(const SurfacePacket& s, int at, const V8& towards) {
     return {beyond(start.x, offset.x), beyond(start.y, offset.y), beyond(start.z, offset.z)};
 }
 
+/// A bit for each of the rays that meets the box somewhere between its ends, and maybe for others that pass close by.
+std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box) {
+    std::uint32_t met = 0;
+    for (int at = 0; at < 16; at += 8) {
+        F8 near = all(0), far = load(rays.tMax + at);
+        const float* origins[] = {rays.originX, rays.originY, rays.originZ};
+        const float* directions[] = {rays.directionX, rays.directionY, rays.directionZ};
+        for (int k = 0; k < 3; ++k) {
+            const F8 o = load(origins[k] + at), d = load(directions[k] + at), tiny = all(1e-20f);
+            const F8 inverse = 1.0f / select((d < tiny) & (d > -tiny), tiny, d);
+            const F8 a = (box.min[k] - o) * inverse, b = (box.max[k] - o) * inverse;
+            near = max(near, min(a, b)), far = min(far, max(a, b));
+        }
+        const I8 hit = near <= far * 1.00001f;
+        for (int lane = 0; lane < 8; ++lane) met |= static_cast<std::uint32_t>(hit[lane] != 0) << (at + lane);
+    }
+    return met;
+}
+
+/// The rays of `tested` that may meet something clear.
+std::uint32_t nearClear(const TraceScene& scene, const RayPacket16& rays, std::uint32_t tested) {
+    if (!scene.anyTransmits) return 0;
+    if (scene.clearAnywhere) return tested;
+    const std::uint32_t most = meetBox(rays, scene.allClear) & tested;
+    if (!most || scene.clear.empty()) return most;
+    std::uint32_t met = 0;
+    for (const Bounds& box : scene.clear) met |= meetBox(rays, box);
+    return met & most;
+}
+
 /// Which rays are blocked, and in `clear` which of them by something that may let light through. What an opaque thing
 /// blocks needs no closer look, whatever else the scene holds.
 std::uint32_t findBlocked(const TraceScene& scene, RayPacket16& rays, std::uint32_t tested, std::uint32_t& clear) {
     clear = 0;
-    if (!scene.anyTransmits) return scene.world->occluded(rays, kCoherentShadows) & tested;
-    const std::uint32_t blocked = scene.world->intersect(rays, kCoherentShadows, RayKind::shadow) & tested;
-    for (std::uint32_t rest = blocked; rest; rest &= rest - 1) {
-        const int lane = std::countr_zero(rest);
-        if (letsThrough(scene, scene.world->hit(rays, lane).instance)) clear |= 1u << lane;
+    const std::uint32_t near = nearClear(scene, rays, tested);
+    if (!near) return scene.world->occluded(rays, kCoherentShadows) & tested;
+    std::uint32_t blocked = 0;
+    RayPacket16 closer = rays;
+    std::int32_t active[16];
+    std::memcpy(active, rays.active, sizeof active);
+    for (int lane = 0; lane < 16; ++lane) {
+        const bool isNear = near >> lane & 1u;
+        if (!isNear) closer.skip(lane);
+        if (isNear) rays.skip(lane);
     }
-    return blocked;
+    if (tested & ~near) blocked = scene.world->occluded(rays, kCoherentShadows) & tested & ~near;
+    const std::uint32_t met = scene.world->intersect(closer, kCoherentShadows, RayKind::shadow) & near;
+    for (std::uint32_t rest = met; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        if (letsThrough(scene, scene.world->hit(closer, lane).instance)) clear |= 1u << lane;
+    }
+    std::memcpy(rays.active, active, sizeof active);  // who asked looks at them
+    return blocked | met;
 }
 
 void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket& s, std::uint32_t mask, Incoming& in,

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "bsdf.h"
+#include "generated_coordinates.h"
 #include "mesh/simd8.h"
 
 namespace rtsg::trace {
@@ -21,15 +22,37 @@ struct TextureLookup {
     const Hit& hit;
     float footprint;  // metres, of a pixel on the surface
     ColorSpace space = ColorSpace::linear;
+    const TraceScene* scene = nullptr;
+    Vec3f position{0}, normal{0};  // ray space
 
+    const TexCoords* channelOf(TextureRole role) const {
+        const std::uint8_t channel = slot.channels[static_cast<std::size_t>(role)];
+        return channel < instance.mesh->texCoords.size() ? &instance.mesh->texCoords[channel] : nullptr;
+    }
+    Vec3f generated(const TexCoords& channel) const {
+        const auto camera = [&](const Vec3f& v) {
+            return Vec3f(glm::dot(v, scene->right), glm::dot(v, scene->up), -glm::dot(v, scene->forward));
+        };
+        GeneratorInput in;
+        in.position = camera(position - scene->eye);
+        in.normal = camera(normal);
+        const Mesh& mesh = *instance.mesh;
+        in.localPosition = mesh.position(hit.triangle, hit.u, hit.v);
+        in.localNormal = mesh.shadingNormal(hit.triangle, hit.u, hit.v);
+        return generatedCoordinates(channel, in);
+    }
     Vec2f coordinates(TextureRole role, const TextureUse& use) const {
         const std::uint8_t channel = slot.channels[static_cast<std::size_t>(role)];
+        if (const TexCoords* own = channelOf(role); own && own->generator != TexCoords::Generator::none)
+            return use.matrix.apply(Vec2f(generated(*own)));
         const Vec4f st = instance.mesh->texCoord(hit.triangle, hit.u, hit.v, channel);
         return use.matrix.apply({st.x, st.y});
     }
     /// Side of the pixel on the texture, as a share of the texture's side.
     float spread(TextureRole role, const TextureUse& use) const {
         if (footprint <= 0) return 0;
+        // What is generated has no stretch that the corners could tell.
+        if (const TexCoords* own = channelOf(role); own && own->generator != TexCoords::Generator::none) return 0;
         const Mesh& mesh = *instance.mesh;
         const std::uint8_t channel = slot.channels[static_cast<std::size_t>(role)];
         Vec2f st[3];
@@ -52,6 +75,34 @@ struct TextureLookup {
         return use.texture->sample(st.x, st.y, spread(role, use), use.access, space);
     }
 };
+
+/// What a MultiTexture makes of a colour; its alpha is the textures' own.
+Vec4f applyStages(const TextureLookup& look, const Material& material, const Vec3f& base, const Vec3f& specular,
+                  float opacity) {
+    using S = TextureStage::Source;
+    const Vec4f diffuse(base, 1);
+    Vec4f current = diffuse, factor = material.factor;
+    if (look.space == ColorSpace::linear) factor = Vec4f(linearFromSrgb(Vec3f(factor)), factor.a);
+    const std::vector<TexCoords>& channels = look.instance.mesh->texCoords;
+    for (std::size_t i = 0; i < material.stages.size(); ++i) {
+        const TextureStage& stage = material.stages[i];
+        Vec2f st(0);
+        if (!channels.empty()) {
+            const std::size_t channel = std::min(i, channels.size() - 1);
+            st = channels[channel].generator != TexCoords::Generator::none
+                     ? Vec2f(look.generated(channels[channel]))
+                     : Vec2f(look.instance.mesh->texCoord(look.hit.triangle, look.hit.u, look.hit.v, channel));
+        }
+        st = stage.use.matrix.apply(st);
+        const Vec4f texel = stage.use.texture->sample(st.x, st.y, 0, stage.use.access, look.space);
+        const Vec4f with = stage.source == S::diffuse    ? diffuse
+                           : stage.source == S::specular ? Vec4f(specular, 1)
+                           : stage.source == S::factor   ? factor
+                                                         : current;
+        current = combine(stage, texel, with, current, opacity, material.factor.a);
+    }
+    return current;
+}
 
 Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Vec3f& normal) {
     const Vec4f texel = look.sample(material, TextureRole::normal);
@@ -88,6 +139,27 @@ float opacityOf(const Material& material, float opacity) {
     return material.alphaMode == AlphaMode::opaque || material.alphaMode == AlphaMode::mask ? 1.0f : opacity;
 }
 
+/// Where in the picture a place is seen, in pixels from its middle.
+Vec2f pixelOf(const TraceScene& scene, const Vec3f& place) {
+    const Vec3f from = place - scene.eye;
+    const float depth = glm::dot(from, scene.forward);
+    const float size = scene.pixelSize > 0 ? scene.pixelSize : scene.pixelSpread * std::max(std::abs(depth), 1e-20f);
+    return Vec2f(glm::dot(from, scene.right), glm::dot(from, scene.up)) / size;
+}
+
+void hatch(const TextureLookup& look, const Material& material, SurfacePacket& out, int lane) {
+    if (!material.hatching.isLine(pixelOf(*look.scene, look.position))) {
+        if (!material.hatching.filled) out.coverage[lane] = 0, out.special |= 1u << lane;
+        return;
+    }
+    const bool linear = look.space == ColorSpace::linear;
+    const Vec3f color = linear ? linearFromSrgb(material.hatching.color) : material.hatching.color;
+    out.base.set(lane, material.model == ShadingModel::unlit ? color : Vec3f(0));
+    out.specular.set(lane, Vec3f(0)), out.ambient.set(lane, Vec3f(0));
+    out.emissive.set(lane, color);
+    out.coverage[lane] = out.opacity[lane] = 1;
+}
+
 /// Colour, textures and maps of one lane whose material is more than plain numbers.
 void applyDetail(const TextureLookup& look, const Material& material, SurfacePacket& out, int lane) {
     const Mesh& mesh = *look.instance.mesh;
@@ -109,6 +181,11 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
         alpha = texel.a;
         ambientBase = base;
     }
+    if (!material.stages.empty()) {
+        const Vec4f made = applyStages(look, material, base, specular, opacity);
+        base = ambientBase = Vec3f(made);
+        alpha = made.a;
+    }
     if (material.texture(TextureRole::emissive)) emissive *= Vec3f(look.sample(material, TextureRole::emissive));
     if (material.texture(TextureRole::specular)) specular *= Vec3f(look.sample(material, TextureRole::specular));
     if (material.texture(TextureRole::ambient)) ambientBase *= Vec3f(look.sample(material, TextureRole::ambient));
@@ -127,6 +204,7 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
     out.ambient.set(lane, ambientBase * ambient);
     out.coverage[lane] = coverageOf(material, alpha);
     out.opacity[lane] = opacityOf(material, opacity);
+    if (material.hatching.present) hatch(look, material, out, lane);
 }
 
 const SlotShading& slotOf(const TraceScene& scene, std::uint32_t id) {
@@ -258,6 +336,37 @@ void fillAll(const Material& material, ColorSpace space, SurfacePacket& out) {
     addLanes(material, linear, out.mask, out);
 }
 
+/// Lines and points have the colour that their material shines with, or their own, and nothing else of it (12.2.4,
+/// 17.2.2.3). `lanes` are all of one instance.
+void fetchStrokes(const TraceScene& scene, const Common& common, std::uint32_t lanes, SurfacePacket& out) {
+    static const Material plain = defaultMaterial();
+    const Material& material = common.entry->material;
+    const bool linear = isLinear(scene.space, material);
+    const Material::Linear colors = colorsOf(material, linear);
+    const bool unlit = material.model == ShadingModel::unlit;
+    if (linear) out.linear |= lanes;
+    out.unlit |= lanes;
+    for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        Vec3f base = unlit ? colors.base : colors.emissive;
+        float opacity = material.opacity;
+        if (common.colored) {
+            const ColorRGBA color = common.mesh->color(out.hits.triangle[lane], out.hits.u[lane], 0);
+            base = {color.r, color.g, color.b};
+            if (linear && material.model != ShadingModel::physical) base = linearFromSrgb(base);
+            if (common.alphaColored) opacity = color.a;
+        }
+        out.base.set(lane, base);
+        out.specular.set(lane, Vec3f(0)), out.emissive.set(lane, Vec3f(0)), out.ambient.set(lane, Vec3f(0));
+        out.exponent[lane] = 0, out.metallic[lane] = 0, out.roughness[lane] = 1;
+        out.coverage[lane] = 1;
+        out.opacity[lane] = opacityOf(material, opacity);
+        out.material[lane] = &plain;
+        out.lights[lane] = common.slot->lights;
+        if (out.opacity[lane] < 1) out.special |= 1u << lane;
+    }
+}
+
 void fillLane(const Material& material, ColorSpace space, int lane, SurfacePacket& out) {
     const bool linear = isLinear(space, material);
     const Material::Linear colors = colorsOf(material, linear);
@@ -297,7 +406,9 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
             const float cosine = std::max(std::abs(glm::dot(out.view.get(lane), hit.normal)), 0.05f);
             const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
             const ColorSpace space = out.linear >> lane & 1u ? ColorSpace::linear : ColorSpace::display;
-            applyDetail({*common.instance, *common.slot, hit, footprint, space}, *out.material[lane], out, lane);
+            applyDetail({*common.instance, *common.slot, hit, footprint, space, &scene, out.position.get(lane),
+                         out.normal.get(lane)},
+                        *out.material[lane], out, lane);
         }
     }
     // The back of a solid is not there, unless light is to find its way out of glass.
@@ -330,7 +441,10 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
             lanes |= static_cast<std::uint32_t>(out.hits.instance[lane] == id) << lane;
         lanes &= rest;
         common.find(scene, id);
-        fetchMaterial(scene, common, lanes, tasks, out);
+        if (common.mesh->strokeCount > 0) [[unlikely]]
+            fetchStrokes(scene, common, lanes, out);
+        else
+            fetchMaterial(scene, common, lanes, tasks, out);
         rest &= ~lanes;
     }
     if (!scene.energyLimited) return;
@@ -350,9 +464,19 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
 void findPoints(const TraceScene& scene, SurfacePacket& s) {
     if (s.pointsFound) return;
     s.pointsFound = true;
-    if (!s.oneInstance) {
+    const auto isStroke = [&](int lane) { return scene.world->instance(s.hits.instance[lane]).mesh->strokeCount > 0; };
+    if (!s.oneInstance || isStroke(std::countr_zero(s.mask))) {
         for (std::uint32_t rest = s.mask; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
+            if (isStroke(lane)) {
+                // Where the ray came in; a hundredth of a pixel further on it does not come in again.
+                const Vec3f at = s.position.get(lane);
+                const float far = std::max({std::abs(at.x), std::abs(at.y), std::abs(at.z), s.distance[lane]});
+                s.exact.set(lane, at);
+                s.error.set(lane,
+                            Vec3f(.01f * (scene.pixelSpread * s.distance[lane] + scene.pixelSize) + 0x1p-20f * far));
+                continue;
+            }
             const HitPoint point = scene.world->point(s.hit(lane));
             s.exact.set(lane, point.position);
             s.error.set(lane, point.error);
@@ -406,9 +530,23 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
     const bool colored = mesh.colors.present() && mesh.colors.components() == 4;
     if (!letsThrough(scene, hit.instance)) return Vec3f(0);
     const Material& material = entry.material;
+    if (mesh.strokeCount > 0)
+        return Vec3f(1 - opacityOf(material, colored ? mesh.color(hit.triangle, hit.u, 0).a : material.opacity));
     float opacity = colored ? mesh.color(hit.triangle, hit.u, hit.v).a : material.opacity, alpha = 1;
+    if (material.hatching.present) {
+        if (material.hatching.isLine(pixelOf(scene, scene.world->point(hit).position))) return Vec3f(0);
+        if (!material.hatching.filled) return Vec3f(1);
+    }
     if (material.texture(TextureRole::base))
-        alpha = TextureLookup{instance, slot, hit, 0}.sample(material, TextureRole::base).a;
+        alpha = TextureLookup{instance,  slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position,
+                              hit.normal}
+                    .sample(material, TextureRole::base)
+                    .a;
+    if (!material.stages.empty())
+        alpha = applyStages(
+                    {instance, slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position, hit.normal},
+                    material, material.linear.base, material.linear.specular, opacity)
+                    .a;
     const float coverage = coverageOf(material, alpha);
     Vec3f through = coverage * (1 - opacityOf(material, opacity)) * (Vec3f(1) - material.reflectivity);
     // Two boundaries of a dielectric reflect some of what passes; the bending is not followed.
@@ -422,7 +560,8 @@ Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footpr
     const Material& front = scene.materials[slot.material].material;
     const Material& material = behind && front.back ? *front.back : front;
     const Material::Linear colors = colorsOf(material, true);
-    const TextureLookup look{instance, slot, hit, footprint};
+    const TextureLookup look{
+        instance, slot, hit, footprint, ColorSpace::linear, &scene, scene.world->point(hit).position, hit.normal};
     if (material.model != ShadingModel::unlit) {
         if (!material.texture(TextureRole::emissive)) return colors.emissive;
         return colors.emissive * Vec3f(look.sample(material, TextureRole::emissive));

@@ -46,7 +46,7 @@ struct MaterialEntry {
     Material material = defaultMaterial();
     bool textured = false, transmits = false, mirrors = false;
     void finish() {
-        textured = material.textured() || (material.back && material.back->textured());
+        textured = material.textured() || material.hatching.present || (material.back && material.back->textured());
         transmits = material.transmits();
         mirrors = material.mirrors();
     }
@@ -100,7 +100,10 @@ class LightGroups {
 class Emitters;
 
 struct TraceScene {
-    const RayView* world = nullptr;
+    const RayView* world = nullptr;  // through the lens
+    std::shared_ptr<const LensedView> lensed;
+    std::shared_ptr<const RayFilter> filter;  // null: nothing is left out
+    Vec3f eye{0}, right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};
     const Emitters* emitters = nullptr;  // of paths, where anything shines
     MaterialList materials;
     SlotPages slots;
@@ -113,7 +116,10 @@ struct TraceScene {
     Fog fog;                     // its colour as display value
     Vec3f fogLinear{0};          // the same, decoded
     bool energyLimited = false;  // colours that would create light are made smaller
-    bool anyTransmits = false;   // some instance lets light through: shadow rays must look closer
+    bool anyTransmits = false;   // some instance lets light through: shadow rays must look closer,
+    bool clearAnywhere = true;   // wherever they run; or only
+    std::vector<Bounds> clear;   // those that meet one of these (ray space), and
+    Bounds allClear;             // so this, around them all
     float pixelSpread = 0;       // radians a pixel is wide in the middle of the picture, or
     float pixelSize = 0;         // metres, for an orthographic camera
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <memory>
 #include <mutex>
 #include <span>
 #include <tuple>
@@ -95,11 +96,80 @@ bool anyLightWantsShadows(const LightState& state) {
     return false;
 }
 
+/// ClipPlanes: those of the scopes around a shape cut it (11.4.1).
+class ClipFilter final : public RayFilter {
+  public:
+    /// Null: nothing is cut.
+    static std::shared_ptr<const RayFilter> of(const LightState& state, const RayView& world) {
+        std::shared_ptr<ClipFilter> filter;
+        for (std::size_t i = 0; i < state.placed.size(); ++i) {
+            const PlacedEntry* entry = state.placed[i].get();
+            const ClipEntry* clip = entry ? std::get_if<ClipEntry>(&entry->what) : nullptr;
+            if (!clip) continue;
+            if (!filter) filter = std::make_shared<ClipFilter>(state);
+            const double offset = clip->offset + glm::dot(clip->normal, world.origin());
+            filter->planes_[clip->scope].emplace_back(Vec3f(clip->normal), static_cast<float>(offset));
+        }
+        return filter;
+    }
+    explicit ClipFilter(const LightState& state)
+        : slots_(state.slots), planes_(std::max<std::size_t>(state.scopes.size(), 1)), around_(planes_.size()) {
+        for (std::size_t i = 0; i < state.scopes.size(); ++i) around_[i] = state.scopes[i].around;
+    }
+    bool concerns(std::uint32_t slot) const override {
+        for (std::uint32_t scope = scopeOf(slot);; scope = around_[scope]) {
+            if (!planes_[scope].empty()) return true;
+            if (scope == 0) return false;
+        }
+    }
+    bool leavesOut(std::uint32_t slot, const Vec3f& at) const override {
+        for (std::uint32_t scope = scopeOf(slot);; scope = around_[scope]) {
+            for (const Vec4f& plane : planes_[scope])
+                if (glm::dot(Vec3f(plane), at) + plane.w < 0) return true;
+            if (scope == 0) return false;
+        }
+    }
+
+  private:
+    std::uint32_t scopeOf(std::uint32_t slot) const { return slot < slots_.size() ? slots_[slot].lights : 0; }
+    SlotPages slots_;
+    std::vector<std::vector<Vec4f>> planes_;  // by scope
+    std::vector<std::uint32_t> around_;
+};
+
+/// Where light is let through, if that can be told in few boxes.
+void boxClear(const LightState& state, const RayView& world, TraceScene& scene) {
+    constexpr std::size_t kFew = 8;  // boxes that cost a shadow ray little beside its own way
+    if (!state.clearSlots) return;
+    scene.clearAnywhere = false;
+    for (const std::uint32_t slot : *state.clearSlots) {
+        if (slot >= world.instances().size() || !world.instance(slot).mesh) continue;
+        const RayInstance& instance = world.instance(slot);
+        if (instance.mesh->strokeCount > 0) scene.clearAnywhere = true;  // wider than their bounds
+        const Bounds& local = instance.mesh->bounds;
+        const glm::mat4x3& m = instance.rayFromLocal;
+        const Vec3f center = m * Vec4f(local.center(), 1), half = .5f * local.size();
+        const Vec3f reach = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
+        const Vec3f slack = (glm::abs(center) + reach) * 0x1p-18f + instance.errorFloor;
+        Bounds box;
+        box.extend(center - reach - slack), box.extend(center + reach + slack);
+        scene.clear.push_back(box);
+        scene.allClear.extend(box.min), scene.allClear.extend(box.max);
+    }
+    if (scene.clear.size() > kFew) scene.clear.clear();
+}
+
 TraceScene makeTraceScene(const LightState& state, const RayView& world, const Camera& camera,
                           const RenderSettings& settings) {
     static const Sky black;
     TraceScene scene;
-    scene.world = &world;
+    const auto height = static_cast<float>((camera.top - camera.bottom) / settings.height);
+    (camera.orthographic ? scene.pixelSize : scene.pixelSpread) = height;
+    const PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), scene.pixelSpread, scene.pixelSize};
+    scene.filter = ClipFilter::of(state, world);
+    scene.lensed = std::make_shared<const LensedView>(world, lens, scene.filter.get());
+    scene.eye = lens.eye, scene.right = Vec3f(camera.right), scene.up = Vec3f(camera.up), scene.forward = lens.forward;
+    scene.world = scene.lensed.get();
     scene.materials = MaterialList(state.materials);
     scene.slots = SlotPages(state.slots);
     const PlacedEntry* sky = active<SkyEntry>(state);
@@ -154,8 +224,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
         ++scene.lightGroups.groups[0].count;
     }
     scene.anyTransmits = state.anyTransmits;
-    const auto height = static_cast<float>((camera.top - camera.bottom) / settings.height);
-    (camera.orthographic ? scene.pixelSize : scene.pixelSpread) = height;
+    if (state.anyTransmits) boxClear(state, world, scene);
     return scene;
 }
 

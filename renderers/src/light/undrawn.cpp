@@ -15,31 +15,25 @@ struct Row {
     std::string_view outcome;
 };
 
-constexpr std::string_view kNotDrawn = "it is not drawn", kWhole = "what it would cut away is drawn whole",
-                           kPlain = "things show without it", kFlat = "its layers are not drawn one over the other",
+constexpr std::string_view kNotDrawn = "it is not drawn", kPlain = "things show without it",
+                           kFlat = "its layers are not drawn one over the other",
                            kShader = "the material beside it is drawn in its place";
 constexpr Row kRows[] = {
     {x3d::VolumeData::type, kNotDrawn},
     {x3d::SegmentedVolumeData::type, kNotDrawn},
     {x3d::IsoSurfaceVolumeData::type, kNotDrawn},
     {x3d::ParticleSystem::type, kNotDrawn},
-    {x3d::ClipPlane::type, kWhole},
     {x3d::LocalFog::type, kPlain},
     {x3d::FogCoordinate::type, kPlain},
     {x3d::TextureProjector::type, kPlain},
     {x3d::TextureProjectorParallel::type, kPlain},
-    {x3d::LineProperties::type, kPlain},
-    {x3d::PointProperties::type, kPlain},
-    {x3d::FillProperties::type, kPlain},
     {x3d::ScreenFontStyle::type, "its points are 1/72 inch of the scene, not of the screen"},
-    {x3d::Billboard::type, "its children keep the direction that they have in the file"},
     {x3d::LayerSet::type, kFlat},
     {x3d::Layer::type, kFlat},
     {x3d::LayoutLayer::type, kFlat},
     {x3d::ComposedShader::type, kShader},
     {x3d::PackagedShader::type, kShader},
     {x3d::ProgramShader::type, kShader},
-    {x3d::MultiTexture::type, "the first of its textures is drawn alone"},
 };
 
 }  // namespace

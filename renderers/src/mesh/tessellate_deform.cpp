@@ -18,7 +18,8 @@ float creaseAngleOf(const ComposedParams& params) {
 
 bool isSame(const TexCoordParams& a, const TexCoordParams& b) {
     return a.point.sameStorage(b.point) && a.point3.sameStorage(b.point3) && a.point4.sameStorage(b.point4) &&
-           a.fromPosition == b.fromPosition && a.mapping == b.mapping;
+           a.fromPosition == b.fromPosition && a.generator == b.generator && a.parameter == b.parameter &&
+           a.mapping == b.mapping;
 }
 
 bool isSame(const SurfaceParams& a, const SurfaceParams& b) {
@@ -152,6 +153,8 @@ std::shared_ptr<Mesh> DeformingSurface::deform(const ComposedParams& params) {
         String mapping = std::move(next->texCoords[i].mapping);
         next->texCoords[i] = defaultTexCoords(bounds);
         next->texCoords[i].mapping = std::move(mapping);
+        if (i < channels.size())
+            next->texCoords[i].generator = channels[i].generator, next->texCoords[i].parameter = channels[i].parameter;
     }
     mesh_ = next;
     return next;

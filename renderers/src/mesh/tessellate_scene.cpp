@@ -38,6 +38,17 @@ class PropertyReader {
         return {};
     }
 
+    void colors(NodeId id, auto& params) {
+        const Node* color = scene_.effectiveNode(id);
+        if (!color) return;
+        if (color->is(x3d::Color::type))
+            params.color = color->get(x3d::Color::color);
+        else if (color->is(x3d::ColorRGBA::type))
+            params.colorRGBA = color->get(x3d::ColorRGBA::color);
+        else
+            notUsed("color", *color);
+    }
+
     /// For the nodes of X3DComposedGeometryNode, whose common fields have their own handles in each type.
     template <class T>
     void surface(const Node& node, SurfaceParams& params) {
@@ -45,14 +56,7 @@ class PropertyReader {
         params.solid = node.get(T::solid);
         params.colorPerVertex = node.get(T::colorPerVertex);
         params.normalPerVertex = node.get(T::normalPerVertex);
-        if (const Node* color = scene_.effectiveNode(node.get(T::color))) {
-            if (color->is(x3d::Color::type))
-                params.color = color->get(x3d::Color::color);
-            else if (color->is(x3d::ColorRGBA::type))
-                params.colorRGBA = color->get(x3d::ColorRGBA::color);
-            else
-                notUsed("color", *color);
-        }
+        colors(node.get(T::color), params);
         if (const Node* normal = scene_.effectiveNode(node.get(T::normal))) {
             if (normal->is(x3d::Normal::type))
                 params.normal = normal->get(x3d::Normal::vector);
@@ -85,8 +89,23 @@ class PropertyReader {
             const String& mode = node->get(x3d::TextureCoordinateGenerator::mode);
             channel.mapping = node->get(x3d::TextureCoordinateGenerator::mapping);
             channel.fromPosition = mode.view() == "COORD";
-            // The other modes depend on the viewer or are noise: they belong to shading, not to the mesh.
-            if (!channel.fromPosition)
+            using G = TexCoords::Generator;
+            constexpr std::pair<std::string_view, G> kModes[] = {
+                {"SPHERE", G::sphere},
+                {"CAMERASPACENORMAL", G::cameraSpaceNormal},
+                {"CAMERASPACEPOSITION", G::cameraSpacePosition},
+                {"CAMERASPACEREFLECTIONVECTOR", G::cameraSpaceReflection},
+                {"SPHERE-LOCAL", G::sphereLocal},
+                {"COORD-EYE", G::coordEye},
+                {"NOISE", G::noise},
+                {"NOISE-EYE", G::noiseEye},
+                {"SPHERE-REFLECT", G::sphereReflect},
+                {"SPHERE-REFLECT-LOCAL", G::sphereReflectLocal},
+            };
+            for (const auto& [name, generator] : kModes)
+                if (mode.view() == name) channel.generator = generator;
+            for (const float p : node->get(x3d::TextureCoordinateGenerator::parameter)) channel.parameter.push_back(p);
+            if (!channel.fromPosition && channel.generator == G::none)
                 warn(problems_, fmt::format("TextureCoordinateGenerator mode {} is not supported: the default texture "
                                             "coordinates are used",
                                             mode.view()));
@@ -222,6 +241,18 @@ class SceneTessellator {
                     TriangleSet2DParams{get(x3d::TriangleSet2D::vertices), get(x3d::TriangleSet2D::solid)});
             case x3d::ArcClose2D::type.value:
                 return arc();
+            case x3d::PointSet::type.value:
+            case x3d::LineSet::type.value:
+            case x3d::IndexedLineSet::type.value:
+            case x3d::Polypoint2D::type.value:
+            case x3d::Polyline2D::type.value:
+                return strokes();
+            case x3d::Arc2D::type.value:
+                return tessellate(
+                    Arc2DParams{get(x3d::Arc2D::startAngle), get(x3d::Arc2D::endAngle), get(x3d::Arc2D::radius)},
+                    options_);
+            case x3d::Circle2D::type.value:
+                return tessellate(Arc2DParams{0, 0, get(x3d::Circle2D::radius)}, options_);
             case x3d::Text::type.value: {
                 const TextParams params = detail::readText(scene_, node_, problems_);
                 return text_ ? text_->make(params, options_) : tessellate(params, options_);
@@ -230,7 +261,7 @@ class SceneTessellator {
                 break;
         }
         Mesh mesh;
-        warn(mesh, "has no triangles that could be made here: it is not drawn");
+        warn(mesh, "has no triangles, lines or points that could be made here: it is not drawn");
         return mesh;
     }
 
@@ -244,6 +275,43 @@ class SceneTessellator {
         p.xSpacing = get(T::xSpacing);
         p.zSpacing = get(T::zSpacing);
         p.creaseAngle = get(T::creaseAngle);
+        return tessellate(p);
+    }
+
+    Array<Vec3f> flat(const Array<Vec2f>& points) {
+        Array<Vec3f> result = Array<Vec3f>::ofSize(points.size());
+        Vec3f* out = result.mutableData();
+        for (const Vec2f& p : points) *out++ = Vec3f(p, 0);
+        return result;
+    }
+    template <class T>
+    void coordinates(StrokeParams& p) {
+        p.coord = properties_.points(get(T::coord));
+        properties_.colors(get(T::color), p);
+        if (scene_.effectiveNode(get(T::normal)))
+            warn(problems_, "normal: lines and points are not lit, so it changes nothing");
+    }
+    Mesh strokes() {
+        StrokeParams p;
+        if (node_.is(x3d::PointSet::type)) {
+            p.kind = Mesh::Strokes::points;
+            coordinates<x3d::PointSet>(p);
+        } else if (node_.is(x3d::Polypoint2D::type)) {
+            p.kind = Mesh::Strokes::points;
+            p.coord = flat(get(x3d::Polypoint2D::point));
+        } else if (node_.is(x3d::LineSet::type)) {
+            coordinates<x3d::LineSet>(p);
+            p.vertexCount = get(x3d::LineSet::vertexCount);
+        } else if (node_.is(x3d::IndexedLineSet::type)) {
+            using T = x3d::IndexedLineSet;
+            coordinates<T>(p);
+            p.indexed = true;
+            p.coordIndex = get(T::coordIndex), p.colorIndex = get(T::colorIndex);
+            p.colorPerVertex = get(T::colorPerVertex);
+        } else {
+            p.coord = flat(get(x3d::Polyline2D::lineSegments));
+            if (!p.coord.empty()) p.vertexCount = {static_cast<std::int32_t>(p.coord.size())};
+        }
         return tessellate(p);
     }
 

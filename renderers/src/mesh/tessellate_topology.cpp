@@ -161,6 +161,7 @@ void bindAttributes(Mesh& mesh, const Topology& topology, const SurfaceParams& p
         } else if (!set.values.present()) {
             set = defaultTexCoords(mesh.bounds);
         }
+        set.generator = channel.generator, set.parameter = channel.parameter;
         set.mapping = channel.mapping;
         mesh.texCoords.push_back(std::move(set));
     }

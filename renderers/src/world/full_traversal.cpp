@@ -96,6 +96,7 @@ void FullTraversalRenderer::Impl::shape(const Node& node, const TypeRole& role, 
     now.geometry = flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.geometry));
     now.appearance = flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.appearance));
     now.castShadow = flatten::read<bool>(node, role.castShadow);
+    now.strokes = flatten::strokeStyle(*scene, now.appearance);
     now.worldFromLocal = level.worldFromLocal;
     if (now.geometry) checkGeometry(now.geometry);
     std::uint64_t key = level.key;
@@ -116,7 +117,10 @@ void FullTraversalRenderer::Impl::shape(const Node& node, const TypeRole& role, 
         return;
     }
     now.id = before.id;
-    if (now.geometry != before.geometry || now.appearance != before.appearance || now.castShadow != before.castShadow)
+    const bool restyled =
+        now.strokes && before.strokes ? *now.strokes != *before.strokes : now.strokes != before.strokes;
+    if (now.geometry != before.geometry || now.appearance != before.appearance || now.castShadow != before.castShadow ||
+        restyled)
         delta.rebound.push_back(now);
     else if (now.worldFromLocal != before.worldFromLocal)
         delta.moved.push_back({now.id, now.worldFromLocal});

@@ -75,19 +75,23 @@ Pick Picker::finish(const Candidate& candidate) const {
     return pick;
 }
 
-Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, double maximum) const {
+Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, double maximum, double pixel) const {
     if (auto ok = checkPoint(*world_, origin, "the ray's origin"); !ok) return std::unexpected(ok.error());
     const double largest = std::max({std::abs(direction.x), std::abs(direction.y), std::abs(direction.z)});
     if (!isFinite(direction) || !(largest > 0)) return fail("the ray's direction is zero or not finite");
     if (std::isnan(maximum)) return fail("the largest distance is not a number");
     const Vec3d unit = glm::normalize(direction / largest);
-    const Hit hit =
-        world_->intersect({world_->fromWorld(origin), 0, Vec3f(unit), std::numeric_limits<float>::infinity()});
+    if (!(pixel >= 0) || !std::isfinite(pixel)) return fail("the pixel's width is negative or not finite");
+    const Vec3f eye = world_->fromWorld(origin), forward(unit);
+    const LensedView view(*world_, {eye, forward, static_cast<float>(pixel), 0});
+    const Hit hit = view.intersect({eye, 0, forward, std::numeric_limits<float>::infinity()});
     Candidate candidate;
     if (hit) {
         const exact::Triangle t = triangleOf(world_->instance(hit.instance), hit.triangle);
         candidate = {hit.instance, hit.triangle, {hit.u, hit.v}, 0, t.at(hit.u, hit.v), {}, true};
         candidate.distance = std::max(0.0, glm::dot(candidate.point - origin, unit));
+        if (world_->instance(hit.instance).mesh->strokeCount > 0)
+            candidate.normal = -unit, candidate.surfaceNormal = false;
         if (candidate.distance > maximum) candidate = {};
     }
     return finish(candidate);

@@ -69,7 +69,65 @@ Hit RayView::intersect(const Ray& ray, RayKind kind) const {
         tables_->badRays.fetch_add(1, std::memory_order_relaxed);
         return {};
     }
-    return resolve(tables_->top.intersect(ray, kind), tables_->top, instances_);
+    return filter_ ? intersectFiltered(ray, kind) : intersectAll(ray, kind);
+}
+
+Hit RayView::intersectAll(const Ray& ray, RayKind kind) const {
+    Hit hit = resolve(tables_->top.intersect(ray, kind), tables_->top, instances_);
+    if (seesStrokes(kind)) meetStrokes(ray, kind, hit);
+    return hit;
+}
+
+Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
+    // From each place that is left out on to the next. The start moves along the ray; from the same start a hit at the
+    // same place could come back for ever.
+    constexpr int kMost = 10'000;
+    for (int i = 0; i < kMost; ++i) {
+        const Hit hit = intersectAll(ray, kind);
+        if (!hit || !filter_->concerns(hit.instance) ||
+            !filter_->leavesOut(hit.instance, ray.origin + hit.t * ray.direction))
+            return hit;
+        ray.tMin = std::nextafter(hit.t * (1 + 0x1p-22f), HUGE_VALF);
+        if (!(ray.tMin < ray.tMax) || !std::isfinite(ray.tMin)) return {};
+    }
+    return {};
+}
+
+std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, const float* tMax, RayKind kind) const {
+    for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
+        const int i = std::countr_zero(rest);
+        const Hit first = hit(rays, i);
+        if (!filter_->concerns(first.instance)) continue;
+        Ray ray{{rays.originX[i], rays.originY[i], rays.originZ[i]},
+                rays.tMin[i],
+                {rays.directionX[i], rays.directionY[i], rays.directionZ[i]},
+                rays.tMax[i]};
+        if (!filter_->leavesOut(first.instance, ray.origin + first.t * ray.direction)) continue;
+        ray.tMax = tMax[i];
+        const Hit next = intersectFiltered(ray, kind);
+        rays.tMax[i] = next ? next.t : tMax[i];
+        if (!next) {
+            rays.geom_[i] = kNoInstance;
+            hits &= ~(1u << i);
+            continue;
+        }
+        rays.u_[i] = next.u, rays.v_[i] = next.v;
+        rays.normalX_[i] = next.normal.x, rays.normalY_[i] = next.normal.y, rays.normalZ_[i] = next.normal.z;
+        rays.prim_[i] = next.triangle, rays.geom_[i] = next.instance, rays.inst_[i] = bvh::StrokeView::kResolved;
+    }
+    return hits;
+}
+
+bool RayView::seesStrokes(RayKind kind) const {
+    return lens_ && !tables_->strokes.empty() && kind != RayKind::sound;
+}
+
+void RayView::meetStrokes(const Ray& ray, RayKind kind, Hit& hit) const {
+    bvh::StrokeHit stroke;
+    Ray rest = ray;
+    rest.tMax = std::min(rest.tMax, hit.t);
+    if (!tables_->strokes.intersect(rest, lens_, kind, stroke)) return;
+    hit = {stroke.t, stroke.slot, stroke.stroke, stroke.u, 0, -glm::normalize(ray.direction)};
 }
 
 bool RayView::occluded(const Ray& ray, RayKind kind) const {
@@ -77,24 +135,53 @@ bool RayView::occluded(const Ray& ray, RayKind kind) const {
         tables_->badRays.fetch_add(1, std::memory_order_relaxed);
         return false;
     }
-    return tables_->top.occluded(ray, kind);
+    if (filter_) return static_cast<bool>(intersectFiltered(ray, kind));
+    return tables_->top.occluded(ray, kind) || (seesStrokes(kind) && tables_->strokes.occluded(ray, lens_, kind));
 }
 
 std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind) const {
     alignas(64) std::int32_t valid[16];
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
-    return tables_->top.intersect(rays, valid, coherent, kind);
+    float tMax[16];
+    if (filter_) std::memcpy(tMax, rays.tMax, sizeof tMax);
+    std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind);
+    if (seesStrokes(kind)) hits |= tables_->strokes.intersect(rays, valid, lens_, kind);
+    if (filter_) hits = filterHits(rays, hits, tMax, kind);
+    return hits;
 }
 
 std::uint32_t RayView::occluded(RayPacket16& rays, bool coherent, RayKind kind) const {
     alignas(64) std::int32_t valid[16];
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
-    return tables_->top.occluded(rays, valid, coherent, kind);
+    if (filter_) {
+        std::uint32_t left = 0;
+        for (int i = 0; i < 16; ++i) {
+            if (!valid[i]) continue;
+            const Ray ray{{rays.originX[i], rays.originY[i], rays.originZ[i]},
+                          rays.tMin[i],
+                          {rays.directionX[i], rays.directionY[i], rays.directionZ[i]},
+                          rays.tMax[i]};
+            if (!intersectFiltered(ray, kind)) continue;
+            left |= 1u << i;
+            rays.tMax[i] = -HUGE_VALF;
+        }
+        return left;
+    }
+    std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind);
+    if (seesStrokes(kind)) blocked |= tables_->strokes.occluded(rays, valid, lens_, kind);
+    return blocked;
 }
 
 Hit RayView::hit(const RayPacket16& rays, int lane) const {
+    if (bvh::StrokeView::isResolved(rays.inst_[lane]))
+        return {rays.tMax[lane],
+                rays.geom_[lane],
+                rays.prim_[lane],
+                rays.u_[lane],
+                0,
+                {rays.normalX_[lane], rays.normalY_[lane], rays.normalZ_[lane]}};
     return resolve({rays.tMax[lane],
                     rays.u_[lane],
                     rays.v_[lane],
@@ -111,6 +198,10 @@ void RayView::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& ou
     std::memcpy(out.triangle, rays.prim_, sizeof out.triangle);
     for (; mask; mask &= mask - 1) {
         const int i = std::countr_zero(mask);
+        if (bvh::StrokeView::isResolved(rays.inst_[i])) {
+            out.instance[i] = rays.geom_[i];
+            continue;
+        }
         const bvh::TopObject& object = tables_->top.objectOf(rays.inst_[i]);
         const std::uint32_t slot = object.slotOf(rays.geom_[i]);
         out.instance[i] = slot;

@@ -8,12 +8,14 @@
 
 #include <rtsg/renderers/ray_view.h>
 
+#include "embree/strokes.h"
 #include "embree/top.h"
 
 namespace rtsg {
 
 struct RayView::Tables {
     bvh::TopView top;
+    bvh::StrokeView strokes;
     mutable std::atomic<std::uint64_t> badRays{0};
 };
 

@@ -144,6 +144,7 @@ void RayWorld::Impl::setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh) 
                                      : entry.mesh  ? defect(*entry.mesh)
                                                    : "it has no triangles";
     entry.usable = problem.empty();
+    entry.strokesStale = true;
     if (!entry.usable && entry.mesh && !entry.mesh->empty())
         told.warning("geometry node " + std::to_string(node.value) + " is not traced: " + std::string(problem),
                      diagnostics);
@@ -278,6 +279,15 @@ void RayWorld::Impl::remove(InstanceId id) {
     instances.write(id.slot) = RayInstance{};
 }
 
+namespace {
+
+bool sameStyle(const Instance& a, const Instance& b) {
+    if (!a.strokes || !b.strokes) return a.strokes == b.strokes;
+    return *a.strokes == *b.strokes;
+}
+
+}  // namespace
+
 void RayWorld::Impl::rebind(const Instance& info) {
     if (!isLive(info.id)) return;
     const std::uint32_t slot = info.id.slot;
@@ -285,8 +295,13 @@ void RayWorld::Impl::rebind(const Instance& info) {
     const bool moved = instance.info.worldFromLocal != info.worldFromLocal;
     const bool replace = instance.info.geometry != info.geometry;
     const bool masked = kindsOf(instance.info) != kindsOf(info);
+    const bool restyled = !sameStyle(instance.info, info);
     const bool elsewhere = instance.info.rigid != info.rigid, otherwise = instance.info.motion != info.motion;
     Place& place = places[slot];
+    if (restyled && place.kind == Kind::strokes) {
+        lift(slot);
+        setPending(slot);
+    }
     if (replace) {
         lift(slot);
         unlink(slot);
@@ -301,7 +316,9 @@ void RayWorld::Impl::rebind(const Instance& info) {
     if (elsewhere || otherwise) {
         place.loose = false;
         // What is known to move from now on leaves the others before it does, together with its like.
-        if (info.motion == Motion::moving || (place.kind == Kind::body && elsewhere)) {
+        if (place.kind == Kind::strokes) {
+            // Every one of them is by itself anyway.
+        } else if (info.motion == Motion::moving || (place.kind == Kind::body && elsewhere)) {
             lift(slot);
             setPending(slot);
         } else {
@@ -325,6 +342,11 @@ void RayWorld::Impl::move(InstanceId id, const WorldFromLocal& worldFromLocal) {
         if (again) return;
         if (body.movedNow.empty()) touchedBodies.push_back(&body);
         body.movedNow.push_back(id.slot);
+        return;
+    }
+    if (place.kind == Kind::strokes && canEnter(worldFromLocal) && isInReach(id.slot)) {
+        const WorldFromLocal m = rayFromLocal(instance.info);
+        strokes.move(place.local, m, floatBox(transformed(place.mesh->mesh->bounds, m)));
         return;
     }
     std::string reason;
@@ -396,6 +418,8 @@ void RayWorld::Impl::commit() {
     }
     top.commit();
     tables.top = top.view();
+    strokes.commit();
+    tables.strokes = strokes.view();
 }
 
 }  // namespace rtsg

@@ -201,6 +201,8 @@ void RayWorld::Impl::lift(std::uint32_t slot) {
     ++place.changes;
     if (place.kind == Kind::instanced) {
         top.remove(place.local);
+    } else if (place.kind == Kind::strokes) {
+        strokes.remove(place.local);
     } else if (Cluster* cluster = place.cluster) {
         if (options.mapping == Mapping::merged) {
             makeWritable(*cluster);
@@ -224,6 +226,8 @@ void RayWorld::Impl::setKinds(std::uint32_t slot) {
     const std::uint32_t kinds = kindsOf(instances[slot].info);
     if (place.kind == Kind::instanced) {
         top.setKinds(place.local, kinds);
+    } else if (place.kind == Kind::strokes) {
+        strokes.setKinds(place.local, kinds);
     } else if (place.cluster) {
         place.cluster->group->setKinds(place.local, kinds, heldBits(*place.cluster));
         noteUnsettled(*place.cluster);

@@ -17,6 +17,7 @@
 
 #include "embree/mesh_bvh.h"
 #include "embree/paged.h"
+#include "embree/strokes.h"
 #include "embree/top.h"
 #include "embree/versions.h"
 #include "embree/worker.h"
@@ -35,6 +36,10 @@ struct RayWorld::Impl {
         bool deforms = false;               // has changed since it came
         bool changed = false;               // in `changedMeshes`
         bool isBusy = false;                // in `busyMeshes`
+        /// Of lines or points; made when the first instance needs it, and, stale, the start of the next one.
+        std::shared_ptr<const bvh::StrokeBvh> strokes;
+        bool strokesStale = false;
+        bool hasStrokes() const { return mesh && mesh->strokeCount > 0; }
     };
     /// Triangles merged into one BVH.
     struct Cluster {
@@ -57,6 +62,7 @@ struct RayWorld::Impl {
         instanced,  // an object of the top: its mesh's BVH and a transform
         resting,    // in a cluster in ray space
         body,       // in a cluster that moves
+        strokes,    // an object of `strokes`: lines or points
     };
     struct Place {
         MeshEntry* mesh = nullptr;
@@ -86,6 +92,7 @@ struct RayWorld::Impl {
         WorldVersion version;
         RayView::Tables tables;
         bvh::Top::Pages top;
+        bvh::Strokes::Pages strokes;
         std::vector<const RayInstance*> instances;
     };
 
@@ -137,6 +144,8 @@ struct RayWorld::Impl {
     bool canMerge(std::uint32_t slot) const;
     void placePending();
     void placeInstance(std::uint32_t slot);
+    void placeStrokes(std::uint32_t slot);
+    bool isInReach(std::uint32_t slot) const;
     WorldFromLocal rayFromLocal(const Instance& info) const;
     bvh::InstanceTree::Box instanceBox(std::uint32_t slot) const;
 
@@ -192,7 +201,8 @@ struct RayWorld::Impl {
     std::vector<MeshEntry*> changedMeshes;
     std::vector<std::uint32_t> busyMeshes;  // keys of `meshes` for which the worker may have something to do
     bvh::Top top{&versions};
-    RayView::Tables tables;           // of `top`, as of the last apply()
+    bvh::Strokes strokes{&versions};
+    RayView::Tables tables;           // of `top` and `strokes`, as of the last apply()
     std::vector<Cluster*> unsettled;  // with masks that versions hold back
     std::array<std::unique_ptr<Snapshot>, bvh::Versions::kMost> snapshots;
     std::weak_ptr<const WorldVersion> newest;

@@ -108,8 +108,8 @@ RayWorld::Memory RayWorld::memory() const {
         if (impl_->instances[slot].mesh) memory.instancedTriangles += impl_->instances[slot].mesh->triangleCount;
     }
     memory.bvhBytes = impl_->device.bytes();
-    memory.instanceBytes =
-        impl_->top.bytes() + impl_->instances.bytes() + impl_->places.capacity() * sizeof(Impl::Place);
+    memory.instanceBytes = impl_->top.bytes() + impl_->strokes.bytes() + impl_->instances.bytes() +
+                           impl_->places.capacity() * sizeof(Impl::Place);
     return memory;
 }
 

@@ -100,7 +100,7 @@ void RayWorld::Impl::chooseOrigin() {
     for (const std::uint32_t slot : pending) {
         const Place& place = places[slot];
         const WorldFromLocal& m = instances[slot].info.worldFromLocal;
-        if (!place.mesh || !place.mesh->usable || !isFinite(m)) continue;
+        if (!place.mesh || !(place.mesh->usable || place.mesh->hasStrokes()) || !isFinite(m)) continue;
         const DoubleBox box = transformed(place.mesh->mesh->bounds, m);
         lower = glm::min(lower, box.center - box.half);
         upper = glm::max(upper, box.center + box.half);
@@ -118,7 +118,7 @@ void RayWorld::Impl::chooseOrigin() {
 }
 
 void RayWorld::Impl::placePending() {
-    const bool nothingYet = top.empty();
+    const bool nothingYet = top.empty() && strokes.empty();
     if (nothingYet) chooseOrigin();
     const bool bulk = pending.size() >= kBulk || nothingYet;
     std::vector<std::uint32_t> atRest;
@@ -128,6 +128,10 @@ void RayWorld::Impl::placePending() {
         place.pending = false;
         const Instance& info = instances[slot].info;
         if (!info.id || place.kind != Kind::none) continue;
+        if (place.mesh && place.mesh->hasStrokes()) {
+            placeStrokes(slot);
+            continue;
+        }
         std::string reason;
         const Fitness fit = fitness(slot, reason);
         if (fit == Fitness::none) {
@@ -194,6 +198,40 @@ void RayWorld::Impl::placeInstance(std::uint32_t slot) {
     place.culled = false;
     instance.mesh = entry.mesh;
     watchRest(slot);
+}
+
+bool RayWorld::Impl::isInReach(std::uint32_t slot) const {
+    const WorldFromLocal& m = instances[slot].info.worldFromLocal;
+    return isFinite(m) && transformed(places[slot].mesh->mesh->bounds, inRaySpace(m)).inReach();
+}
+
+void RayWorld::Impl::placeStrokes(std::uint32_t slot) {
+    RayInstance& instance = instances.write(slot);
+    Place& place = places[slot];
+    MeshEntry& entry = *place.mesh;
+    if (!isInReach(slot)) {
+        cull(slot, "it reaches too far out or its coordinates are not finite");
+        return;
+    }
+    WorldFromLocal m = rayFromLocal(instance.info);
+    std::shared_ptr<const bvh::StrokeBvh> bvh;
+    if (canEnter(m)) {
+        if (!entry.strokes || std::exchange(entry.strokesStale, false))
+            entry.strokes = bvh::StrokeBvh::of(*entry.mesh, entry.strokes.get());
+        entry.strokesStale = false;
+        bvh = entry.strokes;
+    } else {
+        // What a transform flattens has no way back: its strokes are taken to where they are.
+        bvh = bvh::StrokeBvh::of(*entry.mesh, nullptr, &m);
+        m = identityTransform();
+    }
+    const bool points = entry.mesh->strokes == Mesh::Strokes::points;
+    const bvh::TreeView::Box& own = bvh->box();
+    const bvh::InstanceTree::Box box = floatBox(transformed({own.lower, own.upper}, m));
+    place.local = strokes.add(slot, std::move(bvh), points, instance.info.strokes, m, box, kindsOf(instance.info));
+    place.kind = Kind::strokes;
+    place.culled = false;
+    instance.mesh = entry.mesh;
 }
 
 }  // namespace rtsg

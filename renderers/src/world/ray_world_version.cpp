@@ -13,6 +13,7 @@ std::shared_ptr<const WorldVersion> RayWorld::Impl::freeze(const std::shared_ptr
     if (!snapshots[number]) snapshots[number].reset(new Snapshot);
     Snapshot& snapshot = *snapshots[number];
     snapshot.tables.top = top.freeze(snapshot.top);
+    snapshot.tables.strokes = strokes.freeze(snapshot.strokes);
     snapshot.tables.badRays.store(0, std::memory_order_relaxed);
     instances.freezeInto(snapshot.instances);
     snapshot.version.take(view, snapshot.tables, {snapshot.instances.data(), instances.size()});
@@ -30,6 +31,7 @@ void RayWorld::Impl::refresh() {
     if (!versions.anyHeld() || !versions.refresh()) return;
     instances.sweep();
     top.sweep();
+    strokes.sweep();
     std::erase_if(unsettled, [&](Cluster* cluster) {
         cluster->unsettled = !cluster->group->settle(versions.sees(cluster->stamp) ? versions.heldBits() : 0);
         return !cluster->unsettled;

@@ -51,9 +51,23 @@ class Oracle {
   private:
     using Lights = std::set<std::vector<NodeId>>;
     struct Senses {
-        bool seen = true, heard = true;
+        bool seen = true, heard = true, turned = false;
     };
 
+    /// Billboards with axes that are 0 are not among the edits.
+    glm::dmat4 towards(const Vec3d& axis, const glm::dmat4& world) const {
+        WorldFromLocal affine;
+        for (int c = 0; c < 4; ++c) affine[c] = Vec3d(world[c]);
+        if (!viewer_ || determinantSign(affine) == 0) return glm::dmat4(1.0);
+        const Vec3d a = glm::normalize(axis), eye = glm::inverse(world) * Vec4d(*viewer_, 1);
+        // Two directions square to the axis: where the z axis shows, and a quarter turn on.
+        const Vec3d z = Vec3d(0, 0, 1) - a.z * a;
+        if (glm::length(z) < 1e-9) return glm::dmat4(1.0);
+        const Vec3d first = glm::normalize(z), second = glm::cross(a, first);
+        const double x = glm::dot(eye, first), y = glm::dot(eye, second);
+        if (std::hypot(x, y) <= 1e-9 * glm::length(eye)) return glm::dmat4(1.0);
+        return glm::rotate(glm::dmat4(1.0), std::atan2(y, x), a);
+    }
     static glm::dmat4 rotation(const Rotation& r) {
         const Vec3d axis(r.x, r.y, r.z);
         return glm::length(axis) > 0 ? glm::rotate(glm::dmat4(1.0), double{r.angle}, axis) : glm::dmat4(1.0);
@@ -104,8 +118,9 @@ class Oracle {
         }
         const NodeId seen = all[std::min<std::size_t>(level, all.size() - 1)], heard = all[0];
         std::vector<std::pair<NodeId, Senses>> result;
-        if (seen && above.seen) result.push_back({seen, {true, above.heard && seen == heard}});
-        if (heard && above.heard && (seen != heard || !above.seen)) result.push_back({heard, {false, true}});
+        if (seen && above.seen) result.push_back({seen, {true, above.heard && seen == heard, above.turned}});
+        if (heard && above.heard && (seen != heard || !above.seen))
+            result.push_back({heard, {false, true, above.turned}});
         return result;
     }
     bool visible(const Node& n) {
@@ -154,6 +169,10 @@ class Oracle {
             world = world * matrix(n.get(x3d::Transform::translation), n.get(x3d::Transform::center),
                                    n.get(x3d::Transform::rotation), n.get(x3d::Transform::scale),
                                    n.get(x3d::Transform::scaleOrientation));
+        if (n.is(x3d::Billboard::type)) {
+            world = world * towards(Vec3d(n.get(x3d::Billboard::axisOfRotation)), world);
+            senses.turned = true;
+        }
         if (n.is(x3d::HAnimSite::type))
             world = world * matrix(n.get(x3d::HAnimSite::translation), n.get(x3d::HAnimSite::center),
                                    n.get(x3d::HAnimSite::rotation), n.get(x3d::HAnimSite::scale),
@@ -167,7 +186,7 @@ class Oracle {
                 flat.acoustics = a->get(x3d::Appearance::acousticProperties);
             flat.castShadow = n.get(x3d::Shape::castShadow);
             flat.layer = layer;
-            flat.seen = senses.seen, flat.heard = senses.heard;
+            flat.seen = senses.seen, flat.heard = senses.heard && !(senses.turned && senses.seen);
             flat.world = world;
             flat.lights = lights;
             shapes.emplace(path, flat);
@@ -592,6 +611,35 @@ TEST_F(FlattenerCase, LevelOfDetailFollowsTheViewer) {
     EXPECT_TRUE(scene.set(transform, x3d::Transform::translation, Vec3f(0, 0, 9)));
     seal();
     EXPECT_EQ(shown(), levels[0]);
+}
+
+// The z axis of what hangs below points to the eye, as far as the axis lets it.
+TEST_F(FlattenerCase, BillboardsTurnToTheViewer) {
+    const NodeId place = add(x3d::Transform::type, scene.root()), board = add(x3d::Billboard::type, place);
+    addShape(board);
+    EXPECT_TRUE(scene.set(place, x3d::Transform::translation, Vec3f(3, 0, 0)));
+    seal();
+    const auto placed = [&] { return watcher.follower.instances.begin()->second.worldFromLocal; };
+    EXPECT_EQ(placed()[2], Vec3d(0, 0, 1)) << "nobody looks";
+    EXPECT_FALSE(watcher.follower.instances.begin()->second.heard);
+    ASSERT_TRUE(flat.setViewer(Vec3d(3 + 5, 7, 0)));
+    EXPECT_NEAR(glm::distance(placed()[2], Vec3d(1, 0, 0)), 0, 1e-12);
+    EXPECT_NEAR(glm::distance(placed()[1], Vec3d(0, 1, 0)), 0, 1e-12);
+    EXPECT_EQ(placed()[3], Vec3d(3, 0, 0));
+    // The place moves instead of the viewer; it leans, and the axis leans with it.
+    EXPECT_TRUE(scene.set(place, x3d::Transform::translation, Vec3f(8, 0, -4)));
+    EXPECT_TRUE(scene.set(place, x3d::Transform::rotation, Rotation{1, 0, 0, 1.5707964f}));
+    seal();
+    EXPECT_NEAR(glm::distance(placed()[1], Vec3d(0, 0, 1)), 0, 1e-6);
+    EXPECT_NEAR(glm::distance(placed()[2], Vec3d(0, 1, 0)), 0, 1e-6);
+    // All axes: straight to the eye.
+    EXPECT_TRUE(scene.set(board, x3d::Billboard::axisOfRotation, Vec3f(0)));
+    seal();
+    EXPECT_NEAR(glm::distance(placed()[2], glm::normalize(Vec3d(0, 7, 4))), 0, 1e-6);
+    EXPECT_NEAR(placed()[0].y, 0, 1e-6) << "upright";
+    EXPECT_GT(placed()[1].y, 0);
+    ASSERT_TRUE(flat.setViewer(std::nullopt));
+    EXPECT_NEAR(glm::distance(placed()[1], Vec3d(0, 0, 1)), 0, 1e-6);
 }
 
 TEST_F(FlattenerCase, ALevelThatIsOnlyHeardHasItsLevelsHeard) {

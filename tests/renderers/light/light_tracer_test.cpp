@@ -486,7 +486,8 @@ TEST(LightTracer, FogCoversByDistance) {
 
 // What pictures leave out is named once for each kind, also when it comes later.
 TEST(LightTracer, WhatIsNotDrawnIsNamed) {
-    LightScene s("DEF CUT ClipPlane { } ClipPlane { } LocalFog { } Billboard { }" + square(1, unlit("1 1 1")));
+    LightScene s("DEF CUT TextureProjector { } TextureProjector { } LocalFog { } LayerSet { }" +
+                 square(1, unlit("1 1 1")));
     const auto texts = [&] {
         std::string all;
         for (const Diagnostic& d : s.light->diagnostics().all()) all += d.text + "\n";
@@ -495,7 +496,7 @@ TEST(LightTracer, WhatIsNotDrawnIsNamed) {
     s.center();
     const std::string first = texts();
     EXPECT_EQ(s.light->diagnostics().all().size(), 3u) << first;
-    EXPECT_NE(first.find("ClipPlane CUT is not in pictures: what it would cut away is drawn whole"), std::string::npos)
+    EXPECT_NE(first.find("TextureProjector CUT is not in pictures: things show without it"), std::string::npos)
         << first;
     const NodeId later = s.scene.createNode(x3d::ParticleSystem::type);
     ASSERT_TRUE(s.scene.insertChild(s.scene.root(), x3d::RtsgScene::children, later));

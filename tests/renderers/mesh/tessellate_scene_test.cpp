@@ -81,9 +81,14 @@ TEST(TessellateScene, DoublesMultiTextureAndGenerator) {
     ASSERT_EQ(mesh->texCoords.size(), 3u);
     EXPECT_EQ(mesh->texCoord(0, 1, 0, 0), Vec4f(0, 1, 0, 1));
     EXPECT_EQ(mesh->texCoord(0, 1, 0, 1), Vec4f(2, 0, 0, 1));
-    EXPECT_EQ(mesh->texCoord(0, 1, 0, 2), Vec4f(1, 0, 0, 1));
-    ASSERT_EQ(mesh->diagnostics.warnings(), 1u);
-    EXPECT_EQ(mesh->diagnostics.all()[0].text.substr(0, 18), "TriangleSet PLATE:");
+    EXPECT_EQ(mesh->texCoords[1].generator, TexCoords::Generator::none);
+    EXPECT_EQ(mesh->texCoords[2].generator, TexCoords::Generator::sphere);
+    EXPECT_EQ(mesh->diagnostics.warnings(), 0u);
+    ASSERT_TRUE(scene.set(sphere, x3d::TextureCoordinateGenerator::mode, String("SPIRAL")));
+    const auto unknown = meshOf(scene, set);
+    EXPECT_EQ(unknown->texCoord(0, 1, 0, 2), Vec4f(1, 0, 0, 1));
+    ASSERT_EQ(unknown->diagnostics.warnings(), 1u);
+    EXPECT_EQ(unknown->diagnostics.all()[0].text.substr(0, 18), "TriangleSet PLATE:");
 }
 
 TEST(TessellateScene, ProtoInstanceStandsForTheFirstNodeOfItsBody) {
@@ -109,8 +114,7 @@ TEST(TessellateScene, ProtoInstanceStandsForTheFirstNodeOfItsBody) {
 
 TEST(TessellateScene, WhatHasNoTrianglesSaysSo) {
     Scene scene;
-    for (const TypeIndex type : {x3d::PointSet::type, x3d::IndexedLineSet::type, x3d::LineSet::type,
-                                 x3d::Polyline2D::type, x3d::Circle2D::type, x3d::NurbsPatchSurface::type}) {
+    for (const TypeIndex type : {x3d::NurbsPatchSurface::type, x3d::NurbsCurve::type, x3d::GeoElevationGrid::type}) {
         const auto mesh = meshOf(scene, scene.createNode(type));
         EXPECT_TRUE(mesh->empty());
         EXPECT_EQ(mesh->diagnostics.warnings(), 1u);

@@ -49,6 +49,16 @@ bool isFinite(const WorldFromLocal& m);
 /// What is known about how often a thing will move; a hint that no result depends on.
 enum class Motion : std::uint8_t { unknown, fixed, moving };
 
+/// How lines and points are drawn: LineProperties and PointProperties (12.4.4, 12.4.8). Widths in pixels.
+struct StrokeStyle {
+    float lineWidth = 1, pointSize = 1;
+    std::int32_t lineType = 1;   // ISO/IEC 9973: 1 solid, 2 dashed, 3 dotted, 4 dashed-dotted, 5 dash-dot-dot
+    Vec3f attenuation{1, 0, 0};  // of points, by their distance r from the eye: size / (x + y r + z r^2), within
+    float least = 1, most = 1;   // these; not at all if it is 1 0 0
+    bool attenuated() const { return attenuation != Vec3f(1, 0, 0); }
+    friend bool operator==(const StrokeStyle&, const StrokeStyle&) = default;
+};
+
 /// A Shape at the end of one path. Geometry may be NULL; `appearance` too (then X3D's default: unlit white).
 struct Instance {
     InstanceId id;
@@ -66,6 +76,8 @@ struct Instance {
     /// Other than 0: those with the same number hang below the same thing that moves, and as a rule move together,
     /// rigidly. A hint that no result depends on.
     std::uint32_t rigid = 0;
+    /// Null: the default, lines and points of one pixel.
+    std::shared_ptr<const StrokeStyle> strokes;
     WorldFromLocal worldFromLocal{1.0};
 };
 

@@ -14,6 +14,7 @@
 
 #include <array>
 #include <memory>
+#include <vector>
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/value.h>
@@ -38,6 +39,43 @@ struct TextureUse {
     explicit operator bool() const { return texture != nullptr; }
 };
 
+/// One texture of a MultiTexture (18.4.3): it and what is there so far, starting with the material's colour, make the
+/// next. Its coordinates are the channel of its place in the list, or the last there is.
+struct TextureStage {
+    enum class Mode : std::uint8_t {
+        modulate,
+        replace,  // and SELECTARG1
+        modulate2x,
+        modulate4x,
+        add,
+        addSigned,
+        addSigned2x,
+        subtract,
+        addSmooth,
+        blendDiffuseAlpha,
+        blendTextureAlpha,
+        blendFactorAlpha,
+        blendCurrentAlpha,
+        modulateAlphaAddColor,
+        modulateInvAlphaAddColor,
+        modulateInvColorAddAlpha,
+        off,
+        selectArg2,
+        dotProduct3,
+    };
+    enum class Source : std::uint8_t { previous, diffuse, specular, factor };
+    enum class Function : std::uint8_t { none, complement, alphaReplicate };
+    TextureUse use;
+    Mode color = Mode::modulate, alpha = Mode::modulate;
+    Source source = Source::previous;  // of what the texture is combined with
+    Function function = Function::none;
+};
+
+/// What a stage makes. `texel` is the texture's, `with` what its source says; `diffuseAlpha` and `factorAlpha` are the
+/// material's opacity and the MultiTexture's alpha.
+Vec4f combine(const TextureStage& stage, const Vec4f& texel, const Vec4f& with, const Vec4f& current,
+              float diffuseAlpha, float factorAlpha);
+
 /// The textures a material may have; `base` is diffuse, base or (unlit) emissive.
 enum class TextureRole : std::uint8_t {
     base,
@@ -50,6 +88,18 @@ enum class TextureRole : std::uint8_t {
     shininess
 };
 constexpr std::size_t kTextureRoles = 8;
+
+/// FillProperties (12.4.2): lines over a surface, in pixels of the picture, 8 apart and one wide.
+struct Hatching {
+    static constexpr float kApart = 8;
+    bool present = false;
+    bool filled = true;  // else there is nothing between the lines
+    Vec3f color{1};      // as in the field
+    std::int32_t style =
+        0;  // 1 horizontal, 2 vertical, 3 rising, 4 falling, 5 both of 1 and 2, 6 both of 3 and 4; 0 none
+    /// Whether a line is at this place of the picture, in pixels to the right and up.
+    bool isLine(const Vec2f& pixel) const;
+};
 
 struct Material {
     ShadingModel model = ShadingModel::unlit;
@@ -71,6 +121,9 @@ struct Material {
     float refractiveIndex = 0;  // 0: not a dielectric
     Vec3f absorption{0};
     std::array<TextureUse, kTextureRoles> textures;
+    std::vector<TextureStage> stages;  // of a MultiTexture in place of the base texture
+    Vec4f factor{1};                   // its colour and alpha
+    Hatching hatching;
     /// For the back of surfaces that are not solid; null: as the front.
     std::shared_ptr<const Material> back;
 

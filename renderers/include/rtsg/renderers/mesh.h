@@ -1,4 +1,4 @@
-// Mesh: the one triangle type that every geometry node becomes and every renderer reads.
+// Mesh: the one type of triangles (or of lines or points) that every geometry node becomes and every renderer reads.
 //
 // Invariant: all indices are in range, all referenced positions are finite and below 1e18, and
 // cross(b - a, c - a) of a triangle points to its front (X3D's `ccw` is already applied). Zero-area triangles
@@ -104,6 +104,23 @@ struct TexCoords {
     MeshAttribute values;
     /// s = dot(sFromPosition.xyz, position) + sFromPosition.w, likewise t. Used only while !values.present().
     Vec4f sFromPosition{0}, tFromPosition{0};
+    /// TextureCoordinateGenerator (18.4.8): coordinates that depend on who looks are made where they are needed, from
+    /// the place, the normal and the view; the affine map above is not used then.
+    enum class Generator : std::uint8_t {
+        none,
+        sphere,
+        cameraSpaceNormal,
+        cameraSpacePosition,
+        cameraSpaceReflection,
+        sphereLocal,
+        coordEye,
+        noise,
+        noiseEye,
+        sphereReflect,
+        sphereReflectLocal,
+    };
+    Generator generator = Generator::none;
+    std::vector<float> parameter;  // as the node has it
     /// X3D 4.0 `mapping`: the name that a texture's mapping field refers to. Empty: the default channel.
     String mapping;
 };
@@ -125,6 +142,12 @@ struct Mesh {
     Array<std::int32_t> triangles;
     std::uint32_t triangleCount = 0;
     std::uint32_t triangleStride = 3;  // 3 or 4 integers
+    /// Lines or points in place of triangles, of which there are none then: whatever looks for triangles finds nothing.
+    /// Stroke i runs from corner 0 to corner 1 of entry i of `triangles`, a point from itself to itself; corner 2 is
+    /// corner 1 again, so attributes are interpolated with v = 0.
+    enum class Strokes : std::uint8_t { none, points, lines };
+    Strokes strokes = Strokes::none;
+    std::uint32_t strokeCount = 0;
     /// Absent: faceted, shade with the geometric normal.
     MeshAttribute normals;
     MeshAttribute colors;

@@ -40,9 +40,12 @@ class Picker {
     Picker(const RayWorld& world, const Flattener& flattener) : world_(&world), flattener_(&flattener) {}
 
     /// The first surface within `maximum` metres; the direction need not be a unit vector.
+    /// Lines and points are as wide as in a picture seen from `origin` whose pixels are `pixel` radians wide; the other
+    /// queries do not meet them. Their `triangle` is the stroke, `point` the one on its axis.
     /// Error: origin or direction not finite, direction zero, origin farther than RayWorld::kMaxCoordinate.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction,
-                     double maximum = std::numeric_limits<double>::infinity()) const;
+                     double maximum = std::numeric_limits<double>::infinity(), double pixel = kPixel) const;
+    static constexpr double kPixel = .001;
     /// The point of any surface nearest to `point` within `maximum` metres. Error: as above.
     Result<Pick> closest(const Vec3d& point, double maximum = std::numeric_limits<double>::infinity()) const;
     /// Every instance that comes within `radius` of `center`, each with its nearest point, nearest first.

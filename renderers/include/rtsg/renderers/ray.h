@@ -22,15 +22,35 @@ struct Ray {
 /// What a ray stands for. A Shape whose castShadow is FALSE lets shadow rays through, and those only.
 enum class RayKind : std::uint32_t { view = 1, shadow = 2, sound = 4 };
 
+/// How wide a pixel is, and seen from where. Lines and points are some pixels wide, so rays meet them only where this
+/// is known: at a point p of one it is as wide as its pixels are at p's depth. One seen through a mirror, or whose
+/// shadow falls somewhere, is the same thing: as wide as it would be if it were looked at where it is.
+struct PixelLens {
+    Vec3f eye{0}, forward{0, 0, -1};  // ray space; unit
+    float spread = 0;                 // of a perspective: metres at a depth of 1 m
+    float size = 0;                   // of a parallel projection: metres everywhere
+    explicit operator bool() const { return spread > 0 || size > 0; }
+};
+
+/// Which parts of what there is are left out: what rays meet there they go on from. Threading: const.
+class RayFilter {
+  public:
+    virtual ~RayFilter() = default;
+    /// Whether anything of an instance may be left out at all.
+    virtual bool concerns(std::uint32_t slot) const = 0;
+    /// Whether a place of it, in ray space, is.
+    virtual bool leavesOut(std::uint32_t slot, const Vec3f& at) const = 0;
+};
+
 constexpr std::uint32_t kNoInstance = 0xFFFFFFFF;
 
 struct Hit {
     float t = std::numeric_limits<float>::infinity();
     std::uint32_t instance = kNoInstance;  // InstanceId::slot, for RayWorld::instance()
-    std::uint32_t triangle = 0;            // index into Mesh's triangles
+    std::uint32_t triangle = 0;            // index into Mesh's triangles, or its strokes
     float u = 0, v = 0;                    // weights of the triangle's second and third corner
     /// Unit, in world space, on the side from which the corners run counter-clockwise in the local frame (so a mirrored
-    /// instance keeps its outside outside).
+    /// instance keeps its outside outside). Of a line or point: back along the ray.
     Vec3f normal{0};
     explicit operator bool() const { return instance != kNoInstance; }
 };

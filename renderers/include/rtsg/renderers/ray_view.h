@@ -121,6 +121,9 @@ class RayView {
     /// Coordinates beyond this (m) are neither traced nor accepted in rays.
     static constexpr float kMaxCoordinate = 1e9f;
 
+    /// By which lines and points are met; none are with the default.
+    const PixelLens& lens() const { return lens_; }
+
   protected:
     struct Tables;  // what is traced
     RayView() = default;
@@ -132,6 +135,23 @@ class RayView {
     RayInstances instances_;
     Vec3d origin_{0};
     std::uint64_t version_ = 0;
+    PixelLens lens_;
+    const RayFilter* filter_ = nullptr;
+
+  private:
+    Hit intersectAll(const Ray& ray, RayKind kind) const;
+    Hit intersectFiltered(Ray ray, RayKind kind) const;
+    std::uint32_t filterHits(RayPacket16& rays, std::uint32_t hits, const float* tMax, RayKind kind) const;
+    bool seesStrokes(RayKind kind) const;
+    void meetStrokes(const Ray& ray, RayKind kind, Hit& hit) const;
+};
+
+/// A view in which lines and points are met, too, and what a filter leaves out is not. The others must outlive it.
+class LensedView final : public RayView {
+  public:
+    LensedView(const RayView& view, const PixelLens& lens, const RayFilter* filter = nullptr) : RayView(view) {
+        lens_ = lens, filter_ = filter;
+    }
 };
 
 }  // namespace rtsg

@@ -58,6 +58,9 @@ struct TexCoordParams {
     Array<Vec4f> point4;  // TextureCoordinate4D
     /// TextureCoordinateGenerator of mode COORD: the position itself, (x, y) as (s, t).
     bool fromPosition = false;
+    /// The other modes.
+    TexCoords::Generator generator = TexCoords::Generator::none;
+    std::vector<float> parameter;
     String mapping;
 };
 
@@ -145,6 +148,24 @@ Mesh tessellate(const Rectangle2DParams& params);
 Mesh tessellate(const TriangleSet2DParams& params);
 Mesh tessellate(const ArcClose2DParams& params, const TessellationOptions& options = {});
 
+/// PointSet, LineSet, IndexedLineSet, Polypoint2D and Polyline2D. Strokes that cannot be are left out with a warning.
+struct StrokeParams {
+    Array<Vec3f> coord;
+    Array<Color> color;
+    Array<ColorRGBA> colorRGBA;  // preferred when both are given
+    Mesh::Strokes kind = Mesh::Strokes::lines;
+    /// Lines: the points of each, as in IndexedLineSet; or how many each takes of `coord` in its order.
+    bool indexed = false;
+    Array<std::int32_t> coordIndex, colorIndex, vertexCount;
+    bool colorPerVertex = true;  // else one a line
+};
+/// The outline of a circle or a part of it; all of it if the angles are equal or a whole turn apart.
+struct Arc2DParams {
+    float startAngle = 0, endAngle = 1.570796f, radius = 1;
+};
+Mesh tessellate(const StrokeParams& params);
+Mesh tessellate(const Arc2DParams& params, const TessellationOptions& options = {});
+
 /// Strings as flat outlines in the plane z = 0, filled by the nonzero rule (clause 15). The em of the font is `size`;
 /// lines follow each other at spacing * size. A string of another `length`, or too long for maxExtent, is scaled along
 /// its line. Letters run to the left where leftToRight is FALSE, those of right-to-left scripts always. Texture: s = x
@@ -167,7 +188,7 @@ struct TextParams {
 Mesh tessellate(const TextParams& params, const TessellationOptions& options = {});
 
 /// The mesh of a geometry node, looked up with its Coordinate, Color, Normal and TextureCoordinate nodes; a PROTO
-/// instance stands for the first node of its body. Points, lines and other geometry without triangles give an
+/// instance stands for the first node of its body. Geometry without triangles, lines or points give an
 /// empty mesh whose diagnostics say so. Diagnostics name the node. Fails when the node is missing or no geometry.
 Result<std::shared_ptr<const Mesh>> tessellate(const Scene& scene, NodeId geometry,
                                                const TessellationOptions& options = {});

@@ -1,0 +1,515 @@
+// Which lines and points there are, and rays among them. Queries neither allocate nor lock.
+#include "strokes.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <initializer_list>
+#include <utility>
+
+namespace rtsg::bvh {
+
+using namespace simd;
+
+// ---- what there is ------------------------------------------------------------------------------------------------
+
+namespace {
+
+void place(StrokeObject& o, const WorldFromLocal& m) {
+    o.rayFromLocal = glm::mat4x3(m);
+    o.localFromRay = glm::mat3(glm::inverse(glm::dmat3(m[0], m[1], m[2])));
+    const glm::mat3 rows = glm::transpose(o.localFromRay);
+    for (int k = 0; k < 3; ++k) o.rowLengths[k] = glm::length(rows[k]);
+}
+
+}  // namespace
+
+std::uint32_t Strokes::add(std::uint32_t slot, std::shared_ptr<const StrokeBvh> bvh, bool isPoints,
+                           std::shared_ptr<const StrokeStyle> style, const WorldFromLocal& rayFromLocal,
+                           const TreeView::Box& box, std::uint32_t kinds) {
+    std::uint32_t object;
+    if (free_.empty()) {
+        object = static_cast<std::uint32_t>(objects_.size());
+        objects_.grow(object + std::size_t{1});
+    } else {
+        object = free_.back();
+        free_.pop_back();
+    }
+    StrokeObject& o = objects_.write(object);
+    o = {};
+    o.bvh = std::move(bvh);
+    place(o, rayFromLocal);
+    o.kinds = kinds, o.slot = slot, o.isPoints = isPoints;
+    if (style) {
+        const float points = style->attenuated() ? style->most : style->pointSize;
+        o.halfWidth = .5f * (isPoints ? points : style->lineWidth);
+    }
+    o.style = std::move(style);
+    widest_ = std::max(widest_, o.halfWidth);
+    tree_.set(object, box);
+    changed_ = true;
+    return object;
+}
+
+void Strokes::move(std::uint32_t object, const WorldFromLocal& rayFromLocal, const TreeView::Box& box) {
+    place(objects_.write(object), rayFromLocal);
+    tree_.set(object, box);
+    changed_ = true;
+}
+
+void Strokes::setKinds(std::uint32_t object, std::uint32_t kinds) {
+    objects_.write(object).kinds = kinds;
+    changed_ = true;
+}
+
+void Strokes::remove(std::uint32_t object) {
+    objects_.write(object) = {};
+    free_.push_back(object);
+    tree_.remove(object);
+    changed_ = true;
+}
+
+void Strokes::commit() {
+    if (!std::exchange(changed_, false)) return;
+    tree_.commit();
+    if (tree_.empty()) widest_ = 0;
+    view_.tree_ = tree_;
+    view_.objects_ = objects_.pages();
+    view_.widest_ = widest_;
+}
+
+StrokeView Strokes::freeze(Pages& pages) const {
+    StrokeView frozen = view_;
+    if (frozen.empty()) return frozen;
+    frozen.tree_ = tree_.freeze(pages.nodes);
+    objects_.freezeInto(pages.objects);
+    frozen.objects_ = pages.objects.data();
+    return frozen;
+}
+
+void Strokes::sweep() {
+    tree_.sweep();
+    objects_.sweep();
+}
+
+std::size_t Strokes::bytes() const {
+    std::size_t bytes = tree_.bytes() + objects_.bytes();
+    for (std::size_t i = 0; i < objects_.size(); ++i)
+        if (objects_[i].bvh) bytes += objects_[i].bvh->bytes();
+    return bytes;
+}
+
+// ---- cones and boxes ----------------------------------------------------------------------------------------------
+
+namespace {
+
+/// One or more rays, as a cone: at a way of t from `origin` they and what they may meet are within reach + growth t.
+struct Cone {
+    Vec3f origin, direction;  // in a tree's frame
+    Vec3f reach, growth;      // by axis
+    float start, end;
+};
+
+constexpr float kSmall = 1e-18f;
+float safeReciprocal(float d) {
+    return 1 / (std::abs(d) < kSmall ? std::copysign(kSmall, d) : d);
+}
+
+/// A box's planes, each moved outwards as fast as the cone grows; met at t = (plane - offset) * inverse. What a ray
+/// passes on its way in makes the start later, what it passes on its way out the end earlier; where the cone grows
+/// faster than it comes nearer, both planes of an axis may be on the way in.
+struct Slabs {
+    float offset[6], inverse[6];
+    bool entry[6];
+    explicit Slabs(const Cone& c) {
+        for (int k = 0; k < 3; ++k) {
+            offset[k] = c.origin[k] + c.reach[k], inverse[k] = safeReciprocal(c.direction[k] + c.growth[k]);
+            offset[3 + k] = c.origin[k] - c.reach[k], inverse[3 + k] = safeReciprocal(c.direction[k] - c.growth[k]);
+            entry[k] = inverse[k] > 0, entry[3 + k] = inverse[3 + k] < 0;
+        }
+    }
+    /// A bit per child that may be met, and from where.
+    std::uint32_t meet(const TreeView::Node& n, float start, float end, F8& near) const {
+        near = all(start);
+        F8 far = all(end);
+        const float* planes = &n.bounds[0][0][0];
+        for (int i = 0; i < 6; ++i) {
+            const F8 t = (load(planes + 8 * i) - offset[i]) * inverse[i];
+            if (entry[i])
+                near = max(near, t);
+            else
+                far = min(far, t);
+        }
+        near *= TreeView::kCloser;
+        return moveMask(near <= far * TreeView::kFarther);
+    }
+};
+
+/// Calls leaf(child) for those that the cone may meet, roughly from near to far; it returns the cone's new end, a
+/// negative one to stop.
+template <class NodeOf, class Leaf>
+void traverseCone(const Cone& cone, NodeOf nodeOf, Leaf leaf) {
+    const Slabs slabs(cone);
+    float end = cone.end;
+    std::array<std::uint64_t, TreeView::kStack> stack;
+    std::size_t top = 0;
+    std::uint32_t current = TreeView::kRoot;
+    alignas(32) float nears[8];
+    for (;;) {
+        if (current & TreeView::kLeaf) {
+            end = leaf(current);
+            if (end < 0) return;
+        } else {
+            const TreeView::Node& n = nodeOf(current);
+            F8 near;
+            std::uint32_t mask = slabs.meet(n, cone.start, end, near);
+            for (int i = 0; i < 8; ++i) mask &= ~(static_cast<std::uint32_t>(n.child[i] == TreeView::kNone) << i);
+            if (mask) {
+                store(nears, near);
+                const auto next = [&] {
+                    const auto i = static_cast<std::uint32_t>(std::countr_zero(mask));
+                    mask &= mask - 1;
+                    return std::uint64_t{std::bit_cast<std::uint32_t>(nears[i])} << 32 | n.child[i];
+                };
+                std::uint64_t best = next();
+                while (mask) {  // NOLINT(bugprone-infinite-loop): next() takes a bit out
+                    const std::uint64_t other = next();
+                    stack[top++] = std::max(best, other);
+                    best = std::min(best, other);
+                }
+                current = static_cast<std::uint32_t>(best);
+                continue;
+            }
+        }
+        const std::uint64_t last = std::uint64_t{std::bit_cast<std::uint32_t>(end)} << 32 | 0xFFFFFFFF;
+        do {
+            if (top == 0) return;
+            --top;
+        } while (stack[top] > last);
+        current = static_cast<std::uint32_t>(stack[top]);
+    }
+}
+
+// ---- rays and strokes ---------------------------------------------------------------------------------------------
+
+V8 broadcast(const Vec3f& v) {
+    return {all(v.x), all(v.y), all(v.z)};
+}
+
+/// What eight pairs of a ray and a stroke have in common.
+struct Width {
+    V8 eye, forward;
+    float spreadSquared, sizeSquared;
+    const StrokeStyle* attenuated = nullptr;
+    float halfWidth;
+
+    Width(const PixelLens& lens, const StrokeObject& o)
+        : eye(broadcast(lens.eye)),
+          forward(broadcast(lens.forward)),
+          spreadSquared(lens.spread * lens.spread),
+          sizeSquared(lens.size * lens.size),
+          halfWidth(o.halfWidth) {
+        if (o.isPoints && o.style && o.style->attenuated()) attenuated = o.style.get();
+    }
+    /// Half, in pixels, squared; `distance` from the eye.
+    F8 halfSquared(F8 distance) const {
+        if (!attenuated) return all(halfWidth * halfWidth);
+        const StrokeStyle& s = *attenuated;
+        const F8 fall = s.attenuation.x + distance * (s.attenuation.y + distance * s.attenuation.z);
+        const F8 half = .5f * min(max(s.pointSize / max(fall, all(1e-6f)), all(s.least)), all(s.most));
+        return half * half;
+    }
+};
+
+struct Met {
+    I8 hit;
+    F8 t, u;
+    F8 pixel;  // metres, where it was met
+};
+
+/// The place on an axis that is fewest pixels away from a ray: that is, what it is apart over its depth. Both grow
+/// evenly along the axis, so it is the place nearest to the ray in a plane on which all of it is projected. Nothing at
+/// or behind the eye can be; where an axis begins there, it is cut off just before.
+F8 nearestInPicture(const V8& apartA, const V8& apartB, F8 depthA, F8 depthB) {
+    constexpr float kCut = 1e-4f;
+    const F8 least = kCut * max(depthA, depthB), difference = depthB - depthA;
+    const F8 first = select(depthA < least, (least - depthA) / difference, all(0));
+    const F8 last = select(depthB < least, (least - depthA) / difference, all(1));
+    const V8 along = apartB - apartA;
+    const F8 z0 = 1.0f / (depthA + first * difference), z1 = 1.0f / (depthA + last * difference);
+    const V8 p0 = (apartA + along * first) * z0, way = (apartA + along * last) * z1 - p0;
+    const F8 square = dot(way, way);
+    const F8 v = select(square > 1e-30f, min(max(-dot(p0, way) / square, all(0)), all(1)), all(0));
+    // Back from the plane: what is half way there is nearer to the nearer end.
+    return first + (last - first) * (v * z1) / max(z0 * (1.0f - v) + z1 * v, all(1e-30f));
+}
+
+/// Eight rays and eight strokes, pair by pair.
+Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width) {
+    const V8 toA = a - o, along = b - a;
+    const F8 dd = 1.0f / dot(d, d), da = dot(d, toA), dw = dot(d, along), ww = dot(along, along);
+    // The place on the axis that the ray's line comes nearest to.
+    const F8 den = ww - dw * dw * dd, num = da * dw * dd - dot(toA, along);
+    F8 u = select(den > 1e-12f * ww, min(max(num / den, all(0)), all(1)), all(0));
+    if (width.spreadSquared > 0) {
+        const F8 depthA = dot(a - width.eye, width.forward), depthB = dot(b - width.eye, width.forward);
+        const V8 fromEye = o - width.eye;
+        const I8 both = (depthA > 0.0f) & (depthB > 0.0f);
+        // What lies across the eye's plane, others than it may see all of.
+        const I8 some = ((depthA > 0.0f) | (depthB > 0.0f)) & (dot(fromEye, fromEye) < 1e-12f * dot(toA, toA));
+        const F8 alongB = (da + dw) * dd;
+        const F8 seen = nearestInPicture(toA - d * (da * dd), toA + along - d * alongB, depthA, depthB);
+        u = select(both | some, min(max(seen, all(0)), all(1)), u);
+    }
+    F8 t = (da + u * dw) * dd;
+    const V8 apart = toA + along * u - d * t, from = a + along * u - width.eye;
+    F8 offset = dot(apart, apart), reach, pixelSquared;
+    if (width.spreadSquared > 0) {
+        // A pixel is as wide as its depth says. Beside the picture's middle, what is seen at an angle f looks longer
+        // by 1 / cos f away from the middle: there the tube is narrower by as much. Beyond 60 degrees it is left as
+        // it is there.
+        const F8 far = dot(from, from), depth = dot(from, width.forward), lean = dot(apart, width.forward);
+        const F8 squared = max(max(depth * depth, .25f * far), all(1e-30f));
+        offset += lean * lean * (far / squared);
+        pixelSquared = width.spreadSquared * squared;
+        reach = width.halfSquared(sqrt(far)) * pixelSquared;
+    } else {
+        pixelSquared = all(width.sizeSquared);
+        reach = width.halfSquared(sqrt(dot(from, from))) * pixelSquared;
+    }
+    t -= sqrt(max(reach - offset, all(0)) * dd);
+    return {offset <= reach, t, u, sqrt(pixelSquared)};
+}
+
+/// Whether a line of this type is there after so many pixels from its start. Each stroke begins its pattern anew.
+bool isDrawn(std::int32_t type, float pixels, float width) {
+    const float unit = std::max(width, 1.0f);
+    const auto within = [&](std::initializer_list<float> pattern) {
+        float length = 0;
+        for (const float part : pattern) length += part;
+        float at = std::fmod(pixels / unit, length);
+        bool on = true;
+        for (const float part : pattern) {
+            if (at < part) return on;
+            at -= part, on = !on;
+        }
+        return on;
+    };
+    switch (type) {
+        case 2:
+            return within({8, 4});
+        case 3:
+            return within({2, 4});
+        case 4:
+            return within({8, 4, 2, 4});
+        case 5:
+            return within({8, 4, 2, 4, 2, 4});
+        default:
+            return true;
+    }
+}
+
+constexpr float kRoom = 1.01f;  // for where the entry lies before the place nearest to the axis, and roundings
+
+/// The factor that bounds a pixel's width by the way along a ray: beyond the axis' distance from the eye by the width.
+float growthOf(const PixelLens& lens, float halfWidth) {
+    const float slope = std::min(halfWidth * lens.spread, .5f);
+    return halfWidth * lens.spread * kRoom / (1 - slope);
+}
+
+}  // namespace
+
+/// The rays of a query: one, or those of a packet that run together. `spread`: by how much they differ from the middle
+/// one, at its origin and in direction.
+struct StrokeView::Rays {
+    static constexpr std::int32_t kNoSlot = -1;
+    Vec3f origin, direction;  // of the middle; unit
+    float originSpread = 0, directionSpread = 0;
+    float start = 0, end = 0;  // metres
+    V8 o[2], d[2];
+    F8 tMin[2], tMax[2], length[2];
+    I8 active[2];
+    F8 u[2];
+    I8 hitSlot[2], hitStroke[2];
+    int halves = 2;
+
+    Rays() {
+        for (int h = 0; h < 2; ++h) hitSlot[h] = I8{} + kNoSlot, hitStroke[h] = I8{}, u[h] = F8{};
+    }
+    explicit Rays(const Ray& ray) : Rays() {
+        const float size = glm::length(ray.direction);
+        origin = ray.origin, direction = ray.direction / size;
+        start = ray.tMin * size;
+        halves = 1;
+        o[0] = broadcast(ray.origin), d[0] = broadcast(ray.direction);
+        tMin[0] = all(ray.tMin), tMax[0] = all(ray.tMax), length[0] = all(size);
+        active[0] = I8{-1};  // one lane of eight
+        findEnd();
+    }
+    void findEnd() {
+        F8 last = all(-HUGE_VALF);
+        for (int h = 0; h < halves; ++h) last = max(last, select(active[h], tMax[h] * length[h], last));
+        end = largest(last);
+    }
+};
+
+template <bool kAny>
+void StrokeView::traverse(Rays& rays, const PixelLens& lens, RayKind kind) const {
+    const float away = glm::length(rays.origin - lens.eye) + rays.originSpread;
+    const auto coneOf = [&](float halfWidth) {
+        const float growth = growthOf(lens, halfWidth);
+        Cone cone;
+        cone.origin = rays.origin, cone.direction = rays.direction;
+        cone.reach = Vec3f(rays.originSpread + growth * away + kRoom * halfWidth * lens.size);
+        cone.growth = Vec3f(rays.directionSpread + growth);
+        cone.start = rays.start, cone.end = rays.end;
+        return cone;
+    };
+    const auto inObject = [&](std::uint32_t index) {
+        const StrokeObject& o = object(index & ~TreeView::kLeaf);
+        if (!(o.kinds & static_cast<std::uint32_t>(kind)) || !o.bvh || o.bvh->nodes().empty()) return rays.end;
+        Cone cone = coneOf(o.halfWidth);
+        cone.origin = o.localFromRay * (cone.origin - o.rayFromLocal[3]);
+        cone.direction = o.localFromRay * cone.direction;
+        cone.reach *= o.rowLengths, cone.growth *= o.rowLengths;
+        cone.end = rays.end;
+        const Width width(lens, o);
+        const std::int32_t type = o.style && !o.isPoints ? o.style->lineType : 1;
+        const TreeView::Node* nodes = o.bvh->nodes().data();
+        const StrokeBvh::Stroke* strokes = o.bvh->strokes().data();
+        traverseCone(
+            cone, [&](std::uint32_t i) -> const TreeView::Node& { return nodes[i]; },
+            [&](std::uint32_t leaf) {
+                const std::uint32_t first = StrokeBvh::firstOf(leaf), count = StrokeBvh::countOf(leaf);
+                bool found = false;
+                for (std::uint32_t i = first; i < first + count; ++i) {
+                    const Vec3f a = o.rayFromLocal * Vec4f(strokes[i].a, 1),
+                                b = o.rayFromLocal * Vec4f(strokes[i].b, 1);
+                    for (int h = 0; h < rays.halves; ++h) {
+                        Met m = rtsg::bvh::meet(rays.o[h], rays.d[h], broadcast(a), broadcast(b), width);
+                        m.hit &= (m.t >= rays.tMin[h]) & (m.t <= rays.tMax[h]) & rays.active[h];
+                        if (!any(m.hit)) continue;
+                        if (type > 1) {
+                            const float size = glm::length(b - a);
+                            for (int k = 0; k < 8; ++k)
+                                if (m.hit[k] && !isDrawn(type, m.u[k] * size / m.pixel[k], 2 * o.halfWidth))
+                                    m.hit[k] = 0;
+                            if (!any(m.hit)) continue;
+                        }
+                        found = true;
+                        rays.tMax[h] = select(m.hit, kAny ? all(-HUGE_VALF) : m.t, rays.tMax[h]);
+                        rays.u[h] = select(m.hit, m.u, rays.u[h]);
+                        rays.hitSlot[h] = m.hit ? I8{} + static_cast<std::int32_t>(o.slot) : rays.hitSlot[h];
+                        rays.hitStroke[h] =
+                            m.hit ? I8{} + static_cast<std::int32_t>(strokes[i].number) : rays.hitStroke[h];
+                        if constexpr (kAny) rays.active[h] &= ~m.hit;
+                    }
+                }
+                if (found) rays.findEnd();
+                return rays.end;
+            });
+        return rays.end;
+    };
+    const auto node = [&](std::uint32_t i) -> const TreeView::Node& {
+        return tree_.nodePages()[i >> TreeView::kPageBits][i & (TreeView::kPerPage - 1)];
+    };
+    traverseCone(coneOf(widest_), node, inObject);
+}
+
+bool StrokeView::intersect(const Ray& ray, const PixelLens& lens, RayKind kind, StrokeHit& hit) const {
+    Rays rays(ray);
+    traverse<false>(rays, lens, kind);
+    if (rays.hitSlot[0][0] == Rays::kNoSlot) return false;
+    hit = {rays.tMax[0][0], rays.u[0][0], static_cast<std::uint32_t>(rays.hitSlot[0][0]),
+           static_cast<std::uint32_t>(rays.hitStroke[0][0])};
+    return true;
+}
+
+bool StrokeView::occluded(const Ray& ray, const PixelLens& lens, RayKind kind) const {
+    Rays rays(ray);
+    traverse<true>(rays, lens, kind);
+    return rays.hitSlot[0][0] != Rays::kNoSlot;
+}
+
+template <bool kAny>
+std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid, const PixelLens& lens,
+                                 RayKind kind) const {
+    Rays rays;
+    Vec3f low(HUGE_VALF), high(-HUGE_VALF), sum(0);
+    int count = 0;
+    rays.start = HUGE_VALF;
+    Vec3f units[16];
+    for (int i = 0; i < 16; ++i) {
+        if (!valid[i] || packet.tMax[i] < packet.tMin[i]) continue;
+        const Vec3f o(packet.originX[i], packet.originY[i], packet.originZ[i]);
+        const Vec3f d(packet.directionX[i], packet.directionY[i], packet.directionZ[i]);
+        const float length = glm::length(d);
+        units[i] = d / length;
+        low = glm::min(low, o), high = glm::max(high, o);
+        sum += units[i];
+        rays.start = std::min(rays.start, packet.tMin[i] * length);
+        ++count;
+    }
+    if (count == 0) return 0;
+    for (int h = 0; h < 2; ++h) {
+        const int at = 8 * h;
+        rays.o[h] = {load(packet.originX + at), load(packet.originY + at), load(packet.originZ + at)};
+        rays.d[h] = {load(packet.directionX + at), load(packet.directionY + at), load(packet.directionZ + at)};
+        rays.length[h] = sqrt(dot(rays.d[h], rays.d[h]));
+        rays.tMin[h] = load(packet.tMin + at), rays.tMax[h] = load(packet.tMax + at);
+        for (int k = 0; k < 8; ++k) rays.active[h][k] = valid[at + k] && rays.tMax[h][k] >= rays.tMin[h][k] ? -1 : 0;
+    }
+    // Rays that run together look for boxes as one; others each for itself.
+    constexpr float kTogether = .05f;
+    const float size = glm::length(sum);
+    rays.direction = size > 0 ? sum / size : Vec3f(0, 0, 1);
+    rays.origin = .5f * (low + high);
+    rays.originSpread = .5f * glm::length(high - low);
+    for (int i = 0; i < 16; ++i)
+        if (rays.active[i / 8][i % 8])
+            rays.directionSpread = std::max(rays.directionSpread, glm::length(units[i] - rays.direction));
+    if (rays.directionSpread <= kTogether) {
+        rays.directionSpread *= kRoom, rays.originSpread *= kRoom;
+        rays.findEnd();
+        traverse<kAny>(rays, lens, kind);
+    } else {
+        const I8 active[2] = {rays.active[0], rays.active[1]};
+        for (int i = 0; i < 16; ++i) {
+            if (!active[i / 8][i % 8]) continue;
+            Rays one(Ray{{packet.originX[i], packet.originY[i], packet.originZ[i]},
+                         packet.tMin[i],
+                         {packet.directionX[i], packet.directionY[i], packet.directionZ[i]},
+                         packet.tMax[i]});
+            traverse<kAny>(one, lens, kind);
+            const int h = i / 8, k = i % 8;
+            rays.tMax[h][k] = one.tMax[0][0], rays.u[h][k] = one.u[0][0];
+            rays.hitSlot[h][k] = one.hitSlot[0][0], rays.hitStroke[h][k] = one.hitStroke[0][0];
+        }
+    }
+    std::uint32_t hits = 0;
+    for (int i = 0; i < 16; ++i) {
+        const int h = i / 8, k = i % 8;
+        if (rays.hitSlot[h][k] == Rays::kNoSlot) continue;
+        hits |= 1u << i;
+        packet.tMax[i] = rays.tMax[h][k];
+        if constexpr (kAny) continue;
+        packet.u_[i] = rays.u[h][k], packet.v_[i] = 0;
+        packet.prim_[i] = static_cast<std::uint32_t>(rays.hitStroke[h][k]);
+        packet.geom_[i] = static_cast<std::uint32_t>(rays.hitSlot[h][k]);
+        packet.inst_[i] = kResolved;
+        packet.normalX_[i] = -units[i].x, packet.normalY_[i] = -units[i].y, packet.normalZ_[i] = -units[i].z;
+    }
+    return hits;
+}
+
+std::uint32_t StrokeView::intersect(RayPacket16& rays, const std::int32_t* valid, const PixelLens& lens,
+                                    RayKind kind) const {
+    return packet<false>(rays, valid, lens, kind);
+}
+
+std::uint32_t StrokeView::occluded(RayPacket16& rays, const std::int32_t* valid, const PixelLens& lens,
+                                   RayKind kind) const {
+    return packet<true>(rays, valid, lens, kind);
+}
+
+}  // namespace rtsg::bvh

@@ -1,0 +1,104 @@
+// Strokes: all lines and points there are to trace, beside the triangles of top.h, and what queries see of them.
+//
+// Invariant: as of TopView: a frozen StrokeView answers as the Strokes did at that moment. Rays that reach it have been
+// checked. A stroke is met where a ray enters it: a tube (or ball) as thick at each point of its axis as the style's
+// pixels are there; squeezed towards the middle of the picture as perspective stretches away from it, so that its width
+// is the same everywhere in the picture.
+// Threading: changes on one thread; tracing from any, in between; frozen views from any at any time.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include <rtsg/renderers/instance_delta.h>
+#include <rtsg/renderers/ray.h>
+
+#include "instance_tree.h"
+#include "stroke_bvh.h"
+
+namespace rtsg::bvh {
+
+/// The strokes of one instance.
+struct StrokeObject {
+    std::shared_ptr<const StrokeBvh> bvh;
+    std::shared_ptr<const StrokeStyle> style;  // null: the default
+    glm::mat4x3 rayFromLocal{1.0f};
+    glm::mat3 localFromRay{1.0f};  // of points relative to the translation
+    Vec3f rowLengths{1};           // of localFromRay
+    std::uint32_t kinds = 0, slot = kNoInstance;
+    float halfWidth = .5f;  // pixels, at most
+    bool isPoints = false;
+};
+
+struct StrokeHit {
+    float t = 0, u = 0;
+    std::uint32_t slot = kNoInstance, stroke = 0;
+};
+
+class StrokeView {
+  public:
+    bool empty() const { return tree_.empty(); }
+    /// The nearest within [tMin, tMax]; false: none.
+    bool intersect(const Ray& ray, const PixelLens& lens, RayKind kind, StrokeHit& hit) const;
+    bool occluded(const Ray& ray, const PixelLens& lens, RayKind kind) const;
+    /// Lanes with all-ones in `valid` are traced, up to their tMax, which is lowered to that of the hit. Hits are noted
+    /// in the packet's private members, as kResolved has it. Returns a bit per lane that hit something.
+    std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, const PixelLens& lens, RayKind kind) const;
+    /// Blocked lanes end with tMax -inf. Returns a bit for each.
+    std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, const PixelLens& lens, RayKind kind) const;
+
+    /// inst_ of a packet's lane whose geom_ is the slot already, and whose normal is in ray space.
+    static constexpr std::uint32_t kResolved = 0xFFFFFFFE;
+    static bool isResolved(std::uint32_t inst) { return inst == kResolved; }
+
+  private:
+    friend class Strokes;
+    static constexpr std::size_t kObjectsPerPage = 16;
+    struct Rays;
+    template <bool kAny>
+    void traverse(Rays& rays, const PixelLens& lens, RayKind kind) const;
+    template <bool kAny>
+    std::uint32_t packet(RayPacket16& rays, const std::int32_t* valid, const PixelLens& lens, RayKind kind) const;
+    const StrokeObject& object(std::uint32_t i) const { return objects_[i / kObjectsPerPage][i % kObjectsPerPage]; }
+
+    TreeView tree_;
+    const StrokeObject* const* objects_ = nullptr;
+    float widest_ = 0;  // half, pixels
+};
+
+class Strokes {
+  public:
+    explicit Strokes(const Versions* versions) : tree_(versions), objects_(versions) {}
+
+    /// `rayFromLocal` has an inverse; the box is that of the result, in ray space. Returns its number.
+    std::uint32_t add(std::uint32_t slot, std::shared_ptr<const StrokeBvh> bvh, bool isPoints,
+                      std::shared_ptr<const StrokeStyle> style, const WorldFromLocal& rayFromLocal,
+                      const TreeView::Box& box, std::uint32_t kinds);
+    void move(std::uint32_t object, const WorldFromLocal& rayFromLocal, const TreeView::Box& box);
+    void setKinds(std::uint32_t object, std::uint32_t kinds);
+    void remove(std::uint32_t object);
+    void commit();
+
+    const StrokeView& view() const { return view_; }
+    struct Pages {
+        std::vector<const TreeView::Node*> nodes;
+        std::vector<const StrokeObject*> objects;
+    };
+    StrokeView freeze(Pages& pages) const;
+    /// After Versions::refresh(), when somebody has let go.
+    void sweep();
+    bool empty() const { return tree_.empty(); }
+    /// Tables, and each tree as often as it is used.
+    std::size_t bytes() const;
+
+  private:
+    InstanceTree tree_;
+    Paged<StrokeObject, StrokeView::kObjectsPerPage> objects_;
+    std::vector<std::uint32_t> free_;
+    float widest_ = 0;
+    bool changed_ = false;
+    StrokeView view_;
+};
+
+}  // namespace rtsg::bvh

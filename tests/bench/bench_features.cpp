@@ -1,0 +1,272 @@
+// Features: what Text, lines and points take, and what each kind of content costs a picture that does not show it.
+#include <algorithm>
+#include <random>
+
+#include <embree3/rtcore.h>
+#include <fmt/format.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/image.h>
+#include <rtsg/renderers/tessellate.h>
+#include <rtsg/renderers/tessellator.h>
+
+#include "bench.h"
+
+namespace rtsg::bench {
+
+namespace {
+
+/// A scene, its world and pictures of it, on one thread.
+struct Stage {
+    Scene scene;
+    std::unique_ptr<SharedWorld> world;
+    std::unique_ptr<LightRenderer> light;
+    ImageOptions options;
+    RenderStats stats;
+
+    explicit Stage(const std::string& body, bool quick) {
+        Diagnostics diagnostics;
+        (void)loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + body, diagnostics);
+        world = std::make_unique<SharedWorld>(scene);
+        light = std::make_unique<LightRenderer>(*world);
+        scene.newFrame(0);
+        options.settings.width = quick ? 320 : 1280, options.settings.height = quick ? 180 : 720;
+        options.settings.threads = 1;
+        world->rays();
+        world->finishBackgroundWork();
+    }
+    /// CPU seconds.
+    double picture() {
+        const double start = cpuSeconds();
+        const auto made = light->picture(options, &stats);
+        if (made) keep(made->pixels.data());
+        return cpuSeconds() - start;
+    }
+};
+
+/// A box that the eye is in, some balls in it, a lamp with shadows.
+std::string room() {
+    std::string text =
+        "Viewpoint { position 0 0 8 } NavigationInfo { headlight FALSE } PointLight { location 0 3 4 }\n"
+        "Shape { appearance Appearance { material Material { } } geometry Box { size 18 8 26 solid FALSE } }\n";
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> place(-6, 6);
+    for (int i = 0; i < 60; ++i)
+        text += fmt::format(
+            "Transform {{ translation {} {} {} children Shape {{ appearance Appearance {{ material Material "
+            "{{ specularColor .5 .5 .5 }} }} geometry Sphere {{ radius .7 }} }} }}\n",
+            place(random), .4 * place(random), place(random) - 6);
+    return text;
+}
+
+struct Feature {
+    const char* name;
+    const char* text;
+};
+constexpr Feature kFeatures[] = {
+    {"Text", "Shape { geometry Text { string \"unseen\" } }"},
+    {"lines", "Shape { geometry IndexedLineSet { coordIndex [ 0 1 ] coord Coordinate { point [ 0 0 0, 1 0 0 ] } } }"},
+    {"points", "Shape { geometry PointSet { coord Coordinate { point [ 0 0 0 ] } } }"},
+    {"a clear square of 1 mm",
+     "Shape { appearance Appearance { material Material { transparency .5 } } geometry Rectangle2D { size .001 .001 } "
+     "}"},
+    {"Billboard", "Billboard { children Shape { geometry Box { } } }"},
+    {"ClipPlane", "Group { children [ ClipPlane { } Shape { geometry Box { } } ] }"},
+    {"TextureCoordinateGenerator",
+     "Shape { appearance Appearance { texture PixelTexture { image 1 1 1 255 } } geometry IndexedFaceSet { coordIndex "
+     "[ 0 1 2 ] "
+     "texCoord TextureCoordinateGenerator { } coord Coordinate { point [ 0 0 0, 1 0 0, 0 1 0 ] } } }"},
+};
+
+/// Pictures of both in turn; the median of how much longer the other takes.
+double ratio(Stage& plain, Stage& other, int times) {
+    std::vector<double> ratios;
+    plain.picture(), other.picture();
+    for (int i = 0; i < times; ++i) {
+        const double before = plain.picture(), now = other.picture(), after = plain.picture();
+        ratios.push_back(2 * now / (before + after));
+    }
+    return median(ratios);
+}
+
+void unused(const Report& report, bool quick) {
+    Stage plain(room(), quick), same(room(), quick);
+    const int times = quick ? 3 : 15;
+    const double floor = ratio(plain, same, times);
+    const auto line = [&](const std::string& name, Stage& other, const char* limitName, double limit) {
+        report({"features", name, "time of a picture", "times that without", ratio(plain, other, times),
+                "the same scene twice", floor, limitName, limit});
+    };
+    for (const Feature& f : kFeatures) {
+        Stage beside(room() + fmt::format("Transform {{ translation 0 0 100 children [ {} ] }}", f.text), quick);
+        line(fmt::format("a room with {} where no ray comes", f.name), beside, "wanted at most", 1.01);
+        Stage within(room() + f.text, quick);
+        line(fmt::format("a room with {} in its middle", f.name), within, "", 0);
+    }
+}
+
+void text(const Report& report, bool quick) {
+    const int lines = quick ? 12 : 125;
+    std::mt19937 random(1);
+    std::uniform_int_distribution<int> letter('!', '~');
+    TextParams page;
+    page.family = {"SANS"};
+    for (int i = 0; i < lines; ++i) {
+        std::string& line = page.strings.emplace_back();
+        for (int k = 0; k < 80; ++k) line += static_cast<char>(letter(random));
+    }
+    std::vector<double> seconds, again;
+    Scene scene;
+    const NodeId node = scene.createNode(x3d::Text::type);
+    Array<String> strings;
+    for (const std::string& line : page.strings) strings.push_back(String(line));
+    (void)scene.set(node, x3d::Text::string, strings);
+    (void)tessellate(page);  // fonts are found once a process
+    for (int i = 0; i < 9; ++i) {
+        double start = cpuSeconds();
+        keep(tessellate(page));
+        seconds.push_back(cpuSeconds() - start);
+        static Tessellator warm;
+        start = cpuSeconds();
+        keep(warm.mesh(scene, node));
+        again.push_back(cpuSeconds() - start);
+    }
+    // Every letter cut by itself.
+    double start = cpuSeconds();
+    TextParams one = page;
+    const int sample = quick ? 40 : 400;
+    for (int i = 0; i < sample; ++i) {
+        one.strings = {page.strings[static_cast<std::size_t>(i) / 80].substr(static_cast<std::size_t>(i) % 80, 1)};
+        keep(tessellate(one));
+    }
+    const double alone = (cpuSeconds() - start) / sample * lines * 80;
+    const std::string name = fmt::format("a page of {} glyphs", lines * 80);
+    report({"features", name, "mesh, no glyph known", "ms", median(seconds) * 1e3, "each glyph by itself", alone * 1e3,
+            "wanted at most", 50});
+    report({"features", name, "mesh, glyphs known", "ms", median(again) * 1e3, "each glyph by itself", alone * 1e3,
+            "wanted at most", 50});
+}
+
+/// `corner(random)` makes the text of one thing's corners; all are of one node.
+std::string many(int count, const char* head, const char* index, int corners, float size) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<float> place(-4, 4), step(-size, size);
+    std::string text =
+        "Viewpoint { position 0 0 10 } Shape { appearance Appearance { material UnlitMaterial { } } geometry ";
+    text += head;
+    std::string points;
+    std::string indices;
+    for (int i = 0; i < count; ++i) {
+        const Vec3f at(place(random), place(random), place(random));
+        for (int k = 0; k < corners; ++k) {
+            const Vec3f p = k == 0 ? at : at + Vec3f(step(random), step(random), step(random));
+            points += fmt::format("{} {} {},", p.x, p.y, p.z);
+            indices += fmt::format("{} ", i * corners + k);
+        }
+        if (corners == 2) indices += "-1 ";
+    }
+    if (*index) text += fmt::format(" {} [ {} ]", index, indices);
+    return text + " coord Coordinate { point [" + points + "] } } }";
+}
+
+/// The least that an eye that moves would cost if widths were part of the BVH.
+double embreeRebuild(const Mesh& mesh) {
+    RTCDevice device = rtcNewDevice("threads=1");
+    RTCScene scene = rtcNewScene(device);
+    rtcSetSceneFlags(scene, RTC_SCENE_FLAG_DYNAMIC);
+    rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_LOW);
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_ROUND_LINEAR_CURVE);
+    auto* points = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4,
+                                                               16, std::size_t{mesh.strokeCount} * 2));
+    auto* index = static_cast<unsigned*>(
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, mesh.strokeCount));
+    for (unsigned i = 0; i < mesh.strokeCount; ++i) {
+        for (unsigned k = 0; k < 2; ++k) {
+            const Vec3f p = mesh.vertex(i, k);
+            float* to = points + 4 * (2 * i + k);
+            to[0] = p.x, to[1] = p.y, to[2] = p.z, to[3] = .005f;
+        }
+        index[i] = 2 * i;
+    }
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometry(scene, geometry);
+    rtcCommitScene(scene);
+    std::vector<double> times;
+    for (int i = 0; i < 5; ++i) {
+        const double start = cpuSeconds();
+        for (std::size_t k = 0; k < std::size_t{mesh.strokeCount} * 2; ++k) points[4 * k + 3] *= 1.01f;
+        rtcUpdateGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0);
+        rtcCommitGeometry(geometry);
+        rtcCommitScene(scene);
+        times.push_back(cpuSeconds() - start);
+    }
+    rtcReleaseGeometry(geometry);
+    rtcReleaseScene(scene);
+    rtcReleaseDevice(device);
+    return median(times);
+}
+
+void strokes(const Report& report, bool quick) {
+    const int count = quick ? 2000 : 100'000, times = quick ? 2 : 7;
+    Stage triangles(many(count, "IndexedTriangleSet { solid FALSE", "index", 3, .06f), quick);
+    Stage lines(many(count, "IndexedLineSet {", "coordIndex", 2, .06f), quick);
+    Stage points(many(count, "PointSet {", "", 1, 0), quick);
+    const auto rate = [&](Stage& stage) {
+        std::vector<double> rates;
+        stage.picture();
+        for (int i = 0; i < times; ++i) {
+            const double seconds = stage.picture();
+            rates.push_back(static_cast<double>(stage.stats.primaryRays) / seconds * 1e-6);
+        }
+        return median(rates);
+    };
+    const double reference = rate(triangles);
+    for (Stage* stage : {&lines, &points})
+        report({"features", fmt::format("{} {} in a picture", count, stage == &lines ? "lines" : "points"),
+                "primary rays", "M/s", rate(*stage), "as many triangles", reference, "wanted at least",
+                .5 * reference});
+    StrokeParams params;
+    std::mt19937 random(5);
+    std::uniform_real_distribution<float> place(-4, 4);
+    params.coord = Array<Vec3f>::ofSize(2 * static_cast<std::size_t>(count));
+    Vec3f* out = params.coord.mutableData();
+    for (int i = 0; i < count; ++i) {
+        const Vec3f at(place(random), place(random), place(random));
+        *out++ = at, *out++ = at + .01f * Vec3f(place(random), place(random), place(random));
+        params.vertexCount.push_back(2);
+    }
+    const Mesh mesh = tessellate(params);
+    double start = cpuSeconds();
+    RayWorld world;
+    InstanceDelta delta;
+    Instance instance;
+    instance.id = {0, 0}, instance.shape = instance.geometry = NodeId{1};
+    delta.geometries.push_back({instance.geometry, std::make_shared<Mesh>(mesh)});
+    delta.added.push_back(instance);
+    world.apply(delta);
+    const double built = cpuSeconds() - start;
+    delta.clear();
+    auto moved = std::make_shared<Mesh>(mesh);
+    Vec3f* p = moved->positions.mutableData();
+    for (std::size_t i = 0; i < moved->positions.size(); ++i) p[i].y += .01f * std::sin(p[i].x);
+    delta.geometries.push_back({instance.geometry, moved});
+    start = cpuSeconds();
+    world.apply(delta);
+    const double refitted = cpuSeconds() - start;
+    const double embree = embreeRebuild(mesh);
+    report({"features", fmt::format("{} lines that change", count), "their tree", "ms", refitted * 1e3, "built anew",
+            built * 1e3, "Embree's curves, rebuilt", embree * 1e3});
+    report({"features", fmt::format("{} lines and an eye that moves", count), "their tree", "ms", 0,
+            "Embree's curves, rebuilt", embree * 1e3, "", 0});
+}
+
+}  // namespace
+
+void features(const Report& report, bool quick) {
+    text(report, quick);
+    strokes(report, quick);
+    unused(report, quick);
+}
+
+}  // namespace rtsg::bench

@@ -1,0 +1,253 @@
+// Lines and points in pictures: how many pixels they cover, their colours, shadows, mirror images, and that they follow
+// the scene; against closed forms.
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/picking.h>
+
+#include "light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+/// In pixels.
+double covered(const Picture& p) {
+    double sum = 0;
+    for (const Vec4f& pixel : p.pixels) sum += pixel.g;
+    return sum;
+}
+std::string points(const std::string& places, double size, const char* color = "1 1 1") {
+    return fmt::format(
+        "Shape {{ appearance Appearance {{ {} pointProperties DEF P PointProperties {{ "
+        "pointSizeScaleFactor {} }} }} geometry DEF G PointSet {{ coord DEF C Coordinate {{ point [ {} ] }} }} }}",
+        unlit(color), size, places);
+}
+std::string lines(const std::string& places, double width, const char* more = "", const char* style = "",
+                  const char* color = "1 1 1") {
+    return fmt::format(
+        "Shape {{ appearance Appearance {{ {} lineProperties DEF L LineProperties {{ linewidthScaleFactor {} {} }} }} "
+        "geometry DEF G IndexedLineSet {{ coordIndex [ 0 1 -1 ] coord DEF C Coordinate {{ point [ {} ] }} {} }} }}",
+        unlit(color), width, style, places, more);
+}
+const std::string kParallel = "OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } ";  // 50 pixels a metre of 200
+
+/// 200 x 200 pixels of 16 samples each.
+struct Fine : LightScene {
+    explicit Fine(const std::string& body, Integrator integrator = Integrator::whitted) : LightScene(body, 200, 200) {
+        options.settings.samplesPerPixel = 16;
+        options.settings.integrator = integrator;
+    }
+};
+
+TEST(StrokesInPictures, APointIsADiscOfItsPixels) {
+    const double disc = kPi * 100;  // of 20 pixels
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        EXPECT_NEAR(covered(Fine(kParallel + points("0 0 0", 20), integrator).picture()), disc, 3);
+        EXPECT_NEAR(covered(Fine(points("0 0 0", 20), integrator).picture()), disc, 3) << "10 m from the eye";
+        EXPECT_NEAR(covered(Fine(points("0 0 -990", 20), integrator).picture()), disc, 3) << "1000 m from it";
+    }
+    EXPECT_NEAR(covered(Fine(kParallel + lines("-1 0 0, 1 0 0", .1)).picture()), 100, 2) << "at least one pixel";
+}
+
+// At 40 degrees from the middle a ball would look longer by 1 / cos 40: 30 %.
+TEST(StrokesInPictures, WidthIsTheSameEverywhereInThePicture) {
+    const std::string wide = "Viewpoint { position 0 0 0 fieldOfView 1.8 } ";
+    for (const char* place : {"0 0 -5", "4 0 -5", "0 -4.2 -5", "4 4 -5", "40 30 -50"})
+        EXPECT_NEAR(covered(Fine(wide + points(place, 20)).picture()), kPi * 100, 8) << place;
+    // 158.7 pixels are 2 tan .9 times the depth.
+    const double pixels = 200 / (2 * std::tan(.9));
+    for (const double x : {0.0, 4.0}) {
+        const double length = pixels * 4 / 5, caps = kPi * 25;
+        EXPECT_NEAR(covered(Fine(wide + lines(fmt::format("{0} -2 -5, {0} 2 -5", x), 10)).picture()),
+                    10 * length + caps, .02 * 10 * length)
+            << x;
+    }
+}
+
+TEST(StrokesInPictures, ALineIsARectangleWithRoundEnds) {
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path})
+        for (const double width : {1.0, 7.0}) {
+            const double expected = width * 100 + kPi * width * width / 4;  // 2 m of 50 pixels each
+            EXPECT_NEAR(covered(Fine(kParallel + lines("-1 0 0, 1 0 0", width), integrator).picture()), expected,
+                        .01 * expected);
+            EXPECT_NEAR(covered(Fine(kParallel + lines("-.6 -.8 0, .6 .8 0", width), integrator).picture()), expected,
+                        .01 * expected);
+        }
+}
+
+// Its width follows the depth along it: the picture of a line that leads away is straight and as wide everywhere.
+TEST(StrokesInPictures, ALineThatLeadsAwayKeepsItsWidth) {
+    const Picture p = Fine(lines("0 -1 5, 0 -20 -390", 6)).picture();
+    const auto rowSum = [&](int y) {
+        double sum = 0;
+        for (int x = 0; x < p.width; ++x) sum += p.at(x, y).g;
+        return sum;
+    };
+    std::vector<double> rows;
+    for (int y = 0; y < p.height; ++y)
+        if (rowSum(y) > 0) rows.push_back(rowSum(y));
+    ASSERT_GT(rows.size(), 20u);
+    for (std::size_t i = 4; i + 4 < rows.size(); ++i) EXPECT_NEAR(rows[i], 6, .1) << i << ", and its ends are round";
+}
+
+TEST(StrokesInPictures, ColoursRunAlongLinesAndStayOnPoints) {
+    LightScene s(kParallel + lines("-1 0 0, 1 0 0", 10, "color Color { color [ 1 0 0, 0 1 .5 ] }"), 201, 201);
+    const Picture p = s.picture();
+    const double pixel = 4.0 / 201;
+    for (const int x : {60, 100, 140}) {
+        const double u = ((x + .5) * pixel - 2 + 1) / 2;
+        expectColor(Vec3f(p.at(x, 100)), Vec3d(1 - u, u, .5 * u), 2e-3);
+    }
+    LightScene byLine(
+        kParallel +
+            "Shape { geometry IndexedLineSet { colorPerVertex FALSE coordIndex [ 0 1 -1 2 3 -1 ] colorIndex [ 1 "
+            "0 ] color Color { color [ 0 0 1, 1 0 0 ] } coord Coordinate { point [ -1 1 0, 1 1 0, -1 -1 0, "
+            "1 -1 0 ] } } }",
+        201, 201);
+    EXPECT_EQ(Vec3f(byLine.picture().at(100, 50)), Vec3f(1, 0, 0));
+    EXPECT_EQ(Vec3f(byLine.picture().at(100, 150)), Vec3f(0, 0, 1));
+    LightScene dots(
+        kParallel +
+            "Shape { geometry PointSet { color ColorRGBA { color [ 1 0 0 1, 0 1 0 .5 ] } coord Coordinate { "
+            "point [ -1 0 0, 1 0 0 ] } } }",
+        201, 201);
+    EXPECT_EQ(Vec3f(dots.picture().at(50, 100)), Vec3f(1, 0, 0));
+    EXPECT_EQ(Vec3f(dots.picture().at(150, 100)), Vec3f(0, .5f, 0)) << "half of it is the black behind";
+}
+
+// Nothing but what it shines with: emissiveColor of a Material, and no light.
+TEST(StrokesInPictures, TheColourIsWhatTheMaterialShinesWith) {
+    LightScene s(
+        "DirectionalLight { } Shape { appearance Appearance { material Material { diffuseColor 1 0 0 emissiveColor "
+        ".25 .5 .75 } pointProperties PointProperties { pointSizeScaleFactor 9 } } geometry PointSet { coord "
+        "Coordinate { point 0 0 0 } } }");
+    EXPECT_EQ(s.center(), Vec3f(.25f, .5f, .75f));
+}
+
+TEST(StrokesInPictures, TheNearerOneIsSeen) {
+    const auto at = [&](double z) {
+        return LightScene(square(.5, unlit("1 0 0")) + points(fmt::format("0 0 {}", z), 3)).center();
+    };
+    EXPECT_EQ(at(1), Vec3f(1));
+    EXPECT_EQ(at(-1), Vec3f(1, 0, 0));
+    EXPECT_EQ(at(0), Vec3f(1)) << "on a surface, half of it is before it";
+    EXPECT_EQ(at(11), Vec3f(1, 0, 0)) << "behind the eye";
+}
+
+TEST(StrokesInPictures, ThrowShadowsAsThickAsTheyAre) {
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        const std::string wall =
+            "NavigationInfo { headlight FALSE } DirectionalLight { direction 0 0 -1 } " + square(10, matte("1 1 1"));
+        // They are black, or a path would find their light. The eye is between them and the wall, so that the shadow
+        // alone is in the picture.
+        const std::string eye = "OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] position 0 0 1 } ";
+        const double disc = kPi * 100, line = 10 * 100 + kPi * 25;
+        EXPECT_NEAR(200 * 200 - covered(Fine(wall + eye + points("0 0 2", 20, "0 0 0"), integrator).picture()), disc,
+                    5);
+        EXPECT_NEAR(
+            200 * 200 - covered(Fine(wall + eye + lines("-1 0 2, 1 0 2", 10, "", "", "0 0 0"), integrator).picture()),
+            line, 10);
+    }
+}
+
+TEST(StrokesInPictures, AreSeenInMirrors) {
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path})
+        EXPECT_NEAR(covered(Fine("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] position 0 0 1 } " +
+                                     square(10, mirror("1")) + lines("-1 0 2, 1 0 2", 10),
+                                 integrator)
+                                .picture()),
+                    1000 + kPi * 25, 15);
+}
+
+// Half clear, it shows what is behind it in its place.
+TEST(StrokesInPictures, ClearOnesLetLightThrough) {
+    const std::string clear =
+        "Shape { appearance Appearance { material UnlitMaterial { emissiveColor 1 1 1 transparency .75 } "
+        "pointProperties PointProperties { pointSizeScaleFactor 9 } } geometry PointSet { coord "
+        "Coordinate { point 0 0 1 } } }";
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        LightScene s(clear + square(1, unlit("1 0 0")));
+        s.options.settings.integrator = integrator;
+        s.options.settings.samplesPerPixel = integrator == Integrator::path ? 4000 : 1;
+        expectColor(s.center(), Vec3d(.25 + .75, .25, .25), integrator == Integrator::path ? .04 : 1e-6);
+    }
+    LightScene shadow("OrthoViewpoint { position 0 0 .5 } DirectionalLight { direction 0 0 -1 } " + clear +
+                      square(1, matte("1 1 1")));
+    EXPECT_NEAR(shadow.center().r, .75, 1e-5);
+}
+
+TEST(StrokesInPictures, DashesAreMeasuredInPixels) {
+    // 8 on, 4 off, of a line of 120 pixels and a pixel's width: ten times.
+    const std::string dashed = lines("-1.2 0 0, 1.2 0 0", 1, "", "linetype 2");
+    EXPECT_NEAR(covered(Fine(kParallel + dashed).picture()), 80, 2);
+    EXPECT_NEAR(covered(Fine(kParallel + lines("-1.2 0 0, 1.2 0 0", 1, "", "linetype 2 applied FALSE")).picture()),
+                120 + kPi / 4, 2);
+}
+
+TEST(StrokesInPictures, PointsShrinkWithDistanceIfToldTo) {
+    const auto size = [&](double z) {
+        const Picture p =
+            Fine("Shape { appearance Appearance { " + unlit("1 1 1") +
+                 " pointProperties PointProperties { attenuation 0 1 0 pointSizeScaleFactor 100 pointSizeMinValue 4 "
+                 "pointSizeMaxValue 12 } } geometry PointSet { coord Coordinate { point " +
+                 fmt::format("0 0 {}", z) + " } } }")
+                .picture();
+        return 2 * std::sqrt(covered(p) / kPi);
+    };
+    EXPECT_NEAR(size(5), 12, .2);
+    EXPECT_NEAR(size(0), 10, .2);
+    EXPECT_NEAR(size(-10), 5, .2);
+    EXPECT_NEAR(size(-90), 4, .2);
+}
+
+TEST(StrokesInPictures, TheKindsOfClause14) {
+    const auto seen = [&](const char* geometry) {
+        return covered(Fine(kParallel + std::string("Shape { appearance Appearance { ") + unlit("1 1 1") +
+                            " lineProperties LineProperties { linewidthScaleFactor 4 } } geometry " + geometry + " }")
+                           .picture());
+    };
+    EXPECT_NEAR(seen("Circle2D { radius 1 }"), 4 * 2 * kPi * 50, 10);
+    EXPECT_NEAR(seen("Arc2D { radius 1 endAngle 1.5707963 }"), 4 * kPi / 2 * 50 + kPi * 4, 5);
+    EXPECT_NEAR(seen("Polyline2D { lineSegments [ -1 -1, 1 -1, 1 1 ] }"), 4 * 200 + kPi * 4 - 4 + kPi, 8);
+    EXPECT_NEAR(seen("Polypoint2D { point [ -1 -1, 1 1 ] }"), 2 * kPi / 4, .3);
+    EXPECT_NEAR(seen("LineSet { vertexCount [ 2 2 ] coord Coordinate { point [ -1 0 0, 0 0 0, 0 1 0, 1 1 0 ] } }"),
+                2 * (4 * 50 + kPi * 4), 5);
+}
+
+TEST(StrokesInPictures, FollowTheScene) {
+    Fine s(kParallel + lines("-1 0 0, 1 0 0", 10));
+    const double ends = kPi * 25;
+    EXPECT_NEAR(covered(s.picture()), 1000 + ends, 10);
+    ASSERT_TRUE(s.scene.set(s.node("C"), x3d::Coordinate::point, Array<Vec3f>{{-.5f, 1, 0}, {.5f, 1, 0}}));
+    s.scene.newFrame(1);
+    EXPECT_NEAR(covered(s.picture()), 500 + ends, 10);
+    ASSERT_TRUE(s.scene.set(s.node("L"), x3d::LineProperties::linewidthScaleFactor, 20.0f));
+    s.scene.newFrame(2);
+    EXPECT_NEAR(covered(s.picture()), 1000 + 4 * ends, 15);
+    ASSERT_TRUE(s.scene.set(s.node("G"), x3d::IndexedLineSet::coord, NodeId{}));
+    s.scene.newFrame(3);
+    EXPECT_EQ(covered(s.picture()), 0);
+}
+
+TEST(StrokesInPictures, ArePicked) {
+    LightScene s(lines("-1 0 0, 1 0 0", 10) + square(1, unlit("1 0 0")));
+    const Picker picker(s.world->rays(), s.world->flattener());
+    const auto hit = picker.ray({.5, .02, 5}, {0, 0, -1}, 100, .002);
+    ASSERT_TRUE(hit && *hit);
+    EXPECT_EQ(hit->geometry, s.node("G"));
+    EXPECT_NEAR(hit->point.x, .5, 1e-5);
+    EXPECT_NEAR(hit->point.y, 0, 1e-6);
+    EXPECT_NEAR(hit->distance, 5, 1e-5);
+    EXPECT_NEAR(hit->u, .75, 1e-5);
+    EXPECT_NEAR(hit->normal.z, 1, 1e-9);
+    const auto beside = picker.ray({.5, .06, 5}, {0, 0, -1}, 100, .002);
+    ASSERT_TRUE(beside && *beside);
+    EXPECT_NE(beside->geometry, s.node("G"));
+    const auto none = picker.ray({.5, .02, 5}, {0, 0, -1}, 100, 0);
+    ASSERT_TRUE(none && *none);
+    EXPECT_NE(none->geometry, s.node("G")) << "without pixels it has no width";
+    EXPECT_FALSE(picker.ray({0, 0, 5}, {0, 0, -1}, 100, -1));
+}
+
+}  // namespace
+}  // namespace rtsg
