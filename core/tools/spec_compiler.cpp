@@ -97,7 +97,8 @@ std::string row(const Field& field) {
         << ", " << literal(field.accepts) << ", " << number(field.min) << ", " << number(field.max)
         << ", FieldType::" << field.type << ", Access::" << field.access << ", Aspect::" << field.aspect << ", "
         << (field.exclusiveMin ? "true" : "false") << ", " << (field.exclusiveMax ? "true" : "false") << ", "
-        << (field.hidden ? "true" : "false") << "},\n";
+        << (field.hidden ? "true" : "false") << ", Unit::" << (field.unit.empty() ? "none" : field.unit) << ", "
+        << field.since << "},\n";
     return out.str();
 }
 
@@ -132,7 +133,8 @@ std::string source(const std::vector<const Type*>& nodes, const std::vector<cons
         lists << "  // " << node->name << '\n';
         types << "    {" << literal(node->name) << ", " << literal(node->component) << ", " << literal(node->container)
               << ", " << literal(joined(node->implements, '|')) << ", " << first << ", " << node->fields.size() << ", "
-              << node->level << ", " << (node->hidden ? "true" : "false") << ", " << row(node->all) << "},\n";
+              << node->level << ", " << (node->hidden ? "true" : "false") << ", " << node->since << ", "
+              << row(node->all) << "},\n";
         first += node->fields.size();
     }
     std::ostringstream out;

@@ -30,12 +30,20 @@ struct Field {
     double min = -std::numeric_limits<double>::infinity();
     double max = std::numeric_limits<double>::infinity();
     bool exclusiveMin = false, exclusiveMax = false, hidden = false;
+    std::string unit;  // "length", ..., "none"; empty if not stated
+    int since = 0;     // ten times the version; 0: that of the node
+};
+
+/// What a field says behind its constraint, or a retag of fields; each empty (0) if not stated.
+struct FieldTags {
+    std::string aspect, unit;
+    int since = 0;
 };
 
 struct Retag {
     Position where;
     std::vector<std::string> fields;
-    std::string aspect;
+    FieldTags tags;
 };
 
 /// What a type is, beside its fields. Each is inherited by those that have none of their own.
@@ -51,6 +59,7 @@ struct Type {
     std::string name, component, container;
     std::vector<std::string> bases;
     int level = 1;
+    int since = 30;  // ten times the version of X3D that has it first; 20 is VRML97
     bool isAbstract = false;
     bool hidden = false;    // not creatable from files
     bool imported = false;  // from --import: known, but not written out
@@ -85,6 +94,9 @@ class Model {
     void parseHead(const Position& where, const std::vector<Token>& tokens, bool imported);
     void parseTag(Type& type, const std::vector<Token>& tokens, std::size_t& next);
     void parseField(const Position& where, const std::vector<Token>& tokens);
+    bool parseFieldTags(const Position& where, std::vector<Token>& tokens, FieldTags& tags);
+    bool parseSince(const Position& where, const std::string& version, int& since);
+    void checkUnit(const Position& where, const Field& field);
     void parseDefault(Field& field, const std::vector<Token>& tokens, std::size_t& next);
     void parseGroup(Field& field, const std::string& group);
     void checkDefault(const Field& field);

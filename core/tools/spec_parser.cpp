@@ -45,6 +45,9 @@ constexpr std::string_view kAspects[] = {"none",  "structure", "transform", "geo
                                          "light", "view",      "sound",     "time"};
 constexpr std::string_view kAspectList = "@none @structure @transform @geometry @appearance @light @view @sound @time";
 
+constexpr std::string_view kUnits[] = {"none",  "length",      "angle",        "mass", "force",
+                                       "speed", "angularRate", "acceleration", "area", "torque"};
+constexpr std::string_view kVersions[] = {"2.0", "3.0", "3.1", "3.2", "3.3", "4.0", "4.1"};
 constexpr std::string_view kActs[] = {"never", "onInput", "always"};
 struct RoleInfo {
     std::string_view name;
@@ -299,7 +302,7 @@ void Model::parseHead(const Position& where, const std::vector<Token>& found, bo
     openType_ = &types_.back();
 }
 
-/// `@acts(WHEN)`, `@writesInputs` or `@role(NAME FIELD...)`.
+/// `@acts(WHEN)`, `@writesInputs`, `@role(NAME FIELD...)` or `@since(VERSION)`.
 void Model::parseTag(Type& type, const std::vector<Token>& found, std::size_t& next) {
     const std::string tag = found[next++].text;
     std::vector<std::string> words;
@@ -323,33 +326,85 @@ void Model::parseTag(Type& type, const std::vector<Token>& found, std::size_t& n
                                          " fields whose nodes hang below");
         type.tags.role = words[0];
         type.tags.below.assign(words.begin() + 1, words.end());
+    } else if (tag == "@since") {
+        if (type.isAbstract) return error(type.where, "@since is of nodes and fields");
+        parseSince(type.where, words.size() == 1 ? words[0] : std::string(), type.since);
     } else {
-        error(type.where, "'" + tag + "' is no tag of a type; one of @acts @writesInputs @role");
+        error(type.where, "'" + tag + "' is no tag of a type; one of @acts @writesInputs @role @since");
     }
 }
 
-void Model::parseField(const Position& where, const std::vector<Token>& found) {
-    const bool isRetag = found[0].text == "retag";
-    std::string aspect;
-    if (found.back().text.starts_with('@')) aspect = found.back().text.substr(1);
-    if (std::ranges::find(kAspects, aspect) == std::end(kAspects)) {
-        const std::string what = isRetag || found.size() < 3 ? "this line" : "field '" + found[2].text + "'";
-        return error(where, what + " must end in an aspect, one of " + std::string(kAspectList));
+/// Takes the tags off the end of a line: one aspect, `@unit(U)` and `@since(V)`, in any order.
+bool Model::parseFieldTags(const Position& where, std::vector<Token>& found, FieldTags& tags) {
+    const auto first = std::ranges::find_if(
+        found, [](const Token& token) { return token.kind == Token::word && token.text.starts_with('@'); });
+    for (auto tag = first; tag != found.end(); ++tag) {
+        const std::string name = tag->text;
+        std::string inside;
+        if (tag + 1 != found.end() && tag[1].kind == Token::group) {
+            ++tag;
+            inside = tag->text.substr(1, tag->text.size() - 2);
+        }
+        if (name == "@since") {
+            if (!parseSince(where, inside, tags.since)) return false;
+        } else if (name == "@unit") {
+            if (std::ranges::find(kUnits, inside) == std::end(kUnits))
+                return error(where, "'" + inside + "' is no unit"), false;
+            tags.unit = inside;
+        } else if (inside.empty() && std::ranges::find(kAspects, name.substr(1)) != std::end(kAspects) &&
+                   tags.aspect.empty()) {
+            tags.aspect = name.substr(1);
+        } else {
+            return error(where, "'" + name + "' is no tag of a field; one aspect (" + std::string(kAspectList) +
+                                    "), @unit(U), @since(V)"),
+                   false;
+        }
     }
+    found.erase(first, found.end());
+    return true;
+}
+
+bool Model::parseSince(const Position& where, const std::string& version, int& since) {
+    if (std::ranges::find(kVersions, version) == std::end(kVersions))
+        return error(where, "'" + version + "' is no version; one of 2.0 (VRML97) 3.0 3.1 3.2 3.3 4.0 4.1"), false;
+    since = (version[0] - '0') * 10 + (version[2] - '0');
+    return true;
+}
+
+/// Units are of what is measured: a rotation's angle is known as one, and the rest counts in nothing.
+void Model::checkUnit(const Position& where, const Field& field) {
+    constexpr std::string_view measured[] = {"Float", "Double", "Vec2f", "Vec2d", "Vec3f", "Vec3d", "Vec4f", "Vec4d"};
+    if (!field.unit.empty() && std::ranges::find(measured, field.type.substr(2)) == std::end(measured))
+        error(where, "values of " + field.type + " have no unit");
+}
+
+void Model::parseField(const Position& where, const std::vector<Token>& line) {
+    std::vector<Token> found = line;
+    const bool isRetag = found[0].text == "retag";
+    FieldTags tags;
+    if (!parseFieldTags(where, found, tags)) return;
     if (isRetag) {
         if (!openType_) return error(where, "retag stands outside of a type");
-        Retag retag{where, {}, aspect};
-        for (std::size_t i = 1; i + 1 < found.size(); ++i) retag.fields.push_back(found[i].text);
+        if (tags.aspect.empty() && tags.unit.empty() && tags.since == 0)
+            return error(where, "retag ends in no tag: an aspect, @unit(U) or @since(V)");
+        Retag retag{where, {}, tags};
+        for (std::size_t i = 1; i < found.size(); ++i) retag.fields.push_back(found[i].text);
         openType_->retags.push_back(std::move(retag));
         return;
     }
+    if (tags.aspect.empty()) {
+        const std::string what = found.size() < 3 ? "this line" : "field '" + found[2].text + "'";
+        return error(where, what + " must have an aspect, one of " + std::string(kAspectList));
+    }
     if (!open_) return error(where, "this field stands outside of a type");
-    if (found.size() < 4) return error(where, "expected TYPE ACCESS NAME [DEFAULT] [RANGE] @ASPECT");
+    if (found.size() < 3) return error(where, "expected TYPE ACCESS NAME [DEFAULT] [RANGE] @ASPECT");
     Field field;
     field.where = where;
     field.type = found[0].text;
     field.name = found[2].text;
-    field.aspect = aspect;
+    field.aspect = tags.aspect;
+    field.unit = tags.unit;
+    field.since = tags.since;
     const std::string& access = found[1].text;
     if (access == "[]")
         field.access = "initializeOnly";
@@ -367,12 +422,13 @@ void Model::parseField(const Position& where, const std::vector<Token>& found) {
 
     std::size_t next = 3;
     if (field.access == "initializeOnly" || field.access == "inputOutput") parseDefault(field, found, next);
-    for (; next + 1 < found.size(); ++next) {
+    for (; next < found.size(); ++next) {
         if (found[next].kind != Token::group)
             return error(where, "unexpected '" + found[next].text + "' in field '" + field.name + "'");
         parseGroup(field, found[next].text);
     }
     checkDefault(field);
+    checkUnit(where, field);
     for (const Field& other : *open_)
         if (other.name == field.name) return error(where, "field '" + field.name + "' is listed twice");
     open_->push_back(std::move(field));
@@ -381,12 +437,12 @@ void Model::parseField(const Position& where, const std::vector<Token>& found) {
 void Model::parseDefault(Field& field, const std::vector<Token>& found, std::size_t& next) {
     std::vector<Token> values;
     if (isMF(field)) {
-        if (next + 1 >= found.size() || found[next].kind != Token::group || found[next].text[0] != '[')
+        if (next >= found.size() || found[next].kind != Token::group || found[next].text[0] != '[')
             return error(field.where, "field '" + field.name + "' needs a default in brackets");
         const std::string& group = found[next++].text;
         values = tokens(field.where, std::string_view(group).substr(1, group.size() - 2));
     } else {
-        while (next + 1 < found.size() && found[next].kind != Token::group) values.push_back(found[next++]);
+        while (next < found.size() && found[next].kind != Token::group) values.push_back(found[next++]);
     }
     std::size_t count = 0;
     for (const Token& value : values) {

@@ -116,15 +116,24 @@ void Model::resolve(Type& type) {
         }
         if (known->type != field.type || known->access != field.access)
             error(field.where, "'" + field.name + "' is inherited with another type or access");
+        // A unit that nobody repeats would be gone without a word.
+        if (!known->unit.empty() && field.unit.empty())
+            error(field.where, "'" + field.name + "' is inherited with @unit(" + known->unit + "): state its unit");
+        const int since = field.since ? field.since : known->since;
         *known = field;
+        known->since = since;
     }
     for (const Retag& retag : type.retags)
         for (const std::string& name : retag.fields) {
             const auto field = std::ranges::find(type.fields, name, &Field::name);
-            if (field == type.fields.end())
+            if (field == type.fields.end()) {
                 error(retag.where, "'" + type.name + "' has no field '" + name + "'");
-            else
-                field->aspect = retag.aspect;
+                continue;
+            }
+            if (!retag.tags.aspect.empty()) field->aspect = retag.tags.aspect;
+            if (!retag.tags.unit.empty()) field->unit = retag.tags.unit;
+            if (retag.tags.since) field->since = retag.tags.since;
+            checkUnit(retag.where, *field);
         }
     // The order of the standard's tables: by name, whatever the case; then the hidden ones as written.
     std::vector<Field> hidden;

@@ -2,21 +2,15 @@
 // of a reader is in metres, radians, kilograms and newtons, and a writer turns it back into the document's units.
 //
 // Invariant: a value that was read and is written in the same units has the digits it had. Fields of prototypes and
-// Scripts have no unit. Threading: one thread an object.
+// Scripts have no unit; which field of a node counts in what is in the node tables. Threading: one thread an object.
 // Source: ISO/IEC 19775-1 V4.0 4.3.6 (categories, and what is derived from them), 7.2.5.6 (UNIT).
 #pragma once
 
-#include <cstdint>
 #include <string_view>
 
 #include <rtsg/core/node_type.h>
 
 namespace rtsg::detail {
-
-enum class Unit : std::uint8_t { none, length, angle, mass, force, speed, angularRate, acceleration, area, torque };
-
-/// What a field of a built-in type counts in. Rotations count their angle whatever this says.
-Unit unitOf(const FieldDef& field);
 
 class Units {
   public:

@@ -1,105 +1,23 @@
-// The node types of VRML97, and those that X3D 4.0 added.
+// Versions of the standard as numbers, and which nodes each has: what the node tables say.
 #include "versions.h"
 
-#include <algorithm>
-#include <array>
+#include <rtsg/core/node_type.h>
 
 namespace rtsg::detail {
 
-namespace {
+int versionNumber(std::string_view version) {
+    const auto digit = [&](std::size_t i) { return i < version.size() && version[i] >= '0' && version[i] <= '9'; };
+    if (!digit(0)) return kNewestVersion;
+    return (version[0] - '0') * 10 + (version.size() > 2 && version[1] == '.' && digit(2) ? version[2] - '0' : 0);
+}
 
-// Both sorted.
-constexpr std::array<std::string_view, 54> kVrml97 = {"Anchor",
-                                                      "Appearance",
-                                                      "AudioClip",
-                                                      "Background",
-                                                      "Billboard",
-                                                      "Box",
-                                                      "Collision",
-                                                      "Color",
-                                                      "ColorInterpolator",
-                                                      "Cone",
-                                                      "Coordinate",
-                                                      "CoordinateInterpolator",
-                                                      "Cylinder",
-                                                      "CylinderSensor",
-                                                      "DirectionalLight",
-                                                      "ElevationGrid",
-                                                      "Extrusion",
-                                                      "Fog",
-                                                      "FontStyle",
-                                                      "Group",
-                                                      "ImageTexture",
-                                                      "IndexedFaceSet",
-                                                      "IndexedLineSet",
-                                                      "Inline",
-                                                      "LOD",
-                                                      "Material",
-                                                      "MovieTexture",
-                                                      "NavigationInfo",
-                                                      "Normal",
-                                                      "NormalInterpolator",
-                                                      "OrientationInterpolator",
-                                                      "PixelTexture",
-                                                      "PlaneSensor",
-                                                      "PointLight",
-                                                      "PointSet",
-                                                      "PositionInterpolator",
-                                                      "ProximitySensor",
-                                                      "ScalarInterpolator",
-                                                      "Script",
-                                                      "Shape",
-                                                      "Sound",
-                                                      "Sphere",
-                                                      "SphereSensor",
-                                                      "SpotLight",
-                                                      "Switch",
-                                                      "Text",
-                                                      "TextureCoordinate",
-                                                      "TextureTransform",
-                                                      "TimeSensor",
-                                                      "TouchSensor",
-                                                      "Transform",
-                                                      "Viewpoint",
-                                                      "VisibilitySensor",
-                                                      "WorldInfo"};
-
-constexpr std::array<std::string_view, 27> kSinceX3d40 = {"AcousticProperties",
-                                                          "Analyser",
-                                                          "AudioDestination",
-                                                          "BiquadFilter",
-                                                          "BufferAudioSource",
-                                                          "ChannelMerger",
-                                                          "ChannelSelector",
-                                                          "ChannelSplitter",
-                                                          "Convolver",
-                                                          "Delay",
-                                                          "DynamicsCompressor",
-                                                          "Gain",
-                                                          "HAnimMotion",
-                                                          "ListenerPointSource",
-                                                          "MicrophoneSource",
-                                                          "OscillatorSource",
-                                                          "PeriodicWave",
-                                                          "PhysicalMaterial",
-                                                          "PointProperties",
-                                                          "SpatialSound",
-                                                          "StreamAudioDestination",
-                                                          "StreamAudioSource",
-                                                          "TextureProjector",
-                                                          "TextureProjectorParallel",
-                                                          "TextureProjectorPoint",
-                                                          "UnlitMaterial",
-                                                          "WaveShaper"};
-
-static_assert(std::ranges::is_sorted(kVrml97) && std::ranges::is_sorted(kSinceX3d40));
-
-}  // namespace
+std::string versionText(int version) {
+    return std::to_string(version / 10) + '.' + std::to_string(version % 10);
+}
 
 bool isInVersion(std::string_view node, std::string_view version) {
-    if (version.starts_with('2')) return std::ranges::binary_search(kVrml97, node);
-    if (version.starts_with('3')) return !std::ranges::binary_search(kSinceX3d40, node);
-    return true;
+    const NodeType* type = findBuiltinType(node);
+    return !type || type->since <= versionNumber(version);
 }
 
 }  // namespace rtsg::detail

@@ -1,12 +1,22 @@
 // Which node types a version of the standard has: for names that a file of an earlier version may give to its own
-// prototypes, and for what an earlier version cannot hold. Versions between 3.0 and 3.3 are not told apart.
+// prototypes, and for what an earlier version cannot hold.
 //
-// Threading: constant data. Source: ISO/IEC 14772-1:1997 clause 6 (VRML97); ISO/IEC 19775-1 V3.3 and V4.0 annex Z.
+// Threading: constant data. Source: the node tables' @since, after ISO/IEC 14772-1:1997 clause 6 (VRML97) and the
+// object models of X3D 3.0 to 4.1.
 #pragma once
 
+#include <string>
 #include <string_view>
 
 namespace rtsg::detail {
+
+constexpr int kNewestVersion = 41;
+
+/// Ten times the version, as NodeType::since has it: 20 for "2.0". The newest where the text is no version.
+int versionNumber(std::string_view version);
+
+/// "4.1" for 41.
+std::string versionText(int version);
 
 /// Does a built-in type of that name exist in documents of `version` ("2.0" is VRML97)? `node` is one of ours.
 bool isInVersion(std::string_view node, std::string_view version);

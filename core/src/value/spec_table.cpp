@@ -92,6 +92,8 @@ FieldDef makeField(const SpecField& row) {
     field.allowed = list(row.allowed, '\n');
     field.accepts = list(row.accepts, '|');
     field.hidden = row.hidden;
+    field.unit = row.unit;
+    field.since = row.since;
     return field;
 }
 
@@ -107,6 +109,7 @@ std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, Nod
         type->level = node.level;
         type->kind = kind;
         type->internal = node.internal;
+        type->since = node.since;
         type->acts = node.tags.acts;
         type->writesInputs = node.tags.writesInputs;
         type->role = node.tags.role;
@@ -115,6 +118,7 @@ std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, Nod
         type->fields.reserve(node.fieldCount);
         for (const std::uint16_t row : table.fieldLists.subspan(node.firstField, node.fieldCount))
             type->fields.push_back(makeField(table.fields[row]));
+        for (FieldDef& field : type->fields) field.since = std::max(field.since, type->since);
         if (!type->finish()) throw std::logic_error("node table: two fields of one name in " + type->name);
         for (const std::string& name : list(node.tags.below, '|')) type->below.push_back(type->findExact(name));
         result.push_back(std::move(type));

@@ -9,7 +9,6 @@
 #include <rtsg/core/writer.h>
 
 #include "core/scene_check.h"
-#include "document/units.h"
 
 namespace rtsg {
 namespace {
@@ -99,7 +98,7 @@ TEST(DocumentUnits, EveryRowOfTheTableNamesAFieldOfNumbers) {
     std::size_t with = 0;
     for (const auto& type : builtinTypes())
         for (const FieldDef& field : type->fields) {
-            if (detail::unitOf(field) == detail::Unit::none) continue;
+            if (field.unit == Unit::none) continue;
             ++with;
             const FieldType element = sf(field.type);
             EXPECT_TRUE(element == FieldType::SFFloat || element == FieldType::SFDouble ||
@@ -110,12 +109,12 @@ TEST(DocumentUnits, EveryRowOfTheTableNamesAFieldOfNumbers) {
     EXPECT_GT(with, 200u);
     const auto unit = [](std::string_view type, std::string_view name) {
         const NodeType* found = findBuiltinType(type);
-        return detail::unitOf(found->fields[found->findExact(name)]);
+        return found->fields[found->findExact(name)].unit;
     };
-    EXPECT_EQ(unit("Inline", "bboxSize"), detail::Unit::length);
-    EXPECT_EQ(unit("ProximitySensor", "center"), detail::Unit::length);
-    EXPECT_EQ(unit("BallJoint", "anchorPoint"), detail::Unit::length);
-    EXPECT_EQ(unit("Transform", "scale"), detail::Unit::none);
+    EXPECT_EQ(unit("Inline", "bboxSize"), Unit::length);
+    EXPECT_EQ(unit("ProximitySensor", "center"), Unit::length);
+    EXPECT_EQ(unit("BallJoint", "anchorPoint"), Unit::length);
+    EXPECT_EQ(unit("Transform", "scale"), Unit::none);
 }
 
 TEST(DocumentUnits, DerivedUnitsFollowFromTheFour) {

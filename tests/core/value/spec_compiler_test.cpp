@@ -79,8 +79,8 @@ TEST_F(SpecCompiler, AcceptsWhatTheErrorsBelowAreSpoiledFrom) {
 }
 
 TEST_F(SpecCompiler, EveryErrorHasFileAndLine) {
-    expectError(kHead + "    SFFloat [in,out] x 0.5\n", 5, "field 'x' must end in an aspect, one of @none @structure");
-    expectError(kHead + "    SFFloat [in,out] x 0.5 @colour\n", 5, "must end in an aspect");
+    expectError(kHead + "    SFFloat [in,out] x 0.5\n", 5, "field 'x' must have an aspect, one of @none @structure");
+    expectError(kHead + "    SFFloat [in,out] x 0.5 @colour\n", 5, "'@colour' is no tag of a field");
     expectError(kHead + "    SFFloat [inout] x 0.5 @none\n", 5, "'[inout]' is no access");
     expectError(kHead + "    SFVec5f [in,out] x 0 @none\n", 5, "not 'SFVec5f'");
     expectError(kHead + "    SFFloat [in,out] 2x 0 @none\n", 5, "'2x' cannot name a field");
@@ -148,6 +148,29 @@ TEST_F(SpecCompiler, TagsAreKnownAndNoneIsMissing) {
                 "@acts(never) and @acts(always)");
     expectError(kHead + bases + "node M : P, Q level 1 container c @acts(never)\n", 7, "@role(light) and @role(view)");
     EXPECT_EQ(compile(kHead + bases + "node M : P, Q level 1 container c @acts(never) @role(view)\n").output, "");
+}
+
+TEST_F(SpecCompiler, VersionsAndUnitsAreTagsToo) {
+    const std::string field = kHead + "    SFFloat [in,out] x 0 ";
+    EXPECT_EQ(
+        compile(kHead + "node M : A level 1 container c @since(4.1)\n    SFVec3f [in,out] x 0 0 0 @none @unit(length) "
+                        "@since(4.0)\n    retag a @since(3.3) @geometry\n")
+            .output,
+        "");
+    expectError(kHead + "node M : A level 1 container c @since(5)\n", 5, "'5' is no version");
+    expectError(kHead + "abstract B @since(4.0)\n", 5, "@since is of nodes and fields");
+    expectError(field + "@none @since(2.1)\n", 5, "'2.1' is no version");
+    expectError(field + "@none @unit(cubit)\n", 5, "'cubit' is no unit");
+    expectError(field + "@none @light\n", 5, "'@light' is no tag of a field");
+    expectError(field + "@unit(length)\n", 5, "field 'x' must have an aspect");
+    expectError(kHead + "    SFInt32 [in,out] x 0 @none @unit(length)\n", 5, "values of SFInt32 have no unit");
+    expectError(kHead + "    retag a @unit(length)\n", 5, "values of SFInt32 have no unit");
+    expectError(kHead + "    retag a\n", 5, "retag ends in no tag");
+    const std::string measured = kHead + "abstract B\n    SFFloat [in,out] x 0 @none @unit(length)\n";
+    expectError(measured + "node M : B level 1 container c\n    SFFloat [in,out] x 1 @none\n", 8,
+                "'x' is inherited with @unit(length): state its unit");
+    EXPECT_EQ(compile(measured + "node M : B level 1 container c\n    SFFloat [in,out] x 1 @none @unit(none)\n").output,
+              "");
 }
 
 TEST_F(SpecCompiler, WrongUseAndUnreadableFiles) {

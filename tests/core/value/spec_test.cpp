@@ -50,11 +50,33 @@ TEST(Spec, EveryTypeIsFoundByName) {
         EXPECT_FALSE(isAbstractType(type->name)) << type->name;
         for (const std::string& abstract : type->implements) EXPECT_TRUE(isAbstractType(abstract)) << abstract;
     }
-    EXPECT_EQ(names.size(), 260u);  // the standard's 259 and RtsgScene
+    EXPECT_EQ(names.size(), 266u);  // the 265 of X3D 4.1, and RtsgScene
     EXPECT_EQ(findBuiltinType("X3DNode"), nullptr);
     EXPECT_EQ(findBuiltinType(""), nullptr);
     EXPECT_TRUE(isAbstractType("X3DBoundedObject"));
     EXPECT_FALSE(isAbstractType("X3DNoSuchNode"));
+}
+
+TEST(Spec, SaysSinceWhichVersionThereIsWhat) {
+    const auto since = [](std::string_view type) { return int{findBuiltinType(type)->since}; };
+    EXPECT_EQ(since("Transform"), 20);
+    EXPECT_EQ(since("Rectangle2D"), 30);
+    EXPECT_EQ(since("CADPart"), 31);
+    EXPECT_EQ(since("ClipPlane"), 32);
+    EXPECT_EQ(since("PositionDamper2D"), 32);
+    EXPECT_EQ(since("ProjectionVolumeStyle"), 33);
+    EXPECT_EQ(since("PhysicalMaterial"), 40);
+    EXPECT_EQ(since("EnvironmentLight"), 41);
+    const auto field = [](std::string_view type, std::string_view name) { return int{fieldOf(type, name).since}; };
+    EXPECT_EQ(field("Transform", "translation"), 20);
+    EXPECT_EQ(field("Transform", "metadata"), 30);
+    EXPECT_EQ(field("Transform", "visible"), 40);
+    EXPECT_EQ(field("CADLayer", "visible"), 31) << "it had one before other nodes did";
+    EXPECT_EQ(field("Inline", "load"), 30);
+    EXPECT_EQ(field("ImageTexture", "load"), 40);
+    EXPECT_EQ(field("Anchor", "description"), 20);
+    EXPECT_EQ(field("IndexedFaceSet", "tangent"), 41);
+    EXPECT_EQ(field("EnvironmentLight", "color"), 41) << "a field is never older than its node";
 }
 
 TEST(Spec, DefaultsOfEveryKind) {

@@ -24,6 +24,9 @@ enum class Access : std::uint8_t { initializeOnly, inputOnly, outputOnly, inputO
 /// What a field means to subscribers.
 enum class Aspect : std::uint8_t { none, structure, transform, geometry, appearance, light, view, sound, time };
 
+/// What a field of a built-in type counts in: the tables' @unit. Rotations count their angle whatever this says.
+enum class Unit : std::uint8_t { none, length, angle, mass, force, speed, angularRate, acceleration, area, torque };
+
 using FieldIndex = std::uint16_t;
 constexpr FieldIndex kNoField = 0xFFFF;
 
@@ -58,6 +61,9 @@ struct FieldDef {
     std::vector<std::string> accepts;
     /// Ours, not the standard's: invisible to files, part of the state (a PROTO instance's `body`, say).
     bool hidden = false;
+    Unit unit = Unit::none;
+    /// As NodeType::since; never less than its node's.
+    std::uint8_t since = 0;
     /// Byte offset in the node's block; kNoOffset for inputOnly fields, which have no storage.
     static constexpr std::uint32_t kNoOffset = 0xFFFFFFFF;
     std::uint32_t offset = kNoOffset;
@@ -96,6 +102,8 @@ class NodeType {
     std::vector<std::string> implements;      // every abstract type, direct or inherited ("X3DChildNode", ...)
     std::vector<FieldDef> fields;             // hidden ones last
     bool internal = false;                    // not creatable from files (RtsgScene)
+    /// Ten times the version of X3D that has it first, as the tables' @since says; 20 is VRML97.
+    std::uint8_t since = 0;
     Acts acts = Acts::unstated;
     bool writesInputs = false;      // when it acts, its inputOutput fields may change too, not only its outputs
     std::string role;               // what it is to those who draw or hear it: the tables' @role; empty if it has none

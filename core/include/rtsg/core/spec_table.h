@@ -25,6 +25,8 @@ struct SpecField {
     Access access;
     Aspect aspect;
     bool exclusiveMin, exclusiveMax, hidden;
+    Unit unit;
+    std::uint8_t since;  // as NodeType::since; 0: that of the node
 };
 
 /// As NodeType has them.
@@ -40,7 +42,8 @@ struct SpecNode {
     std::string_view implements;           // separated by '|'
     std::uint16_t firstField, fieldCount;  // into SpecTable::fieldLists
     std::uint8_t level;
-    bool internal;  // not creatable from files
+    bool internal;       // not creatable from files
+    std::uint8_t since;  // as NodeType::since
     SpecTags tags;
 };
 
