@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #include <rtsg/core/terminal.h>
+#include <rtsg/sync/scene_file.h>
 
 namespace rtsg::app {
 
@@ -148,6 +149,11 @@ Resources ResourceArguments::ofReplica() const {
 }
 
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
+    if (file != "-" && isSceneFile(file)) {
+        if (const auto read = readSceneFile(scene, file); !read) diagnostics.add(read.error());
+        print(diagnostics);
+        return diagnostics.errors() == 0;
+    }
     LoadOptions options;
     options.resources = resources;
     options.progress = progressBar("reading " + file);

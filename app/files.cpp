@@ -11,6 +11,7 @@
 #include <rtsg/core/resource_check.h>
 #include <rtsg/core/writer.h>
 #include <rtsg/renderers/image.h>
+#include <rtsg/renderers/mesh_file.h>
 #include <rtsg/renderers/picture.h>
 
 namespace rtsg::app {
@@ -45,6 +46,7 @@ bool isOneOf(const fs::path& file, const fs::path& pattern) {
 
 void checkName(const OutputName& output) {
     const auto refuse = [&](const Diagnostic& why) { throw UsageError(output.option, output.file + ": " + why.text); };
+    MeshFormat mesh{};
     Encoding encoding{};
     bool gzip = false;
     switch (output.kind) {
@@ -55,6 +57,10 @@ void checkName(const OutputName& output) {
             if (auto ok = checkSoundName(output.file); !ok) refuse(ok.error());
             break;
         case OutputKind::scene:
+            // The binary encoding and other programs' meshes are convert's alone.
+            if (output.option == "OUT" &&
+                (fs::path(output.file).extension() == ".rtsgb" || meshFormatFromName(output.file, mesh)))
+                break;
             if (output.file != "-" && !encodingFromName(output.file, encoding, gzip))
                 throw UsageError(
                     output.option,

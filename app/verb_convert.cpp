@@ -1,5 +1,7 @@
-// rtsg convert: a document from one encoding to another, through filters, without a scene.
+// rtsg convert: a document from one encoding to another, through filters, without a scene; to .rtsgb and to
+// other programs' meshes, and from .rtsgb, with one.
 #include <cstdlib>
+#include <filesystem>
 #include <memory>
 #include <ranges>
 #include <vector>
@@ -7,7 +9,11 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/filter.h>
+#include <rtsg/core/scene_builder.h>
+#include <rtsg/core/scene_exporter.h>
 #include <rtsg/core/writer.h>
+#include <rtsg/renderers/mesh_file.h>
+#include <rtsg/sync/scene_file.h>
 
 #include "cli.h"
 #include "files.h"
@@ -22,9 +28,72 @@ struct Options {
     bool force = false;
 };
 
+bool isBinaryName(const std::string& file) {
+    return std::filesystem::path(file).extension() == ".rtsgb";
+}
+
+/// Filters, as they are named, before `last`: `chain` owns them.
+DocumentHandler* filtered(const Options& options, DocumentHandler& last,
+                          std::vector<std::unique_ptr<DocumentHandler>>& chain) {
+    DocumentHandler* first = &last;
+    for (const std::string& name : options.filters | std::views::reverse)
+        first = chain.emplace_back(makeFilter(name, *first)).get();
+    return first;
+}
+
+/// The state of a scene rather than its text: through a scene.
+int convertBinary(const Options& options) {
+    Diagnostics diagnostics(options.in);
+    Scene scene;
+    std::vector<std::unique_ptr<DocumentHandler>> chain;
+    bool ok = true;
+    if (isSceneFile(options.in)) {
+        if (const auto read = readSceneFile(scene, options.in); !read)
+            return printError(fmt::format("{}: {}", options.in, read.error().format())), kBad;
+    } else {
+        BuildOptions build;
+        build.resources = Resources::ofFile(options.in);
+        if (options.in != "-") build.file = options.in;
+        SceneBuilder builder(scene, diagnostics, build);
+        const Progress bar = progressBar("reading " + options.in);
+        ok = readDocumentFile(options.in, *filtered(options, builder, chain), diagnostics, bar);
+        builder.finish();
+        if (bar) bar(1, 1);
+        scene.newFrame(0);
+    }
+    if (!ok) {
+        print(diagnostics);
+        printError(fmt::format("reading {} stopped early: {} was not written", options.in, options.out));
+        return kBad;
+    }
+    Result<> written;
+    if (MeshFormat format{}; meshFormatFromName(options.out, format)) {
+        Diagnostics meshes(options.in);
+        const auto content = writeMeshFile(scene, options.out, format, meshes, existing(options.force));
+        diagnostics.append(meshes);
+        if (!content) written = std::unexpected(content.error());
+    } else if (isBinaryName(options.out)) {
+        written = writeSceneFile(scene, options.out, existing(options.force));
+    } else {
+        auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force));
+        if (!writer) return printError(writer.error()), kBad;
+        DocumentHandler* first = &(*writer)->handler();
+        if (isSceneFile(options.in)) first = filtered(options, *first, chain);
+        SceneExporter(scene, diagnostics).write(*first);
+        written = (*writer)->close();
+    }
+    print(diagnostics);
+    if (!written) return printError(written.error()), kBad;
+    return diagnostics.errors() == 0 ? kDone : kBad;
+}
+
 int convert(const Options& options) {
     if (auto ok = checkFiles({options.in}, {{"OUT", options.out, OutputKind::scene}}, options.force); !ok)
         return printError(ok.error()), kBad;
+    MeshFormat mesh{};
+    if (isBinaryName(options.out) || meshFormatFromName(options.out, mesh) ||
+        (options.in != "-" && isSceneFile(options.in)))
+        return convertBinary(options);
     Diagnostics diagnostics(options.in);
     (void)interrupted();  // from here on an interruption ends in order: no half file stays
     auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force));
@@ -38,10 +107,8 @@ int convert(const Options& options) {
         printError("interrupted: " + options.out + " was not written");
         std::exit(kBad);
     };
-    std::vector<std::unique_ptr<DocumentHandler>> filters;  // the last one first
-    DocumentHandler* first = &(*writer)->handler();
-    for (const std::string& name : options.filters | std::views::reverse)
-        first = filters.emplace_back(makeFilter(name, *first)).get();
+    std::vector<std::unique_ptr<DocumentHandler>> chain;
+    DocumentHandler* first = filtered(options, (*writer)->handler(), chain);
     const bool ok = readDocumentFile(options.in, *first, diagnostics, progress);
     if (bar) bar(1, 1);
     print(diagnostics);
@@ -60,8 +127,12 @@ int convert(const Options& options) {
 Verb addConvert(Command& program) {
     auto options = std::make_shared<Options>();
     Command* command = program.addVerb("convert", "Convert between encodings, streaming, without building a scene");
-    command->addOption("IN", options->in, "scene file, or -")->required();
-    command->addOption("OUT", options->out, "file to write (.x3d .x3dv .wrl .json, also .gz), or -")->required();
+    command->addOption("IN", options->in, "scene file (X3D, VRML97, JSON, .rtsgb, glTF, STL, OBJ, PLY), or -")
+        ->required();
+    command
+        ->addOption("OUT", options->out,
+                    "file to write (.x3d .x3dv .wrl .json, also .gz; .rtsgb; .stl .obj .ply .glb), or -")
+        ->required();
     std::vector<std::string> known;
     for (const std::string_view name : filterNames()) known.emplace_back(name);
     command->addOption("--filter", options->filters, "applied in this order")->oneOf(known);

@@ -1,5 +1,8 @@
 // rtsg validate: errors and warnings of files, with positions.
 #include <memory>
+#include <set>
+#include <string>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -9,20 +12,63 @@
 
 namespace rtsg::app {
 
+namespace {
+
+const char* levelOf(Severity severity) {
+    return severity == Severity::error ? "error" : severity == Severity::warning ? "warning" : "note";
+}
+
+std::string asJson(const Diagnostics& diagnostics) {
+    std::string result;
+    for (const Diagnostic& d : diagnostics.all())
+        result += fmt::format("{}{{\"severity\":\"{}\",\"file\":{},\"line\":{},\"column\":{},\"code\":{},\"text\":{}}}",
+                              result.empty() ? "" : ",", levelOf(d.severity), jsonString(d.file), d.where.line,
+                              d.where.column, jsonString(std::string(d.code.text())), jsonString(d.text));
+    return result;
+}
+
+/// Source: OASIS, Static Analysis Results Interchange Format 2.1.0.
+std::string asSarif(const std::vector<Diagnostics>& files) {
+    std::string results, rules;
+    std::set<std::string> known;
+    for (const Diagnostics& diagnostics : files)
+        for (const Diagnostic& d : diagnostics.all()) {
+            const std::string code = jsonString(std::string(d.code.text()));
+            if (known.insert(code).second) rules += fmt::format("{}{{\"id\":{}}}", rules.empty() ? "" : ",", code);
+            std::string region;
+            if (d.where.line > 0)
+                region = fmt::format(",\"region\":{{\"startLine\":{}{}}}", d.where.line,
+                                     d.where.column ? fmt::format(",\"startColumn\":{}", d.where.column) : "");
+            const std::string& file = d.file.empty() ? diagnostics.file() : d.file;
+            results += fmt::format(
+                "{}{{\"ruleId\":{},\"level\":\"{}\",\"message\":{{\"text\":{}}},\"locations\":[{{\"physicalLocation\":"
+                "{{\"artifactLocation\":{{\"uri\":{}}}{}}}}}]}}",
+                results.empty() ? "" : ",", code, levelOf(d.severity), jsonString(d.text), jsonString(file), region);
+        }
+    return fmt::format(
+        "{{\"$schema\":\"https://json.schemastore.org/sarif-2.1.0.json\",\"version\":\"2.1.0\",\"runs\":[{{\"tool\":"
+        "{{\"driver\":{{\"name\":\"rtsg\",\"rules\":[{}]}}}},\"results\":[{}]}}]}}",
+        rules, results);
+}
+
+}  // namespace
+
 Verb addValidate(Command& program) {
     struct Options {
         std::vector<std::string> files;
         ResourceArguments resources;
-        bool json = false;
+        bool json = false, sarif = false;
     };
     auto options = std::make_shared<Options>();
     Command* command = program.addVerb("validate", "Print errors and warnings with positions; look for what urls name");
     command->addOption("FILE", options->files, "scene files")->required();
     options->resources.addTo(*command);
-    command->addFlag("--json", options->json, "one JSON object a file");
+    command->addFlag("--json", options->json, "one JSON object a file, with all that is wrong in it");
+    command->addFlag("--sarif", options->sarif, "all files as one SARIF 2.1.0 log, for editors and CI");
     command->footer("Example: rtsg validate models/*.x3d\nExit status 1 if any file has an error.");
     return {command, [options] {
                 bool good = true;
+                std::vector<Diagnostics> all;
                 for (const std::string& file : options->files) {
                     Scene scene;
                     Diagnostics diagnostics(file);
@@ -33,12 +79,15 @@ Verb addValidate(Command& program) {
                     print(missing);
                     diagnostics.append(missing);
                     good = good && ok;
-                    if (options->json)
-                        fmt::print("{{\"file\":{},\"errors\":{},\"warnings\":{}}}\n", jsonString(file),
-                                   diagnostics.errors(), diagnostics.warnings());
+                    if (options->sarif)
+                        all.push_back(std::move(diagnostics));
+                    else if (options->json)
+                        fmt::print("{{\"file\":{},\"errors\":{},\"warnings\":{},\"diagnostics\":[{}]}}\n",
+                                   jsonString(file), diagnostics.errors(), diagnostics.warnings(), asJson(diagnostics));
                     else
                         fmt::print("{}: {} errors, {} warnings\n", file, diagnostics.errors(), diagnostics.warnings());
                 }
+                if (options->sarif) fmt::print("{}\n", asSarif(all));
                 return good ? kDone : kBad;
             }};
 }

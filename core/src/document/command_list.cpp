@@ -79,6 +79,9 @@ void CommandList::declareField(const FieldDeclaration& field, std::optional<Valu
     command.type = field.type;
     command.hasValue = value.has_value();
     if (value) command.value = *std::move(value);
+    if (!field.about) return;
+    documentations_.push_back(field.about);
+    command.index = static_cast<std::uint32_t>(documentations_.size());
 }
 
 void CommandList::isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) {
@@ -130,6 +133,15 @@ void CommandList::exportNode(std::string_view localName, std::string_view export
     command.names[1] = shared(exportedName);
 }
 
+void CommandList::comment(std::string_view text, SourceLocation where) {
+    add(Kind::comment, where).names[0] = String(text);
+}
+
+void CommandList::documentation(const Documentation& about, SourceLocation where) {
+    add(Kind::documentation, where).index = static_cast<std::uint32_t>(documentations_.size());
+    documentations_.push_back(std::make_shared<const Documentation>(about));
+}
+
 void CommandList::replay(DocumentHandler& handler) const {
     for (const Command& c : commands_) {
         const auto& name = c.names;
@@ -162,8 +174,9 @@ void CommandList::replay(DocumentHandler& handler) const {
                 handler.setField(name[0], c.value, c.where);
                 break;
             case Kind::declareField:
-                handler.declareField({c.access, c.type, name[0].str()},
-                                     c.hasValue ? std::optional(c.value) : std::nullopt, c.where);
+                handler.declareField(
+                    {c.access, c.type, name[0].str(), c.index ? documentations_[c.index - 1] : nullptr},
+                    c.hasValue ? std::optional(c.value) : std::nullopt, c.where);
                 break;
             case Kind::isConnection:
                 handler.isConnection(name[0], name[1], c.where);
@@ -188,6 +201,12 @@ void CommandList::replay(DocumentHandler& handler) const {
                 break;
             case Kind::exportNode:
                 handler.exportNode(name[0], name[1], c.where);
+                break;
+            case Kind::comment:
+                handler.comment(name[0], c.where);
+                break;
+            case Kind::documentation:
+                handler.documentation(*documentations_[c.index], c.where);
                 break;
         }
     }

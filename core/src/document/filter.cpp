@@ -4,6 +4,8 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "filter_parts.h"
+
 namespace rtsg {
 
 void CountFilter::beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) {
@@ -96,6 +98,12 @@ class DropNodes : public Filter {
     void exportNode(std::string_view local, std::string_view exported, SourceLocation where) final {
         if (!inside_ && !dropped(local)) Filter::exportNode(local, exported, where);
     }
+    void comment(std::string_view text, SourceLocation where) final {
+        if (!inside_) Filter::comment(text, where);
+    }
+    void documentation(const Documentation& about, SourceLocation where) final {
+        if (!inside_) Filter::documentation(about, where);
+    }
 
   private:
     bool dropped(std::string_view def) const {
@@ -171,11 +179,17 @@ std::unique_ptr<DocumentHandler> makeFilter(std::string_view name, DocumentHandl
     if (name == "drop-metadata") return std::make_unique<DropMetadata>(next);
     if (name == "drop-scripts") return std::make_unique<DropScripts>(next);
     if (name == "short-names") return std::make_unique<ShortNames>(next);
+    if (name == "drop-comments") return detail::makeDropComments(next);
+    if (name == "drop-defaults") return detail::makeDropDefaults(next);
+    if (name == "quantise-1e-3") return detail::makeQuantise(1e-3, next);
+    if (name == "quantise-1e-4") return detail::makeQuantise(1e-4, next);
+    if (name == "quantise-1e-5") return detail::makeQuantise(1e-5, next);
     return nullptr;
 }
 
 std::vector<std::string_view> filterNames() {
-    return {"drop-metadata", "drop-scripts", "short-names"};
+    return {"drop-comments", "drop-defaults", "drop-metadata", "drop-scripts",
+            "quantise-1e-3", "quantise-1e-4", "quantise-1e-5", "short-names"};
 }
 
 }  // namespace rtsg

@@ -59,6 +59,15 @@ std::span<const T> elements(const Value& value) {
 
 }  // namespace
 
+std::string tidyComment(std::string_view text) {
+    constexpr std::string_view space = " \t\r\n";
+    const std::size_t first = text.find_first_not_of(space);
+    if (first == text.npos) return {};
+    std::string result(text.substr(first, text.find_last_not_of(space) + 1 - first));
+    std::erase(result, '\r');
+    return result;
+}
+
 std::string valueComplaint(const FieldDef& field, const Value& value) {
     const FieldType element = sf(value.type());
     if (element == FieldType::SFRotation) {

@@ -7,8 +7,7 @@
 
 namespace rtsg::detail {
 
-bool readClassic(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
-                 const ReaderProgress& progress) {
+bool readClassic(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress) {
     return ClassicReader(text, handler, diagnostics, progress).read();
 }
 
@@ -31,25 +30,46 @@ bool accessFromKeyword(std::string_view keyword, Access& out) {
     return true;
 }
 
-ClassicReader::ClassicReader(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
+ClassicReader::ClassicReader(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics,
                              const ReaderProgress& progress)
-    : begin_(text.data()),
-      p_(begin_),
-      end_(begin_ + text.size()),
+    : feed_(text),
+      p_(text.begin()),
+      end_(text.end()),
+      released_(text.begin()),
       handler_(&handler),
       loud_(&handler),
       diagnostics_(diagnostics),
-      position_(begin_),
-      meter_(text.size(), progress) {}
+      position_(text.begin()),
+      meter_(text.total(), progress) {}
+
+/// What lies far enough behind is given back; positions are counted up to there first, since they go on from there.
+void ClassicReader::progress(const char* p) {
+    meter_.at(feed_.done(p));
+    constexpr std::ptrdiff_t kept = 1 << 20;
+    if (holdsText_ || p - released_ < 2 * kept) return;
+    released_ = p - kept;
+    position_.of(released_);
+    feed_.release(released_);
+}
+
+const char* ClassicReader::more(const char* end) {
+    // A parser of a piece that lies within the text has all of it.
+    if (end != end_) return end;
+    feed_.more();
+    return end_ = feed_.end();
+}
 
 bool ClassicReader::read() {
     if (!readHeader()) return false;
     readProfile();
     handler_->beginDocument(header_);
+    began_ = true;
+    for (const auto& [text, where] : early_) handler_->comment(text, where);
+    early_.clear();
     for (;;) {
         skipSpace();
         if (p_ == end_) break;
-        meter_.at(static_cast<std::size_t>(p_ - begin_));
+        progress(p_);
         if (frames_.empty()) {
             statement();
             continue;
@@ -76,6 +96,8 @@ bool ClassicReader::read() {
 }
 
 bool ClassicReader::readHeader() {
+    feed_.fill(kLongestHeader);
+    end_ = feed_.end();
     const char* stop = std::find_if(p_, end_, [](char c) { return c == '\n' || c == '\r'; });
     const std::string_view line(p_, static_cast<std::size_t>(stop - p_));
     constexpr std::string_view x3d = "#X3D V", vrml = "#VRML V";
@@ -114,7 +136,7 @@ void ClassicReader::readProfile() {
 void ClassicReader::closeAll() {
     if (frames_.empty()) return;
     const Frame& top = frames_.back();
-    const SourceLocation opened = at(top.open);
+    const SourceLocation opened = top.open;
     const std::string what = top.inside == Inside::list   ? "a list of nodes"
                              : top.inside == Inside::node ? std::string(top.shape.name())
                                                           : "a PROTO";
@@ -359,7 +381,7 @@ void ClassicReader::beginProto() {
         report(Severity::warning, where, renamedProto(*proto));
     }
     handler_->beginProto(proto->name.empty() ? name : std::string_view(proto->name), at(where));
-    push({.inside = Inside::interface, .shape = {}, .proto = proto, .field = {}, .into = {}, .open = where});
+    push({.inside = Inside::interface, .shape = {}, .proto = proto, .field = {}, .into = {}, .open = at(where)});
 }
 
 void ClassicReader::interfaceItem() {

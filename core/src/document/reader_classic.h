@@ -2,13 +2,17 @@
 //
 // Invariant: an explicit stack, never recursion; each byte is looked at a bounded number of times; commands to the
 // handler nest whatever the input. After an error reading goes on at the next place that makes sense: behind the
-// value, the unknown node's braces, or the stray token. Threading: one thread a document.
-// Source: ISO/IEC 19776-2 V3.3 annex A; ISO/IEC 14772-1:1997 annex A. Both dialects' keywords are taken in either.
+// value, the unknown node's braces, or the stray token. Of the text a megabyte is kept behind the place where reading
+// is and as much before it as a token needs: no pointer into it outlives its statement. Threading: one thread a
+// document. Source: ISO/IEC 19776-2 V3.3 annex A; ISO/IEC 14772-1:1997 annex A. Both dialects' keywords are taken in
+// either.
 #pragma once
 
+#include <optional>
 #include <set>
 
 #include "reader_common.h"
+#include "text_feed.h"
 #include "units.h"
 #include "value/text_position.h"
 
@@ -16,8 +20,7 @@ namespace rtsg::detail {
 
 class ClassicReader final : private FieldTextReport {
   public:
-    ClassicReader(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
-                  const ReaderProgress& progress);
+    ClassicReader(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress);
     bool read();
 
   private:
@@ -28,7 +31,7 @@ class ClassicReader final : private FieldTextReport {
         std::shared_ptr<ProtoType> proto;  // interface, body
         std::string_view field;            // list: where its nodes go
         FieldRef into;                     // list
-        const char* open;
+        SourceLocation open;
         GivenFields given{};                        // node
         std::set<std::string_view> unknownGiven{};  // node of unknown type: the fields that had values
     };
@@ -83,31 +86,45 @@ class ClassicReader final : private FieldTextReport {
     SourceLocation at(const char* p) { return position_.of(p); }
     void error(const char* where, std::string text) { report(Severity::error, where, std::move(text)); }
     void report(Severity severity, const char* where, std::string text) override;
-    void progress(const char* p) override { meter_.at(static_cast<std::size_t>(p - begin_)); }
+    void comment(std::string_view line) override;
+    void tellComment();
+    void progress(const char* p) override;
+    const char* more(const char* end) override;
+    /// A copy of a name in the text that stays.
+    std::string_view kept(std::string_view name) { return *names_.emplace(name).first; }
 
     void push(Frame frame);
     void pop();
     void mute();
     void beganNode(const NodeShape& shape);
 
-    const char* begin_;
+    TextFeed& feed_;
     const char* p_;
     const char* end_;
+    const char* released_;  // what is before is gone
     DocumentHandler* handler_;
     DocumentHandler* loud_;  // the real one, while muted
     NullHandler silent_;
     std::size_t mutedAt_ = kNotMuted;  // frames below this depth are silent
+    static constexpr std::size_t kLongestHeader = 1 << 12;
+    bool holdsText_ = false;  // what is being read is wanted as text
     static constexpr std::size_t kNotMuted = ~std::size_t{0};
     Diagnostics& diagnostics_;
     TextPosition position_;
     ProgressMeter meter_;
     ReaderTypes types_;
+    std::set<std::string, std::less<>> names_;  // of fields that nodes do not have
+    const char* told_ = nullptr;                // the end of the last comment
     std::vector<Frame> frames_;
     std::size_t lists_ = 0;  // open lists since the innermost prototype began
     std::vector<std::size_t> outerLists_;
     std::size_t bodies_ = 0;  // PROTO bodies open
     DocumentHeader header_;
     bool vrml97_ = false;
+    bool began_ = false;                  // the handler has been told of the document
+    std::optional<std::string> comment_;  // lines read and not told yet
+    const char *commentStart_ = nullptr, *commentEnd_ = nullptr;
+    std::vector<std::pair<std::string, SourceLocation>> early_;  // comments before the document begins
     Units units_;
 };
 

@@ -1,5 +1,6 @@
 // Inside a ClassicVRML node: words, field values, declarations, and how to go on after an error.
 #include "reader_classic.h"
+#include "suggestion.h"
 
 namespace rtsg::detail {
 
@@ -12,24 +13,48 @@ void ClassicReader::skipSpace() {
     FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
     parser.skipSpace();
     p_ = parser.p;
+    if (comment_) tellComment();
+}
+
+/// Lines that follow each other without an empty one between them are one comment.
+void ClassicReader::comment(std::string_view line) {
+    if (line.data() < told_) return;  // reading went back a little
+    told_ = line.data() + line.size();
+    if (comment_ && std::count(commentEnd_, line.data(), '\n') > 1) tellComment();
+    if (!comment_) commentStart_ = line.data();
+    commentEnd_ = line.data() + line.size();
+    line.remove_prefix(line.starts_with("# ") ? 2 : 1);
+    comment_ = comment_ ? *comment_ + '\n' + std::string(line) : std::string(line);
+}
+
+void ClassicReader::tellComment() {
+    const std::string text = tidyComment(*comment_);
+    comment_.reset();
+    if (text.empty()) return;
+    if (!began_)
+        early_.emplace_back(text, at(commentStart_));
+    else
+        handler_->comment(text, at(commentStart_));
 }
 
 std::string_view ClassicReader::word() {
-    skipSpace();
-    const char* start = p_;
-    p_ = endOfWord(p_, end_);
-    return {start, static_cast<std::size_t>(p_ - start)};
+    const std::string_view next = peekWord();
+    p_ = next.data() + next.size();
+    return next;
 }
 
 std::string_view ClassicReader::peekWord() {
     skipSpace();
-    return {p_, static_cast<std::size_t>(endOfWord(p_, end_) - p_)};
+    const char* stop = endOfWord(p_, end_);
+    while (stop == end_ && more(stop) != stop) stop = endOfWord(stop, end_);
+    return {p_, static_cast<std::size_t>(stop - p_)};
 }
 
 bool ClassicReader::parseValue(FieldType type, Value& out) {
     FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
     const bool usable = parser.parse(type, out);
     p_ = parser.p;
+    if (comment_) tellComment();
     return usable;
 }
 
@@ -165,16 +190,14 @@ void ClassicReader::beginNode(std::string_view type, std::string_view def, const
                                    : "unexpected '" + std::string(type.substr(0, 40)) + "'");
         return;
     }
-    if (!shape.known())
-        report(Severity::warning, where,
-               "unknown node type " + std::string(type.substr(0, 80)) + "; it is kept, and does nothing");
+    if (!shape.known()) report(Severity::warning, where, unknownType(type));
     ++p_;
     beganNode(shape);
     checkPlace(into, shape, where);
     if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
     if (!def.empty()) types_.define(def, shape);
     handler_->beginNode(shape.name(), def, into.name, at(where));
-    push({.inside = Inside::node, .shape = std::move(shape), .proto = {}, .field = {}, .into = {}, .open = where});
+    push({.inside = Inside::node, .shape = std::move(shape), .proto = {}, .field = {}, .into = {}, .open = at(where)});
 }
 
 void ClassicReader::nodeItem() {
@@ -202,7 +225,7 @@ void ClassicReader::nodeItem() {
 void ClassicReader::closeBracket() {
     if (lists_ == 0) return stray();
     error(p_, "'}' is missing before ']', for " + std::string(frames_.back().shape.name()) + " begun at line " +
-                  std::to_string(at(frames_.back().open).line));
+                  std::to_string(frames_.back().open.line));
     while (frames_.back().inside == Inside::node) pop();
 }
 
@@ -251,14 +274,15 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     }
     if (sf(field.type) == FieldType::SFNode) return nodeValue(field, where);
     Value value;
-    const char* start = p_;
+    // The text may be gone once a long value has been read.
+    const SourceLocation here = at(where), start = at(p_);
     if (!parseValue(field.type, value)) return skipValue();
     if (field.definition) {
         units_.toStandard(field.definition, value);
         if (std::string complaint = valueComplaint(*field.definition, value); !complaint.empty())
-            report(Severity::warning, start, std::move(complaint));
+            diagnostics_.warning(start, std::move(complaint));
     }
-    handler_->setField(field.name, std::move(value), at(where));
+    handler_->setField(field.name, std::move(value), here);
 }
 
 /// Behind the name of a field that the open node does not have, or has been given before. What nodes are there are kept
@@ -273,7 +297,7 @@ void ClassicReader::unknownField(std::string_view name, const char* where) {
         if (word.empty() || isDigit(word[0]) || word[0] == '-' || word[0] == '+' || word[0] == '.') return false;
         return word != "TRUE" && word != "FALSE" && word != "NULL" && word != "IS";
     };
-    const FieldRef into{name, isList ? FieldType::MFNode : FieldType::SFNode};
+    const FieldRef into{kept(name), isList ? FieldType::MFNode : FieldType::SFNode};
     const NodeShape shape = frames_.back().shape;
     const bool complain = shape.known();
     if (isNodeWord(next) && (isList || (!startsItem(next) && startsNode()))) {
@@ -284,17 +308,18 @@ void ClassicReader::unknownField(std::string_view name, const char* where) {
         return isList ? openList(into) : nodeStatement(into);
     }
     p_ = start;
-    if (complain && !findField(shape, name))
-        error(where, std::string(shape.name()) + " has no field '" + std::string(name.substr(0, 80)) + "'");
+    if (complain && !findField(shape, name)) error(where, noField(shape, name));
     if (next == "IS" && !isList && !shape.known()) {
         word();
         const std::string_view protoField = word();
         if (!protoField.empty() && bodies_ > 0) handler_->isConnection(name, protoField, at(where));
         return;
     }
+    holdsText_ = !shape.known();
     skipValue();
+    holdsText_ = false;
     if (shape.known() || p_ == start) return;
-    if (!frames_.back().unknownGiven.insert(name).second)
+    if (!frames_.back().unknownGiven.insert(kept(name)).second)
         return error(start, std::string(name.substr(0, 80)) + " is given already; this is left out");
     std::string_view text(start, static_cast<std::size_t>(p_ - start));
     const auto isFiller = [](char c) { return isSpace(c) || c == ','; };
@@ -349,7 +374,7 @@ void ClassicReader::nodeValue(const FieldRef& field, const char* where) {
 }
 
 void ClassicReader::openList(const FieldRef& field) {
-    push({.inside = Inside::list, .shape = {}, .proto = {}, .field = field.name, .into = field, .open = p_});
+    push({.inside = Inside::list, .shape = {}, .proto = {}, .field = field.name, .into = field, .open = at(p_)});
 }
 
 /// `access type name`. False if that was not there; then what was there has been skipped and reported.
@@ -412,11 +437,12 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
     }
     if (sf(field.type) != FieldType::SFNode) {
         Value value;
+        const SourceLocation here = at(where);
         if (!parseValue(field.type, value)) {
             skipValue();
             value = Value::zero(field.type);
         }
-        handler_->declareField(field, std::move(value), at(where));
+        handler_->declareField(field, std::move(value), here);
         return;
     }
     if (peekIs('[') && isMF(field.type)) {

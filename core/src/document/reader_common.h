@@ -10,6 +10,8 @@
 
 namespace rtsg::detail {
 
+class TextFeed;
+
 using ReaderProgress = std::function<void(std::uint64_t done, std::uint64_t total)>;
 
 /// Calls the progress function once per megabyte of input.
@@ -34,6 +36,9 @@ class ProgressMeter {
 /// Says what is wrong with a well-formed value: outside the field's range, no allowed word, an axis that is no
 /// direction. Empty if nothing is. The value is in the standard's units.
 std::string valueComplaint(const FieldDef& field, const Value& value);
+
+/// A comment without white space at either end, and with the line ends of this system.
+std::string tidyComment(std::string_view text);
 
 /// Takes everything and does nothing.
 class NullHandler final : public DocumentHandler {
@@ -60,10 +65,9 @@ class NullHandler final : public DocumentHandler {
 };
 
 /// Reads one document of the encoding; false if it had to stop early.
-bool readClassic(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
-                 const ReaderProgress& progress);
+bool readClassic(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress);
 /// `utf8`: the text is valid UTF-8; if not, it is in whatever encoding the XML declaration or a BOM names.
-bool readXml(std::string_view text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
+bool readXml(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
              const ReaderProgress& progress);
 
 bool readJson(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,

@@ -13,7 +13,7 @@
 #include "reader_bytes.h"
 #include "reader_common.h"
 #include "reader_utf8.h"
-#include "value/read_descriptor.h"
+#include "text_feed.h"
 #include "value/text_position.h"
 
 namespace rtsg {
@@ -22,40 +22,11 @@ namespace {
 
 constexpr std::size_t kBytesLimit = std::size_t{4} << 30;  // of what says nothing of its size: packed files, pipes
 
-std::string_view withoutBom(std::string_view text) {
-    constexpr std::string_view bom = "\xEF\xBB\xBF";
-    return text.starts_with(bom) ? text.substr(bom.size()) : text;
-}
-
-/// XML may declare another encoding than UTF-8, which expat then converts.
-bool isOtherXmlEncoding(std::string_view text) {
-    if (text.starts_with("\xFE\xFF") || text.starts_with("\xFF\xFE")) return true;
-    if (!text.starts_with("<?xml")) return false;
-    std::string head(text.substr(0, std::min(text.find("?>"), std::size_t{200})));
-    std::ranges::transform(head, head.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    const std::size_t encoding = head.find("encoding");
-    return encoding != head.npos && head.find("utf-8", encoding) == head.npos;
-}
-
-/// The content of the file that the user named; whatever kind of file that is.
-Result<std::string> readNamedFile(const std::filesystem::path& file) {
-    if (file == "-") return detail::readDescriptor(STDIN_FILENO, kBytesLimit);
-    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
-    if (descriptor < 0) return fail(std::strerror(errno));
-    struct stat status{};
-    const bool isFolder = fstat(descriptor, &status) == 0 && S_ISDIR(status.st_mode);
-    // A pipe or a device may go on for ever.
-    auto text = isFolder ? fail("it is a folder")
-                         : detail::readDescriptor(descriptor, S_ISREG(status.st_mode) ? SIZE_MAX : kBytesLimit);
-    ::close(descriptor);
-    return text;
-}
-
 }  // namespace
 
 Encoding detectEncoding(std::string_view head) {
     if (head.starts_with("\xFE\xFF") || head.starts_with("\xFF\xFE")) return Encoding::xml;
-    head = withoutBom(head);
+    head = detail::withoutBom(head);
     if (head.starts_with("#VRML")) return Encoding::vrml97;
     const auto start = std::ranges::find_if_not(head, [](char c) { return std::strchr(" \t\r\n", c) && c; });
     if (start != head.end() && *start == '<') return Encoding::xml;
@@ -67,48 +38,88 @@ namespace {
 
 /// A text file that is no scene could be taken for ClassicVRML, and its words would come out as errors one by one.
 bool isHeaded(std::string_view text) {
-    return detectEncoding(text) != Encoding::classicVrml || withoutBom(text).starts_with("#X3D");
+    return detectEncoding(text) != Encoding::classicVrml || detail::withoutBom(text).starts_with("#X3D");
+}
+
+}  // namespace
+
+namespace {
+
+/// Of a document whose text comes as it is needed. JSON is looked at twice, and so is there as a whole.
+bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
+              Diagnostics& diagnostics, const Progress& progress) {
+    feed.fill(detail::TextFeed::kHead);
+    const auto text = [&] { return std::string_view(feed.begin(), feed.end()); };
+    const detail::FileKind kind = detail::fileKind(text(), feed.size());
+    if (kind == detail::FileKind::notRead) {
+        diagnostics.error({}, detail::whyNotRead(text()), DiagnosticCode("not-a-scene"));
+        return false;
+    }
+    if (kind != detail::FileKind::document) {
+        feed.fill();
+        if (!feed.failure().empty()) diagnostics.error({}, feed.failure(), DiagnosticCode("gzip"));
+        return detail::importFile(kind, {text(), beside}, handler, diagnostics);
+    }
+    const Encoding encoding = detectEncoding(text());
+    const bool utf8 = encoding != Encoding::xml || !detail::isOtherXmlEncoding(detail::withoutBom(text()));
+    if (utf8) feed.skip(text().size() - detail::withoutBom(text()).size());
+    if (text().empty()) {
+        diagnostics.error({1, 1}, "the document is empty");
+        return false;
+    }
+    bool complete = false;
+    if (encoding == Encoding::xml) {
+        complete = detail::readXml(feed, utf8, handler, diagnostics, progress);
+    } else if (encoding == Encoding::json) {
+        feed.fill();
+        complete = detail::readJson(text(), handler, diagnostics, progress);
+    } else {
+        complete = detail::readClassic(feed, handler, diagnostics, progress);
+    }
+    if (feed.invalid())
+        diagnostics.error(feed.firstInvalid(), std::to_string(feed.invalid()) +
+                                                   " bytes are not valid UTF-8 (or zero), the first here; U+FFFD is "
+                                                   "taken instead");
+    if (!feed.failure().empty()) diagnostics.error({}, feed.failure(), DiagnosticCode("gzip"));
+    return complete;
 }
 
 }  // namespace
 
 bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics, Progress progress) {
-    const Encoding encoding = detectEncoding(text);
-    text = withoutBom(text);
-    if (text.empty()) {
-        diagnostics.error({1, 1}, "the document is empty");
-        return false;
-    }
+    return detail::readText(text, {}, handler, diagnostics, progress);
+}
+
+bool detail::readText(std::string_view text, const OpenBeside& beside, DocumentHandler& handler,
+                      Diagnostics& diagnostics, const Progress& progress) {
     std::string clean;
-    const bool utf8 = encoding != Encoding::xml || !isOtherXmlEncoding(text);
-    if (utf8) {
-        const std::size_t bad = detail::findInvalidUtf8(text);
-        if (bad != text.npos) {
-            std::size_t count = 0;
-            const SourceLocation where = detail::TextPosition(text.data()).of(text.data() + bad);
-            clean = detail::replaceInvalidUtf8(text, count);
-            diagnostics.error(where, std::to_string(count) +
-                                         " bytes are not valid UTF-8 (or zero), the first here; U+FFFD is "
-                                         "taken instead");
-            text = clean;
-        }
+    const bool utf8 =
+        fileKind(text.substr(0, TextFeed::kHead), text.size()) == FileKind::document && !isOtherXmlEncoding(text);
+    const std::size_t bad = utf8 ? detail::findInvalidUtf8(text) : text.npos;
+    if (bad != text.npos) {
+        std::size_t count = 0;
+        const std::string_view body = detail::withoutBom(text);
+        const SourceLocation where = detail::TextPosition(body.data()).of(text.data() + bad);
+        clean = detail::replaceInvalidUtf8(text, count);
+        diagnostics.error(where, std::to_string(count) +
+                                     " bytes are not valid UTF-8 (or zero), the first here; U+FFFD is "
+                                     "taken instead");
+        text = clean;
     }
-    switch (encoding) {
-        case Encoding::classicVrml:
-        case Encoding::vrml97:
-            return detail::readClassic(text, handler, diagnostics, progress);
-        case Encoding::xml:
-            return detail::readXml(text, utf8, handler, diagnostics, progress);
-        case Encoding::json:
-            return detail::readJson(text, handler, diagnostics, progress);
-        case Encoding::binary:
-            break;
-    }
-    diagnostics.error({1, 1}, "this encoding is not read");
-    return false;
+    TextFeed feed(text);
+    return readFeed(feed, beside, handler, diagnostics, progress);
 }
 
 namespace detail {
+
+OpenBeside openBeside(Resources resources, std::filesystem::path folder) {
+    if (folder.empty()) folder = resources.folder();
+    return [resources = std::move(resources), folder = std::move(folder)](std::string_view url) -> Result<std::string> {
+        auto file = resources.open(folder, url);
+        if (!file) return std::unexpected(file.error());
+        return file->read();
+    };
+}
 
 bool readSceneBytes(std::string_view bytes, DocumentHandler& handler, Diagnostics& diagnostics,
                     const SceneBytes& options) {
@@ -117,23 +128,44 @@ bool readSceneBytes(std::string_view bytes, DocumentHandler& handler, Diagnostic
         if (!gunzip(bytes, unpacked, diagnostics, options.limit)) return false;
         bytes = unpacked;
     }
-    if (options.mustBeHeaded && !isHeaded(bytes)) {
+    const FileKind kind = fileKind(bytes.substr(0, TextFeed::kHead), bytes.size());
+    if (options.mustBeHeaded && kind == FileKind::document && !isHeaded(bytes)) {
         diagnostics.error({}, "it starts neither with #X3D or #VRML, nor as XML or JSON");
         return false;
     }
-    return readDocument(bytes, handler, diagnostics, options.progress);
+    return readText(bytes, options.beside, handler, diagnostics, options.progress);
 }
 
 }  // namespace detail
 
-bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
-                      Progress progress) {
-    const auto text = readNamedFile(file);
-    if (!text) {
-        diagnostics.error({}, "cannot read " + file.string() + ": " + text.error().text);
+bool detail::readDescriptorInBlocks(int descriptor, std::size_t block, const OpenBeside& beside,
+                                    DocumentHandler& handler, Diagnostics& diagnostics, const Progress& progress) {
+    auto feed = TextFeed::of(descriptor, kBytesLimit, block);
+    if (!feed) {
+        diagnostics.error({}, "cannot read " + diagnostics.file() + ": " + feed.error().text);
         return false;
     }
-    return detail::readSceneBytes(*text, handler, diagnostics, {kBytesLimit, false, std::move(progress)});
+    return readFeed(**feed, beside, handler, diagnostics, progress);
+}
+
+bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
+                      Progress progress) {
+    constexpr std::size_t block = 1 << 20;
+    const auto cannot = [&](const std::string& why) {
+        diagnostics.error({}, "cannot read " + file.string() + ": " + why);
+        return false;
+    };
+    if (file == "-") return detail::readDescriptorInBlocks(STDIN_FILENO, block, {}, handler, diagnostics, progress);
+    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+    if (descriptor < 0) return cannot(std::strerror(errno));
+    struct stat status{};
+    const bool isFolder = fstat(descriptor, &status) == 0 && S_ISDIR(status.st_mode);
+    const bool complete =
+        isFolder ? cannot("it is a folder")
+                 : detail::readDescriptorInBlocks(descriptor, block, detail::openBeside(Resources::ofFile(file), {}),
+                                                  handler, diagnostics, progress);
+    ::close(descriptor);
+    return complete;
 }
 
 }  // namespace rtsg

@@ -75,8 +75,11 @@ void ElementReader::begin(Attributes attributes) {
     } else {
         error(std::string("the root element is ") + element_ + ", not X3D");
     }
+    header.valuesFirst = true;
     handler_->beginDocument(header);
     began_ = true;
+    for (const auto& [text, at] : early_) handler_->comment(text, at);
+    early_.clear();
 }
 
 void ElementReader::end() {
@@ -102,13 +105,53 @@ void ElementReader::text(std::string_view characters) {
     source.text += characters;
 }
 
+void ElementReader::comment(std::string_view text) {
+    if (skipDepth_) return;
+    const std::string tidy = tidyComment(text);
+    if (tidy.empty()) return;
+    if (!began_)
+        early_.emplace_back(tidy, where());
+    else
+        handler_->comment(tidy, where());
+}
+
+/// Null where the element says nothing about itself.
+std::shared_ptr<const Documentation> ElementReader::documentation(Attributes attributes) const {
+    const char* appinfo = attribute(attributes, "appinfo");
+    const char* documentation = attribute(attributes, "documentation");
+    if (!appinfo && !documentation) return nullptr;
+    return std::make_shared<const Documentation>(
+        Documentation{appinfo ? appinfo : "", documentation ? documentation : ""});
+}
+
 const char* ElementReader::attribute(Attributes attributes, std::string_view name) const {
     for (int i = 0; i < specified_; i += 2)
         if (attributes[i] == name) return attributes[i + 1];
     return nullptr;
 }
 
+FieldType ElementReader::longAttribute(std::string_view element, std::string_view name,
+                                       std::string_view fieldName) const {
+    if (skipDepth_) return FieldType::SFNode;
+    FieldRef field;
+    if (element == "fieldValue" && name == "value" && isTop(Inside::node) && frames_.back().shape.proto) {
+        field = findField(frames_.back().shape, fieldName);
+    } else if (!findElement(element)) {
+        const NodeShape shape = types_.find(element);
+        if (shape.type) field = findField(shape, name);
+    }
+    const bool many = field && (isMF(field.type) || field.type == FieldType::SFImage);
+    const FieldType of = field ? sf(field.type) : FieldType::SFNode;
+    return many && of != FieldType::SFString && of != FieldType::SFNode && of != FieldType::SFBool ? field.type
+                                                                                                   : FieldType::SFNode;
+}
+
 bool ElementReader::parseAttribute(const char* name, const char* value, FieldType type, Value& out) {
+    if (Value* before = parsedBefore(value)) {
+        if (before->type() != type) return false;
+        out = std::move(*before);
+        return true;
+    }
     if (plainStrings_ && type == FieldType::SFString) {
         out = Value(String(value));
         return true;
@@ -286,6 +329,7 @@ void ElementReader::startProtoDeclare(Attributes attributes) {
     } else if (proto->name != name) {
         diagnostics_.warning(where(), renamedProto(*proto));
     }
+    if (const auto about = documentation(attributes)) handler_->documentation(*about, where());
     handler_->beginProto(proto->name.empty() ? std::string_view(name) : std::string_view(proto->name), where());
     push(Inside::protoDeclare);
     frames_.back().prototype = std::make_unique<Prototype>();
@@ -303,6 +347,7 @@ void ElementReader::startExternProto(Attributes attributes) {
     Value url;
     if (const char* urls = attribute(attributes, "url"); urls && parseAttribute("url", urls, FieldType::MFString, url))
         for (const String& one : url.as<Array<String>>()) prototype->url.push_back(one.str());
+    prototype->about = documentation(attributes);
     frames_.back().prototype = std::move(prototype);
 }
 
@@ -329,6 +374,7 @@ void ElementReader::endProto(Frame& frame) {
             diagnostics_.warning(frame.open, externIsBuiltin(type->name));
         } else if (types_.declareProto(type)) {
             const auto& fields = type->fields.all();
+            if (frame.prototype->about) handler_->documentation(*frame.prototype->about, frame.open);
             handler_->externProto(type->name, {fields.begin(), fields.end()}, frame.prototype->url, frame.open);
         } else {
             diagnostics_.error(frame.open, "there is a node type " + type->name + " already, which stays");

@@ -25,6 +25,7 @@ class ElementReader : private FieldTextReport {
     void beginSection();
     void endSection() { inSection_ = false; }
     void text(std::string_view characters);
+    void comment(std::string_view text);
     /// Closes what is open. False if there was no element at all.
     bool finish();
 
@@ -32,6 +33,11 @@ class ElementReader : private FieldTextReport {
     virtual SourceLocation where() = 0;
     /// Where `at`, in the value of the attribute being parsed, stands.
     virtual SourceLocation locate(const char* at) = 0;
+    /// A value that was parsed before its element began, since it is too long to be an attribute's text; null if `text`
+    /// is a value's text. Its place is where() then.
+    virtual Value* parsedBefore(const char* /*text*/) { return nullptr; }
+    /// The type of an attribute of an element that would begin here, if it is one of many numbers; else SFNode.
+    FieldType longAttribute(std::string_view element, std::string_view name, std::string_view fieldName) const;
     const char* parsedAttribute() const { return attributeName_; }
     const char* parsedValue() const { return attributeValue_; }
     std::string openElement() const { return frames_.empty() ? std::string() : frames_.back().element; }
@@ -65,6 +71,7 @@ class ElementReader : private FieldTextReport {
     struct Prototype {
         std::shared_ptr<ProtoType> type;
         std::vector<std::string> url;
+        std::shared_ptr<const Documentation> about;  // of an EXTERNPROTO, until it is told
         bool hasBody = false;
     };
     struct Frame {
@@ -97,6 +104,7 @@ class ElementReader : private FieldTextReport {
     void startRoute(Attributes attributes);
     void startImport(Attributes attributes);
     void startExport(Attributes attributes);
+    std::shared_ptr<const Documentation> documentation(Attributes attributes) const;
     void startProtoDeclare(Attributes attributes);
     void startExternProto(Attributes attributes);
     void startInterface(Attributes attributes);
@@ -149,6 +157,7 @@ class ElementReader : private FieldTextReport {
     std::size_t bodies_ = 0;     // PROTO bodies open
     bool inSection_ = false;     // between <![CDATA[ and ]]>
     bool began_ = false;
+    std::vector<std::pair<std::string, SourceLocation>> early_;  // comments before the root element
     Units units_;
     const char* element_ = "";
     const char* attributeName_ = nullptr;  // whose value is being parsed

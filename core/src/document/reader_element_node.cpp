@@ -5,6 +5,7 @@
 #include <array>
 
 #include "reader_classic.h"
+#include "suggestion.h"
 
 namespace rtsg::detail {
 
@@ -26,7 +27,7 @@ void ElementReader::startNode(const char* name, Attributes attributes) {
     NodeShape shape = types_.find(name);
     if (!shape.known()) {
         if (frames_.empty()) return skip({});  // some other kind of XML: its root has been named
-        diagnostics_.warning(where(), std::string("unknown node type ") + name + "; it is kept, and does nothing");
+        diagnostics_.warning(where(), unknownType(name));
     }
     if (shape.proto)
         diagnostics_.warning(where(), std::string("prototypes are used as <ProtoInstance name='") + name + "'>");
@@ -128,7 +129,13 @@ void ElementReader::openNode(NodeShape shape, Attributes attributes) {
     if (const char* use = attribute(attributes, "USE")) return useNode(use, shape, into.name, into);
     const char* def = attribute(attributes, "DEF");
     if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
-    if (def && *def) types_.define(def, shape);
+    if (def && *def) {
+        types_.define(def, shape);
+        if (std::string_view(def).find_first_of(" \t\r\n") != std::string_view::npos)
+            diagnostics_.warning(where(),
+                                 "DEF '" + std::string(def).substr(0, 80) +
+                                     "' has white space in it, which no name may have; ROUTE and USE find it so");
+    }
     handler_->beginNode(shape.name(), def ? def : "", into.name, where());
     push(Inside::node);
     if (shape.type && hasSourceText(*shape.type)) frames_.back().source = std::make_unique<Source>();
@@ -169,7 +176,7 @@ void ElementReader::setAttribute(const char* name, const char* text) {
     attributeName_ = name;
     attributeValue_ = text;
     if (!field) {
-        diagnostics_.error(locate(text), node + " has no field '" + name + "'");
+        diagnostics_.error(locate(text), noField(frame.shape, name));
     } else if (!field.takesValue()) {
         diagnostics_.error(locate(text), std::string(name) + " of " + node + " is an event, it takes no value");
     } else if (sf(field.type) == FieldType::SFNode) {
@@ -213,6 +220,7 @@ void ElementReader::startField(Attributes attributes) {
     if (!accessFromKeyword(access, field.access)) return skip("'" + std::string(access) + "' is no accessType");
     if (!fieldTypeFromName(type, field.type)) return skip("'" + std::string(type) + "' is no field type");
     field.name = name;
+    field.about = documentation(attributes);
     if (script && parent.shape.type->findExact(name) != kNoField) {
         // X3D 4.0 gave Script a description; scripts of before may declare one, meaning the same.
         diagnostics_.warning(where(), "Script has a field '" + field.name + "' of its own");
@@ -326,7 +334,7 @@ void ElementReader::startFieldValue(Attributes attributes) {
         frames_.back().hasChildren = true;  // no empty list is meant
         return;
     }
-    if (!field) return skip(std::string(shape.name()) + " has no field '" + name + "'");
+    if (!field) return skip(noField(shape, name));
     if (!frames_.back().given.add(field)) return skip(std::string(name) + " is given already");
     if (!field.takesValue()) return skip(std::string(name) + " is an event, it takes no value");
     if (sf(field.type) != FieldType::SFNode) {
@@ -364,7 +372,7 @@ void ElementReader::startConnect(Attributes attributes) {
         else if (field || !node.shape.known())
             handler_->isConnection(field ? field.name : std::string_view(nodeField), protoField, where());
         else
-            error(std::string(node.shape.name()) + " has no field '" + nodeField + "' to connect");
+            error(noField(node.shape, nodeField) + " to connect");
     }
     push(Inside::leaf);
 }

@@ -68,26 +68,48 @@ class JsonReader final : private ElementReader {
         std::vector<std::size_t> open;  // indices in brackets_
         std::size_t i = 0;
         const char* complaint = nullptr;
+        bool value = false, comma = false;  // what came last, white space aside
         while (i < text_.size() && !complaint) {
             const char c = text_[i];
+            if (c == ' ' || c == '\n' || c == '\t' || c == '\r') {
+                ++i;
+                continue;
+            }
+            if (c == ',' || c == ':') {
+                if (c == ',' && !value) commaFault(i, "a comma too many");
+                value = false;
+                comma = c == ',';
+                ++i;
+                continue;
+            }
+            const bool closes = c == '}' || c == ']';
+            if (closes && comma) commaFault(i, "there is nothing between the last comma and this bracket");
+            if (!closes && value) commaFault(i, "a comma is missing before this");
+            comma = false;
+            value = closes;
             if (c == '"') {
                 const std::size_t end = stringEnd(i);
                 if (end == text_.npos)
                     complaint = "the string is not closed";
                 else
                     i = end;
+                value = true;
                 continue;
             }
             if (c == '{' || c == '[') {
                 open.push_back(brackets_.size());
                 brackets_.push_back({i, 0});
-            } else if (c == '}' || c == ']') {
+            } else if (closes) {
                 if (open.empty() || text_[brackets_[open.back()].open] != (c == '}' ? '{' : '[')) {
                     complaint = "the bracket matches none";
                     continue;
                 }
                 brackets_[open.back()].close = i;
                 open.pop_back();
+            } else {
+                // A number or a word.
+                while (i + 1 < text_.size() && !isSeparator(text_[i + 1]) && text_[i + 1] != ':') ++i;
+                value = true;
             }
             ++i;
         }
@@ -98,6 +120,11 @@ class JsonReader final : private ElementReader {
         text_ = text_.substr(0, i);
         for (const std::size_t bracket : open) brackets_[bracket].close = i;
         return false;
+    }
+    /// Commas are read as white space, so that nothing is lost; a few faults are enough to see what is wrong.
+    void commaFault(std::size_t i, const char* what) {
+        constexpr int most = 20;
+        if (++commaFaults_ <= most) complain(i, what);
     }
     /// Behind the closing quote of the string that starts at `i`; npos if there is none.
     std::size_t stringEnd(std::size_t i) const {
@@ -223,6 +250,8 @@ class JsonReader final : private ElementReader {
             if (!nextMember(frame.at, frame.end, key, value)) return leave();
             if (frame.inside == Inside::element)
                 member(key, value);
+            else if (key == "#comment")
+                comments(value);
             else if (!key.starts_with('#'))
                 element(key, value, std::string(frame.containerField));
             return;
@@ -315,7 +344,8 @@ class JsonReader final : private ElementReader {
     }
 
     void member(const std::string& key, std::size_t value) {
-        if (key.starts_with('@') || key == "encoding" || key == "JSON schema" || key == "#comment") return;
+        if (key.starts_with('@') || key == "encoding" || key == "JSON schema") return;
+        if (key == "#comment") return comments(value);
         if (key == "#sourceCode" || key == "#sourceText") return source(value);
         const char c = at(value);
         if (key.starts_with('-')) {
@@ -333,6 +363,20 @@ class JsonReader final : private ElementReader {
             element(key, value, {});
         else
             complain(value, "'" + key.substr(0, 80) + "' is unknown here");
+    }
+    /// One, or an array of them.
+    void comments(std::size_t value) {
+        if (at(value) == '"') {
+            at_ = value;
+            return comment(unescaped(value, valueEnd(value)));
+        }
+        if (at(value) != '[') return complain(value, "#comment takes strings");
+        const std::size_t close = closeOf(value);
+        for (std::size_t i = skipSpace(value + 1); i < close; i = skipSpace(std::max(valueEnd(i), i + 1)))
+            if (text_[i] == '"') {
+                at_ = i;
+                comment(unescaped(i, valueEnd(i)));
+            }
     }
     void source(std::size_t value) {
         beginSection();
@@ -364,6 +408,7 @@ class JsonReader final : private ElementReader {
     std::vector<Bracket> brackets_;
     std::vector<Frame> frames_;
     std::size_t at_ = 0;
+    int commaFaults_ = 0;
     std::vector<std::string> strings_;  // of the element being started
     std::vector<const char*> attributes_;
     std::vector<std::size_t> valuePositions_;

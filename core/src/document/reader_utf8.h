@@ -13,4 +13,8 @@ std::size_t findInvalidUtf8(std::string_view text, std::size_t from = 0);
 /// A copy with U+FFFD for every invalid byte; `count` is their number.
 std::string replaceInvalidUtf8(std::string_view text, std::size_t& count);
 
+std::string_view withoutBom(std::string_view text);
+/// XML may declare another encoding than UTF-8, which expat then converts.
+bool isOtherXmlEncoding(std::string_view head);
+
 }  // namespace rtsg::detail

@@ -1,29 +1,57 @@
-// Drives expat, and hands its elements to the ElementReader. Entities are not expanded.
+// Drives expat, and hands its elements to the ElementReader. Long lists of numbers are found by a look at the text
+// before expat gets it, parsed where they are, and replaced by a placeholder.
 #include "reader_xml.h"
 
 #include <algorithm>
+#include <cctype>
+#include <cstring>
 #include <new>
 
 namespace rtsg::detail {
 
-bool readXml(std::string_view text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
+bool readXml(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
              const ReaderProgress& progress) {
     return XmlReader(text, utf8, handler, diagnostics, progress).read();
 }
 
-XmlReader::XmlReader(std::string_view text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
+XmlReader::XmlReader(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
                      const ReaderProgress& progress)
     : ElementReader(Encoding::xml, handler, diagnostics),
-      text_(text),
+      feed_(text),
       utf8_(utf8),
-      position_(text.data()),
-      meter_(text.size(), progress),
+      position_(text.begin()),
+      released_(text.begin()),
+      meter_(text.total(), progress),
       parser_(XML_ParserCreate(nullptr)) {
     if (!parser_) throw std::bad_alloc();
 }
 
+namespace {
+
+/// A fieldValue says before its value, in all files that there are, which field it is of.
+std::string_view fieldOf(std::string_view tag) {
+    const std::size_t name = tag.find(" name=");
+    if (name == tag.npos || name + 7 >= tag.size()) return {};
+    const std::size_t close = tag.find(tag[name + 6], name + 7);
+    return close == tag.npos ? std::string_view() : tag.substr(name + 7, close - name - 7);
+}
+
+}  // namespace
+
 XmlReader::~XmlReader() {
     XML_ParserFree(parser_);
+}
+
+/// Is there a '&' that begins no reference, in the token that starts at `p`?
+bool XmlReader::isBareAmpersand(const char* p) const {
+    constexpr std::ptrdiff_t most = 1 << 16;
+    const char* const stop = feed_.end() - p > most ? p + most : feed_.end();
+    while (p < stop && (p = static_cast<const char*>(std::memchr(p, '&', static_cast<std::size_t>(stop - p))))) {
+        const char* s = ++p;
+        while (s != stop && (std::isalnum(static_cast<unsigned char>(*s)) || *s == '#' || *s == '_' || *s == '-')) ++s;
+        if (s == p || s == stop || *s != ';') return true;
+    }
+    return false;
 }
 
 bool XmlReader::read() {
@@ -40,6 +68,7 @@ bool XmlReader::read() {
     XML_SetCdataSectionHandler(
         parser_, [](void* self) { static_cast<XmlReader*>(self)->beginSection(); },
         [](void* self) { static_cast<XmlReader*>(self)->endSection(); });
+    XML_SetCommentHandler(parser_, [](void* self, const char* text) { static_cast<XmlReader*>(self)->comment(text); });
     // Entities of the document's own are expanded, within these limits; nothing is fetched for them.
     XML_SetBillionLaughsAttackProtectionMaximumAmplification(parser_, kMaximumAmplification);
     XML_SetBillionLaughsAttackProtectionActivationThreshold(parser_, kAmplificationFrom);
@@ -49,32 +78,324 @@ bool XmlReader::read() {
         if (!isParameter && !value)
             self->error("the entity " + std::string(entity) + " is in another file, which is not opened");
     });
-    std::string_view rest = text_;
-    XML_Status status = XML_STATUS_OK;
-    std::size_t size = kSmallestPart;
-    do {
-        const std::size_t count = std::min(rest.size(), size), elements = elements_;
-        const std::string_view part = rest.substr(0, count);
-        rest.remove_prefix(count);
-        status = XML_Parse(parser_, part.data(), static_cast<int>(count), rest.empty());
-        // expat keeps a copy of what it could not finish and reads it again: within a long attribute larger parts make
-        // the work grow with its length, not with the square of it.
-        size = elements_ == elements ? std::min(2 * size, kLargestPart) : kSmallestPart;
-    } while (status == XML_STATUS_OK && !rest.empty());
-    if (status != XML_STATUS_OK) {
+    feedAll();
+    if (status_ != XML_STATUS_OK) {
+        const XML_Index at =
+            XML_GetErrorCode(parser_) == XML_ERROR_INVALID_TOKEN ? XML_GetCurrentByteIndex(parser_) : -1;
+        if (utf8_ && at >= 0 && isBareAmpersand(feed_.begin() + textIndex(static_cast<std::uint64_t>(at))))
+            error("a '&' that begins no reference is written &amp;");
         const std::string inside = openElement().empty() ? "" : ", inside " + openElement();
         error(std::string("not well-formed XML: ") + XML_ErrorString(XML_GetErrorCode(parser_)) + inside +
               "; reading ends here");
     }
     if (!finish()) return false;
     meter_.finish();
-    return status == XML_STATUS_OK;
+    return status_ == XML_STATUS_OK;
+}
+
+/// False once expat has found the text not well-formed.
+bool XmlReader::feed(const char* from, const char* to, bool last) {
+    do {
+        const auto count = std::min<std::size_t>(static_cast<std::size_t>(to - from), 1 << 30);
+        fed_ += count;
+        status_ = XML_Parse(parser_, from, static_cast<int>(count), last && from + count == to);
+        from += count;
+    } while (status_ == XML_STATUS_OK && from != to);
+    return status_ == XML_STATUS_OK;
+}
+
+bool XmlReader::feedAll() {
+    const char *at = feed_.begin(), *looked = at;  // expat has had what is before `at`
+    std::size_t part = kPart;
+    if (!utf8_) in_ = In::opaque;
+    for (;;) {
+        bool more = true;
+        while (static_cast<std::size_t>(feed_.end() - at) < part && more) more = feed_.more();
+        const char* to = more ? at + part : feed_.end();
+        const bool last = !more;
+        if (const char* quote = scan(looked, to)) {
+            if (!feed(at, quote + 1, false)) return false;
+            at = looked = readLong(quote);
+            if (status_ != XML_STATUS_OK) return false;
+        } else {
+            looked = to;
+            // A list of numbers that may turn out to be long waits until that is clear.
+            if (!last && in_ == In::quoted && opened_ >= at && typeOfLong(opened_) != FieldType::SFNode) to = opened_;
+            if (!feed(at, to, last)) return false;
+            if (last) return true;
+            at = to;
+        }
+        // What expat could not finish it keeps and reads again: within a long attribute larger parts make the work grow
+        // with its length, not with the square of it.
+        part = in_ == In::quoted || in_ == In::opaque ? std::min<std::size_t>(2 * part, 1 << 30) : kPart;
+        release(in_ == In::quoted || in_ == In::tag ? std::min(tag_, at) : at);
+    }
+}
+
+/// Looks at the text, from where the last look ended, for an attribute that is long already at `to`: its opening quote,
+/// or null. Goes on behind `to` the next time.
+const char* XmlReader::scan(const char* p, const char* to) {
+    const auto find = [&](char c) {
+        const void* found = std::memchr(p, c, static_cast<std::size_t>(to - p));
+        return found ? static_cast<const char*>(found) : to;
+    };
+    // A mark that the end of the text cuts in two is found when there is more.
+    const auto endsWith = [&](const char* at, std::string_view mark) {
+        return at - opened_ + 1 >= static_cast<std::ptrdiff_t>(mark.size()) &&
+               std::string_view(at + 1 - mark.size(), mark.size()) == mark;
+    };
+    while (p != to) {
+        switch (in_) {
+            case In::opaque:
+                return nullptr;
+            case In::content:
+                p = find('<');
+                if (p == to) return nullptr;
+                opened_ = tag_ = p++;
+                in_ = In::tag;
+                break;
+            case In::tag:
+                if (p == opened_ + 1 && *p == '?') in_ = In::instruction;
+                if (p == opened_ + 1 && *p == '!') {
+                    // Which of three it is shows a few characters on.
+                    const char* const stop = opened_ + 9;
+                    while (feed_.end() < stop && feed_.more()) {
+                    }
+                    const std::string_view mark(opened_,
+                                                static_cast<std::size_t>(std::min(feed_.end(), stop) - opened_));
+                    in_ = mark.starts_with("<!--") ? In::comment : mark == "<![CDATA[" ? In::section : In::declaration;
+                    if (in_ == In::comment) opened_ += 4;  // `<!-->` ends nothing
+                    depth_ = 0;
+                }
+                if (in_ != In::tag) {
+                    ++p;
+                    break;
+                }
+                while (p != to && *p != '"' && *p != '\'' && *p != '>') ++p;
+                if (p == to) return nullptr;
+                if (*p == '>') {
+                    in_ = In::content;
+                } else {
+                    in_ = In::quoted;
+                    quote_ = *p;
+                    opened_ = p;
+                }
+                ++p;
+                break;
+            case In::quoted:
+                p = find(quote_);
+                if (p - opened_ > kLong && typeOfLong(opened_) != FieldType::SFNode) {
+                    if (static_cast<std::uint64_t>(opened_ - feed_.begin()) >= textIndex(fed_)) return opened_;
+                }
+                if (p == to) return nullptr;
+                in_ = In::tag;
+                opened_ = tag_;
+                ++p;
+                break;
+            case In::comment:
+            case In::section:
+            case In::instruction: {
+                p = find('>');
+                if (p == to) return nullptr;
+                const std::string_view mark = in_ == In::comment ? "-->" : in_ == In::section ? "]]>" : "?>";
+                if (endsWith(p, mark)) in_ = In::content;
+                ++p;
+                break;
+            }
+            case In::declaration:
+                // Quotes and comments in a DTD may hide brackets: what follows one with any is left to expat.
+                if (*p == '"' || *p == '\'') {
+                    const char* const close =
+                        static_cast<const char*>(std::memchr(p + 1, *p, static_cast<std::size_t>(feed_.end() - p - 1)));
+                    if (!close || close >= to) {
+                        in_ = In::opaque;
+                        return nullptr;
+                    }
+                    p = close;
+                } else if (std::string_view(p, static_cast<std::size_t>(to - p)).starts_with("<!--")) {
+                    const std::size_t end = std::string_view(p, static_cast<std::size_t>(to - p)).find("-->");
+                    if (end == std::string_view::npos) {
+                        in_ = In::opaque;
+                        return nullptr;
+                    }
+                    p += end + 2;
+                } else {
+                    depth_ += *p == '[' || *p == '<';
+                    depth_ -= *p == ']' || *p == '>';
+                    if (depth_ < 0) in_ = In::content;
+                }
+                ++p;
+                break;
+        }
+    }
+    return nullptr;
+}
+
+/// Of the attribute whose value starts at `quote`: its type, if it is a list of numbers.
+FieldType XmlReader::typeOfLong(const char* quote) const {
+    const bool again = longTag_ == tag_;  // then what is before its last long value may be gone
+    const char* const from = again ? longEnd_ : tag_ + 1;
+    if (!again && tag_ < released_) return FieldType::SFNode;
+    if (feed_.isWhole()) {
+        // Text that is not ours cannot be mended: expat takes care of references in it.
+        const auto size = static_cast<std::size_t>(feed_.end() - quote - 1);
+        const void* close = std::memchr(quote + 1, quote_, size);
+        if (!close) return FieldType::SFNode;
+        if (std::memchr(quote + 1, '&', static_cast<std::size_t>(static_cast<const char*>(close) - quote - 1)))
+            return FieldType::SFNode;
+    }
+    const std::string_view text(from, static_cast<std::size_t>(quote - from));
+    const std::size_t stop = text.find_last_not_of(" \t\r\n=");
+    if (stop == text.npos) return FieldType::SFNode;
+    const std::size_t start = text.find_last_of(" \t\r\n\"'", stop);
+    if (start == text.npos) return FieldType::SFNode;
+    const std::string_view attribute = text.substr(start + 1, stop - start);
+    if (again) return longAttribute(longElement_, attribute, longField_);
+    const auto isEnd = [](char c) { return isSpace(c) || c == '=' || c == '>' || c == '/'; };
+    const std::string_view element(text.begin(), std::ranges::find_if(text, isEnd));
+    return longAttribute(element, attribute, fieldOf(text));
+}
+
+/// The parser of a value between quotes asks for more of it here.
+class XmlReader::LongValue final : public detail::FieldTextReport {
+  public:
+    LongValue(XmlReader& reader, const char* from, std::string name)
+        : reader_(reader), from_(from), name_(std::move(name)) {}
+    const char* end(const char* from) {
+        for (;;) {
+            const char* const stop = reader_.feed_.end();
+            const char* found = stop;
+            for (const char c : {reader_.quote_, '<', '&'})
+                if (const void* at = std::memchr(from, c, static_cast<std::size_t>(found - from)))
+                    found = static_cast<const char*>(at);
+            if (found == stop || *found != '&') {
+                ended_ = found != stop;
+                return found;
+            }
+            const char* const end = spaceReference(found);
+            if (!end || !reader_.feed_.blank(found, end)) {
+                ended_ = true;
+                return found;
+            }
+            from = end;
+        }
+    }
+    const char* more(const char* before) override {
+        if (ended_ || before != stop_) return before;
+        if (!reader_.feed_.more()) {
+            ended_ = true;
+            return before;
+        }
+        return stop_ = end(before);
+    }
+    void start() { stop_ = end(from_); }
+    const char* stop() const { return stop_; }
+    void progress(const char* at) override {
+        reader_.meter_.at(reader_.feed_.done(at));
+        reader_.release(at);
+    }
+    void report(Severity severity, const char* at, std::string text) override {
+        reader_.diagnostics().add(severity, reader_.position_.of(at), name_ + ": " + text);
+    }
+
+  private:
+    /// The end of `&#10;` and the like at `at`, which stand for white space; null if it is something else.
+    const char* spaceReference(const char* at) {
+        while (reader_.feed_.end() - at < 8 && reader_.feed_.more()) {
+        }
+        const std::string_view text(at, std::min<std::size_t>(8, static_cast<std::size_t>(reader_.feed_.end() - at)));
+        for (const std::string_view space :
+             {"&#10;", "&#9;", "&#13;", "&#32;", "&#xA;", "&#xa;", "&#xD;", "&#xd;", "&#x9;", "&#x20;"})
+            if (text.starts_with(space)) return at + space.size();
+        return nullptr;
+    }
+
+    XmlReader& reader_;
+    const char* from_;
+    const char* stop_ = nullptr;
+    std::string name_;
+    bool ended_ = false;
+};
+
+/// Reads the value behind `quote`, and gives expat a placeholder for it. Returns where the text goes on.
+const char* XmlReader::readLong(const char* quote) {
+    const FieldType type = typeOfLong(quote);
+    const char* const from = longTag_ == tag_ ? longEnd_ : tag_ + 1;
+    const std::string_view before(from, static_cast<std::size_t>(quote - from));
+    if (longTag_ != tag_) {
+        longTag_ = tag_;
+        longAt_ = position_.of(tag_);
+        longElement_ = before.substr(0, before.find_first_of(" \t\r\n"));
+        longField_ = fieldOf(before);
+    }
+    const std::size_t nameEnd = before.find_last_not_of(" \t\r\n=") + 1;
+    const std::size_t nameStart = before.find_last_of(" \t\r\n\"'", nameEnd - 1) + 1;
+    LongValue source(*this, quote + 1, std::string(before.substr(nameStart, nameEnd - nameStart)));
+    source.start();
+    FieldTextParser parser(quote + 1, source.stop(), TextSyntax::xml, source);
+    // U+F8FF is for private use, and no number.
+    Early early{"\xEF\xA3\xBF rtsg value " + std::to_string(fed_), {}, fed_, longAt_};
+    if (!parser.parse(type, early.value)) early.value = Value::zero(type);
+    while (source.more(source.stop()) != source.stop()) {
+        // An error has ended the value before its text.
+    }
+    const char* stop = source.stop();
+    if (stop != feed_.end() && *stop == '&')
+        diagnostics().error(position_.of(stop),
+                            "entities are not read within so long a list of numbers; what is behind is left out");
+    while (stop != feed_.end() && *stop == '&') {
+        LongValue rest(*this, stop + 1, {});
+        rest.start();
+        while (rest.more(rest.stop()) != rest.stop()) {
+        }
+        stop = rest.stop();
+    }
+    const std::uint64_t seen = fed_ + early.placeholder.size();
+    skipped_.push_back({seen, static_cast<std::uint64_t>(stop - feed_.begin()) - seen});
+    if (skipped_.size() > 64) skipped_.pop_front();
+    early_.push_back(std::move(early));
+    const std::string placeholder = early_.back().placeholder;
+    longEnd_ = stop;
+    in_ = In::quoted;
+    opened_ = stop;  // so short a rest is not long
+    feed(placeholder.data(), placeholder.data() + placeholder.size(), false);
+    return stop;
+}
+
+/// Where in the text the byte is that expat counts as this one.
+std::uint64_t XmlReader::textIndex(std::uint64_t index) const {
+    for (auto s = skipped_.rbegin(); s != skipped_.rend(); ++s)
+        if (index >= s->index) return index + s->more;
+    return index;
+}
+
+void XmlReader::release(const char* upTo) {
+    if (!utf8_ || upTo - released_ < 2 * kKept) return;
+    released_ = upTo - kKept;
+    position_.of(released_);
+    feed_.release(released_);
+}
+
+Value* XmlReader::parsedBefore(const char* text) {
+    const auto found = std::ranges::find(early_, text, &Early::placeholder);
+    return found == early_.end() ? nullptr : &found->value;
+}
+
+/// A long value of the tag that expat is at.
+const XmlReader::Early* XmlReader::earlyHere() const {
+    if (early_.empty()) return nullptr;
+    const auto start = static_cast<std::uint64_t>(std::max<XML_Index>(XML_GetCurrentByteIndex(parser_), 0));
+    const auto end = start + static_cast<std::uint64_t>(XML_GetCurrentByteCount(parser_));
+    const auto found =
+        std::ranges::find_if(early_, [&](const Early& one) { return one.index >= start && one.index < end; });
+    return found == early_.end() ? nullptr : &*found;
 }
 
 void XmlReader::startElement(const char* name, const char** attributes) {
-    ++elements_;
-    meter_.at(static_cast<std::size_t>(std::max<XML_Index>(XML_GetCurrentByteIndex(parser_), 0)));
+    meter_.at(feed_.done(feed_.begin() + textIndex(static_cast<std::uint64_t>(
+                                             std::max<XML_Index>(XML_GetCurrentByteIndex(parser_), 0)))));
     start(name, attributes, XML_GetSpecifiedAttributeCount(parser_));
+    while (const Early* used = earlyHere()) early_.erase(early_.begin() + (used - early_.data()));
 }
 
 SourceLocation XmlReader::where() {
@@ -86,10 +407,12 @@ SourceLocation XmlReader::where() {
 /// Where `at`, in the value of the attribute being parsed, stands in the text; null: where the element starts.
 SourceLocation XmlReader::locate(const char* at) {
     if (!utf8_) return where();
+    if (const Early* early = earlyHere()) return early->tagAt;
     const XML_Index index = XML_GetCurrentByteIndex(parser_);
-    const std::size_t start = index < 0 ? text_.size() : std::min(static_cast<std::size_t>(index), text_.size());
-    const char* s = text_.data() + start;
-    const char* stop = text_.data() + text_.size();
+    const char* const stop = feed_.end();
+    const std::uint64_t size = static_cast<std::uint64_t>(stop - feed_.begin());
+    const std::uint64_t start = index < 0 ? size : std::min(textIndex(static_cast<std::uint64_t>(index)), size);
+    const char* s = std::max(feed_.begin() + start, released_);
     if (!at || !parsedAttribute()) return position_.of(s);
     // expat hands out copies: find the attribute again in the element's tag.
     const char* element = s;

@@ -7,6 +7,7 @@
 
 #include "builder_state.h"
 #include "reader_types.h"
+#include "suggestion.h"
 
 namespace rtsg {
 
@@ -160,7 +161,7 @@ bool acceptsType(const FieldDef& def, const NodeType* child) {
 
 /// A node of a type that nobody knows: what is in it is built, and has its names, but belongs to no field of it.
 void SceneBuilder::State::openUnknown(std::string_view type, std::string_view def, SourceLocation where) {
-    warning(where, fmt::format("unknown node type {}; it is kept, and does nothing", type));
+    warning(where, detail::unknownType(type));
     if (!def.empty()) scope().names.insert_or_assign(std::string(def), kOfUnknownType);
     push(OpenNode::Kind::unknown, where);
 }

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "builder_state.h"
+#include "suggestion.h"
 
 namespace rtsg {
 
@@ -21,7 +22,8 @@ const Array<String>* tuples(const Scene& scene, NodeId scope, std::string_view n
 std::string checkEnd(const Node& node, std::string_view nodeName, std::string_view fieldName, bool sends,
                      FieldIndex& field) {
     field = node.type().find(fieldName);
-    if (field == kNoField) return fmt::format("{} {} has no field '{}'", node.type().name, nodeName, fieldName);
+    if (field == kNoField)
+        return detail::noField(node.type(), fmt::format("{} {}", node.type().name, nodeName), fieldName);
     const FieldDef& def = node.type().fields[field];
     if (sends ? def.sends() : def.writable()) return {};
     return fmt::format("{}.{} is {} and {} events", nodeName, def.name, accessName(def.access),

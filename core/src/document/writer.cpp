@@ -89,23 +89,29 @@ std::size_t arraySize(const Value& value) {
     }
 }
 
-void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std::size_t indent) {
+void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std::size_t indent,
+                   const std::function<void()>& full) {
     const bool classic = syntax == TextSyntax::classicVrml;
     const std::size_t size = isMF(value.type()) ? arraySize(value) : 0;
     if (size < 2) {
         appendFieldText(out, value, syntax);
         return;
     }
-    constexpr std::size_t width = 100;
-    const std::size_t start = out.size();
-    std::size_t lineStart = start;
+    constexpr std::size_t width = 100, fullAt = 1 << 16;
+    std::size_t start = out.size(), lineStart = start;
     bool broken = false;
     if (classic) out += '[';
     for (std::size_t i = 0; i < size; ++i) {
         if (i) {
             if (classic) out += ',';
             if (out.size() - lineStart > width) {
+                // A list of several lines begins on its own.
+                if (!broken && classic) out.insert(start + 1, "\n" + std::string(indent, ' '));
                 broken = true;
+                if (full && out.size() >= fullAt) {
+                    full();
+                    start = 0;
+                }
                 out += '\n';
                 lineStart = out.size();
                 out.append(indent, ' ');
@@ -116,8 +122,6 @@ void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std:
         appendArrayElement(out, value, i, syntax);
     }
     if (classic) out += ']';
-    // A list of several lines begins on its own.
-    if (broken && classic) out.insert(start + 1, "\n" + std::string(indent, ' '));
 }
 
 }  // namespace detail

@@ -51,8 +51,8 @@ class ClassicWriter final : public DocumentHandler {
         if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
         if (!def.empty()) types_.define(def, shape);
         if (vrml97_ && shape.type && !isInVersion(type, version_) && notInVrml97_.insert(std::string(type)).second)
-            diagnostics_.warning(where,
-                                 std::string(type) + " is no node of VRML97; browsers of VRML97 will not read it");
+            diagnostics_.warning(where, std::string(type) + " is no node of VRML97 (it came with X3D " +
+                                            versionText(shape.type->since) + "); browsers of VRML97 will not read it");
         const Place place = nodePlace(field, where);
         if (!def.empty()) *place.text += "DEF " + name(def, where) + " ";
         *place.text += shape.unknown ? name(type, where) : std::string(type);
@@ -70,10 +70,13 @@ class ClassicWriter final : public DocumentHandler {
         if (!units_.areStandard()) units_.fromStandard(findField(frames_.back().shape, field).definition, value);
         const Place place = line();
         *place.text += fieldName(frames_.back().shape, field, where) + " ";
-        appendWrapped(*place.text, value, TextSyntax::classicVrml, spaces(place.indent + 1));
+        std::function<void()> full;
+        if (place.text == &text_) full = [this] { flush(); };
+        appendWrapped(*place.text, value, TextSyntax::classicVrml, spaces(place.indent + 1), full);
         flushIfFull();
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
+        if (field.about) documentation(*field.about, where);
         const Place place = line();
         Frame& frame = frames_.back();
         if (frame.shape.own) frame.shape.own->add(field);
@@ -121,6 +124,14 @@ class ClassicWriter final : public DocumentHandler {
         *place.text += "EXTERNPROTO " + name(protoName, where) + " [";
         for (const FieldDeclaration& field : fields) {
             newLine(*place.text, place.indent + 1);
+            if (field.about && !field.about->appinfo.empty()) {
+                commentLines({place.text, place.indent + 1}, "appinfo: " + field.about->appinfo);
+                newLine(*place.text, place.indent + 1);
+            }
+            if (field.about && !field.about->documentation.empty()) {
+                commentLines({place.text, place.indent + 1}, "documentation: " + field.about->documentation);
+                newLine(*place.text, place.indent + 1);
+            }
             *place.text += declaration(field, where);
             proto->fields.add(field);
         }
@@ -149,6 +160,29 @@ class ClassicWriter final : public DocumentHandler {
     void exportNode(std::string_view local, std::string_view exported, SourceLocation where) override {
         if (vrml97_) return cannot(where, "EXPORT");
         statement("EXPORT " + name(local, where) + " AS " + name(exported, where));
+    }
+
+    void comment(std::string_view text, SourceLocation) override {
+        // Behind a declaration that waits for its nodes, in the open list, or on lines of its own.
+        Frame* frame = frames_.empty() ? nullptr : &frames_.back();
+        if (frame && frame->declared && !frame->declared->value &&
+            sf(frame->declared->field.type) == FieldType::SFNode) {
+            commentLines(newLine(*frame->declared->place.text, frame->indent), text);
+            newLine(*frame->declared->place.text, frame->indent);
+        } else if (frame && !frame->declared && !frame->deferred.empty()) {
+            Deferred& last = frame->deferred.back();
+            commentLines(newLine(last.text, frame->indent + (last.list.empty() ? 0 : 1)), text);
+        } else if (frame && !frame->declared && !frame->openList.empty()) {
+            commentLines(newLine(*frame->text, frame->indent + 1), text);
+        } else {
+            commentLines(line(), text);
+            statementEnd();
+        }
+    }
+    /// There is no other place for it than a comment.
+    void documentation(const Documentation& about, SourceLocation where) override {
+        if (!about.appinfo.empty()) comment("appinfo: " + about.appinfo, where);
+        if (!about.documentation.empty()) comment("documentation: " + about.documentation, where);
     }
 
   private:
@@ -237,6 +271,21 @@ class ClassicWriter final : public DocumentHandler {
         text.append(spaces(indent), ' ');
         return {&text, indent};
     }
+    /// At the start of a line; two comments in a row have an empty line between them, or they would be one.
+    void commentLines(Place place, std::string_view text) {
+        if (commented_ == place.text && commentSize_ == sizeWithoutSpace(*place.text))
+            newLine(*place.text, place.indent);
+        for (std::size_t from = 0; from <= text.size();) {
+            const std::size_t end = std::min(text.find('\n', from), text.size());
+            if (from) newLine(*place.text, place.indent);
+            *place.text += "# ";
+            *place.text += text.substr(from, end - from);
+            from = end + 1;
+        }
+        commented_ = place.text;
+        commentSize_ = sizeWithoutSpace(*place.text);
+    }
+    static std::size_t sizeWithoutSpace(const std::string& text) { return text.find_last_not_of(" \n") + 1; }
     void statement(const std::string& words) {
         *line().text += words;
         statementEnd();
@@ -290,6 +339,10 @@ class ClassicWriter final : public DocumentHandler {
         statementEnd();
     }
     void flush() {
+        if (commented_ == &text_) {
+            if (commentSize_ != sizeWithoutSpace(text_)) commented_ = nullptr;
+            commentSize_ = 0;
+        }
         sink_(text_);
         text_.clear();
     }
@@ -303,10 +356,21 @@ class ClassicWriter final : public DocumentHandler {
                name(field.name, where);
     }
     std::string fieldName(const NodeShape& shape, std::string_view field, SourceLocation where) {
-        if (shape.type)
-            if (const std::string_view old = formerName(*shape.type, field, version_); !old.empty())
-                return std::string(old);
-        return name(field, where);
+        if (!shape.type) return name(field, where);
+        if (vrml97_) noteVersion(*shape.type, field, where);
+        const std::string_view old = formerName(*shape.type, field, version_);
+        return old.empty() ? name(field, where) : std::string(old);
+    }
+    /// Says once which fields VRML97 does not have, of nodes that it has.
+    void noteVersion(const NodeType& type, std::string_view field, SourceLocation where) {
+        constexpr int vrml97 = 20;
+        const FieldIndex index = type.findExact(field);
+        if (type.since > vrml97 || index == kNoField || type.fields[index].since <= vrml97) return;
+        const std::string both = type.name + "." + std::string(field);
+        if (!notInVrml97_.insert(both).second) return;
+        diagnostics_.warning(where, both + " is no field of VRML97 (it came with X3D " +
+                                        versionText(type.fields[index].since) +
+                                        "); browsers of VRML97 will not read it");
     }
     /// A name as ClassicVRML can spell it: others have their offending bytes written as _ and two hexadecimal digits.
     std::string name(std::string_view text, SourceLocation where) {
@@ -341,6 +405,8 @@ class ClassicWriter final : public DocumentHandler {
     bool vrml97_;
     std::string version_ = "2.0";  // of the document written
     std::string text_;
+    const std::string* commented_ = nullptr;  // the text that ended in a comment, when it was of this size
+    std::size_t commentSize_ = 0;
     std::set<std::string> notInVrml97_;  // types that have been named
     Units units_;
     ReaderTypes types_;

@@ -3,6 +3,7 @@
 // Threading: one thread a writer.
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include <rtsg/core/field_text.h>
@@ -16,8 +17,9 @@ namespace rtsg::detail {
 std::size_t arraySize(const Value& value);
 
 /// Appends a value; an MF value that does not fit one line is broken into lines that start at `indent` spaces. XML text
-/// is not escaped yet.
-void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std::size_t indent);
+/// is not escaped yet. `full` is called every so often within long values, and may empty `out`.
+void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std::size_t indent,
+                   const std::function<void()>& full = {});
 
 /// Columns of an indent; a bounded number, or deep nesting would cost the square of its depth.
 constexpr std::size_t spaces(std::size_t levels) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <list>
 #include <set>
+#include <utility>
 
 #include "units.h"
 #include "writer_common.h"
@@ -132,6 +133,7 @@ class JsonWriter final : public DocumentHandler {
         frame.proto = std::make_shared<ProtoType>();
         frame.proto->name = name;
         attribute(frame, "name", inQuotes(name));
+        frame.attributes += described(std::exchange(about_, {}));
         frames_.push_back(std::move(frame));
     }
     void beginProtoBody(SourceLocation) override {
@@ -152,6 +154,7 @@ class JsonWriter final : public DocumentHandler {
         auto proto = std::make_shared<ProtoType>();
         proto->name = name;
         attribute(frame, "name", inQuotes(name));
+        frame.attributes += described(std::exchange(about_, {}));
         Array<String> urls;
         for (const std::string& one : url) urls.push_back(one);
         attribute(frame, "url", valueText(Value(std::move(urls))));
@@ -174,6 +177,23 @@ class JsonWriter final : public DocumentHandler {
     void exportNode(std::string_view local, std::string_view exported, SourceLocation) override {
         statement("EXPORT", {{"localDEF", local}, {"AS", exported}});
     }
+
+    /// Where there is a list that it may stand in, there; else as a member of what is open.
+    void comment(std::string_view text, SourceLocation) override {
+        if (frames_.empty() && !sceneOpen_) {
+            comments_ += (comments_.empty() ? "" : ",\n  ") + inQuotes(text);
+            return;
+        }
+        if (frames_.empty()) return place({}, Rope{"{\"#comment\":" + inQuotes(text) + "}"});
+        Frame& frame = frames_.back();
+        if (frame.inBody) return place({}, Rope{"{\"#comment\":" + inQuotes(text) + "}"});
+        const auto list = std::ranges::find(frame.members, "-children", &Member::key);
+        if (list != frame.members.end() && list->many == Many::yes)
+            append(list->items, Rope{"{\"#comment\":" + inQuotes(text) + "}"});
+        else
+            add(frame, "#comment", Many::no, Rope{inQuotes(text)});
+    }
+    void documentation(const Documentation& about, SourceLocation) override { about_ = about; }
 
   private:
     enum class Many : bool { no, yes };
@@ -203,7 +223,14 @@ class JsonWriter final : public DocumentHandler {
     }
     static std::string declaration(const FieldDeclaration& field) {
         return "{\"@accessType\":" + inQuotes(accessWord(field.access, false)) +
-               ",\"@type\":" + inQuotes(info(field.type).name) + ",\"@name\":" + inQuotes(field.name);
+               ",\"@type\":" + inQuotes(info(field.type).name) + ",\"@name\":" + inQuotes(field.name) +
+               (field.about ? described(*field.about) : std::string());
+    }
+    static std::string described(const Documentation& about) {
+        std::string result;
+        if (!about.appinfo.empty()) result += ",\"@appinfo\":" + inQuotes(about.appinfo);
+        if (!about.documentation.empty()) result += ",\"@documentation\":" + inQuotes(about.documentation);
+        return result;
     }
     static void append(Rope& items, Rope&& item) {
         if (!items.empty()) items.emplace_back(",");
@@ -276,6 +303,14 @@ class JsonWriter final : public DocumentHandler {
             const auto found = std::ranges::find(frame.members, key, &Member::key);
             return found == frame.members.end() ? Rope() : std::move(found->items);
         };
+        // What is said within the interface comes before it, or a reader would find it in the body.
+        if (frame.proto)
+            for (Member& one : frame.members)
+                if (one.key == "#comment") {
+                    const bool many = one.many == Many::yes;
+                    member(many ? "\"#comment\":[" : "\"#comment\":", std::move(one.items), many ? "]" : "");
+                    one.items.clear();
+                }
         if (Rope connections = take("connect"); !connections.empty())
             member("\"IS\":{\"connect\":[", std::move(connections), "]}");
         const bool proto = frame.proto != nullptr;
@@ -329,6 +364,7 @@ class JsonWriter final : public DocumentHandler {
         const auto list = [&](const char* key, const std::string& items) {
             if (!items.empty()) head += (head.empty() ? "\n" : ",\n") + inQuotes(key) + ":[\n  " + items + "]";
         };
+        list("#comment", comments_);
         list("component", components_);
         list("unit", unitItems_);
         list("meta", metas_);
@@ -342,7 +378,8 @@ class JsonWriter final : public DocumentHandler {
 
     TextSink sink_;
     Diagnostics& diagnostics_;
-    std::string version_, text_, components_, unitItems_, metas_;
+    std::string version_, text_, components_, unitItems_, metas_, comments_;
+    Documentation about_;  // of the PROTO or EXTERNPROTO that comes next
     bool sceneOpen_ = false, any_ = false;
     Units units_;
     ReaderTypes types_;

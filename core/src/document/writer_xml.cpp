@@ -1,8 +1,9 @@
-// XML. A node's attributes may come after its children, so the start tag of each open node is a gap in the text that
-// is filled when the node ends; text goes out as far as the first gap.
+// XML. A node's attributes may come after its children, unless the document says otherwise: then the start tag of each
+// open node is a gap in the text that is filled when the node ends; text goes out as far as the first gap.
 #include <algorithm>
 #include <list>
 #include <set>
+#include <utility>
 
 #include "units.h"
 #include "writer_common.h"
@@ -23,6 +24,7 @@ class XmlWriter final : public DocumentHandler {
         write("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<X3D");
         write(attribute("profile", header.profile.empty() ? "Full" : header.profile, {}));
         version_ = x3dVersion(header);
+        valuesFirst_ = header.valuesFirst;
         write(attribute("version", version_, {}) + ">");
     }
     void endDocument() override {
@@ -58,13 +60,21 @@ class XmlWriter final : public DocumentHandler {
         if (!container.empty()) write(attribute("containerField", container, where));
         frame.shape = std::move(shape);
         frame.indent = indent() + 1;
-        openGap(frame);
+        // A Script's source text is an attribute or content, which shows at its end; an IS comes before all content.
+        if (valuesFirst_ && !frame.shape.own && protos_ == 0)
+            frame.tagOpen = true;
+        else
+            openGap(frame);
         frames_.push_back(std::move(frame));
     }
     void endNode(SourceLocation) override {
         closeValue();
         Frame frame = std::move(frames_.back());
         frames_.pop_back();
+        if (!frame.gap) {
+            endDirect(frame);
+            return;
+        }
         std::string& gap = *frame.gap;
         if (!frame.connections.empty()) {
             const std::string before = "\n" + std::string(spaces(frame.indent), ' ');
@@ -111,19 +121,22 @@ class XmlWriter final : public DocumentHandler {
         if (frame.shape.unknown && value.holds<String>()) {
             // As it was read.
             const std::string name = attributeName(field);
-            if (frame.unknownGiven.insert(name).second) *frame.gap += attribute(name, value.as<String>().view(), where);
+            if (frame.unknownGiven.insert(name).second)
+                writeAttribute(frame, attribute(name, value.as<String>().view(), where), where);
             return;
         }
-        *frame.gap += valueAttribute(spelled(frame.shape, field), value, where);
+        if (!frame.tagOpen || sf(value.type()) == FieldType::SFString)
+            return writeAttribute(frame, valueAttribute(spelled(frame.shape, field), value, where), where);
+        // Long lists of numbers go out as they are printed.
+        std::string& text = pieces_.back();
+        text += " " + std::string(spelled(frame.shape, field)) + "='";
+        appendWrapped(text, value, TextSyntax::xml, spaces(indent() + 1), [this] { flush(kFlushAt); });
+        write("'");
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
         closeValue();
         Frame& frame = frames_.back();
-        if (frame.kind == Kind::interface && !frame.filled) {
-            frame.filled = true;
-            newLine(frame.indent - 1);
-            write("<ProtoInterface>");
-        }
+        openInterface(frame);
         if (frame.shape.own) frame.shape.own->add(field);
         if (frame.proto) frame.proto->fields.add(field);
         line();
@@ -147,8 +160,9 @@ class XmlWriter final : public DocumentHandler {
     }
 
     void beginProto(std::string_view name, SourceLocation where) override {
+        ++protos_;
         line();
-        write("<ProtoDeclare" + attribute("name", name, where) + ">");
+        write("<ProtoDeclare" + attribute("name", name, where) + std::exchange(about_, {}) + ">");
         Frame frame{};
         frame.kind = Kind::interface;
         frame.element = "ProtoDeclare";
@@ -170,6 +184,7 @@ class XmlWriter final : public DocumentHandler {
         types_.pushScope();
     }
     void endProto(SourceLocation) override {
+        --protos_;
         const std::shared_ptr<ProtoType> proto = frames_.back().proto;
         newLine(frames_.back().indent - 1);
         write("</ProtoBody>");
@@ -186,7 +201,7 @@ class XmlWriter final : public DocumentHandler {
         proto->name = name;
         Array<String> urls;
         for (const std::string& one : url) urls.push_back(one);
-        write("<ExternProtoDeclare" + attribute("name", name, where) +
+        write("<ExternProtoDeclare" + attribute("name", name, where) + std::exchange(about_, {}) +
               valueAttribute("url", Value(std::move(urls)), where));
         write(fields.empty() ? "/>" : ">");
         for (const FieldDeclaration& field : fields) {
@@ -217,6 +232,26 @@ class XmlWriter final : public DocumentHandler {
         line();
         write("<EXPORT" + attribute("localDEF", local, where) + attribute("AS", exported, where) + "/>");
     }
+    void comment(std::string_view text, SourceLocation) override {
+        if (frames_.empty() && place_ != Where::scene) {
+            newLine(place_ == Where::root ? 1 : 2);
+        } else if (!frames_.empty() && !frames_.back().openValue.empty()) {
+            if (frames_.back().valueEmpty) write(">");
+            frames_.back().valueEmpty = false;
+            newLine();
+        } else {
+            if (!frames_.empty()) openInterface(frames_.back());
+            line();
+        }
+        // Two hyphens end a comment, and one at its end would make two.
+        std::string spaced;
+        for (const char c : text) {
+            if (c == '-' && spaced.ends_with('-')) spaced += ' ';
+            spaced += static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t' ? ' ' : c;
+        }
+        write("<!-- " + spaced + " -->");
+    }
+    void documentation(const Documentation& about, SourceLocation where) override { about_ = describe(about, where); }
 
   private:
     enum class Kind : std::uint8_t { node, interface, body };
@@ -227,6 +262,7 @@ class XmlWriter final : public DocumentHandler {
         NodeShape shape;
         std::shared_ptr<ProtoType> proto;
         std::string* gap = nullptr;  // attributes go here; ends with the start tag
+        bool tagOpen = false;        // no gap: attributes are written as they come
         std::string connections;     // the connect elements of its IS
         std::size_t indent = 0;      // of its content
         bool filled = false;         // it has content (interface: the ProtoInterface is open)
@@ -259,6 +295,43 @@ class XmlWriter final : public DocumentHandler {
         if (--openGaps_ == 0) flush(kFlushAt);
     }
 
+    void writeAttribute(Frame& frame, const std::string& text, SourceLocation where) {
+        if (frame.gap)
+            *frame.gap += text;
+        else if (frame.tagOpen)
+            write(text);
+        else
+            diagnostics_.error(
+                where, "a value of " + frame.element +
+                           " came behind its nodes and cannot be written any more:" + text.substr(0, text.find('=')));
+    }
+    void openInterface(Frame& frame) {
+        if (frame.kind != Kind::interface || frame.filled) return;
+        frame.filled = true;
+        newLine(frame.indent - 1);
+        write("<ProtoInterface>");
+    }
+    /// Of a node without a gap: something comes between its tags.
+    void closeTag(Frame& frame) {
+        if (!frame.tagOpen) return;
+        frame.tagOpen = false;
+        write(">");
+    }
+    /// Writes the connections that have come since the last time.
+    void tellConnections(Frame& frame) {
+        if (frame.connections.empty()) return;
+        closeTag(frame);
+        const std::string before = "\n" + std::string(spaces(frame.indent), ' ');
+        write(before + "<IS>" + std::exchange(frame.connections, {}) + before + "</IS>");
+        frame.filled = true;
+    }
+    void endDirect(Frame& frame) {
+        tellConnections(frame);
+        if (frame.tagOpen) return write("/>");
+        newLine();
+        write("</" + frame.element + ">");
+    }
+
     // ---- lines
     /// Of what comes next in the innermost element.
     std::size_t indent() const {
@@ -275,8 +348,13 @@ class XmlWriter final : public DocumentHandler {
             openScene();
         } else {
             closeValue();
-            frames_.back().filled = true;
-            frames_.back().endsWithText = false;
+            Frame& frame = frames_.back();
+            if (frame.kind == Kind::node && !frame.gap) {
+                closeTag(frame);
+                tellConnections(frame);
+            }
+            frame.filled = true;
+            frame.endsWithText = false;
         }
         newLine();
     }
@@ -354,7 +432,14 @@ class XmlWriter final : public DocumentHandler {
     // ---- attributes
     std::string declaration(const FieldDeclaration& field, SourceLocation where) {
         return "<field" + attribute("accessType", accessWord(field.access, false), where) +
-               attribute("type", info(field.type).name, where) + attribute("name", field.name, where);
+               attribute("type", info(field.type).name, where) + attribute("name", field.name, where) +
+               (field.about ? describe(*field.about, where) : std::string());
+    }
+    std::string describe(const Documentation& about, SourceLocation where) {
+        std::string result;
+        if (!about.appinfo.empty()) result += attribute("appinfo", about.appinfo, where);
+        if (!about.documentation.empty()) result += attribute("documentation", about.documentation, where);
+        return result;
     }
     std::string unknownName(std::string_view type, SourceLocation where) {
         std::string name = elementName(type);
@@ -449,6 +534,9 @@ class XmlWriter final : public DocumentHandler {
     std::size_t openGaps_ = 0;
     Where place_ = Where::root;
     std::string version_;  // of the document written
+    bool valuesFirst_ = false;
+    std::size_t protos_ = 0;  // open
+    std::string about_;       // attributes of the PROTO or EXTERNPROTO that comes next
     Units units_;
     ReaderTypes types_;
     std::vector<Frame> frames_;

@@ -2,6 +2,7 @@
 #include "field_text_parser.h"
 
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace rtsg::detail {
@@ -74,8 +75,8 @@ bool FieldTextParser::parseQuoted(String& out) {
     const char* open = p;
     const char* s = p + 1;
     bool escapes = false;
-    while (s != end_ && *s != '"') {
-        if (*s == '\\' && s + 1 != end_) {
+    while ((s != end_ || grow()) && *s != '"') {
+        if (*s == '\\' && (s + 1 != end_ || grow())) {
             escapes = true;
             ++s;
         }
@@ -104,7 +105,7 @@ bool FieldTextParser::parseQuoted(String& out) {
 }
 
 bool FieldTextParser::parseBool(bool& out) {
-    const char* stop = endOfWord(p, end_);
+    const char* stop = wordEnd();
     const std::string_view word(p, static_cast<std::size_t>(stop - p));
     if (word == "TRUE" || word == "true") {
         out = true;
@@ -127,7 +128,8 @@ bool FieldTextParser::parseNumbers(T& out) {
     for (Scalar<T>& number : numbers) {
         skipSpace();
         const char* at = p;
-        const NumberStatus status = p == end_ ? NumberStatus::malformed : scan(p, end_, number);
+        NumberStatus status = p == end_ ? NumberStatus::malformed : scan(p, end_, number);
+        while (p == end_ && grow()) status = scan(p = at, end_, number);
         if (status == NumberStatus::malformed) {
             p = at;
             const std::string what = kCount<T> == 1 ? std::is_same_v<T, std::int32_t> ? "an integer" : "a number"
@@ -143,8 +145,28 @@ bool FieldTextParser::parseNumbers(T& out) {
     return finite;
 }
 
+/// An array that grows is there twice while it moves, which a long list has no room for: it is gathered in parts.
 template <class T>
 bool FieldTextParser::parseManyNumbers(Array<T>& out, bool bracketed) {
+    std::vector<Array<T>> parts;
+    const bool usable = parseInParts(out, bracketed, parts);
+    if (parts.empty()) return usable;
+    std::size_t size = out.size();
+    for (const Array<T>& part : parts) size += part.size();
+    Array<T> all;
+    all.reserve(size);
+    for (Array<T>& part : parts) {
+        all.append(part.span());
+        part = {};
+    }
+    all.append(out.span());
+    out = std::move(all);
+    return usable;
+}
+
+template <class T>
+bool FieldTextParser::parseInParts(Array<T>& out, bool bracketed, std::vector<Array<T>>& parts) {
+    constexpr std::size_t most = (std::size_t{8} << 20) / sizeof(T);
     constexpr std::size_t size = kBlock * kCount<T>;
     Scalar<T> block[size];
     std::size_t count = 0;
@@ -178,7 +200,8 @@ bool FieldTextParser::parseManyNumbers(Array<T>& out, bool bracketed) {
             return true;
         }
         const char* at = p;
-        const NumberStatus status = scan(p, end_, block[count]);
+        NumberStatus status = scan(p, end_, block[count]);
+        while (p == end_ && grow()) status = scan(p = at, end_, block[count]);
         if (status == NumberStatus::malformed) {
             p = at;
             report_.report(Severity::error, p,
@@ -196,6 +219,7 @@ bool FieldTextParser::parseManyNumbers(Array<T>& out, bool bracketed) {
         }
         if (++count == size) {
             flush();
+            if (out.size() >= most) parts.push_back(std::exchange(out, {}));
             report_.progress(p);
         }
     }
@@ -204,7 +228,7 @@ bool FieldTextParser::parseManyNumbers(Array<T>& out, bool bracketed) {
 /// Leaves a bracketed array after an error: behind its `]` if that comes next of all brackets, else here.
 void FieldTextParser::abandonArray() {
     const char* s = p;
-    while (s != end_ && *s != ']' && *s != '[' && *s != '{' && *s != '}' && *s != '"') ++s;
+    while ((s != end_ || grow()) && *s != ']' && *s != '[' && *s != '{' && *s != '}' && *s != '"') ++s;
     if (s != end_ && *s == ']')
         p = s + 1;
     else if (!isWordStart(*p))
@@ -216,7 +240,9 @@ bool FieldTextParser::parseImage(Image& out, bool last) {
     for (std::int32_t& number : head) {
         skipSpace();
         const char* at = p;
-        if (p == end_ || scanInteger(p, end_, number) != NumberStatus::ok || number < 0) {
+        NumberStatus status = p == end_ ? NumberStatus::malformed : scanInteger(p, end_, number);
+        while (p == end_ && grow()) status = scanInteger(p = at, end_, number);
+        if (status != NumberStatus::ok || number < 0) {
             p = at;
             return expected("width, height and components of an image");
         }
@@ -232,7 +258,8 @@ bool FieldTextParser::parseImage(Image& out, bool last) {
     for (std::uint64_t i = 0; i < pixels; ++i) {
         skipSpace();
         const char* at = p;
-        const NumberStatus status = p == end_ ? NumberStatus::malformed : scanInteger(p, end_, block[count], true);
+        NumberStatus status = p == end_ ? NumberStatus::malformed : scanInteger(p, end_, block[count], true);
+        while (p == end_ && grow()) status = scanInteger(p = at, end_, block[count], true);
         if (status == NumberStatus::malformed) {
             p = at;
             report_.report(Severity::error, p,
@@ -247,6 +274,7 @@ bool FieldTextParser::parseImage(Image& out, bool last) {
         if (++count == kBlock) {
             out.words.append({block, count});
             count = 0;
+            report_.progress(p);
         }
     }
     out.words.append({block, count});
@@ -275,7 +303,7 @@ bool FieldTextParser::parseOne(T& out) {
     } else if constexpr (std::is_same_v<T, String>) {
         if (p != end_ && syntax_ == TextSyntax::classicVrml && startsNumber(*p)) {
             // Not the grammar, but authors forget quotes round numbers, and all browsers read them.
-            const char* stop = endOfWord(p, end_);
+            const char* stop = wordEnd();
             const std::string_view word(p, static_cast<std::size_t>(stop - p));
             report_.report(Severity::warning, p,
                            "the quotes round " + std::string(word.substr(0, 40)) + " are missing");
@@ -288,7 +316,7 @@ bool FieldTextParser::parseOne(T& out) {
     } else if constexpr (std::is_same_v<T, Image>) {
         return parseImage(out, false);
     } else {
-        const char* stop = endOfWord(p, end_);
+        const char* stop = wordEnd();
         if (std::string_view(p, static_cast<std::size_t>(stop - p)) != "NULL") return expected("a node or NULL");
         p = stop;
         return true;
@@ -326,6 +354,7 @@ bool FieldTextParser::parseMany(Array<T>& out) {
             return true;
         }
         out.push_back(std::move(one));
+        if (out.size() % kBlock == 0) report_.progress(p);
     }
 }
 
@@ -355,6 +384,7 @@ bool FieldTextParser::parse(FieldType type, Value& out) {
         }
         skipSpace();
         if (p != end_ && *p != '"') {  // a lone string without quotes is one string
+            report_.report(Severity::warning, p, "the strings of a list stand in double quotes; this is taken as one");
             out = Value(Array<String>{unescaped(raw)});
             p = end_;
             return true;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <rtsg/core/field_text.h>
 
@@ -20,6 +21,10 @@ class FieldTextReport {
     virtual void report(Severity severity, const char* at, std::string text) = 0;
     /// Called every so often inside long values.
     virtual void progress(const char*) {}
+    /// The text parsed ends at `end`: where it ends once more of it has come; `end` itself if there is no more.
+    virtual const char* more(const char* end) { return end; }
+    /// A comment between or within values, from its # to the end of the line.
+    virtual void comment(std::string_view) {}
 };
 
 class FieldTextParser {
@@ -35,8 +40,13 @@ class FieldTextParser {
     void skipSpace() {
         for (;;) {
             while (p != end_ && isSpace(*p)) ++p;
+            if (p == end_ && grow()) continue;
             if (p == end_ || *p != '#' || syntax_ != TextSyntax::classicVrml) return;
-            while (p != end_ && *p != '\n' && *p != '\r') ++p;
+            const char* const start = p;
+            do {
+                while (p != end_ && *p != '\n' && *p != '\r') ++p;
+            } while (p == end_ && grow());
+            report_.comment({start, static_cast<std::size_t>(p - start)});
         }
     }
     /// A quoted string; `p` is on the opening quote. False if it never ends (then p is at the end).
@@ -45,6 +55,18 @@ class FieldTextParser {
     const char* p;
 
   private:
+    /// What touches the end of the text may go on in what comes; then it is looked at again.
+    bool grow() {
+        const char* const before = end_;
+        end_ = report_.more(end_);
+        return end_ != before;
+    }
+    const char* wordEnd() {
+        const char* stop = endOfWord(p, end_);
+        while (stop == end_ && grow()) stop = endOfWord(stop, end_);
+        return stop;
+    }
+
     template <class T>
     bool parseOne(T& out);
     template <class T>
@@ -53,6 +75,8 @@ class FieldTextParser {
     bool parseNumbers(T& out);
     template <class T>
     bool parseManyNumbers(Array<T>& out, bool bracketed);
+    template <class T>
+    bool parseInParts(Array<T>& out, bool bracketed, std::vector<Array<T>>& parts);
     bool parseImage(Image& out, bool last);
     bool parseBool(bool& out);
     bool expected(const char* what);

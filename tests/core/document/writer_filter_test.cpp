@@ -19,6 +19,24 @@ std::string filtered(std::string_view name, const std::string& body) {
     return handler.text();
 }
 
+TEST(Filters, DropDefaultsAndComments) {
+    EXPECT_EQ(
+        filtered("drop-defaults",
+                 "PROTO P [ inputOutput SFFloat f 1 ] { Group { } } P { f 1 }\n"
+                 "Transform { scale 1 1 1 translation 0 0 1 } Material { transparency 0 shininess 0.5 }"),
+        "meta a=b\nproto P\ndeclare inputOutput SFFloat f = 1\nbody\nbegin Group\nend\nendproto\nbegin P\nset f "
+        "SFFloat 1\nend\nbegin Transform\nset translation SFVec3f 0 0 1\nend\nbegin Material\nset shininess SFFloat "
+        "0.5\nend\n");
+}
+
+TEST(Filters, QuantiseStaysWithinItsError) {
+    EXPECT_EQ(filtered("quantise-1e-3",
+                       "Coordinate { point [ 0.33333 1234.56789 -0.0004 ] } Transform { rotation 0 1 0 0.33333 "
+                       "translation 1.23456 0.99999 2 }"),
+              "meta a=b\nbegin Coordinate\nset point MFVec3f [0.333 1234.568 0]\nend\nbegin Transform\nset rotation "
+              "SFRotation 0 1 0 0.33333\nset translation SFVec3f 1.235 1 2\nend\n");
+}
+
 TEST(Filter, DropMetadata) {
     EXPECT_EQ(
         filtered("drop-metadata",

@@ -42,6 +42,8 @@ class CommandList final : public DocumentHandler {
     void importNode(std::string_view inlineDef, std::string_view exportedName, std::string_view localName,
                     SourceLocation where) override;
     void exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) override;
+    void comment(std::string_view text, SourceLocation where) override;
+    void documentation(const Documentation& about, SourceLocation where) override;
 
   private:
     enum class Kind : std::uint8_t {
@@ -63,13 +65,17 @@ class CommandList final : public DocumentHandler {
         route,
         importNode,
         exportNode,
+        comment,
+        documentation,
     };
     struct Command {
         Kind kind = Kind::endNode;
         bool hasValue = false;
         Access access = Access::inputOutput;
         FieldType type = FieldType::SFBool;
-        std::uint32_t index = 0;  // into headers_ or externs_; a component's level
+        // Into headers_, externs_ or documentations_ (of a declaration: one more than that, 0 for none); a component's
+        // level.
+        std::uint32_t index = 0;
         SourceLocation where;
         String names[4];
         Value value;
@@ -85,6 +91,7 @@ class CommandList final : public DocumentHandler {
     std::vector<Command> commands_;
     std::vector<DocumentHeader> headers_;
     std::vector<Extern> externs_;
+    std::vector<std::shared_ptr<const Documentation>> documentations_;
     std::unordered_map<std::string_view, String> shared_;  // keys point into the values
 };
 

@@ -8,6 +8,7 @@
 // Source: RTSG paper 3.1; ISO/IEC 19775-1 V4.0 clause 4.4, 7.2.5.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -23,7 +24,15 @@ enum class Encoding : std::uint8_t { xml, classicVrml, vrml97, json, binary };
 struct DocumentHeader {
     Encoding encoding = Encoding::classicVrml;
     std::string version = "4.0";  // "2.0" for VRML97
-    std::string profile;          // empty if the document names none
+    std::string profile{};        // empty if the document names none
+    /// Within a node that is no Script or shader, all values that are no nodes come before its first node: a writer
+    /// need not wait for more of them.
+    bool valuesFirst = false;
+};
+
+/// What an author says about a declaration (19776-1: the attributes appinfo and documentation).
+struct Documentation {
+    std::string appinfo, documentation;
 };
 
 /// An interface declaration of a PROTO, EXTERNPROTO, Script or shader.
@@ -31,6 +40,7 @@ struct FieldDeclaration {
     Access access = Access::inputOutput;
     FieldType type = FieldType::SFBool;
     std::string name;
+    std::shared_ptr<const Documentation> about{};  // null where nothing is said
 };
 
 class DocumentHandler {
@@ -69,6 +79,15 @@ class DocumentHandler {
     virtual void importNode(std::string_view inlineDef, std::string_view exportedName, std::string_view localName,
                             SourceLocation where) = 0;
     virtual void exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) = 0;
+
+    /// A comment, without what encloses it and without white space at either end; it means nothing. Those within a
+    /// value come before it.
+    virtual void comment(std::string_view text, SourceLocation where);
+    /// About the PROTO or EXTERNPROTO that comes next.
+    virtual void documentation(const Documentation& about, SourceLocation where);
 };
+
+inline void DocumentHandler::comment(std::string_view, SourceLocation) {}
+inline void DocumentHandler::documentation(const Documentation&, SourceLocation) {}
 
 }  // namespace rtsg

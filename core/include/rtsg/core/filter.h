@@ -77,6 +77,12 @@ class Filter : public DocumentHandler {
     void exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) override {
         if (next_) next_->exportNode(localName, exportedName, where);
     }
+    void comment(std::string_view text, SourceLocation where) override {
+        if (next_) next_->comment(text, where);
+    }
+    void documentation(const Documentation& about, SourceLocation where) override {
+        if (next_) next_->documentation(about, where);
+    }
 
   private:
     DocumentHandler* next_;
@@ -107,7 +113,11 @@ class CountFilter final : public Filter {
 };
 
 /// The filters of `rtsg convert --filter NAME`; null if there is none of that name.
+///   drop-comments  leaves out comments, and what is said about declarations
+///   drop-defaults  leaves out values that are their fields' defaults
 ///   drop-metadata  leaves out metadata nodes, WorldInfo and META
+///   quantise-E     (E is 1e-3, 1e-4 or 1e-5) makes numbers the shortest decimals that are at most E away; rotations and
+///                  times stay
 ///   short-names    renames DEFs to n1, n2, ... in the order in which they appear (imported and exported names stay)
 ///   drop-scripts   leaves out Scripts and the routes to and from them
 std::unique_ptr<DocumentHandler> makeFilter(std::string_view name, DocumentHandler& next);

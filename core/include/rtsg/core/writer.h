@@ -2,7 +2,9 @@
 //
 // Invariant: reading what was written gives the same commands, apart from their order within a node where the
 // encoding dictates one (XML attributes come first), explicit NULLs, and names that an encoding cannot spell (those are
-// changed and reported). Numbers are the shortest text that reads back to the same bits. Threading: one thread a
+// changed and reported). Comments are kept where they stand between nodes and fields; in XML two hyphens in a row get a
+// space between them. What authors say about declarations (appinfo, documentation) is kept in XML and JSON, and is a
+// comment elsewhere. Numbers are the shortest text that reads back to the same bits. Threading: one thread a
 // writer. Source: ISO/IEC 19776-1 V3.3 (XML), 19776-2 V3.3 (ClassicVRML), 14772-1:1997 (VRML97), 19776-5
 // draft (JSON).
 #pragma once

@@ -1,0 +1,323 @@
+// Reads the containers of glTF: JSON, GLB chunks, buffers in data: urls and beside the file, accessors.
+#include "gltf_file.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace rtsg::detail {
+
+using nlohmann::json;
+
+namespace {
+
+const json kNothing = json::object();
+const json kNoList = json::array();
+
+std::size_t componentSize(std::size_t type) {
+    switch (type) {
+        case 5120:
+        case 5121:
+            return 1;
+        case 5122:
+        case 5123:
+            return 2;
+        case 5125:
+        case 5126:
+            return 4;
+        default:
+            return 0;
+    }
+}
+
+std::size_t componentsOf(std::string_view type) {
+    constexpr std::pair<std::string_view, std::size_t> rows[] = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
+                                                                 {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
+    for (const auto& [name, count] : rows)
+        if (name == type) return count;
+    return 0;
+}
+
+template <class T>
+T at(const char* p) {
+    T value;
+    std::memcpy(&value, p, sizeof(T));
+    return value;
+}
+
+double component(const char* p, std::size_t type, bool normalized) {
+    switch (type) {
+        case 5120:
+            return normalized ? std::max(at<std::int8_t>(p) / 127.0, -1.0) : at<std::int8_t>(p);
+        case 5121:
+            return normalized ? at<std::uint8_t>(p) / 255.0 : at<std::uint8_t>(p);
+        case 5122:
+            return normalized ? std::max(at<std::int16_t>(p) / 32767.0, -1.0) : at<std::int16_t>(p);
+        case 5123:
+            return normalized ? at<std::uint16_t>(p) / 65535.0 : at<std::uint16_t>(p);
+        case 5125:
+            return at<std::uint32_t>(p);
+        default:
+            return static_cast<double>(at<float>(p));
+    }
+}
+
+}  // namespace
+
+std::optional<std::string> fromBase64(std::string_view text) {
+    const auto digit = [](char c) {
+        if (c >= 'A' && c <= 'Z') return c - 'A';
+        if (c >= 'a' && c <= 'z') return c - 'a' + 26;
+        if (c >= '0' && c <= '9') return c - '0' + 52;
+        return c == '+' || c == '-' ? 62 : c == '/' || c == '_' ? 63 : -1;
+    };
+    std::string result;
+    result.reserve(text.size() / 4 * 3);
+    std::uint32_t bits = 0;
+    int count = 0;
+    for (const char c : text) {
+        if (c == '=' || c == '\n' || c == '\r') continue;
+        const int value = digit(c);
+        if (value < 0) return std::nullopt;
+        bits = bits << 6 | static_cast<std::uint32_t>(value);
+        if (++count % 4 == 0)
+            for (const int shift : {16, 8, 0}) result += static_cast<char>(bits >> shift & 255);
+    }
+    if (count % 4 == 2) result += static_cast<char>(bits >> 4 & 255);
+    if (count % 4 == 3) {
+        result += static_cast<char>(bits >> 10 & 255);
+        result += static_cast<char>(bits >> 2 & 255);
+    }
+    return count % 4 == 1 ? std::nullopt : std::optional(std::move(result));
+}
+
+std::string toBase64(std::string_view bytes) {
+    constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string result;
+    result.reserve((bytes.size() + 2) / 3 * 4);
+    for (std::size_t i = 0; i < bytes.size(); i += 3) {
+        std::uint32_t bits = 0;
+        const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
+        for (std::size_t k = 0; k < 3; ++k)
+            bits = bits << 8 | (k < count ? static_cast<unsigned char>(bytes[i + k]) : 0u);
+        for (std::size_t k = 0; k < 4; ++k) result += k <= count ? digits[bits >> (18 - 6 * k) & 63] : '=';
+    }
+    return result;
+}
+
+bool GltfFile::open() {
+    std::string_view text = input_.bytes;
+    if (text.starts_with("glTF") && !openBinary(text)) return false;
+    root_ = json::parse(text, nullptr, false);
+    if (root_.is_discarded() || !root_.is_object()) {
+        diagnostics_.error({}, "the glTF file's JSON is not well-formed");
+        return false;
+    }
+    const std::string version = GltfFile::text(object(root_, "asset"), "version");
+    if (!version.starts_with("2.")) {
+        diagnostics_.error({}, version.empty() ? "the glTF file names no version"
+                                               : "glTF " + version.substr(0, 20) + " is not read, 2.0 is");
+        return false;
+    }
+    for (const json& name : list(root_, "extensionsRequired")) {
+        const std::string one = name.is_string() ? name.get<std::string>() : std::string();
+        constexpr std::string_view known[] = {"KHR_lights_punctual", "KHR_materials_unlit", "KHR_mesh_quantization",
+                                              "KHR_materials_emissive_strength"};
+        if (std::ranges::find(known, one) != std::end(known)) continue;
+        diagnostics_.error({}, "the glTF file requires " + one.substr(0, 80) + ", which is not read");
+        return false;
+    }
+    return true;
+}
+
+/// 12 bytes of head, then chunks of length, kind and content.
+bool GltfFile::openBinary(std::string_view& text) {
+    const std::string_view all = input_.bytes;
+    const auto broken = [&](const char* why) {
+        diagnostics_.error({}, std::string("the GLB file is damaged: ") + why);
+        return false;
+    };
+    if (all.size() < 20) return broken("it is too short");
+    if (at<std::uint32_t>(all.data() + 4) != 2) return broken("its version is not 2");
+    text = {};
+    for (std::size_t i = 12; i + 8 <= all.size();) {
+        const std::size_t size = at<std::uint32_t>(all.data() + i), rest = all.size() - i - 8;
+        const auto kind = at<std::uint32_t>(all.data() + i + 4);
+        if (size > rest) return broken("a chunk is longer than the file");
+        if (kind == 0x4E4F534A && text.empty()) text = all.substr(i + 8, size);
+        if (kind == 0x004E4942 && chunk_.empty()) chunk_ = all.substr(i + 8, size);
+        i += 8 + size;
+    }
+    return !text.empty() || broken("it has no JSON");
+}
+
+const json* GltfFile::item(const char* list, std::size_t index) const {
+    const json& all = GltfFile::list(root_, list);
+    return index < all.size() && all[index].is_object() ? &all[index] : nullptr;
+}
+
+std::optional<std::size_t> GltfFile::index(const json& object, const char* key) {
+    const auto found = object.find(key);
+    if (found == object.end() || !found->is_number_integer()) return std::nullopt;
+    if (!found->is_number_unsigned() && found->get<std::int64_t>() < 0) return std::nullopt;
+    return found->get<std::size_t>();
+}
+
+double GltfFile::number(const json& object, const char* key, double otherwise) {
+    const auto found = object.find(key);
+    return found != object.end() && found->is_number() ? found->get<double>() : otherwise;
+}
+
+std::string GltfFile::text(const json& object, const char* key) {
+    const auto found = object.find(key);
+    return found != object.end() && found->is_string() ? found->get<std::string>() : std::string();
+}
+
+bool GltfFile::flag(const json& object, const char* key) {
+    const auto found = object.find(key);
+    return found != object.end() && found->is_boolean() && found->get<bool>();
+}
+
+std::optional<std::vector<double>> GltfFile::numbers(const json& object, const char* key, std::size_t count) {
+    const json& all = list(object, key);
+    if (all.size() != count || !std::ranges::all_of(all, [](const json& one) { return one.is_number(); }))
+        return std::nullopt;
+    std::vector<double> result;
+    for (const json& one : all) result.push_back(one.get<double>());
+    return result;
+}
+
+const json& GltfFile::object(const json& object, const char* key) {
+    const auto found = object.is_object() ? object.find(key) : object.end();
+    return found != object.end() && found->is_object() ? *found : kNothing;
+}
+
+const json& GltfFile::list(const json& object, const char* key) {
+    const auto found = object.is_object() ? object.find(key) : object.end();
+    return found != object.end() && found->is_array() ? *found : kNoList;
+}
+
+void GltfFile::warn(std::string text) {
+    if (std::ranges::find(warned_, text) != warned_.end()) return;
+    warned_.push_back(text);
+    diagnostics_.warning({}, std::move(text));
+}
+
+std::string_view GltfFile::buffer(std::size_t index) {
+    const json* object = item("buffers", index);
+    if (!object) return {};
+    const std::string uri = text(*object, "uri");
+    if (uri.empty()) return index == 0 ? chunk_ : std::string_view();
+    buffers_.resize(std::max(buffers_.size(), index + 1));
+    if (!buffers_[index]) {
+        buffers_[index].emplace();
+        if (uri.starts_with("data:")) {
+            const std::size_t comma = uri.find(";base64,");
+            auto bytes = comma == uri.npos ? std::nullopt : fromBase64(std::string_view(uri).substr(comma + 8));
+            if (bytes)
+                *buffers_[index] = std::move(*bytes);
+            else
+                diagnostics_.error({}, "a buffer of the glTF file is no base64 text");
+        } else {
+            auto bytes = input_.open ? input_.open(uri) : fail("no other file may be opened");
+            if (bytes)
+                *buffers_[index] = std::move(*bytes);
+            else
+                diagnostics_.error({}, "the buffer " + uri.substr(0, 80) + ": " + bytes.error().text);
+        }
+    }
+    return *buffers_[index];
+}
+
+std::string_view GltfFile::bufferView(std::size_t index, std::size_t* stride) {
+    const json* view = item("bufferViews", index);
+    if (!view) return {};
+    const std::string_view all = buffer(GltfFile::index(*view, "buffer").value_or(SIZE_MAX));
+    const std::size_t offset = GltfFile::index(*view, "byteOffset").value_or(0);
+    const std::size_t size = GltfFile::index(*view, "byteLength").value_or(0);
+    if (stride) *stride = GltfFile::index(*view, "byteStride").value_or(0);
+    if (offset > all.size() || size > all.size() - offset) {
+        warn("a buffer view of the glTF file reaches beyond its buffer; it is left out");
+        return {};
+    }
+    return all.substr(offset, size);
+}
+
+/// take(component's bytes, type, normalized) for each component of each element. False if the accessor does not fit.
+template <class Take>
+bool GltfFile::forEach(const json& accessor, std::size_t components, const Take& take) {
+    const auto view = index(accessor, "bufferView");
+    const std::size_t count = index(accessor, "count").value_or(0), type = index(accessor, "componentType").value_or(0);
+    const std::size_t size = componentSize(type) * components;
+    std::size_t stride = 0;
+    const std::string_view bytes = view ? bufferView(*view, &stride) : std::string_view();
+    const std::size_t offset = index(accessor, "byteOffset").value_or(0);
+    if (stride == 0) stride = size;
+    const bool fits = size != 0 && count != 0 && offset <= bytes.size() && size <= bytes.size() - offset &&
+                      (count - 1) <= (bytes.size() - offset - size) / stride;
+    if (!fits) {
+        warn("an accessor of the glTF file reaches beyond its buffer view; it is left out");
+        return false;
+    }
+    const bool normalized = flag(accessor, "normalized");
+    const char* element = bytes.data() + offset;
+    for (std::size_t i = 0; i < count; ++i, element += stride)
+        for (std::size_t k = 0; k < components; ++k) take(element + k * componentSize(type), type, normalized);
+    return true;
+}
+
+std::vector<float> GltfFile::floats(std::size_t number, std::size_t& components) {
+    std::vector<float> result;
+    const json* accessor = item("accessors", number);
+    components = accessor ? componentsOf(text(*accessor, "type")) : 0;
+    if (components == 0) return result;
+    if (accessor->contains("bufferView")) {
+        if (!forEach(*accessor, components, [&](const char* p, std::size_t type, bool normalized) {
+                result.push_back(static_cast<float>(component(p, type, normalized)));
+            }))
+            return {};
+    } else {
+        // Zeros, of which a sparse accessor replaces some: no more of them than of these is believed.
+        const std::size_t count = index(*accessor, "count").value_or(0);
+        if (!accessor->contains("sparse") || count > (std::size_t{1} << 28)) return {};
+        result.resize(count * components);
+    }
+    if (accessor->contains("sparse") && !sparse(*accessor, components, result)) return {};
+    return result;
+}
+
+bool GltfFile::sparse(const json& accessor, std::size_t components, std::vector<float>& into) {
+    const json& sparse = object(accessor, "sparse");
+    json where = object(sparse, "indices"), values = object(sparse, "values");
+    const std::size_t count = index(sparse, "count").value_or(0);
+    where["count"] = values["count"] = count;
+    values["componentType"] = index(accessor, "componentType").value_or(0);
+    values["normalized"] = flag(accessor, "normalized");
+    std::vector<std::size_t> places;
+    if (!forEach(where, 1, [&](const char* p, std::size_t type, bool) {
+            places.push_back(static_cast<std::size_t>(component(p, type, false)));
+        }))
+        return false;
+    std::size_t i = 0;
+    return forEach(values, components, [&](const char* p, std::size_t type, bool normalized) {
+        const std::size_t place = places[i / components] * components + i % components;
+        if (place < into.size()) into[place] = static_cast<float>(component(p, type, normalized));
+        ++i;
+    });
+}
+
+std::vector<std::int32_t> GltfFile::indices(std::size_t number) {
+    std::vector<std::int32_t> result;
+    const json* accessor = item("accessors", number);
+    const std::size_t kind = accessor ? index(*accessor, "componentType").value_or(0) : 0;
+    if (!accessor || text(*accessor, "type") != "SCALAR" || (kind != 5121 && kind != 5123 && kind != 5125)) {
+        warn("an accessor of the glTF file is no list of indices; what it is for is left out");
+        return result;
+    }
+    const bool good = forEach(*accessor, 1, [&](const char* p, std::size_t type, bool) {
+        const double index = component(p, type, false);
+        result.push_back(index >= 0 && index <= 2147483647.0 ? static_cast<std::int32_t>(index) : -1);
+    });
+    return good ? result : std::vector<std::int32_t>();
+}
+
+}  // namespace rtsg::detail

@@ -1,0 +1,62 @@
+// A glTF 2.0 file taken apart: its JSON, its buffers, and the numbers that accessors name.
+//
+// Invariant: every index and every range is checked against what there is; what does not fit is reported once and gives
+// empty arrays. Threading: one thread a file. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.6 (accessors), 4 (GLB).
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "import.h"
+
+namespace rtsg::detail {
+
+class GltfFile {
+  public:
+    GltfFile(const ImportInput& input, Diagnostics& diagnostics) : input_(input), diagnostics_(diagnostics) {}
+    /// False if it is no glTF 2.0.
+    bool open();
+
+    /// The object `index` of a list of the root; null if there is none.
+    const nlohmann::json* item(const char* list, std::size_t index) const;
+    const nlohmann::json& root() const { return root_; }
+    /// An index or another count of an object; nothing if it is absent or negative.
+    static std::optional<std::size_t> index(const nlohmann::json& object, const char* key);
+    static double number(const nlohmann::json& object, const char* key, double otherwise);
+    static std::string text(const nlohmann::json& object, const char* key);
+    static bool flag(const nlohmann::json& object, const char* key);
+    /// The numbers of an array of `count`; nothing if it is absent or has another length.
+    static std::optional<std::vector<double>> numbers(const nlohmann::json& object, const char* key, std::size_t count);
+    /// A member that is an object; an empty one if it is not there.
+    static const nlohmann::json& object(const nlohmann::json& object, const char* key);
+    static const nlohmann::json& list(const nlohmann::json& object, const char* key);
+
+    /// Of an accessor, all components one behind the other; `components` is how many make an element. Integers that
+    /// count as fractions are such; sparse accessors are filled in.
+    std::vector<float> floats(std::size_t accessor, std::size_t& components);
+    std::vector<std::int32_t> indices(std::size_t accessor);
+    std::string_view bufferView(std::size_t index, std::size_t* stride = nullptr);
+    void warn(std::string text);
+
+  private:
+    bool openBinary(std::string_view& json);
+    std::string_view buffer(std::size_t index);
+    template <class Take>
+    bool forEach(const nlohmann::json& accessor, std::size_t components, const Take& take);
+    bool sparse(const nlohmann::json& accessor, std::size_t components, std::vector<float>& into);
+
+    const ImportInput& input_;
+    Diagnostics& diagnostics_;
+    nlohmann::json root_;
+    std::string_view chunk_;  // of a GLB
+    std::vector<std::optional<std::string>> buffers_;
+    std::vector<std::string> warned_;
+};
+
+/// The bytes of base64 text; nothing if it is none.
+std::optional<std::string> fromBase64(std::string_view text);
+std::string toBase64(std::string_view bytes);
+
+}  // namespace rtsg::detail

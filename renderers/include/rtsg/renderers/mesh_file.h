@@ -1,0 +1,30 @@
+// Mesh files: what a scene shows at this moment as STL, OBJ, PLY or GLB, for other programs.
+//
+// Invariant: what is written is what the flattener gives: every shape at every place where it is seen, in triangles,
+// one unit a metre. STL, OBJ and PLY have the corners in world space; a GLB has a mesh for each geometry and material,
+// shared by its places. Colours are the materials' own; lights, viewpoints and motion stay behind, and texts of
+// scripts. Threading: the scene's thread. Source: as core/src/document/import.h.
+#pragma once
+
+#include <filesystem>
+
+#include <rtsg/core/output_file.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+enum class MeshFormat : std::uint8_t { stl, obj, ply, glb };
+
+/// What a file's name says: .stl .obj .ply .glb; false if it says nothing of these.
+bool meshFormatFromName(const std::filesystem::path& file, MeshFormat& format);
+
+struct MeshFileContent {
+    std::size_t shapes = 0, triangles = 0;
+};
+
+/// Errors: a scene that shows no triangles, a file that cannot be written. `diagnostics` hears of geometry that has
+/// none.
+Result<MeshFileContent> writeMeshFile(const Scene& scene, const std::filesystem::path& file, MeshFormat format,
+                                      Diagnostics& diagnostics, Existing existing = Existing::replace);
+
+}  // namespace rtsg

@@ -1,0 +1,109 @@
+// From every encoding to every other and back: the same document, byte for byte, of our own scenes and of the
+// collection beside the project, where it is present.
+#include <algorithm>
+#include <filesystem>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/filter.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/writer.h>
+
+#include "core/reading.h"
+#include "test_paths.h"
+
+namespace rtsg {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::pair<Encoding, const char*> kEncodings[] = {
+    {Encoding::xml, "XML"}, {Encoding::classicVrml, "ClassicVRML"}, {Encoding::json, "JSON"}};
+
+/// Comments keep their words and not always their places, and what is said about declarations is a comment in some.
+class WithoutComments final : public Filter {
+  public:
+    using Filter::Filter;
+    void comment(std::string_view, SourceLocation) override {}
+    void documentation(const Documentation&, SourceLocation) override {}
+    void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
+        Filter::declareField({field.access, field.type, field.name}, std::move(value), where);
+    }
+    void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
+                     const std::vector<std::string>& url, SourceLocation where) override {
+        std::vector<FieldDeclaration> bare;
+        for (const FieldDeclaration& field : fields) bare.push_back({field.access, field.type, field.name});
+        Filter::externProto(name, bare, url, where);
+    }
+};
+
+struct Rewriter {
+    Diagnostics reading, writing;
+
+    std::string rewrite(const std::string& text, Encoding encoding) {
+        std::string out;
+        const auto writer = makeWriter(encoding, [&](std::string_view t) { out += t; }, writing);
+        WithoutComments filter(*writer);
+        readDocument(text, filter, reading);
+        return out;
+    }
+    std::string rewriteFile(const fs::path& file, Encoding encoding) {
+        std::string out;
+        const auto writer = makeWriter(encoding, [&](std::string_view t) { out += t; }, writing);
+        WithoutComments filter(*writer);
+        readDocumentFile(file, filter, reading);
+        return out;
+    }
+    /// Names that an encoding cannot spell are written as others, which is said.
+    bool renames() const {
+        return std::ranges::any_of(writing.all(), [](const Diagnostic& d) { return d.text.contains("is no name"); });
+    }
+};
+
+std::vector<fs::path> scenesBelow(const fs::path& folder) {
+    std::vector<fs::path> files;
+    if (!fs::exists(folder)) return files;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+        const std::string extension = entry.path().extension();
+        if (extension == ".x3d" || extension == ".x3dv" || extension == ".wrl" || extension == ".json")
+            files.push_back(entry.path());
+    }
+    std::ranges::sort(files);
+    return files;
+}
+
+/// How many pairs were gone through; each that differs fails.
+std::size_t checkPairs(const std::vector<fs::path>& files) {
+    std::size_t pairs = 0;
+    for (const fs::path& file : files)
+        for (const auto& [a, nameA] : kEncodings) {
+            Rewriter first;
+            // In the order of A's own writer from then on.
+            const std::string original = first.rewrite(first.rewriteFile(file, a), a);
+            if (first.renames()) continue;
+            for (const auto& [b, nameB] : kEncodings) {
+                if (a == b) continue;
+                Rewriter there;
+                const std::string other = there.rewrite(original, b);
+                if (there.renames()) continue;
+                EXPECT_TRUE(there.rewrite(other, a) == original)
+                    << file << ": " << nameA << " -> " << nameB << " -> " << nameA;
+                ++pairs;
+            }
+        }
+    return pairs;
+}
+
+TEST(EncodingPairs, OwnScenesComeBackFromEveryOtherEncoding) {
+    EXPECT_GT(checkPairs(scenesBelow(fs::path(RTSG_SOURCE_DIR) / "examples")), 10u);
+}
+
+TEST(EncodingPairs, TheCollectionComesBackFromEveryOtherEncoding) {
+    const char* named = std::getenv("RTSG_SCENES");
+    const fs::path folder = named ? fs::path(named) : fs::path(RTSG_SOURCE_DIR) / "../shared/scenes";
+    if (!fs::exists(folder)) GTEST_SKIP() << "no scenes in " << folder;
+    EXPECT_GT(checkPairs(scenesBelow(folder)), 100u);
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,334 @@
+// Files of other programs: what they become, what is wrong with them, and what is named and not read.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <rtsg/core/loader.h>
+
+#include "core/document/recording_handler.h"
+#include "core/scene_check.h"
+#include "document/gltf_file.h"
+#include "document/import.h"
+
+namespace rtsg {
+namespace {
+
+using test::RecordingHandler;
+using testing::HasSubstr;
+using testing::Not;
+
+class Imported {
+  public:
+    explicit Imported(std::string_view bytes) : problems_("test") {
+        good = readDocument(bytes, handler_, problems_);
+        commands = handler_.text();
+        problems = test::allText(problems_);
+        EXPECT_EQ(handler_.violation, "");
+    }
+    bool good = false;
+    std::string commands, problems;
+
+  private:
+    RecordingHandler handler_;
+    Diagnostics problems_;
+};
+
+template <class T>
+void put(std::string& out, T value) {
+    out.append(reinterpret_cast<const char*>(&value), sizeof(value));
+}
+
+std::string binaryStl(std::initializer_list<std::array<float, 9>> facets, const char* title = "title") {
+    std::string bytes(title);
+    bytes.resize(80, ' ');
+    put(bytes, static_cast<std::uint32_t>(facets.size()));
+    for (const auto& facet : facets) {
+        for (int i = 0; i < 3; ++i) put(bytes, 0.0f);
+        for (const float number : facet) put(bytes, number);
+        put(bytes, std::uint16_t{0});
+    }
+    return bytes;
+}
+
+TEST(ImportStl, TextAndBinaryGiveTheSameMeshWithEachPointOnce) {
+    const Imported text(
+        "solid two facets\n facet normal 0 0 1\n  outer loop\n   vertex 0 0 0\n   vertex 1 0 0\n   vertex 1 1e0 0\n"
+        "  endloop\n endfacet\n facet normal 0 0 1\n outer loop\nvertex 0 0 0\nvertex 1 1 0\nvertex 0 1 0\nendloop\n"
+        "endfacet\nendsolid\n");
+    EXPECT_EQ(text.problems, "");
+    EXPECT_THAT(text.commands, HasSubstr("begin IndexedTriangleSet in geometry"));
+    EXPECT_THAT(text.commands, HasSubstr("set index MFInt32 [0, 1, 2, 0, 2, 3]"));
+    EXPECT_THAT(text.commands, HasSubstr("set point MFVec3f [0 0 0, 1 0 0, 1 1 0, 0 1 0]"));
+    EXPECT_THAT(text.commands, HasSubstr("meta title=two facets"));
+    for (const char* title : {"title", "solid, says this binary file; facet"}) {
+        const Imported binary(binaryStl({{0, 0, 0, 1, 0, 0, 1, 1, 0}, {0, 0, 0, 1, 1, 0, -0.0f, 1, 0}}, title));
+        EXPECT_EQ(binary.problems, "");
+        EXPECT_EQ(binary.commands.substr(binary.commands.find("begin Shape")),
+                  text.commands.substr(text.commands.find("begin Shape")));
+    }
+}
+
+TEST(ImportStl, FaultsAreNamedAndTheRestIsKept) {
+    const Imported bad(
+        "solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 zero 0\nvertex 1 1 0\nendloop\nendfacet\n"
+        "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\n"
+        "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n");
+    EXPECT_THAT(bad.problems, HasSubstr("test:5:1: error: expected three numbers behind vertex"));
+    EXPECT_THAT(bad.problems, HasSubstr("test:13:1: error: a facet has three corners"));
+    EXPECT_THAT(bad.commands, HasSubstr("set index MFInt32 [0, 1, 2]"));
+    const Imported empty("solid x\nendsolid x\n");
+    EXPECT_FALSE(empty.good);
+    EXPECT_THAT(empty.problems, HasSubstr("has no facets"));
+}
+
+TEST(ImportPly, TextAndBinaryOfBothByteOrdersGiveTheSame) {
+    const std::string head =
+        "element vertex 3\ncomment a remark\nproperty float x\nproperty double y\nproperty short z\nproperty uchar "
+        "red\n"
+        "property uchar green\nproperty uchar blue\nelement face 1\nproperty list uchar int "
+        "vertex_indices\nend_header\n";
+    const Imported text("ply\nformat ascii 1.0\n" + head + "0 0 0 255 0 0\n1 0 0 0 255 0\n0 1.5 2 0 0 255\n3 0 1 2\n");
+    EXPECT_EQ(text.problems, "");
+    EXPECT_THAT(text.commands, HasSubstr("set index MFInt32 [0, 1, 2]"));
+    EXPECT_THAT(text.commands, HasSubstr("set point MFVec3f [0 0 0, 1 0 0, 0 1.5 2]"));
+    EXPECT_THAT(text.commands, HasSubstr("set color MFColorRGBA [1 0 0 1, 0 1 0 1, 0 0 1 1]"));
+    for (const bool big : {false, true}) {
+        std::string bytes = std::string("ply\nformat binary_") + (big ? "big" : "little") + "_endian 1.0\n" + head;
+        const auto add = [&](auto value) {
+            std::string raw;
+            put(raw, value);
+            if (big) std::ranges::reverse(raw);
+            bytes += raw;
+        };
+        const float x[3] = {0, 1, 0};
+        const double y[3] = {0, 0, 1.5};
+        for (std::size_t i = 0; i < 3; ++i) {
+            add(x[i]);
+            add(y[i]);
+            add(static_cast<std::int16_t>(i == 2 ? 2 : 0));
+            for (std::size_t c = 0; c < 3; ++c) add(static_cast<std::uint8_t>(c == i ? 255 : 0));
+        }
+        add(std::uint8_t{3});
+        for (std::int32_t i = 0; i < 3; ++i) add(i);
+        const Imported binary(bytes);
+        EXPECT_EQ(binary.problems, "");
+        EXPECT_EQ(binary.commands, text.commands);
+        const Imported cut(bytes.substr(0, bytes.size() - 6));
+        EXPECT_THAT(cut.problems, HasSubstr("the file ends within its 1 elements 'face'"));
+        EXPECT_THAT(cut.commands, HasSubstr("begin PointSet"));
+    }
+}
+
+TEST(ImportPly, PolygonsPointsAndAbsurdCounts) {
+    const std::string head =
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
+    const std::string points = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+    const Imported quad(head + "element face 2\nproperty list uchar int vertex_index\nend_header\n" + points +
+                        "4 0 1 2 3\n3 0 1 9\n");
+    EXPECT_THAT(quad.commands, HasSubstr("set coordIndex MFInt32 [0, 1, 2, 3, -1]"));
+    EXPECT_THAT(quad.problems, HasSubstr("names fewer than three vertices, or one that there is not"));
+    EXPECT_THAT(Imported(head + "end_header\n" + points).commands, HasSubstr("begin PointSet in geometry"));
+    const Imported absurd(
+        "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n");
+    EXPECT_FALSE(absurd.good);
+    EXPECT_THAT(absurd.problems, HasSubstr("the file ends within its 4000000000 elements 'vertex'"));
+    EXPECT_THAT(Imported("ply\nformat ascii 1.0\nelement vertex many\n").problems,
+                HasSubstr("expected 'element NAME COUNT'"));
+}
+
+TEST(ImportObj, FacesWithMaterialsFromTheLibraryBesideIt) {
+    const std::filesystem::path folder =
+        std::filesystem::path(testing::TempDir()) / ("import_obj_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder / "a.obj")
+        << "# a comment\nmtllib a.mtl\no square\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+           "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\nusemtl red\nf 1/1/1 2/2/1 3/3/1 4/4/1\n"
+           "usemtl blue\nf -4//-1 -3//-1 -2//-1\nf 1 2 17\nf 1 2\n";
+    std::ofstream(folder / "a.mtl")
+        << "newmtl red\nKd 1 0 0\nNs 64\nd 0.25\nmap_Kd -clamp on red.png\nnewmtl blue\nKd 0 0 1\n";
+    RecordingHandler handler;
+    Diagnostics problems((folder / "a.obj").string());
+    EXPECT_TRUE(readDocumentFile(folder / "a.obj", handler, problems));
+    const std::string commands = handler.text();
+    EXPECT_THAT(commands, HasSubstr("set diffuseColor SFColor 1 0 0\n"));
+    EXPECT_THAT(commands, HasSubstr("set shininess SFFloat 0.5\nset transparency SFFloat 0.75"));
+    EXPECT_THAT(commands, HasSubstr("set url MFString [\"red.png\"]"));
+    EXPECT_THAT(commands,
+                HasSubstr("set coordIndex MFInt32 [0, 1, 2, 3, -1]\nset normalIndex MFInt32 [0, 0, 0, 0, -1]\n"
+                          "set texCoordIndex MFInt32 [0, 1, 2, 3, -1]"));
+    EXPECT_THAT(commands, HasSubstr("set diffuseColor SFColor 0 0 1\n"));
+    EXPECT_THAT(commands,
+                HasSubstr("set coordIndex MFInt32 [0, 1, 2, -1]\nset normalIndex MFInt32 [0, 0, 0, -1]\nbegin"));
+    EXPECT_THAT(commands, HasSubstr("set point MFVec3f [0 0 0, 1 0 0, 1 1 0]"));
+    EXPECT_THAT(test::allText(problems), HasSubstr("'17' names no vertex"));
+    EXPECT_THAT(test::allText(problems), HasSubstr("a face has at least three vertices"));
+    // Nothing outside of the folder is opened for it.
+    std::ofstream(folder / "b.obj") << "mtllib ../../../../etc/passwd\nv 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n";
+    Diagnostics refused("b.obj");
+    RecordingHandler second;
+    EXPECT_TRUE(readDocumentFile(folder / "b.obj", second, refused));
+    EXPECT_THAT(test::allText(refused), HasSubstr("the material library ../../../../etc/passwd: "));
+    std::filesystem::remove_all(folder);
+}
+
+/// One triangle, a camera, a light and an animation; the buffer is built beside it.
+struct Gltf {
+    std::string buffer;
+    std::string json(const std::string& uri) const {
+        return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[
+          {"name":"root","children":[1,2],"rotation":[0,0,0.7071067811865476,0.7071067811865476],"translation":[1,2,3],"mesh":0},
+          {"camera":0,"matrix":[0,0,-2,0, 0,2,0,0, 2,0,0,0, 5,6,7,1]},
+          {"mesh":0,"extensions":{"KHR_lights_punctual":{"light":0}}}],
+          "cameras":[{"type":"perspective","perspective":{"yfov":1,"aspectRatio":0.5,"znear":0.1}}],
+          "extensions":{"KHR_lights_punctual":{"lights":[{"type":"spot","color":[1,0.5,0],"intensity":7,"spot":{"outerConeAngle":0.5}}]}},
+          "meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":2},"indices":1,"material":0}]}],
+          "materials":[{"doubleSided":true,"alphaMode":"MASK","alphaCutoff":0.25,"pbrMetallicRoughness":{"baseColorFactor":[1,0,0,0.5],
+             "metallicFactor":0.25,"baseColorTexture":{"index":0}}}],
+          "textures":[{"source":0,"sampler":0}],"images":[{"bufferView":3,"mimeType":"image/png"}],"samplers":[{"wrapS":33071}],
+          "animations":[{"channels":[{"sampler":0,"target":{"node":0,"path":"translation"}}],
+             "samplers":[{"input":3,"output":4,"interpolation":"STEP"}]}],
+          "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},
+             {"bufferView":1,"componentType":5123,"count":3,"type":"SCALAR"},
+             {"bufferView":2,"componentType":5121,"count":3,"type":"VEC2","normalized":true},
+             {"bufferView":4,"componentType":5126,"count":2,"type":"SCALAR"},
+             {"bufferView":4,"byteOffset":8,"componentType":5126,"count":2,"type":"VEC3"}],
+          "bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":6},
+             {"buffer":0,"byteOffset":44,"byteLength":12,"byteStride":4},{"buffer":0,"byteOffset":56,"byteLength":4},
+             {"buffer":0,"byteOffset":60,"byteLength":32}],
+          "buffers":[{"byteLength":92)" +
+               uri + "}]}";
+    }
+    Gltf() {
+        for (const float number : {0.f, 0.f, 0.f, 1.f, 0.f, 0.f, 0.f, 1.f, 0.f}) put(buffer, number);
+        for (const std::uint16_t index : {2, 1, 0}) put(buffer, index);
+        buffer.resize(44, '\0');
+        for (const int byte : {0, 0, 9, 9, 255, 0, 9, 9, 0, 255, 9, 9}) put(buffer, static_cast<std::uint8_t>(byte));
+        buffer += "\x89PNG";
+        for (const float number : {0.f, 2.f, 1.f, 2.f, 3.f, 4.f, 5.f, 6.f}) put(buffer, number);
+    }
+    std::string glb() const {
+        std::string text = json(""), bytes = "glTF";
+        text.resize((text.size() + 3) / 4 * 4, ' ');
+        put(bytes, std::uint32_t{2});
+        put(bytes, static_cast<std::uint32_t>(12 + 8 + text.size() + 8 + buffer.size()));
+        put(bytes, static_cast<std::uint32_t>(text.size()));
+        bytes += "JSON" + text;
+        put(bytes, static_cast<std::uint32_t>(buffer.size()));
+        return bytes + std::string("BIN\0", 4) + buffer;
+    }
+};
+
+TEST(ImportGltf, JsonAndGlbGiveTheSameSceneByHand) {
+    const Gltf file;
+    const Imported binary(file.glb());
+    const Imported text(
+        file.json(",\"uri\":\"data:application/octet-stream;base64," + detail::toBase64(file.buffer) + "\""));
+    EXPECT_EQ(binary.problems, "");
+    EXPECT_EQ(text.problems, "");
+    EXPECT_EQ(binary.commands, text.commands);
+    const std::string& c = binary.commands;
+    EXPECT_THAT(c,
+                HasSubstr("begin Transform DEF node0\nset rotation SFRotation 0 0 1 1.5707964\n"
+                          "set translation SFVec3f 1 2 3\nbegin Group DEF mesh0 in children\nbegin Shape in children"));
+    EXPECT_THAT(
+        c, HasSubstr("set alphaMode SFString \"MASK\"\nset alphaCutoff SFFloat 0.25\nbegin PhysicalMaterial in "
+                     "material\nset baseColor SFColor 1 0 0\nset transparency SFFloat 0.5\nset metallic SFFloat 0.25\n"
+                     "set roughness SFFloat 1\n"));
+    EXPECT_THAT(c,
+                HasSubstr("begin ImageTexture DEF texture0 in baseTexture\nset repeatS SFBool FALSE\nset url MFString "
+                          "[\"data:image/png;base64,iVBORw==\"]"));
+    EXPECT_THAT(c, HasSubstr("set solid SFBool FALSE\nset normalPerVertex SFBool FALSE\nset index MFInt32 [2, 1, 0]"));
+    EXPECT_THAT(c, HasSubstr("set point MFVec3f [0 0 0, 1 0 0, 0 1 0]"));
+    EXPECT_THAT(c, HasSubstr("set point MFVec2f [0 1, 1 1, 0 0]")) << "v counts from the other side";
+    // A quarter turn about y, twice as large; of the narrower side's angle.
+    EXPECT_THAT(
+        c, HasSubstr("begin Transform in children\nset rotation SFRotation 0 1 0 1.5707964\nset scale SFVec3f 2 2 2\n"
+                     "set translation SFVec3f 5 6 7\nbegin Viewpoint in children"));
+    const float angle = static_cast<float>(2 * std::atan(std::tan(.5) * .5));
+    EXPECT_THAT(c, HasSubstr("set fieldOfView SFFloat " + printFieldText(Value(angle))));
+    EXPECT_THAT(c, HasSubstr("begin SpotLight in children\nset color SFColor 1 0.5 0\nset intensity SFFloat 7"));
+    EXPECT_THAT(c, HasSubstr("use mesh0 in children"));
+    EXPECT_THAT(c, HasSubstr("begin TimeSensor DEF animation0\nset cycleInterval SFTime 2"));
+    EXPECT_THAT(c, HasSubstr("set key MFFloat [0, 1, 1]\nset keyValue MFVec3f [1 2 3, 1 2 3, 4 5 6]"));
+    EXPECT_THAT(c, HasSubstr("route animation0.fraction_changed animation0_0.set_fraction"));
+}
+
+TEST(ImportGltf, WhatDoesNotFitIsNamedAndNothingIsReadBeyondIt) {
+    const Gltf file;
+    const std::string good =
+        file.json(",\"uri\":\"data:application/octet-stream;base64," + detail::toBase64(file.buffer) + "\"");
+    const auto spoiled = [&](const char* from, const char* to) {
+        std::string text = good;
+        const std::size_t at = text.find(from);
+        EXPECT_NE(at, text.npos) << from;
+        return Imported(text.replace(at, std::strlen(from), to));
+    };
+    EXPECT_THAT(spoiled("\"count\":3,\"type\":\"VEC3\"", "\"count\":4000000000,\"type\":\"VEC3\"").problems,
+                HasSubstr("reaches beyond its buffer view"));
+    EXPECT_THAT(spoiled("\"byteLength\":36", "\"byteLength\":3600").problems, HasSubstr("reaches beyond its buffer"));
+    EXPECT_THAT(spoiled("\"children\":[1,2]", "\"children\":[1,0]").problems, HasSubstr("are no tree"));
+    EXPECT_THAT(spoiled("\"version\":\"2.0\"", "\"version\":\"1.0\"").problems, HasSubstr("glTF 1.0 is not read"));
+    EXPECT_THAT(spoiled("{\"asset\"", "{\"extensionsRequired\":[\"KHR_draco_mesh_compression\"],\"asset\"").problems,
+                HasSubstr("requires KHR_draco_mesh_compression, which is not read"));
+    EXPECT_THAT(spoiled("\"indices\":1", "\"indices\":3").problems, Not(testing::IsEmpty()));
+    EXPECT_THAT(spoiled("base64,", "base64,***").problems, HasSubstr("is no base64 text"));
+    EXPECT_THAT(spoiled("data:application/octet-stream;base64,", "elsewhere.bin?").problems,
+                HasSubstr("no other file may be opened"));
+    const std::string glb = file.glb();
+    for (std::size_t size = 4; size < glb.size(); size += 7) {
+        const Imported cut(std::string_view(glb).substr(0, size));
+        EXPECT_NE(cut.problems, "") << size;
+    }
+}
+
+TEST(ImportGltf, IsFoundByItsContentInsideAnInline) {
+    const std::filesystem::path folder =
+        std::filesystem::path(testing::TempDir()) / ("import_inline_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder / "a.glb", std::ios::binary) << Gltf().glb();
+    std::ofstream(folder / "b.stl", std::ios::binary) << binaryStl({{0, 0, 0, 1, 0, 0, 1, 1, 0}});
+    std::ofstream(folder / "scene.x3dv")
+        << "#X3D V4.0 utf8\nDEF A Inline { url \"a.glb\" }\nInline { url \"b.stl\" }\n";
+    Scene scene;
+    Diagnostics problems("scene");
+    EXPECT_TRUE(loadFile(scene, folder / "scene.x3dv", problems));
+    EXPECT_EQ(test::allText(problems), "");
+    EXPECT_GT(scene.nodeCount(), 20u);
+    std::filesystem::remove_all(folder);
+}
+
+TEST(FileKinds, WhatIsNotReadIsNamedInOneLine) {
+    const auto says = [](std::string_view bytes) {
+        const Imported file(bytes);
+        EXPECT_FALSE(file.good);
+        EXPECT_EQ(std::ranges::count(file.problems, '\n'), 1) << file.problems;
+        return file.problems;
+    };
+    EXPECT_THAT(says("#VRML V1.0 ascii\nSeparator { }\n"), HasSubstr("VRML 1.0"));
+    EXPECT_THAT(says(std::string_view("\xE0\x00\x00\x01\x00xyz", 8)), HasSubstr("X3DB"));
+    EXPECT_THAT(says("\x89PNG\r\n\x1a\n"), HasSubstr("a picture (PNG)"));
+    EXPECT_THAT(says("PK\x03\x04 zip"), HasSubstr("a ZIP archive"));
+    EXPECT_THAT(says("Kaydara FBX Binary  "), HasSubstr("an FBX file"));
+}
+
+TEST(Base64, ComesBackWhateverItsLength) {
+    EXPECT_EQ(detail::toBase64("any carnal pleas"), "YW55IGNhcm5hbCBwbGVhcw==");
+    std::string bytes;
+    for (int i = 0; i < 300; ++i) {
+        EXPECT_EQ(detail::fromBase64(detail::toBase64(bytes)), bytes);
+        bytes += static_cast<char>(i * 7);
+    }
+    EXPECT_EQ(detail::fromBase64("a*b="), std::nullopt);
+    EXPECT_EQ(detail::fromBase64("abcde"), std::nullopt);
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,75 @@
+// Diagnostics that say what may have been meant, and how it is written.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+
+#include "core/scene_check.h"
+#include "document/suggestion.h"
+
+namespace rtsg {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+std::string problemsOf(std::string_view text) {
+    Scene scene;
+    Diagnostics problems("test");
+    loadText(scene, text, problems);
+    return test::allText(problems);
+}
+
+TEST(Suggestion, FindsWhatIsNearAndNothingElse) {
+    const std::vector<std::string_view> known = {"Transform", "translation", "rotation", "Box", "Cone", "Group"};
+    EXPECT_EQ(detail::nearest("Trasnform", known), "Transform");
+    EXPECT_EQ(detail::nearest("transform", known), "Transform");
+    EXPECT_EQ(detail::nearest("translaton", known), "translation");
+    EXPECT_EQ(detail::nearest("box", known), "Box");
+    EXPECT_EQ(detail::nearest("Bax", known), "Box");
+    EXPECT_EQ(detail::nearest("Sphere", known), "");
+    EXPECT_EQ(detail::nearest("", known), "");
+    EXPECT_EQ(detail::nearest("x", known), "");
+    EXPECT_EQ(detail::nearest(std::string(10'000, 'a'), known), "");
+}
+
+TEST(Teaching, NamesWhatWasMeantInEveryEncoding) {
+    const std::string classic = problemsOf(
+        "#X3D V4.0 utf8\nTrasnform { }\nTransform { translaton 1 2 3 }\nDEF C TimeSensor { }\nDEF T Transform { }\n"
+        "ROUTE C.fraction_chaged TO T.set_translaton\nScript { inputOutput SFFloat speed 1 spede 2 }\n");
+    EXPECT_THAT(classic, HasSubstr("unknown node type Trasnform (did you mean Transform?); it is kept"));
+    EXPECT_THAT(classic, HasSubstr("Transform has no field 'translaton' (did you mean translation?)"));
+    EXPECT_THAT(classic, HasSubstr("TimeSensor C has no field 'fraction_chaged' (did you mean fraction_changed?)"));
+    EXPECT_THAT(classic, HasSubstr("Script has no field 'spede' (did you mean speed?)"));
+    const std::string xml =
+        problemsOf("<X3D version='4.0'><Scene><Trasnform/><Transform translaton='1 2 3'/></Scene></X3D>");
+    EXPECT_THAT(xml, HasSubstr("unknown node type Trasnform (did you mean Transform?)"));
+    EXPECT_THAT(xml, HasSubstr("has no field 'translaton' (did you mean translation?)"));
+    EXPECT_EQ(xml.find("unknown node type"), xml.rfind("unknown node type")) << "reader and builder say it once";
+}
+
+TEST(Teaching, NamesWhatIsWrongInXml) {
+    EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><WorldInfo title='a & b'/></Scene></X3D>"),
+                HasSubstr("a '&' that begins no reference is written &amp;"));
+    EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><WorldInfo title='a &amp; b'><Box></WorldInfo></Scene></X3D>"),
+                Not(HasSubstr("begins no reference")));
+    EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><Box DEF='my box'/></Scene></X3D>"),
+                HasSubstr("DEF 'my box' has white space in it"));
+    EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><WorldInfo info='one two'/></Scene></X3D>"),
+                HasSubstr("the strings of a list stand in double quotes; this is taken as one"));
+}
+
+TEST(Teaching, NamesMissingAndTrailingCommasOfJsonWithTheirPlace) {
+    const char* const head = "{\"X3D\":{\"@version\":\"4.0\",\"Scene\":{\"-children\":[\n";
+    const auto body = [&](const char* text) { return problemsOf(std::string(head) + text + "]}}}"); };
+    EXPECT_EQ(body("{\"Box\":{\"@size\":[1,2,3],\"@solid\":true}}"), "");
+    EXPECT_THAT(body("{\"Box\":{\"@size\":[1,2,3]\n\"@solid\":true}}"),
+                HasSubstr("test:3:1: error: a comma is missing before this"));
+    EXPECT_THAT(body("{\"Box\":{\"@size\":[1 2,3]}}"), HasSubstr("test:2:18: error: a comma is missing before this"));
+    EXPECT_THAT(body("{\"Box\":{\"@size\":[1,2,3],}}"),
+                HasSubstr("test:2:25: error: there is nothing between the last comma and this bracket"));
+    EXPECT_THAT(body("{\"Box\":{\"@size\":[1,,2,3]}}"), HasSubstr("test:2:19: error: a comma too many"));
+}
+
+}  // namespace
+}  // namespace rtsg
