@@ -242,9 +242,8 @@ std::string_view GltfFile::bufferView(std::size_t index, std::size_t* stride) {
     return all.substr(offset, size);
 }
 
-/// take(component's bytes, type, normalized) for each component of each element. False if the accessor does not fit.
-template <class Take>
-bool GltfFile::forEach(const json& accessor, std::size_t components, const Take& take) {
+/// Where the elements of an accessor are; nothing if it does not fit.
+std::optional<GltfFile::Elements> GltfFile::elementsOf(const json& accessor, std::size_t components) {
     const auto view = index(accessor, "bufferView");
     const std::size_t count = index(accessor, "count").value_or(0), type = index(accessor, "componentType").value_or(0);
     const std::size_t size = componentSize(type) * components;
@@ -256,12 +255,36 @@ bool GltfFile::forEach(const json& accessor, std::size_t components, const Take&
                       (count - 1) <= (bytes.size() - offset - size) / stride;
     if (!fits) {
         warn("an accessor of the glTF file reaches beyond its buffer view; it is left out");
-        return false;
+        return std::nullopt;
     }
-    const bool normalized = flag(accessor, "normalized");
-    const char* element = bytes.data() + offset;
-    for (std::size_t i = 0; i < count; ++i, element += stride)
-        for (std::size_t k = 0; k < components; ++k) take(element + k * componentSize(type), type, normalized);
+    return Elements{bytes.data() + offset, count, stride, size, type, flag(accessor, "normalized")};
+}
+
+/// take(component's bytes, type, normalized) for each component of each element. False if the accessor does not fit.
+template <class Take>
+bool GltfFile::forEach(const json& accessor, std::size_t components, const Take& take) {
+    const auto all = elementsOf(accessor, components);
+    if (!all) return false;
+    const char* element = all->first;
+    for (std::size_t i = 0; i < all->count; ++i, element += all->stride)
+        for (std::size_t k = 0; k < components; ++k)
+            take(element + k * componentSize(all->type), all->type, all->normalized);
+    return true;
+}
+
+/// As they are in the file, where they are of the type wanted.
+template <class T>
+bool GltfFile::copyAll(const json& accessor, std::size_t components, std::size_t type, std::vector<T>& into) {
+    if (index(accessor, "componentType") != type) return false;
+    const auto all = elementsOf(accessor, components);
+    if (!all) return true;
+    into.resize(all->count * components);
+    if (all->stride == all->size) {
+        std::memcpy(into.data(), all->first, all->count * all->size);
+        return true;
+    }
+    for (std::size_t i = 0; i < all->count; ++i)
+        std::memcpy(into.data() + i * components, all->first + i * all->stride, all->size);
     return true;
 }
 
@@ -270,8 +293,10 @@ std::vector<float> GltfFile::floats(std::size_t number, std::size_t& components)
     const json* accessor = item("accessors", number);
     components = accessor ? componentsOf(text(*accessor, "type")) : 0;
     if (components == 0) return result;
+    constexpr std::size_t f32 = 5126;
     if (accessor->contains("bufferView")) {
-        if (!forEach(*accessor, components, [&](const char* p, std::size_t type, bool normalized) {
+        if (!copyAll(*accessor, components, f32, result) &&
+            !forEach(*accessor, components, [&](const char* p, std::size_t type, bool normalized) {
                 result.push_back(static_cast<float>(component(p, type, normalized)));
             }))
             return {};
@@ -313,6 +338,8 @@ std::vector<std::int32_t> GltfFile::indices(std::size_t number) {
         warn("an accessor of the glTF file is no list of indices; what it is for is left out");
         return result;
     }
+    constexpr std::size_t u32 = 5125;
+    if (copyAll(*accessor, 1, u32, result)) return result;
     const bool good = forEach(*accessor, 1, [&](const char* p, std::size_t type, bool) {
         const double index = component(p, type, false);
         result.push_back(index >= 0 && index <= 2147483647.0 ? static_cast<std::int32_t>(index) : -1);

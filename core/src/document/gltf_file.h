@@ -43,6 +43,15 @@ class GltfFile {
   private:
     bool openBinary(std::string_view& json);
     std::string_view buffer(std::size_t index);
+    struct Elements {
+        const char* first;
+        std::size_t count, stride, size;  // size: of one, bytes
+        std::size_t type;
+        bool normalized;
+    };
+    std::optional<Elements> elementsOf(const nlohmann::json& accessor, std::size_t components);
+    template <class T>
+    bool copyAll(const nlohmann::json& accessor, std::size_t components, std::size_t type, std::vector<T>& into);
     template <class Take>
     bool forEach(const nlohmann::json& accessor, std::size_t components, const Take& take);
     bool sparse(const nlohmann::json& accessor, std::size_t components, std::vector<float>& into);

@@ -253,6 +253,10 @@ class GltfImporter {
         if (stride < size) return result;
         result.resize(numbers.size() / stride);
         T* out = result.mutableData();
+        if (stride == size) {
+            std::copy_n(numbers.data(), result.size() * size, reinterpret_cast<float*>(out));
+            return result;
+        }
         for (std::size_t i = 0; i < result.size(); ++i)
             std::copy_n(numbers.data() + i * stride, size, reinterpret_cast<float*>(out + i));
         return result;

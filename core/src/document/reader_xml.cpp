@@ -46,6 +46,8 @@ XmlReader::~XmlReader() {
 bool XmlReader::isBareAmpersand(const char* p) const {
     constexpr std::ptrdiff_t most = 1 << 16;
     const char* const stop = feed_.end() - p > most ? p + most : feed_.end();
+    // The place of the fault may be within the reference.
+    for (int back = 0; back < 64 && p > released_ && !isSpace(p[-1]) && p[-1] != '\'' && p[-1] != '"'; ++back) --p;
     while (p < stop && (p = static_cast<const char*>(std::memchr(p, '&', static_cast<std::size_t>(stop - p))))) {
         const char* s = ++p;
         while (s != stop && (std::isalnum(static_cast<unsigned char>(*s)) || *s == '#' || *s == '_' || *s == '-')) ++s;

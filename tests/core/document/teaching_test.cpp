@@ -65,10 +65,10 @@ TEST(Teaching, NamesMissingAndTrailingCommasOfJsonWithTheirPlace) {
     EXPECT_EQ(body("{\"Box\":{\"@size\":[1,2,3],\"@solid\":true}}"), "");
     EXPECT_THAT(body("{\"Box\":{\"@size\":[1,2,3]\n\"@solid\":true}}"),
                 HasSubstr("test:3:1: error: a comma is missing before this"));
-    EXPECT_THAT(body("{\"Box\":{\"@size\":[1 2,3]}}"), HasSubstr("test:2:18: error: a comma is missing before this"));
+    EXPECT_THAT(body("{\"Box\":{\"@size\":[1 2,3]}}"), HasSubstr("test:2:20: error: a comma is missing before this"));
     EXPECT_THAT(body("{\"Box\":{\"@size\":[1,2,3],}}"),
                 HasSubstr("test:2:25: error: there is nothing between the last comma and this bracket"));
-    EXPECT_THAT(body("{\"Box\":{\"@size\":[1,,2,3]}}"), HasSubstr("test:2:19: error: a comma too many"));
+    EXPECT_THAT(body("{\"Box\":{\"@size\":[1,,2,3]}}"), HasSubstr("test:2:20: error: a comma too many"));
 }
 
 }  // namespace
