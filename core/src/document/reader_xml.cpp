@@ -134,6 +134,42 @@ bool XmlReader::feedAll() {
     }
 }
 
+/// What the `<` at `opened_` begins, with this character behind it.
+XmlReader::In XmlReader::whatBegins(char next) {
+    if (next == '?') return In::instruction;
+    if (next != '!') return In::tag;
+    // Which of three it is shows a few characters on.
+    const char* const stop = opened_ + 9;
+    while (feed_.end() < stop && feed_.more()) {
+    }
+    const std::string_view mark(opened_, static_cast<std::size_t>(std::min(feed_.end(), stop) - opened_));
+    depth_ = 0;
+    if (mark.starts_with("<!--")) {
+        opened_ += 4;  // `<!-->` ends nothing
+        return In::comment;
+    }
+    return mark == "<![CDATA[" ? In::section : In::declaration;
+}
+
+/// Moves behind one character, string or comment of a DTD: those may hide brackets. One that goes on behind `to` makes
+/// all that follows opaque, which is left to expat.
+const char* XmlReader::scanDeclaration(const char* p, const char* to) {
+    const std::string_view text(p, static_cast<std::size_t>(to - p));
+    const bool isComment = text.starts_with("<!--");
+    if (isComment || *p == '"' || *p == '\'') {
+        const std::size_t end = isComment ? text.find("-->") : text.find(*p, 1);
+        if (end == text.npos) {
+            in_ = In::opaque;
+            return p;
+        }
+        return p + end + (isComment ? 2 : 0);
+    }
+    depth_ += *p == '[' || *p == '<';
+    depth_ -= *p == ']' || *p == '>';
+    if (depth_ < 0) in_ = In::content;
+    return p;
+}
+
 /// Looks at the text, from where the last look ended, for an attribute that is long already at `to`: its opening quote,
 /// or null. Goes on behind `to` the next time.
 const char* XmlReader::scan(const char* p, const char* to) {
@@ -157,18 +193,7 @@ const char* XmlReader::scan(const char* p, const char* to) {
                 in_ = In::tag;
                 break;
             case In::tag:
-                if (p == opened_ + 1 && *p == '?') in_ = In::instruction;
-                if (p == opened_ + 1 && *p == '!') {
-                    // Which of three it is shows a few characters on.
-                    const char* const stop = opened_ + 9;
-                    while (feed_.end() < stop && feed_.more()) {
-                    }
-                    const std::string_view mark(opened_,
-                                                static_cast<std::size_t>(std::min(feed_.end(), stop) - opened_));
-                    in_ = mark.starts_with("<!--") ? In::comment : mark == "<![CDATA[" ? In::section : In::declaration;
-                    if (in_ == In::comment) opened_ += 4;  // `<!-->` ends nothing
-                    depth_ = 0;
-                }
+                if (p == opened_ + 1) in_ = whatBegins(*p);
                 if (in_ != In::tag) {
                     ++p;
                     break;
@@ -205,27 +230,8 @@ const char* XmlReader::scan(const char* p, const char* to) {
                 break;
             }
             case In::declaration:
-                // Quotes and comments in a DTD may hide brackets: what follows one with any is left to expat.
-                if (*p == '"' || *p == '\'') {
-                    const char* const close =
-                        static_cast<const char*>(std::memchr(p + 1, *p, static_cast<std::size_t>(feed_.end() - p - 1)));
-                    if (!close || close >= to) {
-                        in_ = In::opaque;
-                        return nullptr;
-                    }
-                    p = close;
-                } else if (std::string_view(p, static_cast<std::size_t>(to - p)).starts_with("<!--")) {
-                    const std::size_t end = std::string_view(p, static_cast<std::size_t>(to - p)).find("-->");
-                    if (end == std::string_view::npos) {
-                        in_ = In::opaque;
-                        return nullptr;
-                    }
-                    p += end + 2;
-                } else {
-                    depth_ += *p == '[' || *p == '<';
-                    depth_ -= *p == ']' || *p == '>';
-                    if (depth_ < 0) in_ = In::content;
-                }
+                p = scanDeclaration(p, to);
+                if (in_ == In::opaque) return nullptr;
                 ++p;
                 break;
         }

@@ -51,6 +51,8 @@ class XmlReader final : private ElementReader {
     bool feed(const char* from, const char* to, bool last);
     bool feedAll();
     const char* scan(const char* from, const char* to);
+    In whatBegins(char next);
+    const char* scanDeclaration(const char* p, const char* to);
     const char* readLong(const char* quote);
     const Early* earlyHere() const;
     FieldType typeOfLong(const char* quote) const;

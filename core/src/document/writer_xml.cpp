@@ -125,6 +125,12 @@ class XmlWriter final : public DocumentHandler {
                 writeAttribute(frame, attribute(name, value.as<String>().view(), where), where);
             return;
         }
+        if (frame.gap && sf(value.type()) != FieldType::SFString) {
+            *frame.gap += " " + std::string(spelled(frame.shape, field)) + "='";
+            appendWrapped(*frame.gap, value, TextSyntax::xml, spaces(indent() + 1));
+            *frame.gap += "'";
+            return;
+        }
         if (!frame.tagOpen || sf(value.type()) == FieldType::SFString)
             return writeAttribute(frame, valueAttribute(spelled(frame.shape, field), value, where), where);
         // Long lists of numbers go out as they are printed.

@@ -1,9 +1,13 @@
 // Parses one field value after another out of a longer text, with positions for what is wrong.
 #include "field_text_parser.h"
 
+#include <cstring>
+#include <new>
 #include <string_view>
 #include <utility>
 #include <vector>
+
+#include <sys/mman.h>
 
 namespace rtsg::detail {
 
@@ -54,6 +58,19 @@ bool isWordStart(char c) {
 }
 
 }  // namespace
+
+PageBlock::PageBlock(const void* bytes, std::size_t count) : bytes_(count) {
+    data_ = ::mmap(nullptr, count, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (data_ == MAP_FAILED) {
+        data_ = nullptr;
+        throw std::bad_alloc();
+    }
+    std::memcpy(data_, bytes, count);
+}
+
+PageBlock::~PageBlock() {
+    if (data_) ::munmap(data_, bytes_);
+}
 
 std::string FieldTextParser::found(const char* at) const {
     if (at == end_) return syntax_ == TextSyntax::xml ? "the end of the value" : "the end";
@@ -148,15 +165,15 @@ bool FieldTextParser::parseNumbers(T& out) {
 /// An array that grows is there twice while it moves, which a long list has no room for: it is gathered in parts.
 template <class T>
 bool FieldTextParser::parseManyNumbers(Array<T>& out, bool bracketed) {
-    std::vector<Array<T>> parts;
+    std::vector<PageBlock> parts;
     const bool usable = parseInParts(out, bracketed, parts);
     if (parts.empty()) return usable;
     std::size_t size = out.size();
-    for (const Array<T>& part : parts) size += part.size();
+    for (const PageBlock& part : parts) size += part.bytes() / sizeof(T);
     Array<T> all;
     all.reserve(size);
-    for (Array<T>& part : parts) {
-        all.append(part.span());
+    for (PageBlock& part : parts) {
+        all.append({static_cast<const T*>(part.data()), part.bytes() / sizeof(T)});
         part = {};
     }
     all.append(out.span());
@@ -165,7 +182,7 @@ bool FieldTextParser::parseManyNumbers(Array<T>& out, bool bracketed) {
 }
 
 template <class T>
-bool FieldTextParser::parseInParts(Array<T>& out, bool bracketed, std::vector<Array<T>>& parts) {
+bool FieldTextParser::parseInParts(Array<T>& out, bool bracketed, std::vector<PageBlock>& parts) {
     constexpr std::size_t most = (std::size_t{8} << 20) / sizeof(T);
     constexpr std::size_t size = kBlock * kCount<T>;
     Scalar<T> block[size];
@@ -219,7 +236,10 @@ bool FieldTextParser::parseInParts(Array<T>& out, bool bracketed, std::vector<Ar
         }
         if (++count == size) {
             flush();
-            if (out.size() >= most) parts.push_back(std::exchange(out, {}));
+            if (out.size() >= most) {
+                parts.emplace_back(out.data(), out.size() * sizeof(T));
+                out = {};
+            }
             report_.progress(p);
         }
     }

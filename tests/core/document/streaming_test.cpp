@@ -298,7 +298,7 @@ TEST(Streaming, OneMeshNeedsItsValueOnce) {
     const TemporaryFile in("mesh.x3d", text);
     text = {};
     const std::size_t value = numbers * sizeof(float);
-    const std::string classic = filePath("out.x3dv"), again = filePath("again.x3d");
+    const std::string classic = filePath("out.x3dv"), again = filePath("again.x3dv");
     EXPECT_LT(memoryOf(in.path, classic), value + 64 * kMegabyte) << "of " << value;
     EXPECT_LT(memoryOf(classic, again), value + 64 * kMegabyte) << "of " << value;
     std::filesystem::remove(classic);
