@@ -15,6 +15,23 @@ namespace {
 
 using Stack = Field<Array<NodeId>>;
 
+/// A viewpoint brings its NavigationInfo, and takes it away (23.3.1).
+void bindNavigation(Cascade& cascade, const Node& node, bool bound) {
+    const FieldIndex field = node.type().findExact("navigationInfo");
+    if (field == kNoField || node.type().fields[field].type != FieldType::SFNode) return;
+    const Node* info = cascade.scene().find(node.get(Field<NodeId>{field}));
+    if (info && info->is(x3d::NavigationInfo::type))
+        (void)cascade.deliver(info->id(), x3d::NavigationInfo::set_bind.index, Value(bound));
+}
+
+/// The viewer is where the viewpoint is at once: the transition is complete when it begins.
+void completeTransition(Cascade& cascade) {
+    const Scene& scene = cascade.scene();
+    const auto& stack = scene.node(scene.root()).get(x3d::RtsgScene::_navigationStack);
+    if (!stack.empty() && scene.node(stack[0]).is(x3d::NavigationInfo::type))
+        cascade.emit(scene.node(stack[0]), x3d::NavigationInfo::transitionComplete, true);
+}
+
 /// The top of a stack may be of another type of the same kind (OrthoViewpoint, TextureBackground).
 void announceBound(Cascade& cascade, NodeId id, bool bound) {
     const Node& node = cascade.scene().node(id);
@@ -22,6 +39,7 @@ void announceBound(Cascade& cascade, NodeId id, bool bound) {
     const Time now{cascade.now()};
     if (isBound != kNoField) cascade.emitStorage(node, isBound, &bound);
     if (bindTime != kNoField) cascade.emitStorage(node, bindTime, &now);
+    bindNavigation(cascade, node, bound);
 }
 
 /// N: node type with set_bind, isBound, bindTime. The stack's handle is a type parameter's static member.
@@ -31,7 +49,9 @@ struct Bindable {
     static void announce(Cascade& cascade, const Node& node, bool bound) {
         cascade.emit(node, N::isBound, bound);
         cascade.emit(node, N::bindTime, Time{cascade.now()});
+        bindNavigation(cascade, node, bound);
     }
+    static constexpr bool kIsView = N::type == x3d::Viewpoint::type || N::type == x3d::OrthoViewpoint::type;
     static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
         if (field != N::set_bind.index) return;
         Array<NodeId> stack = root(cascade).get(stackField);
@@ -46,18 +66,24 @@ struct Bindable {
             if (oldTop) announceBound(cascade, oldTop, false);
             cascade.store(root(cascade), stackField, stack);
             announce(cascade, node, true);
+            if (kIsView && oldTop) completeTransition(cascade);
         } else {
             if (found == stack.end()) return;
             stack.erase(static_cast<std::size_t>(found - stack.begin()));
             if (onTop) announce(cascade, node, false);
             cascade.store(root(cascade), stackField, stack);
-            if (onTop && !stack.empty()) announceBound(cascade, stack[0], true);
+            if (onTop && !stack.empty()) {
+                announceBound(cascade, stack[0], true);
+                if (kIsView) completeTransition(cascade);
+            }
         }
     }
     /// The first one found is bound when nothing is; one that has come to the top because others were deleted hears it.
     static double onTime(Cascade& cascade, const Node& node) {
         Array<NodeId> stack = root(cascade).get(stackField);
         if (stack.empty()) {
+            // One that was bound before has been unbound: that nothing is bound then is its author's wish.
+            if (node.get(N::bindTime).seconds != 0) return kNever;
             stack.push_back(node.id());
             cascade.store(root(cascade), stackField, stack);
         }

@@ -50,6 +50,7 @@ Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     if (!def.writable() || def.type != value.type())
         return fail(kWrongAccess, fmt::format("{}.{} takes no such event", node->type_->name, def.name));
     if (auto ok = s.checkNodes(*node, field, value.storage()); !ok) return ok;
+    if (auto ok = s.checkAccepted(*node, field, value.storage()); !ok) return ok;
     if (s.currentCall != Scene::State::kNoCall)
         s.recordEffect(BehaviourEffect::Kind::deliver, id, field, value.storage());
     // What other behaviours do about it is theirs.
@@ -84,7 +85,7 @@ void Cascade::warn(const Node& node, const std::string& text) {
 
 // ---- propagation ---------------------------------------------------------------------------------------------
 
-/// An output field has a new value: tell the listener and queue its routes, once per timestamp.
+/// An output field has a new value: its routes and the listener are told once a timestamp, when it is its event's turn.
 void Scene::State::send(Node& node, FieldIndex field) {
     RouteGroup* group = nullptr;
     if (node.links_) {
@@ -93,9 +94,8 @@ void Scene::State::send(Node& node, FieldIndex field) {
     }
     if (group && group->stamp == stamp) return;
     // 4.4.8.4 holds for outputs without routes too; only a listener can tell.
-    if (listener && announced.emplace(node.id_, field).second) listener(now, node, field, node.value(field));
-    if (!group) return;
-    group->stamp = stamp;
+    if (!group && (!listener || !announced.emplace(node.id_, field).second)) return;
+    if (group) group->stamp = stamp;
     emissions.push_back({node.id_, field});
 }
 
@@ -139,7 +139,9 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
         const auto& children = *static_cast<const Array<NodeId>*>(node.storage(entry.children));
         const auto found = std::ranges::find(children, id);
         if (field == entry.addChildren && found == children.end()) {
-            if (auto ok = insertChild(node, entry.children, *child, SIZE_MAX); ok)
+            auto ok = checkAccepted(*node.type_, entry.children, id);
+            if (ok) ok = insertChild(node, entry.children, *child, SIZE_MAX);
+            if (ok)
                 changed = true;
             else
                 cascade.warn(node, ok.error().text);
@@ -155,6 +157,12 @@ void Scene::State::runRoutes(Cascade& cascade) {
     for (std::size_t next = 0; next < emissions.size(); ++next) {
         const auto [fromId, field] = emissions[next];
         Node* from = find(fromId);
+        if (!from) continue;
+        if (listener) {
+            announced.erase({fromId, field});
+            listener(now, *from, field, from->value(field));
+            from = find(fromId);
+        }
         if (!from || !from->links_) continue;
         const auto groupOf = [&](Node& node) -> RouteGroup* {
             if (!node.links_) return nullptr;
@@ -162,6 +170,7 @@ void Scene::State::runRoutes(Cascade& cascade) {
             return g == node.links_->out.end() ? nullptr : &*g;
         };
         RouteGroup* group = groupOf(*from);
+        if (group) group->gone = stamp;
         // Routes added while this event is on its way are not retroactive.
         const std::size_t count = group ? group->targets.items().size() : 0;
         for (std::size_t i = 0; i < count; ++i) {
@@ -179,10 +188,17 @@ void Scene::State::runRoutes(Cascade& cascade) {
             }
             const FieldType type = def.type;
             if (sf(type) == FieldType::SFNode) {
-                if (auto ok = checkNodes(*to, target.field, from->storage(field)); !ok) {
+                auto ok = checkNodes(*to, target.field, from->storage(field));
+                if (ok) ok = checkAccepted(*to, target.field, from->storage(field));
+                if (!ok) {
                     cascade.warn(*to, ok.error().text);
                     continue;
                 }
+            }
+            if (def.access == Access::inputOutput && to->links_) {
+                // Its event of this timestamp has gone (4.4.8.4): the field keeps what it said.
+                const auto sent = std::ranges::find(to->links_->out, target.field, &RouteGroup::field);
+                if (sent != to->links_->out.end() && sent->gone == stamp) continue;
             }
             if (target.isConnection && def.access == Access::inputOutput && to->links_) {
                 // The way back of a two-way connection: that field has already sent this event.
@@ -271,6 +287,54 @@ void Scene::State::runTime(Cascade& cascade) {
     watchers.erase(std::unique(watchers.begin(), watchers.end()), watchers.end());
 }
 
+Result<> Scene::State::checkAccepted(const NodeType& type, FieldIndex field, NodeId child) const {
+    const FieldDef& def = type.fields[field];
+    if (def.accepts.empty() || !child) return {};
+    const Node* stands = owner.effectiveNode(child);
+    // What could not be loaded, or is of a type that nobody knows, is taken on trust.
+    if (!stands || stands->type_->kind != NodeType::Kind::builtin) return {};
+    for (const std::string& one : def.accepts)
+        if (stands->type_->isA(one)) return {};
+    return fail(fmt::format("{} does not take {}", def.name, stands->type_->name));
+}
+
+Result<> Scene::State::checkAccepted(const Node& node, FieldIndex field, const void* value) const {
+    const NodeType& type = *node.type_;
+    const TypeEntry& entry = types[node.typeIndex_.value];
+    if (type.fields[field].accepts.empty() || field == entry.addChildren || field == entry.removeChildren) return {};
+    if (type.fields[field].type == FieldType::SFNode)
+        return checkAccepted(type, field, *static_cast<const NodeId*>(value));
+    if (type.fields[field].type == FieldType::MFNode)
+        for (const NodeId child : *static_cast<const Array<NodeId>*>(value))
+            if (auto ok = checkAccepted(type, field, child); !ok) return ok;
+    return {};
+}
+
+void Scene::State::beginScripts(Cascade& cascade) {
+    const auto call = [&](std::vector<NodeId> ids, ScriptPhase phase) {
+        std::ranges::sort(ids);
+        ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+        bool any = false;
+        for (const NodeId id : ids) {
+            const Node* node = find(id);
+            if (!node || !types[node->typeIndex_.value].isScript) continue;
+            scriptPhase = phase;
+            any |= onTime(types[node->typeIndex_.value].behaviour, cascade, *node) <= now;
+            scriptPhase = ScriptPhase::run;
+        }
+        runRoutes(cascade);
+        return any;
+    };
+    if (call(woken, ScriptPhase::initialize)) {
+        // What initialize() sends has an earlier timestamp than all else (29.2.2).
+        ++stamp;
+        announced.clear();
+    }
+    std::vector<NodeId> all = woken;
+    all.insert(all.end(), active.begin(), active.end());
+    call(std::move(all), ScriptPhase::prepare);
+}
+
 /// An inputOutput field passes on one event a timestamp (4.4.8.4): of several that wait for it, the last one is it.
 /// inputOnly fields get all.
 void Scene::State::dropSuperseded(std::vector<QueuedEvent>& queued) const {
@@ -299,13 +363,17 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     s.cascading = true;
     ++s.stamp;
     s.announced.clear();
+    s.writingExternally = false;
+    if (s.behavioursEnabled && s.scriptNodes > 0) s.beginScripts(cascade);
     std::vector<State::QueuedEvent> queued;
     queued.swap(s.inputQueue);
     s.dropSuperseded(queued);
     for (State::QueuedEvent& event : queued) {
         Node* node = s.find(event.node);
         if (!node) continue;
-        if (auto ok = s.checkNodes(*node, event.field, event.value.storage()); !ok) {
+        auto ok = s.checkNodes(*node, event.field, event.value.storage());
+        if (ok) ok = s.checkAccepted(*node, event.field, event.value.storage());
+        if (!ok) {
             cascade.warn(*node, ok.error().text);
             continue;
         }

@@ -10,6 +10,10 @@ ScriptPrograms* ScriptPrograms::of(Cascade& cascade) {
     return s.scripts.get();
 }
 
+ScriptPhase ScriptPrograms::phase(Cascade& cascade) {
+    return cascade.scene_.state_->scriptPhase;
+}
+
 Behaviour ScriptPrograms::behaviour() {
     return {
         .onEvent =
@@ -19,7 +23,7 @@ Behaviour ScriptPrograms::behaviour() {
         .onTime =
             [](Cascade& cascade, const Node& node) {
                 ScriptPrograms* programs = of(cascade);
-                return programs ? programs->onTime(cascade, node) : kNever;
+                return programs ? programs->onTime(cascade, node, phase(cascade)) : kNever;
             },
     };
 }

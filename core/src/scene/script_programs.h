@@ -11,14 +11,18 @@
 
 namespace rtsg {
 
+/// What a script's onTime is for: before a frame's events come initialize() of all that are new, then prepareEvents().
+enum class ScriptPhase { initialize, prepare, run };
+
 class ScriptPrograms {
   public:
     virtual ~ScriptPrograms() = default;
 
     /// Calls the function that handles events of `field`. `value`: block representation.
     virtual void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) = 0;
-    /// initialize(), prepareEvents() or eventsProcessed(), as is due. As Behaviour::onTime.
-    virtual double onTime(Cascade& cascade, const Node& node) = 0;
+    /// initialize(), prepareEvents() or eventsProcessed(), as is due. As Behaviour::onTime; in phase `initialize` now
+    /// if a program began, else never.
+    virtual double onTime(Cascade& cascade, const Node& node, ScriptPhase phase) = 0;
     /// Drops the program of a node that is about to be destroyed; shutdown() is called, its outputs go nowhere.
     virtual void forget(NodeId node) = 0;
     /// The same for all, before the scene goes or starts over.
@@ -29,6 +33,7 @@ class ScriptPrograms {
 
   private:
     static ScriptPrograms* of(Cascade& cascade);
+    static ScriptPhase phase(Cascade& cascade);
 };
 
 std::unique_ptr<ScriptPrograms> makeScriptPrograms(Scene& scene, const ScriptOptions& options);

@@ -42,6 +42,7 @@ struct RouteGroup {
     FieldIndex field = kNoField;
     std::uint64_t stamp = 0;  // timestamp at which the field last sent: at most one event each (4.4.8.3)
     RouteList<OutgoingRoute> targets;
+    std::uint64_t gone = 0;  // at which its event went along the routes: it says the last value until then
 };
 
 struct IncomingRoute {
@@ -91,6 +92,7 @@ struct TypeEntry {
     FieldIndex children = kNoField, addChildren = kNoField, removeChildren = kNoField;
     /// Inputs that stand for an initializeOnly field (set_coordIndex for coordIndex), and that field.
     std::vector<std::pair<FieldIndex, FieldIndex>> inputs;
+    bool isScript = false;
 };
 
 struct Scene::State {
@@ -305,7 +307,9 @@ struct Scene::State {
     void playEffects(Cascade& cascade, const BehaviourCall& call);
 
     ScriptOptions scriptOptions;
-    std::unique_ptr<ScriptPrograms> scripts;       // made when the first Script runs
+    std::unique_ptr<ScriptPrograms> scripts;  // made when the first Script runs
+    std::size_t scriptNodes = 0;
+    ScriptPhase scriptPhase = ScriptPhase::run;
     std::vector<std::shared_ptr<ChangeSet>> pool;  // sealed sets come back when no subscriber holds them
 
     void wakeMoved() {
@@ -317,6 +321,11 @@ struct Scene::State {
     void send(Node& node, FieldIndex field);
     void deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value);
     void deliverChildren(Cascade& cascade, Node& node, FieldIndex field, const void* value, const TypeEntry& entry);
+    /// Whether the nodes are of types that the field takes (4.4.2.2); PROTO instances count as what stands for them.
+    Result<> checkAccepted(const Node& node, FieldIndex field, const void* value) const;
+    Result<> checkAccepted(const NodeType& type, FieldIndex field, NodeId child) const;
+    /// Scripts that are new are initialised, all before any prepareEvents(); both before other events (29.2.2, 29.2.3).
+    void beginScripts(Cascade& cascade);
     void dropSuperseded(std::vector<QueuedEvent>& queued) const;
     void runRoutes(Cascade& cascade);
     void runTime(Cascade& cascade);

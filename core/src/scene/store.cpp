@@ -68,8 +68,8 @@ void Scene::State::addTypeEntry(const NodeType& type) {
             entry.inputs.emplace_back(static_cast<FieldIndex>(i), stored);
     }
     // A type of the same name that came first stays: built-in types are never shadowed (4.4.4.2).
-    if ((type.kind == NodeType::Kind::script || type.name == "Script") && type.isA("X3DScriptNode"))
-        entry.behaviour = ScriptPrograms::behaviour();
+    entry.isScript = (type.kind == NodeType::Kind::script || type.name == "Script") && type.isA("X3DScriptNode");
+    if (entry.isScript) entry.behaviour = ScriptPrograms::behaviour();
     if (type.kind != NodeType::Kind::script) typeByName.emplace(type.name, static_cast<std::uint16_t>(types.size()));
     types.push_back(entry);
     if (const auto known = behavioursByName.find(type.name); known != behavioursByName.end()) {
@@ -82,6 +82,7 @@ Node& Scene::State::allocate(NodeId id, TypeIndex typeIndex, NodeId scope) {
     const NodeType& type = *types[typeIndex.value].type;
     void* bytes = memory.allocate(sizeof(Node) + type.blockSize());
     Node* node = new (bytes) Node;
+    if (types[typeIndex.value].isScript) ++scriptNodes;
     node->id_ = id;
     node->scope_ = scope;
     node->typeIndex_ = typeIndex;
@@ -107,6 +108,7 @@ void Scene::State::release(Node& node) {
     const NodeId id = node.id_;
     const std::size_t bytes = bytesOf(node);
     places.noteMoved(id);
+    if (types[node.typeIndex_.value].isScript) --scriptNodes;
     destroyInPlace(node);
     memory.deallocate(&node, bytes);
     nodeTable.remove(id, NodeId{nextId});

@@ -12,7 +12,7 @@ namespace {
 class AbsentPrograms final : public ScriptPrograms {
   public:
     void onEvent(Cascade& cascade, const Node& node, FieldIndex, const void*) override { say(cascade, node); }
-    double onTime(Cascade& cascade, const Node& node) override {
+    double onTime(Cascade& cascade, const Node& node, ScriptPhase) override {
         say(cascade, node);
         return kNever;
     }

@@ -344,10 +344,14 @@ void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field,
     });
 }
 
-double ScriptEngine::onTime(Cascade& cascade, const Node& node) {
+double ScriptEngine::onTime(Cascade& cascade, const Node& node, ScriptPhase phase) {
     State& s = *state_;
     const NodeId id = node.id();
+    const auto known = s.programs.find(id.value);
+    const bool runs = known != s.programs.end() && !known->second.stale && !State::hasNewUrl(known->second, node);
+    if (phase == ScriptPhase::prepare && !runs) return kNever;
     State::Program* program = s.ready(cascade, node);
+    if (phase == ScriptPhase::initialize) return runs ? kNever : cascade.now();
     if (!program) return kNever;
     const bool everyFrame = program->hasPrepareEvents;
     if (program->preparedAt != cascade.now() && everyFrame) {
@@ -357,6 +361,7 @@ double ScriptEngine::onTime(Cascade& cascade, const Node& node) {
         if (still == s.programs.end() || !still->second.controller) return kNever;
         program = &still->second;
     }
+    if (phase == ScriptPhase::prepare) return cascade.now();
     if (std::exchange(program->eventsPending, false) && program->hasEventsProcessed)
         s.run(cascade, node, *program, "eventsProcessed");
     // One that has set its own url starts anew with the next frame.

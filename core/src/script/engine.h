@@ -17,7 +17,7 @@ class ScriptEngine final : public ScriptPrograms {
     ScriptEngine& operator=(const ScriptEngine&) = delete;
 
     void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) override;
-    double onTime(Cascade& cascade, const Node& node) override;
+    double onTime(Cascade& cascade, const Node& node, ScriptPhase phase) override;
     void forget(NodeId node) override;
     void forgetAll() override;
 

@@ -29,9 +29,9 @@ class Memory {
     JSContext* cx_;
     JS::PersistentRootedObject gauge_;
     JS::PersistentRootedId outside_;  // the name of the gauge of what lies outside of the heap
-    std::size_t compiled_ = 0;  // programs' code, as of the last count
-    std::size_t counted_ = 0;   // all of it, then
-    std::size_t resident_ = 0;  // of the process, then, or the least since
+    std::size_t compiled_ = 0;        // programs' code, as of the last count
+    std::size_t counted_ = 0;         // all of it, then
+    std::size_t resident_ = 0;        // of the process, then, or the least since
     std::int64_t lookedAt_ = 0;
 };
 

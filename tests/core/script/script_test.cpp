@@ -147,6 +147,34 @@ TEST(Script, PrepareEventsComesEveryFrameAndEventsProcessedAfterEvents) {
     EXPECT_EQ(s.get<std::int32_t>("prepared"), 3);
 }
 
+TEST(Script, AllAreInitializedThenPreparedAndThenEventsCome) {
+    ScriptScene s(
+        "inputOnly SFBool in",
+        "function initialize() { print('init S'); } function prepareEvents() { print('prepare S'); } "
+        "function eventsProcessed() { print('processed S'); }",
+        "DEF O Script { inputOnly SFBool in url \"ecmascript: function initialize() { print('init O'); } function "
+        "prepareEvents() { print('prepare O'); } \" }");
+    s.send("in", Value(true));
+    s.frame();
+    EXPECT_EQ(s.printed, "init O\ninit S\nprepare O\nprepare S\nprocessed S\n") << s.problems();
+    s.printed.clear();
+    s.send("in", Value(true));
+    s.frame();
+    EXPECT_EQ(s.printed, "prepare O\nprepare S\nprocessed S\n");
+}
+
+TEST(Script, WhatInitializeSendsHasAnEarlierTimestamp) {
+    // The same output in the same frame: both events arrive.
+    ScriptScene s(
+        "inputOnly SFInt32 go outputOnly SFInt32 out", "function initialize() { out = 1; } function go(v) { out = v; }",
+        "DEF C Script { inputOnly SFInt32 take outputOnly MFInt32 taken url \"ecmascript: var all = new MFInt32(); "
+        "function take(v) { all.push(v); taken = all; }\" }");
+    ASSERT_TRUE(s.scene.addRoute(s.script(), s.field("S", "out"), s.scene.findName("C"), s.field("C", "take")));
+    s.send("go", Value(std::int32_t{2}));
+    s.frame();
+    EXPECT_EQ(s.get<Array<std::int32_t>>("taken", "C"), (Array<std::int32_t>{1, 2})) << s.problems();
+}
+
 TEST(Script, RoutesAndNodesFromAProgram) {
     ScriptScene s("inputOnly SFBool go", R"(
         function go() {
