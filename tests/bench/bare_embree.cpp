@@ -7,7 +7,7 @@
 #include <unordered_map>
 #include <unordered_set>
 
-#include <embree3/rtcore.h>
+#include "embree/embree.h"
 
 #include "bench.h"
 
@@ -93,9 +93,7 @@ std::size_t FlatScene::bvhBytes() const {
     return static_cast<std::size_t>(impl_->device.bytes);
 }
 double FlatScene::trace(std::span<const AskedRay> rays) const {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    bvh::RayCast cast(false);
     unsigned hits = 0;
     const double start = cpuSeconds();
     for (const AskedRay& asked : rays) {
@@ -106,10 +104,10 @@ double FlatScene::trace(std::span<const AskedRay> rays) const {
         r.ray.mask = ~0u, r.ray.flags = 0, r.ray.id = 0;
         r.hit.geomID = RTC_INVALID_GEOMETRY_ID, r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
         if (asked.any) {
-            rtcOccluded1(impl_->scene, &context, &r.ray);
+            cast.occluded(impl_->scene, r.ray);
             hits += r.ray.tfar < 0;
         } else {
-            rtcIntersect1(impl_->scene, &context, &r);
+            cast.intersect(impl_->scene, r);
             hits += r.hit.geomID != RTC_INVALID_GEOMETRY_ID;
         }
     }
@@ -259,9 +257,7 @@ void traceFlat(RTCScene scene, const std::vector<Vec3f>& directions, const Vec3f
     RTCRayHit16 rays;
     alignas(64) int valid[16];
     for (int& v : valid) v = -1;
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    bvh::RayCast cast(true);
     forPackets(directions, [&](const Vec3f* d, std::size_t first) {
         for (int i = 0; i < 16; ++i) {
             rays.ray.org_x[i] = origin.x, rays.ray.org_y[i] = origin.y, rays.ray.org_z[i] = origin.z;
@@ -270,7 +266,7 @@ void traceFlat(RTCScene scene, const std::vector<Vec3f>& directions, const Vec3f
             rays.ray.mask[i] = ~0u, rays.ray.flags[i] = 0, rays.ray.id[i] = 0;
             rays.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID, rays.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
         }
-        rtcIntersect16(valid, scene, &context, &rays);
+        cast.intersect(valid, scene, rays);
         take(rays, first);
     });
 }

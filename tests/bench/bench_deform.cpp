@@ -6,8 +6,8 @@
 #include <cmath>
 #include <random>
 
-#include <embree3/rtcore.h>
 #include <fmt/format.h>
+#include "embree/embree.h"
 
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/flattener.h>

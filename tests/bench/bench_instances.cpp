@@ -4,8 +4,8 @@
 #include <cmath>
 #include <random>
 
-#include <embree3/rtcore.h>
 #include <fmt/format.h>
+#include "embree/embree.h"
 
 #include <rtsg/renderers/tessellate.h>
 
@@ -100,9 +100,7 @@ double packetSeconds(RTCScene scene, int width, int height, float distance) {
     RTCRayHit16 rays;
     alignas(64) int valid[16];
     std::fill_n(valid, 16, -1);
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    bvh::RayCast cast(true);
     unsigned hits = 0;
     const float scale = 2 * std::tan(.3927f) / static_cast<float>(height);
     for (int y = 0; y < height; y += 4)
@@ -117,7 +115,7 @@ double packetSeconds(RTCScene scene, int width, int height, float distance) {
                 rays.ray.mask[i] = ~0u, rays.ray.flags[i] = 0, rays.ray.id[i] = 0;
                 rays.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID, rays.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
             }
-            rtcIntersect16(valid, scene, &context, &rays);
+            cast.intersect(valid, scene, rays);
             hits += rays.hit.geomID[0] != RTC_INVALID_GEOMETRY_ID;
         }
     keep(hits);

@@ -6,8 +6,8 @@
 #include <random>
 #include <vector>
 
-#include <embree3/rtcore.h>
 #include <fmt/format.h>
+#include "embree/embree.h"
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
@@ -137,9 +137,7 @@ double bareSeconds(const BareEmbree& bare, const Rays& rays) {
         packet.ray.mask[i] = ~0u, packet.ray.flags[i] = 0, packet.ray.id[i] = 0;
         packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
     }
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    bvh::RayCast cast(true);
     unsigned hits = 0;
     const double start = cpuSeconds();
     for (const Rays::Block& block : rays.blocks) {
@@ -147,7 +145,7 @@ double bareSeconds(const BareEmbree& bare, const Rays& rays) {
         std::memcpy(packet.ray.dir_y, block.y, sizeof block.y);
         std::memcpy(packet.ray.dir_z, block.z, sizeof block.z);
         for (int i = 0; i < 16; ++i) packet.ray.tfar[i] = INFINITY, packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-        rtcIntersect16(valid, bare.scene(), &context, &packet);
+        cast.intersect(valid, bare.scene(), packet);
         hits += packet.hit.geomID[0] != RTC_INVALID_GEOMETRY_ID;
     }
     keep(hits);

@@ -39,6 +39,15 @@ std::string sourceOf(const Scene& scene, const Node& node, const ScriptOptions& 
     return {};
 }
 
+/// A file's name as SpiderMonkey 102 (const char*) or 128 (an object) has it.
+template <class Name>
+std::string_view textOf(const Name& name) {
+    if constexpr (requires { name.c_str(); })
+        return name.c_str();
+    else
+        return name;
+}
+
 }  // namespace
 
 struct ScriptEngine::State {
@@ -101,7 +110,7 @@ struct ScriptEngine::State {
 
     /// The line of the script, where the prelude threw in its name: the first frame that is not the prelude's.
     unsigned lineIn(const JS::ExceptionStack& stack, const JSErrorReport* report) const {
-        if (report->filename && std::string_view(report->filename) == "script") return report->lineno;
+        if (report->filename && textOf(report->filename) == "script") return report->lineno;
         JS::RootedValue exception(context(), stack.exception()), text(context());
         if (!exception.isObject()) return 0;
         JS::RootedObject object(context(), &exception.toObject());

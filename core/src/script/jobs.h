@@ -33,6 +33,7 @@ class Jobs final : public JS::JobQueue {
                            JS::HandleObject allocationSite, JS::HandleObject incumbentGlobal) override;
     void runJobs(JSContext*) override {}  // for debuggers alone
     bool empty() const override { return jobs_.empty(); }
+    bool isDrainingStopped() const { return false; }  // virtual in SpiderMonkey 128, unknown in 102
 
   private:
     js::UniquePtr<SavedJobQueue> saveJobQueue(JSContext* cx) override;

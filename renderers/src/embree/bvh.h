@@ -15,12 +15,11 @@
 #include <type_traits>
 #include <vector>
 
-#include <embree3/rtcore.h>
-
 #include <rtsg/renderers/instance_delta.h>
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/ray.h>
 
+#include "embree.h"
 #include "instance_tree.h"
 
 namespace rtsg::bvh {

@@ -14,7 +14,7 @@
 #include <cstdint>
 #include <vector>
 
-#include <embree3/rtcore.h>
+#include "embree.h"
 
 #include <rtsg/renderers/mesh.h>
 

@@ -10,13 +10,6 @@ namespace rtsg::bvh {
 
 namespace {
 
-inline RTCIntersectContext makeContext(bool coherent) {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
-    return context;
-}
-
 static_assert(kNoInstance == RTC_INVALID_GEOMETRY_ID);
 
 // ---- single rays --------------------------------------------------------------------------------------------------
@@ -54,22 +47,22 @@ RawHit TopView::intersect(const Ray& ray, RayKind kind) const {
     fill(r.ray, ray, maskOf(kind));
     r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    RTCIntersectContext context = makeContext(false);
+    RayCast cast(false);
     if (main_) {
-        rtcIntersect1(main_->scene, &context, &r);
+        cast.intersect(main_->scene, r);
         if (tree_.empty()) return rawHit(r);
     }
     Ray rest = ray;
     rest.tMax = r.ray.tfar;
     tree_.traverse(rest, [&](std::uint32_t index) {
         const TopObject& o = object(index);
-        context.instID[0] = index;  // what Embree notes in the hits it finds
+        cast.setInstance(index);
         if (o.resting) {
-            rtcIntersect1(o.scene, &context, &r);
+            cast.intersect(o.scene, r);
         } else {
             if (!(o.mask & r.ray.mask)) return r.ray.tfar;
             enter(o, ray, r.ray);
-            rtcIntersect1(o.scene, &context, &r);
+            cast.intersect(o.scene, r);
             leave(ray, r.ray);
         }
         return r.ray.tfar;
@@ -80,20 +73,20 @@ RawHit TopView::intersect(const Ray& ray, RayKind kind) const {
 bool TopView::occluded(const Ray& ray, RayKind kind) const {
     RTCRay r;
     fill(r, ray, maskOf(kind));
-    RTCIntersectContext context = makeContext(false);
+    RayCast cast(false);
     if (main_) {
-        rtcOccluded1(main_->scene, &context, &r);
+        cast.occluded(main_->scene, r);
         if (r.tfar < 0 || tree_.empty()) return r.tfar < 0;
     }
     tree_.traverse(ray, [&](std::uint32_t index) {
         const TopObject& o = object(index);
         if (o.resting) {
-            rtcOccluded1(o.scene, &context, &r);
+            cast.occluded(o.scene, r);
             return r.tfar;
         }
         if (!(o.mask & r.mask)) return r.tfar;
         enter(o, ray, r);
-        rtcOccluded1(o.scene, &context, &r);
+        cast.occluded(o.scene, r);
         leave(ray, r);
         return r.tfar;
     });
@@ -111,7 +104,7 @@ static_assert(offsetof(RayPacket16, directionX) == offsetof(RTCRayHit16, ray.dir
 static_assert(offsetof(RayPacket16, normalX_) == offsetof(RTCRayHit16, hit.Ng_x));
 static_assert(offsetof(RayPacket16, prim_) == offsetof(RTCRayHit16, hit.primID));
 static_assert(offsetof(RayPacket16, inst_) == offsetof(RTCRayHit16, hit.instID));
-static_assert(sizeof(RTCRayHit16) == offsetof(RayPacket16, active));
+static_assert(sizeof(RTCRayHit16) <= offsetof(RayPacket16, active));
 
 /// AVX-512 where the machine has it.
 const bool kWide = avx512::isSupported();
@@ -183,19 +176,19 @@ inline void complete(RayPacket16& rays, std::uint32_t mask) {
 
 std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
     complete(rays, maskOf(kind));
-    RTCIntersectContext context = makeContext(coherent);
+    RayCast cast(coherent);
     auto& packet = reinterpret_cast<RTCRayHit16&>(rays);
-    if (main_) rtcIntersect16(valid, main_->scene, &context, &packet);
+    if (main_) cast.intersect(valid, main_->scene, packet);
     if (!tree_.empty()) {
         traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
             const TopObject& o = object(index);
-            context.instID[0] = index;  // what Embree notes in the hits it finds
+            cast.setInstance(index);
             if (o.resting) {
-                rtcIntersect16(lanes, o.scene, &context, &packet);
+                cast.intersect(lanes, o.scene, packet);
             } else {
                 if (!(o.mask & rays.mask_[0])) return;
                 const Entered entered(rays, o.localFromRay, o.translation);
-                rtcIntersect16(lanes, o.scene, &context, &packet);
+                cast.intersect(lanes, o.scene, packet);
             }
         });
     }
@@ -206,20 +199,20 @@ std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, b
 
 std::uint32_t TopView::occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
     complete(rays, maskOf(kind));
-    RTCIntersectContext context = makeContext(coherent);
+    RayCast cast(coherent);
     auto& packet = reinterpret_cast<RTCRay16&>(rays);
-    if (main_) rtcOccluded16(valid, main_->scene, &context, &packet);
+    if (main_) cast.occluded(valid, main_->scene, packet);
     if (!tree_.empty()) {
         // A blocked lane's segment ends before it begins, so that it meets no further box.
         traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
             const TopObject& o = object(index);
             if (o.resting) {
-                rtcOccluded16(lanes, o.scene, &context, &packet);
+                cast.occluded(lanes, o.scene, packet);
                 return;
             }
             if (!(o.mask & rays.mask_[0])) return;
             const Entered entered(rays, o.localFromRay, o.translation);
-            rtcOccluded16(lanes, o.scene, &context, &packet);
+            cast.occluded(lanes, o.scene, packet);
         });
     }
     std::uint32_t blocked = 0;

@@ -65,7 +65,7 @@ struct alignas(64) RayPacket16 {
     std::uint32_t mask_[16], id_[16], flags_[16];
     float normalX_[16], normalY_[16], normalZ_[16];
     float u_[16], v_[16];
-    std::uint32_t prim_[16], geom_[16], inst_[16];
+    std::uint32_t prim_[16], geom_[16], inst_[16], part_[16];
     std::int32_t active[16];  // -1 trace this lane, 0 do not
 
     void set(int lane, const Ray& ray) {
