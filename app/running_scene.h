@@ -45,6 +45,7 @@ class RunningScene {
 
     const std::string& file() const { return file_; }
     Scene& scene() { return scene_; }
+    const Scene& scene() const { return scene_; }
     const Resources& resources() const { return resources_; }
 
     double start() const { return start_; }

@@ -84,129 +84,202 @@ void checkResume(const Options& options) {
         throw UsageError("--resume", "not together with --mode lossy: mirrors hold other values than the log");
 }
 
-int serve(const Options& options) {
-    const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
-    checkResume(options);
-    const std::vector<OutputName> outputs{{"--record", options.record, OutputKind::log}};
-    if (auto ok = checkFiles({options.scene, options.key, options.resume}, outputs, options.force); !ok)
-        return printError(ok.error()), kBad;
-    RunningScene running(options.scene.empty() ? options.resume : options.scene, options.resources, options.start);
-    auto session = begin(running, options);
-    if (!session) return printError(session.error()), kBad;
-    Scene& scene = running.scene();
-    keepResources(scene, running.resources(), outputs);
-    auto keys = keysFrom(options.key);
-    if (!keys) return printError(keys.error()), kBad;
-    MirrorServerOptions serverOptions;
-    serverOptions.keys = std::move(*keys);
-    serverOptions.insecure = options.insecure;
-    serverOptions.upstream = *mirrorUpstreamFromName(options.upstream);
-    serverOptions.maximumPeers = options.peers;
-    serverOptions.maximumParts = options.parts;
-    serverOptions.mostBytesPerSecond = options.maxRate;
-    serverOptions.blockFor = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.block)));
-    serverOptions.mode.coding = *codingFromName(options.coding);
-    if (options.mode == nameOf(Mode::input)) serverOptions.mode.mode = Mode::input;
-    std::unique_ptr<LossyScene> lossy;
-    if (options.mode == nameOf(Mode::lossy)) {
-        auto followed = LossyScene::follow(scene, options.error);
-        if (!followed) return printError(followed.error()), kUsage;
-        lossy = std::move(*followed);
-        serverOptions.mode.mode = Mode::lossy;
-        serverOptions.mode.maxError = options.error;
-    }
-    if (*session) {
-        serverOptions.epoch = (*session)->epoch;
-        serverOptions.before = std::move((*session)->before);
-    }
-    auto server = MirrorServer::start(lossy ? lossy->scene() : scene, options.endpoint, serverOptions);
-    if (!server) return printError(server.error()), kBad;
-    (void)interrupted();  // from here on an interruption ends in order: no half file stays
-    std::unique_ptr<LogRecorder> log;
-    const std::string& logFile = *session ? options.resume : options.record;
-    if (!logFile.empty()) {
-        LogOptions logOptions;
-        logOptions.existing = existing(options.force);
-        logOptions.append = session->has_value();
-        logOptions.epoch = lossy ? 0 : (*server)->epoch();
-        options.keyframes.setIn(logOptions);
-        auto created = LogRecorder::start(scene, logFile, logOptions);
-        if (!created) return printError(created.error()), kBad;
-        log = std::move(*created);
-        // The state that the log ends with, again, before the first new one: so that none is missing between.
-        if (*session) log->waitFor(scene.sequence(), std::chrono::seconds(10));
-    }
-    if (options.json)
-        fmt::print("{{\"endpoint\":{}}}\n", jsonString((*server)->endpoint()));
-    else
-        fmt::print("serving {} at {}\n", running.file(), (*server)->endpoint());
-    std::fflush(stdout);
+std::chrono::milliseconds millisecondsFrom(const std::string& duration) {
+    return std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(duration)));
+}
 
-    if (options.await > 0) await(**server, options.await);
+/// One session: a scene, those who follow it, and its log.
+class Session {
+  public:
+    Session(const Options& options, double duration)
+        : options_(options),
+          duration_(duration),
+          running_(options.scene.empty() ? options.resume : options.scene, options.resources, options.start) {}
+
+    /// Each gives what the program ends with if it is not kDone.
+    int open();
+    int startServer();
+    int startLog();
+    void run();
+    int close();
+
+  private:
+    MirrorServerOptions serverOptions(std::optional<MirrorKeys> keys) const;
+    const std::string& logFile() const { return resumed_ ? options_.resume : options_.record; }
+    void lookAtLog();
+    void print(const MirrorServerStatistics& statistics) const;
+
+    const Options& options_;
+    const double duration_;
+    RunningScene running_;
+    std::optional<ResumedSession> resumed_;
+    std::unique_ptr<LossyScene> lossy_;
+    std::unique_ptr<MirrorServer> server_;
+    std::unique_ptr<LogRecorder> log_;
+    std::uint64_t frames_ = 0;
+    std::size_t mostPeers_ = 0;
+    double from_ = 0;  // the first frame's time
+    double seconds_ = 0;
+    bool failed_ = false;  // the log has ended early, or the session
+};
+
+int Session::open() {
+    const std::vector<OutputName> outputs{{"--record", options_.record, OutputKind::log}};
+    if (auto ok = checkFiles({options_.scene, options_.key, options_.resume}, outputs, options_.force); !ok)
+        return printError(ok.error()), kBad;
+    auto resumed = begin(running_, options_);
+    if (!resumed) return printError(resumed.error()), kBad;
+    resumed_ = std::move(*resumed);
+    keepResources(running_.scene(), running_.resources(), outputs);
+    return kDone;
+}
+
+MirrorServerOptions Session::serverOptions(std::optional<MirrorKeys> keys) const {
+    MirrorServerOptions result;
+    result.keys = std::move(keys);
+    result.insecure = options_.insecure;
+    result.upstream = *mirrorUpstreamFromName(options_.upstream);
+    result.maximumPeers = options_.peers;
+    result.maximumParts = options_.parts;
+    result.mostBytesPerSecond = options_.maxRate;
+    result.blockFor = millisecondsFrom(options_.block);
+    result.mode.coding = *codingFromName(options_.coding);
+    if (options_.mode == nameOf(Mode::input)) result.mode.mode = Mode::input;
+    if (options_.mode == nameOf(Mode::lossy)) {
+        result.mode.mode = Mode::lossy;
+        result.mode.maxError = options_.error;
+    }
+    return result;
+}
+
+int Session::startServer() {
+    auto keys = keysFrom(options_.key);
+    if (!keys) return printError(keys.error()), kBad;
+    if (options_.mode == nameOf(Mode::lossy)) {
+        auto followed = LossyScene::follow(running_.scene(), options_.error);
+        if (!followed) return printError(followed.error()), kUsage;
+        lossy_ = std::move(*followed);
+    }
+    MirrorServerOptions how = serverOptions(std::move(*keys));
+    if (resumed_) {
+        how.epoch = resumed_->epoch;
+        how.before = std::move(resumed_->before);
+    }
+    auto server = MirrorServer::start(lossy_ ? lossy_->scene() : running_.scene(), options_.endpoint, std::move(how));
+    if (!server) return printError(server.error()), kBad;
+    server_ = std::move(*server);
+    return kDone;
+}
+
+int Session::startLog() {
+    if (logFile().empty()) return kDone;
+    LogOptions logOptions;
+    logOptions.existing = existing(options_.force);
+    logOptions.append = resumed_.has_value();
+    logOptions.epoch = lossy_ ? 0 : server_->epoch();
+    options_.keyframes.setIn(logOptions);
+    auto created = LogRecorder::start(running_.scene(), logFile(), logOptions);
+    if (!created) return printError(created.error()), kBad;
+    log_ = std::move(*created);
+    // The state that the log ends with, again, before the first new one: so that none is missing between.
+    if (resumed_) log_->waitFor(running_.scene().sequence(), std::chrono::seconds(10));
+    return kDone;
+}
+
+/// A recording that fails ends, but those who follow go on.
+void Session::lookAtLog() {
+    if (!log_ || failed_ || log_->failure().empty()) return;
+    printError(log_->failure());
+    printError(
+        fmt::format("the recording has ended; {} holds the session to state {}", logFile(), log_->acknowledged()));
+    failed_ = true;
+}
+
+void Session::run() {
+    if (options_.json)
+        fmt::print("{{\"endpoint\":{}}}\n", jsonString(server_->endpoint()));
+    else
+        fmt::print("serving {} at {}\n", running_.file(), server_->endpoint());
+    std::fflush(stdout);
+    if (options_.await > 0) await(*server_, options_.await);
+
     // Frames are at even times; those that there was no time for are left out, the clock never lags behind.
     const auto start = Clock::now();
     // A session that goes on does so with the frame after its last one.
-    const double from = *session ? running.time() + 1 / options.fps : 0;
-    std::uint64_t frames = 0, slot = 0;
-    const auto last = static_cast<std::uint64_t>(std::floor(duration * options.fps + 1e-9));
-    std::size_t mostPeers = 0;
-    bool failed = false;
-    const Progress progress = options.duration.empty() ? Progress{} : progressBar("serving " + running.file());
-    while (!interrupted() && slot <= last) {
-        (*server)->service();  // what mirrors have sent takes effect in this frame
-        running.frame(from + static_cast<double>(slot) / options.fps);
-        ++frames;
-        mostPeers = std::max(mostPeers, (*server)->statistics().peers);
-        printNews(**server);
-        if (log && !failed && !log->failure().empty()) {
-            printError(log->failure());
-            printError(
-                fmt::format("the recording has ended; {} holds the session to state {}", logFile, log->acknowledged()));
-            failed = true;  // but those who follow go on
-        }
+    if (resumed_) from_ = running_.time() + 1 / options_.fps;
+    const auto elapsed = [&] { return std::chrono::duration<double>(Clock::now() - start).count(); };
+    const auto last = static_cast<std::uint64_t>(std::floor(duration_ * options_.fps + 1e-9));
+    const Progress progress = options_.duration.empty() ? Progress{} : progressBar("serving " + running_.file());
+    for (std::uint64_t slot = 0; !interrupted() && slot <= last;) {
+        server_->service();  // what mirrors have sent takes effect in this frame
+        running_.frame(from_ + static_cast<double>(slot) / options_.fps);
+        ++frames_;
+        mostPeers_ = std::max(mostPeers_, server_->statistics().peers);
+        printNews(*server_);
+        lookAtLog();
         if (progress) progress(slot, last + 1);
-        const double elapsed = std::chrono::duration<double>(Clock::now() - start).count();
-        slot = std::max(slot + 1, static_cast<std::uint64_t>(elapsed * options.fps));
+        slot = std::max(slot + 1, static_cast<std::uint64_t>(elapsed() * options_.fps));
         const auto due = start + std::chrono::duration_cast<Clock::duration>(
-                                     std::chrono::duration<double>(static_cast<double>(slot) / options.fps));
+                                     std::chrono::duration<double>(static_cast<double>(slot) / options_.fps));
         while (!interrupted() && Clock::now() < due)
             std::this_thread::sleep_until(std::min(due, Clock::now() + std::chrono::milliseconds(50)));
     }
     if (progress) progress(1, 1);
-    const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
-    running.printDiagnostics(log ? log->failure() : "");
-    // Mirrors that are behind, with a picture say, may still catch up.
-    const auto grace = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.linger)));
-    if (!interrupted() && !(*server)->drain(grace)) fmt::print(stderr, "not all mirrors have caught up\n");
-    const MirrorServerStatistics statistics = (*server)->statistics();
-    printNews(**server);
-    server->reset();
-    if (log) {
-        if (auto ok = log->stop(); !ok && !failed) {
-            printError(ok.error());
-            failed = true;
-        }
-    }
-    const double fps = static_cast<double>(frames) / std::max(seconds, 1e-9);
-    if (options.json)
+    seconds_ = elapsed();
+}
+
+void Session::print(const MirrorServerStatistics& statistics) const {
+    const Scene& scene = running_.scene();
+    const double fps = static_cast<double>(frames_) / std::max(seconds_, 1e-9);
+    if (options_.json)
         fmt::print(
             "{{\"frames\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"t\":{},\"sequence\":{},\"peers\":{},\"bytes\":{},"
             "\"snapshots\":{},\"merged\":{},\"resumed\":{},\"repairs\":{},\"requests\":{},\"stalls\":{},"
             "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"hash\":\"{}\"}}\n",
-            frames, seconds, fps, running.time(), scene.sequence(), mostPeers, statistics.bytes, statistics.snapshots,
-            statistics.merged, statistics.resumed, statistics.repairs, statistics.requests, statistics.stalls,
-            statistics.garbage, statistics.refused, statistics.lost, log ? log->bytes() : 0, scene.hash().hex());
+            frames_, seconds_, fps, running_.time(), scene.sequence(), mostPeers_, statistics.bytes,
+            statistics.snapshots, statistics.merged, statistics.resumed, statistics.repairs, statistics.requests,
+            statistics.stalls, statistics.garbage, statistics.refused, statistics.lost, log_ ? log_->bytes() : 0,
+            scene.hash().hex());
     else
-        fmt::print("{} frames in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", frames,
-                   seconds, fps, statistics.bytes, mostPeers, scene.hash().hex());
-    if (interrupted()) {
-        if (log && !failed) fmt::print(stderr, "{} holds the session to state {}\n", logFile, scene.sequence());
-        if (!options.duration.empty() && running.time() - from < duration) {
-            printError(fmt::format("interrupted at {} of {} s", running.time() - from, duration));
-            failed = true;
+        fmt::print("{} frames in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", frames_,
+                   seconds_, fps, statistics.bytes, mostPeers_, scene.hash().hex());
+}
+
+int Session::close() {
+    running_.printDiagnostics(log_ ? log_->failure() : "");
+    // Mirrors that are behind, with a picture say, may still catch up.
+    if (!interrupted() && !server_->drain(millisecondsFrom(options_.linger)))
+        fmt::print(stderr, "not all mirrors have caught up\n");
+    const MirrorServerStatistics statistics = server_->statistics();
+    printNews(*server_);
+    server_.reset();
+    if (log_) {
+        if (auto ok = log_->stop(); !ok && !failed_) {
+            printError(ok.error());
+            failed_ = true;
         }
     }
-    return failed ? kBad : kDone;
+    print(statistics);
+    if (interrupted()) {
+        if (log_ && !failed_)
+            fmt::print(stderr, "{} holds the session to state {}\n", logFile(), running_.scene().sequence());
+        if (!options_.duration.empty() && running_.time() - from_ < duration_) {
+            printError(fmt::format("interrupted at {} of {} s", running_.time() - from_, duration_));
+            failed_ = true;
+        }
+    }
+    return failed_ ? kBad : kDone;
+}
+
+int serve(const Options& options) {
+    checkResume(options);
+    Session session(options, options.duration.empty() ? 1e9 : parseSeconds(options.duration));
+    if (const int status = session.open(); status != kDone) return status;
+    if (const int status = session.startServer(); status != kDone) return status;
+    (void)interrupted();  // from here on an interruption ends in order: no half file stays
+    if (const int status = session.startLog(); status != kDone) return status;
+    session.run();
+    return session.close();
 }
 
 }  // namespace

@@ -97,6 +97,26 @@ RTSG_INLINE void call(Leaf leaf, void* self, std::uint32_t child, __mmask16 lane
     leaf(self, child & ~TreeView::kLeaf, mask);
 }
 
+/// For a few objects, all below the root: what the packet's interval saves is less than it costs.
+void traverseRoot(const Node& root, const Packet& p, const RayPacket16& rays, Leaf leaf, void* self) {
+    __mmask16 lanes;
+    std::uint64_t order[8];
+    std::uint32_t found = 0;
+    for (std::uint32_t i = 0; i < 8; ++i) {
+        if (root.child[i] == TreeView::kNone) continue;
+        const float near = meet(p, root, i, rays.tMax, lanes);
+        if (near == kFar) continue;
+        const std::uint64_t entry = std::uint64_t{bitsOf(near)} << 32 | i;
+        std::uint32_t at = found++;
+        for (; at > 0 && order[at - 1] > entry; --at) order[at] = order[at - 1];
+        order[at] = entry;
+    }
+    for (std::uint32_t k = 0; k < found; ++k) {
+        const auto i = static_cast<std::uint32_t>(order[k]);
+        if (meet(p, root, i, rays.tMax, lanes) < kFar) call(leaf, self, root.child[i], lanes);
+    }
+}
+
 }  // namespace
 
 bool isBuilt() {
@@ -113,26 +133,8 @@ void traverse(const Node* const* pages, std::size_t count, const RayPacket16& ra
     p.reciprocal[0] = reciprocalOf(_mm512_loadu_ps(rays.directionX));
     p.reciprocal[1] = reciprocalOf(_mm512_loadu_ps(rays.directionY));
     p.reciprocal[2] = reciprocalOf(_mm512_loadu_ps(rays.directionZ));
+    if (count == 1) return traverseRoot(nodeAt(pages, TreeView::kRoot), p, rays, leaf, self);
     __mmask16 lanes;
-    if (count == 1) {
-        const Node& root = nodeAt(pages, TreeView::kRoot);
-        std::uint64_t order[8];
-        std::uint32_t found = 0;
-        for (std::uint32_t i = 0; i < 8; ++i) {
-            if (root.child[i] == TreeView::kNone) continue;
-            const float near = meet(p, root, i, rays.tMax, lanes);
-            if (near == kFar) continue;
-            const std::uint64_t entry = std::uint64_t{bitsOf(near)} << 32 | i;
-            std::uint32_t at = found++;
-            for (; at > 0 && order[at - 1] > entry; --at) order[at] = order[at - 1];
-            order[at] = entry;
-        }
-        for (std::uint32_t k = 0; k < found; ++k) {
-            const auto i = static_cast<std::uint32_t>(order[k]);
-            if (meet(p, root, i, rays.tMax, lanes) < kFar) call(leaf, self, root.child[i], lanes);
-        }
-        return;
-    }
     findInterval(p, rays);
     std::uint64_t stack[TreeView::kStack];
     std::size_t top = 0;

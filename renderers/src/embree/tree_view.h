@@ -106,6 +106,9 @@ class TreeView {
 
   private:
     struct Packet;
+    /// For a few objects, all below the root: what the packet's interval saves is less than it costs.
+    template <class Leaf>
+    void traverseRoot(const Packet& packet, const RayPacket16& rays, Leaf& leaf) const;
 
     const Node& node(std::uint32_t i) const { return pages_[i >> kPageBits][i & (kPerPage - 1)]; }
     static float safeReciprocal(float d) { return 1 / (std::abs(d) < kSmall ? std::copysign(kSmall, d) : d); }
@@ -288,32 +291,34 @@ struct TreeView::Packet {
 };
 
 template <class Leaf>
+void TreeView::traverseRoot(const Packet& packet, const RayPacket16& rays, Leaf& leaf) const {
+    alignas(64) std::int32_t lanes[16];
+    const Node& root = node(kRoot);
+    std::array<std::uint64_t, 8> order;
+    std::size_t count = 0;
+    for (std::uint32_t i = 0; i < 8; ++i) {
+        if (root.child[i] == kNone) continue;
+        const float near = packet.meet(root, i, rays.tMax, lanes);
+        if (near == HUGE_VALF) continue;
+        const std::uint64_t entry = std::uint64_t{std::bit_cast<std::uint32_t>(near)} << 32 | i;
+        std::size_t at = count++;
+        for (; at > 0 && order[at - 1] > entry; --at) order[at] = order[at - 1];
+        order[at] = entry;
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+        const auto i = static_cast<std::uint32_t>(order[k]);
+        if (packet.meet(root, i, rays.tMax, lanes) < HUGE_VALF) leaf(root.child[i] & ~kLeaf, lanes);
+    }
+}
+
+template <class Leaf>
 void TreeView::traverse(const RayPacket16& rays, const std::int32_t* active, Leaf leaf) const {
     if (nodeCount_ == 0) return;
     Packet packet(rays, active);
     if (!packet.anyActive()) return;
-    alignas(64) std::int32_t lanes[16];
-    if (nodeCount_ == 1) {
-        // A few objects: what the interval saves is less than it costs.
-        const Node& root = node(kRoot);
-        std::array<std::uint64_t, 8> order;
-        std::size_t count = 0;
-        for (std::uint32_t i = 0; i < 8; ++i) {
-            if (root.child[i] == kNone) continue;
-            const float near = packet.meet(root, i, rays.tMax, lanes);
-            if (near == HUGE_VALF) continue;
-            const std::uint64_t entry = std::uint64_t{std::bit_cast<std::uint32_t>(near)} << 32 | i;
-            std::size_t at = count++;
-            for (; at > 0 && order[at - 1] > entry; --at) order[at] = order[at - 1];
-            order[at] = entry;
-        }
-        for (std::size_t k = 0; k < count; ++k) {
-            const auto i = static_cast<std::uint32_t>(order[k]);
-            if (packet.meet(root, i, rays.tMax, lanes) < HUGE_VALF) leaf(root.child[i] & ~kLeaf, lanes);
-        }
-        return;
-    }
+    if (nodeCount_ == 1) return traverseRoot(packet, rays, leaf);
     packet.findInterval(rays);
+    alignas(64) std::int32_t lanes[16];
     // Distance and place (node and lane, where the box is) in one number, as for single rays.
     std::array<std::uint64_t, kStack> stack;
     std::size_t top = 0;

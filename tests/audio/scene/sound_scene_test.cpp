@@ -36,13 +36,74 @@ ListenOptions quiet() {
     return options;
 }
 
+/// Random edits of a scene with groups, sounds and a wall.
+struct SoundEdits {
+    Scene& scene;
+    std::mt19937_64& random;
+    std::vector<NodeId> groups{scene.findName("A"), scene.findName("B"), scene.findName("C")};
+    NodeId wall = scene.findName("WALL");
+    std::vector<NodeId> sounds{}, clips{};
+
+    std::size_t pick(std::size_t n) { return static_cast<std::size_t>(random() % n); }
+    float number() { return static_cast<float>(random() % 1000) / 100.0f; }
+    void step() {
+        const NodeId group = groups[pick(groups.size())];
+        const NodeId sound = sounds.empty() ? NodeId{} : sounds[pick(sounds.size())];
+        switch (pick(9)) {
+            case 0: {
+                const bool spatial = pick(2) == 0;
+                const NodeId fresh = *scene.createNode(spatial ? "SpatialSound" : "Sound");
+                const NodeId clip = *scene.createNode("AudioClip");
+                ASSERT_TRUE(scene.insertChild(group, x3d::Transform::children.index, fresh));
+                const Result<> put = spatial ? scene.insertChild(fresh, x3d::SpatialSound::children.index, clip)
+                                             : scene.set(fresh, x3d::Sound::source, clip);
+                ASSERT_TRUE(put);
+                sounds.push_back(fresh);
+                clips.push_back(clip);
+                break;
+            }
+            case 1:
+                if (!sound) break;
+                ASSERT_TRUE(scene.destroyNode(sound));
+                std::erase(sounds, sound);
+                break;
+            case 2:
+                ASSERT_TRUE(scene.set(group, x3d::Transform::translation, Vec3f(number(), number(), number())));
+                break;
+            case 3:
+                if (!sound) break;
+                ASSERT_TRUE(scene.node(sound).is(x3d::Sound::type)
+                                ? scene.set(sound, x3d::Sound::intensity, number() / 10)
+                                : scene.set(sound, x3d::SpatialSound::enabled, pick(2) == 0));
+                break;
+            case 4:  // USE it once more
+                if (!sound) break;
+                ASSERT_TRUE(scene.insertChild(group, x3d::Transform::children.index, sound));
+                break;
+            case 5: {
+                const std::size_t count = scene.node(group).get(x3d::Transform::children).size();
+                if (count == 0) break;
+                ASSERT_TRUE(scene.removeChild(group, x3d::Transform::children.index, pick(count)));
+                break;
+            }
+            case 6:
+                if (clips.empty()) break;
+                ASSERT_TRUE(scene.set(clips[pick(clips.size())], x3d::AudioClip::gain, number()));
+                break;
+            case 7:
+                ASSERT_TRUE(scene.set(wall, x3d::AcousticProperties::absorption, number() / 10));
+                break;
+            default:
+                ASSERT_TRUE(scene.sendEvent(scene.findName(pick(2) == 0 ? "V1" : "V2"), x3d::Viewpoint::set_bind.index,
+                                            Value(pick(2) == 0)));
+        }
+    }
+};
+
 TEST(SoundScene, FollowingIsReadingAnew) {
     constexpr std::uint64_t kSeed = 1;
     SCOPED_TRACE(kSeed);
     std::mt19937_64 random(kSeed);
-    const auto pick = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };
-    const auto number = [&] { return static_cast<float>(random() % 1000) / 100.0f; };
-
     Scene scene;
     Diagnostics diagnostics;
     ASSERT_TRUE(loadText(scene,
@@ -52,67 +113,15 @@ TEST(SoundScene, FollowingIsReadingAnew) {
                          "AcousticProperties { absorption .25 } } }\n"
                          "DEF V1 Viewpoint { position 0 0 5 } DEF V2 Viewpoint { position 5 0 0 }\n",
                          diagnostics));
-    const std::vector<NodeId> groups{scene.findName("A"), scene.findName("B"), scene.findName("C")};
-    const NodeId wall = scene.findName("WALL");
-    std::vector<NodeId> sounds, clips;
+    SoundEdits edits{scene, random};
     SharedWorld merged(scene, {.flattening = {}, .rays = {}, .delivery = Delivery::polled});
     SoundRenderer follower(merged, quiet());
     ASSERT_EQ(follower.failure(), "");
     for (int step = 1; step <= 120; ++step) {
-        for (std::size_t edits = 1 + pick(3); edits > 0; --edits) {
-            const NodeId group = groups[pick(groups.size())];
-            const NodeId sound = sounds.empty() ? NodeId{} : sounds[pick(sounds.size())];
-            switch (pick(9)) {
-                case 0: {
-                    const bool spatial = pick(2) == 0;
-                    const NodeId fresh = *scene.createNode(spatial ? "SpatialSound" : "Sound");
-                    const NodeId clip = *scene.createNode("AudioClip");
-                    ASSERT_TRUE(scene.insertChild(group, x3d::Transform::children.index, fresh));
-                    const Result<> put = spatial ? scene.insertChild(fresh, x3d::SpatialSound::children.index, clip)
-                                                 : scene.set(fresh, x3d::Sound::source, clip);
-                    ASSERT_TRUE(put);
-                    sounds.push_back(fresh);
-                    clips.push_back(clip);
-                    break;
-                }
-                case 1:
-                    if (!sound) break;
-                    ASSERT_TRUE(scene.destroyNode(sound));
-                    std::erase(sounds, sound);
-                    break;
-                case 2:
-                    ASSERT_TRUE(scene.set(group, x3d::Transform::translation, Vec3f(number(), number(), number())));
-                    break;
-                case 3:
-                    if (!sound) break;
-                    ASSERT_TRUE(scene.node(sound).is(x3d::Sound::type)
-                                    ? scene.set(sound, x3d::Sound::intensity, number() / 10)
-                                    : scene.set(sound, x3d::SpatialSound::enabled, pick(2) == 0));
-                    break;
-                case 4:  // USE it once more
-                    if (!sound) break;
-                    ASSERT_TRUE(scene.insertChild(group, x3d::Transform::children.index, sound));
-                    break;
-                case 5: {
-                    const std::size_t count = scene.node(group).get(x3d::Transform::children).size();
-                    if (count == 0) break;
-                    ASSERT_TRUE(scene.removeChild(group, x3d::Transform::children.index, pick(count)));
-                    break;
-                }
-                case 6:
-                    if (clips.empty()) break;
-                    ASSERT_TRUE(scene.set(clips[pick(clips.size())], x3d::AudioClip::gain, number()));
-                    break;
-                case 7:
-                    ASSERT_TRUE(scene.set(wall, x3d::AcousticProperties::absorption, number() / 10));
-                    break;
-                default:
-                    ASSERT_TRUE(scene.sendEvent(scene.findName(pick(2) == 0 ? "V1" : "V2"),
-                                                x3d::Viewpoint::set_bind.index, Value(pick(2) == 0)));
-            }
-        }
+        for (std::size_t n = 1 + edits.pick(3); n > 0; --n) edits.step();
+        if (HasFatalFailure()) return;
         scene.newFrame(step / 60.0);
-        if (pick(3) != 0) continue;  // several frames come merged
+        if (edits.pick(3) != 0) continue;  // several frames come merged
         ASSERT_TRUE(follower.renderFrame());
         SharedWorld fresh(scene);
         SoundRenderer late(fresh, quiet());
@@ -128,7 +137,7 @@ TEST(SoundScene, FollowingIsReadingAnew) {
         ASSERT_EQ(hitA.distance, hitB.distance);
         ASSERT_EQ(roomA.materials()[hitA.material].absorption, roomB.materials()[hitB.material].absorption);
     }
-    EXPECT_GT(sounds.size(), 3u);
+    EXPECT_GT(edits.sounds.size(), 3u);
 }
 
 /// Whatever moves, and however often: what cannot be heard is named once.

@@ -49,6 +49,110 @@ Surface panel(float w, float h, int n) {
     return out;
 }
 
+void addLooks(SceneFile& file) {
+    file.look("CARPET", {.diffuse = {.32f, .25f, .24f}});
+    file.look("CEILING", {.diffuse = {.82f, .81f, .78f}});
+    file.look("WALL", {.diffuse = {.72f, .68f, .58f}});
+    file.look("WOOD", {.diffuse = {.42f, .24f, .12f}, .specular = .3f, .shininess = .4f});
+    file.look("TABLE", {.diffuse = {.36f, .18f, .08f}, .specular = .5f, .shininess = .7f, .mirror = .1f});
+    file.look("CUSHION", {.diffuse = {.55f, .12f, .1f}});
+    file.look("FRAME", {.diffuse = Vec3f(.12f), .specular = .7f, .shininess = .7f, .mirror = .1f});
+    file.look("LAMP", {.diffuse = Vec3f(0), .emissive = Vec3f(1, .98f, .9f)});
+    file.look("PAPER", {.diffuse = Vec3f(.92f)});
+    file.look("CHINA", {.diffuse = Vec3f(.85f, .85f, .9f), .specular = .6f, .shininess = .6f});
+    file.look("LEAF", {.diffuse = {.1f, .35f, .08f}});
+    file.look("CLAY", {.diffuse = {.55f, .28f, .16f}});
+    file.raw(
+        "NavigationInfo {{ headlight FALSE }}\n"
+        "Viewpoint {{ position -5.1 2.15 3.1 orientation -.16 -.97 -.15 1.06 fieldOfView .95 description \"Door\" "
+        "}}\n");
+    for (const float x : {-3.6f, 0.0f, 3.6f})
+        file.raw(
+            "PointLight {{ location {} 2.75 0 intensity .5 ambientIntensity .25 attenuation 1 .04 .02 radius 30 }}\n",
+            x);
+}
+
+/// 12 x 3 x 8 m.
+void addRoom(SceneFile& file, const Detail& detail) {
+    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    file.shape(boxAt({0, -.05f, 0}, {12, .1f, 8}), "CARPET");
+    file.shape(boxAt({0, 3.05f, 0}, {12, .1f, 8}), "CEILING");
+    for (const float side : {-1.0f, 1.0f}) {
+        file.shape(boxAt({0, 1.5f, side * 4.05f}, {12.2f, 3, .1f}), "WALL");
+        file.shape(boxAt({side * 6.05f, 1.5f, 0}, {.1f, 3, 8}), "WALL");
+        for (int i = 0; i < 12; ++i) {
+            Surface p = panel(.86f, .9f, n(22));
+            p.move({-.43f, .12f, 0}).turn(side > 0 ? kPi : 0).move({-5.5f + static_cast<float>(i), 0, side * 3.985f});
+            file.shape(p, "WOOD");
+        }
+        for (int i = 0; i < 8; ++i) {
+            Surface p = panel(.86f, .9f, n(22));
+            p.move({-.43f, .12f, 0}).turn(-side * kPi / 2).move({side * 5.985f, 0, -3.5f + static_cast<float>(i)});
+            file.shape(p, "WOOD");
+        }
+    }
+    for (int x = 0; x < 5; ++x)
+        for (int z = 0; z < 3; ++z) {
+            const Vec3f at(2.3f * static_cast<float>(x - 2), 2.98f, 2.4f * static_cast<float>(z - 1));
+            file.shape(boxAt(at, {1.2f, .03f, .6f}), "LAMP");
+            Surface grille;
+            for (int i = 0; i < 9; ++i)
+                grille.add(boxAt(at + Vec3f(.13f * static_cast<float>(i - 4), -.04f, 0), {.012f, .06f, .6f}));
+            file.shape(grille, "FRAME");
+        }
+    for (int i = 0; i < 4; ++i) {  // pictures on the far wall
+        Surface p = panel(1.1f, .8f, n(24));
+        p.move({-4.6f + 2.7f * static_cast<float>(i), 1.45f, -3.95f});
+        file.shape(p, i % 2 ? "PAPER" : "CUSHION");
+    }
+}
+
+/// The table, and who sits at it.
+void addTable(SceneFile& file, const Detail& detail, Dice& dice) {
+    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    file.shape(ellipsoid({0, .73f, 0}, {3.6f, .035f, 1.15f}, n(120), n(18), .5f), "TABLE", Shading::smooth);
+    for (const float x : {-2.0f, 0.0f, 2.0f})
+        file.shape(ellipsoid({x, .35f, 0}, {.35f, .36f, .45f}, n(48), n(24), .3f), "WOOD", Shading::smooth);
+    for (int i = 0; i < 22; ++i) {
+        const bool end = i >= 20;
+        const float side = i % 2 ? 1.0f : -1.0f, place = static_cast<float>(i / 2) * .62f - 2.8f;
+        const Vec3f at = end ? Vec3f(side * 4.15f, 0, 0) : Vec3f(place, 0, side * 1.6f);
+        const float facing = end ? -side * kPi / 2 : side > 0 ? kPi : 0.0f;
+        Chair c = chair(detail);
+        const float turn = facing + dice.in(-.35f, .35f);
+        for (Surface* s : {&c.cushions, &c.frame}) s->turn(turn).move(at);
+        file.shape(c.cushions, "CUSHION", Shading::smooth);
+        file.shape(c.frame, "FRAME", Shading::smooth);
+        const Vec3f desk = end ? Vec3f(side * 2.9f, .77f, 0) : Vec3f(place * .97f, .77f, side * .72f);
+        Surface sheet = boxAt({0, 0, 0}, {.21f, .004f, .3f});
+        file.shape(sheet.turn(dice.in(-.3f, .3f)).move(desk), "PAPER");
+        const Vec3f cup = desk + Vec3f(.2f, -.005f, -side * .12f);
+        Surface china =
+            lathe({{.001f, 0}, {.025f, 0}, {.04f, .03f}, {.043f, .08f}, {.038f, .08f}, {.034f, .03f}, {.001f, .01f}},
+                  n(24), n(14));
+        file.shape(china.move(cup), "CHINA", Shading::smooth);
+    }
+}
+
+/// In the corners.
+void addPlants(SceneFile& file, const Detail& detail, Dice& dice) {
+    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    for (const float x : {-5.4f, 5.4f}) {
+        Surface pot = lathe({{.001f, 0}, {.16f, 0}, {.22f, .4f}, {.2f, .4f}, {.001f, .34f}}, n(32), n(12));
+        file.shape(pot.move({x, 0, -3.4f}), "CLAY", Shading::smooth);
+        Surface leaves;
+        for (int i = 0; i < detail.things(90, 6); ++i) {
+            const float a = dice.in(0, 2 * kPi), reach = dice.in(.2f, .55f), rise = dice.in(.3f, 1.1f);
+            leaves.add(patch(6, 2, [=](float u, float v) {
+                const float r = reach * u, w = .06f * std::sin(kPi * u) * (2 * v - 1);
+                return Vec3f(r * std::cos(a) - w * std::sin(a), rise * u * (1.6f - .6f * u * u),
+                             r * std::sin(a) + w * std::cos(a));
+            }));
+        }
+        file.shape(leaves.move({x, .36f, -3.4f}), "LEAF", Shading::smooth);
+    }
+}
+
 }  // namespace
 
 void writeTeapot(SceneFile& file, const Placement& placement, const Detail& detail) {
@@ -93,98 +197,11 @@ void writeTeapot(SceneFile& file, const Placement& placement, const Detail& deta
 }
 
 void writeConference(SceneFile& file, const Detail& detail) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
-    file.look("CARPET", {.diffuse = {.32f, .25f, .24f}});
-    file.look("CEILING", {.diffuse = {.82f, .81f, .78f}});
-    file.look("WALL", {.diffuse = {.72f, .68f, .58f}});
-    file.look("WOOD", {.diffuse = {.42f, .24f, .12f}, .specular = .3f, .shininess = .4f});
-    file.look("TABLE", {.diffuse = {.36f, .18f, .08f}, .specular = .5f, .shininess = .7f, .mirror = .1f});
-    file.look("CUSHION", {.diffuse = {.55f, .12f, .1f}});
-    file.look("FRAME", {.diffuse = Vec3f(.12f), .specular = .7f, .shininess = .7f, .mirror = .1f});
-    file.look("LAMP", {.diffuse = Vec3f(0), .emissive = Vec3f(1, .98f, .9f)});
-    file.look("PAPER", {.diffuse = Vec3f(.92f)});
-    file.look("CHINA", {.diffuse = Vec3f(.85f, .85f, .9f), .specular = .6f, .shininess = .6f});
-    file.look("LEAF", {.diffuse = {.1f, .35f, .08f}});
-    file.look("CLAY", {.diffuse = {.55f, .28f, .16f}});
-    file.raw(
-        "NavigationInfo {{ headlight FALSE }}\n"
-        "Viewpoint {{ position -5.1 2.15 3.1 orientation -.16 -.97 -.15 1.06 fieldOfView .95 description \"Door\" "
-        "}}\n");
-    for (const float x : {-3.6f, 0.0f, 3.6f})
-        file.raw(
-            "PointLight {{ location {} 2.75 0 intensity .5 ambientIntensity .25 attenuation 1 .04 .02 radius 30 }}\n",
-            x);
-
-    // The room: 12 x 3 x 8 m.
-    file.shape(boxAt({0, -.05f, 0}, {12, .1f, 8}), "CARPET");
-    file.shape(boxAt({0, 3.05f, 0}, {12, .1f, 8}), "CEILING");
-    for (const float side : {-1.0f, 1.0f}) {
-        file.shape(boxAt({0, 1.5f, side * 4.05f}, {12.2f, 3, .1f}), "WALL");
-        file.shape(boxAt({side * 6.05f, 1.5f, 0}, {.1f, 3, 8}), "WALL");
-        for (int i = 0; i < 12; ++i) {
-            Surface p = panel(.86f, .9f, n(22));
-            p.move({-.43f, .12f, 0}).turn(side > 0 ? kPi : 0).move({-5.5f + static_cast<float>(i), 0, side * 3.985f});
-            file.shape(p, "WOOD");
-        }
-        for (int i = 0; i < 8; ++i) {
-            Surface p = panel(.86f, .9f, n(22));
-            p.move({-.43f, .12f, 0}).turn(-side * kPi / 2).move({side * 5.985f, 0, -3.5f + static_cast<float>(i)});
-            file.shape(p, "WOOD");
-        }
-    }
-    for (int x = 0; x < 5; ++x)
-        for (int z = 0; z < 3; ++z) {
-            const Vec3f at(2.3f * static_cast<float>(x - 2), 2.98f, 2.4f * static_cast<float>(z - 1));
-            file.shape(boxAt(at, {1.2f, .03f, .6f}), "LAMP");
-            Surface grille;
-            for (int i = 0; i < 9; ++i)
-                grille.add(boxAt(at + Vec3f(.13f * static_cast<float>(i - 4), -.04f, 0), {.012f, .06f, .6f}));
-            file.shape(grille, "FRAME");
-        }
-    for (int i = 0; i < 4; ++i) {  // pictures on the far wall
-        Surface p = panel(1.1f, .8f, n(24));
-        p.move({-4.6f + 2.7f * static_cast<float>(i), 1.45f, -3.95f});
-        file.shape(p, i % 2 ? "PAPER" : "CUSHION");
-    }
-
-    // The table, and who sits at it.
-    file.shape(ellipsoid({0, .73f, 0}, {3.6f, .035f, 1.15f}, n(120), n(18), .5f), "TABLE", Shading::smooth);
-    for (const float x : {-2.0f, 0.0f, 2.0f})
-        file.shape(ellipsoid({x, .35f, 0}, {.35f, .36f, .45f}, n(48), n(24), .3f), "WOOD", Shading::smooth);
+    addLooks(file);
+    addRoom(file, detail);
     Dice dice(22);
-    for (int i = 0; i < 22; ++i) {
-        const bool end = i >= 20;
-        const float side = i % 2 ? 1.0f : -1.0f, place = static_cast<float>(i / 2) * .62f - 2.8f;
-        const Vec3f at = end ? Vec3f(side * 4.15f, 0, 0) : Vec3f(place, 0, side * 1.6f);
-        const float facing = end ? -side * kPi / 2 : side > 0 ? kPi : 0.0f;
-        Chair c = chair(detail);
-        const float turn = facing + dice.in(-.35f, .35f);
-        for (Surface* s : {&c.cushions, &c.frame}) s->turn(turn).move(at);
-        file.shape(c.cushions, "CUSHION", Shading::smooth);
-        file.shape(c.frame, "FRAME", Shading::smooth);
-        const Vec3f desk = end ? Vec3f(side * 2.9f, .77f, 0) : Vec3f(place * .97f, .77f, side * .72f);
-        Surface sheet = boxAt({0, 0, 0}, {.21f, .004f, .3f});
-        file.shape(sheet.turn(dice.in(-.3f, .3f)).move(desk), "PAPER");
-        const Vec3f cup = desk + Vec3f(.2f, -.005f, -side * .12f);
-        Surface china =
-            lathe({{.001f, 0}, {.025f, 0}, {.04f, .03f}, {.043f, .08f}, {.038f, .08f}, {.034f, .03f}, {.001f, .01f}},
-                  n(24), n(14));
-        file.shape(china.move(cup), "CHINA", Shading::smooth);
-    }
-    for (const float x : {-5.4f, 5.4f}) {  // plants in the corners
-        Surface pot = lathe({{.001f, 0}, {.16f, 0}, {.22f, .4f}, {.2f, .4f}, {.001f, .34f}}, n(32), n(12));
-        file.shape(pot.move({x, 0, -3.4f}), "CLAY", Shading::smooth);
-        Surface leaves;
-        for (int i = 0; i < detail.things(90, 6); ++i) {
-            const float a = dice.in(0, 2 * kPi), reach = dice.in(.2f, .55f), rise = dice.in(.3f, 1.1f);
-            leaves.add(patch(6, 2, [=](float u, float v) {
-                const float r = reach * u, w = .06f * std::sin(kPi * u) * (2 * v - 1);
-                return Vec3f(r * std::cos(a) - w * std::sin(a), rise * u * (1.6f - .6f * u * u),
-                             r * std::sin(a) + w * std::cos(a));
-            }));
-        }
-        file.shape(leaves.move({x, .36f, -3.4f}), "LEAF", Shading::smooth);
-    }
+    addTable(file, detail, dice);
+    addPlants(file, detail, dice);
 }
 
 }  // namespace rtsg::bench

@@ -34,10 +34,8 @@ void chair(SceneFile& file, Vec3f at, float turn, int n) {
     file.close();
 }
 
-}  // namespace
-
-void writeKitchen(SceneFile& file, const Detail& detail) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+/// What things are made of, lights and the viewpoint.
+void addLooks(SceneFile& file) {
     file.look("TILE0", {.diffuse = {.78f, .76f, .7f}, .specular = .4f, .shininess = .7f, .mirror = .1f});
     file.look("TILE1", {.diffuse = {.3f, .42f, .48f}, .specular = .4f, .shininess = .7f, .mirror = .1f});
     file.look("WALL", {.diffuse = {.85f, .78f, .6f}});
@@ -61,7 +59,10 @@ void writeKitchen(SceneFile& file, const Detail& detail) {
         "PointLight {{ location -1.8 2.4 1.9 intensity .35 attenuation 1 .03 .02 radius 30 }}\n"
         "Viewpoint {{ position -1.75 1.75 2.65 orientation -.48 -.86 -.16 .72 fieldOfView .95 description \"Door\" "
         "}}\n");
-    // 5 x 2.6 x 6 m; floor tiles with bevels.
+}
+
+/// 5 x 2.6 x 6 m; floor tiles with bevels.
+void addRoom(SceneFile& file) {
     file.shape(box({-2.6f, 0, -3.1f}, {-2.5f, 2.6f, 3.1f}).add(box({2.5f, 0, -3.1f}, {2.6f, 2.6f, 3.1f})), "WALL");
     file.shape(box({-2.5f, 0, -3.1f}, {2.5f, 2.6f, -3}).add(box({-2.5f, 0, 3}, {2.5f, 2.6f, 3.1f})), "WALL");
     file.shape(box({-2.6f, 2.6f, -3.1f}, {2.6f, 2.7f, 3.1f}), "WHITE");
@@ -73,8 +74,11 @@ void writeKitchen(SceneFile& file, const Detail& detail) {
                       {.494f, .02f, .494f}));
     for (int i = 0; i < 2; ++i) file.shape(tiles[i], fmt::format("TILE{}", i));
     file.shape(box({-2.5f, -.1f, -3}, {2.5f, -.012f, 3}), "GRANITE");
+}
 
-    // Cupboards along the far wall, below and above, with a worktop, a hob and a sink.
+/// Along the far wall, below and above, with a worktop, a hob and a sink; pots of steel on the hob.
+void addCupboards(SceneFile& file, const Detail& detail) {
+    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
     Surface wood, steel;
     wood.add(box({-2.5f, .1f, -3}, {1.5f, .88f, -2.42f})).add(box({-2.5f, 1.5f, -3}, {1.5f, 2.3f, -2.65f}));
     for (int i = 0; i < 8; ++i) {
@@ -86,7 +90,7 @@ void writeKitchen(SceneFile& file, const Detail& detail) {
     file.shape(wood, "WOOD");
     file.shape(steel, "STEEL", Shading::smooth);
     file.shape(box({-2.5f, .88f, -3}, {1.5f, .92f, -2.38f}), "GRANITE");
-    Surface hob, plates;
+    Surface plates;
     for (int i = 0; i < 4; ++i)
         plates.add(torus({0, 0, 0}, .09f, .012f, n(36), n(10)).transform([=](Vec3f p) {
             return Vec3f(-.85f + .28f * static_cast<float>(i % 2) + p.x, .935f + p.z,
@@ -106,7 +110,6 @@ void writeKitchen(SceneFile& file, const Detail& detail) {
     fridge.add(rod({1.8f, .9f, -2.18f}, {1.8f, 1.6f, -2.18f}, .018f, n(14), 4));
     file.shape(fridge, "STEEL", Shading::smooth);
 
-    // Pots of steel on the hob, glasses and a carafe on the table, fruit in a bowl of glass.
     const Profile potLine = {{.001f, 0},     {.1f, 0},      {.115f, .02f}, {.12f, .13f},
                              {.128f, .135f}, {.114f, .13f}, {.108f, .02f}, {.001f, .012f}};
     for (int i = 0; i < 5; ++i) {
@@ -117,7 +120,11 @@ void writeKitchen(SceneFile& file, const Detail& detail) {
                                : Vec3f(-2.2f + .38f * static_cast<float>(i - 2), .92f, -2.72f);
         file.shape(pot.scale(Vec3f(size)).turn(.8f * static_cast<float>(i)).move(at), "STEEL", Shading::smooth);
     }
-    const Vec3f table(.75f, .74f, .2f);
+}
+
+/// Glasses and a carafe, and fruit in a bowl of glass.
+void addTable(SceneFile& file, const Detail& detail, const Vec3f& table) {
+    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
     file.shape(ellipsoid(table, {.62f, .025f, .95f}, n(72), n(16), .4f), "PINE", Shading::smooth);
     Surface legs;
     for (const float x : {-.48f, .48f})
@@ -145,17 +152,10 @@ void writeKitchen(SceneFile& file, const Detail& detail) {
             (i == 6 ? Vec3f(0, .09f, 0) : Vec3f(.085f * std::cos(a), .005f * dice.in(0, 4), .085f * std::sin(a)));
         file.shape(ellipsoid(at, Vec3f(.045f), n(32), n(20)), i % 2 ? "ORANGE" : "APPLE", Shading::smooth);
     }
-    chair(file, table + Vec3f(-.8f, -.74f, -.3f), kPi / 2, n(11));
-    chair(file, table + Vec3f(-.85f, -.74f, .45f), kPi / 2 + .3f, n(11));
-    chair(file, table + Vec3f(.8f, -.74f, -.35f), -kPi / 2, n(11));
-    chair(file, table + Vec3f(.1f, -.74f, 1.25f), kPi, n(11));
-    Surface lamp = lathe({{.02f, .22f}, {.06f, .2f}, {.2f, .04f}, {.26f, 0}, {.25f, 0}, {.19f, .04f}, {.001f, .19f}},
-                         n(48), n(24));
-    lamp.add(rod({0, .2f, 0}, {0, .75f, 0}, .008f, n(8)));
-    file.shape(lamp.move(table + Vec3f(0, 1.1f, 0)), "STEEL", Shading::smooth);
-    file.shape(ellipsoid(table + Vec3f(0, 1.16f, 0), Vec3f(.06f), n(24), n(14)), "LAMP", Shading::smooth);
+}
 
-    // The toy: the beetle at a twelfth, driving an oval on the floor.
+/// The beetle at a twelfth, driving an oval on the floor.
+void addToy(SceneFile& file, const Detail& detail) {
     BeetleCar car = beetleCar(Detail{detail.scale * .24});
     file.open({.translation = {-1.7f, 0, -.3f}}, "TOY_CAR");
     file.open({.scale = Vec3f(.11f)});
@@ -181,6 +181,27 @@ void writeKitchen(SceneFile& file, const Detail& detail) {
         "ROUTE TOY_PATH.value_changed TO TOY_CAR.translation\n"
         "ROUTE TOY_TURN.value_changed TO TOY_CAR.rotation\n",
         keys, places, turns);
+}
+
+}  // namespace
+
+void writeKitchen(SceneFile& file, const Detail& detail) {
+    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    addLooks(file);
+    addRoom(file);
+    addCupboards(file, detail);
+    const Vec3f table(.75f, .74f, .2f);
+    addTable(file, detail, table);
+    chair(file, table + Vec3f(-.8f, -.74f, -.3f), kPi / 2, n(11));
+    chair(file, table + Vec3f(-.85f, -.74f, .45f), kPi / 2 + .3f, n(11));
+    chair(file, table + Vec3f(.8f, -.74f, -.35f), -kPi / 2, n(11));
+    chair(file, table + Vec3f(.1f, -.74f, 1.25f), kPi, n(11));
+    Surface lamp = lathe({{.02f, .22f}, {.06f, .2f}, {.2f, .04f}, {.26f, 0}, {.25f, 0}, {.19f, .04f}, {.001f, .19f}},
+                         n(48), n(24));
+    lamp.add(rod({0, .2f, 0}, {0, .75f, 0}, .008f, n(8)));
+    file.shape(lamp.move(table + Vec3f(0, 1.1f, 0)), "STEEL", Shading::smooth);
+    file.shape(ellipsoid(table + Vec3f(0, 1.16f, 0), Vec3f(.06f), n(24), n(14)), "LAMP", Shading::smooth);
+    addToy(file, detail);
 }
 
 }  // namespace rtsg::bench

@@ -1,6 +1,7 @@
 // Troopers: 48 figures of rigid parts that march, every joint turned by an interpolator of its own. Escherknot: a knot
 // that flows along itself, by a CoordinateInterpolator of two keys.
 #include <numbers>
+#include <vector>
 
 #include "models.h"
 
@@ -15,36 +16,20 @@ Surface limb(float length, float thick, int n) {
     return lathe({{.001f, 0}, {thick, -.02f}, {thick * .8f, -length}, {.001f, -length - .02f}}, n, 2);
 }
 
-}  // namespace
+/// Of a figure.
+struct Part {
+    const char* joint;
+    const char* parent;  // joint
+    Vec3f at;            // in the parent's frame
+    float swing;         // rad, about x
+    float bend;          // rad, mean
+    Surface surface;
+    const char* look;
+};
 
-void writeTroopers(SceneFile& file, const Detail& detail) {
-    file.look("ARMOUR", {.diffuse = Vec3f(.86f), .specular = .6f, .shininess = .6f, .mirror = .05f});
-    file.look("BLACK", {.diffuse = Vec3f(.04f), .specular = .3f});
-    file.look("FLOOR", {.diffuse = Vec3f(.24f, .25f, .28f), .specular = .4f, .shininess = .8f, .mirror = .18f});
-    file.look("HULL", {.diffuse = Vec3f(.38f, .4f, .44f)});
-    file.raw(
-        "Background {{ skyColor [ .04 .05 .08 ] }}\nNavigationInfo {{ headlight FALSE }}\n"
-        "DirectionalLight {{ direction -.4 -1 -.5 intensity .8 ambientIntensity .3 }}\n"
-        "Viewpoint {{ position -5.5 3.4 10.5 orientation -.43 -.88 -.2 .56 fieldOfView .8 description \"Gallery\" "
-        "}}\n");
-    file.shape(patch(1, 1, [](float u, float v) { return Vec3f(60 * v - 30, 0, 60 * u - 40); }), "FLOOR");
-    Surface hull;
-    for (int i = 0; i < 9; ++i) hull.add(boxAt({-14 + 3.5f * static_cast<float>(i), 3, -22}, {1.2f, 6, 1.2f}));
-    file.shape(hull, "HULL");
-
-    // One figure as a PROTO. `at` is where it stands, `start` its phase.
-    const std::uint64_t before = file.counted();
-    struct Part {
-        const char* joint;
-        const char* parent;  // joint
-        Vec3f at;            // in the parent's frame
-        float swing;         // rad, about x
-        float bend;          // rad, mean
-        Surface surface;
-        const char* look;
-    };
+std::vector<Part> figureParts() {
     const int n = 5;
-    const Part parts[] = {
+    return {
         {"HIPS", "", {0, .95f, 0}, .03f, 0, ellipsoid({0, 0, 0}, {.17f, .11f, .12f}, 6, 4, .7f), "ARMOUR"},
         {"CHEST", "HIPS", {0, .1f, 0}, .06f, .04f, ellipsoid({0, .25f, 0}, {.22f, .3f, .15f}, 8, 5, .6f), "ARMOUR"},
         {"HEAD",
@@ -71,6 +56,11 @@ void writeTroopers(SceneFile& file, const Detail& detail) {
         {"SHIN_R", "THIGH_R", {0, -.43f, 0}, -.35f, .4f, limb(.38f, .08f, n), "ARMOUR"},
         {"FOOT_R", "SHIN_R", {0, -.4f, .05f}, -.15f, 0, boxAt({0, -.04f, .02f}, {.11f, .1f, .27f}), "BLACK"},
     };
+}
+
+/// One figure as a PROTO. `at` is where it stands, `start` its phase.
+void writeTrooper(SceneFile& file) {
+    const std::vector<Part> parts = figureParts();
     file.raw("PROTO Trooper [ initializeOnly SFVec3f at 0 0 0 initializeOnly SFTime start 0 ] {{\n");
     file.raw("Transform {{ translation IS at children [\n");
     // Looks are defined outside, where a PROTO cannot see them: once more in here.
@@ -97,6 +87,27 @@ void writeTroopers(SceneFile& file, const Detail& detail) {
             part.joint, values);
     }
     file.raw("}}\n");
+}
+
+}  // namespace
+
+void writeTroopers(SceneFile& file, const Detail& detail) {
+    file.look("ARMOUR", {.diffuse = Vec3f(.86f), .specular = .6f, .shininess = .6f, .mirror = .05f});
+    file.look("BLACK", {.diffuse = Vec3f(.04f), .specular = .3f});
+    file.look("FLOOR", {.diffuse = Vec3f(.24f, .25f, .28f), .specular = .4f, .shininess = .8f, .mirror = .18f});
+    file.look("HULL", {.diffuse = Vec3f(.38f, .4f, .44f)});
+    file.raw(
+        "Background {{ skyColor [ .04 .05 .08 ] }}\nNavigationInfo {{ headlight FALSE }}\n"
+        "DirectionalLight {{ direction -.4 -1 -.5 intensity .8 ambientIntensity .3 }}\n"
+        "Viewpoint {{ position -5.5 3.4 10.5 orientation -.43 -.88 -.2 .56 fieldOfView .8 description \"Gallery\" "
+        "}}\n");
+    file.shape(patch(1, 1, [](float u, float v) { return Vec3f(60 * v - 30, 0, 60 * u - 40); }), "FLOOR");
+    Surface hull;
+    for (int i = 0; i < 9; ++i) hull.add(boxAt({-14 + 3.5f * static_cast<float>(i), 3, -22}, {1.2f, 6, 1.2f}));
+    file.shape(hull, "HULL");
+
+    const std::uint64_t before = file.counted();
+    writeTrooper(file);
     const std::uint64_t figure = file.counted() - before;
     const int figures = detail.things(48, 2);
     for (int i = 0; i < figures; ++i) {

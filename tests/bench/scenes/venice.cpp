@@ -109,18 +109,7 @@ Window window(const Detail& d, bool balcony) {
     return w;
 }
 
-}  // namespace
-
-Result<> writeVenice(SceneFile& file, const Detail& detail, const std::filesystem::path& folder) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
-    const int side = std::max(64, static_cast<int>(4096 * std::sqrt(detail.scale)));
-    struct Texture {
-        const char* file;
-        Vec3f (*colour)(float, float);
-    };
-    for (const Texture& t : {Texture{"venice-brick.jpg", brickAt}, Texture{"venice-plaster.jpg", plasterAt},
-                             Texture{"venice-stone.jpg", stoneAt}})
-        if (auto ok = writeTexture(folder / t.file, side, t.colour); !ok) return ok;
+void addLooks(SceneFile& file) {
     file.look("BRICK", {.diffuse = Vec3f(1), .texture = "venice-brick.jpg", .repeats = Vec2f(.25f)});
     file.look("PLASTER", {.diffuse = Vec3f(1), .texture = "venice-plaster.jpg", .repeats = Vec2f(.08f)});
     file.look("STONE", {.diffuse = Vec3f(1), .texture = "venice-stone.jpg", .repeats = Vec2f(.12f)});
@@ -140,17 +129,9 @@ Result<> writeVenice(SceneFile& file, const Detail& detail, const std::filesyste
         "NavigationInfo {{ headlight FALSE }}\n"
         "DirectionalLight {{ direction .75 -.8 -.45 intensity .9 color 1 .95 .85 ambientIntensity .35 }}\n"
         "Viewpoint {{ position 3.6 4.2 17 orientation -.25 .96 .03 .22 fieldOfView .85 description \"Canal\" }}\n");
-    file.shape(patch(n(180), n(60),
-                     [](float u, float v) {
-                         const float x = 28 * v - 14, z = 40 - 160 * u;
-                         return Vec3f(
-                             x, .05f * noise(Vec3f(x * .5f, 0, z * .35f)) + .015f * noise(Vec3f(x * 2, 5, z * 1.6f)),
-                             z);
-                     }),
-               "WATER", Shading::smooth);
-    file.shape(box({8.5f, -1, -80}, {14, .9f, 40}), "STONE");  // the quay, on the right
+}
 
-    Dice dice(12);
+void addPalaces(SceneFile& file, const Detail& detail) {
     for (int i = 0; i < 14; ++i) {
         const float right = i % 2 ? 1.0f : -1.0f, width = 11, z = 14 - 12.2f * static_cast<float>(i / 2);
         const int floors = 3 + (i * 5) % 7 / 3;
@@ -179,16 +160,12 @@ Result<> writeVenice(SceneFile& file, const Detail& detail, const std::filesyste
         }
         file.close();
     }
-    for (int i = 0; i < 3; ++i) {
-        const Vec3f at(9.7f, .9f, 8.5f - 5.2f * static_cast<float>(i));
-        file.shape(
-            boxAt(at + Vec3f(0, .5f, 0), {1.3f, 1, 1.3f}).add(boxAt(at + Vec3f(0, 1.06f, 0), {1.5f, .12f, 1.5f})),
-            "STONE");
-        file.open({.translation = at + Vec3f(0, 1.12f, 0), .rotation = {0, 1, 0, -1.2f}});
-        file.shape(statue(n(500, 24), n(258, 18), i), "MARBLE", Shading::smooth);
-        file.close();
-    }
-    // A bridge, boats and poles.
+}
+
+/// A bridge, boats and poles.
+void addCanal(SceneFile& file, const Detail& detail) {
+    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    Dice dice(12);
     Surface bridge = patch(
         n(60), 6, [](float u, float v) { return Vec3f(30 * u - 15, .6f + 3.6f * std::sin(kPi * u), -32 + 4 * v); });
     for (const float z : {-32.0f, -28.0f})
@@ -219,6 +196,42 @@ Result<> writeVenice(SceneFile& file, const Detail& detail, const std::filesyste
         file.shape(rod(at, at + Vec3f(dice.in(-.15f, .15f), 4, dice.in(-.15f, .15f)), .12f, n(16)), "POLE",
                    Shading::smooth);
     }
+}
+
+}  // namespace
+
+Result<> writeVenice(SceneFile& file, const Detail& detail, const std::filesystem::path& folder) {
+    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    const int side = std::max(64, static_cast<int>(4096 * std::sqrt(detail.scale)));
+    struct Texture {
+        const char* file;
+        Vec3f (*colour)(float, float);
+    };
+    for (const Texture& t : {Texture{"venice-brick.jpg", brickAt}, Texture{"venice-plaster.jpg", plasterAt},
+                             Texture{"venice-stone.jpg", stoneAt}})
+        if (auto ok = writeTexture(folder / t.file, side, t.colour); !ok) return ok;
+    addLooks(file);
+    file.shape(patch(n(180), n(60),
+                     [](float u, float v) {
+                         const float x = 28 * v - 14, z = 40 - 160 * u;
+                         return Vec3f(
+                             x, .05f * noise(Vec3f(x * .5f, 0, z * .35f)) + .015f * noise(Vec3f(x * 2, 5, z * 1.6f)),
+                             z);
+                     }),
+               "WATER", Shading::smooth);
+    file.shape(box({8.5f, -1, -80}, {14, .9f, 40}), "STONE");  // the quay, on the right
+
+    addPalaces(file, detail);
+    for (int i = 0; i < 3; ++i) {
+        const Vec3f at(9.7f, .9f, 8.5f - 5.2f * static_cast<float>(i));
+        file.shape(
+            boxAt(at + Vec3f(0, .5f, 0), {1.3f, 1, 1.3f}).add(boxAt(at + Vec3f(0, 1.06f, 0), {1.5f, .12f, 1.5f})),
+            "STONE");
+        file.open({.translation = at + Vec3f(0, 1.12f, 0), .rotation = {0, 1, 0, -1.2f}});
+        file.shape(statue(n(500, 24), n(258, 18), i), "MARBLE", Shading::smooth);
+        file.close();
+    }
+    addCanal(file, detail);
     return {};
 }
 

@@ -1,0 +1,280 @@
+// Rooms that are listened to, against closed forms and against intervals that the method states itself.
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "audio/triangle_geometry.h"
+#include "listen_scene.h"
+#include "signal/fractional_delay.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+/// A figure averaged over seeds, and how far it may be off by chance less than once in four million: Student's t with
+/// the 60 degrees of freedom of four seeds of 16 batches is beyond 5.8 that seldom.
+struct OverSeeds {
+    static constexpr int kSeeds = 4;
+    double mean = 0, squares = 0;
+    void add(double value, double ci95) {
+        mean += value / kSeeds;
+        squares += ci95 * ci95 / (studentT95(15) * studentT95(15) * kSeeds * kSeeds);
+    }
+    double bound() const { return 5.8 * std::sqrt(squares); }
+};
+
+TEST_F(Listen, MeasuresTheReferenceBoxThroughTheWholePath) {
+    OverSeeds t30, edt, c80, g;
+    for (std::uint64_t seed = 1; seed <= OverSeeds::kSeeds; ++seed) {
+        Scene scene;
+        load(scene, room("absorption .1 diffuse .45 specular .45", kPair));
+        ListenOptions o = options();
+        o.sound = false;
+        o.metrics = true;
+        o.trace.rays = 9600;
+        o.trace.seed = seed;
+        ASSERT_EQ(o.trace.batches, 16);
+        const auto report = listen(scene, o);
+        ASSERT_TRUE(report) << report.error().text;
+        ASSERT_EQ(report->sources.size(), 1u);
+        const auto& s = report->sources[0];
+        EXPECT_EQ(s.source, "Voice");
+        t30.add(s.metrics.value.t30[4], s.metrics.ci95.t30[4]);
+        edt.add(s.metrics.value.edt[4], s.metrics.ci95.edt[4]);
+        c80.add(s.metrics.value.c80[4], s.metrics.ci95.c80[4]);
+        g.add(s.metrics.value.g[4], s.metrics.ci95.g[4]);
+        EXPECT_LT(report->escaped, 1e-5);
+        EXPECT_NEAR(s.schroederHz, 2000 * std::sqrt(1.1075 / 90), 3);
+        EXPECT_GE(report->rays, 9600u);
+        EXPECT_GT(report->seconds, 0);
+        EXPECT_TRUE(report->sound.samples.empty());
+        if (seed > 1) continue;
+        const std::string json = report->toJson();
+        for (const char* key :
+             {"\"sources\":[{\"source\":\"Voice\"", "\"bands_hz\":[63,125,250,500,1000,2000,4000,8000]", "\"EDT_s\":[",
+              "\"T20_s\":[", "\"T30_s\":[", "\"C50_db\":[", "\"C80_db\":[", "\"D50\":[", "\"Ts_s\":[", "\"G_db\":[",
+              "\"ci95\":{", "\"rays\":", "\"seconds\":", "\"escaped\":"})
+            EXPECT_NE(json.find(key), std::string::npos) << key << " in " << json;
+        EXPECT_EQ(json.find("nan"), std::string::npos);
+        const SoundBuffer ir = report->impulseResponses();
+        EXPECT_EQ(ir.channels, 1);
+        EXPECT_GT(ir.seconds(), 0.8);
+    }
+    // The reference is a Monte Carlo itself, good to what is added.
+    EXPECT_NEAR(t30.mean, 1.1088, t30.bound() + .002);
+    EXPECT_NEAR(edt.mean, 1.1093, edt.bound() + .002);
+    EXPECT_NEAR(c80.mean, 2.212, c80.bound() + .03);
+    EXPECT_NEAR(g.mean, 25.323, g.bound() + .015);
+}
+
+TEST_F(Listen, TheBodyOfWhatSoundsDoesNotEncloseIt) {
+    const std::string view = "Viewpoint { position 0 0 3 }\n";
+    const auto level = [&](const std::string& body) {
+        Scene scene;
+        load(scene,
+             "Transform { children [ Sound { source AudioClip { url \"impulse.wav\" } } " + body + " ] }\n" + view);
+        const auto report = listen(scene, options());
+        EXPECT_TRUE(report);
+        return report->sound.peak();
+    };
+    EXPECT_NEAR(level("Shape { geometry Sphere { radius .3 } }"), level(""), 1e-3);
+    EXPECT_NEAR(level("Shape { geometry Box { size .5 .5 .5 } }"), level(""), 1e-3);
+    EXPECT_EQ(level("Shape { geometry Box { size 3 3 3 } }"), 0);                                            // a room
+    EXPECT_EQ(level("Transform { translation 0 0 1 children Shape { geometry Box { size 1 1 .1 } } }"), 0);  // a screen
+}
+
+TEST_F(Listen, ReverberationFollowsTheDirectSound) {
+    Scene dry, wet;
+    load(dry, kPair);
+    load(wet, room("absorption .2 diffuse .5 specular .3", kPair));
+    ListenOptions o = options();
+    o.seconds = 0.6;
+    const auto a = listen(dry, o), b = listen(wet, o);
+    ASSERT_TRUE(a);
+    ASSERT_TRUE(b);
+    const auto direct = static_cast<std::size_t>(std::lround(std::sqrt(13.0) / 343 * kRate));
+    const auto energy = [](const SoundBuffer& s, std::size_t from, std::size_t to) {
+        double sum = 0;
+        for (std::size_t i = 2 * from; i < 2 * to; ++i) sum += static_cast<double>(s.samples[i]) * s.samples[i];
+        return sum / 2;
+    };
+    // Without a room there is direct sound and nothing else: the impulse of half, delayed by 504.57 samples; between
+    // samples the window of the sinc takes a little from the highest frequencies.
+    const double fraction = std::ceil(std::sqrt(13.0) / 343 * kRate) - std::sqrt(13.0) / 343 * kRate;
+    double taps = 0;
+    const SincTable sinc;
+    for (int k = 0; k < 2 * SincTable::kHalf; ++k) taps += std::pow(static_cast<double>(sinc.tap(fraction, k)), 2);
+    EXPECT_NEAR(energy(a->sound, direct - 40, direct + 40) / (.25 * taps), 1, 1e-3);
+    EXPECT_NEAR(taps, .95, .05);
+    EXPECT_NEAR(energy(a->sound, direct + 200, 28800), 0, 1e-6);
+    // With one the ratio of reflected to direct energy is that of the response traced with the same seed, which is made
+    // of noise of exactly that energy and of arrivals, of which some come so close together that they interfere.
+    ListenOptions m = o;
+    m.sound = false;
+    m.metrics = true;
+    m.trace = o.render.trace;
+    const auto figures = listen(wet, m);
+    ASSERT_TRUE(figures);
+    double reflected = 0;
+    const TraceResult& traced = figures->sources[0].trace;
+    for (const Arrival& arrival : traced.arrivals)
+        if (arrival.order > 0) reflected += arrival.energy[4];
+    for (const Bands& bin : traced.echogram().late.bins) reflected += bin[4];
+    reflected *= 4 * M_PI * 13;  // re direct
+    const double heard = energy(b->sound, direct + 60, 28800) / 0.25;
+    EXPECT_NEAR(10 * std::log10(heard / reflected), 0, 0.3);
+    EXPECT_LE(b->sound.peak(), 1.0f);
+}
+
+TEST_F(Listen, ABoothWithTheListenerInsideRings) {
+    // As in a room of any size: the images of the lattice, and their level.
+    const double a = .1;
+    Scene scene;
+    load(scene,
+         "Shape { geometry Box { size 1 1.2 .9 solid FALSE } appearance Appearance { acousticProperties "
+         "AcousticProperties { absorption .1 specular .9 } } }\n"
+         "DEF Voice Sound { location -.2 .1 .05 source AudioClip { url \"impulse.wav\" } }\n"
+         "Viewpoint { position .21 -.15 .1 }\n");
+    ListenOptions o = options();
+    o.metrics = true;
+    o.trace.rays = 4800;
+    const auto report = listen(scene, o);
+    ASSERT_TRUE(report);
+    test::Shoebox box = test::Shoebox::uniform({1, 1.2, .9}, a);
+    double exact = 0;
+    box.images({.3, .7, .5}, {.71, .45, .55}, 343, [&](double, double energy, int) { exact += energy; });
+    const auto& m = report->sources[0].metrics;
+    EXPECT_NEAR(m.value.g[4], 10 * std::log10(exact * 4 * M_PI * 100), 2 * m.ci95.g[4] + .05);
+    EXPECT_GT(report->sources[0].trace.arrivals.size(), 1000u);
+    EXPECT_LT(report->escaped, 1e-5);
+    // And it is heard.
+    double late = 0;
+    for (std::size_t i = 2 * 200; i < report->sound.samples.size(); ++i)
+        late += static_cast<double>(report->sound.samples[i]) * static_cast<double>(report->sound.samples[i]);
+    EXPECT_GT(late, .1);
+}
+
+/// Energy of both channels from `from` seconds on, before the gain that kept it from clipping.
+double energyAfter(const ListenReport& report, double from) {
+    double sum = 0;
+    for (auto i = 2 * static_cast<std::size_t>(from * 48000); i < report.sound.samples.size(); ++i)
+        sum += std::pow(static_cast<double>(report.sound.samples[i]) / static_cast<double>(report.gain), 2) / 2;
+    return sum;
+}
+
+TEST_F(Listen, ConesAndEllipsoidsReachReflections) {
+    const auto late = [&](const std::string& sound) {
+        Scene scene;
+        load(scene, room("absorption .1 diffuse .9", sound + "\nViewpoint { position 4 3 1.5 }\n"));
+        ListenOptions o = options();
+        o.seconds = 1;
+        o.render.trace.rays = 6400;
+        const auto report = listen(scene, o);
+        EXPECT_TRUE(report);
+        return energyAfter(*report, .1);
+    };
+    const std::string clip = "AudioClip { url \"impulse.wav\" }";
+    const auto spatial = [&](const std::string& cone) {
+        return "SpatialSound { location 1 1 1.5 direction .6 .8 0 rolloffFactor 0 " + cone + " children " + clip + " }";
+    };
+    const double all = late(spatial(""));
+    // Half angle 30 degrees: (1 - cos 30) / 2 of the sphere.
+    EXPECT_NEAR(10 * std::log10(late(spatial("coneInnerAngle 1.0472 coneOuterAngle 1.0472 coneOuterGain 0")) / all),
+                -11.74, .6);
+    EXPECT_NEAR(10 * std::log10(late(spatial("coneInnerAngle .01 coneOuterAngle .01 coneOuterGain .5")) / all), -6.02,
+                .6);
+    // Ellipsoids: what goes to each side relative to what goes to the listener, as loud there in both cases.
+    const auto ellipsoid = [&](const glm::vec3& direction) {
+        return fmt::format(
+                   "Sound {{ location 1 1 1.5 direction {} {} {} minBack 0 minFront 0 maxBack 6 maxFront 60 source ",
+                   direction.x, direction.y, direction.z) +
+               clip + " }";
+    };
+    SoundNode node;
+    node.minBack = node.minFront = 0, node.maxBack = 6, node.maxFront = 60;
+    const auto mean = [&](const glm::dvec3& axis) {
+        node.direction = axis;
+        double sum = 0;
+        for (int i = 0; i < 20000; ++i) {
+            const double z = 1 - (2 * i + 1) / 20000.0, r = std::sqrt(1 - z * z);
+            const double g = node.level(std::sqrt(13.0) * glm::dvec3(r * std::cos(2.4 * i), r * std::sin(2.4 * i), z));
+            sum += g * g / 20000;
+        }
+        return sum;
+    };
+    // A field that is diffuse does not care where the source looks, only how much it sends.
+    const double front = late(ellipsoid({.6f, .8f, 0})), expected = mean({.6, .8, 0}) * std::pow(1.0, 2);
+    EXPECT_NEAR(10 * std::log10(front / all), 10 * std::log10(expected), .8);
+}
+
+TEST_F(Listen, AirIsThereUnlessSaidOtherwise) {
+    const auto measured = [&](const std::string& info, const AirChoice& choice) {
+        Scene scene;
+        load(scene, info + room("absorption .03 diffuse .9", kPair));
+        ListenOptions o;
+        o.sound = false;
+        o.trace.rays = 2400;
+        o.render.air = choice;
+        auto report = listen(scene, o);
+        EXPECT_TRUE(report);
+        return *report;
+    };
+    const ListenReport usual = measured("", {});
+    EXPECT_TRUE(usual.air.absorbs);
+    EXPECT_EQ(usual.air.celsius, 20);
+    EXPECT_EQ(usual.air.relativeHumidity, 50);
+    AirChoice none;
+    none.absorbs = false;
+    const ListenReport still = measured("", none);
+    // 1 / T = 1 / T of the walls + m c / 6 ln 10, where walls are alike in all bands.
+    const Bands m = airAttenuation(usual.air);
+    for (const std::size_t b : {4u, 5u, 6u}) {
+        const double walls = still.sources[0].metrics.value.t20[b];
+        const double expected = 1 / (1 / walls + m[b] * 343 / (6 * std::log(10.0)));
+        EXPECT_NEAR(usual.sources[0].metrics.value.t20[b], expected, .02 * expected) << b;
+    }
+    const std::string cold =
+        "WorldInfo { metadata MetadataSet { value [ MetadataFloat { name \"airTemperature\" value [ 0 ] } "
+        "MetadataDouble { "
+        "name \"airHumidity\" value [ 30 ] } ] } }\n";
+    const ListenReport outside = measured(cold, {});
+    EXPECT_EQ(outside.air.celsius, 0);
+    EXPECT_EQ(outside.air.relativeHumidity, 30);
+    EXPECT_NEAR(outside.air.speedOfSound, 331.3, .1);
+    AirChoice user;
+    user.celsius = 10;
+    EXPECT_EQ(measured(cold, user).air.celsius, 10);
+    EXPECT_EQ(measured(cold, user).air.relativeHumidity, 30);
+    EXPECT_FALSE(measured("WorldInfo { metadata MetadataBoolean { name \"airAbsorption\" value [ FALSE ] } }\n", {})
+                     .air.absorbs);
+    EXPECT_NE(outside.toJson().find("\"air\":{\"absorbs\":true,\"temperature_c\":0,"), std::string::npos);
+}
+
+TEST_F(Listen, AcousticPropertiesAreShares) {
+    const auto material = [&](const std::string& fields) {
+        Scene scene;
+        load(scene, "DEF S Shape { appearance Appearance { acousticProperties DEF A AcousticProperties { " + fields +
+                        " } } }");
+        return acousticMaterial(scene, scene.node(scene.findName("A")), AcousticMaterial{});
+    };
+    const AcousticMaterial shares = material("absorption .2 diffuse .2 specular .6");
+    EXPECT_NEAR(shares.absorption[0], .2, 1e-6);
+    EXPECT_NEAR(shares.scattering[0], .25, 1e-6);
+    EXPECT_EQ(shares.transmission[0], 0);
+    EXPECT_EQ(material("absorption .1").scattering[3], 0);
+    EXPECT_NEAR(material("absorption .1 diffuse .9").scattering[3], 1, 1e-6);
+    EXPECT_NEAR(material("absorption .1 diffuse .45").scattering[3], .5, 1e-6);
+    EXPECT_NEAR(material("absorption .4 refraction .8").transmission[3], .6, 1e-6);
+    EXPECT_NEAR(material("enabled FALSE absorption .9").absorption[0], AcousticMaterial{}.absorption[0], 1e-12);
+    const AcousticMaterial bands = material(
+        "absorption .5 metadata MetadataSet { value [ MetadataFloat { name \"absorption\" value [ .1 .2 .3 .4 .5 .6 ] "
+        "} ] }");
+    EXPECT_NEAR(bands.absorption[0], .1, 1e-6);
+    EXPECT_NEAR(bands.absorption[1], .1, 1e-6);
+    EXPECT_NEAR(bands.absorption[6], .6, 1e-6);
+    EXPECT_NEAR(bands.absorption[7], .6, 1e-6);
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,330 @@
+// An independent flattening of a scene, recursive and without memory, and a subscriber that knows only the deltas.
+#pragma once
+
+#include <cmath>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include <glm/gtc/matrix_transform.hpp>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/mesh.h>
+#include <rtsg/renderers/shared_world.h>
+
+namespace rtsg::test {
+
+// ---- an independent flattening: recursive, from the scene alone ---------------------------------------------------
+
+struct Flat {
+    NodeId shape, geometry, appearance, acoustics;
+    int layer = 0;
+    bool castShadow = true, seen = true, heard = true;
+    glm::dmat4 world{1.0};
+    std::set<std::vector<NodeId>> lights;  // paths of the local lights that reach it
+};
+struct FlatPlaced {
+    NodeId node;
+    PlacedKind kind{};
+    glm::dmat4 world{1.0};
+};
+
+class Oracle {
+  public:
+    explicit Oracle(const Scene& scene, std::optional<Vec3d> viewer = {}) : scene_(scene), viewer_(viewer) {}
+    std::multimap<std::vector<NodeId>, Flat> shapes;
+    std::multimap<std::vector<NodeId>, FlatPlaced> placed;
+
+    void run() { children(scene_.root(), glm::dmat4(1.0), {}, false, {}, 0, {}); }
+
+  private:
+    using Lights = std::set<std::vector<NodeId>>;
+    struct Senses {
+        bool seen = true, heard = true, turned = false;
+    };
+
+    /// Billboards with axes that are 0 are not among the edits.
+    glm::dmat4 towards(const Vec3d& axis, const glm::dmat4& world) const {
+        WorldFromLocal affine;
+        for (int c = 0; c < 4; ++c) affine[c] = Vec3d(world[c]);
+        if (!viewer_ || determinantSign(affine) == 0) return glm::dmat4(1.0);
+        const Vec3d a = glm::normalize(axis), eye = glm::inverse(world) * Vec4d(*viewer_, 1);
+        // Two directions square to the axis: where the z axis shows, and a quarter turn on.
+        const Vec3d z = Vec3d(0, 0, 1) - a.z * a;
+        if (glm::length(z) < 1e-9) return glm::dmat4(1.0);
+        const Vec3d first = glm::normalize(z), second = glm::cross(a, first);
+        const double x = glm::dot(eye, first), y = glm::dot(eye, second);
+        if (std::hypot(x, y) <= 1e-9 * glm::length(eye)) return glm::dmat4(1.0);
+        return glm::rotate(glm::dmat4(1.0), std::atan2(y, x), a);
+    }
+    static glm::dmat4 rotation(const Rotation& r) {
+        const Vec3d axis(r.x, r.y, r.z);
+        return glm::length(axis) > 0 ? glm::rotate(glm::dmat4(1.0), double{r.angle}, axis) : glm::dmat4(1.0);
+    }
+    static glm::dmat4 matrix(Vec3f t, Vec3f c, const Rotation& r, Vec3f s, Rotation so) {
+        const glm::dmat4 one(1.0);
+        Rotation back = so;
+        back.angle = -so.angle;
+        return glm::translate(one, Vec3d(t)) * glm::translate(one, Vec3d(c)) * rotation(r) * rotation(so) *
+               glm::scale(one, Vec3d(s)) * rotation(back) * glm::translate(one, -Vec3d(c));
+    }
+    std::vector<NodeId> below(const Node& n) {
+        const auto list = [&](auto field) {
+            const auto& a = n.get(field);
+            return std::vector<NodeId>(a.begin(), a.end());
+        };
+        if (n.is(x3d::Group::type)) return list(x3d::Group::children);
+        if (n.is(x3d::Transform::type)) return list(x3d::Transform::children);
+        if (n.is(x3d::Collision::type)) return list(x3d::Collision::children);
+        if (n.is(x3d::Anchor::type)) return list(x3d::Anchor::children);
+        if (n.is(x3d::Billboard::type)) return list(x3d::Billboard::children);
+        if (n.is(x3d::HAnimSite::type)) return list(x3d::HAnimSite::children);
+        if (n.is(x3d::Inline::type)) return list(x3d::Inline::body);
+        if (n.is(x3d::Layer::type)) return list(x3d::Layer::children);
+        if (n.is(x3d::RtsgScene::type)) return list(x3d::RtsgScene::children);
+        if (n.is(x3d::CADFace::type)) return {n.get(x3d::CADFace::shape)};
+        if (n.is(x3d::Switch::type)) {
+            const auto all = list(x3d::Switch::children);
+            const int which = n.get(x3d::Switch::whichChoice);
+            if (which < 0 || which >= static_cast<int>(all.size())) return {};
+            return {all[static_cast<std::size_t>(which)]};
+        }
+        return {};
+    }
+    /// What is seen of an LOD is its level for the viewer, what is heard the first one.
+    std::vector<std::pair<NodeId, Senses>> levels(const Node& n, const glm::dmat4& world, Senses above) {
+        const auto& all = n.get(x3d::LOD::children);
+        if (all.empty()) return {};
+        std::size_t level = 0;
+        WorldFromLocal affine;
+        for (int c = 0; c < 4; ++c) affine[c] = Vec3d(world[c]);
+        if (viewer_ && determinantSign(affine) != 0) {
+            const Vec3d eye = glm::inverse(world) * Vec4d(*viewer_, 1);
+            for (const float range : n.get(x3d::LOD::range)) {
+                if (glm::length(eye - Vec3d(n.get(x3d::LOD::center))) < double{range}) break;
+                ++level;
+            }
+        }
+        const NodeId seen = all[std::min<std::size_t>(level, all.size() - 1)], heard = all[0];
+        std::vector<std::pair<NodeId, Senses>> result;
+        if (seen && above.seen) result.push_back({seen, {true, above.heard && seen == heard, above.turned}});
+        if (heard && above.heard && (seen != heard || !above.seen))
+            result.push_back({heard, {false, true, above.turned}});
+        return result;
+    }
+    bool visible(const Node& n) {
+        const FieldIndex f = n.type().findExact("visible");
+        return f == kNoField || *static_cast<const bool*>(n.storage(f));
+    }
+    bool isLocalLight(const Node& n) {
+        return (n.is(x3d::DirectionalLight::type) && !n.get(x3d::DirectionalLight::global)) ||
+               (n.is(x3d::PointLight::type) && !n.get(x3d::PointLight::global));
+    }
+    void children(NodeId id, const glm::dmat4& world, std::vector<NodeId> path, bool hidden, Senses senses, int layer,
+                  Lights lights) {
+        const Node& n = scene_.node(id);
+        if (n.is(x3d::LayerSet::type)) {
+            const auto& layers = n.get(x3d::LayerSet::layers);
+            for (const int i : n.get(x3d::LayerSet::order))
+                if (i > 0 && i <= static_cast<int>(layers.size())) {
+                    const NodeId layerNode = layers[static_cast<std::size_t>(i - 1)];
+                    const auto* first = std::find(layers.begin(), layers.end(), layerNode);
+                    visit(layerNode, world, path, hidden, senses, static_cast<int>(first - layers.begin()) + 1, lights);
+                }
+            return;
+        }
+        std::vector<std::pair<NodeId, Senses>> list;
+        if (n.is(x3d::LOD::type))
+            list = levels(n, world, senses);
+        else
+            for (const NodeId c : below(n)) list.emplace_back(c, senses);
+        // Lights at the top shine everywhere, which is not a scope to be told apart.
+        if (id != scene_.root() && !hidden)
+            for (const auto& [c, sensed] : list)
+                if (c && sensed.seen && isLocalLight(scene_.node(c))) {
+                    auto p = path;
+                    p.push_back(c);
+                    lights.insert(p);
+                }
+        for (const auto& [c, sensed] : list)
+            if (c) visit(c, world, path, hidden, sensed, layer, lights);
+    }
+    void visit(NodeId id, glm::dmat4 world, std::vector<NodeId> path, bool hidden, Senses senses, int layer,
+               const Lights& lights) {
+        const Node& n = scene_.node(id);
+        path.push_back(id);
+        hidden = hidden || !visible(n);
+        if (n.is(x3d::Transform::type))
+            world = world * matrix(n.get(x3d::Transform::translation), n.get(x3d::Transform::center),
+                                   n.get(x3d::Transform::rotation), n.get(x3d::Transform::scale),
+                                   n.get(x3d::Transform::scaleOrientation));
+        if (n.is(x3d::Billboard::type)) {
+            world = world * towards(Vec3d(n.get(x3d::Billboard::axisOfRotation)), world);
+            senses.turned = true;
+        }
+        if (n.is(x3d::HAnimSite::type))
+            world = world * matrix(n.get(x3d::HAnimSite::translation), n.get(x3d::HAnimSite::center),
+                                   n.get(x3d::HAnimSite::rotation), n.get(x3d::HAnimSite::scale),
+                                   n.get(x3d::HAnimSite::scaleOrientation));
+        if (n.is(x3d::Shape::type) && !hidden) {
+            Flat flat;
+            flat.shape = id;
+            flat.geometry = n.get(x3d::Shape::geometry);
+            flat.appearance = n.get(x3d::Shape::appearance);
+            if (const Node* a = scene_.find(flat.appearance); a && a->is(x3d::Appearance::type))
+                flat.acoustics = a->get(x3d::Appearance::acousticProperties);
+            flat.castShadow = n.get(x3d::Shape::castShadow);
+            flat.layer = layer;
+            flat.seen = senses.seen, flat.heard = senses.heard && !(senses.turned && senses.seen);
+            flat.world = world;
+            flat.lights = lights;
+            shapes.emplace(path, flat);
+        }
+        const bool light = n.is(x3d::DirectionalLight::type) || n.is(x3d::PointLight::type);
+        if (light && !hidden && senses.seen) placed.emplace(path, FlatPlaced{id, PlacedKind::light, world});
+        if (n.is(x3d::Viewpoint::type) && senses.seen) placed.emplace(path, FlatPlaced{id, PlacedKind::view, world});
+        if (n.is(x3d::Sound::type) && senses.heard) placed.emplace(path, FlatPlaced{id, PlacedKind::sound, world});
+        children(id, world, path, hidden, senses, layer, lights);
+    }
+    const Scene& scene_;
+    std::optional<Vec3d> viewer_;
+};
+
+inline double difference(const glm::dmat4& a, const WorldFromLocal& b) {
+    double worst = 0, size = 1;
+    for (int c = 0; c < 4; ++c)
+        for (int r = 0; r < 3; ++r) {
+            worst = std::max(worst, std::abs(a[c][r] - b[c][r]));
+            size = std::max(size, std::abs(a[c][r]));
+        }
+    return worst / size;
+}
+
+/// What a subscriber knows that has only the deltas.
+struct Follower {
+    std::map<std::uint32_t, Instance> instances;
+    std::map<std::uint32_t, Placed> placed;
+    std::map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
+    std::map<std::uint32_t, std::uint32_t> scopes;
+
+    template <class Record>
+    static void follow(std::map<std::uint32_t, Record>& all, const std::vector<InstanceId>& removed,
+                       const std::vector<Record>& added, const std::vector<InstanceDelta::Moved>& moved,
+                       const std::vector<Record>& rebound) {
+        for (const InstanceId id : removed) {
+            ASSERT_TRUE(all.contains(id.slot));
+            ASSERT_EQ(all[id.slot].id, id);
+            all.erase(id.slot);
+        }
+        std::set<std::uint32_t> fresh;
+        for (const Record& r : added) {
+            ASSERT_FALSE(all.contains(r.id.slot));
+            ASSERT_TRUE(fresh.insert(r.id.slot).second);
+            for (const InstanceId id : removed) ASSERT_NE(id.slot, r.id.slot) << "a slot is reused within a delta";
+            all[r.id.slot] = r;
+        }
+        for (const Record& r : rebound) {
+            ASSERT_FALSE(fresh.contains(r.id.slot));
+            ASSERT_EQ(all.at(r.id.slot).id, r.id);
+            all[r.id.slot] = r;
+        }
+        for (const auto& m : moved) {
+            ASSERT_FALSE(fresh.contains(m.id.slot));
+            ASSERT_EQ(all.at(m.id.slot).id, m.id);
+            all[m.id.slot].worldFromLocal = m.worldFromLocal;
+        }
+    }
+    void apply(const InstanceDelta& delta) {
+        for (const auto& s : delta.scopes) scopes[s.scope.value] = s.parent.value;
+        for (const auto& g : delta.geometries) meshes[g.node.value] = g.mesh;
+        follow(instances, delta.removed, delta.added, delta.moved, delta.rebound);
+        follow(placed, delta.placedRemoved, delta.placedAdded, delta.placedMoved, delta.placedRebound);
+        for (const NodeId g : delta.geometriesRemoved) ASSERT_EQ(meshes.erase(g.value), 1u);
+    }
+};
+
+inline void expectSame(const Scene& scene, const Flattener& flattener, const Follower& follower,
+                       std::optional<Vec3d> viewer = {}) {
+    Oracle oracle(scene, viewer);
+    oracle.run();
+    EXPECT_EQ(flattener.instanceCount(), oracle.shapes.size());
+    EXPECT_EQ(follower.instances.size(), oracle.shapes.size());
+    std::set<std::uint32_t> geometries;
+    std::map<std::uint32_t, std::vector<NodeId>> localLights;  // by placed slot
+    for (const auto& [slot, p] : follower.placed) {
+        const auto path = flattener.placedPath(p.id);
+        EXPECT_EQ(flattener.placed()[slot].id, p.id);
+        const auto found = oracle.placed.find(path);
+        ASSERT_NE(found, oracle.placed.end());
+        EXPECT_EQ(found->second.kind, p.kind);
+        EXPECT_LT(difference(found->second.world, p.worldFromLocal), 1e-12);
+        oracle.placed.erase(found);
+        if (p.kind == PlacedKind::light && p.scope.value != 0) localLights[slot] = path;
+    }
+    EXPECT_TRUE(oracle.placed.empty());
+    for (const auto& [slot, instance] : follower.instances) {
+        const auto path = flattener.path(instance.id);
+        EXPECT_EQ(flattener.instances()[slot].id, instance.id);
+        ASSERT_FALSE(path.empty());
+        const auto found = oracle.shapes.find(path);
+        ASSERT_NE(found, oracle.shapes.end());
+        const Flat& flat = found->second;
+        EXPECT_EQ(instance.shape, flat.shape);
+        EXPECT_EQ(instance.geometry, flat.geometry);
+        EXPECT_EQ(instance.appearance, flat.appearance);
+        EXPECT_EQ(instance.acoustics, flat.acoustics);
+        EXPECT_EQ(instance.castShadow, flat.castShadow);
+        EXPECT_EQ(instance.layer, flat.layer);
+        EXPECT_EQ(instance.seen, flat.seen);
+        EXPECT_EQ(instance.heard, flat.heard);
+        EXPECT_LT(difference(flat.world, instance.worldFromLocal), 1e-12);
+        std::set<std::vector<NodeId>> lights;
+        for (const auto& [light, lightPath] : localLights) {
+            std::uint32_t scope = instance.scope.value;
+            for (int steps = 0; scope != 0 && steps < 1000; ++steps) {
+                if (scope == follower.placed.at(light).scope.value) {
+                    lights.insert(lightPath);
+                    break;
+                }
+                ASSERT_TRUE(follower.scopes.contains(scope));
+                EXPECT_EQ(follower.scopes.at(scope), flattener.scopeParent(ScopeId{scope}).value);
+                scope = follower.scopes.at(scope);
+            }
+        }
+        EXPECT_EQ(lights, flat.lights);
+        if (instance.geometry) geometries.insert(instance.geometry.value);
+        oracle.shapes.erase(found);
+    }
+    std::set<std::uint32_t> known;
+    for (const auto& [node, mesh] : follower.meshes) known.insert(node);
+    EXPECT_EQ(known, geometries);
+}
+
+/// Says which geometry it was made of, and counts.
+struct Meshes {
+    int made = 0;
+    MeshSource source() {
+        return [this](const Scene&, NodeId) {
+            ++made;
+            return std::make_shared<const Mesh>();
+        };
+    }
+};
+
+struct Watcher : InstanceSubscriber {
+    Follower follower;
+    InstanceDelta last;
+    Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
+        follower.apply(delta);
+        last = delta;
+        return {};
+    }
+};
+
+}  // namespace rtsg::test

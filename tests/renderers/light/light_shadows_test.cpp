@@ -1,0 +1,181 @@
+// Shadows and sides: what blocks light, what lets it through, and which side of a surface is lit.
+#include <rtsg/renderers/light_tracer.h>
+
+#include <cmath>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/x3d.h>
+
+#include "light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+TEST(LightTracer, ShadowEdgeLiesWhereGeometrySaysItDoes) {
+    // Light at 45 degrees; the blocker's edge at x = 0, one metre up, throws its shadow's edge to x = 1.
+    const std::string blocker =
+        "Shape { appearance Appearance { material Material { } } geometry IndexedFaceSet { solid FALSE coordIndex [0 1 "
+        "2 3 -1] "
+        "coord Coordinate { point [-9 -9 1, 0 -9 1, 0 9 1, -9 9 1] } } }";
+    LightScene s("OrthoViewpoint { position 0 0 0.5 fieldOfView [-2 -2 2 2] } DirectionalLight { direction 1 0 -1 }" +
+                     blocker + square(100, matte("1 1 1")),
+                 400, 4);
+    s.options.settings.height = 400;
+    const Picture p = s.picture();
+    for (int x = 0; x < 400; ++x) {
+        const double at = -2 + 4 * (x + 0.5) / 400;
+        ASSERT_NEAR(p.at(x, 200).r, at < 1 ? 0 : std::sqrt(0.5), 1e-6) << at;
+    }
+}
+
+TEST(LightTracer, AllThreeLightsCastShadows) {
+    const std::string lights[] = {"DirectionalLight { global TRUE direction 0 0 -1 }", "PointLight { location 0 0 9 }",
+                                  "SpotLight { location 0 0 9 direction 0 0 -1 }"};
+    const std::string ball =
+        "Transform { translation 0 0 2 children Shape { DEF_ appearance Appearance { material Material { } } geometry "
+        "Sphere { radius 0.5 } } }";
+    for (const std::string& light : lights) {
+        std::string body = "Viewpoint { position 0 0 1 }" + light + square(100, matte("1 1 1")) + ball;
+        body.replace(body.find("DEF_ "), 5, "");
+        LightScene s(body);
+        EXPECT_EQ(s.center(), Vec3f(0)) << light;
+        s.options.settings.shadows = Shadows::none;
+        EXPECT_GT(s.center().r, 0.9f) << light;
+        s.options.settings.shadows = Shadows::authored;
+        EXPECT_GT(s.center().r, 0.9f) << "shadows FALSE by default: " << light;
+    }
+}
+
+TEST(LightTracer, ShadowFieldsAreObeyed) {
+    const auto lit = [](const std::string& light, const std::string& shape, Shadows shadows) {
+        LightScene s("Viewpoint { position 0 0 1 }" + light + square(100, matte("1 1 1")) +
+                     "Transform { translation 0 0 2 children Shape { " + shape + " geometry Sphere { radius 0.5 } } }");
+        s.options.settings.shadows = shadows;
+        return s.center().r;
+    };
+    const std::string opaque = "appearance Appearance { material Material { } }";
+    EXPECT_EQ(lit("PointLight { location 0 0 9 shadows TRUE }", opaque, Shadows::authored), 0);
+    EXPECT_NEAR(lit("PointLight { location 0 0 9 shadows TRUE shadowIntensity 0.75 }", opaque, Shadows::authored), 0.25,
+                1e-6);
+    EXPECT_NEAR(lit("PointLight { location 0 0 9 }", opaque + " castShadow FALSE", Shadows::all), 1, 1e-6);
+    EXPECT_NEAR(lit("PointLight { location 0 0 9 }", "appearance Appearance { material Material { transparency 0.5 } }",
+                    Shadows::all),
+                0.25, 1e-5)
+        << "through front and back of the ball";
+    EXPECT_NEAR(lit("PointLight { location 0 0 1.9 }", opaque, Shadows::all), 0, 0) << "a lamp within the ball";
+    EXPECT_NEAR(lit("PointLight { location 0 0 1.4 }", opaque, Shadows::all), 1, 1e-6)
+        << "what lies beyond the light casts none";
+}
+
+TEST(LightTracer, ShadowsFalseCountsWhereAnyLightSaysTrue) {
+    // Red from the left with the field TRUE or absent, green from the right with it FALSE: each has its own shadow of
+    // the ball, of which the middle of the picture lies in both.
+    const auto lit = [](const char* red, Shadows shadows) {
+        LightScene s(fmt::format("Viewpoint {{ position 0 0 1 }} PointLight {{ location 0 0 9 color 1 0 0 {} }} "
+                                 "PointLight {{ location 0 0 9 color 0 1 0 shadows FALSE }}",
+                                 red) +
+                     square(100, matte("1 1 1")) +
+                     "Transform { translation 0 0 2 children Shape { appearance Appearance { material Material { } } "
+                     "geometry Sphere { radius 0.5 } } }");
+        s.options.settings.shadows = shadows;
+        return s.center();
+    };
+    EXPECT_EQ(lit("shadows TRUE", Shadows::automatic), Vec3f(0, 1, 0));
+    EXPECT_EQ(lit("", Shadows::automatic), Vec3f(0));
+    EXPECT_EQ(lit("shadows TRUE", Shadows::all), Vec3f(0));
+    EXPECT_EQ(lit("shadows TRUE", Shadows::none), Vec3f(1, 1, 0));
+    EXPECT_EQ(lit("", Shadows::authored), Vec3f(1, 1, 0));
+}
+
+// Vertex colours whose alpha is a half let half of the light through, though no material is see-through.
+TEST(LightTracer, VertexColorsWithAlphaLetShadowRaysThrough) {
+    LightScene s(
+        "Viewpoint { position 0 0 1 } PointLight { location 0 0 9 } " + square(100, matte("1 1 1")) +
+        "Transform { translation 0 0 2 children " +
+        square(0.5, "material Material { }", "solid FALSE colorPerVertex FALSE color ColorRGBA { color [1 1 1 0.5] }") +
+        "}");
+    EXPECT_NEAR(s.center().r, 0.5, 1e-5);
+}
+
+// Shadows are the same beside a clear thing that no ray meets; and of two things behind one another, whichever comes
+// first, the opaque one blocks.
+TEST(LightTracer, OpaqueThingsBlockBesideAndBehindClearOnes) {
+    const auto ball = [](double z, const char* transparency) {
+        return fmt::format(
+            "Transform {{ translation 0 0 {} children Shape {{ appearance Appearance {{ material Material "
+            "{{ transparency {} }} }} geometry Sphere {{ radius 0.5 }} }} }}",
+            z, transparency);
+    };
+    const std::string start =
+        "Viewpoint { position 0 0 1 } PointLight { location 0 0 9 } " + square(100, matte("1 1 1"));
+    for (const std::string& things :
+         {ball(2, "0") + ball(900, "0.5"), ball(2, "0") + ball(4, "0.5"), ball(2, "0.5") + ball(4, "0")})
+        EXPECT_EQ(LightScene(start + things).center().r, 0) << things;
+    EXPECT_NEAR(LightScene(start + ball(2, "0.5") + ball(4, "0.5")).center().r, 1 / 16.0, 1e-5);
+}
+
+// A plain lit from 80 degrees off its normal, with everything far from the origin, must not shadow itself.
+TEST(LightTracer, NoFalseSelfShadowsFarFromTheOrigin) {
+    for (const double offset : {0.0, 1e4, 1e6}) {
+        const double a = 80 * kPi / 180;
+        LightScene s(fmt::format("Transform {{ translation {0} {0} {0} rotation 0.26726124 0.53452248 0.80178373 0.7 "
+                                 "children [ Viewpoint {{ position 0 0 3 }} "
+                                 "DirectionalLight {{ direction {1} 0 {2} }} {3} ] }}",
+                                 offset, -std::sin(a), -std::cos(a), square(50, matte("1 1 1"))),
+                     64, 64);
+        const Picture p = s.picture();
+        int dark = 0;
+        for (const Vec4f& pixel : p.pixels) dark += std::abs(pixel.r - std::cos(a)) > 2e-3;
+        EXPECT_EQ(dark, 0) << "offset " << offset;
+    }
+}
+
+TEST(LightTracer, SphereDoesNotShadowItsLitSide) {
+    LightScene s(
+        "PointLight { location 0 0 10 } Transform { translation 300 0 0 children [ Viewpoint { } Shape { appearance "
+        "Appearance { material Material { } } geometry Sphere { radius 2 } } ] }"
+        "PointLight { location 300 0 20 radius 1000 }",
+        64, 64);
+    const Picture p = s.picture();
+    for (int y = 0; y < 64; ++y)
+        for (int x = 0; x < 64; ++x) {
+            const Vec3d d = pixelDirection(x, y, 64, 64, 0.7854);
+            const double b = 10 * d.z, disc = b * b - (100 - 4);
+            if (disc < 6) continue;  // well within the disk
+            EXPECT_GT(p.at(x, y).r, 0.2f) << x << ' ' << y;
+        }
+}
+
+TEST(LightTracer, SolidShapesAreOpenFromBehind) {
+    const std::string box =
+        "Shape { appearance Appearance { material UnlitMaterial { emissiveColor 1 0 0 } } geometry Box { size 4 4 4 "
+        "solid %s } }";
+    for (const bool solid : {true, false}) {
+        std::string shape = box;
+        shape.replace(shape.find("%s"), 2, solid ? "TRUE" : "FALSE");
+        LightScene s("Viewpoint { position 0 0 0 } Background { skyColor 0 1 0 }" + shape);
+        EXPECT_EQ(s.center(), solid ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0)) << solid;
+    }
+}
+
+TEST(LightTracer, InsideOfARoomIsLitOnItsInnerSide) {
+    LightScene s(
+        "Viewpoint { position 0 0 0 } PointLight { location 0 0 0 } Shape { appearance Appearance { material Material "
+        "{ diffuseColor 0.5 0.5 0.5 } } geometry Box { size 4 4 4 solid FALSE } }");
+    EXPECT_NEAR(s.center().r, 0.5, 1e-6);
+}
+
+TEST(LightTracer, BackMaterialShowsBehind) {
+    const std::string two =
+        "material UnlitMaterial { emissiveColor 1 0 0 } backMaterial UnlitMaterial { emissiveColor 0 0 1 }";
+    LightScene front(square(5, two)), behind("Transform { rotation 0 1 0 3.14159265 children " + square(5, two) + "}");
+    EXPECT_EQ(front.center(), Vec3f(1, 0, 0));
+    EXPECT_EQ(behind.center(), Vec3f(0, 0, 1));
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,85 @@
+// Textures and vertex colours in pictures: where they lie, what they are multiplied with, what is reported.
+#include <rtsg/renderers/light_tracer.h>
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/x3d.h>
+
+#include "light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+TEST(LightTracer, TextureLiesTheRightWayUp) {
+    LightScene s(
+        "Viewpoint { position 0 0 10 fieldOfView 0.199337 }" +
+            square(
+                1,
+                "material UnlitMaterial { } texture PixelTexture { image 2 2 3 0xFF0000 0x00FF00 0x0000FF 0xFFFFFF }"),
+        64, 64);
+    const Picture p = s.picture();
+    // Half a pixel off the texels' centres: 1/64 of the neighbours' colours.
+    expectColor(Vec3f(p.at(16, 48)), {1, 0, 0}, 0.032);  // lower left: s = t = 0
+    expectColor(Vec3f(p.at(48, 48)), {0, 1, 0}, 0.032);
+    expectColor(Vec3f(p.at(16, 16)), {0, 0, 1}, 0.032);
+    expectColor(Vec3f(p.at(48, 16)), {1, 1, 1}, 0.032);
+}
+
+TEST(LightTracer, TextureModulatesTheMaterialAndIsTransformed) {
+    // Shifted by half a texture: what was on the right is on the left.
+    LightScene s("Viewpoint { position 0 0 10 fieldOfView 0.199337 } DirectionalLight { }" +
+                     square(1,
+                            "material Material { diffuseColor 0.5 0.5 0.5 } textureTransform TextureTransform { "
+                            "translation 0.5 0 } texture PixelTexture { image 2 1 3 0xFF0000 0x00FF00 }"),
+                 64, 64);
+    const Picture p = s.picture();
+    expectColor(Vec3f(p.at(16, 32)), {0, 0.5, 0}, 0.01);
+    expectColor(Vec3f(p.at(48, 32)), {0.5, 0, 0}, 0.01);
+}
+
+TEST(LightTracer, TextureAlphaIsCoverage) {
+    LightScene s(square(5, "material UnlitMaterial { } texture PixelTexture { image 1 1 4 0xFF000080 }") +
+                 "Transform { translation 0 0 -1 children " + square(100, unlit("0 0 1")) + "}");
+    expectColor(s.center(), {128 / 255.0, 0, 127 / 255.0}, 1e-5);
+    LightScene mask(square(5,
+                           "alphaMode \"MASK\" alphaCutoff 0.6 material UnlitMaterial { } texture PixelTexture { image "
+                           "1 1 4 0xFF000080 }") +
+                    "Transform { translation 0 0 -1 children " + square(100, unlit("0 0 1")) + "}");
+    expectColor(mask.center(), {0, 0, 1}, 1e-5);
+    LightScene opaque(
+        square(5, "alphaMode \"OPAQUE\" material UnlitMaterial { } texture PixelTexture { image 1 1 4 0xFF000080 }"));
+    expectColor(opaque.center(), {1, 0, 0}, 1e-5);
+}
+
+TEST(LightTracer, MissingTextureIsReportedAndLeftOut) {
+    LightScene s(square(5,
+                        "material UnlitMaterial { emissiveColor 0 0.5 0 } texture ImageTexture { url "
+                        "[\"no/such/picture.png\" \"http://example.org/a.png\"] }"));
+    EXPECT_EQ(s.center(), Vec3f(0, 0.5f, 0));
+    s.center();
+    ASSERT_EQ(s.light->tracer().diagnostics().all().size(), 1u) << "once";
+    const std::string text = s.light->tracer().diagnostics().all()[0].text;
+    EXPECT_NE(text.find("no/such/picture.png"), std::string::npos) << text;
+    EXPECT_NE(text.find("http://example.org/a.png"), std::string::npos) << text;
+}
+
+TEST(LightTracer, VertexColorsStandInForTheMaterials) {
+    const std::string colored =
+        "Shape { appearance Appearance { material Material { diffuseColor 1 1 1 transparency 0 } } geometry "
+        "IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] colorPerVertex FALSE "
+        "color %s coord Coordinate { point [-5 -5 0, 5 -5 0, 5 5 0, -5 5 0] } } }";
+    std::string rgb = colored, rgba = colored;
+    rgb.replace(rgb.find("%s"), 2, "Color { color [0.2 0.4 0.6] }");
+    rgba.replace(rgba.find("%s"), 2, "ColorRGBA { color [0.2 0.4 0.6 0.5] }");
+    LightScene s("DirectionalLight { }" + rgb);
+    expectColor(s.center(), {0.2, 0.4, 0.6}, 1e-6);
+    LightScene t("DirectionalLight { } Background { skyColor 1 1 1 }" + rgba);
+    expectColor(t.center(), {0.6, 0.7, 0.8}, 1e-6);
+}
+
+}  // namespace
+}  // namespace rtsg
