@@ -53,6 +53,20 @@ class Manners : public CommandLine {
     }
 };
 
+TEST_F(Manners, ReportsShowControlCharactersOfAScene) {
+    // A name may hold U+009B, with which some terminals begin an order as with ESC and a bracket.
+    writeFile(
+        folder / "c.x3dv",
+        "#X3D V4.0 utf8\nPROFILE Full\xc2\x9bm\nDEF A\xc2\x9bm Transform { children Shape { geometry Box { } } }\n");
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"info", folder / "c.x3dv"},
+          std::vector<std::string>{"pick", folder / "c.x3dv", "--ray", "0", "0", "10", "0", "0", "-1"}}) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_THAT(outcome.out, HasSubstr("\\x9bm")) << outcome.err;
+        EXPECT_THAT(outcome.out + outcome.err, Not(HasSubstr("\x9b")));
+    }
+}
+
 TEST_F(Manners, SaysWhatWasMeant) {
     const auto said = [&](const std::vector<std::string>& arguments) {
         const Outcome outcome = rtsg(arguments);

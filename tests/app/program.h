@@ -21,6 +21,7 @@
 
 #include <gtest/gtest.h>
 
+#include "support/temp_folder.h"
 #include "test_paths.h"
 
 namespace rtsg::test {
@@ -40,26 +41,6 @@ inline std::string lastLine(const std::string& text) {
     return text.substr(begin == std::string::npos ? 0 : begin + 1,
                        end - (begin == std::string::npos ? 0 : begin + 1) + 1);
 }
-
-/// A folder of its own for each test.
-class TempFolder {
-  public:
-    TempFolder() {
-        std::string pattern = (std::filesystem::temp_directory_path() / "rtsg-XXXXXX").string();
-        if (!::mkdtemp(pattern.data())) throw std::runtime_error("no folder for temporary files");
-        path_ = pattern;
-    }
-    ~TempFolder() {
-        std::error_code ignored;
-        std::filesystem::remove_all(path_, ignored);
-    }
-    TempFolder(const TempFolder&) = delete;
-    TempFolder& operator=(const TempFolder&) = delete;
-    std::string operator/(const std::string& name) const { return (path_ / name).string(); }
-
-  private:
-    std::filesystem::path path_;
-};
 
 struct Outcome {
     int status = -1;  // of exit; 128 + n for signal n

@@ -2,13 +2,13 @@
 #include <fstream>
 
 #include <gmock/gmock.h>
-#include <unistd.h>
 
 #include <rtsg/core/scene_builder.h>
 #include <rtsg/core/scene_exporter.h>
 #include <rtsg/core/writer.h>
 
 #include "core/scene_check.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -17,15 +17,7 @@ using testing::HasSubstr;
 
 class Inlines : public testing::Test {
   protected:
-    Inlines()
-        : folder(std::filesystem::temp_directory_path() /
-                 fmt::format("rtsg-inline-{}-{}", getpid(), static_cast<const void*>(this))) {
-        std::filesystem::create_directories(folder / "parts");
-    }
-    ~Inlines() override {
-        std::error_code ignored;
-        std::filesystem::remove_all(folder, ignored);
-    }
+    Inlines() { std::filesystem::create_directories(folder / "parts"); }
     void write(const std::string& name, std::string_view text) {
         std::ofstream(folder / name, std::ios::binary) << "#X3D V4.0 utf8\n" << text;
     }
@@ -42,7 +34,8 @@ class Inlines : public testing::Test {
         return printFieldText(scene.node(id).value(scene.node(id).type().find(field)));
     }
 
-    std::filesystem::path folder;
+    const test::TempFolder own;
+    const std::filesystem::path folder = own.path();
     Scene scene;
     Diagnostics diagnostics;
 };

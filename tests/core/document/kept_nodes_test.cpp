@@ -64,6 +64,44 @@ TEST(KeptNodes, WhatStandsWhereItDoesNotBelongIsFoundByItsName) {
     }
 }
 
+/// What an XML scene says, and `parent.field` of it as a text.
+std::string placed(std::string_view body, std::string_view def, std::string_view name, std::string& problems) {
+    Scene scene;
+    Diagnostics diagnostics;
+    EXPECT_TRUE(loadText(scene, "<X3D profile='Full' version='4.0'><Scene>" + std::string(body) + "</Scene></X3D>",
+                         diagnostics))
+        << body;
+    problems = allText(diagnostics);
+    const Node& node = scene.node(scene.findName(def));
+    const Value value = node.value(node.type().find(name));
+    if (value.holds<NodeId>()) return value.as<NodeId>() ? "1" : "0";
+    return std::to_string(value.as<Array<NodeId>>().size());
+}
+
+TEST(KeptNodes, ANodeWithoutContainerFieldGoesWhereOneFieldAloneTakesIt) {
+    std::string problems;
+    EXPECT_EQ(placed("<LinePickSensor DEF='P'><Shape/></LinePickSensor>", "P", "pickTarget", problems), "1");
+    EXPECT_EQ(problems, "") << "what the sensor puts out takes none";
+    EXPECT_EQ(
+        placed("<ProtoDeclare name='Q'><ProtoInterface><field name='stuff' type='MFNode' accessType='inputOutput'/>"
+               "</ProtoInterface><ProtoBody><Group/></ProtoBody></ProtoDeclare>"
+               "<ProtoInstance name='Q' DEF='P'><Shape/></ProtoInstance>",
+               "P", "stuff", problems),
+        "0");
+    EXPECT_NE(problems, "") << "a field that takes any node is not meant by that";
+}
+
+TEST(KeptNodes, AContainerFieldThatIsThereButTakesOthersIsWrong) {
+    std::string problems;
+    EXPECT_EQ(placed("<Group DEF='P'><MetadataString containerField='children'/></Group>", "P", "metadata", problems),
+              "0");
+    EXPECT_THAT(problems, HasSubstr("does not take MetadataString"));
+    EXPECT_EQ(placed("<LinePickSensor DEF='P'><Shape containerField='pickedGeometry'/></LinePickSensor>", "P",
+                     "pickTarget", problems),
+              "0");
+    EXPECT_THAT(problems, HasSubstr("outputOnly"));
+}
+
 TEST(KeptNodes, TheyPassThroughEveryEncodingAndBack) {
     const std::string xml = convert(kMisplaced, Encoding::xml);
     EXPECT_THAT(xml, HasSubstr("<Foo DEF='F' x='1' y='\"a\" \"b\"'>"));

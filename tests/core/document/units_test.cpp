@@ -1,6 +1,8 @@
 // UNIT statements: values come in and go out in the document's units, and are metres, radians, kilograms and newtons
 // between.
+#include <cmath>
 #include <numbers>
+#include <random>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -43,6 +45,7 @@ void expectStandard(const Scene& scene) {
     EXPECT_EQ(field("T", "scale").as<Vec3f>(), Vec3f(2, 2, 2));
     EXPECT_FLOAT_EQ(field("E", "creaseAngle").as<float>(), float(30 * degree));
     EXPECT_FLOAT_EQ(field("E", "crossSection").as<Array<Vec2f>>()[0].x, .1f);
+    EXPECT_FLOAT_EQ(field("E", "orientation").as<Array<Rotation>>()[0].angle, float(45 * degree));
     EXPECT_FLOAT_EQ(field("E", "orientation").as<Array<Rotation>>()[1].angle, float(-7.3 * degree));
     EXPECT_FLOAT_EQ(field("S", "cutOffAngle").as<float>(), float(45 * degree));
     EXPECT_EQ(field("S", "direction").as<Vec3f>(), Vec3f(0, 1, 0));
@@ -117,11 +120,72 @@ TEST(DocumentUnits, EveryRowOfTheTableNamesAFieldOfNumbers) {
     EXPECT_EQ(unit("Transform", "scale"), Unit::none);
 }
 
+TEST(DocumentUnits, OnlyTheDefaultThatIsNoLengthStaysAsItIs) {
+    test::Loaded l(
+        "UNIT length cm 0.01\n"
+        "DEF A Viewpoint { nearDistance -1 farDistance -2 } DEF B Group { bboxSize -1 -1 -1 }\n"
+        "DEF C Group { bboxSize -2 -2 -2 } DEF D Sphere { radius 1 } DEF E Transform { translation -100 0 0 }");
+    EXPECT_EQ(l.get("A", "nearDistance"), "-1");
+    EXPECT_EQ(l.get("A", "farDistance"), "-0.02");
+    EXPECT_EQ(l.get("B", "bboxSize"), "-1 -1 -1");
+    EXPECT_EQ(l.get("C", "bboxSize"), "-0.02 -0.02 -0.02");
+    EXPECT_EQ(l.get("D", "radius"), "0.01") << "the default, but a length";
+    EXPECT_EQ(l.get("E", "translation"), "-1 0 0");
+}
+
+/// The value that the field has in a document of the standard's units, and back in a document of these.
+template <class T>
+T thereAndBack(const detail::Units& units, const FieldDef& field, T inDocument) {
+    Value value(inDocument);
+    units.toStandard(&field, value);
+    const Value standard = value;
+    units.fromStandard(&field, value);
+    Value again = value;
+    units.toStandard(&field, again);
+    EXPECT_EQ(again, standard);
+    return value.as<T>();
+}
+
+TEST(DocumentUnits, WhatIsWrittenIsReadAsTheVeryValue) {
+    const auto field = [](std::string_view type, std::string_view name) -> const FieldDef& {
+        const NodeType* found = findBuiltinType(type);
+        return found->fields[found->findExact(name)];
+    };
+    const std::uint64_t seed = 20260811;
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    std::uniform_real_distribution<double> exponent(-9, 9);
+    for (const double factor : {0.01, 0.3048, 1.0 / 3, 1609.344}) {
+        detail::Units units;
+        units.set("length", factor);
+        units.set("mass", factor);
+        for (int i = 0; i < 2000; ++i) {
+            const double number = std::pow(10, exponent(random));
+            thereAndBack(units, field("Sphere", "radius"), static_cast<float>(number));
+            thereAndBack(units, field("CoordinateDouble", "point"), Array<Vec3d>{{number, -number, 0}});
+        }
+    }
+}
+
+TEST(DocumentUnits, NumbersTooLargeForTheDocumentsUnitsStay) {
+    const NodeType* type = findBuiltinType("CoordinateDouble");
+    const FieldDef& points = type->fields[type->findExact("point")];
+    detail::Units units;
+    units.set("length", 0.01);
+    Value value(Array<Vec3d>{{1e308, 1, 0}});
+    units.fromStandard(&points, value);
+    EXPECT_EQ(value.as<Array<Vec3d>>()[0], Vec3d(1e308, 100, 0));
+}
+
 TEST(DocumentUnits, DerivedUnitsFollowFromTheFour) {
     test::Loaded l(
         "UNIT length km 1000\nUNIT force kN 1000\nUNIT mass t 1000\n"
         "DEF B RigidBody { mass 2 linearVelocity 1 0 0 torques [ 1 0 0 ] forces [ 0 1 0 ] }\n"
+        "UNIT angle degree 0.5\n"
+        "DEF R RigidBody { angularVelocity 4 0 0 }\nDEF G RigidBodyCollection { gravity 0 -2 0 }\n"
         "DEF E PointEmitter { surfaceArea 2 }");
+    EXPECT_EQ(l.get("R", "angularVelocity"), "2 0 0");
+    EXPECT_EQ(l.get("G", "gravity"), "0 -2000 0");
     EXPECT_EQ(l.get("B", "mass"), "2000");
     EXPECT_EQ(l.get("B", "linearVelocity"), "1000 0 0");
     EXPECT_EQ(l.get("B", "torques"), "[1e+06 0 0]");

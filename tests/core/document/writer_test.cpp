@@ -5,6 +5,7 @@
 #include <rtsg/core/writer.h>
 
 #include "core/reading.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -184,8 +185,8 @@ TEST(Writer, DeepNestingAndManySiblingsStayLinear) {
 }
 
 TEST(Writer, FilesByNamePlainAndGzip) {
-    const auto folder = std::filesystem::temp_directory_path() / ("rtsg_writer_" + std::to_string(::getpid()));
-    std::filesystem::create_directories(folder);
+    const test::TempFolder own;
+    const std::filesystem::path& folder = own.path();
     const Read original(kEverything);
     for (const char* name : {"a.x3d", "a.x3dv", "a.x3dz", "a.json", "a.x3dvz", "a.x3d.gz"}) {
         Diagnostics diagnostics;
@@ -202,7 +203,6 @@ TEST(Writer, FilesByNamePlainAndGzip) {
     Diagnostics diagnostics;
     EXPECT_FALSE(DocumentFileWriter::create(folder / "a.obj", diagnostics));
     EXPECT_FALSE(DocumentFileWriter::create(folder / "no/such/folder/a.x3d", diagnostics));
-    std::filesystem::remove_all(folder);
 }
 
 }  // namespace

@@ -293,6 +293,24 @@ TEST(BusReports, WhatNobodyListensToIsFoundWithTheScene) {
     }
 }
 
+TEST(BusReports, WhoFailsWhileDrainingGetsNoMore) {
+    struct Second : Subscriber {
+        int calls = 0;
+        Result<> apply(const Scene&, const ChangeSet&) override { return ++calls < 2 ? Result<>() : fail("enough"); }
+    };
+    Scene scene;
+    Second second;
+    Attachment attachment = scene.bus().attach(second, Delivery::polled);
+    for (int i = 1; i <= 5; ++i) {
+        scene.createNode(x3d::Transform::type);
+        scene.newFrame(i);
+    }
+    attachment.drain();
+    EXPECT_EQ(second.calls, 2);
+    EXPECT_FALSE(attachment.attached());
+    EXPECT_EQ(attachment.drain(), 0U);
+}
+
 TEST(BusBacklog, DrainingALongOneGivesWhatIsMergedFirstThenEachFrame) {
     Scene scene;
     Witness slow;

@@ -11,6 +11,9 @@
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene_builder.h>
 
+#include "scene/resource_url.h"
+#include "support/temp_folder.h"
+
 namespace rtsg {
 namespace {
 
@@ -19,19 +22,12 @@ using testing::HasSubstr;
 /// A folder `root` that may be opened, and one beside it.
 class ResourceTest : public testing::Test {
   protected:
-    ResourceTest()
-        : folder(std::filesystem::temp_directory_path() /
-                 fmt::format("rtsg-resource-{}-{}", getpid(), static_cast<const void*>(this))),
-          root(folder / "root") {
+    ResourceTest() {
         std::filesystem::create_directories(root / "parts");
         std::filesystem::create_directories(folder / "other");
         write("other/secret.txt", "secret");
         write("root/a b.txt", "inside");
         write("root/parts/c.txt", "deeper");
-    }
-    ~ResourceTest() override {
-        std::error_code ignored;
-        std::filesystem::remove_all(folder, ignored);
     }
     void write(const std::string& name, std::string_view text) const {
         std::ofstream(folder / name, std::ios::binary) << text;
@@ -44,7 +40,8 @@ class ResourceTest : public testing::Test {
         return text ? *text : text.error().text;
     }
 
-    std::filesystem::path folder, root;
+    const test::TempFolder own;
+    const std::filesystem::path folder = own.path(), root = folder / "root";
 };
 
 TEST_F(ResourceTest, FilesBelowTheRootAreOpened) {
@@ -173,6 +170,56 @@ TEST_F(ResourceTest, UrlsJoinAsFoldersDo) {
     EXPECT_EQ(joinUrls("parts/a.x3d", "data:model/x3d+xml,..."), "data:");
 }
 
+TEST_F(ResourceTest, ARootThatCannotBeFoundOpensNothing) {
+    std::filesystem::create_symlink(folder / "b", folder / "a");
+    std::filesystem::create_symlink(folder / "a", folder / "b");
+    ResourcePolicy policy;
+    policy.roots = {folder / "a"};
+    EXPECT_THAT(read(Resources(root, policy), "parts/c.txt"), HasSubstr("outside"));
+}
+
+TEST_F(ResourceTest, OfAFileOpensItsFolderAndTheWorkingFolder) {
+    EXPECT_EQ(Resources::ofFile("scene.x3dv").folder(), std::filesystem::current_path());
+    const std::filesystem::path here = std::filesystem::current_path();
+    std::filesystem::current_path(folder / "other");
+    const Resources resources = Resources::ofFile(root / "scene.x3dv");
+    std::filesystem::current_path(here);
+    EXPECT_EQ(read(resources, "parts/c.txt"), "deeper");
+    EXPECT_EQ(read(resources, "../other/secret.txt"), "secret");
+    std::filesystem::create_directories(folder / "third");
+    write("third/x.txt", "no");
+    EXPECT_THAT(read(resources, "../third/x.txt"), HasSubstr("outside"));
+}
+
+TEST_F(ResourceTest, OneThatIsAssignedIsTheOther) {
+    const Resources resources(root);
+    auto a = resources.open(root, "a b.txt"), b = resources.open(root, "parts/c.txt");
+    ASSERT_TRUE(a && b);
+    *a = std::move(*b);
+    EXPECT_EQ(a->path().filename(), "c.txt");
+    EXPECT_EQ(*a->read(), "deeper");
+}
+
+TEST(ResourceUrl, PartsAreWhatTheyLookLike) {
+    using Kind = detail::UrlParts::Kind;
+    EXPECT_EQ(detail::percentDecoded("%4a%4A%4G%4"), "JJ%4G%4");
+    EXPECT_EQ(detail::splitUrl("c:/a.png").kind, Kind::file) << "a drive, not a scheme";
+    EXPECT_EQ(detail::splitUrl("my room: hall.png").path, "my room: hall.png") << "no scheme has a blank";
+    EXPECT_EQ(detail::splitUrl("web+x3d:a").kind, Kind::other);
+    EXPECT_EQ(detail::decodeDataUrl("data:;base64,-_8=")->bytes, "\xfb\xff");
+    EXPECT_EQ(detail::decodeDataUrl("data:;base64,+/8=")->bytes, "\xfb\xff");
+    EXPECT_FALSE(detail::decodeDataUrl("data,a:b"));
+    EXPECT_EQ(urlForMessage(std::string(200, 'x')), std::string(200, 'x'));
+    EXPECT_EQ(urlForMessage(std::string(201, 'x')), std::string(200, 'x') + "...");
+}
+
+TEST(ResourceUrl, FoldersBehindUrls) {
+    EXPECT_EQ(Resources::folderBehind("/at", "parts/a.x3d"), "/at/parts");
+    EXPECT_EQ(Resources::folderBehind({}, "/far/a.x3d"), "/far");
+    EXPECT_EQ(Resources::folderBehind({}, "parts/a.x3d"), "");
+    EXPECT_EQ(Resources::folderBehind("/at", "http://example.org/parts/a.x3d"), "");
+}
+
 // ---- which folder a node's urls start from -----------------------------------------------------------------------
 
 class ResourceFolders : public ResourceTest {
@@ -229,6 +276,41 @@ TEST_F(ResourceFolders, OfAUrlThatCameByIs) {
     document("main.x3dv", "EXTERNPROTO P [ inputOutput MFString file ] \"libs/p.x3dv#P\" P { file \"mine.wav\" }");
     document("libs/p.x3dv", "PROTO P [ inputOutput MFString file [ ] ] { Sound { source AudioClip { url IS file } } }");
     EXPECT_EQ(foldersOf("AudioClip"), ".;libs;") << "first where the url was written";
+}
+
+TEST_F(ResourceFolders, OfAUrlInABodyWhoseOtherFieldsCameByIs) {
+    document("main.x3dv", "EXTERNPROTO P [ inputOutput SFFloat gain ] \"libs/p.x3dv#P\" P { gain 2 }");
+    document("libs/p.x3dv",
+             "PROTO P [ inputOutput SFFloat gain 1 ] { Sound { source AudioClip { gain IS gain url \"a.wav\" } } }");
+    EXPECT_EQ(foldersOf("AudioClip"), "libs;");
+}
+
+TEST_F(ResourceFolders, OfAUrlThatCameByIsThroughMany) {
+    document("main.x3dv", "EXTERNPROTO P [ inputOutput MFString file ] \"a/p.x3dv#P\" P { file \"mine.wav\" }");
+    document("a/p.x3dv",
+             "EXTERNPROTO Q [ inputOutput MFString file ] \"b/q.x3dv#Q\"\n"
+             "PROTO P [ inputOutput MFString file [ ] ] { Group { children Q { file IS file } } }");
+    document("a/b/q.x3dv",
+             "EXTERNPROTO R [ inputOutput MFString file ] \"c/r.x3dv#R\"\n"
+             "PROTO Q [ inputOutput MFString file [ ] ] { Group { children R { file IS file } } }");
+    document("a/b/c/r.x3dv",
+             "PROTO R [ inputOutput MFString file [ ] ] { Sound { source AudioClip { url IS file } } }");
+    EXPECT_EQ(foldersOf("AudioClip"), ".;a;a/b;a/b/c;");
+}
+
+TEST_F(ResourceFolders, WhatIsNowhereIsReportedWhereItWasWritten) {
+    document("main.x3dv", "EXTERNPROTO P [ inputOutput MFString file ] \"libs/p.x3dv#P\" P { file \"gone.wav\" }");
+    document("libs/p.x3dv", "PROTO P [ inputOutput MFString file [ ] ] { Sound { source AudioClip { url IS file } } }");
+    Diagnostics diagnostics;
+    Scene scene;
+    ASSERT_TRUE(loadFile(scene, root / "main.x3dv", diagnostics));
+    const Resources resources(root);
+    scene.forEachNode([&](const Node& node) {
+        if (node.type().name != "AudioClip") return;
+        const auto opened = resources.open(scene, node, node.type().findExact("url"), "gone.wav");
+        ASSERT_FALSE(opened);
+        EXPECT_THAT(opened.error().text, HasSubstr((root / "gone.wav").string()));
+    });
 }
 
 TEST_F(ResourceFolders, InlinesThatAreUnloadedForgetThem) {

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "core/script/script_scene.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -267,8 +268,8 @@ TEST(Script, ANewUrlIsANewProgram) {
 }
 
 TEST(Script, FilesAreReadAndWhatIsNotThereIsReported) {
-    const auto folder = std::filesystem::temp_directory_path() / "rtsg_script_test";
-    std::filesystem::create_directories(folder);
+    const test::TempFolder own;
+    const std::filesystem::path& folder = own.path();
     std::ofstream(folder / "program.js") << "function initialize() { n = 5; }";
     Scene scene;
     Diagnostics diagnostics;
@@ -285,7 +286,6 @@ TEST(Script, FilesAreReadAndWhatIsNotThereIsReported) {
     EXPECT_EQ(node.value(node.type().find("n")).as<std::int32_t>(), 5);
     ASSERT_EQ(scene.diagnostics().all().size(), 1u);
     EXPECT_NE(scene.diagnostics().all()[0].text.find("fetched"), std::string::npos);
-    std::filesystem::remove_all(folder);
 }
 
 TEST(Script, TwoRunsAgreeBitForBitThoughScriptsAskForChanceAndTime) {

@@ -7,13 +7,14 @@
 #include <iterator>
 
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <rtsg/core/document_handler.h>
 #include <rtsg/core/writer.h>
+
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -23,13 +24,6 @@ using testing::HasSubstr;
 
 class Writing : public testing::Test {
   protected:
-    void SetUp() override {
-        std::string pattern = (fs::temp_directory_path() / "rtsg-XXXXXX").string();
-        ASSERT_TRUE(::mkdtemp(pattern.data()));
-        folder = pattern;
-    }
-    void TearDown() override { fs::remove_all(folder); }
-
     static std::string read(const fs::path& file) {
         std::ifstream in(file, std::ios::binary);
         return {std::istreambuf_iterator<char>(in), {}};
@@ -39,7 +33,8 @@ class Writing : public testing::Test {
         return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
     }
 
-    fs::path folder;
+    const test::TempFolder own;
+    const fs::path folder = own.path();
 };
 
 TEST_F(Writing, AFileAppearsWhenItIsComplete) {
@@ -95,6 +90,11 @@ TEST_F(Writing, ALinkStandsForWhatItLeadsTo) {
     EXPECT_TRUE(fs::is_symlink(loose));
     EXPECT_EQ(read(file), "new");
     EXPECT_EQ(read(folder / "there/b.txt"), "new");
+    const fs::path second = folder / "second.txt";
+    fs::create_symlink("link.txt", second);
+    ASSERT_TRUE(writeWholeFile(second, std::as_bytes(std::span("two", 3))));
+    EXPECT_TRUE(fs::is_symlink(second) && fs::is_symlink(link)) << "neither link of a chain is replaced";
+    EXPECT_EQ(read(file), "two");
 }
 
 TEST_F(Writing, PermissionsStay) {

@@ -12,6 +12,7 @@
 
 #include "light/texture_store.h"
 #include "light_scene.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -108,7 +109,8 @@ TEST(TextureReading, DataUrls) {
 }
 
 TEST(TextureReading, FilesAreFoundFromTheDocumentsFolderAndSharedBetweenMaterials) {
-    const auto folder = std::filesystem::temp_directory_path() / "rtsg_texture_reading";
+    const test::TempFolder own;
+    const std::filesystem::path& folder = own.path();
     std::filesystem::create_directories(folder / "deep er");
     ASSERT_TRUE(writePicture(Picture(1, 1, Vec4f(0, 1, 0, 1)), folder / "deep er" / "a.png"));
     Read r(shape("texture ImageTexture { url [\"missing.png\" \"deep%20er/a.png\"] }") +
@@ -121,11 +123,11 @@ TEST(TextureReading, FilesAreFoundFromTheDocumentsFolderAndSharedBetweenMaterial
     EXPECT_EQ(b.texture(TextureRole::base).access.wrapS, TextureWrap::clamp);
     EXPECT_EQ(b.texture(TextureRole::base).access.wrapT, TextureWrap::repeat);
     EXPECT_EQ(r.diagnostics.all().size(), 0u) << "a list with one readable entry is fine";
-    std::filesystem::remove_all(folder);
 }
 
 TEST(TextureReading, ATextureOfAnInlineStartsFromTheInline) {
-    const auto folder = std::filesystem::temp_directory_path() / "rtsg_texture_inline";
+    const test::TempFolder own;
+    const std::filesystem::path& folder = own.path();
     std::filesystem::create_directories(folder / "sub" / "pics");
     ASSERT_TRUE(writePicture(Picture(1, 1, Vec4f(0, 0, 1, 1)), folder / "sub" / "pics" / "b.png"));
     std::ofstream(folder / "sub" / "inner.x3dv")
@@ -145,7 +147,6 @@ TEST(TextureReading, ATextureOfAnInlineStartsFromTheInline) {
     ASSERT_TRUE(picture);
     EXPECT_EQ(Vec3f(picture->at(4, 4)), Vec3f(0, 0, 1));
     for (const Diagnostic& d : light.tracer().diagnostics().all()) ADD_FAILURE() << d.format();
-    std::filesystem::remove_all(folder);
 }
 
 TEST(LightRenderer, ANodeRendererDrawsIntoThePictureOfItsNodes) {
@@ -169,14 +170,14 @@ TEST(LightRenderer, ANodeRendererDrawsIntoThePictureOfItsNodes) {
 }
 
 TEST(TextureReading, UnreadableFilesAreReportedByName) {
-    const auto file = std::filesystem::temp_directory_path() / "rtsg_not_a_picture.png";
+    const test::TempFolder own;
+    const auto file = own.path() / "not_a_picture.png";
     std::ofstream(file) << "this is no picture";
     Read r(shape("texture ImageTexture { url \"" + file.string() + "\" }"));
     EXPECT_FALSE(r.material().texture(TextureRole::base));
     r.material();
-    std::filesystem::remove(file);
     ASSERT_EQ(r.diagnostics.all().size(), 1u);
-    EXPECT_NE(r.diagnostics.all()[0].text.find("rtsg_not_a_picture.png"), std::string::npos);
+    EXPECT_NE(r.diagnostics.all()[0].text.find("not_a_picture.png"), std::string::npos);
 }
 
 TEST(TextureReading, PixelTextureIsRemadeOnlyWhenItsPixelsChange) {
@@ -261,8 +262,8 @@ TEST(RenderToFile, AnimationsAndTheirErrors) {
         "} DEF X Transform { children Shape { geometry Box { } } }"
         "ROUTE T.fraction_changed TO P.set_fraction ROUTE P.value_changed TO X.set_translation",
         16, 16);
-    const auto folder = std::filesystem::temp_directory_path() / "rtsg_render_to_file";
-    std::filesystem::create_directories(folder);
+    const test::TempFolder own;
+    const std::filesystem::path& folder = own.path();
     AnimationOptions animation;
     animation.frames = 3;
     animation.framesPerSecond = 1;
@@ -288,7 +289,6 @@ TEST(RenderToFile, AnimationsAndTheirErrors) {
     EXPECT_TRUE(renderToFile(*s.light, folder / "all.gif", s.options, {.frames = 2, .start = 4}));
     EXPECT_FALSE(renderToFile(*s.light, folder / "all.png", s.options, {.frames = 2, .start = 6}));
     EXPECT_FALSE(renderToFile(*s.light, folder / "all.gif", s.options, {.frames = 0}));
-    std::filesystem::remove_all(folder);
 }
 
 }  // namespace

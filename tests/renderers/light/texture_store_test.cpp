@@ -5,13 +5,13 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <unistd.h>
 
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/light_renderer.h>
 
 #include "light/texture_store.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -20,15 +20,7 @@ using testing::HasSubstr;
 
 class TextureUrls : public testing::Test {
   protected:
-    TextureUrls()
-        : folder(std::filesystem::temp_directory_path() /
-                 fmt::format("rtsg-texture-{}-{}", getpid(), static_cast<const void*>(this))) {
-        std::filesystem::create_directories(folder / "parts");
-    }
-    ~TextureUrls() override {
-        std::error_code ignored;
-        std::filesystem::remove_all(folder, ignored);
-    }
+    TextureUrls() { std::filesystem::create_directories(folder / "parts"); }
     /// A grey picture of the simplest format.
     static std::string picture(int width, int height) {
         return fmt::format("P5\n{} {}\n255\n", width, height) +
@@ -62,7 +54,8 @@ class TextureUrls : public testing::Test {
         return "Shape { appearance Appearance { texture ImageTexture { url \"" + url + "\" } } }\n";
     }
 
-    std::filesystem::path folder;
+    const test::TempFolder own;
+    const std::filesystem::path folder = own.path();
     std::string problems;
 };
 

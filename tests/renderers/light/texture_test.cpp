@@ -10,6 +10,8 @@
 
 #include <rtsg/renderers/picture.h>
 
+#include "support/temp_folder.h"
+
 namespace rtsg {
 namespace {
 
@@ -124,13 +126,13 @@ TEST(Texture, BadImagesAreErrors) {
 }
 
 TEST(Texture, FilesKeepTheirOrientation) {
-    const auto file = std::filesystem::temp_directory_path() / "rtsg_texture_orientation.png";
+    const test::TempFolder own;
+    const auto file = own.path() / "orientation.png";
     Picture picture(2, 2, Vec4f(0, 0, 0, 1));
     picture.at(0, 1) = Vec4f(1, 0, 0, 1);  // lower left
     picture.at(1, 0) = Vec4f(0, 0, 1, 1);  // upper right
     ASSERT_TRUE(writePicture(picture, file));
     const auto texture = Texture::fromFile(file);
-    std::filesystem::remove(file);
     ASSERT_TRUE(texture) << texture.error().format();
     EXPECT_EQ(texture->sample(0.25f, 0.25f, 0, kNearest), Vec4f(1, 0, 0, 1));
     EXPECT_EQ(texture->sample(0.75f, 0.75f, 0, kNearest), Vec4f(0, 0, 1, 1));

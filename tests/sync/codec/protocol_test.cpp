@@ -13,6 +13,7 @@
 
 #include "bench/motion_sync.h"
 #include "support/random_edits.h"
+#include "support/temp_folder.h"
 #include "test_paths.h"
 
 namespace rtsg {
@@ -86,12 +87,8 @@ json asJson(const Value& value) {
 
 TEST(Protocol, AnIndependentReaderAgrees) {
     if (std::system("python3 -c '' 2>/dev/null") != 0) GTEST_SKIP() << "python3 is not installed";
-    char pattern[] = "/tmp/rtsg-protocol-XXXXXX";
-    const std::filesystem::path folder = mkdtemp(pattern);
-    struct Remove {
-        std::filesystem::path path;
-        ~Remove() { std::filesystem::remove_all(path); }
-    } remove{folder};
+    const test::TempFolder own;
+    const std::filesystem::path& folder = own.path();
     const std::uint64_t seed = 2009;
     SCOPED_TRACE(testing::Message() << "seed " << seed);
     Scene scene;
@@ -174,12 +171,8 @@ INSTANTIATE_TEST_SUITE_P(Modes, ProtocolPrediction,
 
 TEST_P(ProtocolPrediction, AnIndependentReaderAgreesOnPredictedValues) {
     if (std::system("python3 -c '' 2>/dev/null") != 0) GTEST_SKIP() << "python3 is not installed";
-    char pattern[] = "/tmp/rtsg-protocol-XXXXXX";
-    const std::filesystem::path folder = mkdtemp(pattern);
-    struct Remove {
-        std::filesystem::path path;
-        ~Remove() { std::filesystem::remove_all(path); }
-    } remove{folder};
+    const test::TempFolder own;
+    const std::filesystem::path& folder = own.path();
     const std::uint64_t seed = 7;
     Scene origin;
     auto lossy = LossyScene::follow(origin, 1e-3);

@@ -10,6 +10,8 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/change_codec.h>
 
+#include "support/temp_folder.h"
+
 namespace rtsg {
 namespace {
 
@@ -153,12 +155,8 @@ TEST_P(Versions, AReaderOneApartFollowsWhatItKnows) {
 TEST_P(Versions, ALogOfAnotherVersionIsReplayedButForWhatIsUnknown) {
     const std::vector<std::unique_ptr<NodeType>> other = otherVersion();
     const Stream stream{TypeTable(other)};
-    char pattern[] = "/tmp/rtsg-versions-XXXXXX";
-    const std::filesystem::path folder = mkdtemp(pattern);
-    struct Remove {
-        std::filesystem::path path;
-        ~Remove() { std::filesystem::remove_all(path); }
-    } remove{folder};
+    const test::TempFolder own;
+    const std::filesystem::path& folder = own.path();
     {
         std::ofstream out(folder / "a.rlog", std::ios::binary);
         const auto write = [&](const ByteBuffer& record) {

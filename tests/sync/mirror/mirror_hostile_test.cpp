@@ -7,6 +7,7 @@
 
 #include "mirror_support.h"
 #include "support/stranger.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -174,16 +175,12 @@ TEST(MirrorHostile, ARecordLongerThanAllowedIsRefusedWithBothNumbers) {
 
 class MirrorKeysTest : public testing::Test {
   protected:
-    MirrorKeysTest() {
-        char pattern[] = "/tmp/rtsg-keys-XXXXXX";
-        folder = mkdtemp(pattern);
-    }
-    ~MirrorKeysTest() override { std::filesystem::remove_all(folder); }
     MirrorKeys fresh(const char* name) {
         EXPECT_TRUE(MirrorKeys::generate(folder / name));
         return *MirrorKeys::load(folder / name);
     }
-    std::filesystem::path folder;
+    const test::TempFolder own;
+    const std::filesystem::path folder = own.path();
 };
 
 TEST_F(MirrorKeysTest, OnlyThoseOnTheListGetIn) {
