@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <random>
 
-#include <embree3/rtcore.h>
 #include <fmt/format.h>
 
 #include <rtsg/core/loader.h>
@@ -12,6 +11,7 @@
 #include <rtsg/renderers/tessellator.h>
 
 #include "bench.h"
+#include "embree/embree.h"
 
 namespace rtsg::bench {
 
