@@ -176,8 +176,16 @@ TEST(TextureReading, UnreadableFilesAreReportedByName) {
     Read r(shape("texture ImageTexture { url \"" + file.string() + "\" }"));
     EXPECT_FALSE(r.material().texture(TextureRole::base));
     r.material();
-    ASSERT_EQ(r.diagnostics.all().size(), 1u);
-    EXPECT_NE(r.diagnostics.all()[0].text.find("not_a_picture.png"), std::string::npos);
+    ASSERT_FALSE(r.diagnostics.all().empty());
+    // Each reader is told, as they share what was opened; who shows it to a person says it once.
+    for (const Diagnostic& d : r.diagnostics.all())
+        EXPECT_NE(d.text.find("not_a_picture.png"), std::string::npos) << d.text;
+    LightRenderer::Options options(Resources::ofFile(own.path() / "scene.x3dv"));
+    const std::string broken =
+        "Shape { appearance Appearance { texture ImageTexture { url \"not_a_picture.png\" } } geometry Box { } }\n";
+    test::LightScene s(broken + broken, 9, 9, options);
+    s.picture();
+    EXPECT_EQ(s.light->diagnostics().all().size(), 1u);
 }
 
 TEST(TextureReading, PixelTextureIsRemadeOnlyWhenItsPixelsChange) {
