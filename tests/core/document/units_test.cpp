@@ -11,6 +11,7 @@
 #include <rtsg/core/writer.h>
 
 #include "core/scene_check.h"
+#include "document/units.h"
 
 namespace rtsg {
 namespace {
