@@ -109,12 +109,14 @@ double LiveOutputs::lastDueAt(double time) const {
 }
 
 Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
-    const double due = dueAt(state.time);
-    if (arguments_.animated() ? due < nextPicture_ || due != lastDueAt(state.time) : !last) return {};
+    // One is made however late this comes to it: who asked for pictures gets one, or the reason why not.
+    const bool none = report_.pictureStates.empty();
+    const double k = lastDueAt(state.time);
+    if (arguments_.animated() ? k < nextPicture_ || (k != dueAt(state.time) && !none) : !last) return {};
     if (auto ok = light_->renderFrame(state); !ok) return ok;
     if (light_->stats().cancelled) return {};
-    const double skipped = arguments_.animated() ? due - nextPicture_ : 0;
-    nextPicture_ = due + 1;
+    const double skipped = arguments_.animated() ? k - nextPicture_ : 0;
+    nextPicture_ = k + 1;
     live_.picturesSkipped += static_cast<std::uint64_t>(skipped);
     ++live_.statesPictured;
     report_.pictureStates.push_back(light_->presented());

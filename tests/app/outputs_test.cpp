@@ -158,6 +158,7 @@ class LiveOutputsOf : public MadeOutputs {
             EXPECT_GE(heard[k], pictured[k] - (std::abs(times[k] - .5) < 1e-4 ? 1 : 0)) << k;
             const std::string picture = bytes(name + std::to_string(k) + ".png");
             const auto instant = static_cast<std::size_t>(std::lround(times[k] * 10));
+            if (instant > 9) continue;  // the machine was so busy that its first picture came after the end
             const bool before = std::abs(times[k] - .5) < 1e-4 && pictured[k] == 7;  // as it was without the Inline
             EXPECT_EQ(picture == bytes("a" + std::to_string(instant) + ".png"), !before) << k << " at " << times[k];
         }
