@@ -63,15 +63,15 @@ using Sets = std::vector<std::shared_ptr<const ChangeSet>>;
 /// composer belongs to whoever holds the cursor's `merging`, all else to who holds its `mutex`.
 class Backlog {
   public:
-    bool empty() const { return waiting() == 0 && !anyMerged_; }
+    /// What is merged has sets after it.
+    bool empty() const { return waiting() == 0; }
     /// The state that the newest set leads to. Precondition: !empty().
-    std::uint64_t to() const { return waiting() == 0 ? mergedTo_ : sets_.back()->to; }
+    std::uint64_t to() const { return sets_.back()->to; }
     std::size_t waiting() const { return sets_.size() - first_; }
     void add(std::shared_ptr<const ChangeSet> set) { sets_.push_back(std::move(set)); }
     void clear() {
         sets_.clear();
         first_ = 0;
-        anyMerged_ = false;
         ++generation_;
     }
 
@@ -86,8 +86,6 @@ class Backlog {
     /// The oldest set is merged, unless all has been cleared meanwhile.
     void dropOldest(std::uint64_t generation) {
         if (generation != generation_) return;
-        anyMerged_ = true;
-        mergedTo_ = sets_[first_]->to;
         sets_[first_++].reset();
         if (first_ < kBacklog) return;
         sets_.erase(sets_.begin(), sets_.begin() + static_cast<std::ptrdiff_t>(first_));
@@ -97,7 +95,6 @@ class Backlog {
     void takeInto(std::unique_ptr<ChangeComposer>& merged, Sets& sets) {
         freshen(generation_);
         merged_.swap(merged);
-        anyMerged_ = false;
         sets_.swap(sets);
         sets.erase(sets.begin(), sets.begin() + static_cast<std::ptrdiff_t>(std::exchange(first_, 0)));
     }
@@ -111,8 +108,6 @@ class Backlog {
     std::unique_ptr<ChangeComposer> merged_ = std::make_unique<ChangeComposer>();  // what came before sets_
     std::uint64_t mergedOf_ = 0;                                                   // the generation it is of
     std::uint64_t generation_ = 0;                                                 // counts clear()
-    bool anyMerged_ = false;
-    std::uint64_t mergedTo_ = 0;
     Sets sets_;
     std::size_t first_ = 0;  // those before are in merged_
 };

@@ -361,7 +361,8 @@ TEST(BusBacklog, IsWholeHoweverItIsTakenWhileItIsMerged) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
     Scene scene;
-    const NodeId box = scene.createNode(x3d::Transform::type);
+    std::vector<NodeId> boxes;  // enough of them that to merge a set takes a while
+    for (int i = 0; i < 300; ++i) boxes.push_back(scene.createNode(x3d::Transform::type));
     struct Witnessed : Subscriber {  // on a thread that has no scene
         std::vector<std::pair<std::uint64_t, std::uint64_t>> sets;
         ChangeComposer composer;
@@ -396,10 +397,11 @@ TEST(BusBacklog, IsWholeHoweverItIsTakenWhileItIsMerged) {
     one.random.seed(seed + 1), two.random.seed(seed + 2);
     one.attachment = scene.bus().attach(one.witness, Delivery::polled);
     std::thread first([&] { follow(one); }), second([&] { follow(two); });
-    for (int i = 1; i <= 20'000; ++i) {
-        ASSERT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(static_cast<float>(i))));
+    for (int i = 1; i <= 6'000; ++i) {
+        for (const NodeId box : boxes)
+            ASSERT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(static_cast<float>(i))));
         scene.newFrame(i);
-        if (i % 3000 != 0) continue;
+        if (i % 1000 != 0) continue;
         const std::scoped_lock lock(two.mutex);  // comes, and goes with all that waits for it
         two.attachment.detach();
         two.witness.sets.clear();
