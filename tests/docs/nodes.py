@@ -1,0 +1,75 @@
+#!/usr/bin/env python3
+"""Is docs/nodes.md true of the node tables and of the behaviours that there are?
+
+Every node type that acts, by the @acts tags of core/spec, has one row there. A row that says "runs" must name a type that
+core/src/behaviour has a behaviour for, or one of ELSEWHERE; a row that says "holds" one that has none.
+Exit status 1, a line for each row at fault.
+"""
+import pathlib
+import re
+import sys
+
+ROOT = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent.parent)
+# Types that act in another way than by a behaviour of theirs, and the file that has it.
+ELSEWHERE = {"Script": "core/src/script/engine.cpp", "Inline": "core/src/document/inline.cpp",
+             "Text": "renderers/src/text", "AudioClip": "audio/src", "AudioDestination": "audio/src",
+             "BiquadFilter": "audio/src", "BufferAudioSource": "audio/src", "ChannelMerger": "audio/src",
+             "ChannelSelector": "audio/src", "ChannelSplitter": "audio/src", "Convolver": "audio/src", "Delay": "audio/src",
+             "DynamicsCompressor": "audio/src", "Gain": "audio/src", "ListenerPointSource": "audio/src",
+             "OscillatorSource": "audio/src", "WaveShaper": "audio/src"}
+
+
+def tables():
+    """Concrete type -> when it acts."""
+    types = {}
+    for path in sorted((ROOT / "core" / "spec").glob("*.x3dspec")):
+        for line in path.read_text().splitlines():
+            head = re.match(r"(abstract|node) (\w+)(?: : (.*?))?(?: level .*| @.*)?$", line)
+            if head:
+                acts = re.search(r"@acts\((\w+)\)", line)
+                bases = [base.strip() for base in (head[3] or "").split(",") if base.strip()]
+                types[head[2]] = (head[1], bases, acts[1] if acts else None)
+
+    def acts(name):
+        _, bases, own = types.get(name, (None, [], None))
+        return own or next((found for found in map(acts, bases) if found), None)
+
+    return {name: acts(name) for name, (kind, _, _) in types.items() if kind == "node"}
+
+
+def behaviours():
+    found = set()
+    for path in (ROOT / "core" / "src" / "behaviour").glob("*.cpp"):
+        text = path.read_text()
+        if path.name != "mobility.cpp":
+            found |= set(re.findall(r"(?:push_back\(\{|add\(|bindable<)x3d::(\w+)", text))
+        for listed in re.findall(r"append<\w+,([^>]*)>", text):
+            found |= set(re.findall(r"x3d::(\w+)", listed))
+    return found
+
+
+def main():
+    acting = {name for name, acts in tables().items() if acts in ("always", "onInput")}
+    runs = behaviours()
+    faults, listed = [], {}
+    path = ROOT / "docs" / "nodes.md"
+    for number, line in enumerate(path.read_text().splitlines(), 1):
+        row = re.match(r"\| (\w+) \| [\w.]+ \| (runs|holds)\b", line)
+        if not row:
+            continue
+        name, does = row.groups()
+        if name in listed:
+            faults.append(f"{path}:{number}: {name} is there twice")
+        listed[name] = does
+        there = name in runs or (name in ELSEWHERE and (ROOT / ELSEWHERE[name]).exists())
+        if name not in acting and name not in runs:
+            faults.append(f"{path}:{number}: {name} is no type that acts")
+        elif there != (does == "runs"):
+            faults.append(f"{path}:{number}: {name} {'has' if there else 'has no'} behaviour")
+    faults += [f"{path}: {name} is missing" for name in sorted(acting - set(listed))]
+    print("\n".join(faults) or f"{len(listed)} types, {sum(does == 'runs' for does in listed.values())} of them run")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
