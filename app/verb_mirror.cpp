@@ -29,7 +29,7 @@ constexpr const char* kAspects[] = {"none",  "structure", "transform", "geometry
 
 struct Options {
     std::string endpoint, duration, patience = "5s", key, latency = "0", whenSlow = "merge", mode = "state";
-    std::vector<std::string> set, parts, aspects;
+    std::vector<std::string> set, control, parts, aspects;
     double fps = 0;
     std::string maxLag;
     std::uint64_t maxRecord = kMaxPayload, maxRate = 0;
@@ -177,6 +177,17 @@ class Mirroring {
     /// After the first state has come. False ends it with status_.
     bool join();
     void follow();
+    /// --control, once, and what the player says to it.
+    void control(MirrorClient& client) {
+        while (controls_ < options_.control.size() && client.control(options_.control[controls_])) ++controls_;
+        for (const std::string& reply : client.takeReplies()) {
+            ++replies_;
+            if (reply.starts_with("refused"))
+                fail(reply);
+            else
+                fmt::print(stderr, "{}\n", terminalText(reply));
+        }
+    }
     bool isOver(std::size_t applied);
     void catchUp();
     void sayWhatIsMissing();
@@ -193,6 +204,7 @@ class Mirroring {
     const Resources resources_;
     Scene replica_;
     Requests requests_;
+    std::size_t controls_ = 0, replies_ = 0;  // sent, answered
     std::unique_ptr<MirrorClient> client_;
     std::unique_ptr<Made> made_;
     double firstTime_ = 0, seconds_ = 0;
@@ -248,6 +260,7 @@ void Mirroring::follow() {
             progress(static_cast<std::uint64_t>(1e3 * std::clamp(since(), 0., duration_)),
                      static_cast<std::uint64_t>(1e3 * duration_) + 1);
         if (joined()) requests_.turn(client, since(), replica_.now());
+        if (joined()) control(client);
         if (isOver(applied)) break;
     }
     if (progress) progress(1, 1);
@@ -373,6 +386,12 @@ Verb addMirror(Command& program) {
     command->addOption("--max-rate", options->maxRate, "most bytes a second taken from the server, as 100kB; 0: any")
         ->bytes()
         ->preset();
+    command
+        ->addOption(
+            "--control", options->control,
+            "tell a server that plays a log: pause, play, step [N], rate R, seek T, loop on|off, status; the replies "
+            "go to standard error")
+        ->repeatable();
     command->addOption("--max-record", options->maxRecord, "longest record taken from the server, as 64MB")
         ->bytes()
         ->preset();

@@ -11,12 +11,15 @@
 
 #include <rtsg/core/terminal.h>
 #include <rtsg/sync/log_recorder.h>
+#include <rtsg/sync/log_summary.h>
 #include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/mirror_server.h>
 
 #include "files.h"
 #include "keyframes.h"
+#include "rotate.h"
 #include "running_scene.h"
+#include "serve_log.h"
 
 namespace rtsg::app {
 
@@ -34,6 +37,8 @@ struct Options {
     ResourceArguments resources;
     StartTime start{StartTime::Kind::live, {}};
     KeyframeArguments keyframes;
+    ServeLogArguments log;
+    RotateArguments rotate;
     bool insecure = false, json = false, force = false;
 };
 
@@ -88,6 +93,32 @@ std::chrono::milliseconds millisecondsFrom(const std::string& duration) {
     return std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(duration)));
 }
 
+/// All but what depends on the scene.
+Result<MirrorServerOptions> serverOptionsOf(const Options& options) {
+    MirrorServerOptions result;
+    auto keys = keysFrom(options.key);
+    if (!keys) return std::unexpected(keys.error());
+    result.keys = std::move(*keys);
+    result.insecure = options.insecure;
+    result.upstream = *mirrorUpstreamFromName(options.upstream);
+    result.maximumPeers = options.peers;
+    result.maximumParts = options.parts;
+    result.mostBytesPerSecond = options.maxRate;
+    result.blockFor = millisecondsFrom(options.block);
+    result.mode.coding = *codingFromName(options.coding);
+    return result;
+}
+
+int play(const Options& options) {
+    if (!options.record.empty()) throw UsageError("--record", "a log is played: it is there already");
+    if (options.mode != "state") throw UsageError("--mode", "a log is played as it was recorded");
+    const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
+    const auto serverOptions = serverOptionsOf(options);
+    if (!serverOptions) return printError(serverOptions.error()), kBad;
+    return serveLog(options.scene, options.endpoint, *serverOptions, options.log, duration,
+                    parseSeconds(options.linger), options.json);
+}
+
 /// One session: a scene, those who follow it, and its log.
 class Session {
   public:
@@ -104,7 +135,6 @@ class Session {
     int close();
 
   private:
-    MirrorServerOptions serverOptions(std::optional<MirrorKeys> keys) const;
     const std::string& logFile() const { return resumed_ ? options_.resume : options_.record; }
     void lookAtLog();
     void print(const MirrorServerStatistics& statistics) const;
@@ -134,33 +164,18 @@ int Session::open() {
     return kDone;
 }
 
-MirrorServerOptions Session::serverOptions(std::optional<MirrorKeys> keys) const {
-    MirrorServerOptions result;
-    result.keys = std::move(keys);
-    result.insecure = options_.insecure;
-    result.upstream = *mirrorUpstreamFromName(options_.upstream);
-    result.maximumPeers = options_.peers;
-    result.maximumParts = options_.parts;
-    result.mostBytesPerSecond = options_.maxRate;
-    result.blockFor = millisecondsFrom(options_.block);
-    result.mode.coding = *codingFromName(options_.coding);
-    if (options_.mode == nameOf(Mode::input)) result.mode.mode = Mode::input;
-    if (options_.mode == nameOf(Mode::lossy)) {
-        result.mode.mode = Mode::lossy;
-        result.mode.maxError = options_.error;
-    }
-    return result;
-}
-
 int Session::startServer() {
-    auto keys = keysFrom(options_.key);
-    if (!keys) return printError(keys.error()), kBad;
+    auto made = serverOptionsOf(options_);
+    if (!made) return printError(made.error()), kBad;
+    MirrorServerOptions how = std::move(*made);
+    if (options_.mode == nameOf(Mode::input)) how.mode.mode = Mode::input;
     if (options_.mode == nameOf(Mode::lossy)) {
         auto followed = LossyScene::follow(running_.scene(), options_.error);
         if (!followed) return printError(followed.error()), kUsage;
         lossy_ = std::move(*followed);
+        how.mode.mode = Mode::lossy;
+        how.mode.maxError = options_.error;
     }
-    MirrorServerOptions how = serverOptions(std::move(*keys));
     if (resumed_) {
         how.epoch = resumed_->epoch;
         how.before = std::move(resumed_->before);
@@ -178,6 +193,7 @@ int Session::startLog() {
     logOptions.append = resumed_.has_value();
     logOptions.epoch = lossy_ ? 0 : server_->epoch();
     options_.keyframes.setIn(logOptions);
+    options_.rotate.setIn(logOptions);
     auto created = LogRecorder::start(running_.scene(), logFile(), logOptions);
     if (!created) return printError(created.error()), kBad;
     log_ = std::move(*created);
@@ -272,6 +288,7 @@ int Session::close() {
 }
 
 int serve(const Options& options) {
+    if (options.resume.empty() && isLog(options.scene)) return play(options);
     checkResume(options);
     Session session(options, options.duration.empty() ? 1e9 : parseSeconds(options.duration));
     if (const int status = session.open(); status != kDone) return status;
@@ -287,7 +304,8 @@ int serve(const Options& options) {
 Verb addServe(Command& program) {
     auto options = std::make_shared<Options>();
     Command* command = program.addVerb("serve", "Run a scene in real time and mirror it");
-    command->addOption("SCENE", options->scene, "scene file, or -; with --resume only the folder that urls start from");
+    command->addOption("SCENE", options->scene,
+                       "scene file, or -, or a log to play; with --resume only the folder that urls start from");
     command->addOption(
         "--resume", options->resume,
         "go on with the session in this log, killed or ended: same states, clock and epoch, so that mirrors "
@@ -309,6 +327,8 @@ Verb addServe(Command& program) {
         ->preset();
     command->addOption("--record", options->record, "log to write as well (.rlog)");
     options->keyframes.addTo(*command);
+    options->rotate.addTo(*command);
+    options->log.addTo(*command);
     addForce(*command, options->force);
     command->addOption("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
     command->addOption("--linger", options->linger, "how long mirrors may catch up at the end")->preset();
@@ -331,6 +351,7 @@ Verb addServe(Command& program) {
     command->footer(
         "Example: rtsg serve hall.x3dv --bind tcp://127.0.0.1:4711 --for 20s --record hall.rlog\n"
         "Example: rtsg serve --resume hall.rlog --bind tcp://127.0.0.1:4711 --for 20s\n"
+        "Example: rtsg serve hall.rlog --loop --rate 0.5 --upstream events --for 5s\n"
         "The first line on standard output names the endpoint, the port filled in.");
     return {command, [options] { return serve(*options); }};
 }

@@ -200,6 +200,82 @@ TEST_F(Mirror, AServerThatWasKilledGoesOnFromItsLog) {
     EXPECT_EQ(json::parse(verified.out).at("hash"), summary.at("hash"));
 }
 
+/// A log as a session: played, and played again, by commands of a mirror and of standard input.
+TEST_F(Mirror, ALogIsPlayedToMirrorsAndDoesWhatTheySay) {
+    const std::string log = folder / "played.rlog";
+    const Outcome made = rtsg({"record", file, "-o", log, "--for", "4s", "--fps", "20", "--json"});
+    ASSERT_EQ(made.status, 0) << made.err;
+    const std::string end = json::parse(made.out).at("hash");
+    const auto play = [&](std::vector<std::string> more, const std::string& input = {}) {
+        std::vector<std::string> arguments{"serve", log, "--bind", "tcp://127.0.0.1:*", "--json"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        server = std::make_unique<Program>(arguments, streams(), input);
+        const std::string line = server->firstLine();
+        ASSERT_NE(line, "");
+        endpoint = json::parse(line).at("endpoint");
+    };
+    play({"--rate", "4", "--for", "8s", "--upstream", "events"});
+    // To its last state, whose hash is the recorded one.
+    const Outcome followed = rtsg({"mirror", endpoint, "--control", "seek 3.9", "--control", "status", "--json"});
+    ASSERT_EQ(followed.status, 0) << followed.err;
+    const json report = json::parse(followed.out);
+    expectEqual(report);
+    EXPECT_EQ(report.at("hash"), end);
+    EXPECT_EQ(server->wait().status, 0);
+
+    // Those that may not send, may not play.
+    play({"--for", "8s"});
+    const Outcome refused = rtsg({"mirror", endpoint, "--control", "pause", "--json"});
+    EXPECT_EQ(refused.status, 1);
+    EXPECT_THAT(refused.err, HasSubstr("refused: this server takes no requests"));
+    EXPECT_EQ(server->wait().status, 0);
+
+    play({"--for", "1s", "--paused", "--control"}, "step 3\nnonsense\nseek 2s\n");
+    const Outcome ended = server->wait();
+    EXPECT_EQ(ended.status, 0) << ended.err;
+    EXPECT_THAT(ended.out, HasSubstr("\"t\":0.150000"));
+    EXPECT_THAT(ended.out, HasSubstr("refused: not understood"));
+    EXPECT_EQ(json::parse(lastLine(ended.out)).at("player").at("t"), 2.0);
+}
+
+TEST_F(Mirror, ARelayPassesASessionOn) {
+    serve({"--for", "20s", "--upstream", "events"}, "tcp://127.0.0.1:*");
+    Program relay({"relay", endpoint, "--for", "20s", "--upstream", "events", "--json"}, streams());
+    const std::string line = relay.firstLine();
+    ASSERT_NE(line, "");
+    const std::string leaf = json::parse(line).at("endpoint");
+    const Outcome mirror = rtsg({"mirror", leaf, "--for", "2s", "--set", "FLAG.set_boolean=TRUE@0.5", "--json"});
+    ASSERT_EQ(mirror.status, 0) << mirror.err;
+    const json report = json::parse(mirror.out);
+    expectEqual(report);
+    EXPECT_EQ(report.at("accepted"), 1);
+    // Without its origin it ends, and says so.
+    server->signal(SIGKILL);
+    server->wait();
+    const Outcome ended = relay.wait();
+    EXPECT_EQ(ended.status, 1);
+    EXPECT_THAT(ended.err, HasSubstr("no origin for 5"));
+    EXPECT_EQ(json::parse(lastLine(ended.out)).at("requests"), 1);
+}
+
+TEST_F(Mirror, ALongestRecordIsKept) {
+    serve({"--for", "20s"}, "tcp://127.0.0.1:*");
+    const Outcome small = rtsg({"mirror", endpoint, "--for", "1s", "--wait", "2s", "--max-record", "100", "--json"});
+    EXPECT_EQ(small.status, 1);
+    EXPECT_EQ(rtsg({"mirror", endpoint, "--for", "1s", "--max-record", "1MB", "--json"}).status, 0);
+}
+
+TEST_F(Mirror, LogsRotateAndAreResumed) {
+    const std::string log = folder / "turning.rlog";
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--record", log, "--rotate", "often"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--record", log, "--keep", "1min"}).status, 2);
+    const Outcome done = rtsg({"serve", file, "--for", "2s", "--fps", "30", "--record", log, "--rotate", "0.5s"});
+    ASSERT_EQ(done.status, 0) << done.err;
+    for (const char* piece : {"turning.0001.rlog", "turning.0003.rlog", "turning.rlog"})
+        EXPECT_EQ(rtsg({"replay", folder / piece, "--verify"}).status, 0) << piece;
+    EXPECT_EQ(rtsg({"serve", "--resume", log, "--for", "200ms"}).status, 0);
+}
+
 TEST_F(Mirror, ResumingAsksForALogAndWritesNoOther) {
     EXPECT_EQ(rtsg({"serve"}).status, 2);
     EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog"}).status, 1);

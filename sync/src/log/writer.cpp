@@ -212,6 +212,7 @@ Result<> LogWriter::write(const ChangeSet& changes) {
         if (auto ok = beginEpoch(); !ok) return ok;
     state_ = changes.to;
     hash_ = changes.hash;
+    if (!pieceStart_) pieceStart_ = changes.time;
     if (auto ok = writeFrame(changes); !ok) return ok;
     ++frames_;
     if (options_.sync == LogOptions::Sync::always ||
@@ -230,13 +231,66 @@ bool LogWriter::keyframeDue(double now) const {
 
 Result<> LogWriter::apply(const Scene& scene, const ChangeSet& changes) {
     if (auto ok = write(changes); !ok) return ok;
-    if (!keyframeDue(changes.time)) return {};
+    const bool rotates = rotationDue(changes.time);
+    if (!rotates && !keyframeDue(changes.time)) return {};
     // Only while the scene is in the very state that was just written: a subscriber that is polled may lag behind, and
     // another one may have edited the scene from within this delivery.
     if (scene.sequence() != changes.to || scene.hasUnsealedEdits()) return {};
+    if (rotates) return rotate(scene.snapshot());
     if (auto ok = write(scene.snapshot()); !ok) return ok;
     --frames_;
     return {};
+}
+
+bool LogWriter::rotationDue(double now) const {
+    if (!regular_ || sinceKeyframe_ == 0) return false;
+    return (options_.rotateBytes > 0 && size_ >= std::max(options_.rotateBytes, 4 * keyframeSize_)) ||
+           (options_.rotateSeconds > 0 && pieceStart_ && now - *pieceStart_ >= options_.rotateSeconds);
+}
+
+/// The next number that no file has: one of an earlier session is not overwritten.
+Result<std::filesystem::path> LogWriter::freePieceName() {
+    constexpr std::uint64_t kMost = 1'000'000;
+    while (++pieceNumber_ < kMost) {
+        std::filesystem::path name = file_;
+        name.replace_filename(
+            fmt::format("{}.{:04}{}", file_.stem().string(), pieceNumber_, file_.extension().string()));
+        std::error_code error;
+        if (!std::filesystem::exists(std::filesystem::symlink_status(name, error))) return name;
+    }
+    return fail("there is no number left for its next piece", {}, file_.string());
+}
+
+/// The file as it is becomes a piece, closed in order; its name goes to a new one that begins with `state`.
+Result<> LogWriter::rotate(const ChangeSet& state) {
+    if (auto ok = checkFile(); !ok) return ok;
+    if (auto ok = writeIndex(); !ok) return ok;
+    if (auto ok = flush(); !ok) return ok;
+    const auto piece = freePieceName();
+    if (!piece) return std::unexpected(piece.error());
+    if (::rename(file_.c_str(), piece->c_str()) != 0) return std::unexpected(failure("cannot rotate", errno));
+    ::close(std::exchange(descriptor_, -1));
+    pieces_.emplace_back(*piece, state.time);
+    size_ = 0;
+    keyframes_.clear();
+    pieceStart_.reset();
+    options_.append = false;
+    options_.existing = Existing::keep;  // nothing is there: if something is, somebody else has put it there
+    if (auto ok = openFile(); !ok) return ok;
+    if (auto ok = writeHead(); !ok) return ok;
+    firstOfEpoch_ = true;
+    if (auto ok = write(state); !ok) return ok;
+    --frames_;
+    dropOldPieces(state.time);
+    return {};
+}
+
+void LogWriter::dropOldPieces(double now) {
+    if (options_.keepSeconds <= 0) return;
+    std::erase_if(pieces_, [&](const auto& piece) {
+        std::error_code error;
+        return piece.second < now - options_.keepSeconds && (std::filesystem::remove(piece.first, error), !error);
+    });
 }
 
 Result<> LogWriter::writeIndex() {

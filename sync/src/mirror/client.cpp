@@ -72,6 +72,12 @@ NodeId MirrorClient::newNode() {
 std::vector<MirrorVerdict> MirrorClient::takeVerdicts() {
     return std::exchange(impl_->verdicts_, {});
 }
+bool MirrorClient::control(std::string_view command) {
+    return impl_->control(command);
+}
+std::vector<std::string> MirrorClient::takeReplies() {
+    return std::exchange(impl_->replies_, {});
+}
 std::size_t MirrorClient::unanswered() const {
     return impl_->requests_.size();
 }

@@ -56,6 +56,14 @@ bool MirrorClient::Impl::send() {
     return socket_.send(out);
 }
 
+bool MirrorClient::Impl::control(std::string_view command) {
+    if (!connected_) return false;
+    const std::uint64_t numbers[] = {session_};
+    mirror::write(message_, Message::control, numbers);
+    wire::putText(message_, command.substr(0, mirror::kLongestControl));
+    return send();
+}
+
 void MirrorClient::Impl::report(Severity severity, std::string text) {
     if (diagnostics_.size() < 100) diagnostics_.push_back({severity, endpoint_, {}, std::move(text)});
 }
@@ -294,6 +302,13 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             connected_ = false;
             greeted_ = Clock::now();
             return;
+        case Message::reply: {
+            if (in.number<std::uint64_t>() != session_) return;
+            const std::string_view text = in.text();
+            if (in.problem) return garbage("a malformed reply");
+            if (replies_.size() < 1000) replies_.emplace_back(text);
+            return;
+        }
         case Message::digest:
         case Message::anatomy:
         case Message::verdict:

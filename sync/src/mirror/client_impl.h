@@ -40,6 +40,8 @@ class MirrorClient::Impl {
     MirrorStatistics statistics_;
     std::vector<Diagnostic> diagnostics_;
     std::vector<MirrorVerdict> verdicts_;
+    std::vector<std::string> replies_;
+    bool control(std::string_view command);
     std::string refusal_;
     bool serverLeft_ = false, turnedAway_ = false;
     std::uint32_t nextProvisional_;

@@ -19,7 +19,8 @@ namespace rtsg::mirror {
 constexpr std::uint8_t kVersion = 1;
 constexpr std::size_t kPrologue = 8;
 constexpr std::size_t kLongestName = 200;
-constexpr std::size_t kMostParts = 32;        // of a scene that a peer may name in its hello
+constexpr std::size_t kMostParts = 32;  // of a scene that a peer may name in its hello
+constexpr std::size_t kLongestControl = 200;
 constexpr std::size_t kSubmitPart = 8 << 10;  // bytes of a submission in one message
 constexpr std::size_t kLongestSubmission = 1 << 20;
 
@@ -33,6 +34,7 @@ enum class Message : std::uint8_t {
     inspect = 7,   // client: session, nodes whose parts' hashes it wants
     want = 8,      // client: session, parts of nodes it wants anew
     submit = 9,    // client: session, request, size, offset; second part: bytes of a record from there
+    control = 10,  // client: session, what a player of a log shall do
     welcome = 16,  // server: session, epoch, heartbeat in ms; second part: head record
     data = 17,     // server: session, record size, offset, clock; second part: the record's bytes from there
     unknown = 18,  // server: I do not know you, say hello
@@ -40,6 +42,7 @@ enum class Message : std::uint8_t {
     digest = 20,   // server: session, state, hashes of ranges
     anatomy = 21,  // server: session, state, hashes of the parts of nodes
     verdict = 22,  // server: session, request, state, reason of refusal, numbers of new nodes
+    reply = 23,    // server: session, what came of a control
 };
 
 /// This machine's steady clock, ns: never goes back, and means nothing elsewhere.

@@ -195,12 +195,19 @@ Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
 
 void MirrorServer::service() {
     std::vector<mirror::Submission> submissions;
+    std::vector<Shared::Control> controls;
     {
         const std::scoped_lock lock(shared_->mutex);
         submissions.swap(shared_->submissions);
+        controls.swap(shared_->controls);
         shared_->submittedBytes = 0;
     }
-    const bool any = !submissions.empty();
+    const bool any = !submissions.empty() || !controls.empty();
+    for (Shared::Control& control : controls) {
+        control.text = controller_ ? controller_(control.text) : "refused: no log is played here";
+        const std::scoped_lock lock(shared_->mutex);
+        shared_->replies.push_back(std::move(control));
+    }
     if (forward_) {
         pass(std::move(submissions));
     } else {
@@ -210,6 +217,10 @@ void MirrorServer::service() {
     if (!shared_->wantSnapshot) return;
     scene_.seal();  // publishes what is pending, and with it the snapshot
     if (shared_->wantSnapshot.exchange(false)) encodeAndPost(scene_.snapshot(), true);
+}
+
+void MirrorServer::onControl(Controller controller) {
+    controller_ = std::move(controller);
 }
 
 void MirrorServer::forwardRequests(Forward forward) {

@@ -167,11 +167,16 @@ void MirrorServer::Io::sayGoodbye() {
 void MirrorServer::Io::takeInbox() {
     std::vector<Shared::Item> items;
     std::vector<mirror::Verdict> verdicts;
+    std::vector<Shared::Control> replies;
     {
         const std::scoped_lock lock(shared_->mutex);
         items.swap(shared_->inbox);
         verdicts.swap(shared_->verdicts);
+        replies.swap(shared_->replies);
     }
+    for (const Shared::Control& answer : replies)
+        if (const auto peer = peers_.find(answer.peer); peer != peers_.end() && peer->second.session == answer.session)
+            reply(peer->second, answer.text);
     for (Shared::Item& item : items) {
         if (item.restart) restart();
         if (item.requested) {

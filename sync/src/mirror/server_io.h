@@ -34,6 +34,12 @@ struct MirrorServer::Shared {
         bool restart = false;    // the scene has started over: nothing before counts
         bool earlier = false;    // of before this server
     };
+    /// What a peer asks a player for, or is answered.
+    struct Control {
+        std::string peer;
+        std::uint64_t session = 0;
+        std::string text;
+    };
     MirrorServerOptions options;
     std::string endpoint;
     std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
@@ -52,6 +58,7 @@ struct MirrorServer::Shared {
     std::vector<mirror::Submission> submissions;
     std::uint64_t submittedBytes = 0;
     std::vector<mirror::Verdict> verdicts;
+    std::vector<Control> controls, replies;
     MirrorServerStatistics statistics;
     std::vector<Diagnostic> diagnostics;
     char failure[160] = {};  // what a thread threw: nobody is served any more; there may be no memory for a string
@@ -133,6 +140,8 @@ class MirrorServer::Io {
     void hello(const std::string& identity, const mirror::Hello& hello, const std::string& user);
     void question(Peer& peer, std::span<const std::byte> bytes);
     void submission(Peer& peer, wire::Reader& in, const ZmqMessage& body);
+    void control(Peer& peer, wire::Reader& in);
+    void reply(Peer& peer, std::string_view text);
     void restart();
     void tick(Clock::time_point now);
     /// How long the thread may sleep.

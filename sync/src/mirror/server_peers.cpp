@@ -23,6 +23,7 @@ constexpr double kMostQuestions = 24;        // of a peer at once
 constexpr double kQuestionsPerSecond = 4;    // in the long run
 constexpr auto kForgetEvery = 250ms;         // raw frames for the sake of those who cannot read predicted ones
 constexpr std::size_t kMostMerged = 20000;   // frames
+constexpr std::size_t kMostControls = 16;    // that wait for the scene, of all peers
 constexpr std::size_t kMostVerdicts = 1000;  // that wait for their frame
 
 }  // namespace
@@ -38,7 +39,7 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
         if (!greeting.read(in)) return garbage("a malformed hello");
         return hello(identity, greeting, user);
     }
-    if (*type < Message::ack || *type > Message::submit)
+    if (*type < Message::ack || *type > Message::control)
         return garbage(fmt::format("a message of unknown type {}", static_cast<unsigned>(*type)));
     const auto found = peers_.find(identity);
     if (*type == Message::bye) {
@@ -84,10 +85,34 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
         case Message::submit:
             submission(peer, in, body);
             break;
+        case Message::control:
+            control(peer, in);
+            break;
         default:
             break;
     }
     peer.heard = Clock::now();
+}
+
+void MirrorServer::Io::reply(Peer& peer, std::string_view text) {
+    const std::uint64_t numbers[] = {peer.session};
+    mirror::write(message_, Message::reply, numbers);
+    wire::putText(message_, text);
+    sendTo(peer.identity, message_);
+}
+
+void MirrorServer::Io::control(Peer& peer, wire::Reader& in) {
+    const auto session = in.number<std::uint64_t>();
+    std::string text(in.text());
+    if (in.problem || text.size() > mirror::kLongestControl) return garbage("a malformed control");
+    if (session != peer.session) return;
+    if (peer.upstream == MirrorUpstream::none)
+        return reply(peer, "refused: this server takes no requests");
+    const std::scoped_lock lock(shared_->mutex);
+    // A seek may cost everybody a snapshot: no more of them than a frame has time for.
+    if (shared_->controls.size() >= kMostControls)
+        return reply(peer, "refused: too many commands wait");
+    shared_->controls.push_back({peer.identity, session, std::move(text)});
 }
 
 void MirrorServer::Io::refuse(const std::string& identity, const std::string& reason) {

@@ -25,6 +25,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <rtsg/core/bus.h>
@@ -62,6 +63,13 @@ struct LogOptions {
     /// The first keyframe of an epoch is written twice if it is not longer than this: nothing before it could stand
     /// in for it.
     std::uint64_t repeatFirstUpTo = std::uint64_t{1} << 20;
+    /// A new file is begun once the log takes so many bytes (and four times those of a keyframe), or so much scene
+    /// time, in seconds; 0: never. What is full is renamed: of a.rlog a.0001.rlog and so on, each a whole log of the
+    /// same session; a.rlog has the newest states. For apply(), which can take a keyframe to begin with.
+    std::uint64_t rotateBytes = 0;
+    double rotateSeconds = 0;
+    /// Of these files only those with something of the last so many seconds stay; 0: all.
+    double keepSeconds = 0;
     /// When the data has to be on the medium itself, not only with the system: costs milliseconds each time.
     enum class Sync : std::uint8_t { atClose, atKeyframes, always } sync = Sync::atClose;
     /// What becomes of a file of this name. One that is replaced is never cut: whoever reads it reads on.
@@ -111,6 +119,10 @@ class LogWriter : public Subscriber {
     Result<> checkFile();
     Result<> flush();
     bool keyframeDue(double now) const;
+    bool rotationDue(double now) const;
+    Result<> rotate(const ChangeSet& state);
+    Result<std::filesystem::path> freePieceName();
+    void dropOldPieces(double now);
     Diagnostic failure(std::string_view what, int error) const;
 
     std::filesystem::path file_;
@@ -125,6 +137,10 @@ class LogWriter : public Subscriber {
     double keyframeTime_ = 0;
     bool regular_ = true, firstOfEpoch_ = true;
     std::vector<LogKeyframe> keyframes_;
+    std::optional<double> pieceStart_;  // scene time of the file's first state
+    std::vector<std::pair<std::filesystem::path, double>>
+        pieces_;  // that were renamed, and the time of their last state
+    std::uint64_t pieceNumber_ = 0;
     ChangeEncoder encoder_;
     InputEncoder inputs_;
     ByteBuffer record_, headRecord_;

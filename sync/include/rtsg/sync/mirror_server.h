@@ -117,6 +117,11 @@ class MirrorServer : public Subscriber {
     /// still. Takes a snapshot if the server's replica could not keep up and was given up (statistics: stalls).
     void service();
 
+    /// service() asks it what peers that may send events have asked a player of a log for, as LogPlayer::command(); its
+    /// text goes back to them. Without one they are told that there is nothing to be played.
+    using Controller = std::function<std::string(std::string_view)>;
+    void onControl(Controller controller);
+
     // ---- of a scene that is a replica itself: see MirrorRelay --------------------------------------------------
     /// From now on service() checks what peers have sent, and instead of carrying it out hands it to `forward`, which
     /// returns the request's number there.
@@ -149,6 +154,7 @@ class MirrorServer : public Subscriber {
     std::unique_ptr<Encoder> encoder_;
     std::unique_ptr<Io> io_;
     Forward forward_;
+    Controller controller_;
     std::map<std::uint64_t, std::pair<std::uint64_t, std::uint64_t>> forwarded_;  // to client and request
     Attachment attachment_;
 };

@@ -1,0 +1,134 @@
+// Plays a log to mirrors, in time and as it is told.
+#include "serve_log.h"
+
+#include <chrono>
+#include <cstdio>
+#include <thread>
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <rtsg/core/terminal.h>
+#include <rtsg/sync/log_player.h>
+
+namespace rtsg::app {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Whole lines of standard input, as they come; never waits.
+class Lines {
+  public:
+    std::vector<std::string> take() {
+        std::vector<std::string> lines;
+        pollfd in{STDIN_FILENO, POLLIN, 0};
+        char buffer[4096];
+        while (!ended_ && ::poll(&in, 1, 0) > 0) {
+            const ssize_t count = ::read(STDIN_FILENO, buffer, sizeof(buffer));
+            if (count <= 0) {
+                ended_ = true;
+                break;
+            }
+            text_.append(buffer, static_cast<std::size_t>(count));
+            if (text_.size() > kLongest) text_.clear();  // no command is that long
+        }
+        for (std::size_t end; (end = text_.find('\n')) != std::string::npos; text_.erase(0, end + 1))
+            lines.push_back(text_.substr(0, end));
+        return lines;
+    }
+
+  private:
+    static constexpr std::size_t kLongest = 1 << 16;
+    std::string text_;
+    bool ended_ = false;
+};
+
+class Playing {
+  public:
+    Playing(LogPlayer& player, MirrorServer& server, bool json) : player_(player), server_(server), json_(json) {
+        server.onControl([this](std::string_view text) { return obey(text); });
+    }
+
+    void run(double seconds, bool control) {
+        Lines lines;
+        const auto start = Clock::now();
+        auto last = start;
+        while (!interrupted() && std::chrono::duration<double>(Clock::now() - start).count() < seconds) {
+            if (control)
+                for (const std::string& line : lines.take()) {
+                    fmt::print("{}\n", terminalText(obey(line)));
+                    std::fflush(stdout);
+                }
+            server_.service();
+            const auto now = Clock::now();
+            if (auto ok = player_.advance(std::chrono::duration<double>(now - last).count()); !ok)
+                fmt::print(stderr, "{}\n", terminalText(ok.error().format()));
+            last = now;
+            for (const Diagnostic& d : server_.takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+            std::this_thread::sleep_for(std::chrono::milliseconds(2));
+        }
+    }
+    void print() const {
+        const MirrorServerStatistics statistics = server_.statistics();
+        if (json_)
+            fmt::print("{{\"player\":{},\"peers\":{},\"bytes\":{},\"commands\":{},\"hash\":\"{}\"}}\n",
+                       player_.status(), statistics.peers, statistics.bytes, commands_, player_.scene().hash().hex());
+        else
+            fmt::print("at {:.3f} of {:.3f} s, state {}; {} commands, {} bytes to mirrors\n", player_.time(),
+                       player_.length(), player_.scene().sequence(), commands_, statistics.bytes);
+    }
+
+  private:
+    std::string obey(std::string_view text) {
+        ++commands_;
+        const auto status = player_.command(text);
+        return status ? *status : "refused: " + status.error().text;
+    }
+
+    LogPlayer& player_;
+    MirrorServer& server_;
+    std::uint64_t commands_ = 0;
+    bool json_;
+};
+
+}  // namespace
+
+void ServeLogArguments::addTo(Command& command) {
+    const std::string group = "Of a log";
+    command.addOption("--rate", rate, "seconds of the log a second")->preset()->range(1e-3, 1000.0)->group(group);
+    command.addFlag("--loop", loop, "from its end on at its start again")->group(group);
+    command.addFlag("--paused", paused, "begin in the first state and wait for commands")->group(group);
+    command
+        .addFlag(
+            "--control", control,
+            "commands as lines of standard input: pause, play, step [N], rate R, seek T, loop on|off, status; mirrors "
+            "that --upstream lets send may give them too")
+        ->group(group);
+}
+
+int serveLog(const std::string& log, const std::string& endpoint, const MirrorServerOptions& options,
+             const ServeLogArguments& arguments, double seconds, double linger, bool json) {
+    auto player = LogPlayer::open(log);
+    if (!player) return printError(player.error()), kBad;
+    (*player)->setRate(arguments.rate);
+    (*player)->setLoop(arguments.loop);
+    (*player)->pause(arguments.paused);
+    auto server = MirrorServer::start((*player)->scene(), endpoint, options);
+    if (!server) return printError(server.error()), kBad;
+    (void)interrupted();  // from here on an interruption ends in order
+    if (json)
+        fmt::print("{{\"endpoint\":{}}}\n", jsonString((*server)->endpoint()));
+    else
+        fmt::print("playing {} at {}\n", log, (*server)->endpoint());
+    std::fflush(stdout);
+    Playing playing(**player, **server, json);
+    playing.run(seconds, arguments.control);
+    const auto grace = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * linger));
+    if (!interrupted() && !(*server)->drain(grace)) fmt::print(stderr, "not all mirrors have caught up\n");
+    playing.print();
+    return kDone;
+}
+
+}  // namespace rtsg::app

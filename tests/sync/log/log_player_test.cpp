@@ -1,0 +1,112 @@
+// A log played in time: every state once, at its time; paused, stepped, sought, looped; and what is not understood.
+#include <rtsg/sync/log_player.h>
+
+#include <gtest/gtest.h>
+
+#include "support/log_support.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+/// Notes the states that a subscriber sees.
+struct States : Subscriber {
+    std::vector<std::uint64_t> seen;
+    Result<> apply(const Scene&, const ChangeSet& set) override {
+        seen.push_back(set.to);
+        return {};
+    }
+};
+
+class LogPlayers : public LogFolder {
+  protected:
+    /// Thirty frames, a tenth of a second apart: states 1 to 30, 2.9 s long.
+    void SetUp() override {
+        recorded = record(file(), 30, 7, denseKeyframes());
+        auto opened = LogPlayer::open(file());
+        ASSERT_TRUE(opened) << opened.error().format();
+        player = std::move(*opened);
+    }
+    void expectRecorded() const {
+        const std::uint64_t state = player->scene().sequence();
+        EXPECT_EQ(player->scene().dump(), recorded.dumps.at(state)) << "state " << state;
+    }
+
+    Recorded recorded;
+    std::unique_ptr<LogPlayer> player;
+};
+
+TEST_F(LogPlayers, EveryStateComesAtItsTime) {
+    EXPECT_NEAR(player->length(), 2.9, 1e-9);
+    EXPECT_EQ(player->time(), 0);
+    States states;
+    const Attachment attachment = player->scene().bus().attach(states);
+    states.seen.clear();
+    const std::uint64_t first = player->scene().sequence();
+    for (int i = 1; i <= 100; ++i) {
+        ASSERT_TRUE(player->advance(.03));
+        const double t = player->scene().now(), expected = std::min(i * .03, 2.9);
+        EXPECT_LE(t, expected + 1e-9);
+        EXPECT_GT(t, expected - .1 - 1e-9);
+        expectRecorded();
+    }
+    ASSERT_EQ(states.seen.size(), recorded.last - first);
+    for (std::size_t i = 0; i < states.seen.size(); ++i) EXPECT_EQ(states.seen[i], first + 1 + i);
+    EXPECT_TRUE(player->ended());
+    EXPECT_EQ(player->time(), player->length());
+}
+
+TEST_F(LogPlayers, ItDoesWhatItIsTold) {
+    const auto told = [&](std::string_view text) {
+        const auto status = player->command(text);
+        EXPECT_TRUE(status) << text << ": " << status.error().text;
+        expectRecorded();
+    };
+    told("rate 4");
+    ASSERT_TRUE(player->advance(.25));
+    EXPECT_NEAR(player->scene().now(), 1, 1e-9);
+    told("pause");
+    ASSERT_TRUE(player->advance(10));
+    EXPECT_NEAR(player->scene().now(), 1, 1e-9);
+    told("step");
+    EXPECT_NEAR(player->scene().now(), 1.1, 1e-9);
+    told("step 5");
+    EXPECT_NEAR(player->scene().now(), 1.6, 1e-9);
+    told("seek 0.55s");
+    EXPECT_NEAR(player->scene().now(), .5, 1e-9);
+    told("seek 2.5");
+    EXPECT_NEAR(player->scene().now(), 2.5, 1e-9);
+    told("seek 1000");
+    EXPECT_NEAR(player->scene().now(), 2.9, 1e-9);
+    told("play");
+    told("rate 1");
+    ASSERT_TRUE(player->advance(1));
+    EXPECT_TRUE(player->ended());
+    told("loop on");
+    EXPECT_FALSE(player->ended());
+    ASSERT_TRUE(player->advance(.35));
+    EXPECT_NEAR(player->scene().now(), .3, 1e-9);
+    expectRecorded();
+    EXPECT_EQ(*player->command("status"),
+              "{\"t\":0.350000,\"length\":2.900000,\"state\":4,\"paused\":false,\"rate\":1,\"loop\":true}");
+}
+
+TEST_F(LogPlayers, WhatIsNotUnderstoodChangesNothing) {
+    const std::string before = *player->command("status");
+    for (const char* text :
+         {"", "stop", "rate", "rate 0", "rate -1", "rate nan", "rate 1e9", "seek", "seek -1", "seek x", "seek inf",
+          "step 0", "step -1", "step 1e9", "loop", "loop maybe", "pause now", "status 1", " pause"}) {
+        EXPECT_FALSE(player->command(text)) << text;
+        EXPECT_EQ(*player->command("status"), before) << text;
+    }
+}
+
+TEST_F(LogPlayers, NoLogNoPlayer) {
+    EXPECT_FALSE(LogPlayer::open(file("none.rlog")));
+    writeAll(file("bad.rlog"), "no log at all");
+    EXPECT_FALSE(LogPlayer::open(file("bad.rlog")));
+}
+
+}  // namespace
+}  // namespace rtsg

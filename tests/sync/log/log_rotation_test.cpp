@@ -1,0 +1,110 @@
+// Logs in pieces: each a whole log of the same session, together every state once; and those that are too old let go.
+#include <algorithm>
+
+#include <gtest/gtest.h>
+
+#include "support/log_support.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+class Rotation : public LogFolder {
+  protected:
+    std::vector<std::filesystem::path> files() const {
+        std::vector<std::filesystem::path> result;
+        for (const auto& entry : std::filesystem::directory_iterator(folder)) result.push_back(entry.path());
+        std::ranges::sort(result);  // a.0001.rlog … a.rlog: in order of time
+        return result;
+    }
+    struct Piece {
+        std::uint64_t epoch = 0, first = 0, last = 0;
+        bool closed = false;
+    };
+    /// Replays it, and expects every state to be the recorded one.
+    Piece check(const std::filesystem::path& path, const Recorded& recorded) {
+        Piece piece;
+        auto replayer = Replayer::open(path);
+        EXPECT_TRUE(replayer) << replayer.error().format();
+        while (true) {
+            const auto more = (*replayer)->step();
+            EXPECT_TRUE(more) << more.error().format();
+            if (!more || !*more) break;
+            const std::uint64_t state = (*replayer)->scene().sequence();
+            if (state > 0) {
+                EXPECT_EQ((*replayer)->scene().dump(), recorded.dumps.at(state));
+            }
+            if (piece.last == 0) piece.first = state;
+            piece.last = state;
+        }
+        piece.epoch = (*replayer)->head().epoch;
+        piece.closed = (*replayer)->log().closed();
+        EXPECT_EQ((*replayer)->gaps(), 0u);
+        EXPECT_EQ((*replayer)->verified(), (*replayer)->frames());
+        return piece;
+    }
+    void expectOneSession(const Recorded& recorded) {
+        const auto all = files();
+        ASSERT_GT(all.size(), 3u);
+        Piece before;
+        for (const auto& path : all) {
+            SCOPED_TRACE(path);
+            const Piece piece = check(path, recorded);
+            EXPECT_TRUE(piece.closed);
+            if (before.last > 0) {
+                EXPECT_EQ(piece.epoch, before.epoch);
+                EXPECT_EQ(piece.first, before.last);  // where the one before ends, again as a keyframe
+            }
+            before = piece;
+        }
+        EXPECT_EQ(before.last, recorded.last);
+        EXPECT_EQ(all.back().filename(), "a.rlog");
+        EXPECT_EQ(all.front().filename(), "a.0001.rlog");
+    }
+};
+
+TEST_F(Rotation, BySizeKeepsEveryStateOnce) {
+    for (const Coding coding : {Coding::raw, Coding::smallest}) {
+        for (const auto& path : files()) std::filesystem::remove(path);
+        LogOptions options;
+        options.mode.coding = coding;
+        options.rotateBytes = 6000;
+        expectOneSession(record(file(), 300, 3, options));
+    }
+}
+
+TEST_F(Rotation, ByTime) {
+    LogOptions options;
+    options.rotateSeconds = 1;
+    const Recorded recorded = record(file(), 60, 4, options);
+    expectOneSession(recorded);
+    EXPECT_EQ(files().size(), 6u);  // 5.9 s
+}
+
+TEST_F(Rotation, OldPiecesAreLetGo) {
+    LogOptions options;
+    options.rotateSeconds = .5;
+    options.keepSeconds = 2;
+    const Recorded recorded = record(file(), 100, 5, options);
+    const auto all = files();
+    // Of the last two seconds all is there, and at most a piece more.
+    const Piece oldest = check(all.front(), recorded);
+    EXPECT_LE(recorded.times.at(oldest.first), 9.9 - 2);
+    EXPECT_GE(recorded.times.at(oldest.first), 9.9 - 2 - 1.2);
+    EXPECT_EQ(check(all.back(), recorded).last, recorded.last);
+}
+
+TEST_F(Rotation, PiecesOfAnEarlierSessionStay) {
+    LogOptions options;
+    options.rotateSeconds = 1;
+    record(file(), 30, 6, options);
+    const std::string first = readAll(file("a.0001.rlog"));
+    const std::size_t before = files().size();
+    record(file(), 30, 8, options);
+    EXPECT_EQ(readAll(file("a.0001.rlog")), first);
+    EXPECT_EQ(files().size(), 2 * before - 1);  // a.rlog itself was replaced
+}
+
+}  // namespace
+}  // namespace rtsg
