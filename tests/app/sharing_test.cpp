@@ -221,6 +221,7 @@ TEST_F(Mirror, ALogIsPlayedToMirrorsAndDoesWhatTheySay) {
     const json report = json::parse(followed.out);
     expectEqual(report);
     EXPECT_EQ(report.at("hash"), end);
+    EXPECT_THAT(followed.err, HasSubstr("\"length\":4.000000"));
     EXPECT_EQ(server->wait().status, 0);
 
     // Those that may not send, may not play.

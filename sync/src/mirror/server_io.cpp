@@ -174,9 +174,7 @@ void MirrorServer::Io::takeInbox() {
         verdicts.swap(shared_->verdicts);
         replies.swap(shared_->replies);
     }
-    for (const Shared::Control& answer : replies)
-        if (const auto peer = peers_.find(answer.peer); peer != peers_.end() && peer->second.session == answer.session)
-            reply(peer->second, answer.text);
+    for (const Shared::Control& answer : replies) reply(answer);
     for (Shared::Item& item : items) {
         if (item.restart) restart();
         if (item.requested) {

@@ -141,7 +141,7 @@ class MirrorServer::Io {
     void question(Peer& peer, std::span<const std::byte> bytes);
     void submission(Peer& peer, wire::Reader& in, const ZmqMessage& body);
     void control(Peer& peer, wire::Reader& in);
-    void reply(Peer& peer, std::string_view text);
+    void reply(const Shared::Control& control);
     void restart();
     void tick(Clock::time_point now);
     /// How long the thread may sleep.

@@ -94,11 +94,12 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
     peer.heard = Clock::now();
 }
 
-void MirrorServer::Io::reply(Peer& peer, std::string_view text) {
-    const std::uint64_t numbers[] = {peer.session};
+/// Also to a peer that has to join anew, as after a seek: it said hello by the same connection.
+void MirrorServer::Io::reply(const Shared::Control& control) {
+    const std::uint64_t numbers[] = {control.session};
     mirror::write(message_, Message::reply, numbers);
-    wire::putText(message_, text);
-    sendTo(peer.identity, message_);
+    wire::putText(message_, control.text);
+    sendTo(control.peer, message_);
 }
 
 void MirrorServer::Io::control(Peer& peer, wire::Reader& in) {
@@ -107,11 +108,11 @@ void MirrorServer::Io::control(Peer& peer, wire::Reader& in) {
     if (in.problem || text.size() > mirror::kLongestControl) return garbage("a malformed control");
     if (session != peer.session) return;
     if (peer.upstream == MirrorUpstream::none)
-        return reply(peer, "refused: this server takes no requests");
+        return reply({peer.identity, session, "refused: this server takes no requests"});
     const std::scoped_lock lock(shared_->mutex);
     // A seek may cost everybody a snapshot: no more of them than a frame has time for.
     if (shared_->controls.size() >= kMostControls)
-        return reply(peer, "refused: too many commands wait");
+        return reply({peer.identity, session, "refused: too many commands wait"});
     shared_->controls.push_back({peer.identity, session, std::move(text)});
 }
 
