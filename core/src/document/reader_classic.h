@@ -59,6 +59,7 @@ class ClassicReader final : private FieldTextReport {
     void listItem();
     void fieldItem(std::string_view name, const char* at);
     void unknownField(std::string_view name, const char* at);
+    void keepText(std::string_view name, const char* where, const char* start, bool isList);
     bool startsNode();
     void nodeStatement(const FieldRef& into);
     void beginNode(std::string_view type, std::string_view def, const FieldRef& into, const char* at);
@@ -114,6 +115,7 @@ class ClassicReader final : private FieldTextReport {
     ProgressMeter meter_;
     ReaderTypes types_;
     std::set<std::string, std::less<>> names_;  // of fields that nodes do not have
+    const char* valueEnd_ = nullptr;            // of skipValue()
     const char* told_ = nullptr;                // the end of the last comment
     std::vector<Frame> frames_;
     std::size_t lists_ = 0;  // open lists since the innermost prototype began
@@ -124,7 +126,8 @@ class ClassicReader final : private FieldTextReport {
     bool began_ = false;                  // the handler has been told of the document
     std::optional<std::string> comment_;  // lines read and not told yet
     const char *commentStart_ = nullptr, *commentEnd_ = nullptr;
-    std::vector<std::pair<std::string, SourceLocation>> early_;  // comments before the document begins
+    std::vector<std::pair<std::string, SourceLocation>> early_;  // comments before the document begins,
+                                                                 // or read together with a value that comes first
     Units units_;
 };
 

@@ -1,4 +1,7 @@
 // Inside a ClassicVRML node: words, field values, declarations, and how to go on after an error.
+#include <algorithm>
+#include <utility>
+
 #include "reader_classic.h"
 #include "suggestion.h"
 
@@ -31,7 +34,7 @@ void ClassicReader::tellComment() {
     const std::string text = tidyComment(*comment_);
     comment_.reset();
     if (text.empty()) return;
-    if (!began_)
+    if (!began_ || holdsText_)
         early_.emplace_back(text, at(commentStart_));
     else
         handler_->comment(text, at(commentStart_));
@@ -103,13 +106,18 @@ bool ClassicReader::startsItem(std::string_view next) const {
     return accessFromKeyword(next, access);
 }
 
-/// Skips a value of unknown type, or what is left of a bad one: numbers, strings, a list, or one node.
+/// Skips a value of unknown type, or what is left of a bad one: numbers, strings, a list, or one node. `valueEnd_` is
+/// then behind it, and before the comments that follow.
 void ClassicReader::skipValue() {
     bool any = false;
     for (;;) {
+        valueEnd_ = p_;
         skipSpace();
         if (p_ == end_ || *p_ == '}' || *p_ == ']') return;
-        if (*p_ == '[' || *p_ == '{') return skipBalanced();
+        if (*p_ == '[' || *p_ == '{') {
+            skipBalanced();
+            break;
+        }
         if (*p_ == '"') {
             String text;
             FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
@@ -131,16 +139,19 @@ void ClassicReader::skipValue() {
         if (next == "NULL" || next == "USE" || next == "IS") {
             word();
             if (next != "NULL") word();
-            return;
+            break;
         }
         if (next == "DEF") {
             word();
             word();
         }
         word();
-        if (peekIs('{')) skipBalanced();
-        return;
+        valueEnd_ = p_;
+        if (!peekIs('{')) return;
+        skipBalanced();
+        break;
     }
+    valueEnd_ = p_;
 }
 
 void ClassicReader::nodeStatement(const FieldRef& into) {
@@ -318,10 +329,16 @@ void ClassicReader::unknownField(std::string_view name, const char* where) {
     holdsText_ = !shape.known();
     skipValue();
     holdsText_ = false;
-    if (shape.known() || p_ == start) return;
+    if (!shape.known() && p_ != start) keepText(name, where, start, isList);
+    // What was said behind the value.
+    for (const auto& [text, place] : std::exchange(early_, {})) handler_->comment(text, place);
+}
+
+/// The value from `start` to `valueEnd_` as a field of the open node, which is of an unknown type.
+void ClassicReader::keepText(std::string_view name, const char* where, const char* start, bool isList) {
     if (!frames_.back().unknownGiven.insert(kept(name)).second)
         return error(start, std::string(name.substr(0, 80)) + " is given already; this is left out");
-    std::string_view text(start, static_cast<std::size_t>(p_ - start));
+    std::string_view text(start, static_cast<std::size_t>(std::max(valueEnd_, start) - start));
     const auto isFiller = [](char c) { return isSpace(c) || c == ','; };
     while (!text.empty() && isFiller(text.back())) text.remove_suffix(1);
     if (isList) text = text.substr(1, text.size() - (text.ends_with(']') ? 2 : 1));

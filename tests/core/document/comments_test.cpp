@@ -102,6 +102,19 @@ TEST(Comments, StandWhereTheyStoodInClassicVrml) {
                                               "before the value <P>", "in a body <end>", "at the end <end>"));
 }
 
+// Values in nodes of unknown types are kept as text, of which comments behind them are no part.
+TEST(Comments, BehindTheValuesOfUnknownNodesAreNoPartOfThem) {
+    const std::string text =
+        "#X3D V4.0 utf8\nPROFILE Full\nWidget {\n  label \"a\"\n  # first\n  size 1 2\n  # second\n  parts [ 3 4 ]\n  "
+        "# "
+        "third\n  inner Part { x 1 }\n  # fourth\n  other \"b\"\n}\n";
+    const std::string once = written(text, Encoding::classicVrml);
+    EXPECT_EQ(written(once, Encoding::classicVrml), once);
+    EXPECT_THAT(once, HasSubstr("label \"a\"\n"));
+    for (const char* comment : {"# first\n", "# second\n", "# third\n", "# fourth\n"})
+        EXPECT_EQ(once.find(comment), once.rfind(comment)) << once;
+}
+
 TEST(Comments, AreTheSameThroughEveryEncodingAndBack) {
     const std::vector<std::string> before = read(kClassic).comments;
     for (const Encoding encoding : {Encoding::classicVrml, Encoding::vrml97, Encoding::xml}) {
