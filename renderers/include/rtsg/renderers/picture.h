@@ -20,8 +20,8 @@ struct Picture {
     int width = 0, height = 0;
     ColorSpace space = ColorSpace::linear;  // or display
     std::vector<Vec4f> pixels;              // width * height
-    /// Half the width of each pixel's 95 % interval, by channel, in `space`; empty unless an error was to be reached. In
-    /// .exr of linear pictures as layer "interval".
+    /// Half the width of each pixel's 95 % interval, by channel, in `space`; empty unless an error was to be reached.
+    /// In .exr of linear pictures as layer "interval".
     std::vector<Vec3f> interval;
 
     Picture() = default;
