@@ -116,9 +116,8 @@ class CountFilter final : public Filter {
 ///   drop-comments  leaves out comments, and what is said about declarations
 ///   drop-defaults  leaves out values that are their fields' defaults
 ///   drop-metadata  leaves out metadata nodes, WorldInfo and META
-///   quantise-E     (E is 1e-3, 1e-4 or 1e-5) makes numbers the shortest decimals that are at most E away; rotations
-///   and
-///                  times stay
+///   quantise-E     (E is 1e-3, 1e-4 or 1e-5) makes numbers the shortest decimals that are at most E away;
+///                  rotations and times stay
 ///   short-names    renames DEFs to n1, n2, ... in the order in which they appear (imported and exported names stay)
 ///   drop-scripts   leaves out Scripts and the routes to and from them
 std::unique_ptr<DocumentHandler> makeFilter(std::string_view name, DocumentHandler& next);
