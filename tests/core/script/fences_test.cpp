@@ -134,7 +134,14 @@ TEST(ScriptFences, TextsOfFunctionsTakeNothing) {
         EXPECT_EQ(s.get<std::int32_t>("n"), 192) << s.problems();
         after = residentBytes();
     }).join();
+    // 192 MiB, were they kept. AddressSanitizer holds back up to 256 MiB of what is freed, so nothing can be told
+    // there.
+#if defined(__SANITIZE_ADDRESS__)
+    (void)before, (void)after;
+    GTEST_SKIP() << "AddressSanitizer keeps freed memory";
+#else
     EXPECT_LT(after, before + 128 * kMiB);
+#endif
 }
 
 TEST(ScriptFences, WhatOtherThreadsTakeDoesNotCount) {
