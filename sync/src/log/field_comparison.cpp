@@ -186,7 +186,7 @@ struct FieldComparison::State {
                 isNew = true;
             }
             Watch& watch = watches[found->second];
-            (first ? watch.a : watch.b) = {node.id(), i};
+            (first ? watch.a : watch.b) = Place{.node = node.id(), .field = i};
             auto& ofNode = side.watches[node.id().value];
             if (std::ranges::find(ofNode, found->second) == ofNode.end()) ofNode.push_back(found->second);
             queue(found->second);
