@@ -40,7 +40,10 @@ int wrongUsage(const Command& program, const UsageError& error) {
     if (const std::string meant = suggestion(program, error); !meant.empty())
         fmt::print(stderr, "did you mean {}?\n", meant);
     const Command* verb = program.parsedVerb();
-    fmt::print(stderr, "rtsg help{} says more\n", verb ? " " + verb->name() : "");
+    if (verb && verb->name() == "help")
+        fmt::print(stderr, "rtsg help names the verbs\n");
+    else
+        fmt::print(stderr, "rtsg help{} says more\n", verb ? " " + verb->name() : "");
     return kUsage;
 }
 
@@ -50,7 +53,11 @@ int run(int argc, char** argv) {
                     "A SCENE is a file (X3D XML, ClassicVRML, VRML97, also gzipped) or - for standard input.",
                     RTSG_VERSION);
     const std::vector<Verb> verbs = addVerbs(program);
-    if (argc > 1 && !isVerbOrOption(program, argv[1])) return kUsage;
+    if (argc < 2) {
+        fmt::print(stderr, "{}", program.help());
+        return kUsage;
+    }
+    if (!isVerbOrOption(program, argv[1])) return kUsage;
     try {
         if (const auto status = program.parse(argc, argv)) return *status == 0 ? kDone : kUsage;
         for (const Verb& verb : verbs)

@@ -25,7 +25,7 @@ HEADERS = {
 # Names of outside libraries that only one room may use, comments aside.
 NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}
 # Outside libraries that only one room may include.
-DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
+DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
          r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror"), r"^AL/": ("audio", "signal")}
 
 

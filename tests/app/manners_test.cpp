@@ -81,7 +81,15 @@ TEST_F(Manners, SaysWhatWasMeant) {
     EXPECT_THAT(said({"render", file, "-o", "a.png", "--integrator", "whited"}), HasSubstr("did you mean whitted?"));
     EXPECT_THAT(said({"convert", file, "-", "--filter", "drop-metdata"}), HasSubstr("did you mean drop-metadata?"));
     EXPECT_THAT(said({"help", "rendr"}), HasSubstr("did you mean render?"));
+    EXPECT_THAT(said({"help", "xyzzy"}), HasSubstr("rtsg help names the verbs"));
     EXPECT_THAT(said({"render"}), HasSubstr("rtsg help render"));
+}
+
+TEST_F(Manners, WithoutAVerbTheVerbsAreNamed) {
+    const Outcome bare = rtsg({});
+    EXPECT_EQ(bare.status, 2);
+    EXPECT_EQ(bare.out, "");
+    EXPECT_EQ(bare.err, rtsg({"help"}).out);
 }
 
 TEST_F(Manners, HelpAndVersion) {

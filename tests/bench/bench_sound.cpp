@@ -5,12 +5,12 @@
 #include <filesystem>
 
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
 
 #include <rtsg/audio/acoustic_tables.h>
 #include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/world_geometry.h>
 #include <rtsg/core/loader.h>
+#include <rtsg/renderers/parallel_for.h>
 #include <rtsg/renderers/shared_world.h>
 
 #include "bare_embree.h"
@@ -23,7 +23,7 @@ namespace {
 
 template <class Run>
 void onOneThread(const Run& run) {
-    tbb::task_arena(1).execute(run);
+    withThreads(1, run);
 }
 
 /// Notes what a tracer asks.

@@ -4,7 +4,7 @@
 #include <limits>
 #include <utility>
 
-#include <tbb/task_arena.h>
+#include <rtsg/renderers/parallel_for.h>
 
 #include "trace/reach.h"
 
@@ -65,7 +65,7 @@ std::optional<TracedResponse> TraceWorker::take() {
 
 void TraceWorker::run() {
     // One core is the sound's own.
-    tbb::task_arena arena(std::max(1, tbb::this_task_arena::max_concurrency() - 1));
+    const unsigned threads = std::max(1u, availableThreads() - 1);
     WorldGeometry geometry;
     for (;;) {
         std::optional<TraceJob> job;
@@ -76,7 +76,7 @@ void TraceWorker::run() {
             job = std::exchange(job_, std::nullopt);
         }
         TracedResponse response;
-        arena.execute([&] {
+        withThreads(threads, [&] {
             geometry.follow(job->state->walls, *job->rays);
             response = traceResponse(*job, geometry);
         });

@@ -4,9 +4,8 @@
 #include <limits>
 #include <numbers>
 
-#include <tbb/parallel_for.h>
-
 #include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/renderers/parallel_for.h>
 
 #include "batch_tracer.h"
 
@@ -175,7 +174,7 @@ void refineAs(const AcousticGeometry& geometry, TraceResult& result, const glm::
     const std::size_t count = result.batches.size();
     const Task<N> task(geometry, source, listener, options, result);
     std::vector<Batch<N>> fresh(count);
-    tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+    parallelFor(count, [&](std::size_t i) {
         BatchTracer<N>(task, fresh[i], Random::mix(options.seed, Random::mix(result.rays, i))).run(each);
     });
     const double total = static_cast<double>(result.rays + each * count);

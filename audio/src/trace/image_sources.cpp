@@ -5,10 +5,8 @@
 #include <unordered_map>
 #include <utility>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <rtsg/audio/image_sources.h>
+#include <rtsg/renderers/parallel_for.h>
 
 #include "places.h"
 
@@ -324,11 +322,12 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3
     result.candidates = candidates.all.size();
     const glm::dvec3 beside = aside(geometry, listener);
     std::vector<std::vector<Path>> paths(candidates.all.size());
-    tbb::parallel_for(
-        tbb::blocked_range<std::size_t>(1, std::max<std::size_t>(1, paths.size()), 64), [&](const auto& range) {
-            for (std::size_t i = range.begin(); i != range.end(); ++i)
-                Retracer(geometry, source, candidates.all[i], result.order, options.minShare, paths[i]).run(beside);
-        });
+    constexpr std::size_t kChunk = 64;
+    parallelFor((paths.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+        const std::size_t end = std::min(paths.size(), (chunk + 1) * kChunk);
+        for (std::size_t i = std::max<std::size_t>(1, chunk * kChunk); i < end; ++i)
+            Retracer(geometry, source, candidates.all[i], result.order, options.minShare, paths[i]).run(beside);
+    });
     for (std::size_t i = 1; i < paths.size(); ++i)
         for (const Path& path : paths[i]) keep(path, candidates.all[i].position);
     std::stable_sort(result.arrivals.begin(), result.arrivals.end(),

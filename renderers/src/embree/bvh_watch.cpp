@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstring>
 
-#include <tbb/task_arena.h>
+#include <rtsg/renderers/parallel_for.h>
 
 namespace rtsg::bvh {
 
@@ -97,7 +97,7 @@ BvhWatch::BvhWatch(RTCDevice device, const Mesh& mesh) {
     arguments.createLeaf = createLeaf;
     const BuiltNode* root = nullptr;
     // On this thread alone: the frame wants the other cores.
-    tbb::task_arena(1).execute([&] { root = static_cast<const BuiltNode*>(rtcBuildBVH(&arguments)); });
+    withThreads(1, [&] { root = static_cast<const BuiltNode*>(rtcBuildBVH(&arguments)); });
 
     struct Visit {
         const BuiltNode* node;

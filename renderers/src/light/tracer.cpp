@@ -10,9 +10,8 @@
 #include <tuple>
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
+#include <rtsg/renderers/parallel_for.h>
 #include <rtsg/renderers/shared_world.h>
 
 #include "adaptive.h"
@@ -392,11 +391,10 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
     picture.space = scene.space == ColorSpace::linear ? ColorSpace::linear : ColorSpace::display;
     if (settings.error > 0) picture.interval.resize(picture.pixels.size(), Vec3f(0));
     Drawing drawing(scene, camera, settings, picture);
-    // No more than there are: TBB would only warn.
-    const int available = tbb::this_task_arena::max_concurrency();
-    tbb::task_arena arena(
-        settings.threads == 0 ? available : std::min(available, static_cast<int>(std::min(settings.threads, 1024u))));
-    arena.execute([&] { tbb::parallel_for(0, drawing.tiles(), [&](int tile) { drawing.draw(tile); }); });
+    withThreads(settings.threads, [&] {
+        parallelFor(static_cast<std::size_t>(drawing.tiles()),
+                    [&](std::size_t tile) { drawing.draw(static_cast<int>(tile)); });
+    });
     if (stats) {
         drawing.tell(*stats);
         stats->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

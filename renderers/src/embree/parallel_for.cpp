@@ -1,0 +1,80 @@
+// Parallel loops on oneTBB, with their start and end told to ThreadSanitizer.
+#include "rtsg/renderers/parallel_for.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+
+#if defined(__SANITIZE_THREAD__)
+#include <sanitizer/tsan_interface.h>
+#endif
+
+namespace rtsg {
+namespace {
+
+// oneTBB as packaged is not instrumented: ThreadSanitizer sees neither that what was written before a loop is there in
+// its iterations, nor that they have ended when the loop returns. These two say so; elsewhere they cost nothing.
+#if defined(__SANITIZE_THREAD__)
+void tellReached(const char& point) {
+    __tsan_release(const_cast<char*>(&point));
+}
+void tellSeen(const char& point) {
+    __tsan_acquire(const_cast<char*>(&point));
+}
+#else
+void tellReached(const char&) {}
+void tellSeen(const char&) {}
+#endif
+
+/// The start and the end of a loop, or of work that another thread may take over.
+class Section {
+  public:
+    Section() { tellReached(start_); }
+    ~Section() { tellSeen(end_); }
+    Section(const Section&) = delete;
+    Section& operator=(const Section&) = delete;
+
+    /// One call within it.
+    class Part {
+      public:
+        explicit Part(const Section& section) : section_(section) { tellSeen(section_.start_); }
+        ~Part() { tellReached(section_.end_); }
+        Part(const Part&) = delete;
+        Part& operator=(const Part&) = delete;
+
+      private:
+        const Section& section_;
+    };
+
+  private:
+    char start_ = 0;
+    char end_ = 0;
+};
+
+}  // namespace
+
+unsigned availableThreads() {
+    return static_cast<unsigned>(std::max(1, tbb::this_task_arena::max_concurrency()));
+}
+
+void parallelFor(std::size_t count, const std::function<void(std::size_t)>& body) {
+    const Section loop;
+    tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+        const Section::Part iteration(loop);
+        body(i);
+    });
+}
+
+void withThreads(unsigned threads, const std::function<void()>& work) {
+    // No more than there are: oneTBB would only warn.
+    const unsigned available = availableThreads();
+    tbb::task_arena arena(static_cast<int>(threads == 0 ? available : std::min(threads, available)));
+    const Section section;
+    arena.execute([&] {
+        const Section::Part whole(section);
+        work();
+    });
+}
+
+}  // namespace rtsg
