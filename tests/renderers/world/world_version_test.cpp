@@ -277,14 +277,15 @@ TEST(WorldVersion, DeformingMeshesTakeTurns) {
             fresh.show(shown);
             EXPECT_TRUE(sameHits(*version, fresh.world, random, 30)) << frame;
         }
-        // Four trees take turns: no more come.
+        // Four trees take turns: no more come. (Embree's blocks of memory are as many as threads took part in a build, so
+        // that equal trees differ in size by up to 2; without turns there would be 60 trees at the end.)
         if (frame == 10) bytes = shape.world.memory().bvhBytes;
     }
-    EXPECT_LT(shape.world.memory().bvhBytes, bytes + bytes / 2);
+    EXPECT_LT(shape.world.memory().bvhBytes, 3 * bytes);
     held.clear();
     for (int frame = 0; frame < 4; ++frame)
         shape.show(moved(*rest, [&](Vec3f p) { return twist(p, .02f * static_cast<float>(frame)); }));
-    EXPECT_LT(shape.world.memory().bvhBytes, bytes / 2) << "when nobody holds any, one is enough";
+    EXPECT_LT(shape.world.memory().bvhBytes, bytes * 3 / 4) << "when nobody holds any, one is enough";
 }
 
 /// Of rays that are not too close to call, how many were compared with the brute force, and how many differed.
