@@ -69,8 +69,7 @@ bool readClassic(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnost
 /// `utf8`: the text is valid UTF-8; if not, it is in whatever encoding the XML declaration or a BOM names.
 bool readXml(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
              const ReaderProgress& progress);
-
-bool readJson(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
-              const ReaderProgress& progress);
+/// A file is read twice, so that nothing but its values is kept; what can be read only once is kept as a whole.
+bool readJson(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress);
 
 }  // namespace rtsg::detail

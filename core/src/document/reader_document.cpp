@@ -45,7 +45,7 @@ bool isHeaded(std::string_view text) {
 
 namespace {
 
-/// Of a document whose text comes as it is needed. JSON is looked at twice, and so is there as a whole.
+/// Of a document whose text comes as it is needed.
 bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
               Diagnostics& diagnostics, const Progress& progress) {
     feed.fill(detail::TextFeed::kHead);
@@ -71,8 +71,7 @@ bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, Document
     if (encoding == Encoding::xml) {
         complete = detail::readXml(feed, utf8, handler, diagnostics, progress);
     } else if (encoding == Encoding::json) {
-        feed.fill();
-        complete = detail::readJson(text(), handler, diagnostics, progress);
+        complete = detail::readJson(feed, handler, diagnostics, progress);
     } else {
         complete = detail::readClassic(feed, handler, diagnostics, progress);
     }

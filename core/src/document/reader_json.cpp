@@ -1,8 +1,11 @@
-// Reader of the JSON encoding: a first pass matches brackets, so that the second can skip any value at once and look
-// for an element's attributes wherever they stand. Explicit stacks throughout; both passes are linear. Source: X3D JSON
-// encoding, ISO/IEC 19776-5 draft: "@name" attributes, "-field" nodes, "#comment", "#sourceCode".
+// Reader of the JSON encoding: a first look (json_outline.h) matches brackets, so that the second can go through the
+// text once, in blocks, and forget what is behind it. An explicit stack throughout. Source: X3D JSON encoding, ISO/IEC
+// 19776-5 draft: "@name" attributes, "-field" nodes, "#comment", "#sourceCode".
 #include <algorithm>
+#include <cstring>
+#include <optional>
 
+#include "json_outline.h"
 #include "reader_element.h"
 #include "value/text_position.h"
 
@@ -12,29 +15,36 @@ namespace {
 
 class JsonReader final : private ElementReader {
   public:
-    JsonReader(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
+    JsonReader(TextFeed& text, JsonOutline outline, DocumentHandler& handler, Diagnostics& diagnostics,
                const ReaderProgress& progress)
         : ElementReader(Encoding::json, handler, diagnostics),
-          text_(text),
-          position_(text.data()),
-          meter_(text.size(), progress) {}
+          feed_(text),
+          outline_(std::move(outline)),
+          position_(text.begin()),
+          begin_(text.begin()),
+          released_(begin_),
+          p_(begin_),
+          meter_(text.total(), progress) {
+        findEnd();
+    }
 
     bool read() {
-        const bool complete = matchBrackets();
-        const std::size_t root = skipSpace(0);
-        if (root == text_.size() || text_[root] != '{') {
-            error("a JSON document of X3D is an object");
+        p_ = skipSpace(p_);
+        if (at(p_) != '{') {
+            complain(p_, "a JSON document of X3D is an object");
             return false;
         }
-        frames_.push_back({Inside::wrapper, root + 1, closeOf(root), {}, {}});
+        ++p_;
+        frames_.push_back({Inside::wrapper, {}, {}});
         while (!frames_.empty()) step();
         if (!finish()) {
-            at_ = 0;
+            where_ = {1, 1};
             error("there is no X3D object in the document");
             return false;
         }
+        while (feed_.more()) feed_.release(feed_.end());
         meter_.finish();
-        return complete;
+        return outline_.complete;
     }
 
   private:
@@ -46,171 +56,156 @@ class JsonReader final : private ElementReader {
     };
     struct Frame {
         Inside inside;
-        std::size_t at, end;
         std::string name;  // elements: of each
         std::string containerField;
     };
-    struct Bracket {
-        std::size_t open, close;
+    /// A list of numbers that was read past attributes_.
+    struct Early {
+        std::size_t index;  // of its placeholder in attributes_
+        Value value;
+        SourceLocation where;
     };
+    class LongValue;
 
-    SourceLocation where() override { return position_.of(text_.data() + std::min(at_, text_.size())); }
+    SourceLocation where() override { return where_; }
     SourceLocation locate(const char*) override {
         // The values are copies; the start of the original is near enough.
         const std::string_view name(parsedAttribute() ? parsedAttribute() : "");
-        for (std::size_t i = 0; i + 1 < attributes_.size(); i += 2)
-            if (name == attributes_[i]) return position_.of(text_.data() + valuePositions_[i / 2]);
-        return where();
+        for (std::size_t i = 0; i + 1 < attributes_.size(); i += 2) {
+            if (name != attributes_[i]) continue;
+            const Early* early = earlyAt(i + 1);
+            return early ? early->where : position_.of(valuePositions_[i / 2]);
+        }
+        return where_;
+    }
+    Value* parsedBefore(const char* text) override {
+        for (Early& early : early_)
+            if (attributes_[early.index] == text) return &early.value;
+        return nullptr;
+    }
+    const Early* earlyAt(std::size_t index) const {
+        const auto found = std::ranges::find(early_, index, &Early::index);
+        return found == early_.end() ? nullptr : &*found;
     }
 
-    // ---- first pass
-    bool matchBrackets() {
-        std::vector<std::size_t> open;  // indices in brackets_
-        std::size_t i = 0;
-        const char* complaint = nullptr;
-        bool value = false, comma = false;  // what came last, white space aside
-        while (i < text_.size() && !complaint) {
-            const char c = text_[i];
-            if (c == ' ' || c == '\n' || c == '\t' || c == '\r') {
-                ++i;
-                continue;
-            }
-            if (c == ',' || c == ':') {
-                if (c == ',' && !value) commaFault(i, "a comma too many");
-                value = false;
-                comma = c == ',';
-                ++i;
-                continue;
-            }
-            const bool closes = c == '}' || c == ']';
-            if (closes && comma) commaFault(i, "there is nothing between the last comma and this bracket");
-            if (!closes && value) commaFault(i, "a comma is missing before this");
-            comma = false;
-            value = closes;
-            if (c == '"') {
-                const std::size_t end = stringEnd(i);
-                if (end == text_.npos)
-                    complaint = "the string is not closed";
-                else
-                    i = end;
-                value = true;
-                continue;
-            }
-            if (c == '{' || c == '[') {
-                open.push_back(brackets_.size());
-                brackets_.push_back({i, 0});
-            } else if (closes) {
-                if (open.empty() || text_[brackets_[open.back()].open] != (c == '}' ? '{' : '[')) {
-                    complaint = "the bracket matches none";
-                    continue;
-                }
-                brackets_[open.back()].close = i;
-                open.pop_back();
-            } else {
-                // A number or a word.
-                while (i + 1 < text_.size() && !isSeparator(text_[i + 1]) && text_[i + 1] != ':') ++i;
-                value = true;
-            }
-            ++i;
-        }
-        if (!complaint && !open.empty()) complaint = "the document ends inside an object or array";
-        if (!complaint) return true;
-        at_ = i;
-        error(std::string("not well-formed JSON: ") + complaint + "; reading ends here");
-        text_ = text_.substr(0, i);
-        for (const std::size_t bracket : open) brackets_[bracket].close = i;
-        return false;
+    // ---- text
+    /// What is there so far, of what the first look let through.
+    void findEnd() {
+        const auto size = static_cast<std::uint64_t>(feed_.end() - begin_);
+        end_ = begin_ + std::min(size, outline_.end);
     }
-    /// Commas are read as white space, so that nothing is lost; a few faults are enough to see what is wrong.
-    void commaFault(std::size_t i, const char* what) {
-        constexpr int most = 20;
-        if (++commaFaults_ <= most) complain(i, what);
+    bool grow() {
+        const char* const before = end_;
+        if (!feed_.more()) return false;
+        findEnd();
+        return end_ != before;
     }
-    /// Behind the closing quote of the string that starts at `i`; npos if there is none.
-    std::size_t stringEnd(std::size_t i) const {
-        for (++i; i < text_.size(); ++i) {
-            if (text_[i] == '"') return i + 1;
-            if (text_[i] == '\\') ++i;
-        }
-        return text_.npos;
-    }
-    std::size_t closeOf(std::size_t open) const {
-        const auto found = std::ranges::lower_bound(brackets_, open, {}, &Bracket::open);
-        return found != brackets_.end() && found->open == open ? found->close : text_.size();
+    /// There is a character at `p`, maybe one that had to be fetched.
+    bool there(const char* p) { return p < end_ || (grow() && there(p)); }
+    char at(const char* p) { return there(p) ? *p : '\0'; }
+    void release(const char* upTo) {
+        constexpr std::ptrdiff_t kept = 1 << 20;  // behind the place where reading is
+        if (held_ || upTo - released_ < 2 * kept) return;
+        released_ = upTo - kept;
+        position_.of(released_);
+        feed_.release(released_);
     }
 
-    // ---- tokens; all positions stay within the text
-    std::size_t skipSpace(std::size_t i) const {
-        while (i < text_.size() && isSpace(text_[i])) ++i;
-        return i;
+    // ---- tokens
+    const char* skipSpace(const char* p) {
+        while (there(p) && isSpace(*p)) ++p;
+        return p;
     }
-    std::size_t valueEnd(std::size_t i) const {
-        if (i >= text_.size()) return text_.size();
-        if (text_[i] == '"') return std::min(stringEnd(i), text_.size());
-        if (text_[i] == '{' || text_[i] == '[') return std::min(closeOf(i) + 1, text_.size());
-        while (i < text_.size() && !isSeparator(text_[i])) ++i;
-        return i;
+    /// Behind the closing quote of the string that starts at `p`.
+    const char* stringEnd(const char* p) {
+        for (++p; there(p); ++p) {
+            if (*p == '"') return p + 1;
+            if (*p == '\\' && !there(++p)) break;
+        }
+        return end_;
     }
-    char at(std::size_t i) const { return i < text_.size() ? text_[i] : '\0'; }
+    const char* valueEnd(const char* p) {
+        const char c = at(p);
+        if (c == '"') return stringEnd(p);
+        if (c == '{' || c == '[') return behindClose(p + 1, 1);
+        while (there(p) && !isSeparator(*p)) ++p;
+        return p;
+    }
+    /// Behind the bracket that closes the outermost of so many open ones.
+    const char* behindClose(const char* p, std::size_t depth) {
+        while (there(p)) {
+            if (*p == '"') {
+                p = stringEnd(p);
+                continue;
+            }
+            if (*p == '{' || *p == '[') ++depth;
+            if ((*p == '}' || *p == ']') && --depth == 0) return p + 1;
+            ++p;
+        }
+        return end_;
+    }
 
-    /// The next member of an object: its key, and where its value starts. Moves behind the value.
-    bool nextMember(std::size_t& i, std::size_t end, std::string& key, std::size_t& value) {
-        i = skipSpace(i);
-        while (i < end && text_[i] != '"') {
-            complain(i, "expected a key in quotes");
-            i = skipSpace(std::max(valueEnd(i), i + 1));
+    /// The next member of an object: its key; `p` is then at its value. False at the object's end, where `p` is then.
+    bool nextMember(const char*& p, std::string& key) {
+        for (;;) {
+            p = skipSpace(p);
+            const char c = at(p);
+            if (c == '\0' || c == '}' || c == ']') return false;
+            if (c != '"') {
+                complain(p, "expected a key in quotes");
+                p = std::max(valueEnd(p), p + 1);
+                continue;
+            }
+            const char* const start = p;
+            p = stringEnd(p);
+            key = unescaped(start, p);
+            p = skipSpace(p);
+            if (at(p) == ':') {
+                p = skipSpace(p + 1);
+                return true;
+            }
+            complain(p, "expected ':' behind the key '" + key.substr(0, 40) + "'");
         }
-        if (i >= end) return false;
-        const std::size_t keyEnd = std::min(stringEnd(i), end);
-        key = unescaped(i, keyEnd);
-        const std::size_t colon = skipSpace(keyEnd);
-        if (at(colon) != ':') {
-            complain(colon, "expected ':' behind the key '" + key.substr(0, 40) + "'");
-            i = std::max(colon, keyEnd);
-            value = end;
-            return i < end;
-        }
-        value = std::min(skipSpace(colon + 1), end);
-        i = std::max(valueEnd(value), colon + 1);
-        return true;
     }
-    void complain(std::size_t i, std::string text) {
-        at_ = i;
+    void complain(const char* p, std::string text) {
+        where_ = position_.of(std::min(p, end_));
         error(std::move(text));
     }
     /// The text of the string literal in [start, end), quotes included.
-    std::string unescaped(std::size_t start, std::size_t end) {
+    std::string unescaped(const char* start, const char* end) {
+        const char* const stop = end > start + 1 && end[-1] == '"' ? end - 1 : end;
+        const char* p = start + 1;
         std::string result;
-        std::size_t i = start + 1;
-        const std::size_t stop = end > start + 1 && text_[end - 1] == '"' ? end - 1 : end;
-        while (i < stop) {
-            if (text_[i] != '\\' || i + 1 >= stop) {
-                result += text_[i++];
-                continue;
+        while (p < stop) {
+            const void* found = std::memchr(p, '\\', static_cast<std::size_t>(stop - p));
+            const char* const escape = found ? static_cast<const char*>(found) : stop;
+            result.append(p, escape);
+            p = escape;
+            if (p + 1 >= stop) {
+                result.append(p, stop);
+                break;
             }
             constexpr std::string_view letters = "bfnrt/\\\"", meanings = "\b\f\n\r\t/\\\"";
-            const char c = text_[i + 1];
-            if (c == 'u') {
-                i = appendUnicode(result, i, stop);
+            if (p[1] == 'u') {
+                p = appendUnicode(result, p, stop);
                 continue;
             }
-            const std::size_t which = letters.find(c);
-            if (which == letters.npos) complain(i, std::string("'\\") + c + "' is no escape in JSON");
-            result += which == letters.npos ? c : meanings[which];
-            i += 2;
+            const std::size_t which = letters.find(p[1]);
+            if (which == letters.npos) complain(p, std::string("'\\") + p[1] + "' is no escape in JSON");
+            result += which == letters.npos ? p[1] : meanings[which];
+            p += 2;
         }
         return result;
     }
-    bool hexadecimal(std::size_t i, std::size_t stop, std::uint32_t& out) const {
-        if (i + 6 > stop || text_[i] != '\\' || text_[i + 1] != 'u') return false;
-        const char* first = text_.data() + i + 2;
-        return std::from_chars(first, first + 4, out, 16).ptr == first + 4;
+    static bool hexadecimal(const char* p, const char* stop, std::uint32_t& out) {
+        if (stop - p < 6 || p[0] != '\\' || p[1] != 'u') return false;
+        return std::from_chars(p + 2, p + 6, out, 16).ptr == p + 6;
     }
-    std::size_t appendUnicode(std::string& out, std::size_t i, std::size_t stop) {
+    const char* appendUnicode(std::string& out, const char* p, const char* stop) {
         std::uint32_t code = 0, low = 0;
-        std::size_t next = i + 6;
-        bool good = hexadecimal(i, stop, code);
-        if (!good) next = i + 2;
+        const char* next = p + 6;
+        bool good = hexadecimal(p, stop, code);
+        if (!good) next = p + 2;
         if (good && code >= 0xD800 && code < 0xE000) {
             good = code < 0xDC00 && hexadecimal(next, stop, low) && low >= 0xDC00 && low < 0xE000;
             if (good) {
@@ -219,7 +214,7 @@ class JsonReader final : private ElementReader {
             }
         }
         if (!good || code == 0) {
-            complain(i, "the \\u escape names no character");
+            complain(p, "the \\u escape names no character");
             code = 0xFFFD;
         }
         const auto byte = [&](std::uint32_t bits) { out += static_cast<char>(bits); };
@@ -241,58 +236,67 @@ class JsonReader final : private ElementReader {
         return next;
     }
 
-    // ---- second pass
+    // ---- what the text says
     void step() {
-        Frame& frame = frames_.back();
-        if (frame.inside == Inside::wrapper || frame.inside == Inside::element) {
+        release(p_);
+        const Inside inside = frames_.back().inside;
+        if (inside == Inside::wrapper || inside == Inside::element) {
             std::string key;
-            std::size_t value = 0;
-            if (!nextMember(frame.at, frame.end, key, value)) return leave();
-            if (frame.inside == Inside::element)
-                member(key, value);
+            if (!nextMember(p_, key)) return leave();
+            if (inside == Inside::element)
+                member(key);
             else if (key == "#comment")
-                comments(value);
+                comments();
             else if (!key.starts_with('#'))
-                element(key, value, std::string(frame.containerField));
+                element(key, std::string(frames_.back().containerField));
+            else
+                p_ = valueEnd(p_);
             return;
         }
-        frame.at = skipSpace(frame.at);
-        if (frame.at >= frame.end) return leave();
-        const std::size_t item = frame.at;
-        frame.at = std::max(valueEnd(item), item + 1);
-        if (text_[item] != '{') return complain(item, "expected an object");
-        if (frame.inside == Inside::nodes)
-            frames_.push_back({Inside::wrapper, item + 1, closeOf(item), {}, std::string(frame.containerField)});
-        else
-            element(std::string(frame.name), item, {});
+        p_ = skipSpace(p_);
+        const char c = at(p_);
+        if (c == '\0' || c == ']' || c == '}') return leave();
+        if (c != '{') return skip(p_, "expected an object");
+        if (inside == Inside::elements) return element(std::string(frames_.back().name), {});
+        ++p_;
+        frames_.push_back({Inside::wrapper, {}, std::string(frames_.back().containerField)});
     }
     void leave() {
-        at_ = frames_.back().end;
+        where_ = position_.of(std::min(p_, end_));
+        if (there(p_)) ++p_;
         const bool isElement = frames_.back().inside == Inside::element;
         frames_.pop_back();
         if (isElement) end();
     }
+    /// Leaves the value out that p_ is at.
+    void skip(const char* complaintAt, std::string why) {
+        complain(complaintAt, std::move(why));
+        p_ = std::max(valueEnd(p_), std::min(p_ + 1, end_));
+    }
 
-    /// Starts the element whose object is at `object`.
-    void element(const std::string& name, std::size_t object, const std::string& containerField) {
-        meter_.at(object);
-        if (at(object) != '{') return complain(object, "expected an object for " + name.substr(0, 80));
-        const std::size_t close = closeOf(object);
+    /// Starts the element whose object is at p_.
+    void element(const std::string& name, const std::string& containerField) {
+        meter_.at(feed_.done(p_));
+        const char* const object = p_;
+        if (at(object) != '{') return skip(object, "expected an object for " + name.substr(0, 80));
         strings_.clear();
         valuePositions_.clear();
-        std::string key;
-        std::size_t i = object + 1, value = 0;
-        while (nextMember(i, close, key, value)) {
-            if (!key.starts_with('@') || value >= close) continue;
-            std::string text;
-            if (!attributeText(value, text)) continue;
-            if (text.find('\0') != text.npos) {
-                complain(value, "a zero byte has no place here");
-                continue;
-            }
-            strings_.push_back(key.substr(1));
-            strings_.push_back(std::move(text));
-            valuePositions_.push_back(value);
+        early_.clear();
+        SourceLocation place = position_.of(object);
+        ++p_;
+        const auto offset = static_cast<std::uint64_t>(object - begin_);
+        if (std::ranges::binary_search(outline_.late, offset)) {
+            // Its members are gone through twice, and all of it is kept until then.
+            held_ = true;
+            for (std::string key; nextMember(p_, key);)
+                if (key.starts_with('@'))
+                    attribute(name, key.substr(1));
+                else
+                    p_ = valueEnd(p_);
+            p_ = object + 1;
+            held_ = false;
+        } else {
+            attributesInFront(name);
         }
         if (!containerField.empty()) {
             strings_.emplace_back("containerField");
@@ -303,16 +307,62 @@ class JsonReader final : private ElementReader {
         for (const std::string& string : strings_) attributes_.push_back(string.c_str());
         const auto count = static_cast<int>(attributes_.size());
         attributes_.push_back(nullptr);
-        at_ = object;
+        where_ = place;
         start(name.c_str(), attributes_.data(), count);
         attributes_.clear();
-        frames_.push_back({Inside::element, object + 1, close, {}, {}});
+        early_.clear();
+        frames_.push_back({Inside::element, {}, {}});
+    }
+    void attributesInFront(const std::string& name) {
+        for (std::string key;;) {
+            const char* const before = p_;
+            if (!nextMember(p_, key)) return;
+            const char c = at(p_);
+            if (key.starts_with('@')) {
+                attribute(name, key.substr(1));
+            } else if (c != '{' && c != '[' && !key.starts_with('#')) {
+                p_ = scalar(key);
+            } else {
+                p_ = before;
+                return;
+            }
+        }
+    }
+    /// What is neither an attribute nor a node. Returns where it ends.
+    const char* scalar(const std::string& key) {
+        if (key != "encoding" && key != "JSON schema") complain(p_, "'" + key.substr(0, 80) + "' is unknown here");
+        return std::max(valueEnd(p_), std::min(p_ + 1, end_));
+    }
+
+    /// Takes the attribute's value, which is at p_.
+    void attribute(const std::string& element, const std::string& name) {
+        const char* const value = p_;
+        if (at(value) == '[' && isLong(value)) {
+            const FieldType type = longAttribute(element, name, given("name"));
+            if (type != FieldType::SFNode) return longValue(name, type);
+        }
+        std::string text;
+        p_ = valueEnd(value);
+        if (p_ == value) {
+            complain(value, "'" + name.substr(0, 80) + "' has no value");
+            return;
+        }
+        if (!attributeText(value, p_, text)) return;
+        if (text.find('\0') != text.npos) return complain(value, "a zero byte has no place here");
+        strings_.push_back(name);
+        strings_.push_back(std::move(text));
+        valuePositions_.push_back(value);
+    }
+    /// The value of an attribute of this element that has come already.
+    std::string given(std::string_view name) const {
+        for (std::size_t i = 0; i + 1 < strings_.size(); i += 2)
+            if (strings_[i] == name) return strings_[i + 1];
+        return {};
     }
 
     /// A value as the text of an XML attribute; false for null and for what is no attribute.
-    bool attributeText(std::size_t value, std::string& out) {
-        const std::size_t end = valueEnd(value);
-        const char c = at(value);
+    bool attributeText(const char* value, const char* end, std::string& out) {
+        const char c = *value;
         if (c == '"') {
             out = unescaped(value, end);
             return true;
@@ -322,19 +372,20 @@ class JsonReader final : private ElementReader {
             return false;
         }
         if (c != '[') {
-            out = text_.substr(value, end - value);
+            out.assign(value, end);
             return out != "null";
         }
         // An array: numbers stand as they are, strings get the quotes of MFString.
-        std::size_t i = value + 1;
-        const std::size_t close = closeOf(value);
-        while (i < close) {
-            const std::size_t quote = std::min(text_.find('"', i), close);
-            for (; i < quote; ++i) out += text_[i] == '[' || text_[i] == ']' ? ' ' : text_[i];
-            if (i >= close) break;
-            i = std::min(stringEnd(quote), close);
+        const char* p = value + 1;
+        const char* const close = end[-1] == ']' && end - 1 > value ? end - 1 : end;
+        while (p < close) {
+            const void* found = std::memchr(p, '"', static_cast<std::size_t>(close - p));
+            const char* const quote = found ? static_cast<const char*>(found) : close;
+            for (; p < quote; ++p) out += *p == '[' || *p == ']' ? ' ' : *p;
+            if (p >= close) break;
+            p = std::min(stringEnd(quote), close);
             out += '"';
-            for (const char letter : unescaped(quote, i)) {
+            for (const char letter : unescaped(quote, p)) {
                 if (letter == '"' || letter == '\\') out += '\\';
                 out += letter;
             }
@@ -343,82 +394,190 @@ class JsonReader final : private ElementReader {
         return true;
     }
 
-    void member(const std::string& key, std::size_t value) {
-        if (key.starts_with('@') || key == "encoding" || key == "JSON schema") return;
-        if (key == "#comment") return comments(value);
-        if (key == "#sourceCode" || key == "#sourceText") return source(value);
-        const char c = at(value);
-        if (key.starts_with('-')) {
-            if (c == '[')
-                frames_.push_back({Inside::nodes, value + 1, closeOf(value), {}, key.substr(1)});
-            else if (c == '{')
-                frames_.push_back({Inside::wrapper, value + 1, closeOf(value), {}, key.substr(1)});
-            else
-                complain(value, "'" + key.substr(0, 80) + "' takes nodes");
-            return;
+    /// Whether the array at `value` is worth reading in place. One that cannot be changed must be a plain list for
+    /// that.
+    bool isLong(const char* value) {
+        constexpr std::ptrdiff_t shortest = 4096;
+        if (!there(value + shortest)) return false;
+        if (std::memchr(value, ']', shortest)) return false;
+        if (!feed_.isWhole()) return true;
+        const auto size = static_cast<std::size_t>(end_ - value - 1);
+        const void* close = std::memchr(value, ']', size);
+        if (!close) return false;
+        const auto length = static_cast<std::size_t>(static_cast<const char*>(close) - value - 1);
+        return !std::memchr(value + 1, '[', length) && !std::memchr(value + 1, '"', length);
+    }
+    void longValue(const std::string& name, FieldType type);
+
+    void member(const std::string& key) {
+        const char c = at(p_);
+        if (key.starts_with('@')) {  // known since the element started
+            p_ = valueEnd(p_);
+        } else if (key == "#comment") {
+            comments();
+        } else if (key == "#sourceCode" || key == "#sourceText") {
+            source();
+        } else if (key.starts_with('-')) {
+            if (c != '[' && c != '{') return skip(p_, "'" + key.substr(0, 80) + "' takes nodes");
+            ++p_;
+            frames_.push_back({c == '[' ? Inside::nodes : Inside::wrapper, {}, key.substr(1)});
+        } else if (c == '[') {
+            ++p_;
+            frames_.push_back({Inside::elements, key, {}});
+        } else if (c == '{') {
+            element(key, {});
+        } else {
+            p_ = scalar(key);
         }
-        if (c == '[')
-            frames_.push_back({Inside::elements, value + 1, closeOf(value), key, {}});
-        else if (c == '{')
-            element(key, value, {});
-        else
-            complain(value, "'" + key.substr(0, 80) + "' is unknown here");
     }
     /// One, or an array of them.
-    void comments(std::size_t value) {
-        if (at(value) == '"') {
-            at_ = value;
-            return comment(unescaped(value, valueEnd(value)));
-        }
-        if (at(value) != '[') return complain(value, "#comment takes strings");
-        const std::size_t close = closeOf(value);
-        for (std::size_t i = skipSpace(value + 1); i < close; i = skipSpace(std::max(valueEnd(i), i + 1)))
-            if (text_[i] == '"') {
-                at_ = i;
-                comment(unescaped(i, valueEnd(i)));
-            }
+    void comments() {
+        const char c = at(p_);
+        if (c == '"') return oneComment();
+        if (c != '[') return skip(p_, "#comment takes strings");
+        for (p_ = skipSpace(p_ + 1); there(p_) && *p_ != ']'; p_ = skipSpace(p_))
+            if (*p_ == '"')
+                oneComment();
+            else
+                p_ = std::max(valueEnd(p_), p_ + 1);
+        p_ = std::min(p_ + 1, end_);
     }
-    void source(std::size_t value) {
+    void oneComment() {
+        const char* const start = p_;
+        where_ = position_.of(start);
+        p_ = stringEnd(start);
+        comment(unescaped(start, p_));
+    }
+    void source() {
         beginSection();
-        if (at(value) == '"')
-            text(unescaped(value, valueEnd(value)));
-        else if (at(value) == '[')
-            sourceLines(value);
-        else
-            complain(value, "#sourceCode takes strings");
+        const char* const start = p_;
+        const char c = at(p_);
+        if (c == '[') {
+            sourceLines();
+        } else {
+            p_ = valueEnd(p_);
+            if (c == '"')
+                text(unescaped(start, p_));
+            else
+                complain(start, "#sourceCode takes strings");
+        }
         endSection();
     }
-    void sourceLines(std::size_t value) {
-        const std::size_t close = closeOf(value);
+    void sourceLines() {
         bool first = true;
-        for (std::size_t i = skipSpace(value + 1); i < close; i = skipSpace(std::max(valueEnd(i), i + 1))) {
-            if (text_[i] != '"') {
-                complain(i, "#sourceCode takes strings");
+        for (p_ = skipSpace(p_ + 1); there(p_) && *p_ != ']'; p_ = skipSpace(p_)) {
+            const char* const line = p_;
+            p_ = std::max(valueEnd(line), line + 1);
+            if (*line != '"') {
+                complain(line, "#sourceCode takes strings");
                 continue;
             }
             if (!first) text("\n");
             first = false;
-            text(unescaped(i, valueEnd(i)));
+            text(unescaped(line, p_));
+        }
+        p_ = std::min(p_ + 1, end_);
+    }
+
+    TextFeed& feed_;
+    const JsonOutline outline_;
+    TextPosition position_;
+    const char* const begin_;
+    const char* released_;
+    const char* end_ = nullptr;
+    const char* p_;
+    bool held_ = false;  // nothing is given back
+    ProgressMeter meter_;
+    std::vector<Frame> frames_;
+    SourceLocation where_;
+    std::vector<std::string> strings_;  // of the element being started
+    std::vector<const char*> attributes_;
+    std::vector<const char*> valuePositions_;
+    std::vector<Early> early_;
+};
+
+/// The parser of numbers between brackets asks for more of them here. Brackets within become white space.
+class JsonReader::LongValue final : public detail::FieldTextReport {
+  public:
+    LongValue(JsonReader& reader, std::string name) : reader_(reader), name_(std::move(name)) {}
+
+    const char* start(const char* from) { return stop_ = end(from); }
+    const char* stop() const { return stop_; }
+    /// Brackets open at stop().
+    std::size_t depth() const { return depth_; }
+
+    const char* more(const char* before) override {
+        if (ended_ || before != stop_) return before;
+        if (!reader_.grow()) {
+            ended_ = true;
+            return before;
+        }
+        return stop_ = end(before);
+    }
+    void progress(const char* at) override {
+        reader_.meter_.at(reader_.feed_.done(at));
+        reader_.release(at);
+    }
+    void report(Severity severity, const char* at, std::string text) override {
+        reader_.diagnostics().add(severity, reader_.position_.of(at), name_ + ": " + text);
+    }
+
+  private:
+    const char* end(const char* from) {
+        for (;;) {
+            const char* found = reader_.end_;
+            for (const char c : {']', '[', '"', '{', '}'})
+                if (const void* at = std::memchr(from, c, static_cast<std::size_t>(found - from)))
+                    found = static_cast<const char*>(at);
+            if (found == reader_.end_) return found;
+            if (*found == '[')
+                ++depth_;
+            else if (*found == ']' && depth_ > 1)
+                --depth_;
+            else
+                ended_ = true;
+            if (ended_ || !reader_.feed_.blank(found, found + 1)) {
+                ended_ = true;
+                return found;
+            }
+            from = found + 1;
         }
     }
 
-    std::string_view text_;
-    TextPosition position_;
-    ProgressMeter meter_;
-    std::vector<Bracket> brackets_;
-    std::vector<Frame> frames_;
-    std::size_t at_ = 0;
-    int commaFaults_ = 0;
-    std::vector<std::string> strings_;  // of the element being started
-    std::vector<const char*> attributes_;
-    std::vector<std::size_t> valuePositions_;
+    JsonReader& reader_;
+    const std::string name_;
+    const char* stop_ = nullptr;
+    std::size_t depth_ = 1;
+    bool ended_ = false;
 };
+
+void JsonReader::longValue(const std::string& name, FieldType type) {
+    Early early{strings_.size() + 1, {}, position_.of(p_)};
+    const char* const value = p_;
+    LongValue source(*this, name);
+    FieldTextParser parser(value + 1, source.start(value + 1), TextSyntax::xml, source);
+    if (!parser.parse(type, early.value)) early.value = Value::zero(type);
+    while (source.more(source.stop()) != source.stop()) {
+        // An error has ended the value before its text.
+    }
+    const char* const stop = source.stop();
+    if (there(stop) && *stop != ']') complain(stop, name + ": expected a number");
+    p_ = behindClose(stop, source.depth());
+    strings_.push_back(name);
+    strings_.emplace_back();
+    valuePositions_.push_back(value);
+    early_.push_back(std::move(early));
+}
 
 }  // namespace
 
-bool readJson(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
-              const ReaderProgress& progress) {
-    return JsonReader(text, handler, diagnostics, progress).read();
+bool readJson(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress) {
+    // Looked at twice: what comes through a pipe has to be kept in between.
+    std::unique_ptr<TextFeed> again = text.isWhole() ? nullptr : text.again();
+    if (!again) text.fill();
+    JsonOutline outline = outlineJson(again ? *again : text, again != nullptr, diagnostics);
+    again.reset();
+    return JsonReader(text, std::move(outline), handler, diagnostics, progress).read();
 }
 
 }  // namespace rtsg::detail

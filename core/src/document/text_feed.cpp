@@ -6,6 +6,7 @@
 #include <cstring>
 #include <new>
 
+#include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -20,6 +21,8 @@ namespace rtsg::detail {
 
 struct TextFeed::Source {
     int descriptor = -1;
+    off_t start = 0;      // where the text starts in the file
+    bool isOurs = false;  // the descriptor
     std::uint64_t limit = 0, total = 0, done = 0, textSize = 0;
     std::size_t block = 0;
     char* region = nullptr;  // reserved addresses
@@ -36,6 +39,7 @@ struct TextFeed::Source {
     ~Source() {
         if (packed) inflateEnd(&inflater);
         if (region) ::munmap(region, reserved);
+        if (isOurs) ::close(descriptor);
     }
 };
 
@@ -65,6 +69,7 @@ Result<std::unique_ptr<TextFeed>> TextFeed::of(int descriptor, std::uint64_t lim
     auto source = std::make_unique<Source>();
     source->descriptor = descriptor;
     source->block = block;
+    source->start = std::max<off_t>(0, ::lseek(descriptor, 0, SEEK_CUR));
     if (S_ISREG(status.st_mode)) source->total = static_cast<std::uint64_t>(status.st_size);
     // Each bad byte becomes three. A packed file may be a thousand times as long unpacked, and says nothing of it.
     constexpr std::uint64_t worst = 3;
@@ -92,6 +97,28 @@ Result<std::unique_ptr<TextFeed>> TextFeed::of(int descriptor, std::uint64_t lim
     source->region = static_cast<char*>(region);
     source->lineStart = source->region;
     return std::unique_ptr<TextFeed>(new TextFeed(std::move(source)));
+}
+
+std::unique_ptr<TextFeed> TextFeed::again() const {
+    struct stat status{};
+    if (!source_ || fstat(source_->descriptor, &status) != 0 || !S_ISREG(status.st_mode)) return nullptr;
+    // A description of its own, so that the places of the two in the file are independent.
+    const std::string name = "/proc/self/fd/" + std::to_string(source_->descriptor);
+    const int descriptor = ::open(name.c_str(), O_RDONLY | O_CLOEXEC);
+    if (descriptor < 0) return nullptr;
+    if (::lseek(descriptor, source_->start, SEEK_SET) != source_->start) {
+        ::close(descriptor);
+        return nullptr;
+    }
+    auto feed = of(descriptor, source_->limit, source_->block);
+    if (!feed) {
+        ::close(descriptor);
+        return nullptr;
+    }
+    (*feed)->source_->isOurs = true;
+    (*feed)->fill(skipped_);
+    (*feed)->skip(skipped_);
+    return std::move(*feed);
 }
 
 std::uint64_t TextFeed::done(const char* at) const {

@@ -26,6 +26,8 @@ class TextFeed {
     /// Of an open file, plain or gzip, whose first bytes decide; of at most `limit` bytes unpacked. `block`: how much
     /// is read at a time. The caller closes the descriptor, afterwards.
     static Result<std::unique_ptr<TextFeed>> of(int descriptor, std::uint64_t limit, std::size_t block = 1 << 20);
+    /// Another feed of the same text, from begin() as it is now. Null where the text can be had only once (a pipe).
+    std::unique_ptr<TextFeed> again() const;
     ~TextFeed();
     TextFeed(const TextFeed&) = delete;
     TextFeed& operator=(const TextFeed&) = delete;
@@ -43,7 +45,10 @@ class TextFeed {
     /// All of it is there, and not ours.
     bool isWhole() const { return !source_; }
     /// Skips a byte order mark; before anything is looked at.
-    void skip(std::size_t bytes) { begin_ += bytes; }
+    void skip(std::size_t bytes) {
+        begin_ += bytes;
+        skipped_ += bytes;
+    }
 
     /// How long the text is, as far as that can be told before it is read; else 0.
     std::uint64_t size() const;
@@ -64,6 +69,7 @@ class TextFeed {
 
     const char* begin_ = nullptr;
     const char* end_ = nullptr;
+    std::size_t skipped_ = 0;
     std::unique_ptr<Source> source_;  // null: all is there
     bool clean_ = true;
     std::size_t invalid_ = 0;

@@ -6,7 +6,7 @@
 
 #include <algorithm>
 
-#if defined(__SANITIZE_THREAD__)
+#if defined(RTSG_TELL_TSAN)
 #include <sanitizer/tsan_interface.h>
 #endif
 
@@ -15,7 +15,7 @@ namespace {
 
 // oneTBB as packaged is not instrumented: ThreadSanitizer sees neither that what was written before a loop is there in
 // its iterations, nor that they have ended when the loop returns. These two say so; elsewhere they cost nothing.
-#if defined(__SANITIZE_THREAD__)
+#if defined(RTSG_TELL_TSAN)
 void tellReached(const char& point) {
     __tsan_release(const_cast<char*>(&point));
 }

@@ -1,0 +1,227 @@
+// Matches brackets and checks commas of a JSON text, 64 bytes at a time where it is numbers.
+#include "json_outline.h"
+
+#include <algorithm>
+#include <bit>
+#include <string>
+#include <utility>
+
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
+#include "value/number_text.h"
+#include "value/text_position.h"
+
+namespace rtsg::detail {
+
+namespace {
+
+constexpr std::size_t kDeepest = 4'000'000;
+
+#if defined(__SSE2__)
+/// Of 64 bytes, a bit each: commas, white space, and whatever else ends a number.
+struct Masks {
+    std::uint64_t comma = 0, space = 0, other = 0;
+    explicit Masks(const char* p) {
+        for (unsigned part = 0; part < 4; ++part) {
+            const __m128i bytes = _mm_loadu_si128(reinterpret_cast<const __m128i*>(p + 16 * std::size_t{part}));
+            const auto is = [&](char c) { return _mm_cmpeq_epi8(bytes, _mm_set1_epi8(c)); };
+            const auto put = [&](std::uint64_t& mask, __m128i found) {
+                mask |= static_cast<std::uint64_t>(static_cast<std::uint32_t>(_mm_movemask_epi8(found))) << (16 * part);
+            };
+            put(comma, is(','));
+            put(space, _mm_or_si128(_mm_or_si128(is(' '), is('\n')), _mm_or_si128(is('\r'), is('\t'))));
+            // Brackets and braces differ in one bit, which is set in the braces.
+            const __m128i folded = _mm_or_si128(bytes, _mm_set1_epi8(0x20));
+            const __m128i bracket =
+                _mm_or_si128(_mm_cmpeq_epi8(folded, _mm_set1_epi8('{')), _mm_cmpeq_epi8(folded, _mm_set1_epi8('}')));
+            put(other, _mm_or_si128(_mm_or_si128(bracket, is('"')), _mm_or_si128(is(':'), is('#'))));
+        }
+    }
+};
+#endif
+
+class Outliner {
+  public:
+    Outliner(TextFeed& text, bool release, Diagnostics& diagnostics)
+        : feed_(text),
+          diagnostics_(diagnostics),
+          position_(text.begin()),
+          begin_(text.begin()),
+          released_(begin_),
+          p_(begin_),
+          end_(text.end()),
+          release_(release) {}
+
+    JsonOutline run() {
+        const char* complaint = nullptr;
+        while (!complaint && there()) {
+            forget();
+            complaint = token();
+        }
+        if (!complaint && !open_.empty()) complaint = "the document ends inside an object or array";
+        if (complaint) {
+            diagnostics_.error(position_.of(p_),
+                               std::string("not well-formed JSON: ") + complaint + "; reading ends here");
+            outline_.complete = false;
+        }
+        outline_.end = static_cast<std::uint64_t>(p_ - begin_);
+        std::ranges::sort(outline_.late);
+        return std::move(outline_);
+    }
+
+  private:
+    struct Open {
+        std::uint64_t at;
+        bool isObject, isAttribute = false;  // the last key's value is one
+        bool hasChild = false, isLate = false;
+    };
+
+    /// There is a character at p_, maybe one that had to be fetched.
+    bool there() {
+        if (p_ != end_) return true;
+        feed_.more();
+        end_ = feed_.end();
+        return p_ != end_;
+    }
+    void forget() {
+        constexpr std::ptrdiff_t step = 1 << 20;
+        if (!release_ || p_ - released_ < step) return;
+        position_.of(p_);
+        feed_.release(released_ = p_);
+    }
+
+    /// What is at p_; returns what makes it impossible to go on.
+    const char* token() {
+        const char c = *p_;
+        if (c == ',' || c == ':') {
+            if (c == ',' && !value_) commaFault("a comma too many");
+            value_ = false;
+            comma_ = c == ',';
+            colon_ = c == ':';
+            ++p_;
+            return nullptr;
+        }
+        if (isSpace(c)) {
+            ++p_;
+            return nullptr;
+        }
+        const bool isKey = !std::exchange(colon_, false);
+        if (c == '}' || c == ']') return close(c);
+        if (value_) commaFault("a comma is missing before this");
+        comma_ = false;
+        if (c == '"') return string(isKey);
+        if (c == '{' || c == '[') return open(c);
+        word();
+        if (!open_.empty() && !open_.back().isObject) numbers();
+        return nullptr;
+    }
+
+    /// Commas are read as white space, so that nothing is lost; a few faults are enough to see what is wrong.
+    void commaFault(const char* what) {
+        constexpr int most = 20;
+        if (++commaFaults_ <= most) diagnostics_.error(position_.of(p_), what);
+    }
+
+    const char* open(char c) {
+        if (open_.size() == kDeepest) return "objects and arrays are nested too deep";
+        if (!open_.empty() && !open_.back().isAttribute) open_.back().hasChild = true;
+        open_.push_back({.at = static_cast<std::uint64_t>(p_ - begin_), .isObject = c == '{'});
+        value_ = false;
+        ++p_;
+        return nullptr;
+    }
+    const char* close(char c) {
+        if (comma_) commaFault("there is nothing between the last comma and this bracket");
+        comma_ = false;
+        if (open_.empty() || open_.back().isObject != (c == '}')) return "the bracket matches none";
+        if (open_.back().isLate) outline_.late.push_back(open_.back().at);
+        open_.pop_back();
+        value_ = true;
+        ++p_;
+        return nullptr;
+    }
+
+    const char* string(bool isKey) {
+        const char* const start = p_;
+        for (++p_; there() && *p_ != '"'; ++p_)
+            if (*p_ == '\\') {
+                ++p_;
+                if (!there()) break;
+            }
+        if (!there()) {
+            p_ = start;
+            return "the string is not closed";
+        }
+        ++p_;
+        value_ = true;
+        if (!isKey || open_.empty() || !open_.back().isObject) return nullptr;
+        Open& object = open_.back();
+        object.isAttribute = start[1] == '@';
+        if (object.isAttribute && object.hasChild) object.isLate = true;
+        if (start[1] == '#') object.hasChild = true;
+        return nullptr;
+    }
+
+    /// A number, true, null, or what has no place here.
+    void word() {
+        do ++p_;
+        while (there() && !isSeparator(*p_) && *p_ != ':');
+        value_ = true;
+    }
+
+    /// Goes on behind a number, as long as numbers, white space and commas take turns as they should.
+    void numbers() {
+#if defined(__SSE2__)
+        bool inNumber = false;
+        while (end_ - p_ >= 64) {
+            const Masks masks(p_);
+            const std::uint64_t number = ~(masks.comma | masks.space | masks.other);
+            const std::uint64_t starts = number & ~(number << 1 | std::uint64_t{inNumber});
+            // From each comma on through white space: where a number may start, and another comma may not.
+            const std::uint64_t after = masks.comma << 1 | std::uint64_t{!value_ && !inNumber};
+            std::uint64_t sum = 0;
+            const bool carried = __builtin_add_overflow(after & masks.space, masks.space, &sum);
+            const std::uint64_t due = (sum ^ masks.space) | after;
+            const std::uint64_t looked = masks.other ? (masks.other & -masks.other) - 1 : ~std::uint64_t{0};
+            if (((starts & ~due) | (masks.comma & due)) & looked) break;
+            if (masks.other) {
+                const int count = std::countr_zero(masks.other);
+                if (due >> count & 1) break;  // a comma before the bracket, or nothing at all
+                p_ += count;
+                value_ = true;
+                comma_ = false;
+                return;
+            }
+            p_ += 64;
+            inNumber = number >> 63;
+            if (masks.space != ~std::uint64_t{0}) comma_ = carried || masks.comma >> 63;
+            value_ = !(carried || masks.comma >> 63);
+        }
+        if (inNumber)
+            while (there() && !isSeparator(*p_) && *p_ != ':') ++p_;
+#endif
+    }
+
+    TextFeed& feed_;
+    Diagnostics& diagnostics_;
+    TextPosition position_;
+    const char* const begin_;
+    const char* released_;
+    const char* p_;
+    const char* end_;
+    const bool release_;
+    JsonOutline outline_;
+    std::vector<Open> open_;
+    bool value_ = false, comma_ = false, colon_ = false;  // what came last, white space aside
+    int commaFaults_ = 0;
+};
+
+}  // namespace
+
+JsonOutline outlineJson(TextFeed& text, bool release, Diagnostics& diagnostics) {
+    return Outliner(text, release, diagnostics).run();
+}
+
+}  // namespace rtsg::detail
