@@ -51,6 +51,7 @@ bool frames(const bench::Report& report, bool quick) {
 
 constexpr Bench kBenches[] = {
     {"read", "scene", "a ClassicVRML mesh of 2 M triangles: MB/s and peak memory", always<bench::read>},
+    {"documents", "scene", "one mesh in ClassicVRML, XML and JSON: MB/s", always<bench::documents>},
     {"transform", "scene", "one animated Transform among many shapes: scene and bus work of a frame",
      always<bench::transform>},
     {"animated", "scene", "10,000 animated Transforms: cascade and change set", always<bench::animated>},

@@ -23,6 +23,7 @@ struct Line {
 using Report = std::function<void(const Line&)>;
 
 void read(const Report& report, bool quick);
+void documents(const Report& report, bool quick);
 void transform(const Report& report, bool quick);
 void animated(const Report& report, bool quick);
 void changes(const Report& report, bool quick);

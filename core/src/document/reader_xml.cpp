@@ -298,6 +298,13 @@ class XmlReader::LongValue final : public detail::FieldTextReport {
     }
     void start() { stop_ = end(from_); }
     const char* stop() const { return stop_; }
+    /// To the end of the value's text, where an error has ended the value before.
+    void finish() {
+        for (const char* before = nullptr; before != stop_;) {
+            before = stop_;
+            more(before);
+        }
+    }
     void progress(const char* at) override {
         reader_.meter_.at(reader_.feed_.done(at));
         reader_.release(at);
@@ -344,9 +351,7 @@ const char* XmlReader::readLong(const char* quote) {
     // U+F8FF is for private use, and no number.
     Early early{"\xEF\xA3\xBF rtsg value " + std::to_string(fed_), {}, fed_, longAt_};
     if (!parser.parse(type, early.value)) early.value = Value::zero(type);
-    while (source.more(source.stop()) != source.stop()) {
-        // An error has ended the value before its text.
-    }
+    source.finish();
     const char* stop = source.stop();
     if (stop != feed_.end() && *stop == '&')
         diagnostics().error(position_.of(stop),
@@ -354,8 +359,7 @@ const char* XmlReader::readLong(const char* quote) {
     while (stop != feed_.end() && *stop == '&') {
         LongValue rest(*this, stop + 1, {});
         rest.start();
-        while (rest.more(rest.stop()) != rest.stop()) {
-        }
+        rest.finish();
         stop = rest.stop();
     }
     const std::uint64_t seen = fed_ + early.placeholder.size();

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <random>
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -127,6 +128,121 @@ TEST(Streaming, XmlIsTheSameWhateverTheBlocks) {
 TEST(Streaming, JsonIsTheSameWhateverTheBlocks) {
     expectSame(R"({"X3D":{"@version":"4.0","@profile":"Full","Scene":{"-children":[{"Shape":{"-geometry":{"Box":)"
                R"({"@size":[1,2,3]}}}},{"#comment":"ä"},{"WorldInfo":{"@title":"ö"}}]}}})");
+}
+
+std::string jsonScene(const std::string& members) {
+    return R"({"X3D":{"encoding":"UTF-8","@version":"4.0","@profile":"Full","JSON schema":"none","Scene":{)" + members +
+           "}}}\n";
+}
+
+std::string jsonNumbers(std::size_t count, const std::string& separator = ",") {
+    std::string text;
+    for (std::size_t i = 0; i < count; ++i) text += (i ? separator : "") + std::to_string(i % 1000) + ".5";
+    return text;
+}
+
+TEST(Streaming, JsonOfEveryShapeIsTheSameWhateverTheBlocks) {
+    const std::string padding = R"({"#comment":")" + std::string(6000, 'x') + R"("},)";
+    expectSame(
+        jsonScene(R"("-children":[)" + padding +
+                  R"({"Transform":{"@DEF":"T","@translation":[1,2,3],"-children":[{"Shape":{"-geometry":)"
+                  R"({"IndexedFaceSet":{"@coordIndex":[0,1,2,-1],"-coord":{"Coordinate":{"@point":[0,0,0, 1,)"
+                  R"(0,0,1,1,0]}}}}}}]}},{"WorldInfo":{"@title":"a \"b\" ä \\","@info":["x]","y\u00e9"]}},)"
+                  R"({"Script":{"#sourceCode":["a{","b\"]"]}},{"Box":{"@size":[1,"x",2],"@wrong":3}}],)"
+                  R"("ROUTE":[{"@fromNode":"T","@fromField":"translation","@toNode":"T","@toField":"center"}])"));
+    expectSame(jsonScene(R"("-children":[)" + padding + R"({"Group":{"-children":[{"Shape":{)"));
+    expectSame(jsonScene(R"("-children":[)" + padding + R"({"Group":{"-children":[{"Shape":{]}}])"));
+    expectSame(jsonScene(R"("-children":[)" + padding + R"({"WorldInfo":{"@title":"not closed)"));
+}
+
+TEST(Streaming, JsonAttributesMayStandBehindChildren) {
+    const std::string late = jsonScene(
+        R"("-children":[{"Transform":{"-children":[{"Shape":{"-geometry":{"Box":{"@size":[1,2,3]}}}}],)"
+        R"("@translation":[1,2,3],"@DEF":"T"}},{"Shape":{"-geometry":{"PointSet":{"-coord":{"Coordinate":{"#comment":"c",)"
+        R"("@point":[)" +
+        jsonNumbers(3000) + R"(]}}}}}}])");
+    const std::string early = jsonScene(
+        R"("-children":[{"Transform":{"@translation":[1,2,3],"@DEF":"T","-children":[{"Shape":{"-geometry":{"Box":)"
+        R"({"@size":[1,2,3]}}}}]}},{"Shape":{"-geometry":{"PointSet":{"-coord":{"Coordinate":{"@point":[)" +
+        jsonNumbers(3000) + R"(],"#comment":"c"}}}}}}])");
+    EXPECT_EQ(fromMemory(late).commands, fromMemory(early).commands);
+    EXPECT_EQ(fromMemory(late).problems, "");
+    expectSame(late);
+    // Of the whole document, too.
+    expectSame(R"({"X3D":{"Scene":{"-children":[{"Group":{}}]},"@version":"4.0","@profile":"Full"}})");
+    EXPECT_EQ(
+        fromMemory(R"({"X3D":{"Scene":{"-children":[{"Group":{}}]},"@version":"4.0","@profile":"Full"}})").commands,
+        fromMemory(R"({"X3D":{"@version":"4.0","@profile":"Full","Scene":{"-children":[{"Group":{}}]}}})").commands);
+}
+
+std::string jsonPoints(const std::string& array) {
+    return jsonScene(R"("-children":[{"Shape":{"-geometry":{"PointSet":{"-coord":{"Coordinate":{"@DEF":"C","@point":)" +
+                     array + "}}}}}}]");
+}
+
+TEST(Streaming, LongJsonListsAreReadInPlaceWithTheSameValues) {
+    const std::string flat = jsonPoints("[" + jsonNumbers(30'000) + "]");
+    std::string nested = "[";
+    for (int i = 0; i < 10'000; ++i) {
+        const auto number = [](int k) { return std::to_string(k % 1000) + ".5"; };
+        nested += (i ? ",\n[" : "[") + number(3 * i) + ", " + number(3 * i + 1) + "," + number(3 * i + 2) + "]";
+    }
+    const Outcome expected = fromMemory(flat);
+    EXPECT_EQ(expected.problems, "");
+    EXPECT_EQ(fromMemory(jsonPoints(nested + "]")).commands, expected.commands);
+    EXPECT_EQ(fromMemory(jsonPoints("[" + jsonNumbers(30'000, " ,\n\t") + " ]")).commands, expected.commands);
+    expectSame(flat);
+    expectSame(jsonPoints(nested + "]"));
+}
+
+TEST(Streaming, FaultsInLongJsonListsAreReportedWhereTheyAre) {
+    const auto problems = [](const std::string& array) {
+        const std::string text = jsonPoints(array);
+        expectSame(text);
+        return fromMemory(text).problems;
+    };
+    using testing::HasSubstr;
+    const std::string head = "[\n" + jsonNumbers(3000), tail = jsonNumbers(3000) + "]";
+    EXPECT_THAT(problems(head + ",\n  x,\n" + tail), HasSubstr("test:3:3"));
+    EXPECT_THAT(problems(head + "\n 7,\n" + tail), HasSubstr("test:3:2: error: a comma is missing before this"));
+    EXPECT_THAT(problems(head + ",\n ,8,\n" + tail), HasSubstr("test:3:2: error: a comma too many"));
+    EXPECT_THAT(problems(head + ",\n]"), HasSubstr("test:3:1: error: there is nothing between the last comma"));
+    EXPECT_THAT(problems(head + ",\n \"8\",\n" + tail), HasSubstr("test:3:2"));
+    EXPECT_THAT(problems(head + ",\n {\"a\":[1]},\n" + tail), HasSubstr("test:3:2"));
+    EXPECT_THAT(problems(head + ",\n [1,2,3}" + tail), HasSubstr("not well-formed JSON: the bracket matches none"));
+    EXPECT_THAT(problems(head + ",\n"), HasSubstr("there is nothing between the last comma"));
+}
+
+/// Commas, white space and numbers by chance, looked at 64 bytes at a time and one by one.
+TEST(Streaming, CommaFaultsOfJsonAreTheSameInALongListAndInAShortOne) {
+    std::mt19937 random(20261120);
+    for (int round = 0; round < 300; ++round) {
+        std::string list;
+        const int faults = round % 3;
+        for (int i = 0; i < 40; ++i) {
+            list += std::string(random() % 4, ' ') + std::to_string(random() % 100'000);
+            list += std::string(random() % 4, random() % 2 ? ' ' : '\n') + ',';
+        }
+        list += "1";
+        for (int i = 0; i < faults; ++i) list[random() % (list.size() - 1)] = random() % 2 ? ',' : ' ';
+        const std::string text = jsonPoints("[" + list + "]");
+        // A bracket ends the look at many bytes; so does the end of a block.
+        const TemporaryFile file("r", text);
+        EXPECT_EQ(inBlocks(file.path, 5).problems, fromMemory(text).problems) << text;
+    }
+}
+
+TEST(Streaming, JsonThroughAPipeIsKeptAsAWhole) {
+    const std::string text = jsonPoints("[" + jsonNumbers(2000) + "]");
+    int ends[2];
+    ASSERT_EQ(::pipe(ends), 0);
+    ASSERT_EQ(::write(ends[1], text.data(), text.size()), static_cast<ssize_t>(text.size()));
+    ::close(ends[1]);
+    RecordingHandler handler;
+    Diagnostics problems("test");
+    EXPECT_TRUE(detail::readDescriptorInBlocks(ends[0], 1000, {}, handler, problems, {}));
+    ::close(ends[0]);
+    EXPECT_EQ(handler.text(), fromMemory(text).commands);
 }
 
 TEST(Streaming, BytesThatAreNoUtf8AreReplacedAcrossBlocks) {
@@ -303,6 +419,31 @@ TEST(Streaming, OneMeshNeedsItsValueOnce) {
     EXPECT_LT(memoryOf(classic, again), value + 64 * kMegabyte) << "of " << value;
     std::filesystem::remove(classic);
     std::filesystem::remove(again);
+}
+
+TEST(Streaming, JsonNeedsItsLargestValueAlone) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    GTEST_SKIP() << "sanitizers have memory of their own";
+#endif
+    const std::string out = filePath("out.x3dv");
+    {
+        std::string text = R"({"X3D":{"encoding":"UTF-8","@version":"4.0","Scene":{"-children":[)";
+        while (text.size() < 120 * kMegabyte)
+            text += R"({"Transform":{"@translation":[1,2,3],"-children":[{"Shape":{"-geometry":{"Box":{}}}}]}},)";
+        text.back() = ']';
+        const TemporaryFile in("many.json", text + "}}}");
+        text = {};
+        EXPECT_LT(memoryOf(in.path, out), 24 * kMegabyte);
+    }
+    std::string text = R"({"X3D":{"@version":"4.0","Scene":{"-children":[{"Shape":{"-geometry":{"PointSet":{"-coord":)"
+                       R"({"Coordinate":{"@point":[0)";
+    std::size_t numbers = 3;
+    for (; text.size() < 120 * kMegabyte; numbers += 6) text += ",0.125,1.375,2.625,3.75,4.5,5.875";
+    const TemporaryFile in("mesh.json", text + ",1,2]}}}}}}]}}}");
+    text = {};
+    const std::size_t value = numbers * sizeof(float);
+    EXPECT_LT(memoryOf(in.path, out), value + 64 * kMegabyte) << "of " << value;
+    std::filesystem::remove(out);
 }
 
 }  // namespace
