@@ -7,3 +7,6 @@ export {Decoder} from './decoder.js';
 export {Scene, Node} from './scene.js';
 export {Replay, records} from './log.js';
 export {typeName} from './values.js';
+export {Mirror} from './mirror.js';
+export {followWebSocket} from './websocket.js';
+export {Writer, eventRecord, writeValue} from './writer.js';
