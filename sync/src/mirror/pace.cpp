@@ -32,6 +32,8 @@ double MirrorPace::delay() const {
 
 double MirrorPace::limit(std::uint64_t record) const {
     if (lag_ <= 0) return std::numeric_limits<double>::infinity();
+    // No more than what passes while the goodbye behind it is waited for, or the system takes at once.
+    if (lifted_) return std::clamp(rate(), kSmallRecord, kLargeRecord);
     if (rate() <= 0) return kFirst;
     const double whole = std::min(double(record), std::clamp(rate() * lag_, kSmallRecord, kLargeRecord));
     return std::max({kLeast, whole, kHeadroom * rate() * (delay() + lag_ / 8)});

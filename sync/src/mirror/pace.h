@@ -31,12 +31,20 @@ class MirrorPace {
     /// There is more to send than may be: what is under way tells the link's rate, not the sender's.
     void held() { heldUpTo_ = sentTotal_; }
 
+    /// The sender leaves: what is held back so that newer things are not late is the newest there will be.
+    void lift() {
+        lifted_ = true;
+        draining_ = false;
+    }
+
     /// Whether something may be sent now; `record`: bytes of the one that it belongs to.
     bool open(std::uint64_t record, Clock::time_point now);
     /// What to send at once at most.
     std::uint64_t chunk(std::uint64_t most) const;
     /// So many bytes that wait would be too old before they arrive: better to send what came of them.
-    bool late(std::uint64_t waiting) const { return lag_ > 0 && rate() > 0 && double(waiting) > rate() * lag_ / 4; }
+    bool late(std::uint64_t waiting) const {
+        return lag_ > 0 && (lifted_ || (rate() > 0 && double(waiting) > rate() * lag_ / 4));
+    }
     /// Until a limit of the rate lets something through; 0 if that is not what is waited for.
     Clock::duration wait(Clock::time_point now) const {
         return most_ > 0 && next_ > now ? next_ - now : Clock::duration{};
@@ -66,7 +74,7 @@ class MirrorPace {
     Clock::time_point acknowledgedAt_{}, next_{};
     std::deque<Sent> sent_;
     Spans rate_, delay_;
-    bool draining_ = false;
+    bool draining_ = false, lifted_ = false;
 };
 
 }  // namespace rtsg

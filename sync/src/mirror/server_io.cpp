@@ -23,6 +23,7 @@ constexpr std::int64_t kLongestIncoming = mirror::kSubmitPart + 512;  // bytes; 
 constexpr int kIncoming = 64;                                         // messages waiting per connection
 constexpr int kBacklog = 4096;                                        // connections at once that wait to be taken
 constexpr int kLinger = 200;                                          // ms
+constexpr auto kLastFrames = 300ms;                                   // for what peers have not been sent
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
 constexpr auto kLookAround = 20ms, kLookAgain = 1ms;                  // for connections that send no whole message
 constexpr auto kUnusedPart = 10s;                                     // until a part without peers is let go
@@ -147,9 +148,37 @@ std::chrono::milliseconds MirrorServer::Io::patience() const {
     return result;
 }
 
+bool MirrorServer::Io::hasBeenSentAll(const Peer& peer) const {
+    if (historyOf(peer).empty()) return true;
+    return peer.placed && peer.state == historyOf(peer).newest() && !peer.asking && !peer.sending && !peer.then;
+}
+
+/// The frames that the scene made last, and those that were held back so as not to be old on arrival, merged: nothing
+/// newer will come.
+void MirrorServer::Io::sendLastFrames() {
+    leaving_ = true;
+    takeInbox();
+    for (auto& [identity, peer] : peers_) {
+        peer.pace.lift();
+        peer.due = {};
+    }
+    const Clock::time_point end = Clock::now() + kLastFrames;
+    while (true) {
+        takeAnswers();
+        receive();
+        for (auto peer = peers_.begin(); peer != peers_.end();) peer = pump(peer->second) ? ++peer : peers_.erase(peer);
+        const bool all = std::ranges::all_of(peers_, [this](const auto& p) { return hasBeenSentAll(p.second); });
+        if (all || Clock::now() >= end) return;
+        zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0}, {nullptr, shared_->wake, ZMQ_POLLIN, 0}};
+        zmq_poll(items, 2, 10);
+        std::uint64_t count = 0;
+        if (items[1].revents) (void)!::read(shared_->wake, &count, sizeof(count));
+    }
+}
+
 /// Peers answer, so that one that reads slowly is not taken for one that has got everything.
 void MirrorServer::Io::sayGoodbye() {
-    leaving_ = true;
+    sendLastFrames();
     std::erase_if(peers_, [this](const auto& peer) {
         // So that those who have not got everything know that they have not.
         const std::uint64_t newest[] = {historyOf(peer.second).newest()};

@@ -129,6 +129,8 @@ class MirrorServer::Io {
     void turn();
     void giveUp(const char* why);
     void sayGoodbye();
+    void sendLastFrames();
+    bool hasBeenSentAll(const Peer& peer) const;
     void takeInbox();
     void takeAnswers();
     /// False when messages are left: a peer that floods us shall leave time for the others.
@@ -185,7 +187,7 @@ class MirrorServer::Io {
     mirror::RequestLedger ledger_;
     Peers peers_;
     bool toldLost_ = false;  // what peers have been told of the origin
-    bool leaving_ = false;   // goodbyes are out; only answers to them count
+    bool leaving_ = false;   // only what peers have read, and their answers to goodbyes, count
     MirrorServerStatistics statistics_;
     ByteBuffer message_, head_;
     std::uint64_t dictionaryHash_ = 0;

@@ -33,7 +33,8 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
     wire::Reader in(bytes);
     const std::optional<Message> type = mirror::readPrologue(in);
     if (!type) return garbage(fmt::format("a message of {} bytes that is none of this protocol", bytes.size()));
-    if (leaving_ && *type != Message::bye) return;  // who comes now finds out that nobody is there
+    // Who comes now finds out that nobody is there.
+    if (leaving_ && *type != Message::bye && (*type != Message::ack || !peers_.contains(identity))) return;
     if (*type == Message::hello) {
         mirror::Hello greeting;
         if (!greeting.read(in)) return garbage("a malformed hello");
