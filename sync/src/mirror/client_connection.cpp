@@ -58,9 +58,7 @@ bool MirrorClient::Impl::send() {
 
 bool MirrorClient::Impl::control(std::string_view command) {
     if (!connected_) return false;
-    const std::uint64_t numbers[] = {session_};
-    mirror::write(message_, Message::control, numbers);
-    wire::putText(message_, command.substr(0, mirror::kLongestControl));
+    mirror::Words{session_, std::string(command.substr(0, mirror::kLongestControl))}.write(message_, Message::control);
     return send();
 }
 
@@ -303,10 +301,9 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             greeted_ = Clock::now();
             return;
         case Message::reply: {
-            in.number<std::uint64_t>();  // of a session that may be over: a seek ends it
-            const std::string_view text = in.text();
-            if (in.problem) return garbage("a malformed reply");
-            if (replies_.size() < 1000) replies_.emplace_back(text);
+            mirror::Words reply;  // of a session that may be over: a seek ends it
+            if (!reply.read(in)) return garbage("a malformed reply");
+            if (replies_.size() < 1000) replies_.push_back(std::move(reply.text));
             return;
         }
         case Message::digest:

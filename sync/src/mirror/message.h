@@ -146,4 +146,23 @@ bool read(wire::Reader& in, std::uint64_t (&numbers)[N]) {
     return !in.problem;
 }
 
+/// Session and text: a command for a player of a log, or what came of one.
+struct Words {
+    std::uint64_t session = 0;
+    std::string text;
+
+    void write(ByteBuffer& out, Message type) const {
+        begin(out, type);
+        out.put(session);
+        wire::putText(out, text);
+    }
+    bool read(wire::Reader& in) {
+        session = in.number<std::uint64_t>();
+        text = in.text();
+        return !in.problem;
+    }
+    /// A command, which the server looks at before anything else.
+    bool readControl(wire::Reader& in) { return read(in) && text.size() <= kLongestControl; }
+};
+
 }  // namespace rtsg::mirror

@@ -97,24 +97,21 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
 
 /// Also to a peer that has to join anew, as after a seek: it said hello by the same connection.
 void MirrorServer::Io::reply(const Shared::Control& control) {
-    const std::uint64_t numbers[] = {control.session};
-    mirror::write(message_, Message::reply, numbers);
-    wire::putText(message_, control.text);
+    mirror::Words{control.session, control.text}.write(message_, Message::reply);
     sendTo(control.peer, message_);
 }
 
 void MirrorServer::Io::control(Peer& peer, wire::Reader& in) {
-    const auto session = in.number<std::uint64_t>();
-    std::string text(in.text());
-    if (in.problem || text.size() > mirror::kLongestControl) return garbage("a malformed control");
-    if (session != peer.session) return;
+    mirror::Words command;
+    if (!command.readControl(in)) return garbage("a malformed control");
+    if (command.session != peer.session) return;
     if (peer.upstream == MirrorUpstream::none)
-        return reply({peer.identity, session, "refused: this server takes no requests"});
+        return reply({peer.identity, command.session, "refused: this server takes no requests"});
     const std::scoped_lock lock(shared_->mutex);
     // A seek may cost everybody a snapshot: no more of them than a frame has time for.
     if (shared_->controls.size() >= kMostControls)
-        return reply({peer.identity, session, "refused: too many commands wait"});
-    shared_->controls.push_back({peer.identity, session, std::move(text)});
+        return reply({peer.identity, command.session, "refused: too many commands wait"});
+    shared_->controls.push_back({peer.identity, command.session, std::move(command.text)});
 }
 
 void MirrorServer::Io::refuse(const std::string& identity, const std::string& reason) {
