@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <functional>
 #include <thread>
 
 #include <fmt/format.h>
@@ -51,7 +52,7 @@ class Playing {
         server.onControl([this](std::string_view text) { return obey(text); });
     }
 
-    void run(double seconds, bool control) {
+    void run(double seconds, bool control, const std::function<void()>& service) {
         Lines lines;
         const auto start = Clock::now();
         auto last = start;
@@ -62,6 +63,7 @@ class Playing {
                     std::fflush(stdout);
                 }
             server_.service();
+            service();
             const auto now = Clock::now();
             if (auto ok = player_.advance(std::chrono::duration<double>(now - last).count()); !ok)
                 fmt::print(stderr, "{}\n", terminalText(ok.error().format()));
@@ -108,26 +110,24 @@ void ServeLogArguments::addTo(Command& command) {
         ->group(group);
 }
 
-int serveLog(const std::string& log, const std::string& endpoint, const MirrorServerOptions& options,
-             const ServeLogArguments& arguments, double seconds, double linger, bool json) {
-    auto player = LogPlayer::open(log);
+int serveLog(const ServedLog& log, const MirrorServerOptions& options) {
+    auto player = LogPlayer::open(log.file);
     if (!player) return printError(player.error()), kBad;
-    (*player)->setRate(arguments.rate);
-    (*player)->setLoop(arguments.loop);
-    (*player)->pause(arguments.paused);
-    auto server = MirrorServer::start((*player)->scene(), endpoint, options);
+    (*player)->setRate(log.arguments.rate);
+    (*player)->setLoop(log.arguments.loop);
+    (*player)->pause(log.arguments.paused);
+    auto server = MirrorServer::start((*player)->scene(), log.endpoint, options);
     if (!server) return printError(server.error()), kBad;
+    auto web = Web::start(log.web, **server, options.keys);
+    if (!web) return printError(web.error()), kBad;
     (void)interrupted();  // from here on an interruption ends in order
-    if (json)
-        fmt::print("{{\"endpoint\":{}}}\n", jsonString((*server)->endpoint()));
-    else
-        fmt::print("playing {} at {}\n", log, (*server)->endpoint());
-    std::fflush(stdout);
-    Playing playing(**player, **server, json);
-    playing.run(seconds, arguments.control);
-    const auto grace = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * linger));
+    sayEndpoint(fmt::format("playing {} at", log.file), **server, *web, log.json);
+    Playing playing(**player, **server, log.json);
+    playing.run(log.seconds, log.arguments.control, [&] { web->service((*player)->scene(), log.resources); });
+    const auto grace = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * log.linger));
     if (!interrupted() && !(*server)->drain(grace)) fmt::print(stderr, "not all mirrors have caught up\n");
     playing.print();
+    server->reset();
     return kDone;
 }
 

@@ -6,6 +6,7 @@
 #include <rtsg/sync/mirror_server.h>
 
 #include "cli.h"
+#include "web.h"
 
 namespace rtsg::app {
 
@@ -16,8 +17,17 @@ struct ServeLogArguments {
     void addTo(Command& command);
 };
 
-/// The exit status. `seconds`: how long to serve; `linger`: how long mirrors may catch up then.
-int serveLog(const std::string& log, const std::string& endpoint, const MirrorServerOptions& server,
-             const ServeLogArguments& arguments, double seconds, double linger, bool json);
+struct ServedLog {
+    std::string file, endpoint;
+    ServeLogArguments arguments;
+    WebArguments web;
+    Resources resources;  // what urls of the log open for browsers
+    double seconds = 0;   // how long to serve
+    double linger = 0;    // how long mirrors may catch up then
+    bool json = false;
+};
+
+/// The exit status.
+int serveLog(const ServedLog& log, const MirrorServerOptions& server);
 
 }  // namespace rtsg::app

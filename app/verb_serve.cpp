@@ -20,6 +20,7 @@
 #include "rotate.h"
 #include "running_scene.h"
 #include "serve_log.h"
+#include "web.h"
 
 namespace rtsg::app {
 
@@ -39,6 +40,7 @@ struct Options {
     KeyframeArguments keyframes;
     ServeLogArguments log;
     RotateArguments rotate;
+    WebArguments web;
     bool insecure = false, json = false, force = false;
 };
 
@@ -85,6 +87,9 @@ void checkResume(const Options& options) {
     if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
     if (!options.resume.empty() && !options.record.empty())
         throw UsageError("--record", "not together with --resume, which goes on writing its log");
+    if (!options.resume.empty() && !options.start.at.empty())
+        throw UsageError("--at",
+                         "not together with --resume: a log has its own clock, which goes on from its last state");
     if (!options.resume.empty() && options.mode == nameOf(Mode::lossy))
         throw UsageError("--resume", "not together with --mode lossy: mirrors hold other values than the log");
 }
@@ -112,11 +117,15 @@ Result<MirrorServerOptions> serverOptionsOf(const Options& options) {
 int play(const Options& options) {
     if (!options.record.empty()) throw UsageError("--record", "a log is played: it is there already");
     if (options.mode != "state") throw UsageError("--mode", "a log is played as it was recorded");
+    if (!options.start.at.empty())
+        throw UsageError("--at", "a log is played with the times that it was recorded at; seek T is a command");
+    if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
     const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
     const auto serverOptions = serverOptionsOf(options);
     if (!serverOptions) return printError(serverOptions.error()), kBad;
-    return serveLog(options.scene, options.endpoint, *serverOptions, options.log, duration,
-                    parseSeconds(options.linger), options.json);
+    return serveLog({options.scene, options.endpoint, options.log, options.web, options.resources.ofFile(options.scene),
+                     duration, parseSeconds(options.linger), options.json},
+                    *serverOptions);
 }
 
 /// One session: a scene, those who follow it, and its log.
@@ -145,6 +154,7 @@ class Session {
     std::optional<ResumedSession> resumed_;
     std::unique_ptr<LossyScene> lossy_;
     std::unique_ptr<MirrorServer> server_;
+    Web web_;
     std::unique_ptr<LogRecorder> log_;
     std::uint64_t frames_ = 0;
     std::size_t mostPeers_ = 0;
@@ -180,9 +190,13 @@ int Session::startServer() {
         how.epoch = resumed_->epoch;
         how.before = std::move(resumed_->before);
     }
+    const std::optional<MirrorKeys> keys = how.keys;
     auto server = MirrorServer::start(lossy_ ? lossy_->scene() : running_.scene(), options_.endpoint, std::move(how));
     if (!server) return printError(server.error()), kBad;
     server_ = std::move(*server);
+    auto web = Web::start(options_.web, *server_, keys);
+    if (!web) return printError(web.error()), kBad;
+    web_ = std::move(*web);
     return kDone;
 }
 
@@ -212,11 +226,7 @@ void Session::lookAtLog() {
 }
 
 void Session::run() {
-    if (options_.json)
-        fmt::print("{{\"endpoint\":{}}}\n", jsonString(server_->endpoint()));
-    else
-        fmt::print("serving {} at {}\n", running_.file(), server_->endpoint());
-    std::fflush(stdout);
+    sayEndpoint(fmt::format("serving {} at", running_.file()), *server_, web_, options_.json);
     if (options_.await > 0) await(*server_, options_.await);
 
     // Frames are at even times; those that there was no time for are left out, the clock never lags behind.
@@ -232,6 +242,7 @@ void Session::run() {
         ++frames_;
         mostPeers_ = std::max(mostPeers_, server_->statistics().peers);
         printNews(*server_);
+        web_.service(running_.scene(), running_.resources());
         lookAtLog();
         if (progress) progress(slot, last + 1);
         slot = std::max(slot + 1, static_cast<std::uint64_t>(elapsed() * options_.fps));
@@ -269,6 +280,7 @@ int Session::close() {
     const MirrorServerStatistics statistics = server_->statistics();
     printNews(*server_);
     server_.reset();
+    web_.end();
     if (log_) {
         if (auto ok = log_->stop(); !ok && !failed_) {
             printError(ok.error());
@@ -329,6 +341,7 @@ Verb addServe(Command& program) {
     options->keyframes.addTo(*command);
     options->rotate.addTo(*command);
     options->log.addTo(*command);
+    options->web.addTo(*command);
     addForce(*command, options->force);
     command->addOption("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
     command->addOption("--linger", options->linger, "how long mirrors may catch up at the end")->preset();
@@ -352,6 +365,7 @@ Verb addServe(Command& program) {
         "Example: rtsg serve hall.x3dv --bind tcp://127.0.0.1:4711 --for 20s --record hall.rlog\n"
         "Example: rtsg serve --resume hall.rlog --bind tcp://127.0.0.1:4711 --for 20s\n"
         "Example: rtsg serve hall.rlog --loop --rate 0.5 --upstream events --for 5s\n"
+        "Example: rtsg serve hall.x3dv --web 8080 --upstream events --for 20s\n"
         "The first line on standard output names the endpoint, the port filled in.");
     return {command, [options] { return serve(*options); }};
 }

@@ -112,6 +112,9 @@ class Program {
     static void startAtZero(std::vector<std::string>& arguments) {
         constexpr std::string_view kRunning[] = {"run", "render", "listen", "pick", "record", "serve"};
         if (arguments.empty() || std::ranges::find(kRunning, arguments.front()) == std::end(kRunning)) return;
+        // A log has its own clock.
+        if (std::ranges::find(arguments, "--resume") != arguments.end()) return;
+        if (arguments.size() > 1 && arguments[0] == "serve" && arguments[1].ends_with(".rlog")) return;
         if (std::ranges::none_of(arguments, [](const std::string& a) { return a.starts_with("--at"); }))
             arguments.insert(arguments.begin() + 1, {"--at", "0"});
     }

@@ -275,6 +275,15 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     for (const char* piece : {"turning.0001.rlog", "turning.0003.rlog", "turning.rlog"})
         EXPECT_EQ(rtsg({"replay", folder / piece, "--verify"}).status, 0) << piece;
     EXPECT_EQ(rtsg({"serve", "--resume", log, "--for", "200ms"}).status, 0);
+    // What a log says itself is not said otherwise: neither obeyed nor ignored.
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"serve", "--resume", log, "--at", "now", "--for", "100ms"},
+          {"serve", log, "--at", "2000-01-01", "--for", "100ms"},
+          {"serve", log, "--await", "1", "--for", "100ms"}}) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, testing::HasSubstr("a log")) << outcome.err;
+    }
 }
 
 TEST_F(Mirror, ResumingAsksForALogAndWritesNoOther) {

@@ -1,0 +1,62 @@
+// Starts the gateway for browsers and says where the page is.
+#include "web.h"
+
+#include <cstdio>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/terminal.h>
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+void WebArguments::addTo(Command& command) {
+    const std::string group = "Browsers";
+    command
+        .addOption("--web", listen,
+                   "PORT, or ADDRESS:PORT beyond this machine: a page that follows, shows and compares; 0 picks a port")
+        ->group(group);
+    command
+        .addOption("--web-token", token,
+                   "what a browser has to know; beyond this machine one is made up if none is given, and printed with "
+                   "the page's address")
+        ->group(group);
+}
+
+Result<Web> Web::start(const WebArguments& arguments, const MirrorServer& server,
+                       const std::optional<MirrorKeys>& keys) {
+    Web web;
+    if (!arguments.wanted()) {
+        if (!arguments.token.empty()) throw UsageError("--web-token", "only together with --web");
+        return web;
+    }
+    WebGatewayOptions options;
+    options.listen = arguments.listen;
+    options.token = arguments.token;
+    options.endpoint = server.endpoint();
+    options.keys = keys;
+    auto gateway = WebGateway::start(std::move(options));
+    if (!gateway) return std::unexpected(gateway.error());
+    web.gateway_ = std::move(*gateway);
+    return web;
+}
+
+void Web::service(const Scene& scene, const Resources& resources) {
+    if (!gateway_) return;
+    gateway_->service(scene, resources);
+    for (const Diagnostic& d : gateway_->takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+}
+
+void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json) {
+    if (json) {
+        const std::string page = web.url().empty() ? "" : fmt::format(",\"web\":{}", jsonString(web.url()));
+        fmt::print("{{\"endpoint\":{}{}}}\n", jsonString(server.endpoint()), page);
+    } else {
+        fmt::print("{} {}\n", words, server.endpoint());
+        if (!web.url().empty()) fmt::print("page at {}\n", web.url());
+    }
+    std::fflush(stdout);
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,192 @@
+// Shows a replica by X_ITE: every node that can be seen has a node there, and every change is made there too.
+//
+// What acts at the origin does not act here: sensors of time, interpolators, scripts and ROUTEs have no counterpart, as what
+// they do arrives as changes. A PROTO's instance is shown by the first node of its body, an Inline by a Group of its own.
+
+import X3D from 'x_ite';
+
+const MFNODE = 13, SFNODE = 12;
+const NAMES = ['Bool', 'Int32', 'Float', 'Double', 'Time', 'String', 'Node', 'Color', 'ColorRGBA', 'Image', 'Vec2f', 'Vec2d', 'Vec3f',
+  'Vec3d', 'Vec4f', 'Vec4d', 'Rotation', 'Matrix3f', 'Matrix3d', 'Matrix4f', 'Matrix4d'];
+const kPlain = new Set([0, 1, 2, 3, 4, 5]);
+
+/** Types whose doings come from the origin. */
+const kActing = ['X3DTimeDependentNode', 'X3DInterpolatorNode', 'X3DScriptNode', 'X3DSequencerNode', 'X3DTriggerNode', 'X3DFollowerNode',
+  'X3DEnvironmentalSensorNode', 'X3DKeyDeviceSensorNode', 'X3DNetworkSensorNode', 'X3DPickSensorNode', 'X3DDragSensorNode', 'X3DSoundNode',
+  'X3DSoundSourceNode', 'X3DSoundProcessingNode', 'X3DSoundChannelNode', 'X3DInfoNode', 'X3DMetadataObject', 'X3DPhysicsModelNode'];
+const kShown = new Set(['MovieTexture']);
+const kLeftOut = new Set(['BooleanFilter', 'BooleanToggle', 'BooleanTrigger', 'IntegerTrigger', 'TimeTrigger', 'Script', 'CollisionSensor',
+  'RigidBodyCollection', 'Collision ', 'LoadSensor']);
+
+export class X3dView {
+  /** `onTouch(id, field, value)`: what a TouchSensor here has to say. `pictureUrl(id, index)`: of a texture's url of that index.
+   * `options`: of X_ITE's browser. */
+  constructor(element, scene, {onTouch, pictureUrl, options = {}}) {
+    this.scene = scene;
+    this.onTouch = onTouch;
+    this.pictureUrl = pictureUrl;
+    this.nodes = new Map();  // of X_ITE, by the replica's numbers
+    this.canvas = X3D.createBrowser();
+    element.append(this.canvas);
+    this.browser = X3D.getBrowser(this.canvas);
+    // As attributes, which show what is below the splash screen as well.
+    this.canvas.setAttribute('splashScreen', 'false');
+    this.canvas.setAttribute('contextMenu', 'false');
+    for (const [name, value] of Object.entries(options)) this.browser.setBrowserOption(name, value);
+    this.building = null;
+  }
+
+  isShown(type) {
+    if (type.kind !== 'built in') return type.kind !== 'Script';
+    if (kShown.has(type.name)) return true;
+    return !kLeftOut.has(type.name) && !type.implements.some((name) => kActing.includes(name));
+  }
+  hidden(node, name) {
+    const index = node.type.fields.findIndex((f) => f.name === name && f.hidden);
+    return index >= 0 && index in node.values ? node.values[index] : [];
+  }
+  /** What stands for a node here: itself, or for a PROTO's instance the first node of its body. */
+  standIn(id) {
+    for (let depth = 0; depth < 64; ++depth) {
+      const node = this.scene.nodes.get(id);
+      if (!node || node.type.kind === 'built in' || node.type.kind === 'Script') return id;
+      id = this.hidden(node, 'body')[0] ?? 0;
+    }
+    return 0;
+  }
+
+  // ---- from the replica to X_ITE ---------------------------------------------------------------------------------
+
+  /** All anew; false if another rebuild overtook this one. Nothing waits between reading the replica and following it. */
+  async rebuild() {
+    const own = this.building = {};
+    const needed = new Set();
+    for (const node of this.scene.nodes.values())
+      if (node.type.kind === 'built in' && node.type.component && node.type.component !== 'RTSG') needed.add(node.type.component);
+    const components = [];
+    for (const name of needed) {
+      try { components.push(this.browser.getComponent(name)); } catch { /* it has none of that name: nothing of it is shown */ }
+    }
+    const world = await this.browser.createScene(this.browser.getProfile('Interchange'), ...components);
+    if (own !== this.building) return false;
+    this.building = null;
+    this.nodes.clear();
+    this.world = world;
+    const roots = this.childrenOf(this.scene.root.values[0] ?? []);
+    world.rootNodes = new X3D.MFNode(...roots);
+    await this.browser.replaceWorld(world);
+    return world === this.world;
+  }
+
+  childrenOf(ids) {
+    const result = [];
+    for (const id of ids) {
+      const node = this.make(this.standIn(id));
+      if (node) result.push(node);
+    }
+    return result;
+  }
+
+  /** X_ITE's node for this one, as an SFNode; null if it is none that is shown. */
+  make(id) {
+    if (!id) return null;
+    if (this.nodes.has(id)) return this.nodes.get(id);
+    const node = this.scene.nodes.get(id);
+    if (!node || !this.isShown(node.type)) return null;
+    const inlined = node.type.name === 'Inline';
+    const base = this.world.createNode(inlined ? 'Group' : node.type.name, false);
+    if (!base) return null;
+    const made = new X3D.SFNode(base);
+    this.nodes.set(id, made);
+    if (inlined) {
+      this.setChildren(base, 'children', this.hidden(node, 'body'));
+    } else {
+      node.type.fields.forEach((def, index) => {
+        if (index in node.values && !def.hidden && def.access.startsWith('i') && def.access !== 'inputOnly') this.setField(base, node, def, index);
+      });
+      if (node.name) base.setUserData?.('rtsg', node.name);
+    }
+    base.setup();
+    if (node.type.name === 'TouchSensor') this.listen(id, made);
+    return made;
+  }
+
+  setChildren(base, name, ids) {
+    const field = base.getField(name, false);
+    if (field) field.setValue(this.childrenOf(ids));
+  }
+
+  setField(base, node, def, index) {
+    const field = base.getField(def.name, false), value = node.values[index], k = def.type >> 1;
+    if (!field) return;
+    if (def.type === SFNODE) return field.setValue(this.make(this.standIn(value)));
+    if (def.type === MFNODE) return this.setChildren(base, def.name, value);
+    if (field.getTypeName() !== (def.type % 2 ? 'MF' : 'SF') + NAMES[k]) return;
+    if (def.type % 2 === 0) {
+      if (kPlain.has(k)) field.setValue(value);
+      else if (NAMES[k] === 'Image') field.setValue(new X3D.SFImage(value[0] ?? 0, value[1] ?? 0, value[2] ?? 0, new X3D.MFInt32(...value.slice(3))));
+      else field.setValue(new X3D[`SF${NAMES[k]}`](...value));
+    } else if (def.name === 'url' && node.type.implements.includes('X3DTextureNode')) {
+      field.setValue(value.map((url, i) => url.startsWith('data:') ? url : this.pictureUrl(node.id, i)));
+    } else if (NAMES[k] !== 'Image') {
+      field.setValue(value);
+    }
+  }
+
+  /** `changed`: what a listener of Scene is given. */
+  change(changed) {
+    if (this.building || !this.world) return;  // what is built will be as it is then
+    if (this.nodes.size > this.scene.nodes.size + 1000) this.prune();
+    for (let i = 0; i < changed.length; i += 2) {
+      const node = changed[i], index = changed[i + 1], def = node.type.fields[index];
+      if (node.id === 1) {
+        if (def.name === 'children') this.world.rootNodes = new X3D.MFNode(...this.childrenOf(node.values[index]));
+        continue;
+      }
+      if (def.name === 'body' && def.hidden && this.rewire(node)) return;
+      const made = this.nodes.get(node.id);
+      if (!made || def.hidden) continue;
+      try {
+        this.setField(made.getValue(), node, def, index);
+      } catch (error) {
+        console.warn(`${node.type.name}.${def.name}: ${error.message}`);
+      }
+    }
+  }
+  /** A body came or went: of an Inline that is its Group's content; of a PROTO's instance everything that shows it. */
+  rewire(node) {
+    if (node.type.name !== 'Inline') {
+      this.rebuild();
+      return true;
+    }
+    const made = this.nodes.get(node.id);
+    if (made) this.setChildren(made.getValue(), 'children', this.hidden(node, 'body'));
+    return false;
+  }
+  /** Numbers are never used again; what is gone need not be kept. */
+  prune() {
+    for (const id of this.nodes.keys()) if (!this.scene.nodes.has(id)) this.nodes.delete(id);
+  }
+
+  // ---- viewpoints and pointers -------------------------------------------------------------------------------------
+
+  /** [{id, name}], in the order of the document. */
+  viewpoints() {
+    const result = [];
+    for (const [id, node] of this.scene.nodes)
+      if (node.type.kind === 'built in' && node.type.implements.includes('X3DViewpointNode') && this.nodes.has(id))
+        result.push({id, name: node.get('description') || node.name || `${node.type.name} ${id}`});
+    return result;
+  }
+  /** That of the origin: the top of its stack. */
+  originsViewpoint() { return this.hidden(this.scene.root, '_viewpointStack')[0] ?? 0; }
+  bind(id) {
+    const made = this.nodes.get(id);
+    if (made) made.set_bind = true;
+  }
+
+  listen(id, made) {
+    for (const field of ['isOver', 'isActive', 'touchTime', 'hitPoint_changed', 'hitNormal_changed', 'hitTexCoord_changed'])
+      made.addFieldCallback('rtsg', field, (value) => this.onTouch(id, field, value));
+  }
+}

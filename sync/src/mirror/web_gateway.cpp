@@ -1,0 +1,151 @@
+// Finds and loads the module that serves browsers, and says where it listens.
+#include <rtsg/sync/web_gateway.h>
+
+#include <algorithm>
+#include <charconv>
+#include <random>
+
+#include <dlfcn.h>
+#include <fmt/format.h>
+
+#include "web_module.h"
+
+namespace rtsg {
+
+namespace {
+
+struct Place {
+    std::string address = "127.0.0.1";
+    std::uint16_t port = 0;
+};
+
+Result<Place> placeFrom(const std::string& text) {
+    Place place;
+    const std::size_t colon = text.rfind(':');
+    const std::string port = colon == std::string::npos ? text : text.substr(colon + 1);
+    const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), place.port);
+    if (error != std::errc() || end != port.data() + port.size())
+        return fail(fmt::format("'{}' is no place to serve browsers at: expected PORT or ADDRESS:PORT", text));
+    if (colon == std::string::npos) return place;
+    place.address = text.substr(0, colon);
+    if (place.address.size() > 2 && place.address.front() == '[' && place.address.back() == ']')
+        place.address = place.address.substr(1, place.address.size() - 2);
+    if (place.address == "localhost") place.address = "127.0.0.1";
+    if (place.address == "*") place.address = "0.0.0.0";
+    return place;
+}
+
+bool isLoopback(const std::string& address) {
+    return address == "::1" || address.starts_with("127.");
+}
+
+std::string madeUpToken() {
+    std::random_device device;
+    std::string token;
+    for (int i = 0; i < 4; ++i) token += fmt::format("{:08x}", device());
+    return token;
+}
+
+bool isToken(const std::string& text) {
+    return std::ranges::all_of(text, [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+    });
+}
+
+Result<StartWeb> loadModule() {
+#ifdef RTSG_NO_WEB
+    return fail("browsers are not served: this build leaves it out (RTSG_WEB=OFF)");
+#else
+    // By its name alone: the program's run path and LD_LIBRARY_PATH say where. It stays until the process ends.
+    void* module = ::dlopen("librtsg_web.so", RTLD_NOW | RTLD_LOCAL);
+    if (!module) return fail(fmt::format("serving browsers needs the module librtsg_web.so: {}", ::dlerror()));
+    void* symbol = ::dlsym(module, RTSG_WEB_SYMBOL);
+    if (!symbol) return fail("the module librtsg_web.so belongs to another version of this program");
+    return reinterpret_cast<StartWeb (*)()>(symbol)();
+#endif
+}
+
+constexpr std::size_t kLargestPicture = std::size_t{32} << 20;
+
+/// By its content, whatever its name; empty for what browsers do not show.
+std::string pictureType(std::string_view bytes) {
+    if (bytes.starts_with("\x89PNG\r\n\x1a\n")) return "image/png";
+    if (bytes.starts_with("\xFF\xD8\xFF")) return "image/jpeg";
+    if (bytes.starts_with("GIF87a") || bytes.starts_with("GIF89a")) return "image/gif";
+    if (bytes.size() > 12 && bytes.starts_with("RIFF") && bytes.substr(8, 4) == "WEBP") return "image/webp";
+    return {};
+}
+
+/// Only what the scene itself names: a browser says no more than which node.
+std::string pictureOf(const Scene& scene, const Resources& resources, const PictureWish& wish) {
+    const Node* node = scene.find(NodeId{wish.node});
+    if (!node || !node->type().isA("X3DTextureNode")) return {};
+    const FieldIndex field = node->type().find("url");
+    if (field == kNoField || node->type().fields[field].type != FieldType::MFString) return {};
+    const Value urls = node->value(field);
+    const auto& names = urls.as<Array<String>>();
+    if (wish.index >= names.size()) return {};
+    auto resource = resources.open(scene, *node, field, names[wish.index].view());
+    if (!resource) return {};
+    auto bytes = resource->read();
+    return bytes && bytes->size() <= kLargestPicture ? std::move(*bytes) : std::string();
+}
+
+}  // namespace
+
+Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options) {
+    auto place = placeFrom(options.listen);
+    if (!place) return std::unexpected(place.error());
+    if (!isToken(options.token)) return fail("a token is made of letters, digits, '-' and '_'");
+    WebSettings settings;
+    settings.address = place->address;
+    settings.port = place->port;
+    settings.loopback = isLoopback(place->address);
+    settings.endpoint = options.endpoint;
+    if (options.keys) {
+        if (auto ok = options.keys->checkForClient(); !ok)
+            return fail("browsers need a client's keys in the key file: " + ok.error().text);
+        settings.serverKey = options.keys->serverPublic;
+        settings.publicKey = options.keys->clientPublic.front();
+        settings.secretKey = options.keys->clientSecret;
+    }
+    settings.folder = options.folder.string();
+    settings.token = options.token.empty() && !settings.loopback ? madeUpToken() : options.token;
+    settings.maximumConnections = options.maximumConnections;
+    auto startWeb = loadModule();
+    if (!startWeb) return std::unexpected(startWeb.error());
+    std::string problem;
+    std::unique_ptr<WebGateway> gateway(new WebGateway);
+    gateway->module_ = (*startWeb)(settings, problem);
+    if (!gateway->module_) return fail(problem);
+    const bool anywhere = settings.address == "0.0.0.0" || settings.address == "::";
+    const std::string host = anywhere                                          ? "localhost"
+                             : settings.address.find(':') != std::string::npos ? "[" + settings.address + "]"
+                                                                               : settings.address;
+    gateway->url_ = fmt::format("http://{}:{}/{}", host, gateway->module_->port(),
+                                settings.token.empty() ? "" : "#token=" + settings.token);
+    return gateway;
+}
+
+WebGateway::~WebGateway() = default;
+
+WebGatewayStatistics WebGateway::statistics() const {
+    const WebCounts counts = module_->counts();
+    return {counts.connections, counts.opened, counts.requests, counts.refused};
+}
+
+void WebGateway::service(const Scene& scene, const Resources& resources) {
+    for (const PictureWish& wish : module_->takeWishes()) {
+        std::string bytes = pictureOf(scene, resources, wish);
+        std::string type = pictureType(bytes);
+        module_->answer(wish.number, std::move(bytes), std::move(type));
+    }
+}
+
+std::vector<Diagnostic> WebGateway::takeDiagnostics() {
+    std::vector<Diagnostic> result;
+    for (std::string& text : module_->takeNews()) result.push_back({Severity::warning, url_, {}, std::move(text)});
+    return result;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,51 @@
+// What librtsg_web.so offers: HTTP and WebSockets, by a library whose headers nothing else should have to compile.
+//
+// Invariant: nothing of Boost is on this side; the module links nothing of ours. Errors are sentences.
+// Threading: every function from any thread.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace rtsg {
+
+struct WebSettings {
+    std::string address;
+    std::uint16_t port = 0;
+    bool loopback = true;
+    std::string endpoint, serverKey, publicKey, secretKey;  // keys empty: none
+    std::string folder, token;
+    std::size_t maximumConnections = 0;
+};
+
+struct WebCounts {
+    std::size_t connections = 0;
+    std::uint64_t opened = 0, requests = 0, refused = 0;
+};
+
+/// A picture that a browser wants: the url of this index in the field `url` of a node.
+struct PictureWish {
+    std::uint64_t number = 0;
+    std::uint32_t node = 0, index = 0;
+};
+
+class WebModule {
+  public:
+    virtual ~WebModule() = default;
+    virtual std::uint16_t port() const = 0;
+    virtual WebCounts counts() const = 0;
+    virtual std::vector<std::string> takeNews() = 0;
+    /// Each is to be answered; `type` empty: there is none.
+    virtual std::vector<PictureWish> takeWishes() = 0;
+    virtual void answer(std::uint64_t wish, std::string bytes, std::string type) = 0;
+};
+
+/// Null, and why.
+using StartWeb = std::unique_ptr<WebModule> (*)(const WebSettings&, std::string& problem);
+/// The one symbol of the module: a function without arguments that returns a StartWeb.
+#define RTSG_WEB_SYMBOL "rtsg_start_web_1"
+
+}  // namespace rtsg

@@ -1,0 +1,127 @@
+// Passes messages between a WebSocket and the mirror server, at the pace of the slower.
+#include "browser.h"
+
+#include <chrono>
+
+namespace rtsg::web {
+
+namespace websocket = beast::websocket;
+
+namespace {
+
+constexpr std::size_t kMostQueued = std::size_t{1} << 20;
+constexpr auto kFarewell = std::chrono::seconds(1);
+constexpr std::size_t kLongestIncoming = 10 << 10;  // a part of a submission is the longest message there is
+
+}  // namespace
+
+Browser::Browser(Gateway& gateway, beast::tcp_stream&& stream)
+    : gateway_(gateway),
+      socket_(std::move(stream)),
+      link_(gateway.context(), gateway.settings()),
+      descriptor_(gateway.io(), link_.descriptor()),
+      farewell_(gateway.io()) {
+    gateway_.came(this);
+}
+
+Browser::~Browser() {
+    leave();
+    descriptor_.release();  // it is ZeroMQ's
+}
+
+void Browser::begin(Request request) {
+    request_ = std::move(request);
+    socket_.set_option(websocket::stream_base::timeout::suggested(beast::role_type::server));
+    socket_.read_message_max(kLongestIncoming);
+    socket_.binary(true);
+    socket_.auto_fragment(false);
+    socket_.control_callback([this](websocket::frame_type kind, beast::string_view) {
+        if (kind == websocket::frame_type::close) leaveSoon();
+    });
+    socket_.async_accept(request_, [self = shared_from_this()](beast::error_code error) {
+        if (error) return self->leave();
+        self->read();
+        self->pump();
+    });
+}
+
+void Browser::read() {
+    socket_.async_read(incoming_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+        if (error || self->gone_) return self->leave();
+        const auto bytes = self->incoming_.data();
+        if (!self->socket_.got_binary() || !self->link_.send({static_cast<const char*>(bytes.data()), bytes.size()})) {
+            ++self->gateway_.refused;
+            self->gateway_.news("ended a browser's connection: its message makes no sense, or there are too many");
+            return self->leave();
+        }
+        self->incoming_.consume(bytes.size());
+        self->pump();  // sending may have taken notice of what has come
+        self->read();
+    });
+}
+
+void Browser::pump() {
+    if (gone_) return;
+    std::string message;
+    while (queued_ < kMostQueued && link_.receive(message)) {
+        queued_ += message.size();
+        queue_.push_back(std::move(message));
+    }
+    write();
+    watch();
+}
+
+void Browser::watch() {
+    if (watching_ || gone_) return;
+    watching_ = true;
+    descriptor_.async_wait(net::posix::stream_descriptor::wait_read,
+                           [self = shared_from_this()](beast::error_code error) {
+                               self->watching_ = false;
+                               if (!error) self->pump();
+                           });
+}
+
+void Browser::write() {
+    if (writing_ || gone_) return;
+    if (queue_.empty()) {
+        if (!ending_) return;
+        writing_ = true;
+        socket_.async_close(websocket::close_code::going_away,
+                            [self = shared_from_this()](beast::error_code) { self->leave(); });
+        return;
+    }
+    writing_ = true;
+    socket_.async_write(net::buffer(queue_.front()),
+                        [self = shared_from_this()](beast::error_code error, std::size_t size) {
+                            self->writing_ = false;
+                            if (error || self->gone_) return self->leave();
+                            self->queued_ -= size;
+                            self->queue_.pop_front();
+                            self->pump();
+                        });
+}
+
+void Browser::end() {
+    ending_ = true;
+    pump();
+}
+
+/// A browser that says it closes, and then does not, is not waited for.
+void Browser::leaveSoon() {
+    farewell_.expires_after(kFarewell);
+    farewell_.async_wait([weak = weak_from_this()](beast::error_code error) {
+        const std::shared_ptr<Browser> self = weak.lock();
+        if (self && !error) self->leave();
+    });
+}
+
+void Browser::leave() {
+    if (std::exchange(gone_, true)) return;
+    link_.bye();
+    descriptor_.cancel();
+    beast::get_lowest_layer(socket_).cancel();
+    beast::get_lowest_layer(socket_).close();
+    gateway_.went(this);
+}
+
+}  // namespace rtsg::web

@@ -1,0 +1,210 @@
+// Listens for browsers, and says who may follow.
+#include "gateway.h"
+
+#include <chrono>
+#include <filesystem>
+
+#include <dlfcn.h>
+#include <boost/beast/websocket/rfc6455.hpp>
+
+#include "browser.h"
+#include "pages.h"
+#include "visit.h"
+
+namespace rtsg::web {
+
+namespace {
+
+constexpr int kMostVisits = 256;  // connections that have not become browsers
+constexpr auto kFarewell = std::chrono::milliseconds(500);
+constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor to give
+constexpr std::size_t kMostNews = 100;
+constexpr std::size_t kMostWishes = 64;  // pictures that wait for the scene
+
+std::string view(beast::string_view text) {
+    return {text.data(), text.size()};
+}
+
+/// Takes as long for the first wrong letter as for the last.
+bool sameToken(const std::string& given, const std::string& wanted) {
+    unsigned difference = given.size() == wanted.size() ? 0 : 1;
+    for (std::size_t i = 0; i < given.size() && i < wanted.size(); ++i)
+        difference |=
+            static_cast<unsigned char>(given[i]) ^ static_cast<unsigned>(static_cast<unsigned char>(wanted[i]));
+    return difference == 0;
+}
+
+std::string tokenIn(const std::string& target) {
+    const std::string key = "token=";
+    const std::size_t query = target.find('?');
+    for (std::size_t at = query; at != std::string::npos; at = target.find('&', at + 1))
+        if (target.compare(at + 1, key.size(), key) == 0) {
+            const std::size_t from = at + 1 + key.size();
+            return target.substr(from, target.find('&', from) - from);
+        }
+    return {};
+}
+
+/// Beside the module as it is installed, or where it was built from.
+std::string pageFolder() {
+    Dl_info about{};
+    std::error_code ignored;
+    if (::dladdr(reinterpret_cast<void*>(&pageFolder), &about) && about.dli_fname) {
+        const auto module = std::filesystem::weakly_canonical(about.dli_fname, ignored);
+        for (const char* way : {"../../share/rtsg/web", "../../../share/rtsg/web"}) {
+            const auto folder = (module.parent_path() / way).lexically_normal();
+            if (std::filesystem::exists(folder / "page" / "index.html", ignored)) return folder.string();
+        }
+    }
+    return RTSG_WEB_SOURCE;
+}
+
+}  // namespace
+
+Gateway::Gateway(WebSettings settings) : settings_(std::move(settings)) {}
+
+std::string Gateway::start() {
+    if (settings_.folder.empty()) settings_.folder = pageFolder();
+    if (!findPage(settings_.folder, "/")) return "there is no page for browsers in '" + settings_.folder + "'";
+    beast::error_code error;
+    const auto address = net::ip::make_address(settings_.address, error);
+    if (error) return "'" + settings_.address + "' is no address of this machine's";
+    const Tcp::endpoint place(address, settings_.port);
+    acceptor_.open(place.protocol(), error);
+    if (!error) acceptor_.set_option(net::socket_base::reuse_address(true), error);
+    if (!error) acceptor_.bind(place, error);
+    if (!error) acceptor_.listen(net::socket_base::max_listen_connections, error);
+    if (error)
+        return "cannot serve browsers at " + settings_.address + ":" + std::to_string(settings_.port) + ": " +
+               error.message();
+    port_ = acceptor_.local_endpoint().port();
+    accept();
+    thread_ = std::thread([this] { io_.run(); });
+    return {};
+}
+
+Gateway::~Gateway() {
+    if (!thread_.joinable()) return;
+    net::post(io_, [this] { stop(); });
+    thread_.join();
+}
+
+void Gateway::accept() {
+    acceptor_.async_accept([this](beast::error_code error, Tcp::socket socket) {
+        if (stopping_ || error == net::error::operation_aborted) return;
+        if (error) {
+            again_.expires_after(kAcceptAgain);
+            again_.async_wait([this](beast::error_code stopped) {
+                if (!stopped) accept();
+            });
+            return;
+        }
+        if (visits_ < kMostVisits)
+            std::make_shared<Visit>(*this, std::move(socket))->read();
+        else
+            ++refused;
+        accept();
+    });
+}
+
+void Gateway::stop() {
+    stopping_ = true;
+    beast::error_code ignored;
+    acceptor_.close(ignored);
+    deadline_.expires_after(kFarewell);
+    deadline_.async_wait([this](beast::error_code) { io_.stop(); });
+    const std::set<Browser*> now = browsers_;
+    for (Browser* browser : now) browser->end();
+    if (browsers_.empty()) io_.stop();
+}
+
+void Gateway::came(Browser* browser) {
+    browsers_.insert(browser);
+    ++opened_;
+    connections_ = browsers_.size();
+}
+
+void Gateway::went(Browser* browser) {
+    browsers_.erase(browser);
+    connections_ = browsers_.size();
+    if (stopping_ && browsers_.empty()) io_.stop();
+}
+
+WebCounts Gateway::counts() const {
+    return {connections_, opened_, requests, refused};
+}
+
+void Gateway::news(std::string text) {
+    const std::scoped_lock lock(mutex_);
+    if (news_.size() < kMostNews) news_.push_back(std::move(text));
+}
+
+std::vector<std::string> Gateway::takeNews() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(news_, {});
+}
+
+bool Gateway::wish(PictureWish wish, std::weak_ptr<Visit> visit) {
+    std::erase_if(wishing_, [](const auto& w) { return w.second.expired(); });
+    if (wishing_.size() >= kMostWishes) return false;
+    wish.number = ++wishNumber_;
+    wishing_[wish.number] = std::move(visit);
+    const std::scoped_lock lock(mutex_);
+    wishes_.push_back(wish);
+    return true;
+}
+
+std::vector<PictureWish> Gateway::takeWishes() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(wishes_, {});
+}
+
+void Gateway::answer(std::uint64_t wish, std::string bytes, std::string type) {
+    net::post(io_, [this, wish, bytes = std::move(bytes), type = std::move(type)]() mutable {
+        const auto found = wishing_.extract(wish);
+        const std::shared_ptr<Visit> visit = found ? found.mapped().lock() : nullptr;
+        if (visit) visit->show(std::move(bytes), std::move(type));
+    });
+}
+
+bool Gateway::knowsHost(const Request& request) const {
+    if (!settings_.loopback) return true;
+    std::string host = view(request[http::field::host]);
+    const std::size_t colon = host.rfind(':');
+    if (colon != std::string::npos && host.find(']', colon) == std::string::npos) host.resize(colon);
+    beast::error_code error;
+    const auto address = net::ip::make_address(host, error);  // a name that only begins like one is another's
+    return host == "localhost" || host == "[::1]" || (!error && address.is_loopback());
+}
+
+std::string Gateway::refusal(const Request& request) const {
+    const std::string target = view(request.target()), host = view(request[http::field::host]);
+    const std::string origin = view(request[http::field::origin]);
+    if (!knowsHost(request)) return "This server is known by another name.";
+    if (!origin.empty() && origin != "http://" + host && origin != "https://" + host)
+        return "Pages of other sites may not follow.";
+    if (!settings_.token.empty() && !sameToken(tokenIn(target), settings_.token))
+        return "The token is missing or wrong.";
+    const bool follows = beast::websocket::is_upgrade(request);
+    if (follows && target.substr(0, target.find('?')) != "/mirror") return "There is nothing to follow here.";
+    if (follows && connections_ >= settings_.maximumConnections) return "As many browsers follow as may.";
+    return {};
+}
+
+}  // namespace rtsg::web
+
+namespace {
+
+std::unique_ptr<rtsg::WebModule> startWeb(const rtsg::WebSettings& settings, std::string& problem) {
+    auto gateway = std::make_unique<rtsg::web::Gateway>(settings);
+    problem = gateway->start();
+    if (!problem.empty()) return nullptr;
+    return gateway;
+}
+
+}  // namespace
+
+/// What the program looks up: the function above.
+extern "C" __attribute__((visibility("default"))) rtsg::StartWeb rtsg_start_web_1() {
+    return startWeb;
+}

@@ -1,0 +1,94 @@
+// The gateway's inside: who listens, and what it counts. Browsers and visits hold it by reference; it outlives them.
+//
+// Invariant: everything but the counts and the news belongs to the one thread that runs the io_context.
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/http.hpp>
+
+#include <zmq.h>
+
+#include "mirror/web_module.h"
+
+namespace rtsg::web {
+
+namespace net = boost::asio;
+namespace beast = boost::beast;
+namespace http = boost::beast::http;
+using Tcp = net::ip::tcp;
+using Request = http::request<http::string_body>;
+
+class Browser;
+class Visit;
+
+class Gateway : public WebModule {
+  public:
+    explicit Gateway(WebSettings settings);
+    ~Gateway() override;
+    /// Binds, finds the page, starts the thread. Not empty: why not.
+    std::string start();
+
+    std::uint16_t port() const override { return port_; }
+    WebCounts counts() const override;
+    std::vector<std::string> takeNews() override;
+    std::vector<PictureWish> takeWishes() override;
+    void answer(std::uint64_t wish, std::string bytes, std::string type) override;
+
+    // For browsers and visits.
+    const WebSettings& settings() const { return settings_; }
+    net::io_context& io() { return io_; }
+    void* context() { return context_.get(); }
+    void news(std::string text);
+    /// Why who asks so may not follow, nor see the scene's pictures; empty if he may.
+    std::string refusal(const Request& request) const;
+    /// The host that the request names is one of ours, so that no other site's name leads here.
+    bool knowsHost(const Request& request) const;
+    void came(Browser* browser);
+    void went(Browser* browser);
+    void visited(int change) { visits_ += change; }
+    /// `visit` is answered by the scene's thread; false when too many wait.
+    bool wish(PictureWish wish, std::weak_ptr<Visit> visit);
+
+    std::atomic<std::uint64_t> requests{0}, refused{0};
+
+  private:
+    struct Context {
+        Context() : context(zmq_ctx_new()) {}
+        ~Context() { zmq_ctx_term(context); }
+        Context(const Context&) = delete;
+        Context& operator=(const Context&) = delete;
+        void* get() const { return context; }
+        void* context;
+    };
+    void accept();
+    void stop();
+
+    WebSettings settings_;
+    std::uint16_t port_ = 0;
+    Context context_;  // outlives the sockets, which die with the io_context
+    std::set<Browser*> browsers_;
+    std::atomic<std::size_t> connections_{0};
+    std::atomic<std::uint64_t> opened_{0};
+    int visits_ = 0;
+    bool stopping_ = false;
+    mutable std::mutex mutex_;
+    std::vector<std::string> news_;
+    std::vector<PictureWish> wishes_;
+    std::map<std::uint64_t, std::weak_ptr<Visit>> wishing_;  // the thread's own
+    std::uint64_t wishNumber_ = 0;
+    net::io_context io_{1};
+    Tcp::acceptor acceptor_{io_};
+    net::steady_timer deadline_{io_}, again_{io_};
+    std::thread thread_;
+};
+
+}  // namespace rtsg::web

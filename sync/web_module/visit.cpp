@@ -1,0 +1,171 @@
+// Answers requests for the page's files, and hands over to a Browser.
+#include "visit.h"
+
+#include <charconv>
+#include <chrono>
+#include <random>
+#include <string_view>
+
+#include <boost/beast/websocket/rfc6455.hpp>
+
+#include "browser.h"
+#include "pages.h"
+
+namespace rtsg::web {
+
+namespace {
+
+constexpr std::size_t kLongestHead = 8 << 10, kLongestBody = 1 << 10;
+constexpr auto kPatience = std::chrono::seconds(20);
+constexpr std::string_view kPicture = "/picture/";
+
+using Response = http::response<http::string_body>;
+
+std::string view(beast::string_view text) {
+    return {text.data(), text.size()};
+}
+
+/// Of one answer: scripts written into the page carry it, and no others run.
+std::string freshNonce() {
+    std::random_device device;
+    std::string result;
+    for (int i = 0; i < 4; ++i) result += std::to_string(device());
+    return result;
+}
+
+Response refused(const Request& request, http::status status, std::string why) {
+    Response response(status, request.version());
+    response.set(http::field::content_type, "text/plain; charset=utf-8");
+    response.body() = std::move(why) + "\n";
+    response.keep_alive(false);
+    return response;
+}
+
+/// What the page may load and run: its own files, WebAssembly, and pictures that it makes itself.
+std::string policyWith(const std::string& nonce) {
+    return "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'" +
+           (nonce.empty() ? "" : " 'nonce-" + nonce + "'") +
+           "; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; media-src 'self' data: blob:; "
+           "connect-src 'self' data: blob:; worker-src 'self' blob:; font-src 'self' data:; object-src 'none'; "
+           "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+}
+
+Response page(const Request& request, const std::string& folder) {
+    const std::string target = view(request.target());
+    const auto file = findPage(folder, std::string_view(target).substr(0, target.find('?')));
+    if (!file) return refused(request, http::status::not_found, "There is no such file.");
+    if (view(request[http::field::if_none_match]) == file->tag) {
+        Response same(http::status::not_modified, request.version());
+        same.set(http::field::etag, file->tag);
+        return same;
+    }
+    auto text = readPage(*file);
+    if (!text) return refused(request, http::status::not_found, "The file cannot be read.");
+    Response response(http::status::ok, request.version());
+    response.set(http::field::content_type, beast::string_view(file->type.data(), file->type.size()));
+    std::string nonce;
+    const std::string mark = "@NONCE@";
+    if (const std::size_t at = text->find(mark); file->type.starts_with("text/html") && at != std::string::npos) {
+        nonce = freshNonce();
+        text->replace(at, mark.size(), nonce);
+        response.set(http::field::cache_control, "no-store");
+    } else {
+        response.set(http::field::cache_control, "no-cache");
+        response.set(http::field::etag, file->tag);
+    }
+    if (file->type.starts_with("text/html")) response.set("Content-Security-Policy", policyWith(nonce));
+    response.body() = std::move(*text);
+    return response;
+}
+
+}  // namespace
+
+Visit::Visit(Gateway& gateway, Tcp::socket&& socket)
+    : gateway_(gateway), stream_(std::move(socket)), buffer_(kLongestHead + kLongestBody), waiting_(gateway.io()) {
+    gateway_.visited(1);
+}
+
+void Visit::read() {
+    parser_.emplace();
+    parser_->header_limit(kLongestHead);
+    parser_->body_limit(kLongestBody);
+    stream_.expires_after(kPatience);
+    http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+        if (!error) return self->answer(self->parser_->release());
+        if (error != http::error::end_of_stream && error != beast::error::timeout && error != net::error::eof &&
+            error != net::error::operation_aborted && error != net::error::connection_reset)
+            ++self->gateway_.refused;
+    });
+}
+
+/// `/picture/NODE/INDEX`. Who asks for something else under that name is told that there is none.
+bool Visit::wish(const Request& request) {
+    const std::string target = view(request.target());
+    const char* at = target.data() + kPicture.size();
+    const char* const end = target.data() + target.size();
+    PictureWish wish;
+    const auto node = std::from_chars(at, end, wish.node);
+    if (node.ec != std::errc() || node.ptr == end || *node.ptr != '/') return false;
+    const auto index = std::from_chars(node.ptr + 1, end, wish.index);
+    if (index.ec != std::errc() || (index.ptr != end && *index.ptr != '?')) return false;
+    keepAlive_ = request.keep_alive();
+    version_ = request.version();
+    return gateway_.wish(wish, weak_from_this());
+}
+
+void Visit::show(std::string bytes, std::string type) {
+    Response response(type.empty() ? http::status::not_found : http::status::ok, version_);
+    response.set(http::field::content_type, type.empty() ? "text/plain" : type);
+    response.set(http::field::cache_control, "no-store");
+    response.body() = type.empty() ? "There is no such picture.\n" : std::move(bytes);
+    response.keep_alive(keepAlive_);
+    waiting_.cancel();
+    say(std::move(response));
+}
+
+void Visit::answer(Request request) {
+    ++gateway_.requests;
+    const bool wantsSocket = beast::websocket::is_upgrade(request);
+    const bool wantsPicture = request.target().starts_with(beast::string_view(kPicture.data(), kPicture.size()));
+    std::string why = wantsSocket || wantsPicture ? gateway_.refusal(request) : "";
+    if (wantsSocket && why.empty()) {
+        stream_.expires_never();
+        std::make_shared<Browser>(gateway_, std::move(stream_))->begin(std::move(request));
+        return;
+    }
+    if (why.empty() && !gateway_.knowsHost(request)) why = "This server is known by another name.";
+    if (!why.empty()) {
+        ++gateway_.refused;
+        gateway_.news("refused a request: " + why);
+        return say(refused(request, http::status::forbidden, std::move(why)));
+    }
+    if (request.method() != http::verb::get && request.method() != http::verb::head)
+        return say(refused(request, http::status::method_not_allowed, "Only GET and HEAD are answered."));
+    if (wantsPicture) {
+        if (!wish(request)) return say(refused(request, http::status::not_found, "There is no such picture."));
+        // Kept alive until the scene's thread answers, or for as long as anybody would wait.
+        stream_.expires_after(kPatience);
+        waiting_.expires_after(kPatience);
+        waiting_.async_wait([self = shared_from_this()](beast::error_code) {});
+        return;
+    }
+    Response response = page(request, gateway_.settings().folder);
+    response.keep_alive(request.keep_alive());
+    response.prepare_payload();
+    if (request.method() == http::verb::head) response.body().clear();  // the length stays that of the file
+    say(std::move(response));
+}
+
+void Visit::say(Response response) {
+    response.set("X-Content-Type-Options", "nosniff");
+    response.set("Referrer-Policy", "no-referrer");
+    response.set("Cross-Origin-Resource-Policy", "same-origin");
+    if (!response.has_content_length()) response.prepare_payload();
+    response_ = std::move(response);
+    http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+        if (!error && self->response_.keep_alive()) return self->read();
+        self->stream_.socket().shutdown(Tcp::socket::shutdown_send, error);
+    });
+}
+
+}  // namespace rtsg::web

@@ -1,0 +1,432 @@
+// The gateway for browsers: which files, pictures and connections it gives to whom, and that a client's messages pass
+// both ways unchanged. Spoken to in bare bytes (RFC 9112, RFC 6455), as nothing of ours shall agree with itself here.
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/sync/web_gateway.h>
+
+#include "mirror_support.h"
+#include "support/stranger.h"
+#include "support/temp_folder.h"
+
+namespace rtsg {
+namespace {
+
+using namespace std::chrono_literals;
+using test::eventually;
+
+constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
+const std::string kPng("\x89PNG\r\n\x1a\n and so on", 18);
+
+/// One TCP connection; reads until it has what it waits for, or the peer ends it.
+class Line {
+  public:
+    explicit Line(int port) : descriptor_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+        sockaddr_in address{};
+        address.sin_family = AF_INET;
+        address.sin_port = htons(static_cast<std::uint16_t>(port));
+        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+        EXPECT_EQ(::connect(descriptor_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+    }
+    ~Line() { ::close(descriptor_); }
+    Line(const Line&) = delete;
+    Line& operator=(const Line&) = delete;
+
+    void say(std::string_view bytes) { (void)::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL); }
+    /// One more read, if something comes within a while; false at the end.
+    bool more(std::chrono::milliseconds patience) {
+        pollfd in{descriptor_, POLLIN, 0};
+        if (::poll(&in, 1, static_cast<int>(patience.count())) <= 0) return true;
+        char buffer[65536];
+        const ssize_t count = ::recv(descriptor_, buffer, sizeof(buffer), 0);
+        if (count > 0) heard.append(buffer, static_cast<std::size_t>(count));
+        return count > 0;
+    }
+    bool hear(const std::function<bool()>& enough) {
+        const auto end = std::chrono::steady_clock::now() + test::kPatience;
+        while (!enough())
+            if (!more(10ms) || std::chrono::steady_clock::now() > end) return enough();
+        return true;
+    }
+    bool ended() {
+        const auto end = std::chrono::steady_clock::now() + test::kPatience;
+        while (std::chrono::steady_clock::now() < end)
+            if (!more(10ms)) return true;
+        return false;
+    }
+    std::string heard;
+
+  private:
+    int descriptor_;
+};
+
+struct Answer {
+    int status = 0;
+    std::string head, body;
+};
+
+/// By WebSocket: messages of two parts behind the length of the first, in unmasked frames one way, masked the other.
+struct WebSocketLine : Line {
+    using Line::Line;
+    void sayMessage(std::string_view first, std::string_view second = {}) {
+        const auto size = static_cast<std::uint32_t>(first.size());
+        std::string message(reinterpret_cast<const char*>(&size), 4);
+        message += first;
+        message += second;
+        sayFrame(message);
+    }
+    void sayFrame(std::string_view message) {
+        std::string frame("\x82", 1);
+        if (message.size() < 126) {
+            frame += static_cast<char>(0x80 | message.size());
+        } else {
+            frame += static_cast<char>(0x80 | 126);
+            frame += static_cast<char>(message.size() >> 8);
+            frame += static_cast<char>(message.size() & 0xFF);
+        }
+        frame += std::string(4, '\0');  // the mask
+        frame += message;
+        say(frame);
+    }
+    /// The next message's type and its second part.
+    std::optional<std::pair<int, std::string>> next() {
+        std::size_t length = 0, at = 0;
+        const bool whole = hear([&] {
+            if (heard.size() < 2) return false;
+            length = static_cast<unsigned char>(heard[1]);
+            at = 2;
+            for (std::size_t extra = length == 126 ? 2 : length == 127 ? 8 : 0; extra > 0 && at == 2;) {
+                if (heard.size() < 2 + extra) return false;
+                for (length = 0; extra > 0; --extra) length = length << 8 | static_cast<unsigned char>(heard[at++]);
+            }
+            return heard.size() >= at + length;
+        });
+        if (!whole || heard[0] != '\x82' || length < 12) return std::nullopt;
+        const std::string message = heard.substr(at, length);
+        heard.erase(0, at + length);
+        std::uint32_t first = 0;
+        std::memcpy(&first, message.data(), 4);
+        return std::pair(static_cast<int>(message[9]), message.substr(4 + first));
+    }
+};
+
+std::string helloOf(std::uint64_t session) {
+    std::string text("RTSG\x01\x01\0\0", 8);
+    for (const std::uint64_t n :
+         {session, std::uint64_t{0}, std::uint64_t{0}, std::uint64_t{0}, std::uint64_t{1} << 20})
+        text.append(reinterpret_cast<const char*>(&n), 8);
+    return text + std::string(
+                      "\x07"
+                      "browser",
+                      8);
+}
+
+struct Served {
+    test::TempFolder folder;
+    Scene scene;
+    Resources resources;
+    std::unique_ptr<MirrorServer> server;
+    std::unique_ptr<WebGateway> gateway;
+    std::string host;
+    int port = 0;
+
+    explicit Served(WebGatewayOptions options = {}) : resources(folder.path() / "scene") {
+        write("page/index.html", "<script nonce=\"@NONCE@\"></script>");
+        write("src/index.js", "export {};");
+        write("src/.secret.js", "no");
+        write("src/notes.txt", "no");
+        write("package.json", "no");
+        write("scene/sign.png", kPng);
+        write("scene/sign.txt", "no picture");
+        write("outside.png", kPng);
+        server = *MirrorServer::start(scene, kAnyPort);
+        options.endpoint = server->endpoint();
+        options.folder = folder.path();
+        auto started = WebGateway::start(options);
+        EXPECT_TRUE(started) << started.error().text;
+        gateway = std::move(*started);
+        port = std::stoi(gateway->url().substr(gateway->url().rfind(':') + 1));
+        host = "127.0.0.1:" + std::to_string(port);
+    }
+    void write(const std::string& name, const std::string& text) {
+        const std::filesystem::path file = folder.path() / name;
+        std::filesystem::create_directories(file.parent_path());
+        std::ofstream(file, std::ios::binary) << text;
+    }
+    void load(const std::string& text) {
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(scene, text, diagnostics));
+        scene.newFrame(0);
+    }
+    Answer ask(const std::string& target, const std::string& method = "GET", const std::string& more = {},
+               const std::string& name = {}) {
+        Line line(port);
+        line.say(method + " " + target + " HTTP/1.1\r\nHost: " + (name.empty() ? host : name) + "\r\n" + more +
+                 "Connection: close\r\n\r\n");
+        const auto end = std::chrono::steady_clock::now() + test::kPatience;
+        while (line.more(5ms) && std::chrono::steady_clock::now() < end) gateway->service(scene, resources);
+        Answer answer;
+        const std::size_t split = line.heard.find("\r\n\r\n");
+        if (split == std::string::npos) return answer;
+        answer.head = line.heard.substr(0, split + 2);
+        answer.body = line.heard.substr(split + 4);
+        answer.status = std::stoi(answer.head.substr(9, 3));
+        return answer;
+    }
+    static std::string upgrade(const std::string& origin = {}) {
+        return "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+               "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n" +
+               (origin.empty() ? "" : "Origin: " + origin + "\r\n");
+    }
+    /// The status of the answer; 101 when the connection is a WebSocket's from here on.
+    int open(WebSocketLine& line, const std::string& target = "/mirror", const std::string& origin = {},
+             const std::string& name = {}) {
+        line.say("GET " + target + " HTTP/1.1\r\nHost: " + (name.empty() ? host : name) + "\r\n" + upgrade(origin) +
+                 "\r\n");
+        EXPECT_TRUE(line.hear([&] { return line.heard.find("\r\n\r\n") != std::string::npos; }));
+        const int status = std::stoi(line.heard.substr(9, 3));
+        line.heard.erase(0, line.heard.find("\r\n\r\n") + 4);
+        return status;
+    }
+};
+
+TEST(WebGateway, GivesThePageAndNothingElseOfTheFolder) {
+    Served served;
+    const Answer page = served.ask("/");
+    EXPECT_EQ(page.status, 200);
+    EXPECT_NE(page.head.find("text/html"), std::string::npos);
+    EXPECT_EQ(served.ask("/src/index.js").body, "export {};");
+    EXPECT_EQ(served.ask("/src/index.js?x=1").status, 200);
+    EXPECT_EQ(served.ask("/src/index.js", "HEAD").body, "");
+    for (const char* target : {"/package.json", "/src/.secret.js", "/src/notes.txt", "/src/../package.json", "/src/",
+                               "/src/./index.js", "/src//index.js", "/%2e%2e/package.json", "/src/index.js%00",
+                               "//etc/passwd", "/scene/sign.png", "/src", "http://elsewhere/src/index.js"})
+        EXPECT_EQ(served.ask(target).status, 404) << target;
+    EXPECT_EQ(served.ask("/src/" + std::string(300, 'a') + ".js").status, 404);
+    for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS"})
+        EXPECT_EQ(served.ask("/", method).status, 405) << method;
+}
+
+TEST(WebGateway, LetsOnlyItsOwnScriptsRun) {
+    Served served;
+    const Answer first = served.ask("/"), second = served.ask("/");
+    EXPECT_EQ(first.body.find("@NONCE@"), std::string::npos);
+    EXPECT_NE(first.body, second.body);
+    const std::string nonce = first.body.substr(15, first.body.find('"', 15) - 15);
+    EXPECT_NE(first.head.find("'nonce-" + nonce + "'"), std::string::npos) << first.head;
+    EXPECT_EQ(first.head.find("unsafe-eval' "), first.head.find("wasm-unsafe-eval' ") + 5) << first.head;
+    EXPECT_NE(served.ask("/src/index.js").head.find("nosniff"), std::string::npos);
+}
+
+TEST(WebGateway, WhatHasNotChangedIsNotSentAgain) {
+    Served served;
+    const Answer first = served.ask("/src/index.js");
+    const std::size_t at = first.head.find("ETag: ") + 6;
+    const std::string tag = first.head.substr(at, first.head.find("\r\n", at) - at);
+    EXPECT_EQ(served.ask("/src/index.js", "GET", "If-None-Match: " + tag + "\r\n").status, 304);
+    served.write("src/index.js", "export const other = 1;");
+    EXPECT_EQ(served.ask("/src/index.js", "GET", "If-None-Match: " + tag + "\r\n").status, 200);
+}
+
+/// DNS rebinding, and pages of other sites that are open in the same browser.
+TEST(WebGateway, OnLoopbackOtherNamesAndOtherSitesAreRefused) {
+    Served served;
+    const std::string port = ":" + std::to_string(served.port);
+    for (const char* name : {"localhost", "127.0.0.1", "[::1]"})
+        EXPECT_EQ(served.ask("/", "GET", {}, name + port).status, 200) << name;
+    for (const char* name :
+         {"evil.example", "127.0.0.1.evil.example", "localhost.evil.example", "[::1].evil.example", ""})
+        EXPECT_EQ(served.ask("/", "GET", {}, name + port).status, 403) << name;
+    for (const std::string& origin : {std::string(), "http://" + served.host}) {
+        WebSocketLine line(served.port);
+        EXPECT_EQ(served.open(line, "/mirror", origin), 101) << origin;
+    }
+    for (const std::string& origin : {std::string("http://evil.example"), std::string("null"),
+                                      std::string("http://127.0.0.1"), "http://" + served.host + ".evil.example"}) {
+        WebSocketLine line(served.port);
+        EXPECT_EQ(served.open(line, "/mirror", origin), 403) << origin;
+    }
+    WebSocketLine elsewhere(served.port), other(served.port);
+    EXPECT_EQ(served.open(elsewhere, "/other"), 403);
+    EXPECT_EQ(served.open(other, "/mirror", {}, "evil.example"), 403);
+    EXPECT_GE(served.gateway->statistics().refused, 10u);
+    EXPECT_FALSE(served.gateway->takeDiagnostics().empty());
+}
+
+TEST(WebGateway, ATokenIsAskedForWhereThereIsOne) {
+    WebGatewayOptions options;
+    options.token = "open-Sesame_1";
+    Served served(options);
+    EXPECT_TRUE(served.gateway->url().ends_with("/#token=open-Sesame_1")) << served.gateway->url();
+    for (const char* target : {"/mirror", "/mirror?token=", "/mirror?token=open", "/mirror?token=open-Sesame_12",
+                               "/mirror?x=open-Sesame_1", "/mirror?nottoken=open-Sesame_1"}) {
+        WebSocketLine line(served.port);
+        EXPECT_EQ(served.open(line, target), 403) << target;
+    }
+    for (const char* target : {"/mirror?token=open-Sesame_1", "/mirror?x=1&token=open-Sesame_1"}) {
+        WebSocketLine line(served.port);
+        EXPECT_EQ(served.open(line, target), 101) << target;
+    }
+    EXPECT_EQ(served.ask("/picture/1/0").status, 403);
+    EXPECT_EQ(served.ask("/picture/1/0?token=open-Sesame_1").status, 404);
+    EXPECT_EQ(served.ask("/").status, 200);  // the page itself is no secret
+}
+
+TEST(WebGateway, BeyondThisMachineATokenIsMadeUp) {
+    WebGatewayOptions options;
+    options.listen = "0.0.0.0:0";
+    Scene scene;
+    const auto server = *MirrorServer::start(scene, kAnyPort);
+    options.endpoint = server->endpoint();
+    test::TempFolder folder;
+    std::filesystem::create_directory(folder.path() / "page");
+    std::ofstream(folder / "page/index.html") << "page";
+    options.folder = folder.path();
+    const auto first = WebGateway::start(options), second = WebGateway::start(options);
+    ASSERT_TRUE(first) << first.error().text;
+    const auto token = [](const WebGateway& gateway) { return gateway.url().substr(gateway.url().find('#')); };
+    EXPECT_EQ(token(**first).size(), 7u + 32u);
+    EXPECT_NE(token(**first), token(**second));
+    for (const char* bad : {"", "x", "80x", "1.2.3:80", "70000", "-1", "host:80", ":80"}) {
+        options.listen = bad;
+        EXPECT_FALSE(WebGateway::start(options)) << bad;
+    }
+    options.listen = "0";
+    options.token = "no spaces";
+    EXPECT_FALSE(WebGateway::start(options));
+    options.token.clear();
+    options.folder = folder.path() / "page";
+    const auto without = WebGateway::start(options);
+    ASSERT_FALSE(without);
+    EXPECT_NE(without.error().text.find("no page"), std::string::npos);
+}
+
+TEST(WebGateway, PicturesAreThoseThatTexturesOfTheSceneNameWithinTheirFolder) {
+    Served served;
+    served.load(R"(#X3D V4.0 utf8
+Shape { appearance Appearance { texture DEF GOOD ImageTexture { url [ "missing.png" "sign.png" ] } } geometry Box { } }
+Shape { appearance Appearance { texture DEF BAD ImageTexture { url [ "../outside.png" "sign.txt" ] } } geometry Box { } }
+DEF SOUND AudioClip { url "sign.png" }
+)");
+    const auto target = [&](const char* name, const std::string& index) {
+        return "/picture/" + std::to_string(served.scene.findName(name).value) + "/" + index;
+    };
+    const Answer good = served.ask(target("GOOD", "1") + "?state=3");
+    EXPECT_EQ(good.status, 200);
+    EXPECT_EQ(good.body, kPng);
+    EXPECT_NE(good.head.find("image/png"), std::string::npos);
+    for (const std::string& none :
+         {target("GOOD", "0"), target("GOOD", "2"), target("GOOD", "-1"), target("GOOD", ""), target("GOOD", "1x"),
+          target("GOOD", "99999999999"), target("BAD", "0"), target("BAD", "1"), target("SOUND", "0"),
+          std::string("/picture/1/0"), std::string("/picture/77777/0"), std::string("/picture/"),
+          std::string("/picture//")})
+        EXPECT_EQ(served.ask(none).status, 404) << none;
+}
+
+TEST(WebGateway, AClientsMessagesPassBothWays) {
+    Served served;
+    const NodeId node = served.scene.createNode(x3d::Transform::type);
+    served.scene.newFrame(0);
+    WebSocketLine line(served.port);
+    ASSERT_EQ(served.open(line), 101);
+    line.sayMessage(helloOf(5));
+    const auto welcome = line.next();
+    ASSERT_TRUE(welcome);
+    EXPECT_EQ(welcome->first, 16);
+    EXPECT_TRUE(welcome->second.starts_with("RTSGrec1"));
+    const auto keyframe = line.next();
+    ASSERT_TRUE(keyframe);
+    EXPECT_EQ(keyframe->first, 17);
+    ASSERT_TRUE(served.scene.set(node, x3d::Transform::translation, Vec3f(1)));
+    served.scene.newFrame(1);
+    auto frame = line.next();
+    while (frame && frame->first != 17) frame = line.next();  // pings
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->second[16], 2) << "a frame";
+    EXPECT_EQ(served.server->statistics().peers, 1u);
+    EXPECT_EQ(served.gateway->statistics().connections, 1u);
+    // The end of one is told to the other, both ways.
+    line.say(std::string("\x88\x80\0\0\0\0", 6));
+    EXPECT_TRUE(eventually([&] { return served.server->statistics().peers == 0; }));
+    EXPECT_TRUE(eventually([&] { return served.gateway->statistics().connections == 0; }));
+    WebSocketLine last(served.port);
+    ASSERT_EQ(served.open(last), 101);
+    last.sayMessage(helloOf(6));
+    while (last.next()->first != 17) continue;
+    std::thread leaving([&] { served.server.reset(); });
+    int type = 0;
+    while (type != 5) {
+        const auto said = last.next();
+        ASSERT_TRUE(said);
+        type = said->first;
+    }
+    leaving.join();
+    served.gateway.reset();
+    EXPECT_TRUE(last.ended());
+}
+
+TEST(WebGateway, WhatMakesNoSenseEndsOnlyItsOwnConnection) {
+    Served served;
+    served.scene.newFrame(0);
+    WebSocketLine good(served.port);
+    ASSERT_EQ(served.open(good), 101);
+    good.sayMessage(helloOf(5));
+    ASSERT_TRUE(good.next());
+    const std::string huge(60000, 'x');
+    for (const std::string& bad : {std::string("\0\0\0\0", 4),
+                                   std::string("\xFF\xFF\xFF\xFF"
+                                               "abc",
+                                               7),
+                                   std::string("ab"), huge, std::string()}) {
+        WebSocketLine line(served.port);
+        ASSERT_EQ(served.open(line), 101);
+        line.sayFrame(bad);
+        EXPECT_TRUE(line.ended()) << bad.size();
+    }
+    for (const std::string& bad :
+         {std::string("\x81\x80\0\0\0\0", 6), std::string("\x82\x05hello", 7), std::string("\xF2\x80\0\0\0\0", 6)}) {
+        WebSocketLine line(served.port);
+        ASSERT_EQ(served.open(line), 101);
+        line.say(bad);
+        EXPECT_TRUE(line.ended());
+    }
+    for (const std::string& bad : {std::string("\x16\x03\x01\x02\0\x01\0\x01\xFC\x03\x03", 11),
+                                   "GET / HTTP/1.1\r\nX: " + huge, std::string("GET / HTTP/9.9\r\n\r\n"),
+                                   std::string("POST / HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n")}) {
+        Line line(served.port);
+        line.say(bad);
+        EXPECT_TRUE(line.ended());
+    }
+    good.heard.clear();
+    served.scene.newFrame(1);
+    EXPECT_TRUE(good.hear([&] { return !good.heard.empty(); }));
+    EXPECT_EQ(served.gateway->statistics().connections, 1u);
+}
+
+TEST(WebGateway, NoMoreBrowsersThanMay) {
+    WebGatewayOptions options;
+    options.maximumConnections = 2;
+    Served served(options);
+    {
+        WebSocketLine first(served.port), second(served.port), third(served.port);
+        EXPECT_EQ(served.open(first), 101);
+        EXPECT_EQ(served.open(second), 101);
+        EXPECT_EQ(served.open(third), 403);
+    }
+    EXPECT_TRUE(eventually([&] { return served.gateway->statistics().connections == 0; }));
+    WebSocketLine again(served.port);
+    EXPECT_EQ(served.open(again), 101);
+    EXPECT_EQ(served.gateway->statistics().opened, 3u);
+}
+
+}  // namespace
+}  // namespace rtsg
