@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/device_input.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
@@ -173,6 +174,40 @@ void proximity(const Report& report, bool quick) {
             })});
 }
 
+/// A ray that always meets the same shape.
+struct OneShape final : SpaceQueries {
+    PointerHit hit;
+    std::optional<PointerHit> firstHit(const Vec3d&, const Vec3d&) override { return hit; }
+    std::vector<std::vector<NodeId>> within(const Vec3d&, double) override { return {}; }
+};
+
+void touches(const Report& report, bool quick) {
+    const int count = quick ? 1000 : 10'000;
+    std::string text;
+    for (int i = 0; i < count; ++i)
+        text += fmt::format(
+            "DEF T{0} Transform {{ translation {0} 0 0 children [ DEF S{0} TouchSensor {{ }} DEF B{0} Shape {{ }} ] "
+            "}}\n",
+            i);
+    Scene scene;
+    load(scene, text);
+    scene.newFrame(0);
+    OneShape space;
+    space.hit.path = {scene.findName("T7"), scene.findName("B7")};
+    scene.setSpaceQueries(&space);
+    const std::string what = fmt::format("{} TouchSensors", count);
+    const double clock = cpuClockSeconds() * 1e3;
+    report({"runtime", what, "a frame at rest", "ms", 1e3 * frameSeconds(scene, 100, [](int) {}), "", 0,
+            "reading the clock", clock});
+    const double over = frameSeconds(scene, 100, [&](int i) {
+        PointerInput input;
+        input.origin = {i * .01, 0, 9};
+        (void)sendPointer(scene, input);
+    });
+    report({"runtime", what, "a frame, a pointer moves over one of them", "ms", over * 1e3, "", 0, "reading the clock",
+            clock});
+}
+
 void routes(const Report& report, bool quick) {
     const std::size_t count = quick ? 100'000 : 1'000'000;
     Scene scene;
@@ -193,6 +228,7 @@ void runtime(const Report& report, bool quick) {
     levels(report, quick);
     followers(report, quick);
     proximity(report, quick);
+    touches(report, quick);
     routes(report, quick);
 }
 

@@ -11,7 +11,7 @@ import sys
 
 ROOT = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent.parent)
 # Types that act in another way than by a behaviour of theirs, and the file that has it.
-ELSEWHERE = {"Script": "core/src/script/engine.cpp", "Inline": "core/src/document/inline.cpp",
+ELSEWHERE = {"Anchor": "core/src/behaviour/pointing.cpp", "Script": "core/src/script/engine.cpp", "Inline": "core/src/document/inline.cpp",
              "Text": "renderers/src/text", "AudioClip": "audio/src", "AudioDestination": "audio/src",
              "BiquadFilter": "audio/src", "BufferAudioSource": "audio/src", "ChannelMerger": "audio/src",
              "ChannelSelector": "audio/src", "ChannelSplitter": "audio/src", "Convolver": "audio/src", "Delay": "audio/src",

@@ -13,9 +13,9 @@ Scenario readScenario(const std::filesystem::path& path) {
     scenario.path = path;
     std::ifstream in(path);
     if (!in) scenario.error = "cannot be read";
-    static const char* const verbs[] = {"scene", "file",    "watch",  "send",   "set",     "time",
-                                        "route", "add",     "remove", "create", "destroy", "unroute",
-                                        "----",  "ordered", "get",    "silent", "absent",  "diagnostic"};
+    static const char* const verbs[] = {"scene", "file",   "watch",  "send",       "set",     "time", "route",
+                                        "add",   "remove", "create", "destroy",    "unroute", "----", "ordered",
+                                        "get",   "silent", "absent", "diagnostic", "pointer", "key",  "text"};
     bool expecting = false;
     int number = 0;
     for (std::string line; std::getline(in, line);) {

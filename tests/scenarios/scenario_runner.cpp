@@ -3,6 +3,7 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <set>
 
@@ -15,6 +16,7 @@
 #include <rtsg/sync/change_codec.h>
 
 #include "scenario.h"
+#include "support/simple_space.h"
 #include "sync/codec/input_wire.h"
 
 namespace rtsg::test {
@@ -140,6 +142,8 @@ class Run final : Subscriber {
         scene_->setEventListener([this](double, const Node& node, FieldIndex field, const Value& value) {
             if (node.type().fields[field].sends()) events_.push_back({node.id(), field, value});
         });
+        space_ = std::make_unique<SimpleSpace>(*scene_);
+        scene_->setSpaceQueries(space_.get());
         BuildOptions options;
         options.resources = folder_;
         inlines_ = std::make_unique<InlineLoader>(*scene_, diagnostics_, options);
@@ -259,11 +263,60 @@ class Run final : Subscriber {
 
     // ---- statements --------------------------------------------------------------------------------------------
 
+    /// [N:] [down|up] [X Y Z DX DY DZ|leave]; what is left out is as it was.
+    void point(const std::vector<std::string>& words) {
+        std::size_t i = 0;
+        PointerInput given;
+        if (i < words.size() && words[i].ends_with(':')) given.device = std::atoi(words[i++].c_str());
+        PointerInput& input = pointers_[given.device];
+        input.device = given.device;
+        if (i < words.size() && (words[i] == "down" || words[i] == "up"))
+            input.buttons = words[i++] == "down" ? PointerInput::kPrimary : 0;
+        if (i < words.size() && words[i] == "leave") {
+            input.kind = PointerInput::Kind::absent;
+            ++i;
+        } else if (i + 6 == words.size()) {
+            double numbers[6];
+            for (double& number : numbers) number = std::strtod(words[i++].c_str(), nullptr);
+            input.kind = PointerInput::Kind::ray;
+            input.origin = {numbers[0], numbers[1], numbers[2]};
+            input.direction = {numbers[3], numbers[4], numbers[5]};
+        }
+        if (i < words.size()) return fail("what is '{}'?", words[i]);
+        if (auto ok = sendPointer(*scene_, input); !ok) fail("{}", ok.error().text);
+        sent_ = true;
+    }
+    void press(const std::vector<std::string>& words) {
+        const bool up = words[0] == "up";
+        const auto key = KeyInput::named(words.back(), !up);
+        auto ok = key ? sendKey(*scene_, *key) : Result<>(std::unexpected(key.error()));
+        if (!ok) fail("{}", ok.error().text);
+        sent_ = true;
+    }
+
+    /// False if the statement is of no device.
+    bool useDevice(const Statement& one) {
+        if (one.verb == "pointer") {
+            point(wordsOf(one.text));
+        } else if (one.verb == "key") {
+            press(wordsOf(one.text));
+        } else if (one.verb == "text") {
+            std::string text = one.text;
+            for (std::size_t at; (at = text.find("\\n")) != std::string::npos;) text.replace(at, 2, "\n");
+            if (auto ok = sendText(*scene_, text); !ok) fail("{}", ok.error().text);
+            sent_ = true;
+        } else {
+            return false;
+        }
+        return true;
+    }
+
     void step(const Statement& one) {
         const std::string& verb = one.verb;
         const bool expectation = verb == "expect" || verb == "ordered" || verb == "silent" || verb == "get" ||
                                  verb == "absent" || verb == "diagnostic" || verb == "----";
         if (!expectation) checkEvents();
+        if (useDevice(one)) return;
         NodeId node, other;
         FieldIndex field = kNoField, otherField = kNoField;
         Value value;
@@ -395,6 +448,8 @@ class Run final : Subscriber {
     std::filesystem::path folder_;
     std::string problems_;
     Diagnostics diagnostics_{"scene"}, runtime_;
+    std::unique_ptr<SimpleSpace> space_;
+    std::map<std::int32_t, PointerInput> pointers_;
     std::unique_ptr<Scene> scene_;
     std::vector<std::unique_ptr<Scene>> followers_;
     std::unique_ptr<Scene> copy_;  // computes the frames itself

@@ -11,13 +11,15 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         std::vector<BuiltinBehaviour> t;
         t.push_back({x3d::TimeSensor::type, {.accepts = timeSensorAccepts, .onTime = timeSensorOnTime}});
         t.push_back({x3d::LOD::type, {.onTime = lodOnTime, .last = true}});
-        t.push_back({x3d::RtsgScene::type, {.onTime = rootOnTime}});
+        t.push_back({x3d::RtsgScene::type, {.onEvent = rootOnEvent, .onTime = rootOnTime}});
         appendInterpolators(t);
         appendFollowers(t);
         appendSplines(t);
         appendEnvironmentalSensors(t);
         appendTriggers(t);
         appendBindables(t);
+        appendPointing(t);
+        appendKeys(t);
         for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;
         return t;
     }();

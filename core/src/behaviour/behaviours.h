@@ -14,10 +14,16 @@ void appendSplines(std::vector<BuiltinBehaviour>& table);
 void appendEnvironmentalSensors(std::vector<BuiltinBehaviour>& table);
 void appendTriggers(std::vector<BuiltinBehaviour>& table);
 void appendBindables(std::vector<BuiltinBehaviour>& table);
+void appendPointing(std::vector<BuiltinBehaviour>& table);
+void appendKeys(std::vector<BuiltinBehaviour>& table);
 
 double lodOnTime(Cascade& cascade, const Node& node);
 /// The root is woken when a node has lost a parent.
 double rootOnTime(Cascade& cascade, const Node& node);
+
+/// Devices' events come to the root.
+void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value);
+void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value);
 
 /// An event value in block representation as what it is.
 template <class T>

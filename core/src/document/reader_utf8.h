@@ -1,17 +1,14 @@
-// UTF-8 validation: finding bytes that are no UTF-8, and replacing them.
+// The encoding of a document, as its first bytes tell.
 //
-// Threading: pure functions. Source: RFC 3629 (no overlong forms, no surrogates, nothing above U+10FFFF).
+// Threading: pure functions.
 #pragma once
 
 #include <string>
 #include <string_view>
 
-namespace rtsg::detail {
+#include "value/utf8.h"
 
-/// Offset of the first byte that does not belong to a valid sequence, or is zero (no text has that); npos if none is.
-std::size_t findInvalidUtf8(std::string_view text, std::size_t from = 0);
-/// A copy with U+FFFD for every invalid byte; `count` is their number.
-std::string replaceInvalidUtf8(std::string_view text, std::size_t& count);
+namespace rtsg::detail {
 
 std::string_view withoutBom(std::string_view text);
 /// XML may declare another encoding than UTF-8, which expat then converts.

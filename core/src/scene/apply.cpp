@@ -218,6 +218,7 @@ Result<> Scene::reset() {
     fresh->allocate(root(), state_->find(root())->typeIndex_, {});
     fresh->firstNewId = fresh->nextId;
     fresh->listener = std::move(state_->listener);
+    fresh->queries = state_->queries;
     fresh->behavioursEnabled = state_->behavioursEnabled;
     fresh->behavioursByName = std::move(state_->behavioursByName);
     fresh->recording = state_->recording;

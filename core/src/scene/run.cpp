@@ -356,6 +356,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
         s.diagnostics.warning({}, fmt::format("time went back from {} to {}: kept", s.now, t));
         t = s.now;
     }
+    s.prepareInput();
     if (s.recording) s.captureInput(true);
     Cascade cascade(*this, t, s.started ? s.now : t);
     s.now = t;
@@ -367,6 +368,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     if (s.behavioursEnabled && s.scriptNodes > 0) s.beginScripts(cascade);
     std::vector<State::QueuedEvent> queued;
     queued.swap(s.inputQueue);
+    s.inputQueue.swap(s.deferredInput);
     s.dropSuperseded(queued);
     for (State::QueuedEvent& event : queued) {
         Node* node = s.find(event.node);

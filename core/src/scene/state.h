@@ -14,6 +14,7 @@
 #include <unordered_map>
 
 #include <rtsg/core/behaviour.h>
+#include <rtsg/core/device_input.h>
 #include <rtsg/core/frame_input.h>
 #include <rtsg/core/scene.h>
 
@@ -254,6 +255,17 @@ struct Scene::State {
         Value value;
     };
     std::vector<QueuedEvent> inputQueue;
+    // ---- devices (device_input.cpp) ----
+    static constexpr std::size_t kPointerRow = 9;  // of RtsgScene::_pointers: device, buttons, kind, bearing
+    SpaceQueries* queries = nullptr;
+    std::size_t collisionNodes = 0;
+    std::vector<QueuedEvent> deferredInput;  // for the frame after this one
+    /// Before a frame begins: what of the queue it takes, and what pointers and the avatar meet.
+    void prepareInput();
+    void deferPointers();
+    void deferKeys();
+    void castRays();
+    void feelContacts();
     struct Emission {
         NodeId node;
         FieldIndex field;

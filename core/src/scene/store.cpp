@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/x3d.h>
+
 #include "state.h"
 
 namespace rtsg {
@@ -83,6 +85,7 @@ Node& Scene::State::allocate(NodeId id, TypeIndex typeIndex, NodeId scope) {
     void* bytes = memory.allocate(sizeof(Node) + type.blockSize());
     Node* node = new (bytes) Node;
     if (types[typeIndex.value].isScript) ++scriptNodes;
+    if (typeIndex == x3d::Collision::type) ++collisionNodes;
     node->id_ = id;
     node->scope_ = scope;
     node->typeIndex_ = typeIndex;
@@ -109,6 +112,7 @@ void Scene::State::release(Node& node) {
     const std::size_t bytes = bytesOf(node);
     places.noteMoved(id);
     if (types[node.typeIndex_.value].isScript) --scriptNodes;
+    if (node.typeIndex_ == x3d::Collision::type) --collisionNodes;
     destroyInPlace(node);
     memory.deallocate(&node, bytes);
     nodeTable.remove(id, NodeId{nextId});

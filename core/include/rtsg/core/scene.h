@@ -39,6 +39,7 @@ struct Behaviour;
 struct FrameInput;
 struct RunState;
 class Cascade;
+class SpaceQueries;
 
 struct RouteTarget {
     NodeId node;
@@ -183,6 +184,9 @@ class Scene {
     /// Publishes pending edits without running anything. Null if there are none; and inside a frame, whose set they are
     /// part of.
     std::shared_ptr<const ChangeSet> seal();
+    /// Who casts pointers' rays and feels what the avatar touches (device_input.h); null for nobody. Must outlive its
+    /// use.
+    void setSpaceQueries(SpaceQueries* queries);
     double now() const;
     std::uint64_t sequence() const;  // state number: sets published or applied so far
     Bus& bus() { return *bus_; }

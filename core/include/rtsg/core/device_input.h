@@ -1,0 +1,106 @@
+// Device input: what pointers, keys, wheels and heads do, as events of a scene like any others.
+//
+// Devices are inputOnly fields of the scene's root, so what they do waits for the next frame, stands in change sets,
+// logs and inputs, and comes from a peer in the same way (the values below are what MirrorClient::submitEvent sends). A
+// pointer's ray is cast when its frame begins, at what the geometry was then; what it met goes into the recorded event,
+// so that replicas and replays need no geometry. A frame takes one press or release of a pointer and one key, as
+// outputs send one event a timestamp; what came with them waits for the frames that follow, in order. Moves in between
+// are one move. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 clauses 20, 21, 23.4.2.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/value.h>
+
+namespace rtsg {
+
+class Scene;
+
+/// What a ray met first.
+struct PointerHit {
+    Vec3d point{0}, normal{0, 0, 1};  // world space; the normal a unit vector
+    Vec2d texCoord{0};
+    std::vector<NodeId> path;  // from a root node to the Shape
+    friend bool operator==(const PointerHit&, const PointerHit&) = default;
+};
+
+struct PointerInput {
+    static constexpr std::int32_t kDevices = 64;
+    static constexpr std::uint32_t kPrimary = 1;
+    /// absent: it has left the window, or does not point anywhere.
+    enum class Kind : std::uint8_t { absent, ray, picture } kind = Kind::ray;
+    std::int32_t device = 0;               // below kDevices
+    std::uint32_t buttons = 0;             // those that are down: kPrimary, and others for applications
+    Vec3d origin{0}, direction{0, 0, -1};  // of a ray, in world space
+    /// A place in the picture that the bound viewpoint shows: from 0 (left, top) to 1; `aspect` = width / height.
+    double x = 0, y = 0, aspect = 1;
+    std::optional<PointerHit> hit;  // made when the frame begins, if the scene has SpaceQueries
+
+    Array<double> toValue() const;
+    /// Error: not what toValue() makes. Numbers that are not finite make it absent.
+    static Result<PointerInput> fromValue(const Array<double>& value);
+};
+
+/// 21.4.1; the last three are no events of their own but outputs of the KeySensor.
+enum class ActionKey : std::uint8_t {
+    none = 0,
+    f1 = 1,
+    f12 = 12,
+    home = 13,
+    end = 14,
+    pageUp = 15,
+    pageDown = 16,
+    up = 17,
+    down = 18,
+    left = 19,
+    right = 20,
+    shift = 21,
+    control = 22,
+    alt = 23,
+};
+struct KeyInput {
+    bool down = true;
+    char32_t character = 0;  // or none, of an action key
+    ActionKey action = ActionKey::none;
+
+    Array<std::int32_t> toValue() const;
+    /// Error: neither a Unicode character nor an action key.
+    static Result<KeyInput> fromValue(const Array<std::int32_t>& value);
+    /// "a", "é", "HOME", "F7", "SHIFT", "ENTER", "BACKSPACE", "ESCAPE", "TAB", "SPACE" or "U+1F600".
+    static Result<KeyInput> named(std::string_view name, bool down);
+};
+
+/// Queue what a device did for the next frame. Errors: of another thread; a device that there cannot be.
+Result<> sendPointer(Scene& scene, const PointerInput& input);
+Result<> sendKey(Scene& scene, const KeyInput& input);
+/// What was composed or pasted: for StringSensors, as if typed; '\n' ends a string.
+Result<> sendText(Scene& scene, std::string_view text);
+/// Steps across and down. Recorded and mirrored; no built-in node answers it.
+Result<> sendWheel(Scene& scene, double across, double down);
+/// Against the bound viewpoint, metres. Recorded and mirrored; no built-in node answers it.
+Result<> sendHeadPose(Scene& scene, const Vec3d& position, const Rotation& orientation);
+
+/// The bearing through a place in the picture of the bound viewpoint, as PointerInput has it. A unit direction.
+struct Bearing {
+    Vec3d origin{0}, direction{0, 0, -1};
+};
+Bearing bearingThrough(const Scene& scene, double x, double y, double aspect);
+
+/// What the sensors and Anchors that a pointer is over say of themselves, for people; empty texts left out.
+std::vector<std::string> pointedDescriptions(const Scene& scene);
+
+/// Who knows where geometry is. Asked by the scene at the beginning of a frame, never while one runs.
+class SpaceQueries {
+  public:
+    virtual ~SpaceQueries() = default;
+    /// `direction` is finite and not zero.
+    virtual std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) = 0;
+    /// The paths to all Shapes within `radius` metres.
+    virtual std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) = 0;
+};
+
+}  // namespace rtsg

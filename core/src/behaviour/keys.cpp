@@ -1,0 +1,139 @@
+// KeySensor and StringSensor: ISO/IEC 19775-1 V4.0, clause 21. One of all such sensors has the keys at a time: the one
+// that was enabled last, which the root knows (`_keyFocus`).
+#include <algorithm>
+
+#include <rtsg/core/device_input.h>
+#include <rtsg/core/x3d.h>
+
+#include "behaviours.h"
+#include "value/utf8.h"
+
+namespace rtsg::behaviours {
+
+namespace {
+
+using R = x3d::RtsgScene;
+
+const Node& rootOf(Cascade& cascade) {
+    return cascade.scene().node(cascade.scene().root());
+}
+
+/// 21.2: the sensor that had the keys gets an `enabled` event with the value FALSE.
+template <class N>
+void take(Cascade& cascade, const Node& node) {
+    const Node& root = rootOf(cascade);
+    const Node* before = cascade.scene().find(root.get(R::_keyFocus));
+    if (before == &node && node.get(N::isActive)) return;
+    cascade.store(root, R::_keyFocus, node.id());
+    if (before && before != &node) {
+        const FieldIndex enabled = before->type().findExact("enabled");
+        if (enabled != kNoField) (void)cascade.deliver(before->id(), enabled, Value(false));
+    }
+    cascade.emit(node, N::isActive, true);
+}
+
+template <class N>
+void sensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+    if (field != N::enabled.index) return;
+    if (eventValue<bool>(value)) return take<N>(cascade, node);
+    if (!node.get(N::isActive)) return;
+    const Node& root = rootOf(cascade);
+    if (root.get(R::_keyFocus) == node.id()) cascade.store(root, R::_keyFocus, NodeId{});
+    cascade.emit(node, N::isActive, false);
+}
+
+/// One that comes into being enabled.
+template <class N>
+double sensorOnTime(Cascade& cascade, const Node& node) {
+    if (node.get(N::enabled) && !node.get(N::isActive)) take<N>(cascade, node);
+    return kNever;
+}
+
+std::string utf8(char32_t c) {
+    const auto byte = [](char32_t bits) { return static_cast<char>(static_cast<unsigned char>(bits)); };
+    if (c < 0x80) return {byte(c)};
+    if (c < 0x800) return {byte(0xC0 | c >> 6), byte(0x80 | (c & 0x3F))};
+    if (c < 0x10000) return {byte(0xE0 | c >> 12), byte(0x80 | (c >> 6 & 0x3F)), byte(0x80 | (c & 0x3F))};
+    return {byte(0xF0 | c >> 18), byte(0x80 | (c >> 12 & 0x3F)), byte(0x80 | (c >> 6 & 0x3F)), byte(0x80 | (c & 0x3F))};
+}
+
+/// 21.4.1
+void press(Cascade& cascade, const Node& node, const KeyInput& key) {
+    using N = x3d::KeySensor;
+    const auto code = static_cast<std::int32_t>(key.action);
+    switch (key.action) {
+        case ActionKey::none:
+            return cascade.emit(node, key.down ? N::keyPress : N::keyRelease, String(utf8(key.character)));
+        case ActionKey::shift:
+            return cascade.emit(node, N::shiftKey, key.down);
+        case ActionKey::control:
+            return cascade.emit(node, N::controlKey, key.down);
+        case ActionKey::alt:
+            return cascade.emit(node, N::altKey, key.down);
+        default:
+            return cascade.emit(node, key.down ? N::actionKeyPress : N::actionKeyRelease, code);
+    }
+}
+
+bool isContinuation(char c) {
+    return (static_cast<unsigned char>(c) & 0xC0u) == 0x80;
+}
+
+/// 21.4.2. Of the clause's two ways to end a text this is the end of a line; `typed` is UTF-8.
+void type(Cascade& cascade, const Node& node, std::string_view typed) {
+    using N = x3d::StringSensor;
+    constexpr std::size_t kLongest = std::size_t{64} << 10;
+    std::string text = node.get(N::enteredText).str();
+    const std::string before = text;
+    bool isFinal = false, full = false;
+    for (const char c : typed) {
+        if (c == '\n' || c == '\r') {
+            isFinal = true;
+            break;
+        }
+        if (c == '\b' || c == 127) {
+            if (!node.get(N::deletionAllowed)) continue;
+            while (!text.empty() && isContinuation(text.back())) text.pop_back();
+            if (!text.empty()) text.pop_back();
+        } else if (static_cast<unsigned char>(c) >= ' ' || c == '\t') {
+            full = full || text.size() + 4 > kLongest;
+            if (!full) text += c;
+        }
+    }
+    if (full) cascade.warn(node, "holds 64 KiB, and takes no more until its text is ended");
+    if (!isFinal) {
+        if (text != before) cascade.emit(node, N::enteredText, String(text));
+        return;
+    }
+    cascade.emit(node, N::finalText, String(text));
+    cascade.store(node, N::enteredText, String());
+}
+
+}  // namespace
+
+void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value) {
+    const Node* node = cascade.scene().find(root.get(R::_keyFocus));
+    const bool isText = field == R::text.index;
+    if (isText) {
+        std::size_t replaced = 0;
+        if (node && node->is(x3d::StringSensor::type))
+            type(cascade, *node, detail::replaceInvalidUtf8(eventValue<String>(value).view(), replaced));
+        return;
+    }
+    const auto key = KeyInput::fromValue(eventValue<Array<std::int32_t>>(value));
+    if (!key) return cascade.warn(root, key.error().text);
+    if (!node) return;
+    if (node->is(x3d::KeySensor::type)) press(cascade, *node, *key);
+    if (node->is(x3d::StringSensor::type) && key->down && key->action == ActionKey::none)
+        type(cascade, *node, utf8(key->character));
+}
+
+void appendKeys(std::vector<BuiltinBehaviour>& table) {
+    const auto add = [&](TypeIndex type, auto onEvent, auto onTime) {
+        table.push_back({type, {.onEvent = onEvent, .onTime = onTime}});
+    };
+    add(x3d::KeySensor::type, sensorOnEvent<x3d::KeySensor>, sensorOnTime<x3d::KeySensor>);
+    add(x3d::StringSensor::type, sensorOnEvent<x3d::StringSensor>, sensorOnTime<x3d::StringSensor>);
+}
+
+}  // namespace rtsg::behaviours

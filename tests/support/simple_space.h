@@ -1,0 +1,115 @@
+// Where Boxes and Spheres are, for tests of pointers without a renderer: every Shape is looked at for every ray, in
+// double precision, with transforms multiplied here.
+#pragma once
+
+#include <cmath>
+
+#include <glm/gtc/matrix_transform.hpp>
+
+#include <rtsg/core/device_input.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+namespace rtsg::test {
+
+class SimpleSpace final : public SpaceQueries {
+  public:
+    explicit SimpleSpace(const Scene& scene) : scene_(scene) {}
+
+    std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) override {
+        std::optional<PointerHit> best;
+        double nearest = INFINITY;
+        visitShapes([&](const std::vector<NodeId>& path, const glm::dmat4& world, const Node& geometry) {
+            const glm::dmat4 local = glm::inverse(world);
+            const glm::dvec3 o = local * glm::dvec4(origin, 1), d = local * glm::dvec4(direction, 0);
+            const auto [t, normal] = hit(geometry, o, d);
+            if (!(t < nearest)) return;
+            nearest = t;
+            const glm::dvec3 point = o + d * t;
+            best = PointerHit{world * glm::dvec4(point, 1),
+                              glm::normalize(glm::transpose(glm::dmat3(local)) * normal),
+                              {point.x, point.y},
+                              path};
+        });
+        return best;
+    }
+
+    std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override {
+        std::vector<std::vector<NodeId>> paths;
+        visitShapes([&](const std::vector<NodeId>& path, const glm::dmat4& world, const Node& geometry) {
+            // Transforms without scale only.
+            const glm::dvec3 at = glm::inverse(world) * glm::dvec4(center, 1);
+            double distance = INFINITY;
+            if (geometry.is(x3d::Box::type)) {
+                const glm::dvec3 half = glm::dvec3(geometry.get(x3d::Box::size)) * .5;
+                distance = glm::length(glm::max(glm::abs(at) - half, glm::dvec3(0)));
+            } else if (geometry.is(x3d::Sphere::type)) {
+                distance = std::abs(glm::length(at) - double(geometry.get(x3d::Sphere::radius)));
+            }
+            if (distance <= radius) paths.push_back(path);
+        });
+        return paths;
+    }
+
+  private:
+    template <class F>
+    void visitShapes(const F& visit) {
+        std::vector<NodeId> path;
+        for (const NodeId root : scene_.node(scene_.root()).get(x3d::RtsgScene::children))
+            walk(root, path, glm::dmat4(1), visit);
+    }
+    template <class F>
+    void walk(NodeId id, std::vector<NodeId>& path, glm::dmat4 world, const F& visit) {
+        const Node* node = scene_.find(id);
+        if (!node) return;
+        path.push_back(id);
+        if (node->is(x3d::Transform::type)) {
+            using T = x3d::Transform;
+            const Rotation r = node->get(T::rotation);
+            world = glm::translate(world, glm::dvec3(node->get(T::translation)));
+            world = glm::rotate(world, double(r.angle), glm::dvec3(r.x, r.y, r.z));
+            world = glm::scale(world, glm::dvec3(node->get(T::scale)));
+        }
+        if (node->is(x3d::Shape::type)) {
+            if (const Node* geometry = scene_.find(node->get(x3d::Shape::geometry))) visit(path, world, *geometry);
+        } else if (node->type().body() != kNoField) {
+            const auto& body = node->get(Field<Array<NodeId>>{node->type().body()});
+            const std::size_t count = node->is(x3d::Inline::type) ? body.size() : std::min<std::size_t>(1, body.size());
+            for (std::size_t i = 0; i < count; ++i) walk(body[i], path, world, visit);
+        } else if (const FieldIndex field = node->type().findExact("children"); field != kNoField) {
+            for (const NodeId child : node->get(Field<Array<NodeId>>{field})) walk(child, path, world, visit);
+        }
+        path.pop_back();
+    }
+
+    /// The first meeting ahead and the normal there.
+    static std::pair<double, glm::dvec3> hit(const Node& geometry, const glm::dvec3& o, const glm::dvec3& d) {
+        if (geometry.is(x3d::Sphere::type)) {
+            const double r = geometry.get(x3d::Sphere::radius), a = glm::dot(d, d), b = glm::dot(o, d);
+            const double root = std::sqrt(b * b - a * (glm::dot(o, o) - r * r));
+            for (const double t : {(-b - root) / a, (-b + root) / a})
+                if (t >= 0) return {t, (o + d * t) / r};
+        } else if (geometry.is(x3d::Box::type)) {
+            const glm::dvec3 half = glm::dvec3(geometry.get(x3d::Box::size)) * .5;
+            double from = -INFINITY, to = INFINITY;
+            int enters = 0, leaves = 0;
+            for (int i = 0; i < 3; ++i) {
+                const double a = (-half[i] - o[i]) / d[i], b = (half[i] - o[i]) / d[i];
+                if (std::isnan(a) || std::isnan(b)) continue;
+                if (std::min(a, b) > from) from = std::min(a, b), enters = i;
+                if (std::max(a, b) < to) to = std::max(a, b), leaves = i;
+            }
+            if (from > to || to < 0) return {INFINITY, {}};
+            const double t = from >= 0 ? from : to;
+            glm::dvec3 normal(0);
+            const int side = from >= 0 ? enters : leaves;
+            normal[side] = (o + d * t)[side] > 0 ? 1 : -1;
+            return {t, normal};
+        }
+        return {INFINITY, {}};
+    }
+
+    const Scene& scene_;
+};
+
+}  // namespace rtsg::test
