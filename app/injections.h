@@ -1,8 +1,16 @@
-// --set DEF.field=VALUE@TIME: events that come into a scene from outside while it runs.
+// --set DEF.field=VALUE@TIME, --set DEVICE=WHAT@TIME: events that come into a scene from outside while it runs.
+//
+// Devices: pointer=[N:] [down|up] [X Y Z DX DY DZ | X Y [ASPECT] | leave], of a bearing in the world or a place in the
+// picture from 0 (left, top) to 1, where what is left out is as pointer N had it; key=[down|up] NAME, both if neither
+// is said; text=TEXT with \n for the end of a line; wheel=ACROSS DOWN; head=X Y Z AX AY AZ ANGLE.
 #pragma once
 
+#include <map>
+#include <set>
 #include <string>
 #include <vector>
+
+#include <rtsg/core/device_input.h>
 
 #include "cli.h"
 
@@ -25,8 +33,14 @@ class Injections {
     void sendUntil(double t, double start);
 
   private:
-    static Result<Injection> parseOne(const Scene& scene, const std::string& text);
+    Result<> parseOne(const std::string& text, const std::string& name, const std::string& given, double time);
+    Result<> parseDevice(const std::string& name, const std::string& given, double time);
+    Result<> parsePointer(const std::vector<std::string>& words, double time);
+    Result<> parseKey(const std::vector<std::string>& words, double time);
+    void add(FieldIndex field, Value value, double time);
 
+    std::map<std::int32_t, PointerInput> pointers_;  // as the last event left them
+    std::set<std::int32_t> pointed_;                 // those that have been told of
     Scene* scene_ = nullptr;
     std::vector<Injection> all_;
     std::size_t next_ = 0;

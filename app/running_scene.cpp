@@ -5,7 +5,40 @@
 #include <cmath>
 #include <thread>
 
+#include <rtsg/renderers/world_queries.h>
+
+#include "outputs.h"
+
 namespace rtsg::app {
+
+namespace {
+
+/// A scene that nobody points at, and that has no Collision, is not tessellated for this.
+class LateQueries final : public SpaceQueries {
+  public:
+    LateQueries(Scene& scene, const Resources& resources) : scene_(scene), resources_(resources) {}
+    std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) override {
+        return made().firstHit(origin, direction);
+    }
+    std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override {
+        return made().within(center, radius);
+    }
+
+  private:
+    WorldQueries& made() {
+        if (!world_) {
+            world_ = std::make_unique<SharedWorld>(scene_, worldOptions(resources_));
+            queries_ = std::make_unique<WorldQueries>(*world_);
+        }
+        return *queries_;
+    }
+    Scene& scene_;
+    const Resources& resources_;
+    std::unique_ptr<SharedWorld> world_;
+    std::unique_ptr<WorldQueries> queries_;
+};
+
+}  // namespace
 
 std::uint64_t Pace::frames() const {
     return static_cast<std::uint64_t>(std::ceil(seconds * framesPerSecond - 1e-9)) + 1;
@@ -43,6 +76,8 @@ void RunningScene::followInlines() {
     build.resources = resources_;
     if (file_ != "-") build.file = file_;
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
+    queries_ = std::make_unique<LateQueries>(scene_, resources_);
+    scene_.setSpaceQueries(queries_.get());
 }
 
 Result<> RunningScene::inject(const std::vector<std::string>& events) {

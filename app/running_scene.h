@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include <rtsg/core/device_input.h>
 #include <rtsg/core/scene_builder.h>
 #include <rtsg/sync/session.h>
 
@@ -73,6 +74,7 @@ class RunningScene {
     Scene scene_;
     Diagnostics inlineDiagnostics_;
     std::unique_ptr<InlineLoader> inlines_;
+    std::unique_ptr<SpaceQueries> queries_;  // of pointers and avatars; builds a world when first asked
     Injections injections_;
 };
 

@@ -366,8 +366,9 @@ Verb addMirror(Command& program) {
     command->addOption("--for", options->duration, "how long, in scene time; else until the server leaves or Ctrl-C");
     command->addOption("--wait", options->patience, "give up after so long without a server")->preset();
     command->addOption("--key", options->key, "key file, the server's or one with its public key and a pair");
-    command->addOption("--set", options->set,
-                       "send an event to the origin: DEF.field=VALUE@TIME, TIME in scene time since joining");
+    command->addOption(
+        "--set", options->set,
+        "send an event to the origin: DEF.field=VALUE@TIME or pointer=...@TIME, in scene time since joining");
     command->addOption("--part", options->parts, "follow only this subtree: a DEF name, or # and a node's number");
     command->addOption("--aspect", options->aspects, "follow only fields of this aspect, as transform or geometry")
         ->oneOf(std::vector<std::string>(std::begin(kAspects), std::end(kAspects)));

@@ -124,7 +124,9 @@ Verb addRecord(Command& program) {
     command->addOption("-o,--output", options->out, "log to write (.rlog)")->required();
     command->addOption("--for", options->duration, "how long")->preset();
     command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e6);
-    command->addOption("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
+    command->addOption(
+        "--set", options->set,
+        "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, wheel=, head=");
     command
         ->addOption("--mode", options->mode,
                     "state: the changes; input: only what came into each frame; lossy: as state, within --error")

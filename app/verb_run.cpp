@@ -145,7 +145,9 @@ Verb addRun(Command& program) {
     command->addOption("--for", options->duration, "how long, such as 2s")->preset();
     command->addOption("--fps", options->fps, "frames a second, and pictures of --render")->preset()->range(1e-3, 1e6);
     command->addOption("--watch", options->watch, "print every event of DEF.field, DEF.* or *");
-    command->addOption("--set", options->set, "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML");
+    command->addOption(
+        "--set", options->set,
+        "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, wheel=, head=");
     options->start.addTo(*command);
     options->outputs.addTo(*command, OutputArguments::Options::ofRun);
     command->addFlag("--realtime", options->realtime, "one second a second");

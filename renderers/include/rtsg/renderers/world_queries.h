@@ -1,0 +1,42 @@
+// WorldQueries: the rays of pointers and what an avatar touches, answered by the shared world's BVH.
+//
+// Made for Scene::setSpaceQueries(). The world is brought up to date before each answer; one that follows no longer
+// meets nothing, and says so once. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 20.2.3, 23.4.2.
+
+// Example:
+//     #include <rtsg/core/device_input.h>
+//     #include <rtsg/core/loader.h>
+//     #include <rtsg/renderers/world_queries.h>
+//     rtsg::Scene scene;
+//     rtsg::Diagnostics diagnostics;
+//     rtsg::loadFile(scene, "door.x3dv", diagnostics);
+//     rtsg::SharedWorld world(scene);
+//     rtsg::WorldQueries queries(world);
+//     scene.setSpaceQueries(&queries);
+//     rtsg::PointerInput press;  // with the primary button, at the middle of the picture
+//     press.kind = rtsg::PointerInput::Kind::picture;
+//     press.x = press.y = .5;
+//     press.buttons = rtsg::PointerInput::kPrimary;
+//     (void)rtsg::sendPointer(scene, press);
+//     scene.newFrame(0);  // a TouchSensor there is active now
+#pragma once
+
+#include <rtsg/core/device_input.h>
+#include <rtsg/renderers/shared_world.h>
+
+namespace rtsg {
+
+class WorldQueries final : public SpaceQueries {
+  public:
+    /// The world must outlive this.
+    explicit WorldQueries(SharedWorld& world) : world_(world) {}
+    std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) override;
+    std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override;
+
+  private:
+    bool follow();
+    SharedWorld& world_;
+    bool told_ = false;
+};
+
+}  // namespace rtsg

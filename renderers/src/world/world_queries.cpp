@@ -1,0 +1,33 @@
+// Asks the picker for what pointers and avatars meet.
+#include <rtsg/renderers/world_queries.h>
+
+#include <rtsg/core/scene.h>
+
+#include <rtsg/renderers/picking.h>
+
+namespace rtsg {
+
+bool WorldQueries::follow() {
+    const auto updated = world_.update();
+    if (!updated && !std::exchange(told_, true))
+        world_.scene().diagnostics().error({}, "pointers meet nothing: " + updated.error().text);
+    return updated.has_value();
+}
+
+std::optional<PointerHit> WorldQueries::firstHit(const Vec3d& origin, const Vec3d& direction) {
+    if (!follow()) return std::nullopt;
+    const auto pick = Picker(world_.rays(), world_.flattener()).ray(origin, direction);
+    if (!pick || !*pick) return std::nullopt;
+    return PointerHit{pick->point, pick->normal, {pick->texCoord.x, pick->texCoord.y}, pick->path};
+}
+
+std::vector<std::vector<NodeId>> WorldQueries::within(const Vec3d& center, double radius) {
+    std::vector<std::vector<NodeId>> paths;
+    if (!follow()) return paths;
+    const auto picks = Picker(world_.rays(), world_.flattener()).overlaps(center, radius);
+    if (!picks) return paths;
+    for (const Pick& pick : *picks) paths.push_back(pick.path);
+    return paths;
+}
+
+}  // namespace rtsg

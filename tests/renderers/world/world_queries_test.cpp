@@ -1,0 +1,117 @@
+// Pointers' rays and what avatars touch, by the BVH: what they meet is the scene's present geometry, wherever it
+// stands.
+#include <cmath>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/camera.h>
+#include <rtsg/renderers/world_queries.h>
+
+#include "support/simple_space.h"
+
+namespace rtsg {
+namespace {
+
+struct PointedWorld {
+    Scene scene;
+    explicit PointedWorld(const std::string& text) {
+        Diagnostics diagnostics("test");
+        EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + text, diagnostics));
+    }
+    SharedWorld world{scene};
+    WorldQueries queries{world};
+};
+
+TEST(WorldQueries, MeetWhatDoubleCodeMeets) {
+    std::mt19937 random(4);
+    std::uniform_real_distribution<double> at(-4, 4), angle(-3, 3), scale(.3, 2);
+    std::string text;
+    for (int i = 0; i < 40; ++i) {
+        std::ostringstream one;
+        const double s = scale(random);
+        one << "Transform { translation " << at(random) << ' ' << at(random) << ' ' << at(random)
+            << " rotation 0.6 0 0.8 " << angle(random) << " scale " << s << ' ' << s << ' ' << s
+            << " children Group { children DEF S" << i << " Shape { geometry Box { size 1 .5 .8 } } } }\n";
+        text += one.str();
+    }
+    PointedWorld w(text);
+    test::SimpleSpace simple(w.scene);
+    int hits = 0;
+    for (int i = 0; i < 2000; ++i) {
+        const Vec3d origin = 10.0 * glm::normalize(Vec3d(at(random), at(random), at(random)));
+        const Vec3d direction = Vec3d(at(random), at(random), at(random)) - origin;
+        const auto found = w.queries.firstHit(origin, direction), expected = simple.firstHit(origin, direction);
+        if (!found || !expected || found->path != expected->path) continue;  // edges are either's
+        ++hits;
+        EXPECT_LT(glm::distance(found->point, expected->point), 1e-4);
+        EXPECT_GT(std::abs(glm::dot(found->normal, expected->normal)), 1 - 1e-5);
+    }
+    EXPECT_GT(hits, 800);
+}
+
+TEST(WorldQueries, MeetWhatHasJustBeenEdited) {
+    PointedWorld w("DEF T Transform { children [ DEF S TouchSensor { } Shape { geometry Box { } } ] }");
+    w.scene.setSpaceQueries(&w.queries);
+    const NodeId transform = w.scene.findName("T"), sensor = w.scene.findName("S");
+    const auto over = [&](double x) {
+        PointerInput input;
+        input.origin = {x, 0, 9};
+        EXPECT_TRUE(sendPointer(w.scene, input));
+        w.scene.newFrame(w.scene.now() + 1);
+        return w.scene.node(sensor).get(x3d::TouchSensor::isOver);
+    };
+    EXPECT_TRUE(over(0)) << "before the first frame";
+    ASSERT_TRUE(w.scene.set(transform, x3d::Transform::translation, Vec3f(5, 0, 0)));
+    EXPECT_FALSE(over(.1)) << "an edit that is not sealed yet";
+    EXPECT_TRUE(over(5.25));
+    EXPECT_EQ(w.scene.node(sensor).get(x3d::TouchSensor::hitPoint_changed), Vec3f(.25f, 0, 1));
+    ASSERT_TRUE(w.scene.destroyNode(transform));
+    EXPECT_FALSE(over(5));
+}
+
+TEST(WorldQueries, CollisionIsFeltWhereTheAvatarStands) {
+    PointedWorld w(
+        "DEF V Viewpoint { } DEF C Collision { children Transform { translation 0 0 -3 children Shape { geometry "
+        "Sphere { } } } }");
+    w.scene.setSpaceQueries(&w.queries);
+    const NodeId view = w.scene.findName("V"), collision = w.scene.findName("C");
+    const auto touches = [&](float z) {
+        EXPECT_TRUE(w.scene.set(view, x3d::Viewpoint::position, Vec3f(0, 0, z)));
+        w.scene.newFrame(w.scene.now() + 1);
+        return w.scene.node(collision).get(x3d::Collision::isActive);
+    };
+    EXPECT_FALSE(touches(0));
+    EXPECT_FALSE(touches(-1.7f));
+    EXPECT_TRUE(touches(-1.8f)) << "within avatarSize[0] = .25 m of the surface at -2";
+    EXPECT_FALSE(touches(-1.7f));
+}
+
+TEST(WorldQueries, APlaceInThePictureIsTheBearingThatPicturesHave) {
+    std::mt19937 random(8);
+    std::uniform_real_distribution<double> unit(0, 1), aspects(.4, 2.5), fields(.3, 2.5);
+    for (int i = 0; i < 200; ++i) {
+        std::ostringstream text;
+        text.precision(9);
+        const float field = static_cast<float>(fields(random)), turn = static_cast<float>(unit(random) * 6);
+        text << "Transform { translation 1 2 3 rotation .6 .8 0 " << turn
+             << " scale 2 2 2 children DEF V Viewpoint { position 1 0 4 "
+             << "orientation 0 1 0 .5 fieldOfView " << field << " } }";
+        PointedWorld w(text.str());
+        w.scene.newFrame(0);
+        const glm::dmat4 world = glm::translate(glm::dmat4(1), Vec3d(1, 2, 3)) *
+                                 glm::rotate(glm::dmat4(1), double(turn), Vec3d(double(.6f), double(.8f), 0)) *
+                                 glm::scale(glm::dmat4(1), Vec3d(2));
+        const double aspect = aspects(random), x = unit(random), y = unit(random);
+        const Camera camera = Camera::perspective(WorldFromLocal(world), {1, 0, 4}, {0, 1, 0, .5f}, field, aspect);
+        const Camera::WorldRay expected = camera.ray(x, y);
+        const Bearing bearing = bearingThrough(w.scene, x, y, aspect);
+        EXPECT_LT(glm::distance(bearing.origin, expected.origin), 1e-5);
+        EXPECT_LT(glm::distance(bearing.direction, expected.direction), 1e-5) << i;
+    }
+}
+
+}  // namespace
+}  // namespace rtsg
