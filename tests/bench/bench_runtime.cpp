@@ -208,6 +208,29 @@ void touches(const Report& report, bool quick) {
             clock});
 }
 
+void dropped(const Report& report, bool quick) {
+    const int count = quick ? 200 : 1000, frames = quick ? 10 : 40;
+    const auto seconds = [&](std::string_view make, std::size_t& left) {
+        Scene scene;
+        load(scene, fmt::format("Script {{ url \"ecmascript: var scene = Browser.currentScene, made = "
+                                "scene.createNode('Transform'); function "
+                                "prepareEvents() {{ for (var i = 0; i < {}; ++i) {}; }}\" }}",
+                                count, make));
+        scene.newFrame(0);
+        const double start = cpuSeconds();
+        for (int i = 1; i <= frames; ++i) scene.newFrame(i);
+        left = scene.nodeCount();
+        return (cpuSeconds() - start) / frames;
+    };
+    std::size_t left = 0, unused = 0;
+    const double making = seconds("scene.createNode('Transform')", left);
+    const std::string what = fmt::format("a script makes {} nodes a frame and drops them", count);
+    report({"runtime", what, "a frame, with finding and destroying them", "ms", making * 1e3,
+            "reading a field as often", 1e3 * seconds("made.translation", unused), "", 0});
+    report({"runtime", what, fmt::format("nodes there after {} frames", frames), "nodes", static_cast<double>(left), "",
+            0, "made meanwhile", static_cast<double>(count) * frames});
+}
+
 void routes(const Report& report, bool quick) {
     const std::size_t count = quick ? 100'000 : 1'000'000;
     Scene scene;
@@ -229,6 +252,7 @@ void runtime(const Report& report, bool quick) {
     followers(report, quick);
     proximity(report, quick);
     touches(report, quick);
+    dropped(report, quick);
     routes(report, quick);
 }
 

@@ -356,6 +356,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
         s.diagnostics.warning({}, fmt::format("time went back from {} to {}: kept", s.now, t));
         t = s.now;
     }
+    if (!s.playing) s.destroyDropped();
     s.prepareInput();
     if (s.recording) s.captureInput(true);
     Cascade cascade(*this, t, s.started ? s.now : t);

@@ -4,6 +4,7 @@
 // build without scripts has script/absent.cpp there instead. Threading: the scene's thread.
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include <rtsg/core/behaviour.h>
@@ -23,11 +24,16 @@ class ScriptPrograms {
     /// initialize(), prepareEvents() or eventsProcessed(), as is due. As Behaviour::onTime; in phase `initialize` now
     /// if a program began, else never.
     virtual double onTime(Cascade& cascade, const Node& node, ScriptPhase phase) = 0;
+    /// Tells which of `nodes`, sorted, each program's variables hold, after a collection of garbage. No program runs.
+    virtual void findHeld(const std::vector<NodeId>& nodes,
+                          const std::function<void(NodeId script, NodeId held)>& visit) = 0;
     /// Drops the program of a node that is about to be destroyed; shutdown() is called, its outputs go nowhere.
     virtual void forget(NodeId node) = 0;
     /// The same for all, before the scene goes or starts over.
     virtual void forgetAll() = 0;
 
+    /// For a script: what it makes goes once nothing refers to it (dropped.cpp).
+    static Result<NodeId> createNode(Scene& scene, std::string_view type, NodeId scope);
     /// The behaviour of every Script type: finds the programs of the running scene, makes them on first use.
     static Behaviour behaviour();
 

@@ -266,6 +266,14 @@ struct Scene::State {
     void deferKeys();
     void castRays();
     void feelContacts();
+    // ---- what scripts have made (dropped.cpp) ----
+    std::vector<NodeId> scriptMade;                         // that are still there, ascending
+    std::size_t scriptMadeBefore = 0;                       // of them, when they were last looked at
+    std::unordered_map<std::uint32_t, std::uint32_t> held;  // by the application: how often
+    /// Destroys what scripts have made and nothing refers to any longer, once there is enough that is new to look at.
+    void destroyDropped();
+    /// Of `candidates`, sorted, those that something else refers to.
+    std::vector<bool> findReferred(const std::vector<NodeId>& candidates);
     struct Emission {
         NodeId node;
         FieldIndex field;

@@ -16,6 +16,7 @@ class AbsentPrograms final : public ScriptPrograms {
         say(cascade, node);
         return kNever;
     }
+    void findHeld(const std::vector<NodeId>&, const std::function<void(NodeId, NodeId)>&) override {}
     void forget(NodeId node) override { said_.erase(node.value); }
     void forgetAll() override { said_.clear(); }
 

@@ -6,6 +6,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "runtime.h"
+#include "scene/script_programs.h"
 
 namespace rtsg::script {
 
@@ -69,6 +70,14 @@ bool hasRoomFor(JSContext* cx, unsigned count, JS::Value* vp) {
 bool exists(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     args.rval().setBoolean(currentCall(cx).scene.find(nodeArgument(args, 0)) != nullptr);
+    return true;
+}
+
+/// isLoose(node): whether it matters that the program's variables hold it.
+bool isLoose(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const std::vector<NodeId>* loose = currentCall(cx).loose;
+    args.rval().setBoolean(loose && std::ranges::binary_search(*loose, nodeArgument(args, 0)));
     return true;
 }
 
@@ -209,7 +218,7 @@ bool createNode(JSContext* cx, unsigned count, JS::Value* vp) {
     if (!stringFrom(cx, args.get(1), name)) return false;
     const Node* script = call.scene.find(nodeArgument(args, 0));
     if (!call.cascade || !script) return answer(cx, args, "a script that shuts down can change nothing");
-    const auto made = call.scene.createNode(name, script->scope());
+    const auto made = ScriptPrograms::createNode(call.scene, name, script->scope());
     if (!made) return answer(cx, args, made.error().text);
     args.rval().setNumber(made->value);
     return true;
@@ -270,6 +279,7 @@ JSObject* newBridge(JSContext* cx) {
         JS_FN("global", global, 0, 0),
         JS_FN("hasRoomFor", hasRoomFor, 1, 0),
         JS_FN("exists", exists, 1, 0),
+        JS_FN("isLoose", isLoose, 1, 0),
         JS_FN("type", type, 1, 0),
         JS_FN("typeName", typeName, 1, 0),
         JS_FN("nodeName", nodeName, 1, 0),

@@ -379,6 +379,45 @@ double ScriptEngine::onTime(Cascade& cascade, const Node& node, ScriptPhase phas
     return everyFrame || restarts ? cascade.now() : kNever;
 }
 
+void ScriptEngine::findHeld(const std::vector<NodeId>& nodes,
+                            const std::function<void(NodeId script, NodeId held)>& visit) {
+    State& s = *state_;
+    if (!s.runtime || !s.runtime->onOwnThread() || s.runtime->depth > 0) return;
+    std::vector<NodeId> asked;
+    for (const auto& [id, program] : s.programs)
+        if (program.controller) asked.push_back(NodeId{id});
+    std::ranges::sort(asked);
+    const auto ask = [&](NodeId script, const char* function, JS::MutableHandleValue answer) {
+        const State::Program& program = s.programs.at(script.value);
+        JS::RootedObject global(s.context(), *program.global);
+        Call call{s.scene, nullptr, s.options, s.scene.now(), global, &nodes};
+        Call* outer = std::exchange(s.runtime->current, &call);
+        const JSAutoRealm realm(s.context(), global);
+        const bool ok = s.call(program, function, JS::HandleValueArray::empty(), answer);
+        if (!ok) JS_ClearPendingException(s.context());
+        s.runtime->current = outer;
+        return ok;
+    };
+    JS::RootedValue answer(s.context());
+    const auto holdsAll = [&](NodeId script) {  // for all that is known: memory has run out
+        for (const NodeId node : nodes) visit(script, node);
+    };
+    std::erase_if(asked, [&](NodeId id) {
+        if (ask(id, "loosen", &answer) && answer.isInt32()) return answer.toInt32() == 0;
+        holdsAll(id);
+        return false;
+    });
+    if (asked.empty()) return;
+    s.runtime->collect();
+    for (const NodeId id : asked) {
+        Value held;
+        if (ask(id, "tighten", &answer) && fromScript(s.context(), FieldType::MFNode, answer, held))
+            for (const NodeId node : held.as<Array<NodeId>>()) visit(id, node);
+        else
+            holdsAll(id);
+    }
+}
+
 void ScriptEngine::forget(NodeId id) {
     state_->shutDown(id);
 }

@@ -18,6 +18,8 @@ class ScriptEngine final : public ScriptPrograms {
 
     void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) override;
     double onTime(Cascade& cascade, const Node& node, ScriptPhase phase) override;
+    void findHeld(const std::vector<NodeId>& nodes,
+                  const std::function<void(NodeId script, NodeId held)>& visit) override;
     void forget(NodeId node) override;
     void forgetAll() override;
 

@@ -551,7 +551,24 @@
             });
         }
 
+        // Between two steps in which nothing but a collection of garbage happens: nodes that only their proxies keep.
+        let loose = [];
         return {
+            /// Lets go of nodes that the scene would like to know of.
+            loosen() {
+                touched.clear();
+                for (const [id, proxy] of proxies)
+                    if (!native.exists(id)) proxies.delete(id);
+                    else if (native.isLoose(id)) { loose.push([id, new WeakRef(proxy)]); proxies.delete(id); }
+                return loose.length;
+            },
+            /// Those of them that the program still holds.
+            tighten() {
+                const held = loose.map(([id, reference]) => [id, reference.deref()]).filter(([id, proxy]) => proxy);
+                for (const [id, proxy] of held) proxies.set(id, proxy);
+                loose = [];
+                return Float64Array.from(held, ([id]) => id);
+            },
             has: name => typeof Object.getOwnPropertyDescriptor(global, name)?.value === "function",
             call(name, ...given) {
                 try {

@@ -56,6 +56,15 @@ bool resolveForLibrary(JSContext* cx, JS::HandleObject global, JS::HandleId id, 
     return true;
 }
 
+/// Some versions of the library have to be asked.
+template <class Options>
+void enableWeakRefs(Options& options) {
+    if constexpr (requires { options.getWeakRefsEnabled(); }) {
+        using Specifier = decltype(options.getWeakRefsEnabled());
+        options.setWeakRefsEnabled(Specifier::EnabledWithoutCleanupSome);
+    }
+}
+
 JSClassOps globalOps(JSResolveOp resolve) {
     JSClassOps ops = JS::DefaultGlobalClassOps;
     ops.resolve = resolve;
@@ -146,7 +155,8 @@ void Runtime::watch(const std::stop_token& stop) {
 
 bool Runtime::startLibrary() {
     JSContext* cx = context_;
-    const JS::RealmOptions options;
+    JS::RealmOptions options;
+    enableWeakRefs(options.creationOptions());  // programs have none: what is still there is chance to them
     JS::RootedObject global(cx, JS_NewGlobalObject(cx, &kLibraryClass, nullptr, JS::FireOnNewGlobalHook, options));
     if (!global) return false;
     library_ = std::make_unique<JS::PersistentRootedObject>(cx, global);
@@ -267,6 +277,13 @@ bool Runtime::onResolve(JSContext* cx, JS::HandleObject global, JS::HandleId id,
 
 bool Runtime::hasRoomFor(std::size_t more) {
     return more <= heapLimit_ && memory_->within(heapLimit_ - more);
+}
+
+void Runtime::collect() {
+    JS::ClearKeptObjects(context_);
+    // Compiled code goes too: what it remembers of earlier calls would keep objects, and when it is made is chance.
+    JS::PrepareForFullGC(context_);
+    JS::NonIncrementalGC(context_, JS::GCOptions::Shrink, JS::GCReason::API);
 }
 
 bool Runtime::withinMemory() {

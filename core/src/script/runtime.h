@@ -24,6 +24,7 @@ struct Call {
     const ScriptOptions& options;
     double now;
     JS::HandleObject global;
+    const std::vector<NodeId>* loose = nullptr;  // while what variables hold is looked for: of these, sorted
 };
 
 class Runtime {
@@ -63,6 +64,9 @@ class Runtime {
     /// The name of something in a program's global object: defined if it is the prelude's, fenced in if need be.
     static bool onResolve(JSContext* cx, JS::HandleObject global, JS::HandleId id, bool* resolved);
     static constexpr std::uint32_t kControllerSlot = 0, kSelfSlot = 1;  // of a program's global object
+
+    /// A whole collection, after which only what programs can still get at is there. Precondition: none runs.
+    void collect();
 
     Jobs& jobs() { return *jobs_; }
 

@@ -142,6 +142,10 @@ class Scene {
     Result<> destroyNode(NodeId id);
     /// Destroys nodes that cannot be reached from the root, a name or a route. Returns their number.
     std::size_t destroyUnreachable();
+    /// What a script has made is destroyed by itself once nothing refers to it (script.h), unless it is held; calls
+    /// count.
+    void hold(NodeId id);
+    void letGo(NodeId id);
     /// Any field with storage that the standard lets an author give a value (not outputOnly, unless hidden).
     Result<> setField(NodeId id, FieldIndex field, Value value);
     template <class T>
