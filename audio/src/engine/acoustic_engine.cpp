@@ -54,6 +54,21 @@ Result<std::unique_ptr<AcousticEngine>> AcousticEngine::create(const AcousticOpt
     return std::unique_ptr<AcousticEngine>(new AcousticEngine(std::make_unique<Impl>(options, std::move(mixer))));
 }
 
+namespace {
+
+void readClips(const std::vector<SoundVoice>& voices, const std::vector<std::shared_ptr<const AudioProcess>>& processes,
+               ClipLibrary& clips) {
+    for (const SoundVoice& voice : voices)
+        if (voice.kind == SoundVoice::Kind::clip) clips.get(voice);
+    for (const auto& process : processes) readClips(process->voices, process->inputs, clips);
+}
+
+}  // namespace
+
+void AcousticEngine::prepare(const AcousticState& state) {
+    for (const SoundEmitter& emitter : *state.sounds.emitters)
+        readClips(emitter.sound->voices, emitter.sound->processes, impl_->clips);
+}
 int AcousticEngine::channels() const {
     return static_cast<int>(impl_->channels);
 }

@@ -6,6 +6,7 @@
 
 #include <rtsg/renderers/parallel_for.h>
 
+#include "signal/thread_priority.h"
 #include "trace/reach.h"
 
 namespace rtsg {
@@ -64,6 +65,7 @@ std::optional<TracedResponse> TraceWorker::take() {
 }
 
 void TraceWorker::run() {
+    const ThreadPriority usual(ThreadPriority::Kind::usual);  // whoever started it
     // One core is the sound's own.
     const unsigned threads = std::max(1u, availableThreads() - 1);
     WorldGeometry geometry;

@@ -11,6 +11,8 @@
 #include <rtsg/audio/sound_device.h>
 #include <rtsg/core/scene.h>
 
+#include "signal/thread_priority.h"
+
 namespace rtsg {
 namespace {
 
@@ -39,9 +41,11 @@ struct LiveSound::Impl {
     }
 
     void run() {
+        const ThreadPriority soon(ThreadPriority::Kind::soon);
         const double blockSeconds = static_cast<double>(options.render.blockSize) / options.render.sampleRate;
         Clock::duration working{};
         const auto begin = Clock::now();
+        bool hurried = true;
         std::string failure;
         while (!stop && failure.empty()) {
             if (device.free() == 0) {
@@ -52,6 +56,11 @@ struct LiveSound::Impl {
             if (auto played = playBlock(blockSeconds); !played) failure = played.error().text;
             const auto now = Clock::now();
             working += now - start;
+            // What takes most of a core must not take it from all others.
+            if (hurried && now - begin > std::chrono::seconds(1) && working > (now - begin) / 2) {
+                ThreadPriority::set(ThreadPriority::Kind::usual);
+                hurried = false;
+            }
             const std::lock_guard lock(mutex);
             told.blocks = blocks;
             told.seconds = static_cast<double>(blocks) * blockSeconds;
@@ -114,15 +123,19 @@ Result<std::unique_ptr<LiveSound>> LiveSound::start(SharedWorld& world, const Li
     live.render.startTime = world.scene().now();
     auto engine = AcousticEngine::create(live.render);
     if (!engine) return std::unexpected(engine.error());
-    auto device = SoundDevice::open({.name = live.device,
-                                     .sampleRate = live.render.sampleRate,
-                                     .blockSize = live.render.blockSize,
-                                     .blocks = live.blocks});
+    auto device = [&] {
+        const ThreadPriority soon(ThreadPriority::Kind::soonWithThreads);  // OpenAL's
+        return SoundDevice::open({.name = live.device,
+                                  .sampleRate = live.render.sampleRate,
+                                  .blockSize = live.render.blockSize,
+                                  .blocks = live.blocks});
+    }();
     if (!device) return std::unexpected(device.error());
     auto impl = std::make_unique<Impl>(world, live, std::move(*engine), std::move(*device));
     impl->time = live.render.startTime;
     impl->number = world.add(impl->tables);
     impl->added = true;
+    impl->engine->prepare(*impl->tables.latest());
     impl->thread = std::thread([s = impl.get()] { s->run(); });
     return std::unique_ptr<LiveSound>(new LiveSound(std::move(impl)));
 }

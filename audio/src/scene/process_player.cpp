@@ -77,12 +77,14 @@ void ProcessPlayer::convolve(const AudioProcess& process, double rate, AudioChan
     if (!convolvers_.empty() && convolvers_[0].blockSize() != frames) convolvers_.clear();
     const std::size_t known = fresh ? 0 : convolvers_.size();
     while (convolvers_.size() < out.size()) convolvers_.emplace_back(frames, 1);
-    response_ = process.buffer.data();
-    normalized_ = process.normalize;
-    std::vector<float> response(process.buffer.begin(), process.buffer.end());
-    const auto scale = static_cast<float>(process.normalize ? loudness(response, rate) : 1);
-    for (float& sample : response) sample = std::isfinite(sample) ? sample * scale : 0;
-    for (std::size_t c = known; c < convolvers_.size(); ++c) convolvers_[c].setResponse(response);
+    if (known < convolvers_.size()) {
+        response_ = process.buffer.data();
+        normalized_ = process.normalize;
+        std::vector<float> response(process.buffer.begin(), process.buffer.end());
+        const auto scale = static_cast<float>(process.normalize ? loudness(response, rate) : 1);
+        for (float& sample : response) sample = std::isfinite(sample) ? sample * scale : 0;
+        for (std::size_t c = known; c < convolvers_.size(); ++c) convolvers_[c].setResponse(response);
+    }
     for (std::size_t c = 0; c < out.size(); ++c) {
         const std::vector<float> input = out[c];
         std::fill(out[c].begin(), out[c].end(), 0.0f);

@@ -66,6 +66,7 @@ LoopbackMixer::LoopbackMixer(LoopbackMixer&&) noexcept = default;
 LoopbackMixer& LoopbackMixer::operator=(LoopbackMixer&&) noexcept = default;
 
 Result<LoopbackMixer> LoopbackMixer::open(const Options& options) {
+    const ShortPeriods periods;
     if (!alcIsExtensionPresent(nullptr, "ALC_SOFT_loopback") ||
         !alcIsExtensionPresent(nullptr, "ALC_EXT_thread_local_context"))
         return fail("this OpenAL has no loopback device: OpenAL Soft is needed");

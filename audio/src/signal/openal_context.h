@@ -1,7 +1,16 @@
-// OpenAL's current context, for the calls of one scope, on one thread only.
+// OpenAL's current context, for the calls of one scope, on one thread only; and the settings that it reads when the
+// first device is opened.
 //
 // Needs ALC_EXT_thread_local_context. Threading: as the context's owner.
 #pragma once
+
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <string>
+#include <string_view>
 
 #define AL_ALEXT_PROTOTYPES
 #include <AL/al.h>
@@ -20,6 +29,30 @@ class BoundContext {
 
   private:
     ALCcontext* before_;
+};
+
+/// Lets devices take short periods: OpenAL Soft's own are three of 21 ms, and files are its only way of being told.
+/// To be held while a device is opened; who has a file named in ALSOFT_CONF goes by that one.
+class ShortPeriods {
+  public:
+    ShortPeriods() {
+        static std::atomic<bool> told = false;
+        if (told.exchange(true) || std::getenv("ALSOFT_CONF")) return;
+        constexpr std::string_view kSettings = "[general]\nfrequency = 48000\nperiod_size = 256\nperiods = 3\n";
+        file_ = memfd_create("openal", MFD_CLOEXEC);
+        if (file_ < 0 || ::write(file_, kSettings.data(), kSettings.size()) < 0) return;
+        named_ = ::setenv("ALSOFT_CONF", ("/proc/self/fd/" + std::to_string(file_)).c_str(), 1) == 0;
+    }
+    ~ShortPeriods() {
+        if (named_) ::unsetenv("ALSOFT_CONF");
+        if (file_ >= 0) ::close(file_);
+    }
+    ShortPeriods(const ShortPeriods&) = delete;
+    ShortPeriods& operator=(const ShortPeriods&) = delete;
+
+  private:
+    int file_ = -1;
+    bool named_ = false;
 };
 
 }  // namespace rtsg

@@ -57,6 +57,7 @@ SoundDevice::SoundDevice(SoundDevice&&) noexcept = default;
 SoundDevice& SoundDevice::operator=(SoundDevice&&) noexcept = default;
 
 Result<SoundDevice> SoundDevice::open(const Options& options) {
+    const ShortPeriods periods;
     if (!alcIsExtensionPresent(nullptr, "ALC_EXT_thread_local_context"))
         return fail("this OpenAL has no contexts of single threads: OpenAL Soft is needed");
     if (options.blockSize < 16 || options.blockSize > 65536 || options.blocks < 2)
@@ -124,8 +125,13 @@ const std::string& SoundDevice::name() const {
 
 double SoundDevice::latencySeconds() const {
     const Impl& s = *impl_;
-    const double waiting =
-        static_cast<double>((s.buffers.size() - s.idle.size()) * s.options.blockSize) / s.options.sampleRate;
+    ALint played = 0;  // of what is queued
+    {
+        const BoundContext bound(s.context);
+        if (s.playing) alGetSourcei(s.source, AL_SAMPLE_OFFSET, &played);
+    }
+    const double queued = static_cast<double>((s.buffers.size() - s.idle.size()) * s.options.blockSize);
+    const double waiting = std::max(0.0, queued - played) / s.options.sampleRate;
     if (!alcIsExtensionPresent(s.device, "ALC_SOFT_device_clock")) return waiting;
     ALCint64SOFT nanoseconds = 0;
     alcGetInteger64vSOFT(s.device, ALC_DEVICE_LATENCY_SOFT, 1, &nanoseconds);

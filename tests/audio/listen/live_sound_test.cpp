@@ -78,6 +78,8 @@ TEST(LiveSound, PlaysWhileTheSceneRunsAndTracesBeside) {
     EXPECT_GE(report.heard.responses, 1u);
     EXPECT_GT(report.blocks, 10u);
     EXPECT_GT(report.latencySeconds, 0);
+    // Six blocks that wait and what the device says of itself: no matter how busy the machine is.
+    EXPECT_LE(report.latencySeconds, .05);
     EXPECT_TRUE(report.diagnostics.all().empty());
     // The world goes on without it.
     scene.newFrame(t + 1);

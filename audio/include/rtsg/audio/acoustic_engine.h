@@ -98,6 +98,8 @@ class AcousticEngine {
     Result<> renderLive(std::shared_ptr<const AcousticState> state, std::shared_ptr<const RayView> rays,
                         double poseSeconds, double untilSeconds, SoundBuffer& sound);
 
+    /// Reads the clips that the state names, so that none has to be read while sound is made.
+    void prepare(const AcousticState& state);
     /// Of what render() appends.
     int channels() const;
     Air airOf(const AcousticState& state) const;
