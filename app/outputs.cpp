@@ -96,6 +96,7 @@ void SoundArguments::addTo(Command& command) {
     auto* a = command.addOption("--ambisonic", ambisonic, "AmbiX (ACN, SN3D) of this order")->range(1, 7);
     b->excludes(s)->excludes(a);
     s->excludes(a);
+    command.addOption("--sofa", sofa, "of --binaural: the head, as a SOFA file; else OpenAL's");
     command.addOption("--rays", rays, "rays a source; else what is usual for the purpose")
         ->range(std::uint64_t{1}, std::uint64_t{1} << 40);
     command.addOption("--temperature", air.celsius, "of the air, degrees Celsius; else the scene's, else 20")
@@ -115,6 +116,12 @@ ListenOptions SoundArguments::parse() const {
     ListenOptions options;
     options.render.binaural = binaural;
     options.render.ambisonicOrder = ambisonic;
+    if (!sofa.empty()) {
+        if (!binaural) throw UsageError("--sofa is of --binaural");
+        auto head = Hrtf::load(sofa, options.render.sampleRate);
+        if (!head) throw UsageError(head.error().text);
+        options.render.hrtf = std::move(*head);
+    }
     options.render.air = air;
     if (noAir) options.render.air.absorbs = false;
     if (length > 0) options.trace.maxSeconds = options.render.trace.maxSeconds = length;

@@ -50,6 +50,7 @@ struct SoundArguments {
     double error = 0, length = 0;
     AirChoice air;
     bool noAir = false;
+    std::string sofa;
 
     void addTo(Command& command);
     ListenOptions parse() const;

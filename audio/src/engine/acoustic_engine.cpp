@@ -44,8 +44,10 @@ Result<std::unique_ptr<AcousticEngine>> AcousticEngine::create(const AcousticOpt
     if (options.ambisonicOrder < 0 || options.ambisonicOrder > kMaxAmbisonicOrder)
         return fail("the ambisonic order must be 1 to 7");
     std::optional<LoopbackMixer> mixer;
-    // Two plain channels are panned here.
-    if (options.binaural && options.ambisonicOrder == 0) {
+    if (options.hrtf && options.hrtf->sampleRate() != options.sampleRate)
+        return fail("the head's responses have another sample rate");
+    // Two plain channels are panned here, and put through a head that is given.
+    if (options.binaural && !options.hrtf && options.ambisonicOrder == 0) {
         auto opened = LoopbackMixer::open(
             {.sampleRate = options.sampleRate, .binaural = options.binaural, .blockSize = options.blockSize});
         if (!opened) return std::unexpected(opened.error());

@@ -220,11 +220,32 @@ void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& stat
                 blocks[input.mixerSource][i] = block.direct[k][i] / static_cast<float>(inputs);
             continue;
         }
+        if (head() && spatialize) {
+            std::vector<float> share = block.direct[k];
+            for (float& sample : share) sample /= static_cast<float>(inputs);
+            putThroughHead(input, turned(towards, channelAngle(k, inputs)), std::move(share), block);
+            continue;
+        }
         gainsOf(towards, spatialize, k, inputs, gains);
         if (!state.spatialisedOnce) input.gains = gains;
         mixInput(input, gains, block.direct[k], block);
     }
     state.spatialisedOnce = true;
+}
+
+/// What both ears hear of an input; from another direction it fades over within the block.
+void AcousticEngine::Impl::putThroughHead(EmitterInput& input, const glm::dvec3& towards, std::vector<float> direct,
+                                          Block& block) const {
+    constexpr double kTurn = 0.9999;  // cosine of .8 degrees
+    if (input.ears.empty() || glm::dot(towards, input.heardFrom) < kTurn) {
+        const Hrtf::Ears ears = options.hrtf->at(towards);
+        for (std::size_t e = 0; e < 2; ++e) {
+            if (input.ears.size() < 2) input.ears.emplace_back(options.blockSize, options.blockSize);
+            input.ears[e].setResponse(ears[e]);
+        }
+        input.heardFrom = towards;
+    }
+    for (std::size_t e = 0; e < 2; ++e) input.ears[e].process(direct, block.ears[e]);
 }
 
 /// Adds an input to the output, with gains that go from the last block's to these.
@@ -328,6 +349,8 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
             if (mixer)
                 for (std::size_t i = 0; i < size; ++i)
                     blocks[input.mixerSource][i] = block.direct[k][i] / static_cast<float>(state.inputs.size());
+            else if (!input.ears.empty())
+                putThroughHead(input, input.heardFrom, block.direct[k], block);
             else
                 mixInput(input, std::vector<double>(input.gains), block.direct[k], block);
         }
@@ -354,7 +377,8 @@ Result<> AcousticEngine::Impl::mixDown(const Block& block) {
     for (std::size_t i = 0; i < size; ++i)
         for (std::size_t ch = 0; ch < channels; ++ch) {
             lateQueue.push_back(block.out[ch][i]);
-            const float sample = mixed[channels * i + ch] + lateQueue.front();
+            const float ear = block.ears.empty() ? 0 : block.ears[ch][i];
+            const float sample = mixed[channels * i + ch] + ear + lateQueue.front();
             lateQueue.pop_front();
             if (toSkip > 0) {
                 --toSkip;
@@ -370,9 +394,9 @@ Result<> AcousticEngine::Impl::block(const SoundVersion& sounds, double alpha) {
     listenerMotion.advance(static_cast<double>(samples) + static_cast<double>(size));
     ListenerPose listener = mixedPose(before, now, alpha);
     listener.position = listenerMotion.at(static_cast<double>(samples) + static_cast<double>(size)).position;
-    Block block{listener, {},
-                {},       std::vector<float>(size),
-                {},       std::vector<std::vector<float>>(channels, std::vector<float>(size))};
+    const std::vector<std::vector<float>> silent(channels, std::vector<float>(size));
+    Block block{listener, {}, {}, std::vector<float>(size), {}, silent, {}};
+    if (head()) block.ears = silent;
     for (auto& b : blocks) std::fill(b.begin(), b.end(), 0.0f);
     for (const SoundEmitter& emitter : *sounds.emitters)
         if (auto done = renderEmitter(emitter, states.at(emitter.id), block); !done) return done;

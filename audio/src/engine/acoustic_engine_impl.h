@@ -43,11 +43,13 @@ struct AcousticEngine::Impl {
         std::vector<std::vector<float>> dry;     // what an emitter plays, by input
         std::vector<std::vector<float>> direct;  // what comes of it straight, by input
         std::vector<float> late;
-        std::vector<double> delays;           // by sample
-        std::vector<std::vector<float>> out;  // by channel: all but what goes to the mixer
+        std::vector<double> delays;            // by sample
+        std::vector<std::vector<float>> out;   // by channel: all but what goes to the mixer and through the head
+        std::vector<std::vector<float>> ears;  // by channel: what went through the head
     };
 
-    std::size_t latency() const { return mixer ? mixer->latency() : 0; }
+    std::size_t latency() const { return mixer ? mixer->latency() : head() ? options.hrtf->early() : 0; }
+    bool head() const { return options.binaural && options.hrtf && options.ambisonicOrder == 0; }
 
     void follow(const AcousticState& state, const RayView& rays);
     /// Everything but the sound: what is where at `poseSeconds`.
@@ -74,6 +76,7 @@ struct AcousticEngine::Impl {
                  std::vector<double>& gains) const;
     void mixInput(EmitterInput& input, const std::vector<double>& gains, const std::vector<float>& direct,
                   Block& block) const;
+    void putThroughHead(EmitterInput& input, const glm::dvec3& towards, std::vector<float> direct, Block& block) const;
     void renderLate(EmitterState& state, const HeardLevel& to, Block& block);
     void noteSilence(EmitterState& state, const Block& block) const;
     void fadeOut(Block& block);

@@ -69,6 +69,7 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
                             : options.binaural         ? Channels::binaural
                                                        : Channels::stereo;
     job.response.ambisonicOrder = options.ambisonicOrder;
+    job.response.hrtf = options.hrtf;
     job.response.sampleRate = options.sampleRate;
     job.response.listenerRight = listener.right;
     job.response.listenerUp = listener.up;

@@ -28,6 +28,8 @@ struct EmitterInput {
     DelayLine line;
     std::size_t mixerSource = 0;  // binaural
     std::vector<double> gains;    // otherwise: by channel of the output, at the end of the last block
+    std::vector<Convolver> ears;  // with a head of one's own, and the direction that they are for
+    glm::dvec3 heardFrom{0};
 };
 
 struct EmitterState {

@@ -78,6 +78,7 @@ SoundBuffer ListenReport::impulseResponses(int sampleRate) const {
         ImpulseResponseOptions options;
         options.channels = responses;
         options.ambisonicOrder = ambisonicOrder;
+        if (hrtf && hrtf->sampleRate() == sampleRate) options.hrtf = hrtf;
         options.sampleRate = sampleRate;
         options.listenerRight = listener.right;
         options.listenerUp = listener.up;

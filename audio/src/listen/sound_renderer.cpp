@@ -139,6 +139,7 @@ Result<> SoundRenderer::measure() {
     s.report.listener = sounds.listener();
     s.report.air = s.renderer->air();
     s.report.responses = s.options.responses;
+    s.report.hrtf = s.options.render.hrtf;
     s.report.ambisonicOrder = std::max(1, s.options.render.ambisonicOrder);
     for (const SoundEmitter& emitter : sounds.emitters()) {
         if (!sounds.sound(emitter).enabled || !sounds.sound(emitter).reflected) continue;

@@ -77,6 +77,63 @@ double usefulDuration(const Echogram& echogram, double share) {
     return 0;
 }
 
+/// An arrival through a head: samples from `first` on, by ear.
+struct HeadArrival {
+    std::ptrdiff_t first = 0;
+    Hrtf::Ears ears;
+};
+
+/// By arrival, as far as they are early; empty without a head.
+std::vector<HeadArrival> throughHead(const Echogram& echogram, const ImpulseResponseOptions& options) {
+    static const SincTable sinc;
+    std::vector<HeadArrival> result;
+    if (!options.hrtf || options.channels != ImpulseResponseOptions::Channels::binaural) return result;
+    for (const Arrival& arrival : echogram.arrivals) {
+        if (arrival.seconds > echogram.arrivals.front().seconds + options.hrtfSeconds) break;
+        const glm::dvec3 local(glm::dot(arrival.direction, options.listenerRight),
+                               glm::dot(arrival.direction, options.listenerUp),
+                               glm::dot(arrival.direction, options.listenerBack));
+        const Hrtf::Ears measured = options.hrtf->at(local);
+        const double position = arrival.seconds * options.sampleRate - static_cast<double>(options.hrtf->early());
+        const double whole = std::floor(position);
+        HeadArrival placed;
+        placed.first = static_cast<std::ptrdiff_t>(whole) - (SincTable::kHalf - 1);
+        for (std::size_t e = 0; e < 2; ++e) {
+            placed.ears[e].resize(measured[e].size() + 2 * SincTable::kHalf);
+            for (std::size_t i = 0; i < measured[e].size(); ++i)
+                for (int k = 0; k < 2 * SincTable::kHalf; ++k)
+                    placed.ears[e][i + static_cast<std::size_t>(k)] += measured[e][i] * sinc.tap(position - whole, k);
+        }
+        result.push_back(std::move(placed));
+    }
+    return result;
+}
+
+/// Adds an arrival to the samples of one band.
+void addArrival(const Arrival& arrival, const HeadArrival* head, std::size_t band, int channel,
+                const ImpulseResponseOptions& options, std::span<float> samples) {
+    static const SincTable sinc;
+    const double pressure = std::sqrt(kFourPi * arrival.energy[band]);
+    if (head) {
+        const std::vector<float>& ear = head->ears[static_cast<std::size_t>(channel)];
+        for (std::size_t i = 0; i < ear.size(); ++i) {
+            const std::ptrdiff_t at = head->first + static_cast<std::ptrdiff_t>(i);
+            if (at >= 0 && at < std::ssize(samples))
+                samples[static_cast<std::size_t>(at)] += static_cast<float>(pressure) * ear[i];
+        }
+        return;
+    }
+    const Pan pan = panOf(arrival.direction, channel, options);
+    const double position = std::max(0.0, (arrival.seconds + pan.delay) * options.sampleRate);
+    const double whole = std::floor(position);
+    const auto amplitude = static_cast<float>(pan.gain * pressure);
+    for (int k = 0; k < 2 * SincTable::kHalf; ++k) {
+        const double at = whole - (SincTable::kHalf - 1) + k;
+        if (at >= 0 && at < static_cast<double>(samples.size()))
+            samples[static_cast<std::size_t>(at)] += amplitude * sinc.tap(position - whole, k);
+    }
+}
+
 class BandFilters {
   public:
     BandFilters(const RealFft& fft, int sampleRate) : bins_(fft.bins()) {
@@ -112,15 +169,15 @@ double bandWeight(int band, double hz) {
 }
 
 ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseResponseOptions& options) {
-    static const SincTable sinc;
     using Channels = ImpulseResponseOptions::Channels;
     const bool ambisonic = options.channels == Channels::ambisonic;
     const int channelCount = ambisonic ? ambisonicChannels(std::clamp(options.ambisonicOrder, 0, kMaxAmbisonicOrder))
                              : options.channels == Channels::mono ? 1
                                                                   : 2;
     const double rate = options.sampleRate;
-    const std::size_t frames =
-        static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) + 2 * SincTable::kHalf + 64;
+    const std::vector<HeadArrival> heads = throughHead(echogram, options);
+    const std::size_t frames = static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) +
+                               2 * SincTable::kHalf + 64 + (heads.empty() ? 0 : heads.front().ears[0].size());
     const RealFft fft(RealFft::sizeFor(frames + 4096));
     const BandFilters filters(fft, options.sampleRate);
 
@@ -157,17 +214,11 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
                     scale[k] * static_cast<float>(std::sqrt(kFourPi * diffuseShare * echogram.late.bins[k][b]));
                 for (; i < end; ++i) band[i] = noise[i] * amplitude;
             }
-            for (const Arrival& arrival : echogram.arrivals) {
+            for (std::size_t i = 0; i < echogram.arrivals.size(); ++i) {
+                const Arrival& arrival = echogram.arrivals[i];
                 if (arrival.order < options.firstOrder || !(arrival.energy[b] > 0)) continue;
-                const Pan pan = panOf(arrival.direction, channel, options);
-                const double position = std::max(0.0, (arrival.seconds + pan.delay) * rate);
-                const double whole = std::floor(position);
-                const auto amplitude = static_cast<float>(pan.gain * std::sqrt(kFourPi * arrival.energy[b]));
-                for (int k = 0; k < 2 * SincTable::kHalf; ++k) {
-                    const double at = whole - (SincTable::kHalf - 1) + k;
-                    if (at >= 0 && at < static_cast<double>(frames))
-                        band[static_cast<std::size_t>(at)] += amplitude * sinc.tap(position - whole, k);
-                }
+                addArrival(arrival, i < heads.size() ? &heads[i] : nullptr, b, channel, options,
+                           std::span(band).first(frames));
             }
             fft.forward(band, spectrum);
             for (std::size_t i = 0; i < fft.bins(); ++i) sum[i] += spectrum[i] * filters[b][i];

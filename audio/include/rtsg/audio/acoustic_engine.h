@@ -18,6 +18,7 @@
 
 #include <rtsg/audio/acoustic_tables.h>
 #include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/hrtf.h>
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/audio/world_geometry.h>
 
@@ -30,6 +31,8 @@ struct AcousticOptions {
 
     int sampleRate = 48000;
     bool binaural = false;
+    /// The head of binaural sound; null: OpenAL's for what comes straight, a sphere for reflections.
+    std::shared_ptr<const Hrtf> hrtf;
     /// 1 to 7: an ambisonic sound (see ambisonics.h) instead of two channels, and no OpenAL; 0: not.
     int ambisonicOrder = 0;
     /// 256 keeps moving sources smooth under HRTF.

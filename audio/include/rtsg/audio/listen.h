@@ -53,6 +53,7 @@ struct ListenReport {
     Air air;
     ImpulseResponseOptions::Channels responses = ImpulseResponseOptions::Channels::mono;
     int ambisonicOrder = 1;
+    std::shared_ptr<const Hrtf> hrtf;  // of binaural responses at its sample rate
     std::uint64_t rays = 0;
     double seconds = 0;  // of computing, metrics and sound
     double escaped = 0;  // share of the emitted energy, mean over bands and sources

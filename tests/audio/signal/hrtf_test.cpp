@@ -1,0 +1,163 @@
+// Heads from SOFA files: delays and levels of the ears against the measured set itself, in responses and in sound.
+#include <cmath>
+#include <complex>
+#include <filesystem>
+#include <fstream>
+
+#include <gtest/gtest.h>
+#include <mysofa.h>
+
+#include <rtsg/audio/hrtf.h>
+#include <rtsg/audio/impulse_response.h>
+
+#include "audio/listen/listen_scene.h"
+
+namespace rtsg {
+namespace {
+
+/// The set of the KEMAR head that comes with libmysofa.
+const std::filesystem::path kHead = "/usr/share/libmysofa/default.sofa";
+
+/// Level of a signal at one frequency, and its phase re sample `at`.
+std::complex<double> tone(std::span<const float> samples, double hz, double at, int rate = 48000) {
+    std::complex<double> sum;
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        sum += static_cast<double>(samples[i]) * std::polar(1.0, -2 * M_PI * hz * (static_cast<double>(i) - at) / rate);
+    return sum;
+}
+
+class Head : public testing::Test {
+  protected:
+    void SetUp() override {
+        if (!std::filesystem::exists(kHead)) GTEST_SKIP() << kHead << " is not there";
+        auto loaded = Hrtf::load(kHead, 48000);
+        ASSERT_TRUE(loaded) << loaded.error().text;
+        head = *loaded;
+        int length = 0, error = 0;
+        easy = mysofa_open(kHead.c_str(), 48000, &length, &error);
+        ASSERT_TRUE(easy);
+        size = static_cast<std::size_t>(length);
+    }
+    void TearDown() override {
+        if (easy) mysofa_close(easy);
+    }
+    /// As measured, left and right, for a direction in degrees to the left and up.
+    std::array<std::complex<double>, 2> measured(double azimuth, double elevation, double hz) const {
+        const double a = azimuth * M_PI / 180, e = elevation * M_PI / 180;
+        std::vector<float> left(size), right(size);
+        float leftDelay = 0, rightDelay = 0;
+        mysofa_getfilter_float(easy, static_cast<float>(std::cos(e) * std::cos(a)),
+                               static_cast<float>(std::cos(e) * std::sin(a)), static_cast<float>(std::sin(e)),
+                               left.data(), right.data(), &leftDelay, &rightDelay);
+        return {tone(left, hz, -static_cast<double>(leftDelay) * 48000),
+                tone(right, hz, -static_cast<double>(rightDelay) * 48000)};
+    }
+    static glm::dvec3 direction(double azimuth, double elevation) {
+        const double a = azimuth * M_PI / 180, e = elevation * M_PI / 180;
+        return {-std::cos(e) * std::sin(a), std::sin(e), -std::cos(e) * std::cos(a)};
+    }
+    static constexpr double kPlaces[][2] = {{0, 0}, {30, 0}, {90, 0}, {-90, 0}, {140, 20}, {-45, -30}, {10, 70}};
+
+    std::shared_ptr<const Hrtf> head;
+    MYSOFA_EASY* easy = nullptr;
+    std::size_t size = 0;
+};
+
+TEST_F(Head, EarsDifferInLevelAndTimeAsMeasured) {
+    for (const auto& place : kPlaces)
+        for (const double hz : {300.0, 1000.0, 4000.0}) {
+            const auto expected = measured(place[0], place[1], hz);
+            const Hrtf::Ears ears = head->at(direction(place[0], place[1]));
+            const auto left = tone(ears[0], hz, 0), right = tone(ears[1], hz, 0);
+            EXPECT_NEAR(20 * std::log10(std::abs(left / right)), 20 * std::log10(std::abs(expected[0] / expected[1])),
+                        .05)
+                << place[0] << ' ' << hz;
+            EXPECT_NEAR(std::arg(left / right * expected[1] / expected[0]), 0, .01) << place[0] << ' ' << hz;
+            EXPECT_NEAR(20 * std::log10(std::abs(left / expected[0])), 0, .05) << place[0] << ' ' << hz;
+        }
+}
+
+TEST_F(Head, TheEarOnTheSideOfTheSourceHearsItFirstAndSoundFromAheadComesInTime) {
+    const auto onset = [](const std::vector<float>& ear) {
+        float peak = 0;
+        for (const float sample : ear) peak = std::max(peak, std::abs(sample));
+        return std::find_if(ear.begin(), ear.end(), [&](float sample) { return std::abs(sample) > .1f * peak; }) -
+               ear.begin();
+    };
+    const Hrtf::Ears ahead = head->at({0, 0, -1}), left = head->at({-1, 0, 0});
+    EXPECT_NEAR(static_cast<double>(onset(ahead[0])), static_cast<double>(head->early()), 2);
+    // A head of 8.75 cm: .66 ms, 31 samples.
+    EXPECT_NEAR(static_cast<double>(onset(left[1]) - onset(left[0])), 31, 6);
+    EXPECT_LT(onset(left[0]), static_cast<std::ptrdiff_t>(head->early()));
+}
+
+TEST_F(Head, ResponsesOfRoomsHaveItsLevelsForDirectAndEarlySound) {
+    Echogram echogram;
+    for (const double metres : {3.43, 6.86}) {
+        Arrival arrival;
+        arrival.seconds = metres / 343;
+        arrival.energy = allBands(1 / (4 * M_PI * metres * metres));
+        arrival.direction = metres < 5 ? direction(60, 0) : direction(-120, 10);
+        arrival.order = metres < 5 ? 0 : 1;
+        echogram.arrivals.push_back(arrival);
+    }
+    ImpulseResponseOptions options;
+    options.channels = ImpulseResponseOptions::Channels::binaural;
+    options.hrtf = head;
+    for (const std::uint32_t first : {0u, 1u}) {
+        options.firstOrder = first;
+        const ImpulseResponse response = makeImpulseResponse(echogram, options);
+        ASSERT_EQ(response.channels.size(), 2u);
+        for (const double hz : {300.0, 1000.0, 3000.0}) {
+            // The second alone, or both, half as loud and .01 s apart.
+            const auto a = measured(60, 0, hz), b = measured(-120, 10, hz);
+            const auto ahead = tone(head->at({0, 0, -1})[0], hz, static_cast<double>(head->early()));
+            const auto lead = ahead / measured(0, 0, hz)[0];
+            for (std::size_t e = 0; e < 2; ++e) {
+                auto expected = b[e] / 6.86 * std::polar(1.0, -2 * M_PI * hz * .02);
+                if (first == 0) expected += a[e] / 3.43 * std::polar(1.0, -2 * M_PI * hz * .01);
+                const auto got = tone(response.channels[e], hz, 0) / lead;
+                EXPECT_NEAR(std::abs(got - expected), 0, 2e-3 * (1 + std::abs(expected))) << hz << ' ' << e;
+            }
+        }
+    }
+}
+
+using HeadInScene = test::Listen;
+
+TEST_F(HeadInScene, DirectSoundGoesThroughIt) {
+    if (!std::filesystem::exists(kHead)) GTEST_SKIP() << kHead << " is not there";
+    const auto head = Hrtf::load(kHead, 48000);
+    ASSERT_TRUE(head);
+    Scene scene;
+    // 3.43 m to the left, 480 samples away.
+    load(scene,
+         "Sound { location -3.43 0 0 minBack 30 minFront 30 maxBack 60 maxFront 60 spatialize TRUE source AudioClip { "
+         "url \"impulse.wav\" } }\nViewpoint { position 0 0 0 }\n");
+    ListenOptions asked = options();
+    asked.render.binaural = true;
+    asked.render.reflections = false;
+    asked.render.hrtf = *head;
+    asked.render.air.absorbs = false;
+    const auto report = listen(scene, asked);
+    ASSERT_TRUE(report) << report.error().text;
+    const Hrtf::Ears ears = (*head)->at({-1, 0, 0});
+    for (std::size_t e = 0; e < 2; ++e)
+        for (std::size_t i = 0; i < 200; ++i)
+            EXPECT_NEAR(report->sound.samples[2 * (480 + i - (*head)->early()) + e], .5f * ears[e][i], 2e-3)
+                << e << ' ' << i;
+}
+
+TEST(Hrtf, WhatIsNoSofaFileIsRefused) {
+    const test::TempFolder folder;
+    const std::filesystem::path file = folder.path() / "a.sofa";
+    EXPECT_FALSE(Hrtf::load(file, 48000));
+    EXPECT_FALSE(Hrtf::load(folder.path(), 48000));
+    std::ofstream(file) << "no head";
+    const auto none = Hrtf::load(file, 48000);
+    ASSERT_FALSE(none);
+    EXPECT_NE(none.error().text.find("a.sofa"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace rtsg
