@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -26,13 +27,19 @@ inline glm::dvec3 directionFrom(double u, double v) {
     return {r * std::cos(phi), r * std::sin(phi), z};
 }
 
-/// Lambert-distributed about a unit normal.
+/// Lambert-distributed about a unit normal: an even place on the unit disc, raised to the sphere.
 inline glm::dvec3 cosineDirection(const glm::dvec3& normal, Random& random) {
-    const double u = random.uniform(), phi = 2 * std::numbers::pi * random.uniform();
-    const glm::dvec3 helper = std::abs(normal.x) < 0.7 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
-    const glm::dvec3 tangent = glm::normalize(glm::cross(helper, normal)), bitangent = glm::cross(normal, tangent);
-    const double r = std::sqrt(u);
-    return r * std::cos(phi) * tangent + r * std::sin(phi) * bitangent + std::sqrt(std::max(0.0, 1 - u)) * normal;
+    double x = 0, y = 0, r2 = 1;
+    do {
+        x = 2 * random.uniform() - 1;
+        y = 2 * random.uniform() - 1;
+        r2 = x * x + y * y;
+    } while (r2 >= 1);
+    // Axes beside the normal without a root; Duff et al., JCGT 6 (1), 2017.
+    const double sign = std::copysign(1.0, normal.z), a = -1 / (sign + normal.z), b = normal.x * normal.y * a;
+    const glm::dvec3 tangent(1 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x);
+    const glm::dvec3 bitangent(b, sign + normal.y * normal.y * a, -normal.y);
+    return x * tangent + y * bitangent + std::sqrt(1 - r2) * normal;
 }
 
 inline double ballVolume(double radius) {
@@ -117,20 +124,21 @@ class BatchTracer {
           batch_(batch),
           random_(seed) {}
 
+    /// Sixteen rays are under way at a time, so that they can be asked about together.
     void run(std::uint64_t rays) {
         // Evenly spread directions, shifted at random: unbiased, less noise, and batches stay independent.
-        const double shiftU = random_.uniform(), shiftV = random_.uniform();
-        constexpr double kPlastic = 1.32471795724474602596;  // the R2 sequence
+        shiftU_ = random_.uniform(), shiftV_ = random_.uniform();
         initial_ = 1 / static_cast<double>(rays);
-        for (std::uint64_t i = 0; i < rays; ++i) {
-            const double n = static_cast<double>(i) + 1;
-            Ray ray;
-            ray.origin = ray.before = task_.source;
-            const double u = n / kPlastic + shiftU, v = n / (kPlastic * kPlastic) + shiftV;
-            ray.direction = directionFrom(u - std::floor(u), v - std::floor(v));
-            ray.energy.fill(task_.options.pattern ? initial_ * task_.options.pattern(ray.direction) : initial_);
-            add<N>(batch_.sent, ray.energy);
-            if (largest<N>(ray.energy) > 0) follow(ray);
+        std::uint64_t sent = 0;
+        for (int count = 0;;) {
+            while (count < AcousticRays::kMost && sent < rays) count += start(lanes_[count], sent++);
+            if (count == 0) return;
+            step(count);
+            for (int i = 0; i < count;)
+                if (lanes_[i].ended)
+                    lanes_[i] = lanes_[--count];
+                else
+                    ++i;
         }
     }
 
@@ -151,31 +159,60 @@ class BatchTracer {
         int mirrorOrder = 0;     // reflections while all were mirror-like
         double mirrorShare = 1;  // at most, of energy that they left
         bool onlyMirrors = true;
+        glm::dvec3 facing{0};  // of the surface at `origin`, towards `direction`
+        bool ended = false;
     };
 
-    void follow(Ray& ray) {
-        for (;;) {
-            AcousticHit hit;
-            const double left = maxDistance_ - ray.travelled;
-            bool met = geometry_.closest(ray.origin, ray.direction, left, ray.plane, hit);
-            if (!met && ray.plane != kNoPlane) {
-                // In a corner rounding may have put the start behind the next wall, or the ray between two of them.
-                const glm::dvec3 inside = offWalls(geometry_, ray.origin, ray.before);
-                met = geometry_.closest(inside, ray.direction, left, kNoPlane, hit);
-                if (met) ray.origin = inside;
-            }
-            if (countsInBall(ray)) crossBall(ray, met ? hit.distance : left);
-            if (!met) {
-                // Beyond the echogram's end there may still be a wall: then the sound is late, not gone.
-                const bool wall = geometry_.closest(ray.origin, ray.direction, 1e9, ray.plane, hit);
-                if (wall)
-                    batch_.truncated.emplace_back(ray.energy, maxDistance_);
-                else
-                    batch_.escaped.emplace_back(ray.energy, ray.travelled);
-                return;
-            }
-            if (!interact(ray, hit)) return;
+    /// Ray number `i`; whether it carries anything.
+    bool start(Ray& ray, std::uint64_t i) {
+        constexpr double kPlastic = 1.32471795724474602596;  // the R2 sequence
+        const double n = static_cast<double>(i) + 1;
+        ray = {};
+        ray.origin = ray.before = task_.source;
+        const double u = n / kPlastic + shiftU_, v = n / (kPlastic * kPlastic) + shiftV_;
+        ray.direction = directionFrom(u - std::floor(u), v - std::floor(v));
+        ray.energy.fill(task_.options.pattern ? initial_ * task_.options.pattern(ray.direction) : initial_);
+        add<N>(batch_.sent, ray.energy);
+        return largest<N>(ray.energy) > 0;
+    }
+
+    /// Each ray to the next wall and what is heard of it there.
+    void step(int count) {
+        AcousticRays rays;
+        for (int i = 0; i < count; ++i) {
+            const Ray& ray = lanes_[i];
+            rays.add(ray.origin, ray.facing, ray.direction, maxDistance_ - ray.travelled, ray.plane);
         }
+        AcousticHits hits;
+        const std::uint32_t met = geometry_.closestOf(rays, hits);
+        events_.rays.count = 0;
+        for (int i = 0; i < count; ++i)
+            lanes_[i].ended =
+                !goOn(lanes_[i], (met >> i & 1) != 0, rays.maxDistance[i], hits[static_cast<std::size_t>(i)]);
+        if (events_.rays.count == 0) return;
+        events_.rays.likelyFree = 4 * hidden_ < looked_;
+        const std::uint32_t blocked = geometry_.blockedOf(events_.rays);
+        looked_ += events_.rays.count;
+        hidden_ += std::popcount(blocked);
+        for (int i = 0; i < events_.rays.count; ++i)
+            if (!(blocked >> i & 1)) receive(events_.energy[i], events_.factor[i], events_.travelled[i]);
+    }
+
+    bool goOn(Ray& ray, bool met, double left, AcousticHit& hit) {
+        if (!met && ray.plane != kNoPlane) {
+            // In a corner rounding may have put the start behind the next wall, or the ray between two of them.
+            const glm::dvec3 inside = offWalls(geometry_, ray.origin, ray.before);
+            met = geometry_.closest(inside, ray.direction, left, kNoPlane, hit);
+            if (met) ray.origin = inside;
+        }
+        if (countsInBall(ray)) crossBall(ray, met ? hit.distance : left);
+        if (met) return interact(ray, hit);
+        // Beyond the echogram's end there may still be a wall: then the sound is late, not gone.
+        if (geometry_.closest(ray.origin, ray.direction, 1e9, ray.plane, hit))
+            batch_.truncated.emplace_back(ray.energy, maxDistance_);
+        else
+            batch_.escaped.emplace_back(ray.energy, ray.travelled);
+        return false;
     }
 
     bool countsInBall(const Ray& ray) const {
@@ -253,6 +290,7 @@ class BatchTracer {
         }
         ray.origin = point;
         ray.plane = hit.plane;
+        ray.facing = glm::dot(ray.direction, facing) < 0 ? -facing : facing;
         for (double& e : ray.energy) e /= probability;
         if (largest<N>(ray.energy) < kRouletteStart * initial_) {
             if (random_.uniform() >= kRouletteSurvival) return false;
@@ -269,21 +307,26 @@ class BatchTracer {
         if (!(cosine > 0) || travelled + distance >= maxDistance_) return;
         add<N>(batch_.tried, energy);
         const glm::dvec3 direction = toListener / distance;
+        const double factor = cosine / (std::numbers::pi * distance * distance);
         if (!task_.transmits) {
-            if (geometry_.blocked(point, normal, direction, distance, plane)) return;
-        } else {
-            glm::dvec3 origin = point;
-            double left = distance;
-            AcousticHit hit;
-            while (geometry_.closest(origin, direction, left, plane, hit)) {
-                for (std::size_t b = 0; b < N; ++b) energy[b] *= task_.walls[hit.material].through[b];
-                if (!(largest<N>(energy) > 0)) return;
-                origin += direction * hit.distance;
-                left -= hit.distance;
-                plane = hit.plane;
-            }
+            const int at = events_.rays.count;
+            events_.rays.add(point, normal, direction, distance, plane);
+            events_.energy[at] = energy;
+            events_.factor[at] = factor;
+            events_.travelled[at] = travelled + distance;
+            return;
         }
-        receive(energy, cosine / (std::numbers::pi * distance * distance), travelled + distance);
+        glm::dvec3 origin = point;
+        double left = distance;
+        AcousticHit hit;
+        while (geometry_.closest(origin, direction, left, plane, hit)) {
+            for (std::size_t b = 0; b < N; ++b) energy[b] *= task_.walls[hit.material].through[b];
+            if (!(largest<N>(energy) > 0)) return;
+            origin += direction * hit.distance;
+            left -= hit.distance;
+            plane = hit.plane;
+        }
+        receive(energy, factor, travelled + distance);
     }
 
     const Task<N>& task_;
@@ -294,7 +337,15 @@ class BatchTracer {
     double maxDistance_, binsPerMetre_, startMetres_;
     Batch<N>& batch_;
     Random random_;
-    double initial_ = 1;
+    double initial_ = 1, shiftU_ = 0, shiftV_ = 0;
+    Ray lanes_[AcousticRays::kMost];
+    std::int64_t looked_ = 0, hidden_ = 0;  // walls from which the listener was looked for, and not seen
+    /// What is heard of the walls of one step if nothing is in between.
+    struct {
+        AcousticRays rays;
+        Energy<N> energy[AcousticRays::kMost];
+        double factor[AcousticRays::kMost], travelled[AcousticRays::kMost];
+    } events_;
 };
 
 }  // namespace rtsg::trace

@@ -37,10 +37,29 @@ class ReachRecorder final : public AcousticGeometry {
         box.extend(origin + direction * std::min(distance, longest_));
         return geometry_->blocked(origin, facing, direction, distance, except);
     }
+    std::uint32_t closestOf(const AcousticRays& rays, AcousticHits& hits) const override {
+        const std::uint32_t met = geometry_->closestOf(rays, hits);
+        AcousticBox& box = reached_.local();
+        for (int i = 0; i < rays.count; ++i) {
+            const double way = met >> i & 1 ? hits[static_cast<std::size_t>(i)].distance : rays.maxDistance[i];
+            box.extend(rays.origin[i]);
+            box.extend(rays.origin[i] + rays.direction[i] * std::min(way, longest_));
+        }
+        return met;
+    }
+    std::uint32_t blockedOf(const AcousticRays& rays) const override {
+        AcousticBox& box = reached_.local();
+        for (int i = 0; i < rays.count; ++i) {
+            box.extend(rays.origin[i]);
+            box.extend(rays.origin[i] + rays.direction[i] * std::min(rays.maxDistance[i], longest_));
+        }
+        return geometry_->blockedOf(rays);
+    }
     double distanceToSurface(const glm::dvec3& point) const override { return geometry_->distanceToSurface(point); }
     void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override {
         geometry_->surfacesNear(point, radius, visit);
     }
+
 
     AcousticBox reached() const {
         AcousticBox all;

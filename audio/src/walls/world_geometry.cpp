@@ -108,14 +108,38 @@ glm::dvec3 WorldGeometry::exactHit(const Hit& hit, std::uint32_t plane, const gl
     return plane != kNoPlane ? planes_->planes()[plane].normal : glm::normalize(glm::dvec3(hit.normal));
 }
 
+/// What rounding to single precision may shift a place by, with some to spare.
+double WorldGeometry::roundingAt(const glm::dvec3& point) const {
+    const glm::dvec3 away = glm::abs(point - rays_->origin());
+    return 0x1p-20 * (0x1p-3 + std::max({away.x, away.y, away.z}));
+}
+
+WorldGeometry::Judged WorldGeometry::judge(const Hit& found, double rough, std::span<const std::uint32_t> open,
+                                           const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance,
+                                           std::uint32_t except, AcousticHit& hit) const {
+    const std::uint32_t known = planes_->usable() ? planes_->planeOf(found.instance, found.triangle) : kNoPlane;
+    // Without a plane at least the triangle itself is left out, under a number no plane has.
+    const std::uint32_t plane =
+        known != kNoPlane ? known : 0x80000000u | ((found.instance * 0x9E3779B1u + found.triangle) & 0x7FFFFFFEu);
+    if (plane == except || std::find(open.begin(), open.end(), found.instance) != open.end()) return Judged::doubtful;
+    double distance = rough;
+    const glm::dvec3 normal = exactHit(found, known, origin, direction, distance);
+    if (!(distance >= 0)) return Judged::doubtful;
+    if (distance >= maxDistance) return Judged::beyond;
+    hit.plane = plane;
+    hit.material = walls_.walls[found.instance].material;
+    hit.distance = distance;
+    hit.normal = normal;
+    return Judged::hit;
+}
+
 bool WorldGeometry::closestBut(std::span<const std::uint32_t> open, const glm::dvec3& origin,
                                const glm::dvec3& direction, double maxDistance, std::uint32_t except,
                                AcousticHit& hit) const {
     if (!(maxDistance > 0)) return false;
     // The ray in single precision is longer at both ends by what rounding may shift it; what it meets there is judged
     // in double precision.
-    const glm::dvec3 away = glm::abs(origin - rays_->origin());
-    const double rounding = 0x1p-20 * (0x1p-3 + std::max({away.x, away.y, away.z}));
+    const double rounding = roundingAt(origin);
     Ray ray;
     ray.origin = rays_->fromWorld(origin - direction * rounding);
     ray.direction = Vec3f(direction);
@@ -125,31 +149,70 @@ bool WorldGeometry::closestBut(std::span<const std::uint32_t> open, const glm::d
     for (int attempt = 0; attempt < 256; ++attempt) {
         const Hit found = rays_->intersect(ray, RayKind::sound);
         if (!found) return false;
-        const std::uint32_t known = planes_->usable() ? planes_->planeOf(found.instance, found.triangle) : kNoPlane;
-        // Without a plane at least the triangle itself is left out, under a number no plane has.
-        const std::uint32_t plane =
-            known != kNoPlane ? known : 0x80000000u | ((found.instance * 0x9E3779B1u + found.triangle) & 0x7FFFFFFEu);
-        if (plane != except && std::find(open.begin(), open.end(), found.instance) == open.end()) {
-            double distance = static_cast<double>(found.t) - rounding;
-            const glm::dvec3 normal = exactHit(found, known, origin, direction, distance);
-            if (distance >= 0 && distance < maxDistance) {
-                hit.plane = plane;
-                hit.material = walls_.walls[found.instance].material;
-                hit.distance = distance;
-                hit.normal = normal;
-                return true;
-            }
-        }
+        if (judge(found, static_cast<double>(found.t) - rounding, open, origin, direction, maxDistance, except, hit) ==
+            Judged::hit)
+            return true;
         ray.tMin = std::nextafter(std::max(found.t, 1e-30f), std::numeric_limits<float>::infinity());
         if (!(ray.tMin < ray.tMax)) return false;
     }
     return false;
 }
 
+std::uint32_t WorldGeometry::askAll(std::span<const std::uint32_t> open, const AcousticRays& rays, bool toPlaces,
+                                    AcousticHits& hits) const {
+    RayPacket16 packet;
+    PacketHits16 found;
+    double early[AcousticRays::kMost];  // metres that a ray starts before its origin
+    for (int i = 0; i < AcousticRays::kMost; ++i) {
+        if (i >= rays.count || !(rays.maxDistance[i] > 0)) {
+            packet.set(i, {});
+            packet.skip(i);
+            continue;
+        }
+        // Off the surface that it starts on, nearly always the first thing in the way is the answer; else closestBut()
+        // is asked, which searches from behind that surface on.
+        const double rounding = roundingAt(rays.origin[i]);
+        const bool onSurface = rays.facing[i] != glm::dvec3(0);
+        early[i] = onSurface ? 0 : rounding;
+        Ray ray;
+        ray.origin = rays_->fromWorld(rays.origin[i] + (onSurface ? rays.facing[i] : -rays.direction[i]) * rounding);
+        ray.direction = Vec3f(rays.direction[i]);
+        ray.tMax = static_cast<float>(std::min(rays.maxDistance[i] * (1 + 0x1p-20) + 2 * rounding, 1e9));
+        packet.set(i, ray);
+    }
+    if (toPlaces && rays.likelyFree) {
+        // Whether there is anything is found out sooner than what; what is there is looked at below.
+        RayPacket16 quick = packet;
+        const std::uint32_t some = rays_->occluded(quick, false, RayKind::sound);
+        if (some == 0) return 0;
+        for (int i = 0; i < AcousticRays::kMost; ++i)
+            if (!(some >> i & 1)) packet.skip(i);
+    }
+    const std::uint32_t mask = rays_->intersect(packet, false, RayKind::sound);
+    rays_->hits(packet, mask, found);
+    std::uint32_t met = 0;
+    for (int i = 0; i < rays.count; ++i) {
+        AcousticHit& hit = hits[static_cast<std::size_t>(i)];
+        Judged judged = Judged::doubtful;
+        if (mask >> i & 1) {
+            const Hit one{packet.tMax[i], found.instance[i], found.triangle[i],
+                          found.u[i],     found.v[i],        {found.normalX[i], found.normalY[i], found.normalZ[i]}};
+            judged = judge(one, static_cast<double>(one.t) - early[i], open, rays.origin[i], rays.direction[i],
+                           rays.maxDistance[i], rays.except[i], hit);
+        } else if (toPlaces || rays.facing[i] == glm::dvec3(0)) {
+            judged = Judged::beyond;
+        }
+        if (judged == Judged::doubtful &&
+            closestBut(open, rays.origin[i], rays.direction[i], rays.maxDistance[i], rays.except[i], hit))
+            judged = Judged::hit;
+        met |= static_cast<std::uint32_t>(judged == Judged::hit) << i;
+    }
+    return met;
+}
+
 bool WorldGeometry::blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction,
                             double distance, std::uint32_t except) const {
-    const glm::dvec3 away = glm::abs(origin - rays_->origin());
-    const double rounding = 0x1p-20 * (0x1p-3 + std::max({away.x, away.y, away.z}));
+    const double rounding = roundingAt(origin);
     Ray ray;
     ray.origin = rays_->fromWorld(origin + facing * rounding);
     ray.direction = Vec3f(direction);

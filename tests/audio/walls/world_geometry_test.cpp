@@ -446,5 +446,97 @@ TEST(WorldGeometry, AnEmptyWorldIsAVoid) {
     EXPECT_EQ(geometry.distanceToSurface({0, 0, 0}), std::numeric_limits<double>::infinity());
 }
 
+/// A hall with boxes in it, in double precision too, each turned another way.
+void furnish(Room& room, TriangleGeometry& reference) {
+    room.mesh(NodeId{1}, unitBox());
+    const auto box = unitBox();
+    const std::uint32_t material = reference.addMaterial(.1, .5);
+    const auto add = [&](const WorldFromLocal& m) {
+        room.add(NodeId{1}, m);
+        for (std::uint32_t t = 0; t < box->triangleCount; ++t)
+            reference.addTriangle(m * glm::dvec4(box->vertex(t, 0), 1), m * glm::dvec4(box->vertex(t, 1), 1),
+                                  m * glm::dvec4(box->vertex(t, 2), 1), material);
+    };
+    add(placed({-5, -4, 0}, {10, 8, 4}, .3));
+    for (int i = 0; i < 12; ++i) add(placed({-2.1 + .4 * i, 2 * std::sin(i), .1 * i}, {.5, .3, .4 + .1 * i}, .7 * i));
+    room.commit();
+    reference.finish();
+}
+
+TEST(WorldGeometry, RaysThatAreAskedAboutTogetherMeetWhatEachMeetsAlone) {
+    Room room;
+    TriangleGeometry reference;
+    furnish(room, reference);
+    std::mt19937 random(7);
+    std::normal_distribution<double> normal;
+    const auto direction = [&] { return glm::normalize(glm::dvec3(normal(random), normal(random), normal(random))); };
+    const glm::dvec3 place(.3, -1.2, 3.1);
+    int met = 0, hidden = 0, asked = 0;
+    for (int round = 0; round < 300; ++round) {
+        // From the air to a wall, from there on, and back to the place.
+        AcousticRays out, on, back;
+        const int count = 1 + round % AcousticRays::kMost;
+        for (int i = 0; i < count; ++i) out.add(place, glm::dvec3(0), direction(), 1e6, kNoPlane);
+        AcousticHits first, second;
+        ASSERT_EQ(room.geometry.closestOf(out, first), (1u << count) - 1);
+        for (int i = 0; i < count; ++i) {
+            const AcousticHit& hit = first[static_cast<std::size_t>(i)];
+            const glm::dvec3 point = place + out.direction[i] * hit.distance;
+            const glm::dvec3 side = glm::dot(hit.normal, out.direction[i]) < 0 ? hit.normal : -hit.normal;
+            glm::dvec3 leaving = direction();
+            if (glm::dot(leaving, side) < 0) leaving = -leaving;
+            const double most = i % 3 ? 1e6 : 1;
+            on.add(point, side, leaving, most, hit.plane);
+            const glm::dvec3 to = glm::dvec3(-.5, 1.9, 3.5) - point;
+            if (glm::dot(to, side) > 0) back.add(point, side, glm::normalize(to), glm::length(to), hit.plane);
+        }
+        const std::uint32_t bits = room.geometry.closestOf(on, second), shut = room.geometry.blockedOf(back);
+        for (int i = 0; i < on.count; ++i) {
+            AcousticHit alone, exact;
+            const bool expected = reference.closest(on.origin[i] + 1e-7 * on.facing[i], on.direction[i],
+                                                    on.maxDistance[i], kNoPlane, exact);
+            ASSERT_EQ(room.geometry.closest(on.origin[i], on.direction[i], on.maxDistance[i], on.except[i], alone),
+                      expected);
+            ASSERT_EQ((bits >> i & 1) != 0, expected) << round << ' ' << i;
+            if (!expected) continue;
+            ++met;
+            const AcousticHit& hit = second[static_cast<std::size_t>(i)];
+            EXPECT_NEAR(hit.distance, exact.distance, 1e-5);
+            EXPECT_EQ(hit.distance, alone.distance);
+            EXPECT_EQ(hit.plane, alone.plane);
+        }
+        for (int i = 0; i < back.count; ++i) {
+            AcousticHit exact;
+            const bool expected = reference.closest(back.origin[i] + 1e-7 * back.facing[i], back.direction[i],
+                                                    back.maxDistance[i], kNoPlane, exact);
+            ASSERT_EQ((shut >> i & 1) != 0, expected) << round << ' ' << i;
+            ++asked;
+            hidden += expected;
+        }
+    }
+    EXPECT_GT(met, 1500);
+    EXPECT_GT(hidden, 40);
+    EXPECT_LT(hidden, asked);
+}
+
+TEST(WorldGeometry, WhatIsOpenIsOpenToRaysThatAreAskedAboutTogether) {
+    Room room;
+    room.mesh(NodeId{1}, unitBox());
+    room.add(NodeId{1}, placed({-5, -5, -5}, {10, 10, 10}));
+    const InstanceId body = room.add(NodeId{1}, placed({-.5, -.5, -.5}, {1, 1, 1}));
+    room.commit();
+    const OpenedGeometry opened(room.geometry, {body.slot});
+    AcousticRays rays;
+    AcousticHits hits;
+    rays.add({.1, 0, 0}, glm::dvec3(0), {1, 0, 0}, 100, kNoPlane);
+    ASSERT_EQ(room.geometry.closestOf(rays, hits), 1u);
+    EXPECT_NEAR(hits[0].distance, .4, 1e-6);
+    ASSERT_EQ(opened.closestOf(rays, hits), 1u);
+    EXPECT_NEAR(hits[0].distance, 4.9, 1e-6);
+    rays.maxDistance[0] = 3;
+    EXPECT_EQ(opened.blockedOf(rays), 0u);
+    EXPECT_EQ(room.geometry.blockedOf(rays), 1u);
+}
+
 }  // namespace
 }  // namespace rtsg

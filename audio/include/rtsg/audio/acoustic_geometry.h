@@ -8,6 +8,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -56,6 +57,28 @@ struct AcousticHit {
     std::uint32_t material = 0;
 };
 
+/// Up to sixteen rays that are asked about together.
+struct AcousticRays {
+    static constexpr int kMost = 16;
+    int count = 0;
+    glm::dvec3 origin[kMost], direction[kMost];  // unit directions
+    /// Unit normal of the surface that a ray starts on, on the side to which it goes; 0 if it starts on none.
+    glm::dvec3 facing[kMost];
+    double maxDistance[kMost];
+    std::uint32_t except[kMost];
+    bool likelyFree = false;  // of blockedOf(): few of them are; a matter of speed alone
+
+    void add(const glm::dvec3& from, const glm::dvec3& side, const glm::dvec3& towards, double most,
+             std::uint32_t plane) {
+        origin[count] = from;
+        facing[count] = side;
+        direction[count] = towards;
+        maxDistance[count] = most;
+        except[count++] = plane;
+    }
+};
+using AcousticHits = std::array<AcousticHit, AcousticRays::kMost>;
+
 class AcousticGeometry {
   public:
     virtual ~AcousticGeometry() = default;
@@ -73,6 +96,22 @@ class AcousticGeometry {
         static_cast<void>(facing);
         AcousticHit hit;
         return closest(origin, direction, distance, except, hit);
+    }
+    /// closest() and blocked() for several rays at a time; a bit for each that met something.
+    virtual std::uint32_t closestOf(const AcousticRays& rays, AcousticHits& hits) const {
+        std::uint32_t met = 0;
+        for (int i = 0; i < rays.count; ++i)
+            if (closest(rays.origin[i], rays.direction[i], rays.maxDistance[i], rays.except[i],
+                        hits[static_cast<std::size_t>(i)]))
+                met |= 1u << i;
+        return met;
+    }
+    virtual std::uint32_t blockedOf(const AcousticRays& rays) const {
+        std::uint32_t met = 0;
+        for (int i = 0; i < rays.count; ++i)
+            if (blocked(rays.origin[i], rays.facing[i], rays.direction[i], rays.maxDistance[i], rays.except[i]))
+                met |= 1u << i;
+        return met;
     }
     /// Distance from a point to the nearest surface, metres; infinity in the void.
     virtual double distanceToSurface(const glm::dvec3& point) const = 0;

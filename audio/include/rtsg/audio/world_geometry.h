@@ -57,6 +57,18 @@ class WorldGeometry final : public AcousticGeometry {
                     double maxDistance, std::uint32_t except, AcousticHit& hit) const;
     bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction, double distance,
                  std::uint32_t except) const override;
+    std::uint32_t closestOf(const AcousticRays& rays, AcousticHits& hits) const override {
+        return closestOfBut({}, rays, hits);
+    }
+    std::uint32_t closestOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays,
+                               AcousticHits& hits) const {
+        return askAll(open, rays, false, hits);
+    }
+    std::uint32_t blockedOf(const AcousticRays& rays) const override { return blockedOfBut({}, rays); }
+    std::uint32_t blockedOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays) const {
+        AcousticHits hits;
+        return askAll(open, rays, true, hits);
+    }
     /// Slots of instances whose box holds the point and measures at most `maxSize` metres from corner to corner, as far
     /// as they are in the way of 32 rays from there.
     std::vector<std::uint32_t> instancesAround(const glm::dvec3& point, double maxSize) const;
@@ -66,6 +78,14 @@ class WorldGeometry final : public AcousticGeometry {
     void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override;
 
   private:
+    /// What was found along a ray, in double precision, if it counts.
+    enum class Judged : std::uint8_t { hit, beyond, doubtful };
+    Judged judge(const Hit& found, double rough, std::span<const std::uint32_t> open, const glm::dvec3& origin,
+                 const glm::dvec3& direction, double maxDistance, std::uint32_t except, AcousticHit& hit) const;
+    /// `toPlaces`: rays to places that touch nothing, as of blocked(); what meets nothing is believed at once.
+    std::uint32_t askAll(std::span<const std::uint32_t> open, const AcousticRays& rays, bool toPlaces,
+                         AcousticHits& hits) const;
+    double roundingAt(const glm::dvec3& point) const;
     void followMaterials(const PagedArray<AcousticMaterial>& materials);
     glm::dvec3 exactHit(const Hit& hit, std::uint32_t plane, const glm::dvec3& origin, const glm::dvec3& direction,
                         double& distance) const;
@@ -97,6 +117,10 @@ class OpenedGeometry final : public AcousticGeometry {
         if (open_.empty()) return whole_->blocked(origin, facing, direction, distance, except);
         return AcousticGeometry::blocked(origin, facing, direction, distance, except);
     }
+    std::uint32_t closestOf(const AcousticRays& rays, AcousticHits& hits) const override {
+        return whole_->closestOfBut(open_, rays, hits);
+    }
+    std::uint32_t blockedOf(const AcousticRays& rays) const override { return whole_->blockedOfBut(open_, rays); }
     double distanceToSurface(const glm::dvec3& point) const override { return whole_->distanceToSurface(point); }
     void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override {
         whole_->surfacesNear(point, radius, visit);
