@@ -1,10 +1,15 @@
 // rtsg listen: what is heard in a scene, as sound and as figures of the room.
+#include <algorithm>
 #include <filesystem>
+#include <locale>
 #include <memory>
+#include <span>
+#include <sstream>
 
 #include <fmt/format.h>
 
 #include <rtsg/audio/live_sound.h>
+#include <rtsg/core/output_file.h>
 
 #include "files.h"
 #include "outputs.h"
@@ -15,7 +20,8 @@ namespace rtsg::app {
 namespace {
 
 struct Options {
-    std::string scene, out, duration = "5s", ir;
+    std::string scene, out, duration = "5s", ir, report;
+    std::vector<std::string> places;
     ResourceArguments resources;
     StartTime start;
     SoundArguments sound;
@@ -25,7 +31,7 @@ struct Options {
 
 /// Plays what is heard while the scene runs in real time.
 int listenLive(const Options& options) {
-    if (!options.out.empty() || !options.ir.empty() || options.metrics)
+    if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics)
         throw UsageError("--live plays and reports; files and figures are made without it");
     StartTime start = options.start;
     start.kind = StartTime::Kind::live;
@@ -56,15 +62,48 @@ int listenLive(const Options& options) {
     return kDone;
 }
 
+/// "X Y Z", with or without commas.
+ListeningPlace parsePlace(const std::string& text) {
+    ListeningPlace place{text, {}};
+    std::string plain = text;
+    std::replace(plain.begin(), plain.end(), ',', ' ');
+    std::istringstream in(plain);
+    in.imbue(std::locale::classic());
+    std::string rest;
+    if (!(in >> place.position.x >> place.position.y >> place.position.z) || in >> rest)
+        throw UsageError(fmt::format("--place takes three numbers, metres, not '{}'", text));
+    return place;
+}
+
+/// Measures the room at many places, in the form that the file's name asks for.
+Result<> writeReport(const Options& options, SoundRenderer& sound) {
+    std::vector<ListeningPlace> places;
+    for (const std::string& text : options.places) places.push_back(parsePlace(text));
+    auto report = sound.survey(std::move(places));
+    if (!report) return std::unexpected(report.error());
+    report->title = "Room acoustics of " + std::filesystem::path(options.scene).filename().string();
+    const std::string form = std::filesystem::path(options.report).extension().string();
+    const std::string text = form == ".html"   ? report->toHtml()
+                             : form == ".json" ? report->toJson() + "\n"
+                                               : report->toText();
+    return writeWholeFile(options.report, std::as_bytes(std::span(text)));
+}
+
 int listenTo(const Options& options) {
     if (options.live) return listenLive(options);
     if (!options.device.empty()) throw UsageError("--device is of --live");
     ListenOptions listening = options.sound.parse();
     listening.seconds = parseSeconds(options.duration);
-    if (options.out.empty() && options.ir.empty() && !options.metrics && !options.json)
-        throw UsageError("-o, --ir or --metrics is required");
+    if (options.out.empty() && options.ir.empty() && options.report.empty() && !options.metrics && !options.json)
+        throw UsageError("-o, --ir, --report or --metrics is required");
+    if (!options.places.empty() && options.report.empty()) throw UsageError("--place is of --report");
+    for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
+    const std::string form = std::filesystem::path(options.report).extension().string();
+    if (!options.report.empty() && form != ".html" && form != ".json" && form != ".txt")
+        throw UsageError("--report", options.report + ": reports are .html, .json or .txt");
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::sound},
-                                          {"--ir", options.ir, OutputKind::sound}};
+                                          {"--ir", options.ir, OutputKind::sound},
+                                          {"--report", options.report, OutputKind::report}};
     if (auto ok = checkFiles({options.scene}, outputs, false); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
@@ -93,6 +132,8 @@ int listenTo(const Options& options) {
     if (!options.ir.empty())
         if (auto ok = writeWav(options.ir, report->impulseResponses(), WavFormat::float32); !ok)
             return printError(ok.error()), kBad;
+    if (!options.report.empty())
+        if (auto ok = writeReport(options, sound); !ok) return printError(ok.error()), kBad;
     if (options.metrics || options.json) fmt::print("{}\n", report->toJson());
     return kDone;
 }
@@ -108,6 +149,10 @@ Verb addListen(Command& program) {
     command->addOption(
         "--ir", options->ir,
         "WAV of impulse responses, source by source: mono, or with the channels of --stereo, --binaural, --ambisonic");
+    command->addOption("--report", options->report,
+                       "figures by ISO 3382 at all listeners of the scene and their averages: .html, .json or .txt");
+    command->addOption("--place", options->places, "\"X Y Z\" to listen at for --report, once or more often")
+        ->repeatable();
     command->addFlag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
     command
         ->addOption("--error", options->sound.error,

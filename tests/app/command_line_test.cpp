@@ -268,5 +268,33 @@ TEST_F(Listen, ReportsAndWritesSound) {
     EXPECT_NEAR(static_cast<double>(readFile(wav).size()), 48000 * 0.25 * 27, 400);
 }
 
+TEST_F(Listen, ReportsRoomsOfManyPlaces) {
+    const std::string page = folder / "room.html", numbers = folder / "room.json", text = folder / "room.txt";
+    const Outcome drawn = rtsg({"listen", file, "--report", page, "--rays", "300"});
+    ASSERT_EQ(drawn.status, 0) << drawn.err;
+    EXPECT_THAT(readFile(page), testing::StartsWith("<!DOCTYPE html>"));
+    EXPECT_THAT(readFile(page), HasSubstr("<h2>TONE heard from"));
+    const Outcome told =
+        rtsg({"listen", file, "--report", numbers, "--rays", "300", "--place", "0 1 2", "--place", "1,1,-2.5"});
+    ASSERT_EQ(told.status, 0) << told.err;
+    const json report = json::parse(readFile(numbers));
+    ASSERT_EQ(report.at("pairs").size(), 2u);
+    EXPECT_EQ(report.at("pairs")[1].at("listener_position"), json({1, 1, -2.5}));
+    for (const char* part : {"mean", "deviation", "count"})
+        EXPECT_EQ(report.at("average").at(part).at("T20_s").size(), 8u) << part;
+    EXPECT_EQ(report.at("average").at("count").at("G_db")[3], 2);
+    EXPECT_TRUE(report.at("single").at("G_db").is_number());
+    ASSERT_EQ(rtsg({"listen", file, "--report", text, "--rays", "300"}).status, 0);
+    EXPECT_THAT(readFile(text), HasSubstr("single numbers (500 and 1000 Hz)"));
+    for (const std::vector<std::string>& wrong :
+         std::vector<std::vector<std::string>>{{"listen", file, "--report", folder / "a.pdf"},
+                                               {"listen", file, "--report", page, "--place", "1 2"},
+                                               {"listen", file, "--report", page, "--place", "1 2 3 4"},
+                                               {"listen", file, "--metrics", "--place", "1 2 3"},
+                                               {"listen", file, "-o", folder / "a.wav", "--sofa", folder / "none.sofa"},
+                                               {"listen", file, "-o", folder / "a.wav", "--binaural", "--sofa", file}})
+        EXPECT_EQ(rtsg(wrong).status, 2) << testing::PrintToString(wrong);
+}
+
 }  // namespace
 }  // namespace rtsg::test

@@ -129,43 +129,80 @@ OpenedGeometry SoundRenderer::room(const glm::dvec3& source) {
     return impl_->renderer->geometryFor(source);
 }
 
+Result<std::optional<ListenReport::Source>> SoundRenderer::measureOne(const SoundEmitter& emitter,
+                                                                      const glm::dvec3& listener) {
+    Impl& s = *impl_;
+    const SoundScene& sounds = s.renderer->scene();
+    if (!sounds.sound(emitter).enabled || !sounds.sound(emitter).reflected) return std::nullopt;
+    ListenReport::Source source;
+    source.source = emitter.name;
+    source.position = sounds.position(emitter);
+    const OpenedGeometry room = s.renderer->geometryFor(source.position);
+    const AcousticTracer tracer(room);
+    TraceOptions tracing = s.options.trace;
+    tracing.air = s.renderer->air();
+    source.trace = tracer.trace(source.position, listener, tracing);
+    bool cancelled = false;
+    if (s.options.error > 0)
+        tracer.refineTo(source.trace, source.position, listener, tracing, s.options.error, s.options.maxRays,
+                        [&] { return !(cancelled = s.options.progress && !s.options.progress(0)); });
+    if (cancelled) return fail("cancelled");
+    source.metrics = source.trace.metrics();
+    source.schroederHz = schroederFrequency(room, source.position, listener, source.metrics.value.t20[4]);
+    return source;
+}
+
 Result<> SoundRenderer::measure() {
     const auto start = Clock::now();
     Impl& s = *impl_;
     if (!s.refused.empty()) return fail("listening failed: " + s.refused);
     if (auto ok = begin(); !ok) return ok;
     const SoundScene& sounds = s.renderer->scene();
-    const glm::dvec3 listener = sounds.listener().position;
     s.report.listener = sounds.listener();
     s.report.air = s.renderer->air();
     s.report.responses = s.options.responses;
     s.report.hrtf = s.options.render.hrtf;
     s.report.ambisonicOrder = std::max(1, s.options.render.ambisonicOrder);
     for (const SoundEmitter& emitter : sounds.emitters()) {
-        if (!sounds.sound(emitter).enabled || !sounds.sound(emitter).reflected) continue;
-        ListenReport::Source source;
-        source.source = emitter.name;
-        source.position = sounds.position(emitter);
-        const OpenedGeometry room = s.renderer->geometryFor(source.position);
-        const AcousticTracer tracer(room);
-        TraceOptions tracing = s.options.trace;
-        tracing.air = s.renderer->air();
-        source.trace = tracer.trace(source.position, listener, tracing);
-        bool cancelled = false;
-        if (s.options.error > 0)
-            tracer.refineTo(source.trace, source.position, listener, tracing, s.options.error, s.options.maxRays,
-                            [&] { return !(cancelled = s.options.progress && !s.options.progress(0)); });
-        if (cancelled) return fail("cancelled");
-        source.metrics = source.trace.metrics();
-        source.schroederHz = schroederFrequency(room, source.position, listener, source.metrics.value.t20[4]);
-        s.report.rays += source.trace.rays;
-        s.report.sources.push_back(std::move(source));
+        auto source = measureOne(emitter, sounds.listener().position);
+        if (!source) return std::unexpected(source.error());
+        if (!*source) continue;
+        s.report.rays += (*source)->trace.rays;
+        s.report.sources.push_back(std::move(**source));
     }
     s.report.escaped = 0;
     for (const ListenReport::Source& source : s.report.sources)
         s.report.escaped += meanOf(source.trace.escaped) / static_cast<double>(s.report.sources.size());
     s.report.seconds += secondsSince(start);
     return {};
+}
+
+Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
+    const auto start = Clock::now();
+    Impl& s = *impl_;
+    if (!s.refused.empty()) return fail("listening failed: " + s.refused);
+    if (auto ok = begin(); !ok) return std::unexpected(ok.error());
+    const SoundScene& sounds = s.renderer->scene();
+    if (places.empty()) places = sounds.places();
+    RoomReport report;
+    report.title = "Room acoustics";
+    report.air = s.renderer->air();
+    const std::size_t all = sounds.emitters().size() * places.size();
+    std::size_t done = 0;
+    for (const SoundEmitter& emitter : sounds.emitters())
+        for (const ListeningPlace& place : places) {
+            if (s.options.progress && !s.options.progress(static_cast<double>(done++) / static_cast<double>(all)))
+                return fail("cancelled");
+            auto source = measureOne(emitter, place.position);
+            if (!source) return std::unexpected(source.error());
+            if (!*source) continue;
+            report.rays += (*source)->trace.rays;
+            report.pairs.push_back({(*source)->source, place.name, (*source)->position, place.position,
+                                    (*source)->metrics, (*source)->trace.escaped, (*source)->trace.echogram()});
+        }
+    if (report.pairs.empty()) return fail("there is no source of sound to measure the room with");
+    report.seconds = secondsSince(start);
+    return report;
 }
 
 ListenReport SoundRenderer::finish() {

@@ -2,6 +2,7 @@
 #include <rtsg/audio/sound_scene.h>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include <fmt/format.h>
@@ -423,6 +424,38 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
     return read;
 }
 
+namespace {
+
+ListenerPose poseOf(const Scene& scene, const Placed& placed) {
+    const Node& node = scene.node(placed.node);
+    return poseFrom(placed.worldFromLocal, fieldOr(node, "position", Vec3f(0, 0, 10)),
+                    fieldOr(node, "orientation", Rotation{}));
+}
+
+}  // namespace
+
+void SoundScene::findPlaces(const Scene& scene) {
+    std::map<std::uint32_t, const Placed*> listeners, views;  // by slot
+    for (const auto& [slot, placed] : others_) {
+        const Node* node = scene.find(placed.node);
+        if (!node) continue;
+        if (placed.kind == PlacedKind::view)
+            views[slot] = &placed;
+        else if (fieldOr(*node, "enabled", true) && !fieldOr(*node, "trackCurrentView", false))
+            listeners[slot] = &placed;
+    }
+    const auto& chosen = listeners.empty() ? views : listeners;
+    std::map<std::string, int> named, seen;
+    for (const auto& [slot, placed] : chosen) ++named[nameOf(scene, scene.node(placed->node))];
+    places_.clear();
+    for (const auto& [slot, placed] : chosen) {
+        std::string name = nameOf(scene, scene.node(placed->node));
+        if (named[name] > 1) name += fmt::format(" {}", ++seen[name]);
+        places_.push_back({std::move(name), poseOf(scene, *placed).position});
+    }
+    if (places_.empty()) places_.push_back({"listener", listener_.position});
+}
+
 void SoundScene::chooseListener(const Scene& scene) {
     const Placed* listener = nullptr;
     const Placed* view = nullptr;
@@ -442,15 +475,10 @@ void SoundScene::chooseListener(const Scene& scene) {
             view = &placed;
         }
     }
-    const auto pose = [&](const Placed& placed) {
-        const Node& node = scene.node(placed.node);
-        return poseFrom(placed.worldFromLocal, fieldOr(node, "position", Vec3f(0, 0, 10)),
-                        fieldOr(node, "orientation", Rotation{}));
-    };
-    listener_ = view ? pose(*view) : ListenerPose{};
+    listener_ = view ? poseOf(scene, *view) : ListenerPose{};
     if (!listener) return;
     const Node& node = scene.node(listener->node);
-    if (!fieldOr(node, "trackCurrentView", false)) listener_ = pose(*listener);
+    if (!fieldOr(node, "trackCurrentView", false)) listener_ = poseOf(scene, *listener);
     listener_.gain = number(fieldOr(node, "gain", 1.0f), 0);
 }
 
@@ -624,8 +652,10 @@ void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const Insta
             it->second.worldFromLocal = moved.worldFromLocal;
     // A binding shows as a change of isBound.
     if (changes.isSnapshot() || !delta.placedAdded.empty() || !delta.placedRemoved.empty() ||
-        !delta.placedMoved.empty() || !delta.placedRebound.empty() || !delta.placedChanged.empty())
+        !delta.placedMoved.empty() || !delta.placedRebound.empty() || !delta.placedChanged.empty()) {
         chooseListener(scene);
+        findPlaces(scene);
+    }
 }
 
 }  // namespace rtsg

@@ -6,6 +6,8 @@
 #include <limits>
 #include <numbers>
 
+#include <rtsg/renderers/parallel_for.h>
+
 namespace rtsg {
 namespace {
 
@@ -87,9 +89,9 @@ struct DecayCurve {
     double grid;
     std::vector<double> levelDb;  // at k * grid after the first arrival, down to just below -45 dB
 
-    DecayCurve(const BandDecay& decay, double gridSeconds) : grid(gridSeconds) {
+    DecayCurve(const BandDecay& decay, double gridSeconds, double lowestDb = -46) : grid(gridSeconds) {
         levelDb.push_back(0);
-        const double lowest = std::pow(10.0, -4.6) * decay.total();
+        const double lowest = std::pow(10.0, lowestDb / 10) * decay.total();
         BandDecay::Walk walk(decay);
         for (std::size_t k = 1;; ++k) {
             const double energy = walk.after(decay.first() + static_cast<double>(k) * grid);
@@ -158,6 +160,12 @@ RoomMetrics roomMetrics(const Echogram& echogram) {
     return metricsOnGrid(echogram, kGridSeconds);
 }
 
+std::vector<double> decayCurveDb(const Echogram& echogram, std::size_t band, double gridSeconds) {
+    const BandDecay decay(echogram, band);
+    if (!(decay.total() > 0)) return {};
+    return DecayCurve(decay, gridSeconds, -65).levelDb;
+}
+
 double largestError(const MetricsEstimate& m) {
     double worst = 0;
     const auto take = [&](double value, double halfWidth, double noticeable) {
@@ -204,13 +212,13 @@ MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<
         return result;
     }
     std::vector<RoomMetrics> without(count);
-    for (std::size_t i = 0; i < count; ++i) {
-        echogram.late = sum;
-        echogram.late.accumulate(batches[i], -1.0);
-        for (Bands& bin : echogram.late.bins)
+    parallelFor(count, [&](std::size_t i) {
+        Echogram rest{arrivals, sum};
+        rest.late.accumulate(batches[i], -1.0);
+        for (Bands& bin : rest.late.bins)
             for (double& energy : bin) energy = std::max(0.0, energy / static_cast<double>(count - 1));
-        without[i] = metricsOnGrid(echogram, kCoarseGridSeconds);
-    }
+        without[i] = metricsOnGrid(rest, kCoarseGridSeconds);
+    });
     const double t = studentT95(static_cast<int>(count) - 1);
     for (auto figure : kFigures)
         for (std::size_t b = 0; b < kBandCount; ++b) {

@@ -36,6 +36,10 @@ struct MetricsEstimate {
 /// that of their mean; the interval comes from the delete-one jackknife over batches with Student's t.
 MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches);
 
+/// Schroeder's curve of one band: decibels of the energy that comes later than k * `gridSeconds` after the first
+/// arrival, re all of it; down to just below -65 dB or its end. Empty where the band has no energy.
+std::vector<double> decayCurveDb(const Echogram& echogram, std::size_t band, double gridSeconds);
+
 /// The largest half width from 125 Hz to 4 kHz in just noticeable differences (T 5 %, C80 1 dB, D50 .05, G 1 dB) of the
 /// figures that exist.
 double largestError(const MetricsEstimate& estimate);

@@ -22,9 +22,11 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 
 #include <rtsg/audio/listen.h>
+#include <rtsg/audio/room_report.h>
 #include <rtsg/renderers/world_renderer.h>
 
 namespace rtsg {
@@ -52,6 +54,9 @@ class SoundRenderer final : public WorldRenderer {
 
     /// Traces every source at the present state and adds it to the report.
     Result<> measure();
+    /// Traces every source to every place, or if none is given to those of the scene (SoundScene::places()), at the
+    /// present state. Errors: cancelled, no sources.
+    Result<RoomReport> survey(std::vector<ListeningPlace> places = {});
     /// The report so far, with the sound made not to clip. Ends the sound. Its diagnostics are those of sounds alone.
     ListenReport finish();
 
@@ -68,6 +73,9 @@ class SoundRenderer final : public WorldRenderer {
     std::shared_ptr<const void> freezeTables() override;
 
   private:
+    /// Nothing for one that walls do not reflect.
+    Result<std::optional<ListenReport::Source>> measureOne(const SoundEmitter& emitter, const glm::dvec3& listener);
+
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };

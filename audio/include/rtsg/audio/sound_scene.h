@@ -121,6 +121,12 @@ struct ListenerPose {
     }
 };
 
+/// A place to listen at.
+struct ListeningPlace {
+    std::string name;
+    glm::dvec3 position{0};
+};
+
 /// Who sounds and who listens, as a version that does not change.
 struct SoundVersion {
     std::shared_ptr<const std::vector<SoundEmitter>> emitters;  // in the order of their slots; never null
@@ -143,6 +149,9 @@ class SoundScene {
     glm::dvec3 position(const SoundEmitter& emitter) const { return emitter.position(); }
     /// The first enabled ListenerPointSource, else the bound viewpoint, else X3D's default of 0 0 10.
     const ListenerPose& listener() const { return listener_; }
+    /// Where one may listen: at every enabled ListenerPointSource that does not follow the view, or if there is none at
+    /// every viewpoint, or else where listener() is.
+    const std::vector<ListeningPlace>& places() const { return places_; }
     /// Nodes that are there but cannot be heard, and why; each once.
     const Diagnostics& diagnostics() const { return diagnostics_; }
     /// As it is now. What changes next copies the emitters once.
@@ -165,6 +174,7 @@ class SoundScene {
     bool readProcess(const Scene& scene, const Node& node, double gain, int depth, Branch to);
     std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node) const;
     void chooseListener(const Scene& scene);
+    void findPlaces(const Scene& scene);
     void readAir(const Scene& scene, const ChangeSet& changes);
     void nameSilent(const Scene& scene, const ChangeSet& changes);
     void warnOnce(std::string text);
@@ -179,6 +189,7 @@ class SoundScene {
     std::shared_ptr<std::vector<SoundEmitter>> emitters_ = std::make_shared<std::vector<SoundEmitter>>();
     bool shared_ = false;  // emitters_ belong to a version too
     ListenerPose listener_;
+    std::vector<ListeningPlace> places_;
     AirChoice air_;
     std::unordered_set<std::uint32_t> infos_;  // WorldInfo nodes, by NodeId
     Diagnostics diagnostics_;

@@ -1,0 +1,58 @@
+// RoomReport: the figures of a room at several places, their averages, and the curves behind them, as text, JSON or one
+// HTML page that needs nothing else.
+//
+// Source: ISO 3382-1:2009, clause 8 (spatial averages: the arithmetic mean over all pairs of source and listener) and
+// table A.1 (single numbers: the mean of the octaves of 500 and 1000 Hz); ISO 3382-2:2008, annex C, for how much places
+// differ. A figure that is NaN somewhere is averaged over the places that have it. Threading: a plain value.
+
+// Example:
+//     #include <rtsg/audio/room_report.h>
+//     rtsg::RoomReport report;  // or SoundRenderer::survey()
+//     report.title = "hall";
+//     const std::string page = report.toHtml();
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/bands.h>
+#include <rtsg/audio/echogram.h>
+#include <rtsg/audio/room_metrics.h>
+
+namespace rtsg {
+
+struct RoomReport {
+    /// One source heard at one place.
+    struct Pair {
+        std::string source, listener;
+        glm::dvec3 sourceAt{0}, listenerAt{0};
+        MetricsEstimate metrics;
+        Bands escaped{};  // share of the energy
+        Echogram echogram;
+    };
+    struct Average {
+        RoomMetrics mean, deviation;  // the latter of the sample; NaN with fewer than two places
+        RoomMetrics count;            // of places that have the figure
+    };
+
+    std::string title;
+    Air air;
+    std::vector<Pair> pairs;
+    std::uint64_t rays = 0;
+    double seconds = 0;  // of computing
+
+    Average average() const;
+    /// The mean of the octaves of 500 and 1000 Hz.
+    static double single(const Bands& figure) { return (figure[3] + figure[4]) / 2; }
+
+    std::string toText() const;
+    /// {"title":…,"bands_hz":[…],"pairs":[{"source":…,"listener":…,…}],"average":{"mean":{…},"deviation":{…}},
+    /// "single":{…}}; what is no number is null.
+    std::string toJson() const;
+    /// A page with tables, decay curves and energograms, drawn in SVG.
+    std::string toHtml() const;
+};
+
+}  // namespace rtsg

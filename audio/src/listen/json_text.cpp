@@ -1,0 +1,42 @@
+// Writes numbers and texts as JSON.
+#include "json_text.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace rtsg {
+
+std::string jsonNumber(double value) {
+    return std::isfinite(value) ? fmt::format("{:.7g}", value) : "null";
+}
+
+std::string jsonArray(const Bands& values) {
+    std::string text = "[";
+    for (std::size_t b = 0; b < kBandCount; ++b) text += (b ? "," : "") + jsonNumber(values[b]);
+    return text + "]";
+}
+
+std::string jsonString(std::string_view text) {
+    std::string result = "\"";
+    for (const char c : text) {
+        if (c == '"' || c == '\\') {
+            result += '\\';
+            result += c;
+        } else if (static_cast<unsigned char>(c) < 0x20) {
+            result += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
+        } else {
+            result += c;
+        }
+    }
+    return result + "\"";
+}
+
+std::string jsonFigures(const RoomMetrics& m) {
+    return fmt::format(
+        "\"EDT_s\":{},\"T20_s\":{},\"T30_s\":{},\"C50_db\":{},\"C80_db\":{},\"D50\":{},\"Ts_s\":{},\"G_db\":{}",
+        jsonArray(m.edt), jsonArray(m.t20), jsonArray(m.t30), jsonArray(m.c50), jsonArray(m.c80), jsonArray(m.d50),
+        jsonArray(m.ts), jsonArray(m.g));
+}
+
+}  // namespace rtsg

@@ -1,0 +1,19 @@
+// Numbers and texts as JSON has them.
+//
+// What is no number is null. Threading: pure functions.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include <rtsg/audio/room_metrics.h>
+
+namespace rtsg {
+
+std::string jsonNumber(double value);
+std::string jsonArray(const Bands& values);
+std::string jsonString(std::string_view text);
+/// "EDT_s":[…],… without braces.
+std::string jsonFigures(const RoomMetrics& metrics);
+
+}  // namespace rtsg

@@ -1,0 +1,100 @@
+// Averages the figures of a room over places, and writes them as text and as JSON.
+#include <rtsg/audio/room_report.h>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "json_text.h"
+#include "report_figures.h"
+
+namespace rtsg {
+
+RoomReport::Average RoomReport::average() const {
+    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+    Average result;
+    for (const ReportFigure& figure : kReportFigures)
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            double count = 0, sum = 0, squares = 0;
+            const auto each = [&](const auto& take) {
+                for (const Pair& pair : pairs)
+                    if (const double value = (pair.metrics.value.*figure.values)[b]; std::isfinite(value)) take(value);
+            };
+            each([&](double value) { count += 1, sum += value; });
+            const double mean = count > 0 ? sum / count : kNan;
+            each([&](double value) { squares += (value - mean) * (value - mean); });
+            (result.count.*figure.values)[b] = count;
+            (result.mean.*figure.values)[b] = mean;
+            (result.deviation.*figure.values)[b] = count > 1 ? std::sqrt(squares / (count - 1)) : kNan;
+        }
+    return result;
+}
+
+std::string reportNumber(double value, int digits) {
+    return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-";
+}
+
+namespace {
+
+std::string bandsLine(std::string_view name, const Bands& values, int digits) {
+    std::string line = fmt::format("  {:<12}", name);
+    for (const double value : values) line += fmt::format("{:>9}", reportNumber(value, digits));
+    return line + "\n";
+}
+
+std::string placeText(const glm::dvec3& p) {
+    return fmt::format("{:.2f} {:.2f} {:.2f}", p.x, p.y, p.z);
+}
+
+std::string jsonPlace(const glm::dvec3& p) {
+    return fmt::format("[{},{},{}]", jsonNumber(p.x), jsonNumber(p.y), jsonNumber(p.z));
+}
+
+}  // namespace
+
+std::string RoomReport::toText() const {
+    std::string text = fmt::format("{}\nISO 3382-1; pairs of source and listener: {}; rays: {}\n", printable(title),
+                                   pairs.size(), rays);
+    std::string head = fmt::format("  {:<12}", "Hz");
+    for (const double hz : kBandHz) head += fmt::format("{:>9}", hz);
+    const Average all = average();
+    text += "\nmean over the pairs, and the standard deviation among them\n" + head + "\n";
+    for (const ReportFigure& figure : kReportFigures) {
+        text += bandsLine(figure.title(), all.mean.*figure.values, figure.digits);
+        if (pairs.size() > 1) text += bandsLine("  deviation", all.deviation.*figure.values, figure.digits);
+    }
+    text += "\nsingle numbers (500 and 1000 Hz)\n";
+    for (const ReportFigure& figure : kReportFigures)
+        text += fmt::format("  {:<12}{:>9}\n", figure.title(),
+                            reportNumber(single(all.mean.*figure.values), figure.digits));
+    for (const Pair& pair : pairs) {
+        text += fmt::format("\n{} at {}, heard from {} at {}\n{}\n", printable(pair.source), placeText(pair.sourceAt),
+                            printable(pair.listener), placeText(pair.listenerAt), head);
+        for (const ReportFigure& figure : kReportFigures) {
+            text += bandsLine(figure.title(), pair.metrics.value.*figure.values, figure.digits);
+            text += bandsLine("  95 % +-", pair.metrics.ci95.*figure.values, figure.digits);
+        }
+    }
+    return text;
+}
+
+std::string RoomReport::toJson() const {
+    std::string text = fmt::format("{{\"title\":{},\"standard\":\"ISO 3382-1:2009\",\"bands_hz\":{},\"pairs\":[",
+                                   jsonString(title), jsonArray(kBandHz));
+    for (const Pair& pair : pairs)
+        text += fmt::format(
+            "{}{{\"source\":{},\"position\":{},\"listener\":{},\"listener_position\":{},{},\"ci95\":{{{}}},"
+            "\"escaped\":{}}}",
+            &pair == pairs.data() ? "" : ",", jsonString(pair.source), jsonPlace(pair.sourceAt),
+            jsonString(pair.listener), jsonPlace(pair.listenerAt), jsonFigures(pair.metrics.value),
+            jsonFigures(pair.metrics.ci95), jsonArray(pair.escaped));
+    const Average all = average();
+    text += fmt::format("],\"average\":{{\"mean\":{{{}}},\"deviation\":{{{}}},\"count\":{{{}}}}},\"single\":{{",
+                        jsonFigures(all.mean), jsonFigures(all.deviation), jsonFigures(all.count));
+    for (const ReportFigure& figure : kReportFigures)
+        text += fmt::format("{}\"{}\":{}", &figure == kReportFigures.data() ? "" : ",", figure.key,
+                            jsonNumber(single(all.mean.*figure.values)));
+    return text + fmt::format("}},\"rays\":{},\"seconds\":{}}}", rays, jsonNumber(seconds));
+}
+
+}  // namespace rtsg

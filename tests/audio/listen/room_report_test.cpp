@@ -1,0 +1,153 @@
+// Reports of rooms: averages against their formulas, curves against closed forms, and pages that stand alone.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/audio/room_report.h>
+
+#include "listen_scene.h"
+
+namespace rtsg {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+/// exp(-13.8155 t / T) of energy left at time t after `first`.
+Echogram exponential(double reverberationTime, double first = 0) {
+    Echogram echogram;
+    const double k = 6 * std::log(10.0) / reverberationTime;
+    echogram.late.start = first;
+    for (int i = 0; i < static_cast<int>(3000 * reverberationTime); ++i)
+        echogram.late.bins.push_back(allBands(std::exp(-k * i / 1000.0) - std::exp(-k * (i + 1) / 1000.0)));
+    return echogram;
+}
+
+RoomReport::Pair pair(const std::string& source, double t30, double c80) {
+    RoomReport::Pair result;
+    result.source = source;
+    result.listener = "seat";
+    RoomMetrics& m = result.metrics.value;
+    for (Bands* figure : {&m.edt, &m.t20, &m.t30}) *figure = allBands(t30);
+    for (Bands* figure : {&m.c50, &m.c80, &m.g}) *figure = allBands(c80);
+    m.d50 = m.ts = allBands(.5);
+    result.echogram = exponential(t30);
+    return result;
+}
+
+TEST(RoomReport, AveragesArithmeticallyOverThePairsThatHaveAFigure) {
+    RoomReport report;
+    report.pairs = {pair("A", 1, 3), pair("B", 1.2, -1), pair("C", 1.7, kNan)};
+    report.pairs[0].metrics.value.t30[3] = 2;
+    const RoomReport::Average all = report.average();
+    EXPECT_NEAR(all.mean.t30[4], 1.3, 1e-12);
+    EXPECT_NEAR(all.deviation.t30[4], std::sqrt((.09 + .01 + .16) / 2), 1e-12);
+    EXPECT_NEAR(all.mean.c80[4], 1, 1e-12);
+    EXPECT_NEAR(all.deviation.c80[4], std::sqrt(8.0), 1e-12);
+    EXPECT_EQ(all.count.t30[4], 3);
+    EXPECT_EQ(all.count.c80[4], 2);
+    // ISO 3382-1, table A.1: the mean of 500 and 1000 Hz.
+    EXPECT_NEAR(RoomReport::single(all.mean.t30), ((2 + 1.2 + 1.7) / 3 + 1.3) / 2, 1e-12);
+    report.pairs.resize(1);
+    EXPECT_TRUE(std::isnan(report.average().deviation.t30[4]));
+    report.pairs.clear();
+    EXPECT_TRUE(std::isnan(report.average().mean.t30[4]));
+    EXPECT_EQ(report.average().count.t30[4], 0);
+}
+
+TEST(RoomReport, DrawsTheDecayInClosedForm) {
+    const std::vector<double> curve = decayCurveDb(exponential(.8, .01), 2, .01);
+    ASSERT_GT(curve.size(), 80u);
+    for (std::size_t k = 0; k < 80; ++k) EXPECT_NEAR(curve[k], -60 * .01 * static_cast<double>(k) / .8, 1e-3) << k;
+    EXPECT_LT(curve.back(), -65);
+    EXPECT_GT(curve[curve.size() - 2], -65);
+    EXPECT_TRUE(decayCurveDb({}, 0, .01).empty());
+}
+
+std::size_t count(const std::string& text, const std::string& what) {
+    std::size_t result = 0;
+    for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++result;
+    return result;
+}
+
+TEST(RoomReport, ThePageNeedsNothingElse) {
+    RoomReport report;
+    report.title = "a <hall> & \"more\" \x1b";
+    report.pairs = {pair("A<b>", 1, 3), pair("B", 1.2, -1)};
+    const std::string page = report.toHtml();
+    EXPECT_EQ(count(page, "<svg "), 4u);
+    EXPECT_EQ(count(page, "<polyline "), 2u * kBandCount);
+    EXPECT_EQ(count(page, "http"), 0u);
+    EXPECT_EQ(count(page, "src="), 0u);
+    EXPECT_EQ(count(page, "<script"), 0u);
+    EXPECT_EQ(count(page, "<b>"), 0u);
+    EXPECT_EQ(count(page, "\x1b"), 0u);
+    EXPECT_NE(page.find("a &lt;hall&gt; &amp; &quot;more&quot; ?"), std::string::npos);
+    for (const char* tag : {"table", "tr", "td", "th", "svg", "p", "h2", "text", "i"})
+        EXPECT_EQ(count(page, std::string("<") + tag + ">") + count(page, std::string("<") + tag + " "),
+                  count(page, std::string("</") + tag + ">"))
+            << tag;
+    // A line of 60 dB in a second, drawn from the upper left corner to the lower right one.
+    const std::size_t line = page.find("<polyline points=\"48.0,10.0 ");
+    ASSERT_NE(line, std::string::npos);
+}
+
+using ReportOfScene = test::Listen;
+
+TEST_F(ReportOfScene, MeasuresEverySourceAtEveryListener) {
+    Scene scene;
+    load(
+        scene,
+        test::room("absorption .2 diffuse .8 specular 0",
+                   "DEF S1 Sound { location 1 1 1.5 maxBack 90 maxFront 90 source AudioClip { url \"impulse.wav\" } }\n"
+                   "DEF S2 Sound { location 5 4 2 maxBack 90 maxFront 90 source AudioClip { url \"impulse.wav\" } }\n"
+                   "DEF V Viewpoint { position 4 3 1.5 }\n"
+                   "DEF L1 ListenerPointSource { position 2 3 1.2 }\nDEF L2 ListenerPointSource { position 4 1 1.2 }\n"
+                   "DEF L3 ListenerPointSource { position 4 2 1.2 enabled FALSE }\n"));
+    SharedWorld world(scene);
+    ListenOptions asked = options();
+    asked.trace.rays = 3000;
+    SoundRenderer sound(world, asked);
+    auto report = sound.survey();
+    ASSERT_TRUE(report) << report.error().text;
+    ASSERT_EQ(report->pairs.size(), 4u);
+    EXPECT_EQ(report->pairs[1].source, "S1");
+    EXPECT_EQ(report->pairs[1].listener, "L2");
+    EXPECT_EQ(report->pairs[1].listenerAt, glm::dvec3(4, 1, glm::dvec3(Vec3f(1.2f)).x));
+    EXPECT_GE(report->rays, 12000u);
+    // A diffuse room: about Eyring's time, wherever one is.
+    const double volume = 90, area = 2 * (30 + 18 + 15);
+    const double eyring = 24 * std::log(10.0) / 343 * volume / (-area * std::log(.8));
+    EXPECT_NEAR(RoomReport::single(report->average().mean.t20) / eyring, 1, .1);
+    EXPECT_NEAR(report->pairs[2].metrics.value.t20[4] / eyring, 1, .1);
+
+    auto chosen = sound.survey({{"mine", {3, 3, 1}}});
+    ASSERT_TRUE(chosen);
+    ASSERT_EQ(chosen->pairs.size(), 2u);
+    EXPECT_EQ(chosen->pairs[0].listener, "mine");
+    const std::string json = chosen->toJson();
+    EXPECT_NE(json.find("\"listener_position\":[3,3,1]"), std::string::npos) << json;
+    EXPECT_NE(chosen->toText().find("S2 at 5.00 4.00 2.00, heard from mine at 3.00 3.00 1.00"), std::string::npos);
+}
+
+TEST_F(ReportOfScene, ViewpointsAreListenedAtWhereThereIsNoListener) {
+    Scene scene;
+    load(scene, test::kPair + "Transform { translation 1 0 0 children DEF Seat Viewpoint { position 1 1 1 } }");
+    SharedWorld world(scene);
+    SoundRenderer sound(world, options());
+    const auto report = sound.survey();
+    ASSERT_TRUE(report);
+    ASSERT_EQ(report->pairs.size(), 2u);
+    EXPECT_EQ(report->pairs[1].listener, "Seat");
+    EXPECT_EQ(report->pairs[1].listenerAt, glm::dvec3(2, 1, 1));
+    Scene silent;
+    load(silent, "Viewpoint { }");
+    SharedWorld empty(silent);
+    SoundRenderer none(empty, options());
+    EXPECT_FALSE(none.survey());
+}
+
+}  // namespace
+}  // namespace rtsg
