@@ -64,6 +64,7 @@ class RayList final : public AcousticGeometry {
         geometry_->surfacesNear(point, radius, visit);
     }
 
+    void visitEdges(const EdgeVisitor& visit) const override { geometry_->visitEdges(visit); }
 
   private:
     void note(const glm::dvec3& origin, const glm::dvec3& direction, double most, bool any) const {

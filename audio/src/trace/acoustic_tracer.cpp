@@ -8,6 +8,7 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "batch_tracer.h"
+#include "edge_sources.h"
 
 namespace rtsg {
 namespace {
@@ -232,6 +233,7 @@ TraceResult AcousticTracer::trace(const glm::dvec3& from, const glm::dvec3& to, 
                          : std::clamp(decaySeconds(*geometry_, source, options) + 2 * direct, 1.0, kMost);
     ImageSources images = imagesOf(*geometry_, source, listener, options, result.seconds, result.imageShare);
     result.arrivals = std::move(images.arrivals);
+    if (options.diffraction) addDiffraction(*geometry_, source, listener, options, result.seconds, result.arrivals);
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;
     chooseReceiver(*geometry_, source, listener, options, result);

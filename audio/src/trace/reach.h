@@ -60,6 +60,7 @@ class ReachRecorder final : public AcousticGeometry {
         geometry_->surfacesNear(point, radius, visit);
     }
 
+    void visitEdges(const EdgeVisitor& visit) const override { geometry_->visitEdges(visit); }
 
     AcousticBox reached() const {
         AcousticBox all;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "wall_edges.h"
 #include "wall_planes.h"
 
 namespace rtsg {
@@ -44,7 +45,8 @@ void cornersOf(const Wall& wall, std::uint32_t triangle, glm::dvec3 (&corners)[3
 }  // namespace
 
 WorldGeometry::WorldGeometry() : WorldGeometry(Options{}) {}
-WorldGeometry::WorldGeometry(const Options& options) : planes_(std::make_unique<WallPlanes>(options.maxPlanes)) {}
+WorldGeometry::WorldGeometry(const Options& options)
+    : planes_(std::make_unique<WallPlanes>(options.maxPlanes)), edges_(std::make_unique<EdgeTable>()) {}
 WorldGeometry::~WorldGeometry() = default;
 
 std::span<const ReflectingPlane> WorldGeometry::planes() const {
@@ -52,6 +54,10 @@ std::span<const ReflectingPlane> WorldGeometry::planes() const {
 }
 std::uint64_t WorldGeometry::work() const {
     return compared_ + planes_->work();
+}
+
+void WorldGeometry::visitEdgesBut(std::span<const std::uint32_t> open, const EdgeVisitor& visit) const {
+    edges_->visitBut(open, visit);
 }
 
 void WorldGeometry::followMaterials(const PagedArray<AcousticMaterial>& materials) {
@@ -81,6 +87,7 @@ const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version,
                                       ++compared_;
                                       if (before.stamp == now.stamp) return;
                                       planes_->change(static_cast<std::uint32_t>(at), now);
+                                      edges_->change(static_cast<std::uint32_t>(at), now);
                                       for (const AcousticBox& box : {worldBox(before), worldBox(now)})
                                           if (!box.empty()) changes_.boxes.push_back(box);
                                   });

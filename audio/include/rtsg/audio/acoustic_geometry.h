@@ -57,6 +57,15 @@ struct AcousticHit {
     std::uint32_t material = 0;
 };
 
+/// An edge round which sound bends: where two surfaces meet, or the rim of one.
+struct WallEdge {
+    glm::dvec3 from{0}, axis{0};  // unit axis
+    double length = 0;
+    /// Unit, in the surfaces and away from the edge; of a rim both are the same.
+    glm::dvec3 faceA{0}, faceB{0};
+    std::uint32_t material = 0;
+};
+
 /// Up to sixteen rays that are asked about together.
 struct AcousticRays {
     static constexpr int kMost = 16;
@@ -119,6 +128,8 @@ class AcousticGeometry {
     using SurfaceVisitor = std::function<void(const glm::dvec3& normal, double signedDistance)>;
     /// Visits the surfaces that come within `radius` of a point and whose planes do; one may be visited several times.
     virtual void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const = 0;
+    using EdgeVisitor = std::function<void(const WallEdge&)>;
+    virtual void visitEdges(const EdgeVisitor& visit) const { static_cast<void>(visit); }
 };
 
 }  // namespace rtsg

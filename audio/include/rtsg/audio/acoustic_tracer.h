@@ -3,6 +3,7 @@
 // Every path is counted once, by exactly one of three estimators, so the expectation does not depend on the options:
 //   mirror reflections only, up to the image order and down to the image share (and direct sound), through walls or
 //   not:                                                    image sources, exact
+//   straight, but round one edge:                           the uniform theory of diffraction
 //   the last reflection is diffuse:                         next-event estimation to the listener, a point
 //   all others (mirror last after diffuse or above the image order):   track length in a ball around the listener
 // The ball yields the mean over what of it is seen from the listener. Rays end by Russian roulette, never by a
@@ -39,6 +40,8 @@ struct TraceOptions {
     double receiverRadius = 0;
     std::uint64_t seed = 1;
     Air air;
+    /// Sound bends round edges, once (see trace/edge_sources.h).
+    bool diffraction = true;
     /// Of what is radiated; paths to the images and rays alike.
     SourcePattern pattern = {};
 };

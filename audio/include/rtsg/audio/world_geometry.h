@@ -21,6 +21,7 @@
 
 namespace rtsg {
 
+class EdgeTable;
 class WallPlanes;
 
 class WorldGeometry final : public AcousticGeometry {
@@ -76,6 +77,9 @@ class WorldGeometry final : public AcousticGeometry {
     bool boxHolds(std::uint32_t slot, const glm::dvec3& point) const;
     double distanceToSurface(const glm::dvec3& point) const override;
     void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override;
+    void visitEdges(const EdgeVisitor& visit) const override { visitEdgesBut({}, visit); }
+    /// Those of all instances but the ones in `open` (slots).
+    void visitEdgesBut(std::span<const std::uint32_t> open, const EdgeVisitor& visit) const;
 
   private:
     /// What was found along a ray, in double precision, if it counts.
@@ -94,6 +98,7 @@ class WorldGeometry final : public AcousticGeometry {
     const RayView* rays_ = nullptr;
     std::vector<AcousticMaterial> materials_;
     std::unique_ptr<WallPlanes> planes_;
+    std::unique_ptr<EdgeTable> edges_;
     Changes changes_;
     bool followed_ = false;
     std::uint64_t compared_ = 0;
@@ -125,6 +130,7 @@ class OpenedGeometry final : public AcousticGeometry {
     void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override {
         whole_->surfacesNear(point, radius, visit);
     }
+    void visitEdges(const EdgeVisitor& visit) const override { whole_->visitEdgesBut(open_, visit); }
 
   private:
     const WorldGeometry* whole_;

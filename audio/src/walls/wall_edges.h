@@ -1,0 +1,48 @@
+// Edges of walls round which sound bends: where two surfaces of a mesh meet, and the rims of surfaces.
+//
+// Corners at one place are one corner, whatever their normals. The work follows the walls that change; edges are found
+// once a mesh. Threading: change() alone; the rest are const.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/walls.h>
+
+namespace rtsg {
+
+/// One edge by its corners in a mesh, and a corner of each surface beside it; twice the same at a rim.
+struct MeshEdge {
+    Vec3f from{0}, to{0}, besideA{0}, besideB{0};
+};
+
+/// Meshes of more triangles have none: they stand for what is curved, or too much to look at.
+constexpr std::uint32_t kMostTrianglesWithEdges = 20'000;
+
+/// Edges that two surfaces share at an angle, and those of one surface alone.
+std::vector<MeshEdge> edgesOf(const Mesh& mesh);
+
+/// In the world; nothing for one that a transform has made a point.
+bool placedEdge(const MeshEdge& edge, const WorldFromLocal& worldFromLocal, WallEdge& result);
+
+/// The edges of all walls, by slot.
+class EdgeTable {
+  public:
+    void change(std::uint32_t slot, const Wall& wall);
+    void visitBut(std::span<const std::uint32_t> open, const AcousticGeometry::EdgeVisitor& visit) const;
+
+  private:
+    struct CachedMesh {
+        std::weak_ptr<const Mesh> mesh;
+        std::shared_ptr<const std::vector<MeshEdge>> edges;
+    };
+    std::vector<std::vector<WallEdge>> edges_;
+    std::unordered_map<const Mesh*, CachedMesh> meshes_;
+    std::size_t meshesAtPurge_ = 0;
+};
+
+}  // namespace rtsg
