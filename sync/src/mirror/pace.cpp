@@ -32,8 +32,6 @@ double MirrorPace::delay() const {
 
 double MirrorPace::limit(std::uint64_t record) const {
     if (lag_ <= 0) return std::numeric_limits<double>::infinity();
-    // No more than what passes while the goodbye behind it is waited for, or the system takes at once.
-    if (lifted_) return std::clamp(rate(), kSmallRecord, kLargeRecord);
     if (rate() <= 0) return kFirst;
     const double whole = std::min(double(record), std::clamp(rate() * lag_, kSmallRecord, kLargeRecord));
     return std::max({kLeast, whole, kHeadroom * rate() * (delay() + lag_ / 8)});
@@ -42,6 +40,8 @@ double MirrorPace::limit(std::uint64_t record) const {
 bool MirrorPace::open(std::uint64_t record, Clock::time_point now) {
     if (most_ > 0 && now < next_) return false;
     const std::uint64_t under = sentTotal_ - acknowledgedTotal_;
+    // Beside what is under way, no more than passes while the goodbye behind it is waited for, or systems take at once.
+    if (lifted_ && double(sentTotal_ - liftedAt_) < std::clamp(rate(), kSmallRecord, kLargeRecord)) return true;
     if (draining_) draining_ = under != 0;
     return !draining_ && (under == 0 || double(under) < limit(record));
 }

@@ -34,6 +34,7 @@ class MirrorPace {
     /// The sender leaves: what is held back so that newer things are not late is the newest there will be.
     void lift() {
         lifted_ = true;
+        liftedAt_ = sentTotal_;
         draining_ = false;
     }
 
@@ -70,7 +71,7 @@ class MirrorPace {
     void learnRate(const Sent& sent, Clock::time_point now);
 
     double lag_ = 0, most_ = 0;
-    std::uint64_t sentTotal_ = 0, acknowledgedTotal_ = 0, heldUpTo_ = 0;
+    std::uint64_t sentTotal_ = 0, acknowledgedTotal_ = 0, heldUpTo_ = 0, liftedAt_ = 0;
     Clock::time_point acknowledgedAt_{}, next_{};
     std::deque<Sent> sent_;
     Spans rate_, delay_;

@@ -23,7 +23,7 @@ constexpr std::int64_t kLongestIncoming = mirror::kSubmitPart + 512;  // bytes; 
 constexpr int kIncoming = 64;                                         // messages waiting per connection
 constexpr int kBacklog = 4096;                                        // connections at once that wait to be taken
 constexpr int kLinger = 200;                                          // ms
-constexpr auto kLastFrames = 300ms;                                   // for what peers have not been sent
+constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;           // for what peers have not been sent
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
 constexpr auto kLookAround = 20ms, kLookAgain = 1ms;                  // for connections that send no whole message
 constexpr auto kUnusedPart = 10s;                                     // until a part without peers is let go
@@ -162,13 +162,15 @@ void MirrorServer::Io::sendLastFrames() {
         peer.pace.lift();
         peer.due = {};
     }
-    const Clock::time_point end = Clock::now() + kLastFrames;
+    const Clock::time_point start = Clock::now();
     while (true) {
         takeAnswers();
         receive();
         for (auto peer = peers_.begin(); peer != peers_.end();) peer = pump(peer->second) ? ++peer : peers_.erase(peer);
         const bool all = std::ranges::all_of(peers_, [this](const auto& p) { return hasBeenSentAll(p.second); });
-        if (all || Clock::now() >= end) return;
+        // Merging is our own work, which no peer can draw out.
+        const bool merging = std::ranges::any_of(peers_, [](const auto& p) { return p.second.asking; });
+        if (all || Clock::now() - start >= (merging ? kMergedWithin : kLastFrames)) return;
         zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0}, {nullptr, shared_->wake, ZMQ_POLLIN, 0}};
         zmq_poll(items, 2, 10);
         std::uint64_t count = 0;

@@ -166,5 +166,31 @@ TEST(MirrorPace, WithoutALagNothingIsHeldBack) {
     EXPECT_GT(seen.mostAge, 2.) << "this is what the lag is for";
 }
 
+/// A sender that leaves sends the last things whatever is under way; no more of them than a link takes in a second.
+TEST(MirrorPace, LeavingLiftsTheLimitForWhatIsLeft) {
+    for (const double rate : {0.0, 1e3, 1e5, 1e7}) {
+        MirrorPace pace(.25, 0);
+        auto now = Clock::time_point(std::chrono::seconds(1));
+        std::uint64_t sent = 0;
+        const auto send = [&] {
+            sent += 1000;
+            pace.sent(sent, now);
+        };
+        for (int i = 0; i < 20 && rate > 0; ++i) {
+            send();
+            now += std::chrono::duration_cast<Clock::duration>(MirrorPace::Seconds(1000 / rate));
+            pace.acknowledged(sent, now);
+        }
+        while (pace.open(1000, now)) send();
+        ASSERT_FALSE(pace.open(1000, now)) << rate;
+        pace.lift();
+        EXPECT_TRUE(pace.late(1)) << rate << ": what is left comes merged";
+        const std::uint64_t before = sent;
+        while (pace.open(1000, now)) send();
+        EXPECT_GE(sent - before, 16'000u) << rate;
+        EXPECT_LE(sent - before, 67'000u) << rate;
+    }
+}
+
 }  // namespace
 }  // namespace rtsg
