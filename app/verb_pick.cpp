@@ -1,10 +1,12 @@
 // rtsg pick: what a ray, a point or a moving ball meets in a scene.
+#include <cstdio>
 #include <memory>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <rtsg/core/terminal.h>
+#include <rtsg/renderers/light_renderer.h>
 #include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/shared_world.h>
 
@@ -17,7 +19,8 @@ namespace {
 
 struct Options {
     std::string scene, time = "0s";
-    std::vector<double> ray, point, sweep;
+    std::vector<double> ray, point, sweep, pixel;
+    std::string size = "1280x720", viewpoint;
     ResourceArguments resources;
     StartTime start;
     bool json = false;
@@ -47,10 +50,14 @@ void print(const Scene& scene, const Pick& pick, bool json) {
 }
 
 int run(const Options& options) {
-    if (options.ray.empty() + options.point.empty() + options.sweep.empty() != 2) {
-        printError("one of --ray, --point and --sweep is needed");
+    if (options.ray.empty() + options.point.empty() + options.sweep.empty() + options.pixel.empty() != 3) {
+        printError("one of --ray, --point, --sweep and --pixel is needed");
         return kUsage;
     }
+    int width = 0, height = 0;
+    char after = 0;
+    if (std::sscanf(options.size.c_str(), "%dx%d%c", &width, &height, &after) != 2 || width < 1 || height < 1)
+        throw UsageError("--size", "expected WIDTHxHEIGHT in pixels, such as 1280x720");
     const double time = parseSeconds(options.time);
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
@@ -62,7 +69,16 @@ int run(const Options& options) {
     const auto at = [](const std::vector<double>& numbers, std::size_t first) {
         return Vec3d(numbers[first], numbers[first + 1], numbers[first + 2]);
     };
-    const auto pick = !options.ray.empty() ? picker.ray(at(options.ray, 0), at(options.ray, 3))
+    const auto inPicture = [&]() -> Result<Pick> {
+        LightRenderer light(world, LightRenderer::Options(running.resources()));
+        const LightTracer& tracer = light.tracer();
+        const auto camera = tracer.camera(world.rays(), static_cast<double>(width) / height, options.viewpoint);
+        if (!camera) return std::unexpected(camera.error());
+        return LightTracer::pick(picker, tracer.layers(world.rays(), *camera, width, height), options.pixel[0],
+                                 options.pixel[1]);
+    };
+    const auto pick = !options.pixel.empty() ? inPicture()
+                      : !options.ray.empty() ? picker.ray(at(options.ray, 0), at(options.ray, 3))
                       : !options.point.empty()
                           ? picker.closest(at(options.point, 0))
                           : picker.sweep(at(options.sweep, 0), options.sweep[3], at(options.sweep, 4));
@@ -80,6 +96,12 @@ Verb addPick(Command& program) {
     command->addOption("--ray", options->ray, "origin and direction: X Y Z DX DY DZ")->expected(6);
     command->addOption("--point", options->point, "nearest surface to X Y Z")->expected(3);
     command->addOption("--sweep", options->sweep, "ball at X Y Z of radius R moved by DX DY DZ")->expected(7);
+    command
+        ->addOption("--pixel", options->pixel,
+                    "what a picture shows at X Y, in pixels from the left and the top, layer before layer")
+        ->expected(2);
+    command->addOption("--size", options->size, "of that picture")->preset();
+    command->addOption("--viewpoint", options->viewpoint, "of that picture: name or description");
     command->addOption("--time", options->time, "run the scene so long")->preset();
     options->start.addTo(*command);
     options->resources.addTo(*command);

@@ -54,10 +54,10 @@ struct RoleInfo {
     bool hasNodesBelow;
 };
 constexpr RoleInfo kRoles[] = {
-    {"none", false},       {"group", true},       {"choice", true},     {"level", true},   {"layers", true},
-    {"humanoid", true},    {"joint", true},       {"shape", false},     {"light", false},  {"view", false},
-    {"background", false}, {"fog", false},        {"sound", false},     {"sensor", false}, {"listener", false},
-    {"clipPlane", false},  {"navigation", false}, {"displacer", false},
+    {"none", false},       {"group", true},       {"choice", true},     {"level", true},     {"layers", true},
+    {"humanoid", true},    {"joint", true},       {"shape", false},     {"light", false},    {"view", false},
+    {"background", false}, {"fog", false},        {"sound", false},     {"sensor", false},   {"listener", false},
+    {"clipPlane", false},  {"navigation", false}, {"displacer", false}, {"localFog", false},
 };
 
 const TypeInfo* typeInfo(std::string_view type) {

@@ -15,23 +15,29 @@ std::string readInput(OIIO::ImageInput& input, const ReadRequest& request, FileP
     const OIIO::ImageSpec spec = input.spec();
     const bool eightBits = spec.format == OIIO::TypeDesc::UINT8;
     if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0) return "the picture has no pixels";
+    const int layers = std::max(spec.depth, 1);
+    if (layers > 1 && !request.layers)
+        return "the picture is a block of layers, which only a texture of three dimensions shows";
     if (request.check)
-        if (std::string refusal = request.check(spec.width, spec.height, eightBits); !refusal.empty()) return refusal;
+        if (std::string refusal = request.check(spec.width, spec.height, layers, eightBits); !refusal.empty())
+            return refusal;
     out.width = spec.width;
     out.height = spec.height;
+    out.layers = layers;
     out.channels = std::min(spec.nchannels, 4);
     out.encoded = spec.format != OIIO::TypeDesc::FLOAT && spec.format != OIIO::TypeDesc::HALF;
     const auto row = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(out.channels);
-    const std::size_t count = row * static_cast<std::size_t>(spec.height);
+    const std::size_t layer = row * static_cast<std::size_t>(spec.height);
     const auto read = [&](auto& pixels, OIIO::TypeDesc type) {
-        pixels.resize(count);
+        pixels.resize(layer * static_cast<std::size_t>(layers));
         const auto element = static_cast<OIIO::stride_t>(sizeof(pixels[0]));
         const auto stride = static_cast<OIIO::stride_t>(row) * element;
+        const auto next = static_cast<OIIO::stride_t>(layer) * element;
         // Bottom row first is a negative stride.
         if (!request.bottomRowFirst)
-            return input.read_image(0, 0, 0, out.channels, type, pixels.data(), out.channels * element, stride);
-        return input.read_image(0, 0, 0, out.channels, type, pixels.data() + (count - row), out.channels * element,
-                                -stride);
+            return input.read_image(0, 0, 0, out.channels, type, pixels.data(), out.channels * element, stride, next);
+        return input.read_image(0, 0, 0, out.channels, type, pixels.data() + (layer - row), out.channels * element,
+                                -stride, next);
     };
     const bool done = eightBits && !request.asFloats ? read(out.bytes, OIIO::TypeDesc::UINT8)
                                                      : read(out.values, OIIO::TypeDesc::FLOAT);

@@ -44,6 +44,10 @@ TEST_F(Usage, PickAnswersAsJson) {
     EXPECT_NEAR(sweep["distance_m"].get<double>(), 4.5, 1e-9);
     const json nothing = json::parse(rtsg({"pick", scene, "--json", "--ray", "1", "0", "5", "0", "0", "1"}).out);
     EXPECT_EQ(nothing["hit"], false);
+    const json seen = json::parse(rtsg({"pick", scene, "--json", "--pixel", "60", "45", "--size", "120x90"}).out);
+    EXPECT_EQ(seen["path"], (json{"T", "B"}));
+    EXPECT_EQ(json::parse(rtsg({"pick", scene, "--json", "--pixel", "1", "1", "--size", "120x90"}).out)["hit"], false);
+    EXPECT_EQ(rtsg({"pick", scene, "--pixel", "1", "1", "--size", "12"}).status, 2);
     EXPECT_EQ(rtsg({"pick", scene}).status, 2);
     EXPECT_EQ(rtsg({"pick", scene, "--ray", "0", "0", "0", "0", "0", "0"}).status, 2);
 }

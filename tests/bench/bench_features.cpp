@@ -73,6 +73,17 @@ constexpr Feature kFeatures[] = {
      "}"},
     {"Billboard", "Billboard { children Shape { geometry Box { } } }"},
     {"ClipPlane", "Group { children [ ClipPlane { } Shape { geometry Box { } } ] }"},
+    {"LocalFog", "Group { children [ LocalFog { visibilityRange 50 } Shape { geometry Box { } } ] }"},
+    {"FogCoordinate",
+     "Shape { geometry IndexedFaceSet { coordIndex [ 0 1 2 ] fogCoord FogCoordinate { depth [ 0 .5 1 ] } coord "
+     "Coordinate "
+     "{ point [ 0 0 0, 1 0 0, 0 1 0 ] } } }"},
+    {"a cube map",
+     "Shape { appearance Appearance { texture ComposedCubeMapTexture { frontTexture PixelTexture { image 1 1 1 255 } } "
+     "} "
+     "geometry Sphere { } }"},
+    {"Texture3D",
+     "Shape { appearance Appearance { texture PixelTexture3D { image [ 1 1 1 2 0 255 ] } } geometry Box { } }"},
     {"TextureCoordinateGenerator",
      "Shape { appearance Appearance { texture PixelTexture { image 1 1 1 255 } } geometry IndexedFaceSet { coordIndex "
      "[ 0 1 2 ] "

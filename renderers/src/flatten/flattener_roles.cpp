@@ -38,6 +38,7 @@ constexpr NamedRole kRoles[] = {
     {"sound", Role::placed, PlacedKind::sound},
     {"listener", Role::placed, PlacedKind::listener},
     {"clipPlane", Role::placed, PlacedKind::clipPlane},
+    {"localFog", Role::placed, PlacedKind::localFog},
     {"sensor", Role::placed, PlacedKind::sensor},
 };
 

@@ -155,7 +155,7 @@ void Flattener::Impl::makePlaced(std::uint32_t index, const Node& node, const Ty
     thing.layer = o.layer;
     thing.motion = o.moving ? Motion::moving : Motion::unknown;
     thing.worldFromLocal = frames[o.frame];
-    o.isLocal = role.kind == PlacedKind::clipPlane ||
+    o.isLocal = role.kind == PlacedKind::clipPlane || role.kind == PlacedKind::localFog ||
                 (role.kind == PlacedKind::light && role.global != kNoField && !flatten::read<bool>(node, role.global));
     if (!o.isLocal) return;
     thing.scope = scopeOf(lightGroup(index));

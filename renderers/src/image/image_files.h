@@ -15,9 +15,11 @@
 
 namespace rtsg {
 
-/// What a file holds: rows from the top unless asked otherwise, at most 4 channels, in one of the two arrays.
+/// What a file holds: rows from the top unless asked otherwise, layer by layer, at most 4 channels, in one of the two
+/// arrays.
 struct FilePixels {
     int width = 0, height = 0, channels = 0;
+    int layers = 1;
     bool encoded = false;             // numbers of an integer format: sRGB where they are colours
     std::vector<std::uint8_t> bytes;  // 8 bits a channel
     std::vector<float> values;        // all else, and what was asked for as floats; integers span [0, 1]
@@ -25,8 +27,9 @@ struct FilePixels {
 
 struct ReadRequest {
     bool asFloats = false, bottomRowFirst = false;
+    bool layers = false;  // a file with several layers is read whole, otherwise refused
     /// Asked before memory is taken for pixels: a sentence refuses them.
-    std::function<std::string(int width, int height, bool eightBits)> check;
+    std::function<std::string(int width, int height, int layers, bool eightBits)> check;
 };
 
 /// A picture to write: RGBA, 8 bits or floats, rows from the top.
@@ -56,6 +59,6 @@ class ImageFiles {
 Result<const ImageFiles*> imageFiles();
 
 /// What the module exports under this name, which changes whenever this header does.
-#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles2
+#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles3
 
 }  // namespace rtsg

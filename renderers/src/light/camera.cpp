@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include <rtsg/renderers/space_texture.h>
+
 namespace rtsg {
 
 namespace {
@@ -106,6 +108,16 @@ Camera Camera::parallel(const WorldFromLocal& worldFromLocal, const Vec3d& posit
     return camera;
 }
 
+Camera Camera::shaped(double aspect) const {
+    Camera camera = *this;
+    const double centerX = (left + rightEdge) / 2, centerY = (bottom + top) / 2;
+    const double half = std::min(rightEdge - left, top - bottom) / 2;
+    const double halfX = half * std::max(aspect, 1.0), halfY = half * std::max(1 / aspect, 1.0);
+    camera.left = centerX - halfX, camera.rightEdge = centerX + halfX;
+    camera.bottom = centerY - halfY, camera.top = centerY + halfY;
+    return camera;
+}
+
 void Camera::frame(const Vec3d& lower, const Vec3d& upper) {
     if (!glm::all(glm::lessThanEqual(lower, upper))) return;
     const Vec3d center = 0.5 * (lower + upper);
@@ -161,23 +173,10 @@ Vec4f Sky::color(const Vec3f& direction, ColorSpace space) const {
     }
     Vec4f rgba(inSpace(result) * alpha, alpha);
 
-    // The side of the cube that d leaves through, and there s to the right, t upwards, as seen from the centre.
-    const Vec3f a = glm::abs(d);
-    std::size_t side;
-    Vec2f st;
-    if (a.z >= a.x && a.z >= a.y) {
-        side = d.z < 0 ? 0 : 1;
-        st = d.z < 0 ? Vec2f(d.x, d.y) / a.z : Vec2f(-d.x, d.y) / a.z;
-    } else if (a.x >= a.y) {
-        side = d.x < 0 ? 2 : 3;
-        st = d.x < 0 ? Vec2f(-d.z, d.y) / a.x : Vec2f(d.z, d.y) / a.x;
-    } else {
-        side = d.y > 0 ? 4 : 5;
-        st = d.y > 0 ? Vec2f(d.x, d.z) / a.y : Vec2f(d.x, -d.z) / a.y;
-    }
-    if (const auto& texture = panorama[side]) {
+    const CubePlace place = cubePlace(d);
+    if (const auto& texture = panorama[static_cast<std::size_t>(place.side)]) {
         const TextureAccess access{TextureWrap::clamp, TextureWrap::clamp, true};
-        const Vec4f texel = texture->sample(0.5f + 0.5f * st.x, 0.5f + 0.5f * st.y, 0, access, space);
+        const Vec4f texel = texture->sample(place.st.x, place.st.y, 0, access, space);
         rgba = Vec4f(Vec3f(texel) * texel.a, texel.a) + rgba * (1 - texel.a);
     }
     return rgba;

@@ -106,6 +106,11 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
                     entry->what = *clip;
                 }
             break;
+        case PlacedKind::localFog:
+            if (node->is(x3d::LocalFog::type) && node->get(x3d::LocalFog::enabled))
+                entry->what =
+                    LocalFogEntry{readFog(scene, placed.node, placed.worldFromLocal), scopeNumber(placed.scope)};
+            break;
         default:
             break;
     }

@@ -2,9 +2,11 @@
 #include "light_tables.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
 
 namespace rtsg {
 
@@ -30,7 +32,8 @@ LightTables::LightTables(std::shared_ptr<TextureStore> textures) : textures_(std
     numberOf_.emplace(0u, 0u);
 }
 
-void LightTables::apply(const Scene& scene, const InstanceDelta& delta) {
+void LightTables::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    followLayers(scene, changes);
     if (!concernsLight(delta)) return;
     latest_.reset();
     for (const InstanceDelta::Scope& scope : delta.scopes) {
@@ -53,7 +56,7 @@ void LightTables::apply(const Scene& scene, const InstanceDelta& delta) {
 }
 
 LightState LightTables::now() const {
-    return {shading_.now(), materials_.now(), lightScopes_.now(), placed_.now(), anyTransmits(), clearSlots()};
+    return {shading_.now(), materials_.now(), lightScopes_.now(), placed_.now(), anyTransmits(), clearSlots(), layers_};
 }
 
 std::shared_ptr<const std::vector<std::uint32_t>> LightTables::clearSlots() const {
@@ -72,8 +75,51 @@ std::shared_ptr<const std::vector<std::uint32_t>> LightTables::clearSlots() cons
 std::shared_ptr<const LightState> LightTables::latest() {
     if (!latest_)
         latest_ = std::make_shared<const LightState>(shading_.freeze(), materials_.freeze(), lightScopes_.freeze(),
-                                                     placed_.freeze(), anyTransmits(), clearSlots());
+                                                     placed_.freeze(), anyTransmits(), clearSlots(), layers_);
     return latest_;
+}
+
+void LightTables::followLayers(const Scene& scene, const ChangeSet& changes) {
+    if (changes.isSnapshot()) layerSets_.clear();
+    for (const Change& change : changes.changes)
+        if (change.kind == ChangeKind::createNode && change.index == x3d::LayerSet::type.value)
+            layerSets_.insert(change.node.value);
+    if (layerSets_.empty() && !layers_) return;
+    std::erase_if(layerSets_, [&](std::uint32_t id) { return !scene.find(NodeId{id}); });
+    std::shared_ptr<const LayerList> now = readLayers(scene);
+    if (now ? layers_ && *now == *layers_ : !layers_) return;
+    layers_ = std::move(now);
+    latest_.reset();
+}
+
+std::shared_ptr<const LayerList> LightTables::readLayers(const Scene& scene) const {
+    using S = x3d::LayerSet;
+    // 35.4.2: there is one, at the root. Of several the one that was first counts.
+    const Node* set = nullptr;
+    for (const std::uint32_t id : layerSets_)
+        if (!set && !scene.parents(NodeId{id}).empty()) set = scene.find(NodeId{id});
+    if (!set) return nullptr;
+    auto list = std::make_shared<LayerList>();
+    const Array<NodeId>& layers = set->get(S::layers);
+    const auto exists = [&](std::int32_t i) {
+        return i >= 0 && static_cast<std::size_t>(i) <= std::min<std::size_t>(layers.size(), 0xFFFE);
+    };
+    for (const std::int32_t number : set->get(S::order)) {
+        if (!exists(number)) continue;
+        LayerList::Layer layer{static_cast<std::uint16_t>(number)};
+        const Node* node = number > 0 ? scene.effectiveNode(layers[static_cast<std::size_t>(number) - 1]) : nullptr;
+        NodeId viewport;
+        if (node && node->is(x3d::Layer::type)) viewport = node->get(x3d::Layer::viewport);
+        if (node && node->is(x3d::LayoutLayer::type)) viewport = node->get(x3d::LayoutLayer::viewport);
+        if (const Node* view = scene.effectiveNode(viewport); view && view->is(x3d::Viewport::type)) {
+            const Array<float>& clip = view->get(x3d::Viewport::clipBoundary);
+            for (std::size_t i = 0; i < 4 && clip.size() >= 4; ++i)
+                layer.clip[i] = std::isfinite(clip[i]) ? std::clamp(clip[i], 0.0f, 1.0f) : 0;
+        }
+        list->order.push_back(layer);
+    }
+    if (exists(set->get(S::activeLayer))) list->active = static_cast<std::uint16_t>(set->get(S::activeLayer));
+    return list;
 }
 
 // ---- materials -------------------------------------------------------------------------------------------------

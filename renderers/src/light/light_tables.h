@@ -11,6 +11,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <set>
 #include <string>
 #include <unordered_map>
 #include <unordered_set>
@@ -50,6 +51,11 @@ struct FogEntry {
     Fog fog;
     bool bound = false;
 };
+/// Of the things in its scope, in place of a Fog and of fogs around it (24.4.4).
+struct LocalFogEntry {
+    Fog fog;
+    std::uint32_t scope = 0;  // its number
+};
 /// What lies where x dot normal + offset < 0 (world) is left out of everything in its scope.
 struct ClipEntry {
     Vec3d normal{0, 1, 0};
@@ -58,13 +64,25 @@ struct ClipEntry {
 };
 struct PlacedEntry {
     Placed placed;
-    std::variant<std::monostate, Light, View, SkyEntry, FogEntry, Navigation, ClipEntry> what;
+    std::variant<std::monostate, Light, View, SkyEntry, FogEntry, Navigation, ClipEntry, LocalFogEntry> what;
 };
 
 /// A place that holds local lights, by a number of its own; 0 is the whole scene, whose lights are the global ones.
 struct LightScope {
     std::uint32_t around = 0;                                  // the next one outwards
     std::shared_ptr<const std::vector<std::uint32_t>> lights;  // that are on, as placed slots, in order; null: none
+};
+
+/// A LayerSet (35.4.2): what is drawn over what.
+struct LayerList {
+    struct Layer {
+        std::uint16_t number = 0;               // as Instance::layer
+        std::array<float, 4> clip{0, 1, 0, 1};  // left, right, bottom, top of its viewport, as shares of the picture
+        friend bool operator==(const Layer&, const Layer&) = default;
+    };
+    std::vector<Layer> order;  // from the back to the front
+    std::uint16_t active = 0;  // whose viewpoint a picture's is
+    friend bool operator==(const LayerList&, const LayerList&) = default;
 };
 
 }  // namespace trace
@@ -79,13 +97,14 @@ struct LightState {
     /// The slots of all that does, where these are few enough to be listed; null: they are not.
     std::shared_ptr<const std::vector<std::uint32_t>> clearSlots;
     static constexpr std::size_t kMostClear = 256;
+    std::shared_ptr<const trace::LayerList> layers;  // null: all is in one
 };
 
 class LightTables {
   public:
     explicit LightTables(std::shared_ptr<TextureStore> textures);
 
-    void apply(const Scene& scene, const InstanceDelta& delta);
+    void apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
 
     /// For reading at once.
     LightState now() const;
@@ -134,6 +153,9 @@ class LightTables {
     void unplace(std::uint32_t slot);
     void setPlaced(std::uint32_t slot, std::shared_ptr<const trace::PlacedEntry> entry);
 
+    void followLayers(const Scene& scene, const ChangeSet& changes);
+    std::shared_ptr<const trace::LayerList> readLayers(const Scene& scene) const;
+
     // light_placed.cpp: what is read of lights, viewpoints, backgrounds ...
     std::shared_ptr<const trace::PlacedEntry> readPlaced(const Scene& scene, const Placed& placed);
     trace::SkyEntry readSky(const Scene& scene, const Node& node, const WorldFromLocal& worldFromLocal);
@@ -152,6 +174,8 @@ class LightTables {
     bool anyTransmits() const { return !transmitting_.empty() || !alphaColored_.empty(); }
     std::shared_ptr<const std::vector<std::uint32_t>> clearSlots() const;
     std::shared_ptr<const LightState> latest_;
+    std::set<std::uint32_t> layerSets_;  // node numbers
+    std::shared_ptr<const trace::LayerList> layers_;
 
     std::vector<Slot> slots_;
     std::vector<Use> uses_;  // by material

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include <glm/gtc/matrix_transform.hpp>
+
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -94,63 +96,146 @@ struct Reader {
 
     static TextureWrap wrapOf(std::string_view mode) {
         if (mode == "MIRRORED_REPEAT") return TextureWrap::mirror;
+        if (mode == "CLAMP_TO_BOUNDARY") return TextureWrap::border;
         return mode == "REPEAT" ? TextureWrap::repeat : TextureWrap::clamp;
     }
 
-    /// The TextureTransform meant for texture coordinates called `mapping`.
-    TextureMatrix matrixFor(const String& mapping) const {
+    /// 18.4.8, 33.4.5: Tc' = -C * S * R * C * T * Tc.
+    static glm::mat4 matrixOf(const Node& node) {
+        using T = x3d::TextureTransform3D;
+        if (node.is(x3d::TextureTransformMatrix3D::type)) {
+            // Rows of the file are columns here: the last one moves, as browsers have it.
+            glm::mat4 m;
+            const Matrix4f& rows = node.get(x3d::TextureTransformMatrix3D::matrix);
+            for (int r = 0; r < 4; ++r)
+                for (int c = 0; c < 4; ++c) m[r][c] = rows.elements[static_cast<std::size_t>(4 * r + c)];
+            return m;
+        }
+        const Vec3f center = node.get(T::center), scale = node.get(T::scale), moved = node.get(T::translation) + center;
+        const Rotation& turn = node.get(T::rotation);
+        glm::mat4 m(1);
+        m = glm::translate(m, -center);
+        m = glm::scale(m, scale);
+        const Vec3f axis(turn.x, turn.y, turn.z);
+        if (glm::length(axis) > 0) m = glm::rotate(m, turn.angle, glm::normalize(axis));
+        return glm::translate(m, moved);
+    }
+    static bool isTransform(const Node& node) { return node.is(x3d::TextureTransform::type) || is3d(node); }
+    static bool is3d(const Node& node) {
+        return node.is(x3d::TextureTransform3D::type) || node.is(x3d::TextureTransformMatrix3D::type);
+    }
+    static const String& mappingOf(const Node& node) {
+        if (node.is(x3d::TextureTransform3D::type)) return node.get(x3d::TextureTransform3D::mapping);
+        if (node.is(x3d::TextureTransformMatrix3D::type)) return node.get(x3d::TextureTransformMatrix3D::mapping);
+        return node.get(x3d::TextureTransform::mapping);
+    }
+
+    /// The texture transform meant for texture coordinates called `mapping`; null: none.
+    const Node* transformFor(const String& mapping) const {
         const Node* node = transform;
         if (node && node->is(x3d::MultiTextureTransform::type)) {
             const Node* chosen = nullptr;
             for (const NodeId id : node->get(x3d::MultiTextureTransform::textureTransform)) {
                 const Node* candidate = scene.effectiveNode(id);
-                if (!candidate || !candidate->is(x3d::TextureTransform::type)) continue;
-                if (!chosen || candidate->get(x3d::TextureTransform::mapping) == mapping) chosen = candidate;
-                if (candidate->get(x3d::TextureTransform::mapping) == mapping) break;
+                if (!candidate || !isTransform(*candidate)) continue;
+                if (!chosen || mappingOf(*candidate) == mapping) chosen = candidate;
+                if (mappingOf(*candidate) == mapping) break;
             }
-            node = chosen;
-        } else if (node && node->is(x3d::TextureTransform::type)) {
-            const String& own = node->get(x3d::TextureTransform::mapping);
-            if (!own.empty() && !mapping.empty() && !(own == mapping)) node = nullptr;
+            return chosen;
         }
-        if (!node || !node->is(x3d::TextureTransform::type)) return {};
-        return TextureMatrix::fromTransform(
+        if (!node || !isTransform(*node)) return nullptr;
+        const String& own = mappingOf(*node);
+        return !own.empty() && !mapping.empty() && !(own == mapping) ? nullptr : node;
+    }
+    static void setMatrix(TextureUse& use, const Node* node) {
+        use.matrix = {};
+        use.matrix3 = nullptr;
+        if (!node) return;
+        if (is3d(*node)) {
+            use.matrix3 = std::make_shared<const glm::mat4>(matrixOf(*node));
+            return;
+        }
+        use.matrix = TextureMatrix::fromTransform(
             node->get(x3d::TextureTransform::center), node->get(x3d::TextureTransform::rotation),
             node->get(x3d::TextureTransform::scale), node->get(x3d::TextureTransform::translation));
+    }
+
+    /// What a texture says of how it is read.
+    struct Access {
+        bool s = true, t = true, r = true;
+        NodeId properties;
+    };
+    template <class T>
+    static Access accessOf(const Node& node) {
+        Access access;
+        if constexpr (requires { T::repeatS; }) access.s = node.get(T::repeatS), access.t = node.get(T::repeatT);
+        if constexpr (requires { T::repeatR; }) access.r = node.get(T::repeatR);
+        access.properties = node.get(T::textureProperties);
+        return access;
+    }
+    static Access accessOf(const Node& node) {
+        if (node.is(x3d::ImageTexture::type)) return accessOf<x3d::ImageTexture>(node);
+        if (node.is(x3d::PixelTexture::type)) return accessOf<x3d::PixelTexture>(node);
+        if (node.is(x3d::ComposedTexture3D::type)) return accessOf<x3d::ComposedTexture3D>(node);
+        if (node.is(x3d::ImageTexture3D::type)) return accessOf<x3d::ImageTexture3D>(node);
+        if (node.is(x3d::PixelTexture3D::type)) return accessOf<x3d::PixelTexture3D>(node);
+        if (node.is(x3d::ComposedCubeMapTexture::type)) return accessOf<x3d::ComposedCubeMapTexture>(node);
+        if (node.is(x3d::ImageCubeMapTexture::type)) return accessOf<x3d::ImageCubeMapTexture>(node);
+        if (node.is(x3d::GeneratedCubeMapTexture::type)) return accessOf<x3d::GeneratedCubeMapTexture>(node);
+        return {};
+    }
+    TextureAccess readAccess(const Node& node) const {
+        const Access own = accessOf(node);
+        TextureAccess result;
+        result.wrapS = own.s ? TextureWrap::repeat : TextureWrap::clamp;
+        result.wrapT = own.t ? TextureWrap::repeat : TextureWrap::clamp;
+        result.wrapR = own.r ? TextureWrap::repeat : TextureWrap::clamp;
+        const Node* p = scene.effectiveNode(own.properties);
+        if (!p || !p->is(x3d::TextureProperties::type)) return result;
+        // 18.4.7: the properties override repeatS and repeatT.
+        using P = x3d::TextureProperties;
+        result.wrapS = wrapOf(p->get(P::boundaryModeS).view());
+        result.wrapT = wrapOf(p->get(P::boundaryModeT).view());
+        result.wrapR = wrapOf(p->get(P::boundaryModeR).view());
+        const ColorRGBA& border = p->get(P::borderColor);
+        result.border = glm::clamp(Vec4f(border.r, border.g, border.b, border.a), Vec4f(0), Vec4f(1));
+        result.smooth = p->get(P::magnificationFilter).view() != "NEAREST_PIXEL";
+        const std::string_view far = p->get(P::minificationFilter).view();
+        result.smoothFar = !far.starts_with("NEAREST_PIXEL");
+        // Where the choice is ours (FASTEST, NICEST, DEFAULT): the mix. Coarser copies that a filter names are there if
+        // they are asked for.
+        if (far == "AVG_PIXEL" || far == "NEAREST_PIXEL" || (far.ends_with("_MIPMAP") && !p->get(P::generateMipMaps)))
+            result.levels = TextureLevels::finest;
+        else if (far.ends_with("_NEAREST_MIPMAP"))
+            result.levels = TextureLevels::nearest;
+        return result;
     }
 
     TextureUse use(NodeId id, const String& mapping, Texture::Content content) {
         const Node* node = scene.effectiveNode(id);
         if (!node) return {};
         TextureUse result;
-        result.texture = store.ofNode(scene, *node, content, diagnostics);
-        if (!result.texture) return result;
         if (node->is(x3d::MultiTexture::type))
             for (const NodeId inner : node->get(x3d::MultiTexture::texture))
                 if (const Node* first = scene.effectiveNode(inner)) {
                     node = first;
                     break;
                 }
-        bool repeatS = true, repeatT = true;
-        NodeId properties;
-        if (node->is(x3d::ImageTexture::type)) {
-            repeatS = node->get(x3d::ImageTexture::repeatS), repeatT = node->get(x3d::ImageTexture::repeatT);
-            properties = node->get(x3d::ImageTexture::textureProperties);
-        } else if (node->is(x3d::PixelTexture::type)) {
-            repeatS = node->get(x3d::PixelTexture::repeatS), repeatT = node->get(x3d::PixelTexture::repeatT);
-            properties = node->get(x3d::PixelTexture::textureProperties);
+        if (node->is(x3d::GeneratedCubeMapTexture::type)) {
+            using G = x3d::GeneratedCubeMapTexture;
+            const String& update = node->get(G::update);
+            if (update == String("ALWAYS") || update == String("NEXT_FRAME_ONLY"))
+                result.generated =
+                    std::make_shared<const GeneratedCube>(node->id(), std::clamp(node->get(G::size), 1, 4096));
+        } else if (TextureStore::isSpace(*node)) {
+            result.space = store.spaceOfNode(scene, *node, content, diagnostics);
+        } else {
+            result.texture = store.ofNode(scene, *node, content, diagnostics);
         }
-        result.access.wrapS = repeatS ? TextureWrap::repeat : TextureWrap::clamp;
-        result.access.wrapT = repeatT ? TextureWrap::repeat : TextureWrap::clamp;
-        if (const Node* p = scene.effectiveNode(properties); p && p->is(x3d::TextureProperties::type)) {
-            // 18.4.7: the properties override repeatS and repeatT.
-            result.access.wrapS = wrapOf(p->get(x3d::TextureProperties::boundaryModeS).view());
-            result.access.wrapT = wrapOf(p->get(x3d::TextureProperties::boundaryModeT).view());
-            const std::string_view filter = p->get(x3d::TextureProperties::magnificationFilter).view();
-            result.access.smooth = filter != "NEAREST_PIXEL";
-        }
+        if (!result) return result;
+        result.access = readAccess(*node);
         result.mapping = mapping;
-        result.matrix = matrixFor(mapping);
+        setMatrix(result, transformFor(mapping));
         return result;
     }
 
@@ -165,7 +250,7 @@ struct Reader {
         for (std::size_t i = 0; i < multi.get(M::texture).size(); ++i) {
             TextureStage stage;
             stage.use = use(multi.get(M::texture)[i], String(), Texture::Content::color);
-            stage.use.matrix = matrixAt(i);
+            setMatrix(stage.use, transformAt(i));
             readModes(stage, word(multi.get(M::mode), i));
             const std::string_view source = word(multi.get(M::source), i), function = word(multi.get(M::function), i);
             using S = TextureStage::Source;
@@ -177,7 +262,7 @@ struct Reader {
             stage.function = function == "COMPLEMENT"       ? F::complement
                              : function == "ALPHAREPLICATE" ? F::alphaReplicate
                                                             : F::none;
-            if (stage.use.texture) material.stages.push_back(std::move(stage));
+            if (stage.use) material.stages.push_back(std::move(stage));
         }
     }
 
@@ -221,16 +306,13 @@ struct Reader {
     }
 
     /// The transform for the texture at this place of a MultiTexture.
-    TextureMatrix matrixAt(std::size_t i) const {
+    const Node* transformAt(std::size_t i) const {
         const Node* node = transform;
         if (node && node->is(x3d::MultiTextureTransform::type)) {
             const auto& all = node->get(x3d::MultiTextureTransform::textureTransform);
             node = i < all.size() ? scene.effectiveNode(all[i]) : nullptr;
         }
-        if (!node || !node->is(x3d::TextureTransform::type)) return {};
-        return TextureMatrix::fromTransform(
-            node->get(x3d::TextureTransform::center), node->get(x3d::TextureTransform::rotation),
-            node->get(x3d::TextureTransform::scale), node->get(x3d::TextureTransform::translation));
+        return node && isTransform(*node) ? node : nullptr;
     }
 
     void set(Material& material, TextureRole role, NodeId id, const String& mapping,
@@ -336,7 +418,7 @@ float lengthScale(const WorldFromLocal& m) {
 
 bool Material::textured() const {
     return !stages.empty() ||
-           std::ranges::any_of(textures, [](const TextureUse& use) { return use.texture != nullptr; });
+           std::ranges::any_of(textures, [](const TextureUse& use) { return static_cast<bool>(use); });
 }
 
 void Material::decodeColors() {
@@ -374,11 +456,11 @@ bool Material::transmits() const {
     if (!hatching.filled) return true;
     if (alphaMode == AlphaMode::opaque) return false;
     if (opacity < 1) return true;
-    if (std::ranges::any_of(stages, [](const TextureStage& s) { return s.use.texture->hasAlpha(); }) ||
+    if (std::ranges::any_of(stages, [](const TextureStage& s) { return s.use.hasAlpha(); }) ||
         (!stages.empty() && factor.a < 1))
         return true;
     const TextureUse& main = texture(TextureRole::base);
-    return (main && main.texture->hasAlpha()) || (back && back->transmits());
+    return main.hasAlpha() || (back && back->transmits());
 }
 
 bool Material::mirrors() const {
@@ -565,12 +647,15 @@ Light readLight(const Scene& scene, NodeId id, const WorldFromLocal& worldFromLo
 Fog readFog(const Scene& scene, NodeId id, const WorldFromLocal& worldFromLocal) {
     Fog fog;
     const Node* node = scene.find(id);
-    if (!node || !node->is(x3d::Fog::type)) return fog;
-    fog.color = atLeastZero(rgb(node->get(x3d::Fog::color)));
-    fog.visibilityRange = atLeastZero(node->get(x3d::Fog::visibilityRange)) * lengthScale(worldFromLocal);
-    const bool exponential = node->get(x3d::Fog::fogType) == String("EXPONENTIAL");
-    fog.type = exponential ? FogType::exponential : FogType::linear;
-    if (fog.visibilityRange <= 0) fog.type = FogType::none;
+    const auto read = [&]<class F>(const F*) {
+        fog.color = atLeastZero(rgb(node->get(F::color)));
+        fog.visibilityRange = atLeastZero(node->get(F::visibilityRange)) * lengthScale(worldFromLocal);
+        const bool exponential = node->get(F::fogType) == String("EXPONENTIAL");
+        fog.type = exponential ? FogType::exponential : FogType::linear;
+        if (fog.visibilityRange <= 0) fog.type = FogType::none;
+    };
+    if (node && node->is(x3d::Fog::type)) read(static_cast<const x3d::Fog*>(nullptr));
+    if (node && node->is(x3d::LocalFog::type)) read(static_cast<const x3d::LocalFog*>(nullptr));
     return fog;
 }
 

@@ -142,11 +142,11 @@ class Paths {
         const Bsdf own = bsdf(lane);
         const Ways w = ways(lane, cosine, own);
         cover(task, 1 - largest(w.share[straight]));
-        if (scene_.fog.type != FogType::none && coverage > 0) {
-            const float fog = fogFactor(scene_.fog.type, scene_.fog.visibilityRange, t + task.line);
+        if (scene_.fogs.any() && coverage > 0) {
+            const float fog = s.fogLeft(scene_, lane, t + task.line);
             PathTask hazy = task;
             hazy.weight *= coverage * (1 - fog);
-            add(hazy, scene_.fogLinear);
+            add(hazy, scene_.fogs.of(s.lights[lane]).linear);
             if (coverage >= 1) task.weight *= fog;
         }
         PathTask lit = task;

@@ -99,7 +99,9 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, PathTask* 
         const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
         left *= emitted(scene, hit, glm::dot(direction, hit.normal) > 0, footprint);
         if (tasks[lane].absorption != Vec3f(0)) left *= glm::exp(-tasks[lane].absorption * distance);
-        if (scene.fog.type != FogType::none) left *= fogFactor(scene.fog.type, scene.fog.visibilityRange, distance);
+        if (scene.fogs.any())
+            left *= scene.fogs.of(scene.slots[hit.instance].lights)
+                        .left(*scene.world->instance(hit.instance).mesh, hit.triangle, hit.u, hit.v, distance);
         out.light.set(lane, left / out.density[lane]);
     }
 }

@@ -25,8 +25,8 @@ struct TextureLookup {
     const TraceScene* scene = nullptr;
     Vec3f position{0}, normal{0};  // ray space
 
-    const TexCoords* channelOf(TextureRole role) const {
-        const std::uint8_t channel = slot.channels[static_cast<std::size_t>(role)];
+    std::size_t channelOf(TextureRole role) const { return slot.channels[static_cast<std::size_t>(role)]; }
+    const TexCoords* coordsOf(std::size_t channel) const {
         return channel < instance.mesh->texCoords.size() ? &instance.mesh->texCoords[channel] : nullptr;
     }
     Vec3f generated(const TexCoords& channel) const {
@@ -41,38 +41,75 @@ struct TextureLookup {
         in.localNormal = mesh.shadingNormal(hit.triangle, hit.u, hit.v);
         return generatedCoordinates(channel, in);
     }
-    Vec2f coordinates(TextureRole role, const TextureUse& use) const {
-        const std::uint8_t channel = slot.channels[static_cast<std::size_t>(role)];
-        if (const TexCoords* own = channelOf(role); own && own->generator != TexCoords::Generator::none)
-            return use.matrix.apply(Vec2f(generated(*own)));
-        const Vec4f st = instance.mesh->texCoord(hit.triangle, hit.u, hit.v, channel);
-        return use.matrix.apply({st.x, st.y});
+    /// Where authors gave no coordinates: of a cube the direction from the shape's middle, of a block the place in the
+    /// box around the shape, r from its front to its back.
+    Vec4f solid(const TextureUse& use) const {
+        const Mesh& mesh = *instance.mesh;
+        const Vec3f place = mesh.position(hit.triangle, hit.u, hit.v);
+        if (use.generated || use.space->isCube()) return {place, 1};
+        const Vec3f size = mesh.bounds.size(), within = place - mesh.bounds.min;
+        const auto share = [](float x, float of) { return of > 0 ? x / of : 0.0f; };
+        return {share(within.x, size.x), share(within.y, size.y), 1 - share(within.z, size.z), 1};
+    }
+    /// What a GeneratedCubeMapTexture is looked up by: a direction in the world, whatever frame it was found in.
+    Vec3f inWorld(const TexCoords* own, const Vec3f& v) const {
+        using G = TexCoords::Generator;
+        const G generator = own ? own->generator : G::none;
+        const bool ofCamera = generator == G::cameraSpaceNormal || generator == G::cameraSpacePosition ||
+                              generator == G::cameraSpaceReflection || generator == G::coordEye ||
+                              generator == G::sphereReflect;
+        if (ofCamera) return v.x * scene->right + v.y * scene->up - v.z * scene->forward;
+        return glm::mat3(instance.rayFromLocal) * v;
+    }
+    Vec3f coordinates(std::size_t channel, const TextureUse& use) const {
+        const TexCoords* own = coordsOf(channel);
+        Vec4f str;
+        if (own && own->generator != TexCoords::Generator::none)
+            str = {generated(*own), 1};
+        else if (!use.texture && !(own && own->authored))
+            str = solid(use);
+        else
+            str = instance.mesh->texCoord(hit.triangle, hit.u, hit.v, channel);
+        if (use.generated) str = {inWorld(own, Vec3f(str)), str.w};
+        if (use.matrix3) [[unlikely]]
+            str = *use.matrix3 * str;
+        else
+            str = {use.matrix.apply({str.x, str.y}), str.z, str.w};
+        return str.w == 1 || str.w == 0 ? Vec3f(str) : Vec3f(str) / str.w;
     }
     /// Side of the pixel on the texture, as a share of the texture's side.
-    float spread(TextureRole role, const TextureUse& use) const {
+    float spread(std::size_t channel, const TextureUse& use) const {
         if (footprint <= 0) return 0;
-        // What is generated has no stretch that the corners could tell.
-        if (const TexCoords* own = channelOf(role); own && own->generator != TexCoords::Generator::none) return 0;
+        // What is generated, and directions, have no stretch that the corners could tell.
+        const TexCoords* own = coordsOf(channel);
+        if (own && own->generator != TexCoords::Generator::none) return 0;
+        if (!use.texture && (!own || !own->authored || use.generated || use.space->isCube())) return 0;
         const Mesh& mesh = *instance.mesh;
-        const std::uint8_t channel = slot.channels[static_cast<std::size_t>(role)];
-        Vec2f st[3];
-        Vec3f p[3];
+        Vec3f st[3], p[3];
         const float corners[3][2] = {{0, 0}, {1, 0}, {0, 1}};
         for (std::uint32_t c = 0; c < 3; ++c) {
             const Vec4f value = mesh.texCoord(hit.triangle, corners[c][0], corners[c][1], channel);
-            st[c] = {value.x, value.y};
+            st[c] = {value.x, value.y, use.texture ? 0 : value.z};
             p[c] = glm::mat3(instance.rayFromLocal) * mesh.vertex(hit.triangle, c);
         }
-        const Vec2f a = st[1] - st[0], b = st[2] - st[0];
-        const float textureArea = std::abs(a.x * b.y - a.y * b.x);
+        const float textureArea = glm::length(glm::cross(st[1] - st[0], st[2] - st[0]));
         const float worldArea = glm::length(glm::cross(p[1] - p[0], p[2] - p[0]));
         if (!(worldArea > 0) || !(textureArea > 0)) return 0;
-        return footprint * std::sqrt(textureArea / worldArea) * use.matrix.stretch();
+        const float stretch =
+            use.matrix3 ? std::cbrt(std::abs(glm::determinant(glm::mat3(*use.matrix3)))) : use.matrix.stretch();
+        return footprint * std::sqrt(textureArea / worldArea) * stretch;
+    }
+    Vec4f sample(const TextureUse& use, std::size_t channel, float width) const {
+        const Vec3f str = coordinates(channel, use);
+        if (use.texture) [[likely]]
+            return use.texture->sample(str.x, str.y, width, use.access, space);
+        const SpaceTexture* solid = use.space ? use.space.get() : scene->generatedCube(use.generated->node);
+        return solid ? solid->sample(str, width, use.access, space) : Vec4f(1);
     }
     Vec4f sample(const Material& material, TextureRole role) const {
         const TextureUse& use = material.texture(role);
-        const Vec2f st = coordinates(role, use);
-        return use.texture->sample(st.x, st.y, spread(role, use), use.access, space);
+        const std::size_t channel = channelOf(role);
+        return sample(use, channel, spread(channel, use));
     }
 };
 
@@ -86,15 +123,8 @@ Vec4f applyStages(const TextureLookup& look, const Material& material, const Vec
     const std::vector<TexCoords>& channels = look.instance.mesh->texCoords;
     for (std::size_t i = 0; i < material.stages.size(); ++i) {
         const TextureStage& stage = material.stages[i];
-        Vec2f st(0);
-        if (!channels.empty()) {
-            const std::size_t channel = std::min(i, channels.size() - 1);
-            st = channels[channel].generator != TexCoords::Generator::none
-                     ? Vec2f(look.generated(channels[channel]))
-                     : Vec2f(look.instance.mesh->texCoord(look.hit.triangle, look.hit.u, look.hit.v, channel));
-        }
-        st = stage.use.matrix.apply(st);
-        const Vec4f texel = stage.use.texture->sample(st.x, st.y, 0, stage.use.access, look.space);
+        const std::size_t channel = channels.empty() ? i : std::min(i, channels.size() - 1);
+        const Vec4f texel = look.sample(stage.use, channel, 0);
         const Vec4f with = stage.source == S::diffuse    ? diffuse
                            : stage.source == S::specular ? Vec4f(specular, 1)
                            : stage.source == S::factor   ? factor

@@ -43,6 +43,11 @@ struct alignas(64) SurfacePacket {
         return {distance[lane], hits.instance[lane], hits.triangle[lane], hits.u[lane], hits.v[lane], outside(lane)};
     }
     Vec3f outside(int lane) const { return {hits.normalX[lane], hits.normalY[lane], hits.normalZ[lane]}; }
+    /// Of the lane's own colour, by the fog that it is in.
+    float fogLeft(const TraceScene& scene, int lane, float run) const {
+        const Mesh& mesh = *scene.world->instance(hits.instance[lane]).mesh;
+        return scene.fogs.of(lights[lane]).left(mesh, hits.triangle[lane], hits.u[lane], hits.v[lane], run);
+    }
     HitPoint point(int lane) const { return {exact.get(lane), error.get(lane), outside(lane)}; }
 };
 

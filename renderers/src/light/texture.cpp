@@ -37,7 +37,7 @@ std::uint32_t encode(const Vec4f& color, bool decoded) {
     return result;
 }
 
-/// Pixel number of a coordinate that may lie outside; `size` >= 1.
+/// Pixel number of a coordinate that may lie outside; -1: the border. `size` >= 1.
 int wrapIndex(int i, int size, TextureWrap wrap) {
     switch (wrap) {
         case TextureWrap::repeat:
@@ -48,6 +48,8 @@ int wrapIndex(int i, int size, TextureWrap wrap) {
             if (i < 0) i += 2 * size;
             return i < size ? i : 2 * size - 1 - i;
         }
+        case TextureWrap::border:
+            return i >= 0 && i < size ? i : -1;
         case TextureWrap::clamp:
             break;
     }
@@ -58,6 +60,7 @@ int wrapIndex(int i, int size, TextureWrap wrap) {
 float reduce(float s, TextureWrap wrap) {
     if (!std::isfinite(s)) return 0;
     if (wrap == TextureWrap::clamp) return std::clamp(s, 0.0f, 1.0f);
+    if (wrap == TextureWrap::border) return std::clamp(s, -1.0f, 2.0f);
     const float period = wrap == TextureWrap::mirror ? 2.0f : 1.0f;
     return s - period * std::floor(s / period);
 }
@@ -71,25 +74,35 @@ Result<> checkSize(int width, int height, std::size_t pixels) {
 }
 
 /// Bottom row first: SFImage and texture coordinates both start at the lower left.
-ReadRequest request(std::uint64_t maximumPixels) {
+ReadRequest request(std::uint64_t maximumPixels, bool layers = false) {
     return {.asFloats = false,
             .bottomRowFirst = true,
-            .check = [maximumPixels](int width, int height, bool bytes) -> std::string {
+            .layers = layers,
+            .check = [maximumPixels](int width, int height, int count, bool bytes) -> std::string {
                 if (const auto ok = checkSize(width, height, SIZE_MAX); !ok) return ok.error().text;
-                const auto pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
-                if (pixels * (bytes ? 1 : 4) <= maximumPixels) return std::string();
-                return fmt::format("{} x {} pixels{} are more than {}; --limit pixels=N raises this, to a fourth of N",
-                                   width, height, bytes ? "" : " of more than 8 bits", maximumPixels);
+                if (count > kMaxSide) return "the texture has more than 32768 layers";
+                const auto pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) *
+                                    static_cast<std::uint64_t>(count);
+                if (pixels <= maximumPixels / (bytes ? 1 : 4)) return std::string();
+                return fmt::format(
+                    "{} x {}{} pixels{} are more than {}; --limit pixels=N raises this, to a fourth of N", width,
+                    height, count > 1 ? fmt::format(" x {}", count) : "", bytes ? "" : " of more than 8 bits",
+                    maximumPixels);
             }};
 }
 
-Result<Texture> fromPixels(FilePixels file, Texture::Content content) {
-    if (file.values.empty()) return Texture::fromBytes(file.bytes, file.width, file.height, file.channels, content);
-    const bool encoded = content == Texture::Content::color && file.encoded;
+/// One layer.
+Result<Texture> fromPixels(const FilePixels& file, Texture::Content content, int layer = 0) {
     const auto channels = static_cast<std::size_t>(file.channels);
-    std::vector<Vec4f> pixels(static_cast<std::size_t>(file.width) * static_cast<std::size_t>(file.height));
-    for (std::size_t i = 0; i < pixels.size(); ++i) {
-        const float* source = &file.values[i * channels];
+    const auto count = static_cast<std::size_t>(file.width) * static_cast<std::size_t>(file.height);
+    const std::size_t first = static_cast<std::size_t>(layer) * count * channels;
+    if (file.values.empty())
+        return Texture::fromBytes(std::span(file.bytes).subspan(first, count * channels), file.width, file.height,
+                                  file.channels, content);
+    const bool encoded = content == Texture::Content::color && file.encoded;
+    std::vector<Vec4f> pixels(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        const float* source = &file.values[first + i * channels];
         for (int c = 0; c < 3; ++c) {
             const float value = source[channels < 3 ? 0 : c];
             pixels[i][c] = encoded ? linearFromSrgb(value) : value;
@@ -157,7 +170,7 @@ Result<Texture> Texture::fromFile(const std::filesystem::path& file, Content con
     FilePixels pixels;
     if (const std::string error = (*files)->readFile(file.string(), request(maximumPixels), pixels); !error.empty())
         return fail(error, {}, file.string());
-    auto result = fromPixels(std::move(pixels), content);
+    auto result = fromPixels(pixels, content);
     if (!result) result.error().file = file.string();
     return result;
 }
@@ -169,7 +182,24 @@ Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const st
     FilePixels pixels;
     if (const std::string error = (*files)->readMemory(file, name, request(maximumPixels), pixels); !error.empty())
         return fail(error, {}, name);
-    return fromPixels(std::move(pixels), content);
+    return fromPixels(pixels, content);
+}
+
+Result<std::vector<Texture>> Texture::layersFromMemory(std::span<const std::uint8_t> file, const std::string& name,
+                                                       Content content, std::uint64_t maximumPixels) {
+    const auto files = imageFiles();
+    if (!files) return std::unexpected(files.error());
+    FilePixels pixels;
+    if (const std::string error = (*files)->readMemory(file, name, request(maximumPixels, true), pixels);
+        !error.empty())
+        return fail(error, {}, name);
+    std::vector<Texture> result;
+    for (int layer = 0; layer < pixels.layers; ++layer) {
+        auto texture = fromPixels(pixels, content, layer);
+        if (!texture) return std::unexpected(texture.error());
+        result.push_back(std::move(*texture));
+    }
+    return result;
 }
 
 void Texture::noteAlpha() {
@@ -252,34 +282,47 @@ Vec4f Texture::texel(const Level& level, int x, int y, bool decode) const {
     return {table[word & 255u], table[word >> 8 & 255u], table[word >> 16 & 255u], alpha};
 }
 
-Vec4f Texture::sampleLevel(const Level& level, float s, float t, const TextureAccess& access, bool decode) const {
+Vec4f Texture::borderColor(const TextureAccess& access, bool decode) const {
+    // The numbers that are kept of pictures with more than 8 bits are light.
+    const bool asLight = decode || (content_ == Content::color && !finest_.linear.empty());
+    return asLight ? Vec4f(linearFromSrgb(Vec3f(access.border)), access.border.a) : access.border;
+}
+
+Vec4f Texture::sampleLevel(const Level& level, float s, float t, const TextureAccess& access, bool smooth,
+                           bool decode) const {
     const float x = reduce(s, access.wrapS) * static_cast<float>(level.width);
     const float y = reduce(t, access.wrapT) * static_cast<float>(level.height);
-    if (!access.smooth)
-        return texel(level, wrapIndex(static_cast<int>(std::floor(x)), level.width, access.wrapS),
-                     wrapIndex(static_cast<int>(std::floor(y)), level.height, access.wrapT), decode);
+    const auto at = [&](int i, int j) {
+        return (i | j) < 0 ? borderColor(access, decode) : texel(level, i, j, decode);
+    };
+    if (!smooth)
+        return at(wrapIndex(static_cast<int>(std::floor(x)), level.width, access.wrapS),
+                  wrapIndex(static_cast<int>(std::floor(y)), level.height, access.wrapT));
     const float left = std::floor(x - 0.5f), bottom = std::floor(y - 0.5f);
     const float fx = x - 0.5f - left, fy = y - 0.5f - bottom;
     const int x0 = wrapIndex(static_cast<int>(left), level.width, access.wrapS);
     const int x1 = wrapIndex(static_cast<int>(left) + 1, level.width, access.wrapS);
     const int y0 = wrapIndex(static_cast<int>(bottom), level.height, access.wrapT);
     const int y1 = wrapIndex(static_cast<int>(bottom) + 1, level.height, access.wrapT);
-    return (texel(level, x0, y0, decode) * (1 - fx) + texel(level, x1, y0, decode) * fx) * (1 - fy) +
-           (texel(level, x0, y1, decode) * (1 - fx) + texel(level, x1, y1, decode) * fx) * fy;
+    return (at(x0, y0) * (1 - fx) + at(x1, y0) * fx) * (1 - fy) + (at(x0, y1) * (1 - fx) + at(x1, y1) * fx) * fy;
 }
 
 Vec4f Texture::sampleLevels(float s, float t, float footprint, const TextureAccess& access, bool decode) const {
     const float pixels = footprint * std::sqrt(static_cast<float>(width()) * static_cast<float>(height()));
-    if (!(pixels > 1)) return sampleLevel(finest_, s, t, access, decode);
+    if (!(pixels > 1)) return sampleLevel(finest_, s, t, access, access.smooth, decode);
+    const bool smooth = access.smoothFar;
+    if (access.levels == TextureLevels::finest) return sampleLevel(finest_, s, t, access, smooth, decode);
     const std::vector<Level>& levels = coarse(decode);
     const auto level = [&](std::size_t i) -> const Level& { return i == 0 ? finest_ : levels[i - 1]; };
-    const float depth = std::log2(pixels);
     const auto last = levels.size();
-    if (depth >= static_cast<float>(last)) return sampleLevel(level(last), s, t, access, decode);
+    float depth = std::log2(pixels);
+    if (access.levels == TextureLevels::nearest) depth = std::round(depth);
+    if (depth >= static_cast<float>(last)) return sampleLevel(level(last), s, t, access, smooth, decode);
     const auto fine = static_cast<std::size_t>(depth);
     const float f = depth - static_cast<float>(fine);
-    return sampleLevel(level(fine), s, t, access, decode) * (1 - f) +
-           sampleLevel(level(fine + 1), s, t, access, decode) * f;
+    if (f == 0) return sampleLevel(level(fine), s, t, access, smooth, decode);
+    return sampleLevel(level(fine), s, t, access, smooth, decode) * (1 - f) +
+           sampleLevel(level(fine + 1), s, t, access, smooth, decode) * f;
 }
 
 Vec4f Texture::sample(float s, float t, float footprint, const TextureAccess& access, ColorSpace space) const {
@@ -288,6 +331,27 @@ Vec4f Texture::sample(float s, float t, float footprint, const TextureAccess& ac
     // Pictures with more than 8 bits are kept as light.
     if (color && wide && space == ColorSpace::display) return {srgbFromLinear(Vec3f(found)), found.a};
     return found;
+}
+
+Texture Texture::part(int x, int y, int partWidth, int partHeight, bool turned) const {
+    Texture result;
+    result.channels_ = channels_;
+    result.content_ = content_;
+    Level level{partWidth, partHeight, {}, {}};
+    const auto copy = [&](const auto& from, auto& to) {
+        if (from.empty()) return;
+        to.reserve(static_cast<std::size_t>(partWidth) * static_cast<std::size_t>(partHeight));
+        for (int j = 0; j < partHeight; ++j) {
+            const auto row = from.begin() + std::ptrdiff_t{y + j} * finest_.width + x;
+            to.insert(to.end(), row, row + partWidth);
+        }
+        if (turned) std::reverse(to.begin(), to.end());
+    };
+    copy(finest_.encoded, level.encoded);
+    copy(finest_.linear, level.linear);
+    result.finest_ = std::move(level);
+    result.noteAlpha();
+    return result;
 }
 
 TextureMatrix TextureMatrix::fromTransform(Vec2f center, float rotation, Vec2f scale, Vec2f translation) {

@@ -52,46 +52,75 @@ std::shared_ptr<const Texture> TextureStore::ofResource(Resource resource, Textu
         why = fmt::format("{} is no picture of a format that is read", resource.name());
         return nullptr;
     }
-    const std::uint64_t limit = resources_.policy().maximumPixels;
     auto texture = Texture::fromMemory({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()}, name,
-                                       content, limit / 4);
+                                       content, resources_.policy().maximumPixels / 4);
     if (!texture) {
         why = fmt::format("{}: {}", resource.name(), texture.error().text);
         return nullptr;
     }
-    pixelsInUse_ += pixelsOf(*texture);
-    if (pixelsInUse_ > limit) {
-        pixelsInUse_ -= pixelsOf(*texture);
-        why = fmt::format("the scene's pictures have more than {} pixels; --limit pixels=N raises this", limit);
-        return nullptr;
-    }
+    if (!countPixels(pixelsOf(*texture), why)) return nullptr;
     auto shared = std::make_shared<const Texture>(std::move(*texture));
     if (isFile) files_[key] = shared;
     return shared;
 }
 
+bool TextureStore::countPixels(std::uint64_t more, std::string& why) {
+    const std::uint64_t limit = resources_.policy().maximumPixels;
+    if (more <= limit && pixelsInUse_ <= limit - more) {
+        pixelsInUse_ += more;
+        return true;
+    }
+    why = fmt::format("the scene's pictures have more than {} pixels; --limit pixels=N raises this", limit);
+    return false;
+}
+
+std::string TextureStore::listName(const Scene& scene, const Node& node, const Array<String>& urls,
+                                   Texture::Content content) const {
+    std::string all = content == Texture::Content::color ? "c" : "d";
+    for (const auto& folder : resources_.foldersOf(scene, node, node.type().findExact("url")))
+        all.append("\n").append(folder.string());
+    for (const String& url : urls) all.append("\n").append(url.view());
+    return all;
+}
+
+template <class Take>
+std::string TextureStore::tryUrls(const Scene& scene, const Node& node, const Array<String>& urls, const Take& take) {
+    const FieldIndex field = node.type().findExact("url");
+    std::string all;
+    for (const String& url : urls) {
+        std::string why;
+        auto resource = resources_.open(scene, node, field, url.view());
+        if (!resource)
+            why = resource.error().text;
+        else if (take(std::move(*resource), why))
+            return {};
+        all += (all.empty() ? "" : "; ") + why;
+    }
+    return all;
+}
+
+namespace {
+
+void tellOfNone(const Scene& scene, const Node& node, const std::string& why, Diagnostics& diagnostics) {
+    const std::string name(scene.name(node.id()));
+    diagnostics.warning(
+        {}, fmt::format("{}{} shows no picture: {}", node.type().name, name.empty() ? "" : " " + name, why));
+}
+
+}  // namespace
+
 std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const Node& node, const Array<String>& urls,
                                                     Texture::Content content, Diagnostics& diagnostics) {
     if (urls.empty()) return nullptr;
-    const FieldIndex field = node.type().findExact("url");
-    std::string all = content == Texture::Content::color ? "c" : "d";
-    for (const auto& folder : resources_.foldersOf(scene, node, field)) all.append("\n").append(folder.string());
-    for (const String& url : urls) all.append("\n").append(url.view());
-    const auto [place, isNew] = lists_.try_emplace(all);
+    const auto [place, isNew] = lists_.try_emplace(listName(scene, node, urls, content));
     List& list = place->second;
-    for (std::size_t i = 0; isNew && !list.texture && i < urls.size(); ++i) {
-        std::string why;
-        auto resource = resources_.open(scene, node, field, urls[i].view());
-        if (resource)
-            list.texture = ofResource(std::move(*resource), content, why);
-        else
-            why = resource.error().text;
-        if (!list.texture) list.why += (list.why.empty() ? "" : "; ") + why;
-    }
+    if (isNew)
+        list.why = tryUrls(scene, node, urls, [&](Resource resource, std::string& why) {
+            list.texture = ofResource(std::move(resource), content, why);
+            return list.texture != nullptr;
+        });
     if (list.texture) return list.texture;
-    std::string name(scene.name(node.id()));
-    diagnostics.warning(
-        {}, fmt::format("{}{} shows no picture: {}", node.type().name, name.empty() ? "" : " " + name, list.why));
+    tellOfNone(scene, node, list.why, diagnostics);
     return nullptr;
 }
 
@@ -133,21 +162,174 @@ std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const No
     return nullptr;
 }
 
+// ---- looked up by three coordinates -------------------------------------------------------------------------------
+
+bool TextureStore::isSpace(const Node& node) {
+    return node.is(x3d::ComposedCubeMapTexture::type) || node.is(x3d::ImageCubeMapTexture::type) ||
+           node.is(x3d::ComposedTexture3D::type) || node.is(x3d::ImageTexture3D::type) ||
+           node.is(x3d::PixelTexture3D::type);
+}
+
+std::shared_ptr<const SpaceTexture> TextureStore::spaceOfNode(const Scene& scene, const Node& node,
+                                                              Texture::Content content, Diagnostics& diagnostics) {
+    if (node.is(x3d::ImageCubeMapTexture::type)) return cubeOfUrls(scene, node, content, diagnostics);
+    if (node.is(x3d::ImageTexture3D::type)) return blockOfUrls(scene, node, content, diagnostics);
+    if (node.is(x3d::PixelTexture3D::type)) return blockOfPixels(scene, node, content, diagnostics);
+    return composed(scene, node, content, diagnostics);
+}
+
+std::shared_ptr<const SpaceTexture> TextureStore::composed(const Scene& scene, const Node& node,
+                                                           Texture::Content content, Diagnostics& diagnostics) {
+    if (node.is(x3d::ComposedCubeMapTexture::type)) {
+        using C = x3d::ComposedCubeMapTexture;
+        const Field<NodeId> fields[] = {C::frontTexture, C::backTexture, C::leftTexture,
+                                        C::rightTexture, C::topTexture,  C::bottomTexture};
+        std::array<std::shared_ptr<const Texture>, 6> sides;
+        bool any = false;
+        for (std::size_t i = 0; i < 6; ++i)
+            if (const Node* side = scene.effectiveNode(node.get(fields[i]))) {
+                sides[i] = ofNode(scene, *side, content, diagnostics);
+                any = any || sides[i];
+            }
+        return any ? std::make_shared<const SpaceTexture>(SpaceTexture::cube(sides)) : nullptr;
+    }
+    SpaceTexture::Layers layers;
+    for (const NodeId id : node.get(x3d::ComposedTexture3D::texture))
+        if (const Node* layer = scene.effectiveNode(id)) layers.push_back(ofNode(scene, *layer, content, diagnostics));
+    if (layers.empty()) return nullptr;
+    auto block = SpaceTexture::block(std::move(layers));
+    if (block) return std::make_shared<const SpaceTexture>(std::move(*block));
+    tellOfNone(scene, node, block.error().text, diagnostics);
+    return nullptr;
+}
+
+std::shared_ptr<const SpaceTexture> TextureStore::cubeOfUrls(const Scene& scene, const Node& node,
+                                                             Texture::Content content, Diagnostics& diagnostics) {
+    using I = x3d::ImageCubeMapTexture;
+    if (!node.get(I::load)) return nullptr;
+    const auto picture = ofUrls(scene, node, node.get(I::url), content, diagnostics);
+    if (!picture) return nullptr;
+    Cube& entry = cubes_[picture.get()];
+    if (!entry.cube) {
+        auto cube = SpaceTexture::ofPicture(picture);
+        std::string why = cube ? "" : cube.error().text;
+        // The sides are copies.
+        if (!cube || !countPixels(pixelsOf(*picture), why)) {
+            cubes_.erase(picture.get());
+            tellOfNone(scene, node, why, diagnostics);
+            return nullptr;
+        }
+        entry = {picture, std::make_shared<const SpaceTexture>(std::move(*cube))};
+    }
+    return entry.cube;
+}
+
+std::shared_ptr<const SpaceTexture> TextureStore::blockOfResource(Resource resource, Texture::Content content,
+                                                                  std::string& why) {
+    const auto bytes = resource.read();
+    if (!bytes) {
+        why = bytes.error().text;
+        return nullptr;
+    }
+    const std::string name = nameByContent(*bytes);
+    if (name.empty()) {
+        why = fmt::format("{} is no picture of a format that is read", resource.name());
+        return nullptr;
+    }
+    auto layers = Texture::layersFromMemory({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()}, name,
+                                            content, resources_.policy().maximumPixels / 4);
+    if (!layers) {
+        why = fmt::format("{}: {}", resource.name(), layers.error().text);
+        return nullptr;
+    }
+    if (!countPixels(pixelsOf(layers->front()) * layers->size(), why)) return nullptr;
+    SpaceTexture::Layers shared;
+    for (Texture& layer : *layers) shared.push_back(std::make_shared<const Texture>(std::move(layer)));
+    auto block = SpaceTexture::block(std::move(shared));
+    if (block) return std::make_shared<const SpaceTexture>(std::move(*block));
+    why = block.error().text;
+    return nullptr;
+}
+
+std::shared_ptr<const SpaceTexture> TextureStore::blockOfUrls(const Scene& scene, const Node& node,
+                                                              Texture::Content content, Diagnostics& diagnostics) {
+    using I = x3d::ImageTexture3D;
+    const Array<String>& urls = node.get(I::url);
+    if (!node.get(I::load) || urls.empty()) return nullptr;
+    const auto [place, isNew] = blocks_.try_emplace(listName(scene, node, urls, content));
+    Block& block = place->second;
+    if (isNew)
+        block.why = tryUrls(scene, node, urls, [&](Resource resource, std::string& why) {
+            block.texture = blockOfResource(std::move(resource), content, why);
+            return block.texture != nullptr;
+        });
+    if (!block.texture) tellOfNone(scene, node, block.why, diagnostics);
+    return block.texture;
+}
+
+std::shared_ptr<const SpaceTexture> TextureStore::blockOfPixels(const Scene& scene, const Node& node,
+                                                                Texture::Content content, Diagnostics& diagnostics) {
+    const Array<std::int32_t>& words = node.get(x3d::PixelTexture3D::image);
+    if (words.size() < 4 || (words[1] == 0 && words[2] == 0 && words[3] == 0)) return nullptr;
+    Block& block =
+        blocks_[fmt::format("{} {}", node.id().value, content == Texture::Content::color ? "color" : "data")];
+    if (block.words.sameStorage(words) && (block.texture || !block.why.empty())) return block.texture;
+    block = {nullptr, "", words};
+    const std::int64_t components = words[0], width = words[1], height = words[2], depth = words[3];
+    const std::int64_t have = static_cast<std::int64_t>(words.size()) - 4;
+    SpaceTexture::Layers layers;
+    if (components < 1 || components > 4 || width < 1 || height < 1 || depth < 1 || width > have || height > have ||
+        depth > have || width * height > have / depth) {
+        block.why = fmt::format(
+            "image starts with components (1 to 4), width, height and depth, and has as many pixels: {} {} {} {} "
+            "and {} pixels",
+            components, width, height, depth, have);
+    } else {
+        const std::int32_t* p = words.data() + 4;
+        for (std::int64_t z = 0; z < depth && block.why.empty(); ++z) {
+            std::vector<std::uint8_t> bytes;
+            bytes.reserve(static_cast<std::size_t>(width * height * components));
+            for (std::int64_t i = 0; i < width * height; ++i, ++p)
+                for (std::int64_t c = components - 1; c >= 0; --c)
+                    bytes.push_back(static_cast<std::uint8_t>(static_cast<std::uint32_t>(*p) >> (8 * c)));
+            auto layer = Texture::fromBytes(bytes, static_cast<int>(width), static_cast<int>(height),
+                                            static_cast<int>(components), content);
+            if (layer)
+                layers.push_back(std::make_shared<const Texture>(std::move(*layer)));
+            else
+                block.why = layer.error().text;
+        }
+    }
+    if (block.why.empty()) {
+        auto made = SpaceTexture::block(std::move(layers));
+        if (made) block.texture = std::make_shared<const SpaceTexture>(std::move(*made));
+    }
+    if (!block.texture) tellOfNone(scene, node, block.why, diagnostics);
+    return block.texture;
+}
+
 void TextureStore::collect() {
     // Not each time, or the work would grow with the scene: only when there is twice as much as was worth keeping.
-    if (files_.size() + lists_.size() + pixels_.size() < 2 * kept_ + 16) return;
+    const auto kept = [&] { return files_.size() + lists_.size() + pixels_.size() + cubes_.size() + blocks_.size(); };
+    if (kept() < 2 * kept_ + 16) return;
+    std::erase_if(cubes_, [](const auto& entry) { return entry.second.cube.use_count() <= 1; });
+    std::erase_if(blocks_, [](const auto& entry) { return entry.second.texture.use_count() <= 1; });
     // A list's entry shares with the file's. One in use that is dropped costs a look-up later, nothing else.
     std::erase_if(lists_,
                   [](const auto& entry) { return entry.second.texture && entry.second.texture.use_count() <= 2; });
     std::erase_if(files_, [](const auto& entry) { return entry.second.use_count() == 1; });
     std::erase_if(pixels_, [](const auto& entry) { return entry.second.texture.use_count() <= 1; });
-    kept_ = files_.size() + lists_.size() + pixels_.size();
+    kept_ = kept();
     std::unordered_set<const Texture*> inUse;
     for (const auto& [key, texture] : files_) inUse.insert(texture.get());
     for (const auto& [key, list] : lists_)
         if (list.texture) inUse.insert(list.texture.get());
     pixelsInUse_ = 0;
     for (const Texture* texture : inUse) pixelsInUse_ += pixelsOf(*texture);
+    for (const auto& [picture, cube] : cubes_) pixelsInUse_ += pixelsOf(*picture);
+    for (const auto& [name, block] : blocks_)
+        if (block.texture && block.words.empty())
+            pixelsInUse_ += pixelsOf(*block.texture->layers()[0]) * block.texture->layers().size();
 }
 
 }  // namespace rtsg

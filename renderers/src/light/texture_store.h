@@ -13,6 +13,7 @@
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/renderers/space_texture.h>
 #include <rtsg/renderers/texture.h>
 
 namespace rtsg {
@@ -28,6 +29,11 @@ class TextureStore {
     /// `node` is the one whose url list it is; for the folder and the report.
     std::shared_ptr<const Texture> ofUrls(const Scene& scene, const Node& node, const Array<String>& urls,
                                           Texture::Content content, Diagnostics& diagnostics);
+    /// Whether a node is one of those that are looked up by three coordinates, and have pictures of their own.
+    static bool isSpace(const Node& node);
+    /// Of a ComposedCubeMapTexture, ImageCubeMapTexture, ComposedTexture3D, ImageTexture3D or PixelTexture3D.
+    std::shared_ptr<const SpaceTexture> spaceOfNode(const Scene& scene, const Node& node, Texture::Content content,
+                                                    Diagnostics& diagnostics);
     /// Drops what no material uses any more, once there is much of it.
     void collect();
     /// Says what a store for these resources has in common with others: those of one name may be one.
@@ -35,6 +41,23 @@ class TextureStore {
 
   private:
     std::shared_ptr<const Texture> ofResource(Resource resource, Texture::Content content, std::string& why);
+    std::shared_ptr<const SpaceTexture> blockOfResource(Resource resource, Texture::Content content, std::string& why);
+    std::shared_ptr<const SpaceTexture> composed(const Scene& scene, const Node& node, Texture::Content content,
+                                                 Diagnostics& diagnostics);
+    std::shared_ptr<const SpaceTexture> cubeOfUrls(const Scene& scene, const Node& node, Texture::Content content,
+                                                   Diagnostics& diagnostics);
+    std::shared_ptr<const SpaceTexture> blockOfUrls(const Scene& scene, const Node& node, Texture::Content content,
+                                                    Diagnostics& diagnostics);
+    std::shared_ptr<const SpaceTexture> blockOfPixels(const Scene& scene, const Node& node, Texture::Content content,
+                                                      Diagnostics& diagnostics);
+    /// One string for a node's url list and the folders it starts in.
+    std::string listName(const Scene& scene, const Node& node, const Array<String>& urls,
+                         Texture::Content content) const;
+    /// Opens the urls in order until `take`(resource, why) has what it wants; else why not.
+    template <class Take>
+    std::string tryUrls(const Scene& scene, const Node& node, const Array<String>& urls, const Take& take);
+    /// False, with the reason, if the policy does not let the scene have so many more.
+    bool countPixels(std::uint64_t more, std::string& why);
 
     struct Pixels {
         Image image;
@@ -50,6 +73,17 @@ class TextureStore {
     std::size_t kept_ = 0;
     std::uint64_t pixelsInUse_ = 0;                     // of those in files_ and lists_, as the policy counts them
     std::unordered_map<std::uint64_t, Pixels> pixels_;  // by node and content
+    struct Cube {
+        std::shared_ptr<const Texture> picture;
+        std::shared_ptr<const SpaceTexture> cube;
+    };
+    std::unordered_map<const Texture*, Cube> cubes_;  // by the picture that holds the sides
+    struct Block {
+        std::shared_ptr<const SpaceTexture> texture;
+        std::string why;            // there is none
+        Array<std::int32_t> words;  // of a PixelTexture3D, by which it is known again
+    };
+    std::unordered_map<std::string, Block> blocks_;  // by folders and urls, or by node
 };
 
 }  // namespace rtsg

@@ -4,10 +4,12 @@
 // Threading: const while a picture is made. Built by LightTracer::render, read by every tile.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include <rtsg/renderers/camera.h>
@@ -45,7 +47,12 @@ class SlotPages {
 struct MaterialEntry {
     Material material = defaultMaterial();
     bool textured = false, transmits = false, mirrors = false;
+    std::vector<std::shared_ptr<const GeneratedCube>> generated;  // that it shows
     void finish() {
+        for (const TextureUse& use : material.textures)
+            if (use.generated) generated.push_back(use.generated);
+        for (const TextureStage& stage : material.stages)
+            if (stage.use.generated) generated.push_back(stage.use.generated);
         textured = material.textured() || material.hatching.present || (material.back && material.back->textured());
         transmits = material.transmits();
         mirrors = material.mirrors();
@@ -70,9 +77,12 @@ class MaterialList {
     MaterialList() = default;
     explicit MaterialList(const PagedArray<std::shared_ptr<const MaterialEntry>>& materials);
     const MaterialEntry& operator[](std::size_t material) const { return *entries_[material]; }
+    /// Whether any shows a GeneratedCubeMapTexture.
+    bool generates() const { return generates_; }
 
   private:
     std::vector<const MaterialEntry*> entries_;
+    bool generates_ = false;
 };
 
 /// The lights by the scope that they shine in: an instance sees those of its own scope and of all around it.
@@ -97,6 +107,33 @@ class LightGroups {
     std::vector<TraceLight> lights;
 };
 
+/// What the distance of a place makes of its colour, by the scope that it is in.
+class Fogs {
+  public:
+    struct Entry {
+        Fog fog;          // its colour as display value
+        Vec3f linear{0};  // the same, decoded
+        const Vec3f& color(bool asLight) const { return asLight ? linear : fog.color; }
+        /// The share of its own colour that is left of what a ray meets after `distance`.
+        float left(const Mesh& mesh, std::uint32_t triangle, float u, float v, float distance) const {
+            if (fog.type == FogType::none) return 1;
+            if (mesh.fogDepths.present()) [[unlikely]]  // 24.4.3: in place of the distance
+                return 1 - std::clamp(mesh.fogDepths.interpolate(triangle, u, v).x, 0.0f, 1.0f);
+            return fogFactor(fog.type, fog.visibilityRange, distance);
+        }
+    };
+    bool any() const { return any_; }
+    const Entry& of(std::uint32_t scope) const { return entries_[scope < byScope_.size() ? byScope_[scope] : 0]; }
+    void setGlobal(const Fog& fog) { entries_[0] = {fog, linearFromSrgb(fog.color)}, any_ = fog.type != FogType::none; }
+    /// `around`: of each scope the next one outwards; that counts where nothing nearer does.
+    void setLocal(const std::vector<std::pair<std::uint32_t, Fog>>& fogs, std::span<const std::uint32_t> around);
+
+  private:
+    std::vector<Entry> entries_ = std::vector<Entry>(1);
+    std::vector<std::uint32_t> byScope_;  // empty: all are the first
+    bool any_ = false;
+};
+
 class Emitters;
 
 struct TraceScene {
@@ -113,21 +150,27 @@ struct TraceScene {
     const Sky* sky = nullptr;
     bool evenSky = false;  // the same in all directions: skyLinear, skyDisplay
     Vec4f skyLinear{0}, skyDisplay{0};
-    Fog fog;                     // its colour as display value
-    Vec3f fogLinear{0};          // the same, decoded
+    Fogs fogs;
     bool energyLimited = false;  // colours that would create light are made smaller
     bool anyTransmits = false;   // some instance lets light through: shadow rays must look closer,
     bool clearAnywhere = true;   // wherever they run; or only
     std::vector<Bounds> clear;   // those that meet one of these (ray space), and
     Bounds allClear;             // so this, around them all
-    float pixelSpread = 0;       // radians a pixel is wide in the middle of the picture, or
-    float pixelSize = 0;         // metres, for an orthographic camera
+    /// What GeneratedCubeMapTextures show in this picture, by node.
+    std::vector<std::pair<NodeId, SpaceTexture>> generated;
+    float pixelSpread = 0;  // radians a pixel is wide in the middle of the picture, or
+    float pixelSize = 0;    // metres, for an orthographic camera
 
     Vec4f skyColor(const Vec3f& direction, bool linear) const {
         if (evenSky) return linear ? skyLinear : skyDisplay;
         return sky->color(direction, linear ? ColorSpace::linear : ColorSpace::display);
     }
-    const Vec3f& fogColor(bool linear) const { return linear ? fogLinear : fog.color; }
+    /// Null: it shows nothing, as within the pictures of such a cube.
+    const SpaceTexture* generatedCube(NodeId node) const {
+        for (const auto& [id, cube] : generated)
+            if (id == node) return &cube;
+        return nullptr;
+    }
 };
 
 /// One ray of the recursion, unrolled: what it adds to a pixel is `weight` times the radiance it finds.

@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/renderers/parallel_for.h>
+#include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/shared_world.h>
 
 #include "adaptive.h"
@@ -34,7 +35,7 @@ Vec4f finite(Vec4f v) {
 /// The bound one of a kind, else the one that comes first in the document. A node that several paths lead to is
 /// seen through one of them: which is up to us (7.2.2), but must not depend on the order in which they came.
 template <class T>
-const PlacedEntry* active(const LightState& state) {
+const PlacedEntry* active(const LightState& state, std::uint16_t layer) {
     const auto rank = [](const PlacedEntry& entry) {
         const double* matrix = &entry.placed.worldFromLocal[0][0];
         return std::tuple(!std::get<T>(entry.what).bound, entry.placed.node, std::span<const double, 12>(matrix, 12));
@@ -49,13 +50,15 @@ const PlacedEntry* active(const LightState& state) {
     const PlacedEntry* best = nullptr;
     for (std::size_t i = 0; i < state.placed.size(); ++i)
         if (const PlacedEntry* entry = state.placed[i].get())
-            if (std::holds_alternative<T>(entry->what) && (!best || before(*entry, *best))) best = entry;
+            if (std::holds_alternative<T>(entry->what) && entry->placed.layer == layer &&
+                (!best || before(*entry, *best)))
+                best = entry;
     return best;
 }
 
 /// `toTrace`: a Light as rays see it. The whole scene's group is filled last.
 template <class ToTrace>
-LightGroups groupLights(const LightState& state, const ToTrace& toTrace) {
+LightGroups groupLights(const LightState& state, std::uint16_t layer, const ToTrace& toTrace) {
     LightGroups result;
     const std::size_t count = std::max<std::size_t>(state.scopes.size(), 1);
     result.groups.resize(count);
@@ -64,7 +67,8 @@ LightGroups groupLights(const LightState& state, const ToTrace& toTrace) {
         group.first = static_cast<std::uint32_t>(result.lights.size());
         if (const auto& lights = state.scopes[i].lights)
             for (const std::uint32_t slot : *lights)
-                result.lights.push_back(toTrace(std::get<Light>(state.placed[slot]->what)));
+                if (state.placed[slot]->placed.layer == layer)
+                    result.lights.push_back(toTrace(std::get<Light>(state.placed[slot]->what)));
         group.count = static_cast<std::uint32_t>(result.lights.size()) - group.first;
     }
     // Each looks outwards until it meets one that knows.
@@ -136,6 +140,22 @@ class ClipFilter final : public RayFilter {
     std::vector<std::uint32_t> around_;
 };
 
+/// Leaves out some instances besides what another filter does.
+class HidingFilter final : public RayFilter {
+  public:
+    HidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other)
+        : hidden_(std::move(hidden)), other_(std::move(other)) {}
+    bool concerns(std::uint32_t slot) const override { return isHidden(slot) || (other_ && other_->concerns(slot)); }
+    bool leavesOut(std::uint32_t slot, const Vec3f& at) const override {
+        return isHidden(slot) || (other_ && other_->leavesOut(slot, at));
+    }
+
+  private:
+    bool isHidden(std::uint32_t slot) const { return slot < hidden_.size() && hidden_[slot]; }
+    std::vector<bool> hidden_;
+    std::shared_ptr<const RayFilter> other_;
+};
+
 /// Where light is let through, if that can be told in few boxes.
 void boxClear(const LightState& state, const RayView& world, TraceScene& scene) {
     constexpr std::size_t kFew = 8;  // boxes that cost a shadow ray little beside its own way
@@ -158,28 +178,58 @@ void boxClear(const LightState& state, const RayView& world, TraceScene& scene) 
     if (scene.clear.size() > kFew) scene.clear.clear();
 }
 
+/// The fogs that reach places of some scopes alone. Of several in one scope the last in the document counts.
+void findLocalFogs(const LightState& state, Fogs& fogs) {
+    std::vector<std::tuple<std::uint32_t, NodeId, const Fog*>> found;
+    for (std::size_t i = 0; i < state.placed.size(); ++i)
+        if (const PlacedEntry* entry = state.placed[i].get())
+            if (const auto* local = std::get_if<LocalFogEntry>(&entry->what))
+                found.emplace_back(local->scope, entry->placed.node, &local->fog);
+    if (found.empty()) return;
+    std::ranges::sort(found);
+    std::vector<std::uint32_t> around(state.scopes.size());
+    for (std::size_t i = 0; i < around.size(); ++i) around[i] = state.scopes[i].around;
+    std::vector<std::pair<std::uint32_t, Fog>> local;
+    for (const auto& [scope, node, fog] : found) local.emplace_back(scope, *fog);
+    fogs.setLocal(local, around);
+}
+
+/// What a picture is of, besides the camera that it is seen through.
+struct Part {
+    Vec3d headlight{0, 0, -1};  // where it shines to
+    std::vector<bool> hidden;   // slots that are not there; empty: none
+    bool over = false;          // something is seen where nothing is: no background of its own makes it clear
+};
+
 TraceScene makeTraceScene(const LightState& state, const RayView& world, const Camera& camera,
-                          const RenderSettings& settings) {
-    static const Sky black;
+                          const RenderSettings& settings, Part part) {
+    static const Sky black, clear = [] {
+        Sky sky;
+        sky.alpha = 0;
+        return sky;
+    }();
+    const std::uint16_t layer = camera.layer;
     TraceScene scene;
     const auto height = static_cast<float>((camera.top - camera.bottom) / settings.height);
     (camera.orthographic ? scene.pixelSize : scene.pixelSpread) = height;
     const PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), scene.pixelSpread, scene.pixelSize};
     scene.filter = ClipFilter::of(state, world);
+    if (!part.hidden.empty()) scene.filter = std::make_shared<const HidingFilter>(std::move(part.hidden), scene.filter);
     scene.lensed = std::make_shared<const LensedView>(world, lens, scene.filter.get());
     scene.eye = lens.eye, scene.right = Vec3f(camera.right), scene.up = Vec3f(camera.up), scene.forward = lens.forward;
     scene.world = scene.lensed.get();
     scene.materials = MaterialList(state.materials);
     scene.slots = SlotPages(state.slots);
-    const PlacedEntry* sky = active<SkyEntry>(state);
-    scene.sky = sky ? &std::get<SkyEntry>(sky->what).sky : &black;
+    const PlacedEntry* sky = active<SkyEntry>(state, layer);
+    scene.sky = sky ? &std::get<SkyEntry>(sky->what).sky : part.over ? &clear : &black;
     scene.evenSky = scene.sky->uniform();
     if (scene.evenSky) {
         scene.skyLinear = scene.sky->color({0, 1, 0}, ColorSpace::linear);
         scene.skyDisplay = scene.sky->color({0, 1, 0}, ColorSpace::display);
     }
-    if (const PlacedEntry* fog = active<FogEntry>(state)) scene.fog = std::get<FogEntry>(fog->what).fog;
-    scene.fogLinear = linearFromSrgb(scene.fog.color);
+    if (const PlacedEntry* fog = active<FogEntry>(state, layer))
+        scene.fogs.setGlobal(std::get<FogEntry>(fog->what).fog);
+    findLocalFogs(state, scene.fogs);
     scene.energyLimited = settings.integrator == Integrator::path;
     scene.space = settings.integrator == Integrator::path ? ColorSpace::linear : settings.colorSpace;
 
@@ -213,10 +263,10 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     };
     TraceLight headlight;  // 23.4.4: intensity 1, colour 1 1 1, ambientIntensity 0, along the view
     headlight.color = Vec3f(1);
-    headlight.direction = Vec3f(camera.forward);
-    const PlacedEntry* navigation = active<Navigation>(state);
+    headlight.direction = Vec3f(part.headlight);
+    const PlacedEntry* navigation = active<Navigation>(state, layer);
     const bool lit = !navigation || std::get<Navigation>(navigation->what).headlight;
-    scene.lightGroups = groupLights(state, toTrace);
+    scene.lightGroups = groupLights(state, layer, toTrace);
     if (lit) {
         // Of the whole scene, and so of the group that was filled last.
         scene.lightGroups.lights.push_back(headlight);
@@ -308,6 +358,144 @@ class Drawing {
     RenderStats sum_;  // over pixels; of `error` the squares
 };
 
+Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats) {
+    Picture picture(settings.width, settings.height);
+    picture.space = scene.space == ColorSpace::linear ? ColorSpace::linear : ColorSpace::display;
+    if (settings.error > 0) picture.interval.resize(picture.pixels.size(), Vec3f(0));
+    Drawing drawing(scene, camera, settings, picture);
+    withThreads(settings.threads, [&] {
+        parallelFor(static_cast<std::size_t>(drawing.tiles()),
+                    [&](std::size_t tile) { drawing.draw(static_cast<int>(tile)); });
+    });
+    if (stats) drawing.tell(*stats);
+    return picture;
+}
+
+/// Who shows a GeneratedCubeMapTexture.
+struct CubeUsers {
+    std::shared_ptr<const GeneratedCube> cube;
+    std::vector<bool> slots;
+    std::uint32_t first = 0;
+};
+std::vector<CubeUsers> findCubes(const TraceScene& scene, const RayView& world) {
+    std::vector<CubeUsers> result;
+    for (std::uint32_t slot = 0; slot < world.instances().size(); ++slot) {
+        if (slot >= scene.slots.size() || !world.instance(slot).mesh) continue;
+        for (const auto& cube : scene.materials[scene.slots[slot].material].generated) {
+            auto found = std::ranges::find(result, cube->node, [](const CubeUsers& c) { return c.cube->node; });
+            if (found == result.end()) {
+                result.push_back({cube, std::vector<bool>(world.instances().size()), slot});
+                found = result.end() - 1;
+            }
+            found->slots[slot] = true;
+        }
+    }
+    return result;
+}
+
+/// Draws what GeneratedCubeMapTextures show, along the world's axes.
+/// `part`: slots that are not there, as Part::hidden.
+void drawCubes(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+               const std::vector<bool>& part, TraceScene& scene) {
+    if (!scene.materials.generates()) return;
+    RenderSettings own = settings;
+    own.integrator = Integrator::whitted;
+    if (settings.integrator == Integrator::path) own.colorSpace = ColorSpace::linear;
+    own.samplesPerPixel = 1, own.error = 0;
+    own.progress = {};
+    std::vector<std::pair<NodeId, SpaceTexture>> made;
+    for (const CubeUsers& users : findCubes(scene, world)) {
+        own.width = own.height = users.cube->size;
+        std::array<std::shared_ptr<const Texture>, 6> sides;
+        for (std::size_t i = 0; i < 6; ++i) {
+            const auto side = static_cast<CubeSide>(i);
+            Camera eye;
+            eye.position = world.toWorld(world.instance(users.first).rayFromLocal[3]);
+            eye.forward = Vec3d(cubeDirection(side, {.5f, .5f}));
+            eye.right = glm::normalize(Vec3d(cubeDirection(side, {1, .5f}) - cubeDirection(side, {0, .5f})));
+            eye.up = glm::cross(eye.right, eye.forward);
+            std::vector<bool> hidden = users.slots;
+            for (std::size_t slot = 0; !part.empty() && slot < hidden.size(); ++slot)
+                hidden[slot] = hidden[slot] || part[slot];
+            eye.layer = camera.layer;
+            const TraceScene around =
+                makeTraceScene(state, world, eye, own, Part{camera.forward, std::move(hidden), false});
+            const Picture picture = toLinear(drawPicture(around, eye, own, nullptr));
+            std::vector<Vec4f> pixels;
+            pixels.reserve(picture.pixels.size());
+            for (int y = picture.height - 1; y >= 0; --y)
+                for (int x = 0; x < picture.width; ++x) pixels.emplace_back(Vec3f(picture.at(x, y)), 1);
+            auto texture =
+                Texture::fromFloats(std::move(pixels), picture.width, picture.height, 3, Texture::Content::color);
+            if (texture) sides[i] = std::make_shared<const Texture>(std::move(*texture));
+        }
+        made.emplace_back(users.cube->node, SpaceTexture::cube(std::move(sides)));
+    }
+    scene.generated = std::move(made);
+}
+
+Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                 const Part& part, RenderStats& stats) {
+    TraceScene scene = makeTraceScene(state, world, camera, settings, part);
+    drawCubes(state, world, camera, settings, part.hidden, scene);
+    const Emitters emitters = settings.integrator == Integrator::path ? Emitters(scene) : Emitters();
+    if (!emitters.empty()) scene.emitters = &emitters;
+    return drawPicture(scene, camera, settings, &stats);
+}
+
+/// Lays a picture over a part of another.
+void layOver(const Picture& over, int left, int topmost, Picture& under) {
+    const auto at = [](const Picture& p, int x, int y) {
+        return static_cast<std::size_t>(y) * static_cast<std::size_t>(p.width) + static_cast<std::size_t>(x);
+    };
+    for (int y = 0; y < over.height; ++y)
+        for (int x = 0; x < over.width; ++x) {
+            const std::size_t to = at(under, left + x, topmost + y), from = at(over, x, y);
+            const Vec4f& pixel = over.pixels[from];
+            const float rest = 1 - std::clamp(pixel.a, 0.0f, 1.0f);
+            under.pixels[to] = pixel + under.pixels[to] * rest;
+            if (!under.interval.empty()) under.interval[to] = over.interval[from] + under.interval[to] * rest;
+        }
+}
+
+void addStats(const RenderStats& part, double share, RenderStats& sum) {
+    sum.primaryRays += part.primaryRays, sum.shadowRays += part.shadowRays, sum.secondaryRays += part.secondaryRays;
+    sum.missing += part.missing * share, sum.missingMost = std::max(sum.missingMost, part.missingMost);
+    sum.error = std::hypot(sum.error, part.error * std::sqrt(share));
+    sum.unreached += part.unreached * share, sum.samples += part.samples * share;
+    sum.cancelled = sum.cancelled || part.cancelled;
+}
+
+/// The layers of a LayerSet one over the other, each from its own viewpoint; that of `camera` is given (35.2).
+Picture drawLayers(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                   RenderStats& stats) {
+    const auto views = LightTracer::layers(state, world, camera, settings.width, settings.height);
+    Picture picture(settings.width, settings.height);
+    picture.space = settings.colorSpace == ColorSpace::linear || settings.integrator == Integrator::path
+                        ? ColorSpace::linear
+                        : ColorSpace::display;
+    if (settings.error > 0) picture.interval.resize(picture.pixels.size(), Vec3f(0));
+    for (std::size_t i = 0; i < views.size() && !stats.cancelled; ++i) {
+        const LayerView& view = views[i];
+        RenderSettings own = settings;
+        own.width = view.width, own.height = view.height;
+        if (settings.progress)
+            own.progress = [&](double done) {
+                return settings.progress((static_cast<double>(i) + done) / static_cast<double>(views.size()));
+            };
+        Part part{.headlight = view.camera.forward, .hidden = {}, .over = i > 0};
+        part.hidden.resize(world.instances().size());
+        for (std::uint32_t slot = 0; slot < world.instances().size(); ++slot)
+            part.hidden[slot] = world.instance(slot).info.layer != view.camera.layer;
+        RenderStats drawn;
+        const Picture layer = drawPart(state, world, view.camera, own, part, drawn);
+        const double share = double{1} * view.width * view.height / (double{1} * settings.width * settings.height);
+        addStats(drawn, share, stats);
+        layOver(layer, view.left, view.top, picture);
+    }
+    return picture;
+}
+
 }  // namespace
 
 trace::SlotPages::SlotPages(const PagedArray<SlotShading, kSlotBits>& slots) : size_(slots.size()) {
@@ -318,18 +506,77 @@ trace::SlotPages::SlotPages(const PagedArray<SlotShading, kSlotBits>& slots) : s
     }
 }
 
+void trace::Fogs::setLocal(const std::vector<std::pair<std::uint32_t, Fog>>& fogs,
+                           std::span<const std::uint32_t> around) {
+    constexpr std::uint32_t kUnknown = 0xFFFFFFFF;
+    byScope_.assign(std::max<std::size_t>(around.size(), 1), kUnknown);
+    byScope_[0] = 0;
+    for (const auto& [scope, fog] : fogs) {
+        byScope_[scope] = static_cast<std::uint32_t>(entries_.size());
+        entries_.push_back({fog, linearFromSrgb(fog.color)});
+        any_ = any_ || fog.type != FogType::none;
+    }
+    std::vector<std::uint32_t> way;
+    for (std::uint32_t i = 0; i < around.size(); ++i) {
+        std::uint32_t at = i;
+        for (; byScope_[at] == kUnknown; at = around[at]) way.push_back(at);
+        for (; !way.empty(); way.pop_back()) byScope_[way.back()] = byScope_[at];
+    }
+}
+
 trace::MaterialList::MaterialList(const PagedArray<std::shared_ptr<const MaterialEntry>>& materials) {
     static const MaterialEntry none;
     for (std::size_t i = 0; i < materials.size(); ++i) entries_.push_back(materials[i] ? materials[i].get() : &none);
     if (entries_.empty()) entries_.push_back(&none);
+    generates_ = std::ranges::any_of(entries_, [](const MaterialEntry* entry) { return !entry->generated.empty(); });
 }
+
+namespace {
+
+/// What a camera shows of a viewpoint; null: the standard's default one.
+Camera cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,
+                double aspect) {
+    const auto frameEverything = [&](Camera& camera) {
+        const Bounds bounds = world.bounds();
+        if (!bounds.empty()) camera.frame(world.toWorld(bounds.min), world.toWorld(bounds.max));
+    };
+    Camera camera;
+    if (!chosen) {
+        camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, 0.7854, aspect);
+        if (!state.layers) frameEverything(camera);
+        camera.layer = layer;
+        return camera;
+    }
+    const View& view = std::get<View>(chosen->what);
+    camera = view.orthographic
+                 ? Camera::parallel(chosen->placed.worldFromLocal, view.position, view.orientation, view.extent, aspect)
+                 : Camera::perspective(chosen->placed.worldFromLocal, view.position, view.orientation, view.fieldOfView,
+                                       aspect);
+    camera.layer = chosen->placed.layer;
+    if (view.viewAll) frameEverything(camera);
+    if (view.farDistance > 0)
+        camera.visibilityLimit = view.farDistance;
+    else if (const PlacedEntry* navigation = active<Navigation>(state, camera.layer))
+        if (const float limit = std::get<Navigation>(navigation->what).visibilityLimit; limit > 0)
+            camera.visibilityLimit = limit;
+    return camera;
+}
+
+bool isSameView(const Camera& a, const Camera& b) {
+    return a.position == b.position && a.right == b.right && a.up == b.up && a.forward == b.forward &&
+           a.orthographic == b.orthographic && a.left == b.left && a.rightEdge == b.rightEdge && a.bottom == b.bottom &&
+           a.top == b.top;
+}
+
+}  // namespace
 
 Result<Camera> LightTracer::camera(const LightState& state, const RayView& world, double aspect,
                                    std::string_view name) {
     if (!(aspect > 0) || !std::isfinite(aspect)) return fail("a picture's width and height must be positive");
     const PlacedEntry* chosen = nullptr;
+    const std::uint16_t layer = state.layers ? state.layers->active : std::uint16_t{0};
     if (name.empty()) {
-        chosen = active<View>(state);
+        chosen = active<View>(state, layer);
     } else {
         std::string known;
         for (std::size_t i = 0; i < state.placed.size(); ++i) {
@@ -345,28 +592,7 @@ Result<Camera> LightTracer::camera(const LightState& state, const RayView& world
             return fail(
                 fmt::format("no viewpoint is called \"{}\"; there are: {}", name, known.empty() ? "none" : known));
     }
-    const auto frameEverything = [&](Camera& camera) {
-        const Bounds bounds = world.bounds();
-        if (!bounds.empty()) camera.frame(world.toWorld(bounds.min), world.toWorld(bounds.max));
-    };
-    Camera camera;
-    if (!chosen) {
-        camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, 0.7854, aspect);
-        frameEverything(camera);
-        return camera;
-    }
-    const View& view = std::get<View>(chosen->what);
-    camera = view.orthographic
-                 ? Camera::parallel(chosen->placed.worldFromLocal, view.position, view.orientation, view.extent, aspect)
-                 : Camera::perspective(chosen->placed.worldFromLocal, view.position, view.orientation, view.fieldOfView,
-                                       aspect);
-    if (view.viewAll) frameEverything(camera);
-    if (view.farDistance > 0)
-        camera.visibilityLimit = view.farDistance;
-    else if (const PlacedEntry* navigation = active<Navigation>(state))
-        if (const float limit = std::get<Navigation>(navigation->what).visibilityLimit; limit > 0)
-            camera.visibilityLimit = limit;
-    return camera;
+    return cameraOf(state, world, chosen, layer, aspect);
 }
 
 Result<Picture> LightTracer::render(const LightState& state, const RayView& world, const Camera& camera,
@@ -384,22 +610,41 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
     if (settings.integrator == Integrator::path && settings.colorSpace == ColorSpace::display)
         return fail("paths are light: they cannot be computed in the display's space, only auto and linear");
     const auto start = std::chrono::steady_clock::now();
-    TraceScene scene = makeTraceScene(state, world, camera, settings);
-    const Emitters emitters = settings.integrator == Integrator::path ? Emitters(scene) : Emitters();
-    if (!emitters.empty()) scene.emitters = &emitters;
-    Picture picture(settings.width, settings.height);
-    picture.space = scene.space == ColorSpace::linear ? ColorSpace::linear : ColorSpace::display;
-    if (settings.error > 0) picture.interval.resize(picture.pixels.size(), Vec3f(0));
-    Drawing drawing(scene, camera, settings, picture);
-    withThreads(settings.threads, [&] {
-        parallelFor(static_cast<std::size_t>(drawing.tiles()),
-                    [&](std::size_t tile) { drawing.draw(static_cast<int>(tile)); });
-    });
-    if (stats) {
-        drawing.tell(*stats);
-        stats->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    }
+    RenderStats drawn;
+    Picture picture = state.layers ? drawLayers(state, world, camera, settings, drawn)
+                                   : drawPart(state, world, camera, settings, Part{camera.forward, {}, false}, drawn);
+    drawn.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    if (stats) *stats = drawn;
     return picture;
+}
+
+std::vector<LayerView> LightTracer::layers(const LightState& state, const RayView& world, const Camera& camera,
+                                           int width, int height) {
+    if (!state.layers) return {{camera, 0, 0, width, height}};
+    std::vector<LayerView> result;
+    for (const LayerList::Layer& layer : state.layers->order) {
+        const auto at = [](float share, int size) {
+            return static_cast<int>(std::lround(share * static_cast<float>(size)));
+        };
+        LayerView view;
+        view.left = at(layer.clip[0], width), view.width = at(layer.clip[1], width) - view.left;
+        view.top = height - at(layer.clip[3], height), view.height = height - at(layer.clip[2], height) - view.top;
+        if (view.width < 1 || view.height < 1) continue;
+        const double aspect = static_cast<double>(view.width) / view.height;
+        const bool whole = view.width == width && view.height == height;
+        const auto ofLayer = [&](double shape) {
+            return cameraOf(state, world, active<View>(state, layer.number), layer.number, shape);
+        };
+        if (layer.number != camera.layer)
+            view.camera = ofLayer(aspect);
+        else if (whole)
+            view.camera = camera;
+        else  // of an eye that is no viewpoint's it is not known what must be seen
+            view.camera = isSameView(camera, ofLayer(static_cast<double>(width) / height)) ? ofLayer(aspect)
+                                                                                           : camera.shaped(aspect);
+        result.push_back(view);
+    }
+    return result;
 }
 
 struct LightTracer::Impl {
@@ -414,8 +659,8 @@ LightTracer::LightTracer(SharedWorld& world, const Resources& resources)
           world.shared(TextureStore::nameOf(resources), [&] { return std::make_shared<TextureStore>(resources); })))) {}
 LightTracer::~LightTracer() = default;
 
-Result<> LightTracer::apply(const Scene& scene, const ChangeSet&, const InstanceDelta& delta) {
-    impl_->tables.apply(scene, delta);
+Result<> LightTracer::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    impl_->tables.apply(scene, changes, delta);
     return {};
 }
 
@@ -432,6 +677,24 @@ Result<Camera> LightTracer::camera(const RayView& world, double aspect, std::str
 Result<Picture> LightTracer::render(const RayView& world, const Camera& camera, const RenderSettings& settings,
                                     RenderStats* stats) const {
     return render(impl_->tables.now(), world, camera, settings, stats);
+}
+
+Result<Pick> LightTracer::pick(const Picker& picker, const std::vector<LayerView>& views, double x, double y) {
+    for (auto view = views.rbegin(); view != views.rend(); ++view) {
+        const double across = (x - view->left) / view->width, down = (y - view->top) / view->height;
+        if (!(across >= 0 && across <= 1 && down >= 0 && down <= 1)) continue;
+        const Camera& camera = view->camera;
+        const Camera::WorldRay ray = camera.ray(across, down);
+        const double height = (camera.top - camera.bottom) / view->height;
+        auto found = picker.ray(ray.origin, ray.direction, camera.layer, camera.visibilityLimit,
+                                camera.orthographic ? Picker::kPixel : height);
+        if (!found || *found) return found;
+    }
+    return Pick();
+}
+
+std::vector<LayerView> LightTracer::layers(const RayView& world, const Camera& camera, int width, int height) const {
+    return layers(impl_->tables.now(), world, camera, width, height);
 }
 
 LightTracer::Counts LightTracer::counts() const {

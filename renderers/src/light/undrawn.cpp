@@ -16,15 +16,12 @@ struct Row {
 };
 
 constexpr std::string_view kNotDrawn = "it is not drawn", kPlain = "things show without it",
-                           kFlat = "its layers are not drawn one over the other",
                            kShader = "the material beside it is drawn in its place";
 constexpr Row kRows[] = {
     {x3d::VolumeData::type, kNotDrawn},
     {x3d::SegmentedVolumeData::type, kNotDrawn},
     {x3d::IsoSurfaceVolumeData::type, kNotDrawn},
     {x3d::ParticleSystem::type, kNotDrawn},
-    {x3d::LocalFog::type, kPlain},
-    {x3d::FogCoordinate::type, kPlain},
     {x3d::InlineGeometry::type, kNotDrawn},
     {x3d::EnvironmentLight::type, kPlain},
     {x3d::RenderedTexture::type, kPlain},
@@ -32,9 +29,8 @@ constexpr Row kRows[] = {
     {x3d::TextureProjector::type, kPlain},
     {x3d::TextureProjectorParallel::type, kPlain},
     {x3d::ScreenFontStyle::type, "its points are 1/72 inch of the scene, not of the screen"},
-    {x3d::LayerSet::type, kFlat},
-    {x3d::Layer::type, kFlat},
-    {x3d::LayoutLayer::type, kFlat},
+    {x3d::Layout::type, kPlain},
+    {x3d::ScreenGroup::type, "what is in it has the size of the scene's metres, not of pixels"},
     {x3d::ComposedShader::type, kShader},
     {x3d::PackagedShader::type, kShader},
     {x3d::ProgramShader::type, kShader},

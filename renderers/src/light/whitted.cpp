@@ -58,7 +58,7 @@ class Tile {
         addLights(scene_, surfaces_, result_.shadowRays);
         if (surfaces_.special) findPoints(scene_, surfaces_);
         const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces_.linear;
-        if (!tasks && !surfaces_.special && scene_.fog.type == FogType::none && oneSpace) {
+        if (!tasks && !surfaces_.special && !scene_.fogs.any() && oneSpace) {
             for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
                 const int lane = std::countr_zero(rest);
                 result_.sum[pixels[lane]] += Vec4f(surfaces_.radiance.get(lane), 1);
@@ -79,19 +79,19 @@ class Tile {
             weight = task.weight;
             if (task.absorption != Vec3f(0)) weight *= glm::exp(-task.absorption * t);
         }
-        if (scene_.fog.type != FogType::none)
-            fog = fogFactor(scene_.fog.type, scene_.fog.visibilityRange, t + (tasks ? tasks[lane].line : 0));
+        if (scene_.fogs.any()) fog = s.fogLeft(scene_, lane, t + (tasks ? tasks[lane].line : 0));
         if (!(s.special >> lane & 1u)) {
             const PathTask* task = tasks ? tasks + lane : nullptr;
             add(pixels[lane], task, weight * fog, s.radiance.get(lane), s.linear >> lane & 1u, 1);
-            addFog(pixels[lane], task, weight, fog);
+            addFog(pixels[lane], task, weight, fog, lane);
             return;
         }
         branch(rays, tasks, pixels[lane], lane, weight, fog);
     }
-    void addFog(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, float fog) {
+    void addFog(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, float fog, int lane) {
+        if (!(fog < 1)) return;
         const bool light = asLight(task);
-        if (fog < 1) add(pixel, task, weight * (1 - fog), scene_.fogColor(light), light, 1);
+        add(pixel, task, weight * (1 - fog), scene_.fogs.of(surfaces_.lights[lane]).color(light), light, 1);
     }
 
     /// What becomes of the light that a surface sends along a ray: shares of the mirror, of its own colours if it is
@@ -142,7 +142,7 @@ class Tile {
         const bool linear = s.linear >> lane & 1u;
         const Vec3f own = weight * coverage * body * opacity;
         add(pixel, task, own * fog, s.radiance.get(lane), linear, 1, false);
-        addFog(pixel, task, weight * coverage * whole, fog);
+        addFog(pixel, task, weight * coverage * whole, fog, lane);
         // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
         // its own colour. What it lets pass straight goes on as the ray came.
         const bool root = scene_.space == ColorSpace::automatic && linear && !(task && task->linear);

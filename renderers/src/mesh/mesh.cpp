@@ -76,6 +76,7 @@ std::string findDefect(const Mesh& mesh) {
     if (mesh.normals.present() && mesh.normals.components() != 3) return "normals have not three components";
     std::string defect = defectOf(mesh.normals, mesh, "normals");
     if (defect.empty()) defect = defectOf(mesh.colors, mesh, "colors");
+    if (defect.empty()) defect = defectOf(mesh.fogDepths, mesh, "fogDepths");
     for (const TexCoords& set : mesh.texCoords)
         if (defect.empty()) defect = defectOf(set.values, mesh, "texCoords");
     return defect;
@@ -113,6 +114,7 @@ std::size_t memoryUse(const Mesh& mesh) {
     add(mesh.triangles.data(), mesh.triangles.size() * sizeof(std::int32_t));
     addAttribute(mesh.normals);
     addAttribute(mesh.colors);
+    addAttribute(mesh.fogDepths);
     for (const TexCoords& set : mesh.texCoords) addAttribute(set.values);
     return bytes;
 }

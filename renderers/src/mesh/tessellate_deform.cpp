@@ -26,9 +26,9 @@ bool isSame(const SurfaceParams& a, const SurfaceParams& b) {
     if (a.texCoord.size() != b.texCoord.size()) return false;
     for (std::size_t i = 0; i < a.texCoord.size(); ++i)
         if (!isSame(a.texCoord[i], b.texCoord[i])) return false;
-    return a.color.sameStorage(b.color) && a.colorRGBA.sameStorage(b.colorRGBA) && a.normal.sameStorage(b.normal) &&
-           a.ccw == b.ccw && a.solid == b.solid && a.colorPerVertex == b.colorPerVertex &&
-           a.normalPerVertex == b.normalPerVertex;
+    return a.fogDepth.sameStorage(b.fogDepth) && a.color.sameStorage(b.color) && a.colorRGBA.sameStorage(b.colorRGBA) &&
+           a.normal.sameStorage(b.normal) && a.ccw == b.ccw && a.solid == b.solid &&
+           a.colorPerVertex == b.colorPerVertex && a.normalPerVertex == b.normalPerVertex;
 }
 
 /// But for the coordinates' values.

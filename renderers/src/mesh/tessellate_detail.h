@@ -88,6 +88,8 @@ MeshAttribute bindFaces(Mesh& mesh, const Topology& topology, const Array<T>& va
 struct AttributeIndices {
     Array<std::int32_t> color, normal, texCoord;
 };
+/// Numbers as an attribute's values, which have two components at least.
+Array<Vec2f> inPairs(const Array<float>& values);
 void bindAttributes(Mesh& mesh, const Topology& topology, const SurfaceParams& params, const AttributeIndices& indices);
 
 /// ISO/IEC 19775-1, 13.3.6: the largest side of the box is s in 0 ... 1, the next t in the same scale.

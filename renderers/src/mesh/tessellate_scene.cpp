@@ -64,6 +64,16 @@ class PropertyReader {
                 notUsed("normal", *normal);
         }
         texCoord(node.get(T::texCoord), params.texCoord, true);
+        fogCoord(node.get(T::fogCoord), params.fogDepth);
+    }
+
+    void fogCoord(NodeId id, Array<float>& depths) {
+        const Node* node = scene_.effectiveNode(id);
+        if (!node) return;
+        if (node->is(x3d::FogCoordinate::type))
+            depths = node->get(x3d::FogCoordinate::depth);
+        else
+            notUsed("fogCoord", *node);
     }
 
   private:
@@ -288,6 +298,7 @@ class SceneTessellator {
     void coordinates(StrokeParams& p) {
         p.coord = properties_.points(get(T::coord));
         properties_.colors(get(T::color), p);
+        properties_.fogCoord(get(T::fogCoord), p.fogDepth);
         if (scene_.effectiveNode(get(T::normal)))
             warn(problems_, "normal: lines and points are not lit, so it changes nothing");
     }

@@ -42,6 +42,7 @@ class StrokeBuilder {
             warn(mesh_, fmt::format("{} lines or points are left out: their coordinates do not exist or are not finite",
                                     bad_));
         if (ends_.empty()) return;
+        bindFog();
         if (!p_.colorRGBA.empty())
             bind(p_.colorRGBA);
         else if (!p_.color.empty())
@@ -58,6 +59,19 @@ class StrokeBuilder {
         for (const std::size_t c : {cornerA, cornerB, cornerB}) corners_.push_back(static_cast<std::int32_t>(c));
         lines_.push_back(static_cast<std::int32_t>(line));
         mesh_.bounds.extend(p_.coord[a]), mesh_.bounds.extend(p_.coord[b]);
+    }
+
+    void bindFog() {
+        if (p_.fogDepth.empty()) return;
+        Array<std::int32_t> index = mesh_.triangles;
+        if (p_.fogDepth.size() < p_.coord.size()) {
+            warn(mesh_, fmt::format("fogCoord has {} depths for {} points: the last one goes on", p_.fogDepth.size(),
+                                    p_.coord.size()));
+            std::int32_t* i = index.mutableData();
+            for (std::size_t k = 0; k < index.size(); ++k)
+                i[k] = std::min(i[k], static_cast<std::int32_t>(p_.fogDepth.size()) - 1);
+        }
+        mesh_.fogDepths = MeshAttribute(detail::inPairs(p_.fogDepth), MeshAttribute::Binding::vertex, index, 3);
     }
 
     template <class T>

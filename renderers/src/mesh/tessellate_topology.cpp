@@ -139,6 +139,13 @@ MeshAttribute bindFaces(Mesh& mesh, const Topology& topology, const Array<T>& va
     return MeshAttribute(values, Binding::face, gathered, 1);
 }
 
+Array<Vec2f> inPairs(const Array<float>& values) {
+    Array<Vec2f> result = Array<Vec2f>::ofSize(values.size());
+    Vec2f* out = result.mutableData();
+    for (const float value : values) *out++ = {std::isfinite(value) ? value : 0.0f, 0};
+    return result;
+}
+
 void bindAttributes(Mesh& mesh, const Topology& topology, const SurfaceParams& params,
                     const AttributeIndices& indices) {
     const auto bind = [&](const auto& values, const Array<std::int32_t>& index, bool perVertex, const char* field) {
@@ -148,6 +155,8 @@ void bindAttributes(Mesh& mesh, const Topology& topology, const SurfaceParams& p
     mesh.normals = bind(params.normal, indices.normal, params.normalPerVertex, "normal");
     mesh.colors = params.colorRGBA.empty() ? bind(params.color, indices.color, params.colorPerVertex, "color")
                                            : bind(params.colorRGBA, indices.color, params.colorPerVertex, "color");
+    if (!params.fogDepth.empty())
+        mesh.fogDepths = bindCorners(mesh, topology, inPairs(params.fogDepth), {}, "fogCoord");
     for (const TexCoordParams& channel : params.texCoord) {
         TexCoords set;
         if (!channel.point.empty())
@@ -157,10 +166,11 @@ void bindAttributes(Mesh& mesh, const Topology& topology, const SurfaceParams& p
         else
             set.values = bindCorners(mesh, topology, channel.point4, indices.texCoord, "texCoord");
         if (channel.fromPosition) {
-            set.sFromPosition.x = set.tFromPosition.y = 1;
+            set.sFromPosition.x = set.tFromPosition.y = set.rFromPosition.z = 1;
         } else if (!set.values.present()) {
             set = defaultTexCoords(mesh.bounds);
         }
+        set.authored = channel.fromPosition || set.values.present();
         set.generator = channel.generator, set.parameter = channel.parameter;
         set.mapping = channel.mapping;
         mesh.texCoords.push_back(std::move(set));

@@ -75,7 +75,34 @@ Pick Picker::finish(const Candidate& candidate) const {
     return pick;
 }
 
+namespace {
+
+/// Leaves out all but one layer.
+class LayerFilter final : public RayFilter {
+  public:
+    LayerFilter(const RayWorld& world, std::uint16_t layer) : world_(world), layer_(layer) {}
+    bool concerns(std::uint32_t slot) const override { return world_.instance(slot).info.layer != layer_; }
+    bool leavesOut(std::uint32_t slot, const Vec3f&) const override { return concerns(slot); }
+
+  private:
+    const RayWorld& world_;
+    std::uint16_t layer_;
+};
+
+}  // namespace
+
 Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, double maximum, double pixel) const {
+    return pick(origin, direction, maximum, pixel, nullptr);
+}
+
+Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
+                         double pixel) const {
+    const LayerFilter filter(*world_, layer);
+    return pick(origin, direction, maximum, pixel, &filter);
+}
+
+Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double maximum, double pixel,
+                          const RayFilter* filter) const {
     if (auto ok = checkPoint(*world_, origin, "the ray's origin"); !ok) return std::unexpected(ok.error());
     const double largest = std::max({std::abs(direction.x), std::abs(direction.y), std::abs(direction.z)});
     if (!isFinite(direction) || !(largest > 0)) return fail("the ray's direction is zero or not finite");
@@ -83,7 +110,7 @@ Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, double max
     const Vec3d unit = glm::normalize(direction / largest);
     if (!(pixel >= 0) || !std::isfinite(pixel)) return fail("the pixel's width is negative or not finite");
     const Vec3f eye = world_->fromWorld(origin), forward(unit);
-    const LensedView view(*world_, {eye, forward, static_cast<float>(pixel), 0});
+    const LensedView view(*world_, {eye, forward, static_cast<float>(pixel), 0}, filter);
     const Hit hit = view.intersect({eye, 0, forward, std::numeric_limits<float>::infinity()});
     Candidate candidate;
     if (hit) {

@@ -31,6 +31,11 @@ struct Camera {
     double left = -1, rightEdge = 1, bottom = -1, top = 1;
     /// Nothing beyond is seen (NavigationInfo.visibilityLimit); infinite unless given.
     double visibilityLimit = std::numeric_limits<double>::infinity();
+    std::uint16_t layer = 0;  // that it looks at: a place in LayerSet.layers, from 1; 0: what is in none
+
+    /// The same eye for a picture of another shape: `aspect` = width / height. What a perspective's smaller angle and
+    /// an orthographic camera's middle square show stays.
+    Camera shaped(double aspect) const;
 
     /// `orientation` as in Viewpoint; fieldOfView is clamped into (0, pi).
     static Camera perspective(const WorldFromLocal& worldFromLocal, const Vec3d& position, const Rotation& orientation,

@@ -82,14 +82,25 @@ struct Instance {
 };
 
 /// What else a scene places in the world, one per path as well.
-enum class PlacedKind : std::uint8_t { light, view, background, fog, navigation, sound, listener, sensor, clipPlane };
+enum class PlacedKind : std::uint8_t {
+    light,
+    view,
+    background,
+    fog,
+    navigation,
+    sound,
+    listener,
+    sensor,
+    clipPlane,
+    localFog
+};
 
 struct Placed {
     InstanceId id;  // its own numbering, apart from the instances'
     NodeId node;
     PlacedKind kind = PlacedKind::light;
     /// Of a light: where it shines. 0 unless the light is local (`global` FALSE): then everything whose scope is this
-    /// one or below it. Of a clip plane: likewise.
+    /// one or below it. Of a clip plane or a local fog: likewise.
     ScopeId scope;
     std::uint16_t layer = 0;
     Motion motion = Motion::unknown;

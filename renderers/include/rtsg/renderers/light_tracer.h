@@ -12,6 +12,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <rtsg/core/resource.h>
 #include <rtsg/renderers/camera.h>
@@ -73,6 +74,15 @@ struct RenderStats {
 struct LightState;
 
 class SharedWorld;
+class Picker;
+struct Pick;
+
+/// A layer of a LayerSet (clause 35) in a picture: the eye that it is seen by and the rectangle that it is seen in, in
+/// pixels from the left and the top.
+struct LayerView {
+    Camera camera;
+    int left = 0, top = 0, width = 0, height = 0;
+};
 
 class LightTracer final : public InstanceSubscriber {
   public:
@@ -93,6 +103,16 @@ class LightTracer final : public InstanceSubscriber {
     Result<Camera> camera(const RayView& world, double aspect, std::string_view name = {}) const;
     static Result<Camera> camera(const LightState& state, const RayView& world, double aspect,
                                  std::string_view name = {});
+
+    /// What a picture of this size through `camera` shows, from the back to the front; without a LayerSet one that is
+    /// all of it. Layers that show nothing are left out.
+    std::vector<LayerView> layers(const RayView& world, const Camera& camera, int width, int height) const;
+    static std::vector<LayerView> layers(const LightState& state, const RayView& world, const Camera& camera, int width,
+                                         int height);
+
+    /// What is seen at a place of such a picture, in pixels from the left and the top: the first surface of the
+    /// frontmost layer that has one there. Error: as Picker::ray().
+    static Result<Pick> pick(const Picker& picker, const std::vector<LayerView>& views, double x, double y);
 
     /// Errors: a size or a number of samples that is not positive or is absurd; an error to reach that is negative or
     /// no number; paths in the display's space.

@@ -20,6 +20,7 @@
 #include <rtsg/core/value.h>
 #include <rtsg/renderers/instance_delta.h>
 #include <rtsg/renderers/shading.h>
+#include <rtsg/renderers/space_texture.h>
 #include <rtsg/renderers/texture.h>
 
 namespace rtsg {
@@ -30,13 +31,24 @@ class TextureStore;
 enum class ShadingModel : std::uint8_t { unlit, phong, physical };
 enum class AlphaMode : std::uint8_t { automatic, opaque, mask, blend };
 
-/// A texture as a material uses it.
+/// A GeneratedCubeMapTexture (34.4.2): its sides are drawn anew for each picture, from the middle of the shape that has
+/// it and without that shape.
+struct GeneratedCube {
+    NodeId node;
+    int size = 128;  // pixels a side
+};
+
+/// A texture as a material uses it; one of the three, or none.
 struct TextureUse {
     std::shared_ptr<const Texture> texture;
+    std::shared_ptr<const SpaceTexture> space;
+    std::shared_ptr<const GeneratedCube> generated;
     TextureAccess access;
     TextureMatrix matrix;
-    String mapping;  // of TexCoords::mapping; empty: the first channel
-    explicit operator bool() const { return texture != nullptr; }
+    std::shared_ptr<const glm::mat4> matrix3;  // of a transform of three coordinates, in place of `matrix`
+    String mapping;                            // of TexCoords::mapping; empty: the first channel
+    explicit operator bool() const { return texture || space || generated; }
+    bool hasAlpha() const { return texture ? texture->hasAlpha() : space && space->hasAlpha(); }
 };
 
 /// One texture of a MultiTexture (18.4.3): it and what is there so far, starting with the material's colour, make the
@@ -169,6 +181,7 @@ struct Fog {
     Vec3f color{1};
     float visibilityRange = 0;  // world metres; 0: no fog
 };
+/// Of a Fog or LocalFog node.
 Fog readFog(const Scene& scene, NodeId node, const WorldFromLocal& worldFromLocal);
 
 }  // namespace rtsg

@@ -102,8 +102,8 @@ class MeshAttribute {
 /// One channel of texture coordinates: stored values, or, when there are none, an affine map of the position.
 struct TexCoords {
     MeshAttribute values;
-    /// s = dot(sFromPosition.xyz, position) + sFromPosition.w, likewise t. Used only while !values.present().
-    Vec4f sFromPosition{0}, tFromPosition{0};
+    /// s = dot(sFromPosition.xyz, position) + sFromPosition.w, likewise t and r. Used only while !values.present().
+    Vec4f sFromPosition{0}, tFromPosition{0}, rFromPosition{0};
     /// TextureCoordinateGenerator (18.4.8): coordinates that depend on who looks are made where they are needed, from
     /// the place, the normal and the view; the affine map above is not used then.
     enum class Generator : std::uint8_t {
@@ -121,6 +121,9 @@ struct TexCoords {
     };
     Generator generator = Generator::none;
     std::vector<float> parameter;  // as the node has it
+    /// The author gave them. Else they lie flat on the geometry, and textures that want three coordinates make their
+    /// own.
+    bool authored = false;
     /// X3D 4.0 `mapping`: the name that a texture's mapping field refers to. Empty: the default channel.
     String mapping;
 };
@@ -151,6 +154,8 @@ struct Mesh {
     /// Absent: faceted, shade with the geometric normal.
     MeshAttribute normals;
     MeshAttribute colors;
+    /// FogCoordinate (24.4.3): how much of the colour is a fog's, from 0 to 1, in the first of two components.
+    MeshAttribute fogDepths;
     /// At least one channel when triangleCount > 0.
     std::vector<TexCoords> texCoords;
     /// X3D `solid`: the back need not be drawn.
@@ -233,7 +238,7 @@ inline Vec4f Mesh::texCoord(std::uint32_t triangle, float u, float v, std::size_
     const TexCoords& set = texCoords[channel];
     if (set.values.present()) return set.values.interpolate(triangle, u, v);
     const Vec4f p(position(triangle, u, v), 1.0f);
-    return {glm::dot(set.sFromPosition, p), glm::dot(set.tFromPosition, p), 0.0f, 1.0f};
+    return {glm::dot(set.sFromPosition, p), glm::dot(set.tFromPosition, p), glm::dot(set.rFromPosition, p), 1.0f};
 }
 
 inline ColorRGBA Mesh::color(std::uint32_t triangle, float u, float v) const {

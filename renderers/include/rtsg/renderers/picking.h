@@ -45,6 +45,9 @@ class Picker {
     /// Error: origin or direction not finite, direction zero, origin farther than RayWorld::kMaxCoordinate.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction,
                      double maximum = std::numeric_limits<double>::infinity(), double pixel = kPixel) const;
+    /// The first surface of one layer of a LayerSet; 0: of what is in none.
+    Result<Pick> ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
+                     double pixel) const;
     static constexpr double kPixel = .001;
     /// The point of any surface nearest to `point` within `maximum` metres. Error: as above.
     Result<Pick> closest(const Vec3d& point, double maximum = std::numeric_limits<double>::infinity()) const;
@@ -57,6 +60,8 @@ class Picker {
 
   private:
     struct Candidate;
+    Result<Pick> pick(const Vec3d& origin, const Vec3d& direction, double maximum, double pixel,
+                      const RayFilter* filter) const;
     Pick finish(const Candidate& candidate) const;
     const RayWorld* world_;
     const Flattener* flattener_;

@@ -56,7 +56,7 @@ struct TexCoordParams {
     Array<Vec2f> point;
     Array<Vec3f> point3;  // TextureCoordinate3D
     Array<Vec4f> point4;  // TextureCoordinate4D
-    /// TextureCoordinateGenerator of mode COORD: the position itself, (x, y) as (s, t).
+    /// TextureCoordinateGenerator of mode COORD: the position itself, (x, y, z) as (s, t, r).
     bool fromPosition = false;
     /// The other modes.
     TexCoords::Generator generator = TexCoords::Generator::none;
@@ -71,6 +71,7 @@ struct SurfaceParams {
     Array<ColorRGBA> colorRGBA;  // preferred when both are given
     Array<Vec3f> normal;
     std::vector<TexCoordParams> texCoord;
+    Array<float> fogDepth;  // per vertex
     bool ccw = true, solid = true;
     bool colorPerVertex = true, normalPerVertex = true;
 };
@@ -153,6 +154,7 @@ struct StrokeParams {
     Array<Vec3f> coord;
     Array<Color> color;
     Array<ColorRGBA> colorRGBA;  // preferred when both are given
+    Array<float> fogDepth;       // per vertex
     Mesh::Strokes kind = Mesh::Strokes::lines;
     /// Lines: the points of each, as in IndexedLineSet; or how many each takes of `coord` in its order.
     bool indexed = false;

@@ -23,13 +23,21 @@
 
 namespace rtsg {
 
-/// What lies beyond 0 and 1 (TextureProperties.boundaryMode, or repeatS and repeatT).
-enum class TextureWrap : std::uint8_t { repeat, mirror, clamp };
+/// What lies beyond 0 and 1 (TextureProperties.boundaryMode, or repeatS and repeatT). Border: one colour.
+enum class TextureWrap : std::uint8_t { repeat, mirror, clamp, border };
+
+/// Which coarser copies count where a pixel covers more of the texture than one of its own pixels: none, the one that
+/// is nearest in size, or a mix of the two.
+enum class TextureLevels : std::uint8_t { finest, nearest, mixed };
 
 /// How a texture is read; the same Texture may be read in several ways.
 struct TextureAccess {
     TextureWrap wrapS = TextureWrap::repeat, wrapT = TextureWrap::repeat;
-    bool smooth = true;  // bilinear; otherwise the nearest pixel
+    bool smooth = true;     // where a pixel is smaller than the texture's: bilinear; otherwise the nearest one
+    bool smoothFar = true;  // the same where it is larger
+    TextureLevels levels = TextureLevels::mixed;
+    TextureWrap wrapR = TextureWrap::repeat;  // of textures that are looked up by three coordinates
+    Vec4f border{0};                          // display values, as the field has them
 };
 
 class Texture {
@@ -55,6 +63,10 @@ class Texture {
     static Result<Texture> fromMemory(std::span<const std::uint8_t> file, const std::string& name,
                                       Content content = Content::color,
                                       std::uint64_t maximumPixels = std::uint64_t{1} << 26);
+    /// The same of a file that may hold several layers, from the lowest on.
+    static Result<std::vector<Texture>> layersFromMemory(std::span<const std::uint8_t> file, const std::string& name,
+                                                         Content content = Content::color,
+                                                         std::uint64_t maximumPixels = std::uint64_t{1} << 26);
 
     int width() const { return finest_.width; }
     int height() const { return finest_.height; }
@@ -74,6 +86,10 @@ class Texture {
     Vec4f sample(float s, float t, float footprint, const TextureAccess& access,
                  ColorSpace space = ColorSpace::linear) const;
 
+    /// A rectangle of it as a texture of its own, pixels counted from the lower left; `turned`: by half a turn.
+    /// Precondition: it lies within and is not empty.
+    Texture part(int x, int y, int partWidth, int partHeight, bool turned = false) const;
+
   private:
     struct Level {
         int width = 0, height = 0;
@@ -87,8 +103,10 @@ class Texture {
         std::vector<Level> levels;
     };
     Vec4f texel(const Level& level, int x, int y, bool decode) const;
-    Vec4f sampleLevel(const Level& level, float s, float t, const TextureAccess& access, bool decode) const;
+    Vec4f sampleLevel(const Level& level, float s, float t, const TextureAccess& access, bool smooth,
+                      bool decode) const;
     Vec4f sampleLevels(float s, float t, float footprint, const TextureAccess& access, bool decode) const;
+    Vec4f borderColor(const TextureAccess& access, bool decode) const;
     const std::vector<Level>& coarse(bool decode) const;
     Level halved(const Level& fine, bool decode) const;
     void noteAlpha();

@@ -1,0 +1,107 @@
+// Fogs that reach some shapes alone, and depths that authors give, against the formulas of clause 24.
+#include <rtsg/core/x3d.h>
+
+#include "light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+Vec3f seen(const std::string& body, Integrator integrator = Integrator::whitted,
+           ColorSpace space = ColorSpace::display) {
+    LightScene s(body);
+    s.options.settings.integrator = integrator;
+    s.options.settings.colorSpace = integrator == Integrator::path ? ColorSpace::linear : space;
+    return s.center();
+}
+/// A red square 10 m from the eye with something beside it in its group.
+std::string group(const std::string& beside) {
+    return "Group { children [ " + beside + " " + square(5, unlit("1 0 0")) + " ] }";
+}
+
+// 24.4.4, 24.4.2: linear (V - d) / V, exponential exp(-d / (V - d)).
+TEST(LocalFog, ReachesItsGroupAndWhatIsBelow) {
+    const char* fog = "LocalFog { color 0 0 1 visibilityRange 40 }";
+    expectColor(seen(group(fog)), {.75, 0, .25}, 1e-6);
+    expectColor(seen("Group { children [ " + std::string(fog) + group("") + " ] }"), {.75, 0, .25}, 1e-6);
+    expectColor(seen("Group { children [ " + std::string(fog) + " ] } " + group("")), {1, 0, 0}, 0);
+    const double f = std::exp(-10. / 30);
+    expectColor(seen(group("LocalFog { color 0 0 1 visibilityRange 40 fogType \"EXPONENTIAL\" }")), {f, 0, 1 - f},
+                1e-6);
+    expectColor(seen(group("LocalFog { color 0 0 1 visibilityRange 40 enabled FALSE }")), {1, 0, 0}, 0);
+    // Its range is in its own frame.
+    expectColor(seen("Transform { scale 2 2 2 children [ LocalFog { color 0 0 1 visibilityRange 20 } " +
+                     square(5, unlit("1 0 0")) + " ] }"),
+                {.75, 0, .25}, 1e-6);
+}
+
+TEST(LocalFog, TheNearestOneCounts) {
+    const std::string near = group("LocalFog { color 0 0 1 visibilityRange 40 }");
+    expectColor(seen("Fog { color 0 1 0 visibilityRange 20 } " + near), {.75, 0, .25}, 1e-6);
+    expectColor(seen("Group { children [ LocalFog { color 0 1 0 visibilityRange 20 } " + near + " ] }"), {.75, 0, .25},
+                1e-6);
+    expectColor(seen("Fog { color 0 1 0 visibilityRange 20 } " + group("LocalFog { enabled FALSE }")), {.5, .5, 0},
+                1e-6);
+    expectColor(seen("Fog { color 0 1 0 visibilityRange 20 } " + group("LocalFog { visibilityRange 0 }")), {1, 0, 0},
+                1e-6);
+    // What is seen through one thing has its own.
+    expectColor(seen("Transform { translation 0 0 5 children [ " +
+                     square(5, "material UnlitMaterial { emissiveColor 0 1 0 transparency .5 }") + " ] }" + near),
+                {.5 * .75, .5, .5 * .25}, 1e-6);
+}
+
+TEST(LocalFog, PathsSeeTheSame) {
+    const std::string body = group("LocalFog { color 0 0 .5 visibilityRange 40 }");
+    const Vec3f direct = seen(body, Integrator::whitted, ColorSpace::linear);
+    expectColor(seen(body, Integrator::path), Vec3d(direct), 1e-6);
+    expectColor(direct, {.75, 0, .25 * linearFromSrgb(.5f)}, 1e-6);
+}
+
+TEST(LocalFog, FollowsTheScene) {
+    LightScene s("DEF A Group { children [ DEF F LocalFog { color 0 0 1 visibilityRange 40 } " +
+                 square(5, unlit("1 0 0")) + " ] }");
+    s.options.settings.colorSpace = ColorSpace::display;
+    expectColor(s.center(), {.75, 0, .25}, 1e-6);
+    ASSERT_TRUE(s.scene.set(s.node("F"), x3d::LocalFog::visibilityRange, 20.f));
+    s.scene.newFrame(1);
+    expectColor(s.center(), {.5, 0, .5}, 1e-6);
+    ASSERT_TRUE(s.scene.set(s.node("F"), x3d::LocalFog::enabled, false));
+    s.scene.newFrame(2);
+    expectColor(s.center(), {1, 0, 0}, 1e-6);
+}
+
+// 24.4.3: depths stand in for the distance.
+TEST(FogCoordinate, GivesTheShareOfTheFog) {
+    const auto quad = [](const char* depths) {
+        return std::string("Shape { appearance Appearance { ") + unlit("1 0 0") +
+               " } geometry IndexedFaceSet { coordIndex [ 0 1 2 3 ] fogCoord FogCoordinate { depth [ " + depths +
+               " ] } coord Coordinate { point [ -4 -4 0, 4 -4 0, 4 4 0, -4 4 0 ] } } }";
+    };
+    const std::string fog = "Fog { color 0 0 1 visibilityRange 1000 } ";
+    expectColor(seen(fog + quad("0 0 0 0")), {1, 0, 0}, 1e-6);
+    expectColor(seen(fog + quad(".25 .25 .25 .25")), {.75, 0, .25}, 1e-6);
+    expectColor(seen(fog + quad("0 1 1 0")), {.5, 0, .5}, 1e-4);
+    expectColor(seen(quad("1 1 1 1")), {1, 0, 0}, 0);  // no fog, nothing to be hidden by
+    expectColor(
+        seen("Group { children [ LocalFog { color 0 0 1 visibilityRange 1000 } " + quad(".5 .5 .5 .5") + " ] }"),
+        {.5, 0, .5}, 1e-6);
+}
+
+TEST(FogCoordinate, OfLinesAndPoints) {
+    const std::string fog = "Fog { color 0 0 1 visibilityRange 1000 } ";
+    const std::string look =
+        "appearance Appearance { material UnlitMaterial { emissiveColor 1 0 0 } lineProperties LineProperties { "
+        "linewidthScaleFactor 9 } "
+        "pointProperties PointProperties { pointSizeScaleFactor 9 } } ";
+    expectColor(seen(fog + "Shape { " + look +
+                     "geometry LineSet { vertexCount 2 fogCoord FogCoordinate { depth [ 0 1 ] } coord Coordinate { "
+                     "point [ -2 0 0, 2 0 0 ] } } }"),
+                {.5, 0, .5}, .02);
+    expectColor(seen(fog + "Shape { " + look +
+                     "geometry PointSet { fogCoord FogCoordinate { depth .25 } coord Coordinate { point 0 0 0 } } }"),
+                {.75, 0, .25}, 1e-5);
+}
+
+}  // namespace
+}  // namespace rtsg
