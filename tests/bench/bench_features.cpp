@@ -84,6 +84,10 @@ constexpr Feature kFeatures[] = {
      "geometry Sphere { } }"},
     {"Texture3D",
      "Shape { appearance Appearance { texture PixelTexture3D { image [ 1 1 1 2 0 255 ] } } geometry Box { } }"},
+    {"NURBS",
+     "Shape { geometry NurbsPatchSurface { uDimension 3 vDimension 3 solid FALSE controlPoint Coordinate { point [ 0 0 "
+     "0, 1 0 0, "
+     "2 0 0, 0 1 0, 1 1 1, 2 1 0, 0 2 0, 1 2 0, 2 2 0 ] } } }"},
     {"TextureCoordinateGenerator",
      "Shape { appearance Appearance { texture PixelTexture { image 1 1 1 255 } } geometry IndexedFaceSet { coordIndex "
      "[ 0 1 2 ] "

@@ -15,6 +15,7 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         appendInterpolators(t);
         appendFollowers(t);
         appendSplines(t);
+        appendNurbs(t);
         appendEnvironmentalSensors(t);
         appendTriggers(t);
         appendBindables(t);

@@ -11,6 +11,7 @@ bool timeSensorAccepts(const Node& node, FieldIndex field, const void* value);
 void appendInterpolators(std::vector<BuiltinBehaviour>& table);
 void appendFollowers(std::vector<BuiltinBehaviour>& table);
 void appendSplines(std::vector<BuiltinBehaviour>& table);
+void appendNurbs(std::vector<BuiltinBehaviour>& table);
 void appendEnvironmentalSensors(std::vector<BuiltinBehaviour>& table);
 void appendTriggers(std::vector<BuiltinBehaviour>& table);
 void appendBindables(std::vector<BuiltinBehaviour>& table);

@@ -31,6 +31,7 @@ constexpr Row kRows[] = {
     {x3d::ScreenFontStyle::type, "its points are 1/72 inch of the scene, not of the screen"},
     {x3d::Layout::type, kPlain},
     {x3d::ScreenGroup::type, "what is in it has the size of the scene's metres, not of pixels"},
+    {x3d::NurbsSet::type, "its surfaces are cut each for itself"},
     {x3d::ComposedShader::type, kShader},
     {x3d::PackagedShader::type, kShader},
     {x3d::ProgramShader::type, kShader},

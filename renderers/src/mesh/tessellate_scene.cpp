@@ -5,6 +5,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "tessellate_deform.h"
+#include "tessellate_nurbs.h"
 #include "tessellate_text.h"
 
 namespace rtsg {
@@ -222,6 +223,7 @@ class SceneTessellator {
         if (detail::isComposed(node_))
             return std::visit([](const auto& p) { return tessellate(p); },
                               detail::readComposed(scene_, node_, problems_));
+        if (detail::isNurbs(node_)) return detail::tessellateNurbs(scene_, node_, options_);
         switch (node_.typeIndex().value) {
             case x3d::Box::type.value:
                 return tessellate(BoxParams{get(x3d::Box::size), get(x3d::Box::solid)});

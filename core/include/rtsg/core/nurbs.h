@@ -1,0 +1,71 @@
+// NURBS: points and derivatives of non-uniform rational B-splines, for what is drawn of them and for interpolators.
+//
+// Invariant: a knot vector that does not fit (another number than control points plus order, falling, or more than
+// order - 1 equal ones inside) is replaced by an even one, as the standard wants; evaluation then never fails.
+// Weights that are missing, or not above 0, count as 1. Threading: plain data, const members re-entrant.
+// Source: ISO/IEC 19775-1 V4.0 27.2; Piegl and Tiller, The NURBS Book (1997), algorithms A2.2, A3.1 and A4.3.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include <rtsg/core/value.h>
+
+namespace rtsg {
+
+/// The functions that control points are blended with, along one parameter.
+class NurbsBasis {
+  public:
+    static constexpr int kMostOrder = 16;
+
+    NurbsBasis() = default;
+    /// Precondition: fits(order, count). `replaced` is set if the knots do not fit.
+    NurbsBasis(int order, std::size_t count, std::span<const double> knots, bool* replaced = nullptr);
+    static bool fits(int order, std::size_t count) {
+        return order >= 2 && order <= kMostOrder && count >= static_cast<std::size_t>(order);
+    }
+
+    int order() const { return order_; }
+    std::size_t count() const { return count_; }
+    /// The domain.
+    double first() const { return knots_[static_cast<std::size_t>(order_) - 1]; }
+    double last() const { return knots_[count_]; }
+    /// Where the pieces begin and end, from first() to last(), each once.
+    std::vector<double> breaks() const;
+
+    /// What the `order` control points from `start` on count at `u`, which is held within the domain, and how fast that
+    /// changes.
+    struct At {
+        std::size_t start = 0;
+        std::array<double, kMostOrder> value{}, slope{};
+    };
+    At at(double u) const;
+
+  private:
+    int order_ = 2;
+    std::size_t count_ = 0;
+    std::vector<double> knots_;
+};
+
+/// Weighted control points: (w x, w y, w z, w).
+using NurbsPoints = std::vector<Vec4d>;
+NurbsPoints nurbsPoints(std::span<const Vec3d> points, std::span<const double> weights);
+
+struct NurbsCurve {
+    NurbsBasis basis;
+    NurbsPoints points;
+    Vec3d at(double u, Vec3d* slope = nullptr) const;
+};
+
+/// Control point (i, j) is number i + j * u.count().
+struct NurbsSurface {
+    NurbsBasis u, v;
+    NurbsPoints points;
+    Vec3d at(double s, double t, Vec3d* alongU = nullptr, Vec3d* alongV = nullptr) const;
+    /// Unit, along the cross product of both directions; where that has no direction, that of places nearby; else 0.
+    Vec3d normal(double s, double t) const;
+};
+
+}  // namespace rtsg
