@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <initializer_list>
 #include <utility>
 
@@ -76,6 +77,7 @@ void Strokes::commit() {
     view_.tree_ = tree_;
     view_.objects_ = objects_.pages();
     view_.widest_ = widest_;
+    view_.box_ = tree_.bounds();
 }
 
 StrokeView Strokes::freeze(Pages& pages) const {
@@ -309,6 +311,36 @@ bool isDrawn(std::int32_t type, float pixels, float width) {
     }
 }
 
+/// The ends of a leaf's strokes in ray space.
+class LeafEnds {
+  public:
+    void set(int i, const glm::mat4x3& rayFromLocal, const StrokeBvh::Stroke& stroke) {
+        const Vec3f a = rayFromLocal * Vec4f(stroke.a, 1), b = rayFromLocal * Vec4f(stroke.b, 1);
+        for (int c = 0; c < 3; ++c) lanes_[c][i] = a[c], lanes_[3 + c][i] = b[c];
+    }
+    Vec3f a(int i) const { return {lanes_[0][i], lanes_[1][i], lanes_[2][i]}; }
+    Vec3f b(int i) const { return {lanes_[3][i], lanes_[4][i], lanes_[5][i]}; }
+    /// A bit for each that may come into the cone, whose axis is a unit vector; many that share a box with others do
+    /// not.
+    std::uint32_t near(const Cone& cone) const {
+        const V8 d = broadcast(cone.direction), from = broadcast(cone.origin);
+        const V8 a = V8{load(lanes_[0]), load(lanes_[1]), load(lanes_[2])} - from;
+        const V8 b = V8{load(lanes_[3]), load(lanes_[4]), load(lanes_[5])} - from;
+        const F8 ta = dot(a, d), tb = dot(b, d), last = max(ta, tb);
+        // What is nearest to the axis, seen along it.
+        const V8 across = a - d * ta, way = b - d * tb - across;
+        const F8 u = min(max(-dot(across, way) / max(dot(way, way), all(1e-30f)), all(0)), all(1));
+        const V8 apart = across + way * u;
+        const F8 rounding = 0x1p-18f * (sqrt(dot(a, a)) + sqrt(dot(b, b)) + glm::length(cone.origin));
+        const F8 radius = cone.reach.x + cone.growth.x * max(last, all(0)) + rounding;
+        return moveMask((dot(apart, apart) <= radius * radius) & (last + radius >= cone.start) &
+                        (min(ta, tb) - radius <= cone.end));
+    }
+
+  private:
+    alignas(32) float lanes_[6][8] = {};
+};
+
 constexpr float kRoom = 1.01f;  // for where the entry lies before the place nearest to the axis, and roundings
 
 /// The factor that bounds a pixel's width by the way along a ray: beyond the axis' distance from the eye by the width.
@@ -316,6 +348,38 @@ float growthOf(const PixelLens& lens, float halfWidth) {
     const float slope = std::min(halfWidth * lens.spread, .5f);
     return halfWidth * lens.spread * kRoom / (1 - slope);
 }
+
+}  // namespace
+
+namespace {
+
+/// All strokes with the room around them that they may take up as an eye sees them: pixels are as wide as their depth
+/// says, and that of no stroke is more than the box's farthest corner is away.
+struct Reach {
+    Vec3f lower, upper;
+    Reach(const TreeView::Box& box, const PixelLens& lens, float widest) {
+        const Vec3f far = glm::max(glm::abs(box.lower - lens.eye), glm::abs(box.upper - lens.eye));
+        const float room = kRoom * widest * (lens.spread * glm::length(far) + lens.size);
+        // And for the roundings of boxes and rays.
+        const Vec3f slack = room + 0x1p-18f * (glm::max(glm::abs(box.lower), glm::abs(box.upper)) + glm::length(far));
+        lower = box.lower - slack, upper = box.upper + slack;
+    }
+    /// Lanes that may come into it within their segments.
+    I8 mayMeet(const V8& o, const V8& d, F8 tMin, F8 tMax) const {
+        const auto slab = [](F8 from, F8 along, float low, float high, F8& near, F8& far) {
+            const F8 small = all(kSmall), zero{};
+            const F8 inverse =
+                1.0f / select((along < small) & (along > -small), select(along < zero, -small, small), along);
+            const F8 a = (low - from) * inverse, b = (high - from) * inverse;
+            near = max(near, min(a, b)), far = min(far, max(a, b));
+        };
+        F8 near = tMin, far = tMax;
+        slab(o.x, d.x, lower.x, upper.x, near, far);
+        slab(o.y, d.y, lower.y, upper.y, near, far);
+        slab(o.z, d.z, lower.z, upper.z, near, far);
+        return near * TreeView::kCloser <= far * TreeView::kFarther;
+    }
+};
 
 }  // namespace
 
@@ -373,6 +437,7 @@ void StrokeView::traverse(Rays& rays, const PixelLens& lens, RayKind kind) const
         cone.direction = o.localFromRay * cone.direction;
         cone.reach *= o.rowLengths, cone.growth *= o.rowLengths;
         cone.end = rays.end;
+        const Cone around = coneOf(o.halfWidth);
         const Width width(lens, o);
         const std::int32_t type = o.style && !o.isPoints ? o.style->lineType : 1;
         const TreeView::Node* nodes = o.bvh->nodes().data();
@@ -382,9 +447,15 @@ void StrokeView::traverse(Rays& rays, const PixelLens& lens, RayKind kind) const
             [&](std::uint32_t leaf) {
                 const std::uint32_t first = StrokeBvh::firstOf(leaf), count = StrokeBvh::countOf(leaf);
                 bool found = false;
-                for (std::uint32_t i = first; i < first + count; ++i) {
-                    const Vec3f a = o.rayFromLocal * Vec4f(strokes[i].a, 1),
-                                b = o.rayFromLocal * Vec4f(strokes[i].b, 1);
+                LeafEnds ends;
+                for (std::uint32_t k = 0; k < StrokeBvh::kMostInLeaf; ++k)
+                    ends.set(static_cast<int>(k), o.rayFromLocal, strokes[first + std::min(k, count - 1)]);
+                std::uint32_t near = (1u << count) - 1;
+                if (rays.halves > 1) near &= ends.near(around);
+                for (; near; near &= near - 1) {
+                    const int which = std::countr_zero(near);
+                    const std::uint32_t i = first + static_cast<std::uint32_t>(which);
+                    const Vec3f a = ends.a(which), b = ends.b(which);
                     for (int h = 0; h < rays.halves; ++h) {
                         Met m = rtsg::bvh::meet(rays.o[h], rays.d[h], broadcast(a), broadcast(b), width);
                         m.hit &= (m.t >= rays.tMin[h]) & (m.t <= rays.tMax[h]) & rays.active[h];
@@ -431,16 +502,34 @@ bool StrokeView::occluded(const Ray& ray, const PixelLens& lens, RayKind kind) c
     return rays.hitSlot[0][0] != Rays::kNoSlot;
 }
 
+/// Which lanes may meet a line or point at all: most packets come nowhere near one.
+bool StrokeView::comesNear(const RayPacket16& packet, const std::int32_t* valid, const PixelLens& lens,
+                           I8* near) const {
+    const Reach reach(box_, lens, widest_);
+    for (int h = 0; h < 2; ++h) {
+        const int at = 8 * h;
+        const F8 tMin = load(packet.tMin + at), tMax = load(packet.tMax + at);
+        const V8 o{load(packet.originX + at), load(packet.originY + at), load(packet.originZ + at)};
+        const V8 d{load(packet.directionX + at), load(packet.directionY + at), load(packet.directionZ + at)};
+        I8 wanted;
+        std::memcpy(&wanted, valid + at, sizeof wanted);
+        near[h] = (wanted != 0) & (tMin <= tMax) & reach.mayMeet(o, d, tMin, tMax);
+    }
+    return any(near[0]) || any(near[1]);
+}
+
 template <bool kAny>
 std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid, const PixelLens& lens,
                                  RayKind kind) const {
+    I8 near[2];
+    if (!comesNear(packet, valid, lens, near)) return 0;
     Rays rays;
     Vec3f low(HUGE_VALF), high(-HUGE_VALF), sum(0);
     int count = 0;
     rays.start = HUGE_VALF;
     Vec3f units[16];
     for (int i = 0; i < 16; ++i) {
-        if (!valid[i] || packet.tMax[i] < packet.tMin[i]) continue;
+        if (!near[i / 8][i % 8]) continue;
         const Vec3f o(packet.originX[i], packet.originY[i], packet.originZ[i]);
         const Vec3f d(packet.directionX[i], packet.directionY[i], packet.directionZ[i]);
         const float length = glm::length(d);
@@ -457,7 +546,7 @@ std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid,
         rays.d[h] = {load(packet.directionX + at), load(packet.directionY + at), load(packet.directionZ + at)};
         rays.length[h] = sqrt(dot(rays.d[h], rays.d[h]));
         rays.tMin[h] = load(packet.tMin + at), rays.tMax[h] = load(packet.tMax + at);
-        for (int k = 0; k < 8; ++k) rays.active[h][k] = valid[at + k] && rays.tMax[h][k] >= rays.tMin[h][k] ? -1 : 0;
+        rays.active[h] = near[h];
     }
     // Rays that run together look for boxes as one; others each for itself.
     constexpr float kTogether = .05f;

@@ -56,6 +56,7 @@ class StrokeView {
     friend class Strokes;
     static constexpr std::size_t kObjectsPerPage = 16;
     struct Rays;
+    bool comesNear(const RayPacket16& packet, const std::int32_t* valid, const PixelLens& lens, simd::I8* near) const;
     template <bool kAny>
     void traverse(Rays& rays, const PixelLens& lens, RayKind kind) const;
     template <bool kAny>
@@ -63,6 +64,7 @@ class StrokeView {
     const StrokeObject& object(std::uint32_t i) const { return objects_[i / kObjectsPerPage][i % kObjectsPerPage]; }
 
     TreeView tree_;
+    TreeView::Box box_;  // around all axes
     const StrokeObject* const* objects_ = nullptr;
     float widest_ = 0;  // half, pixels
 };

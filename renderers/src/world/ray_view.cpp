@@ -94,10 +94,19 @@ Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
 }
 
 std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, const float* tMax, RayKind kind) const {
+    // Rays that run together meet few instances: each is asked about once, as long as they meet the same.
+    std::uint32_t inst = 0, geom = 0;
+    bool known = false, concerned = false;
     for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
         const int i = std::countr_zero(rest);
+        if (!known || rays.inst_[i] != inst || rays.geom_[i] != geom) {
+            inst = rays.inst_[i], geom = rays.geom_[i];
+            const bool resolved = bvh::StrokeView::isResolved(inst);
+            concerned = filter_->concerns(resolved ? geom : tables_->top.objectOf(inst).slotOf(geom));
+            known = true;
+        }
+        if (!concerned) continue;
         const Hit first = hit(rays, i);
-        if (!filter_->concerns(first.instance)) continue;
         Ray ray{{rays.originX[i], rays.originY[i], rays.originZ[i]},
                 rays.tMin[i],
                 {rays.directionX[i], rays.directionY[i], rays.directionZ[i]},
@@ -156,18 +165,14 @@ std::uint32_t RayView::occluded(RayPacket16& rays, bool coherent, RayKind kind) 
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
     if (filter_) {
-        std::uint32_t left = 0;
-        for (int i = 0; i < 16; ++i) {
-            if (!valid[i]) continue;
-            const Ray ray{{rays.originX[i], rays.originY[i], rays.originZ[i]},
-                          rays.tMin[i],
-                          {rays.directionX[i], rays.directionY[i], rays.directionZ[i]},
-                          rays.tMax[i]};
-            if (!intersectFiltered(ray, kind)) continue;
-            left |= 1u << i;
-            rays.tMax[i] = -HUGE_VALF;
-        }
-        return left;
+        // What blocks a ray may be left out where it does: the nearest is looked for, and beyond it if so.
+        float tMax[16];
+        std::memcpy(tMax, rays.tMax, sizeof tMax);
+        std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind);
+        if (seesStrokes(kind)) hits |= tables_->strokes.intersect(rays, valid, lens_, kind);
+        hits = filterHits(rays, hits, tMax, kind);
+        for (int i = 0; i < 16; ++i) rays.tMax[i] = hits >> i & 1u ? -HUGE_VALF : tMax[i];
+        return hits;
     }
     std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind);
     if (seesStrokes(kind)) blocked |= tables_->strokes.occluded(rays, valid, lens_, kind);
