@@ -57,7 +57,7 @@ const args = ['--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '
   '--disable-component-update', '--disable-sync', '--enable-unsafe-swiftshader'];
 const browser = await playwright.chromium.launchPersistentContext(path.join(scratch, 'profile'),
   {executablePath: chromium, args, headless: true, viewport: {width: 320, height: 320}});
-const kPatience = 60_000;
+const kPatience = 180_000;  // a machine without a GPU, and busy besides; only a failing test waits this long
 
 async function open(url, {width = 320, height = 320, quality = 'low', picture = true} = {}) {
   const page = await browser.newPage();

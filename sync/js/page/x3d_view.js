@@ -16,7 +16,7 @@ const kActing = ['X3DTimeDependentNode', 'X3DInterpolatorNode', 'X3DScriptNode',
   'X3DSoundSourceNode', 'X3DSoundProcessingNode', 'X3DSoundChannelNode', 'X3DInfoNode', 'X3DMetadataObject', 'X3DPhysicsModelNode'];
 const kShown = new Set(['MovieTexture']);
 const kLeftOut = new Set(['BooleanFilter', 'BooleanToggle', 'BooleanTrigger', 'IntegerTrigger', 'TimeTrigger', 'Script', 'CollisionSensor',
-  'RigidBodyCollection', 'Collision ', 'LoadSensor']);
+  'RigidBodyCollection', 'LoadSensor']);
 
 export class X3dView {
   /** `onTouch(id, field, value)`: what a TouchSensor here has to say. `pictureUrl(id, index)`: of a texture's url of that index.

@@ -1,7 +1,7 @@
 // Writes the primitives of the format, and the few messages and records that a client sends (PROTOCOL.md, "Mirror").
 
 import {xxh64} from './xxh3.js';
-import {SFROTATION, fixedSize, typeName} from './values.js';
+import {fixedSize, typeName} from './values.js';
 
 const utf8 = new TextEncoder();
 const kStrings = 10, kImages = 18;  // value types of SFString and SFImage; MF types are one more
@@ -65,7 +65,6 @@ export function writeValue(w, type, value) {
   for (const x of numbers) w[put](Number(x));
   return w;
 }
-export {SFROTATION};
 
 /** A frame record of these blocks, as clients send it: its states mean nothing. */
 export function record(blocks) {
