@@ -165,10 +165,16 @@ std::uint32_t RayView::occluded(RayPacket16& rays, bool coherent, RayKind kind) 
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
     if (filter_) {
-        // What blocks a ray may be left out where it does: the nearest is looked for, and beyond it if so.
+        // What blocks a ray may be left out where it does: of those that something blocks the nearest is looked for,
+        // and what is beyond it if need be.
         float tMax[16];
         std::memcpy(tMax, rays.tMax, sizeof tMax);
-        std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind);
+        std::uint32_t hits = tables_->top.occluded(rays, valid, coherent, kind);
+        if (seesStrokes(kind)) hits |= tables_->strokes.occluded(rays, valid, lens_, kind);
+        if (!hits) return 0;
+        std::memcpy(rays.tMax, tMax, sizeof tMax);
+        for (int i = 0; i < 16; ++i) valid[i] = hits >> i & 1u ? -1 : 0;
+        hits = tables_->top.intersect(rays, valid, coherent, kind);
         if (seesStrokes(kind)) hits |= tables_->strokes.intersect(rays, valid, lens_, kind);
         hits = filterHits(rays, hits, tMax, kind);
         for (int i = 0; i < 16; ++i) rays.tMax[i] = hits >> i & 1u ? -HUGE_VALF : tMax[i];
