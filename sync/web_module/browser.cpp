@@ -40,6 +40,7 @@ void Browser::begin(Request request) {
     });
     socket_.async_accept(request_, [self = shared_from_this()](beast::error_code error) {
         if (error) return self->leave();
+        self->accepted_ = true;
         self->read();
         self->pump();
     });
@@ -61,7 +62,7 @@ void Browser::read() {
 }
 
 void Browser::pump() {
-    if (gone_) return;
+    if (gone_ || !accepted_) return;  // end() may come while the answer to the browser is still being written
     std::string message;
     while (queued_ < kMostQueued && link_.receive(message)) {
         queued_ += message.size();

@@ -42,7 +42,7 @@ class Browser : public std::enable_shared_from_this<Browser> {
     beast::flat_buffer incoming_;
     std::deque<std::string> queue_;
     std::size_t queued_ = 0;
-    bool writing_ = false, watching_ = false, ending_ = false, gone_ = false;
+    bool accepted_ = false, writing_ = false, watching_ = false, ending_ = false, gone_ = false;
 };
 
 }  // namespace rtsg::web
