@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <csignal>
+#include <filesystem>
 #include <thread>
 
 #include <fcntl.h>
@@ -37,10 +38,27 @@ TEST_F(Recorder, WritesEveryStateAndAcknowledgesIt) {
         EXPECT_TRUE((*recorder)->waitFor(scene.sequence(), 60s)) << (*recorder)->failure();
         EXPECT_TRUE((*recorder)->stop());
         EXPECT_EQ((*recorder)->acknowledged(), scene.sequence());
+        EXPECT_EQ((*recorder)->bytes(), std::filesystem::file_size(file())) << "the index, too";
         const Replayed replayed = replay(file(), recorded);
         EXPECT_EQ(replayed.damage, 0u);
         EXPECT_EQ(replayed.states.back(), scene.sequence());
         EXPECT_EQ(replayed.states.size() + (*recorder)->merged(), recorded.dumps.size());
+    }
+}
+
+TEST_F(Recorder, OneThatIsWaitedForStartsWithTheFirstStateInTheFile) {
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+        Scene scene;
+        RandomEdits edits(scene, seed);
+        for (int i = 0; i < 2000; ++i) edits.step();
+        scene.newFrame(0);
+        const std::uint64_t first = scene.sequence();
+        auto recorder = LogRecorder::start(scene, file(), {}, LogRecorder::WhenBehind::wait);
+        ASSERT_TRUE(recorder);
+        EXPECT_EQ((*recorder)->acknowledged(), first);
+        EXPECT_GT((*recorder)->bytes(), 0u);
+        EXPECT_TRUE((*recorder)->stop());
+        std::filesystem::remove(file());
     }
 }
 
