@@ -277,8 +277,8 @@ TEST(WorldVersion, DeformingMeshesTakeTurns) {
             fresh.show(shown);
             EXPECT_TRUE(sameHits(*version, fresh.world, random, 30)) << frame;
         }
-        // Four trees take turns: no more come. (Embree's blocks of memory are as many as threads took part in a build, so
-        // that equal trees differ in size by up to 2; without turns there would be 60 trees at the end.)
+        // Four trees take turns: no more come. (Embree's blocks of memory are as many as threads took part in a build,
+        // so that equal trees differ in size by up to 2; without turns there would be 60 trees at the end.)
         if (frame == 10) bytes = shape.world.memory().bvhBytes;
     }
     EXPECT_LT(shape.world.memory().bvhBytes, 3 * bytes);
