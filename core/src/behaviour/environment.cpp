@@ -6,6 +6,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
+#include "rotations.h"
 #include "scene/places.h"
 
 namespace rtsg::behaviours {
@@ -25,13 +26,6 @@ bool isBox(const Vec3f& size) {
 bool isInBox(const glm::dvec3& point, const Vec3f& center, const Vec3f& size) {
     const glm::dvec3 from = glm::abs(point - glm::dvec3(center)), half = glm::dvec3(size) * .5;
     return from.x <= half.x && from.y <= half.y && from.z <= half.z;
-}
-Rotation toRotation(glm::dquat q) {
-    if (q.w < 0) q = -q;
-    const double s = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z);
-    if (!(s > 0)) return {0, 0, 1, 0};
-    return {static_cast<float>(q.x / s), static_cast<float>(q.y / s), static_cast<float>(q.z / s),
-            static_cast<float>(2 * std::atan2(s, q.w))};
 }
 template <class T>
 void sendIfNew(Cascade& cascade, const Node& node, Field<T> field, const T& value, bool always) {

@@ -12,6 +12,7 @@
 
 #include "behaviours.h"
 #include "drag_geometry.h"
+#include "rotations.h"
 #include "scene/places.h"
 
 namespace rtsg::behaviours {
@@ -228,14 +229,6 @@ void track(Cascade& cascade, const Node& node, const x3d::CylinderSensor*, const
     grip.moved = true;
     cascade.emit(node, N::trackPoint_changed, Vec3f(axes * point));
     cascade.emit(node, N::rotation_changed, Rotation{axis.x, axis.y, axis.z, static_cast<float>(angle)});
-}
-
-Rotation toRotation(glm::dquat q) {
-    if (q.w < 0) q = -q;
-    const double s = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z);
-    if (!(s > 0)) return {0, 0, 1, 0};
-    return {static_cast<float>(q.x / s), static_cast<float>(q.y / s), static_cast<float>(q.z / s),
-            static_cast<float>(2 * std::atan2(s, q.w))};
 }
 
 void track(Cascade& cascade, const Node& node, const x3d::SphereSensor*, const DragRay& ray, Grip& grip) {

@@ -1,6 +1,8 @@
 // Finding the pictures of textures, and keeping each once.
 #include "texture_store.h"
 
+#include <optional>
+#include <span>
 #include <unordered_set>
 
 #include <fmt/format.h>
@@ -35,6 +37,27 @@ std::string nameByContent(std::string_view bytes) {
     return {};
 }
 
+/// A picture's file, and what its content is.
+struct PictureBytes {
+    std::string bytes, name;
+    std::span<const std::uint8_t> view() const {
+        return {reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()};
+    }
+};
+std::optional<PictureBytes> pictureBytes(Resource& resource, std::string& why) {
+    auto bytes = resource.read();
+    if (!bytes) {
+        why = bytes.error().text;
+        return std::nullopt;
+    }
+    std::string name = nameByContent(*bytes);
+    if (name.empty()) {
+        why = fmt::format("{} is no picture of a format that is read", resource.name());
+        return std::nullopt;
+    }
+    return PictureBytes{std::move(*bytes), std::move(name)};
+}
+
 }  // namespace
 
 std::shared_ptr<const Texture> TextureStore::ofResource(Resource resource, Texture::Content content, std::string& why) {
@@ -42,18 +65,9 @@ std::shared_ptr<const Texture> TextureStore::ofResource(Resource resource, Textu
     const bool isFile = !resource.path().empty();
     if (isFile)
         if (const auto found = files_.find(key); found != files_.end()) return found->second;
-    const auto bytes = resource.read();
-    if (!bytes) {
-        why = bytes.error().text;
-        return nullptr;
-    }
-    const std::string name = nameByContent(*bytes);
-    if (name.empty()) {
-        why = fmt::format("{} is no picture of a format that is read", resource.name());
-        return nullptr;
-    }
-    auto texture = Texture::fromMemory({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()}, name,
-                                       content, resources_.policy().maximumPixels / 4);
+    const std::optional<PictureBytes> file = pictureBytes(resource, why);
+    if (!file) return nullptr;
+    auto texture = Texture::fromMemory(file->view(), file->name, content, resources_.policy().maximumPixels / 4);
     if (!texture) {
         why = fmt::format("{}: {}", resource.name(), texture.error().text);
         return nullptr;
@@ -226,18 +240,9 @@ std::shared_ptr<const SpaceTexture> TextureStore::cubeOfUrls(const Scene& scene,
 
 std::shared_ptr<const SpaceTexture> TextureStore::blockOfResource(Resource resource, Texture::Content content,
                                                                   std::string& why) {
-    const auto bytes = resource.read();
-    if (!bytes) {
-        why = bytes.error().text;
-        return nullptr;
-    }
-    const std::string name = nameByContent(*bytes);
-    if (name.empty()) {
-        why = fmt::format("{} is no picture of a format that is read", resource.name());
-        return nullptr;
-    }
-    auto layers = Texture::layersFromMemory({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()}, name,
-                                            content, resources_.policy().maximumPixels / 4);
+    const std::optional<PictureBytes> file = pictureBytes(resource, why);
+    if (!file) return nullptr;
+    auto layers = Texture::layersFromMemory(file->view(), file->name, content, resources_.policy().maximumPixels / 4);
     if (!layers) {
         why = fmt::format("{}: {}", resource.name(), layers.error().text);
         return nullptr;
