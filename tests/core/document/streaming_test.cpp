@@ -232,6 +232,17 @@ TEST(Streaming, CommaFaultsOfJsonAreTheSameInALongListAndInAShortOne) {
     }
 }
 
+/// Wherever in the 64 bytes that are looked at in one the last comma stands.
+TEST(Streaming, ACommaBeforeTheBracketIsFoundAtEveryPlace) {
+    for (std::size_t spaces = 0; spaces < 130; ++spaces) {
+        const std::string list = "[1" + std::string(spaces, ' ') + "," + jsonNumbers(59);
+        EXPECT_EQ(fromMemory(jsonPoints(list + "]")).problems, "") << spaces;
+        EXPECT_THAT(fromMemory(jsonPoints(list + ",]")).problems, testing::HasSubstr("nothing between the last comma"))
+            << spaces;
+        EXPECT_THAT(fromMemory(jsonPoints(list + " 1]")).problems, testing::HasSubstr("a comma is missing")) << spaces;
+    }
+}
+
 TEST(Streaming, JsonThroughAPipeIsKeptAsAWhole) {
     const std::string text = jsonPoints("[" + jsonNumbers(2000) + "]");
     int ends[2];
