@@ -22,7 +22,8 @@ option(RTSG_BENCH "rtsg bench and rtsg chart" ON)
 if(RTSG_TESTS AND NOT (RTSG_SCRIPTS AND RTSG_SOUND_DEVICE AND RTSG_IMAGES AND RTSG_FONTS AND RTSG_WEB AND RTSG_BENCH))
   message(FATAL_ERROR "The tests need every part: leave parts out together with -DRTSG_TESTS=OFF")
 endif()
-# For builds from nothing: who edits headers waits longer with it, as every object depends on what it holds.
+# For builds from nothing (./dev takes it where there is no ccache): who edits headers waits longer with it, as every object depends on what
+# it holds.
 option(RTSG_PCH "Compile the headers that most sources include once a target" OFF)
 option(RTSG_WERROR "Treat warnings as errors" OFF)
 option(RTSG_FUZZ "Build the libFuzzer targets (clang only)" OFF)
@@ -52,7 +53,7 @@ if(RTSG_SANITIZE)
 endif()
 
 # rtsg_precompile(TARGET <header>...): with RTSG_PCH, the target's sources start with these headers. Sources still name what they use:
-# builds without RTSG_PCH, which is the default, would fail otherwise.
+# builds without RTSG_PCH, which is the default of CMake, would fail otherwise.
 function(rtsg_precompile target)
   if(RTSG_PCH)
     target_precompile_headers(${target} PRIVATE ${ARGN})
