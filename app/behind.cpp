@@ -51,7 +51,8 @@ Result<> OutputsBehind::follow() {
         if (auto ok = copy.apply(set); !ok) return ok;
         if (copy.hash() != origin) return fail(fmt::format("the copy differs in state {}", copy.sequence()));
         if (!outputs_) {
-            auto attached = Outputs::attach(copy, arguments_, resources_);
+            world_ = std::make_unique<WorldOnDemand>(copy, resources_);
+            auto attached = Outputs::attach(*world_, arguments_, resources_);
             if (!attached) return std::unexpected(attached.error());
             outputs_ = std::move(*attached);
         }

@@ -42,6 +42,7 @@ class OutputsBehind final : public OutputMaker {
     Attachment attachment_;
     // The thread's own until it has ended.
     std::unique_ptr<Scene> copy_;
+    std::unique_ptr<WorldOnDemand> world_;
     std::unique_ptr<Outputs> outputs_;
     Result<> result_;
     std::atomic<double> mostBehind_{0};

@@ -18,18 +18,18 @@ constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter o
 
 }  // namespace
 
-LiveOutputs::LiveOutputs(Scene& scene, const OutputArguments& arguments, const Resources& resources)
-    : scene_(scene),
+LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments)
+    : scene_(world.scene()),
       arguments_(arguments),
-      start_(scene.now()),
-      firstState_(scene.sequence()),
-      world_(scene, worldOptions(resources)),
+      start_(scene_.now()),
+      firstState_(scene_.sequence()),
+      world_(world.get()),
       files_(arguments_) {}
 
-Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(Scene& scene, const OutputArguments& arguments,
+Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                          const Resources& resources) {
-    keepResources(scene, resources, arguments.names());
-    std::unique_ptr<LiveOutputs> outputs(new LiveOutputs(scene, arguments, resources));
+    keepResources(world.scene(), resources, arguments.names());
+    std::unique_ptr<LiveOutputs> outputs(new LiveOutputs(world, arguments));
     if (auto ok = outputs->start(resources); !ok) return std::unexpected(ok.error());
     return outputs;
 }
@@ -205,15 +205,10 @@ OutputReport LiveOutputs::report() const {
     return report;
 }
 
-Result<std::unique_ptr<OutputMaker>> makeOutputs(Scene& scene, const OutputArguments& arguments,
-                                                 const Resources& resources, SharedWorld** world) {
-    const auto give = [world](auto made) -> Result<std::unique_ptr<OutputMaker>> {
-        if (!made) return std::unexpected(made.error());
-        if (world) *world = &(*made)->world();
-        return std::move(*made);
-    };
-    if (arguments.isLive()) return give(LiveOutputs::attach(scene, arguments, resources));
-    return give(Outputs::attach(scene, arguments, resources));
+Result<std::unique_ptr<OutputMaker>> makeOutputs(WorldOnDemand& world, const OutputArguments& arguments,
+                                                 const Resources& resources) {
+    if (arguments.isLive()) return LiveOutputs::attach(world, arguments, resources);
+    return Outputs::attach(world, arguments, resources);
 }
 
 }  // namespace rtsg::app

@@ -21,12 +21,10 @@ namespace rtsg::app {
 
 class LiveOutputs final : public OutputMaker {
   public:
-    /// The scene must outlive this and be in its first state. Throws as keepResources().
-    static Result<std::unique_ptr<LiveOutputs>> attach(Scene& scene, const OutputArguments& arguments,
+    /// The world must outlive this, and its scene be in its first state. Throws as keepResources().
+    static Result<std::unique_ptr<LiveOutputs>> attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                        const Resources& resources);
     ~LiveOutputs() override;
-
-    SharedWorld& world() { return world_; }
 
     Result<> frame() override;
     bool failed() const override { return failed_; }
@@ -35,7 +33,7 @@ class LiveOutputs final : public OutputMaker {
     OutputReport report() const override;
 
   private:
-    LiveOutputs(Scene& scene, const OutputArguments& arguments, const Resources& resources);
+    LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments);
     Result<> start(const Resources& resources);
     void follow(const std::function<Result<>(const WorldState&, bool)>& present);
     void followUntilTheEnd(const std::function<Result<>(const WorldState&, bool)>& present);
@@ -51,7 +49,7 @@ class LiveOutputs final : public OutputMaker {
     const OutputArguments arguments_;
     const double start_;
     const std::uint64_t firstState_;
-    SharedWorld world_;
+    SharedWorld& world_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<SoundRenderer> sound_;
     std::unique_ptr<LiveSound> device_;
@@ -71,8 +69,8 @@ class LiveOutputs final : public OutputMaker {
     std::vector<std::jthread> threads_;
 };
 
-/// In step with the scene, or live, as the arguments say. `world`: what others may use as well, in the maker.
-Result<std::unique_ptr<OutputMaker>> makeOutputs(Scene& scene, const OutputArguments& arguments,
-                                                 const Resources& resources, SharedWorld** world = nullptr);
+/// In step with the scene, or live, as the arguments say.
+Result<std::unique_ptr<OutputMaker>> makeOutputs(WorldOnDemand& world, const OutputArguments& arguments,
+                                                 const Resources& resources);
 
 }  // namespace rtsg::app

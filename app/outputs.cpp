@@ -192,6 +192,11 @@ SharedWorld::Options worldOptions(const Resources& resources) {
     return options;
 }
 
+SharedWorld& WorldOnDemand::get() {
+    if (!world_) world_ = std::make_unique<SharedWorld>(scene_, options_);
+    return *world_;
+}
+
 namespace {
 
 template <class T>
@@ -291,31 +296,26 @@ Result<> allOf(std::initializer_list<std::function<Result<>()>> steps) {
     return first;
 }
 
-Result<std::unique_ptr<Outputs>> Outputs::attach(Scene& scene, const OutputArguments& arguments,
+Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                  const Resources& resources) {
-    keepResources(scene, resources, arguments.names());
-    std::unique_ptr<Outputs> outputs(new Outputs(scene, arguments, resources));
-    outputs->start_ = scene.now();
+    keepResources(world.scene(), resources, arguments.names());
+    std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
+    outputs->start_ = world.scene().now();
     if (!arguments.render.empty()) {
         ImageOptions image = arguments.picture.parse();
         image.settings.progress = [o = outputs.get()](double) {
             return !o->abandoned_ && (o->finishing_ || !interrupted());
         };
-        outputs->light_ = std::make_unique<LightRenderer>(outputs->world(), LightRenderer::Options(resources, image));
+        outputs->light_ = std::make_unique<LightRenderer>(world.get(), LightRenderer::Options(resources, image));
         if (!outputs->light_->attached()) return fail(outputs->light_->failure());
     }
     if (!arguments.listen.empty()) {
         ListenOptions options = arguments.sound.parse();
         options.render.resources = resources;
-        outputs->sound_ = std::make_unique<SoundRenderer>(outputs->world(), options);
+        outputs->sound_ = std::make_unique<SoundRenderer>(world.get(), options);
         if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
     }
     return outputs;
-}
-
-SharedWorld& Outputs::world() {
-    if (!world_) world_ = std::make_unique<SharedWorld>(scene_, worldOptions_);
-    return *world_;
 }
 
 Outputs::~Outputs() {
@@ -378,7 +378,7 @@ Result<> Outputs::ready() {
 }
 
 Result<> Outputs::next(bool picture, double until) {
-    auto state = picture ? light_->prepare() : world().present();
+    auto state = picture ? light_->prepare() : world_.get().present();
     if (!state) {
         result_ = std::unexpected(state.error());
         failed_ = true;
@@ -411,7 +411,7 @@ Result<> Outputs::finish() {
                       return seconds ? Result<>() : std::unexpected(seconds.error());
                   },
                   [&]() -> Result<> {
-                      if (world_) print(world_->diagnostics());
+                      if (world_.built()) print(world_.built()->diagnostics());
                       if (arguments_.save.empty()) return {};
                       return saveScene(scene_, arguments_.save, existing(arguments_.force));
                   }});
@@ -430,7 +430,7 @@ Result<> Outputs::finishPictures() {
 
 OutputReport Outputs::report() const {
     OutputReport report = report_;
-    if (world_) report.world = world_->counts();
+    if (world_.built()) report.world = world_.built()->counts();
     if (!std::isfinite(arguments_.seconds)) return report;
     const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6);
     const auto made = static_cast<double>(report.pictureStates.size());

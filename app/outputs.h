@@ -138,6 +138,22 @@ std::string missingSound(double made, double wanted, bool first);
 /// are printed.
 Result<> allOf(std::initializer_list<std::function<Result<>()>> steps);
 
+/// The one flattening and the one BVH of a scene, for its pictures, sound, export and the rays of pointers; built when
+/// first asked for. The scene must outlive this.
+class WorldOnDemand {
+  public:
+    WorldOnDemand(Scene& scene, const Resources& resources) : scene_(scene), options_(worldOptions(resources)) {}
+    Scene& scene() { return scene_; }
+    SharedWorld& get();
+    /// Null if nobody asked for it.
+    const SharedWorld* built() const { return world_.get(); }
+
+  private:
+    Scene& scene_;
+    SharedWorld::Options options_;
+    std::unique_ptr<SharedWorld> world_;
+};
+
 class OutputMaker {
   public:
     virtual ~OutputMaker() = default;
@@ -158,15 +174,13 @@ class OutputMaker {
 
 class Outputs final : public OutputMaker {
   public:
-    /// The scene must outlive this and be in its first state. `resources`: what urls may open. Throws as
+    /// The world must outlive this, and its scene be in its first state. `resources`: what urls may open. Throws as
     /// keepResources().
-    static Result<std::unique_ptr<Outputs>> attach(Scene& scene, const OutputArguments& arguments,
+    static Result<std::unique_ptr<Outputs>> attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                    const Resources& resources);
     ~Outputs() override;
 
     Scene& scene() { return scene_; }
-    /// What pictures, sound and others share; made when first asked for.
-    SharedWorld& world();
 
     /// Waits for what the frame before has asked for.
     Result<> frame() override;
@@ -175,8 +189,8 @@ class Outputs final : public OutputMaker {
     OutputReport report() const override;
 
   private:
-    Outputs(Scene& scene, const OutputArguments& arguments, const Resources& resources)
-        : scene_(scene), arguments_(arguments), worldOptions_(worldOptions(resources)), files_(arguments_) {}
+    Outputs(WorldOnDemand& world, const OutputArguments& arguments)
+        : world_(world), scene_(world.scene()), arguments_(arguments), files_(arguments_) {}
     /// What is to be made of one state.
     struct Job {
         std::shared_ptr<const WorldState> state;
@@ -194,10 +208,9 @@ class Outputs final : public OutputMaker {
         return static_cast<double>(report_.pictureStates.size()) / arguments_.picturesPerSecond;
     }
 
+    WorldOnDemand& world_;
     Scene& scene_;
     OutputArguments arguments_;
-    SharedWorld::Options worldOptions_;
-    std::unique_ptr<SharedWorld> world_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<SoundRenderer> sound_;
     double start_ = 0;

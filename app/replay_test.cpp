@@ -235,9 +235,10 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         if (interrupted()) return fail("interrupted");
         return {};
     };
+    std::optional<WorldOnDemand> world;
     std::unique_ptr<Outputs> following;
     test.attach = [&](Scene& scene) -> Result<> {
-        auto attached = Outputs::attach(scene, outputs, resources);
+        auto attached = Outputs::attach(world.emplace(scene, resources), outputs, resources);
         if (!attached) return std::unexpected(attached.error());
         following = std::move(*attached);
         return {};

@@ -16,26 +16,21 @@ namespace {
 /// A scene that nobody points at, and that has no Collision, is not tessellated for this.
 class LateQueries final : public SpaceQueries {
   public:
-    LateQueries(Scene& scene, const Resources& resources) : scene_(scene), resources_(resources) {}
+    explicit LateQueries(RunningScene& running) : running_(running) {}
     std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) override {
-        return made().firstHit(origin, direction);
+        return queries().firstHit(origin, direction);
     }
     std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override {
-        return made().within(center, radius);
+        return queries().within(center, radius);
     }
 
   private:
-    WorldQueries& made() {
-        if (!world_) {
-            world_ = std::make_unique<SharedWorld>(scene_, worldOptions(resources_));
-            queries_ = std::make_unique<WorldQueries>(*world_);
-        }
+    WorldQueries& queries() {
+        if (!queries_) queries_.emplace(running_.world().get());
         return *queries_;
     }
-    Scene& scene_;
-    const Resources& resources_;
-    std::unique_ptr<SharedWorld> world_;
-    std::unique_ptr<WorldQueries> queries_;
+    RunningScene& running_;
+    std::optional<WorldQueries> queries_;
 };
 
 }  // namespace
@@ -49,7 +44,11 @@ double Pace::timeOf(std::uint64_t frame) const {
 }
 
 RunningScene::RunningScene(std::string file, const ResourceArguments& arguments, const StartTime& start)
-    : file_(std::move(file)), resources_(arguments.ofFile(file_)), start_(start.seconds()), inlineDiagnostics_(file_) {}
+    : file_(std::move(file)),
+      resources_(arguments.ofFile(file_)),
+      start_(start.seconds()),
+      inlineDiagnostics_(file_),
+      world_(scene_, resources_) {}
 
 bool RunningScene::load() {
     setClock(scene_, start_);
@@ -76,7 +75,7 @@ void RunningScene::followInlines() {
     build.resources = resources_;
     if (file_ != "-") build.file = file_;
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
-    queries_ = std::make_unique<LateQueries>(scene_, resources_);
+    queries_ = std::make_unique<LateQueries>(*this);
     scene_.setSpaceQueries(queries_.get());
 }
 

@@ -18,6 +18,7 @@
 
 #include "cli.h"
 #include "injections.h"
+#include "outputs.h"
 #include "start_time.h"
 
 namespace rtsg::app {
@@ -49,6 +50,9 @@ class RunningScene {
     const Scene& scene() const { return scene_; }
     const Resources& resources() const { return resources_; }
 
+    /// For pictures, sound and the rays of pointers.
+    WorldOnDemand& world() { return world_; }
+
     double start() const { return start_; }
     /// Of the last frame.
     double time() const { return time_; }
@@ -74,7 +78,8 @@ class RunningScene {
     Scene scene_;
     Diagnostics inlineDiagnostics_;
     std::unique_ptr<InlineLoader> inlines_;
-    std::unique_ptr<SpaceQueries> queries_;  // of pointers and avatars; builds a world when first asked
+    WorldOnDemand world_;
+    std::unique_ptr<SpaceQueries> queries_;
     Injections injections_;
 };
 

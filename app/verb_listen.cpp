@@ -41,7 +41,7 @@ int listenLive(const Options& options) {
     live.render = options.sound.parse().render;
     live.render.resources = running.resources();
     live.device = options.device;
-    SharedWorld world(running.scene(), worldOptions(running.resources()));
+    SharedWorld& world = running.world().get();
     auto sound = LiveSound::start(world, live);
     if (!sound) return printError(sound.error()), kBad;
     Pace pace;
@@ -117,7 +117,7 @@ int listenTo(const Options& options) {
         if (progress) progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);
         return !interrupted();
     };
-    SharedWorld world(running.scene(), worldOptions(running.resources()));
+    SharedWorld& world = running.world().get();
     SoundRenderer sound(world, listening);
     auto report = listen(sound, listening);
     if (progress) progress(1, 1);

@@ -118,7 +118,8 @@ Result<MirrorClientOptions> clientOptions(const Options& options) {
 /// with --live of the newest state.
 class Made {
   public:
-    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources) : replica_(replica) {
+    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources)
+        : replica_(replica), world_(replica, resources) {
         if (!arguments.record.empty()) {
             LogOptions options;
             options.existing = existing(arguments.force);
@@ -133,7 +134,7 @@ class Made {
             outputs_ = std::make_unique<OutputsBehind>(replica, arguments, resources);
             return;
         }
-        auto attached = makeOutputs(replica, arguments, resources);
+        auto attached = makeOutputs(world_, arguments, resources);
         if (attached)
             outputs_ = std::move(*attached);
         else
@@ -154,6 +155,7 @@ class Made {
 
   private:
     Scene& replica_;
+    WorldOnDemand world_;
     Result<> problem_;
     std::unique_ptr<LogRecorder> log_;
     std::unique_ptr<OutputMaker> outputs_;

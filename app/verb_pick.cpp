@@ -63,7 +63,7 @@ int run(const Options& options) {
     if (!running.load()) return kBad;
     running.runTo(time);
     running.printDiagnostics();
-    SharedWorld world(running.scene(), worldOptions(running.resources()));
+    SharedWorld& world = running.world().get();
     const Picker picker(world.rays(), world.flattener());
     app::print(world.diagnostics());
     const auto at = [](const std::vector<double>& numbers, std::size_t first) {

@@ -61,7 +61,7 @@ int render(const Options& options) {
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     keepResources(running.scene(), running.resources(), outputs);
-    SharedWorld world(running.scene(), worldOptions(running.resources()));
+    SharedWorld& world = running.world().get();
     LightRenderer light(world, LightRenderer::Options(running.resources()));
     running.runTo(time);
     animation.start = running.start() + time;

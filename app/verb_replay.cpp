@@ -162,11 +162,11 @@ class Replaying {
     Result<> play() {
         OutputArguments wanted = options_.outputs;
         if (!options_.duration.empty()) wanted.seconds = length_;
-        SharedWorld* world = nullptr;
-        auto attached = makeOutputs(replayer_.scene(), wanted, resources_, &world);
+        WorldOnDemand world(replayer_.scene(), resources_);
+        auto attached = makeOutputs(world, wanted, resources_);
         if (!attached) return std::unexpected(attached.error());
         OutputMaker& outputs = **attached;
-        auto exported = startExport(*world);
+        auto exported = startExport(world);
         if (!exported) return std::unexpected(exported.error());
         // A state that was asked for by its time is what is shown or saved; anything that has a length plays on.
         if (!seeks() || !options_.duration.empty() || options_.verify || *exported ||
@@ -189,12 +189,12 @@ class Replaying {
     }
 
     /// Null if there is none to be made.
-    Result<std::unique_ptr<McapExport>> startExport(SharedWorld& world) {
+    Result<std::unique_ptr<McapExport>> startExport(WorldOnDemand& world) {
         if (options_.exported.empty()) return nullptr;
         McapOptions mcap;
         mcap.compress = !options_.exportPlain;
         mcap.existing = existing(options_.outputs.force);
-        return McapExport::attach(world, options_.exported, mcap);
+        return McapExport::attach(world.get(), options_.exported, mcap);
     }
 
     void step(OutputMaker& outputs) {

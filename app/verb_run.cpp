@@ -73,7 +73,7 @@ class Made {
     bool follow(std::uint64_t frame) {
         if (!arguments_.any()) return true;
         if (frame == 0) {
-            auto attached = makeOutputs(running_.scene(), arguments_, running_.resources());
+            auto attached = makeOutputs(running_.world(), arguments_, running_.resources());
             if (!attached) {
                 printError(attached.error());
                 return false;

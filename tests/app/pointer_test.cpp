@@ -59,6 +59,27 @@ TEST_F(PointedDoor, OpensWhenItIsClicked) {
     EXPECT_EQ(angle(run({})), 0);
 }
 
+TEST_F(PointedDoor, IsPicturedFromTheWorldThatItsPointerMeets) {
+    // The first pointer comes before there are pictures: what was built for it serves them.
+    for (const std::string live : {"", "--live"}) {
+        std::vector<std::string> arguments{"run",      file,
+                                           "--for",    "0.4s",
+                                           "--fps",    "10",
+                                           "--set",    "pointer=.5 .6@0",
+                                           "--set",    "pointer=down .5 .6@0.2",
+                                           "--render", folder / "p%d.png",
+                                           "--size",   "8x6",
+                                           "--listen", folder / "p.wav",
+                                           "--json",   "--force"};
+        if (!live.empty()) arguments.push_back(live);
+        const Outcome outcome = rtsg(arguments);
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+        const json report = json::parse(outcome.out);
+        EXPECT_EQ(report.at("worlds"), 1) << live;
+        EXPECT_EQ(report.at("flattenings"), 1) << live;
+    }
+}
+
 TEST_F(PointedDoor, OpensInLogsThatAreRerunWithoutGeometry) {
     const std::string log = folder / "door.rlog";
     for (const std::vector<std::string>& more : {std::vector<std::string>{}, {"--inputs"}, {"--mode", "input"}}) {
