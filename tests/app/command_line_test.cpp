@@ -194,6 +194,21 @@ TEST_F(Running, PrintsWatchedEventsAsLines) {
     }
 }
 
+// Whatever shows a state runs the frames up to it, and the one at 0 is among them.
+TEST_F(Running, TheFirstFrameIsRunEvenForAPictureOfTime0) {
+    writeFile(file, R"(#X3D V4.0 utf8
+PROFILE Immersive
+DEF CLOCK TimeSensor { loop TRUE cycleInterval 2 }
+DEF PATH PositionInterpolator { key [ 0 1 ] keyValue [ 5 0 0, 5 0 0 ] }
+DEF BOX Transform { children Shape { geometry Box { } } }
+ROUTE CLOCK.fraction_changed TO PATH.set_fraction
+ROUTE PATH.value_changed TO BOX.translation
+)");
+    for (const char* time : {"0", "0.5"})
+        EXPECT_THAT(rtsg({"pick", file, "--time", time, "--ray", "5", "0", "9", "0", "0", "-1"}).out, HasSubstr("BOX"))
+            << time;
+}
+
 TEST_F(Running, InjectsEvents) {
     const Outcome outcome = rtsg({"run", file, "--for", "1s", "--fps", "10", "--watch", "FLAG.*", "--set",
                                   "FLAG.set_boolean=TRUE@0.35", "--set", "BOX.children=NULL@2"});

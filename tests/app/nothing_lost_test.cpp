@@ -93,6 +93,7 @@ TEST_F(NothingIsLost, WhatTheSceneUsesIsNotOverwritten) {
              {"run", given, "--render", picture},
              {"run", given, "--save", part, "--force"},
              {"replay", log2, "--render", picture},
+             {"replay", log2, "--live", "--render", picture},
              {"replay", log2, "--listen", sound},
          }) {
         const Outcome outcome = rtsg(arguments);

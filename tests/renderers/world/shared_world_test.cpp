@@ -289,6 +289,32 @@ TEST(WorldRenderer, FollowsItsWorldAndSendsOperationsToNodesOfTheTypesRegistered
     EXPECT_EQ(counter.shapes, 1);
 }
 
+TEST(SharedWorld, WaitsForWhatIsBuiltInTheBackground) {
+    Scene scene;
+    SharedWorld::Options options;
+    options.rays.restFrames = 8;
+    options.rays.background = false;  // then the waiting itself builds
+    SharedWorld world(scene, options);
+    world.finishBackgroundWork();  // nobody has asked for rays: nothing to wait for
+    for (int i = 0; i < 40; ++i) addBox(scene);
+    EXPECT_EQ(world.rays().stats().groups, 1u);
+    const NodeId mover = scene.createNode(x3d::Transform::type);
+    ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, mover));
+    addBox(scene);
+    const NodeId shape = scene.createNode(x3d::Shape::type), box = scene.createNode(x3d::Box::type);
+    ASSERT_TRUE(scene.set(shape, x3d::Shape::geometry, box));
+    ASSERT_TRUE(scene.insertChild(mover, x3d::Transform::children, shape));
+    for (int i = 0; i < 40; ++i) {
+        ASSERT_TRUE(scene.set(mover, x3d::Transform::translation, Vec3f(static_cast<float>(i), 0, 0)));
+        scene.seal();
+    }
+    const std::size_t baked = world.rays().stats().baked;
+    EXPECT_EQ(world.rays().stats().merges, 0u);
+    world.finishBackgroundWork();
+    EXPECT_EQ(world.rays().stats().merges, 1u);
+    EXPECT_EQ(world.rays().stats().baked, baked + 1) << "the box that has rested since it came";
+}
+
 TEST(WorldRenderer, OneThatFailsSaysSoAndTheWorldGoesOn) {
     Scene scene;
     SharedWorld world(scene);
