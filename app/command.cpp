@@ -1,9 +1,30 @@
 // Verbs and options, on CLI11.
 #include "command.h"
 
+#include <cmath>
+
 #include <CLI/CLI.hpp>
 
 namespace rtsg::app {
+
+namespace {
+
+/// "nan" and "inf" are numbers to the parser, and nan is in every range.
+CLI::Option* finite(CLI::Option* option) {
+    return option->check([](const std::string& text) {
+        double number = 0;
+        const bool known = CLI::detail::lexical_cast(text, number);
+        return known && !std::isfinite(number) ? text + " is not a finite number" : std::string();
+    });
+}
+
+/// -1 is no large number.
+CLI::Option* notNegative(CLI::Option* option) {
+    return option->check(
+        [](const std::string& text) { return text.starts_with('-') ? text + " is negative" : std::string(); });
+}
+
+}  // namespace
 
 Option* Option::required() {
     parsed_->required();
@@ -81,19 +102,19 @@ Option* Command::addOption(const std::string& names, unsigned& into, const std::
     return add(parser_->add_option(names, into, description));
 }
 Option* Command::addOption(const std::string& names, std::uint64_t& into, const std::string& description) {
-    return add(parser_->add_option(names, into, description));
+    return add(notNegative(parser_->add_option(names, into, description)));
 }
 Option* Command::addOption(const std::string& names, double& into, const std::string& description) {
-    return add(parser_->add_option(names, into, description));
+    return add(finite(parser_->add_option(names, into, description)));
 }
 Option* Command::addOption(const std::string& names, std::optional<double>& into, const std::string& description) {
-    return add(parser_->add_option(names, into, description));
+    return add(finite(parser_->add_option(names, into, description)));
 }
 Option* Command::addOption(const std::string& names, std::vector<std::string>& into, const std::string& description) {
     return add(parser_->add_option(names, into, description));
 }
 Option* Command::addOption(const std::string& names, std::vector<double>& into, const std::string& description) {
-    return add(parser_->add_option(names, into, description));
+    return add(finite(parser_->add_option(names, into, description)));
 }
 Option* Command::addFlag(const std::string& names, bool& into, const std::string& description) {
     return add(parser_->add_flag(names, into, description));

@@ -77,6 +77,9 @@ int main(int argc, char** argv) {
     std::signal(SIGXFSZ, SIG_IGN);
     try {
         return run(argc, argv);
+    } catch (const std::bad_alloc&) {
+        printError("there is not enough memory for what was asked");
+        return kBad;
     } catch (const std::exception& e) {
         printError(e.what());
         return kBad;

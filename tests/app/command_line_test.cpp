@@ -73,12 +73,75 @@ TEST_F(Usage, WrongUsageIsStatusTwo) {
         {"listen", file, "-o", folder / "a.wav", "--stereo", "--binaural"},
         {"record", file},
         {"mirror", "nonsense"},
+        {"help", "paint"},
+        {"completion", "tcsh"},
         {"mirror", "ipc://" + folder / "nobody", "--save", folder / "a.rtsgb"},
     };
     for (const auto& arguments : wrong) {
         const Outcome outcome = rtsg(arguments);
         EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
         EXPECT_NE(outcome.err, "") << testing::PrintToString(arguments);
+    }
+}
+
+// Each by name, as somebody who typed five options wants to know which was meant.
+TEST_F(Usage, ValuesOutsideAnOptionsRangeAreRefusedByItsName) {
+    const std::string png = folder / "a.png", wav = folder / "a.wav", log = folder / "a.rlog";
+    const std::vector<std::string> render{"render", file, "-o", png}, listen{"listen", file, "-o", wav},
+        run{"run", file}, record{"record", file, "-o", log}, mirror{"mirror", "ipc://" + folder / "nobody"},
+        serve{"serve", file, "--bind", "ipc://" + folder / "s", "--for", "10ms"};
+    using Values = std::vector<std::string>;
+    const std::vector<std::tuple<std::vector<std::string>, std::string, Values>> refused = {
+        {render, "--spp", {"0", "1048577", "1.5", "many"}},
+        {render, "--error", {"0", "1001", "nan", "inf"}},
+        {render, "--depth", {"-1", "251"}},
+        {render, "--integrator", {"magic", ""}},
+        {render, "--shadows", {"some"}},
+        {render, "--color-space", {"cmyk"}},
+        {render, "--exposure", {"0", "-1", "nan", "inf"}},
+        {render, "--seed", {"-1", "1e99"}},
+        {render, "--threads", {"-1"}},
+        {render, "--size", {"0x4", "4x0", "65537x1", "4x4x4", "-4x4", "4"}},
+        {render, "--frames", {"0", "-1", "1000001"}},
+        {render, "--fps", {"0", "nan", "10001"}},
+        {listen, "--ambisonic", {"0", "8"}},
+        {listen, "--rays", {"0", "-1", "1099511627777"}},
+        {listen, "--temperature", {"-51", "61", "nan"}},
+        {listen, "--humidity", {"-1", "101", "nan"}},
+        {listen, "--speed-of-sound", {"9", "10001", "nan"}},
+        {listen, "--length", {"0", "601", "nan"}},
+        {listen, "--error", {"0", "-1", "nan"}},
+        {run, "--fps", {"0", "-1", "nan", "inf", "1000001"}},
+        {record, "--fps", {"0", "nan"}},
+        {record, "--mode", {"guess"}},
+        {record, "--coding", {"morse"}},
+        {record, "--error", {"0", "nan"}},
+        {mirror, "--aspect", {"smell"}},
+        {mirror, "--mode", {"lossy"}},
+        {mirror, "--most-fps", {"-1", "10001", "nan"}},
+        {mirror, "--max-rate", {"fast"}},
+        {serve, "--fps", {"0", "10001", "nan"}},
+        {serve, "--peers", {"-1", "few"}},
+        {serve, "--upstream", {"all"}},
+        {serve, "--coding", {"morse"}},
+    };
+    for (const auto& [verb, option, values] : refused)
+        for (const std::string& value : values) {
+            std::vector<std::string> arguments = verb;
+            arguments.push_back(option + "=" + value);
+            const Outcome outcome = rtsg(arguments);
+            EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments) << outcome.err;
+            EXPECT_THAT(outcome.err, HasSubstr(option)) << testing::PrintToString(arguments);
+        }
+    for (const std::string& made : {png, wav, log}) EXPECT_FALSE(std::filesystem::exists(made)) << made;
+}
+
+TEST_F(Usage, WhatExcludesEachOtherIsRefused) {
+    for (const std::vector<std::string>& two : std::vector<std::vector<std::string>>{
+             {"--stereo", "--binaural"}, {"--stereo", "--ambisonic=1"}, {"--binaural", "--ambisonic=1"}}) {
+        const Outcome outcome = rtsg({"listen", file, "-o", folder / "a.wav", two[0], two[1]});
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(two);
+        EXPECT_THAT(outcome.err, HasSubstr("excludes")) << testing::PrintToString(two);
     }
 }
 
