@@ -1,6 +1,7 @@
 // What scripts rely on: exit statuses, diagnostics on standard error, JSON on standard output.
 #include "program.h"
 
+#include <map>
 #include <sstream>
 
 #include <gmock/gmock.h>
@@ -314,6 +315,51 @@ TEST_F(Render, WritesAnimations) {
     EXPECT_NE(readFile(folder / "f00.png"), readFile(folder / "f02.png")) << "the box moves";
     ASSERT_EQ(rtsg({"render", file, "-o", folder / "f.gif", "--size", "16x16", "--frames", "3"}).status, 0);
     EXPECT_EQ(readFile(folder / "f.gif").substr(0, 3), "GIF");
+}
+
+/// Each changes the picture, and the same ones make the same bytes again.
+TEST_F(Render, EveryOptionReachesThePicture) {
+    writeFile(file, R"(#X3D V4.1 utf8
+PROFILE Immersive
+NavigationInfo { headlight FALSE }
+Viewpoint { position 0 2 6 orientation 1 0 0 -.3 }
+DEF ABOVE Viewpoint { position 0 6 0 orientation 1 0 0 -1.57 }
+DirectionalLight { direction -1 -1 0 intensity .4 shadows TRUE }
+DirectionalLight { direction 1 -1 0 intensity .4 }
+Transform { translation 0 -1 0 children Shape { appearance Appearance { material DEF M Material { } } geometry Box { size 9 .1 9 } } }
+Shape { appearance Appearance { material USE M } geometry Sphere { } }
+Transform { translation 1.5 0 1 children Shape { appearance Appearance { material PhysicalMaterial { roughness 0 metallic 1 } } geometry Box { } } }
+)");
+    const auto picture = [&](const std::vector<std::string>& more) {
+        std::vector<std::string> arguments{"render", file, "-o", folder / "a.png", "--size", "32x24"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return readFile(folder / "a.png");
+    };
+    std::map<std::string, std::string> made{{picture({}), "none"}};
+    for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
+             {"--integrator", "path"},
+             {"--integrator", "path", "--seed", "2"},
+             {"--integrator", "path", "--error", "0.5"},
+             {"--spp", "1"},
+             {"--shadows", "none"},
+             {"--shadows", "all"},
+             {"--depth", "0"},
+             {"--color-space", "linear"},
+             {"--color-space", "display"},
+             {"--exposure", "0.5"},
+             {"--viewpoint", "ABOVE"},
+         }) {
+        const std::string name = testing::PrintToString(options), bytes = picture(options);
+        EXPECT_EQ(bytes, picture(options)) << name;
+        const auto [there, isNew] = made.emplace(bytes, name);
+        EXPECT_TRUE(isNew) << name << " made the picture of " << there->second;
+    }
+    EXPECT_EQ(made.at(picture({"--shadows", "authored"})), "none") << "as a light says shadows TRUE";
+    EXPECT_EQ(made.at(picture({"--threads", "1"})), "none");
+    EXPECT_EQ(made.at(picture({"--integrator", "path", "--seed", "1"})),
+              testing::PrintToString(std::vector<std::string>{"--integrator", "path"}));
 }
 
 TEST_F(Render, UnknownViewpointIsStatusOne) {

@@ -200,6 +200,31 @@ TEST_F(Mirror, AServerThatWasKilledGoesOnFromItsLog) {
     EXPECT_EQ(json::parse(verified.out).at("hash"), summary.at("hash"));
 }
 
+/// Another server at the same place, without the session of the first: pictures and sound go on, in the new states.
+TEST_F(Mirror, PicturesGoOnWithTheStatesOfAServerThatBeganAnew) {
+    serve({}, "tcp://127.0.0.1:*");
+    Program mirror({"mirror", endpoint, "--for", "3s", "--fps", "10", "--render", folder / "p%02d.png", "--size",
+                    "16x9", "--listen", folder / "p.wav", "--rays", "50", "--wait", "60s", "--json"},
+                   streams());
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (!std::filesystem::exists(folder / "p05.png") && std::chrono::steady_clock::now() < end)
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    server->signal(SIGKILL);
+    server->wait();
+    serve({}, endpoint);
+    const Outcome followed = mirror.wait();
+    ASSERT_EQ(followed.status, 0) << followed.err;
+    const json report = json::parse(followed.out);
+    expectEqual(report);
+    EXPECT_EQ(report.at("restarts"), 1) << report;
+    EXPECT_EQ(report.at("pictures"), 30) << report;
+    EXPECT_DOUBLE_EQ(report.at("sound_seconds").get<double>(), 3);
+    EXPECT_EQ(report.at("snapshots"), 2) << report;
+    EXPECT_EQ(report.at("picture_states"), report.at("sound_states"));
+    server->signal(SIGTERM);
+    server->wait();
+}
+
 /// A log as a session: played, and played again, by commands of a mirror and of standard input.
 TEST_F(Mirror, ALogIsPlayedToMirrorsAndDoesWhatTheySay) {
     const std::string log = folder / "played.rlog";
