@@ -228,18 +228,32 @@ class Replaying {
                 std::chrono::milliseconds(20), until - std::chrono::steady_clock::now()));
     }
 
+    /// Whose hashes the states were compared with, where it is not this program's kind.
+    std::string format() const {
+        const unsigned version = replayer_.head().formatVersion;
+        return version == kFormatVersion ? std::string()
+                                         : fmt::format("; recorded in format {}, whose hashes were compared", version);
+    }
+    std::string leftOut() const {
+        const std::uint64_t changes = replayer_.losses().changes;
+        return changes ? fmt::format("; {} changes of fields that this program does not have left out", changes)
+                       : std::string();
+    }
+
     void print() const {
         const LogReader& log = replayer_.log();
         const std::string hash = replayer_.scene().hash().hex();
         if (!options_.json)
-            fmt::print("{} frames to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}\n",
-                       replayer_.frames(), time(), replayer_.verified(), replayer_.gaps(), log.damage().size(), hash);
+            fmt::print("{} frames to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}{}{}\n",
+                       replayer_.frames(), time(), replayer_.verified(), replayer_.gaps(), log.damage().size(), hash,
+                       format(), leftOut());
         else
             fmt::print(
                 "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"hash\":\"{}\",\"gaps\":{},"
-                "\"damaged\":{},\"bytes\":{},\"closed\":{}{}}}\n",
+                "\"damaged\":{},\"bytes\":{},\"closed\":{},\"format\":{},\"left_out\":{}{}}}\n",
                 replayer_.frames(), replayer_.verified(), toJson(first()), time(), hash, replayer_.gaps(),
-                log.damage().size(), log.size(), log.closed(), made_);
+                log.damage().size(), log.size(), log.closed(), replayer_.head().formatVersion,
+                replayer_.losses().changes, made_);
         if (first()) printError(first()->format());
     }
 

@@ -155,5 +155,18 @@ TEST_F(ReplayAsTest, OptionsThatDoNotGoTogetherAreWrongUsage) {
     EXPECT_EQ(rtsg({"record", file, "-o", log, "--force", "--set", "NOBODY.on=TRUE@1"}).status, 2);
 }
 
+TEST_F(ReplayAsTest, ALogOfAnEarlierFormatIsVerifiedAndTheReportSaysSo) {
+    const std::string old = RTSG_SOURCE_DIR "/tests/sync/conformance/format2/raw.rlog";
+    const Outcome verified = rtsg({"replay", old, "--verify"});
+    EXPECT_EQ(verified.status, 0) << verified.err;
+    EXPECT_THAT(verified.out, HasSubstr("recorded in format 2, whose hashes were compared"));
+    const json report = json::parse(rtsg({"replay", old, "--verify", "--json"}).out);
+    EXPECT_EQ(report["frames"], report["verified"]);
+    EXPECT_EQ(report["format"], 2);
+    EXPECT_EQ(report["left_out"], 0);
+    EXPECT_THAT(rtsg({"replay", log, "--verify"}).out, testing::Not(HasSubstr("format")));
+    EXPECT_EQ(json::parse(rtsg({"replay", log, "--verify", "--json"}).out)["format"], 3);
+}
+
 }  // namespace
 }  // namespace rtsg::test

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <limits>
 #include <numbers>
 
@@ -13,6 +14,7 @@
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/dictionary.h>
+#include <rtsg/sync/log_compact.h>
 #include <rtsg/sync/lossy_scene.h>
 
 #include "support/log_support.h"
@@ -276,8 +278,7 @@ TEST(Conformance, TheSetCanBeWritten) {
     fs::remove_all(folder);
 }
 
-/// Logs written by earlier versions stay readable: their values by name; their hashes where the node types are still
-/// the same, as terms name fields by number.
+/// All of it, whatever types and fields have come since: hashes go by names.
 TEST(Conformance, LogsOfTheSetAreReadAsExpected) {
     const fs::path folder = RTSG_SOURCE_DIR "/tests/sync/conformance";
     std::size_t logs = 0;
@@ -285,22 +286,110 @@ TEST(Conformance, LogsOfTheSetAreReadAsExpected) {
         if (entry.path().extension() != ".rlog") continue;
         SCOPED_TRACE(entry.path().filename());
         ++logs;
-        auto replayer = Replayer::open(entry.path());
-        ASSERT_TRUE(replayer) << replayer.error().format();
         const std::string expected = readAll(fs::path(entry.path()).replace_extension(".json"));
-        if ((*replayer)->head().dictionaryHash == dictionaryHash(builtinTypes())) {
-            EXPECT_EQ(expectedOf(entry.path()), expected);
-            continue;
-        }
-        std::size_t states = 0;
-        Result<bool> more = true;
-        while ((more = (*replayer)->step()) && *more) ++states;
-        EXPECT_TRUE(more) << more.error().format();
-        // The first line lists the states, each in brackets.
-        const std::string list = expected.substr(0, expected.find('\n'));
-        EXPECT_EQ(std::ranges::count(list, '[') - 1, static_cast<std::ptrdiff_t>(states));
+        EXPECT_EQ(expectedOf(entry.path()), expected);
     }
     EXPECT_EQ(logs, 10u);
+}
+
+/// As they were in November 2026: whoever changes these changes what logs of users are verified with.
+TEST(Conformance, TheHashesOfTheSetAreTheseForEver) {
+    const std::pair<const char*, const char*> last[] = {{"document", "432fcf315a1b4c49a28f89ef95af3960"},
+                                                        {"edits", "1c68543aad00dafd973b0829a8d58230"},
+                                                        {"sessions", "50f1575410b8274839f4b3be499cd3e8"},
+                                                        {"smallest", "a092d72d6ba5845da6f2bdd9a17b0693"}};
+    for (const auto& [name, hash] : last) {
+        auto replayer =
+            Replayer::open(fs::path(RTSG_SOURCE_DIR "/tests/sync/conformance") / (std::string(name) + ".rlog"));
+        ASSERT_TRUE(replayer) << replayer.error().format();
+        Result<bool> more = true;
+        while ((more = (*replayer)->step()) && *more) {
+        }
+        EXPECT_EQ((*replayer)->verified(), (*replayer)->frames()) << name;
+        EXPECT_EQ((*replayer)->scene().hash().hex(), hash) << name;
+    }
+}
+
+/// What is behind the hashes in a file of the set: nodes and routes.
+std::string contentOf(const std::string& expected) {
+    const std::size_t from = expected.find("\"nodes\":");
+    return from == std::string::npos ? expected : expected.substr(from);
+}
+
+/// Their hashes go by numbers of fields, and are counted as they were: such logs are verified for ever, too.
+TEST(Conformance, LogsOfFormat2AreVerifiedWithTheHashesOfTheirTime) {
+    const fs::path folder = RTSG_SOURCE_DIR "/tests/sync/conformance/format2";
+    std::size_t logs = 0;
+    for (const auto& entry : fs::directory_iterator(folder)) {
+        if (entry.path().extension() != ".rlog") continue;
+        SCOPED_TRACE(entry.path().filename());
+        ++logs;
+        auto opened = Replayer::open(entry.path());
+        ASSERT_TRUE(opened) << opened.error().format();
+        Replayer& replayer = **opened;
+        EXPECT_EQ(replayer.head().formatVersion, 2);
+        Result<bool> more = true;
+        while ((more = replayer.step()) && *more) EXPECT_EQ(replayer.lastSet().hash, replayer.scene().hash());
+        EXPECT_TRUE(more) << more.error().format();
+        EXPECT_GT(replayer.frames(), 0u);
+        EXPECT_EQ(replayer.verified(), replayer.frames());
+        EXPECT_FALSE(replayer.divergence()) << replayer.divergence()->format();
+        const std::string expected = readAll(fs::path(entry.path()).replace_extension(".json"));
+        // The first line lists the states, each in brackets.
+        EXPECT_EQ(std::ranges::count(expected.substr(0, expected.find('\n')), '[') - 1,
+                  static_cast<std::ptrdiff_t>(replayer.frames()));
+        EXPECT_EQ(contentOf(dumpOf(replayer.scene()) + "}\n"), contentOf(expected));
+    }
+    EXPECT_EQ(logs, 10u);
+}
+
+/// Written anew, it has the hashes of today.
+TEST(Conformance, ALogOfFormat2BecomesOneOfToday) {
+    char pattern[] = "/tmp/rtsg-conformance-XXXXXX";
+    const fs::path folder = mkdtemp(pattern);
+    const auto made = compactLog(RTSG_SOURCE_DIR "/tests/sync/conformance/format2/document.rlog", folder / "a.rlog");
+    ASSERT_TRUE(made) << made.error().format();
+    auto replayer = Replayer::open(folder / "a.rlog");
+    ASSERT_TRUE(replayer);
+    EXPECT_EQ((*replayer)->head().formatVersion, kFormatVersion);
+    Result<bool> more = true;
+    while ((more = (*replayer)->step()) && *more) {
+    }
+    EXPECT_GT((*replayer)->frames(), 5u);
+    EXPECT_EQ((*replayer)->verified(), (*replayer)->frames());
+    fs::remove_all(folder);
+}
+
+/// A forged value is another hash by the former rule, too.
+TEST(Conformance, AForgedLogOfFormat2IsNotVerified) {
+    const fs::path original = RTSG_SOURCE_DIR "/tests/sync/conformance/format2/raw.rlog";
+    std::string bytes = readAll(original);
+    auto log = LogReader::open(original);
+    ASSERT_TRUE(log);
+    int frames = 0;
+    std::uint64_t state = 0;
+    while (const auto record = log->next()) {
+        if (record->header.kind != RecordKind::frame || ++frames != 5) continue;
+        ByteBuffer forged;
+        forged.append(record->bytes);
+        forged.data()[forged.size() - 2] ^= std::byte{0x10};  // in the last value
+        sealRecord(forged, record->header);
+        std::memcpy(bytes.data() + record->offset, forged.data(), forged.size());
+        state = record->header.to;
+    }
+    ASSERT_GT(state, 0u);
+    char pattern[] = "/tmp/rtsg-conformance-XXXXXX";
+    const fs::path folder = mkdtemp(pattern);
+    writeAll(folder / "forged.rlog", bytes);
+    auto opened = Replayer::open(folder / "forged.rlog");
+    ASSERT_TRUE(opened);
+    Result<bool> more = true;
+    while ((more = (*opened)->step()) && *more) {
+    }
+    ASSERT_TRUE((*opened)->divergence());
+    EXPECT_EQ((*opened)->divergence()->frame, state);
+    EXPECT_LT((*opened)->verified(), (*opened)->frames());
+    fs::remove_all(folder);
 }
 
 }  // namespace

@@ -255,6 +255,12 @@ Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
         if (auto ok = s.adoptUses(set->input->runState->behaviours, true); !ok) return ok;
         s.adoptRunState(*set->input->runState);
     }
+    // Who does not know which hash the state has here, as the set comes from a stream of other node types, says 0.
+    if (set->hash == Hash128{} && hash() != Hash128{}) {
+        auto own = std::make_shared<ChangeSet>(*set);
+        own->hash = hash();
+        set = std::move(own);
+    }
     if (s.recording) {
         s.captureInput(false);
         auto own = std::make_shared<ChangeSet>(*set);

@@ -44,13 +44,14 @@ bool Scene::State::isDirty(const Node& node, FieldIndex field) const {
 
 Hash128 Scene::State::termOf(const Node& node, FieldIndex field) const {
     if (node.isDefault(field)) return {};
-    return detail::fieldTerm(node.id_, field, node.type_->fields[field].type, node.storage(field));
+    return detail::fieldTerm(node.id_, keyOf(node, field), node.type_->fields[field].type, node.storage(field));
 }
 
 Hash128 Scene::State::termBefore(const Node& node, const WrittenField& entry) const {
     if (entry.hashed) return entry.term();
     const FieldSlot& slot = node.type_->slot(entry.field);
-    return detail::plainTerm(node.id_, entry.field, entry.before, node.type_->defaults() + slot.offset, slot.size);
+    return detail::plainTerm(node.id_, keyOf(node, entry.field), entry.before, node.type_->defaults() + slot.offset,
+                             slot.size);
 }
 
 Scene::State::WrittenField* Scene::State::entryOf(const Node& node, FieldIndex field) {
@@ -151,7 +152,7 @@ void Scene::State::writeSealed(Node& node, FieldIndex field, const Value& value)
     hash.subtract(termBefore(node, entry));
     store(node, field, value.storage());
     entry.setTerm(isShared(entry.type) ? termOf(node, field)
-                                       : detail::plainTerm(node.id_, field, node.block() + slot.offset,
+                                       : detail::plainTerm(node.id_, keyOf(node, field), node.block() + slot.offset,
                                                            node.type_->defaults() + slot.offset, slot.size));
     hash.add(entry.term());
     if (isShared(entry.type)) entry.node = {};  // lists change in place: their terms do not last
@@ -173,6 +174,7 @@ void Scene::State::appendFieldChanges(ChangeSet& set) {
     // All in locals: the bytes written below might be anything, for all a compiler knows.
     const std::size_t count = written.size();
     WrittenField* const entries = written.data();
+    const TypeEntry* const entriesOfTypes = types.data();
     const NodeTable::View table = nodeTable.view();
     set.changes.reserve(set.changes.size() + count);
     detail::StateHash sum = hash;
@@ -208,10 +210,11 @@ void Scene::State::appendFieldChanges(ChangeSet& set) {
         } else {
             const std::byte* value = node->block() + slot.offset;
             const std::byte* fallback = type.defaults() + slot.offset;
+            const FieldKey key = entriesOfTypes[node->typeIndex_.value].keys[field];
             detail::withPlainSize(slot.size, [&]<std::size_t size>() {
                 change->value.setPlain(slot.type, value, size);
                 const auto termOfBytes = [&](const void* bytes) {
-                    return detail::plainTermOfSize<size>(change->node, field, bytes, fallback);
+                    return detail::plainTermOfSize<size>(change->node, key, bytes, fallback);
                 };
                 sum.subtract(entry.hashed ? entry.term() : termOfBytes(entry.before));
                 const Hash128 after = termOfBytes(value);

@@ -10,17 +10,19 @@ namespace {
 template <class Add>
 void forEachTerm(const Scene& scene, const Node& node, Add add) {
     if (node.id() != scene.root())
-        add(&NodeHashes::node, detail::nodeTerm(node.id(), detail::typeNameHash(node.type().name), node.scope()));
+        add(&NodeHashes::node, detail::nodeTerm(node.id(), hashOfText(node.type().name), node.scope()));
     if (const std::string_view name = scene.name(node.id()); !name.empty())
         add(&NodeHashes::name, detail::nameTerm(node.id(), name));
     for (const Route& r : scene.routesFrom(node.id()))
-        add(&NodeHashes::routes, detail::routeTerm(node.id(), r.fromField, r.toNode, r.toField, r.isConnection));
+        add(&NodeHashes::routes,
+            detail::routeTerm(node.id(), fieldKey(node.type().fields[r.fromField]), r.toNode,
+                              fieldKey(scene.node(r.toNode).type().fields[r.toField]), r.isConnection));
 }
 
 Hash128 termOf(const Node& node, FieldIndex field) {
     const FieldDef& def = node.type().fields[field];
     if (!def.readable() || node.isDefault(field)) return {};
-    return detail::fieldTerm(node.id(), field, def.type, node.storage(field));
+    return detail::fieldTerm(node.id(), fieldKey(def), def.type, node.storage(field));
 }
 
 }  // namespace

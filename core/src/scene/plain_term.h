@@ -8,18 +8,14 @@
 
 namespace rtsg::detail {
 
-inline std::uint64_t termSeed(NodeId node, FieldIndex field, HashTerm term) {
-    return std::uint64_t{node.value} << 32 | std::uint64_t{field} << 16 | static_cast<std::uint64_t>(term);
-}
-
 /// As fieldTerm, zero where `value` is the type's default `fallback`.
 template <std::size_t size>
-[[gnu::always_inline]] inline Hash128 plainTermOfSize(NodeId node, FieldIndex field, const void* value,
+[[gnu::always_inline]] inline Hash128 plainTermOfSize(NodeId node, FieldKey field, const void* value,
                                                       const void* fallback) {
     if (std::memcmp(value, fallback, size) == 0) return {};
     // XXH3_128bits_withSeed for a size known here; called by that name it is not inlined.
     const XXH128_hash_t hash = XXH3_len_0to16_128b(static_cast<const xxh_u8*>(value), size, XXH3_kSecret,
-                                                   termSeed(node, field, HashTerm::field));
+                                                   hashSeed(node, field, HashTerm::field));
     return {hash.low64, hash.high64};
 }
 
@@ -39,7 +35,7 @@ template <std::size_t size>
     }
 }
 
-inline Hash128 plainTerm(NodeId node, FieldIndex field, const void* value, const void* fallback, std::size_t size) {
+inline Hash128 plainTerm(NodeId node, FieldKey field, const void* value, const void* fallback, std::size_t size) {
     return withPlainSize(size, [&]<std::size_t n>() { return plainTermOfSize<n>(node, field, value, fallback); });
 }
 

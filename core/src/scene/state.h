@@ -90,6 +90,8 @@ struct TypeEntry {
     const NodeType* type = nullptr;
     Behaviour behaviour;
     std::uint64_t nameHash = 0;
+    const FieldKey* keys = nullptr;  // of its fields; in `ownKeys` for a type of the scene's own
+    std::vector<FieldKey> ownKeys;
     FieldIndex children = kNoField, addChildren = kNoField, removeChildren = kNoField;
     /// Inputs that stand for an initializeOnly field (set_coordIndex for coordIndex), and that field.
     std::vector<std::pair<FieldIndex, FieldIndex>> inputs;
@@ -177,6 +179,8 @@ struct Scene::State {
 
     bool isNew(NodeId id) const { return id.value >= firstNewId; }
     bool isDirty(const Node& node, FieldIndex field) const;
+    FieldKey keyOf(const Node& node, FieldIndex field) const { return types[node.typeIndex_.value].keys[field]; }
+    Hash128 routeTerm(const Route& route) const;
     /// The term of the current value (zero for the default).
     Hash128 termOf(const Node& node, FieldIndex field) const;
     /// The term before the first write of this frame.

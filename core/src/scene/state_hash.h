@@ -5,11 +5,9 @@
 // it, so that inserting one child among a million costs one child.
 #pragma once
 
-#include <rtsg/core/change.h>
+#include <rtsg/core/hash_terms.h>
 
 namespace rtsg::detail {
-
-enum class HashTerm : std::uint8_t { node = 1, field = 2, children = 3, name = 4, route = 5 };
 
 class StateHash {
   public:
@@ -29,12 +27,16 @@ class StateHash {
     std::uint64_t low_ = 0, high_ = 0;
 };
 
+/// Of all fields of a type, in their order.
+std::vector<FieldKey> fieldKeys(const NodeType& type);
+/// The same for built-in types, made once.
+const FieldKey* builtinFieldKeys(TypeIndex type);
+
 /// `storage` in block representation, not the type's default (whose term is zero by definition).
-Hash128 fieldTerm(NodeId node, FieldIndex field, FieldType type, const void* storage);
-Hash128 childTerm(NodeId node, FieldIndex field, NodeId before, NodeId after);
+Hash128 fieldTerm(NodeId node, FieldKey field, FieldType type, const void* storage);
+Hash128 childTerm(NodeId node, FieldKey field, NodeId before, NodeId after);
 Hash128 nodeTerm(NodeId node, std::uint64_t typeNameHash, NodeId scope);
 Hash128 nameTerm(NodeId node, std::string_view name);
-Hash128 routeTerm(NodeId from, FieldIndex fromField, NodeId to, FieldIndex toField, bool isConnection);
-std::uint64_t typeNameHash(std::string_view name);
+Hash128 routeTerm(NodeId from, FieldKey fromField, NodeId to, FieldKey toField, bool isConnection);
 
 }  // namespace rtsg::detail

@@ -56,7 +56,13 @@ Scene::State::~State() {
 void Scene::State::addTypeEntry(const NodeType& type) {
     TypeEntry entry;
     entry.type = &type;
-    entry.nameHash = detail::typeNameHash(type.name);
+    entry.nameHash = hashOfText(type.name);
+    if (types.size() < builtinTypes().size()) {
+        entry.keys = detail::builtinFieldKeys(TypeIndex{static_cast<std::uint16_t>(types.size())});
+    } else {
+        entry.ownKeys = detail::fieldKeys(type);
+        entry.keys = entry.ownKeys.data();
+    }
     entry.children = type.findExact("children");
     entry.addChildren = type.findExact("addChildren");
     entry.removeChildren = type.findExact("removeChildren");
@@ -73,7 +79,8 @@ void Scene::State::addTypeEntry(const NodeType& type) {
     entry.isScript = (type.kind == NodeType::Kind::script || type.name == "Script") && type.isA("X3DScriptNode");
     if (entry.isScript) entry.behaviour = ScriptPrograms::behaviour();
     if (type.kind != NodeType::Kind::script) typeByName.emplace(type.name, static_cast<std::uint16_t>(types.size()));
-    types.push_back(entry);
+    static_assert(std::is_nothrow_move_constructible_v<TypeEntry>, "or `keys` would point to what is gone");
+    types.push_back(std::move(entry));
     if (const auto known = behavioursByName.find(type.name); known != behavioursByName.end()) {
         types.back().behaviour = known->second;
         noteUse(TypeIndex{static_cast<std::uint16_t>(types.size() - 1)}, known->second);
@@ -239,6 +246,11 @@ void Scene::State::setName(Node& node, std::string_view name) {
     trimLinks(node);
 }
 
+Hash128 Scene::State::routeTerm(const Route& route) const {
+    return detail::routeTerm(route.fromNode, keyOf(*find(route.fromNode), route.fromField), route.toNode,
+                             keyOf(*find(route.toNode), route.toField), route.isConnection);
+}
+
 void Scene::State::linkRoute(const Route& route, bool record) {
     Node& from = *find(route.fromNode);
     Node& to = *find(route.toNode);
@@ -247,7 +259,7 @@ void Scene::State::linkRoute(const Route& route, bool record) {
     if (group == out.end()) group = out.insert(out.end(), RouteGroup{route.fromField, 0, {}});
     group->targets.add({{route.toNode, route.toField, route.isConnection}});
     links(to).in.add({route.fromNode, route.fromField, route.toField, route.isConnection});
-    hash.add(detail::routeTerm(route.fromNode, route.fromField, route.toNode, route.toField, route.isConnection));
+    hash.add(routeTerm(route));
     if (!route.isConnection) ++routeCount;
     if (!record) return;
     Change change;
@@ -297,7 +309,7 @@ bool Scene::State::unlinkRoute(const Route& route, bool record) {
     if (!group->targets.remove({{route.toNode, route.toField, route.isConnection}})) return false;
     if (group->targets.empty()) out.erase(group);
     to->links_->in.remove({route.fromNode, route.fromField, route.toField, route.isConnection});
-    hash.subtract(detail::routeTerm(route.fromNode, route.fromField, route.toNode, route.toField, route.isConnection));
+    hash.subtract(routeTerm(route));
     if (!route.isConnection) --routeCount;
     trimLinks(*from);
     if (to != from) trimLinks(*to);

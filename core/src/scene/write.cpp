@@ -57,11 +57,12 @@ Result<> Scene::State::insertChild(Node& parent, FieldIndex field, Node& child, 
     wake(parent);
     if (isNew(parent.id_)) beginWrite(parent, field);
     if (!isDirty(parent, field)) {
+        const FieldKey key = keyOf(parent, field);
         const NodeId before = index > 0 ? children[index - 1] : NodeId{};
         const NodeId after = index < children.size() ? children[index] : NodeId{};
-        if (!children.empty()) hash.subtract(detail::childTerm(parent.id_, field, before, after));
-        hash.add(detail::childTerm(parent.id_, field, before, child.id_));
-        hash.add(detail::childTerm(parent.id_, field, child.id_, after));
+        if (!children.empty()) hash.subtract(detail::childTerm(parent.id_, key, before, after));
+        hash.add(detail::childTerm(parent.id_, key, before, child.id_));
+        hash.add(detail::childTerm(parent.id_, key, child.id_, after));
         Change change;
         change.kind = ChangeKind::insertChild;
         change.node = parent.id_;
@@ -86,11 +87,12 @@ void Scene::State::removeChildAt(Node& parent, FieldIndex field, std::size_t ind
     wake(parent);
     if (isNew(parent.id_)) beginWrite(parent, field);
     if (!isDirty(parent, field)) {
+        const FieldKey key = keyOf(parent, field);
         const NodeId before = index > 0 ? children[index - 1] : NodeId{};
         const NodeId after = index + 1 < children.size() ? children[index + 1] : NodeId{};
-        hash.subtract(detail::childTerm(parent.id_, field, before, child));
-        hash.subtract(detail::childTerm(parent.id_, field, child, after));
-        if (children.size() > 1) hash.add(detail::childTerm(parent.id_, field, before, after));
+        hash.subtract(detail::childTerm(parent.id_, key, before, child));
+        hash.subtract(detail::childTerm(parent.id_, key, child, after));
+        if (children.size() > 1) hash.add(detail::childTerm(parent.id_, key, before, after));
         Change change;
         change.kind = ChangeKind::removeChild;
         change.node = parent.id_;

@@ -52,9 +52,10 @@ export class Replay {
   }
   takeHead(record) {
     const head = readHead(record.payload);
-    if (this.head && head.epoch === this.head.epoch) return;
+    if (this.head && head.epoch === this.head.epoch && head.version === this.head.version) return;
     if (head.mode === 'input') throw new FormatError('a log in input mode can only be run by the program that wrote it');
     this.head = head;
+    this.scene.countsFields = head.version < 3;
     this.decoder.restart();
     this.lost = true;
   }

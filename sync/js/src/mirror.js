@@ -145,6 +145,7 @@ export class Mirror {
     const record = readRecord(second, 0, kMostRecord);
     if (record.kind !== 'head') throw new FormatError('a welcome without a head');
     this.head = readHead(record.payload);
+    this.scene.countsFields = this.head.version < 3;
     const resumed = this.asked > 0 && epoch === this.epoch;
     if (epoch !== this.epoch) {
       this.hasState = false;

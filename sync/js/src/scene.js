@@ -3,14 +3,15 @@
 
 import {FormatError} from './reader.js';
 import {MFNODE, SFNODE, valueOf} from './values.js';
-import {xxh128, xxh128OfWords} from './xxh3.js';
+import {times, xxh128, xxh128OfWords} from './xxh3.js';
 
 const kNode = 1, kField = 2, kNeighbours = 3, kName = 4, kRoute = 5, kNoField = 0xFFFF;
 const utf8 = new TextDecoder('utf-8');
 const term = new Uint32Array(4);
 const scratch = new Uint8Array(16), scratchView = new DataView(scratch.buffer);
 const floats = new Float32Array(4), floatWords = new Int32Array(floats.buffer);
-const empty = new Uint32Array(0);
+const empty = new Uint32Array(0), noKey = [0, 0];
+let seedLow = 0, seedHigh = 0;  // of the term at hand
 
 const sameBytes = (a, b) => a.length === b.length && a.every((x, i) => x === b[i]);
 
@@ -45,6 +46,7 @@ StateHash.prototype.pending = 0;
 export class Node {
   constructor(id, type, scope) {
     this.id = id;
+    this.spread = times(id, 0x7F4A7C15, 0x9E3779B9);
     this.type = type;
     this.scope = scope;
     this.values = [];   // by field; what is missing has its default
@@ -64,6 +66,8 @@ export class Scene {
   constructor() {
     /** `change(node, field)` for every value that is set, once the record is applied; null: nobody listens. */
     this.listener = null;
+    /** Streams of version 2 had hashes that name fields by number. */
+    this.countsFields = false;
     this.reset();
   }
   reset() {
@@ -86,7 +90,18 @@ export class Scene {
 
   // ---- terms -------------------------------------------------------------------------------------------------
 
-  seedLow(field, t) { return (field << 16 | t) >>> 0; }
+  /** To seedLow and seedHigh. */
+  seed(node, field, t) {
+    if (this.countsFields) {
+      seedLow = (field << 16 | t) >>> 0;
+      seedHigh = node.id;
+      return;
+    }
+    const key = field === kNoField ? noKey : this.fieldOf(node, field).key;
+    const low = key[0] + t + node.spread[0];
+    seedLow = low >>> 0;
+    seedHigh = (key[1] + node.spread[1] + Math.floor(low / 0x100000000)) >>> 0;
+  }
   fieldOf(node, field, type) {
     const def = node.type.fields[field];
     if (!def) throw new FormatError(`${node.type.name} has no field ${field}`);
@@ -105,7 +120,8 @@ export class Scene {
     if (a === 0 && b === 0) return;
     scratchView.setUint32(0, a, true);
     scratchView.setUint32(4, b, true);
-    xxh128(term, 0, scratch, scratchView, 0, 8, this.seedLow(field, kNeighbours), node.id);
+    this.seed(node, field, kNeighbours);
+    xxh128(term, 0, scratch, scratchView, 0, 8, seedLow, seedHigh);
     this.hash.add(term, 0, sign);
   }
   list(node, field, children, sign) {
@@ -115,19 +131,28 @@ export class Scene {
   nodeTerm(node, sign) {
     const [low, high] = node.type.nameHash;
     [low, high, node.scope, 0].forEach((x, i) => scratchView.setUint32(4 * i, x, true));
-    xxh128(term, 0, scratch, scratchView, 0, 16, this.seedLow(kNoField, kNode), node.id);
+    this.seed(node, kNoField, kNode);
+    xxh128(term, 0, scratch, scratchView, 0, 16, seedLow, seedHigh);
     this.hash.add(term, 0, sign);
   }
   nameTerm(node, bytes, sign) {
     if (!bytes.length) return;
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-    xxh128(term, 0, bytes, view, 0, bytes.length, this.seedLow(kNoField, kName), node.id);
+    this.seed(node, kNoField, kName);
+    xxh128(term, 0, bytes, view, 0, bytes.length, seedLow, seedHigh);
     this.hash.add(term, 0, sign);
   }
   routeTerm(r, sign) {
-    scratchView.setUint32(0, r.to, true);
-    scratchView.setUint32(4, r.toField + (r.isConnection ? 0x10000 : 0), true);
-    xxh128(term, 0, scratch, scratchView, 0, 8, this.seedLow(r.fromField, kRoute), r.from);
+    this.seed(this.node(r.from), r.fromField, kRoute);
+    if (this.countsFields) {
+      scratchView.setUint32(0, r.to, true);
+      scratchView.setUint32(4, r.toField + (r.isConnection ? 0x10000 : 0), true);
+      xxh128(term, 0, scratch, scratchView, 0, 8, seedLow, seedHigh);
+    } else {
+      const [low, high] = this.fieldOf(this.node(r.to), r.toField).key;
+      [low, high, r.to, r.isConnection ? 1 : 0].forEach((x, i) => scratchView.setUint32(4 * i, x, true));
+      xxh128(term, 0, scratch, scratchView, 0, 16, seedLow, seedHigh);
+    }
     this.hash.add(term, 0, sign);
   }
 
@@ -147,7 +172,8 @@ export class Scene {
     this.fieldOf(node, field, SFNODE);
     node.values[field] = child;
     scratchView.setUint32(0, child, true);
-    if (child) xxh128(term, 0, scratch, scratchView, 0, 4, this.seedLow(field, kField), id);
+    this.seed(node, field, kField);
+    if (child) xxh128(term, 0, scratch, scratchView, 0, 4, seedLow, seedHigh);
     this.replaceTerm(node, field, child === 0);
     this.changed?.push(node, field);
   }
@@ -186,7 +212,6 @@ export class Scene {
   }
   /** Values of 1 to 4 f32, as their bits, one after the other. */
   setWords(nodes, field, type, lanes, words) {
-    const low = this.seedLow(field, kField);
     let known = null, defaults = null;  // most columns are of one type of node
     for (let i = 0, at = 0; i < nodes.length; ++i, at += lanes) {
       const node = this.node(nodes[i]);
@@ -199,7 +224,10 @@ export class Scene {
         floatWords[k] = words[at + k];
         if (words[at + k] !== defaults[k]) isDefault = false;
       }
-      if (!isDefault) xxh128OfWords(term, 0, words, at, lanes, low, node.id);
+      if (!isDefault) {
+        this.seed(node, field, kField);
+        xxh128OfWords(term, 0, words, at, lanes, seedLow, seedHigh);
+      }
       this.replaceTerm(node, field, isDefault);
       node.values[field] = lanes === 3 ? [floats[0], floats[1], floats[2]]
         : lanes === 1 ? floats[0]
@@ -212,7 +240,8 @@ export class Scene {
     const isDefault = sameBytes(bytes, def.defaultBytes);
     if (!isDefault) {
       const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-      xxh128(term, 0, bytes, view, 0, bytes.length, this.seedLow(field, kField), id);
+      this.seed(node, field, kField);
+      xxh128(term, 0, bytes, view, 0, bytes.length, seedLow, seedHigh);
     }
     this.replaceTerm(node, field, isDefault);
     node.values[field] = valueOf(type, bytes);

@@ -6,12 +6,19 @@ import {isKnown, readHashBytes, valueOf, zeroBytes} from './values.js';
 
 const utf8 = new TextEncoder();
 
+/** A name as the state hash has it: XXH3-64, low half first. */
+function nameHash(name) {
+  const hash = xxh64(utf8.encode(name));
+  return [Number(hash & 0xFFFFFFFFn), Number(hash >> 32n)];
+}
+
 function readField(f) {
   const name = f.text(), type = f.u8();
   if (!isKnown(type)) throw new FormatError(`value type ${type}`);
   const use = f.u8(), bits = f.u8();
   const field = {name, type, access: ['initializeOnly', 'inputOnly', 'outputOnly', 'inputOutput'][use & 3], aspect: use >> 2,
     hidden: (bits & 2) !== 0, defaultBytes: null};
+  field.key = nameHash(field.hidden ? name + '\0' : name);
   if (bits & 4) field.minimum = f.f64();
   if (bits & 8) field.maximum = f.f64();
   if (bits & 16) field.allowed = f.texts();
@@ -27,10 +34,7 @@ export function readType(reader) {
   const type = {name, component: r.text(), level: r.varint(), kind: ['built in', 'user', 'PROTO', 'EXTERNPROTO', 'Script'][r.u8()],
     container: r.text(), implements: r.texts(), declaration: r.text(), fields: []};
   for (let n = r.count(1); n > 0; --n) type.fields.push(readField(r.part()));
-  // The name as the state hash has it.
-  const hash = new DataView(new ArrayBuffer(8));
-  hash.setBigUint64(0, xxh64(utf8.encode(name)), true);
-  type.nameHash = [hash.getUint32(0, true), hash.getUint32(4, true)];
+  type.nameHash = nameHash(name);
   return type;
 }
 
@@ -38,7 +42,8 @@ export function readType(reader) {
 export function readHead(payload) {
   const r = new Reader(payload);
   const version = r.u16(), oldest = r.u16();
-  if (oldest > 2) throw new FormatError(`the stream is for readers of version ${oldest}; this one reads 2`);
+  if (oldest > 3) throw new FormatError(`the stream is for readers of version ${oldest}; this one reads 3`);
+  if (version < 2) throw new FormatError(`a stream of version ${version}; this reader knows 2 and 3`);
   const head = {version, epoch: r.u64(), dictionary: r.u64(), builtin: r.u16(), mode: ['state', 'input', 'lossy'][r.u8()],
     coding: r.u8(), maxError: r.f64(), creator: r.text()};
   if (!head.mode) throw new FormatError('a stream of an unknown mode');

@@ -76,6 +76,12 @@ function multiplyLow(al, ah, bl, bh) {
   m1 = (m1 + Math.imul(ah, bl) + Math.imul(al, bh)) >>> 0;
 }
 
+/** The low 64 bits of a number of 32 bits times (low, high), low one first. */
+export function times(number, low, high) {
+  multiplyLow(number, 0, low, high);
+  return [m0, m1];
+}
+
 const swap = (x) => ((x << 24) | ((x & 0xFF00) << 8) | ((x >>> 8) & 0xFF00) | (x >>> 24)) >>> 0;
 
 /** XXH3's last mixing of (l, h): m0, m1. */

@@ -5,7 +5,7 @@ import {test} from 'node:test';
 import {Replay} from '../src/index.js';
 
 const folder = new URL('../../../tests/sync/conformance/', import.meta.url);
-const logs = readdirSync(folder).filter((name) => name.endsWith('.rlog'));
+const logsIn = (place) => readdirSync(new URL(place, folder)).filter((name) => name.endsWith('.rlog')).map((name) => place + name);
 
 /** Expected values are the shortest decimals of f32 or f64; what is no number is null. */
 function sameValue(given, expected, path) {
@@ -22,8 +22,9 @@ function sameValue(given, expected, path) {
   }
 }
 
-assert.equal(logs.length, 10);
-for (const name of logs) {
+assert.equal(logsIn('./').length, 10);
+assert.equal(logsIn('./format2/').length, 10);
+for (const name of [...logsIn('./'), ...logsIn('./format2/')]) {
   test(`${name} is read as expected`, () => {
     const expected = JSON.parse(readFileSync(new URL(name.replace('.rlog', '.json'), folder), 'utf8'));
     const replay = new Replay(new Uint8Array(readFileSync(new URL(name, folder))));

@@ -8,6 +8,7 @@
 #include "blocks.h"
 #include "column_codec.h"
 #include "column_rows.h"
+#include "origin_hash.h"
 #include "type_mapping.h"
 #include "wire.h"
 
@@ -29,16 +30,18 @@ NodeId readNode(Reader& in, std::uint32_t& last, bool& external) {
     return NodeId{last};
 }
 
-void readDescriptions(Reader& in, std::size_t count, TypeMapping* mapping) {
+void readDescriptions(Reader& in, std::size_t count, TypeMapping* mapping, OriginHash* hash) {
     if (!mapping) {  // the same types here
         in.at = in.end;
         return;
     }
     for (std::size_t i = 0; i < count && !in.problem; ++i) {
         const std::uint64_t number = in.bounded(0xFFFF);
-        const std::unique_ptr<NodeType> type = wire::readType(in);
+        const std::shared_ptr<const NodeType> type = wire::readType(in);
         if (type && !mapping->describe(static_cast<std::uint16_t>(number), *type))
             in.refuse("description of what is no built-in type");
+        else if (type && hash)
+            hash->describe(static_cast<std::uint16_t>(number), type);
     }
 }
 
@@ -267,12 +270,8 @@ bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, Chan
 }
 
 /// False for a column in a coding of a later format.
-bool readBlock(Reader& in, unsigned kind, std::size_t count, TypeMapping* mapping, wire::ColumnReader* columns,
-               ChangeSet& set) {
+bool readBlock(Reader& in, unsigned kind, std::size_t count, wire::ColumnReader* columns, ChangeSet& set) {
     switch (kind) {
-        case wire::kDescriptions:
-            readDescriptions(in, count, mapping);
-            break;
         case wire::kTypes:
             readTypes(in, count, set);
             break;
@@ -324,8 +323,15 @@ ChangeDecoder::~ChangeDecoder() = default;
 Result<> ChangeDecoder::setHead(const StreamHead& head) {
     mapping_.reset();
     columns_.reset();
+    origin_.reset();
     if (head.dictionaryHash != localHash_) mapping_ = std::make_unique<TypeMapping>(local_, head.builtinTypes);
+    if (counting_ && (mapping_ || head.formatVersion < kFormatVersion))
+        origin_ = std::make_unique<OriginHash>(head, mapping_ ? TypeTable() : local_);
     return {};
+}
+
+std::optional<Hash128> ChangeDecoder::originHash() const {
+    return origin_ ? std::optional(origin_->value()) : std::nullopt;
 }
 
 void ChangeDecoder::goOnFrom(const ChangeDecoder& other) {
@@ -365,7 +371,9 @@ Result<> ChangeDecoder::readBlocks(Reader& in, wire::ColumnReader* columns, Chan
         if (kind != wire::kValues && count > block.left()) block.refuse("count exceeds the bytes that follow");
         previous = kind;
         any = true;
-        if (!readBlock(block, kind, count, mapping_.get(), columns, set)) {
+        if (kind == wire::kDescriptions) {
+            readDescriptions(block, count, mapping_.get(), origin_.get());
+        } else if (!readBlock(block, kind, count, columns, set)) {
             ++losses_.blocks;
             continue;
         }
@@ -392,6 +400,7 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     in.budget = &budget;
     reserveRows(in, columns ? columns->history().slots() : 0, set);
     if (auto ok = readBlocks(in, columns, set); !ok) return ok;
+    if (origin_) origin_->follow(set);
     return mapping_ ? mapping_->toLocal(set, budget, losses_) : Result<>{};
 }
 

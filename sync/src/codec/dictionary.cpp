@@ -40,7 +40,7 @@ Result<StreamHead> decodeHead(std::span<const std::byte> record) {
     StreamHead head;
     head.formatVersion = in.number<std::uint16_t>();
     const auto oldest = in.number<std::uint16_t>();
-    if (!in.problem && (head.formatVersion < kOldestReader || oldest > kFormatVersion))
+    if (!in.problem && (head.formatVersion < kOldestFormat || oldest > kFormatVersion))
         in.refuse("format version unknown to this reader");
     head.epoch = in.number<std::uint64_t>();
     head.dictionaryHash = in.number<std::uint64_t>();

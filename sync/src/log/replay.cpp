@@ -45,6 +45,7 @@ const Change* firstUnheeded(const Scene& scene, const ChangeSet& set) {
 
 Replayer::Replayer(LogReader log) : log_(std::move(log)), decoder_(builtinTypes()), scene_(std::make_unique<Scene>()) {
     scene_->setBehavioursEnabled(false);
+    decoder_.countOriginHash();
 }
 
 Result<std::unique_ptr<Replayer>> Replayer::open(const std::filesystem::path& file, std::uint64_t maxPayload) {
@@ -64,7 +65,9 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
     Result<StreamHead> head = decodeHead(record);
     if (!head) return failed(head.error());
     // Heads are repeated; one that says nothing new changes nothing.
-    if (headed_ && head->epoch == head_.epoch && head->dictionaryHash == head_.dictionaryHash) return {};
+    if (headed_ && head->epoch == head_.epoch && head->dictionaryHash == head_.dictionaryHash &&
+        head->formatVersion == head_.formatVersion)
+        return {};
     lost_ = true;
     headed_ = false;
     head_ = std::move(*head);
@@ -72,6 +75,10 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
     const bool runs = head_.mode.mode == Mode::input;
     const Result<> fit = inputDecoder_.setHead(head_);
     if (runs && !fit) return failed(fit.error());
+    if (runs && head_.formatVersion < kFormatVersion)
+        return fail(fmt::format("a log in input mode of format {}: only the program that wrote it can run it",
+                                head_.formatVersion),
+                    {}, log_.file().string());
     inputsFit_ = fit.has_value();
     if (!runs) {
         runner_.reset();
@@ -110,6 +117,7 @@ Result<> Replayer::apply(const LogReader::Record& record) {
     if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
     Result<> ok = decoder_.decode(record.bytes, *set_);
     set_->input.reset();
+    if (decoder_.originHash()) set_->hash = {};  // the scene says which it is here
     if (input_ && input_->from == header.from && input_->to == header.to) set_->input = std::move(input_->input);
     if (ok && runner_) {
         if (const Result<bool> taken = runner_->take(set_); !taken) ok = std::unexpected(taken.error());
@@ -119,6 +127,7 @@ Result<> Replayer::apply(const LogReader::Record& record) {
     if (!ok) return lose(record.offset, header.to, ok.error().text);
     lost_ = false;
     ++frames_;
+    if (decoder_.originHash()) set_->hash = scene_->hash();
     check(header, *set_);
     return {};
 }
@@ -169,7 +178,7 @@ Result<bool> Replayer::takeInput(const LogReader::Record& record) {
 }
 
 void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
-    if (scene_->hash() == header.hash) {
+    if (decoder_.originHash().value_or(scene_->hash()) == header.hash) {
         ++verified_;
         return;
     }
@@ -302,8 +311,10 @@ Result<> Replayer::composeUntil(double time) {
         if (!last) return {};
         auto merged = std::make_shared<ChangeSet>(composer.take());
         set_ = merged;
+        if (decoder_.originHash()) merged->hash = {};
         if (auto ok = scene_->apply(merged); !ok) return lose(log_.position(), last->to, ok.error().text);
         ++frames_;
+        if (decoder_.originHash()) merged->hash = scene_->hash();
         check(*last, *merged);
         last.reset();
         return {};

@@ -337,6 +337,11 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
         return garbage("a damaged head: " + intact.error().text);
     const Result<StreamHead> head = decodeHead(second.bytes());
     if (!head) return garbage("a head: " + head.error().text);
+    if (head->formatVersion < kFormatVersion) {
+        refusal_ = fmt::format("the server is of an earlier version: its hashes are those of format {}, ours of {}",
+                               head->formatVersion, kFormatVersion);
+        return;
+    }
     if (auto ok = decoder_.setHead(*head); !ok) {
         refusal_ = ok.error().text;
         return;

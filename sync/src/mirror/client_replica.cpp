@@ -237,7 +237,7 @@ void MirrorClient::Impl::stopRunning(const std::string& why) {
 void MirrorClient::Impl::compare(const RecordHeader& header) {
     statistics_.hash = replica_.hash();
     statistics_.originHash = header.hash;
-    statistics_.equal = decoder_.exact() && statistics_.hash == statistics_.originHash;
+    statistics_.equal = statistics_.hash == statistics_.originHash;
     if (statistics_.equal || !decoder_.exact()) {
         // A difference that only its memory shows stays one until it is repaired.
         if (statistics_.equal && diverged_ && !bisection_.running()) diverged_ = false;

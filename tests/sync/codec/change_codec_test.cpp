@@ -271,7 +271,8 @@ TEST(Head, RoundTripsAndDetectsDamage) {
         ASSERT_FALSE(decodeHead(resealed(record.bytes().first(size), *header).bytes())) << size;
     record.put(std::uint64_t{7});  // what a later version may append
     EXPECT_TRUE(decodeHead(resealed(record.bytes(), *header).bytes()));
-    for (const auto& [at, byte] : {std::pair{2, 3}, {22, 3}}) {  // readers too old for it; a mode of later
+    for (const auto& [at, byte] :
+         {std::pair{2, kFormatVersion + 1}, {22, 3}}) {  // readers too old for it; a mode of later
         ByteBuffer bent;
         bent.append(record.bytes());
         bent.data()[kRecordHeaderSize + static_cast<std::size_t>(at)] = static_cast<std::byte>(byte);

@@ -7,6 +7,9 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/hash_terms.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/partial_hash.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/change_codec.h>
 
@@ -199,6 +202,211 @@ TEST_P(Versions, ALogOfAnotherVersionIsReplayedButForWhatIsUnknown) {
     EXPECT_EQ(scene.node(NodeId{2}).get(x3d::Transform::translation), Vec3f(59 * .125f, std::sin(59.f), 3));
     EXPECT_EQ(scene.node(NodeId{4}).get(x3d::Box::size), Vec3f(1, 2, 3));
     EXPECT_TRUE((*replayer)->log().damage().empty());
+}
+
+// ---- hashes that outlive a release --------------------------------------------------------------------------------
+
+/// Records what a scene of this program does in the numbers of other tables: as a build with those would have written
+/// it.
+class ForeignLog {
+  public:
+    ForeignLog(const std::filesystem::path& file, const Scene& scene, TypeTable types)
+        : out_(file, std::ios::binary), scene_(scene), types_(types), encoder_({}, types) {
+        ByteBuffer record;
+        encodeHead(7, "another version", types, {}, record);
+        write(record);
+    }
+    /// `extra`: changes that this program's types cannot hold, and what they add to the hash.
+    void add(const ChangeSet& from, std::span<const Change> extra = {}, Hash128 terms = {}) {
+        ChangeSet set = from;
+        for (const Change& change : set.changes)
+            if (change.kind == ChangeKind::createNode) typeOf_[change.node.value] = change.index;
+        std::erase_if(set.changes, [](const Change& c) { return c.kind == ChangeKind::defineType; });
+        set.types.clear();
+        for (Change& change : set.changes) translate(change);
+        set.changes.insert(set.changes.end(), extra.begin(), extra.end());
+        set.hash = set.hash + terms;
+        ByteBuffer record;
+        encoder_.encode(set, record);
+        write(record);
+    }
+    FieldIndex field(std::string_view type, std::string_view name) const {
+        return types_[numberOf(types_, type)]->findExact(name);
+    }
+
+  private:
+    const NodeType& ours(NodeId node) const {
+        return node.value == 1 ? scene_.node(scene_.root()).type()
+                               : scene_.type(TypeIndex{static_cast<std::uint16_t>(typeOf_.at(node.value))});
+    }
+    FieldIndex theirs(NodeId node, FieldIndex index) const {
+        const NodeType& type = ours(node);
+        return field(type.name, type.fields[index].name);
+    }
+    void translate(Change& change) {
+        if (change.kind == ChangeKind::createNode) {
+            change.index = numberOf(types_, ours(change.node).name);
+        } else if (change.kind == ChangeKind::addRoute || change.kind == ChangeKind::removeRoute) {
+            change.index = theirs(change.other, change.field2());
+            change.field = theirs(change.node, change.field);
+        } else if (change.kind != ChangeKind::setName && change.kind != ChangeKind::destroyNode) {
+            change.field = theirs(change.node, change.field);
+        }
+    }
+    void write(const ByteBuffer& record) {
+        out_.write(reinterpret_cast<const char*>(record.data()), std::streamsize(record.size()));
+    }
+
+    std::ofstream out_;
+    const Scene& scene_;
+    TypeTable types_;
+    ChangeEncoder encoder_;
+    std::map<std::uint32_t, std::uint32_t> typeOf_;
+};
+
+constexpr const char* kMoving = R"(#X3D V4.0 utf8
+PROFILE Immersive
+DEF CLOCK TimeSensor { cycleInterval 4 loop TRUE }
+DEF PATH PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 2 0 0 ] }
+DEF THING Transform { rotation 1 0 0 .5 children [ Shape { geometry DEF BOX Box { size 1 2 3 } } ] }
+ROUTE CLOCK.fraction_changed TO PATH.set_fraction
+ROUTE PATH.value_changed TO THING.translation
+)";
+
+struct Verified {
+    std::uint64_t frames = 0, verified = 0;
+    std::string divergence, hash;
+    std::uint64_t leftOut = 0;
+};
+Verified verify(const std::filesystem::path& file) {
+    auto replayer = Replayer::open(file);
+    EXPECT_TRUE(replayer) << replayer.error().text;
+    Result<bool> more = true;
+    while ((more = (*replayer)->step()) && *more)
+        EXPECT_EQ((*replayer)->lastSet().hash, (*replayer)->scene().hash()) << "what subscribers are told";
+    EXPECT_TRUE(more) << more.error().text;
+    return {(*replayer)->frames(), (*replayer)->verified(),
+            (*replayer)->divergence() ? (*replayer)->divergence()->format() : "", (*replayer)->scene().hash().hex(),
+            (*replayer)->losses().changes};
+}
+
+/// Types as an earlier build had them: `remove` from each field's name list, one type less; all numbers differ.
+std::vector<std::unique_ptr<NodeType>> earlierVersion() {
+    std::vector<std::unique_ptr<NodeType>> types;
+    for (const auto& type : builtinTypes()) {
+        if (type->name == "Arc2D") continue;
+        auto copy = copyOf(*type);
+        std::erase_if(copy->fields, [](const FieldDef& f) {
+            return f.name == "solid" || f.name == "pauseTime" || f.name == "bboxDisplay" || f.name == "description";
+        });
+        if (!copy->finish()) std::abort();
+        types.push_back(std::move(copy));
+    }
+    return types;
+}
+
+/// The replica's own hash, too, is the one that was recorded: a new field has its default, and no term.
+TEST(HashesOverVersions, ALogOfABuildWithoutSomeFieldsAndTypesIsVerified) {
+    const std::vector<std::unique_ptr<NodeType>> earlier = earlierVersion();
+    const test::TempFolder folder;
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kMoving, diagnostics));
+    scene.seal();
+    {
+        ForeignLog log(folder.path() / "a.rlog", scene, earlier);
+        log.add(scene.snapshot());
+        for (int frame = 1; frame <= 20; ++frame) log.add(*scene.newFrame(frame * .1));
+    }
+    const Verified found = verify(folder.path() / "a.rlog");
+    EXPECT_EQ(found.frames, 21u);
+    EXPECT_EQ(found.verified, 21u) << found.divergence;
+    EXPECT_EQ(found.hash, scene.hash().hex());
+}
+
+/// Types that are not here are defined as the log describes them: same names, same hash.
+TEST(HashesOverVersions, ALogOfABuildWithMoreTypesIsVerified) {
+    const std::vector<std::unique_ptr<NodeType>> other = otherVersion();
+    const test::TempFolder folder;
+    Scene scene;
+    std::shared_ptr<NodeType> torus = copyOf(*findBuiltinType("Sphere"));
+    torus->name = "Torus";
+    torus->kind = NodeType::Kind::user;
+    ASSERT_TRUE(torus->finish());
+    ASSERT_TRUE(scene.defineType(torus));
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kMoving, diagnostics));
+    const Result<NodeId> ring = scene.createNode("Torus");
+    ASSERT_TRUE(ring);
+    ASSERT_TRUE(scene.setField(*ring, torus->findExact("radius"), 4.f));
+    scene.seal();
+    {
+        ForeignLog log(folder.path() / "a.rlog", scene, other);
+        log.add(scene.snapshot());
+        for (int frame = 1; frame <= 20; ++frame) {
+            ASSERT_TRUE(scene.setField(*ring, torus->findExact("radius"), static_cast<float>(frame)));
+            log.add(*scene.newFrame(frame * .1));
+        }
+    }
+    const Verified found = verify(folder.path() / "a.rlog");
+    EXPECT_EQ(found.frames, 21u);
+    EXPECT_EQ(found.verified, 21u) << found.divergence;
+    EXPECT_EQ(found.hash, scene.hash().hex());
+}
+
+/// A field that is not here is no part of the scene, but of what is verified; and so are defaults that were others.
+TEST(HashesOverVersions, ALogWithFieldsThatAreNotHereIsVerifiedAsItsWriterWould) {
+    std::vector<std::unique_ptr<NodeType>> other = otherVersion();
+    for (const auto& type : other)
+        if (type->name == "Shape") type->fields[type->findExact("castShadow")].defaultValue = Value(false);
+    for (auto& type : other) {
+        auto copy = copyOf(*type);
+        ASSERT_TRUE(copy->finish());
+        type = std::move(copy);
+    }
+    const test::TempFolder folder;
+    const auto record = [&](const std::filesystem::path& file, bool wrong) {
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(scene, kMoving, diagnostics));
+        const NodeId thing = scene.findName("THING");
+        const NodeId shape = scene.node(thing).get(x3d::Transform::children)[0];
+        // In the scene it is no default, in the log it is one.
+        ASSERT_TRUE(scene.set(shape, x3d::Shape::castShadow, false));
+        scene.seal();
+        const bool no = false;
+        FieldDef castShadow, wobble;
+        castShadow.name = "castShadow";
+        wobble.name = "wobble";
+        const Hash128 shadow =
+            hashOfValue(FieldType::SFBool, &no, hashSeed(shape, fieldKey(castShadow), HashTerm::field));
+        const Hash128 without{0 - shadow.low, 0 - shadow.high - (shadow.low ? 1 : 0)};
+        ForeignLog log(file, scene, other);
+        ChangeSet start = scene.snapshot();
+        std::erase_if(start.changes, [&](const Change& c) {
+            return c.kind == ChangeKind::setField && c.node == shape && c.field == x3d::Shape::castShadow.index;
+        });
+        log.add(start, {}, without);
+        for (int frame = 1; frame <= 20; ++frame) {
+            const Vec3f value(static_cast<float>(frame), 0, 0);
+            Change change;
+            change.node = thing;
+            change.field = log.field("Transform", "wobble");
+            change.value = value;
+            Hash128 term = hashOfValue(FieldType::SFVec3f, &value, hashSeed(thing, fieldKey(wobble), HashTerm::field));
+            if (wrong && frame == 12) term.low ^= 1;
+            log.add(*scene.newFrame(frame * .1), {&change, 1}, without + term);
+        }
+    };
+    record(folder.path() / "a.rlog", false);
+    const Verified found = verify(folder.path() / "a.rlog");
+    EXPECT_EQ(found.frames, 21u);
+    EXPECT_EQ(found.verified, 21u) << found.divergence;
+    EXPECT_EQ(found.leftOut, 20u);
+    record(folder.path() / "b.rlog", true);
+    const Verified wrong = verify(folder.path() / "b.rlog");
+    EXPECT_EQ(wrong.verified, 20u);
+    EXPECT_TRUE(wrong.divergence.starts_with("frame 13")) << wrong.divergence;
 }
 
 }  // namespace

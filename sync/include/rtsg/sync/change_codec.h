@@ -10,6 +10,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -21,6 +22,7 @@
 
 namespace rtsg {
 
+class OriginHash;
 class TypeMapping;
 namespace wire {
 class ColumnReader;
@@ -65,6 +67,11 @@ class ChangeDecoder {
     /// Announces the stream; without this, it has to come from the same build. Types of another build are mapped by
     /// name as they are described; one that is unknown here is defined in the scene at its first use.
     Result<> setHead(const StreamHead& head);
+    /// From the next head on, counts the state hash that the writer has, where a scene here may have another: in
+    /// streams of another build or of an earlier format. Costs about what applying them does.
+    void countOriginHash() { counting_ = true; }
+    /// After each record; nothing where a scene here has to have the record's hash itself.
+    std::optional<Hash128> originHash() const;
     /// `record`: an intact frame or keyframe (checkRecord). Reuses `set`'s memory. Errors name the byte, counted from
     /// the record's start; `set` is then unspecified.
     Result<> decode(std::span<const std::byte> record, ChangeSet& set);
@@ -74,7 +81,8 @@ class ChangeDecoder {
 
     /// Of this program's own types.
     std::uint64_t localHash() const { return localHash_; }
-    /// True while numbers are taken as they come: the state hash then has to agree with the origin's.
+    /// True while numbers are taken as they come: the state hash then has to agree with the origin's, unless that is of
+    /// format 2.
     bool exact() const { return !mapping_; }
     const DecoderLosses& losses() const { return losses_; }
 
@@ -85,6 +93,8 @@ class ChangeDecoder {
     TypeTable local_;
     std::uint64_t localHash_ = 0;
     std::unique_ptr<TypeMapping> mapping_;  // only for streams of another build
+    std::unique_ptr<OriginHash> origin_;
+    bool counting_ = false;
     std::unique_ptr<wire::ColumnReader> columns_;
     DecoderLosses losses_;
 };

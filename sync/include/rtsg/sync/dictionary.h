@@ -18,8 +18,9 @@
 
 namespace rtsg {
 
-/// What is written, and the oldest format whose readers understand it but for what they skip.
-constexpr std::uint16_t kFormatVersion = 2, kOldestReader = 2;
+/// What is written, the oldest format whose readers understand it but for what they skip, and the oldest that is read
+/// here. In format 2, state hashes counted fields by their place in the node tables.
+constexpr std::uint16_t kFormatVersion = 3, kOldestReader = 3, kOldestFormat = 2;
 
 using TypeTable = std::span<const std::unique_ptr<NodeType>>;
 

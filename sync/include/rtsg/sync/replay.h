@@ -2,7 +2,8 @@
 //
 // Invariant: the scene is always in a state of the log. Where bytes are damaged the replay goes on at the next
 // keyframe. Subscribers of the scene's bus see what those of the origin saw.
-// Threading: one thread, which owns the scene.
+// A log of another build, or of an earlier format, is checked as its writer would: with the writer's node types and
+// version of the hash, so that logs stay good whatever types gain. Threading: one thread, which owns the scene.
 
 // Example:
 //     #include <rtsg/sync/replay.h>
@@ -78,6 +79,8 @@ class Replayer {
     const std::optional<Divergence>& divergence() const { return divergence_; }
     const LogReader& log() const { return log_; }
     const StreamHead& head() const { return head_; }
+    /// What of it this program does not know, and the scene does not have.
+    const DecoderLosses& losses() const { return decoder_.losses(); }
     const std::vector<LogKeyframe>& keyframes() { return log_.keyframes(); }
 
   private:

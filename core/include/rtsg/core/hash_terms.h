@@ -1,0 +1,34 @@
+// What a state hash is a sum of: terms, each XXH3-128 of canonical bytes, seeded with what the bytes belong to. For
+// those who count the hash of a scene that they have not got; a Scene keeps its own.
+//
+// Invariant: a term is made of names, node numbers and values, never of a place in a table of types, and a field that
+// has its default has none. So a type may gain fields, and tables types, and no hash that was recorded changes.
+// Source: sync/PROTOCOL.md, "State hash". Threading: free functions without shared state.
+#pragma once
+
+#include <string_view>
+
+#include <rtsg/core/change.h>
+#include <rtsg/core/node_type.h>
+
+namespace rtsg {
+
+/// What a term is of; part of its seed.
+enum class HashTerm : std::uint8_t { node = 1, field = 2, children = 3, name = 4, route = 5 };
+
+/// What a field is called, as terms have it; 0 in terms that are of no field.
+using FieldKey = std::uint64_t;
+FieldKey fieldKey(const FieldDef& field);
+
+/// The node's number spread over all 64 bits: XXH3 adds a seed to short inputs, so that of two small numbers side by
+/// side in the seed and in the bytes one could make up for the other.
+inline std::uint64_t hashSeed(NodeId node, FieldKey field, HashTerm term) {
+    return field + static_cast<std::uint64_t>(term) + node.value * 0x9E3779B97F4A7C15ull;
+}
+
+std::uint64_t hashOfText(std::string_view text);
+Hash128 hashOfBytes(const void* bytes, std::size_t size, std::uint64_t seed);
+/// Of a value in block representation; MFNode has terms by neighbours instead.
+Hash128 hashOfValue(FieldType type, const void* storage, std::uint64_t seed);
+
+}  // namespace rtsg
