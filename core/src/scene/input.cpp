@@ -41,7 +41,7 @@ void FrameInput::clear() {
 // ---- recording -------------------------------------------------------------------------------------------------
 
 void Scene::setInputRecording(bool on) {
-    if (state_->recording == on) return;
+    if (state_->refuseForeign() || state_->recording == on) return;
     state_->recording = on;
     state_->input.reset();
     state_->newUses.clear();

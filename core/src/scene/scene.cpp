@@ -196,7 +196,7 @@ Result<TypeIndex> Scene::defineType(std::shared_ptr<const NodeType> type) {
 
 NodeId Scene::createNode(TypeIndex type, NodeId scope) {
     State& s = *state_;
-    if (!s.checkEdit() || type.value >= s.types.size() || s.nextId == UINT32_MAX) return {};
+    if (s.refuseForeign() || !s.checkEdit() || type.value >= s.types.size() || s.nextId == UINT32_MAX) return {};
     Node& node = s.allocate(NodeId{s.nextId}, type, scope);
     s.hash.add(detail::nodeTerm(node.id_, s.types[type.value].nameHash, scope));
     s.newNodes.push_back(node.id_);

@@ -29,12 +29,14 @@ Behaviour ScriptPrograms::behaviour() {
 }
 
 void Scene::setScriptOptions(ScriptOptions options) {
+    if (state_->refuseForeign()) return;
     if (state_->scripts) state_->scripts->forgetAll();
     state_->scriptOptions = std::move(options);
     state_->scripts.reset();
 }
 
 void Scene::setScriptResources(std::shared_ptr<const Resources> resources) {
+    if (state_->refuseForeign()) return;
     if (!state_->scriptOptions.resources && !state_->scripts) state_->scriptOptions.resources = std::move(resources);
 }
 

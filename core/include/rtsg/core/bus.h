@@ -62,9 +62,9 @@ class Attachment {
 
     /// Applies everything not yet seen as one set. Returns true if there was something.
     bool poll();
-    /// As poll, but hands out the sets one by one, unmerged (a log wants every frame). Returns their number.
+    /// As poll, but one by one, after what the bus has merged where over 256 waited. Returns the number of sets.
     std::size_t drain();
-    /// The merged set is `sequence()` afterwards.
+    /// The state that the last set handed out led to; 0 before the first.
     std::uint64_t sequence() const;
     bool attached() const;
     /// Why the bus detached it, if it did.

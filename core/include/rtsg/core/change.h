@@ -62,7 +62,7 @@ struct DefinedType {
 struct FrameInput;
 
 struct ChangeSet {
-    /// The set leads from state `from` to state `to`; a single frame has to == from + 1, a snapshot from == 0.
+    /// The set leads from state `from` to `to`: a frame to from + 1, a snapshot from 0, a replica's repair to itself.
     std::uint64_t from = 0, to = 0;
     double time = 0;  // seconds, of the last frame in it
     Hash128 hash;     // of the state it leads to

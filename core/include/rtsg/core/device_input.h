@@ -4,8 +4,8 @@
 // logs and inputs, and comes from a peer in the same way (the values below are what MirrorClient::submitEvent sends). A
 // pointer's ray is cast when its frame begins, at what the geometry was then; what it met goes into the recorded event,
 // so that replicas and replays need no geometry. A frame takes one press or release of a pointer and one key, as
-// outputs send one event a timestamp; what came with them waits for the frames that follow, in order. Moves in between
-// are one move. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 clauses 20, 21, 23.4.2.
+// outputs send one event a timestamp; what came with them waits for the frames that follow, in order, 256 at most.
+// Moves in between are one move. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 clauses 20, 21, 23.4.2.
 #pragma once
 
 #include <optional>
@@ -74,7 +74,7 @@ struct KeyInput {
     static Result<KeyInput> named(std::string_view name, bool down);
 };
 
-/// Queue what a device did for the next frame. Errors: of another thread; a device that there cannot be.
+/// Queue what a device did for the next frame. Errors: of another thread; a device, key or number that cannot be.
 Result<> sendPointer(Scene& scene, const PointerInput& input);
 Result<> sendKey(Scene& scene, const KeyInput& input);
 /// What was composed or pasted: for StringSensors, as if typed; '\n' ends a string.

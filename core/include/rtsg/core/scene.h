@@ -199,7 +199,7 @@ class Scene {
     void registerBehaviour(TypeIndex type, const Behaviour& behaviour);
     /// As above for every type of this name, those included that are defined later.
     void registerBehaviour(std::string_view type, const Behaviour& behaviour);
-    /// Replicas of the `state` kind switch this off: newFrame then only seals.
+    /// Replicas of the `state` kind switch this off: no node acts then; events that are sent still follow routes.
     void setBehavioursEnabled(bool enabled);
     /// For the Script nodes of this scene; programs that run already start anew.
     void setScriptOptions(ScriptOptions options);
@@ -233,8 +233,8 @@ class Scene {
     /// Applies a set that starts at sequence() (or a snapshot onto an empty scene), and publishes it. On an error
     /// nothing is guaranteed but safety: the scene must then be discarded.
     Result<> apply(std::shared_ptr<const ChangeSet> set);
-    /// Forgets everything, as freshly constructed but for listener, registered behaviours and subscribers; to these the
-    /// next set that is applied comes as a snapshot once more. For replicas that join anew.
+    /// Forgets everything, as freshly constructed, but what the application has set (behaviours, listener, recording,
+    /// options) and subscribers, to whom the next set that is applied comes as a snapshot. For replicas that join anew.
     Result<> reset();
     Hash128 hash() const;
     /// Canonical text of the whole state; equal states give equal text. For tests and bug reports.
