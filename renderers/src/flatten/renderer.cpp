@@ -123,7 +123,14 @@ Result<> Renderer::renderNode(NodeId node, Operation operation) {
     ++nested_;
     const std::size_t until = waiting_.size();
     waiting_.push_back({node, operation, false});
-    Result<> result = run(until);
+    Result<> result;
+    try {
+        result = run(until);
+    } catch (const std::exception& e) {
+        result = fail(std::string("a node renderer threw: ") + e.what());
+    } catch (...) {
+        result = fail("a node renderer threw");
+    }
     waiting_.resize(until);  // what an error left over
     --nested_;
     return result;

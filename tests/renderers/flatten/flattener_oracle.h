@@ -212,11 +212,12 @@ struct Follower {
     std::map<std::uint32_t, Placed> placed;
     std::map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
     std::map<std::uint32_t, std::uint32_t> scopes;
+    std::set<InstanceId> everInstances, everPlaced;
 
     template <class Record>
     static void follow(std::map<std::uint32_t, Record>& all, const std::vector<InstanceId>& removed,
                        const std::vector<Record>& added, const std::vector<InstanceDelta::Moved>& moved,
-                       const std::vector<Record>& rebound) {
+                       const std::vector<Record>& rebound, std::set<InstanceId>& ever) {
         for (const InstanceId id : removed) {
             ASSERT_TRUE(all.contains(id.slot));
             ASSERT_EQ(all[id.slot].id, id);
@@ -227,6 +228,7 @@ struct Follower {
             ASSERT_FALSE(all.contains(r.id.slot));
             ASSERT_TRUE(fresh.insert(r.id.slot).second);
             for (const InstanceId id : removed) ASSERT_NE(id.slot, r.id.slot) << "a slot is reused within a delta";
+            ASSERT_TRUE(ever.insert(r.id).second) << "a slot's generation is another with each tenant";
             all[r.id.slot] = r;
         }
         for (const Record& r : rebound) {
@@ -243,8 +245,8 @@ struct Follower {
     void apply(const InstanceDelta& delta) {
         for (const auto& s : delta.scopes) scopes[s.scope.value] = s.parent.value;
         for (const auto& g : delta.geometries) meshes[g.node.value] = g.mesh;
-        follow(instances, delta.removed, delta.added, delta.moved, delta.rebound);
-        follow(placed, delta.placedRemoved, delta.placedAdded, delta.placedMoved, delta.placedRebound);
+        follow(instances, delta.removed, delta.added, delta.moved, delta.rebound, everInstances);
+        follow(placed, delta.placedRemoved, delta.placedAdded, delta.placedMoved, delta.placedRebound, everPlaced);
         for (const NodeId g : delta.geometriesRemoved) ASSERT_EQ(meshes.erase(g.value), 1u);
     }
 };

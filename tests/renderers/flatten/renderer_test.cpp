@@ -144,6 +144,32 @@ TEST_F(RendererCase, ErrorsEndTheTraversalAndLeaveItUsable) {
     EXPECT_EQ(calls, 1);
 }
 
+/// Nothing throws across the interface; and what was under way then is forgotten.
+TEST_F(RendererCase, WhatANodeRendererThrowsIsAnError) {
+    Recorder renderer;
+    renderer.registerNodeRenderer("Shape", {[](Renderer&, const Node&, Operation) -> Result<> { throw 7; }, {}});
+    renderer.registerNodeRenderer("PointLight", noting("own"));
+    renderer.registerNodeRenderer(
+        "Transform", {[&](Renderer& r, const Node& n, Operation o) -> Result<> {
+                          r.descend(n.get(x3d::Transform::children).span(), o);
+                          return {};
+                      },
+                      [](Renderer&, const Node&, Operation) { throw std::runtime_error("out of paint"); }});
+    ASSERT_TRUE(renderer.attachToScene(scene));
+    for (int i = 0; i < 600; ++i) {  // more often than calls may be nested
+        const Result<> result = renderer.renderFrame();
+        ASSERT_FALSE(result);
+        ASSERT_EQ(result.error().text, "a node renderer threw");
+    }
+    ASSERT_TRUE(scene.destroyNode(shape));
+    const Result<> result = renderer.renderFrame();
+    ASSERT_FALSE(result);
+    EXPECT_EQ(result.error().text, "a node renderer threw: out of paint");
+    EXPECT_TRUE(renderer.calls.empty());
+    ASSERT_TRUE(renderer.renderNode(light, kList));
+    EXPECT_EQ(renderer.calls.size(), 1U);
+}
+
 TEST_F(RendererCase, ListensToTheBusUntilDetached) {
     Recorder renderer;
     ASSERT_TRUE(renderer.attachToScene(scene));

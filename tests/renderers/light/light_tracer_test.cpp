@@ -1,6 +1,7 @@
 // Through the whole path: X3D text to pixels, against closed forms and independent double-precision code.
 #include <rtsg/renderers/light_tracer.h>
 
+#include <atomic>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -365,12 +366,42 @@ TEST(LightTracer, PictureDoesNotDependOnTheThreads) {
     }
 }
 
+/// RenderSettings::progress: with the share done, never from two threads at once; false cancels.
+TEST(LightTracer, ProgressIsToldAndMayCancel) {
+    LightScene s("Shape { geometry Sphere { } }", 640, 480);
+    std::atomic<int> within{0}, calls{0};
+    std::atomic<bool> together{false};
+    double most = 0;
+    s.options.settings.progress = [&](double done) {
+        if (++within > 1) together = true;
+        EXPECT_GT(done, 0);
+        EXPECT_LE(done, 1);
+        most = std::max(most, done);
+        ++calls;
+        --within;
+        return true;
+    };
+    const Picture whole = s.picture();
+    EXPECT_FALSE(s.stats.cancelled);
+    EXPECT_FALSE(together);
+    EXPECT_GT(calls, 10);
+    EXPECT_GT(most, .5);
+    s.options.settings.progress = [&](double) { return false; };
+    const Picture some = s.picture();
+    EXPECT_TRUE(s.stats.cancelled);
+    EXPECT_LT(s.stats.primaryRays, 640U * 480U);
+    EXPECT_NE(some.pixels, whole.pixels);
+    s.options.settings.progress = {};
+    EXPECT_EQ(s.picture().pixels, whole.pixels);
+}
+
 TEST(LightTracer, ImpossibleSettingsAreErrors) {
     LightScene s("Shape { geometry Box { } }");
     const Camera camera;
     for (auto change :
          {+[](RenderSettings& r) { r.width = 0; }, +[](RenderSettings& r) { r.height = -5; },
-          +[](RenderSettings& r) { r.width = 1 << 20; }, +[](RenderSettings& r) { r.samplesPerPixel = 0; }}) {
+          +[](RenderSettings& r) { r.width = 1 << 20; }, +[](RenderSettings& r) { r.samplesPerPixel = 0; },
+          +[](RenderSettings& r) { r.error = -.1f; }, +[](RenderSettings& r) { r.error = std::nanf(""); }}) {
         RenderSettings settings;
         change(settings);
         EXPECT_FALSE(s.light->tracer().render(s.world->rays(), camera, settings));

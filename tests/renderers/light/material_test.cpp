@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -297,6 +298,32 @@ TEST(RenderToFile, AnimationsAndTheirErrors) {
     EXPECT_TRUE(renderToFile(*s.light, folder / "all.gif", s.options, {.frames = 2, .start = 4}));
     EXPECT_FALSE(renderToFile(*s.light, folder / "all.png", s.options, {.frames = 2, .start = 6}));
     EXPECT_FALSE(renderToFile(*s.light, folder / "all.gif", s.options, {.frames = 0}));
+}
+
+TEST(RenderToFile, WhatIsEndedEarlyLeavesWholeFiles) {
+    test::LightScene s("Shape { geometry Box { } }", 16, 16);
+    const test::TempFolder own;
+    const std::filesystem::path& folder = own.path();
+    AnimationOptions animation;
+    animation.frames = 5;
+    animation.progress = [](int done) { return done < 2; };
+    const auto some = renderToFile(*s.light, folder / "p%d.png", s.options, animation);
+    ASSERT_TRUE(some);
+    EXPECT_EQ(*some, 2);
+    EXPECT_TRUE(readPicture(folder / "p1.png"));
+    animation.start = 10;
+    const auto none = renderToFile(*s.light, folder / "all.gif", s.options, animation);
+    ASSERT_TRUE(none);
+    EXPECT_EQ(*none, 0) << "half an animation is none";
+    animation = {};
+    animation.start = 20;
+    s.options.settings.progress = [](double) { return false; };
+    const auto cancelled = renderToFile(*s.light, folder / "c.png", s.options, animation);
+    ASSERT_TRUE(cancelled);
+    EXPECT_EQ(*cancelled, 0);
+    std::set<std::string> files;
+    for (const auto& entry : std::filesystem::directory_iterator(folder)) files.insert(entry.path().filename());
+    EXPECT_EQ(files, (std::set<std::string>{"p0.png", "p1.png"}));
 }
 
 }  // namespace

@@ -104,6 +104,10 @@ TEST(Picture, AnimatedGifHoldsAllFrames) {
     while (input->seek_subimage(count, 0)) ++count;
     std::filesystem::remove(file);
     EXPECT_EQ(count, 5);
+    frames.emplace_back(8, 9);
+    EXPECT_FALSE(writeAnimation(frames, file, 12.5)) << "all of one size";
+    EXPECT_FALSE(writeAnimation({}, file, 12.5));
+    EXPECT_FALSE(std::filesystem::exists(file));
 }
 
 TEST(Picture, EveryKindThatIsNamedIsWrittenAndReadBack) {

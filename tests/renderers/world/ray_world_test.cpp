@@ -197,6 +197,12 @@ TEST(RayWorld, BadRaysMissAndAreCounted) {
     bad.push_back({{0, 0, 5}, 0, {0, 0, 0}});
     bad.push_back({{0, 0, 5}, 0, {0, 0, -1}, nan});
     bad.push_back({{0, 0, 5}, 0, {0, 0, -1}, -1});
+    bad.push_back({{0, 0, 5}, 0, {0, 0, -.9e-12f}});
+    bad.push_back({{0, 0, 5}, 0, {0, 0, -1.1e9f}});
+    bad.push_back({{0, 1.1f * RayView::kMaxCoordinate, 5}});
+    for (const Ray& good : {Ray{{0, 0, 5}, 0, {0, 0, -1.1e-12f}}, Ray{{0, 0, 5}, 0, {0, 0, -.9e9f}}})
+        EXPECT_TRUE(world.intersect(good)) << good.direction.z;
+    EXPECT_EQ(world.badRays(), 0U);
     for (const Ray& ray : bad) {
         EXPECT_FALSE(world.intersect(ray));
         EXPECT_FALSE(world.occluded(ray));
@@ -208,6 +214,23 @@ TEST(RayWorld, BadRaysMissAndAreCounted) {
     EXPECT_EQ(world.intersect(packet), 0x5555u);
     EXPECT_EQ(world.occluded(shadow), 0x5555u);
     EXPECT_EQ(world.badRays(), 2 * bad.size() + 16);
+}
+
+/// What floats cannot tell from a point where it is: narrower than 2^-21 of its distance from the middle.
+TEST(RayWorld, WhatIsTooNarrowForItsPlaceIsLeftOutAndNamed) {
+    for (const double width : {4.6e-3, 5.0e-3}) {
+        RayWorld world;
+        InstanceDelta delta;
+        delta.geometries.push_back({NodeId{1}, makeBox()});
+        const Bounds box = delta.geometries[0].mesh->bounds;
+        delta.added.push_back(makeInstance(0, NodeId{1}));
+        WorldFromLocal far = translation({10'000, 0, 0});
+        for (int c = 0; c < 3; ++c) far[c] *= width / box.size().x;
+        delta.added.push_back(makeInstance(1, NodeId{1}, far));
+        world.apply(delta);
+        EXPECT_EQ(world.stats().culled, width < 4.8e-3 ? 1U : 0U) << width;
+        EXPECT_EQ(world.diagnostics().all().size(), world.stats().culled);
+    }
 }
 
 TEST(RayWorld, BadMeshesAreSkipped) {
