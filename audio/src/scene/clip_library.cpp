@@ -32,15 +32,23 @@ Result<SoundBuffer> ClipLibrary::read(const SoundVoice& voice, const std::string
     if (!resource) return std::unexpected(resource.error());
     const auto bytes = resource->read();
     if (!bytes) return std::unexpected(bytes.error());
-    const std::uint64_t limit = resources_.policy().maximumSamples;
-    auto sound = readSoundBytes(*bytes, limit - samplesRead_);
-    if (sound) {
-        samplesRead_ += sound->samples.size();
-        sound = resample(*sound, sampleRate_);
-    }
+    const std::uint64_t room = resources_.policy().maximumSamples - samplesRead_;
+    auto sound = readSoundBytes(*bytes, room);
+    if (sound) sound = converted(*sound, room);
     if (!sound) return fail(fmt::format("{}: {}", resource->name(), sound.error().text));
+    samplesRead_ += sound->samples.size();
     if (sound->samples.empty()) return fail(fmt::format("{} is empty", resource->name()));
     return sound;
+}
+
+/// At the library's rate. A rate that is said to be low would make much of little.
+Result<SoundBuffer> ClipLibrary::converted(const SoundBuffer& sound, std::uint64_t room) const {
+    const double samples = static_cast<double>(sound.samples.size()) * sampleRate_ / sound.sampleRate;
+    if (samples <= static_cast<double>(room)) {
+        auto result = resample(sound, sampleRate_);
+        if (!result || result->samples.size() <= room) return result;
+    }
+    return fail(fmt::format("at {} Hz it has more than {} samples; --limit samples=N raises this", sampleRate_, room));
 }
 
 std::shared_ptr<const SoundBuffer> ClipLibrary::read(const SoundVoice& voice) {
@@ -62,8 +70,11 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
         // Of frames that are not whole the rest is no sound.
         sound.samples.resize(sound.frames() * static_cast<std::size_t>(sound.channels));
         if (sound.samples.empty()) sound.samples.resize(static_cast<std::size_t>(sound.channels));
-        auto converted = resample(sound, sampleRate_);
-        return converted ? std::make_shared<const SoundBuffer>(std::move(*converted)) : testSignal();
+        auto fitting = converted(sound, resources_.policy().maximumSamples - samplesRead_);
+        if (fitting) return std::make_shared<const SoundBuffer>(std::move(*fitting));
+        diagnostics_.warning({},
+                             fmt::format("{}: a test signal takes its place; {}", voice.name, fitting.error().text));
+        return testSignal();
     }
     const auto [at, fresh] = clips_.try_emplace(Key(voice.urls, voice.folders));
     if (fresh) {

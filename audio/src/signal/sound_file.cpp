@@ -153,6 +153,8 @@ Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate) {
     }
     SoundBuffer result{sampleRate, sound.channels, {}};
     const double ratio = static_cast<double>(sampleRate) / sound.sampleRate;
+    if (src_is_valid_ratio(ratio) == 0)  // before memory is taken for it
+        return fail(fmt::format("cannot convert from {} to {} Hz", sound.sampleRate, sampleRate));
     const auto frames = static_cast<long>(std::ceil(static_cast<double>(sound.frames()) * ratio)) + 1;
     result.samples.resize(static_cast<std::size_t>(frames * sound.channels));
     SRC_DATA data{};

@@ -15,7 +15,7 @@ namespace {
 
 using namespace trace;
 
-/// Mean of what `oldRays` and `newRays` rays gave.
+/// Moves a mean towards fresh values that make up this share of all.
 void mix(Bands& mean, const Bands& fresh, double weight) {
     for (std::size_t b = 0; b < kBandCount; ++b) mean[b] += (fresh[b] - mean[b]) * weight;
 }

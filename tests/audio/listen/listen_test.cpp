@@ -254,6 +254,24 @@ TEST_F(Listen, WhatIsMissingIsSaid) {
     EXPECT_FALSE(listen(silent, bad));
 }
 
+TEST_F(Listen, ProgressGrowsAndFalseEndsItWithAnError) {
+    Scene scene;
+    load(scene, kPair);
+    ListenOptions asked = options();
+    double last = 0;
+    int calls = 0;
+    asked.progress = [&](double share) {
+        EXPECT_GE(share, last);
+        EXPECT_LE(share, 1);
+        last = share;
+        return ++calls < 1000;
+    };
+    ASSERT_TRUE(listen(scene, asked));
+    EXPECT_GT(calls, 3);
+    asked.progress = [](double) { return false; };
+    EXPECT_FALSE(listen(scene, asked));
+}
+
 TEST_F(Listen, AbsurdNumbersAreHarmless) {
     for (const std::string place : {"1e30 0 0", "1e9 1e9 0", "0 0 0", "30000 0 0", "1e-30 0 0"}) {
         Scene scene;

@@ -11,6 +11,7 @@
 #include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/convolver.h>
 #include <rtsg/audio/loopback.h>
+#include <rtsg/audio/panning.h>
 #include <rtsg/audio/sound_file.h>
 
 namespace rtsg {
@@ -150,6 +151,61 @@ TEST(SoundFile, RefusesWhatItCannotDo) {
     EXPECT_FALSE(writeWav(full, SoundBuffer{48000, 1, std::vector<float>(100000)}));
     std::filesystem::remove(full);
     EXPECT_NEAR(normalise(loud, 1.0f), 1 / 1.5, 1e-6);
+}
+
+TEST(SoundFile, ComparesMixesAndLimits) {
+    const SoundBuffer tone{48000, 2, noise(4000)};
+    EXPECT_EQ(*differenceDb(tone, tone), -std::numeric_limits<double>::infinity());
+    SoundBuffer softer = tone;
+    for (float& sample : softer.samples) sample *= .9f;
+    EXPECT_NEAR(*differenceDb(tone, softer), -20, 1e-4);
+    SoundBuffer other = tone;
+    other.sampleRate = 44100;
+    EXPECT_FALSE(differenceDb(tone, other));
+    other = tone;
+    other.channels = 1;
+    EXPECT_FALSE(differenceDb(tone, other));
+    other = tone;
+    other.samples.resize(other.samples.size() - 8);  // .2 %
+    EXPECT_FALSE(differenceDb(tone, other));
+    other.samples = tone.samples;
+    other.samples.resize(other.samples.size() - 2);  // what is left over counts
+    EXPECT_GT(*differenceDb(tone, other), -60);
+
+    const SoundBuffer mono = mixToMono(tone);
+    ASSERT_EQ(mono.frames(), tone.frames());
+    EXPECT_EQ(mono.channels, 1);
+    for (std::size_t i = 0; i < mono.frames(); ++i)
+        ASSERT_NEAR(mono.samples[i], (tone.samples[2 * i] + tone.samples[2 * i + 1]) / 2, 1e-7);
+
+    SoundBuffer quiet{48000, 1, {.1f, -.2f}}, loud{48000, 1, {.5f, -2}};
+    EXPECT_EQ(normalise(quiet), 1) << "never up";
+    EXPECT_EQ(quiet.samples, (std::vector<float>{.1f, -.2f}));
+    EXPECT_NEAR(normalise(loud, .5f), .25, 1e-6);
+    EXPECT_EQ(loud.samples, (std::vector<float>{.125f, -.5f}));
+
+    for (const char* name : {"a.wav", "a.WAV"}) EXPECT_TRUE(checkSoundName(name)) << name;
+    for (const char* name : {"a.mp3", "wav", ""}) EXPECT_FALSE(checkSoundName(name)) << name;
+    const std::string file = temporary("many.wav");
+    ASSERT_TRUE(writeWav(file, tone));
+    EXPECT_TRUE(readSound(file, 4000));
+    EXPECT_FALSE(readSound(file, 3999)) << "all channels count";
+    std::filesystem::remove(file);
+}
+
+/// Both channels together carry the same energy from everywhere, and the far one keeps a twentieth of it.
+TEST(Panning, KeepsTheEnergyAndLeavesNoEarWithout) {
+    std::mt19937_64 random(kSeed);
+    std::normal_distribution<double> normal;
+    for (int i = 0; i < 200; ++i) {
+        const auto [left, right] =
+            stereoGains(glm::normalize(glm::dvec3(normal(random), normal(random), normal(random))));
+        EXPECT_NEAR(left * left + right * right, 2, 1e-12);
+        EXPECT_GE(std::min(left, right) * std::min(left, right), .1 - 1e-12);
+    }
+    for (const glm::dvec3 middle : {glm::dvec3(0, 0, -1), glm::dvec3(0, 1, 0), glm::dvec3(0, 0, 1)})
+        EXPECT_EQ(stereoGains(middle), (std::array<double, 2>{1, 1}));
+    EXPECT_NEAR(std::pow(stereoGains({1, 0, 0})[0], 2), 2 / 20., 1e-12);
 }
 
 TEST(SoundFile, ResamplingKeepsATone) {

@@ -357,5 +357,40 @@ TEST(AcousticTracer, TheVoidIsSilentButForDirectSound) {
     EXPECT_NEAR(result.metrics().value.g[0], 0, 1e-9);
 }
 
+TEST(AcousticTracer, PlacesTooFarApartOrNowhereGiveNothing) {
+    TriangleGeometry nothing;
+    nothing.finish();
+    const AcousticTracer tracer(nothing);
+    EXPECT_FALSE(tracer.trace({0, 0, 0}, {.99e6, 0, 0}, options(120, 3)).batches.empty());
+    for (const double far : {1.01e6, HUGE_VAL, std::nan("")}) {
+        const TraceResult result = tracer.trace({0, 0, 0}, {far, 0, 0}, options(120, 3));
+        EXPECT_TRUE(result.arrivals.empty());
+        EXPECT_TRUE(result.batches.empty());
+        EXPECT_EQ(result.rays, 0U);
+    }
+}
+
+/// More rays until the error asked for is reached, or all that are allowed, or somebody ends it.
+TEST(AcousticTracer, RefinesToAnErrorOrToItsLimit) {
+    const TriangleGeometry room = Shoebox::uniform({6, 5, 3}, .2, .5).geometry();
+    const AcousticTracer tracer(room);
+    const glm::dvec3 source = kSource, listener = kListener;
+    const TraceOptions few = options(240, 0);
+    TraceResult result = tracer.trace(source, listener, few);
+    const double before = largestError(result.metrics());
+    const double reached = tracer.refineTo(result, source, listener, few, before / 2, 1'000'000);
+    EXPECT_LE(reached, before / 2);
+    EXPECT_EQ(reached, largestError(result.metrics()));
+    EXPECT_GT(result.rays, 240U);
+    TraceResult limited = tracer.trace(source, listener, few);
+    EXPECT_GT(tracer.refineTo(limited, source, listener, few, 1e-6, 2000), 1e-6);
+    EXPECT_GE(limited.rays, 2000U);
+    EXPECT_LT(limited.rays, 2000U + limited.batches.size());
+    TraceResult ended = tracer.trace(source, listener, few);
+    const std::uint64_t rays = ended.rays;
+    tracer.refineTo(ended, source, listener, few, 1e-6, 1'000'000, [] { return false; });
+    EXPECT_EQ(ended.rays, rays);
+}
+
 }  // namespace
 }  // namespace rtsg

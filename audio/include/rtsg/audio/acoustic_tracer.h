@@ -33,7 +33,7 @@ struct TraceOptions {
     std::uint64_t rays = 20'000;
     /// Independent parts that the rays are divided into, for the confidence intervals; at least 2.
     int batches = 16;
-    /// Length of the echogram; 0: until 65 dB are gone, within limits (10 s, in large or live rooms a minute at most).
+    /// Length of the echogram; 0: until 65 dB are gone: 1 s to a minute, or 10 s where that takes 4,000 reflections.
     double maxSeconds = 0;
     double binsPerSecond = 1000;
     /// Of the ball, m; 0: by the room, half a metre in one of 100 m^3, three metres in one of 100,000 m^3.

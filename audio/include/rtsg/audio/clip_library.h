@@ -1,8 +1,8 @@
 // ClipLibrary: the sounds of AudioClips, read once and converted to one rate; and playing voices from them.
 //
 // A clip that cannot be read is replaced by a test signal (a decaying noise burst each second), with a warning, so that
-// one hears where it would be. What urls may open says core/resource.h; all clips together have as many samples as its
-// policy lets. Threading: one thread.
+// one hears where it would be. What urls may open says core/resource.h; all clips together have as many samples,
+// converted, as its policy lets, and each of them before it is. Threading: one thread.
 #pragma once
 
 #include <cstdint>
@@ -30,6 +30,7 @@ class ClipLibrary {
   private:
     std::shared_ptr<const SoundBuffer> read(const SoundVoice& voice);
     Result<SoundBuffer> read(const SoundVoice& voice, const std::string& url);
+    Result<SoundBuffer> converted(const SoundBuffer& sound, std::uint64_t room) const;
     std::shared_ptr<const SoundBuffer> testSignal();
 
     int sampleRate_;

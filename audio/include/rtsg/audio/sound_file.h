@@ -37,7 +37,7 @@ Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat f
 
 /// The mean of all channels.
 SoundBuffer mixToMono(const SoundBuffer& sound);
-/// Band-limited conversion.
+/// Band-limited conversion. Error: the rates are more than 256 times apart.
 Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate);
 /// Scales down, never up, so that no sample exceeds `limit`; returns the factor used (1: nothing done).
 float normalise(SoundBuffer& sound, float limit = 0.891251f /* -1 dB */);
