@@ -26,7 +26,7 @@ constexpr std::string_view kMovementNames[] = {"smooth", "chaotic", "mixed"};
 class Motion {
   public:
     Motion(Movement movement, std::size_t bodies, std::uint64_t seed = 1);
-    /// Body i is node firstNode + 3 i. The set holds what moved: a Transform's translation and rotation.
+    /// Body i is node kFirstNode + 3 i. The set holds what moved: a Transform's translation and rotation.
     static constexpr std::uint32_t kFirstNode = 100;
     ChangeSet next();
 

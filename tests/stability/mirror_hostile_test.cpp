@@ -1,5 +1,5 @@
 // Peers that mean harm, in numbers: the server neither crashes nor stalls nor grows, and who follows honestly notices
-// nothing. What single malformed messages do is in tests/sync/mirror_hostile_test.cpp.
+// nothing. What single malformed messages do is in tests/sync/mirror/mirror_hostile_test.cpp.
 #include <random>
 
 #include <gtest/gtest.h>

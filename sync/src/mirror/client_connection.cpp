@@ -58,7 +58,11 @@ bool MirrorClient::Impl::send() {
 
 bool MirrorClient::Impl::control(std::string_view command) {
     if (!connected_) return false;
-    mirror::Words{session_, std::string(command.substr(0, mirror::kLongestControl))}.write(message_, Message::control);
+    if (command.size() > mirror::kLongestControl) {  // a part of it might mean something else
+        replies_.push_back(fmt::format("refused: a command has at most {} bytes", mirror::kLongestControl));
+        return true;
+    }
+    mirror::Words{session_, std::string(command)}.write(message_, Message::control);
     return send();
 }
 

@@ -79,10 +79,13 @@ Result<> MirrorKeys::generate(const std::filesystem::path& file) {
         pairs[0][0], pairs[0][1], pairs[1][0], pairs[1][1]);
     const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
     if (descriptor < 0) return fail(fmt::format("cannot create: {}", std::strerror(errno)), {}, file.string());
+    errno = 0;  // a disk with room for a part sets none
     const bool written = ::write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size());
     const int error = errno;
     ::close(descriptor);
-    if (!written) return fail(fmt::format("cannot write: {}", std::strerror(error)), {}, file.string());
+    if (!written) ::unlink(file.c_str());  // half a key file is none
+    if (!written)
+        return fail(fmt::format("cannot write: {}", error != 0 ? std::strerror(error) : "no room"), {}, file.string());
     return {};
 }
 

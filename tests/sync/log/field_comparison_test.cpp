@@ -242,5 +242,42 @@ TEST_F(FieldComparisons, ScenesAreComparedNodeByNode) {
     EXPECT_EQ(differences(slide(), cut), Texts{".routes: ROUTE SWITCH.toggle TO LAMP.on only in first"});
 }
 
+/// Histories are for charts, and have a limit: 64 fields, 4096 samples each. What differs is counted beyond.
+TEST(FieldHistories, AreLimited) {
+    Scene a, b;
+    std::vector<NodeId> nodes;
+    for (int i = 0; i < 70; ++i)
+        for (Scene* scene : {&a, &b}) {
+            const NodeId node = scene->createNode(x3d::Transform::type);
+            ASSERT_TRUE(scene->setName(node, "N" + std::to_string(i)));
+            if (scene == &b) nodes.push_back(node);
+        }
+    a.newFrame(0);
+    b.newFrame(0);
+    FieldComparison comparison({{"*.translation"}, {}, 0}, a, b);
+    EXPECT_TRUE(comparison.first());
+    EXPECT_EQ(comparison.fieldCount(), 70U);
+    for (int frame = 1; frame <= 4200; ++frame) {
+        ASSERT_TRUE(b.set(nodes[0], x3d::Transform::translation, Vec3f(static_cast<float>(frame))));
+        if (frame == 1) {
+            for (const NodeId node : nodes) ASSERT_TRUE(b.set(node, x3d::Transform::translation, Vec3f(1)));
+        }
+        comparison.changedA(*a.newFrame(frame));
+        comparison.changedB(*b.newFrame(frame));
+        EXPECT_FALSE(comparison.compare());
+    }
+    EXPECT_EQ(comparison.differences().size(), 70U);
+    EXPECT_EQ(comparison.differences()[0].states, 4200U);
+    const auto histories = comparison.histories();
+    EXPECT_EQ(histories.size(), 64U);
+    std::size_t most = 0;
+    for (const FieldHistory& history : histories) most = std::max(most, history.samples.size());
+    EXPECT_EQ(most, 4096U);
+    EXPECT_TRUE(comparison.unmatched().empty());
+    FieldComparison none({{"NOBODY.*"}, {}, 0}, a, b);
+    none.first();
+    EXPECT_EQ(none.unmatched(), std::vector<std::string>{"NOBODY.*"});
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -70,6 +70,26 @@ TEST_F(Compaction, DamageIsLeftOutAndSaid) {
     EXPECT_EQ(after.states, before.states);
 }
 
+TEST_F(Compaction, ProgressGrowsAndEndsItWithoutAFile) {
+    record(file(), 400, 13);
+    CompactOptions options;
+    std::uint64_t last = 0, calls = 0;
+    options.progress = [&](std::uint64_t done, std::uint64_t total) {
+        EXPECT_GE(done, last);
+        EXPECT_LE(done, total);
+        EXPECT_EQ(total, std::filesystem::file_size(file()));
+        last = done;
+        return ++calls < 1'000'000;
+    };
+    ASSERT_TRUE(compactLog(file(), file("b.rlog"), options));
+    EXPECT_GT(calls, 0U);
+    options.progress = [](std::uint64_t, std::uint64_t) { return false; };
+    EXPECT_FALSE(compactLog(file(), file("c.rlog"), options));
+    std::size_t files = 0;
+    for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder)) ++files;
+    EXPECT_EQ(files, 2U) << "the two logs, and nothing half";
+}
+
 TEST_F(Compaction, FilesThatCannotBeAreErrorsAndNothingIsLost) {
     const Recorded recorded = record(file(), 5, 12);
     EXPECT_FALSE(compactLog(file(), file()));

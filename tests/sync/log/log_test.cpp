@@ -137,6 +137,79 @@ TEST_F(Log, SeeksToAnyTime) {
     EXPECT_EQ((*replayer)->frames(), (*replayer)->verified());
 }
 
+TEST_F(Log, TheTimeOfTheNextStateIsKnownBeforeIt) {
+    const Recorded recorded = record(file(), 20, 33);
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer);
+    std::size_t states = 0;
+    while (const auto next = (*replayer)->nextTime()) {
+        EXPECT_FALSE((*replayer)->atEnd());
+        ASSERT_TRUE(*(*replayer)->step());
+        EXPECT_EQ((*replayer)->scene().now(), *next);
+        ++states;
+    }
+    EXPECT_TRUE((*replayer)->atEnd());
+    EXPECT_EQ((*replayer)->scene().sequence(), recorded.last);
+    EXPECT_FALSE(*(*replayer)->step());
+    EXPECT_GE(states, recorded.dumps.size());
+}
+
+/// LogOptions::keyframeSeconds, and the MiB a second beyond which they come later.
+TEST_F(Log, KeyframesComeAfterTheSecondsAskedForUnlessTheyAreLarge) {
+    const auto gaps = [&](double seconds, std::size_t bytes, double duration) {
+        Scene scene;
+        const NodeId text = scene.createNode(x3d::MetadataString::type), box = scene.createNode(x3d::Transform::type);
+        std::string letters;
+        for (std::size_t i = 0; i < bytes; ++i) letters += static_cast<char>('a' + i * i % 23);
+        EXPECT_TRUE(scene.set(text, x3d::MetadataString::value, Array<String>{String(letters)}));
+        LogOptions options;
+        options.keyframeBytes = std::uint64_t{1} << 40;  // never for that reason
+        options.keyframeSeconds = seconds;
+        scene.newFrame(0);
+        auto log = LogWriter::create(file(), builtinTypes(), options);
+        EXPECT_TRUE(log);
+        const Attachment attachment = scene.bus().attach(**log);
+        for (int i = 1; i * .25 <= duration; ++i) {
+            EXPECT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(static_cast<float>(i))));
+            scene.newFrame(i * .25);
+        }
+        EXPECT_TRUE((*log)->close());
+        std::vector<double> result;
+        double last = 0;
+        for (const LogKeyframe& keyframe : LogReader::open(file())->keyframes()) {
+            if (keyframe.time > last) result.push_back(keyframe.time - last);
+            last = keyframe.time;
+        }
+        return result;
+    };
+    EXPECT_EQ(gaps(2, 100, 9), (std::vector<double>{2, 2, 2, 2}));
+    EXPECT_EQ(gaps(0, 100, 9), std::vector<double>{});
+    EXPECT_EQ(gaps(2, 5 << 20, 21), (std::vector<double>{5.25, 5.25, 5.25, 5.25}))
+        << "5 MiB take five seconds and more";
+}
+
+/// LogOptions::repeatFirstUpTo: nothing before it could stand in for the first keyframe.
+TEST_F(Log, TheFirstKeyframeIsThereTwiceUnlessItIsLong) {
+    for (const std::uint64_t upTo : {std::uint64_t{1} << 20, std::uint64_t{0}}) {
+        Scene scene;
+        ASSERT_TRUE(scene.setName(scene.createNode(x3d::Group::type), "G"));
+        scene.newFrame(0);
+        LogOptions options;
+        options.repeatFirstUpTo = upTo;
+        auto log = LogWriter::create(file(), builtinTypes(), options);
+        ASSERT_TRUE(log);
+        {
+            const Attachment attachment = scene.bus().attach(**log);
+            scene.newFrame(1);
+        }
+        ASSERT_TRUE((*log)->close());
+        std::size_t first = 0;
+        for (const auto& [offset, header] : recordsOf(file()))
+            first += header.kind == RecordKind::keyframe && header.to == 1;
+        EXPECT_EQ(first, upTo > 0 ? 2U : 1U);
+    }
+}
+
 TEST_F(Log, AnAppendedLogReplaysBothSessions) {
     const Recorded first = record(file(), 10, 1);
     const std::string bytes = readAll(file());

@@ -67,6 +67,7 @@ ROUTE SWING.value_changed TO DOOR.rotation
             scene.newFrame(frame * .05);
         }
     }
+    std::string said;  // by the last program
     ReplayReport run(std::string text, bool withApplication = false, bool update = false) {
         ReplayTest test;
         test.log = file();
@@ -243,6 +244,38 @@ TEST_F(ReplayTests, WhatCannotBeRunIsAnError) {
     const auto report = runReplayTest(test);
     ASSERT_FALSE(report);
     EXPECT_EQ(report.error().text, "cannot be built");
+}
+
+/// A test program's main says by its status how the test went.
+TEST_F(ReplayTests, AProgramOfItsOwnEndsWithAStatus) {
+    recordDoor();
+    const auto status = [&](std::string_view text, std::vector<std::string> arguments) {
+        arguments.insert(arguments.begin(), "app_test");
+        std::vector<char*> argv;
+        for (std::string& one : arguments) argv.push_back(one.data());
+        ReplayTest test;
+        test.build = [text](Scene& scene) { return build(scene, std::string(text)); };
+        testing::internal::CaptureStdout();
+        testing::internal::CaptureStderr();
+        const int result = replayTestMain(static_cast<int>(argv.size()), argv.data(), std::move(test));
+        said = testing::internal::GetCapturedStdout() + testing::internal::GetCapturedStderr();
+        return result;
+    };
+    const std::string log = file().string(), slow = edited("0 1 0 1.4", "0 1 0 1.3");
+    EXPECT_EQ(status(kDoor, {log}), 0) << said;
+    EXPECT_EQ(status(slow, {log}), 1);
+    EXPECT_NE(said.find("SWING.keyValue"), std::string::npos) << said;
+    EXPECT_EQ(status(slow, {log, "--field", "DOOR.*", "--tolerance", ".2"}), 0) << said;
+    EXPECT_EQ(status(slow, {log, "--field", "DOOR.*", "--tolerance", "1e-4"}), 1);
+    EXPECT_EQ(status(slow, {log, "--field", "DOOR.*", "--ignore", "DOOR.rotation"}), 0) << said;
+    EXPECT_EQ(status(kDoor, {file("none.rlog").string()}), 1);
+    for (const std::vector<std::string>& wrong :
+         {std::vector<std::string>{}, {log, "--field"}, {log, "--tolerance", "wide"}, {log, "--nonsense", "1"}}) {
+        EXPECT_EQ(status(kDoor, wrong), 2);
+        EXPECT_NE(said.find("usage: app_test LOG"), std::string::npos) << said;
+    }
+    EXPECT_EQ(status(slow, {log, "--update"}), 0) << said;
+    EXPECT_EQ(status(slow, {log}), 0) << said;
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
 // What strangers may do to a mirror: garbage of every kind, too many of them, wrong keys.
+#include <csignal>
 #include <random>
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <rtsg/core/x3d.h>
 
@@ -113,11 +115,13 @@ TEST(MirrorHostile, MorePeersThanAllowedAreRefusedWithAReason) {
     auto second = *MirrorClient::connect(other, served.server->endpoint());
     ASSERT_TRUE(pollUntil(*second, [&] { return !second->refusal().empty(); }));
     EXPECT_NE(second->refusal().find("as many peers"), std::string::npos);
+    EXPECT_TRUE(second->turnedAway());
     served.step();
     // When the first leaves there is room.
     served.client.reset();
     ASSERT_TRUE(pollUntilAt(*second, served.scene));
     EXPECT_EQ(second->refusal(), "");
+    EXPECT_FALSE(second->turnedAway());
     EXPECT_EQ(other.hash(), served.scene.hash());
 }
 
@@ -213,6 +217,24 @@ TEST_F(MirrorKeysTest, OnlyThoseOnTheListGetIn) {
     EXPECT_EQ(without->statistics().frames, 0u);
     EXPECT_EQ(stranger->statistics().frames, 0u);
     EXPECT_EQ(server->statistics().peers, 1u);
+}
+
+TEST_F(MirrorKeysTest, FilesAreTheOwnersAloneAndNeverHalf) {
+    fresh("a");
+    EXPECT_EQ(std::filesystem::status(folder / "a").permissions(),
+              std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+    // A disk on which there is room for some bytes only.
+    rlimit before{};
+    ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+    const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+    rlimit few = before;
+    few.rlim_cur = 50;
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &few), 0);
+    const auto made = MirrorKeys::generate(folder / "b");
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+    std::signal(SIGXFSZ, handler);
+    EXPECT_FALSE(made);
+    EXPECT_FALSE(std::filesystem::exists(folder / "b"));
 }
 
 TEST_F(MirrorKeysTest, MalformedKeyFilesAreRefusedWithTheLine) {

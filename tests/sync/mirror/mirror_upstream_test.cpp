@@ -86,6 +86,47 @@ TEST(MirrorUpstream, AnEditComesBackToEveryReplica) {
     EXPECT_EQ(first.client->statistics().divergences, 0u);
 }
 
+/// What is asked of a player of a log: passed on where there is one and the peer may, and answered in any case.
+TEST(MirrorControl, IsAnsweredOnceInOrderAndNeverCut) {
+    {
+        Scene scene;
+        auto alone = *MirrorClient::connect(scene, "tcp://127.0.0.1:9");
+        EXPECT_FALSE(alone->control("pause")) << "there is no connection";
+    }
+    for (const MirrorUpstream upstream : {MirrorUpstream::none, MirrorUpstream::events}) {
+        Origin origin(upstream);
+        Replica replica(origin.server->endpoint());
+        ASSERT_TRUE(test::pollUntilAt(*replica.client, origin.scene));
+        std::vector<std::string> asked, replies;
+        const auto answered = [&](std::size_t count) {
+            return pollUntil(*replica.client, [&] {
+                origin.turn();
+                for (std::string& reply : replica.client->takeReplies()) replies.push_back(std::move(reply));
+                return replies.size() >= count;
+            });
+        };
+        ASSERT_TRUE(replica.client->control("pause"));
+        ASSERT_TRUE(answered(1));
+        EXPECT_EQ(replies[0], upstream == MirrorUpstream::none ? "refused: this server takes no requests"
+                                                               : "refused: no log is played here");
+        origin.server->onControl([&](std::string_view text) {
+            asked.emplace_back(text);
+            return "done: " + asked.back();
+        });
+        ASSERT_TRUE(replica.client->control(std::string(201, '1')));
+        ASSERT_TRUE(answered(2));
+        EXPECT_EQ(replies[1], "refused: a command has at most 200 bytes");
+        if (upstream == MirrorUpstream::none) continue;
+        const std::string longest = "seek " + std::string(195, '1');
+        ASSERT_TRUE(replica.client->control(longest));
+        ASSERT_TRUE(replica.client->control("play"));
+        ASSERT_TRUE(answered(4));
+        EXPECT_EQ(asked, (std::vector<std::string>{longest, "play"}));
+        EXPECT_EQ(replies[3], "done: play");
+        EXPECT_EQ(replies.size(), 4U);
+    }
+}
+
 TEST(MirrorUpstream, EventsRunTheOriginsCascadeAndMayBeAllThatIsAllowed) {
     Origin origin(MirrorUpstream::events);
     Replica replica(origin.server->endpoint());

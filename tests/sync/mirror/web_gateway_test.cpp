@@ -428,5 +428,22 @@ TEST(WebGateway, NoMoreBrowsersThanMay) {
     EXPECT_EQ(served.gateway->statistics().opened, 3u);
 }
 
+/// Connections that have not become browsers yet: 256 at once, whatever they wait for.
+TEST(WebGateway, NoMoreConnectionsThanFitAreHeldOpen) {
+    Served served;
+    {
+        std::vector<std::unique_ptr<Line>> idle;
+        for (int i = 0; i < 256; ++i) idle.push_back(std::make_unique<Line>(served.port));
+        Line one(served.port);
+        EXPECT_TRUE(one.ended());
+        EXPECT_EQ(served.gateway->statistics().refused, 1U);
+    }
+    EXPECT_TRUE(eventually([&] {
+        Line late(served.port);
+        late.say("GET / HTTP/1.1\r\nHost: " + served.host + "\r\n\r\n");
+        return late.hear([&] { return late.heard.starts_with("HTTP/1.1 200"); });
+    })) << "there is room again";
+}
+
 }  // namespace
 }  // namespace rtsg

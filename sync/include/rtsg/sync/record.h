@@ -44,7 +44,7 @@ constexpr std::uint64_t kAnyPayload = UINT64_MAX;
 
 struct RecordHeader {
     RecordKind kind = RecordKind::frame;
-    std::uint8_t flags = 0;    // RecordFlags; a reader refuses others
+    std::uint8_t flags = 0;    // kRemember, kSync, kForget; a reader refuses others
     std::uint64_t length = 0;  // of the payload, bytes
     std::uint64_t from = 0, to = 0;
     double time = 0;  // seconds
