@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Two rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository.
+"""Three rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository.
 
-Each .cpp opens with a comment: a sentence that says what is in it. No function is longer than 80 lines, from its first line to its
-closing brace. Exit status 1 and a line for each file or function that breaks one.
+Each .cpp opens with a comment: a sentence that says what is in it; each header with one of at most 15 lines. No function is longer
+than 80 lines, from its first line to its closing brace. Exit status 1 and a line for each file or function that breaks one.
 """
 import pathlib
 import re
@@ -10,7 +10,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).parent.parent
 FOLDERS = ["core", "renderers", "audio", "sync", "app", "examples", "tests"]
-MOST = 80
+MOST, MOST_OPENING = 80, 15
 
 # Comments, strings and characters; raw strings first.
 SKIPPED = re.compile(r'R"([^(\s]*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])+\'(?![\w])|//[^\n]*|/\*.*?\*/', re.DOTALL)
@@ -59,6 +59,9 @@ def main():
         text = (ROOT / name).read_text()
         if name.endswith(".cpp") and not re.match(r"// \S", text):
             problems.append(f"{name}:1: does not open with a comment that says what is in it")
+        opening = len(re.match(r"(?://[^\n]*\n)*", text)[0].splitlines())
+        if name.endswith(".h") and not 1 <= opening <= MOST_OPENING:
+            problems.append(f"{name}:1: opens with {opening} lines of comment, not 1 to {MOST_OPENING}")
         for function, first, lines in functions(text):
             count += 1
             if lines > MOST:

@@ -2,7 +2,8 @@
 """Is docs/nodes.md true of the node tables and of the behaviours that there are?
 
 Every node type that acts, by the @acts tags of core/spec, has one row there. A row that says "runs" must name a type that
-core/src/behaviour has a behaviour for, or one of ELSEWHERE; a row that says "holds" one that has none.
+core/src/behaviour has a behaviour for, or one of ELSEWHERE; a row that says "holds" one that has none. Where a clause names the node's own section (9.4.2),
+it is the one of its place: sections stand in the order of the alphabet within a component.
 Exit status 1, a line for each row at fault.
 """
 import pathlib
@@ -37,6 +38,19 @@ def tables():
     return {name: acts(name) for name, (kind, _, _) in types.items() if kind == "node"}
 
 
+def places():
+    """Concrete type -> its place among those of its component, from 1."""
+    components, component = {}, None
+    for path in sorted((ROOT / "core" / "spec").glob("*.x3dspec")):
+        for line in path.read_text().splitlines():
+            head = re.match(r"(component|node) (\w+)", line)
+            if head and head[1] == "component":
+                component = head[2]
+            elif head and "@since(4.1)" not in line:
+                components.setdefault(component, []).append(head[2])
+    return {name: place for names in components.values() for place, name in enumerate(sorted(names), 1)}
+
+
 def behaviours():
     found = set()
     for path in (ROOT / "core" / "src" / "behaviour").glob("*.cpp"):
@@ -51,13 +65,16 @@ def behaviours():
 def main():
     acting = {name for name, acts in tables().items() if acts in ("always", "onInput")}
     runs = behaviours()
-    faults, listed = [], {}
+    faults, listed, place = [], {}, places()
     path = ROOT / "docs" / "nodes.md"
     for number, line in enumerate(path.read_text().splitlines(), 1):
-        row = re.match(r"\| (\w+) \| [\w.]+ \| (runs|holds)\b", line)
+        row = re.match(r"\| (\w+) \| ([\w.]+) \| (runs|holds)\b", line)
         if not row:
             continue
-        name, does = row.groups()
+        name, clause, does = row.groups()
+        section = re.fullmatch(r"\d+\.4\.(\d+)", clause)
+        if section and int(section[1]) != place.get(name):
+            faults.append(f"{path}:{number}: {name} is number {place.get(name)} of its component, not {section[1]}")
         if name in listed:
             faults.append(f"{path}:{number}: {name} is there twice")
         listed[name] = does

@@ -1,4 +1,4 @@
-// Interpolators that are not linear: splines, squad and ease-in-ease-out. ISO/IEC 19775-1 V4.0, 19.2.3 and 19.4.
+// Interpolators that are not linear: splines, squad and ease-in-ease-out. ISO/IEC 19775-1 V4.0, 19.2 and 19.4.
 //
 // A value needs the velocities at the two keys around it alone, so a fraction costs the same whatever the number of
 // keys (but for normalizeVelocity, which goes by the length of the whole path).
@@ -36,7 +36,7 @@ double size(const auto& d) {
     return glm::length(d);
 }
 
-/// A path through its key values with a velocity at each (19.2.3).
+/// A path through its key values with a velocity at each (19.2).
 template <class N>
 struct Spline {
     using T = std::remove_cvref_t<decltype(std::declval<const Node&>().get(N::value_changed))>;

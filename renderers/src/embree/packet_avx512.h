@@ -1,6 +1,6 @@
 // Packets of 16 rays in one register: the tree's traversal and the way into an object's frame, for AVX-512 machines.
 //
-// Invariant: bit for bit what TreeView::traverse and PacketFrame do with two registers of eight. It is faster for
+// Invariant: bit for bit what TreeView::traverse and trace.cpp do with two registers of eight. It is faster for
 // two reasons: half the instructions, and Embree's AVX-512 kernels read what was stored 64 bytes at a time without
 // waiting. The unit is compiled for x86-64-v4, and called only where the machine has it: it must not use inline
 // functions that others use, too, or the linker might give everyone its version. Threading: none of its own.

@@ -1,7 +1,7 @@
 // What a node type means for the hierarchy: which of its children count, whether it has a transform, what it places.
 //
 // Worked out once per type from the @role that node tables give it, so that PROTOs and users' own types work alike.
-// Source: ISO/IEC 19775-1 V4.0 10.4.4 (Transform's matrix), 22.4, 23.4.3, 26 (HAnim), 32 (CAD), 35 (layers).
+// Source: ISO/IEC 19775-1 V4.0 10.4.4 (Transform's matrix), 10.4.3, 23.4.3, 26 (HAnim), 32 (CAD), 35 (layers).
 #pragma once
 
 #include <array>

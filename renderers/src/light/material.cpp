@@ -100,7 +100,7 @@ struct Reader {
         return mode == "REPEAT" ? TextureWrap::repeat : TextureWrap::clamp;
     }
 
-    /// 18.4.8, 33.4.5: Tc' = -C * S * R * C * T * Tc.
+    /// 18.4.10, and TextureTransform3D's in 33.4: Tc' = -C * S * R * C * T * Tc.
     static glm::mat4 matrixOf(const Node& node) {
         using T = x3d::TextureTransform3D;
         if (node.is(x3d::TextureTransformMatrix3D::type)) {
@@ -192,7 +192,7 @@ struct Reader {
         result.wrapR = own.r ? TextureWrap::repeat : TextureWrap::clamp;
         const Node* p = scene.effectiveNode(own.properties);
         if (!p || !p->is(x3d::TextureProperties::type)) return result;
-        // 18.4.7: the properties override repeatS and repeatT.
+        // 18.4.9: the properties override repeatS and repeatT.
         using P = x3d::TextureProperties;
         result.wrapS = wrapOf(p->get(P::boundaryModeS).view());
         result.wrapT = wrapOf(p->get(P::boundaryModeT).view());

@@ -6,7 +6,7 @@
 // of an Inline's body, Collision's children without the proxy. Billboards turn to the viewer if there is one, and
 // shapes below them are not heard.
 // Threading: one thread, the scene's; the deltas may go to any other.
-// Source: ISO/IEC 19775-1 V4.0 4.3.5, 10.4 (grouping), 10.4.4 (Transform), 22.4 (Switch), 23.4.3 (LOD), 35 (layers).
+// Source: ISO/IEC 19775-1 V4.0 4.3.5, 10.4 (grouping), 10.4.4 (Transform), 10.4.3 (Switch), 23.4.3 (LOD), 35 (layers).
 #pragma once
 
 #include <cstddef>

@@ -49,7 +49,7 @@ bool isFinite(const WorldFromLocal& m);
 /// What is known about how often a thing will move; a hint that no result depends on.
 enum class Motion : std::uint8_t { unknown, fixed, moving };
 
-/// How lines and points are drawn: LineProperties and PointProperties (12.4.4, 12.4.8). Widths in pixels.
+/// How lines and points are drawn: LineProperties and PointProperties (12.4.4, 12.4.7). Widths in pixels.
 struct StrokeStyle {
     float lineWidth = 1, pointSize = 1;
     std::int32_t lineType = 1;   // ISO/IEC 9973: 1 solid, 2 dashed, 3 dotted, 4 dashed-dotted, 5 dash-dot-dot

@@ -9,7 +9,7 @@
 //   "absorption"       a or r g b, 1/m: Beer's law inside
 // PhysicalMaterial mirrors by itself: Schlick's Fresnel term of baseColor and metallic times (1 - roughness)^2.
 // Colours are as their fields have them, and beside that in linear light. Threading: immutable once read. Source:
-// ISO/IEC 19775-1 V4.0 12.4.1-12.4.8, 17.2.2, 17.4, 18.2; glTF 2.0 appendix B.
+// ISO/IEC 19775-1 V4.0 12.4, 17.2.2, 17.4, 18.2; glTF 2.0 appendix B.
 #pragma once
 
 #include <array>
@@ -101,7 +101,7 @@ enum class TextureRole : std::uint8_t {
 };
 constexpr std::size_t kTextureRoles = 8;
 
-/// FillProperties (12.4.2): lines over a surface, in pixels of the picture, 8 apart and one wide.
+/// FillProperties (12.4.3): lines over a surface, in pixels of the picture, 8 apart and one wide.
 struct Hatching {
     static constexpr float kApart = 8;
     bool present = false;

@@ -1,4 +1,6 @@
+// Loops on all cores, for pictures and sound. Threading: any thread may run one, also from within another.
 #pragma once
+
 #include <cstddef>
 #include <functional>
 

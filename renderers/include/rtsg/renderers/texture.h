@@ -4,7 +4,7 @@
 // linear light or as display values, whichever is asked for, and are filtered in that space (pictures with more than 8
 // bits always in linear light); coarser copies are made when the first look-up in their space needs them.
 // Threading: as if immutable once made; share freely.
-// Source: ISO/IEC 19775-1 V4.0 18.2.3 (texture coordinates), 18.4.1 (ImageTexture), 18.4.5 (PixelTexture), 18.4.8
+// Source: ISO/IEC 19775-1 V4.0 18.2.3 (texture coordinates), 18.4.1 (ImageTexture), 18.4.6 (PixelTexture), 18.4.10
 // (TextureTransform); 5.3.6 (SFImage). Williams 1983 for the coarser copies.
 #pragma once
 
@@ -23,7 +23,7 @@
 
 namespace rtsg {
 
-/// What lies beyond 0 and 1 (TextureProperties.boundaryMode, or repeatS and repeatT). Border: one colour.
+/// What lies beyond 0 and 1 (TextureProperties.boundaryModeS and so on, or repeatS and repeatT). Border: one colour.
 enum class TextureWrap : std::uint8_t { repeat, mirror, clamp, border };
 
 /// Which coarser copies count where a pixel covers more of the texture than one of its own pixels: none, the one that
@@ -118,7 +118,7 @@ class Texture {
     bool hasAlpha_ = false, hasPartialAlpha_ = false;
 };
 
-/// 18.4.8: Tc' = -C * S * R * C * T * Tc, as two rows (x, y, constant).
+/// 18.4.10: Tc' = -C * S * R * C * T * Tc, as two rows (x, y, constant).
 struct TextureMatrix {
     Vec3f s{1, 0, 0}, t{0, 1, 0};
     static TextureMatrix fromTransform(Vec2f center, float rotation, Vec2f scale, Vec2f translation);
