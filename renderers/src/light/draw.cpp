@@ -1,0 +1,129 @@
+// The loop over a picture's tiles, drawn by several threads.
+#include "draw.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <mutex>
+
+#include <rtsg/renderers/parallel_for.h>
+
+#include "adaptive.h"
+#include "emitters.h"
+
+namespace rtsg::trace {
+
+namespace {
+
+/// Fields may hold numbers whose products leave the range of float; a picture never does.
+Vec4f finite(Vec4f v) {
+    for (int c = 0; c < 4; ++c) v[c] = v[c] > 0 ? std::min(v[c], std::numeric_limits<float>::max()) : 0.0f;  // NaN: 0
+    return v;
+}
+
+/// The tiles of a picture, drawn by several threads, and what is counted over them.
+class Drawing {
+  public:
+    Drawing(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, Picture& picture)
+        : scene_(scene),
+          camera_(camera),
+          settings_(settings),
+          picture_(picture),
+          tilesX_((settings.width + kTileSide - 1) / kTileSide),
+          tiles_(tilesX_ * ((settings.height + kTileSide - 1) / kTileSide)) {}
+
+    int tiles() const { return tiles_; }
+
+    void draw(int number) {
+        if (cancelled_.load(std::memory_order_relaxed)) return;
+        const int x0 = number % tilesX_ * kTileSide, y0 = number / tilesX_ * kTileSide;
+        AdaptiveTile tile;
+        if (settings_.error > 0) {
+            adaptiveTile(scene_, camera_, settings_, x0, y0, tile);
+        } else {
+            const auto trace = settings_.integrator == Integrator::path ? pathTile : whittedTile;
+            trace(scene_, camera_, settings_, x0, y0, tile.result);
+            tile.samples.fill(static_cast<std::uint32_t>(settings_.samplesPerPixel));
+        }
+        if (scene_.space == ColorSpace::automatic) addLight(tile.result);
+        take(tile, x0, y0);
+        const int finished = ++done_;
+        if (settings_.progress && progressMutex_.try_lock()) {
+            const std::lock_guard lock(progressMutex_, std::adopt_lock);
+            if (!settings_.progress(static_cast<double>(finished) / tiles_)) cancelled_ = true;
+        }
+    }
+
+    void tell(RenderStats& stats) const {
+        const double pixels = double{1} * settings_.width * settings_.height;
+        stats.primaryRays = sum_.primaryRays, stats.shadowRays = sum_.shadowRays;
+        stats.secondaryRays = sum_.secondaryRays;
+        stats.cancelled = cancelled_;
+        stats.missing = sum_.missing / pixels, stats.missingMost = sum_.missingMost;
+        stats.error = std::sqrt(sum_.error / pixels), stats.unreached = sum_.unreached / pixels;
+        stats.samples = sum_.samples / pixels;
+    }
+
+  private:
+    void take(const AdaptiveTile& tile, int x0, int y0) {
+        RenderStats own;
+        for (int pixel = 0; pixel < kTilePixels; ++pixel) {
+            const int x = x0 + pixel % kTileSide, y = y0 + pixel / kTileSide;
+            if (x >= settings_.width || y >= settings_.height) continue;
+            const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
+            const float scale = 1.0f / static_cast<float>(tile.samples[block]);
+            picture_.at(x, y) = finite(tile.result.sum[at] * scale);
+            own.samples += tile.samples[block];
+            if (!tile.result.missing.empty()) {
+                const double missing = double{tile.result.missing[at]} * scale;
+                own.missing += missing, own.missingMost = std::max(own.missingMost, missing);
+            }
+            if (picture_.interval.empty()) continue;
+            picture_.interval[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture_.width) +
+                              static_cast<std::size_t>(x)] = tile.interval[at];
+            own.error += double{tile.error[at]} * tile.error[at];
+            own.unreached += tile.ranOut >> block & 1u;
+        }
+        const std::lock_guard lock(sumMutex_);
+        sum_.samples += own.samples, sum_.error += own.error, sum_.unreached += own.unreached;
+        sum_.missing += own.missing, sum_.missingMost = std::max(sum_.missingMost, own.missingMost);
+        sum_.primaryRays += tile.result.primaryRays, sum_.shadowRays += tile.result.shadowRays;
+        sum_.secondaryRays += tile.result.secondaryRays;
+    }
+
+    const TraceScene& scene_;
+    const Camera& camera_;
+    const RenderSettings& settings_;
+    Picture& picture_;
+    const int tilesX_, tiles_;
+    std::atomic<int> done_ = 0;
+    std::atomic<bool> cancelled_ = false;
+    std::mutex progressMutex_, sumMutex_;
+    RenderStats sum_;  // over pixels; of `error` the squares
+};
+
+}  // namespace
+
+Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats) {
+    Picture picture(settings.width, settings.height);
+    picture.space = scene.space == ColorSpace::linear ? ColorSpace::linear : ColorSpace::display;
+    if (settings.error > 0) picture.interval.resize(picture.pixels.size(), Vec3f(0));
+    Drawing drawing(scene, camera, settings, picture);
+    withThreads(settings.threads, [&] {
+        parallelFor(static_cast<std::size_t>(drawing.tiles()),
+                    [&](std::size_t tile) { drawing.draw(static_cast<int>(tile)); });
+    });
+    if (stats) drawing.tell(*stats);
+    return picture;
+}
+
+Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                 const Part& part, RenderStats& stats) {
+    TraceScene scene = makeTraceScene(state, world, camera, settings, part);
+    drawCubes(state, world, camera, settings, part.hidden, scene);
+    const Emitters emitters = settings.integrator == Integrator::path ? Emitters(scene) : Emitters();
+    if (!emitters.empty()) scene.emitters = &emitters;
+    return drawPicture(scene, camera, settings, &stats);
+}
+
+}  // namespace rtsg::trace

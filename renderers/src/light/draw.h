@@ -1,0 +1,44 @@
+// One picture through one camera: what it is of, and the loop over its tiles.
+//
+// Threading: re-entrant; a picture's tiles are drawn by several threads.
+#pragma once
+
+#include <vector>
+
+#include "light_tables.h"
+#include "trace_scene.h"
+
+namespace rtsg::trace {
+
+/// What a picture is of, besides the camera that it is seen through.
+struct Part {
+    Vec3d headlight{0, 0, -1};  // where it shines to
+    std::vector<bool> hidden;   // slots that are not there; empty: none
+    bool over = false;          // something is seen where nothing is: no background of its own makes it clear
+};
+
+/// Reads `state` and `world`, which must outlive it.
+TraceScene makeTraceScene(const LightState& state, const RayView& world, const Camera& camera,
+                          const RenderSettings& settings, Part part);
+
+/// Draws what GeneratedCubeMapTextures show, along the world's axes.
+/// `part`: slots that are not there, as Part::hidden.
+void drawCubes(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+               const std::vector<bool>& part, TraceScene& scene);
+
+/// `stats` may be null.
+Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats);
+
+/// All of the above.
+Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                 const Part& part, RenderStats& stats);
+
+/// The layers of a LayerSet one over the other, each from its own viewpoint; that of `camera` is given (35.2).
+Picture drawLayers(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                   RenderStats& stats);
+
+/// What a camera shows of a viewpoint; null: the standard's default one.
+Camera cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,
+                double aspect);
+
+}  // namespace rtsg::trace

@@ -1,0 +1,74 @@
+// What GeneratedCubeMapTextures show: six pictures from the middle of the first shape that has one.
+#include <algorithm>
+#include <utility>
+
+#include "draw.h"
+
+namespace rtsg::trace {
+
+namespace {
+
+/// Who shows a GeneratedCubeMapTexture.
+struct CubeUsers {
+    std::shared_ptr<const GeneratedCube> cube;
+    std::vector<bool> slots;
+    std::uint32_t first = 0;
+};
+std::vector<CubeUsers> findCubes(const TraceScene& scene, const RayView& world) {
+    std::vector<CubeUsers> result;
+    for (std::uint32_t slot = 0; slot < world.instances().size(); ++slot) {
+        if (slot >= scene.slots.size() || !world.instance(slot).mesh) continue;
+        for (const auto& cube : scene.materials[scene.slots[slot].material].generated) {
+            auto found = std::ranges::find(result, cube->node, [](const CubeUsers& c) { return c.cube->node; });
+            if (found == result.end()) {
+                result.push_back({cube, std::vector<bool>(world.instances().size()), slot});
+                found = result.end() - 1;
+            }
+            found->slots[slot] = true;
+        }
+    }
+    return result;
+}
+
+}  // namespace
+
+void drawCubes(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+               const std::vector<bool>& part, TraceScene& scene) {
+    if (!scene.materials.generates()) return;
+    RenderSettings own = settings;
+    own.integrator = Integrator::whitted;
+    if (settings.integrator == Integrator::path) own.colorSpace = ColorSpace::linear;
+    own.samplesPerPixel = 1, own.error = 0;
+    own.progress = {};
+    std::vector<std::pair<NodeId, SpaceTexture>> made;
+    for (const CubeUsers& users : findCubes(scene, world)) {
+        own.width = own.height = users.cube->size;
+        std::array<std::shared_ptr<const Texture>, 6> sides;
+        for (std::size_t i = 0; i < 6; ++i) {
+            const auto side = static_cast<CubeSide>(i);
+            Camera eye;
+            eye.position = world.toWorld(world.instance(users.first).rayFromLocal[3]);
+            eye.forward = Vec3d(cubeDirection(side, {.5f, .5f}));
+            eye.right = glm::normalize(Vec3d(cubeDirection(side, {1, .5f}) - cubeDirection(side, {0, .5f})));
+            eye.up = glm::cross(eye.right, eye.forward);
+            std::vector<bool> hidden = users.slots;
+            for (std::size_t slot = 0; !part.empty() && slot < hidden.size(); ++slot)
+                hidden[slot] = hidden[slot] || part[slot];
+            eye.layer = camera.layer;
+            const TraceScene around =
+                makeTraceScene(state, world, eye, own, Part{camera.forward, std::move(hidden), false});
+            const Picture picture = toLinear(drawPicture(around, eye, own, nullptr));
+            std::vector<Vec4f> pixels;
+            pixels.reserve(picture.pixels.size());
+            for (int y = picture.height - 1; y >= 0; --y)
+                for (int x = 0; x < picture.width; ++x) pixels.emplace_back(Vec3f(picture.at(x, y)), 1);
+            auto texture =
+                Texture::fromFloats(std::move(pixels), picture.width, picture.height, 3, Texture::Content::color);
+            if (texture) sides[i] = std::make_shared<const Texture>(std::move(*texture));
+        }
+        made.emplace_back(users.cube->node, SpaceTexture::cube(std::move(sides)));
+    }
+    scene.generated = std::move(made);
+}
+
+}  // namespace rtsg::trace

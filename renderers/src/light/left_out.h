@@ -1,0 +1,19 @@
+// What rays pass as if it were not there: behind ClipPlanes, of other layers, around a cube that is drawn.
+//
+// Threading: the filters are const.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "light_tables.h"
+
+namespace rtsg::trace {
+
+/// What ClipPlanes cut off; null: nothing.
+std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayView& world);
+
+/// The slots that `hidden` says besides what another filter leaves out, which may be null.
+std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other);
+
+}  // namespace rtsg::trace

@@ -1,0 +1,210 @@
+// What integrators see of a version of light's tables: lights by scope, fogs, sky, what lets light through.
+#include "trace_scene.h"
+
+#include <algorithm>
+#include <tuple>
+
+#include "active.h"
+#include "draw.h"
+#include "left_out.h"
+
+namespace rtsg::trace {
+
+namespace {
+
+/// `toTrace`: a Light as rays see it. The whole scene's group is filled last.
+template <class ToTrace>
+LightGroups groupLights(const LightState& state, std::uint16_t layer, const ToTrace& toTrace) {
+    LightGroups result;
+    const std::size_t count = std::max<std::size_t>(state.scopes.size(), 1);
+    result.groups.resize(count);
+    for (std::size_t i = count; i-- > 0 && i < state.scopes.size();) {
+        LightGroups::Group& group = result.groups[i];
+        group.first = static_cast<std::uint32_t>(result.lights.size());
+        if (const auto& lights = state.scopes[i].lights)
+            for (const std::uint32_t slot : *lights)
+                if (state.placed[slot]->placed.layer == layer)
+                    result.lights.push_back(toTrace(std::get<Light>(state.placed[slot]->what)));
+        group.count = static_cast<std::uint32_t>(result.lights.size()) - group.first;
+    }
+    // Each looks outwards until it meets one that knows.
+    std::vector<bool> known(count);
+    std::vector<std::uint32_t> way;
+    known[0] = true;
+    for (std::uint32_t i = 1; i < count; ++i) {
+        std::uint32_t at = i;
+        for (; !known[at]; at = state.scopes[at].around) {
+            known[at] = true;
+            way.push_back(at);
+        }
+        for (; !way.empty(); way.pop_back()) {
+            LightGroups::Group& group = result.groups[way.back()];
+            const std::uint32_t outwards = result.groups[state.scopes[way.back()].around].start;
+            group.start = group.count > 0 ? way.back() : outwards;
+            group.around = outwards;
+        }
+    }
+    return result;
+}
+
+bool anyLightWantsShadows(const LightState& state) {
+    for (std::size_t i = 0; i < state.scopes.size(); ++i)
+        if (const auto& lights = state.scopes[i].lights)
+            for (const std::uint32_t slot : *lights)
+                if (std::get<Light>(state.placed[slot]->what).shadows) return true;
+    return false;
+}
+
+/// Where light is let through, if that can be told in few boxes.
+void boxClear(const LightState& state, const RayView& world, TraceScene& scene) {
+    constexpr std::size_t kFew = 8;  // boxes that cost a shadow ray little beside its own way
+    if (!state.clearSlots) return;
+    scene.clearAnywhere = false;
+    for (const std::uint32_t slot : *state.clearSlots) {
+        if (slot >= world.instances().size() || !world.instance(slot).mesh) continue;
+        const RayInstance& instance = world.instance(slot);
+        if (instance.mesh->strokeCount > 0) scene.clearAnywhere = true;  // wider than their bounds
+        const Bounds& local = instance.mesh->bounds;
+        const glm::mat4x3& m = instance.rayFromLocal;
+        const Vec3f center = m * Vec4f(local.center(), 1), half = .5f * local.size();
+        const Vec3f reach = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
+        const Vec3f slack = (glm::abs(center) + reach) * 0x1p-18f + instance.errorFloor;
+        Bounds box;
+        box.extend(center - reach - slack), box.extend(center + reach + slack);
+        scene.clear.push_back(box);
+        scene.allClear.extend(box.min), scene.allClear.extend(box.max);
+    }
+    if (scene.clear.size() > kFew) scene.clear.clear();
+}
+
+/// The fogs that reach places of some scopes alone. Of several in one scope the last in the document counts.
+void findLocalFogs(const LightState& state, Fogs& fogs) {
+    std::vector<std::tuple<std::uint32_t, NodeId, const Fog*>> found;
+    for (std::size_t i = 0; i < state.placed.size(); ++i)
+        if (const PlacedEntry* entry = state.placed[i].get())
+            if (const auto* local = std::get_if<LocalFogEntry>(&entry->what))
+                found.emplace_back(local->scope, entry->placed.node, &local->fog);
+    if (found.empty()) return;
+    std::ranges::sort(found);
+    std::vector<std::uint32_t> around(state.scopes.size());
+    for (std::size_t i = 0; i < around.size(); ++i) around[i] = state.scopes[i].around;
+    std::vector<std::pair<std::uint32_t, Fog>> local;
+    for (const auto& [scope, node, fog] : found) local.emplace_back(scope, *fog);
+    fogs.setLocal(local, around);
+}
+
+/// How a Light looks to the rays of a picture.
+auto traceLights(const LightState& state, const RayView& world, const RenderSettings& settings) {
+    const bool anySays = settings.shadows == Shadows::automatic && anyLightWantsShadows(state);
+    return [&, anySays](const Light& light) {
+        TraceLight result;
+        result.kind = light.kind;
+        switch (settings.shadows) {
+            case Shadows::all:
+                result.shadows = true;
+                break;
+            case Shadows::none:
+                break;
+            case Shadows::authored:
+                result.shadows = light.shadows;
+                break;
+            case Shadows::automatic:
+                result.shadows = light.shadows || !anySays;
+                break;
+        }
+        result.shadows = result.shadows && light.shadowIntensity > 0;
+        result.shadowIntensity = light.shadowIntensity;
+        result.color = light.color;
+        if (settings.integrator != Integrator::path) result.ambient = light.ambient;
+        result.position = world.fromWorld(light.position);
+        result.direction = Vec3f(light.direction);
+        result.attenuation = light.attenuation;
+        result.radius = light.radius, result.localFromWorld = light.localFromWorld;
+        result.beamWidth = light.beamWidth, result.cutOffAngle = light.cutOffAngle;
+        return result;
+    };
+}
+
+}  // namespace
+
+TraceScene makeTraceScene(const LightState& state, const RayView& world, const Camera& camera,
+                          const RenderSettings& settings, Part part) {
+    static const Sky black, clear = [] {
+        Sky sky;
+        sky.alpha = 0;
+        return sky;
+    }();
+    const std::uint16_t layer = camera.layer;
+    TraceScene scene;
+    const auto height = static_cast<float>((camera.top - camera.bottom) / settings.height);
+    (camera.orthographic ? scene.pixelSize : scene.pixelSpread) = height;
+    const PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), scene.pixelSpread, scene.pixelSize};
+    scene.filter = clipFilter(state, world);
+    if (!part.hidden.empty()) scene.filter = hidingFilter(std::move(part.hidden), scene.filter);
+    scene.lensed = std::make_shared<const LensedView>(world, lens, scene.filter.get());
+    scene.eye = lens.eye, scene.right = Vec3f(camera.right), scene.up = Vec3f(camera.up), scene.forward = lens.forward;
+    scene.world = scene.lensed.get();
+    scene.materials = MaterialList(state.materials);
+    scene.slots = SlotPages(state.slots);
+    const PlacedEntry* sky = active<SkyEntry>(state, layer);
+    scene.sky = sky ? &std::get<SkyEntry>(sky->what).sky : part.over ? &clear : &black;
+    scene.evenSky = scene.sky->uniform();
+    if (scene.evenSky) {
+        scene.skyLinear = scene.sky->color({0, 1, 0}, ColorSpace::linear);
+        scene.skyDisplay = scene.sky->color({0, 1, 0}, ColorSpace::display);
+    }
+    if (const PlacedEntry* fog = active<FogEntry>(state, layer))
+        scene.fogs.setGlobal(std::get<FogEntry>(fog->what).fog);
+    findLocalFogs(state, scene.fogs);
+    scene.energyLimited = settings.integrator == Integrator::path;
+    scene.space = settings.integrator == Integrator::path ? ColorSpace::linear : settings.colorSpace;
+
+    TraceLight headlight;  // 23.4.4: intensity 1, colour 1 1 1, ambientIntensity 0, along the view
+    headlight.color = Vec3f(1);
+    headlight.direction = Vec3f(part.headlight);
+    const PlacedEntry* navigation = active<Navigation>(state, layer);
+    const bool lit = !navigation || std::get<Navigation>(navigation->what).headlight;
+    scene.lightGroups = groupLights(state, layer, traceLights(state, world, settings));
+    if (lit) {
+        // Of the whole scene, and so of the group that was filled last.
+        scene.lightGroups.lights.push_back(headlight);
+        ++scene.lightGroups.groups[0].count;
+    }
+    scene.anyTransmits = state.anyTransmits;
+    if (state.anyTransmits) boxClear(state, world, scene);
+    return scene;
+}
+
+SlotPages::SlotPages(const PagedArray<SlotShading, kSlotBits>& slots) : size_(slots.size()) {
+    static const std::array<SlotShading, std::size_t{1} << kSlotBits> untouched{};
+    for (std::size_t first = 0; first < size_; first += untouched.size()) {
+        const SlotShading* page = slots.page(first);
+        pages_.push_back(page ? page : untouched.data());
+    }
+}
+
+void Fogs::setLocal(const std::vector<std::pair<std::uint32_t, Fog>>& fogs, std::span<const std::uint32_t> around) {
+    constexpr std::uint32_t kUnknown = 0xFFFFFFFF;
+    byScope_.assign(std::max<std::size_t>(around.size(), 1), kUnknown);
+    byScope_[0] = 0;
+    for (const auto& [scope, fog] : fogs) {
+        byScope_[scope] = static_cast<std::uint32_t>(entries_.size());
+        entries_.push_back({fog, linearFromSrgb(fog.color)});
+        any_ = any_ || fog.type != FogType::none;
+    }
+    std::vector<std::uint32_t> way;
+    for (std::uint32_t i = 0; i < around.size(); ++i) {
+        std::uint32_t at = i;
+        for (; byScope_[at] == kUnknown; at = around[at]) way.push_back(at);
+        for (; !way.empty(); way.pop_back()) byScope_[way.back()] = byScope_[at];
+    }
+}
+
+MaterialList::MaterialList(const PagedArray<std::shared_ptr<const MaterialEntry>>& materials) {
+    static const MaterialEntry none;
+    for (std::size_t i = 0; i < materials.size(); ++i) entries_.push_back(materials[i] ? materials[i].get() : &none);
+    if (entries_.empty()) entries_.push_back(&none);
+    generates_ = std::ranges::any_of(entries_, [](const MaterialEntry* entry) { return !entry->generated.empty(); });
+}
+
+}  // namespace rtsg::trace

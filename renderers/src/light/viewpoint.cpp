@@ -1,0 +1,66 @@
+// The eye of a picture: which viewpoint counts, and the camera that it stands for.
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "active.h"
+#include "draw.h"
+
+namespace rtsg {
+
+using namespace trace;
+
+Camera trace::cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,
+                       double aspect) {
+    const auto frameEverything = [&](Camera& camera) {
+        const Bounds bounds = world.bounds();
+        if (!bounds.empty()) camera.frame(world.toWorld(bounds.min), world.toWorld(bounds.max));
+    };
+    Camera camera;
+    if (!chosen) {
+        camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, 0.7854, aspect);
+        if (!state.layers) frameEverything(camera);
+        camera.layer = layer;
+        return camera;
+    }
+    const View& view = std::get<View>(chosen->what);
+    camera = view.orthographic
+                 ? Camera::parallel(chosen->placed.worldFromLocal, view.position, view.orientation, view.extent, aspect)
+                 : Camera::perspective(chosen->placed.worldFromLocal, view.position, view.orientation, view.fieldOfView,
+                                       aspect);
+    camera.layer = chosen->placed.layer;
+    if (view.viewAll) frameEverything(camera);
+    if (view.farDistance > 0)
+        camera.visibilityLimit = view.farDistance;
+    else if (const PlacedEntry* navigation = active<Navigation>(state, camera.layer))
+        if (const float limit = std::get<Navigation>(navigation->what).visibilityLimit; limit > 0)
+            camera.visibilityLimit = limit;
+    return camera;
+}
+
+Result<Camera> LightTracer::camera(const LightState& state, const RayView& world, double aspect,
+                                   std::string_view name) {
+    if (!(aspect > 0) || !std::isfinite(aspect)) return fail("a picture's width and height must be positive");
+    const PlacedEntry* chosen = nullptr;
+    const std::uint16_t layer = state.layers ? state.layers->active : std::uint16_t{0};
+    if (name.empty()) {
+        chosen = active<View>(state, layer);
+    } else {
+        std::string known;
+        for (std::size_t i = 0; i < state.placed.size(); ++i) {
+            const PlacedEntry* entry = state.placed[i].get();
+            if (const View* view = entry ? std::get_if<View>(&entry->what) : nullptr) {
+                const bool matches = view->name == name || view->description == name;
+                if (matches && (!chosen || view->name == name)) chosen = entry;
+                known += fmt::format("{}\"{}\"", known.empty() ? "" : ", ",
+                                     view->name.empty() ? view->description : view->name);
+            }
+        }
+        if (!chosen)
+            return fail(
+                fmt::format("no viewpoint is called \"{}\"; there are: {}", name, known.empty() ? "none" : known));
+    }
+    return cameraOf(state, world, chosen, layer, aspect);
+}
+
+}  // namespace rtsg
