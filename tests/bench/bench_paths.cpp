@@ -27,10 +27,13 @@ std::string lamp(double radiance, bool mirrors) {
 }
 
 /// A white room of 4 x 3 x 4 m with a ball and a box, and `lamps` square lamps of .18 m2 together under its ceiling.
-std::string room(int lamps, bool mirrors) {
-    std::string text =
-        "#X3D V4.0 utf8\nPROFILE Immersive\nNavigationInfo { headlight FALSE }\n"
-        "Viewpoint { position 0 0 1.9 fieldOfView 1 }\n"
+/// `seen`: they are in the picture, where the edges of a thousand are to be sampled too.
+std::string room(int lamps, bool mirrors, bool seen = true) {
+    std::string text = fmt::format(
+        "#X3D V4.0 utf8\nPROFILE Immersive\nNavigationInfo {{ headlight FALSE }}\n"
+        "Viewpoint {{ position 0 0 1.9 orientation 1 0 0 {} fieldOfView {} }}\n",
+        seen ? 0 : -.5, seen ? 1 : .8);
+    text +=
         "Shape { appearance Appearance { material Material { diffuseColor .87 .87 .87 } } geometry Box { size 4 3 4 "
         "solid FALSE } }\n"
         "Transform { translation -.6 -1 -.5 children Shape { appearance Appearance { material Material { diffuseColor "
@@ -54,10 +57,10 @@ struct Known {
 };
 
 /// The picture of a room sampled until `error` or `most` samples a pixel.
-Known picture(int lamps, bool mirrors, int side, double error, int most) {
+Known picture(int lamps, bool mirrors, int side, double error, int most, bool seen = true) {
     Scene scene;
     Diagnostics diagnostics;
-    loadText(scene, room(lamps, mirrors), diagnostics);
+    loadText(scene, room(lamps, mirrors, seen), diagnostics);
     SharedWorld world(scene);
     LightRenderer light(world);
     scene.newFrame(0);
@@ -109,6 +112,10 @@ void paths(const Report& report, bool quick) {
     const Known many = picture(1000, false, side, kError, 1 << 16);
     report({"paths", "room lit by 1,000 lamps", "CPU time to 5 % relative error", "s", many.seconds, "2 panels",
             known.seconds, "as many rays through bare Embree", many.rays * ray});
+    const Known one = picture(1, false, side, kError, 1 << 16, false),
+                unseen = picture(1000, false, side, kError, 1 << 16, false);
+    report({"paths", "room lit by 1,000 lamps out of sight", "CPU time to 5 % relative error", "s", unseen.seconds,
+            "one lamp", one.seconds, "as many rays through bare Embree", unseen.rays * ray});
 }
 
 }  // namespace rtsg::bench

@@ -2,12 +2,16 @@
 #include "emitters.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
+#include "mesh/simd8.h"
 #include "trace_scene.h"
 
 namespace rtsg::trace {
+
+using namespace simd;
 
 namespace {
 
@@ -27,11 +31,11 @@ float emission(const Material& material, const Mesh& mesh) {
 }
 
 /// cos(max(0, a - b)) of two angles from 0 to pi.
-float cosOfDifference(float sinA, float cosA, float sinB, float cosB) {
-    return cosA > cosB ? 1.0f : cosA * cosB + sinA * sinB;
+F8 cosOfDifference(F8 sinA, F8 cosA, F8 sinB, F8 cosB) {
+    return select(cosA > cosB, all(1), cosA * cosB + sinA * sinB);
 }
-float sinOf(float cosine) {
-    return std::sqrt(std::max(1 - cosine * cosine, 0.0f));
+F8 sinOf(F8 cosine) {
+    return simd::sqrt(max(1 - cosine * cosine, all(0)));
 }
 
 }  // namespace
@@ -45,7 +49,6 @@ Emitters::Emitters(const TraceScene& scene) {
     ways_.resize(emitters_.size());
     // A triangle without area never lights anything: density() of it is asked for by nobody.
     std::erase_if(order_, [&](std::uint32_t e) { return !(power_[e] > 0); });
-    nodes_.reserve(order_.size() * 2);
     if (!order_.empty()) {
         nodes_.emplace_back();
         build(0, order_.size(), 0, 0, 0);
@@ -130,103 +133,128 @@ Emitters::Cluster Emitters::join(const Cluster& a, const Cluster& b) {
     return result;
 }
 
-// Halves by the middle of the longest side, so that no way is longer than 64 forks.
-Emitters::Cluster Emitters::build(std::size_t first, std::size_t last, std::uint32_t node, std::uint32_t depth,
-                                  std::uint64_t way) {
-    Cluster cluster;
-    if (last - first == 1) {
-        const std::uint32_t emitter = order_[first];
-        cluster = clusterOf(emitter);
-        nodes_[node].leaf = true;
-        nodes_[node].next = emitter;
-        ways_[emitter] = way;
-    } else {
-        Bounds centers;
-        const auto middle = [&](std::uint32_t e) {
-            return emitters_[e].corner + (emitters_[e].ab + emitters_[e].ac) * (1 / 3.0f);
-        };
-        for (std::size_t i = first; i < last; ++i) centers.extend(middle(order_[i]));
-        const Vec3f size = centers.size();
-        const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-        const std::size_t half = first + (last - first) / 2;
-        const auto at = [&](std::size_t i) { return order_.begin() + static_cast<std::ptrdiff_t>(i); };
-        std::nth_element(at(first), at(half), at(last), [&](std::uint32_t a, std::uint32_t b) {
-            const float x = middle(a)[axis], y = middle(b)[axis];
-            return x != y ? x < y : a < b;
-        });
-        nodes_.emplace_back();
-        const Cluster one = build(first, half, node + 1, depth + 1, way);
-        const auto second = static_cast<std::uint32_t>(nodes_.size());
-        nodes_[node].next = second;
-        nodes_.emplace_back();
-        cluster = join(one, build(half, last, second, depth + 1, way | std::uint64_t{1} << depth));
-    }
-    Node& n = nodes_[node];
-    n.center = cluster.bounds.center();
-    const Vec3f diagonal = cluster.bounds.size() * 0.5f;
-    n.radiusSquared = glm::dot(diagonal, diagonal) * 1.0001f;
-    n.axis = cluster.axis, n.cosCone = cluster.cosCone, n.sinCone = sinOf(cluster.cosCone), n.power = cluster.power;
-    return cluster;
+void Emitters::Node::set(std::size_t child, const Cluster& cluster) {
+    const Vec3f center = cluster.bounds.center(), diagonal = cluster.bounds.size() * 0.5f;
+    centerX[child] = center.x, centerY[child] = center.y, centerZ[child] = center.z;
+    radiusSquared[child] = glm::dot(diagonal, diagonal) * 1.0001f;
+    axisX[child] = cluster.axis.x, axisY[child] = cluster.axis.y, axisZ[child] = cluster.axis.z;
+    cosCone[child] = cluster.cosCone, power[child] = cluster.power;
+    sinCone[child] = std::sqrt(std::max(1 - cluster.cosCone * cluster.cosCone, 0.0f));
 }
 
-/// An estimate of the light from there that is 0 only where nothing can come: the cosines are those of the most
-/// favourable directions within the sphere around the node as the point sees it, and within its cone of normals.
-float Emitters::importance(const Node& node, const Vec3f& point, const Vec3f& normal) {
-    constexpr float kLeast = 1e-12f;  // m^2, so that no sum leaves the range of float
-    Vec3f towards = node.center - point;
-    const float distanceSquared = glm::dot(towards, towards);
-    if (!(distanceSquared > node.radiusSquared)) return node.power / std::max(node.radiusSquared, kLeast);
-    towards *= 1 / std::sqrt(distanceSquared);
-    constexpr float kSlack = 1e-4f;  // of the rounded cosines
-    const float sinSphere = std::sqrt(node.radiusSquared / distanceSquared), cosSphere = sinOf(sinSphere);
-    const float cosAway = std::clamp(glm::dot(normal, towards), -1.0f, 1.0f);
-    const float lit = cosOfDifference(sinOf(cosAway), cosAway, sinSphere, cosSphere) + kSlack;
-    if (lit <= 0) return 0;
-    float shines = 1;
-    if (node.cosCone > -1) {
-        const float cosAxis = std::clamp(-glm::dot(node.axis, towards), -1.0f, 1.0f), sinAxis = sinOf(cosAxis);
-        if (cosAxis < node.cosCone) {
-            const float cosLeft = cosAxis * node.cosCone + sinAxis * node.sinCone;
-            shines = cosOfDifference(sinOf(std::clamp(cosLeft, -1.0f, 1.0f)), cosLeft, sinSphere, cosSphere) + kSlack;
+/// Sorts by the longest side of the middles' box as far as needed; returns where the second half begins.
+std::size_t Emitters::halve(std::size_t first, std::size_t last) {
+    Bounds centers;
+    const auto middle = [&](std::uint32_t e) {
+        return emitters_[e].corner + (emitters_[e].ab + emitters_[e].ac) * (1 / 3.0f);
+    };
+    for (std::size_t i = first; i < last; ++i) centers.extend(middle(order_[i]));
+    const Vec3f size = centers.size();
+    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    const std::size_t half = first + (last - first) / 2;
+    const auto at = [&](std::size_t i) { return order_.begin() + static_cast<std::ptrdiff_t>(i); };
+    std::nth_element(at(first), at(half), at(last), [&](std::uint32_t a, std::uint32_t b) {
+        const float x = middle(a)[axis], y = middle(b)[axis];
+        return x != y ? x < y : a < b;
+    });
+    return half;
+}
+
+// Halves three times where there are more than eight, so that no way is longer than 21 nodes.
+Emitters::Cluster Emitters::build(std::size_t first, std::size_t last, std::uint32_t node, std::uint32_t depth,
+                                  std::uint64_t way) {
+    std::array<std::size_t, kWide + 1> ends{first, last};
+    std::size_t parts = 1;
+    if (last - first <= kWide) {
+        for (parts = 0; parts < last - first; ++parts) ends[parts] = first + parts;
+        ends[parts] = last;
+    } else {
+        for (; parts < kWide; parts *= 2) {
+            for (std::size_t i = parts; i > 0; --i) ends[2 * i] = ends[i];
+            for (std::size_t i = 0; i < parts; ++i) ends[2 * i + 1] = halve(ends[2 * i], ends[2 * i + 2]);
         }
-        if (shines <= 0) return 0;
     }
-    return node.power * lit * shines / std::max(distanceSquared, kLeast);
+    Cluster whole;
+    for (std::size_t part = 0; part < parts; ++part) {
+        const std::uint64_t on = way | std::uint64_t{part} << (3 * depth);
+        Cluster cluster;
+        if (ends[part + 1] - ends[part] == 1) {
+            const std::uint32_t emitter = order_[ends[part]];
+            cluster = clusterOf(emitter);
+            ways_[emitter] = on;
+            nodes_[node].next[part] = emitter;
+            nodes_[node].leaves |= static_cast<std::uint8_t>(1u << part);
+        } else {
+            const auto below = static_cast<std::uint32_t>(nodes_.size());
+            nodes_[node].next[part] = below;
+            nodes_.emplace_back();
+            cluster = build(ends[part], ends[part + 1], below, depth + 1, on);
+        }
+        nodes_[node].set(part, cluster);
+        whole = part == 0 ? cluster : join(whole, cluster);
+    }
+    return whole;
+}
+
+/// Estimates of the light from there that are 0 only where nothing can come: the cosines are those of the most
+/// favourable directions within the sphere around a cluster as the point sees it, and within its cone of normals.
+float Emitters::importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each) {
+    constexpr float kLeast = 1e-12f;  // m^2, so that no sum leaves the range of float
+    constexpr float kSlack = 1e-4f;   // of the rounded cosines
+    const F8 radiusSquared = load(node.radiusSquared), power = load(node.power), cosCone = load(node.cosCone);
+    V8 towards{load(node.centerX) - point.x, load(node.centerY) - point.y, load(node.centerZ) - point.z};
+    const F8 distanceSquared = dot(towards, towards), inverse = 1 / max(distanceSquared, all(kLeast));
+    towards = towards * simd::sqrt(inverse);
+    const F8 sinSquared = min(radiusSquared * inverse, all(1));
+    const F8 sinSphere = simd::sqrt(sinSquared), cosSphere = simd::sqrt(1 - sinSquared);
+    const auto cut = [](F8 cosine) { return min(max(cosine, all(-1)), all(1)); };
+    const F8 cosAway = cut(dot(towards, V8{all(normal.x), all(normal.y), all(normal.z)}));
+    const F8 lit = cosOfDifference(sinOf(cosAway), cosAway, sinSphere, cosSphere) + kSlack;
+    const F8 cosAxis = cut(-dot(towards, V8{load(node.axisX), load(node.axisY), load(node.axisZ)}));
+    const F8 cosLeft = cut(cosAxis * cosCone + sinOf(cosAxis) * load(node.sinCone));
+    F8 shines = cosOfDifference(sinOf(cosLeft), cosLeft, sinSphere, cosSphere) + kSlack;
+    shines = select(cosAxis >= cosCone, all(1), shines);
+    F8 result = power * max(lit, all(0)) * max(shines, all(0)) * inverse;
+    result = select(distanceSquared > radiusSquared, result, power / max(radiusSquared, all(kLeast)));
+    store(each, min(result, all(1e36f)));
+    float sum = 0;
+    for (std::size_t i = 0; i < kWide; ++i) sum += each[i];
+    return sum;
 }
 
 Emitters::Choice Emitters::sample(const Vec3f& point, const Vec3f& normal, float u) const {
-    Choice result;
-    if (nodes_.empty()) return result;
+    if (nodes_.empty()) return {};
     float probability = 1;
-    std::uint32_t at = 0;
-    while (!nodes_[at].leaf) {
-        const float a = importance(nodes_[at + 1], point, normal),
-                    b = importance(nodes_[nodes_[at].next], point, normal);
-        if (!(a + b > 0)) return result;
-        const float share = a / (a + b);
-        if (u < share) {
-            u /= share, probability *= share, at = at + 1;
-        } else {
-            u = (u - share) / (1 - share), probability *= 1 - share, at = nodes_[at].next;
-        }
-        u = std::min(u, 0x1.fffffep-1f);
+    for (std::uint32_t at = 0;;) {
+        const Node& node = nodes_[at];
+        alignas(32) float each[kWide];
+        const float sum = importance(node, point, normal, each);
+        if (!(sum > 0)) return {};
+        float left = u * sum;
+        std::size_t child = 0, last = 0;
+        for (std::size_t i = 0; i < kWide; ++i)
+            if (each[i] > 0) last = i;
+        while (child < last && !(left < each[child])) left -= each[child++];
+        u = std::min(std::max(left, 0.0f) / each[child], 0x1.fffffep-1f);
+        probability *= each[child] / sum;
+        if (node.leaves >> child & 1u) return {node.next[child], probability};
+        at = node.next[child];
     }
-    result.emitter = nodes_[at].next, result.probability = probability;
-    return result;
 }
 
 float Emitters::density(std::uint32_t emitter, const Vec3f& point, const Vec3f& normal) const {
     float probability = 1;
     std::uint32_t at = 0;
-    for (std::uint64_t way = ways_[emitter]; !nodes_[at].leaf; way >>= 1) {
-        const float a = importance(nodes_[at + 1], point, normal),
-                    b = importance(nodes_[nodes_[at].next], point, normal);
-        if (!(a + b > 0)) return 0;
-        const float share = a / (a + b);
-        probability *= way & 1u ? 1 - share : share;
-        at = way & 1u ? nodes_[at].next : at + 1;
+    for (std::uint64_t way = ways_[emitter];; way >>= 3) {
+        const Node& node = nodes_[at];
+        alignas(32) float each[kWide];
+        const float sum = importance(node, point, normal, each);
+        if (!(sum > 0)) return 0;
+        const std::size_t child = way & 7u;
+        probability *= each[child] / sum;
+        if (node.leaves >> child & 1u) return node.next[child] == emitter ? probability : 0.0f;
+        at = node.next[child];
     }
-    return nodes_[at].next == emitter ? probability : 0.0f;
 }
 
 std::uint32_t Emitters::find(std::uint32_t instance, std::uint32_t triangle) const {

@@ -54,23 +54,27 @@ class Emitters {
         Vec3f axis{0, 0, 1};
         float cosCone = 1, power = 0;  // cosCone -1: all directions
     };
-    struct Node {
-        Vec3f center{0};
-        float radiusSquared = 0;
-        Vec3f axis{0};
-        float cosCone = 1, sinCone = 0, power = 0;
-        std::uint32_t next = 0;  // the second child, the first one follows the node; a leaf's: the emitter
-        bool leaf = false;
+    static constexpr std::size_t kWide = 8;
+    /// Up to eight clusters side by side; those that are not there have no power.
+    struct alignas(32) Node {
+        float centerX[kWide]{}, centerY[kWide]{}, centerZ[kWide]{}, radiusSquared[kWide]{};
+        float axisX[kWide]{}, axisY[kWide]{}, axisZ[kWide]{};
+        float cosCone[kWide]{}, sinCone[kWide]{}, power[kWide]{};
+        std::uint32_t next[kWide]{};  // a node, or an emitter
+        std::uint8_t leaves = 0;      // which are emitters, a bit each
+        void set(std::size_t child, const Cluster& cluster);
     };
     void add(const TraceScene& scene, std::uint32_t slot);
     Cluster clusterOf(std::uint32_t emitter) const;
     static Cluster join(const Cluster& a, const Cluster& b);
+    std::size_t halve(std::size_t first, std::size_t last);
     Cluster build(std::size_t first, std::size_t last, std::uint32_t node, std::uint32_t depth, std::uint64_t way);
-    static float importance(const Node& node, const Vec3f& point, const Vec3f& normal);
+    /// Of all eight; returns their sum.
+    static float importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each);
 
     std::vector<Emitter> emitters_;
     std::vector<float> power_;
-    std::vector<std::uint64_t> ways_;   // by emitter: at the k-th fork from the root, bit k says which child
+    std::vector<std::uint64_t> ways_;   // by emitter: three bits a node, from the root on: which child
     std::vector<std::uint32_t> order_;  // while building
     std::vector<Node> nodes_;
     std::vector<std::uint32_t> firstOf_;  // by instance slot: its first emitter or kNone; triangles follow each other
