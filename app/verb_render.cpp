@@ -14,7 +14,9 @@ namespace rtsg::app {
 namespace {
 
 struct Options {
-    std::string scene, out, time = "0";
+    std::string scene, out, time = "0", layers, stereo = "none";
+    double aperture = 0, focus = 0, eyeDistance = 0.063;
+    bool panorama = false;
     ResourceArguments resources;
     StartTime start;
     int frames = 1;
@@ -22,6 +24,46 @@ struct Options {
     PictureArguments picture;
     bool json = false;
 };
+
+struct LayerName {
+    const char* name;
+    std::uint32_t bits;
+};
+constexpr LayerName kLayers[] = {{"depth", kDepth},   {"position", kPosition}, {"normal", kNormal},
+                                 {"albedo", kAlbedo}, {"node", kNode},         {"names", kObjects | kMaterials},
+                                 {"all", kAllLayers}};
+
+/// DataLayers of a list of names. Throws UsageError.
+std::uint32_t parseLayers(std::string_view list) {
+    std::uint32_t bits = 0;
+    for (std::size_t at = 0; at < list.size();) {
+        const std::size_t end = std::min(list.find(',', at), list.size());
+        const std::string_view name = list.substr(at, end - at);
+        const auto* known =
+            std::ranges::find(kLayers, name, [](const LayerName& layer) { return std::string_view(layer.name); });
+        if (known == std::end(kLayers)) {
+            std::string all;
+            for (const LayerName& layer : kLayers) all += fmt::format("{}{}", all.empty() ? "" : ", ", layer.name);
+            throw UsageError("--layers", fmt::format("there is no layer \"{}\"; there are: {}", name, all));
+        }
+        bits |= known->bits;
+        at = end + 1;
+    }
+    return bits;
+}
+
+/// The eye: lens, panorama, stereo. Throws UsageError.
+void addEye(const Options& options, ImageOptions& image) {
+    if (options.panorama && (options.aperture > 0 || options.stereo != "none"))
+        throw UsageError("--panorama", "is of one eye without a lens");
+    if (options.aperture > 0 && !(options.focus > 0)) throw UsageError("--aperture", "needs --focus");
+    image.panorama = options.panorama;
+    image.lensRadius = options.aperture / 2, image.focus = options.focus;
+    image.stereo = options.stereo == "beside"  ? Stereo::beside
+                   : options.stereo == "above" ? Stereo::above
+                                               : Stereo::none;
+    image.eyeDistance = options.eyeDistance;
+}
 
 /// `all`: over the frames, the worst of what is missing and of errors, the mean of samples.
 void tellResult(const Options& options, const RenderSettings& settings, const RenderStats& all,
@@ -47,6 +89,11 @@ void tellResult(const Options& options, const RenderSettings& settings, const Re
 
 int render(const Options& options) {
     ImageOptions image = options.picture.parse();
+    image.settings.layers = parseLayers(options.layers);
+    addEye(options, image);
+    const std::string extension = std::filesystem::path(options.out).extension();
+    if (image.settings.layers != 0 && extension != ".exr" && extension != ".EXR")
+        throw UsageError("--layers", "only .exr holds layers");
     AnimationOptions animation;
     animation.frames = options.frames;
     animation.framesPerSecond = options.fps;
@@ -108,6 +155,19 @@ Verb addRender(Command& program) {
     Command* command = program.addVerb("render", "Make a picture or an animation");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "file to write; .exr is linear radiance")->required();
+    command->addOption("--layers", options->layers,
+                       "of an .exr, besides colour: depth, position, normal, albedo, node (numbers of Shapes), names "
+                       "(Cryptomatte of DEF), by commas; or all");
+    command->addFlag("--panorama", options->panorama, "all around: longitudes across, latitudes down");
+    command->addOption("--stereo", options->stereo, "two eyes' pictures, each of --size: beside or above each other")
+        ->preset()
+        ->oneOf({"none", "beside", "above"});
+    command->addOption("--eye-distance", options->eyeDistance, "of --stereo, metres")->preset()->range(1e-6, 1e6);
+    command->addOption("--aperture", options->aperture, "a lens of this diameter, metres; sharp at --focus")
+        ->range(1e-9, 1e6);
+    command
+        ->addOption("--focus", options->focus, "metres along the view; of --stereo: what lies in the picture's plane")
+        ->range(1e-6, 1e9);
     command->addOption("--time", options->time, "of the first frame, from the start")->preset();
     command->addOption("--frames", options->frames, "number of frames: into %04d, or a .gif")
         ->preset()

@@ -1,6 +1,7 @@
 // The module librtsg_images.so: image files by OpenImageIO. Links nothing of ours, throws nothing.
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
@@ -59,7 +60,7 @@ class Files final : public ImageFiles {
     }
 
     std::string encode(const std::string& name, const Sheet& sheet, std::vector<unsigned char>& file) const override {
-        if (sheet.interval) return encodeLayers(name, sheet, file);
+        if (!sheet.channels.empty() || !sheet.notes.empty()) return encodeLayers(name, sheet, file);
         const auto output = OIIO::ImageOutput::create(name);
         if (!output) return "cannot write this kind of picture: " + OIIO::geterror();
         const bool linear = sheet.values != nullptr;
@@ -76,25 +77,36 @@ class Files final : public ImageFiles {
         return done && output->close() ? std::string() : output->geterror();
     }
 
-    /// Colour, coverage and the layer "interval", for formats that name their channels.
+    /// Colour, coverage and more channels, for formats that name them.
     static std::string encodeLayers(const std::string& name, const Sheet& sheet, std::vector<unsigned char>& file) {
         const auto output = OIIO::ImageOutput::create(name);
         if (!output) return "cannot write this kind of picture: " + OIIO::geterror();
-        constexpr int kChannels = 7;
-        OIIO::ImageSpec spec(sheet.width, sheet.height, kChannels, OIIO::TypeDesc::FLOAT);
-        spec.channelnames = {"R", "G", "B", "A", "interval.R", "interval.G", "interval.B"};
+        const std::size_t channels = 4 + sheet.channels.size();
+        OIIO::ImageSpec spec(sheet.width, sheet.height, static_cast<int>(channels), OIIO::TypeDesc::FLOAT);
+        spec.channelnames = {"R", "G", "B", "A"};
         spec.alpha_channel = 3;
+        const bool integers = std::ranges::any_of(sheet.channels, &SheetChannel::integers);
+        if (integers) spec.channelformats.assign(4, OIIO::TypeDesc::FLOAT);
+        for (const SheetChannel& channel : sheet.channels) {
+            spec.channelnames.push_back(channel.name);
+            if (integers)
+                spec.channelformats.emplace_back(channel.integers ? OIIO::TypeDesc::UINT32 : OIIO::TypeDesc::FLOAT);
+        }
         spec.attribute("oiio:ColorSpace", "Linear");
         spec.attribute("compression", "zip");
+        for (const auto& [key, text] : sheet.notes) spec.attribute(key, text);
         const std::size_t pixels = static_cast<std::size_t>(sheet.width) * static_cast<std::size_t>(sheet.height);
-        std::vector<float> all(pixels * kChannels);
+        std::vector<float> all(pixels * channels);  // all have 32 bits, whatever these mean
         for (std::size_t i = 0; i < pixels; ++i) {
-            std::copy_n(sheet.values + i * 4, 4, &all[i * kChannels]);
-            std::copy_n(sheet.interval + i * 3, 3, &all[i * kChannels + 4]);
+            std::memcpy(&all[i * channels], sheet.values + i * 4, 4 * sizeof(float));
+            for (std::size_t c = 4; c < channels; ++c) {
+                const SheetChannel& channel = sheet.channels[c - 4];
+                std::memcpy(&all[i * channels + c], channel.first + i * channel.stride, sizeof(float));
+            }
         }
         OIIO::Filesystem::IOVecOutput memory(file);
         if (!output->set_ioproxy(&memory) || !output->open(name, spec)) return output->geterror();
-        const bool done = output->write_image(OIIO::TypeDesc::FLOAT, all.data());
+        const bool done = output->write_image(integers ? OIIO::TypeDesc::UNKNOWN : OIIO::TypeDesc::FLOAT, all.data());
         return done && output->close() ? std::string() : output->geterror();
     }
 

@@ -9,6 +9,7 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
@@ -32,13 +33,23 @@ struct ReadRequest {
     std::function<std::string(int width, int height, int layers, bool eightBits)> check;
 };
 
+/// One number a pixel, of 32 bits, under a name.
+struct SheetChannel {
+    std::string name;
+    const float* first = nullptr;  // of the top left pixel
+    std::size_t stride = 1;        // floats from one pixel to the next
+    bool integers = false;         // bits of unsigned numbers
+};
+
 /// A picture to write: RGBA, 8 bits or floats, rows from the top.
 struct Sheet {
     int width = 0, height = 0;
     const std::uint8_t* bytes = nullptr;  // sRGB, alpha not multiplied in
     const float* values = nullptr;        // linear, alpha multiplied in
     bool opaque = false;                  // alpha may be left out
-    const float* interval = nullptr;      // three a pixel; only .exr holds it, as layer "interval"
+    /// Besides the colour, and text attributes: only .exr holds them.
+    std::vector<SheetChannel> channels{};
+    std::vector<std::pair<std::string, std::string>> notes{};
 };
 
 class ImageFiles {
@@ -59,6 +70,6 @@ class ImageFiles {
 Result<const ImageFiles*> imageFiles();
 
 /// What the module exports under this name, which changes whenever this header does.
-#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles3
+#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles4
 
 }  // namespace rtsg

@@ -110,11 +110,28 @@ Camera Camera::parallel(const WorldFromLocal& worldFromLocal, const Vec3d& posit
 
 Camera Camera::shaped(double aspect) const {
     Camera camera = *this;
+    if (panorama) return camera;
     const double centerX = (left + rightEdge) / 2, centerY = (bottom + top) / 2;
     const double half = std::min(rightEdge - left, top - bottom) / 2;
     const double halfX = half * std::max(aspect, 1.0), halfY = half * std::max(1 / aspect, 1.0);
     camera.left = centerX - halfX, camera.rightEdge = centerX + halfX;
     camera.bottom = centerY - halfY, camera.top = centerY + halfY;
+    return camera;
+}
+
+Camera Camera::around() const {
+    Camera camera = *this;
+    camera.panorama = true, camera.orthographic = false;
+    camera.lensRadius = 0;
+    camera.rightEdge = std::numbers::pi, camera.left = -camera.rightEdge;
+    camera.top = std::numbers::pi / 2, camera.bottom = -camera.top;
+    return camera;
+}
+
+Camera Camera::beside(double offset, double distance) const {
+    Camera camera = *this;
+    camera.position += offset * right;
+    camera.left -= offset / distance, camera.rightEdge -= offset / distance;
     return camera;
 }
 
@@ -145,6 +162,7 @@ void Camera::frame(const Vec3d& lower, const Vec3d& upper) {
 Camera::WorldRay Camera::ray(double x, double y) const {
     const double u = left + (rightEdge - left) * x, v = top + (bottom - top) * y;
     if (orthographic) return {position + u * right + v * up, forward};
+    if (panorama) return {position, std::cos(v) * (std::cos(u) * forward + std::sin(u) * right) + std::sin(v) * up};
     return {position, glm::normalize(forward + u * right + v * up)};
 }
 

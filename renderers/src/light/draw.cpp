@@ -9,6 +9,7 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "adaptive.h"
+#include "data_layers.h"
 #include "emitters.h"
 
 namespace rtsg::trace {
@@ -123,7 +124,12 @@ Picture drawPart(const LightState& state, const RayView& world, const Camera& ca
     drawCubes(state, world, camera, settings, part.hidden, scene);
     const Emitters emitters = settings.integrator == Integrator::path ? Emitters(scene) : Emitters();
     if (!emitters.empty()) scene.emitters = &emitters;
-    return drawPicture(scene, camera, settings, &stats);
+    Picture picture = drawPicture(scene, camera, settings, &stats);
+    if (settings.layers != 0) {
+        addLayers(world, settings, picture);
+        if (!stats.cancelled) drawLayerData(scene, camera, settings, picture);
+    }
+    return picture;
 }
 
 }  // namespace rtsg::trace

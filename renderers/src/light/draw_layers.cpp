@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "active.h"
+#include "data_layers.h"
 #include "draw.h"
 
 namespace rtsg {
@@ -28,6 +29,7 @@ void layOver(const Picture& over, int left, int topmost, Picture& under) {
             const Vec4f& pixel = over.pixels[from];
             const float rest = 1 - std::clamp(pixel.a, 0.0f, 1.0f);
             under.pixels[to] = pixel + under.pixels[to] * rest;
+            if (pixel.a > 0) copyLayerData(over, from, under, to);
             if (!under.interval.empty()) under.interval[to] = over.interval[from] + under.interval[to] * rest;
         }
 }
@@ -50,6 +52,7 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
                         ? ColorSpace::linear
                         : ColorSpace::display;
     if (settings.error > 0) picture.interval.resize(picture.pixels.size(), Vec3f(0));
+    if (settings.layers != 0) addLayers(world, settings, picture);
     for (std::size_t i = 0; i < views.size() && !stats.cancelled; ++i) {
         const LayerView& view = views[i];
         RenderSettings own = settings;

@@ -45,6 +45,8 @@ Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file
     if (animation.frames > 1 && !gif && !numbered)
         return fail("several frames need a .gif, or a name with a place for their number such as %04d", {},
                     file.string());
+    if (options.settings.layers != 0 && file.extension() != ".exr" && file.extension() != ".EXR")
+        return fail("only .exr holds layers", {}, file.string());
     std::vector<Picture> frames;
     int done = 0;
     for (int i = 0; i < animation.frames; ++i) {

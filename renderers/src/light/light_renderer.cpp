@@ -3,11 +3,17 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <limits>
 #include <mutex>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+#include "data_layers.h"
 #include "undrawn.h"
 
 namespace rtsg {
@@ -78,6 +84,75 @@ double aspectOf(const RenderSettings& settings) {
     return static_cast<double>(settings.width) / settings.height;
 }
 
+/// What options ask of the eye.
+Camera equipped(Camera camera, const ImageOptions& options) {
+    if (options.panorama) return camera.around();
+    camera.lensRadius = options.lensRadius;
+    if (options.focus > 0) camera.focus = options.focus;
+    return camera;
+}
+
+/// Two pictures of one size, and what is known of them, as one.
+Picture joined(const Picture& first, const Picture& second, bool beside) {
+    Picture both(first.width * (beside ? 2 : 1), first.height * (beside ? 1 : 2));
+    both.space = first.space, both.notes = first.notes;
+    if (!first.interval.empty()) both.interval.resize(both.pixels.size());
+    for (const PictureLayer& layer : first.layers)
+        both.layers.push_back({layer.channels, layer.integers, std::vector<float>(2 * layer.values.size())});
+    const auto width = static_cast<std::size_t>(first.width);
+    for (int eye = 0; eye < 2; ++eye) {
+        const Picture& from = eye == 0 ? first : second;
+        const std::size_t start = eye == 0 ? 0 : beside ? width : from.pixels.size();
+        for (std::size_t i = 0; i < from.pixels.size(); ++i) {
+            const std::size_t to = start + i / width * static_cast<std::size_t>(both.width) + i % width;
+            both.pixels[to] = from.pixels[i];
+            if (!from.interval.empty()) both.interval[to] = from.interval[i];
+            trace::copyLayerData(from, i, both, to);
+        }
+    }
+    return both;
+}
+
+/// `draw(camera)`: a picture, and its counts added.
+template <class Draw>
+Result<Picture> eachEye(const Camera& camera, const ImageOptions& options, const Draw& draw) {
+    if (options.stereo == Stereo::none) return draw(camera);
+    if (camera.orthographic || camera.panorama) return fail("only perspectives have two eyes");
+    const double distance = options.focus > 0 ? options.focus : std::numeric_limits<double>::infinity();
+    auto left = draw(camera.beside(-options.eyeDistance / 2, distance));
+    if (!left) return left;
+    auto right = draw(camera.beside(options.eyeDistance / 2, distance));
+    if (!right) return right;
+    return joined(*left, *right, options.stereo == Stereo::beside);
+}
+
+/// Over two pictures of one size.
+void addCounts(const RenderStats& of, RenderStats& sum) {
+    const double before = sum.samples > 0 ? .5 : 0, now = 1 - before;
+    sum.primaryRays += of.primaryRays, sum.shadowRays += of.shadowRays, sum.secondaryRays += of.secondaryRays;
+    sum.seconds += of.seconds;
+    sum.missing = before * sum.missing + now * of.missing, sum.missingMost = std::max(sum.missingMost, of.missingMost);
+    sum.error = std::sqrt(before * sum.error * sum.error + now * of.error * of.error);
+    sum.unreached = before * sum.unreached + now * of.unreached, sum.samples = before * sum.samples + now * of.samples;
+    sum.cancelled = sum.cancelled || of.cancelled;
+}
+
+/// By which files name things: a node's DEF name; else of an Appearance that of its material, of all else that of the
+/// nearest one around it.
+std::string authorsName(const Scene& scene, NodeId id) {
+    constexpr int kMostLevels = 1000;
+    if (const Node* node = scene.effectiveNode(id); node && node->is(x3d::Appearance::type)) {
+        const std::string_view own = scene.name(id);
+        return std::string(own.empty() ? scene.name(node->get(x3d::Appearance::material)) : own);
+    }
+    for (int level = 0; id && level < kMostLevels; ++level) {
+        if (const std::string_view name = scene.name(id); !name.empty()) return std::string(name);
+        const auto parents = scene.parents(id);
+        id = parents.empty() ? NodeId() : parents.front().node;
+    }
+    return {};
+}
+
 }  // namespace
 
 Result<Camera> LightRenderer::look(const ImageOptions& options) {
@@ -86,6 +161,7 @@ Result<Camera> LightRenderer::look(const ImageOptions& options) {
     if (auto ok = begin(); !ok) return std::unexpected(ok.error());
     auto camera = s.tracer.camera(s.rays, aspectOf(options.settings), options.viewpoint);
     if (!camera) return camera;
+    *camera = equipped(*camera, options);
     if (auto ok = world().setViewer(camera->position); !ok) return std::unexpected(ok.error());
     return camera;
 }
@@ -104,7 +180,15 @@ Result<> LightRenderer::make(const ImageOptions& options) {
     presentsNow();
     s.camera = *camera;
     s.stats = {};
-    if (auto ok = take(s.tracer.render(s.rays, s.camera, options.settings, &s.stats), options.settings); !ok) return ok;
+    RenderSettings settings = options.settings;
+    if (!settings.nameOf) settings.nameOf = [&](NodeId id) { return authorsName(world().scene(), id); };
+    const auto draw = [&](const Camera& eye) {
+        RenderStats drawn;
+        auto picture = s.tracer.render(s.rays, eye, settings, &drawn);
+        addCounts(drawn, s.stats);
+        return picture;
+    };
+    if (auto ok = take(eachEye(s.camera, options, draw), settings); !ok) return ok;
     return renderOwnNodes(kDraw);
 }
 
@@ -116,10 +200,16 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
     const ImageOptions& options = s.options.image;
     auto camera = LightTracer::camera(*tables, *state.rays, aspectOf(options.settings), options.viewpoint);
     if (!camera) return std::unexpected(camera.error());
-    s.camera = *camera;
+    s.camera = equipped(*camera, options);
     if (state.moment != s.prepared) world().lookFrom(s.camera.position);
     s.stats = {};
-    return take(LightTracer::render(*tables, *state.rays, s.camera, options.settings, &s.stats), options.settings);
+    const auto draw = [&](const Camera& eye) {
+        RenderStats drawn;
+        auto picture = LightTracer::render(*tables, *state.rays, eye, options.settings, &drawn);
+        addCounts(drawn, s.stats);
+        return picture;
+    };
+    return take(eachEye(s.camera, options, draw), options.settings);
 }
 
 Result<> LightRenderer::take(Result<Picture> picture, const RenderSettings& settings) {

@@ -62,6 +62,17 @@ Bytes pfm(const Picture& picture) {
     return bytes;
 }
 
+/// What only .exr holds.
+void addLayers(const Picture& picture, Sheet& sheet) {
+    constexpr const char* kInterval[] = {"interval.R", "interval.G", "interval.B"};
+    if (!picture.interval.empty())
+        for (int c = 0; c < 3; ++c) sheet.channels.push_back({kInterval[c], &picture.interval[0][c], 3, false});
+    for (const PictureLayer& layer : picture.layers)
+        for (std::size_t c = 0; c < layer.channels.size(); ++c)
+            sheet.channels.push_back({layer.channels[c], &layer.values[c], layer.channels.size(), layer.integers});
+    sheet.notes = picture.notes;
+}
+
 }  // namespace
 
 Vec3f ToneMap::apply(Vec3f linear) const {
@@ -126,7 +137,7 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
     std::vector<std::uint8_t> encoded;
     if (isLinearFormat(extension)) {
         sheet.values = &picture.pixels[0].x;
-        if (extension == ".exr" && !picture.interval.empty()) sheet.interval = &picture.interval[0].x;
+        if (extension == ".exr") addLayers(picture, sheet);
     } else {
         encoded = toSrgb8(picture, toneMap);
         sheet.bytes = encoded.data();

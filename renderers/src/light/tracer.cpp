@@ -27,10 +27,14 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
         return fail(fmt::format("cannot take {} samples per pixel", settings.samplesPerPixel));
     if (!(settings.error >= 0) || !std::isfinite(settings.error))
         return fail(fmt::format("cannot reach an error of {}", settings.error));
+    if (settings.layers & ~kAllLayers) return fail("there is no such layer");
     if (settings.integrator == Integrator::raster)
         return fail("the rasteriser is not built in; there are whitted and path");
     if (settings.integrator == Integrator::path && settings.colorSpace == ColorSpace::display)
         return fail("paths are light: they cannot be computed in the display's space, only auto and linear");
+    if (!(camera.lensRadius >= 0) || !(camera.focus > 0) || !std::isfinite(camera.lensRadius + camera.focus))
+        return fail(fmt::format("a lens of radius {} focused at {} m cannot be", camera.lensRadius, camera.focus));
+    if (camera.lensRadius > 0 && (camera.orthographic || camera.panorama)) return fail("only perspectives have a lens");
     const auto start = std::chrono::steady_clock::now();
     RenderStats drawn;
     Picture picture = state.layers ? drawLayers(state, world, camera, settings, drawn)

@@ -27,10 +27,15 @@ struct Camera {
     Vec3d position{0, 0, 10};
     Vec3d right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};
     bool orthographic = false;
-    /// The picture's edges: at distance 1 before the eye, or for orthographic cameras in metres.
+    /// All directions: longitudes across and latitudes down, forward in the middle.
+    bool panorama = false;
+    /// The picture's edges: at distance 1 before the eye, for orthographic cameras in metres, for panoramas in radians.
     double left = -1, rightEdge = 1, bottom = -1, top = 1;
     /// Nothing beyond is seen (NavigationInfo.visibilityLimit); infinite unless given.
     double visibilityLimit = std::numeric_limits<double>::infinity();
+    /// Of a thin lens around `position`, metres; 0: a pinhole, with which all is sharp. `focus`: what is this far along
+    /// the view is sharp. Of perspectives alone.
+    double lensRadius = 0, focus = 1;
     std::uint16_t layer = 0;  // that it looks at: a place in LayerSet.layers, from 1; 0: what is in none
 
     /// The same eye for a picture of another shape: `aspect` = width / height. What a perspective's smaller angle and
@@ -44,6 +49,13 @@ struct Camera {
     static Camera parallel(const WorldFromLocal& worldFromLocal, const Vec3d& position, const Rotation& orientation,
                            const std::array<double, 4>& extent, double aspect);
 
+    /// All that is around the same eye.
+    Camera around() const;
+    /// An eye beside this one, `offset` metres to the right, of a stereoscopic picture: what is `distance` metres along
+    /// the view lies at the same place in the pictures of all such eyes (infinity: what is infinitely far). The axes
+    /// stay parallel. Precondition: a perspective; distance > 0.
+    Camera beside(double offset, double distance) const;
+
     /// Moves back, keeping the direction of view, until all of `world` is within the picture and centred in it. Does
     /// nothing when `world` is empty.
     void frame(const Vec3d& lower, const Vec3d& upper);
@@ -51,7 +63,7 @@ struct Camera {
     struct WorldRay {
         Vec3d origin, direction;  // a unit vector
     };
-    /// `x`, `y` from 0 (left, top) to 1 (right, bottom).
+    /// `x`, `y` from 0 (left, top) to 1 (right, bottom). Through a lens: that of its middle.
     WorldRay ray(double x, double y) const;
 };
 

@@ -29,9 +29,17 @@
 
 namespace rtsg {
 
+/// Two eyes' pictures as one: the left one's on the left or above; each is as large as the settings say.
+enum class Stereo : std::uint8_t { none, beside, above };
+
 struct ImageOptions {
     RenderSettings settings;
     std::string viewpoint;  // DEF name or description; empty: the bound one
+    bool panorama = false;  // Camera::around()
+    double lensRadius = 0;  // Camera::lensRadius
+    double focus = 0;       // metres, of the lens and of stereo; 0: the far distance, of a lens 1 m
+    Stereo stereo = Stereo::none;
+    double eyeDistance = 0.063;  // metres
 };
 
 class LightRenderer final : public WorldRenderer {

@@ -33,6 +33,21 @@ enum class Shadows : std::uint8_t { authored, all, none, automatic };
 /// tracer.
 enum class Integrator : std::uint8_t { whitted, path, raster };
 
+/// Bits of RenderSettings::layers: what a picture tells of its pixels besides their colours, in Picture::layers. It is
+/// of the first surface that lets less than half of what is behind it through, or bends it; where there is none, Z is
+/// infinite and all else 0. depth, position, normal and node are those of the pixel's middle, the others a mean over
+/// samples.
+enum DataLayer : std::uint32_t {
+    kDepth = 1,      // "Z": metres along the view, of panoramas from the eye
+    kPosition = 2,   // "P.X", "P.Y", "P.Z": world, metres
+    kNormal = 4,     // "N.X" ...: as it is shaded, in world space, on the eye's side
+    kAlbedo = 8,     // "albedo.R" ...: diffuseColor, baseColor, or what an unlit one shows; with textures, as light
+    kNode = 16,      // "node.id": NodeId of the Shape, an integer
+    kObjects = 32,   // "CryptoObject00.R" ...: Cryptomatte 1.2 of RenderSettings::nameOf(shape)
+    kMaterials = 64  // "CryptoMaterial00.R" ...: of nameOf(appearance)
+};
+constexpr std::uint32_t kAllLayers = 127;
+
 /// What a relative error is relative to, besides a pixel's value: darker differences are not seen.
 constexpr float kErrorFloor = 0.01f;
 
@@ -50,7 +65,11 @@ struct RenderSettings {
     /// In which space light is computed (docs/color.md). The picture is of the display's space, or linear if that is
     /// asked for. Paths compute in linear light always: automatic means that, display is an error.
     ColorSpace colorSpace = ColorSpace::automatic;
-    unsigned threads = 0;  // 0: one a core
+    unsigned threads = 0;      // 0: one a core
+    std::uint32_t layers = 0;  // DataLayers
+    /// Of kObjects and kMaterials: asked before the rays are traced, by the thread that asks for the picture. Empty, or
+    /// what returns an empty name: the node's number. LightRenderer takes DEF names where it is on the scene's thread.
+    std::function<std::string(NodeId)> nameOf;
     /// Called now and then, from any thread but never from two at once, with the share done; false cancels.
     std::function<bool(double)> progress;
 };

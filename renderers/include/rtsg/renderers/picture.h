@@ -8,6 +8,8 @@
 
 #include <filesystem>
 #include <span>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
@@ -16,6 +18,13 @@
 
 namespace rtsg {
 
+/// What is known of each pixel besides its colour, under the names of an OpenEXR file's channels ("Z", "N.X").
+struct PictureLayer {
+    std::vector<std::string> channels;
+    bool integers = false;      // the values are the bits of unsigned numbers of 32 bits
+    std::vector<float> values;  // channels.size() a pixel
+};
+
 struct Picture {
     int width = 0, height = 0;
     ColorSpace space = ColorSpace::linear;  // or display
@@ -23,6 +32,9 @@ struct Picture {
     /// Half the width of each pixel's 95 % interval, by channel, in `space`; empty unless an error was to be reached.
     /// In .exr of linear pictures as layer "interval".
     std::vector<Vec3f> interval;
+    /// Only .exr holds these; `notes` are its attributes, by name.
+    std::vector<PictureLayer> layers;
+    std::vector<std::pair<std::string, std::string>> notes;
 
     Picture() = default;
     Picture(int w, int h, Vec4f fill = Vec4f(0))

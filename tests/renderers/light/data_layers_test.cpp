@@ -1,0 +1,248 @@
+// Layers of pictures beside colour, read back by OpenImageIO: places in closed form, names as Cryptomatte has them.
+#include <unistd.h>
+
+#include <bit>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <map>
+#include <string>
+
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "light/data_layers.h"
+#include "renderers/light/light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+std::filesystem::path temporary(const std::string& name) {
+    return std::filesystem::temp_directory_path() / fmt::format("rtsg_{}_{}", ::getpid(), name);
+}
+
+/// What a file holds, by the names of its channels.
+struct Exr {
+    OIIO::ImageSpec spec;
+    std::map<std::string, std::vector<float>> channels;
+    std::vector<std::uint32_t> ids;
+    explicit Exr(const std::filesystem::path& file) {
+        auto input = OIIO::ImageInput::open(file.string());
+        if (!input) {
+            ADD_FAILURE() << OIIO::geterror();
+            return;
+        }
+        spec = input->spec();
+        const auto pixels = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
+        for (int c = 0; c < spec.nchannels; ++c) {
+            const std::string name = spec.channelnames[static_cast<std::size_t>(c)];
+            std::vector<float>& values = channels[name];
+            values.resize(pixels);
+            EXPECT_TRUE(input->read_image(0, 0, c, c + 1, OIIO::TypeDesc::FLOAT, values.data()));
+            if (name != "node.id") continue;
+            EXPECT_EQ(spec.channelformat(c), OIIO::TypeDesc::UINT32);
+            ids.resize(pixels);
+            EXPECT_TRUE(input->read_image(0, 0, c, c + 1, OIIO::TypeDesc::UINT32, ids.data()));
+        }
+        std::filesystem::remove(file);
+    }
+    float at(const std::string& name, int x, int y) {
+        const auto& values = channels[name];
+        const auto place = static_cast<std::size_t>(y * spec.width + x);
+        return place < values.size() ? values[place] : std::numeric_limits<float>::quiet_NaN();
+    }
+    std::uint32_t hash(const std::string& name, int x, int y) { return std::bit_cast<std::uint32_t>(at(name, x, y)); }
+    std::string note(const std::string& key) { return spec.get_string_attribute(key); }
+};
+
+Exr written(LightScene& s, const char* name) {
+    const auto file = temporary(name);
+    EXPECT_TRUE(writePicture(s.picture(), file));
+    return Exr(file);
+}
+
+// A ball of radius 1 at the origin is met 9 m before the eye at (0, 0, 10) in the middle; elsewhere by the quadratic
+// equation of its sphere, in double. Beside it lies a wall at z = -5, and above nothing.
+TEST(DataLayers, PlacesAreThoseOfClosedForms) {
+    LightScene s(
+        "DEF Ball Shape { appearance Appearance { material Material { diffuseColor .8 .4 .2 } } geometry "
+        "Sphere { } }\n"
+        "Transform { translation 0 -9.5 -5 children DEF Wall " +
+            square(10, "material UnlitMaterial { emissiveColor .5 .25 1 }") + "}",
+        41, 41);
+    s.options.settings.layers = kAllLayers;
+    Exr exr = written(s, "places.exr");
+    ASSERT_EQ(exr.ids.size(), 41u * 41);
+    int balls = 0, walls = 0, empty = 0;
+    for (int y = 0; y < 41; ++y) {
+        for (int x = 0; x < 41; ++x) {
+            SCOPED_TRACE(fmt::format("{} {}", x, y));
+            const Vec3d d = pixelDirection(x, y, 41, 41, 0.7854), eye(0, 0, 10);
+            const double half = glm::dot(eye, d), root = half * half - (100 - 1);
+            const double t = root > 0 ? -half - std::sqrt(root) : 15 / -d.z;
+            const Vec3d place = eye + t * d;
+            const bool nearEdge = std::abs(root) < 0.05 || std::abs(place.y - 0.5) < 0.05;
+            const Vec3d seen(exr.at("P.X", x, y), exr.at("P.Y", x, y), exr.at("P.Z", x, y)),
+                normal(exr.at("N.X", x, y), exr.at("N.Y", x, y), exr.at("N.Z", x, y));
+            const std::uint32_t id = exr.ids[static_cast<std::size_t>(y * 41 + x)];
+            if (nearEdge) continue;
+            if (root > 0) {
+                ++balls;
+                EXPECT_EQ(id, s.node("Ball").value);
+                EXPECT_NEAR(glm::length(seen - place), 0, 0.02) << "of a ball of triangles";
+                EXPECT_GT(glm::dot(normal, place), 0.999);
+                EXPECT_NEAR(exr.at("Z", x, y), 10 - place.z, 0.02);
+                EXPECT_NEAR(exr.at("albedo.R", x, y), linearFromSrgb(Vec3f(.8f)).r, 1e-5);
+            } else if (place.y < 0.5) {
+                ++walls;
+                EXPECT_EQ(id, s.node("Wall").value);
+                EXPECT_NEAR(glm::length(seen - place), 0, 1e-4);
+                EXPECT_NEAR(glm::length(normal - Vec3d(0, 0, 1)), 0, 1e-6);
+                EXPECT_NEAR(exr.at("Z", x, y), 15, 1e-4) << "along the view, not along the ray";
+                EXPECT_NEAR(exr.at("albedo.G", x, y), linearFromSrgb(Vec3f(.25f)).r, 1e-5);
+            } else {
+                ++empty;
+                EXPECT_EQ(id, 0u);
+                EXPECT_EQ(exr.at("Z", x, y), std::numeric_limits<float>::infinity());
+                EXPECT_EQ(seen, Vec3d(0));
+                EXPECT_EQ(exr.at("CryptoObject00.G", x, y), 0);
+            }
+        }
+    }
+    EXPECT_GT(balls, 10);
+    EXPECT_GT(walls, 100);
+    EXPECT_GT(empty, 100);
+}
+
+// Values of the reference implementation (Appleby), seed 0.
+TEST(DataLayers, NamesAreHashedAsCryptomatteHasIt) {
+    EXPECT_EQ(trace::murmurHash3(""), 0u);
+    EXPECT_EQ(trace::murmurHash3("test"), 0xba6bd213u);
+    EXPECT_EQ(trace::murmurHash3("Hello, world!"), 0xc0363e43u);
+    EXPECT_EQ(trace::murmurHash3("The quick brown fox jumps over the lazy dog"), 0x2e4ff723u);
+    // Exponents 0 and 255 are moved inwards, all else stays.
+    EXPECT_EQ(std::bit_cast<std::uint32_t>(trace::cryptomatteId(0xba6bd213u)), 0xba6bd213u);
+    EXPECT_EQ(std::bit_cast<std::uint32_t>(trace::cryptomatteId(0x00000001u)), 0x00800001u);
+    EXPECT_EQ(std::bit_cast<std::uint32_t>(trace::cryptomatteId(0xffffffffu)), 0xff7fffffu);
+}
+
+std::uint32_t idOf(const std::string& name) {
+    return std::bit_cast<std::uint32_t>(trace::cryptomatteId(trace::murmurHash3(name)));
+}
+
+// Two walls meet in the middle of the middle column: each covers half of its pixels, and the ranks say so. A Shape
+// without a name has that of the group around it.
+TEST(DataLayers, RanksTellWhoseShareOfAPixelIsWhat) {
+    LightScene s(
+        "DEF Left Transform { translation -10 0 0 children " + square(10, "material DEF Red Material { }") +
+            "} DEF Group Group { children Transform { translation 10 0 0 children Shape { appearance DEF Matt "
+            "Appearance { } geometry IndexedFaceSet { coordIndex [0 1 2 3 -1] coord Coordinate { point [-10 -10 0, 10 "
+            "-10 0, 10 10 0, -10 10 0] } } } } }",
+        33, 33);
+    s.options.settings.layers = kObjects | kMaterials;
+    s.options.settings.samplesPerPixel = 64;
+    Exr exr = written(s, "ranks.exr");
+    EXPECT_EQ(exr.channels.count("Z"), 0u) << "only what was asked for";
+    EXPECT_EQ(exr.hash("CryptoObject00.R", 2, 16), idOf("Left"));
+    EXPECT_EQ(exr.at("CryptoObject00.G", 2, 16), 1);
+    EXPECT_EQ(exr.at("CryptoObject00.A", 2, 16), 0);
+    EXPECT_EQ(exr.hash("CryptoObject00.R", 30, 16), idOf("Group"));
+    EXPECT_EQ(exr.at("CryptoObject00.G", 16, 16), 0.5f);
+    EXPECT_EQ(exr.at("CryptoObject00.A", 16, 16), 0.5f);
+    EXPECT_NE(exr.hash("CryptoObject00.R", 16, 16), exr.hash("CryptoObject00.B", 16, 16));
+    EXPECT_EQ(exr.at("CryptoObject02.A", 16, 16), 0);
+    EXPECT_EQ(exr.hash("CryptoMaterial00.R", 2, 16), idOf("Red"));
+    EXPECT_EQ(exr.hash("CryptoMaterial00.R", 30, 16), idOf("Matt"));
+    const std::string key = fmt::format("cryptomatte/{:.7}", fmt::format("{:08x}", trace::murmurHash3("CryptoObject")));
+    EXPECT_EQ(exr.note(key + "/name"), "CryptoObject");
+    EXPECT_EQ(exr.note(key + "/hash"), "MurmurHash3_32");
+    EXPECT_EQ(exr.note(key + "/conversion"), "uint32_to_float32");
+    EXPECT_EQ(exr.note(key + "/manifest"),
+              fmt::format("{{\"Group\":\"{:08x}\",\"Left\":\"{:08x}\"}}", idOf("Group"), idOf("Left")));
+}
+
+// Clear things are looked through, glass is not; a mirror is seen itself.
+TEST(DataLayers, AreOfWhatHidesWhatIsBehind) {
+    const struct {
+        const char* name;
+        std::string material;
+        double depth;
+    } cases[] = {
+        {"clear", "material Material { transparency .6 }", 10},
+        {"nearly opaque", "material Material { transparency .4 }", 8},
+        {"glass", glass(1.5), 8},
+        {"mirror", mirror("1"), 8},
+    };
+    for (const auto& c : cases) {
+        SCOPED_TRACE(c.name);
+        LightScene s("DEF Wall " + square(9, matte("1 1 1")) + "Transform { translation 0 0 2 children DEF Pane " +
+                         square(9, c.material) + "}",
+                     5, 5);
+        s.options.settings.layers = kDepth | kNode;
+        Exr exr = written(s, "clear.exr");
+        EXPECT_NEAR(exr.at("Z", 2, 2), c.depth, 1e-5);
+        ASSERT_EQ(exr.ids.size(), 25u);
+        EXPECT_EQ(exr.ids[12], s.node(c.depth == 10 ? "Wall" : "Pane").value);
+    }
+}
+
+// Each layer of a LayerSet covers what is behind it, and shows what it does not cover.
+TEST(DataLayers, LayersOfASceneCoverEachOther) {
+    LightScene s("LayerSet { order [1 2] layers [ Layer { children [ Viewpoint { } DEF Back " +
+                     square(20, matte("1 0 0")) +
+                     "] } Layer { children [ Viewpoint { } DEF Front Transform { translation 0 0 3 children " +
+                     square(1, matte("0 1 0")) + "} ] } ] }",
+                 33, 33);
+    s.options.settings.layers = kDepth | kObjects;
+    Exr exr = written(s, "layers.exr");
+    EXPECT_NEAR(exr.at("Z", 16, 16), 7, 1e-5);
+    EXPECT_EQ(exr.hash("CryptoObject00.R", 16, 16), idOf("Front"));
+    EXPECT_NEAR(exr.at("Z", 1, 1), 10, 1e-5);
+    EXPECT_EQ(exr.hash("CryptoObject00.R", 1, 1), idOf("Back"));
+}
+
+TEST(DataLayers, FilesOfTwoRunsAreTheSameBytes) {
+    const auto bytes = [](int threads) {
+        LightScene s("DEF A Shape { geometry Sphere { } appearance Appearance { material Material { } } }", 40, 30);
+        s.options.settings.layers = kAllLayers;
+        s.options.settings.samplesPerPixel = 3;
+        s.options.settings.threads = static_cast<unsigned>(threads);
+        const auto file = temporary(fmt::format("bytes{}.exr", threads));
+        EXPECT_TRUE(writePicture(s.picture(), file));
+        std::ifstream in(file, std::ios::binary);
+        std::string content{std::istreambuf_iterator<char>(in), {}};
+        std::filesystem::remove(file);
+        return content;
+    };
+    const std::string one = bytes(1);
+    EXPECT_GT(one.size(), 1000u);
+    EXPECT_EQ(one, bytes(2));
+}
+
+TEST(DataLayers, LeaveTheColoursAsTheyAre) {
+    LightScene s("Shape { geometry Sphere { } appearance Appearance { material Material { } } } PointLight { }", 9, 7);
+    const Picture plain = toLinear(s.picture());
+    s.options.settings.layers = kAllLayers;
+    const auto file = temporary("colours.exr");
+    ASSERT_TRUE(writePicture(s.picture(), file));
+    const auto read = readPicture(file);
+    std::filesystem::remove(file);
+    ASSERT_TRUE(read);
+    EXPECT_EQ(read->pixels, plain.pixels);
+}
+
+TEST(DataLayers, OnlyOpenExrHoldsThem) {
+    LightScene s("Shape { geometry Box { } }", 8, 8);
+    s.options.settings.layers = kDepth;
+    EXPECT_FALSE(renderToFile(*s.light, temporary("no.png"), s.options));
+    s.options.settings.layers = kAllLayers + 1;
+    EXPECT_FALSE(s.light->picture(s.options));
+}
+
+}  // namespace
+}  // namespace rtsg
