@@ -10,11 +10,13 @@
 
 #include "adaptive.h"
 #include "data_layers.h"
-#include "emitters.h"
 
 namespace rtsg::trace {
 
 namespace {
+
+/// Of a sky: from here on looking for it pays.
+constexpr float kUneven = 4;
 
 /// Fields may hold numbers whose products leave the range of float; a picture never does.
 Vec4f finite(Vec4f v) {
@@ -105,6 +107,14 @@ class Drawing {
 
 }  // namespace
 
+void lookForLight(TraceScene& scene, Emitters& emitters, std::optional<SkyLight>& sky) {
+    emitters = Emitters(scene);
+    if (!emitters.empty()) scene.emitters = &emitters;
+    if (scene.evenSky) return;
+    sky.emplace(*scene.sky);
+    if (sky->unevenness() > kUneven) scene.skyLight = &*sky;
+}
+
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats) {
     Picture picture(settings.width, settings.height);
     picture.space = scene.space == ColorSpace::linear ? ColorSpace::linear : ColorSpace::display;
@@ -122,8 +132,9 @@ Picture drawPart(const LightState& state, const RayView& world, const Camera& ca
                  const Part& part, RenderStats& stats) {
     TraceScene scene = makeTraceScene(state, world, camera, settings, part);
     drawCubes(state, world, camera, settings, part.hidden, scene);
-    const Emitters emitters = settings.integrator == Integrator::path ? Emitters(scene) : Emitters();
-    if (!emitters.empty()) scene.emitters = &emitters;
+    Emitters emitters;
+    std::optional<SkyLight> sky;
+    if (settings.integrator == Integrator::path) lookForLight(scene, emitters, sky);
     Picture picture = drawPicture(scene, camera, settings, &stats);
     if (settings.layers != 0) {
         addLayers(world, settings, picture);

@@ -3,9 +3,12 @@
 // Threading: re-entrant; a picture's tiles are drawn by several threads.
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "emitters.h"
 #include "light_tables.h"
+#include "sky_light.h"
 #include "trace_scene.h"
 
 namespace rtsg::trace {
@@ -25,6 +28,9 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
 /// `part`: slots that are not there, as Part::hidden.
 void drawCubes(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                const std::vector<bool>& part, TraceScene& scene);
+
+/// Fills tables of what paths look for, and tells the scene of them if there is anything. They must outlive it.
+void lookForLight(TraceScene& scene, Emitters& emitters, std::optional<SkyLight>& sky);
 
 /// `stats` may be null.
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats);

@@ -1,5 +1,5 @@
-// Path tracing: at each surface the lights and one shining triangle are asked directly, and one way on is chosen at
-// random. A tile's paths advance together, in packets of sixteen.
+// Path tracing: at each surface the lights, one shining triangle and a place of the sky are asked directly, and one way
+// on is chosen at random. A tile's paths advance together, in packets of sixteen.
 //
 // Source: Kajiya 1986; Veach 1997, section 9.2 (what both a bounce and a chosen direction find, counts in shares);
 // Russian roulette as Arvo & Kirk 1990, by the weight that is left. Units: a Lambertian surface of colour c under a
@@ -13,6 +13,7 @@
 #include "bsdf.h"
 #include "path_emitters.h"
 #include "sample_points.h"
+#include "sky_light.h"
 #include "surface_packet.h"
 #include "tile_rays.h"
 
@@ -67,21 +68,31 @@ class Paths {
         const std::uint32_t hits = scene_.world->intersect(rays, coherent);
         for (int lane = 0; lane < 16; ++lane) {
             if (!rays.active[lane] || (hits >> lane & 1u)) continue;
-            const Vec4f sky =
-                scene_.skyColor({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, true);
-            add(tasks[lane], Vec3f(sky));
+            const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
+            const Vec4f sky = scene_.skyColor(direction, true);
+            float weight = 1;
+            if (scene_.skyLight && tasks[lane].density > 0)
+                weight = powerHeuristic(tasks[lane].density, scene_.skyLight->density(direction));
+            add(tasks[lane], weight * Vec3f(sky));
             cover(tasks[lane], sky.a);
         }
         if (!hits) return;
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
-        addLights(scene_, surfaces_, result_.shadowRays);
-        findPoints(scene_, surfaces_);
-        found_.mask = 0;
-        if (scene_.emitters) lookForEmitters(scene_, surfaces_, tasks, found_, result_.shadowRays);
+        lookForLight(tasks);
         for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             bounce({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, tasks[lane], lane);
         }
+    }
+
+    /// All that is asked directly.
+    void lookForLight(PathTask* tasks) {
+        addLights(scene_, surfaces_, result_.shadowRays);
+        findPoints(scene_, surfaces_);
+        found_.mask = 0;
+        if (scene_.emitters) lookForEmitters(scene_, surfaces_, tasks, found_, result_.shadowRays);
+        sky_.mask = 0;
+        if (scene_.skyLight) lookForSky(scene_, surfaces_, tasks, sky_, result_.shadowRays);
     }
 
     /// The ways on from a surface, of which one is taken.
@@ -156,7 +167,8 @@ class Paths {
         if (!(w.total > 0)) return;
         const Frame frame(normal, facing, direction, cosine);
         const float chance = w.chance[surface] / w.total;
-        if (found_.mask >> lane & 1u) add(lit, fromEmitter(lane, own, frame, chance));
+        if (found_.mask >> lane & 1u) add(lit, found(found_, lane, own, frame, chance));
+        if (sky_.mask >> lane & 1u) add(lit, found(sky_, lane, own, frame, chance));
         float pick = random.next() * w.total;
         int way = 0;
         while (way < kWays - 1 && pick >= w.chance[way]) pick -= w.chance[way++];
@@ -205,18 +217,18 @@ class Paths {
         return sample;
     }
 
-    /// What the surface shows of the emitter that was found; `chance`: of a bounce from its own colours.
-    Vec3f fromEmitter(int lane, const Bsdf& own, const Frame& frame, float chance) const {
-        const Vec3f direction = found_.direction.get(lane);
+    /// What the surface shows of light that was found; `chance`: of a bounce from its own colours.
+    static Vec3f found(const EmitterLight& from, int lane, const Bsdf& own, const Frame& frame, float chance) {
+        const Vec3f direction = from.direction.get(lane);
         Vec3f result(0);
         // A bounce comes to this direction in two ways where the normal is smooth.
         for (const Vec3f& way : {direction, frame.mirrored(direction)}) {
             const Vec3f light = frame.local(way);
             if (!(light.z > 0)) continue;
-            const float weight = powerHeuristic(found_.density[lane], chance * own.density(frame.view, light));
+            const float weight = powerHeuristic(from.density[lane], chance * own.density(frame.view, light));
             result += own.value(frame.view, light) * (weight / std::numbers::pi_v<float>);
         }
-        return result * found_.light.get(lane);
+        return result * from.light.get(lane);
     }
 
     /// What the surface sends out without another bounce: what lights show, and its own emission, of which only the
@@ -260,7 +272,7 @@ class Paths {
     TileResult& result_;
     TileLoop loop_;
     SurfacePacket surfaces_{};  // unused lanes stay finite
-    EmitterLight found_{};
+    EmitterLight found_{}, sky_{};
 };
 
 }  // namespace

@@ -1,10 +1,12 @@
-// Rays towards chosen emitters, and what is left of their light on the way.
+// Rays towards chosen emitters and the sky, and what is left of their light on the way.
 #include "path_emitters.h"
 
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include "sample_points.h"
+#include "sky_light.h"
 
 namespace rtsg::trace {
 
@@ -43,6 +45,33 @@ bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec
     return false;
 }
 
+/// The same to the sky.
+bool escapes(const TraceScene& scene, const Vec3f& direction, Hit hit, Vec3f& left) {
+    left = Vec3f(1);
+    for (int step = 0; step < 64; ++step) {
+        if (!hit) return true;
+        if (hit.instance >= scene.slots.size()) return false;
+        left *= passes(scene, hit, direction);
+        if (left == Vec3f(0)) return false;
+        Ray ray;
+        ray.tMin = kLeave;
+        ray.origin = RayView::leave(scene.world->point(hit), direction), ray.direction = direction;
+        hit = scene.world->intersect(ray);
+    }
+    return false;
+}
+
+/// Whether looking for light from this lane's surface is worth anything.
+bool isLit(const SurfacePacket& s, int lane) {
+    return ((s.mask & ~s.unlit) >> lane & 1u) && s.coverage[lane] * s.opacity[lane] > 0;
+}
+
+/// Above both horizons: the true surface's and the shading normal's.
+bool isAbove(const SurfacePacket& s, int lane, const Vec3f& direction) {
+    const Vec3f facing = s.back >> lane & 1u ? -s.outside(lane) : s.outside(lane);
+    return glm::dot(direction, facing) > 0 && glm::dot(direction, s.normal.get(lane)) > 0;
+}
+
 }  // namespace
 
 void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks, EmitterLight& out,
@@ -54,7 +83,7 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, PathTask* 
     std::uint32_t chosen[16];
     for (int lane = 0; lane < 16; ++lane) {
         rays.skip(lane);
-        if (!((s.mask & ~s.unlit) >> lane & 1u) || !(s.coverage[lane] * s.opacity[lane] > 0)) continue;
+        if (!isLit(s, lane)) continue;
         PathRandom random(tasks[lane].random);
         const float u = random.next();
         const Vec2f at = random.nextPair();
@@ -69,8 +98,7 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, PathTask* 
         const float squared = glm::dot(way, way), distance = std::sqrt(squared);
         if (!(distance > 1e-12f)) continue;
         const Vec3f direction = way / distance;
-        const Vec3f facing = s.back >> lane & 1u ? -s.outside(lane) : s.outside(lane);
-        if (!(glm::dot(direction, facing) > 0) || !(glm::dot(direction, normal) > 0)) continue;
+        if (!isAbove(s, lane, direction)) continue;
         const float cosine = -glm::dot(e.normal, direction);
         if (!(cosine > 0) && !e.bothSides) continue;
         const float density = choice.probability * squared / (e.area * std::abs(cosine));
@@ -103,6 +131,40 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, PathTask* 
             left *= scene.fogs.of(scene.slots[hit.instance].lights)
                         .left(*scene.world->instance(hit.instance).mesh, hit.triangle, hit.u, hit.v, distance);
         out.light.set(lane, left / out.density[lane]);
+    }
+}
+
+void lookForSky(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks, EmitterLight& out,
+                std::uint64_t& shadowRays) {
+    out.mask = 0;
+    RayPacket16 rays;
+    for (int lane = 0; lane < 16; ++lane) {
+        rays.skip(lane);
+        if (!isLit(s, lane)) continue;
+        PathRandom random(tasks[lane].random);
+        const Vec2f at = random.nextPair();
+        tasks[lane].random = random.state();
+        const SkyLight::Choice choice = scene.skyLight->sample(at.x, at.y);
+        if (!(choice.density > 0) || !isAbove(s, lane, choice.direction)) continue;
+        out.density[lane] = choice.density;
+        out.direction.set(lane, choice.direction);
+        rays.set(lane, {RayView::leave(s.point(lane), choice.direction), kLeave, choice.direction,
+                        std::numeric_limits<float>::infinity()});
+        out.mask |= 1u << lane;
+    }
+    if (!out.mask) return;
+    shadowRays += static_cast<std::uint64_t>(std::popcount(out.mask));
+    // As bounces go: past backs of solids, and not past what casts no shadow.
+    const std::uint32_t hits = scene.world->intersect(rays) & out.mask;
+    for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const Vec3f direction = out.direction.get(lane);
+        Vec3f left(1);
+        if ((hits >> lane & 1u) && !escapes(scene, direction, scene.world->hit(rays, lane), left)) {
+            out.mask &= ~(1u << lane);
+            continue;
+        }
+        out.light.set(lane, left * Vec3f(scene.skyColor(direction, true)) / out.density[lane]);
     }
 }
 

@@ -1,4 +1,4 @@
-// EmitterLight: what shining triangles send to sixteen surfaces, found by choosing one of them for each.
+// EmitterLight: what shining triangles or the sky send to sixteen surfaces, found by choosing a direction for each.
 //
 // Threading: one of a tile. Source: Veach 1997, chapters 8 and 9 (estimators of direct light and their combination).
 #pragma once
@@ -22,6 +22,10 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& surfaces, Pat
 
 /// How likely lookForEmitters() would have chosen the direction that led a task to this lane's surface; 0: never.
 float emitterDensity(const TraceScene& scene, const SurfacePacket& surfaces, int lane, const PathTask& task);
+
+/// The same towards the sky, where SkyLight tells.
+void lookForSky(const TraceScene& scene, const SurfacePacket& surfaces, PathTask* tasks, EmitterLight& out,
+                std::uint64_t& shadowRays);
 
 /// The weight of a sample that one method found with density `own`, and another could have found with `other`.
 inline float powerHeuristic(float own, float other) {
