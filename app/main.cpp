@@ -7,6 +7,7 @@
 
 #include "cli.h"
 #include "command_table.h"
+#include "verb_measure.h"
 
 namespace rtsg::app {
 namespace {
@@ -15,7 +16,7 @@ std::vector<Verb> addVerbs(Command& program) {
     std::vector<Verb> verbs{addInfo(program),   addValidate(program), addConvert(program), addRun(program),
                             addRender(program), addListen(program),   addServe(program),   addMirror(program),
                             addRecord(program), addReplay(program),   addPick(program),    addBench(program),
-                            addChart(program),  addRelay(program),    addDiff(program)};
+                            addChart(program),  addRelay(program),    addDiff(program),    addMeasure(program)};
     verbs.push_back(addCompletion(program));
     verbs.push_back(addHelp(program));  // last: it knows those before
     return verbs;

@@ -15,7 +15,7 @@ namespace rtsg::trace {
 
 /// What a picture is of, besides the camera that it is seen through.
 struct Part {
-    Vec3d headlight{0, 0, -1};  // where it shines to
+    Vec3d headlight{0, 0, -1};  // where it shines to; 0: there is none
     std::vector<bool> hidden;   // slots that are not there; empty: none
     bool over = false;          // something is seen where nothing is: no background of its own makes it clear
 };

@@ -12,6 +12,7 @@
 
 #include "bsdf.h"
 #include "path_emitters.h"
+#include "probe.h"
 #include "sample_points.h"
 #include "sky_light.h"
 #include "surface_packet.h"
@@ -55,7 +56,52 @@ class Paths {
         });
     }
 
+    /// The same from a surface that no ray has found.
+    void run(const Probe& probe) {
+        Material white;
+        white.model = ShadingModel::phong;
+        for (std::uint16_t first = 0; first < kTilePixels; first += 16) {
+            for (int sample = 0; sample < settings_.samplesPerPixel; ++sample) {
+                PathTask tasks[16];
+                place(probe, white);
+                for (int lane = 0; lane < 16; ++lane) {
+                    tasks[lane].pixel = static_cast<std::uint16_t>(first + lane);
+                    tasks[lane].random =
+                        PathRandom(settings_.seed, loop_.x(tasks[lane].pixel), loop_.y(tasks[lane].pixel), sample)
+                            .state();
+                }
+                lookForLight(tasks);
+                for (int lane = 0; lane < 16; ++lane) bounce(-probe.normal, tasks[lane], lane);
+            }
+            loop_.finish(
+                [this](RayPacket16& rays, PathTask* tasks, const std::uint16_t*, int) { trace(rays, tasks, false); });
+        }
+    }
+
   private:
+    /// Fills the packet with the probe.
+    void place(const Probe& probe, const Material& white) {
+        constexpr float kOff = 1e-5f;  // metres, or of the place's coordinates
+        SurfacePacket& s = surfaces_;
+        s.mask = s.linear = 0xFFFF;
+        s.back = s.special = s.unlit = s.physical = s.shiny = 0;
+        s.oneInstance = s.pointsFound = true;
+        const Vec3f a = glm::abs(probe.place), off(kOff * std::max({a.x, a.y, a.z, 1.0f}));
+        for (int lane = 0; lane < 16; ++lane) {
+            s.hits.normalX[lane] = probe.normal.x, s.hits.normalY[lane] = probe.normal.y;
+            s.hits.normalZ[lane] = probe.normal.z;
+            s.hits.instance[lane] = kNoInstance, s.hits.triangle[lane] = 0;
+            s.position.set(lane, probe.place), s.exact.set(lane, probe.place), s.error.set(lane, off);
+            s.view.set(lane, probe.normal), s.normal.set(lane, probe.normal);
+            s.base.set(lane, Vec3f(1));
+            for (Lanes3* nothing : {&s.specular, &s.emissive, &s.ambient}) nothing->set(lane, Vec3f(0));
+            s.distance[lane] = s.exponent[lane] = s.metallic[lane] = s.roughness[lane] = 0;
+            s.coverage[lane] = s.opacity[lane] = 1;
+            s.lights[lane] = 0;
+            s.material[lane] = &white;
+        }
+    }
+
     void add(const PathTask& task, const Vec3f& radiance) {
         result_.sum[task.pixel] += Vec4f(task.weight * radiance, 0);
     }
@@ -153,7 +199,7 @@ class Paths {
         const Bsdf own = bsdf(lane);
         const Ways w = ways(lane, cosine, own);
         cover(task, 1 - largest(w.share[straight]));
-        if (scene_.fogs.any() && coverage > 0) {
+        if (scene_.fogs.any() && coverage > 0 && t + task.line > 0) {
             const float fog = s.fogLeft(scene_, lane, t + task.line);
             PathTask hazy = task;
             hazy.weight *= coverage * (1 - fog);
@@ -280,6 +326,11 @@ class Paths {
 void pathTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
               TileResult& result) {
     Paths(scene, camera, settings, x0, y0, result).run();
+}
+
+void pathProbe(const TraceScene& scene, const Probe& probe, const RenderSettings& settings, int tile,
+               TileResult& result) {
+    Paths(scene, Camera(), settings, tile * kTileSide, 0, result).run(probe);
 }
 
 }  // namespace rtsg::trace

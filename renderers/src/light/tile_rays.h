@@ -43,6 +43,11 @@ class TileLoop {
         }
         drain(trace);
     }
+    /// The rest of run(), where push() has begun it.
+    template <class Trace>
+    void finish(const Trace& trace) {
+        drain(trace);
+    }
     void push(const PathTask& task) { next_.push_back(task); }
 
     int x(std::uint16_t pixel) const { return x0_ + pixel % kTileSide; }

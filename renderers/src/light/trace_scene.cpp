@@ -165,7 +165,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     const PlacedEntry* navigation = active<Navigation>(state, layer);
     const bool lit = !navigation || std::get<Navigation>(navigation->what).headlight;
     scene.lightGroups = groupLights(state, layer, traceLights(state, world, settings));
-    if (lit) {
+    if (lit && part.headlight != Vec3d(0)) {
         // Of the whole scene, and so of the group that was filled last.
         scene.lightGroups.lights.push_back(headlight);
         ++scene.lightGroups.groups[0].count;

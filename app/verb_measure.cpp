@@ -1,0 +1,138 @@
+// rtsg measure: how much light falls on places of a scene, with intervals.
+#include "verb_measure.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <memory>
+
+#include <fmt/format.h>
+
+#include <rtsg/renderers/irradiance.h>
+#include <rtsg/renderers/shared_world.h>
+
+#include "running_scene.h"
+
+namespace rtsg::app {
+
+namespace {
+
+struct Options {
+    std::string scene, time = "0s", shadows = "auto";
+    std::vector<std::string> places;
+    ResourceArguments resources;
+    StartTime start;
+    double error = 0.01, candela = 0;
+    std::uint64_t samples = std::uint64_t{1} << 26, seed = 1;
+    unsigned threads = 0;
+    bool json = false;
+};
+
+/// X,Y,Z,NX,NY,NZ. Throws UsageError.
+std::array<double, 6> parsePlace(const std::string& text) {
+    std::array<double, 6> numbers{};
+    const char *at = text.data(), *end = at + text.size();
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+        const auto [next, problem] = std::from_chars(at, end, numbers[i]);
+        const bool last = i + 1 == numbers.size();
+        if (problem != std::errc() || !std::isfinite(numbers[i]) || (last ? next != end : next == end || *next != ','))
+            throw UsageError("--irradiance",
+                             "expected X,Y,Z,NX,NY,NZ: a place in metres and where it faces, not " + text);
+        at = next + 1;
+    }
+    if (numbers[3] == 0 && numbers[4] == 0 && numbers[5] == 0)
+        throw UsageError("--irradiance", "a place faces somewhere: NX,NY,NZ must not all be 0 in " + text);
+    return numbers;
+}
+
+void print(const Options& options, const std::array<double, 6>& at, const Irradiance& found) {
+    const Vec3d &v = found.value, &i = found.interval;
+    const double lux = found.luminous * options.candela, luxInterval = found.luminousInterval * options.candela;
+    if (options.json) {
+        fmt::print("{{\"place\":[{},{},{}],\"normal\":[{},{},{}],\"irradiance\":[{:.9g},{:.9g},{:.9g}],", at[0], at[1],
+                   at[2], at[3], at[4], at[5], v.x, v.y, v.z);
+        fmt::print("\"ci95\":[{:.4g},{:.4g},{:.4g}],\"luminous\":{:.9g},\"luminous_ci95\":{:.4g},", i.x, i.y, i.z,
+                   found.luminous, found.luminousInterval);
+        if (options.candela > 0) fmt::print("\"lux\":{:.9g},\"lux_ci95\":{:.4g},", lux, luxInterval);
+        fmt::print("\"samples\":{},\"reached\":{}}}\n", found.samples, found.reached);
+        return;
+    }
+    fmt::print("({:g} {:g} {:g}) facing ({:g} {:g} {:g}): ", at[0], at[1], at[2], at[3], at[4], at[5]);
+    fmt::print("{:.6g} +- {:.2g}", found.luminous, found.luminousInterval);
+    if (options.candela > 0) fmt::print(", {:.6g} +- {:.2g} lux", lux, luxInterval);
+    fmt::print("\n  red {:.6g} +- {:.2g}, green {:.6g} +- {:.2g}, blue {:.6g} +- {:.2g}; {} samples{}\n", v.x, i.x, v.y,
+               i.y, v.z, i.z, found.samples,
+               found.reached ? "" : ": fewer than the error needs, --samples allows more");
+}
+
+int measure(const Options& options) {
+    std::vector<std::array<double, 6>> places;
+    for (const std::string& text : options.places) places.push_back(parsePlace(text));
+    const double time = parseSeconds(options.time);
+    RunningScene running(options.scene, options.resources, options.start);
+    if (!running.load()) return kBad;
+    SharedWorld::Options flattened;
+    flattened.flattening.maxOccurrences = running.resources().policy().maximumInstances;
+    SharedWorld world(running.scene(), flattened);
+    LightTracer tracer(world, running.resources());
+    world.add(tracer);
+    running.runTo(time);
+    running.printDiagnostics();
+    Diagnostics found = world.diagnostics();
+    found.append(tracer.diagnostics());
+    found.setFile(options.scene);
+    app::print(found);
+    IrradianceSettings settings;
+    settings.error = options.error, settings.samples = options.samples;
+    settings.seed = options.seed, settings.threads = options.threads;
+    settings.shadows = options.shadows == "none"       ? Shadows::none
+                       : options.shadows == "authored" ? Shadows::authored
+                       : options.shadows == "all"      ? Shadows::all
+                                                       : Shadows::automatic;
+    settings.progress = [](std::uint64_t) { return !interrupted(); };
+    const auto state = tracer.latest();
+    for (const auto& at : places) {
+        const auto result =
+            measureIrradiance(*state, world.rays(), {at[0], at[1], at[2]}, {at[3], at[4], at[5]}, settings);
+        if (!result) return printError(result.error()), kBad;
+        print(options, at, *result);
+        if (interrupted()) return printError("interrupted"), kBad;
+    }
+    return kDone;
+}
+
+}  // namespace
+
+Verb addMeasure(Command& program) {
+    auto options = std::make_shared<Options>();
+    Command* command = program.addVerb("measure", "How much light falls on places, with 95 % intervals");
+    command->addOption("SCENE", options->scene, "scene file, or -")->required();
+    command
+        ->addOption(
+            "--irradiance", options->places,
+            "X,Y,Z,NX,NY,NZ: at a place, in metres, on what faces there; pi under a light of intensity 1 head-on, "
+            "all light between surfaces included, without the headlight")
+        ->required();
+    command->addOption("--error", options->error, "half the interval over the value, to reach")
+        ->preset()
+        ->range(1e-6, 1e3);
+    command->addOption("--samples", options->samples, "at most, a place")
+        ->preset()
+        ->range(std::uint64_t{1}, std::uint64_t{1} << 36);
+    command->addOption("--candela", options->candela, "candela per square metre that radiance 1 stands for: gives lux")
+        ->range(1e-9, 1e12);
+    command->addOption("--shadows", options->shadows, "as of render")
+        ->preset()
+        ->oneOf({"auto", "authored", "all", "none"});
+    command->addOption("--time", options->time, "run the scene so long")->preset();
+    command->addOption("--seed", options->seed, "of the sampling")->preset();
+    command->addOption("--threads", options->threads, "0: as many as cores")->preset();
+    options->start.addTo(*command);
+    options->resources.addTo(*command);
+    command->addFlag("--json", options->json, "a JSON object a place");
+    command->footer("Example: rtsg measure hall.x3dv --irradiance 0,0.8,0,0,1,0 --error 0.01 --candela 100");
+    return {command, [options] { return measure(*options); }};
+}
+
+}  // namespace rtsg::app

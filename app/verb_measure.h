@@ -1,0 +1,10 @@
+// rtsg measure, for main.cpp.
+#pragma once
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+Verb addMeasure(Command& program);
+
+}  // namespace rtsg::app

@@ -1,0 +1,39 @@
+// Irradiance: how much light falls on a place, measured by paths, with its interval; for people who light rooms.
+//
+// Units: what X3D's colours are once they are decoded (docs/color.md), times steradian: a surface that shows radiance 1
+// everywhere above gives pi, as a light of intensity 1 head-on does, so E = pi L F with the form factor F.
+// The headlight is the viewer's and does not count; of lights those of the whole scene do. Fog lies on what is seen.
+// Threading: re-entrant; several threads measure. Source: Kajiya 1986; intervals by independent groups of samples.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+#include <rtsg/renderers/light_tracer.h>
+
+namespace rtsg {
+
+struct IrradianceSettings {
+    double error = 0.01;                 // half the interval over the value: what to reach
+    std::uint64_t samples = 1ull << 26;  // at most; they double from 8192 on
+    std::uint64_t seed = 1;
+    Shadows shadows = Shadows::automatic;
+    unsigned threads = 0;  // 0: one a core
+    /// Called now and then by the thread that asks, with the number of samples; false ends the measurement.
+    std::function<bool(std::uint64_t)> progress;
+};
+
+struct Irradiance {
+    Vec3d value{0}, interval{0};                // red, green, blue; half the 95 % interval
+    double luminous = 0, luminousInterval = 0;  // of all three as an eye weighs them (Rec. 709's Y)
+    std::uint64_t samples = 0;
+    bool reached = false;  // the error, by `luminous`; nothing at all counts as reached
+};
+
+/// On a small white surface at `place` that faces `normal` (world space, any length), and 10 um before it, so that a
+/// place on a wall is seen from the wall's front. The same for any number of threads. Errors: a normal without length,
+/// numbers that are not finite, an error that is not positive.
+Result<Irradiance> measureIrradiance(const LightState& state, const RayView& world, const Vec3d& place,
+                                     const Vec3d& normal, const IrradianceSettings& settings = {});
+
+}  // namespace rtsg
