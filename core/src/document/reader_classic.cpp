@@ -129,7 +129,7 @@ void ClassicReader::readProfile() {
     if (vrml97_ || peekWord() != "PROFILE") return;
     word();
     const char* where = p_;
-    header_.profile = word();
+    header_.profile = name();
     if (header_.profile.empty()) error(where, "expected the name of a profile");
 }
 
@@ -258,15 +258,19 @@ bool splitAtDot(std::string_view text, std::string_view& before, std::string_vie
 /// `node.field`, with white space round the dot or not. False if it is not that; `node` is then what was there.
 bool ClassicReader::routeEnd(std::string_view& node, std::string_view& field) {
     const std::string_view first = word();
-    if (splitAtDot(first, node, field)) return true;
+    if (splitAtDot(first, node, field)) {
+        node = name(node);
+        field = name(field);
+        return true;
+    }
     node = first;
     std::string_view next = peekWord();
     const bool dotBefore = first.ends_with('.'), dotBehind = !dotBefore && next.starts_with('.');
     if (first.empty() || next.empty() || (!dotBefore && !dotBehind)) return false;
     word();
     if (dotBehind && next == ".") next = word();
-    node = dotBefore ? first.substr(0, first.size() - 1) : first;
-    field = next.starts_with('.') ? next.substr(1) : next;
+    node = name(dotBefore ? first.substr(0, first.size() - 1) : first);
+    field = name(next.starts_with('.') ? next.substr(1) : next);
     return !node.empty() && !field.empty();
 }
 
@@ -310,7 +314,7 @@ void ClassicReader::importStatement() {
         local = word();
         if (local.empty()) return error(p_, "expected a name behind AS");
     }
-    handler_->importNode(inlineDef, exported, local, at(where));
+    handler_->importNode(name(inlineDef), name(exported), name(local), at(where));
 }
 
 void ClassicReader::exportStatement() {
@@ -325,7 +329,7 @@ void ClassicReader::exportStatement() {
         exported = word();
         if (exported.empty()) return error(p_, "expected a name behind AS");
     }
-    handler_->exportNode(local, exported, at(where));
+    handler_->exportNode(name(local), name(exported), at(where));
 }
 
 void ClassicReader::component() {
@@ -341,7 +345,7 @@ void ClassicReader::component() {
     std::int32_t level = 0;
     if (colon == 0 || number == stop || scanInteger(number, stop, level) != NumberStatus::ok)
         return error(where, "expected 'COMPONENT name:level', found '" + what.substr(0, 80) + "'");
-    handler_->component(std::string_view(what).substr(0, colon), level);
+    handler_->component(name(std::string_view(what).substr(0, colon)), level);
 }
 
 void ClassicReader::meta() {
@@ -354,18 +358,18 @@ void ClassicReader::unit() {
     skipSpace();
     const std::string_view category = word();
     skipSpace();
-    const std::string_view name = word();
+    const std::string_view unitName = name();
     Value factor;
     if (!parseValue(FieldType::SFDouble, factor)) return;
     if (!(factor.as<double>() > 0)) return error(category.data(), "a unit's conversion factor must be positive");
-    handler_->unit(category, name, factor.as<double>());
+    handler_->unit(name(category), unitName, factor.as<double>());
     units_.set(category, factor.as<double>());
 }
 
 void ClassicReader::beginProto() {
     skipSpace();
     const char* where = p_;
-    const std::string_view name = word();
+    const std::string_view name = this->name();
     if (name.empty() || !peekIs('[')) return error(p_, "expected 'PROTO name [ interface ] { body }'");
     ++p_;
     auto proto = std::make_shared<ProtoType>();
@@ -416,7 +420,7 @@ void ClassicReader::externProto() {
     skipSpace();
     const char* where = p_;
     auto proto = std::make_shared<ProtoType>();
-    proto->name = word();
+    proto->name = name();
     if (proto->name.empty() || !peekIs('[')) return error(p_, "expected 'EXTERNPROTO name [ interface ] url'");
     ++p_;
     while (!peekIs(']') && p_ != end_ && *p_ != '{' && *p_ != '}') {

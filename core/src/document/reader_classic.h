@@ -12,6 +12,7 @@
 #include <set>
 
 #include "reader_common.h"
+#include "spelled_name.h"
 #include "text_feed.h"
 #include "units.h"
 #include "value/text_position.h"
@@ -74,6 +75,11 @@ class ClassicReader final : private FieldTextReport {
     // tokens
     void skipSpace();
     std::string_view word();
+    /// A word that is a name, without its escapes.
+    std::string_view name(std::string_view word) {
+        return mayBeSpelled(word) ? kept(readName(word, Spelling::classic)) : word;
+    }
+    std::string_view name() { return name(word()); }
     std::string_view peekWord();
     bool peekIs(char c) {
         skipSpace();
@@ -92,7 +98,7 @@ class ClassicReader final : private FieldTextReport {
     void progress(const char* p) override;
     const char* more(const char* end) override;
     /// A copy of a name in the text that stays.
-    std::string_view kept(std::string_view name) { return *names_.emplace(name).first; }
+    std::string_view kept(std::string_view text) { return *names_.emplace(text).first; }
 
     void push(Frame frame);
     void pop();

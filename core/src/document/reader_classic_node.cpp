@@ -160,15 +160,15 @@ void ClassicReader::nodeStatement(const FieldRef& into) {
     if (next == "USE") return useNode(into, where);
     std::string_view def;
     if (next == "DEF") {
-        def = word();
+        def = name();
         next = word();
     }
     if (next.empty()) return error(p_, "expected a node");
-    beginNode(next, def, into, where);
+    beginNode(name(next), def, into, where);
 }
 
 void ClassicReader::useNode(const FieldRef& into, const char* where) {
-    const std::string_view name = word();
+    const std::string_view name = this->name();
     if (name.empty()) return error(p_, "expected the name of a node behind USE");
     if (const NodeShape* shape = types_.defined(name)) {
         checkPlace(into, *shape, where);
@@ -229,7 +229,7 @@ void ClassicReader::nodeItem() {
     }
     if (name == "ROUTE" || name == "PROTO" || name == "EXTERNPROTO" || name == "IMPORT" || name == "EXPORT")
         return keywordStatement(name);
-    fieldItem(name, where);
+    fieldItem(this->name(name), where);
 }
 
 /// `]` where a field should be: the braces of this node, and of others up to the list, are missing.
@@ -267,7 +267,7 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     if (!field) return unknownField(name, where);
     if (peekWord() == "IS") {
         word();
-        const std::string_view protoField = word();
+        const std::string_view protoField = this->name();
         if (protoField.empty()) return error(p_, "expected the name of an interface field behind IS");
         if (bodies_ == 0) return error(where, "IS has a meaning in the body of a PROTO only");
         handler_->isConnection(field.name, protoField, at(where));
@@ -322,7 +322,7 @@ void ClassicReader::unknownField(std::string_view name, const char* where) {
     if (complain && !findField(shape, name)) error(where, noField(shape, name));
     if (next == "IS" && !isList && !shape.known()) {
         word();
-        const std::string_view protoField = word();
+        const std::string_view protoField = this->name();
         if (!protoField.empty() && bodies_ > 0) handler_->isConnection(name, protoField, at(where));
         return;
     }
@@ -408,7 +408,7 @@ bool ClassicReader::declaration(FieldDeclaration& out, const char*& where, bool&
     const char* typeAt = p_;
     const std::string_view type = word();
     const bool typeKnown = fieldTypeFromName(type, out.type);
-    out.name = word();
+    out.name = name();
     if (!typeKnown) error(typeAt, "'" + std::string(type.substr(0, 40)) + "' is no field type");
     if (out.name.empty()) error(p_, "expected the name of a field");
     return typeKnown && !out.name.empty();
@@ -442,7 +442,7 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
     if (node && peekWord() == "IS") {
         handler_->declareField(field, std::nullopt, at(where));
         word();
-        const std::string_view protoField = word();
+        const std::string_view protoField = this->name();
         if (protoField.empty() || bodies_ == 0)
             return error(p_, "IS needs an interface field's name, in the body of a PROTO");
         handler_->isConnection(ref.name, protoField, at(where));

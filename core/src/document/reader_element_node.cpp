@@ -5,6 +5,7 @@
 #include <array>
 
 #include "reader_classic.h"
+#include "spelled_name.h"
 #include "suggestion.h"
 
 namespace rtsg::detail {
@@ -25,9 +26,10 @@ bool hasSourceText(const NodeType& type) {
 
 void ElementReader::startNode(const char* name, Attributes attributes) {
     NodeShape shape = types_.find(name);
+    if (!shape.known() && mayBeSpelled(name)) shape = types_.find(readName(name, Spelling::element));
     if (!shape.known()) {
         if (frames_.empty()) return skip({});  // some other kind of XML: its root has been named
-        diagnostics_.warning(where(), unknownType(name));
+        diagnostics_.warning(where(), unknownType(shape.name()));
     }
     if (shape.proto)
         diagnostics_.warning(where(), std::string("prototypes are used as <ProtoInstance name='") + name + "'>");
@@ -170,7 +172,8 @@ void ElementReader::setAttribute(const char* name, const char* text) {
     const std::string node(frame.shape.name());
     const FieldRef field = findField(frame.shape, name);
     if (!frame.shape.known()) {
-        handler_->setField(name, Value(String(text)), where());  // its type is not known, so it is kept as text
+        const std::string spelled = mayBeSpelled(name) ? readName(name, Spelling::attribute) : std::string(name);
+        handler_->setField(spelled, Value(String(text)), where());  // its type is not known, so it is kept as text
         return;
     }
     attributeName_ = name;

@@ -41,42 +41,6 @@ std::string x3dVersion(const DocumentHeader& header) {
     return spelled && (version.starts_with('3') || version.starts_with('4')) ? version : "4.0";
 }
 
-namespace {
-
-std::string xmlName(std::string_view text) {
-    std::string result;
-    for (std::size_t i = 0; i < text.size(); ++i) {
-        const auto c = static_cast<unsigned char>(text[i]);
-        const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
-        const bool later = (c >= '0' && c <= '9') || c == '-' || c == '.';
-        if (letter || (later && i > 0))
-            result += text[i];
-        else
-            fmt::format_to(std::back_inserter(result), "_{:02X}", c);
-    }
-    return result.empty() ? "_" : result;
-}
-
-}  // namespace
-
-std::string elementName(std::string_view text) {
-    constexpr std::array<std::string_view, 19> statements = {
-        "EXPORT", "ExternProtoDeclare", "IMPORT", "IS",   "ProtoBody", "ProtoDeclare", "ProtoInstance",
-        "ROUTE",  "ProtoInterface",     "Scene",  "X3D",  "component", "connect",      "field",
-        "head",   "fieldValue",         "meta",   "unit", "encoding"};
-    std::string result = xmlName(text);
-    if (std::ranges::find(statements, text) != statements.end()) result += '_';
-    return result;
-}
-
-std::string attributeName(std::string_view text) {
-    constexpr std::array<std::string_view, 7> meanings = {"DEF", "USE",  "class", "containerField",
-                                                          "id",  "name", "style"};
-    std::string result = xmlName(text);
-    if (std::ranges::find(meanings, text) != meanings.end() || result.starts_with("xmlns")) result += '_';
-    return result;
-}
-
 std::size_t arraySize(const Value& value) {
     switch (value.type()) {
 #define RTSG_X(suffix, T)       \

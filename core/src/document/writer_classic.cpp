@@ -372,26 +372,8 @@ class ClassicWriter final : public DocumentHandler {
                                         versionText(type.fields[index].since) +
                                         "); browsers of VRML97 will not read it");
     }
-    /// A name as ClassicVRML can spell it: others have their offending bytes written as _ and two hexadecimal digits.
     std::string name(std::string_view text, SourceLocation where) {
-        constexpr std::string_view forbidden = "\"'#,.[]\\{}\x7F";
-        constexpr std::array<std::string_view, 16> keywords = {
-            "AS",   "COMPONENT", "DEF",     "EXPORT", "EXTERNPROTO", "FALSE", "IMPORT", "IS",
-            "META", "NULL",      "PROFILE", "PROTO",  "ROUTE",       "TO",    "TRUE",   "USE"};
-        std::string result;
-        for (std::size_t i = 0; i < text.size(); ++i) {
-            const char c = text[i];
-            const bool start = i == 0 && (isDigit(c) || c == '+' || c == '-');
-            if (static_cast<unsigned char>(c) > 0x20 && forbidden.find(c) == forbidden.npos && !start) {
-                result += c;
-                continue;
-            }
-            constexpr char digits[] = "0123456789ABCDEF";
-            result += '_';
-            result += digits[static_cast<unsigned char>(c) >> 4];
-            result += digits[static_cast<unsigned char>(c) & 15];
-        }
-        if (text.empty() || std::ranges::find(keywords, text) != keywords.end()) result += '_';
+        std::string result = spellName(text, Spelling::classic);
         if (result != text)
             diagnostics_.warning(where, "'" + std::string(text) + "' is no name in ClassicVRML; written as " + result);
         return result;

@@ -10,6 +10,7 @@
 #include <rtsg/core/writer.h>
 
 #include "reader_types.h"
+#include "spelled_name.h"
 #include "value/field_text_printer.h"
 
 namespace rtsg::detail {
@@ -28,11 +29,6 @@ constexpr std::size_t spaces(std::size_t levels) {
 
 /// The version to write: the header's, if it is one of X3D.
 std::string x3dVersion(const DocumentHeader& header);
-
-/// The name of an element for a node of unknown type, or of an attribute for a field of it: as it is where XML and JSON
-/// can spell it and give it no other meaning; else with _ and two hexadecimal digits for each byte they cannot.
-std::string elementName(std::string_view text);
-std::string attributeName(std::string_view text);
 
 std::string_view accessWord(Access access, bool vrml97);
 

@@ -73,7 +73,7 @@ class JsonWriter final : public DocumentHandler {
         if (!def.empty()) types_.define(def, frame.shape);
         frame.field = field;
         frame.element = frame.shape.proto     ? "ProtoInstance"
-                        : frame.shape.unknown ? elementName(type)
+                        : frame.shape.unknown ? spellName(type, Spelling::element)
                                               : std::string(type);
         if (frame.shape.proto) attribute(frame, "name", inQuotes(type));
         if (!def.empty()) attribute(frame, "DEF", inQuotes(def));
@@ -89,7 +89,8 @@ class JsonWriter final : public DocumentHandler {
         const NodeShape* defined = types_.defined(def);
         const bool instance = defined && defined->proto;
         const std::string_view name = instance ? "ProtoInstance" : defined ? defined->name() : "Group";
-        const std::string element = defined && defined->unknown ? elementName(name) : std::string(name);
+        const std::string element =
+            defined && defined->unknown ? spellName(name, Spelling::element) : std::string(name);
         Frame frame{};
         frame.element = element;
         if (instance) attribute(frame, "name", inQuotes(defined->proto->name));
@@ -106,7 +107,7 @@ class JsonWriter final : public DocumentHandler {
         }
         if (nodes) return;  // NULL and the empty list are what a node without such children has
         if (frame.shape.unknown) {
-            const std::string name = attributeName(field);
+            const std::string name = spellName(field, Spelling::attribute);
             if (frame.unknownGiven.insert(name).second) attribute(frame, name, valueText(value));
             return;
         }

@@ -98,7 +98,7 @@ class XmlWriter final : public DocumentHandler {
         const std::string container = nodePlace(field, shape);
         noteFirst(shape);
         write(shape.proto     ? "<ProtoInstance" + attribute("name", shape.proto->name, where)
-              : shape.unknown ? "<" + elementName(shape.name())
+              : shape.unknown ? "<" + spellName(shape.name(), Spelling::element)
                               : "<" + std::string(shape.name()));
         write(attribute("USE", def, where));
         if (!container.empty()) write(attribute("containerField", container, where));
@@ -120,7 +120,7 @@ class XmlWriter final : public DocumentHandler {
         if (frame.shape.type && field == "url" && declaresFields(*frame.shape.type) && writeSource(value)) return;
         if (frame.shape.unknown && value.holds<String>()) {
             // As it was read.
-            const std::string name = attributeName(field);
+            const std::string name = spellName(field, Spelling::attribute);
             if (frame.unknownGiven.insert(name).second)
                 writeAttribute(frame, attribute(name, value.as<String>().view(), where), where);
             return;
@@ -448,7 +448,7 @@ class XmlWriter final : public DocumentHandler {
         return result;
     }
     std::string unknownName(std::string_view type, SourceLocation where) {
-        std::string name = elementName(type);
+        std::string name = spellName(type, Spelling::element);
         if (name != type)
             diagnostics_.warning(where, "'" + std::string(type) + "' is no name in XML; written as " + name);
         return name;

@@ -143,11 +143,15 @@ TEST(Writer, NamesThatClassicCannotSpellAreChangedAlikeEverywhere) {
     const std::string text =
         rewrite("<X3D><Scene><Group DEF='a.b c'/><Group USE='a.b c'/><Group DEF='1'/><Group DEF='USE'/></Scene></X3D>",
                 Encoding::classicVrml, &complaints);
-    EXPECT_THAT(text, HasSubstr("DEF a_2Eb_20c Group {}\nUSE a_2Eb_20c\n"));
-    EXPECT_THAT(text, HasSubstr("DEF _31 Group"));
-    EXPECT_THAT(text, HasSubstr("DEF USE_ Group"));
+    EXPECT_THAT(text, HasSubstr("DEF a_x002E_b_x0020_c Group {}\nUSE a_x002E_b_x0020_c\n"));
+    EXPECT_THAT(text, HasSubstr("DEF _x0031_ Group"));
+    EXPECT_THAT(text, HasSubstr("DEF _x0055_SE Group"));
     EXPECT_EQ(complaints.warnings(), 4u);
-    EXPECT_EQ(Read(text).complaints(), "");
+    const Read back(text);
+    EXPECT_EQ(back.complaints(), "");
+    EXPECT_EQ(back.handler.text(),
+              "begin Group DEF a.b c\nend\nuse a.b c\nbegin Group DEF 1\nend\nbegin Group DEF "
+              "USE\nend\n");
 }
 
 TEST(Writer, LongArraysAreBrokenIntoLines) {
