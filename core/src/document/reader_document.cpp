@@ -12,6 +12,7 @@
 #include "gzip.h"
 #include "reader_bytes.h"
 #include "reader_common.h"
+#include "reader_html.h"
 #include "reader_utf8.h"
 #include "text_feed.h"
 #include "value/text_position.h"
@@ -68,7 +69,13 @@ bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, Document
         return false;
     }
     bool complete = false;
-    if (encoding == Encoding::xml) {
+    if (encoding == Encoding::xml && detail::isHtml(text())) {
+        feed.fill();
+        const std::string xml = detail::xmlOfHtml(text(), diagnostics);
+        if (xml.empty()) return false;
+        detail::TextFeed own(xml);
+        complete = detail::readXml(own, true, handler, diagnostics, progress);
+    } else if (encoding == Encoding::xml) {
         complete = detail::readXml(feed, utf8, handler, diagnostics, progress);
     } else if (encoding == Encoding::json) {
         complete = detail::readJson(feed, handler, diagnostics, progress);
