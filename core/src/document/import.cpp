@@ -143,7 +143,13 @@ void writeMesh(DocumentHandler& handler, ImportedMesh mesh) {
         handler.setField(values, std::move(value), {});
         handler.endNode({});
     };
-    property("Coordinate", "coord", "point", Value(std::move(mesh.points)));
+    if (mesh.pointsGiven) {
+        handler.useNode(mesh.pointsName, "coord", {});
+    } else {
+        handler.beginNode("Coordinate", mesh.pointsName, "coord", {});
+        handler.setField("point", Value(std::move(mesh.points)), {});
+        handler.endNode({});
+    }
     if (!mesh.normals.empty()) property("Normal", "normal", "vector", Value(std::move(mesh.normals)));
     if (!mesh.texCoords.empty() && !isPoints)
         property("TextureCoordinate", "texCoord", "point", Value(std::move(mesh.texCoords)));

@@ -51,6 +51,8 @@ struct ImportedMesh {
     bool triangles = false;
     bool smooth = true;
     bool solid = false;
+    std::string pointsName{};  // DEF of the Coordinate
+    bool pointsGiven = false;  // a Coordinate of that name is there already
 };
 /// An IndexedTriangleSet, an IndexedFaceSet or, without faces, a PointSet in field `geometry`.
 void writeMesh(DocumentHandler& handler, ImportedMesh mesh);

@@ -1,11 +1,11 @@
 // glTF 2.0 as X3D: nodes are Transforms, primitives are Shapes with PhysicalMaterials, cameras are viewpoints, lights
-// are lights, and animations are TimeSensors with interpolators.
+// are lights, skins are HAnimHumanoids, and animations are TimeSensors with interpolators.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
 
-#include "gltf_file.h"
+#include "gltf_skin.h"
 
 namespace rtsg::detail {
 
@@ -65,6 +65,7 @@ class GltfImporter {
         const json& root = file_.root();
         const std::size_t nodes = GltfFile::list(root, "nodes").size();
         given_.assign(nodes, false);
+        above_.assign(nodes, kNone);
         meshGiven_.assign(GltfFile::list(root, "meshes").size(), false);
         findAnimated();
         beginImported(out_, "from glTF 2.0");
@@ -78,10 +79,9 @@ class GltfImporter {
             for (std::size_t i = 0; i < nodes; ++i)
                 if (!isChild_.contains(i)) writeTree(i);
         }
+        for (const auto& [node, mesh, skin] : skinned_) writeFigures(node, mesh, skin);
         const json& animations = GltfFile::list(root, "animations");
         for (std::size_t i = 0; i < animations.size(); ++i) writeAnimation(animations[i], i);
-        if (!GltfFile::list(root, "skins").empty())
-            file_.warn("skins of the glTF file are not imported: its figures keep the pose they are stored in");
         out_.endDocument();
         return true;
     }
@@ -110,11 +110,18 @@ class GltfImporter {
     void findAnimated() {
         for (const json& animation : GltfFile::list(file_.root(), "animations"))
             for (const json& channel : GltfFile::list(animation, "channels"))
-                if (const auto node = GltfFile::index(GltfFile::object(channel, "target"), "node"))
-                    animated_.insert_or_assign(*node, true);
-        for (const json& node : GltfFile::list(file_.root(), "nodes"))
-            for (const json& child : GltfFile::list(node, "children"))
-                if (child.is_number_unsigned()) isChild_.insert_or_assign(child.get<std::size_t>(), true);
+                if (const auto node = GltfFile::index(GltfFile::object(channel, "target"), "node")) {
+                    const bool weights = GltfFile::text(GltfFile::object(channel, "target"), "path") == "weights";
+                    (weights ? morphed_ : animated_).insert_or_assign(*node, true);
+                }
+        const json& nodes = GltfFile::list(file_.root(), "nodes");
+        for (std::size_t i = 0; i < nodes.size(); ++i)
+            for (const json& child : GltfFile::list(nodes[i], "children")) {
+                if (!child.is_number_unsigned()) continue;
+                const auto below = child.get<std::size_t>();
+                isChild_.insert_or_assign(below, true);
+                if (below < above_.size()) above_[below] = i;
+            }
     }
 
     static std::string defOf(std::size_t node) { return "node" + std::to_string(node); }
@@ -138,7 +145,7 @@ class GltfImporter {
             out_.beginNode("Transform", animated_.contains(index) ? defOf(index) : std::string(),
                            inside ? "children" : "", {});
             writeTransform(*node);
-            writeContent(*node);
+            writeContent(*node, index);
             open.push_back({node, 0});
         };
         begin(root);
@@ -179,11 +186,17 @@ class GltfImporter {
         out_.setField("scale", Value(vec3({length[0], length[1], length[2]})), {});
         out_.setField("translation", Value(vec3({m[12], m[13], m[14]})), {});
     }
-    void writeContent(const json& node) {
+    void writeContent(const json& node, std::size_t number) {
         if (const auto camera = GltfFile::index(node, "camera")) writeCamera(*camera, GltfFile::text(node, "name"));
         const json& light = GltfFile::object(GltfFile::object(node, "extensions"), "KHR_lights_punctual");
         if (const auto index = GltfFile::index(light, "light")) writeLight(*index);
-        if (const auto mesh = GltfFile::index(node, "mesh")) writeMeshNode(*mesh);
+        const auto mesh = GltfFile::index(node, "mesh");
+        if (!mesh) return;
+        // A figure stands where its joints are, wherever its node is.
+        if (const auto skin = GltfFile::index(node, "skin"))
+            skinned_.push_back({number, *mesh, *skin});
+        else
+            writeMeshNode(*mesh, node, number);
     }
 
     void writeCamera(std::size_t index, const std::string& name) {
@@ -237,15 +250,47 @@ class GltfImporter {
     }
 
     // ---- meshes
-    void writeMeshNode(std::size_t index) {
+    void writeMeshNode(std::size_t index, const json& node, std::size_t number) {
         const json* mesh = file_.item("meshes", index);
         if (!mesh) return;
-        const std::string def = "mesh" + std::to_string(index);
-        if (meshGiven_[index]) return out_.useNode(def, "children", {});
-        meshGiven_[index] = true;
+        // Forms of its own are no use to other nodes.
+        const bool own = morphed_.contains(number) || !GltfFile::list(node, "weights").empty();
+        const std::string def = own ? std::string() : "mesh" + std::to_string(index);
+        if (!own && meshGiven_[index]) return out_.useNode(def, "children", {});
+        if (!own) meshGiven_[index] = true;
         Node group(out_, "Group", "children", def);
-        for (const json& primitive : GltfFile::list(*mesh, "primitives")) writePrimitive(primitive);
+        std::size_t part = 0;
+        for (const json& primitive : GltfFile::list(*mesh, "primitives"))
+            writePrimitive(primitive, formOf(*mesh, node, number, part++));
     }
+    /// How a primitive is formed: the weights of its targets, and the name of its points where they are animated.
+    struct Form {
+        std::vector<double> weights;
+        std::string points;
+    };
+    Form formOf(const json& mesh, const json& node, std::size_t number, std::size_t part) {
+        Form form;
+        const json& own = GltfFile::list(node, "weights");
+        for (const json& weight : own.empty() ? GltfFile::list(mesh, "weights") : own)
+            form.weights.push_back(weight.is_number() ? weight.get<double>() : 0);
+        if (morphed_.contains(number)) form.points = pointsOf(number, part);
+        return form;
+    }
+    static std::string pointsOf(std::size_t node, std::size_t part) {
+        return defOf(node) + "_points" + std::to_string(part);
+    }
+    /// Adds the targets' displacements, as much as they weigh.
+    void morph(const json& primitive, const char* name, const std::vector<double>& weights, Array<Vec3f>& values) {
+        const json& targets = GltfFile::list(primitive, "targets");
+        for (std::size_t t = 0; t < std::min(targets.size(), weights.size()); ++t) {
+            if (weights[t] == 0 || values.empty()) continue;
+            const Array<Vec3f> moves = attribute<Vec3f>(targets[t], name, values.size());
+            if (moves.empty()) continue;
+            Vec3f* const out = values.mutableData();
+            for (std::size_t i = 0; i < values.size(); ++i) out[i] += static_cast<float>(weights[t]) * moves[i];
+        }
+    }
+
     template <class T>
     static Array<T> elements(const std::vector<float>& numbers, std::size_t stride) {
         Array<T> result;
@@ -279,14 +324,13 @@ class GltfImporter {
         if (points != 0 && result.size() != points) return {};
         return result;
     }
-    void writePrimitive(const json& primitive) {
+    void writePrimitive(const json& primitive, const Form& form, bool skinned = false) {
         const json& attributes = GltfFile::object(primitive, "attributes");
         ImportedMesh mesh;
         mesh.points = attribute<Vec3f>(attributes, "POSITION", 0);
         const std::size_t count = mesh.points.size();
         if (count == 0) return file_.warn("a primitive of the glTF file has no positions; it is left out");
-        if (!GltfFile::list(primitive, "targets").empty())
-            file_.warn("morph targets of the glTF file are not imported: its shapes keep their first form");
+        morph(primitive, "POSITION", form.weights, mesh.points);
         std::vector<std::int32_t> indices;
         if (const auto accessor = GltfFile::index(primitive, "indices")) {
             indices = file_.indices(*accessor);
@@ -298,15 +342,21 @@ class GltfImporter {
             return file_.warn("a primitive of the glTF file has indices beyond its points; it is left out");
         const std::size_t mode = GltfFile::index(primitive, "mode").value_or(4);
         mesh.normals = attribute<Vec3f>(attributes, "NORMAL", count);
+        morph(primitive, "NORMAL", form.weights, mesh.normals);
+        const bool smooth = !mesh.normals.empty();
+        // Of what moves, normals are made from where the points are.
+        if (skinned || !form.points.empty()) mesh.normals = {};
         mesh.texCoords = attribute<Vec2f>(attributes, "TEXCOORD_0", count);
         // The origin of a picture is its upper left corner there, its lower left one here.
         for (std::size_t i = 0; i < mesh.texCoords.size(); ++i)
             mesh.texCoords.mutableData()[i].y = 1 - mesh.texCoords.mutableData()[i].y;
         mesh.colors = attribute<ColorRGBA>(attributes, "COLOR_0", count);
-        mesh.smooth = !mesh.normals.empty();  // without normals faces are flat
+        mesh.smooth = smooth;  // without normals faces are flat
+        mesh.pointsName = form.points;
+        mesh.pointsGiven = skinned;
         const json* material = file_.item("materials", GltfFile::index(primitive, "material").value_or(kNone));
         mesh.solid = !(material && GltfFile::flag(*material, "doubleSided"));
-        Node shape(out_, "Shape", "children");
+        Node shape(out_, "Shape", skinned ? "skin" : "children");
         writeAppearance(material);
         if (mode == 0) {
             mesh.faces = {};
@@ -342,13 +392,95 @@ class GltfImporter {
         if (mode == 2 && !indices.empty()) lines.push_back(indices[0]);
         Node set(out_, "IndexedLineSet", "geometry");
         set.set("coordIndex", std::move(lines));
-        {
-            Node coordinate(out_, "Coordinate", "coord");
+        if (mesh.pointsGiven) {
+            out_.useNode(mesh.pointsName, "coord", {});
+        } else {
+            Node coordinate(out_, "Coordinate", "coord", mesh.pointsName);
             coordinate.set("point", std::move(mesh.points));
         }
         if (mesh.colors.empty()) return;
         Node color(out_, "ColorRGBA", "color");
         color.set("color", std::move(mesh.colors));
+    }
+
+    // ---- skins
+    struct Skinned {
+        std::size_t node, mesh, skin;
+    };
+    /// A skin's joints, and what they are called.
+    struct Figure {
+        GltfSkin skin;
+        std::string name;
+        std::string joint(std::size_t i) const { return name + "_joint" + std::to_string(i); }
+    };
+    /// One for each primitive, which has points of its own.
+    void writeFigures(std::size_t node, std::size_t meshIndex, std::size_t skinIndex) {
+        const json* mesh = file_.item("meshes", meshIndex);
+        const json* it = file_.item("nodes", node);
+        if (!mesh || !it) return;
+        std::size_t part = 0;
+        for (const json& primitive : GltfFile::list(*mesh, "primitives")) {
+            Figure figure{GltfSkin(file_, skinIndex, above_), defOf(node) + "_figure" + std::to_string(part)};
+            Form form = formOf(*mesh, *it, node, part);
+            form.points = pointsOf(node, part++);
+            writeFigure(figure, primitive, form);
+            figures_.push_back(std::move(figure));
+        }
+    }
+    void writeFigure(const Figure& figure, const json& primitive, const Form& form) {
+        const json& attributes = GltfFile::object(primitive, "attributes");
+        Array<Vec3f> points = attribute<Vec3f>(attributes, "POSITION", 0);
+        if (points.empty()) return file_.warn("a primitive of the glTF file has no positions; it is left out");
+        const auto influences = figure.skin.influences(file_, attributes, points.size());
+        morph(primitive, "POSITION", form.weights, points);
+        Node humanoid(out_, "HAnimHumanoid", {}, figure.name);
+        humanoid.set("name", String(figure.name));
+        {
+            Node coordinate(out_, "Coordinate", "skinCoord", form.points);
+            coordinate.set("point", std::move(points));
+        }
+        const auto& joints = figure.skin.joints();
+        for (std::size_t i = 0; i < joints.size(); ++i)
+            if (joints[i].above == GltfSkin::kNone) writeJoints(figure, influences, i);
+        for (std::size_t i = 0; i < joints.size(); ++i) out_.useNode(figure.joint(i), "joints", {});
+        writePrimitive(primitive, form, true);
+    }
+    void writeJoints(const Figure& figure, const std::vector<GltfSkin::Influence>& influences, std::size_t root) {
+        struct Open {
+            std::size_t joint, next;
+        };
+        std::vector<Open> open;
+        const auto begin = [&](std::size_t i) {
+            const GltfSkin::Joint& joint = figure.skin.joints()[i];
+            const json* node = file_.item("nodes", joint.node);
+            const GltfPlace place = node ? placeOf(*node) : GltfPlace{};
+            const std::string name = node ? GltfFile::text(*node, "name") : std::string();
+            out_.beginNode("HAnimJoint", figure.joint(i), open.empty() ? "skeleton" : "children", {});
+            const auto set = [&](const char* field, auto value) { out_.setField(field, Value(std::move(value)), {}); };
+            set("name", String(name.empty() ? figure.joint(i) : name));
+            set("center", joint.center);
+            set("rotation", joint.rotation(place.rotation));
+            set("translation", joint.translation(place.translation));
+            if (const Vec3f scale = joint.scale(place.scale); scale != Vec3f(1)) {
+                set("scale", scale);
+                set("scaleOrientation", joint.scaleOrientation);
+            }
+            if (!influences[i].points.empty()) {
+                set("skinCoordIndex", influences[i].points);
+                set("skinCoordWeight", influences[i].weights);
+            }
+            open.push_back({i, 0});
+        };
+        begin(root);
+        while (!open.empty()) {
+            const std::vector<std::size_t>& below = figure.skin.joints()[open.back().joint].below;
+            if (open.back().next < below.size()) {
+                begin(below[open.back().next++]);
+            } else {
+                out_.endNode({});
+                open.pop_back();
+            }
+        }
     }
 
     // ---- materials
@@ -444,17 +576,23 @@ class GltfImporter {
             const auto node = GltfFile::index(GltfFile::object(channels[i], "target"), "node");
             const std::string path = GltfFile::text(GltfFile::object(channels[i], "target"), "path");
             if (!sampler || !node || !times.contains(*sampler)) continue;
+            const std::string def = clock + "_" + std::to_string(i);
+            if (*node >= given_.size() || !given_[*node]) continue;
             if (path == "weights") {
-                file_.warn("animated weights of the glTF file are not imported");
+                writeWeights(samplers[*sampler], times[*sampler], length, clock, def, *node);
                 continue;
             }
-            if (*node >= given_.size() || !given_[*node]) continue;
-            writeChannel(samplers[*sampler], times[*sampler], length, path, clock, clock + "_" + std::to_string(i),
-                         defOf(*node));
+            writeChannel(samplers[*sampler], times[*sampler], length, path, clock, def, defOf(*node), nullptr);
+            for (const Figure& figure : figures_)
+                for (std::size_t j = 0; j < figure.skin.joints().size(); ++j)
+                    if (figure.skin.joints()[j].node == *node)
+                        writeChannel(samplers[*sampler], times[*sampler], length, path, clock,
+                                     def + "_" + figure.joint(j), figure.joint(j), &figure.skin.joints()[j]);
         }
     }
     void writeChannel(const json& sampler, const std::vector<float>& times, double length, const std::string& path,
-                      const std::string& clock, const std::string& def, const std::string& target) {
+                      const std::string& clock, const std::string& def, const std::string& target,
+                      const GltfSkin::Joint* joint) {
         const std::string how = GltfFile::text(sampler, "interpolation");
         std::size_t size = 0;
         const std::vector<float> numbers = file_.floats(GltfFile::index(sampler, "output").value_or(kNone), size);
@@ -470,9 +608,14 @@ class GltfImporter {
         const auto add = [&](double key, std::size_t i) {
             keys.push_back(static_cast<float>(key));
             const float* v = numbers.data() + (i * each + first) * size;
-            if (turns) {
+            if (turns && joint) {
+                rotations.push_back(joint->rotation(glm::normalize(glm::dquat(v[3], v[0], v[1], v[2]))));
+            } else if (turns) {
                 const double q[4] = {v[0], v[1], v[2], v[3]};
                 rotations.push_back(rotationOf(q));
+            } else if (joint) {
+                const glm::dvec3 value(v[0], v[1], v[2]);
+                places.push_back(path == "scale" ? joint->scale(value) : joint->translation(value));
             } else {
                 places.push_back({v[0], v[1], v[2]});
             }
@@ -494,11 +637,61 @@ class GltfImporter {
         out_.route(def, "value_changed", target, path, {});
     }
 
+    /// Of what weighs more and less over time, the points at each key: between keys both go along straight lines.
+    void writeWeights(const json& sampler, const std::vector<float>& times, double length, const std::string& clock,
+                      const std::string& def, std::size_t nodeIndex) {
+        const json* node = file_.item("nodes", nodeIndex);
+        const json* mesh = node ? file_.item("meshes", GltfFile::index(*node, "mesh").value_or(kNone)) : nullptr;
+        if (!mesh) return;
+        std::size_t size = 0;
+        const std::vector<float> numbers = file_.floats(GltfFile::index(sampler, "output").value_or(kNone), size);
+        const std::string how = GltfFile::text(sampler, "interpolation");
+        const bool cubic = how == "CUBICSPLINE", step = how == "STEP";
+        const std::size_t each = cubic ? 3 : 1, groups = times.size() * each;
+        if (size != 1 || numbers.empty() || numbers.size() % groups != 0)
+            return file_.warn("an animation of the glTF file has another number of values than keys; it is left out");
+        if (cubic) file_.warn("splines of the glTF file's animations are played as lines through their keys");
+        const std::size_t targets = numbers.size() / groups;
+        std::size_t part = 0;
+        for (const json& primitive : GltfFile::list(*mesh, "primitives")) {
+            const std::string name = def + "_part" + std::to_string(part);
+            const std::string points = pointsOf(nodeIndex, part++);
+            const Array<Vec3f> rest = attribute<Vec3f>(GltfFile::object(primitive, "attributes"), "POSITION", 0);
+            constexpr std::size_t most = std::size_t{1} << 26;  // points in all keys
+            if (rest.empty() || rest.size() > most / (2 * times.size())) {
+                file_.warn("animated weights of the glTF file move too many points; they rest");
+                continue;
+            }
+            Array<float> keys;
+            Array<Vec3f> values;
+            const auto add = [&](double key, std::size_t i) {
+                const float* first = numbers.data() + (i * each + (cubic ? 1 : 0)) * targets;
+                Array<Vec3f> form = rest;
+                morph(primitive, "POSITION", std::vector<double>(first, first + targets), form);
+                keys.push_back(static_cast<float>(key));
+                values.append({form.data(), form.size()});
+            };
+            for (std::size_t i = 0; i < times.size(); ++i) {
+                const double key = static_cast<double>(times[i]) / length;
+                if (step && i > 0) add(key, i - 1);
+                add(key, i);
+            }
+            Node(out_, "CoordinateInterpolator", {}, name)
+                .set("key", std::move(keys))
+                .set("keyValue", std::move(values));
+            out_.route(clock, "fraction_changed", name, "set_fraction", {});
+            out_.route(name, "value_changed", points, "point", {});
+        }
+    }
+
     inline static const json kEmpty = json::object();
     GltfFile& file_;
     DocumentHandler& out_;
     std::vector<bool> given_, meshGiven_;
-    std::map<std::size_t, bool> animated_, isChild_, textureGiven_;
+    std::vector<std::size_t> above_;  // each node's, or kNone
+    std::vector<Skinned> skinned_;
+    std::vector<Figure> figures_;
+    std::map<std::size_t, bool> morphed_, animated_, isChild_, textureGiven_;
 };
 
 }  // namespace

@@ -7,11 +7,15 @@
 #include <fstream>
 #include <numbers>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
+#include <glm/glm.hpp>
+#include <glm/gtc/matrix_transform.hpp>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
 
 #include "core/document/recording_handler.h"
 #include "core/scene_check.h"
@@ -287,6 +291,154 @@ TEST(ImportGltf, WhatDoesNotFitIsNamedAndNothingIsReadBeyondIt) {
         const Imported cut(std::string_view(glb).substr(0, size));
         EXPECT_NE(cut.problems, "") << size;
     }
+}
+
+/// A glTF file that is put together piece by piece.
+class GltfParts {
+  public:
+    template <class T>
+    int accessor(int componentType, const char* type, std::size_t components, const std::vector<T>& values) {
+        const std::size_t offset = buffer_.size();
+        for (const T value : values) put(buffer_, value);
+        while (buffer_.size() % 4 != 0) buffer_ += '\0';
+        views_ += fmt::format("{}{{\"buffer\":0,\"byteOffset\":{},\"byteLength\":{}}}", count_ ? "," : "", offset,
+                              values.size() * sizeof(T));
+        accessors_ += fmt::format("{}{{\"bufferView\":{},\"componentType\":{},\"count\":{},\"type\":\"{}\"}}",
+                                  count_ ? "," : "", count_, componentType, values.size() / components, type);
+        return count_++;
+    }
+    int floats(const char* type, std::size_t components, const std::vector<float>& values) {
+        return accessor(5126, type, components, values);
+    }
+    std::string text(const std::string& rest) const {
+        return fmt::format(
+            "{{\"asset\":{{\"version\":\"2.0\"}},\"buffers\":[{{\"byteLength\":{},\"uri\":"
+            "\"data:application/octet-stream;base64,{}\"}}],\"bufferViews\":[{}],\"accessors\":[{}],{}}}",
+            buffer_.size(), detail::toBase64(buffer_), views_, accessors_, rest);
+    }
+
+  private:
+    std::string buffer_, views_, accessors_;
+    int count_ = 0;
+};
+
+TEST(ImportGltf, TargetsMoveThePointsAndTheirWeightsMayBeAnimated) {
+    GltfParts parts;
+    const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+    const int first = parts.floats("VEC3", 3, {0, 0, 1, 0, 0, 0, 0, 0, 0});
+    const int second = parts.floats("VEC3", 3, {0, 0, 0, 0, 2, 0, 0, 0, 0});
+    const int times = parts.floats("SCALAR", 1, {0, 2});
+    const int weights = parts.floats("SCALAR", 1, {1, 0, 0, .5f});
+    const std::string rest = fmt::format(
+        "\"meshes\":[{{\"weights\":[0.5,1],\"primitives\":[{{\"attributes\":{{\"POSITION\":{}}},\"targets\":[{{"
+        "\"POSITION\":"
+        "{}}},{{\"POSITION\":{}}}]}}]}}],\"nodes\":[{{\"mesh\":0}},{{\"mesh\":0}},{{\"mesh\":0,\"weights\":[0,0]}}],"
+        "\"scenes\":[{{\"nodes\":[0,1,2]}}],\"animations\":[{{\"channels\":[{{\"sampler\":0,\"target\":{{\"node\":1,"
+        "\"path\":"
+        "\"weights\"}}}}],\"samplers\":[{{\"input\":{},\"output\":{}}}]}}]",
+        points, first, second, times, weights);
+    const Imported file(parts.text(rest));
+    EXPECT_EQ(file.problems, "");
+    const std::string& c = file.commands;
+    EXPECT_THAT(c, HasSubstr("begin Coordinate in coord\nset point MFVec3f [0 0 0.5, 1 2 0, 0 1 0]"));
+    EXPECT_THAT(c, HasSubstr("begin Coordinate DEF node1_points0 in coord\nset point MFVec3f [0 0 0.5, 1 2 0, 0 1 0]"));
+    EXPECT_THAT(c, HasSubstr("begin Coordinate in coord\nset point MFVec3f [0 0 0, 1 0 0, 0 1 0]"))
+        << "weights of a node";
+    EXPECT_THAT(c,
+                HasSubstr("begin CoordinateInterpolator DEF animation0_0_part0\nset key MFFloat [0, 1]\nset keyValue "
+                          "MFVec3f [0 0 1, 1 0 0, 0 1 0, 0 0 0, 1 1 0, 0 1 0]"));
+    EXPECT_THAT(c, HasSubstr("route animation0_0_part0.value_changed node1_points0.point"));
+}
+
+/// Where a skin's point is, by the formula of glTF, in double precision and with matrices throughout.
+glm::dvec3 skinned(const std::vector<glm::dmat4>& joints, const std::vector<glm::dmat4>& inverse, const glm::dvec3& p,
+                   const std::array<double, 2>& weights) {
+    glm::dvec3 result(0);
+    for (std::size_t i = 0; i < 2; ++i) result += weights[i] * glm::dvec3(joints[i] * inverse[i] * glm::dvec4(p, 1));
+    return result;
+}
+
+glm::dmat4 matrixOf(const Node& node) {
+    const auto get = [&]<class T>(const char* field, T) {
+        return *static_cast<const T*>(node.storage(node.type().findExact(field)));
+    };
+    const auto turn = [](const Rotation& r) {
+        return glm::rotate(glm::dmat4(1), double(r.angle), glm::dvec3(r.x, r.y, r.z));
+    };
+    const glm::dvec3 center(get("center", Vec3f()));
+    const glm::dmat4 oriented = turn(get("scaleOrientation", Rotation{}));
+    return glm::translate(glm::dmat4(1), glm::dvec3(get("translation", Vec3f())) + center) *
+           turn(get("rotation", Rotation{})) * oriented * glm::scale(glm::dmat4(1), glm::dvec3(get("scale", Vec3f()))) *
+           glm::inverse(oriented) * glm::translate(glm::dmat4(1), -center);
+}
+
+TEST(ImportGltf, SkinsMoveAsTheirJointsDo) {
+    // Two joints below a node that is none, bound in another pose than the one the file has them in.
+    const auto place = [](double angle, const glm::dvec3& t, double scale) {
+        return glm::translate(glm::dmat4(1), t) *
+               glm::rotate(glm::dmat4(1), angle, glm::normalize(glm::dvec3(1, 2, 3))) *
+               glm::scale(glm::dmat4(1), glm::dvec3(scale));
+    };
+    const std::vector<glm::dmat4> inverse{glm::inverse(place(.3, {1, 0, 0}, 1)),
+                                          glm::inverse(place(-.7, {1, 2, 0}, 2))};
+    std::vector<float> matrices;
+    for (const glm::dmat4& m : inverse)
+        for (int c = 0; c < 4; ++c)
+            for (int r = 0; r < 4; ++r) matrices.push_back(static_cast<float>(m[c][r]));
+    const std::vector<float> at{0, 0, 0, 1, 0, 0, 0, 1, 0};
+    GltfParts parts;
+    const int points = parts.floats("VEC3", 3, at);
+    const int joints = parts.accessor<std::uint8_t>(5121, "VEC4", 4, {0, 1, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0});
+    const int weights = parts.floats("VEC4", 4, {.5f, .5f, 0, 0, 1, 0, 0, 0, .75f, .25f, 0, 0});
+    const int bind = parts.floats("MAT4", 16, matrices);
+    const int times = parts.floats("SCALAR", 1, {0, 2});
+    const double half = std::sqrt(.5);
+    const int turns = parts.floats("VEC4", 4, {0, 0, 0, 1, 0, 0, float(half), float(half)});
+    const int moves = parts.floats("VEC3", 3, {0, 1, 0, 3, 1, 2});
+    const std::string text = parts.text(fmt::format(
+        "\"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":{},\"JOINTS_0\":{},\"WEIGHTS_0\":{}}}}}]}}],"
+        "\"skins\":[{{\"joints\":[2,3],\"inverseBindMatrices\":{}}}],"
+        "\"nodes\":[{{\"mesh\":0,\"skin\":0,\"translation\":[9,9,9]}},{{\"children\":[2],\"translation\":[0,0,1],"
+        "\"scale\":"
+        "[2,2,2]}},{{\"children\":[3],\"translation\":[1,0,0]}},{{\"translation\":[0,1,0],\"scale\":[1,2,1]}}],"
+        "\"scenes\":[{{\"nodes\":[0,1]}}],\"animations\":[{{\"channels\":[{{\"sampler\":0,\"target\":{{\"node\":2,"
+        "\"path\":"
+        "\"rotation\"}}}},{{\"sampler\":1,\"target\":{{\"node\":3,\"path\":\"translation\"}}}}],\"samplers\":[{{"
+        "\"input\":{},"
+        "\"output\":{}}},{{\"input\":{},\"output\":{}}}]}}]",
+        points, joints, weights, bind, times, turns, times, moves));
+    Scene scene;
+    Diagnostics problems("test");
+    ASSERT_TRUE(loadText(scene, text, problems));
+    EXPECT_EQ(test::allText(problems), "");
+    const double start = 100;
+    scene.newFrame(start);
+    for (const double t : {0.0, .5, 1.0, 1.75}) {
+        scene.newFrame(start + t);
+        const glm::dmat4 above =
+            glm::translate(glm::dmat4(1), glm::dvec3(0, 0, 1)) * glm::scale(glm::dmat4(1), glm::dvec3(2));
+        const Node& clock = scene.node(scene.findName("animation0"));
+        const double phase = clock.get(x3d::TimeSensor::fraction_changed);
+        const glm::dmat4 first = above * glm::translate(glm::dmat4(1), glm::dvec3(1, 0, 0)) *
+                                 glm::rotate(glm::dmat4(1), phase * std::numbers::pi / 2, glm::dvec3(0, 0, 1));
+        const glm::dmat4 second = first * glm::translate(glm::dmat4(1), glm::dvec3(3 * phase, 1, 2 * phase)) *
+                                  glm::scale(glm::dmat4(1), glm::dvec3(1, 2, 1));
+        const Node& a = scene.node(scene.findName("node0_figure0_joint0"));
+        const Node& b = scene.node(scene.findName("node0_figure0_joint1"));
+        const std::vector<glm::dmat4> ours{matrixOf(a), matrixOf(a) * matrixOf(b)};
+        const std::vector<glm::dmat4> none{glm::dmat4(1), glm::dmat4(1)};
+        for (std::size_t i = 0; i < 3; ++i) {
+            const glm::dvec3 p(at[3 * i], at[3 * i + 1], at[3 * i + 2]);
+            const std::array<double, 2> w = i == 0   ? std::array{.5, .5}
+                                            : i == 1 ? std::array{1.0, 0.0}
+                                                     : std::array{.25, .75};
+            const glm::dvec3 expected = skinned({first, second}, inverse, p, w);
+            EXPECT_NEAR(glm::distance(skinned(ours, none, p, w), expected), 0, 2e-5) << t << " point " << i;
+        }
+    }
+    const Node& joint = scene.node(scene.findName("node0_figure0_joint0"));
+    EXPECT_EQ(Value(joint.get(x3d::HAnimJoint::skinCoordIndex)), Value(Array<std::int32_t>{0, 1, 2}));
+    EXPECT_EQ(Value(joint.get(x3d::HAnimJoint::skinCoordWeight)), Value(Array<float>{.5f, 1, .25f}));
 }
 
 TEST(ImportGltf, IsFoundByItsContentInsideAnInline) {

@@ -1,0 +1,158 @@
+// Joints of glTF's skins.
+#include "gltf_skin.h"
+
+#include <cmath>
+#include <string>
+#include <unordered_map>
+
+#include <glm/gtc/matrix_transform.hpp>
+#include <glm/gtc/type_ptr.hpp>
+
+namespace rtsg::detail {
+
+using nlohmann::json;
+
+glm::dmat4 GltfPlace::matrix() const {
+    return glm::translate(glm::dmat4(1), translation) * glm::mat4_cast(rotation) * glm::scale(glm::dmat4(1), scale);
+}
+
+namespace {
+
+/// A matrix without shear, taken apart.
+GltfPlace partsOf(const glm::dmat4& m) {
+    GltfPlace place;
+    place.translation = glm::dvec3(m[3]);
+    glm::dmat3 axes(m);
+    for (int i = 0; i < 3; ++i) {
+        place.scale[i] = glm::length(axes[i]);
+        if (!(place.scale[i] > 0)) return place;
+        axes[i] /= place.scale[i];
+    }
+    if (glm::determinant(axes) < 0) {
+        place.scale = -place.scale;
+        axes = -axes;
+    }
+    place.rotation = glm::normalize(glm::quat_cast(axes));
+    return place;
+}
+
+}  // namespace
+
+GltfPlace placeOf(const json& node) {
+    if (const auto m = GltfFile::numbers(node, "matrix", 16)) return partsOf(glm::make_mat4(m->data()));
+    GltfPlace place;
+    if (const auto t = GltfFile::numbers(node, "translation", 3)) place.translation = glm::make_vec3(t->data());
+    if (const auto s = GltfFile::numbers(node, "scale", 3)) place.scale = glm::make_vec3(s->data());
+    if (const auto r = GltfFile::numbers(node, "rotation", 4)) {
+        const glm::dquat turn((*r)[3], (*r)[0], (*r)[1], (*r)[2]);
+        if (glm::length(turn) > 0) place.rotation = glm::normalize(turn);
+    }
+    return place;
+}
+
+Rotation rotationOf(const glm::dquat& turn) {
+    const double sine = std::sqrt(turn.x * turn.x + turn.y * turn.y + turn.z * turn.z);
+    if (sine == 0) return {};
+    return {static_cast<float>(turn.x / sine), static_cast<float>(turn.y / sine), static_cast<float>(turn.z / sine),
+            static_cast<float>(2 * std::atan2(sine, turn.w))};
+}
+
+Rotation GltfSkin::Joint::rotation(const glm::dquat& turn) const {
+    glm::dquat all = left * turn * right;
+    if (all.w < 0) all = -all;  // the shorter way
+    return rotationOf(all);
+}
+
+Vec3f GltfSkin::Joint::translation(const glm::dvec3& translation) const {
+    return Vec3f(glm::dvec3(outside * glm::dvec4(translation, 1)) - glm::dvec3(bound[3]));
+}
+
+Vec3f GltfSkin::Joint::scale(const glm::dvec3& scale) const {
+    return Vec3f(scale * factor);
+}
+
+GltfSkin::GltfSkin(GltfFile& file, std::size_t skin, const std::vector<std::size_t>& above) {
+    const json* it = file.item("skins", skin);
+    if (!it) return;
+    std::vector<float> inverse;
+    std::size_t components = 0;
+    if (const auto accessor = GltfFile::index(*it, "inverseBindMatrices")) inverse = file.floats(*accessor, components);
+    const json& list = GltfFile::list(*it, "joints");
+    if (!inverse.empty() && (components != 16 || inverse.size() < 16 * list.size())) {
+        file.warn("a skin of the glTF file has too few matrices; it is left out");
+        return;
+    }
+    for (const json& one : list) {
+        const std::size_t node = one.is_number_unsigned() ? one.get<std::size_t>() : kNone;
+        if (node >= above.size()) {
+            joints_.clear();
+            file.warn("a skin of the glTF file names joints that there are not; it is left out");
+            return;
+        }
+        Joint joint;
+        joint.node = node;
+        if (!inverse.empty()) {
+            const glm::dmat4 m(glm::make_mat4(inverse.data() + 16 * joints_.size()));
+            const double size = std::abs(glm::determinant(m));
+            if (size > 0 && std::isfinite(size)) joint.bound = glm::inverse(m);
+        }
+        joints_.push_back(joint);
+    }
+    findAbove(file, above);
+}
+
+void GltfSkin::findAbove(GltfFile& file, const std::vector<std::size_t>& above) {
+    std::unordered_map<std::size_t, std::size_t> byNode;
+    for (std::size_t i = 0; i < joints_.size(); ++i) byNode.emplace(joints_[i].node, i);
+    for (std::size_t i = 0; i < joints_.size(); ++i) {
+        Joint& joint = joints_[i];
+        // Nodes between two joints, and above the first, keep the places that they have in the file.
+        std::size_t steps = 0;
+        for (std::size_t node = above[joint.node]; node != kNone && steps <= above.size();
+             node = above[node], ++steps) {
+            if (const auto found = byNode.find(node); found != byNode.end()) {
+                joint.above = found->second;
+                break;
+            }
+            if (const json* between = file.item("nodes", node))
+                joint.outside = placeOf(*between).matrix() * joint.outside;
+        }
+        if (joint.above != kNone) joint.outside = joints_[joint.above].bound * joint.outside;
+    }
+    for (std::size_t i = 0; i < joints_.size(); ++i) {
+        Joint& joint = joints_[i];
+        if (joint.above != kNone) joints_[joint.above].below.push_back(i);
+        const GltfPlace outside = partsOf(joint.outside), bound = partsOf(joint.bound);
+        joint.left = outside.rotation;
+        joint.right = glm::inverse(bound.rotation);
+        joint.factor = bound.scale.x == 0 ? 1 : outside.scale.x / bound.scale.x;
+        joint.center = Vec3f(bound.translation);
+        joint.scaleOrientation = rotationOf(bound.rotation);
+    }
+}
+
+std::vector<GltfSkin::Influence> GltfSkin::influences(GltfFile& file, const json& attributes,
+                                                      std::size_t points) const {
+    std::vector<Influence> result(joints_.size());
+    for (int set = 0; set < 4; ++set) {
+        const auto j = GltfFile::index(attributes, ("JOINTS_" + std::to_string(set)).c_str());
+        const auto w = GltfFile::index(attributes, ("WEIGHTS_" + std::to_string(set)).c_str());
+        if (!j || !w) break;
+        std::size_t jointsEach = 0, weightsEach = 0;
+        const std::vector<float> joints = file.floats(*j, jointsEach), weights = file.floats(*w, weightsEach);
+        if (jointsEach != 4 || weightsEach != 4 || joints.size() != 4 * points || weights.size() != joints.size()) {
+            file.warn("a primitive of the glTF file has another number of weights than points");
+            break;
+        }
+        for (std::size_t i = 0; i < joints.size(); ++i) {
+            if (!(weights[i] > 0) || !(joints[i] >= 0) || static_cast<std::size_t>(joints[i]) >= joints_.size())
+                continue;
+            Influence& one = result[static_cast<std::size_t>(joints[i])];
+            one.points.push_back(static_cast<std::int32_t>(i / 4));
+            one.weights.push_back(weights[i]);
+        }
+    }
+    return result;
+}
+
+}  // namespace rtsg::detail
