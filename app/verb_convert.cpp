@@ -13,6 +13,7 @@
 #include <rtsg/core/scene_exporter.h>
 #include <rtsg/core/writer.h>
 #include <rtsg/renderers/mesh_file.h>
+#include <rtsg/renderers/triangulate.h>
 #include <rtsg/sync/scene_file.h>
 
 #include "cli.h"
@@ -21,6 +22,8 @@
 namespace rtsg::app {
 
 namespace {
+
+constexpr std::string_view kTriangulate = "triangulate";  // of the renderers, who know geometry
 
 struct Options {
     std::string in, out;
@@ -33,12 +36,25 @@ bool isBinaryName(const std::string& file) {
 }
 
 /// Filters, as they are named, before `last`: `chain` owns them.
-DocumentHandler* filtered(const Options& options, DocumentHandler& last,
+DocumentHandler* filtered(const Options& options, DocumentHandler& last, Diagnostics& diagnostics,
                           std::vector<std::unique_ptr<DocumentHandler>>& chain) {
+    const std::string file = options.in == "-" ? "" : options.in;
+    const FilterContext context{diagnostics, Resources::ofFile(options.in), file};
     DocumentHandler* first = &last;
-    for (const std::string& name : options.filters | std::views::reverse)
-        first = chain.emplace_back(makeFilter(name, *first)).get();
+    for (const std::string& name : options.filters | std::views::reverse) {
+        auto made = name == kTriangulate ? makeTriangulate(*first, diagnostics) : makeFilter(name, *first, context);
+        if (!made) throw UsageError("--filter", made.error().text);
+        first = chain.emplace_back(std::move(*made)).get();
+    }
     return first;
+}
+
+/// Before anything is written: throws for a filter that there is not.
+void checkFilters(const Options& options) {
+    Filter nowhere;
+    Diagnostics unheard;
+    std::vector<std::unique_ptr<DocumentHandler>> chain;
+    (void)filtered(options, nowhere, unheard, chain);
 }
 
 /// The state of a scene rather than its text: through a scene.
@@ -56,7 +72,7 @@ int convertBinary(const Options& options) {
         if (options.in != "-") build.file = options.in;
         SceneBuilder builder(scene, diagnostics, build);
         const Progress bar = progressBar("reading " + options.in);
-        ok = readDocumentFile(options.in, *filtered(options, builder, chain), diagnostics, bar);
+        ok = readDocumentFile(options.in, *filtered(options, builder, diagnostics, chain), diagnostics, bar);
         builder.finish();
         if (bar) bar(1, 1);
         scene.newFrame(0);
@@ -78,7 +94,7 @@ int convertBinary(const Options& options) {
         auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force));
         if (!writer) return printError(writer.error()), kBad;
         DocumentHandler* first = &(*writer)->handler();
-        if (isSceneFile(options.in)) first = filtered(options, *first, chain);
+        if (isSceneFile(options.in)) first = filtered(options, *first, diagnostics, chain);
         SceneExporter(scene, diagnostics).write(*first);
         written = (*writer)->close();
     }
@@ -88,6 +104,7 @@ int convertBinary(const Options& options) {
 }
 
 int convert(const Options& options) {
+    checkFilters(options);
     if (auto ok = checkFiles({options.in}, {{"OUT", options.out, OutputKind::scene}}, options.force); !ok)
         return printError(ok.error()), kBad;
     MeshFormat mesh{};
@@ -108,7 +125,7 @@ int convert(const Options& options) {
         std::exit(kBad);
     };
     std::vector<std::unique_ptr<DocumentHandler>> chain;
-    DocumentHandler* first = filtered(options, (*writer)->handler(), chain);
+    DocumentHandler* first = filtered(options, (*writer)->handler(), diagnostics, chain);
     const bool ok = readDocumentFile(options.in, *first, diagnostics, progress);
     if (bar) bar(1, 1);
     print(diagnostics);
@@ -133,10 +150,17 @@ Verb addConvert(Command& program) {
         ->addOption("OUT", options->out,
                     "file to write (.x3d .x3dv .wrl .json, also .gz; .rtsgb; .stl .obj .ply .glb), or -")
         ->required();
-    std::vector<std::string> known;
-    for (const std::string_view name : filterNames()) known.emplace_back(name);
-    command->addOption("--filter", options->filters, "applied in this order")->oneOf(known);
-    command->footer("Example: rtsg convert hall.wrl hall.x3d --filter drop-metadata");
+    command->addOption("--filter", options->filters, "NAME or NAME=ARGUMENT, applied in this order; listed below");
+    std::string list = "Filters:\n";
+    const auto line = [&](std::string_view name, std::string_view argument, std::string_view what) {
+        list += fmt::format("  {:<30} {}\n", fmt::format("{}{}{}", name, argument.empty() ? "" : "=", argument), what);
+    };
+    for (const FilterInfo& one : filters()) {
+        if (one.name > kTriangulate && !list.contains(kTriangulate))
+            line(kTriangulate, "", "geometry becomes triangles with indices");
+        line(one.name, one.argument, one.what);
+    }
+    command->footer(list + "Example: rtsg convert hall.wrl hall.x3d --filter drop-metadata --filter quantise=1e-4");
     addForce(*command, options->force);
     return {command, [options] { return convert(*options); }};
 }

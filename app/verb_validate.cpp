@@ -6,7 +6,10 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/filter.h>
 #include <rtsg/core/resource_check.h>
+#include <rtsg/core/scene_builder.h>
+#include <rtsg/sync/scene_file.h>
 
 #include "cli.h"
 
@@ -51,6 +54,21 @@ std::string asSarif(const std::vector<Diagnostics>& files) {
         rules, results);
 }
 
+/// As load(), with the checks that look at a document as a whole; what Inlines load is checked where it is validated
+/// itself.
+bool loadAndCheck(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
+    if (file == "-" || isSceneFile(file)) return load(scene, file, diagnostics, resources);
+    BuildOptions options;
+    options.resources = resources;
+    options.file = file;
+    SceneBuilder builder(scene, diagnostics, options);
+    const auto check = makeFilter("validate", builder, {diagnostics, resources, file});
+    const bool complete = check && readDocumentFile(file, **check, diagnostics);
+    builder.finish();
+    print(diagnostics);
+    return complete || !builder.roots().empty();
+}
+
 }  // namespace
 
 Verb addValidate(Command& program) {
@@ -73,7 +91,7 @@ Verb addValidate(Command& program) {
                     Scene scene;
                     Diagnostics diagnostics(file);
                     const Resources resources = options->resources.ofFile(file);
-                    const bool ok = load(scene, file, diagnostics, resources) && diagnostics.errors() == 0;
+                    const bool ok = loadAndCheck(scene, file, diagnostics, resources) && diagnostics.errors() == 0;
                     Diagnostics missing(file);
                     checkResources(scene, resources, missing);
                     print(missing);

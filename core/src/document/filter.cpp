@@ -1,10 +1,12 @@
 // The filters that `rtsg convert --filter` names: each passes a document's commands on, changed.
 #include <rtsg/core/filter.h>
 
-#include <unordered_map>
-#include <unordered_set>
+#include <algorithm>
+#include <charconv>
+#include <vector>
 
 #include "filter_parts.h"
+#include "suggestion.h"
 
 namespace rtsg {
 
@@ -36,160 +38,78 @@ void CountFilter::route(std::string_view fromNode, std::string_view fromField, s
 
 namespace {
 
-/// Leaves out whole nodes, what is in them, and what refers to them by name. A DEF that occurs first inside one that is
-/// left out is lost with it; its USEs are left out too.
-class DropNodes : public Filter {
-  public:
-    using Filter::Filter;
-
-    virtual bool drops(std::string_view type) const = 0;
-
-    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) final {
-        if (inside_ || drops(type)) {
-            ++inside_;
-            if (!def.empty()) names_.back().emplace(def);
-            return;
-        }
-        if (!def.empty()) names_.back().erase(std::string(def));
-        Filter::beginNode(type, def, field, where);
-    }
-    void endNode(SourceLocation where) final {
-        if (inside_)
-            --inside_;
-        else
-            Filter::endNode(where);
-    }
-    void useNode(std::string_view def, std::string_view field, SourceLocation where) final {
-        if (!inside_ && !dropped(def)) Filter::useNode(def, field, where);
-    }
-    void setField(std::string_view name, Value value, SourceLocation where) final {
-        if (!inside_) Filter::setField(name, std::move(value), where);
-    }
-    void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) final {
-        if (!inside_) Filter::declareField(field, std::move(value), where);
-    }
-    void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) final {
-        if (!inside_) Filter::isConnection(nodeField, protoField, where);
-    }
-    void beginProto(std::string_view name, SourceLocation where) final {
-        if (!inside_) Filter::beginProto(name, where);
-    }
-    void beginProtoBody(SourceLocation where) final {
-        names_.emplace_back();
-        if (!inside_) Filter::beginProtoBody(where);
-    }
-    void endProto(SourceLocation where) final {
-        names_.pop_back();
-        if (!inside_) Filter::endProto(where);
-    }
-    void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
-                     const std::vector<std::string>& url, SourceLocation where) final {
-        if (!inside_) Filter::externProto(name, fields, url, where);
-    }
-    void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
-               SourceLocation where) final {
-        if (!inside_ && !dropped(fromNode) && !dropped(toNode))
-            Filter::route(fromNode, fromField, toNode, toField, where);
-    }
-    void importNode(std::string_view inlineDef, std::string_view exported, std::string_view local,
-                    SourceLocation where) final {
-        if (!inside_ && !dropped(inlineDef)) Filter::importNode(inlineDef, exported, local, where);
-    }
-    void exportNode(std::string_view local, std::string_view exported, SourceLocation where) final {
-        if (!inside_ && !dropped(local)) Filter::exportNode(local, exported, where);
-    }
-    void comment(std::string_view text, SourceLocation where) final {
-        if (!inside_) Filter::comment(text, where);
-    }
-    void documentation(const Documentation& about, SourceLocation where) final {
-        if (!inside_) Filter::documentation(about, where);
-    }
-
-  private:
-    bool dropped(std::string_view def) const {
-        return !names_.back().empty() && names_.back().contains(std::string(def));
-    }
-    std::size_t inside_ = 0;
-    std::vector<std::unordered_set<std::string>> names_{1};  // one set a scope
+constexpr FilterInfo kFilters[] = {
+    {"drop-comments", "", "leaves out comments, and what is said about declarations"},
+    {"drop-defaults", "", "leaves out values that are their fields' defaults"},
+    {"drop-metadata", "", "leaves out metadata nodes, WorldInfo and META"},
+    {"drop-names", "", "leaves out names that nothing refers to"},
+    {"drop-scripts", "", "leaves out Scripts and the routes to and from them"},
+    {"flatten-inlines", "", "Inlines become Groups of what they load"},
+    {"flatten-protos", "", "instances of prototypes become the nodes that they are"},
+    {"flatten-transforms", "", "Transforms that nothing moves go into the coordinates below them"},
+    {"index", "", "equal points, colours, normals and texture coordinates become one; triangles get indices"},
+    {"quantise", "E", "numbers become the shortest decimals that are at most E away; rotations and times stay"},
+    {"rename", "OLD:NEW,...", "renames DEFs"},
+    {"select", "NAME,...", "keeps the nodes with such a DEF or of such a type, with all that is in them"},
+    {"share", "", "nodes that are equal become one node that is used again"},
+    {"short-names", "", "renames DEFs to n1, n2, ... (imported and exported names stay)"},
+    {"statistics", "", "reports what is in the document"},
+    {"units", "CATEGORY:FACTOR,...", "puts values into other units; without an argument, into the standard's"},
+    {"validate", "", "reports what fits together badly"},
 };
 
-class DropMetadata final : public DropNodes {
-  public:
-    using DropNodes::DropNodes;
-    void meta(std::string_view, std::string_view) override {}
-    bool drops(std::string_view type) const override {
-        if (type == "WorldInfo") return true;
-        const NodeType* known = findBuiltinType(type);
-        return known && known->isA("X3DMetadataObject");
-    }
-};
-
-class DropScripts final : public DropNodes {
-  public:
-    using DropNodes::DropNodes;
-    bool drops(std::string_view type) const override { return type == "Script"; }
-};
-
-class ShortNames final : public Filter {
-  public:
-    using Filter::Filter;
-
-    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
-        Filter::beginNode(type, renamed(def), field, where);
-    }
-    void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
-        Filter::useNode(renamed(def), field, where);
-    }
-    void beginProtoBody(SourceLocation where) override {
-        names_.emplace_back();
-        Filter::beginProtoBody(where);
-    }
-    void endProto(SourceLocation where) override {
-        names_.pop_back();
-        Filter::endProto(where);
-    }
-    void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
-               SourceLocation where) override {
-        const std::string from(renamed(fromNode));  // the next call may move what the view is on
-        Filter::route(from, fromField, renamed(toNode), toField, where);
-    }
-    void importNode(std::string_view inlineDef, std::string_view exported, std::string_view local,
-                    SourceLocation where) override {
-        const std::string from(renamed(inlineDef));
-        Filter::importNode(from, exported, renamed(local), where);
-    }
-    void exportNode(std::string_view local, std::string_view exported, SourceLocation where) override {
-        Filter::exportNode(renamed(local), exported, where);
-    }
-
-  private:
-    std::string_view renamed(std::string_view def) {
-        if (def.empty()) return def;
-        const auto [entry, isNew] = names_.back().try_emplace(std::string(def));
-        if (isNew) entry->second = "n" + std::to_string(++count_);
-        return entry->second;
-    }
-    std::vector<std::unordered_map<std::string, std::string>> names_{1};  // one map a scope
-    std::size_t count_ = 0;
-};
+Result<double> numberIn(std::string_view text) {
+    double number = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+    if (error != std::errc() || end != text.data() + text.size() || !(number >= 0))
+        return fail("quantise=E takes the largest error, a number that is not negative, not '" + std::string(text) +
+                    "'");
+    return number;
+}
 
 }  // namespace
 
-std::unique_ptr<DocumentHandler> makeFilter(std::string_view name, DocumentHandler& next) {
-    if (name == "drop-metadata") return std::make_unique<DropMetadata>(next);
-    if (name == "drop-scripts") return std::make_unique<DropScripts>(next);
-    if (name == "short-names") return std::make_unique<ShortNames>(next);
-    if (name == "drop-comments") return detail::makeDropComments(next);
-    if (name == "drop-defaults") return detail::makeDropDefaults(next);
-    if (name == "quantise-1e-3") return detail::makeQuantise(1e-3, next);
-    if (name == "quantise-1e-4") return detail::makeQuantise(1e-4, next);
-    if (name == "quantise-1e-5") return detail::makeQuantise(1e-5, next);
-    return nullptr;
+Result<std::unique_ptr<DocumentHandler>> makeFilter(std::string_view name, DocumentHandler& next,
+                                                    const FilterContext& context) {
+    using namespace detail;
+    const std::size_t equals = std::min(name.find('='), name.size());
+    const std::string_view argument = name.substr(std::min(equals + 1, name.size()));
+    const bool hasArgument = equals < name.size();
+    name = name.substr(0, equals);
+    const auto info = std::ranges::find(kFilters, name, &FilterInfo::name);
+    if (info == std::end(kFilters)) {
+        std::vector<std::string_view> known;
+        for (const FilterInfo& one : kFilters) known.push_back(one.name);
+        return fail("there is no filter " + std::string(name) + didYouMean(name, known));
+    }
+    const bool needs = !info->argument.empty() && name != "units";
+    if (hasArgument ? info->argument.empty() : needs)
+        return fail(hasArgument ? "filter " + std::string(name) + " takes no argument"
+                                : "filter " + std::string(name) + " is written " + std::string(name) + "=" +
+                                      std::string(info->argument));
+    if (name == "drop-comments") return makeDropComments(next);
+    if (name == "drop-defaults") return makeDropDefaults(next);
+    if (name == "drop-metadata") return makeDropMetadata(next);
+    if (name == "drop-names") return makeDropNames(next);
+    if (name == "drop-scripts") return makeDropScripts(next);
+    if (name == "flatten-inlines") return makeFlattenInlines(next, context);
+    if (name == "flatten-protos") return makeFlattenProtos(next, context);
+    if (name == "flatten-transforms") return makeFlattenTransforms(next);
+    if (name == "index") return makeIndex(next);
+    if (name == "rename") return makeRename(argument, next, context.diagnostics);
+    if (name == "select") return makeSelect(argument, next, context.diagnostics);
+    if (name == "share") return makeShare(next);
+    if (name == "short-names") return makeShortNames(next);
+    if (name == "statistics") return makeStatistics(next, context.diagnostics);
+    if (name == "units") return makeUnits(argument, next);
+    if (name == "validate") return makeValidate(next, context.diagnostics);
+    const Result<double> error = numberIn(argument);
+    if (!error) return std::unexpected(error.error());
+    return makeQuantise(*error, next);
 }
 
-std::vector<std::string_view> filterNames() {
-    return {"drop-comments", "drop-defaults", "drop-metadata", "drop-scripts",
-            "quantise-1e-3", "quantise-1e-4", "quantise-1e-5", "short-names"};
+std::span<const FilterInfo> filters() {
+    return kFilters;
 }
 
 }  // namespace rtsg

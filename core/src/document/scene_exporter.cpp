@@ -67,10 +67,42 @@ struct Position {
 struct SceneExporter::State {
     const Scene& scene;
     Diagnostics& diagnostics;
+    ExportOptions options;
     std::unordered_map<std::uint32_t, std::uint32_t> seen;  // node -> times met
     std::unordered_map<std::uint32_t, std::string> given;   // names of ours
     std::vector<NodeId> order;                              // document order
+    std::vector<NodeId> expanded;                           // instances that do not come out themselves
+    std::vector<NodeId> hidden;                             // nodes of expanded bodies that are not shown
+    std::vector<Route> routes;                              // between nodes of the document
     DeclarationScan declarations;
+
+    /// Whether a node is not said itself, but what it is made of.
+    bool isExpanded(const Node& node) const {
+        if (isInstance(node.type())) return options.expandPrototypes && !content(node).empty();
+        return options.expandInlines && isInline(node) && !content(node).empty();
+    }
+    static bool isInline(const Node& node) {
+        return node.type().kind == NodeType::Kind::builtin && node.type().name == "Inline";
+    }
+    static const Array<NodeId>& content(const Node& node) {
+        static const Array<NodeId> none;
+        const FieldIndex body = node.type().body();
+        return body == kNoField ? none : *static_cast<const Array<NodeId>*>(node.storage(body));
+    }
+    /// The node that stands for an instance: the first of its body, or of that one's.
+    const Node* standIn(const Node* node) const {
+        while (node && isInstance(node->type()) && isExpanded(*node)) node = scene.find(content(*node)[0]);
+        return node;
+    }
+    /// Whether everything around the node is expanded, so that it is the document's own.
+    bool isOfDocument(const Node& node) const {
+        for (NodeId scope = node.scope(); scope;) {
+            const Node* around = scene.find(scope);
+            if (!around || !isExpanded(*around)) return false;
+            scope = around->scope();
+        }
+        return true;
+    }
 
     std::string_view nameOf(NodeId id) const {
         const auto found = given.find(id.value);
@@ -90,17 +122,21 @@ struct SceneExporter::State {
     }
 
     void walk(DocumentHandler* handler);
-    void enter(const Node& node, std::string_view field, DocumentHandler* handler);
+    void walkFrom(NodeId root, std::string_view field, DocumentHandler* handler,
+                  std::unordered_set<std::uint32_t>& begun);
     void fieldStart(const Node& node, FieldIndex field, DocumentHandler& handler) const;
+    void findRoutes();
     void nameNodes();
+    void nameApart();
+    void findEnds(NodeId node, FieldIndex field, bool from, std::vector<std::pair<NodeId, FieldIndex>>& ends) const;
     void writeHead(DocumentHandler& handler, Encoding encoding) const;
     void writeDeclarations(DocumentHandler& handler);
     void writeRoutes(DocumentHandler& handler);
     const Array<String>& info(std::string_view name) const;
 };
 
-SceneExporter::SceneExporter(const Scene& scene, Diagnostics& diagnostics)
-    : state_(std::make_unique<State>(scene, diagnostics)) {}
+SceneExporter::SceneExporter(const Scene& scene, Diagnostics& diagnostics, ExportOptions options)
+    : state_(std::make_unique<State>(scene, diagnostics, options)) {}
 SceneExporter::~SceneExporter() = default;
 
 const Array<String>& SceneExporter::State::info(std::string_view name) const {
@@ -141,82 +177,191 @@ void SceneExporter::State::fieldStart(const Node& node, FieldIndex field, Docume
 /// with a handler, to send.
 void SceneExporter::State::walk(DocumentHandler* handler) {
     std::unordered_set<std::uint32_t> begun;
-    std::vector<Position> path;
+    hidden.clear();
     const FieldIndex rootChildren = scene.node(scene.root()).type().findExact("children");
+    for (const NodeId root : childrenOf(scene.node(scene.root()), rootChildren)) walkFrom(root, {}, handler, begun);
+    if (hidden.empty()) return;
+    // What prototypes have besides their first node: it acts, and is not shown.
+    if (handler) handler->beginNode("Switch", {}, {}, {});
+    for (std::size_t i = 0; i < hidden.size(); ++i)  // it grows
+        walkFrom(hidden[i], "children", handler, begun);
+    if (handler) handler->endNode({});
+}
+
+void SceneExporter::State::walkFrom(NodeId rootNode, std::string_view rootField, DocumentHandler* handler,
+                                    std::unordered_set<std::uint32_t>& begun) {
+    std::vector<Position> path;
     const auto begin = [&](NodeId id, std::string_view field, NodeId parent) {
         const Node* node = scene.find(id);
         if (!node) return;
-        const bool ofDocument = !node->scope();
-        if (!ofDocument) {
+        if (!isOfDocument(*node)) {
             // An instance's own default nodes come with its declaration; anything else has no name out here.
             if (!handler && node->scope() != parent)
                 diagnostics.warning({}, fmt::format("{} {} lies inside a PROTO or Inline and is not saved here",
                                                     node->type().name, scene.name(id)));
             return;
         }
-        const bool first = begun.insert(id.value).second;
+        while (isInstance(node->type()) && isExpanded(*node)) {
+            const Array<NodeId>& nodes = content(*node);
+            if (begun.insert(node->id().value).second) {
+                if (!handler) expanded.push_back(node->id());
+                for (std::size_t i = 1; i < nodes.size(); ++i) hidden.push_back(nodes[i]);
+            }
+            node = scene.find(nodes[0]);
+            if (!node) return;
+        }
+        const NodeId stands = node->id();
+        const bool first = begun.insert(stands.value).second;
         if (!handler) {
-            ++seen[id.value];
-            if (first) order.push_back(id);
+            ++seen[stands.value];
+            if (first) order.push_back(stands);
         }
         if (!first) {
-            if (handler) handler->useNode(nameOf(id), field, {});
+            if (handler) handler->useNode(nameOf(stands), field, {});
             return;
         }
         const std::string& name = node->type().name;
         if (!handler && name.find('#') != std::string::npos)
             diagnostics.error({},
                               fmt::format("{} is of PROTO {}, which is not the document's own; saved under its name",
-                                          scene.name(id), name));
-        if (handler) handler->beginNode(std::string_view(name).substr(0, name.find('#')), nameOf(id), field, {});
+                                          scene.name(stands), name));
+        const bool isGroup = isExpanded(*node);
+        if (handler)
+            handler->beginNode(isGroup ? "Group" : std::string_view(name).substr(0, name.find('#')), nameOf(stands),
+                               field, {});
         path.push_back({node});
     };
-    for (const NodeId rootNode : childrenOf(scene.node(scene.root()), rootChildren)) {
-        begin(rootNode, {}, {});
-        while (!path.empty()) {
-            Position& at = path.back();
-            const NodeType& type = at.node->type();
-            if (at.field == type.fields.size()) {
-                if (handler) handler->endNode({});
-                path.pop_back();
-                continue;
-            }
-            const auto field = static_cast<FieldIndex>(at.field);
-            const FieldDef& def = type.fields[field];
-            if (at.child == 0 && handler) fieldStart(*at.node, field, *handler);
-            if (sf(def.type) != FieldType::SFNode || !isOwnField(def)) {
-                ++at.field;
-                continue;
-            }
-            const Array<NodeId> children = childrenOf(*at.node, field);
-            if (at.child < children.size()) {
-                const NodeId parent = at.node->id();
-                begin(children[at.child++], def.name, parent);  // may move `at`
-            } else {
-                ++at.field;
-                at.child = 0;
-            }
+    begin(rootNode, rootField, {});
+    while (!path.empty()) {
+        Position& at = path.back();
+        const NodeType& type = at.node->type();
+        if (at.field == type.fields.size()) {
+            if (handler) handler->endNode({});
+            path.pop_back();
+            continue;
+        }
+        const auto field = static_cast<FieldIndex>(at.field);
+        const FieldDef& def = type.fields[field];
+        if (isExpanded(*at.node)) {  // an Inline: its content, and nothing else
+            const Array<NodeId>& inside = content(*at.node);
+            const NodeId parent = at.node->id();
+            if (at.child < inside.size())
+                begin(inside[at.child++], "children", parent);
+            else
+                at.field = type.fields.size();
+            continue;
+        }
+        if (at.child == 0 && handler) fieldStart(*at.node, field, *handler);
+        if (sf(def.type) != FieldType::SFNode || !isOwnField(def)) {
+            ++at.field;
+            continue;
+        }
+        const Array<NodeId> children = childrenOf(*at.node, field);
+        if (at.child < children.size()) {
+            const NodeId parent = at.node->id();
+            begin(children[at.child++], def.name, parent);  // may move `at`
+        } else {
+            ++at.field;
+            at.child = 0;
         }
     }
 }
 
+/// Names of expanded instances and Inlines may be those of others: of a name the first node keeps it.
+void SceneExporter::State::nameApart() {
+    std::unordered_set<std::string> taken;
+    const auto name = [&](NodeId id, std::string_view wanted) {
+        std::string result(wanted);
+        for (int copy = 2; !taken.insert(result).second; ++copy) result = fmt::format("{}_{}", wanted, copy);
+        given.insert_or_assign(id.value, result);
+    };
+    std::unordered_map<std::uint32_t, NodeId> instances;  // by the node that stands for them: the outermost
+    scene.forEachNode([&](const Node& node) {
+        if (!isInstance(node.type()) || !isExpanded(node) || scene.name(node.id()).empty()) return;
+        if (const Node* stands = standIn(&node); stands && isOfDocument(node)) {
+            const auto [found, isNew] = instances.try_emplace(stands->id().value, node.id());
+            if (!isNew && !node.scope()) found->second = node.id();
+        }
+    });
+    for (const bool own : {true, false})  // those outside prototypes first
+        for (const NodeId id : order) {
+            const auto instance = instances.find(id.value);
+            const NodeId named = instance == instances.end() ? id : instance->second;
+            if (!scene.name(named).empty() && own == !scene.node(named).scope()) name(id, scene.name(named));
+        }
+}
+
+/// The nodes behind an instance's field: those that get its events, or (`from`) those whose events it sends.
+void SceneExporter::State::findEnds(NodeId id, FieldIndex field, bool from,
+                                    std::vector<std::pair<NodeId, FieldIndex>>& ends) const {
+    std::vector<std::pair<NodeId, FieldIndex>> waiting{{id, field}};
+    while (!waiting.empty()) {
+        const auto [node, at] = waiting.back();
+        waiting.pop_back();
+        const Node* known = scene.find(node);
+        if (!known) continue;
+        if (!isInstance(known->type()) || !isExpanded(*known)) {
+            // initializeOnly fields behind an IS take no events.
+            const FieldDef& def = known->type().fields[at];
+            const bool passes = node == id || (from ? def.sends() : def.writable());
+            if (seen.contains(node.value) && passes) ends.emplace_back(node, at);
+            continue;
+        }
+        const auto take = [&](NodeId inside, FieldIndex its) {
+            const Node* body = scene.find(inside);
+            if (body && body->scope() == node && std::ranges::find(waiting, std::pair(inside, its)) == waiting.end())
+                waiting.emplace_back(inside, its);
+        };
+        for (const Route& route : scene.routesFrom(node))
+            if (route.isConnection && route.fromField == at) take(route.toNode, route.toField);
+        for (const Route& route : scene.routesTo(node))
+            if (route.isConnection && route.toField == at) take(route.fromNode, route.fromField);
+    }
+    std::ranges::sort(ends, [](const auto& a, const auto& b) {
+        return a.first.value != b.first.value ? a.first.value < b.first.value : a.second < b.second;
+    });
+    ends.erase(std::ranges::unique(ends).begin(), ends.end());
+}
+
+/// In document order, from each node outwards; then those of instances that are expanded.
+void SceneExporter::State::findRoutes() {
+    const auto add = [&](const Route& route, NodeId from, FieldIndex fromField) {
+        std::vector<std::pair<NodeId, FieldIndex>> ends;
+        findEnds(route.toNode, route.toField, false, ends);
+        for (const auto& [to, toField] : ends)
+            if (const Route one{from, fromField, to, toField, false};
+                expanded.empty() || std::ranges::find(routes, one) == routes.end())
+                routes.push_back(one);
+    };
+    for (const NodeId id : order)
+        for (const Route& route : scene.routesFrom(id))
+            if (!route.isConnection) add(route, id, route.fromField);
+    for (const NodeId id : expanded)
+        for (const Route& route : scene.routesFrom(id)) {
+            if (route.isConnection) continue;
+            std::vector<std::pair<NodeId, FieldIndex>> sources;
+            findEnds(id, route.fromField, true, sources);
+            for (const auto& [from, field] : sources) add(route, from, field);
+        }
+}
+
 void SceneExporter::State::nameNodes() {
+    if (options.expandPrototypes || options.expandInlines) nameApart();
+    std::unordered_set<std::uint32_t> routed;
+    for (const Route& route : routes) {
+        routed.insert(route.fromNode.value);
+        routed.insert(route.toNode.value);
+    }
+    std::unordered_set<std::string> taken;
+    for (const auto& [id, name] : given) taken.insert(name);
     std::size_t count = 0;
     for (const NodeId id : order) {
-        if (!scene.name(id).empty()) continue;
-        bool needed = seen[id.value] > 1;
-        const auto counts = [&](const Route& route, NodeId other) {
-            return !route.isConnection && seen.contains(other.value);
-        };
-        if (!needed)
-            for (const Route& route : scene.routesFrom(id)) needed |= counts(route, route.toNode);
-        if (!needed)
-            for (const Route& route : scene.routesTo(id)) needed |= counts(route, route.fromNode);
-        if (!needed) continue;
+        if (!nameOf(id).empty()) continue;
+        if (seen[id.value] < 2 && !routed.contains(id.value)) continue;
         std::string name;
         do {
             name = fmt::format("_{}", ++count);
-        } while (scene.findName(name));
+        } while (scene.findName(name) || taken.contains(name));
         given.emplace(id.value, std::move(name));
     }
 }
@@ -245,6 +390,8 @@ void SceneExporter::State::writeHead(DocumentHandler& handler, Encoding encoding
 }
 
 void SceneExporter::State::writeDeclarations(DocumentHandler& handler) {
+    const auto isLeft = [&](NodeId id) { return isInstance(scene.node(id).type()); };
+    if (options.expandPrototypes && std::ranges::none_of(order, isLeft)) return;
     const std::string text = declarationsOf(scene);
     if (text.empty()) return;
     CommandList read;
@@ -257,18 +404,22 @@ void SceneExporter::State::writeDeclarations(DocumentHandler& handler) {
 }
 
 void SceneExporter::State::writeRoutes(DocumentHandler& handler) {
-    const Array<String>&imports = info("imports"), &exports = info("exports"), &routes = info("importRoutes");
-    for (std::size_t i = 0; i + 2 < imports.size(); i += 3)
-        handler.importNode(imports[i], imports[i + 1], imports[i + 2], {});
+    const Array<String>&imports = info("imports"), &exports = info("exports"), &importRoutes = info("importRoutes");
+    std::unordered_set<std::string> inPlace;  // imported names whose nodes stand in the document now
+    for (std::size_t i = 0; i + 2 < imports.size(); i += 3) {
+        const Node* from = scene.find(scene.findName(imports[i]));
+        if (from && isExpanded(*from))
+            inPlace.insert(imports[i + 2].str());
+        else
+            handler.importNode(imports[i], imports[i + 1], imports[i + 2], {});
+    }
     for (std::size_t i = 0; i + 1 < exports.size(); i += 2) handler.exportNode(exports[i], exports[i + 1], {});
-    for (const NodeId id : order)
-        for (const Route& route : scene.routesFrom(id)) {
-            if (route.isConnection || !seen.contains(route.toNode.value)) continue;
-            handler.route(nameOf(id), scene.node(id).type().fields[route.fromField].name, nameOf(route.toNode),
-                          scene.node(route.toNode).type().fields[route.toField].name, {});
-        }
-    for (std::size_t i = 0; i + 3 < routes.size(); i += 4)
-        handler.route(routes[i], routes[i + 1], routes[i + 2], routes[i + 3], {});
+    for (const Route& route : routes)
+        handler.route(nameOf(route.fromNode), scene.node(route.fromNode).type().fields[route.fromField].name,
+                      nameOf(route.toNode), scene.node(route.toNode).type().fields[route.toField].name, {});
+    for (std::size_t i = 0; i + 3 < importRoutes.size(); i += 4)
+        if (!inPlace.contains(importRoutes[i].str()) && !inPlace.contains(importRoutes[i + 2].str()))
+            handler.route(importRoutes[i], importRoutes[i + 1], importRoutes[i + 2], importRoutes[i + 3], {});
 }
 
 void SceneExporter::write(DocumentHandler& handler, Encoding encoding) {
@@ -276,8 +427,11 @@ void SceneExporter::write(DocumentHandler& handler, Encoding encoding) {
     s.seen.clear();
     s.given.clear();
     s.order.clear();
+    s.routes.clear();
+    s.expanded.clear();
     s.declarations = {};
     s.walk(nullptr);
+    s.findRoutes();
     s.nameNodes();
     s.writeHead(handler, encoding);
     s.writeDeclarations(handler);

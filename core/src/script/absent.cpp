@@ -4,6 +4,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "scene/script_programs.h"
+#include "syntax.h"
 
 namespace rtsg {
 
@@ -33,6 +34,10 @@ class AbsentPrograms final : public ScriptPrograms {
 
 std::unique_ptr<ScriptPrograms> makeScriptPrograms(Scene&, const ScriptOptions&) {
     return std::make_unique<AbsentPrograms>();
+}
+
+std::optional<script::SyntaxFault> script::syntaxFault(const std::string&) {
+    return {};
 }
 
 }  // namespace rtsg

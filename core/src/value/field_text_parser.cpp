@@ -134,6 +134,8 @@ bool FieldTextParser::parseBool(bool& out) {
     } else {
         return expected(syntax_ == TextSyntax::xml ? "true or false" : "TRUE or FALSE");
     }
+    if (syntax_ == TextSyntax::classicVrml && (word == "true" || word == "false"))
+        report_.report(Severity::warning, p, "ClassicVRML writes TRUE and FALSE");
     p = stop;
     return true;
 }

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/filter.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/writer.h>
 
@@ -55,7 +56,9 @@ TEST(ReaderScenes, AllRoundTripThroughXmlAndClassicVrml) {
         Diagnostics reading, writing;
         const auto rewrite = [&](const std::string& text, Encoding encoding) {
             std::string out;
-            readDocument(text, *makeWriter(encoding, [&](std::string_view t) { out += t; }, writing), reading);
+            // What is said about declarations is a comment in ClassicVRML.
+            const auto writer = makeWriter(encoding, [&](std::string_view t) { out += t; }, writing);
+            readDocument(text, **makeFilter("drop-comments", *writer, {writing}), reading);
             return out;
         };
         std::string first;
@@ -63,10 +66,6 @@ TEST(ReaderScenes, AllRoundTripThroughXmlAndClassicVrml) {
         const std::string xml = rewrite(first, Encoding::xml);  // in the writer's own order
         const std::string classic = rewrite(xml, Encoding::classicVrml);
         const std::string again = rewrite(classic, Encoding::xml);
-        if (!writing.all().empty()) {  // names that ClassicVRML cannot spell
-            for (const Diagnostic& d : writing.all()) EXPECT_NE(d.text.find("is no name"), d.text.npos) << d.format();
-            continue;
-        }
         EXPECT_TRUE(xml == again) << file;
         const std::string json = rewrite(xml, Encoding::json);
         EXPECT_TRUE(rewrite(json, Encoding::json) == json) << file;

@@ -4,11 +4,15 @@
 // Invariant: a filter keeps begin and end calls nested. Threading: one thread a stream. Source: RTSG paper 3.1.
 #pragma once
 
+#include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
+#include <span>
 #include <utility>
 
 #include <rtsg/core/document_handler.h>
+#include <rtsg/core/resource.h>
 
 namespace rtsg {
 
@@ -112,15 +116,23 @@ class CountFilter final : public Filter {
     std::map<std::string, std::size_t, std::less<>> byType_;
 };
 
-/// The filters of `rtsg convert --filter NAME`; null if there is none of that name.
-///   drop-comments  leaves out comments, and what is said about declarations
-///   drop-defaults  leaves out values that are their fields' defaults
-///   drop-metadata  leaves out metadata nodes, WorldInfo and META
-///   quantise-E     (E is 1e-3, 1e-4 or 1e-5) makes numbers the shortest decimals that are at most E away;
-///                  rotations and times stay
-///   short-names    renames DEFs to n1, n2, ... in the order in which they appear (imported and exported names stay)
-///   drop-scripts   leaves out Scripts and the routes to and from them
-std::unique_ptr<DocumentHandler> makeFilter(std::string_view name, DocumentHandler& next);
-std::vector<std::string_view> filterNames();
+/// A filter of `rtsg convert --filter NAME`, or NAME=ARGUMENT.
+struct FilterInfo {
+    std::string_view name;
+    std::string_view argument;  // what stands for it in help; empty: it takes none
+    std::string_view what;
+};
+std::span<const FilterInfo> filters();
+
+struct FilterContext {
+    Diagnostics& diagnostics;              // what filters report; must outlive them
+    std::optional<Resources> resources{};  // what they may open; none given: Resources::ofFile(file)
+    std::filesystem::path file{};          // of the document, where relative urls start
+};
+
+/// By its name, with its argument behind an equals sign: "quantise=1e-3". Filters that look at a document as a whole
+/// keep it in memory, and pass it on when it ends. Errors: there is none of that name, or its argument is wrong.
+Result<std::unique_ptr<DocumentHandler>> makeFilter(std::string_view name, DocumentHandler& next,
+                                                    const FilterContext& context);
 
 }  // namespace rtsg

@@ -12,10 +12,19 @@
 
 namespace rtsg {
 
+/// What comes out as the nodes that it is made of. Names that would be there twice get a number behind them.
+struct ExportOptions {
+    /// An instance of a PROTO or EXTERNPROTO becomes the first node of its body. The others, which act and are not
+    /// shown, stand in a Switch at the end; routes to and from the instance go to the nodes behind its IS connections.
+    bool expandPrototypes = false;
+    /// An Inline that has its content becomes a Group.
+    bool expandInlines = false;
+};
+
 class SceneExporter {
   public:
     /// `diagnostics` hears of what a document cannot say (a reference into a PROTO's body, say).
-    SceneExporter(const Scene& scene, Diagnostics& diagnostics);
+    SceneExporter(const Scene& scene, Diagnostics& diagnostics, ExportOptions options = {});
     ~SceneExporter();
 
     /// Sends beginDocument ... endDocument. `encoding` goes into the header.

@@ -1,0 +1,78 @@
+// Builds a scene of a document, and passes on what stands in the place of prototypes' instances, or of Inlines.
+#include <rtsg/core/scene_builder.h>
+#include <rtsg/core/scene_exporter.h>
+
+#include "filter_parts.h"
+
+namespace rtsg::detail {
+
+namespace {
+
+BuildOptions buildOptions(const FilterContext& context, bool loadInlines) {
+    BuildOptions options;
+    options.file = context.file;
+    options.resources = context.resources ? *context.resources : Resources::ofFile(context.file);
+    options.loadInlines = loadInlines;
+    return options;
+}
+
+/// What the scene does not keep.
+class WithVersion final : public Filter {
+  public:
+    WithVersion(DocumentHandler& next, std::string version) : Filter(next), version_(std::move(version)) {}
+    void beginDocument(const DocumentHeader& header) override {
+        DocumentHeader own = header;
+        // A later version has all that an earlier one has; VRML97's nodes are X3D's.
+        if (version_.starts_with('3') || version_.starts_with('4')) own.version = version_;
+        Filter::beginDocument(own);
+    }
+
+  private:
+    const std::string version_;
+};
+
+struct SceneOfDocument {
+    Scene scene;
+    SceneBuilder builder;
+    SceneOfDocument(const FilterContext& context, bool loadInlines)
+        : builder(scene, context.diagnostics, buildOptions(context, loadInlines)) {}
+};
+
+class Flatten final : private SceneOfDocument, public Filter {
+  public:
+    Flatten(DocumentHandler& next, const FilterContext& context, const ExportOptions& options)
+        : SceneOfDocument(context, options.expandInlines),
+          Filter(builder),
+          next_(next),
+          diagnostics_(context.diagnostics),
+          options_(options) {}
+
+    void beginDocument(const DocumentHeader& header) override {
+        version_ = header.version;
+        Filter::beginDocument(header);
+    }
+    void endDocument() override {
+        Filter::endDocument();
+        builder.finish();
+        WithVersion last(next_, version_);
+        SceneExporter(scene, diagnostics_, options_).write(last);
+    }
+
+  private:
+    DocumentHandler& next_;
+    Diagnostics& diagnostics_;
+    const ExportOptions options_;
+    std::string version_;
+};
+
+}  // namespace
+
+FilterPtr makeFlattenProtos(DocumentHandler& next, const FilterContext& context) {
+    return std::make_unique<Flatten>(next, context, ExportOptions{.expandPrototypes = true});
+}
+
+FilterPtr makeFlattenInlines(DocumentHandler& next, const FilterContext& context) {
+    return std::make_unique<Flatten>(next, context, ExportOptions{.expandInlines = true});
+}
+
+}  // namespace rtsg::detail

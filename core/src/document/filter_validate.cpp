@@ -1,0 +1,213 @@
+// Passes a document on as it is, and reports what fits together badly.
+#include <algorithm>
+#include <unordered_map>
+
+#include "document_check.h"
+#include "filter_parts.h"
+#include "script/syntax.h"
+
+namespace rtsg::detail {
+
+namespace {
+
+/// The number of elements of an array of any type.
+std::size_t sizeOf(const Value& value) {
+    switch (value.type()) {
+#define RTSG_X(suffix, T)       \
+    case FieldType::MF##suffix: \
+        return value.as<Array<T>>().size();
+        RTSG_FIELD_TYPES(RTSG_X)
+#undef RTSG_X
+        default:
+            return 1;
+    }
+}
+
+struct Indices {
+    const char *indices, *node, *values;  // `values`: of the node in field `node`
+};
+constexpr Indices kIndices[] = {{"coordIndex", "coord", "point"},
+                                {"index", "coord", "point"},
+                                {"colorIndex", "color", "color"},
+                                {"normalIndex", "normal", "vector"},
+                                {"texCoordIndex", "texCoord", "point"}};
+
+class Validate final : public Filter {
+  public:
+    Validate(DocumentHandler& next, Diagnostics& diagnostics) : Filter(next), diagnostics_(diagnostics) {}
+
+    void beginDocument(const DocumentHeader& header) override {
+        if (header.encoding != Encoding::vrml97) profile_.profile(header.profile, diagnostics_);
+        Filter::beginDocument(header);
+    }
+    void component(std::string_view name, int level) override {
+        profile_.component(name, level, diagnostics_);
+        Filter::component(name, level);
+    }
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
+        const NodeType* known = protos_.contains(type) ? nullptr : findBuiltinType(type);
+        if (known) profile_.node(*known, where, diagnostics_);
+        if (known && open_.empty() && scopes_.size() == 1)
+            if (const std::string why = notAtTheTop(*known); !why.empty())
+                diagnostics_.warning(where, why, DiagnosticCode("build"));
+        open_.push_back({known, std::string(def), std::string(field), {}, {}});
+        Filter::beginNode(type, def, field, where);
+    }
+    void endNode(SourceLocation where) override {
+        if (!open_.empty()) {
+            check(open_.back(), where);
+            Open done = std::move(open_.back());
+            open_.pop_back();
+            const std::size_t count = done.values("point", "vector", "color");
+            if (done.type && count != kNone && !done.type->isA("X3DGeometryNode")) {
+                if (!open_.empty()) open_.back().children[done.field] = count;
+                if (!done.def.empty()) scopes_.back()[done.def] = count;
+            }
+        }
+        Filter::endNode(where);
+    }
+    void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
+        if (const auto found = scopes_.back().find(std::string(def)); found != scopes_.back().end() && !open_.empty())
+            open_.back().children[std::string(field)] = found->second;
+        Filter::useNode(def, field, where);
+    }
+    void setField(std::string_view name, Value value, SourceLocation where) override {
+        if (!open_.empty() && open_.back().type && sf(value.type()) != FieldType::SFNode)
+            open_.back().given.insert_or_assign(std::string(name), Given{value, where});
+        Filter::setField(name, std::move(value), where);
+    }
+    void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) override {
+        if (!open_.empty()) open_.back().given.erase(std::string(nodeField));
+        Filter::isConnection(nodeField, protoField, where);
+    }
+    void beginProto(std::string_view name, SourceLocation where) override {
+        protos_.emplace(name, true);
+        Filter::beginProto(name, where);
+    }
+    void beginProtoBody(SourceLocation where) override {
+        scopes_.emplace_back();
+        Filter::beginProtoBody(where);
+    }
+    void endProto(SourceLocation where) override {
+        scopes_.pop_back();
+        Filter::endProto(where);
+    }
+    void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
+                     const std::vector<std::string>& url, SourceLocation where) override {
+        protos_.emplace(name, true);
+        Filter::externProto(name, fields, url, where);
+    }
+
+  private:
+    static constexpr std::size_t kNone = SIZE_MAX;
+    struct Given {
+        Value value;
+        SourceLocation where;
+    };
+    struct Open {
+        const NodeType* type;
+        std::string def, field;
+        std::unordered_map<std::string, Given> given;
+        std::unordered_map<std::string, std::size_t> children;  // by field: how many points or the like
+
+        template <class... Names>
+        std::size_t values(Names... names) const {
+            std::size_t result = kNone;
+            for (const char* name : {names...})
+                if (const auto found = given.find(name); found != given.end()) result = sizeOf(found->second.value);
+            return result;
+        }
+    };
+
+    void check(const Open& node, SourceLocation where) {
+        if (!node.type) return;
+        for (const Indices& one : kIndices) checkIndices(node, one);
+        if (node.type->isA("X3DInterpolatorNode") || node.type->isA("X3DSequencerNode")) checkKeys(node, where);
+        if (node.type->name == "ElevationGrid" || node.type->name == "GeoElevationGrid") checkHeights(node);
+        if (node.type->name == "Script") checkScript(node);
+    }
+    void checkIndices(const Open& node, const Indices& names) {
+        const auto given = node.given.find(names.indices);
+        const auto count = node.children.find(names.node);
+        if (given == node.given.end() || count == node.children.end() || count->second == 0) return;
+        if (!given->second.value.holds<Array<std::int32_t>>()) return;
+        const Array<std::int32_t>& all = given->second.value.as<Array<std::int32_t>>();
+        const auto bad = std::ranges::find_if(all.span(), [&](std::int32_t i) {
+            return i < -1 || (i >= 0 && static_cast<std::size_t>(i) >= count->second);
+        });
+        if (bad == all.span().end()) return;
+        diagnostics_.warning(given->second.where,
+                             std::string(names.indices) + "[" + std::to_string(bad - all.span().begin()) + "] of " +
+                                 node.type->name + " is " + std::to_string(*bad) + ", but " + names.node + " has " +
+                                 std::to_string(count->second) + " elements, counted from 0",
+                             DiagnosticCode("geometry"));
+    }
+    void checkKeys(const Open& node, SourceLocation where) {
+        const std::size_t keys = node.values("key"), values = node.values("keyValue", "easeInEaseOut");
+        if (keys == kNone && values == kNone) return;
+        const std::size_t key = keys == kNone ? 0 : keys, value = values == kNone ? 0 : values;
+        const auto given = node.given.find(keys == kNone ? "keyValue" : "key");
+        const SourceLocation at = given == node.given.end() ? where : given->second.where;
+        // Each key of these has a whole list of values.
+        const bool lists = node.type->name.starts_with("Coordinate") || node.type->name == "NormalInterpolator";
+        if (node.type->findExact("keyValue") == kNoField && node.type->findExact("easeInEaseOut") == kNoField) return;
+        if (lists ? (key == 0 ? value != 0 : value % key != 0 || value == 0) : key != value)
+            diagnostics_.warning(at,
+                                 node.type->name + " has " + std::to_string(key) + " keys and " +
+                                     std::to_string(value) + " values" +
+                                     (lists ? "; it takes as many times the number of keys as it moves" : ""),
+                                 DiagnosticCode("behaviour"));
+        const auto k = node.given.find("key");
+        if (k != node.given.end() && k->second.value.holds<Array<float>>() &&
+            !std::ranges::is_sorted(k->second.value.as<Array<float>>().span()))
+            diagnostics_.warning(k->second.where, "the keys of " + node.type->name + " do not ascend",
+                                 DiagnosticCode("behaviour"));
+    }
+    void checkHeights(const Open& node) {
+        const auto x = node.given.find("xDimension"), z = node.given.find("zDimension"), h = node.given.find("height");
+        if (x == node.given.end() || z == node.given.end() || h == node.given.end()) return;
+        const std::int64_t wanted =
+            std::int64_t{x->second.value.as<std::int32_t>()} * z->second.value.as<std::int32_t>();
+        const auto heights = static_cast<std::int64_t>(sizeOf(h->second.value));
+        if (heights < wanted)
+            diagnostics_.warning(h->second.where,
+                                 node.type->name + " has " + std::to_string(heights) + " heights for " +
+                                     std::to_string(wanted) + " points (xDimension times zDimension)",
+                                 DiagnosticCode("geometry"));
+    }
+    void checkScript(const Open& node) {
+        const auto url = node.given.find("url");
+        if (url == node.given.end() || !url->second.value.holds<Array<String>>()) return;
+        for (const String& one : url->second.value.as<Array<String>>()) {
+            const std::string_view text = one;
+            for (const std::string_view scheme : {"ecmascript:", "javascript:", "vrmlscript:"}) {
+                if (!text.starts_with(scheme)) continue;
+                if (const auto fault = script::syntaxFault(std::string(text.substr(scheme.size())))) {
+                    SourceLocation at = url->second.where;
+                    at.line += fault->line > 0 ? fault->line - 1 : 0;
+                    if (fault->line > 1) at.column = 1;
+                    diagnostics_.warning(at,
+                                         "the script of " + (node.def.empty() ? std::string("a Script") : node.def) +
+                                             " cannot run: " + fault->text + " (its line " +
+                                             std::to_string(fault->line) + ")",
+                                         DiagnosticCode("script"));
+                }
+                return;
+            }
+        }
+    }
+
+    Diagnostics& diagnostics_;
+    ProfileCheck profile_;
+    std::vector<Open> open_;
+    std::vector<std::unordered_map<std::string, std::size_t>> scopes_{1};  // DEF: how many points or the like
+    std::map<std::string, bool, std::less<>> protos_;
+};
+
+}  // namespace
+
+std::unique_ptr<DocumentHandler> makeValidate(DocumentHandler& next, Diagnostics& diagnostics) {
+    return std::make_unique<Validate>(next, diagnostics);
+}
+
+}  // namespace rtsg::detail

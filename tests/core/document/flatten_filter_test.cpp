@@ -1,0 +1,120 @@
+// Documents without prototypes or Inlines say the same as those with them.
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <rtsg/core/filter.h>
+#include <rtsg/core/writer.h>
+
+#include "core/scene_check.h"
+
+namespace rtsg {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+std::string flattened(const std::string& name, const std::string& text, const std::filesystem::path& file = {}) {
+    std::string out;
+    Diagnostics diagnostics("test");
+    const auto writer = makeWriter(Encoding::classicVrml, [&](std::string_view piece) { out += piece; }, diagnostics);
+    FilterContext context{diagnostics};
+    context.file = file;
+    if (!file.empty()) context.resources = Resources::ofFile(file);
+    const auto filter = makeFilter(name, *writer, context);
+    readDocument("#X3D V3.3 utf8\nPROFILE Immersive\n" + text, **filter, diagnostics);
+    EXPECT_EQ(test::allText(diagnostics), "");
+    return out;
+}
+
+constexpr const char* kButton =
+    "PROTO Button [ inputOutput SFVec3f at 1 2 3 outputOnly SFTime hit inputOnly SFBool on initializeOnly MFNode kids "
+    "[ "
+    "] ] { DEF T Transform { translation IS at children [ DEF S TouchSensor { touchTime IS hit enabled IS on } Group { "
+    "children IS kids } ] } DEF C TimeSensor { enabled IS on } ROUTE C.isActive TO S.enabled }\n";
+
+TEST(FlattenProtos, InstancesBecomeTheirNodesWithTheirRoutes) {
+    const std::string text =
+        flattened("flatten-protos", std::string(kButton) +
+                                        "DEF A Button { at 4 5 6 kids [ Shape { } ] }\n"
+                                        "DEF B Button { } DEF X TimeSensor { } DEF F BooleanFilter { "
+                                        "}\nROUTE A.hit TO X.startTime ROUTE B.at TO A.at ROUTE "
+                                        "F.inputTrue TO B.on");
+    EXPECT_TRUE(text.starts_with("#X3D V3.3 utf8\nPROFILE Immersive\n")) << text;
+    EXPECT_THAT(text, Not(HasSubstr("PROTO")));
+    EXPECT_THAT(text,
+                HasSubstr("DEF A Transform {\n  children [\n    DEF S TouchSensor {}\n    Group {\n      children "
+                          "[\n        Shape {}\n      ]\n    }\n  ]\n  translation 4 5 6\n}\n"));
+    EXPECT_THAT(text, HasSubstr("DEF B Transform {\n  children [\n    DEF S_2 TouchSensor {}"));
+    EXPECT_THAT(text,
+                HasSubstr("Switch {\n  children [\n    DEF C TimeSensor {}\n    DEF C_2 TimeSensor {}\n  ]\n}\n"));
+    for (const char* route : {"ROUTE S.touchTime TO X.startTime\n", "ROUTE B.translation TO A.translation\n",
+                              "ROUTE C.isActive TO S.enabled\n", "ROUTE C_2.isActive TO S_2.enabled\n",
+                              "ROUTE F.inputTrue TO S_2.enabled\n", "ROUTE F.inputTrue TO C_2.enabled\n"})
+        EXPECT_THAT(text, HasSubstr(route));
+}
+
+TEST(FlattenProtos, InstancesWithinInstances) {
+    const std::string text =
+        flattened("flatten-protos", std::string(kButton) +
+                                        "PROTO Panel [ inputOutput SFVec3f where 0 0 0 ] { Group { "
+                                        "children [ DEF K Button { at IS where } USE K ] } }\n"
+                                        "DEF P Panel { where 7 8 9 } DEF T Transform { } Group { "
+                                        "children USE P }\nROUTE T.translation TO P.where");
+    EXPECT_THAT(text, HasSubstr("DEF P Group {\n  children [\n    DEF K Transform {"));
+    EXPECT_THAT(text, HasSubstr("    USE K\n"));
+    EXPECT_THAT(text, HasSubstr("translation 7 8 9"));
+    EXPECT_THAT(text, HasSubstr("    USE P\n"));
+    EXPECT_THAT(text, HasSubstr("ROUTE T.translation TO K.translation\n"));
+    test::Loaded again(text);
+    EXPECT_EQ(again.problems(), "");
+}
+
+TEST(FlattenProtos, EventsComeOutTheSame) {
+    const std::string declared =
+        "PROTO P [ inputOnly SFFloat f outputOnly SFVec3f out ] { DEF I PositionInterpolator { key [ 0 1 ] "
+        "keyValue [ 0 "
+        "0 0 1 2 3 ] set_fraction IS f value_changed IS out } }\n";
+    const std::string text =
+        "DEF C TimeSensor { cycleInterval 2 loop TRUE } DEF A P { } DEF T Transform { }\n"
+        "ROUTE C.fraction_changed TO A.f ROUTE A.out TO T.translation";
+    test::Loaded with(declared + text);
+    test::Loaded without(flattened("flatten-protos", declared + text));
+    for (const double t : {0.0, .25, .5, 1.75, 2.5}) {
+        with.scene.newFrame(t);
+        without.scene.newFrame(t);
+        const auto place = [](test::Loaded& l) {
+            const Node& node = l.scene.node(l.named("T"));
+            return *static_cast<const Vec3f*>(node.storage(node.type().findExact("translation")));
+        };
+        EXPECT_EQ(place(with), place(without)) << t;
+    }
+}
+
+TEST(FlattenInlines, TheirContentComesInWithNamesOfItsOwn) {
+    const std::filesystem::path folder =
+        std::filesystem::temp_directory_path() / ("rtsg-flatten-" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder / "part.x3dv")
+        << "#X3D V4.0 utf8\nPROFILE Immersive\nDEF T Transform { children Shape { } } DEF C "
+           "TimeSensor { } ROUTE C.cycleTime TO C.stopTime EXPORT T AS T";
+    const std::string text =
+        flattened("flatten-inlines",
+                  "DEF T Transform { } DEF I Inline { url \"part.x3dv\" } Inline { url \"part.x3dv\" }\n"
+                  "IMPORT I.T AS Q ROUTE T.translation TO Q.translation",
+                  folder / "main.x3dv");
+    std::filesystem::remove_all(folder);
+    EXPECT_THAT(text, Not(HasSubstr("Inline")));
+    EXPECT_THAT(text, Not(HasSubstr("IMPORT")));
+    EXPECT_THAT(text, HasSubstr("DEF I Group {\n  children [\n    DEF T_2 Transform {"));
+    EXPECT_THAT(text, HasSubstr("ROUTE T.translation TO T_2.translation\n"));
+    EXPECT_THAT(text, HasSubstr("ROUTE C.cycleTime TO C.stopTime\n"));
+    EXPECT_THAT(text, HasSubstr("ROUTE C_2.cycleTime TO C_2.stopTime\n"));
+}
+
+}  // namespace
+}  // namespace rtsg

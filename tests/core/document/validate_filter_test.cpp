@@ -1,0 +1,95 @@
+// What does not fit together in a document: profiles, indices, keys, places, scripts.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/filter.h>
+
+#include "core/reading.h"
+
+namespace rtsg {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+std::string problems(const std::string& body, const std::string& head = "PROFILE Full") {
+    test::RecordingHandler handler;
+    Diagnostics diagnostics("test");
+    const auto filter = makeFilter("validate", handler, {diagnostics});
+    readDocument("#X3D V4.0 utf8\n" + head + "\n" + body, **filter, diagnostics);
+    std::string all;
+    for (const Diagnostic& d : diagnostics.all()) all += d.format() + "\n";
+    return all;
+}
+
+TEST(ValidateFilter, PassesEverythingOn) {
+    const std::string text = "PROTO P [ ] { Group { } } DEF T Transform { children [ P { } USE T ] }";
+    test::RecordingHandler plain, checked;
+    Diagnostics diagnostics;
+    readDocument("#X3D V4.0 utf8\nPROFILE Full\n" + text, plain, diagnostics);
+    const auto filter = makeFilter("validate", checked, {diagnostics});
+    readDocument("#X3D V4.0 utf8\nPROFILE Full\n" + text, **filter, diagnostics);
+    EXPECT_EQ(checked.text(), plain.text());
+}
+
+TEST(ValidateFilter, ProfilesAndComponents) {
+    EXPECT_EQ(problems("Shape { geometry Text { } }", "PROFILE Interchange COMPONENT Text:1"), "");
+    EXPECT_THAT(problems("Shape { geometry Text { } }", "PROFILE Interchange"),
+                HasSubstr("test:3:18: warning: Text is of component Text, level 1; profile Interchange has none of it "
+                          "(COMPONENT Text:1 is missing) [profile]"));
+    EXPECT_THAT(problems("Switch { }", "PROFILE Interchange"), HasSubstr("and the components named reach level 1"));
+    EXPECT_THAT(problems("", "PROFILE Interchang"), HasSubstr("no profile Interchang (did you mean Interchange?)"));
+    EXPECT_THAT(problems("", "PROFILE Full COMPONENT Geospatail:1"), HasSubstr("(did you mean Geospatial?)"));
+    EXPECT_EQ(problems("HAnimHumanoid { }", "PROFILE Immersive COMPONENT H-Anim:1"), "");
+}
+
+TEST(ValidateFilter, IndicesBeyondTheirPoints) {
+    const std::string begin = "Shape { geometry IndexedFaceSet { coordIndex [ 0 1 ", end = " -1 ] coord ";
+    const std::string points = "Coordinate { point [ 0 0 0 1 0 0 0 1 0 ] } } }";
+    EXPECT_EQ(problems(begin + "2" + end + points), "");
+    EXPECT_THAT(problems(begin + "3" + end + points),
+                HasSubstr("coordIndex[2] of IndexedFaceSet is 3, but coord has 3 elements, counted from 0"));
+    EXPECT_THAT(problems(begin + "-2" + end + points), HasSubstr("is -2, but"));
+    EXPECT_THAT(problems("Shape { geometry PointSet { coord DEF C Coordinate { point [ 0 0 0 ] } } } " + begin + "2" +
+                         end + "USE C } }"),
+                HasSubstr("coordIndex[1] of IndexedFaceSet is 1, but coord has 1 elements"));
+    // Points that come later, by a route, are not known.
+    EXPECT_EQ(problems(begin + "2" + end + "Coordinate { } } }"), "");
+}
+
+TEST(ValidateFilter, KeysAndValues) {
+    EXPECT_THAT(problems("PositionInterpolator { key [ 0 1 2 ] keyValue [ 0 0 0 1 1 1 ] }"),
+                HasSubstr("PositionInterpolator has 3 keys and 2 values [behaviour]"));
+    EXPECT_EQ(problems("CoordinateInterpolator { key [ 0 1 ] keyValue [ 0 0 0 1 1 1 2 2 2 3 3 3 ] }"), "");
+    EXPECT_THAT(problems("CoordinateInterpolator { key [ 0 1 ] keyValue [ 0 0 0 1 1 1 2 2 2 ] }"),
+                HasSubstr("2 keys and 3 values"));
+    EXPECT_THAT(problems("ScalarInterpolator { key [ 0 2 1 ] keyValue [ 0 1 2 ] }"), HasSubstr("do not ascend"));
+    EXPECT_EQ(problems("PROTO P [ initializeOnly MFFloat k [ ] ] { ScalarInterpolator { key IS k } }"), "");
+    EXPECT_THAT(problems("ElevationGrid { xDimension 3 zDimension 2 height [ 1 2 3 ] }"),
+                HasSubstr("has 3 heights for 6 points"));
+}
+
+TEST(ValidateFilter, PlacesAtTheTop) {
+    EXPECT_THAT(
+        problems("Material { }"),
+        HasSubstr("Material does nothing at the top of a scene; it belongs in field material of an Appearance"));
+    EXPECT_EQ(problems("Group { } WorldInfo { } MetadataString { } LayerSet { } Viewpoint { }"), "");
+    EXPECT_EQ(problems("PROTO P [ ] { Material { } } Shape { appearance Appearance { material P { } } }"), "");
+}
+
+TEST(ValidateFilter, ScriptsThatCannotBeParsed) {
+    EXPECT_EQ(problems("Script { url \"ecmascript: function f() { return 1; }\" }"), "");
+    const std::string bad = problems("DEF S Script {\n url \"ecmascript: function f() {\n  return 1 +;\n}\" }");
+    EXPECT_THAT(bad, HasSubstr("test:5:1: warning: the script of S cannot run: SyntaxError"));
+    EXPECT_THAT(bad, HasSubstr("(its line 2) [script]"));
+    EXPECT_EQ(problems("Script { url \"other.js\" }"), "");
+}
+
+TEST(ValidateFilter, BooleansOfClassicVrmlAreInCapitals) {
+    EXPECT_THAT(problems("TimeSensor { loop true }"),
+                HasSubstr("test:3:19: warning: ClassicVRML writes TRUE and FALSE"));
+    EXPECT_THAT(problems("TimeSensor { loop TRUE }"), Not(HasSubstr("writes")));
+}
+
+}  // namespace
+}  // namespace rtsg
