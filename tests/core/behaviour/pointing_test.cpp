@@ -197,6 +197,23 @@ TEST(Pointers, AClickWithinOneFrameIsPressedInOneAndLetGoInTheNext) {
     EXPECT_EQ(s.node().get(x3d::TouchSensor::touchTime).seconds, 4);
 }
 
+TEST(Pointers, WaitTheirTurnWhateverElseComesIntoTheFrame) {
+    PointerScene s(std::string(kTouched) + "DEF OTHER BooleanToggle { }");
+    s.listen("S");
+    const auto other = [&] {
+        ASSERT_TRUE(s.scene.sendEvent(s.scene.findName("OTHER"), x3d::BooleanToggle::set_boolean.index, Value(true)));
+    };
+    other();
+    s.send(1, {.1, 0, 9}, {0, 0, -1});
+    other();
+    s.send(0, {.1, 0, 9}, {0, 0, -1});
+    other();
+    s.frame();
+    EXPECT_THAT(s.events, ElementsAre("isOver+", "isActive+"));
+    s.frame();
+    EXPECT_THAT(s.events, ElementsAre("isOver+", "isActive+", "isActive-"));
+}
+
 TEST(Pointers, TheEndOfADragIsWhereTheButtonIsLetGo) {
     PointerScene s("Group { children [ DEF S PlaneSensor { } Shape { geometry Box { } } ] }");
     s.send(1, {0, 0, 9}, {0, 0, -1});
@@ -263,6 +280,18 @@ TEST(Pointers, AnAnchorThatIsActivatedIsToldToTheApplication) {
     s.frame();
     const auto number = s.scene.node(s.scene.root()).get(x3d::RtsgScene::anchor);
     EXPECT_EQ(static_cast<std::uint32_t>(number), s.scene.findName("S").value);
+}
+
+TEST(Pointers, AnAnchorBindsTheFirstOfItsViewpointsThatIsThere) {
+    PointerScene s(
+        "Viewpoint { } DEF V Viewpoint { } DEF W Viewpoint { } DEF G Group { } DEF S Anchor { url [ \"#NOBODY\" "
+        "\"#G\" \"next.x3d\" \"#V\" \"#W\" ] children Shape { geometry Box { } } }");
+    s.send(1, {0, 0, 9}, {0, 0, -1});
+    s.frame();
+    s.send(0, {0, 0, 9}, {0, 0, -1});
+    s.frame();
+    EXPECT_TRUE(s.node("V").get(x3d::Viewpoint::isBound));
+    EXPECT_FALSE(s.node("W").get(x3d::Viewpoint::isBound));
 }
 
 // ---- hostile

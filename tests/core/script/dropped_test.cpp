@@ -74,6 +74,19 @@ TEST(Dropped, WhatTheSceneRefersToStays) {
     EXPECT_EQ(made(s.scene, x3d::BooleanToggle::type), 0u);
 }
 
+TEST(Dropped, RoutesAmongThoseThatGoKeepNone) {
+    for (const char* route :
+         {"sc.addRoute(a, 'toggle', b, 'set_boolean');", "sc.addRoute(b, 'toggle', a, 'set_boolean');"}) {
+        ScriptScene s("directOutput TRUE", std::string("function initialize() { var sc = Browser.currentScene;"
+                                                       " var a = sc.createNode('BooleanToggle'),"
+                                                       " b = sc.createNode('BooleanToggle'); ") +
+                                               route + " } " + maker(""));
+        for (int i = 0; i < 10; ++i) s.frame();
+        EXPECT_EQ(s.problems(), "");
+        EXPECT_EQ(made(s.scene, x3d::BooleanToggle::type), 0u) << route;
+    }
+}
+
 TEST(Dropped, WhatLeavesTheSceneLaterGoesThen) {
     ScriptScene s("directOutput TRUE", maker("scene.addRootNode(n); kept.push(n); if (kept.length > 5) "
                                              "scene.removeRootNode(kept.shift());",
