@@ -1,7 +1,13 @@
 // What a SceneBuilder makes of commands, good and bad.
 #include <rtsg/core/scene_builder.h>
 
+#include <thread>
+
 #include <gmock/gmock.h>
+
+#include <rtsg/core/command_list.h>
+#include <rtsg/core/filter.h>
+#include <rtsg/core/loader.h>
 
 #include "core/scene_check.h"
 
@@ -239,6 +245,33 @@ TEST(SceneBuilder, AHundredThousandSiblingsAndLevels) {
     const Node& wide = scene.node(scene.findName("Wide"));
     EXPECT_EQ(wide.value(wide.type().find("children")).as<Array<NodeId>>().size(), count);
     EXPECT_EQ(builder.roots().size(), 2u);
+}
+
+TEST(CommandList, KnowsItsFirstNodeAndIsReplayedByMany) {
+    const auto recorded = [](const std::string& text) {
+        CommandList list;
+        Diagnostics diagnostics;
+        readDocument("#X3D V4.0 utf8\nPROFILE Full\n" + text, list, diagnostics);
+        return list;
+    };
+    EXPECT_EQ(recorded("").firstNodeType(), "");
+    EXPECT_EQ(recorded("Group { children Shape { } } Transform { }").firstNodeType(), "Group");
+    EXPECT_EQ(recorded("PROTO P [ inputOutput SFNode n Box { } ] { Sphere { } PROTO Q [ ] { Cone { } } } P { }")
+                  .firstNodeType(),
+              "P");
+    const CommandList list = recorded("DEF A Group { children [ Shape { } USE A ] } Transform { translation 1 2 3 }");
+    std::vector<std::size_t> nodes(4);
+    std::vector<std::thread> threads;
+    for (std::size_t& own : nodes)
+        threads.emplace_back([&] {
+            for (int i = 0; i < 50; ++i) {
+                CountFilter count;
+                list.replay(count);
+                own += count.nodes();
+            }
+        });
+    for (std::thread& thread : threads) thread.join();
+    EXPECT_EQ(nodes, std::vector<std::size_t>(4, 150));
 }
 
 }  // namespace

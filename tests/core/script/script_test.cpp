@@ -471,6 +471,25 @@ TEST(Script, ShutdownIsCalledWheneverAProgramEnds) {
     EXPECT_EQ(printed, "bye\nbye\nbye\n") << "the scene is gone";
 }
 
+/// Scene::setScriptOptions(): programs that run already start anew, with what is said now.
+TEST(Script, NewOptionsStartProgramsAnew) {
+    ScriptScene s("inputOnly SFBool go outputOnly SFInt32 n",
+                  "var count = 0; function initialize() { print('begins'); } function go() { n = ++count; }");
+    for (int i = 0; i < 3; ++i) {
+        s.send("go", true);
+        s.frame();
+    }
+    EXPECT_EQ(s.get<std::int32_t>("n"), 3) << s.problems();
+    std::string elsewhere;
+    ScriptOptions options;
+    options.print = [&](std::string_view text) { elsewhere += text; };
+    s.scene.setScriptOptions(options);
+    s.send("go", true);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 1) << s.problems();
+    EXPECT_NE(elsewhere.find("begins"), std::string::npos);
+}
+
 TEST(Script, OneThatSetsItsOwnUrlIsRestarted) {
     ScriptScene s("inputOnly SFBool go outputOnly SFInt32 n",
                   "function go() { Browser.currentScene.getNamedNode('S').url = new MFString('ecmascript: function "

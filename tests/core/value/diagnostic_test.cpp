@@ -41,6 +41,35 @@ TEST(Diagnostics, KeepsAReportThatIsAddedAsItIs) {
     EXPECT_EQ(all.all()[0].format(), "there.x3d:1:2: error: bad [proto]");
 }
 
+/// Garbage cannot fill the memory: beyond the limit reports are only counted.
+TEST(Diagnostics, KeepsSoManyAndCountsTheRest) {
+    Diagnostics all("a", 3);
+    for (int i = 0; i < 5; ++i) all.error({1, static_cast<std::uint32_t>(i + 1)}, "bad");
+    all.warning({2, 1}, "odd");
+    EXPECT_EQ(all.all().size(), 3U);
+    EXPECT_EQ(all.errors(), 5U);
+    EXPECT_EQ(all.warnings(), 1U);
+    EXPECT_EQ(all.dropped(), 3U);
+    Diagnostics more("b", 4);
+    more.append(all);
+    more.append(all);
+    EXPECT_EQ(more.all().size(), 4U);
+    EXPECT_EQ(more.errors(), 10U);
+    EXPECT_EQ(more.dropped(), 8U);
+    EXPECT_EQ(more.all()[0].file, "a");
+}
+
+TEST(Diagnostics, WhatTwoSeeAtOnePlaceCountsOnce) {
+    Diagnostics all;
+    for (int i = 0; i < 2; ++i) all.error({3, 4}, "bad");
+    EXPECT_EQ(all.errors(), 1U);
+    all.error({3, 5}, "bad");
+    all.error({3, 5}, "worse");
+    EXPECT_EQ(all.errors(), 3U);
+    for (int i = 0; i < 2; ++i) all.error({}, "nowhere");
+    EXPECT_EQ(all.errors(), 5U) << "without a place they may be two";
+}
+
 TEST(CheckDeathTest, SaysWhereWhatAndBothValues) {
     const int most = 4;
     EXPECT_DEATH(RTSG_CHECK_LT(most + 5, most), "diagnostic_test.cpp:[0-9]+: check failed: most \\+ 5 < most: 9 < 4");

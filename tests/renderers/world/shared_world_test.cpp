@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <set>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -172,6 +173,37 @@ TEST(SharedWorld, AnEyeThatMovesAmongEditsFindsThemSealed) {
     world.setMeshSource("Box", [](const Scene&, NodeId) { return std::make_shared<const Mesh>(); });
     EXPECT_EQ(world.failure(), "");
     EXPECT_EQ(counter.shapes, 1);
+}
+
+/// What several load once: made when nobody holds one, gone with the last who does.
+TEST(SharedWorld, WhatIsSharedIsMadeOnceForAllWhoHoldIt) {
+    Scene scene;
+    SharedWorld world(scene), other(scene);
+    int made = 0;
+    const auto make = [&]() -> std::shared_ptr<void> { return std::make_shared<int>(++made); };
+    auto first = world.shared("pictures", make), second = world.shared("pictures", make);
+    EXPECT_EQ(first, second);
+    EXPECT_EQ(made, 1);
+    EXPECT_NE(world.shared("sounds", make), first) << "another name is another thing";
+    EXPECT_NE(other.shared("pictures", make), first) << "as is another world's";
+    const std::weak_ptr<void> watched = first;
+    first.reset(), second.reset();
+    EXPECT_TRUE(watched.expired());
+    EXPECT_EQ(*static_cast<const int*>(world.shared("pictures", make).get()), 4);
+}
+
+TEST(SharedWorld, NumbersOfThoseAddedAreGivenOnce) {
+    Scene scene;
+    SharedWorld world(scene);
+    std::set<std::uint64_t> numbers;
+    Counter one("one"), two("two");
+    for (int i = 0; i < 5; ++i) {
+        EXPECT_TRUE(numbers.insert(world.add(one)).second);
+        EXPECT_TRUE(numbers.insert(world.add(two)).second);
+        world.remove(one);
+        world.remove(two);
+    }
+    EXPECT_EQ(world.failure(one), "") << "it is not there";
 }
 
 TEST(SharedWorld, PolledItTakesWhatHappenedMerged) {

@@ -59,7 +59,7 @@ struct RenderSettings {
     /// this, with at most samplesPerPixel samples a pixel; Picture::interval tells how well each pixel is known.
     float error = 0;
     std::uint64_t seed = 1;      // of the scrambling
-    float cutoff = 1 / 1024.0f;  // of whitted: rays that could add less than this share to a pixel are left out
+    float cutoff = 1 / 1024.0f;  // of whitted: rays that could add less than this share (1e-6 at least) are left out
     int maxDepth = 250;          // of whitted: mirrorings and refractions on one way, should its weight not run out
     Shadows shadows = Shadows::automatic;
     /// In which space light is computed (docs/color.md). The picture is of the display's space, or linear if that is

@@ -66,7 +66,7 @@ class SharedWorld {
         RayWorld::Options rays;
         /// polled: what happened comes merged, when update() is called.
         Delivery delivery = Delivery::immediate;
-        /// Whether times() is kept; the clock costs about a microsecond a change set.
+        /// Whether times() is kept, for which the clock is read several times a change set.
         bool timed = false;
     };
 

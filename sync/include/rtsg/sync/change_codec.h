@@ -60,7 +60,7 @@ class ChangeDecoder {
   public:
     /// `local`: this program's built-in types; they must outlive the decoder.
     explicit ChangeDecoder(TypeTable local);
-    /// As above, with the hash of `local` when it is known already: it takes some 100 microseconds.
+    /// As above, with the hash of `local` when it is known already: it takes a look at every type.
     ChangeDecoder(TypeTable local, std::uint64_t localHash);
     ~ChangeDecoder();
 

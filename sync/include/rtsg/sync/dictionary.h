@@ -34,7 +34,7 @@ struct StreamHead {
     std::string creator;
 };
 
-/// XXH3-64 of the encoded types. Takes some 100 microseconds for all built-in ones.
+/// XXH3-64 of the encoded types, all of which it looks at.
 std::uint64_t dictionaryHash(TypeTable types);
 
 /// Appends to nothing: `record` becomes a head record. `types`: what the stream's TypeIndex numbers mean.
