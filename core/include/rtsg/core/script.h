@@ -19,7 +19,8 @@ class Resources;
 
 struct ScriptOptions {
     bool enabled = true;
-    /// Seconds that one call of a script's function may take; then it is stopped, reported and never called again.
+    /// Seconds of its thread's CPU time that one call of a script's function may take, so that a busy machine stops
+    /// nobody; then it is stopped, reported and never called again.
     double timeLimit = 2;
     /// Bytes that all scripts of one thread may hold, in objects and in the contents of arrays and strings, and by
     /// which one call may let the process grow. Read when the first script of the thread runs.
