@@ -1,15 +1,24 @@
-// Reading one mesh in each text encoding, against a loop of std::from_chars over the same numbers and a copy of the
-// bytes.
+// Reading and writing one mesh in each encoding, against loops of std::from_chars and std::to_chars over the same
+// numbers and a copy of the bytes; the binary encoding, GLB, and a million small nodes.
+#include <charconv>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include <fmt/format.h>
+#include <unistd.h>
+#include <zlib.h>
 
+#include <rtsg/core/command_list.h>
 #include <rtsg/core/filter.h>
 #include <rtsg/core/loader.h>
+#include <rtsg/core/writer.h>
+#include <rtsg/renderers/mesh_file.h>
+#include <rtsg/sync/scene_file.h>
 
 #include "bench.h"
 
@@ -74,6 +83,151 @@ struct Keeper final : Filter {
     void setField(std::string_view, Value value, SourceLocation) override { values.push_back(std::move(value)); }
 };
 
+double toCharsSeconds(const std::vector<Value>& values) {
+    const double start = cpuSeconds();
+    char text[64];
+    std::size_t bytes = 0;
+    for (const Value& value : values) {
+        if (value.holds<Array<Vec3f>>())
+            for (const Vec3f& v : value.as<Array<Vec3f>>())
+                for (int i = 0; i < 3; ++i)
+                    bytes += static_cast<std::size_t>(std::to_chars(text, text + sizeof(text), v[i]).ptr - text);
+        if (value.holds<Array<std::int32_t>>())
+            for (const std::int32_t v : value.as<Array<std::int32_t>>())
+                bytes += static_cast<std::size_t>(std::to_chars(text, text + sizeof(text), v).ptr - text);
+    }
+    keep(bytes);
+    return cpuSeconds() - start;
+}
+
+double copySeconds(std::size_t size, const char* from) {
+    const double start = cpuSeconds();
+    std::string same(size, '\0');
+    std::memcpy(same.data(), from, size);
+    keep(same.data());
+    return cpuSeconds() - start;
+}
+
+void writing(const Report& report, int n) {
+    constexpr std::pair<Encoding, const char*> encodings[] = {{Encoding::classicVrml, "ClassicVRML"},
+                                                              {Encoding::vrml97, "VRML97"},
+                                                              {Encoding::xml, "XML"},
+                                                              {Encoding::json, "JSON"}};
+    const std::string text = document(kEncodings[0], n);
+    CommandList commands;
+    Keeper keeper;
+    Diagnostics diagnostics;
+    readDocument(text, commands, diagnostics);
+    readDocument(text, keeper, diagnostics);
+    for (const auto& [encoding, name] : encodings) {
+        std::vector<double> ours, naive, copy;
+        std::size_t bytes = 0;
+        for (int i = 0; i < 3; ++i) {
+            bytes = 0;
+            const double start = cpuSeconds();
+            const auto writer =
+                makeWriter(encoding, [&](std::string_view piece) { bytes += piece.size(); }, diagnostics);
+            commands.replay(*writer);
+            ours.push_back(cpuSeconds() - start);
+            naive.push_back(toCharsSeconds(keeper.values));
+            copy.push_back(copySeconds(text.size(), text.data()));
+        }
+        const double megabytes = static_cast<double>(bytes) / 1e6;
+        report({"documents", fmt::format("{} triangles, {}", 2 * n * n, name), "text written", "MB/s",
+                megabytes / median(ours), "std::to_chars of the numbers", megabytes / median(naive),
+                "memcpy of the text", static_cast<double>(text.size()) / 1e6 / median(copy)});
+    }
+}
+
+/// A name in the folder of temporary files, gone with the object.
+struct TemporaryFile {
+    std::filesystem::path path;
+    explicit TemporaryFile(const char* extension)
+        : path(std::filesystem::temp_directory_path() / fmt::format("rtsg-bench-{}{}", ::getpid(), extension)) {}
+    ~TemporaryFile() {
+        std::error_code ignored;
+        std::filesystem::remove(path, ignored);
+    }
+};
+
+std::string contentOf(const std::filesystem::path& file) {
+    std::string bytes(std::filesystem::file_size(file), '\0');
+    std::ifstream(file, std::ios::binary).read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    return bytes;
+}
+
+std::size_t gzipSize(const std::string& text) {
+    std::string packed(compressBound(static_cast<uLong>(text.size())), '\0');
+    auto size = static_cast<uLongf>(packed.size());
+    keep(compress2(reinterpret_cast<Bytef*>(packed.data()), &size, reinterpret_cast<const Bytef*>(text.data()),
+                   static_cast<uLong>(text.size()), 6));
+    return size;
+}
+
+void binaries(const Report& report, int n) {
+    const std::string text = document(kEncodings[0], n);
+    Scene scene;
+    Diagnostics diagnostics;
+    loadText(scene, text, diagnostics);
+    scene.newFrame(0);
+    const TemporaryFile own(".rtsgb"), glb(".glb");
+    if (!writeSceneFile(scene, own.path) || !writeMeshFile(scene, glb.path, MeshFormat::glb, diagnostics))
+        throw std::logic_error("the bench's files cannot be written");
+    const double arrays = 12.0 * (n + 1) * (n + 1) + 4.0 * 6 * n * n;  // bytes of points and indices
+    std::vector<double> written, read, imported, copied;
+    for (int i = 0; i < 3; ++i) {
+        double start = cpuSeconds();
+        keep(bool(writeSceneFile(scene, own.path)));
+        written.push_back(cpuSeconds() - start);
+        start = cpuSeconds();
+        Scene again;
+        if (!readSceneFile(again, own.path)) throw std::logic_error("the bench's binary file is not read");
+        read.push_back(cpuSeconds() - start);
+        start = cpuSeconds();
+        Keeper keeper;
+        readDocumentFile(glb.path, keeper, diagnostics);
+        imported.push_back(cpuSeconds() - start);
+        start = cpuSeconds();
+        const std::string bytes = contentOf(glb.path);
+        keep(bytes.data());
+        copied.push_back(cpuSeconds() - start);
+    }
+    const std::string what = fmt::format("{} triangles, ", 2 * n * n);
+    const double glbBytes = static_cast<double>(std::filesystem::file_size(glb.path));
+    const double copy = glbBytes / 1e6 / median(copied);
+    report({"documents", what + "rtsgb", "arrays read", "MB/s", arrays / 1e6 / median(read), "", 0, "the file's bytes",
+            copy});
+    report({"documents", what + "rtsgb", "arrays written", "MB/s", arrays / 1e6 / median(written), "", 0,
+            "the file's bytes", copy});
+    report({"documents", what + "rtsgb", "size", "MB", static_cast<double>(std::filesystem::file_size(own.path)) / 1e6,
+            "gzip of the text", static_cast<double>(gzipSize(text)) / 1e6, "the arrays", arrays / 1e6});
+    report({"documents", what + "GLB", "file read", "MB/s", glbBytes / 1e6 / median(imported), "", 0,
+            "the file's bytes", copy});
+}
+
+void smallNodes(const Report& report, int count) {
+    std::string text = "#X3D V4.0 utf8\nPROFILE Interchange\n";
+    for (int i = 0; i < count; ++i) fmt::format_to(std::back_inserter(text), "Transform {{ translation {} 0 1 }}\n", i);
+    std::vector<double> read, built, copied;
+    for (int i = 0; i < 3; ++i) {
+        Diagnostics diagnostics;
+        double start = cpuSeconds();
+        CountFilter counted;
+        readDocument(text, counted, diagnostics);
+        read.push_back(cpuSeconds() - start);
+        start = cpuSeconds();
+        Scene scene;
+        loadText(scene, text, diagnostics);
+        built.push_back(cpuSeconds() - start);
+        copied.push_back(copySeconds(text.size(), text.data()));
+    }
+    const std::string what = fmt::format("{} small nodes", count);
+    report({"documents", what, "nodes read", "1/s", count / median(read), "", 0, "memcpy of the text",
+            count / median(copied)});
+    report({"documents", what, "nodes read into a scene", "1/s", count / median(built), "", 0, "memcpy of the text",
+            count / median(copied)});
+}
+
 }  // namespace
 
 void documents(const Report& report, bool quick) {
@@ -100,6 +254,9 @@ void documents(const Report& report, bool quick) {
                 megabytes / median(ours), "std::from_chars over the numbers", megabytes / median(naive),
                 "memcpy of the text", megabytes / median(copy)});
     }
+    writing(report, n);
+    binaries(report, quick ? 100 : 707);  // a million triangles
+    smallNodes(report, quick ? 10'000 : 1'000'000);
 }
 
 }  // namespace rtsg::bench

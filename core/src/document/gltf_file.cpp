@@ -273,19 +273,33 @@ bool GltfFile::forEach(const json& accessor, std::size_t components, const Take&
 }
 
 /// As they are in the file, where they are of the type wanted.
-template <class T>
-bool GltfFile::copyAll(const json& accessor, std::size_t components, std::size_t type, std::vector<T>& into) {
+template <class T, class To>
+bool GltfFile::copyAll(const json& accessor, std::size_t components, std::size_t type, To& into) {
     if (index(accessor, "componentType") != type) return false;
     const auto all = elementsOf(accessor, components);
     if (!all) return true;
     into.resize(all->count * components);
+    if (into.empty()) return true;
+    T* out = nullptr;
+    if constexpr (requires { into.mutableData(); })
+        out = into.mutableData();
+    else
+        out = into.data();
     if (all->stride == all->size) {
-        std::memcpy(into.data(), all->first, all->count * all->size);
+        std::memcpy(out, all->first, all->count * all->size);
         return true;
     }
     for (std::size_t i = 0; i < all->count; ++i)
-        std::memcpy(into.data() + i * components, all->first + i * all->stride, all->size);
+        std::memcpy(out + i * components, all->first + i * all->stride, all->size);
     return true;
+}
+
+std::optional<GltfFile::Plain> GltfFile::plain(const json& accessor, std::size_t components, std::size_t type) {
+    if (componentsOf(text(accessor, "type")) != components || index(accessor, "componentType") != type ||
+        !accessor.contains("bufferView") || accessor.contains("sparse"))
+        return {};
+    const auto all = elementsOf(accessor, components);
+    return all ? Plain{all->first, all->count, all->stride} : Plain{nullptr, 0, 0};
 }
 
 std::vector<float> GltfFile::floats(std::size_t number, std::size_t& components) {
@@ -295,7 +309,7 @@ std::vector<float> GltfFile::floats(std::size_t number, std::size_t& components)
     if (components == 0) return result;
     constexpr std::size_t f32 = 5126;
     if (accessor->contains("bufferView")) {
-        if (!copyAll(*accessor, components, f32, result) &&
+        if (!copyAll<float>(*accessor, components, f32, result) &&
             !forEach(*accessor, components, [&](const char* p, std::size_t type, bool normalized) {
                 result.push_back(static_cast<float>(component(p, type, normalized)));
             }))
@@ -330,8 +344,8 @@ bool GltfFile::sparse(const json& accessor, std::size_t components, std::vector<
     });
 }
 
-std::vector<std::int32_t> GltfFile::indices(std::size_t number) {
-    std::vector<std::int32_t> result;
+Array<std::int32_t> GltfFile::indices(std::size_t number) {
+    Array<std::int32_t> result;
     const json* accessor = item("accessors", number);
     const std::size_t kind = accessor ? index(*accessor, "componentType").value_or(0) : 0;
     if (!accessor || text(*accessor, "type") != "SCALAR" || (kind != 5121 && kind != 5123 && kind != 5125)) {
@@ -339,12 +353,12 @@ std::vector<std::int32_t> GltfFile::indices(std::size_t number) {
         return result;
     }
     constexpr std::size_t u32 = 5125;
-    if (copyAll(*accessor, 1, u32, result)) return result;
+    if (copyAll<std::int32_t>(*accessor, 1, u32, result)) return result;
     const bool good = forEach(*accessor, 1, [&](const char* p, std::size_t type, bool) {
         const double index = component(p, type, false);
         result.push_back(index >= 0 && index <= 2147483647.0 ? static_cast<std::int32_t>(index) : -1);
     });
-    return good ? result : std::vector<std::int32_t>();
+    return good ? result : Array<std::int32_t>();
 }
 
 }  // namespace rtsg::detail

@@ -4,6 +4,7 @@
 // empty arrays. Threading: one thread a file. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.6 (accessors), 4 (GLB).
 #pragma once
 
+#include <cstring>
 #include <optional>
 #include <vector>
 
@@ -36,7 +37,11 @@ class GltfFile {
     /// Of an accessor, all components one behind the other; `components` is how many make an element. Integers that
     /// count as fractions are such; sparse accessors are filled in.
     std::vector<float> floats(std::size_t accessor, std::size_t& components);
-    std::vector<std::int32_t> indices(std::size_t accessor);
+    /// The same straight into an array, of an accessor of floats with as many components as `T` has that is not sparse;
+    /// nothing for others.
+    template <class T>
+    std::optional<Array<T>> floatArray(std::size_t accessor);
+    Array<std::int32_t> indices(std::size_t accessor);
     std::string_view bufferView(std::size_t index, std::size_t* stride = nullptr);
     void warn(std::string text);
 
@@ -50,8 +55,14 @@ class GltfFile {
         bool normalized;
     };
     std::optional<Elements> elementsOf(const nlohmann::json& accessor, std::size_t components);
-    template <class T>
-    bool copyAll(const nlohmann::json& accessor, std::size_t components, std::size_t type, std::vector<T>& into);
+    /// As many elements, of such a size, of components of such a type: none where that is not so.
+    struct Plain {
+        const char* first;
+        std::size_t count, stride;
+    };
+    std::optional<Plain> plain(const nlohmann::json& accessor, std::size_t components, std::size_t type);
+    template <class T, class To>
+    bool copyAll(const nlohmann::json& accessor, std::size_t components, std::size_t type, To& into);
     template <class Take>
     bool forEach(const nlohmann::json& accessor, std::size_t components, const Take& take);
     bool sparse(const nlohmann::json& accessor, std::size_t components, std::vector<float>& into);
@@ -63,6 +74,26 @@ class GltfFile {
     std::vector<std::optional<std::string>> buffers_;
     std::vector<std::string> warned_;
 };
+
+template <class T>
+std::optional<Array<T>> GltfFile::floatArray(std::size_t number) {
+    constexpr std::size_t f32 = 5126;
+    const nlohmann::json* accessor = item("accessors", number);
+    if (!accessor) return {};
+    const std::optional<Plain> all = plain(*accessor, sizeof(T) / sizeof(float), f32);
+    if (!all) return {};
+    Array<T> result;
+    result.resize(all->count);
+    if (all->count == 0) return result;
+    T* const out = result.mutableData();
+    if (all->stride == sizeof(T)) {
+        std::memcpy(static_cast<void*>(out), all->first, all->count * sizeof(T));
+        return result;
+    }
+    for (std::size_t i = 0; i < all->count; ++i)
+        std::memcpy(static_cast<void*>(out + i), all->first + i * all->stride, sizeof(T));
+    return result;
+}
 
 /// The bytes of base64 text; nothing if it is none.
 std::optional<std::string> fromBase64(std::string_view text);

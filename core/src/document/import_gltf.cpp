@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "gltf_skin.h"
 
@@ -310,6 +311,8 @@ class GltfImporter {
     Array<T> attribute(const json& attributes, const char* name, std::size_t points) {
         const auto accessor = GltfFile::index(attributes, name);
         if (!accessor) return {};
+        if (std::optional<Array<T>> direct = file_.floatArray<T>(*accessor))
+            return points != 0 && direct->size() != points ? Array<T>() : *std::move(direct);
         std::size_t stride = 0;
         const std::vector<float> numbers = file_.floats(*accessor, stride);
         Array<T> result;
@@ -331,14 +334,16 @@ class GltfImporter {
         const std::size_t count = mesh.points.size();
         if (count == 0) return file_.warn("a primitive of the glTF file has no positions; it is left out");
         morph(primitive, "POSITION", form.weights, mesh.points);
-        std::vector<std::int32_t> indices;
+        Array<std::int32_t> indices;
         if (const auto accessor = GltfFile::index(primitive, "indices")) {
             indices = file_.indices(*accessor);
         } else {
             indices.resize(count);
-            for (std::size_t i = 0; i < count; ++i) indices[i] = static_cast<std::int32_t>(i);
+            std::iota(indices.mutableData(), indices.mutableData() + count, 0);
         }
-        if (std::ranges::any_of(indices, [&](std::int32_t i) { return i < 0 || static_cast<std::size_t>(i) >= count; }))
+        std::uint32_t most = 0;  // negative ones are large
+        for (const std::int32_t i : indices) most = std::max(most, static_cast<std::uint32_t>(i));
+        if (most >= count)
             return file_.warn("a primitive of the glTF file has indices beyond its points; it is left out");
         const std::size_t mode = GltfFile::index(primitive, "mode").value_or(4);
         mesh.normals = attribute<Vec3f>(attributes, "NORMAL", count);
@@ -367,12 +372,13 @@ class GltfImporter {
         mesh.faces = triangles(indices, mode);
         if (!mesh.faces.empty()) writeMesh(out_, std::move(mesh));
     }
-    static Array<std::int32_t> triangles(const std::vector<std::int32_t>& indices, std::size_t mode) {
-        Array<std::int32_t> result;
+    static Array<std::int32_t> triangles(const Array<std::int32_t>& indices, std::size_t mode) {
         if (mode == 4) {
-            result.append({indices.data(), indices.size() / 3 * 3});
-            return result;
+            Array<std::int32_t> whole = indices;
+            whole.resize(indices.size() / 3 * 3);
+            return whole;
         }
+        Array<std::int32_t> result;
         for (std::size_t i = 2; i < indices.size(); ++i) {
             const bool turned = mode == 5 && i % 2 != 0;
             const std::int32_t first = mode == 6 ? indices[0] : indices[turned ? i - 1 : i - 2];
@@ -383,7 +389,7 @@ class GltfImporter {
         }
         return result;
     }
-    void writeLines(ImportedMesh& mesh, const std::vector<std::int32_t>& indices, std::size_t mode) {
+    void writeLines(ImportedMesh& mesh, const Array<std::int32_t>& indices, std::size_t mode) {
         Array<std::int32_t> lines;
         for (std::size_t i = 0; i < indices.size(); ++i) {
             lines.push_back(indices[i]);

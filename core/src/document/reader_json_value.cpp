@@ -2,6 +2,10 @@
 // place.
 #include <cstring>
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 #include "reader_json.h"
 
 namespace rtsg::detail {
@@ -10,10 +14,23 @@ namespace {
 
 /// The end, if there is none.
 const char* findBracketOrQuote(const char* from, const char* end) {
-    for (const char c : {']', '[', '"', '{', '}'})
-        if (const void* at = std::memchr(from, c, static_cast<std::size_t>(end - from)))
-            end = static_cast<const char*>(at);
-    return end;
+    const auto isOne = [](char c) { return c == ']' || c == '[' || c == '"' || c == '{' || c == '}'; };
+#if defined(__SSE2__)
+    // Brackets and braces have these bits of 0x7F in common, and few other letters do.
+    const __m128i common = _mm_set1_epi8(0x26), folded = _mm_set1_epi8(0x7F), quote = _mm_set1_epi8('"');
+    constexpr std::ptrdiff_t each = 64;
+    for (; end - from >= each; from += each) {
+        __m128i found = _mm_setzero_si128();
+        for (int part = 0; part < 4; ++part) {
+            const __m128i bytes = _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + 16 * std::ptrdiff_t{part}));
+            found = _mm_or_si128(
+                found, _mm_or_si128(_mm_cmpeq_epi8(_mm_or_si128(bytes, common), folded), _mm_cmpeq_epi8(bytes, quote)));
+        }
+        if (_mm_movemask_epi8(found) == 0) continue;
+        if (const char* at = std::find_if(from, from + each, isOne); at != from + each) return at;
+    }
+#endif
+    return std::find_if(from, end, isOne);
 }
 
 }  // namespace

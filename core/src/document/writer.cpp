@@ -53,26 +53,27 @@ std::size_t arraySize(const Value& value) {
     }
 }
 
-void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std::size_t indent,
-                   const std::function<void()>& full) {
+namespace {
+
+constexpr std::size_t kWidth = 100, kFullAt = 1 << 16;
+constexpr std::size_t kMostNumbers = 4;  // in an element of a list
+
+/// `element(i)` appends one.
+template <class Element>
+void appendLines(std::string& out, std::size_t size, TextSyntax syntax, std::size_t indent,
+                 const std::function<void()>& full, const Element& element) {
     const bool classic = syntax == TextSyntax::classicVrml;
-    const std::size_t size = isMF(value.type()) ? arraySize(value) : 0;
-    if (size < 2) {
-        appendFieldText(out, value, syntax);
-        return;
-    }
-    constexpr std::size_t width = 100, fullAt = 1 << 16;
     std::size_t start = out.size(), lineStart = start;
     bool broken = false;
     if (classic) out += '[';
     for (std::size_t i = 0; i < size; ++i) {
         if (i) {
             if (classic) out += ',';
-            if (out.size() - lineStart > width) {
+            if (out.size() - lineStart > kWidth) {
                 // A list of several lines begins on its own.
                 if (!broken && classic) out.insert(start + 1, "\n" + std::string(indent, ' '));
                 broken = true;
-                if (full && out.size() >= fullAt) {
+                if (full && out.size() >= kFullAt) {
                     full();
                     start = 0;
                 }
@@ -83,9 +84,44 @@ void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std:
                 out += ' ';
             }
         }
-        appendArrayElement(out, value, i, syntax);
+        element(i);
     }
     if (classic) out += ']';
+}
+
+/// One element of a list of numbers, of which `each` make one.
+template <class S>
+struct NumberElement {
+    std::string& out;
+    const S* numbers;
+    std::size_t each;
+    TextSyntax syntax;
+
+    void operator()(std::size_t i) const {
+        char text[kMostNumbers * (kLongestNumber + 1)];
+        char* end = text;
+        for (std::size_t k = 0; k < each; ++k) {
+            if (k) *end++ = ' ';
+            end = printNumber(end, numbers[i * each + k], syntax);
+        }
+        out.append(text, end);
+    }
+};
+
+}  // namespace
+
+void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std::size_t indent,
+                   const std::function<void()>& full) {
+    const std::size_t size = isMF(value.type()) ? arraySize(value) : 0;
+    if (size < 2) {
+        appendFieldText(out, value, syntax);
+        return;
+    }
+    const bool numbers = withNumbers(value, [&](const auto* first, std::size_t count, std::size_t each) {
+        appendLines(out, count / each, syntax, indent, full, NumberElement{out, first, each, syntax});
+    });
+    if (numbers) return;
+    appendLines(out, size, syntax, indent, full, [&](std::size_t i) { appendArrayElement(out, value, i, syntax); });
 }
 
 }  // namespace detail

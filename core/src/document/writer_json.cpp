@@ -21,14 +21,22 @@ std::string inQuotes(std::string_view text) {
 }
 
 /// Numbers of every MF type stand in one flat array.
-std::string valueText(const Value& value) {
-    std::string text;
-    if (!isMF(value.type())) {
-        appendFieldText(text, value, TextSyntax::json);
-        return text;
-    }
-    text = "[";
-    for (std::size_t i = 0, size = arraySize(value); i < size; ++i) {
+void appendValue(std::string& text, const Value& value) {
+    if (!isMF(value.type())) return appendFieldText(text, value, TextSyntax::json);
+    text += '[';
+    const bool numbers = withNumbers(value, [&](const auto* first, std::size_t count, std::size_t) {
+        constexpr std::size_t most = 64;  // numbers at a time
+        char piece[most * (kLongestNumber + 1)];
+        for (std::size_t i = 0; i < count;) {
+            char* end = piece;
+            for (const std::size_t stop = std::min(i + most, count); i < stop; ++i) {
+                if (i) *end++ = ',';
+                end = printNumber(end, first[i], TextSyntax::json);
+            }
+            text.append(piece, end);
+        }
+    });
+    for (std::size_t i = 0, size = numbers ? 0 : arraySize(value); i < size; ++i) {
         if (i) text += ',';
         std::string element;
         appendArrayElement(element, value, i, TextSyntax::json);
@@ -37,7 +45,12 @@ std::string valueText(const Value& value) {
         else
             text += element;
     }
-    return text + ']';
+    text += ']';
+}
+std::string valueText(const Value& value) {
+    std::string text;
+    appendValue(text, value);
+    return text;
 }
 
 class JsonWriter final : public DocumentHandler {
@@ -113,7 +126,8 @@ class JsonWriter final : public DocumentHandler {
         }
         if (!units_.areStandard()) units_.fromStandard(findField(frame.shape, field).definition, value);
         if (field == "url" && frame.element == "Script") return source(frame, value.as<Array<String>>());
-        attribute(frame, spelled(frame.shape, field), valueText(value));
+        beginAttribute(frame, spelled(frame.shape, field));
+        appendValue(frame.attributes, value);
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation) override {
         Frame& frame = frames_.back();
@@ -218,9 +232,15 @@ class JsonWriter final : public DocumentHandler {
         std::set<std::string> unknownGiven;  // attributes of a node of unknown type
     };
 
-    static void attribute(Frame& frame, std::string_view name, const std::string& text) {
+    static void beginAttribute(Frame& frame, std::string_view name) {
         if (!frame.attributes.empty()) frame.attributes += ',';
-        frame.attributes += "\"@" + std::string(name) + "\":" + text;
+        frame.attributes += "\"@";
+        frame.attributes += name;
+        frame.attributes += "\":";
+    }
+    static void attribute(Frame& frame, std::string_view name, const std::string& text) {
+        beginAttribute(frame, name);
+        frame.attributes += text;
     }
     static std::string declaration(const FieldDeclaration& field) {
         return "{\"@accessType\":" + inQuotes(accessWord(field.access, false)) +
@@ -251,8 +271,14 @@ class JsonWriter final : public DocumentHandler {
             openScene();
             text_ += any_ ? ",\n" : "\n";
             any_ = true;
-            for (const std::string& piece : item) {
-                text_ += piece;
+            for (std::string& piece : item) {
+                if (piece.size() > kFlushAt) {  // as it is
+                    flush();
+                    sink_(piece);
+                } else {
+                    text_ += piece;
+                }
+                piece = {};
                 if (text_.size() > kFlushAt) flush();
             }
             return;
@@ -278,8 +304,9 @@ class JsonWriter final : public DocumentHandler {
     }
     /// `{"Type":{...}}`
     Rope finished(Frame&& frame) {
-        Rope rope{"{" + inQuotes(frame.element) + ":{" + frame.attributes};
+        Rope rope{"{" + inQuotes(frame.element) + ":{"};
         bool first = frame.attributes.empty();
+        if (!first) rope.push_back(std::move(frame.attributes));
         const auto member = [&](const std::string& opening, Rope&& items, const char* closing) {
             rope.push_back((first ? "" : ",") + opening);
             first = false;

@@ -1,6 +1,7 @@
 // XML. A node's attributes may come after its children, unless the document says otherwise: then the start tag of each
 // open node is a gap in the text that is filled when the node ends; text goes out as far as the first gap.
 #include <algorithm>
+#include <iterator>
 #include <list>
 #include <set>
 #include <utility>
@@ -127,7 +128,9 @@ class XmlWriter final : public DocumentHandler {
         }
         if (frame.gap && sf(value.type()) != FieldType::SFString) {
             *frame.gap += " " + std::string(spelled(frame.shape, field)) + "='";
-            appendWrapped(*frame.gap, value, TextSyntax::xml, spaces(indent() + 1));
+            // In pieces: a string that grows is copied again and again.
+            appendWrapped(*frame.gap, value, TextSyntax::xml, spaces(indent() + 1),
+                          [&] { pieces_.insert(frame.gapAt, std::exchange(*frame.gap, {})); });
             *frame.gap += "'";
             return;
         }
@@ -268,12 +271,13 @@ class XmlWriter final : public DocumentHandler {
         NodeShape shape;
         std::shared_ptr<ProtoType> proto;
         std::string* gap = nullptr;  // attributes go here; ends with the start tag
-        bool tagOpen = false;        // no gap: attributes are written as they come
-        std::string connections;     // the connect elements of its IS
-        std::size_t indent = 0;      // of its content
-        bool filled = false;         // it has content (interface: the ProtoInterface is open)
-        bool endsWithText = false;   // CDATA: no white space may follow
-        std::string openValue;       // "field" or "fieldValue" whose nodes are coming
+        std::list<std::string>::iterator gapAt{};
+        bool tagOpen = false;       // no gap: attributes are written as they come
+        std::string connections;    // the connect elements of its IS
+        std::size_t indent = 0;     // of its content
+        bool filled = false;        // it has content (interface: the ProtoInterface is open)
+        bool endsWithText = false;  // CDATA: no white space may follow
+        std::string openValue;      // "field" or "fieldValue" whose nodes are coming
         std::string valueName;
         bool valueEmpty = false;             // its start tag is still open
         std::set<std::string> unknownGiven;  // attributes of a node of unknown type
@@ -294,6 +298,7 @@ class XmlWriter final : public DocumentHandler {
     }
     void openGap(Frame& frame) {
         frame.gap = &pieces_.emplace_back();
+        frame.gapAt = std::prev(pieces_.end());
         pieces_.emplace_back();
         ++openGaps_;
     }
