@@ -10,6 +10,9 @@ namespace rtsg::trace {
 
 namespace {
 
+/// Of the block's mean variance in a pixel's.
+constexpr double kOthersShare = 0.2;
+
 /// Sums over the rounds of the rounds' means, by pixel.
 struct Moments {
     std::array<Vec3d, kTilePixels> sum{}, squares{};
@@ -104,10 +107,21 @@ void adaptiveTile(const TraceScene& scene, const Camera& camera, const RenderSet
         }
     }
     tile.ranOut = blocks;
+    std::array<Vec3d, kBlocks> squares{};
+    std::array<int, kBlocks> pixels{};
+    for (int pixel = 0; pixel < kTilePixels; ++pixel) {
+        if (!inside(pixel)) continue;
+        const auto block = static_cast<std::size_t>(blockOf(pixel));
+        const Vec3d error = standardError(moments, pixel, rounds[block]);
+        squares[block] += error * error, ++pixels[block];
+    }
     for (int pixel = 0; pixel < kTilePixels; ++pixel) {
         const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
         const Vec3d error = standardError(moments, pixel, rounds[block]);
-        tile.interval[at] = Vec3f(error * studentQuantile(rounds[block] - 1));
+        // What has not met the bright and rare yet is too dark and seems too sure: its neighbours know better.
+        const Vec3d others = squares[block] / double(std::max(pixels[block], 1));
+        const Vec3d careful = glm::sqrt(glm::mix(error * error, others, kOthersShare));
+        tile.interval[at] = Vec3f(careful * studentQuantile(rounds[block] - 1));
         tile.error[at] = static_cast<float>(relative(moments, pixel, rounds[block], error));
         tile.samples[block] = static_cast<std::uint32_t>(rounds[block] * kRoundSamples);
     }

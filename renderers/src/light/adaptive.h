@@ -11,8 +11,8 @@
 namespace rtsg::trace {
 
 constexpr int kBlocks = 16;       // of a tile, four by four pixels each
-constexpr int kRoundSamples = 8;  // samples a pixel and round
-constexpr int kLeastRounds = 6;   // before a block may end
+constexpr int kRoundSamples = 4;  // samples a pixel and round
+constexpr int kLeastRounds = 7;   // before a block may end
 
 /// 97.5 % quantile of Student's distribution.
 double studentQuantile(int degreesOfFreedom);

@@ -71,6 +71,7 @@ Bsdf Bsdf::physical(const Vec3f& base, float metallic, float roughness) {
 
 Vec3f Bsdf::value(const Vec3f& view, const Vec3f& light) const {
     if (!(light.z > 0) || !(view.z > 0)) return Vec3f(0);
+    if (isMatte()) return base_ * light.z;
     const Vec3f h = halfway(view, light);
     if (physical_)
         return light.z * metallicRoughness(base_, metallic_, roughness_, light.z, view.z, h.z,
@@ -79,12 +80,14 @@ Vec3f Bsdf::value(const Vec3f& view, const Vec3f& light) const {
 }
 
 Vec3f Bsdf::albedo(float cosView) const {
+    if (isMatte()) return base_;
     if (!physical_) return base_ + specular_ * highlightAlbedo(exponent_);
     const Vec3f fresnel = fresnelSchlick(headOn(base_, metallic_), cosView);
     return (Vec3f(1) - fresnel) * (1 - metallic_) * base_ + fresnel;
 }
 
 float Bsdf::diffuseShare(float cosView) const {
+    if (isMatte()) return 1;
     float diffuse, glossy;
     if (physical_) {
         glossy = largest(fresnelSchlick(headOn(base_, metallic_), cosView));
@@ -99,10 +102,11 @@ float Bsdf::diffuseShare(float cosView) const {
 
 float Bsdf::density(const Vec3f& view, const Vec3f& light) const {
     const float diffuse = diffuseShare(view.z);
-    float result = diffuse * std::max(light.z, 0.0f) / kPi;
+    const float result = diffuse * std::max(light.z, 0.0f) / kPi;
+    if (diffuse >= 1) return result;
     const Vec3f h = halfway(view, light);
     const float cosine = std::abs(glm::dot(view, h));
-    if (diffuse >= 1 || !(cosine > 0)) return result;
+    if (!(cosine > 0)) return result;
     if (physical_) {
         if (!(h.z > 0)) return result;
         // The visible normals' G1 D (v.h) / (v.z), over the 4 (v.h) by which a mirror spreads directions.

@@ -34,6 +34,8 @@ class Bsdf {
     Vec3f albedo(float cosView) const;
 
   private:
+    /// Nothing but diffuse: most surfaces, at a fraction of the cost.
+    bool isMatte() const { return !physical_ && specular_ == Vec3f(0); }
     /// Probability of sampling the diffuse lobe.
     float diffuseShare(float cosView) const;
 

@@ -30,10 +30,6 @@ float emission(const Material& material, const Mesh& mesh) {
     return mesh.colors.present() ? 1.0f : largest(material.linear.base);
 }
 
-/// cos(max(0, a - b)) of two angles from 0 to pi.
-F8 cosOfDifference(F8 sinA, F8 cosA, F8 sinB, F8 cosB) {
-    return select(cosA > cosB, all(1), cosA * cosB + sinA * sinB);
-}
 F8 sinOf(F8 cosine) {
     return simd::sqrt(max(1 - cosine * cosine, all(0)));
 }
@@ -196,30 +192,26 @@ Emitters::Cluster Emitters::build(std::size_t first, std::size_t last, std::uint
     return whole;
 }
 
-/// Estimates of the light from there that are 0 only where nothing can come: the cosines are those of the most
-/// favourable directions within the sphere around a cluster as the point sees it, and within its cone of normals.
+/// Estimates of the light from there that are 0 only where nothing can come. A cosine is cut at 1, as if of the most
+/// favourable direction, after the sine of the sphere around a cluster, as the point sees it, is added: cos a + sin b
+/// is 0 where the angle a is a right one and b more, as the cosine of a - b would be, for one root less.
 float Emitters::importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each) {
     constexpr float kLeast = 1e-12f;  // m^2, so that no sum leaves the range of float
     constexpr float kSlack = 1e-4f;   // of the rounded cosines
-    const F8 radiusSquared = load(node.radiusSquared), power = load(node.power), cosCone = load(node.cosCone);
-    V8 towards{load(node.centerX) - point.x, load(node.centerY) - point.y, load(node.centerZ) - point.z};
+    const F8 radiusSquared = load(node.radiusSquared), power = load(node.power);
+    const V8 towards{load(node.centerX) - point.x, load(node.centerY) - point.y, load(node.centerZ) - point.z};
     const F8 distanceSquared = dot(towards, towards), inverse = 1 / max(distanceSquared, all(kLeast));
-    towards = towards * simd::sqrt(inverse);
-    const F8 sinSquared = min(radiusSquared * inverse, all(1));
-    const F8 sinSphere = simd::sqrt(sinSquared), cosSphere = simd::sqrt(1 - sinSquared);
-    const auto cut = [](F8 cosine) { return min(max(cosine, all(-1)), all(1)); };
-    const F8 cosAway = cut(dot(towards, V8{all(normal.x), all(normal.y), all(normal.z)}));
-    const F8 lit = cosOfDifference(sinOf(cosAway), cosAway, sinSphere, cosSphere) + kSlack;
-    const F8 cosAxis = cut(-dot(towards, V8{load(node.axisX), load(node.axisY), load(node.axisZ)}));
-    const F8 cosLeft = cut(cosAxis * cosCone + sinOf(cosAxis) * load(node.sinCone));
-    F8 shines = cosOfDifference(sinOf(cosLeft), cosLeft, sinSphere, cosSphere) + kSlack;
-    shines = select(cosAxis >= cosCone, all(1), shines);
-    F8 result = power * max(lit, all(0)) * max(shines, all(0)) * inverse;
-    result = select(distanceSquared > radiusSquared, result, power / max(radiusSquared, all(kLeast)));
-    store(each, min(result, all(1e36f)));
-    float sum = 0;
-    for (std::size_t i = 0; i < kWide; ++i) sum += each[i];
-    return sum;
+    const F8 perMetre = simd::sqrt(inverse), reach = simd::sqrt(radiusSquared) * perMetre + kSlack;
+    const F8 lit = dot(towards, V8{all(normal.x), all(normal.y), all(normal.z)}) * perMetre + reach;
+    const F8 cosAxis = dot(towards, V8{load(node.axisX), load(node.axisY), load(node.axisZ)}) * -perMetre;
+    const F8 cosCone = load(node.cosCone);
+    const F8 cosLeft = cosAxis * cosCone + sinOf(cosAxis) * load(node.sinCone);
+    const F8 shines = select(cosAxis >= cosCone - kSlack, all(1), cosLeft + reach);
+    const auto cut = [](F8 cosine) { return min(max(cosine, all(0)), all(1)); };
+    const F8 outside = power * cut(lit) * cut(shines) * inverse, inside = power / max(radiusSquared, all(kLeast));
+    const F8 result = min(select(distanceSquared > radiusSquared, outside, inside), all(1e36f));
+    store(each, result);
+    return ((each[0] + each[4]) + (each[2] + each[6])) + ((each[1] + each[5]) + (each[3] + each[7]));
 }
 
 Emitters::Choice Emitters::sample(const Vec3f& point, const Vec3f& normal, float u) const {
