@@ -174,7 +174,9 @@ void Scene::State::appendFieldChanges(ChangeSet& set) {
     // All in locals: the bytes written below might be anything, for all a compiler knows.
     const std::size_t count = written.size();
     WrittenField* const entries = written.data();
-    const TypeEntry* const entriesOfTypes = types.data();
+    // Of the type of the last node: most are followed by more of their kind.
+    TypeIndex keyedType;
+    const FieldKey* keys = nullptr;
     const NodeTable::View table = nodeTable.view();
     set.changes.reserve(set.changes.size() + count);
     detail::StateHash sum = hash;
@@ -210,7 +212,11 @@ void Scene::State::appendFieldChanges(ChangeSet& set) {
         } else {
             const std::byte* value = node->block() + slot.offset;
             const std::byte* fallback = type.defaults() + slot.offset;
-            const FieldKey key = entriesOfTypes[node->typeIndex_.value].keys[field];
+            if (node->typeIndex_ != keyedType) {
+                keyedType = node->typeIndex_;
+                keys = types[keyedType.value].keys;
+            }
+            const FieldKey key = keys[field];
             detail::withPlainSize(slot.size, [&]<std::size_t size>() {
                 change->value.setPlain(slot.type, value, size);
                 const auto termOfBytes = [&](const void* bytes) {

@@ -1,5 +1,6 @@
 // Logs in input mode, and logs with inputs beside the changes.
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 
@@ -11,6 +12,7 @@
 #include <rtsg/sync/replay.h>
 #include <rtsg/sync/replay_test.h>
 
+#include "support/log_support.h"
 #include "sync/input_support.h"
 
 namespace rtsg {
@@ -159,6 +161,36 @@ TEST(InputLog, ARerunNeedsTheInputsWhereTheCascadeOverwroteAnEdit) {
         ASSERT_TRUE(report) << report.error().text;
         EXPECT_EQ(report->passed(), inputs) << report->format();
     }
+}
+
+/// Its frames can be told right by their hashes only, and those are not counted here.
+TEST(InputLog, OneOfAnEarlierFormatIsRefusedSayingSo) {
+    const TemporaryFile log("format2");
+    {
+        Scene origin;
+        origin.setInputRecording(true);
+        auto writer = LogWriter::create(log.path, builtinTypes(), inMode(Mode::input));
+        ASSERT_TRUE(writer);
+        const Attachment attachment = origin.bus().attach(**writer);
+        for (int k = 0; k < 5; ++k) origin.newFrame(k);
+    }
+    EXPECT_TRUE(Replayer::open(log.path));
+    std::string bytes = test::readAll(log.path);
+    for (std::size_t at = 0; at < bytes.size();) {
+        const RecordHeader header = *parseRecordHeader(test::asBytes(bytes).subspan(at));
+        if (header.kind == RecordKind::head) {
+            ByteBuffer head;
+            head.append(test::asBytes(bytes).subspan(at, header.size()));
+            head.data()[kRecordHeaderSize] = head.data()[kRecordHeaderSize + 2] = std::byte{2};
+            sealRecord(head, header);
+            std::memcpy(bytes.data() + at, head.data(), head.size());
+        }
+        at += header.size();
+    }
+    test::writeAll(log.path, bytes);
+    const auto refused = Replayer::open(log.path);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().text.find("input mode of format 2"), std::string::npos) << refused.error().text;
 }
 
 TEST(InputLog, NeedsASceneThatRecordsItsInputs) {

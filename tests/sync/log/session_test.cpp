@@ -8,6 +8,7 @@
 #include <rtsg/sync/log_summary.h>
 
 #include "support/log_support.h"
+#include "test_paths.h"
 
 namespace rtsg {
 namespace {
@@ -195,6 +196,35 @@ TEST_F(Sessions, OfALossyLogAreRefused) {
     kill(10, options);
     Scene scene;
     EXPECT_FALSE(resumeSession(file(), scene));
+}
+
+/// One epoch, two ways of counting hashes: the head between them says where.
+TEST_F(Sessions, OneOfFormat2GoesOnInThatOfToday) {
+    std::filesystem::copy_file(RTSG_SOURCE_DIR "/tests/sync/conformance/format2/document.rlog", file());
+    Scene scene;
+    auto session = resumeSession(file(), scene);
+    ASSERT_TRUE(session) << session.error().format();
+    EXPECT_EQ(session->damaged, 0u);
+    LogOptions options;
+    options.append = true;
+    options.epoch = session->epoch;
+    auto log = LogWriter::create(file(), builtinTypes(), options);
+    ASSERT_TRUE(log) << log.error().format();
+    const Attachment attachment = scene.bus().attach(**log);
+    for (int k = 0; k < 10; ++k) scene.newFrame(20 + k * .1);
+    ASSERT_TRUE((*log)->close());
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer);
+    EXPECT_EQ((*replayer)->head().formatVersion, 2);
+    Result<bool> more = true;
+    while ((more = (*replayer)->step()) && *more) {
+    }
+    EXPECT_TRUE(more);
+    EXPECT_EQ((*replayer)->head().formatVersion, kFormatVersion);
+    EXPECT_EQ((*replayer)->head().epoch, session->epoch);
+    EXPECT_EQ((*replayer)->verified(), (*replayer)->frames());
+    EXPECT_EQ((*replayer)->gaps(), 0u);
+    EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <sys/resource.h>
 
 #include <rtsg/core/x3d.h>
+#include <rtsg/sync/record.h>
 
 #include "mirror_support.h"
 #include "support/stranger.h"
@@ -159,6 +160,27 @@ TEST(MirrorHostile, AStateOfAnotherEpochIsNotResumed) {
     own.say(hello(2, served.server->epoch()));
     ASSERT_TRUE(eventually([&] { return served.server->statistics().resumed == 1; }));
     EXPECT_EQ(served.server->statistics().snapshots, 2u);
+}
+
+/// Its hashes are others: every state would look wrong.
+TEST(MirrorHostile, AServerOfAnEarlierFormatIsRefusedSayingSo) {
+    Served served;
+    test::Middleman middle(served.server->endpoint(), [](bool toClient, std::vector<std::string>& parts) {
+        constexpr char kWelcome = 16;
+        if (!toClient || parts.size() < 2 || parts[0][5] != kWelcome) return true;
+        const auto bytes = std::as_bytes(std::span(parts[1].data(), parts[1].size()));
+        ByteBuffer head;
+        head.append(bytes);
+        head.data()[kRecordHeaderSize] = head.data()[kRecordHeaderSize + 2] = std::byte{2};
+        sealRecord(head, *parseRecordHeader(bytes));
+        parts[1].assign(reinterpret_cast<const char*>(head.data()), head.size());
+        return true;
+    });
+    Scene replica;
+    auto client = *MirrorClient::connect(replica, middle.endpoint);
+    ASSERT_TRUE(pollUntil(*client, [&] { return !client->refusal().empty(); }));
+    EXPECT_NE(client->refusal().find("those of format 2, ours of 3"), std::string::npos) << client->refusal();
+    EXPECT_EQ(replica.nodeCount(), 1u);
 }
 
 TEST(MirrorHostile, ARecordLongerThanAllowedIsRefusedWithBothNumbers) {
