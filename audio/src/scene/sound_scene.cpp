@@ -461,8 +461,11 @@ void SoundScene::chooseListener(const Scene& scene) {
     const Placed* view = nullptr;
     NodeId bound;
     if (const Node* root = scene.find(scene.root())) {
-        const auto& stack = root->get(x3d::RtsgScene::_viewpointStack);
-        if (!stack.empty()) bound = stack[0];
+        const Node* layer = scene.find(root->get(x3d::RtsgScene::_activeLayer));
+        const Node& holder = layer ? *layer : *root;
+        const FieldIndex field = holder.type().findExact("_viewpointStack");
+        if (field != kNoField)
+            if (const auto& stack = holder.get(Field<Array<NodeId>>{field}); !stack.empty()) bound = stack[0];
     }
     for (const auto& [slot, placed] : others_) {
         const Node* node = scene.find(placed.node);

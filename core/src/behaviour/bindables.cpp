@@ -1,6 +1,8 @@
-// Binding stacks (ISO/IEC 19775-1 V4.0, 7.2.2) and LOD (23.4.3), which needs the bound viewpoint.
+// Binding stacks (ISO/IEC 19775-1 V4.0, 7.2.2), a set of them for each layer (35.2.1); LayerSet (35.4.2), which says in
+// which layer the viewer is; and LOD (23.4.3), which needs the bound viewpoint.
 //
-// The stacks are hidden MFNode fields of the root, top first: so they travel and are hashed as everything else.
+// The stacks are hidden MFNode fields of the layers, and of the root for what is in none, top first: so they travel and
+// are hashed as everything else.
 #include <algorithm>
 #include <cmath>
 
@@ -15,6 +17,34 @@ namespace {
 
 using Stack = Field<Array<NodeId>>;
 
+enum class Kind { viewpoint, background, navigation, fog };
+constexpr std::string_view kStackNames[] = {"_viewpointStack", "_backgroundStack", "_navigationStack", "_fogStack"};
+
+const Node& rootOf(const Cascade& cascade) {
+    return cascade.scene().node(cascade.scene().root());
+}
+
+/// Of a layer or the root.
+Stack stackOf(const Node& holder, Kind kind) {
+    return {holder.type().findExact(kStackNames[static_cast<int>(kind)])};
+}
+
+/// Where the node's kind is bound: in its layer, on the first way up; else in the root.
+const Node& holderOf(Cascade& cascade, NodeId id) {
+    const Node* layer = layerOf(cascade.scene(), id);
+    return layer ? *layer : rootOf(cascade);
+}
+
+void storeStack(Cascade& cascade, const Node& holder, Kind kind, const Array<NodeId>& stack) {
+    const Node& root = rootOf(cascade);
+    Array<NodeId> layers = root.get(x3d::RtsgScene::_layers);
+    if (holder.id() != root.id() && std::ranges::find(layers, holder.id()) == layers.end()) {
+        layers.push_back(holder.id());
+        cascade.store(root, x3d::RtsgScene::_layers, layers);
+    }
+    cascade.store(holder, stackOf(holder, kind), stack);
+}
+
 /// A viewpoint brings its NavigationInfo, and takes it away (23.3.1).
 void bindNavigation(Cascade& cascade, const Node& node, bool bound) {
     const FieldIndex field = node.type().findExact("navigationInfo");
@@ -25,9 +55,9 @@ void bindNavigation(Cascade& cascade, const Node& node, bool bound) {
 }
 
 /// The viewer is where the viewpoint is at once: the transition is complete when it begins.
-void completeTransition(Cascade& cascade) {
+void completeTransition(Cascade& cascade, const Node& holder) {
     const Scene& scene = cascade.scene();
-    const auto& stack = scene.node(scene.root()).get(x3d::RtsgScene::_navigationStack);
+    const auto& stack = holder.get(stackOf(holder, Kind::navigation));
     if (!stack.empty() && scene.node(stack[0]).is(x3d::NavigationInfo::type))
         cascade.emit(scene.node(stack[0]), x3d::NavigationInfo::transitionComplete, true);
 }
@@ -42,19 +72,19 @@ void announceBound(Cascade& cascade, NodeId id, bool bound) {
     bindNavigation(cascade, node, bound);
 }
 
-/// N: node type with set_bind, isBound, bindTime. The stack's handle is a type parameter's static member.
-template <class N, const Stack& stackField>
+/// N: node type with set_bind, isBound, bindTime.
+template <class N, Kind kind>
 struct Bindable {
-    static const Node& root(Cascade& cascade) { return cascade.scene().node(cascade.scene().root()); }
     static void announce(Cascade& cascade, const Node& node, bool bound) {
         cascade.emit(node, N::isBound, bound);
         cascade.emit(node, N::bindTime, Time{cascade.now()});
         bindNavigation(cascade, node, bound);
     }
-    static constexpr bool kIsView = N::type == x3d::Viewpoint::type || N::type == x3d::OrthoViewpoint::type;
+    static constexpr bool kIsView = kind == Kind::viewpoint;
     static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
         if (field != N::set_bind.index) return;
-        Array<NodeId> stack = root(cascade).get(stackField);
+        const Node& holder = holderOf(cascade, node.id());
+        Array<NodeId> stack = holder.get(stackOf(holder, kind));
         const auto found = std::ranges::find(stack, node.id());
         const bool onTop = !stack.empty() && stack[0] == node.id();
         const NodeId oldTop = stack.empty() ? NodeId{} : stack[0];
@@ -64,71 +94,94 @@ struct Bindable {
             stack.insert(0, node.id());
             // The old one hears of it first (7.2.2 step b).
             if (oldTop) announceBound(cascade, oldTop, false);
-            cascade.store(root(cascade), stackField, stack);
+            storeStack(cascade, holder, kind, stack);
             announce(cascade, node, true);
-            if (kIsView && oldTop) completeTransition(cascade);
+            if (kIsView && oldTop) completeTransition(cascade, holder);
         } else {
             if (found == stack.end()) return;
             stack.erase(static_cast<std::size_t>(found - stack.begin()));
             if (onTop) announce(cascade, node, false);
-            cascade.store(root(cascade), stackField, stack);
+            storeStack(cascade, holder, kind, stack);
             if (onTop && !stack.empty()) {
                 announceBound(cascade, stack[0], true);
-                if (kIsView) completeTransition(cascade);
+                if (kIsView) completeTransition(cascade, holder);
             }
         }
     }
     /// The first one found is bound when nothing is; one that has come to the top because others were deleted hears it.
     static double onTime(Cascade& cascade, const Node& node) {
-        Array<NodeId> stack = root(cascade).get(stackField);
+        const Node& holder = holderOf(cascade, node.id());
+        Array<NodeId> stack = holder.get(stackOf(holder, kind));
         if (stack.empty()) {
             // One that was bound before has been unbound: that nothing is bound then is its author's wish.
             if (node.get(N::bindTime).seconds != 0) return kNever;
             stack.push_back(node.id());
-            cascade.store(root(cascade), stackField, stack);
+            storeStack(cascade, holder, kind, stack);
         }
         if (stack[0] == node.id() && !node.get(N::isBound)) announce(cascade, node, true);
         return kNever;
     }
 };
 
-template <class N, const Stack& stack>
+template <class N, Kind kind>
 BuiltinBehaviour bindable() {
-    return {N::type, {.onEvent = Bindable<N, stack>::onEvent, .onTime = Bindable<N, stack>::onTime}};
+    return {N::type, {.onEvent = Bindable<N, kind>::onEvent, .onTime = Bindable<N, kind>::onTime}};
 }
 
-/// Takes what is no longer in the scene off the top of a stack, as if it were unbound (7.2.2); who comes to the top is
+/// Takes what is no longer in the layer off the top of a stack, as if it were unbound (7.2.2); who comes to the top is
 /// bound. Of those below the top each is looked at when it comes there.
-void unbindWhatHasLeft(Cascade& cascade, Field<Array<NodeId>> stackField) {
+void unbindWhatHasLeft(Cascade& cascade, const Node& holder, Kind kind) {
     const Scene& scene = cascade.scene();
-    Array<NodeId> stack = scene.node(scene.root()).get(stackField);
+    Array<NodeId> stack = holder.get(stackOf(holder, kind));
     std::size_t gone = 0;
-    while (gone < stack.size() && !isInScene(scene, stack[gone])) ++gone;
+    while (gone < stack.size() && layerOf(scene, stack[gone]) != &holder) ++gone;
     if (gone == 0) return;
     const NodeId oldTop = stack[0];
     for (std::size_t i = 0; i < gone; ++i) stack.erase(0);
     announceBound(cascade, oldTop, false);
-    cascade.store(scene.node(scene.root()), stackField, stack);
+    storeStack(cascade, holder, kind, stack);
     if (!stack.empty()) announceBound(cascade, stack[0], true);
+}
+
+/// 35.4.2: 0 is what is in no layer; what is no layer's number is taken as that.
+double layerSetOnTime(Cascade& cascade, const Node& node) {
+    if (!isInScene(cascade.scene(), node.id())) return kNever;
+    const std::int32_t number = node.get(x3d::LayerSet::activeLayer);
+    const auto& layers = node.get(x3d::LayerSet::layers);
+    NodeId active;
+    if (number >= 1 && static_cast<std::size_t>(number) <= layers.size())
+        active = layers[static_cast<std::size_t>(number - 1)];
+    // What stands there may be no layer, or a PROTO instance that makes one.
+    const Node* layer = cascade.scene().effectiveNode(active);
+    active = layer && isLayer(*layer) ? layer->id() : NodeId{};
+    const Node& root = rootOf(cascade);
+    if (root.get(x3d::RtsgScene::_activeLayer) != active) cascade.store(root, x3d::RtsgScene::_activeLayer, active);
+    return kNever;
 }
 
 }  // namespace
 
-double rootOnTime(Cascade& cascade, const Node&) {
+double rootOnTime(Cascade& cascade, const Node& root) {
     using R = x3d::RtsgScene;
-    for (const auto& stack : {R::_viewpointStack, R::_backgroundStack, R::_navigationStack, R::_fogStack})
-        unbindWhatHasLeft(cascade, stack);
+    const Scene& scene = cascade.scene();
+    if (const NodeId active = root.get(R::_activeLayer); active && !isInScene(scene, active))
+        cascade.store(root, R::_activeLayer, NodeId{});
+    std::vector<NodeId> holders{root.id()};
+    for (const NodeId layer : root.get(R::_layers)) holders.push_back(layer);
+    for (const NodeId holder : holders)
+        for (const Kind kind : {Kind::viewpoint, Kind::background, Kind::navigation, Kind::fog})
+            unbindWhatHasLeft(cascade, scene.node(holder), kind);
     return kNever;
 }
 
 void appendBindables(std::vector<BuiltinBehaviour>& table) {
-    using R = x3d::RtsgScene;
-    table.push_back(bindable<x3d::Viewpoint, R::_viewpointStack>());
-    table.push_back(bindable<x3d::OrthoViewpoint, R::_viewpointStack>());
-    table.push_back(bindable<x3d::Background, R::_backgroundStack>());
-    table.push_back(bindable<x3d::TextureBackground, R::_backgroundStack>());
-    table.push_back(bindable<x3d::NavigationInfo, R::_navigationStack>());
-    table.push_back(bindable<x3d::Fog, R::_fogStack>());
+    table.push_back(bindable<x3d::Viewpoint, Kind::viewpoint>());
+    table.push_back(bindable<x3d::OrthoViewpoint, Kind::viewpoint>());
+    table.push_back(bindable<x3d::Background, Kind::background>());
+    table.push_back(bindable<x3d::TextureBackground, Kind::background>());
+    table.push_back(bindable<x3d::NavigationInfo, Kind::navigation>());
+    table.push_back(bindable<x3d::Fog, Kind::fog>());
+    table.push_back({x3d::LayerSet::type, {.onTime = layerSetOnTime}});
 }
 
 double lodOnTime(Cascade& cascade, const Node& node) {

@@ -327,8 +327,8 @@ void Scene::State::feelContacts() {
     if (!queries || collisionNodes == 0 || ((touched | touchedBefore) & kShapes) == 0) return;
     const Node& root = *find(owner.root());
     double radius = .25;  // 23.4.4, the default
-    if (const auto& stack = root.get(Root::_navigationStack); !stack.empty())
-        if (const Node* info = find(stack[0]); info && info->is(x3d::NavigationInfo::type))
+    if (const Node* info = topOfStack(owner, "_navigationStack"))
+        if (info->is(x3d::NavigationInfo::type))
             if (const auto& size = info->get(x3d::NavigationInfo::avatarSize); !size.empty()) radius = size[0];
     if (!(radius >= 0) || !std::isfinite(radius)) return;
     Places fresh(owner);

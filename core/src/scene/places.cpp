@@ -108,18 +108,54 @@ bool isPlace(const NodeType& type, FieldIndex field) {
     return !def.hidden || def.aspect == Aspect::structure;
 }
 
+bool isLayer(const Node& node) {
+    return node.type().kind == NodeType::Kind::builtin && node.type().isA("X3DLayerNode");
+}
+
 bool isInScene(const Scene& scene, NodeId id) {
-    std::vector<NodeId> pending{id};
+    return layerOf(scene, id) != nullptr;
+}
+
+const Node* layerOf(const Scene& scene, NodeId id) {
+    struct Step {
+        NodeId node;
+        const Node* layer;  // that was passed on the way here
+    };
+    std::vector<Step> pending{{id, nullptr}};
     std::unordered_set<std::uint32_t> seen;
     while (!pending.empty()) {
-        const NodeId node = pending.back();
+        Step step = pending.back();
         pending.pop_back();
-        if (node == scene.root()) return true;
-        if (!seen.insert(node.value).second) continue;
-        for (const ParentRef& p : scene.parents(node))
-            if (isPlace(scene.node(p.node).type(), p.field)) pending.push_back(p.node);
+        const Node* node = scene.find(step.node);
+        if (!node) continue;
+        if (step.node == scene.root()) return step.layer ? step.layer : node;
+        if (!seen.insert(step.node.value).second) continue;
+        if (!step.layer && isLayer(*node)) step.layer = node;
+        const std::vector<ParentRef> parents = scene.parents(step.node);
+        for (std::size_t i = parents.size(); i-- > 0;)  // so that the first is looked at first
+            if (isPlace(scene.node(parents[i].node).type(), parents[i].field))
+                pending.push_back({parents[i].node, step.layer});
     }
-    return false;
+    return nullptr;
+}
+
+namespace {
+
+/// Whose stacks count: the active layer, or the root.
+const Node& activeHolder(const Scene& scene) {
+    const Node& root = scene.node(scene.root());
+    const Node* layer = scene.find(root.get(x3d::RtsgScene::_activeLayer));
+    return layer ? *layer : root;
+}
+
+}  // namespace
+
+const Node* topOfStack(const Scene& scene, std::string_view stack) {
+    const Node& holder = activeHolder(scene);
+    const FieldIndex field = holder.type().findExact(stack);
+    if (field == kNoField || holder.type().fields[field].type != FieldType::MFNode) return nullptr;
+    const auto& nodes = holder.get(Field<Array<NodeId>>{field});
+    return nodes.empty() ? nullptr : scene.find(nodes[0]);
 }
 
 void Places::compute(NodeId id, Place& place) {
@@ -169,12 +205,12 @@ const Places::Place& Places::ask(NodeId node, NodeId asker) {
 }
 
 void Places::computeViewer() {
-    using R = x3d::RtsgScene;
-    const auto& stack = scene_.node(scene_.root()).get(R::_viewpointStack);
+    viewerLayer_ = activeHolder(scene_).id();
     watch(scene_.root());
+    watch(viewerLayer_);
     viewerKnown_ = true;
     viewer_ = {};  // 23.4.6: where a viewer stands who is given no viewpoint
-    const Node* view = stack.empty() ? nullptr : scene_.find(stack[0]);
+    const Node* view = topOfStack(scene_, "_viewpointStack");
     if (!view) return;
     const auto find = [&]<class T>(std::string_view name, Field<T>) {
         const FieldIndex index = view->type().findExact(name);
@@ -209,7 +245,7 @@ void Places::takeConcerned(std::vector<NodeId>& out) {
     moved_.erase(std::unique(moved_.begin(), moved_.end()), moved_.end());
     bool viewerMoved = false;
     for (const NodeId node : moved_) {
-        viewerMoved |= node == scene_.root();
+        viewerMoved |= node == scene_.root() || node == viewerLayer_;
         const auto passers = passers_.find(node.value);
         if (passers == passers_.end()) continue;
         for (const Passer& p : passers->second.list) {

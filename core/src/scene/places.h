@@ -71,6 +71,7 @@ class Places {
     std::vector<NodeId> moved_;
     Viewer viewer_;
     bool viewerKnown_ = false;
+    NodeId viewerLayer_;  // whose viewpoint is the viewer's
     std::vector<NodeId> viewerAskers_;
     std::vector<bool> asksViewer_;  // by NodeId
 };
@@ -84,5 +85,12 @@ glm::dmat4 parentFromLocal(const Node& node);
 glm::dquat turnOf(const glm::dmat4& matrix);
 /// Whether some path leads up from the node to the root.
 bool isInScene(const Scene& scene, NodeId id);
+/// One of the tables' own, which has binding stacks.
+bool isLayer(const Node& node);
+/// The layer that the node is in, on the first path up; the root if it is in none; null if it is not in the
+/// scene.
+const Node* layerOf(const Scene& scene, NodeId id);
+/// What is bound in the active layer, by the name of its stack; null if nothing is.
+const Node* topOfStack(const Scene& scene, std::string_view stack);
 
 }  // namespace rtsg

@@ -178,8 +178,11 @@ export class X3dView {
         result.push({id, name: node.get('description') || node.name || `${node.type.name} ${id}`});
     return result;
   }
-  /** That of the origin: the top of its stack. */
-  originsViewpoint() { return this.hidden(this.scene.root, '_viewpointStack')[0] ?? 0; }
+  /** That of the origin: the top of its active layer's stack. */
+  originsViewpoint() {
+    const {root} = this.scene;
+    return this.hidden(this.scene.nodes.get(this.hidden(root, '_activeLayer')) ?? root, '_viewpointStack')[0] ?? 0;
+  }
   bind(id) {
     const made = this.nodes.get(id);
     if (made) made.set_bind = true;
