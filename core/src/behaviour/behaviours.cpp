@@ -21,6 +21,7 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         appendBindables(t);
         appendPointing(t);
         appendKeys(t);
+        appendLoadSensor(t);
         for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;
         return t;
     }();

@@ -17,6 +17,7 @@ void appendTriggers(std::vector<BuiltinBehaviour>& table);
 void appendBindables(std::vector<BuiltinBehaviour>& table);
 void appendPointing(std::vector<BuiltinBehaviour>& table);
 void appendKeys(std::vector<BuiltinBehaviour>& table);
+void appendLoadSensor(std::vector<BuiltinBehaviour>& table);
 
 double lodOnTime(Cascade& cascade, const Node& node);
 /// The root is woken when a node has lost a parent.

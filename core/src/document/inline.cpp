@@ -9,6 +9,7 @@
 #include <rtsg/core/loader.h>
 
 #include "builder_state.h"
+#include "load_reports.h"
 #include "reader_bytes.h"
 
 namespace rtsg {
@@ -139,7 +140,7 @@ void SceneBuilder::State::fillInline(NodeId id, LoadSession::File& file, std::st
 
 struct InlineLoader::State final : Subscriber {
     State(Scene& target, Diagnostics& sink, BuildOptions buildOptions)
-        : scene(target), diagnostics(sink), options(std::move(buildOptions)) {
+        : scene(target), diagnostics(sink), options(std::move(buildOptions)), reports(target) {
         if (!options.resources)
             options.resources = options.file.empty() ? Resources() : Resources::ofFile(options.file);
         scene.seal();  // what the caller loaded is not news
@@ -153,6 +154,7 @@ struct InlineLoader::State final : Subscriber {
     }
 
     Result<> apply(const Scene& source, const ChangeSet& set) override {
+        reports.note(source, set);
         for (const Change& change : set.changes) {
             if (change.kind != ChangeKind::setField) continue;
             const Node* node = source.find(change.node);
@@ -231,6 +233,7 @@ struct InlineLoader::State final : Subscriber {
     BuildOptions options;
     std::set<std::uint32_t> changed;
     std::unordered_map<std::uint32_t, Array<String>> loaded;  // the urls that the content came from
+    LoadReports reports;
     Attachment attachment;
 };
 
@@ -266,7 +269,7 @@ std::size_t InlineLoader::update() {
             if (!scope) break;
         }
     }
-    return count;
+    return count + s.reports.answer(s.scene, *s.options.resources);
 }
 
 }  // namespace rtsg

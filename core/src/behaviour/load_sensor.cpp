@@ -1,0 +1,100 @@
+// LoadSensor: ISO/IEC 19775-1 V4.0, 9.4.3. Whoever loads what urls name (InlineLoader) writes down in _outcomes what
+// became of each child (rows of its number and 1 or 0), or 0 alone when one names something else now; both as edits
+// between frames, so that replays and replicas need no files, and all hear of them in the same frame.
+#include <rtsg/core/x3d.h>
+
+#include "behaviours.h"
+
+namespace rtsg::behaviours {
+
+namespace {
+
+using S = x3d::LoadSensor;
+
+using Rows = Array<std::int32_t>;
+
+/// Whether there is something to be loaded, now or once its `load` is TRUE.
+bool namesSomething(const Node& node) {
+    const FieldIndex url = node.type().findExact("url");
+    return node.type().isA("X3DUrlObject") && url != kNoField && node.type().fields[url].type == FieldType::MFString &&
+           !node.get(Field<Array<String>>{url}).empty();
+}
+
+/// A row for each child: its number, and whether it is watched.
+Rows rowsOf(const Scene& scene, const Node& sensor) {
+    Rows rows;
+    for (const NodeId id : sensor.get(S::children)) {
+        rows.push_back(static_cast<std::int32_t>(id.value));
+        rows.push_back(namesSomething(scene.node(id)) ? 1 : 0);
+    }
+    return rows;
+}
+
+bool isOf(const Rows& rows, const Array<NodeId>& children) {
+    if (rows.size() != 2 * children.size()) return false;
+    for (std::size_t i = 0; i < children.size(); ++i)
+        if (rows[2 * i] != static_cast<std::int32_t>(children[i].value)) return false;
+    return true;
+}
+
+struct Outcomes {
+    std::size_t watched = 0, loaded = 0, failed = 0;
+};
+
+Outcomes outcomesOf(const Node& sensor) {
+    Outcomes result;
+    const Rows &rows = sensor.get(S::_watched), &outcomes = sensor.get(S::_outcomes);
+    for (std::size_t k = 0; k + 1 < rows.size(); k += 2) {
+        if (rows[k + 1] == 0) continue;
+        ++result.watched;
+        for (std::size_t i = 0; i + 1 < outcomes.size(); i += 2)
+            if (outcomes[i] == rows[k]) {
+                ++(outcomes[i + 1] != 0 ? result.loaded : result.failed);
+                break;
+            }
+    }
+    return result;
+}
+
+void end(Cascade& cascade, const Node& node, bool loaded) {
+    cascade.emit(node, S::isLoaded, loaded);
+    if (loaded) cascade.emit(node, S::loadTime, Time{cascade.now()});
+    cascade.emit(node, S::isActive, false);
+}
+
+/// Looks at the children afresh; whoever loads answers when it sees that.
+void begin(Cascade& cascade, const Node& node) {
+    cascade.store(node, S::_watched, node.get(S::enabled) ? rowsOf(cascade.scene(), node) : Rows{});
+    cascade.store(node, S::_outcomes, Rows{});
+    cascade.store(node, S::_begun, Time{cascade.now()});
+    const bool active = outcomesOf(node).watched > 0;
+    if (active != node.get(S::isActive)) cascade.emit(node, S::isActive, active);
+    if (active) cascade.emit(node, S::progress, 0.f);
+}
+
+double loadSensorOnTime(Cascade& cascade, const Node& node) {
+    const bool isSame =
+        node.get(S::enabled) ? isOf(node.get(S::_watched), node.get(S::children)) : node.get(S::_watched).empty();
+    if (!isSame || node.get(S::_outcomes).size() == 1) begin(cascade, node);
+    if (!node.get(S::isActive)) return kNever;
+    const Outcomes found = outcomesOf(node);
+    const float progress = static_cast<float>(found.loaded) / static_cast<float>(found.watched);
+    if (progress != node.get(S::progress)) cascade.emit(node, S::progress, progress);
+    const double timeOut = node.get(S::timeOut).seconds;
+    const double until = timeOut > 0 ? node.get(S::_begun).seconds + timeOut : kNever;
+    if (found.loaded + found.failed >= found.watched)
+        end(cascade, node, found.failed == 0);
+    else if (cascade.now() >= until)
+        end(cascade, node, false);
+    else
+        return until;
+    return kNever;
+}
+
+}  // namespace
+
+void appendLoadSensor(std::vector<BuiltinBehaviour>& table) {
+    table.push_back({x3d::LoadSensor::type, {.onTime = loadSensorOnTime}});
+}
+
+}  // namespace rtsg::behaviours
