@@ -107,12 +107,14 @@ class Drawing {
 
 }  // namespace
 
-void lookForLight(TraceScene& scene, Emitters& emitters, std::optional<SkyLight>& sky) {
-    emitters = Emitters(scene);
-    if (!emitters.empty()) scene.emitters = &emitters;
+void lookForLight(TraceScene& scene, Sources& sources) {
+    sources.emitters = Emitters(scene);
+    if (!sources.emitters.empty()) scene.emitters = &sources.emitters;
+    sources.lamps = Lamps(scene.lightGroups);
+    if (!sources.lamps.empty()) scene.lamps = &sources.lamps;
     if (scene.evenSky) return;
-    sky.emplace(*scene.sky);
-    if (sky->unevenness() > kUneven) scene.skyLight = &*sky;
+    sources.sky.emplace(*scene.sky);
+    if (sources.sky->unevenness() > kUneven) scene.skyLight = &*sources.sky;
 }
 
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats) {
@@ -132,9 +134,8 @@ Picture drawPart(const LightState& state, const RayView& world, const Camera& ca
                  const Part& part, RenderStats& stats) {
     TraceScene scene = makeTraceScene(state, world, camera, settings, part);
     drawCubes(state, world, camera, settings, part.hidden, scene);
-    Emitters emitters;
-    std::optional<SkyLight> sky;
-    if (settings.integrator == Integrator::path) lookForLight(scene, emitters, sky);
+    Sources sources;
+    if (settings.integrator == Integrator::path) lookForLight(scene, sources);
     Picture picture = drawPicture(scene, camera, settings, &stats);
     if (settings.layers != 0) {
         addLayers(world, settings, picture);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "emitters.h"
+#include "lamps.h"
 #include "light_tables.h"
 #include "sky_light.h"
 #include "trace_scene.h"
@@ -29,8 +30,14 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
 void drawCubes(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                const std::vector<bool>& part, TraceScene& scene);
 
-/// Fills tables of what paths look for, and tells the scene of them if there is anything. They must outlive it.
-void lookForLight(TraceScene& scene, Emitters& emitters, std::optional<SkyLight>& sky);
+/// What paths look for.
+struct Sources {
+    Emitters emitters;
+    Lamps lamps;
+    std::optional<SkyLight> sky;
+};
+/// Finds them, and tells the scene of those that there are, which must outlive it.
+void lookForLight(TraceScene& scene, Sources& sources);
 
 /// `stats` may be null.
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats);

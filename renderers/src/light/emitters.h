@@ -3,8 +3,7 @@
 // Holds those of materials that emit, are opaque and do not mirror; what else shines is found by bounces alone.
 // Invariant: an emitter that lights a point at all is chosen there with a probability above 0, and density() is the one
 // that sample() chooses with. Built for one picture, in ray space; it reads the scene's meshes, which must outlive it.
-// Threading: const once built. Source: Conty Estevez & Kulla 2018, Proc. ACM Comput. Graph. Interact. Tech. 1, 2
-// (importance of a cluster: power, distance, cones).
+// Threading: const once built.
 #pragma once
 
 #include <cstdint>
@@ -13,13 +12,15 @@
 #include <rtsg/core/value.h>
 #include <rtsg/renderers/mesh.h>
 
+#include "light_tree.h"
+
 namespace rtsg::trace {
 
 struct TraceScene;
 
 class Emitters {
   public:
-    static constexpr std::uint32_t kNone = 0xFFFFFFFF;
+    static constexpr std::uint32_t kNone = LightTree::kNone;
     struct Emitter {
         Vec3f corner{0}, ab{0}, ac{0};  // ray space
         Vec3f normal{0};                // unit, as Hit::normal
@@ -48,35 +49,10 @@ class Emitters {
     std::uint32_t find(std::uint32_t instance, std::uint32_t triangle) const;
 
   private:
-    /// Emitters below a node: their box, their power, and a cone that holds the normals of their shining sides.
-    struct Cluster {
-        Bounds bounds;
-        Vec3f axis{0, 0, 1};
-        float cosCone = 1, power = 0;  // cosCone -1: all directions
-    };
-    static constexpr std::size_t kWide = 8;
-    /// Up to eight clusters side by side; those that are not there have no power.
-    struct alignas(32) Node {
-        float centerX[kWide]{}, centerY[kWide]{}, centerZ[kWide]{}, radiusSquared[kWide]{};
-        float axisX[kWide]{}, axisY[kWide]{}, axisZ[kWide]{};
-        float cosCone[kWide]{}, sinCone[kWide]{}, power[kWide]{};
-        std::uint32_t next[kWide]{};  // a node, or an emitter
-        std::uint8_t leaves = 0;      // which are emitters, a bit each
-        void set(std::size_t child, const Cluster& cluster);
-    };
-    void add(const TraceScene& scene, std::uint32_t slot);
-    Cluster clusterOf(std::uint32_t emitter) const;
-    static Cluster join(const Cluster& a, const Cluster& b);
-    std::size_t halve(std::size_t first, std::size_t last);
-    Cluster build(std::size_t first, std::size_t last, std::uint32_t node, std::uint32_t depth, std::uint64_t way);
-    /// Of all eight; returns their sum.
-    static float importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each);
+    void add(const TraceScene& scene, std::uint32_t slot, std::vector<LightTree::Cluster>& clusters);
 
     std::vector<Emitter> emitters_;
-    std::vector<float> power_;
-    std::vector<std::uint64_t> ways_;   // by emitter: three bits a node, from the root on: which child
-    std::vector<std::uint32_t> order_;  // while building
-    std::vector<Node> nodes_;
+    LightTree tree_;
     std::vector<std::uint32_t> firstOf_;  // by instance slot: its first emitter or kNone; triangles follow each other
 };
 

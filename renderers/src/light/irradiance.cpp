@@ -4,15 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <optional>
 #include <vector>
 
 #include <rtsg/renderers/parallel_for.h>
 
 #include "draw.h"
-#include "emitters.h"
 #include "probe.h"
-#include "sky_light.h"
 
 namespace rtsg {
 
@@ -50,15 +47,14 @@ struct Sums {
 /// All that a probe's rays meet.
 struct ProbeScene {
     TraceScene scene;
-    Emitters emitters;
-    std::optional<SkyLight> sky;
+    Sources sources;
     ProbeScene(const LightState& state, const RayView& world, const RenderSettings& settings) {
         const Camera camera;
         Part part;
         part.headlight = Vec3d(0);
         scene = makeTraceScene(state, world, camera, settings, part);
         drawCubes(state, world, camera, settings, {}, scene);
-        lookForLight(scene, emitters, sky);
+        lookForLight(scene, sources);
     }
 };
 

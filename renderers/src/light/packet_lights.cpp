@@ -68,25 +68,6 @@ bool gather(const TraceLight& light, const SurfacePacket& s, Incoming& in) {
     return any(lit);
 }
 
-/// Follows a shadow ray that is blocked by something through what is clear.
-Vec3f look(const TraceScene& scene, Ray ray) {
-    Vec3f left(1);
-    for (int step = 0; step < 64; ++step) {
-        const Hit hit = scene.world->intersect(ray, RayKind::shadow);
-        if (!hit) return left;
-        left *= straightTransmittance(scene, hit);
-        if (!(std::max({left.x, left.y, left.z}) > 1 / 1024.0f)) return Vec3f(0);
-        const Vec3f next = RayView::leave(scene.world->point(hit), ray.direction);
-        // For a light at a place, t counts in shares of the way that is left.
-        if (std::isfinite(ray.tMax)) {
-            ray.direction = ray.origin + ray.direction - next;
-            if (!(glm::dot(ray.direction, ray.direction) > 1e-20f)) return left;
-        }
-        ray.origin = next;
-    }
-    return Vec3f(0);
-}
-
 /// One representable number further in the direction of `step`, where that is not 0.
 F8 beyond(F8 x, F8 step) {
     const I8 i = bits(x);
@@ -211,7 +192,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
             ray.origin = {rays.originX[lane], rays.originY[lane], rays.originZ[lane]};
             ray.direction = {rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]};
             if (!directional) ray.tMax = 1;
-            left = look(scene, ray);
+            left = leftOnTheWay(scene, ray);
         }
         if (behind >> lane & 1u) left *= through[lane];
         in.visible.set(lane, Vec3f(1) - light.shadowIntensity * (Vec3f(1) - left));
@@ -287,6 +268,24 @@ void spread(std::uint32_t mask, std::int32_t* lanes) {
 }
 
 }  // namespace
+
+Vec3f leftOnTheWay(const TraceScene& scene, Ray ray) {
+    Vec3f left(1);
+    for (int step = 0; step < 64; ++step) {
+        const Hit hit = scene.world->intersect(ray, RayKind::shadow);
+        if (!hit) return left;
+        left *= straightTransmittance(scene, hit);
+        if (!(std::max({left.x, left.y, left.z}) > 1 / 1024.0f)) return Vec3f(0);
+        const Vec3f next = RayView::leave(scene.world->point(hit), ray.direction);
+        // For a light at a place, t counts in shares of the way that is left.
+        if (std::isfinite(ray.tMax)) {
+            ray.direction = ray.origin + ray.direction - next;
+            if (!(glm::dot(ray.direction, ray.direction) > 1e-20f)) return left;
+        }
+        ray.origin = next;
+    }
+    return Vec3f(0);
+}
 
 void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowRays) {
     alignas(32) std::int32_t unlit[16];

@@ -137,6 +137,8 @@ class Paths {
         findPoints(scene_, surfaces_);
         found_.mask = 0;
         if (scene_.emitters) lookForEmitters(scene_, surfaces_, tasks, found_, result_.shadowRays);
+        lamp_.mask = 0;
+        if (scene_.lamps) lookForLamps(scene_, surfaces_, tasks, lamp_, result_.shadowRays);
         sky_.mask = 0;
         if (scene_.skyLight) lookForSky(scene_, surfaces_, tasks, sky_, result_.shadowRays);
     }
@@ -214,6 +216,7 @@ class Paths {
         const Frame frame(normal, facing, direction, cosine);
         const float chance = w.chance[surface] / w.total;
         if (found_.mask >> lane & 1u) add(lit, found(found_, lane, own, frame, chance));
+        if (lamp_.mask >> lane & 1u) add(lit, found(lamp_, lane, own, frame, chance));
         if (sky_.mask >> lane & 1u) add(lit, found(sky_, lane, own, frame, chance));
         float pick = random.next() * w.total;
         int way = 0;
@@ -269,6 +272,7 @@ class Paths {
         Vec3f result(0);
         // A bounce comes to this direction in two ways where the normal is smooth.
         for (const Vec3f& way : {direction, frame.mirrored(direction)}) {
+            if (std::isinf(from.density[lane]) && way != direction) break;  // no bounce, so there is one way
             const Vec3f light = frame.local(way);
             if (!(light.z > 0)) continue;
             const float weight = powerHeuristic(from.density[lane], chance * own.density(frame.view, light));
@@ -318,7 +322,7 @@ class Paths {
     TileResult& result_;
     TileLoop loop_;
     SurfacePacket surfaces_{};  // unused lanes stay finite
-    EmitterLight found_{}, sky_{};
+    EmitterLight found_{}, lamp_{}, sky_{};
 };
 
 }  // namespace

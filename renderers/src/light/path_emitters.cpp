@@ -1,10 +1,13 @@
 // Rays towards chosen emitters and the sky, and what is left of their light on the way.
 #include "path_emitters.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
+#include "lamps.h"
 #include "sample_points.h"
 #include "sky_light.h"
 
@@ -165,6 +168,48 @@ void lookForSky(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks
             continue;
         }
         out.light.set(lane, left * Vec3f(scene.skyColor(direction, true)) / out.density[lane]);
+    }
+}
+
+void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks, EmitterLight& out,
+                  std::uint64_t& shadowRays) {
+    out.mask = 0;
+    for (int lane = 0; lane < 16; ++lane) {
+        if (!isLit(s, lane)) continue;
+        PathRandom random(tasks[lane].random);
+        const float u = random.next();
+        tasks[lane].random = random.state();
+        const Vec3f from = s.position.get(lane);
+        const Lamps::Choice choice = scene.lamps->sample(from, s.normal.get(lane), u);
+        if (!choice.light) continue;
+        const TraceLight& light = *choice.light;
+        const float distance = glm::length(light.position - from), local = distance * light.localFromWorld;
+        if (!(distance > 1e-12f) || (light.radius >= 0 && local > light.radius)) continue;
+        const Vec3f direction = (light.position - from) / distance;
+        float factor = attenuationAt(light.attenuation, local);
+        if (light.kind == Light::Kind::spot) {
+            const float angle = std::acos(std::clamp(-glm::dot(direction, light.direction), -1.0f, 1.0f));
+            factor *= spotFactor(angle, light.beamWidth, light.cutOffAngle);
+        }
+        if (!(factor > 0) || !isAbove(s, lane, direction)) continue;
+        Vec3f visible(1);
+        if (light.shadows) {
+            Ray ray;
+            ray.tMin = kLeave, ray.tMax = 1;
+            ray.origin = RayView::leave(s.point(lane), direction), ray.direction = light.position - ray.origin;
+            ++shadowRays;
+            Vec3f left(0);
+            if (scene.anyTransmits)
+                left = leftOnTheWay(scene, ray);
+            else if (!scene.world->occluded(ray))
+                left = Vec3f(1);
+            visible -= light.shadowIntensity * (Vec3f(1) - left);
+        }
+        out.direction.set(lane, direction);
+        out.density[lane] = std::numeric_limits<float>::infinity();
+        // Units: a light of intensity 1 head-on shows a white surface's 1, radiance over a density 1 / pi.
+        out.light.set(lane, std::numbers::pi_v<float> * factor / choice.probability * light.color * visible);
+        out.mask |= 1u << lane;
     }
 }
 

@@ -27,6 +27,10 @@ float emitterDensity(const TraceScene& scene, const SurfacePacket& surfaces, int
 void lookForSky(const TraceScene& scene, const SurfacePacket& surfaces, PathTask* tasks, EmitterLight& out,
                 std::uint64_t& shadowRays);
 
+/// The same towards one of the scene's lamps; `density` is infinite, as no bounce comes across one.
+void lookForLamps(const TraceScene& scene, const SurfacePacket& surfaces, PathTask* tasks, EmitterLight& out,
+                  std::uint64_t& shadowRays);
+
 /// The weight of a sample that one method found with density `own`, and another could have found with `other`.
 inline float powerHeuristic(float own, float other) {
     const float ratio = other / own;

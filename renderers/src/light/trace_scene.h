@@ -135,6 +135,7 @@ class Fogs {
 };
 
 class Emitters;
+class Lamps;
 class SkyLight;
 
 struct TraceScene {
@@ -143,6 +144,7 @@ struct TraceScene {
     std::shared_ptr<const RayFilter> filter;  // null: nothing is left out
     Vec3f eye{0}, right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};
     const Emitters* emitters = nullptr;  // of paths, where anything shines
+    const Lamps* lamps = nullptr;        // of paths, where there are many
     const SkyLight* skyLight = nullptr;  // of paths, where the sky is so uneven that it must be looked for
     MaterialList materials;
     SlotPages slots;

@@ -1,0 +1,69 @@
+// LightTree: a choice among many things that shine, by what they can do for a point.
+//
+// Invariant: what lights a point at all is chosen there with a probability above 0, and probability() is the one that
+// sample() chooses with. Threading: const once built. Source: Conty Estevez & Kulla 2018, Proc. ACM Comput. Graph.
+// Interact. Tech. 1, 2 (importance of a cluster: power, distance, cones).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <rtsg/core/value.h>
+#include <rtsg/renderers/mesh.h>
+
+namespace rtsg::trace {
+
+class LightTree {
+  public:
+    static constexpr std::uint32_t kNone = 0xFFFFFFFF;
+    /// Of one thing or of several together: their box, their power, and a cone that holds the normals of their shining
+    /// sides. Light falls off by 1 / max(x + y d + z d^2, least).
+    struct Cluster {
+        Bounds bounds;
+        Vec3f axis{0, 0, 1};
+        float cosCone = 1, power = 0;  // cosCone -1: all directions
+        Vec3f falloff{0, 0, 1};
+    };
+    struct Choice {
+        std::uint32_t thing = kNone;
+        float probability = 0;
+    };
+
+    LightTree() = default;
+    /// One Cluster a thing; those without power are never chosen. `least`: of the falloff, above 0.
+    LightTree(std::span<const Cluster> things, float least);
+
+    bool empty() const { return nodes_.empty(); }
+    /// One of them for a surface at `point` with this shading normal; none if nothing of them can be above its horizon.
+    /// `u` in [0, 1).
+    Choice sample(const Vec3f& point, const Vec3f& normal, float u) const;
+    /// That sample() chooses this one.
+    float probability(std::uint32_t thing, const Vec3f& point, const Vec3f& normal) const;
+
+  private:
+    static constexpr std::size_t kWide = 8;
+    /// Up to eight clusters side by side; those that are not there have no power.
+    struct alignas(32) Node {
+        float centerX[kWide]{}, centerY[kWide]{}, centerZ[kWide]{}, radiusSquared[kWide]{};
+        float axisX[kWide]{}, axisY[kWide]{}, axisZ[kWide]{};
+        float cosCone[kWide]{}, sinCone[kWide]{}, power[kWide]{};
+        float constant[kWide]{}, linear[kWide]{}, square[kWide]{};
+        std::uint32_t next[kWide]{};  // a node, or a thing
+        std::uint8_t leaves = 0;      // which are things, a bit each
+        void set(std::size_t child, const Cluster& cluster);
+    };
+    static Cluster join(const Cluster& a, const Cluster& b);
+    std::size_t halve(std::span<const Cluster> things, std::size_t first, std::size_t last);
+    Cluster build(std::span<const Cluster> things, std::size_t first, std::size_t last, std::uint32_t node,
+                  std::uint32_t depth, std::uint64_t way);
+    /// Of all eight; returns their sum.
+    float importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each) const;
+
+    std::vector<std::uint64_t> ways_;   // by thing: three bits a node, from the root on: which child
+    std::vector<std::uint32_t> order_;  // while building
+    std::vector<Node> nodes_;
+    float least_ = 1e-12f;
+};
+
+}  // namespace rtsg::trace
