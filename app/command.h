@@ -59,8 +59,8 @@ class Command {
     Command& operator=(const Command&) = delete;
 
     Command* addVerb(const std::string& name, const std::string& description);
-    /// `names`: "-o,--output", or "SCENE" for an argument by its place. The variable must outlive the parsing. Numbers are
-    /// finite.
+    /// `names`: "-o,--output", or "SCENE" for an argument by its place. The variable must outlive the parsing. Numbers
+    /// are finite.
     Option* addOption(const std::string& names, std::string& into, const std::string& description);
     Option* addOption(const std::string& names, int& into, const std::string& description);
     Option* addOption(const std::string& names, unsigned& into, const std::string& description);

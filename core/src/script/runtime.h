@@ -81,7 +81,7 @@ class Runtime {
 
     JSContext* context_ = nullptr;
     std::thread::id thread_ = std::this_thread::get_id();
-    std::atomic<std::int64_t> deadline_ = 0;  // steady clock's nanoseconds; 0: nothing runs
+    std::atomic<std::int64_t> deadline_ = 0;   // steady clock's nanoseconds; 0: nothing runs
     std::int64_t limit_ = 0, firstLook_ = -1;  // of the call that runs, and its thread's time; nanoseconds
     std::size_t heapLimit_ = 0;
     Excess excess_ = Excess::none;
