@@ -2,6 +2,7 @@
 #include "cli.h"
 
 #include <algorithm>
+#include <atomic>
 #include <charconv>
 #include <chrono>
 #include <csignal>
@@ -51,20 +52,22 @@ void printError(const Diagnostic& diagnostic) {
 }
 
 namespace {
-volatile std::sig_atomic_t signalled = 0;
-}
+/// Written by whichever thread the signal comes to, read by all.
+std::atomic<bool> signalled = false;
+static_assert(std::atomic<bool>::is_always_lock_free, "handlers of signals may use nothing else");
+}  // namespace
 
 bool interrupted() {
     static const bool installed = [] {
         struct sigaction action = {};
-        action.sa_handler = [](int) { signalled = 1; };
+        action.sa_handler = [](int) { signalled = true; };
         action.sa_flags = static_cast<int>(SA_RESETHAND);
         sigemptyset(&action.sa_mask);
         sigaction(SIGINT, &action, nullptr);
         sigaction(SIGTERM, &action, nullptr);
         return true;
     }();
-    return installed && signalled != 0;
+    return installed && signalled;
 }
 
 Progress progressBar(std::string label) {
