@@ -176,7 +176,8 @@ TEST_F(Log, KeyframesComeAfterTheSecondsAskedForUnlessTheyAreLarge) {
         EXPECT_TRUE((*log)->close());
         std::vector<double> result;
         double last = 0;
-        for (const LogKeyframe& keyframe : LogReader::open(file())->keyframes()) {
+        auto reader = LogReader::open(file());
+        for (const LogKeyframe& keyframe : reader->keyframes()) {
             if (keyframe.time > last) result.push_back(keyframe.time - last);
             last = keyframe.time;
         }
