@@ -259,7 +259,7 @@ Result<> PictureFiles::add(Picture picture, std::uint64_t skipped) {
 }
 
 void PictureFiles::hold(std::uint64_t pictures) {
-    for (; pictures > 0 && !frames_.empty(); --pictures) frames_.push_back(Picture(frames_.back()));
+    for (; pictures > 0 && !frames_.empty(); --pictures) frames_.emplace_back(frames_.back());
 }
 
 Result<> PictureFiles::finish(std::uint64_t skipped) {
@@ -401,7 +401,7 @@ Result<> Outputs::frame() {
 }
 
 Result<> Outputs::finish() {
-    const Result<> made = ready();  // what was interrupted is not waited for
+    Result<> made = ready();  // what was interrupted is not waited for
     finishing_ = true;
     return allOf({[&] { return made; }, [&] { return finishPictures(); },
                   [&]() -> Result<> {

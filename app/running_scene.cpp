@@ -5,6 +5,7 @@
 #include <cmath>
 #include <thread>
 
+#include <rtsg/audio/sound_file.h>
 #include <rtsg/renderers/world_queries.h>
 
 #include "outputs.h"
@@ -13,7 +14,7 @@ namespace rtsg::app {
 
 namespace {
 
-/// A scene that nobody points at, and that has no Collision, is not tessellated for this.
+/// A scene that nobody points at, and that has no Collision and no pick sensor, is not tessellated for this.
 class LateQueries final : public SpaceQueries {
   public:
     explicit LateQueries(RunningScene& running) : running_(running) {}
@@ -23,6 +24,10 @@ class LateQueries final : public SpaceQueries {
     std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override {
         return queries().within(center, radius);
     }
+    std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override {
+        return queries().crossings(origin, direction, length);
+    }
+    std::vector<ShapeBox> boxes() override { return queries().boxes(); }
 
   private:
     WorldQueries& queries() {
@@ -74,6 +79,10 @@ void RunningScene::followInlines() {
     BuildOptions build;
     build.resources = resources_;
     if (file_ != "-") build.file = file_;
+    build.mediaLength = [](std::string_view bytes) -> std::optional<double> {
+        const auto seconds = soundSeconds(bytes);
+        return seconds ? std::optional(*seconds) : std::nullopt;
+    };
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
     queries_ = std::make_unique<LateQueries>(*this);
     scene_.setSpaceQueries(queries_.get());

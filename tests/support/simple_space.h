@@ -2,6 +2,7 @@
 // double precision, with transforms multiplied here.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include <glm/gtc/matrix_transform.hpp>
@@ -51,6 +52,39 @@ class SimpleSpace final : public SpaceQueries {
         return paths;
     }
 
+    std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override {
+        std::vector<std::pair<double, Crossing>> found;
+        const Vec3d unit = glm::normalize(direction);
+        visitShapes([&](const std::vector<NodeId>& path, const glm::dmat4& world, const Node& geometry) {
+            const glm::dmat4 local = glm::inverse(world);
+            const glm::dvec3 o = local * glm::dvec4(origin, 1), d = local * glm::dvec4(unit, 0);
+            for (const auto& [t, normal] : meetings(geometry, o, d)) {
+                if (!(t >= 0 && t <= length)) continue;
+                const glm::dvec3 point = o + d * t;
+                found.push_back({t,
+                                 {world * glm::dvec4(point, 1),
+                                  glm::normalize(glm::transpose(glm::dmat3(local)) * normal),
+                                  {point.x, point.y, 0},
+                                  path}});
+            }
+        });
+        std::ranges::stable_sort(found, {}, [](const auto& one) { return one.first; });
+        std::vector<Crossing> crossings;
+        for (auto& [t, one] : found) crossings.push_back(std::move(one));
+        return crossings;
+    }
+
+    std::vector<ShapeBox> boxes() override {
+        std::vector<ShapeBox> all;
+        visitShapes([&](const std::vector<NodeId>& path, const glm::dmat4& world, const Node& geometry) {
+            glm::dvec3 half(0);
+            if (geometry.is(x3d::Box::type)) half = glm::dvec3(geometry.get(x3d::Box::size)) * .5;
+            if (geometry.is(x3d::Sphere::type)) half = glm::dvec3(double(geometry.get(x3d::Sphere::radius)));
+            if (half.x > 0) all.push_back({world, -half, half, path});
+        });
+        return all;
+    }
+
   private:
     template <class F>
     void visitShapes(const F& visit) {
@@ -80,6 +114,31 @@ class SimpleSpace final : public SpaceQueries {
             for (const NodeId child : node->get(Field<Array<NodeId>>{field})) walk(child, path, world, visit);
         }
         path.pop_back();
+    }
+
+    /// All meetings with the line, and the outward normals there; in no order.
+    static std::vector<std::pair<double, glm::dvec3>> meetings(const Node& geometry, const glm::dvec3& o,
+                                                               const glm::dvec3& d) {
+        std::vector<std::pair<double, glm::dvec3>> all;
+        if (geometry.is(x3d::Sphere::type)) {
+            const double r = geometry.get(x3d::Sphere::radius), a = glm::dot(d, d), b = glm::dot(o, d);
+            const double root = std::sqrt(b * b - a * (glm::dot(o, o) - r * r));
+            if (root > 0)
+                for (const double t : {(-b - root) / a, (-b + root) / a}) all.push_back({t, (o + d * t) / r});
+        } else if (geometry.is(x3d::Box::type)) {
+            const glm::dvec3 half = glm::dvec3(geometry.get(x3d::Box::size)) * .5;
+            for (int i = 0; i < 3; ++i)
+                for (const double side : {-1.0, 1.0}) {
+                    const double t = (side * half[i] - o[i]) / d[i];
+                    const glm::dvec3 at = o + d * t;
+                    const int j = (i + 1) % 3, k = (i + 2) % 3;
+                    if (!std::isfinite(t) || std::abs(at[j]) > half[j] || std::abs(at[k]) > half[k]) continue;
+                    glm::dvec3 normal(0);
+                    normal[i] = side;
+                    all.push_back({t, normal});
+                }
+        }
+        return all;
     }
 
     /// The first meeting ahead and the normal there.

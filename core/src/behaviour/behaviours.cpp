@@ -22,6 +22,8 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         appendPointing(t);
         appendKeys(t);
         appendLoadSensor(t);
+        appendPickSensors(t);
+        appendMedia(t);
         for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;
         return t;
     }();

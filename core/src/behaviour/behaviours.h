@@ -18,6 +18,8 @@ void appendBindables(std::vector<BuiltinBehaviour>& table);
 void appendPointing(std::vector<BuiltinBehaviour>& table);
 void appendKeys(std::vector<BuiltinBehaviour>& table);
 void appendLoadSensor(std::vector<BuiltinBehaviour>& table);
+void appendPickSensors(std::vector<BuiltinBehaviour>& table);
+void appendMedia(std::vector<BuiltinBehaviour>& table);
 
 double lodOnTime(Cascade& cascade, const Node& node);
 /// The root is woken when a node has lost a parent.
@@ -25,6 +27,7 @@ double rootOnTime(Cascade& cascade, const Node& node);
 
 /// Devices' events come to the root.
 void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value);
+void pickedOnEvent(Cascade& cascade, const Node& root, const void* value);
 void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value);
 
 /// An event value in block representation as what it is.

@@ -108,13 +108,18 @@ struct Bindable {
             }
         }
     }
-    /// The first one found is bound when nothing is; one that has come to the top because others were deleted hears it.
+    /// The first one found is bound when nothing is; one that has come to the top because others were deleted hears it,
+    /// and so does one whose layer was deleted with its stacks.
     static double onTime(Cascade& cascade, const Node& node) {
         const Node& holder = holderOf(cascade, node.id());
         Array<NodeId> stack = holder.get(stackOf(holder, kind));
+        if (node.get(N::isBound) && (stack.empty() || stack[0] != node.id())) {
+            announce(cascade, node, false);
+            return kNever;
+        }
         if (stack.empty()) {
             // One that was bound before has been unbound: that nothing is bound then is its author's wish.
-            if (node.get(N::bindTime).seconds != 0) return kNever;
+            if (node.get(N::bindTime).seconds != 0 || !isInScene(cascade.scene(), node.id())) return kNever;
             stack.push_back(node.id());
             storeStack(cascade, holder, kind, stack);
         }

@@ -7,6 +7,7 @@
 
 #include "behaviours.h"
 #include "rotations.h"
+#include "scene/box_overlap.h"
 #include "scene/places.h"
 
 namespace rtsg::behaviours {
@@ -33,7 +34,7 @@ void sendIfNew(Cascade& cascade, const Node& node, Field<T> field, const T& valu
 }
 /// The edges of isActive, with their times. Returns whether it has just begun.
 template <class N>
-bool setActive(Cascade& cascade, const Node& node, bool active) {
+bool enterOrExit(Cascade& cascade, const Node& node, bool active) {
     if (node.get(N::isActive) == active) return false;
     cascade.emit(node, N::isActive, active);
     cascade.emit(node, active ? N::enterTime : N::exitTime, Time{cascade.now()});
@@ -41,7 +42,7 @@ bool setActive(Cascade& cascade, const Node& node, bool active) {
 }
 template <class N>
 double rests(Cascade& cascade, const Node& node) {
-    setActive<N>(cascade, node, false);
+    enterOrExit<N>(cascade, node, false);
     return kNever;
 }
 
@@ -51,11 +52,11 @@ double proximityOnTime(Cascade& cascade, const Node& node) {
     if (!node.get(N::enabled) || !isBox(node.get(N::size))) return rests<N>(cascade, node);
     const Viewer& viewer = cascade.viewer(node);
     const glm::dmat4& world = cascade.worldFromLocal(node, node);
-    if (!isFinite(world)) return setActive<N>(cascade, node, false), kUntilMoved;
+    if (!isFinite(world)) return enterOrExit<N>(cascade, node, false), kUntilMoved;
     const glm::dmat4 local = glm::inverse(world);
     const glm::dvec3 position = local * glm::dvec4(viewer.position, 1);
     const bool inside = cascade.isShown(node, node) && isInBox(position, node.get(N::center), node.get(N::size));
-    const bool entered = setActive<N>(cascade, node, inside);
+    const bool entered = enterOrExit<N>(cascade, node, inside);
     if (!inside) return kUntilMoved;
     const glm::dvec3 center = local * glm::dvec4(viewer.centerOfRotation, 1);
     sendIfNew(cascade, node, N::position_changed, Vec3f(position), entered);
@@ -102,25 +103,8 @@ double visibilityOnTime(Cascade& cascade, const Node& node) {
     for (const glm::dvec4& plane : viewVolume(cascade.scene(), viewer))
         visible = visible && std::ranges::any_of(
                                  corners, [&](const glm::dvec3& c) { return glm::dot(plane, glm::dvec4(c, 1)) > 0; });
-    setActive<N>(cascade, node, visible);
+    enterOrExit<N>(cascade, node, visible);
     return kUntilMoved;
-}
-
-/// Whether boxes of any orientation meet: the first is about the origin along the axes, half its size; the second has
-/// three half edges.
-bool boxesMeet(const glm::dvec3& half, const glm::dvec3& center, const glm::dvec3 (&edges)[3]) {
-    const auto apart = [&](const glm::dvec3& axis) {
-        double reach = glm::dot(half, glm::abs(axis));
-        for (const glm::dvec3& edge : edges) reach += std::abs(glm::dot(edge, axis));
-        return std::abs(glm::dot(center, axis)) > reach;
-    };
-    const glm::dvec3 axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-    for (int i = 0; i < 3; ++i) {
-        if (apart(axes[i]) || apart(glm::cross(edges[(i + 1) % 3], edges[(i + 2) % 3]))) return false;
-        for (const glm::dvec3& edge : edges)
-            if (apart(glm::cross(axes[i], edge))) return false;
-    }
-    return true;
 }
 
 /// 22.4.2: the target's bounding box where its author gave one, else its origin.
@@ -131,7 +115,7 @@ double transformOnTime(Cascade& cascade, const Node& node) {
     if (!node.get(N::enabled) || !isBox(node.get(N::size)) || !target) return rests<N>(cascade, node);
     // The first reference ends with the second call, which may move what it refers to.
     const glm::dmat4 world = cascade.worldFromLocal(node, node);
-    if (!isFinite(world)) return setActive<N>(cascade, node, false), kUntilMoved;
+    if (!isFinite(world)) return enterOrExit<N>(cascade, node, false), kUntilMoved;
     const glm::dmat4 relative = glm::inverse(world) * cascade.worldFromLocal(*target, node);
     const glm::dvec3 position(relative[3]);
     bool inside = isInBox(position, node.get(N::center), node.get(N::size));
@@ -149,7 +133,7 @@ double transformOnTime(Cascade& cascade, const Node& node) {
                                      glm::dvec3(outside[2]) * half.z};
         inside = boxesMeet(glm::dvec3(node.get(N::size)) * .5, at - glm::dvec3(node.get(N::center)), edges);
     }
-    const bool entered = setActive<N>(cascade, node, inside);
+    const bool entered = enterOrExit<N>(cascade, node, inside);
     if (!inside) return kUntilMoved;
     sendIfNew(cascade, node, N::position_changed, Vec3f(position), entered);
     sendIfNew(cascade, node, N::orientation_changed, toRotation(turnOf(relative)), entered);

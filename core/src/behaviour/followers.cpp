@@ -86,7 +86,7 @@ template <class T>
 struct Elements {
     using Element = T;
     static std::size_t count(const T&) { return 1; }
-    static const T& at(const T& value, std::size_t) { return value; }
+    static T at(const T& value, std::size_t) { return value; }
     static T make(std::span<const T> elements) { return elements[0]; }
 };
 template <class E>

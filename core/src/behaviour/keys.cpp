@@ -33,7 +33,7 @@ void take(Cascade& cascade, const Node& node) {
 }
 
 template <class N>
-void sensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+void keySensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
     if (field != N::enabled.index) return;
     if (eventValue<bool>(value)) return take<N>(cascade, node);
     if (!node.get(N::isActive)) return;
@@ -132,8 +132,8 @@ void appendKeys(std::vector<BuiltinBehaviour>& table) {
     const auto add = [&](TypeIndex type, auto onEvent, auto onTime) {
         table.push_back({type, {.onEvent = onEvent, .onTime = onTime}});
     };
-    add(x3d::KeySensor::type, sensorOnEvent<x3d::KeySensor>, sensorOnTime<x3d::KeySensor>);
-    add(x3d::StringSensor::type, sensorOnEvent<x3d::StringSensor>, sensorOnTime<x3d::StringSensor>);
+    add(x3d::KeySensor::type, keySensorOnEvent<x3d::KeySensor>, sensorOnTime<x3d::KeySensor>);
+    add(x3d::StringSensor::type, keySensorOnEvent<x3d::StringSensor>, sensorOnTime<x3d::StringSensor>);
 }
 
 }  // namespace rtsg::behaviours

@@ -152,7 +152,7 @@ struct Grip {
     }
 };
 
-glm::dquat quaternion(const Rotation& r) {
+glm::dquat turnOf(const Rotation& r) {
     const glm::dvec3 axis(r.x, r.y, r.z);
     const double length = glm::length(axis);
     return length > 0 ? glm::angleAxis(double(r.angle), axis / length) : glm::dquat(1, 0, 0, 0);
@@ -169,7 +169,7 @@ void begin(const Node&, const x3d::PlaneSensor*, const DragRay&, Grip&) {}  // a
 /// 20.4.1: seen along its axis it is a disk, else a cylinder through the point that was hit.
 void begin(const Node& node, const x3d::CylinderSensor*, const DragRay& local, Grip& grip) {
     using N = x3d::CylinderSensor;
-    const glm::dquat toSensor = glm::conjugate(quaternion(node.get(N::axisRotation)));
+    const glm::dquat toSensor = glm::conjugate(turnOf(node.get(N::axisRotation)));
     const DragRay ray = turned(toSensor, local);
     const glm::dvec3 start = toSensor * grip.start;
     const double along = std::abs(ray.direction.y) / glm::length(ray.direction);
@@ -189,7 +189,7 @@ void begin(const Node&, const x3d::SphereSensor*, const DragRay& local, Grip& gr
 /// outputs are in the node's own coordinates, limits in the turned ones.
 void track(Cascade& cascade, const Node& node, const x3d::PlaneSensor*, const DragRay& ray, Grip& grip) {
     using N = x3d::PlaneSensor;
-    const glm::dquat axes = quaternion(node.get(N::axisRotation));
+    const glm::dquat axes = turnOf(node.get(N::axisRotation));
     const auto point = onPlane(ray, grip.start, axes * glm::dvec3(0, 0, 1));
     if (!point || !isFinite(*point)) return;
     glm::dvec3 moved = glm::conjugate(axes) * (*point - grip.start + glm::dvec3(node.get(N::offset)));
@@ -204,7 +204,7 @@ void track(Cascade& cascade, const Node& node, const x3d::PlaneSensor*, const Dr
 
 void track(Cascade& cascade, const Node& node, const x3d::CylinderSensor*, const DragRay& local, Grip& grip) {
     using N = x3d::CylinderSensor;
-    const glm::dquat axes = quaternion(node.get(N::axisRotation)), toSensor = glm::conjugate(axes);
+    const glm::dquat axes = turnOf(node.get(N::axisRotation)), toSensor = glm::conjugate(axes);
     const DragRay ray = turned(toSensor, local);
     const glm::dvec3 start = toSensor * grip.start;
     glm::dvec3 point;
@@ -236,7 +236,7 @@ void track(Cascade& cascade, const Node& node, const x3d::SphereSensor*, const D
     const double radius = glm::length(grip.start);
     const auto point = radius > 0 ? onSphere(ray, radius, grip.far) : std::nullopt;
     if (!point || !isFinite(*point) || !(glm::length(*point) > 0)) return;
-    const glm::dquat all = shortestTurn(grip.start, *point) * quaternion(node.get(N::offset));
+    const glm::dquat all = shortestTurn(grip.start, *point) * turnOf(node.get(N::offset));
     grip.moved = true;
     cascade.emit(node, N::trackPoint_changed, Vec3f(*point));
     cascade.emit(node, N::rotation_changed, toRotation(all));
@@ -475,6 +475,7 @@ void collisionOnEvent(Cascade& cascade, const Node& node, FieldIndex field, cons
 
 void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value) {
     if (field == R::contact.index) return feel(cascade, root, eventValue<Array<std::int32_t>>(value));
+    if (field == R::picked.index) return pickedOnEvent(cascade, root, value);
     if (field == R::key.index || field == R::text.index) return keysOnEvent(cascade, root, field, value);
     if (field != R::pointer.index) return;
     const auto input = PointerInput::fromValue(eventValue<Array<double>>(value));

@@ -7,6 +7,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
+#include "time_dependent.h"
 
 namespace rtsg::behaviours {
 
@@ -46,34 +47,11 @@ double stop(Cascade& cascade, const Node& node) {
     return node.get(S::startTime).seconds > cascade.now() ? node.get(S::startTime).seconds : kNever;
 }
 
-/// True while paused. Keeps _pausedTotal, so that the fraction goes on where it was; says at both edges which time it
-/// was (8.2.4.4).
-bool handlePause(Cascade& cascade, const Node& node) {
-    const double now = cascade.now();
-    const double pause = node.get(S::pauseTime).seconds, resume = node.get(S::resumeTime).seconds;
-    if (!node.get(S::isPaused)) {
-        if (pause <= resume || pause > now || pause < node.get(S::startTime).seconds) return false;
-        cascade.emit(node, S::isPaused, true);
-        cascade.emit(node, S::pauseTime, Time{pause});
-        const double active = pause - node.get(S::startTime).seconds - node.get(S::_pausedTotal).seconds;
-        cascade.emit(node, S::elapsedTime, Time{active});
-        return true;
-    }
-    if (resume <= pause || resume > now) return true;
-    cascade.store(node, S::_pausedTotal, Time{node.get(S::_pausedTotal).seconds + resume - pause});
-    cascade.emit(node, S::isPaused, false);
-    cascade.emit(node, S::resumeTime, Time{resume});
-    return false;
-}
-
 }  // namespace
 
 bool timeSensorAccepts(const Node& node, FieldIndex field, const void* value) {
-    if (!node.get(S::isActive)) return true;
-    // 8.2.4.3: these are ignored while the node is active.
-    if (field == S::startTime.index || field == S::cycleInterval.index) return false;
-    if (field == S::stopTime.index) return eventValue<Time>(value).seconds > node.get(S::startTime).seconds;
-    return true;
+    if (node.get(S::isActive) && field == S::cycleInterval.index) return false;
+    return acceptsTime<S>(node, field, value);
 }
 
 double timeSensorOnTime(Cascade& cascade, const Node& node) {
@@ -93,7 +71,7 @@ double timeSensorOnTime(Cascade& cascade, const Node& node) {
         if (!loop && now - startTime >= interval && startTime <= cascade.previous()) return kNever;
         return start(cascade, node);
     }
-    if (handlePause(cascade, node)) {
+    if (handlePause<S>(cascade, node)) {
         if (stopTime > startTime && now >= stopTime) return stop(cascade, node);
         return now;
     }

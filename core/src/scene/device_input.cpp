@@ -365,6 +365,7 @@ void Scene::State::prepareInput() {
     if (pointers) castRays();
     if (keys) deferKeys();
     feelContacts();
+    pick();
 }
 
 }  // namespace rtsg

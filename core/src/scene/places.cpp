@@ -101,11 +101,16 @@ glm::dmat4 parentFromLocal(const Node& node) {
            rotate(orientation) * glm::scale(one, scale) * rotate(back) * glm::translate(one, -center);
 }
 
+bool onlyTells(const NodeType& type, FieldIndex field) {
+    return type.fields[field].access == Access::outputOnly && !type.fields[field].hidden &&
+           std::ranges::find(type.below, field) == type.below.end();
+}
+
 bool isPlace(const NodeType& type, FieldIndex field) {
     const FieldDef& def = type.fields[field];
     if (type.kind == NodeType::Kind::script || type.isA("X3DScriptNode")) return false;
     if (type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto) return def.hidden;
-    return !def.hidden || def.aspect == Aspect::structure;
+    return (!def.hidden || def.aspect == Aspect::structure) && !onlyTells(type, field);
 }
 
 bool isLayer(const Node& node) {

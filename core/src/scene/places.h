@@ -79,6 +79,8 @@ class Places {
 /// Whether nodes in this field are below the node: not those that a stack points at, that a Script refers to, or that
 /// are handed to a PROTO instance, whose body then holds them by IS.
 bool isPlace(const NodeType& type, FieldIndex field);
+/// Whether an output names nodes that stand elsewhere (what a sensor has picked), and so is no way down the hierarchy.
+bool onlyTells(const NodeType& type, FieldIndex field);
 /// 10.4.4, of Transform and all that have the like: T C R SR S -SR -C.
 glm::dmat4 parentFromLocal(const Node& node);
 /// The turn in a matrix, without its scale and shear.

@@ -263,6 +263,7 @@ struct Scene::State {
     static constexpr std::size_t kPointerRow = 9;  // of RtsgScene::_pointers: device, buttons, kind, bearing
     SpaceQueries* queries = nullptr;
     std::size_t collisionNodes = 0;
+    std::vector<NodeId> pickSensors;         // ascending
     std::vector<QueuedEvent> deferredInput;  // for the frame after this one
     /// Before a frame begins: what of the queue it takes, and what pointers and the avatar meet.
     void prepareInput();
@@ -270,6 +271,8 @@ struct Scene::State {
     void deferKeys();
     void castRays();
     void feelContacts();
+    void pick();  // pick_sensors.cpp
+    static bool isPickSensor(TypeIndex type);
     // ---- what scripts have made (dropped.cpp) ----
     std::vector<NodeId> scriptMade;                         // that are still there, ascending
     std::size_t scriptMadeBefore = 0;                       // of them, when they were last looked at

@@ -93,6 +93,7 @@ Node& Scene::State::allocate(NodeId id, TypeIndex typeIndex, NodeId scope) {
     Node* node = new (bytes) Node;
     if (types[typeIndex.value].isScript) ++scriptNodes;
     if (typeIndex == x3d::Collision::type) ++collisionNodes;
+    if (isPickSensor(typeIndex)) pickSensors.insert(std::ranges::upper_bound(pickSensors, id), id);
     node->id_ = id;
     node->scope_ = scope;
     node->typeIndex_ = typeIndex;
@@ -120,6 +121,7 @@ void Scene::State::release(Node& node) {
     places.noteMoved(id);
     if (types[node.typeIndex_.value].isScript) --scriptNodes;
     if (node.typeIndex_ == x3d::Collision::type) --collisionNodes;
+    if (isPickSensor(node.typeIndex_)) std::erase(pickSensors, id);
     destroyInPlace(node);
     memory.deallocate(&node, bytes);
     nodeTable.remove(id, NodeId{nextId});
@@ -160,7 +162,7 @@ bool Scene::State::isHierarchy(const Node& parent, FieldIndex field) const {
     const FieldDef& def = parent.type_->fields[field];
     if (parent.type_->kind == NodeType::Kind::script) return false;
     if (parent.type_->kind != NodeType::Kind::builtin && parent.type_->kind != NodeType::Kind::user) return def.hidden;
-    return !def.hidden || def.aspect == Aspect::structure;
+    return (!def.hidden || def.aspect == Aspect::structure) && !onlyTells(*parent.type_, field);
 }
 
 bool Scene::State::closesCycle(const Node& parent, FieldIndex field, const Node& child) const {

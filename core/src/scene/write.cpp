@@ -77,6 +77,7 @@ Result<> Scene::State::insertChild(Node& parent, FieldIndex field, Node& child, 
     }
     children.insert(index, child.id_);
     addParent(child, {parent.id_, field});
+    wake(child);  // it may be in the scene now, where what is bound is found
     return {};
 }
 
@@ -152,7 +153,10 @@ void Scene::State::releaseChildren(Node& node) {
             const NodeId child = *static_cast<const NodeId*>(node.storage(i));
             if (child) removeParent(*find(child), {node.id_, i});
         } else {
-            for (const NodeId child : childrenAt(node.storage(i))) removeParent(*find(child), {node.id_, i});
+            const auto& children = childrenAt(node.storage(i));
+            for (const NodeId child : children) removeParent(*find(child), {node.id_, i});
+            // The binding stacks of a layer go with it: what was bound there hears of it, if it is still there (7.2.2).
+            if (def.hidden && !children.empty()) wake(*find(children[0]));
         }
     }
 }

@@ -124,6 +124,62 @@ Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double ma
     return finish(candidate);
 }
 
+namespace {
+
+/// Leaves out of each instance what has been met of it.
+class BeyondFilter final : public RayFilter {
+  public:
+    BeyondFilter(const Vec3f& origin, const Vec3f& unit) : origin_(origin), unit_(unit) {}
+    bool concerns(std::uint32_t slot) const override { return met_.contains(slot); }
+    bool leavesOut(std::uint32_t slot, const Vec3f& at) const override {
+        return glm::dot(at - origin_, unit_) <= met_.at(slot);
+    }
+    /// What is nearer than what this returns has been met of all.
+    float meet(std::uint32_t slot, float distance) {
+        const Vec3f o = glm::abs(origin_);
+        const float margin = 0x1p-20f * (distance + std::max({o.x, o.y, o.z})) + 1e-30f;
+        met_[slot] = distance + margin;
+        return std::max(0.f, distance - 2 * margin);
+    }
+
+  private:
+    Vec3f origin_, unit_;
+    std::map<std::uint32_t, float> met_;  // by slot, up to where
+};
+
+}  // namespace
+
+Result<std::vector<Pick>> Picker::crossings(const Vec3d& origin, const Vec3d& direction, double maximum) const {
+    constexpr std::size_t kMost = 10'000;
+    if (auto ok = checkPoint(*world_, origin, "the ray's origin"); !ok) return std::unexpected(ok.error());
+    const double largest = std::max({std::abs(direction.x), std::abs(direction.y), std::abs(direction.z)});
+    if (!isFinite(direction) || !(largest > 0)) return fail("the ray's direction is zero or not finite");
+    if (std::isnan(maximum)) return fail("the largest distance is not a number");
+    const Vec3d unit = glm::normalize(direction / largest);
+    const Vec3f eye = world_->fromWorld(origin), forward(unit);
+    BeyondFilter filter(eye, forward);
+    const LensedView view(*world_, {}, &filter);
+    std::vector<Pick> picks;
+    for (float from = 0; picks.size() < kMost;) {
+        const Hit hit = view.intersect({eye, from, forward, std::numeric_limits<float>::infinity()});
+        if (!hit) break;
+        // The plane's place on the ray in double precision, unless it is seen edge on.
+        const exact::Triangle t = triangleOf(world_->instance(hit.instance), hit.triangle);
+        const Vec3d normal = glm::cross(t.b - t.a, t.c - t.a);
+        const double steep = glm::dot(normal, unit), along = glm::dot(normal, t.a - origin) / steep;
+        const bool clear = std::abs(steep) > 1e-6 * glm::length(normal);
+        const double distance = std::max(0.0, clear ? along : double(hit.t));
+        // What comes next may be nearer by the floats' error alone.
+        if (double(hit.t) > maximum * (1 + 0x1p-18) + searchRadius(*world_, origin, 0)) break;
+        from = filter.meet(hit.instance, hit.t);
+        if (distance > maximum) continue;
+        picks.push_back(
+            finish({hit.instance, hit.triangle, {hit.u, hit.v}, distance, origin + distance * unit, {}, true}));
+    }
+    std::ranges::stable_sort(picks, {}, &Pick::distance);
+    return picks;
+}
+
 Result<Pick> Picker::closest(const Vec3d& point, double maximum) const {
     if (auto ok = checkPoint(*world_, point, "the point"); !ok) return std::unexpected(ok.error());
     if (!(maximum >= 0)) return fail("the largest distance is negative or not a number");

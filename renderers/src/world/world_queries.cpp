@@ -30,4 +30,28 @@ std::vector<std::vector<NodeId>> WorldQueries::within(const Vec3d& center, doubl
     return paths;
 }
 
+std::vector<Crossing> WorldQueries::crossings(const Vec3d& origin, const Vec3d& direction, double length) {
+    std::vector<Crossing> all;
+    if (!follow()) return all;
+    const auto picks = Picker(world_.rays(), world_.flattener()).crossings(origin, direction, length);
+    if (!picks) return all;
+    for (const Pick& pick : *picks) all.push_back({pick.point, pick.normal, Vec3d(pick.texCoord), pick.path});
+    return all;
+}
+
+std::vector<ShapeBox> WorldQueries::boxes() {
+    std::vector<ShapeBox> all;
+    if (!follow()) return all;
+    const Flattener& flattener = world_.flattener();
+    for (const Instance& instance : flattener.instances()) {
+        if (!instance.id || !instance.seen) continue;
+        const auto& mesh = world_.rays().instance(instance.id.slot).mesh;
+        if (!mesh || mesh->bounds.empty()) continue;
+        const Bounds& bounds = mesh->bounds;
+        all.push_back(
+            {glm::dmat4(instance.worldFromLocal), Vec3d(bounds.min), Vec3d(bounds.max), flattener.path(instance.id)});
+    }
+    return all;
+}
+
 }  // namespace rtsg

@@ -89,6 +89,88 @@ TEST(WorldQueries, CollisionIsFeltWhereTheAvatarStands) {
     EXPECT_FALSE(touches(-1.7f));
 }
 
+/// Boxes as triangles are what they are as closed forms; what lies on both sides of an edge counts once.
+TEST(WorldQueries, CrossingsAreThoseOfDoubleCode) {
+    std::mt19937 random(9);
+    std::uniform_real_distribution<double> at(-4, 4), angle(-3, 3), scale(.3, 2);
+    std::string text;
+    for (int i = 0; i < 40; ++i) {
+        std::ostringstream one;
+        one << "Transform { translation " << at(random) << ' ' << at(random) << ' ' << at(random)
+            << " rotation 0.6 0 0.8 " << angle(random) << " scale " << scale(random) << ' ' << scale(random) << ' '
+            << scale(random) << " children Shape { geometry Box { } } }\n";
+        text += one.str();
+    }
+    PointedWorld w(text);
+    test::SimpleSpace simple(w.scene);
+    std::size_t met = 0, rays = 0;
+    for (int i = 0; i < 2000; ++i) {
+        const Vec3d origin = i % 2 ? Vec3d(at(random), at(random), at(random)) : Vec3d(12, at(random), at(random));
+        const Vec3d direction = Vec3d(at(random), at(random), at(random)) - origin;
+        const double length = i % 3 ? INFINITY : glm::length(direction) * .5;
+        const auto found = w.queries.crossings(origin, direction, length);
+        const auto expected = simple.crossings(origin, direction, length);
+        // A ray through an edge, or one that ends on a face, is either's.
+        if (found.size() != expected.size()) continue;
+        ++rays;
+        met += found.size();
+        for (std::size_t k = 0; k < found.size(); ++k) {
+            if (k + 1 < found.size() && glm::distance(expected[k].point, expected[k + 1].point) < 1e-5) break;
+            EXPECT_EQ(found[k].path, expected[k].path) << i;
+            EXPECT_LT(glm::distance(found[k].point, expected[k].point), 1e-5) << i;
+            EXPECT_LT(glm::distance(found[k].normal, expected[k].normal), 1e-4) << i;
+        }
+    }
+    EXPECT_GT(rays, 1990u);
+    EXPECT_GT(met, 5000u);
+}
+
+TEST(WorldQueries, CrossingsOfFacesThatCoincideAreOne) {
+    PointedWorld w("Shape { geometry Box { } } Transform { translation 2 0 0 children Shape { geometry Box { } } }");
+    const auto found = w.queries.crossings({-9, .3, .2}, {1, 0, 0}, INFINITY);
+    ASSERT_EQ(found.size(), 3u);
+    const double expected[] = {-1, 1, 3};
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(found[i].point.x, expected[i], 1e-6);
+    EXPECT_NE(found[0].path, found[2].path);
+    EXPECT_TRUE(w.queries.crossings({0, 0, 0}, {1, 0, 0}, .9).empty()) << "it ends before";
+}
+
+TEST(WorldQueries, BoxesAreAlongTheAxesOfTheirShapes) {
+    PointedWorld w(
+        "DEF T Transform { translation 2 0 0 scale 1 3 1 children DEF B Shape { geometry Box { size 2 4 6 } } }");
+    const auto boxes = w.queries.boxes();
+    ASSERT_EQ(boxes.size(), 1u);
+    EXPECT_EQ(boxes[0].low, Vec3d(-1, -2, -3));
+    EXPECT_EQ(boxes[0].high, Vec3d(1, 2, 3));
+    EXPECT_EQ(Vec3d(boxes[0].worldFromShape * glm::dvec4(1, 1, 1, 1)), Vec3d(3, 3, 1));
+    EXPECT_EQ(boxes[0].path, (std::vector<NodeId>{w.scene.findName("T"), w.scene.findName("B")}));
+}
+
+TEST(WorldQueries, PickSensorsMeetTheWorldsGeometry) {
+    PointedWorld w(
+        "DEF T Transform { children DEF B Shape { geometry Box { } } } "
+        "DEF L LinePickSensor { intersectionType \"GEOMETRY\" pickTarget USE T pickingGeometry LineSet { vertexCount 2 "
+        "coord Coordinate { point [ -9 .5 -.5, 9 .5 -.5 ] } } } "
+        "DEF P PointPickSensor { intersectionType \"GEOMETRY\" pickTarget USE T pickingGeometry PointSet { coord "
+        "Coordinate { point [ 0 0 0, .99 .99 .99, 1.01 0 0, 2 2 2 ] } } }");
+    w.scene.setSpaceQueries(&w.queries);
+    w.scene.newFrame(0);
+    const Node &line = w.scene.node(w.scene.findName("L")), &points = w.scene.node(w.scene.findName("P"));
+    using L = x3d::LinePickSensor;
+    EXPECT_EQ(line.get(L::pickedPoint), (Array<Vec3f>{{-1, .5f, -.5f}, {1, .5f, -.5f}}));
+    EXPECT_EQ(line.get(L::pickedNormal), (Array<Vec3f>{{-1, 0, 0}, {1, 0, 0}}));
+    ASSERT_EQ(line.get(L::pickedTextureCoordinate).size(), 2u);
+    // 13.3.1: each face has the whole picture, its lower left corner left of who looks at it: z = -.5 is a quarter of
+    // the way from z = -1 on the face at -x, and from z = 1 three quarters on the face at +x.
+    EXPECT_LT(glm::distance(line.get(L::pickedTextureCoordinate)[0], Vec3f(.25f, .75f, 0)), 1e-5f);
+    EXPECT_LT(glm::distance(line.get(L::pickedTextureCoordinate)[1], Vec3f(.75f, .75f, 0)), 1e-5f);
+    EXPECT_EQ(points.get(x3d::PointPickSensor::pickedPoint), (Array<Vec3f>{{0, 0, 0}, {.99f, .99f, .99f}}));
+    ASSERT_TRUE(w.scene.set(w.scene.findName("T"), x3d::Transform::translation, Vec3f(2, 2, 2)));
+    w.scene.newFrame(1);
+    EXPECT_FALSE(line.get(L::isActive));
+    EXPECT_EQ(points.get(x3d::PointPickSensor::pickedPoint), (Array<Vec3f>{{2, 2, 2}}));
+}
+
 TEST(WorldQueries, APlaceInThePictureIsTheBearingThatPicturesHave) {
     std::mt19937 random(8);
     std::uniform_real_distribution<double> unit(0, 1), aspects(.4, 2.5), fields(.3, 2.5);

@@ -5,7 +5,8 @@
 // pointer's ray is cast when its frame begins, at what the geometry was then; what it met goes into the recorded event,
 // so that replicas and replays need no geometry. A frame takes one press or release of a pointer and one key, as
 // outputs send one event a timestamp; what came with them waits for the frames that follow, in order, 256 at most.
-// Moves in between are one move. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 clauses 20, 21, 23.4.2.
+// Moves in between are one move. Pick sensors are evaluated when a frame begins, in the same way.
+// Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 clauses 20, 21, 23.4.2, 38.
 #pragma once
 
 #include <optional>
@@ -93,6 +94,20 @@ Bearing bearingThrough(const Scene& scene, double x, double y, double aspect);
 /// What the sensors and Anchors that a pointer is over say of themselves, for people; empty texts left out.
 std::vector<std::string> pointedDescriptions(const Scene& scene);
 
+/// Where a ray meets a surface.
+struct Crossing {
+    Vec3d point{0}, normal{0, 0, 1};  // world space; the normal a unit vector, on the surface's front
+    Vec3d texCoord{0};
+    std::vector<NodeId> path;  // from a root node to the Shape
+};
+
+/// A Shape's bounding box, along the axes of the Shape's own coordinates.
+struct ShapeBox {
+    glm::dmat4 worldFromShape{1};
+    Vec3d low{0}, high{0};
+    std::vector<NodeId> path;  // from a root node to the Shape
+};
+
 /// Who knows where geometry is. Asked by the scene at the beginning of a frame, never while one runs.
 class SpaceQueries {
   public:
@@ -101,6 +116,11 @@ class SpaceQueries {
     virtual std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) = 0;
     /// The paths to all Shapes within `radius` metres.
     virtual std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) = 0;
+    /// All surfaces that a ray meets within `length` metres (infinity: without end), from either side, the nearest
+    /// first. `direction` as above.
+    virtual std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) = 0;
+    /// Of all Shapes, in no order.
+    virtual std::vector<ShapeBox> boxes() = 0;
 };
 
 }  // namespace rtsg

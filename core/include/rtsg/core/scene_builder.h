@@ -10,8 +10,10 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/core/document_handler.h>
@@ -20,12 +22,16 @@
 
 namespace rtsg {
 
+/// How many seconds the sound or film in a file's bytes plays; nothing if that cannot be told.
+using MediaLength = std::function<std::optional<double>(std::string_view bytes)>;
+
 struct BuildOptions {
     std::filesystem::path file;          // the document's own path, if it has one: a guard against Inlines of itself
     std::optional<Resources> resources;  // what urls may open, and limits; none given: Resources::ofFile(file)
     bool loadInlines = true;
-    bool detached = false;  // roots() are put nowhere: that is the caller's
-    NodeId scope;           // the PROTO instance or Inline that the nodes belong to; none: the document itself
+    bool detached = false;    // roots() are put nowhere: that is the caller's
+    NodeId scope;             // the PROTO instance or Inline that the nodes belong to; none: the document itself
+    MediaLength mediaLength;  // of InlineLoader: for what is neither a WAVE nor an MP4 file
 };
 
 class SceneBuilder final : public DocumentHandler {
@@ -75,13 +81,15 @@ class SceneBuilder final : public DocumentHandler {
 Result<NodeId> instantiate(Scene& scene, TypeIndex proto, Diagnostics& diagnostics, NodeId scope = {},
                            const BuildOptions& options = {});
 
-/// Loads and unloads Inlines while a scene runs: call update() between frames on the scene that owns the files.
+/// Loads and unloads Inlines while a scene runs, and tells LoadSensors, sounds and films what their urls lead to: call
+/// update() between frames on the scene that owns the files.
 /// A replica needs none: the content reaches it as changes.
 class InlineLoader {
   public:
     InlineLoader(Scene& scene, Diagnostics& diagnostics, BuildOptions options = {});
     ~InlineLoader();
-    /// Looks at the Inlines whose `load` or `url` changed since the last call. Returns how many were (un)loaded.
+    /// Looks at the Inlines whose `load` or `url` changed since the last call. Returns how many were (un)loaded
+    /// or told something.
     std::size_t update();
 
   private:

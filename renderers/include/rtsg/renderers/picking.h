@@ -49,6 +49,11 @@ class Picker {
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
                      double pixel) const;
     static constexpr double kPixel = .001;
+    /// Every surface within `maximum` metres, from either side, nearest first; 10,000 at most. Two that are nearer to
+    /// each other than a millionth of the way there count as one: the triangles beside an edge, but also faces of two
+    /// shapes that coincide. Lines and points are not met. Error: as of ray().
+    Result<std::vector<Pick>> crossings(const Vec3d& origin, const Vec3d& direction,
+                                        double maximum = std::numeric_limits<double>::infinity()) const;
     /// The point of any surface nearest to `point` within `maximum` metres. Error: as above.
     Result<Pick> closest(const Vec3d& point, double maximum = std::numeric_limits<double>::infinity()) const;
     /// Every instance that comes within `radius` of `center`, each with its nearest point, nearest first.

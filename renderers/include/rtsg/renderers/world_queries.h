@@ -1,7 +1,7 @@
-// WorldQueries: the rays of pointers and what an avatar touches, answered by the shared world's BVH.
+// WorldQueries: the rays of pointers, what an avatar touches and what pick sensors meet, by the shared world's BVH.
 //
 // Made for Scene::setSpaceQueries(). The world is brought up to date before each answer; one that follows no longer
-// meets nothing, and says so once. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 20.2.3, 23.4.2.
+// meets nothing, and says so once. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 20.2.3, 23.4.2, 38.
 
 // Example:
 //     #include <rtsg/core/device_input.h>
@@ -32,6 +32,8 @@ class WorldQueries final : public SpaceQueries {
     explicit WorldQueries(SharedWorld& world) : world_(world) {}
     std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) override;
     std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override;
+    std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override;
+    std::vector<ShapeBox> boxes() override;
 
   private:
     bool follow();

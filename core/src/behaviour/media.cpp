@@ -1,0 +1,126 @@
+// The clocks of sounds and films: ISO/IEC 19775-1 V4.0, 8.2.4 (time-dependent nodes), 16.4 (sound sources), 18.4.2
+// (MovieTexture). How long a file plays is found out between frames by whoever loads (InlineLoader) and stands in
+// _duration; so replays and replicas need no files. What plays for ever is active until its stopTime.
+#include <cmath>
+
+#include <rtsg/core/x3d.h>
+
+#include "behaviours.h"
+#include "time_dependent.h"
+
+namespace rtsg::behaviours {
+
+namespace {
+
+/// Seconds of what is played once at its own speed; negative: not known yet, infinite: no end.
+double lengthOf(const Node& node) {
+    if (node.is(x3d::BufferAudioSource::type)) {
+        using B = x3d::BufferAudioSource;
+        const auto frames = static_cast<double>(node.get(B::length));
+        const double rate = node.get(B::sampleRate);
+        if (!node.get(B::buffer).empty()) return frames / (rate > 0 && std::isfinite(rate) ? rate : 48'000);
+        return node.get(B::_duration).seconds;
+    }
+    if (node.is(x3d::AudioClip::type)) return node.get(x3d::AudioClip::_duration).seconds;
+    if (node.is(x3d::MovieTexture::type)) return node.get(x3d::MovieTexture::_duration).seconds;
+    return kNever;
+}
+
+/// Times its own speed, or its inverse: a film may run backwards.
+double speedOf(const Node& node) {
+    using B = x3d::BufferAudioSource;
+    if (node.is(x3d::AudioClip::type)) return node.get(x3d::AudioClip::pitch);
+    if (node.is(x3d::MovieTexture::type)) return node.get(x3d::MovieTexture::speed);
+    if (node.is(B::type)) return double(node.get(B::playbackRate)) * std::pow(2.0, double(node.get(B::detune)) / 1200);
+    return 1;
+}
+
+bool loops(const Node& node) {
+    if (node.is(x3d::AudioClip::type)) return node.get(x3d::AudioClip::loop);
+    if (node.is(x3d::MovieTexture::type)) return node.get(x3d::MovieTexture::loop);
+    return node.is(x3d::BufferAudioSource::type) && node.get(x3d::BufferAudioSource::loop);
+}
+
+/// What a file or a buffer says of itself.
+template <class N>
+void tellLength(Cascade& cascade, const Node& node) {
+    if constexpr (requires { N::duration_changed; }) {
+        const Time duration = node.get(N::_duration), told = node.get(N::duration_changed);
+        if (duration.seconds < 0 && told.seconds == 0)
+            cascade.store(node, N::duration_changed, Time{-1});  // nobody has known anything else
+        else if (duration != told)
+            cascade.emit(node, N::duration_changed, duration);
+    }
+    if constexpr (requires { N::length; }) {
+        const auto channels = static_cast<std::size_t>(std::max(1, node.get(N::numberOfChannels)));
+        const auto frames = static_cast<std::int32_t>(node.get(N::buffer).size() / channels);
+        if (frames != node.get(N::length)) cascade.emit(node, N::length, frames);
+    }
+}
+
+template <class N>
+double stop(Cascade& cascade, const Node& node) {
+    if (node.get(N::isPaused)) cascade.emit(node, N::isPaused, false);
+    if (node.get(N::isActive)) cascade.emit(node, N::isActive, false);
+    const double start = node.get(N::startTime).seconds;
+    return node.get(N::enabled) && start > cascade.now() ? start : kNever;
+}
+
+template <class N>
+bool accepts(const Node& node, FieldIndex field, const void* value) {
+    // 18.4.2: the speed of a film that runs stays.
+    if (field == x3d::MovieTexture::speed.index && node.is(x3d::MovieTexture::type) && node.get(N::isActive))
+        return false;
+    return acceptsTime<N>(node, field, value);
+}
+
+template <class N>
+double onTime(Cascade& cascade, const Node& node) {
+    tellLength<N>(cascade, node);
+    const double now = cascade.now(), start = node.get(N::startTime).seconds, end = node.get(N::stopTime).seconds;
+    const double speed = std::abs(speedOf(node)), length = lengthOf(node);
+    const double cycle = speed > 0 ? length / speed : kNever;
+    if (!node.get(N::enabled) || !std::isfinite(start) || !(length > 0) || std::isnan(cycle))
+        return stop<N>(cascade, node);
+    const bool stopping = end > start && now >= end;
+    if (!node.get(N::isActive)) {
+        if (start > now) return start;
+        // What is over is over; but what is shorter than a frame is still told.
+        if (stopping || (!loops(node) && now - start >= cycle && start <= cascade.previous())) return kNever;
+        cascade.store(node, N::_pausedTotal, Time{0});
+        cascade.emit(node, N::isActive, true);
+        cascade.emit(node, N::elapsedTime, Time{loops(node) ? now - start : std::min(now - start, cycle)});
+        return now;
+    }
+    if (handlePause<N>(cascade, node)) return stopping ? stop<N>(cascade, node) : now;
+    const double active = std::max(0.0, (stopping ? end : now) - start - node.get(N::_pausedTotal).seconds);
+    if (!loops(node) && std::isfinite(cycle)) {
+        // One that has looped until now ends with its cycle.
+        const double begun = std::floor(node.get(N::elapsedTime).seconds / cycle) * cycle;
+        if (active >= begun + cycle) {
+            cascade.emit(node, N::elapsedTime, Time{begun + cycle});
+            return stop<N>(cascade, node);
+        }
+    }
+    cascade.emit(node, N::elapsedTime, Time{active});
+    return stopping ? stop<N>(cascade, node) : now;
+}
+
+template <class N>
+Behaviour clockOf() {
+    return {.accepts = accepts<N>, .onTime = onTime<N>};
+}
+
+}  // namespace
+
+void appendMedia(std::vector<BuiltinBehaviour>& table) {
+    table.push_back({x3d::AudioClip::type, clockOf<x3d::AudioClip>()});
+    table.push_back({x3d::BufferAudioSource::type, clockOf<x3d::BufferAudioSource>()});
+    table.push_back({x3d::ListenerPointSource::type, clockOf<x3d::ListenerPointSource>()});
+    table.push_back({x3d::MicrophoneSource::type, clockOf<x3d::MicrophoneSource>()});
+    table.push_back({x3d::MovieTexture::type, clockOf<x3d::MovieTexture>()});
+    table.push_back({x3d::OscillatorSource::type, clockOf<x3d::OscillatorSource>()});
+    table.push_back({x3d::StreamAudioSource::type, clockOf<x3d::StreamAudioSource>()});
+}
+
+}  // namespace rtsg::behaviours

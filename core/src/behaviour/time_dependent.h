@@ -1,0 +1,38 @@
+// What all X3DTimeDependentNodes have in common: ISO/IEC 19775-1 V4.0, 8.2.4. S: a type with the fields of one, and
+// _pausedTotal.
+#pragma once
+
+#include "behaviours.h"
+
+namespace rtsg::behaviours {
+
+/// 8.2.4.3: startTime, and a stopTime that is not after it, are ignored while the node is active.
+template <class S>
+bool acceptsTime(const Node& node, FieldIndex field, const void* value) {
+    if (!node.get(S::isActive)) return true;
+    if (field == S::startTime.index) return false;
+    return field != S::stopTime.index || eventValue<Time>(value).seconds > node.get(S::startTime).seconds;
+}
+
+/// True while paused. Keeps _pausedTotal, so that the fraction goes on where it was; says at both edges which time it
+/// was (8.2.4.4).
+template <class S>
+bool handlePause(Cascade& cascade, const Node& node) {
+    const double now = cascade.now();
+    const double pause = node.get(S::pauseTime).seconds, resume = node.get(S::resumeTime).seconds;
+    if (!node.get(S::isPaused)) {
+        if (pause <= resume || pause > now || pause < node.get(S::startTime).seconds) return false;
+        cascade.emit(node, S::isPaused, true);
+        cascade.emit(node, S::pauseTime, Time{pause});
+        const double active = pause - node.get(S::startTime).seconds - node.get(S::_pausedTotal).seconds;
+        cascade.emit(node, S::elapsedTime, Time{active});
+        return true;
+    }
+    if (resume <= pause || resume > now) return true;
+    cascade.store(node, S::_pausedTotal, Time{node.get(S::_pausedTotal).seconds + resume - pause});
+    cascade.emit(node, S::isPaused, false);
+    cascade.emit(node, S::resumeTime, Time{resume});
+    return false;
+}
+
+}  // namespace rtsg::behaviours

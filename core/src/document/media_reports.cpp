@@ -1,0 +1,82 @@
+// Opens what sound sources and films name, and writes down how long it plays.
+#include "media_reports.h"
+
+#include <cmath>
+
+#include <rtsg/core/x3d.h>
+
+#include "media_length.h"
+
+namespace rtsg {
+
+namespace {
+
+struct MediaFields {
+    Field<Time> duration;
+    Field<bool> load;
+    Field<Array<String>> url;
+};
+
+template <class N>
+constexpr MediaFields fieldsOf() {
+    return {N::_duration, N::load, N::url};
+}
+
+std::optional<MediaFields> mediaFields(const Node& node) {
+    if (node.is(x3d::AudioClip::type)) return fieldsOf<x3d::AudioClip>();
+    if (node.is(x3d::MovieTexture::type)) return fieldsOf<x3d::MovieTexture>();
+    if (node.is(x3d::BufferAudioSource::type)) return fieldsOf<x3d::BufferAudioSource>();
+    return std::nullopt;
+}
+
+/// Of the first url that leads to something whose length can be told.
+double secondsOf(const Scene& scene, const Node& node, const MediaFields& fields, const Resources& resources,
+                 const MediaLength& others) {
+    if (!node.get(fields.load)) return -1;
+    for (const String& url : node.get(fields.url)) {
+        auto resource = resources.open(scene, node, fields.url.index, url.view());
+        if (!resource) continue;
+        const auto bytes = resource->read();
+        if (!bytes) continue;
+        std::optional<double> seconds = mediaSeconds(*bytes);
+        if (!seconds && others) seconds = others(*bytes);
+        if (seconds && std::isfinite(*seconds) && *seconds >= 0) return *seconds;
+    }
+    return -1;
+}
+
+}  // namespace
+
+MediaReports::MediaReports(const Scene& scene) {
+    scene.forEachNode([&](const Node& node) {
+        if (const auto fields = mediaFields(node); fields && node.get(fields->duration).seconds < 0)
+            asked_.insert(node.id().value);
+    });
+}
+
+void MediaReports::note(const Scene& scene, const ChangeSet& set) {
+    for (const Change& change : set.changes) {
+        if (change.kind != ChangeKind::setField) continue;
+        // Most changes are of other types than `url` and `load`: they cost no look at their node.
+        const FieldType type = change.value.type();
+        if (type != FieldType::MFString && type != FieldType::SFBool) continue;
+        const Node* node = scene.find(change.node);
+        const auto fields = node ? mediaFields(*node) : std::nullopt;
+        if (fields && (change.field == fields->url.index || change.field == fields->load.index))
+            asked_.insert(change.node.value);
+    }
+}
+
+std::size_t MediaReports::answer(Scene& scene, const Resources& resources, const MediaLength& others) {
+    std::size_t count = 0;
+    for (const std::uint32_t number : std::exchange(asked_, {})) {
+        const Node* node = scene.find(NodeId{number});
+        const auto fields = node ? mediaFields(*node) : std::nullopt;
+        if (!fields) continue;
+        const Time duration{secondsOf(scene, *node, *fields, resources, others)};
+        if (duration != node->get(fields->duration) && scene.set(node->id(), fields->duration, duration)) ++count;
+    }
+    return count;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,188 @@
+// Pick sensors against closed forms wherever they stand, and picks that peers make up.
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <sstream>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/device_input.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
+
+#include "scene/pick_report.h"
+#include "support/simple_space.h"
+
+namespace rtsg {
+namespace {
+
+struct PickScene {
+    Scene scene;
+    test::SimpleSpace space{scene};
+
+    explicit PickScene(const std::string& text) {
+        Diagnostics diagnostics("test");
+        EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + text, diagnostics));
+        for (const Diagnostic& d : diagnostics.all()) ADD_FAILURE() << d.format();
+        scene.setSpaceQueries(&space);
+    }
+    const Node& node(const char* name) const { return scene.node(scene.findName(name)); }
+};
+
+std::string textOf(const Vec3d& v) {
+    std::ostringstream out;
+    out.precision(9);
+    out << float(v.x) << ' ' << float(v.y) << ' ' << float(v.z);
+    return out.str();
+}
+
+/// A line past the middle of a ball at a known distance is in it for 2 sqrt(r^2 - d^2), wherever sensor and ball stand.
+TEST(PickSensors, ALineCrossesABallWhereTheClosedFormSays) {
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> any(-3, 3), positive(.4, 2.5), part(0, .95);
+    for (int i = 0; i < 300; ++i) {
+        const double radius = double(float(positive(random))), scale = double(float(positive(random)));
+        const Vec3d axis = glm::normalize(Vec3d(any(random), any(random), any(random))), move(any(random), 2, 1);
+        const double angle = any(random);
+        // In the sensor's own coordinates; the ball is scaled down so that it has its radius there.
+        const Vec3d center(any(random), any(random), any(random)), along = glm::normalize(center + Vec3d(5, 0, 1));
+        const Vec3d side = glm::normalize(glm::cross(along, Vec3d(.3, .8, .1)));
+        const double off = radius * part(random), inside = std::sqrt(radius * radius - off * off);
+        const Vec3d nearest = center + side * off, from = nearest - along * 9.0, to = nearest + along * 9.0;
+        std::ostringstream text;
+        text.precision(9);
+        text << "Transform { translation " << textOf(move) << " rotation " << textOf(axis) << ' ' << angle << " scale "
+             << textOf(Vec3d(scale)) << " children [ DEF T Transform { translation " << textOf(center)
+             << " children DEF B Shape { geometry Sphere { radius " << radius << " } } } "
+             << "DEF P LinePickSensor { intersectionType \"GEOMETRY\" pickTarget USE T pickingGeometry LineSet { "
+             << "vertexCount 2 coord Coordinate { point [ " << textOf(from) << ", " << textOf(to) << " ] } } } ] }";
+        PickScene s(text.str());
+        s.scene.newFrame(0);
+        const Node& p = s.node("P");
+        using P = x3d::LinePickSensor;
+        ASSERT_TRUE(p.get(P::isActive)) << i;
+        ASSERT_EQ(p.get(P::pickedPoint).size(), 2u) << i;
+        const Vec3d expected[] = {nearest - along * inside, nearest + along * inside};
+        for (std::size_t k = 0; k < 2; ++k) {
+            EXPECT_LT(glm::distance(Vec3d(p.get(P::pickedPoint)[k]), expected[k]), 3e-5) << i;
+            const Vec3d normal = (expected[k] - center) / radius;
+            EXPECT_LT(glm::distance(Vec3d(p.get(P::pickedNormal)[k]), normal), 1e-4) << i;
+        }
+    }
+}
+
+TEST(PickSensors, PointsAreInsideOfAScaledBoxWhereTheClosedFormSays) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> any(-2, 2), positive(.3, 2.5);
+    for (int i = 0; i < 60; ++i) {
+        const Vec3d scale(positive(random), positive(random), positive(random));
+        const Vec3d axis = glm::normalize(Vec3d(any(random), any(random), any(random)));
+        const double angle = any(random);
+        const glm::dmat4 world = glm::rotate(glm::dmat4(1), angle, axis) * glm::scale(glm::dmat4(1), scale);
+        std::vector<Vec3f> inside;
+        std::string points;
+        for (int k = 0; k < 50; ++k) {
+            const Vec3f point(float(any(random)), float(any(random)), float(any(random)));
+            const Vec3d local = glm::inverse(world) * glm::dvec4(Vec3d(point), 1);
+            const double most = std::max({std::abs(local.x), std::abs(local.y), std::abs(local.z)});
+            if (std::abs(most - 1) < 1e-4) continue;  // on the surface
+            points += textOf(point) + ", ";
+            if (most < 1) inside.push_back(point);
+        }
+        PickScene s("DEF T Transform { rotation " + textOf(axis) + " " + std::to_string(angle) + " scale " +
+                    textOf(scale) + " children Shape { geometry Box { } } } DEF P PointPickSensor { intersectionType " +
+                    "\"GEOMETRY\" pickTarget USE T pickingGeometry PointSet { coord Coordinate { point [ " + points +
+                    " ] } } }");
+        s.scene.newFrame(0);
+        const auto& picked = s.node("P").get(x3d::PointPickSensor::pickedPoint);
+        ASSERT_TRUE(std::ranges::equal(picked, inside)) << i << ": " << picked.size() << " of " << inside.size();
+    }
+}
+
+TEST(PickSensors, AReportIsWhatItsNumbersSay) {
+    const PickReport report{NodeId{7}, {NodeId{9}, NodeId{8}}, {{{1, 2, 3}, {0, 0, 1}, {.5f, .25f, 0}}}};
+    const auto back = PickReport::fromValue(report.toValue());
+    ASSERT_TRUE(back);
+    EXPECT_EQ(back->sensor, report.sensor);
+    EXPECT_EQ(back->geometry, report.geometry);
+    ASSERT_EQ(back->surfaces.size(), 1u);
+    EXPECT_EQ(back->surfaces[0].texCoord, report.surfaces[0].texCoord);
+    EXPECT_FALSE(PickReport::fromValue({}));
+    EXPECT_FALSE(PickReport::fromValue({7, 1}));
+    EXPECT_FALSE(PickReport::fromValue({7, 0, 1}));
+    EXPECT_FALSE(PickReport::fromValue({7, .5, 1}));
+    EXPECT_FALSE(PickReport::fromValue({NAN, 0}));
+}
+
+TEST(PickSensors, WhatAPeerClaimsDoesNoHarmAndIsCorrectedWhereSomebodyCanLook) {
+    PickScene s(
+        "DEF G Group { children DEF B Shape { geometry Box { } } } DEF P LinePickSensor { intersectionType "
+        "\"GEOMETRY\" pickTarget USE G pickingGeometry LineSet { vertexCount 2 coord Coordinate { point [ 0 0 "
+        "9, 0 0 0 ] } } }");
+    s.scene.newFrame(0);
+    const Node& p = s.node("P");
+    using P = x3d::LinePickSensor;
+    ASSERT_TRUE(p.get(P::isActive));
+    std::mt19937 random(11);
+    const double odd[] = {NAN, INFINITY, 0, -0.0, 1, -1, 2, 3, 4, 5, 6, .5, 1e308, -1e308, 4294967295.0, 4294967296.0};
+    const std::vector<NodeId> ids{s.scene.root(), p.id(), s.scene.findName("B"), s.scene.findName("G")};
+    for (int i = 0; i < 20'000; ++i) {
+        Array<double> numbers;
+        const std::size_t count = random() % 3 ? 2 + 9 * (random() % 2) + random() % 3 : random() % 40;
+        for (std::size_t k = 0; k < count; ++k)
+            numbers.push_back(k == 0 || random() % 2 ? double(ids[random() % ids.size()].value)
+                                                     : odd[random() % std::size(odd)]);
+        ASSERT_TRUE(s.scene.sendEvent(s.scene.root(), x3d::RtsgScene::picked.index, numbers));
+        if (i % 3 == 0) s.scene.newFrame(i);
+    }
+    // What has been told comes after what was seen in that frame: the next look puts it right.
+    s.scene.newFrame(30'000);
+    s.scene.newFrame(30'001);
+    EXPECT_TRUE(p.get(P::isActive));
+    ASSERT_EQ(p.get(P::pickedGeometry).size(), 1u);
+    EXPECT_EQ(p.get(P::pickedGeometry)[0], s.scene.findName("B"));
+    ASSERT_EQ(p.get(P::pickedPoint).size(), 1u);
+    EXPECT_EQ(p.get(P::pickedPoint)[0], Vec3f(0, 0, 1));
+}
+
+TEST(PickSensors, SayWhatTheyCannotPickBy) {
+    PickScene s(
+        "DEF B Shape { geometry Box { } } DEF P LinePickSensor { pickTarget USE B pickingGeometry PointSet { } } "
+        "DEF Q PrimitivePickSensor { intersectionType \"GEOMETRY\" pickTarget USE B pickingGeometry Sphere { } "
+        "} DEF V VolumePickSensor { pickTarget USE B pickingGeometry Extrusion { } }");
+    s.scene.newFrame(0);
+    s.scene.newFrame(1);
+    std::string all;
+    for (const Diagnostic& d : s.scene.diagnostics().all()) all += d.text + '\n';
+    EXPECT_EQ(all,
+              "LinePickSensor P: picks nothing by a PointSet\n"
+              "PrimitivePickSensor Q: is tested by its bounding box, not by its geometry\n"
+              "VolumePickSensor V: the bounds of its Extrusion are not known\n");
+    EXPECT_FALSE(s.node("P").get(x3d::LinePickSensor::isActive));
+    EXPECT_TRUE(s.node("Q").get(x3d::PrimitivePickSensor::isActive));
+}
+
+TEST(PickSensors, WhereNothingChangesNothingIsAsked) {
+    struct Counting final : SpaceQueries {
+        std::size_t asked = 0;
+        std::optional<PointerHit> firstHit(const Vec3d&, const Vec3d&) override { return std::nullopt; }
+        std::vector<std::vector<NodeId>> within(const Vec3d&, double) override { return {}; }
+        std::vector<Crossing> crossings(const Vec3d&, const Vec3d&, double) override {
+            ++asked;
+            return {};
+        }
+        std::vector<ShapeBox> boxes() override { return {}; }
+    } counting;
+    PickScene s(
+        "DEF B Shape { geometry Box { } } LinePickSensor { intersectionType \"GEOMETRY\" pickTarget USE B "
+        "pickingGeometry LineSet { vertexCount 2 coord Coordinate { point [ 0 0 0, 0 0 9 ] } } }");
+    s.scene.setSpaceQueries(&counting);
+    for (int t = 0; t < 3; ++t) s.scene.newFrame(t);
+    const std::size_t before = counting.asked;
+    EXPECT_GT(before, 0u);
+    for (int t = 3; t < 100; ++t) s.scene.newFrame(t);
+    EXPECT_EQ(counting.asked, before);
+}
+
+}  // namespace
+}  // namespace rtsg

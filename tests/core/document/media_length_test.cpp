@@ -1,0 +1,101 @@
+// How long sounds and films play, against headers written here.
+#include <cmath>
+#include <random>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/scene_builder.h>
+#include <rtsg/core/x3d.h>
+
+#include "document/media_length.h"
+
+namespace rtsg {
+namespace {
+
+std::string number(std::uint64_t value, int size, bool big) {
+    std::string bytes;
+    for (int i = 0; i < size; ++i) bytes += static_cast<char>(value >> 8 * (big ? size - 1 - i : i) & 0xFF);
+    return bytes;
+}
+std::string little(std::uint64_t value, int size) {
+    return number(value, size, false);
+}
+std::string big(std::uint64_t value, int size) {
+    return number(value, size, true);
+}
+
+std::string wave(int format, int channels, int rate, int bits, std::size_t bytes, const std::string& before = {},
+                 std::uint64_t claimed = 0) {
+    const int block = channels * bits / 8;
+    return "RIFF" + little(36 + bytes, 4) + "WAVE" + before + "fmt " + little(16, 4) +
+           little(std::uint64_t(format), 2) + little(std::uint64_t(channels), 2) + little(std::uint64_t(rate), 4) +
+           little(std::uint64_t(rate * block), 4) + little(std::uint64_t(block), 2) + little(std::uint64_t(bits), 2) +
+           "data" + little(claimed ? claimed : bytes, 4) + std::string(bytes, '\0');
+}
+std::string box(const std::string& name, const std::string& content) {
+    return big(8 + content.size(), 4) + name + content;
+}
+std::string movie(std::uint64_t scale, std::uint64_t duration, int version) {
+    const int size = version == 1 ? 8 : 4;
+    const std::string head = big(std::uint64_t(version) << 24, 4) + big(1, size) + big(2, size) + big(scale, 4) +
+                             big(duration, size) + std::string(80, '\0');
+    return box("ftyp", "isomxxxx") + box("mdat", std::string(100, 'x')) +
+           box("moov", box("udta", "") + box("mvhd", head));
+}
+
+TEST(MediaLength, IsWhatTheHeaderSays) {
+    EXPECT_EQ(mediaSeconds(wave(1, 2, 44100, 16, 4 * 66150)), 1.5);
+    EXPECT_EQ(mediaSeconds(wave(3, 1, 8000, 32, 4 * 2000)), .25);
+    EXPECT_EQ(mediaSeconds(wave(1, 1, 8, 8, 9, "LIST" + little(3, 4) + "abc" + std::string(1, '\0'))), 1.125)
+        << "an odd chunk before it is padded";
+    EXPECT_EQ(mediaSeconds(wave(1, 1, 8, 8, 16, {}, 0xFFFFFFFF)), 2) << "a stream's length is what is there";
+    EXPECT_EQ(mediaSeconds(wave(2, 1, 8000, 4, 100, "fact" + little(4, 4) + little(4000, 4))), .5) << "packed";
+    EXPECT_EQ(mediaSeconds(movie(600, 1500, 0)), 2.5);
+    EXPECT_EQ(mediaSeconds(movie(90'000, std::uint64_t{90'000} * 100'000, 1)), 1e5);
+}
+
+TEST(MediaLength, OfWhatSaysNothingNobodyKnows) {
+    EXPECT_EQ(mediaSeconds(""), std::nullopt);
+    EXPECT_EQ(mediaSeconds("OggS and so on, at length"), std::nullopt);
+    EXPECT_EQ(mediaSeconds(wave(1, 1, 0, 8, 16)), std::nullopt) << "no rate";
+    EXPECT_EQ(mediaSeconds(wave(1, 0, 8, 8, 16)), std::nullopt) << "no channels";
+    EXPECT_EQ(mediaSeconds(movie(0, 10, 0)), std::nullopt);
+    EXPECT_EQ(mediaSeconds(movie(1000, 0xFFFFFFFF, 0)), std::nullopt) << "not known";
+    std::mt19937 random(1);
+    for (const std::string& whole : {wave(1, 2, 100, 16, 40, "LIST" + little(4, 4) + "abcd"), movie(600, 1500, 1)})
+        for (int i = 0; i < 20'000; ++i) {
+            std::string broken = whole.substr(0, random() % (whole.size() + 1));
+            for (int k = static_cast<int>(random() % 4); k > 0 && !broken.empty(); --k)
+                broken[random() % broken.size()] = static_cast<char>(random());
+            const auto seconds = mediaSeconds(broken);
+            EXPECT_TRUE(!seconds || (std::isfinite(*seconds) && *seconds >= 0));
+        }
+}
+
+TEST(MediaLength, IsAskedOfTheApplicationWhereNoHeaderIsKnown) {
+    Scene scene;
+    Diagnostics diagnostics("test");
+    ASSERT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\nDEF A AudioClip { url \"data:audio/ogg,OggS-of-four\" }",
+                         diagnostics));
+    BuildOptions options;
+    options.resources = Resources();
+    std::string asked;
+    options.mediaLength = [&](std::string_view bytes) -> std::optional<double> {
+        asked += bytes;
+        return 4;
+    };
+    InlineLoader loader(scene, diagnostics, options);
+    scene.newFrame(100);
+    EXPECT_EQ(loader.update(), 1u);
+    EXPECT_EQ(loader.update(), 0u);
+    scene.newFrame(101);
+    EXPECT_EQ(asked, "OggS-of-four");
+    const Node& clip = scene.node(scene.findName("A"));
+    EXPECT_EQ(clip.get(x3d::AudioClip::duration_changed).seconds, 4);
+    EXPECT_FALSE(clip.get(x3d::AudioClip::isActive)) << "it ended at 4";
+}
+
+}  // namespace
+}  // namespace rtsg
