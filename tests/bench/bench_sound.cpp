@@ -150,6 +150,54 @@ void rayRatios(const Report& report, Hall& hall, bool quick) {
     report({"sound", hall.name, "rays of the tracer / bare", "1", rate(traced) / best, "", 0, "asked for", .8});
 }
 
+/// CPU time of a result for each of five listeners beside that for one, and what sharing costs their intervals.
+void severalListeners(const Report& report, const Hall& hall, bool quick) {
+    const auto share = [&](double a, double b, double c) {
+        return glm::mix(hall.source, hall.listener, .5) + glm::dvec3(a, b, c) * (hall.listener - hall.source);
+    };
+    const std::vector<glm::dvec3> five{hall.listener, share(-.3, .4, 0), share(.4, -.3, .1), share(.1, .2, -.1),
+                                       share(.5, .3, .2)};
+    TraceOptions options;
+    options.rays = quick ? 1600 : 10'000;
+    options.air.absorbs = false;
+    const AcousticTracer tracer(hall.geometry);
+    std::vector<double> one, all, separate, wider;
+    onOneThread([&] {
+        for (int run = 0; run < (quick ? 1 : 3); ++run) {
+            options.seed = static_cast<std::uint64_t>(run) + 1;
+            double start = cpuSeconds();
+            std::vector<TraceResult> apart;
+            for (const glm::dvec3& place : five) {
+                apart.push_back(tracer.trace(hall.source, place, options));
+                if (apart.size() == 1) one.push_back(cpuSeconds() - start);
+            }
+            separate.push_back(cpuSeconds() - start);
+            start = cpuSeconds();
+            const std::vector<TraceResult> shared = tracer.trace(hall.source, five, options);
+            all.push_back(cpuSeconds() - start);
+            double squares = 0;
+            for (const auto figure : {&RoomMetrics::t20, &RoomMetrics::c80, &RoomMetrics::g}) {
+                double alone = 0, together = 0;
+                for (std::size_t i = 0; i < five.size(); ++i) {
+                    alone += std::pow((apart[i].metrics().ci95.*figure)[4], 2);
+                    together += std::pow((shared[i].metrics().ci95.*figure)[4], 2);
+                }
+                squares += together / alone / 3;
+            }
+            wider.push_back(std::sqrt(squares));
+        }
+    });
+    report({"sound", hall.name, "five listeners, CPU time", "ms", 1e3 * median(all), "one after the other",
+            1e3 * median(separate), "one listener", 1e3 * median(one)});
+    report({"sound", hall.name, "five listeners / one", "1", median(all) / median(one), "", 0, "asked for", 1.3});
+    report(
+        {"sound", hall.name, "five listeners, intervals of T20, C80 and G / alone", "1", median(wider), "", 0, "", 0});
+    // What one would take with as many rays as give each of the five the interval it has alone.
+    report({"sound", hall.name, "five listeners / one, of equal intervals", "1",
+            median(all) * median(wider) * median(wider) / median(one), "one after the other",
+            median(separate) / median(one), "", 0});
+}
+
 /// Wall time on all cores until T20 is good to 1 % and levels to .1 dB.
 void figures(const Report& report, Hall& hall, bool quick) {
     TraceOptions options;
@@ -231,6 +279,7 @@ bool sound(const Report& report, bool quick) {
     box.start();
     rayRatios(report, box, quick);
     figures(report, box, quick);
+    severalListeners(report, box, quick);
     const std::filesystem::path folder = std::filesystem::temp_directory_path() / "rtsg_bench_sound";
     std::filesystem::create_directories(folder);
     const auto written = writeBenchScene("Conference", quick ? .02 : .5, false, folder);
@@ -246,6 +295,7 @@ bool sound(const Report& report, bool quick) {
     hall.source = glm::mix(low, high, glm::dvec3(.3, .6, .4));
     hall.listener = glm::mix(low, high, glm::dvec3(.7, .55, .6));
     rayRatios(report, hall, quick);
+    severalListeners(report, hall, quick);
     return true;
 }
 

@@ -74,6 +74,13 @@ void AcousticEngine::prepare(const AcousticState& state) {
 int AcousticEngine::channels() const {
     return static_cast<int>(impl_->channels);
 }
+std::vector<AudioSpectrum> AcousticEngine::analyse() {
+    std::vector<AudioSpectrum> found;
+    for (auto& [id, state] : impl_->states)
+        if (!state.gone) state.mix.analyse(found);
+    return found;
+}
+
 const HeardResponses& AcousticEngine::heard() const {
     return impl_->heard;
 }

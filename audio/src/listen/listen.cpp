@@ -95,6 +95,7 @@ Result<ListenReport> listen(SoundRenderer& sound, const ListenOptions& options) 
             const double t = start + std::min(options.seconds, static_cast<double>(frame) / options.framesPerSecond);
             runTo(t);
             if (auto done = sound.renderFrame(); !done) return std::unexpected(done.error());
+            sound.sendEvents();
             if (options.progress && !options.progress(static_cast<double>(frame) / static_cast<double>(frames)))
                 return fail("cancelled");
         }

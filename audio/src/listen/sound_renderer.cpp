@@ -4,10 +4,12 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <span>
 #include <utility>
 
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
 
 #include "trace/places.h"
 
@@ -109,12 +111,61 @@ Result<> SoundRenderer::renderFrame() {
     return renderOwnNodes(kVoice);
 }
 
+namespace {
+
+/// As the Web Audio API has bytes: 0 at `low` and below, 255 at `high`.
+float byteOf(double decibels, double low, double high) {
+    const double scaled = std::floor(255 / (high - low) * (decibels - low));
+    return high > low && std::isfinite(scaled) ? static_cast<float>(std::clamp(scaled, 0.0, 255.0)) : 0.0f;
+}
+
+void sendSpectrum(Scene& scene, NodeId metadata, const Node& analyser, const AudioSpectrum& spectrum, int depth = 0) {
+    using A = x3d::Analyser;
+    const Node* node = scene.find(metadata);
+    if (!node || depth > 8) return;
+    if (node->is(x3d::MetadataSet::type)) {
+        const Array<NodeId> children = node->get(x3d::MetadataSet::value);
+        for (const NodeId child : children) sendSpectrum(scene, child, analyser, spectrum, depth + 1);
+        return;
+    }
+    if (!node->is(x3d::MetadataFloat::type)) return;
+    const std::string_view name = node->get(x3d::MetadataFloat::name).view();
+    if (name != "frequencyData" && name != "byteFrequencyData") return;
+    const bool bytes = name == "byteFrequencyData";
+    const auto low = static_cast<double>(analyser.get(A::minDecibels)),
+               high = static_cast<double>(analyser.get(A::maxDecibels));
+    std::vector<float> values;
+    // Silence has no level in decibels: as low as single precision goes.
+    constexpr double kSilence = std::numeric_limits<float>::lowest();
+    for (const double level : spectrum.decibels)
+        values.push_back(bytes ? byteOf(level, low, high) : static_cast<float>(std::max(level, kSilence)));
+    // Refused only where the scene is followed from elsewhere, which then sends its own.
+    static_cast<void>(
+        scene.sendEvent(metadata, x3d::MetadataFloat::value.index, Value(Array<float>(std::move(values)))));
+}
+
+}  // namespace
+
+void SoundRenderer::sendEvents() {
+    Impl& s = *impl_;
+    if (!s.renderer) return;
+    Scene& scene = world().scene();
+    for (const AudioSpectrum& spectrum : s.renderer->analyse()) {
+        const Node* node = scene.find(spectrum.node);
+        if (!node || !node->is(x3d::Analyser::type)) continue;
+        const auto bins = static_cast<std::int32_t>(spectrum.decibels.size());
+        if (node->get(x3d::Analyser::frequencyBinCount) != bins)
+            static_cast<void>(scene.sendEvent(spectrum.node, x3d::Analyser::frequencyBinCount.index, Value(bins)));
+        sendSpectrum(scene, node->get(x3d::Analyser::metadata), *node, spectrum);
+    }
+}
+
 std::span<float> SoundRenderer::block() {
     return std::span(impl_->report.sound.samples).subspan(impl_->blockAt);
 }
 double SoundRenderer::blockStart() const {
-    const auto before = static_cast<double>(impl_->blockAt / static_cast<std::size_t>(std::max(1, channels())));
-    return impl_->start + before / sampleRate();
+    const std::size_t before = impl_->blockAt / static_cast<std::size_t>(std::max(1, channels()));
+    return impl_->start + static_cast<double>(before) / sampleRate();
 }
 int SoundRenderer::channels() const {
     return impl_->renderer ? impl_->renderer->channels() : 0;
@@ -129,27 +180,32 @@ OpenedGeometry SoundRenderer::room(const glm::dvec3& source) {
     return impl_->renderer->geometryFor(source);
 }
 
-Result<std::optional<ListenReport::Source>> SoundRenderer::measureOne(const SoundEmitter& emitter,
-                                                                      const glm::dvec3& listener) {
+Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEmitter& emitter,
+                                                                   std::span<const glm::dvec3> listeners) {
     Impl& s = *impl_;
+    std::vector<ListenReport::Source> heard;
     const SoundScene& sounds = s.renderer->scene();
-    if (!sounds.sound(emitter).enabled || !sounds.sound(emitter).reflected) return std::nullopt;
-    ListenReport::Source source;
-    source.source = emitter.name;
-    source.position = sounds.position(emitter);
-    const OpenedGeometry room = s.renderer->geometryFor(source.position);
+    if (!sounds.sound(emitter).enabled || !sounds.sound(emitter).reflected) return heard;
+    const glm::dvec3 position = sounds.position(emitter);
+    const OpenedGeometry room = s.renderer->geometryFor(position);
     const AcousticTracer tracer(room);
     TraceOptions tracing = s.options.trace;
     tracing.air = s.renderer->air();
-    source.trace = tracer.trace(source.position, listener, tracing);
+    std::vector<TraceResult> traces = tracer.trace(position, listeners, tracing);
     bool cancelled = false;
     if (s.options.error > 0)
-        tracer.refineTo(source.trace, source.position, listener, tracing, s.options.error, s.options.maxRays,
+        tracer.refineTo(traces, position, listeners, tracing, s.options.error, s.options.maxRays,
                         [&] { return !(cancelled = s.options.progress && !s.options.progress(0)); });
     if (cancelled) return fail("cancelled");
-    source.metrics = source.trace.metrics();
-    source.schroederHz = schroederFrequency(room, source.position, listener, source.metrics.value.t20[4]);
-    return source;
+    for (std::size_t i = 0; i < listeners.size(); ++i) {
+        ListenReport::Source& source = heard.emplace_back();
+        source.source = emitter.name;
+        source.position = position;
+        source.trace = std::move(traces[i]);
+        source.metrics = source.trace.metrics();
+        source.schroederHz = schroederFrequency(room, position, listeners[i], source.metrics.value.t20[4]);
+    }
+    return heard;
 }
 
 Result<> SoundRenderer::measure() {
@@ -164,11 +220,12 @@ Result<> SoundRenderer::measure() {
     s.report.hrtf = s.options.render.hrtf;
     s.report.ambisonicOrder = std::max(1, s.options.render.ambisonicOrder);
     for (const SoundEmitter& emitter : sounds.emitters()) {
-        auto source = measureOne(emitter, sounds.listener().position);
-        if (!source) return std::unexpected(source.error());
-        if (!*source) continue;
-        s.report.rays += (*source)->trace.rays;
-        s.report.sources.push_back(std::move(**source));
+        auto sources = measureAt(emitter, std::span(&sounds.listener().position, 1));
+        if (!sources) return std::unexpected(sources.error());
+        for (ListenReport::Source& source : *sources) {
+            s.report.rays += source.trace.rays;
+            s.report.sources.push_back(std::move(source));
+        }
     }
     s.report.escaped = 0;
     for (const ListenReport::Source& source : s.report.sources)
@@ -178,27 +235,39 @@ Result<> SoundRenderer::measure() {
 }
 
 Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
+    // More would need much memory, and save little time.
+    constexpr std::size_t kTogether = 16;
     const auto start = Clock::now();
     Impl& s = *impl_;
     if (!s.refused.empty()) return fail("listening failed: " + s.refused);
     if (auto ok = begin(); !ok) return std::unexpected(ok.error());
     const SoundScene& sounds = s.renderer->scene();
     if (places.empty()) places = sounds.places();
+    std::vector<glm::dvec3> listeners;
+    for (const ListeningPlace& place : places) listeners.push_back(place.position);
     RoomReport report;
     report.title = "Room acoustics";
     report.air = s.renderer->air();
     const std::size_t all = sounds.emitters().size() * places.size();
     std::size_t done = 0;
     for (const SoundEmitter& emitter : sounds.emitters())
-        for (const ListeningPlace& place : places) {
-            if (s.options.progress && !s.options.progress(static_cast<double>(done++) / static_cast<double>(all)))
+        for (std::size_t first = 0; first < places.size(); first += kTogether) {
+            if (s.options.progress && !s.options.progress(static_cast<double>(done) / static_cast<double>(all)))
                 return fail("cancelled");
-            auto source = measureOne(emitter, place.position);
-            if (!source) return std::unexpected(source.error());
-            if (!*source) continue;
-            report.rays += (*source)->trace.rays;
-            report.pairs.push_back({(*source)->source, place.name, (*source)->position, place.position,
-                                    (*source)->metrics, (*source)->trace.escaped, (*source)->trace.echogram()});
+            const auto some =
+                std::span<const glm::dvec3>(listeners).subspan(first, std::min(kTogether, places.size() - first));
+            done += some.size();
+            auto sources = measureAt(emitter, some);
+            if (!sources) return std::unexpected(sources.error());
+            std::uint64_t rays = 0;
+            for (std::size_t i = 0; i < sources->size(); ++i) {
+                const ListenReport::Source& source = (*sources)[i];
+                const ListeningPlace& place = places[first + i];
+                rays = std::max(rays, source.trace.rays);
+                report.pairs.push_back({source.source, place.name, source.position, place.position, source.metrics,
+                                        source.trace.escaped, source.trace.echogram()});
+            }
+            report.rays += rays;
         }
     if (report.pairs.empty()) return fail("there is no source of sound to measure the room with");
     report.seconds = secondsSince(start);

@@ -117,6 +117,32 @@ void ProcessPlayer::filter(const AudioProcess& process, double rate, AudioChanne
     last_ = c;
 }
 
+/// An analyser's samples: the mean of all channels.
+void ProcessPlayer::listenTo(const AudioProcess& process, const AudioChannels& out) {
+    if (!analyser_ || fftSize_ != process.fftSize) analyser_.emplace(process.fftSize);
+    fftSize_ = process.fftSize;
+    smoothing_ = process.smoothing;
+    std::vector<float> mono(out[0].size());
+    for (const std::vector<float>& channel : out)
+        for (std::size_t i = 0; i < mono.size(); ++i) mono[i] += channel[i] / static_cast<float>(out.size());
+    analyser_->write(mono);
+}
+
+void ProcessPlayer::analyse(std::vector<AudioSpectrum>& found) {
+    const auto known = [&](const AudioSpectrum& spectrum) { return spectrum.node == node_; };
+    // A node that several sounds USE is heard in the first.
+    if (analyser_ && std::none_of(found.begin(), found.end(), known))
+        found.push_back({node_, analyser_->decibels(smoothing_)});
+    inputs_.analyse(found);
+    for (const auto& input : merged_)
+        if (input) input->analyse(found);
+}
+
+void AudioMix::analyse(std::vector<AudioSpectrum>& found) {
+    for (const auto& process : processes_)
+        if (process) process->analyse(found);
+}
+
 void ProcessPlayer::render(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
                            AudioChannels& out) {
     using Kind = AudioProcess::Kind;
@@ -150,6 +176,9 @@ void ProcessPlayer::render(const AudioProcess& process, ClipLibrary& clips, std:
             out = {chosen < out.size() ? out[chosen] : std::vector<float>(frames)};
             break;
         }
+        case Kind::analyser:
+            listenTo(process, out);
+            break;
         case Kind::mix:
         case Kind::splitter:
         case Kind::merger:

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <rtsg/audio/audio_processing.h>
@@ -23,6 +24,8 @@ class AudioMix {
     void render(const std::vector<SoundVoice>& voices,
                 const std::vector<std::shared_ptr<const AudioProcess>>& processes, ClipLibrary& clips,
                 std::int64_t first, std::size_t frames, AudioChannels& out);
+    /// Adds what each Analyser finds now; its smoothing goes from call to call.
+    void analyse(std::vector<AudioSpectrum>& found);
 
   private:
     std::map<std::uint32_t, VoicePlayer> players_;  // by voice node
@@ -35,8 +38,10 @@ class ProcessPlayer {
     bool is(const AudioProcess& process) const { return node_ == process.node && kind_ == process.kind; }
     void render(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
                 AudioChannels& out);
+    void analyse(std::vector<AudioSpectrum>& found);
 
   private:
+    void listenTo(const AudioProcess& process, const AudioChannels& out);
     void filter(const AudioProcess& process, double rate, AudioChannels& out);
     void convolve(const AudioProcess& process, double rate, AudioChannels& out);
     void merge(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
@@ -54,6 +59,9 @@ class ProcessPlayer {
     std::vector<AudioDelay> delays_;
     std::vector<Convolver> convolvers_;
     Compressor compressor_;
+    std::optional<SpectrumAnalyser> analyser_;
+    std::size_t fftSize_ = 0;
+    double smoothing_ = 0;
     const void* response_ = nullptr;
     bool normalized_ = false;
 };

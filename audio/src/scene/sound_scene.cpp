@@ -1,6 +1,7 @@
 // Reads what a scene says about sound, node by node, and follows what changes.
 #include <rtsg/audio/sound_scene.h>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -282,6 +283,11 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         voice.loop = true;
         voice.wave = waveOf(scene, node);
         readTimes<O>(node, voice);
+    } else if (node.is(x3d::StreamAudioSource::type) && !node.get(x3d::StreamAudioSource::streamIdentifier).empty()) {
+        // What a stream is called names a file here.
+        for (const String& name : node.get(x3d::StreamAudioSource::streamIdentifier)) voice.urls.push_back(name.str());
+        voice.folders = resources_.foldersOf(scene, node, x3d::StreamAudioSource::streamIdentifier.index);
+        readTimes<x3d::StreamAudioSource>(node, voice);
     } else {
         return false;
     }
@@ -331,6 +337,15 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
     } else if (node.is(x3d::ChannelSelector::type)) {
         process.kind = Kind::selector;
         process.selection = node.get(x3d::ChannelSelector::channelSelection);
+    } else if (node.is(x3d::Analyser::type)) {
+        using A = x3d::Analyser;
+        process.kind = Kind::analyser;
+        const auto asked = static_cast<std::size_t>(std::max(0, node.get(A::fftSize)));
+        process.fftSize = std::clamp<std::size_t>(std::bit_floor(asked), 32, 32768);
+        if (process.fftSize != asked)
+            warnOnce(fmt::format("fftSize {} of {} is no power of two from 32 to 32768: {} is used", asked,
+                                 nameOf(scene, node), process.fftSize));
+        process.smoothing = std::clamp(number(node.get(A::smoothingTimeConstant), 0), 0.0, 1.0);
     } else {
         return false;
     }
@@ -367,7 +382,7 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
     // What is left passes its children on; what else it does is not modelled and said so.
     const FieldIndex children = node->type().findExact("children");
     const bool silent = children == kNoField || node->type().fields[children].type != FieldType::MFNode;
-    if (!node->is(x3d::Gain::type) && !node->is(x3d::Analyser::type))
+    if (!node->is(x3d::Gain::type))
         warnOnce(fmt::format("{} of {} is {}", node->type().name, to.sound,
                              silent ? "not a source that can be heard" : "passed through unprocessed"));
     if (silent) return;

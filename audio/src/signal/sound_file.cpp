@@ -98,6 +98,17 @@ Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamp
     return readAll(file.get(), info, maxSamples);
 }
 
+Result<double> soundSeconds(std::string_view bytes) {
+    SF_INFO info{};
+    BytesFile source{bytes};
+    SF_VIRTUAL_IO io = BytesFile::functions();
+    const File file(sf_open_virtual(&io, SFM_READ, &info, &source));
+    if (!file) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)));
+    if (info.samplerate < 1 || info.frames < 0 || info.frames == SF_COUNT_MAX)
+        return fail("the header does not say how long the sound is");
+    return static_cast<double>(info.frames) / info.samplerate;
+}
+
 Result<> checkSoundName(const std::string& path) {
     std::string extension = std::filesystem::path(path).extension().string();
     for (char& c : extension)

@@ -1,4 +1,5 @@
-// Follows rays from a source through a room in parallel batches, and adds image sources to what they bring.
+// Follows rays from a source through a room in parallel batches, for all that listen, and adds image sources to what
+// they bring.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -120,8 +121,8 @@ namespace {
 
 /// Mirror images as far as they are worth it: all of the paths that keep the shares tried, from the largest on, as long
 /// as these are few; else as many orders as are allowed.
-ImageSources imagesOf(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                      const TraceOptions& options, double seconds, double& share) {
+ImageSourceOptions imagesWorth(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                               const TraceOptions& options, double seconds) {
     constexpr std::size_t kFew = 4000;
     constexpr double kShares[] = {3e-2, 3e-3, 3e-4, 3e-5, 3e-6, 1e-7};
     ImageSourceOptions asked;
@@ -129,19 +130,17 @@ ImageSources imagesOf(const AcousticGeometry& geometry, const glm::dvec3& source
     asked.maxCandidates = options.maxImageCandidates;
     asked.maxDistance = seconds * options.air.speedOfSound;
     asked.pattern = options.pattern;
-    share = asked.minShare;
-    if (options.imageOrder >= TraceOptions().imageOrder) {
-        bool found = false;
-        for (const double tried : kShares) {
-            const CandidateCount count = countImageCandidates(
-                geometry, source, listener, tried, found ? std::min(kFew, asked.maxCandidates) : asked.maxCandidates);
-            if (!count.complete) break;
-            share = asked.minShare = tried;
-            found = true;
-            if (count.candidates > kFew / 4) break;
-        }
+    if (options.imageOrder < TraceOptions().imageOrder) return asked;
+    bool found = false;
+    for (const double tried : kShares) {
+        const CandidateCount count = countImageCandidates(
+            geometry, source, listener, tried, found ? std::min(kFew, asked.maxCandidates) : asked.maxCandidates);
+        if (!count.complete) break;
+        asked.minShare = tried;
+        found = true;
+        if (count.candidates > kFew / 4) break;
     }
-    return findImageSources(geometry, source, listener, asked, options.air.speedOfSound, airAttenuation(options.air));
+    return asked;
 }
 
 /// Whether a ray need not know bands apart.
@@ -168,26 +167,43 @@ Bands airShare(const Bands& attenuation, double metres) {
     return share;
 }
 
-/// More rays into the batches of a result.
+/// Listeners that hear one source from the same place, and so share its rays.
+struct Group {
+    glm::dvec3 source;
+    std::vector<TraceResult*> results;
+    std::vector<glm::dvec3> listeners;  // off the walls that they touch
+};
+
+/// The results of listeners that hear anything, by where the source is for them: on a wall that depends on the side
+/// from which it is looked at.
+std::vector<Group> groupsOf(const AcousticGeometry& geometry, const glm::dvec3& from,
+                            std::span<const glm::dvec3> listeners, std::span<TraceResult> results) {
+    std::vector<Group> groups;
+    for (std::size_t i = 0; i < std::min(listeners.size(), results.size()); ++i) {
+        // A place that is none, or farther away than anything is heard, neither sends nor receives.
+        if (!(glm::distance(from, listeners[i]) < 1e6)) continue;
+        const glm::dvec3 source = offWalls(geometry, from, listeners[i]);
+        auto group = std::find_if(groups.begin(), groups.end(), [&](const Group& g) { return g.source == source; });
+        if (group == groups.end()) group = groups.insert(group, {source, {}, {}});
+        group->results.push_back(&results[i]);
+        group->listeners.push_back(offWalls(geometry, listeners[i], from));
+    }
+    return groups;
+}
+
+/// Adds what the batches of one run brought a listener to its result, of which that makes up the share
+/// `weight`.
 template <std::size_t N>
-void refineAs(const AcousticGeometry& geometry, TraceResult& result, const glm::dvec3& source,
-              const glm::dvec3& listener, const TraceOptions& options, std::uint64_t each) {
+void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, std::size_t listener, const TraceOptions& options,
+              const Bands& attenuation, double weight) {
     const std::size_t count = result.batches.size();
-    const Task<N> task(geometry, source, listener, options, result);
-    std::vector<Batch<N>> fresh(count);
-    parallelFor(count, [&](std::size_t i) {
-        BatchTracer<N>(task, fresh[i], Random::mix(options.seed, Random::mix(result.rays, i))).run(each);
-    });
-    const double total = static_cast<double>(result.rays + each * count);
-    const double weight = static_cast<double>(each * count) / total;
-    const Bands attenuation = airAttenuation(options.air);
     const double metresPerBin = options.air.speedOfSound / options.binsPerSecond;
     const Bands perBin = airShare(attenuation, metresPerBin);
-    Bands escaped{}, truncated{}, sent{}, tried{};
+    Bands tried{};
     for (std::size_t i = 0; i < count; ++i) {
         for (Bands& bin : result.batches[i].bins)
             for (double& energy : bin) energy *= 1 - weight;
-        std::vector<Energy<N>>& bins = fresh[i].bins;
+        std::vector<Energy<N>>& bins = fresh[i].heard[listener].bins;
         while (!bins.empty() && !(largest<N>(bins.back()) > 0)) bins.pop_back();
         if (result.batches[i].bins.size() < bins.size()) result.batches[i].bins.resize(bins.size(), Bands{});
         // What air takes is that of the middle of each bin.
@@ -197,79 +213,161 @@ void refineAs(const AcousticGeometry& geometry, TraceResult& result, const glm::
                 result.batches[i].bins[k][b] += weight * bandOf<N>(bins[k], b) * air[b];
                 air[b] *= perBin[b];
             }
-        const double share = 1.0 / static_cast<double>(count);
-        const auto collect = [&](const std::vector<std::pair<Energy<N>, double>>& rays, Bands& into) {
-            for (const auto& [energy, metres] : rays) {
-                const Bands left = airShare(attenuation, metres);
-                for (std::size_t b = 0; b < kBandCount; ++b) into[b] += share * bandOf<N>(energy, b) * left[b];
-            }
-        };
-        collect(fresh[i].escaped, escaped);
-        collect(fresh[i].truncated, truncated);
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            sent[b] += share * bandOf<N>(fresh[i].sent, b);
-            tried[b] += share * bandOf<N>(fresh[i].tried, b);
-        }
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            tried[b] += bandOf<N>(fresh[i].heard[listener].tried, b) / static_cast<double>(count);
     }
-    Bands absorbed{};
-    for (std::size_t b = 0; b < kBandCount; ++b) absorbed[b] = sent[b] - escaped[b] - truncated[b];
-    mix(result.absorbed, absorbed, weight);
-    mix(result.escaped, escaped, weight);
-    mix(result.truncated, truncated, weight);
     mix(result.tried, tried, weight);
-    result.rays += each * count;
 }
 
-}  // namespace
+/// What became of the energy of one run.
+struct Fate {
+    Bands absorbed{}, escaped{}, truncated{};
+};
 
-TraceResult AcousticTracer::trace(const glm::dvec3& from, const glm::dvec3& to, const TraceOptions& options) const {
-    TraceResult result;
-    // A place that is none, or farther away than anything is heard, neither sends nor receives.
-    if (!(glm::distance(from, to) < 1e6)) return result;
-    const glm::dvec3 source = offWalls(*geometry_, from, to), listener = offWalls(*geometry_, to, from);
-    const double direct = glm::distance(source, listener) / options.air.speedOfSound;
-    result.seconds = options.maxSeconds > 0
-                         ? options.maxSeconds
-                         : std::clamp(decaySeconds(*geometry_, source, options) + 2 * direct, 1.0, kMost);
-    ImageSources images = imagesOf(*geometry_, source, listener, options, result.seconds, result.imageShare);
+template <std::size_t N>
+Fate fateOf(const std::vector<Batch<N>>& batches, const Bands& attenuation) {
+    Fate fate;
+    const double share = 1.0 / static_cast<double>(batches.size());
+    const auto collect = [&](const std::vector<std::pair<Energy<N>, double>>& rays, Bands& into) {
+        for (const auto& [energy, metres] : rays) {
+            const Bands left = airShare(attenuation, metres);
+            for (std::size_t b = 0; b < kBandCount; ++b) into[b] += share * bandOf<N>(energy, b) * left[b];
+        }
+    };
+    Bands sent{};
+    for (const Batch<N>& batch : batches) {
+        collect(batch.escaped, fate.escaped);
+        collect(batch.truncated, fate.truncated);
+        for (std::size_t b = 0; b < kBandCount; ++b) sent[b] += share * bandOf<N>(batch.sent, b);
+    }
+    for (std::size_t b = 0; b < kBandCount; ++b) fate.absorbed[b] = sent[b] - fate.escaped[b] - fate.truncated[b];
+    return fate;
+}
+
+/// More rays into the batches of the results of a group.
+template <std::size_t N>
+void refineAs(const AcousticGeometry& geometry, const Group& group, const TraceOptions& options, std::uint64_t each) {
+    const TraceResult& first = *group.results.front();
+    std::vector<Ear> ears;
+    for (std::size_t k = 0; k < group.results.size(); ++k)
+        ears.emplace_back(group.listeners[k], *group.results[k], options.air.speedOfSound);
+    const Task<N> task(geometry, group.source, std::move(ears), options, first.seconds);
+    std::vector<Batch<N>> fresh(first.batches.size());
+    const std::uint64_t before = first.rays;
+    parallelFor(fresh.size(), [&](std::size_t i) {
+        BatchTracer<N>(task, fresh[i], Random::mix(options.seed, Random::mix(before, i))).run(each);
+    });
+    const Bands attenuation = airAttenuation(options.air);
+    const Fate fate = fateOf(fresh, attenuation);
+    const std::uint64_t rays = each * fresh.size();
+    for (std::size_t k = 0; k < group.results.size(); ++k) {
+        TraceResult& result = *group.results[k];
+        const double weight = static_cast<double>(rays) / static_cast<double>(result.rays + rays);
+        addHeard(result, fresh, k, options, attenuation, weight);
+        mix(result.absorbed, fate.absorbed, weight);
+        mix(result.escaped, fate.escaped, weight);
+        mix(result.truncated, fate.truncated, weight);
+        result.rays += rays;
+    }
+}
+
+void refineGroup(const AcousticGeometry& geometry, const Group& group, const TraceOptions& options,
+                 std::uint64_t rays) {
+    const std::size_t count = group.results.front()->batches.size();
+    const std::uint64_t each = count == 0 ? 0 : (rays + count - 1) / count;
+    if (each == 0) return;
+    if (alikeInAllBands(geometry))
+        refineAs<1>(geometry, group, options, each);
+    else
+        refineAs<kBandCount>(geometry, group, options, each);
+}
+
+/// All of a result but for what rays bring.
+void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                 const TraceOptions& options, const ImageSourceOptions& worth, double seconds, TraceResult& result) {
+    result.seconds = seconds;
+    result.imageShare = worth.minShare;
+    ImageSources images =
+        findImageSources(geometry, source, listener, worth, options.air.speedOfSound, airAttenuation(options.air));
     result.arrivals = std::move(images.arrivals);
-    if (options.diffraction) addDiffraction(*geometry_, source, listener, options, result.seconds, result.arrivals);
+    if (options.diffraction) addDiffraction(geometry, source, listener, options, seconds, result.arrivals);
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;
-    chooseReceiver(*geometry_, source, listener, options, result);
+    chooseReceiver(geometry, source, listener, options, result);
     const double start =
         result.arrivals.empty() ? 0 : std::fmod(result.arrivals.front().seconds, 1 / options.binsPerSecond);
     result.batches.assign(static_cast<std::size_t>(std::max(2, options.batches)),
                           EnergyHistogram{options.binsPerSecond, {}, start});
-    refine(result, source, listener, options, options.rays);
-    return result;
 }
 
-void AcousticTracer::refine(TraceResult& result, const glm::dvec3& from, const glm::dvec3& to,
+}  // namespace
+
+std::vector<TraceResult> AcousticTracer::trace(const glm::dvec3& source, std::span<const glm::dvec3> listeners,
+                                               const TraceOptions& options) const {
+    std::vector<TraceResult> results(listeners.size());
+    for (const Group& group : groupsOf(*geometry_, source, listeners, results)) {
+        double farthest = 0;
+        for (const glm::dvec3& listener : group.listeners)
+            farthest = std::max(farthest, glm::distance(group.source, listener));
+        const double seconds =
+            options.maxSeconds > 0
+                ? options.maxSeconds
+                : std::clamp(decaySeconds(*geometry_, group.source, options) + 2 * farthest / options.air.speedOfSound,
+                             1.0, kMost);
+        const ImageSourceOptions worth =
+            imagesWorth(*geometry_, group.source, group.listeners.front(), options, seconds);
+        for (std::size_t k = 0; k < group.results.size(); ++k)
+            startResult(*geometry_, group.source, group.listeners[k], options, worth, seconds, *group.results[k]);
+        refineGroup(*geometry_, group, options, options.rays);
+    }
+    return results;
+}
+
+TraceResult AcousticTracer::trace(const glm::dvec3& source, const glm::dvec3& listener,
+                                  const TraceOptions& options) const {
+    return std::move(trace(source, std::span(&listener, 1), options).front());
+}
+
+void AcousticTracer::refine(std::span<TraceResult> results, const glm::dvec3& source,
+                            std::span<const glm::dvec3> listeners, const TraceOptions& options,
+                            std::uint64_t rays) const {
+    for (const Group& group : groupsOf(*geometry_, source, listeners, results))
+        refineGroup(*geometry_, group, options, rays);
+}
+
+void AcousticTracer::refine(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener,
                             const TraceOptions& options, std::uint64_t rays) const {
-    const std::size_t count = result.batches.size();
-    const std::uint64_t each = count == 0 ? 0 : (rays + count - 1) / count;
-    if (each == 0) return;
-    const glm::dvec3 source = offWalls(*geometry_, from, to), listener = offWalls(*geometry_, to, from);
-    if (alikeInAllBands(*geometry_))
-        refineAs<1>(*geometry_, result, source, listener, options, each);
-    else
-        refineAs<kBandCount>(*geometry_, result, source, listener, options, each);
+    refine(std::span(&result, 1), source, std::span(&listener, 1), options, rays);
+}
+
+double AcousticTracer::refineTo(std::span<TraceResult> results, const glm::dvec3& source,
+                                std::span<const glm::dvec3> listeners, const TraceOptions& options, double error,
+                                std::uint64_t maxRays, const std::function<bool()>& goOn) const {
+    const auto worst = [&] {
+        double most = 0;
+        for (const TraceResult& result : results) most = std::max(most, largestError(result.metrics()));
+        return most;
+    };
+    const auto sent = [&] {
+        std::uint64_t most = 0;
+        for (const TraceResult& result : results) most = std::max(most, result.rays);
+        return most;
+    };
+    double now = worst();
+    for (std::uint64_t rays = sent(); now > error && rays > 0 && rays < maxRays && (!goOn || goOn()); rays = sent()) {
+        // Errors fall with the root of the rays; never more than four times as many on a guess.
+        const double ratio = std::min(2.0, now / error);
+        const auto more = static_cast<std::uint64_t>(static_cast<double>(rays) * std::max(0.2, ratio * ratio - 1));
+        refine(results, source, listeners, options, std::min(std::max<std::uint64_t>(more, 1), maxRays - rays));
+        now = worst();
+    }
+    return now;
 }
 
 double AcousticTracer::refineTo(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener,
                                 const TraceOptions& options, double error, std::uint64_t maxRays,
                                 const std::function<bool()>& goOn) const {
-    double now = largestError(result.metrics());
-    while (now > error && result.rays < maxRays && (!goOn || goOn())) {
-        // Errors fall with the root of the rays; never more than four times as many on a guess.
-        const double ratio = std::min(2.0, now / error);
-        const auto more =
-            static_cast<std::uint64_t>(static_cast<double>(result.rays) * std::max(0.2, ratio * ratio - 1));
-        refine(result, source, listener, options, std::min(std::max<std::uint64_t>(more, 1), maxRays - result.rays));
-        now = largestError(result.metrics());
-    }
-    return now;
+    return refineTo(std::span(&result, 1), source, std::span(&listener, 1), options, error, maxRays, goOn);
 }
 
 }  // namespace rtsg

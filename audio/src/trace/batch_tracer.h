@@ -1,7 +1,10 @@
-// BatchTracer: follows the rays of one batch through a geometry.
+// BatchTracer: follows the rays of one batch through a geometry, for one listener or for several at once.
 //
-// Energies are kept in N bands: 8, or 1 where walls and sources are alike in all bands. What air takes depends on the
-// way alone and is left to whoever reads the histogram. Source: see acoustic_tracer.h. Threading: one thread an object.
+// Several listeners share the rays, and with them nearly all of the time. From a wall that scatters one alone is always
+// looked for; of several each is with a chance that grows with what it might hear, and what is heard is divided by that
+// chance: the expectation stays, and a ray takes hardly longer than for one. Energies are kept in N bands: 8, or 1
+// where walls and sources are alike in all bands. What air takes depends on the way alone and is left to whoever reads
+// the histogram. Source: see acoustic_tracer.h. Threading: one thread an object.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +12,10 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <numbers>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include <glm/glm.hpp>
@@ -79,33 +84,108 @@ struct Shares {
     }
 };
 
+/// What one listener hears, without what air takes.
+template <std::size_t N>
+struct Heard {
+    std::vector<Energy<N>> bins;
+    Energy<N> tried{};
+};
+
 /// Without what air takes.
 template <std::size_t N>
 struct Batch {
-    std::vector<Energy<N>> bins;
-    Energy<N> sent{}, tried{};
+    std::vector<Heard<N>> heard;  // by listener
+    Energy<N> sent{};
     /// What left, and what is still under way: energy and metres, of each ray.
     std::vector<std::pair<Energy<N>, double>> escaped, truncated;
+};
+
+/// A listener with its ball, and what of the paths to it is exact.
+struct Ear {
+    glm::dvec3 position;
+    double radius, volume;
+    bool cut;  // the ball, by walls
+    double startMetres;
+    int imageOrder;
+    double imageShare;
+
+    Ear(const glm::dvec3& at, const TraceResult& result, double speedOfSound)
+        : position(at),
+          radius(result.receiverRadius),
+          volume(result.receiverVolume),
+          cut(volume < ballVolume(radius) * (1 - 1e-9)),
+          startMetres(result.batches.front().start * speedOfSound),
+          imageOrder(result.imageOrder),
+          imageShare(result.imageShare) {}
 };
 
 /// What all batches of one run have in common.
 template <std::size_t N>
 struct Task {
     const AcousticGeometry& geometry;
-    glm::dvec3 source, listener;
+    glm::dvec3 source;
+    std::vector<Ear> ears;
     const TraceOptions& options;
-    const TraceResult& result;
+    double seconds;
     std::vector<Shares<N>> walls;
     std::span<const ReflectingPlane> planes;
     bool transmits;  // any of them
 
-    Task(const AcousticGeometry& g, const glm::dvec3& s, const glm::dvec3& l, const TraceOptions& o,
-         const TraceResult& r)
-        : geometry(g), source(s), listener(l), options(o), result(r), planes(g.planes()) {
+    Task(const AcousticGeometry& g, const glm::dvec3& s, std::vector<Ear> e, const TraceOptions& o, double length)
+        : geometry(g), source(s), ears(std::move(e)), options(o), seconds(length), planes(g.planes()) {
         for (const AcousticMaterial& material : g.materials()) walls.emplace_back(material);
         transmits =
             std::any_of(walls.begin(), walls.end(), [](const Shares<N>& w) { return largest<N>(w.through) > 0; });
     }
+};
+
+/// With what chance each of several listeners is looked for from a wall that scatters: in proportion to cos^2 / d^2 as
+/// far as that goes, which is near enough to the cos / d^2 of what it hears, and takes no root. Chances depend on walls
+/// before, never on whether anybody is seen, so what is heard divided by them is unbiased.
+class ListenerChances {
+  public:
+    explicit ListenerChances(std::span<const Ear> ears) : count_(ears.size()) {
+        const std::size_t padded = (count_ + kLanes - 1) / kLanes * kLanes;
+        for (std::vector<double>* list : {&x_, &y_, &z_, &worth_, &sum_}) list->resize(padded);
+        scale_.resize(padded, std::numeric_limits<double>::infinity());
+        for (std::size_t i = 0; i < count_; ++i) {
+            x_[i] = ears[i].position.x;
+            y_[i] = ears[i].position.y;
+            z_[i] = ears[i].position.z;
+        }
+        // For many listeners the looks of one wall grow with the root of their number: errors and time together are
+        // least then.
+        const auto n = static_cast<double>(count_);
+        share_ = std::max(kLooks, kLooks / 2 * std::sqrt(n)) / n;
+    }
+
+    void weigh(const glm::dvec3& point, const glm::dvec3& normal) {
+        double* const worth = worth_.data();
+        for (std::size_t i = 0; i < x_.size(); ++i) {
+            const double x = x_[i] - point.x, y = y_[i] - point.y, z = z_[i] - point.z;
+            const double towards = std::max(0.0, x * normal.x + y * normal.y + z * normal.z);
+            const double ratio = towards / (x * x + y * y + z * z);
+            worth[i] = ratio * ratio;
+        }
+        for (std::size_t i = 0; i < sum_.size(); ++i) sum_[i] += worth[i];
+        if (++walls_ % kRenewed != 0) return;
+        for (std::size_t i = 0; i < sum_.size(); ++i) scale_[i] = share_ * static_cast<double>(walls_) / sum_[i];
+    }
+    double chance(std::size_t i) const {
+        // Written so that what is no number is certain: before the first renewal, and on a listener's own place.
+        const double ratio = worth_[i] * scale_[i];
+        return ratio < 1 ? ratio : 1;
+    }
+
+  private:
+    static constexpr std::size_t kLanes = 4;  // so that vectors of numbers need no rest
+    static constexpr std::int64_t kRenewed = 32;
+    static constexpr double kLooks = 0.8;  // from one wall, of all listeners together
+
+    std::size_t count_;
+    std::vector<double> x_, y_, z_, worth_, sum_, scale_;
+    std::int64_t walls_ = 0;
+    double share_ = 1;
 };
 
 template <std::size_t N>
@@ -114,15 +194,14 @@ class BatchTracer {
     BatchTracer(const Task<N>& task, Batch<N>& batch, std::uint64_t seed)
         : task_(task),
           geometry_(task.geometry),
-          listener_(task.listener),
-          radius_(task.result.receiverRadius),
-          volume_(task.result.receiverVolume),
-          cut_(volume_ < ballVolume(radius_) * (1 - 1e-9)),
-          maxDistance_(task.result.seconds * task.options.air.speedOfSound),
+          ears_(task.ears),
+          maxDistance_(task.seconds * task.options.air.speedOfSound),
           binsPerMetre_(task.options.binsPerSecond / task.options.air.speedOfSound),
-          startMetres_(task.result.batches.front().start * task.options.air.speedOfSound),
           batch_(batch),
-          random_(seed) {}
+          random_(seed),
+          looks_(ears_) {
+        batch_.heard.resize(ears_.size());
+    }
 
     /// Sixteen rays are under way at a time, so that they can be asked about together.
     void run(std::uint64_t rays) {
@@ -132,7 +211,7 @@ class BatchTracer {
         std::uint64_t sent = 0;
         for (int count = 0;;) {
             while (count < AcousticRays::kMost && sent < rays) count += start(lanes_[count], sent++);
-            if (count == 0) return;
+            if (count == 0) return askEvents();
             step(count);
             for (int i = 0; i < count;)
                 if (lanes_[i].ended)
@@ -185,17 +264,24 @@ class BatchTracer {
         }
         AcousticHits hits;
         const std::uint32_t met = geometry_.closestOf(rays, hits);
-        events_.rays.count = 0;
         for (int i = 0; i < count; ++i)
             lanes_[i].ended =
                 !goOn(lanes_[i], (met >> i & 1) != 0, rays.maxDistance[i], hits[static_cast<std::size_t>(i)]);
+        // Of several listeners few are looked for in a step: such questions wait for others.
+        if (ears_.size() == 1) askEvents();
+    }
+
+    /// Counts what is heard where nothing is in between.
+    void askEvents() {
         if (events_.rays.count == 0) return;
         events_.rays.likelyFree = 4 * hidden_ < looked_;
         const std::uint32_t blocked = geometry_.blockedOf(events_.rays);
         looked_ += events_.rays.count;
         hidden_ += std::popcount(blocked);
         for (int i = 0; i < events_.rays.count; ++i)
-            if (!(blocked >> i & 1)) receive(events_.energy[i], events_.factor[i], events_.travelled[i]);
+            if (!(blocked >> i & 1))
+                receive(events_.ear[i], events_.energy[i], events_.factor[i], events_.travelled[i]);
+        events_.rays.count = 0;
     }
 
     bool goOn(Ray& ray, bool met, double left, AcousticHit& hit) {
@@ -205,7 +291,9 @@ class BatchTracer {
             met = geometry_.closest(inside, ray.direction, left, kNoPlane, hit);
             if (met) ray.origin = inside;
         }
-        if (countsInBall(ray)) crossBall(ray, met ? hit.distance : left);
+        if (ray.last == LastEvent::mirror)
+            for (std::size_t i = 0; i < ears_.size(); ++i)
+                if (countsInBall(ray, ears_[i])) crossBall(ray, i, met ? hit.distance : left);
         if (met) return interact(ray, hit);
         // Beyond the echogram's end there may still be a wall: then the sound is late, not gone.
         if (geometry_.closest(ray.origin, ray.direction, 1e9, ray.plane, hit))
@@ -215,38 +303,40 @@ class BatchTracer {
         return false;
     }
 
-    bool countsInBall(const Ray& ray) const {
-        return ray.last == LastEvent::mirror && !(ray.onlyMirrors && ray.mirrorOrder <= task_.result.imageOrder &&
-                                                  ray.mirrorShare >= task_.result.imageShare);
+    /// Of a ray that a mirror sent here: not where it is one of the images.
+    static bool countsInBall(const Ray& ray, const Ear& ear) {
+        return !(ray.onlyMirrors && ray.mirrorOrder <= ear.imageOrder && ray.mirrorShare >= ear.imageShare);
     }
 
     /// Mean intensity over the ball is energy times chord over volume.
-    void crossBall(const Ray& ray, double length) {
-        add<N>(batch_.tried, ray.energy);
-        const glm::dvec3 toCenter = listener_ - ray.origin;
+    void crossBall(const Ray& ray, std::size_t who, double length) {
+        const Ear& ear = ears_[who];
+        add<N>(batch_.heard[who].tried, ray.energy);
+        const glm::dvec3 toCenter = ear.position - ray.origin;
         const double nearest = glm::dot(toCenter, ray.direction);
-        const double half2 = radius_ * radius_ - (glm::dot(toCenter, toCenter) - nearest * nearest);
+        const double half2 = ear.radius * ear.radius - (glm::dot(toCenter, toCenter) - nearest * nearest);
         if (half2 <= 0) return;
         const double half = std::sqrt(half2), from = std::max(0.0, nearest - half),
                      to = std::min(length, nearest + half);
         if (to <= from) return;
         double at = (from + to) / 2;
-        if (cut_) {
+        if (ear.cut) {
             // One point of the chord stands for all: it counts if it is seen from the listener.
             at = from + (to - from) * random_.uniform();
-            const glm::dvec3 toPoint = ray.origin + ray.direction * at - listener_;
+            const glm::dvec3 toPoint = ray.origin + ray.direction * at - ear.position;
             const double distance = glm::length(toPoint);
             AcousticHit hit;
-            if (distance > 0 && geometry_.closest(listener_, toPoint / distance, distance, kNoPlane, hit)) return;
+            if (distance > 0 && geometry_.closest(ear.position, toPoint / distance, distance, kNoPlane, hit)) return;
         }
-        receive(ray.energy, (to - from) / volume_, ray.travelled + at);
+        receive(who, ray.energy, (to - from) / ear.volume, ray.travelled + at);
     }
 
-    void receive(const Energy<N>& energy, double factor, double travelled) {
+    void receive(std::size_t who, const Energy<N>& energy, double factor, double travelled) {
         if (travelled >= maxDistance_) return;
-        const auto bin = static_cast<std::size_t>(std::max(0.0, (travelled - startMetres_) * binsPerMetre_));
-        if (bin >= batch_.bins.size()) batch_.bins.resize(bin + 1 + bin / 4, Energy<N>{});
-        add<N>(batch_.bins[bin], energy, factor);
+        std::vector<Energy<N>>& bins = batch_.heard[who].bins;
+        const auto bin = static_cast<std::size_t>(std::max(0.0, (travelled - ears_[who].startMetres) * binsPerMetre_));
+        if (bin >= bins.size()) bins.resize(bin + 1 + bin / 4, Energy<N>{});
+        add<N>(bins[bin], energy, factor);
     }
 
     bool interact(Ray& ray, const AcousticHit& hit) {
@@ -266,7 +356,7 @@ class BatchTracer {
         const double diffuseSum = sum<N>(diffuse), mirrorSum = sum<N>(mirror), throughSum = sum<N>(through);
         const double all = diffuseSum + mirrorSum + throughSum;
         if (!(all > 0)) return false;
-        if (diffuseSum > 0) nextEvent(point, facing, diffuse, hit.plane, ray.travelled);
+        if (diffuseSum > 0) lookForListeners(point, facing, diffuse, hit.plane, ray.travelled);
 
         const double choice = random_.uniform() * all;
         double probability = 0;
@@ -299,21 +389,41 @@ class BatchTracer {
         return true;
     }
 
-    /// Lambert: of the energy scattered at `point` the listener gets cos / (pi d^2), through whatever lets sound pass.
-    void nextEvent(const glm::dvec3& point, const glm::dvec3& normal, Energy<N> energy, std::uint32_t plane,
-                   double travelled) {
-        const glm::dvec3 toListener = listener_ - point;
+    /// From a wall that scatters: the one listener, or some of several by chance.
+    void lookForListeners(const glm::dvec3& point, const glm::dvec3& normal, const Energy<N>& energy,
+                          std::uint32_t plane, double travelled) {
+        const std::size_t count = ears_.size();
+        if (count == 1) return nextEvent(0, 1, point, normal, energy, plane, travelled);
+        looks_.weigh(point, normal);
+        // Chances in a row, and a comb across them with teeth at distances of 1: each is met with its chance.
+        double comb = random_.uniform();
+        for (std::size_t i = 0; i < count; ++i) {
+            const double chance = looks_.chance(i);
+            comb += chance;
+            if (comb < 1) continue;
+            comb -= 1;
+            if (chance > 0) nextEvent(i, 1 / chance, point, normal, energy, plane, travelled);
+        }
+    }
+
+    /// Lambert: of the energy scattered at `point` the listener gets cos / (pi d^2), through whatever lets sound pass;
+    /// it stands for `weight` such events.
+    void nextEvent(std::size_t who, double weight, const glm::dvec3& point, const glm::dvec3& normal, Energy<N> energy,
+                   std::uint32_t plane, double travelled) {
+        const glm::dvec3 toListener = ears_[who].position - point;
         const double distance = glm::length(toListener), cosine = glm::dot(toListener, normal) / distance;
         if (!(cosine > 0) || travelled + distance >= maxDistance_) return;
-        add<N>(batch_.tried, energy);
+        add<N>(batch_.heard[who].tried, energy, weight);
         const glm::dvec3 direction = toListener / distance;
-        const double factor = cosine / (std::numbers::pi * distance * distance);
+        const double factor = weight * cosine / (std::numbers::pi * distance * distance);
         if (!task_.transmits) {
             const int at = events_.rays.count;
             events_.rays.add(point, normal, direction, distance, plane);
+            events_.ear[at] = who;
             events_.energy[at] = energy;
             events_.factor[at] = factor;
             events_.travelled[at] = travelled + distance;
+            if (events_.rays.count == AcousticRays::kMost) askEvents();
             return;
         }
         glm::dvec3 origin = point;
@@ -326,15 +436,13 @@ class BatchTracer {
             left -= hit.distance;
             plane = hit.plane;
         }
-        receive(energy, factor, travelled + distance);
+        receive(who, energy, factor, travelled + distance);
     }
 
     const Task<N>& task_;
     const AcousticGeometry& geometry_;
-    glm::dvec3 listener_;
-    double radius_, volume_;
-    bool cut_;  // by walls
-    double maxDistance_, binsPerMetre_, startMetres_;
+    std::span<const Ear> ears_;
+    double maxDistance_, binsPerMetre_;
     Batch<N>& batch_;
     Random random_;
     double initial_ = 1, shiftU_ = 0, shiftV_ = 0;
@@ -343,9 +451,11 @@ class BatchTracer {
     /// What is heard of the walls of one step if nothing is in between.
     struct {
         AcousticRays rays;
+        std::size_t ear[AcousticRays::kMost];
         Energy<N> energy[AcousticRays::kMost];
         double factor[AcousticRays::kMost], travelled[AcousticRays::kMost];
     } events_;
+    ListenerChances looks_;
 };
 
 }  // namespace rtsg::trace

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/resource_check.h>
+
 #include "listen_scene.h"
 
 namespace rtsg {
@@ -132,6 +134,25 @@ TEST_F(Listen, AnAudioDestinationAtTheRootIsHeard) {
     ASSERT_TRUE(sound.renderFrame());
     EXPECT_NEAR(*std::max_element(sound.block().begin() + 4000, sound.block().end()), .25f, 1e-3);
     EXPECT_TRUE(sound.finish().diagnostics.all().empty());
+}
+
+TEST_F(Listen, AStreamSourceWithTheNameOfAFilePlaysIt) {
+    Scene scene;
+    load(scene,
+         "AudioDestination { children StreamAudioSource { gain .5 startTime .05 streamIdentifier [ \"gone.wav\" "
+         "\"impulse.wav\" ] } }\nViewpoint { }\n");
+    const ListenOptions o = options();
+    SharedWorld world(scene);
+    SoundRenderer sound(world, o);
+    scene.newFrame(.1);
+    ASSERT_TRUE(sound.renderFrame());
+    for (std::size_t i = 0; i < sound.block().size(); ++i)
+        ASSERT_NEAR(sound.block()[i], i / 2 == 2400 ? .25 : 0, 1e-6) << i;
+    EXPECT_TRUE(sound.finish().diagnostics.all().empty());
+    // Nothing that is made of the scene may take its place.
+    const auto used = resourceFiles(scene, o.render.resources);
+    EXPECT_EQ(
+        std::count_if(used.begin(), used.end(), [](const auto& path) { return path.filename() == "impulse.wav"; }), 1);
 }
 
 TEST_F(Listen, ImpulseResponsesHaveTheChannelsAskedFor) {

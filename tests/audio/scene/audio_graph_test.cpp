@@ -167,5 +167,66 @@ TEST(AudioGraph, FollowsEdits) {
     for (const float sample : sound.block()) ASSERT_LT(std::abs(sample), 1.3f);
 }
 
+/// The spectrum of a tone in the middle of a bin, in the scene and along a route.
+TEST(AudioGraph, WhatAnAnalyserFindsComesAsEvents) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(
+        scene,
+        "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { children DEF A Analyser { fftSize 512 gain .25 "
+        "smoothingTimeConstant .5 metadata MetadataSet { value [ DEF D MetadataFloat { name \"frequencyData\" } DEF B "
+        "MetadataFloat { name \"byteFrequencyData\" } DEF N MetadataFloat { name \"other\" value [ 7 ] } ] } children "
+        "OscillatorSource { frequency 1500 gain .5 } } }\nDEF T MetadataFloat { }\nViewpoint { position 0 0 0 }\n"
+        "ROUTE D.value_changed TO T.set_value\n",
+        diagnostics));
+    ListenOptions options;
+    options.metrics = false;
+    options.seconds = 1;
+    ASSERT_TRUE(listen(scene, options));
+    scene.newFrame(1.1);
+    const auto valueOf = [&](const char* name) {
+        return scene.node(scene.findName(name)).get(x3d::MetadataFloat::value);
+    };
+    EXPECT_EQ(scene.node(scene.findName("A")).get(x3d::Analyser::frequencyBinCount), 256);
+    const Array<float> found = valueOf("D"), bytes = valueOf("B"), routed = valueOf("T");
+    ASSERT_EQ(found.size(), 256u);
+    ASSERT_EQ(bytes.size(), 256u);
+    // Bin 16: half of the Blackman window's mean of .42, and its neighbours' .25 and .04; before the node's gain. What
+    // smoothing lacks after 60 frames is nothing.
+    const double level = 20 * std::log10(.5 * .42 / 2), beside = 20 * std::log10(.5 * .25 / 2);
+    EXPECT_NEAR(found[16], level, 1e-4);
+    EXPECT_NEAR(found[15], beside, 1e-3);
+    EXPECT_NEAR(found[17], beside, 1e-3);
+    EXPECT_LT(found[60], -90);
+    EXPECT_EQ(bytes[16], 255);  // above -30 dB
+    EXPECT_EQ(bytes[14], std::floor(255 / 70.0 * (static_cast<double>(found[14]) + 100)) > 255
+                             ? 255
+                             : std::floor(255 / 70.0 * (static_cast<double>(found[14]) + 100)));
+    EXPECT_EQ(bytes[60], 0);
+    ASSERT_EQ(routed.size(), 256u);
+    EXPECT_NEAR(routed[16], level, 1e-4);
+    EXPECT_EQ(valueOf("N").size(), 1u);
+}
+
+TEST(AudioGraph, AnAnalyserLetsSoundPassAndSaysWhatSizeItTakes) {
+    EXPECT_NEAR(lineOf(hear("Analyser { gain .5 children " + kTone + " }")[0], 1000), .5, 1e-5);
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { children DEF A Analyser { fftSize 1000 "
+                         "children " +
+                             kTone + " } }\n",
+                         diagnostics));
+    ListenOptions options;
+    options.metrics = false;
+    options.seconds = .1;
+    const auto report = listen(scene, options);
+    ASSERT_TRUE(report);
+    ASSERT_EQ(report->diagnostics.all().size(), 1u);
+    EXPECT_EQ(report->diagnostics.all()[0].text, "fftSize 1000 of A is no power of two from 32 to 32768: 512 is used");
+    scene.newFrame(.2);
+    EXPECT_EQ(scene.node(scene.findName("A")).get(x3d::Analyser::frequencyBinCount), 256);
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -130,6 +130,20 @@ TEST(SoundFile, RoundTripIsExactAndBytesRepeat) {
     }
 }
 
+TEST(SoundFile, TellsItsLengthByTheHeader) {
+    SoundBuffer sound{8000, 2, noise(2 * 12'000)};
+    const std::string path = temporary("length.wav");
+    ASSERT_TRUE(writeWav(path, sound));
+    std::ifstream file(path, std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+    std::filesystem::remove(path);
+    const auto seconds = soundSeconds(bytes);
+    ASSERT_TRUE(seconds);
+    EXPECT_EQ(*seconds, 1.5);
+    EXPECT_FALSE(soundSeconds("no sound"));
+    EXPECT_FALSE(soundSeconds({}));
+}
+
 TEST(SoundFile, RefusesWhatItCannotDo) {
     EXPECT_FALSE(readSound("/nowhere/no.wav"));
     const std::string garbage = temporary("garbage.wav");

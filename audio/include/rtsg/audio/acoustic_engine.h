@@ -110,6 +110,8 @@ class AcousticEngine {
     /// `rays` must live as long.
     OpenedGeometry geometryFor(const AcousticState& state, const RayView& rays, const glm::dvec3& source);
     const HeardResponses& heard() const;
+    /// What each Analyser finds in the samples up to the end of the last call, once a node.
+    std::vector<AudioSpectrum> analyse();
     /// What could not be heard so far, once each.
     const Diagnostics& diagnostics() const;
 

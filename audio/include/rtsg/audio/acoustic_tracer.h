@@ -8,12 +8,14 @@
 //   all others (mirror last after diffuse or above the image order):   track length in a ball around the listener
 // The ball yields the mean over what of it is seen from the listener. Rays end by Russian roulette, never by a
 // threshold. Places on walls: see trace/places.h. Energy that leaves the geometry is counted as escaped. Below the
-// Schroeder frequency of a room, rays are not a model of it: phase is not kept. Threading: const; batches run in
-// parallel, results are the same for any number of threads.
+// Schroeder frequency of a room, rays are not a model of it: phase is not kept. Several listeners share the rays of a
+// source: each result is right by itself, but chance does not move them independently. Threading: const; batches
+// run in parallel, results are the same for any number of threads.
 #pragma once
 
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <vector>
 
 #include <glm/glm.hpp>
@@ -76,12 +78,23 @@ class AcousticTracer {
     /// Positions in metres, world frame, less than 1000 km apart (else the result is empty). The source is a point of
     /// unit power that radiates alike in all directions.
     TraceResult trace(const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options) const;
+    /// A result for each listener, all from the same rays. Their expectations are those of a trace for each; intervals
+    /// may be wider, as not every listener is looked for from every wall (see trace/batch_tracer.h). Echograms are as
+    /// long as that of the farthest.
+    std::vector<TraceResult> trace(const glm::dvec3& source, std::span<const glm::dvec3> listeners,
+                                   const TraceOptions& options) const;
     /// More rays for a result that `trace` gave for the same arguments: the batches grow by `rays` in all.
     void refine(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
                 std::uint64_t rays) const;
+    void refine(std::span<TraceResult> results, const glm::dvec3& source, std::span<const glm::dvec3> listeners,
+                const TraceOptions& options, std::uint64_t rays) const;
     /// As many more as it takes until largestError() of the figures is at most `error`, or there are `maxRays`; returns
     /// what it is then. `goOn` is asked in between and may end it earlier.
     double refineTo(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener,
+                    const TraceOptions& options, double error, std::uint64_t maxRays,
+                    const std::function<bool()>& goOn = {}) const;
+    /// The same until it is true of every listener.
+    double refineTo(std::span<TraceResult> results, const glm::dvec3& source, std::span<const glm::dvec3> listeners,
                     const TraceOptions& options, double error, std::uint64_t maxRays,
                     const std::function<bool()>& goOn = {}) const;
 

@@ -40,8 +40,8 @@ struct RoomReport {
     std::string title;
     Air air;
     std::vector<Pair> pairs;
-    std::uint64_t rays = 0;
-    double seconds = 0;  // of computing
+    std::uint64_t rays = 0;  // those of a source once, however many listeners share them
+    double seconds = 0;      // of computing
 
     Average average() const;
     /// The mean of the octaves of 500 and 1000 Hz.

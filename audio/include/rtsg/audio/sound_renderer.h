@@ -22,8 +22,8 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <span>
+#include <vector>
 
 #include <rtsg/audio/listen.h>
 #include <rtsg/audio/room_report.h>
@@ -52,10 +52,17 @@ class SoundRenderer final : public WorldRenderer {
     int channels() const;
     int sampleRate() const;
 
+    /// Sends what each Analyser finds in the sound of the last renderFrame(), as events of the scene's next frame:
+    /// frequencyBinCount, where it is not half of fftSize, and the `value` of MetadataFloat nodes in its `metadata` (or
+    /// in a MetadataSet there) that are named frequencyData: decibels of each bin, byteFrequencyData: 0 to 255 from
+    /// minDecibels to maxDecibels. X3D's Analyser has no fields for these; they are those of its model, the Web Audio
+    /// API.
+    void sendEvents();
+
     /// Traces every source at the present state and adds it to the report.
     Result<> measure();
     /// Traces every source to every place, or if none is given to those of the scene (SoundScene::places()), at the
-    /// present state. Errors: cancelled, no sources.
+    /// present state; places share the rays of a source. Errors: cancelled, no sources.
     Result<RoomReport> survey(std::vector<ListeningPlace> places = {});
     /// The report so far, with the sound made not to clip. Ends the sound. Its diagnostics are those of sounds alone.
     ListenReport finish();
@@ -73,8 +80,9 @@ class SoundRenderer final : public WorldRenderer {
     std::shared_ptr<const void> freezeTables() override;
 
   private:
-    /// Nothing for one that walls do not reflect.
-    Result<std::optional<ListenReport::Source>> measureOne(const SoundEmitter& emitter, const glm::dvec3& listener);
+    /// One a listener; none for an emitter that walls do not reflect.
+    Result<std::vector<ListenReport::Source>> measureAt(const SoundEmitter& emitter,
+                                                        std::span<const glm::dvec3> listeners);
 
     struct Impl;
     std::unique_ptr<Impl> impl_;

@@ -56,7 +56,18 @@ struct SoundVoice {
 
 /// A node that does something with what leads into it. A tree: what is USEd more than once is several.
 struct AudioProcess {
-    enum class Kind : std::uint8_t { mix, biquad, delay, convolver, compressor, shaper, splitter, merger, selector };
+    enum class Kind : std::uint8_t {
+        mix,
+        biquad,
+        delay,
+        convolver,
+        compressor,
+        shaper,
+        splitter,
+        merger,
+        selector,
+        analyser
+    };
     Kind kind = Kind::mix;
     NodeId node;
     double gain = 1;  // of what comes out
@@ -66,10 +77,18 @@ struct AudioProcess {
     Array<float> buffer;                                    // convolver: mono, at the rate of what is heard
     bool normalize = false;
     Compressor::Settings compressor;
-    std::vector<float> curve;  // shaper
-    int selection = 0;         // selector
+    std::vector<float> curve;    // shaper
+    int selection = 0;           // selector
+    std::size_t fftSize = 2048;  // analyser: a power of two
+    double smoothing = .8;
     std::vector<SoundVoice> voices;
     std::vector<std::shared_ptr<const AudioProcess>> inputs;
+};
+
+/// What an Analyser finds in what leads into it, all channels mixed to one.
+struct AudioSpectrum {
+    NodeId node;
+    std::vector<double> decibels;  // of fftSize / 2 bins, see SpectrumAnalyser
 };
 
 /// A Sound or SpatialSound node.
