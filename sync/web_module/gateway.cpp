@@ -70,10 +70,10 @@ std::string Gateway::start() {
     const auto address = net::ip::make_address(settings_.address, error);
     if (error) return "'" + settings_.address + "' is no address of this machine's";
     const Tcp::endpoint place(address, settings_.port);
-    acceptor_.open(place.protocol(), error);
-    if (!error) acceptor_.set_option(net::socket_base::reuse_address(true), error);
-    if (!error) acceptor_.bind(place, error);
-    if (!error) acceptor_.listen(net::socket_base::max_listen_connections, error);
+    (void)acceptor_.open(place.protocol(), error);
+    if (!error) (void)acceptor_.set_option(net::socket_base::reuse_address(true), error);
+    if (!error) (void)acceptor_.bind(place, error);
+    if (!error) (void)acceptor_.listen(net::socket_base::max_listen_connections, error);
     if (error)
         return "cannot serve browsers at " + settings_.address + ":" + std::to_string(settings_.port) + ": " +
                error.message();
@@ -110,7 +110,7 @@ void Gateway::accept() {
 void Gateway::stop() {
     stopping_ = true;
     beast::error_code ignored;
-    acceptor_.close(ignored);
+    (void)acceptor_.close(ignored);
     deadline_.expires_after(kFarewell);
     deadline_.async_wait([this](beast::error_code) { io_.stop(); });
     const std::set<Browser*> now = browsers_;
@@ -163,7 +163,7 @@ void Gateway::answer(std::uint64_t wish, std::string bytes, std::string type) {
     net::post(io_, [this, wish, bytes = std::move(bytes), type = std::move(type)]() mutable {
         const auto found = wishing_.extract(wish);
         const std::shared_ptr<Visit> visit = found ? found.mapped().lock() : nullptr;
-        if (visit) visit->show(std::move(bytes), std::move(type));
+        if (visit) visit->show(std::move(bytes), type);
     });
 }
 

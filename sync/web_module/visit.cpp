@@ -16,7 +16,6 @@ namespace rtsg::web {
 namespace {
 
 constexpr std::size_t kLongestHead = 8 << 10, kLongestBody = 1 << 10;
-constexpr auto kPatience = std::chrono::seconds(20);
 constexpr std::string_view kPicture = "/picture/";
 
 using Response = http::response<http::string_body>;
@@ -89,7 +88,7 @@ void Visit::read() {
     parser_.emplace();
     parser_->header_limit(kLongestHead);
     parser_->body_limit(kLongestBody);
-    stream_.expires_after(kPatience);
+    stream_.expires_after(gateway_.settings().requestTimeout);
     http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
         if (!error) return self->answer(self->parser_->release());
         if (error != http::error::end_of_stream && error != beast::error::timeout && error != net::error::eof &&
@@ -113,7 +112,7 @@ bool Visit::wish(const Request& request) {
     return gateway_.wish(wish, weak_from_this());
 }
 
-void Visit::show(std::string bytes, std::string type) {
+void Visit::show(std::string bytes, const std::string& type) {
     Response response(type.empty() ? http::status::not_found : http::status::ok, version_);
     response.set(http::field::content_type, type.empty() ? "text/plain" : type);
     response.set(http::field::cache_control, "no-store");
@@ -144,8 +143,8 @@ void Visit::answer(Request request) {
     if (wantsPicture) {
         if (!wish(request)) return say(refused(request, http::status::not_found, "There is no such picture."));
         // Kept alive until the scene's thread answers, or for as long as anybody would wait.
-        stream_.expires_after(kPatience);
-        waiting_.expires_after(kPatience);
+        stream_.expires_after(gateway_.settings().requestTimeout);
+        waiting_.expires_after(gateway_.settings().requestTimeout);
         waiting_.async_wait([self = shared_from_this()](beast::error_code) {});
         return;
     }
@@ -164,7 +163,7 @@ void Visit::say(Response response) {
     response_ = std::move(response);
     http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code error, std::size_t) {
         if (!error && self->response_.keep_alive()) return self->read();
-        self->stream_.socket().shutdown(Tcp::socket::shutdown_send, error);
+        (void)self->stream_.socket().shutdown(Tcp::socket::shutdown_send, error);
     });
 }
 

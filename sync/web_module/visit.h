@@ -18,7 +18,7 @@ class Visit : public std::enable_shared_from_this<Visit> {
     ~Visit() { gateway_.visited(-1); }
     void read();
     /// The picture that was asked for; `type` empty: there is none.
-    void show(std::string bytes, std::string type);
+    void show(std::string bytes, const std::string& type);
 
   private:
     void answer(Request request);

@@ -1,5 +1,5 @@
 // The page of `rtsg serve --web` in a headless Chromium: it follows with equal hashes, shows what it follows, lists viewpoints,
-// opens a door at the origin, comes back after a cut, plays a log, and is readable on a phone.
+// opens a door and drags things at the origin, comes back after a cut, plays a log, and is readable on a phone.
 //
 // Exit status 0: all well; 1: a check failed; 77: skipped, with the reason, where Chromium or the packages of `./dev web` are
 // not there. Usage: page_test.mjs --program build/rtsg [--shot DIR]
@@ -107,7 +107,32 @@ function allEqual(c) {
   assert.equal(c.garbage, 0);
 }
 
-const door = path.join(here, 'door.x3dv');
+const door = path.join(here, 'door.x3dv'), toDrag = path.join(here, 'drag.x3dv');
+/** Where the ray through a place of the picture, seen from (0, 0, 10) along -z, is at depth z: of a camera with a field of view of
+ * 45 degrees across the shorter side. */
+function through(box, x, y, depth) {
+  const step = 2 * Math.tan(Math.PI / 8) / Math.min(box.width, box.height) * (10 - depth);
+  return [(x - box.width / 2) * step, (box.height / 2 - y) * step, depth];
+}
+/** Where that place's ray first meets a ball (or, with `upright`, a cylinder along y) round (cx, 0, 0), from its centre. */
+function onRound(box, x, y, cx, radius, upright = false) {
+  const [dx, dy] = through(box, x, y, 9), px = -cx, flat = upright ? 0 : 1;  // a step along the ray is 1 along -z
+  const a = dx * dx + flat * dy * dy + 1, b = px * dx - 10, c = px * px + 100 - radius * radius;
+  const s = (-b - Math.sqrt(b * b - a * c)) / a;
+  return [px + s * dx, s * dy, 10 - s];
+}
+/** The picture's place of a point of that scene, at a whole number of the page's: mice have no others. */
+function placeOf(box, [x, y, z]) {
+  const step = 2 * Math.tan(Math.PI / 8) / Math.min(box.width, box.height) * (10 - z);
+  return [Math.round(box.x + box.width / 2 + x / step) - box.x, Math.round(box.y + box.height / 2 - y / step) - box.y];
+}
+const field = (page, name, of) => page.evaluate(([n, f]) => Array.from(rtsg.mirror.scene.find(n).get(f)), [name, of]);
+const near = (a, b, tolerance) => a.every((x, i) => Math.abs(x - b[i]) <= tolerance);
+async function dragTo(page, box, from, to) {
+  await page.mouse.move(box.x + from[0], box.y + from[1]);
+  await page.mouse.down();
+  await page.mouse.move(box.x + to[0], box.y + to[1], {steps: 4});
+}
 const cases = {
   async 'follows, shows and compares'() {
     const server = await serve(door, '--web', '0');
@@ -118,6 +143,11 @@ const cases = {
     await eventually('the sign has its picture, blue in part', async () => await share(page, ['blue', 2]) > 0.002);
     allEqual(await counts(page));
     assert.deepEqual(await page.locator('#viewpoints option').allTextContents(), ['as the origin', 'In front', 'From aside']);
+    // The rate is that of the origin, 60 a second, however many of these states came merged.
+    await eventually('the rate is the origin\'s', async () => {
+      const [here, there = here] = (await page.locator('#rate').textContent()).split(' of ').map(Number);
+      return here > 0 && here <= there && Math.abs(there - 60) < 15;
+    });
     if (shots) await page.screenshot({path: path.join(shots, 'door.png')});
     assert.deepEqual(page.errors, []);
     await page.close();
@@ -151,6 +181,99 @@ const cases = {
     allEqual(await counts(page));
     assert.deepEqual(page.errors, []);
     await page.close();
+    await stop(server);
+  },
+  async 'drags move what hangs on sensors at the origin'() {
+    const server = await serve(toDrag, '--web', '0', '--upstream', 'events');
+    const page = await open(server.web, {width: 400});
+    await eventually('the board is seen', async () => await share(page, ['red', 2]) > 0.004);
+    const box = await page.locator('#picture').boundingBox();
+    // 20.4.2: the board moves with the point of it that was caught, at (-2, 0, 0.1); its offset is where it was.
+    let from = placeOf(box, [-2, 0, 0.1]), to = [from[0] + 30, from[1] - 40];
+    await dragTo(page, box, from, to);
+    const expected = through(box, ...to, 0.1).map((x, i) => x - through(box, ...from, 0.1)[i] - (i ? 0 : 2));
+    assert.ok(expected[0] > -1.7 && expected[1] > 0.5, `${expected}`);
+    // Within half a pixel: the picture is drawn with whole pixels, and shown stretched by a part of one.
+    await eventually(`the board is at ${expected}`, async () => near(await field(page, 'BOARD', 'translation'), expected, 0.02));
+    assert.equal(await page.evaluate(() => rtsg.mirror.scene.find('SLIDE').get('isActive')), true);
+    // Whoever has hold of it moves the board and not the view, and lets go wherever the pointer is.
+    await page.mouse.move(2, 2);
+    await page.mouse.up();
+    await eventually('it is let go', () => page.evaluate(() => !rtsg.mirror.scene.find('SLIDE').get('isActive')));
+    const moved = await field(page, 'BOARD', 'translation'), offset = await field(page, 'SLIDE', 'offset');
+    assert.ok(near(moved, offset, 1e-6), `${moved}, ${offset}`);
+    // 20.4.1 and 20.4.3: drum and ball turn by the angle between the points that were caught and are reached.
+    for (const [sensor, node, cx, radius, upright] of [['TURN', 'DRUM', 0, 0.7, true], ['ROLL', 'BALL', 2, 0.8, false]]) {
+      from = placeOf(box, [cx, 0, 0]);
+      to = [from[0] + 12, from[1]];
+      await dragTo(page, box, from, to);
+      const a = onRound(box, ...from, cx, radius, upright), b = onRound(box, ...to, cx, radius, upright);
+      const angle = Math.atan2(b[0], b[2]) - Math.atan2(a[0], a[2]);
+      assert.ok(angle > 0.2, `${angle}`);
+      await eventually(`${node} is turned by ${angle} about y`, async () => near(await field(page, node, 'rotation'), [0, 1, 0, angle], 0.02));
+      await page.mouse.up();
+      await eventually(`${sensor} is let go`, () => page.evaluate((n) => !rtsg.mirror.scene.find(n).get('isActive'), sensor));
+    }
+    allEqual(await counts(page));
+    assert.deepEqual(page.errors, []);
+    await page.close();
+    assert.equal(await stop(server), 0, server.err);
+  },
+  async 'a finger drags at the origin, and two let go'() {
+    const server = await serve(toDrag, '--web', '0', '--upstream', 'events');
+    const page = await open(server.web, {width: 390, height: 500});
+    const hand = await page.context().newCDPSession(page);
+    await hand.send('Emulation.setTouchEmulationEnabled', {enabled: true, maxTouchPoints: 2});
+    const fingers = (type, ...points) => hand.send('Input.dispatchTouchEvent', {type,
+      touchPoints: points.map(([x, y], id) => ({x: box.x + x, y: box.y + y, id}))});
+    await eventually('the board is seen', async () => await share(page, ['red', 2]) > 0.004);
+    const box = await page.locator('#picture').boundingBox(), from = placeOf(box, [-2, 0, 0.1]), to = [from[0] + 20, from[1] + 60];
+    const isActive = () => page.evaluate(() => rtsg.mirror.scene.find('SLIDE').get('isActive'));
+    await fingers('touchStart', from);
+    for (const part of [0.25, 0.5, 1]) await fingers('touchMove', [from[0] + 20 * part, from[1] + 60 * part]);
+    const expected = through(box, ...to, 0.1).map((x, i) => x - through(box, ...from, 0.1)[i] - (i ? 0 : 2));
+    await eventually(`the board is at ${expected}`, async () => near(await field(page, 'BOARD', 'translation'), expected, 0.03));
+    assert.equal(await isActive(), true);
+    await fingers('touchStart', to, [to[0] + 60, to[1]]);
+    await eventually('two fingers let go', async () => !await isActive());
+    await fingers('touchEnd');
+    await fingers('touchStart', [from[0] + 20, from[1] + 60]);
+    await eventually('one has hold again', isActive);
+    await fingers('touchEnd');
+    await eventually('and lets go', async () => !await isActive());
+    allEqual(await counts(page));
+    assert.deepEqual(page.errors, []);
+    await page.close();
+    await stop(server);
+  },
+  async 'an Anchor binds its viewpoint at the origin, and leaves the page alone'() {
+    const server = await serve(toDrag, '--web', '0', '--upstream', 'events');
+    const page = await open(server.web, {width: 400});
+    await eventually('the board is seen', async () => await share(page, ['red', 2]) > 0.004);
+    const box = await page.locator('#picture').boundingBox(), [x, y] = placeOf(box, [0, -2, 0.1]), url = page.url();
+    assert.equal(await page.evaluate(() => rtsg.mirror.scene.find('ABOVE').get('isBound')), false);
+    await page.mouse.click(box.x + x, box.y + y, {delay: 150});
+    await until(page, () => rtsg.mirror.scene.find('ABOVE').get('isBound'));
+    assert.equal(page.url(), url);
+    await eventually('the page shows it', () => page.evaluate(() => rtsg.view.originsViewpoint() === rtsg.mirror.scene.names.get('ABOVE')));
+    assert.deepEqual(page.errors, []);
+    await page.close();
+    await stop(server);
+  },
+  async 'who leaves the page lets go'() {
+    const server = await serve(toDrag, '--web', '0', '--upstream', 'events');
+    const page = await open(server.web, {width: 400}), other = await open(server.web, {picture: false});
+    await eventually('the board is seen', async () => await share(page, ['red', 2]) > 0.004);
+    const box = await page.locator('#picture').boundingBox(), from = placeOf(box, [-2, 0, 0.1]);
+    await page.bringToFront();
+    await dragTo(page, box, from, [from[0] + 20, from[1]]);
+    const isActive = () => rtsg.mirror.scene.find('SLIDE')?.get('isActive');
+    await until(other, isActive);
+    assert.notEqual(await other.evaluate(() => { rtsg.pointer.chooseDevice(); return rtsg.pointer.device; }), await page.evaluate(() => rtsg.pointer.device));
+    await page.goto('about:blank');
+    await other.waitForFunction(() => !rtsg.mirror.scene.find('SLIDE').get('isActive'), null, {timeout: kPatience, polling: 100});
+    await page.close();
+    await other.close();
     await stop(server);
   },
   async 'a server that takes no requests says so'() {

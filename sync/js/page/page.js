@@ -1,6 +1,7 @@
 // The page: follows the server that it came from, shows the replica, and says in every frame whether its hash is the origin's.
 
 import {followWebSocket} from '/src/index.js';
+import {PagePointer} from '/page/pointer.js';
 
 const $ = (id) => document.getElementById(id);
 const text = (id, value) => { const e = $(id); if (e.textContent !== value) e.textContent = value; };
@@ -10,7 +11,8 @@ const settings = new URLSearchParams(location.hash.slice(1));
 const token = settings.get('token') ?? '';
 const url = `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/mirror${token ? `?token=${encodeURIComponent(token)}` : ''}`;
 
-let view = null, chosen = '', originsView = 0, states = 0, first, reached = false, left = false;
+const arrivals = [];  // of the last states: when, and which
+let view = null, chosen = '', originsView = 0, first, reached = false, left = false;
 
 function connection(state, words) {
   $('connection').dataset.state = state;
@@ -28,7 +30,6 @@ async function load(mirror) {
     return;
   }
   view = new module.X3dView($('picture'), mirror.scene, {
-    onTouch: (id, field, value) => touched(mirror, id, field, value),
     // The state is there so that a texture whose url has changed is fetched anew.
     pictureUrl: (id, index) => `/picture/${id}/${index}?state=${mirror.scene.state}${token ? `&token=${encodeURIComponent(token)}` : ''}`,
     options: settings.get('quality') === 'low' ? {Antialiased: false, PrimitiveQuality: 'LOW', TextureQuality: 'LOW', ContentScale: 0.5} : {},
@@ -66,18 +67,6 @@ $('viewpoints').onchange = (event) => {
 
 // ---- pointer -----------------------------------------------------------------------------------------------------------
 
-/** What a TouchSensor here would send along its routes goes to where those lead, at the origin: inputs take events, outputs
- * do not. */
-function touched(mirror, id, field, value) {
-  const node = mirror.scene.nodes.get(id);
-  const from = node?.type.fields.findIndex((f) => f.name === field) ?? -1;
-  if (from < 0) return;
-  const sent = field === 'touchTime' ? mirror.scene.time : typeof value === 'object' ? [...value] : value;
-  const events = node.routes.filter((r) => r.fromField === from && !r.isConnection)
-    .map((r) => ({node: r.to, field: r.toField, type: node.type.fields[from].type, value: sent}));
-  if (events.length) mirror.submitEvents(events);
-}
-
 let hush = 0;
 function say(words) {
   text('said', words);
@@ -88,7 +77,8 @@ function say(words) {
 // ---- what is said --------------------------------------------------------------------------------------------------------
 
 function onState(record, equal, afresh) {
-  ++states;
+  if (afresh) arrivals.length = 0;
+  arrivals.push({at: performance.now(), state: record.to});
   text('state', `${record.to}`);
   text('time', (record.time - (first ??= record.time)).toFixed(2));
   $('equality').dataset.equal = `${equal}`;
@@ -117,6 +107,7 @@ const follower = followWebSocket(url, {
   },
   onWelcome() {
     left = false;
+    pointer.welcome();
     connection('following');
     if (!mirror.hasState) notice('');
     mirror.control('status');
@@ -127,11 +118,16 @@ const follower = followWebSocket(url, {
   },
   onRefused(reason) { connection('refused', reason); },
   onTrouble(words) { console.warn(words); },
-  onVerdict({reason}) { say(reason && `The origin refuses: ${reason}.`); },
+  onVerdict(verdict) {
+    // Who looks around asks for nothing.
+    if (pointer.answered(verdict) && !view?.isOverSensor()) return;
+    if (verdict.reason) say(`The origin refuses: ${verdict.reason}.`);
+  },
   onReply: playerSays,
   onState,
 });
 const mirror = follower.mirror;
+const pointer = new PagePointer($('picture'), mirror, (event) => view?.ray(event) ?? null);
 mirror.scene.listener = (changed) => {
   if (!view || mirror.afresh) return;
   view.change(changed);
@@ -160,14 +156,21 @@ $('line').onchange = () => {
 };
 setInterval(() => { if (!$('player').hidden && mirror.connected) mirror.control('status'); }, 500);
 
-const seconds = [];  // how many states came in each of the last five
-setInterval(() => {
-  seconds.push(states);
-  states = 0;
-  if (seconds.length > 5) seconds.shift();
-  text('rate', (seconds.reduce((sum, n) => sum + n, 0) / seconds.length).toFixed(0));
-}, 1000);
-addEventListener('pagehide', () => follower.close());
+/** States a second that came, and if some of them were merged on the way, of how many that the origin went through: over the last
+ * two seconds or so, from when each came. */
+function showRate(now = performance.now()) {
+  while (arrivals.length > 2 && arrivals[0].at < now - 2000) arrivals.shift();
+  // Nothing for a while: the last one is as old as it is.
+  const [first] = arrivals, last = arrivals.at(-1), span = Math.max(last?.at - first?.at, now - last?.at - 500) / 1000;
+  if (!(span > 0.2)) return;
+  const here = ((arrivals.length - 1) / span).toFixed(0), there = ((last.state - first.state) / span).toFixed(0);
+  text('rate', here === there ? here : `${here} of ${there}`);
+}
+setInterval(showRate, 250);
+addEventListener('pagehide', () => {
+  pointer.leave();
+  follower.close();
+});
 
 /** For tests, and for people with a console. */
-window.rtsg = {mirror, follower, get view() { return view; }};
+window.rtsg = {mirror, follower, pointer, get view() { return view; }};

@@ -12,18 +12,21 @@ const kPlain = new Set([0, 1, 2, 3, 4, 5]);
 
 /** Types whose doings come from the origin. */
 const kActing = ['X3DTimeDependentNode', 'X3DInterpolatorNode', 'X3DScriptNode', 'X3DSequencerNode', 'X3DTriggerNode', 'X3DFollowerNode',
-  'X3DEnvironmentalSensorNode', 'X3DKeyDeviceSensorNode', 'X3DNetworkSensorNode', 'X3DPickSensorNode', 'X3DDragSensorNode', 'X3DSoundNode',
+  'X3DEnvironmentalSensorNode', 'X3DKeyDeviceSensorNode', 'X3DNetworkSensorNode', 'X3DPickSensorNode', 'X3DSoundNode',
   'X3DSoundSourceNode', 'X3DSoundProcessingNode', 'X3DSoundChannelNode', 'X3DInfoNode', 'X3DMetadataObject', 'X3DPhysicsModelNode'];
 const kShown = new Set(['MovieTexture']);
+/** Shown by a Group: X_ITE's own would load files, and leave the page. */
+const kGroups = new Set(['Inline', 'Anchor']);
 const kLeftOut = new Set(['BooleanFilter', 'BooleanToggle', 'BooleanTrigger', 'IntegerTrigger', 'TimeTrigger', 'Script', 'CollisionSensor',
   'RigidBodyCollection', 'LoadSensor']);
 
+/** Outputs say what happened at the origin; here nothing follows from them. */
+const isKept = (def) => !def.hidden && (def.access === 'initializeOnly' || def.access === 'inputOutput');
+
 export class X3dView {
-  /** `onTouch(id, field, value)`: what a TouchSensor here has to say. `pictureUrl(id, index)`: of a texture's url of that index.
-   * `options`: of X_ITE's browser. */
-  constructor(element, scene, {onTouch, pictureUrl, options = {}}) {
+  /** `pictureUrl(id, index)`: of a texture's url of that index. `options`: of X_ITE's browser. */
+  constructor(element, scene, {pictureUrl, options = {}}) {
     this.scene = scene;
-    this.onTouch = onTouch;
     this.pictureUrl = pictureUrl;
     this.nodes = new Map();  // of X_ITE, by the replica's numbers
     this.canvas = X3D.createBrowser();
@@ -72,7 +75,7 @@ export class X3dView {
     this.building = null;
     this.nodes.clear();
     this.world = world;
-    const roots = this.childrenOf(this.scene.root.values[0] ?? []);
+    const roots = this.childrenOf(this.scene.root.get('children'));
     world.rootNodes = new X3D.MFNode(...roots);
     await this.browser.replaceWorld(world);
     return world === this.world;
@@ -94,7 +97,7 @@ export class X3dView {
     const node = this.scene.nodes.get(id);
     if (!node || !this.isShown(node.type)) return null;
     const inlined = node.type.name === 'Inline';
-    const base = this.world.createNode(inlined ? 'Group' : node.type.name, false);
+    const base = this.world.createNode(kGroups.has(node.type.name) ? 'Group' : node.type.name, false);
     if (!base) return null;
     const made = new X3D.SFNode(base);
     this.nodes.set(id, made);
@@ -102,25 +105,29 @@ export class X3dView {
       this.setChildren(base, 'children', this.hidden(node, 'body'));
     } else {
       node.type.fields.forEach((def, index) => {
-        if (index in node.values && !def.hidden && def.access.startsWith('i') && def.access !== 'inputOnly') this.setField(base, node, def, index);
+        if (index in node.values && isKept(def)) this.setField(base, node, def, index);
       });
       if (node.name) base.setUserData?.('rtsg', node.name);
     }
     base.setup();
-    if (node.type.name === 'TouchSensor') this.listen(id, made);
     return made;
   }
+  touchSensor() {
+    const base = this.world.createNode('TouchSensor', false);
+    base.setup();
+    return new X3D.SFNode(base);
+  }
 
-  setChildren(base, name, ids) {
+  setChildren(base, name, ids, ...more) {
     const field = base.getField(name, false);
-    if (field) field.setValue(this.childrenOf(ids));
+    if (field) field.setValue([...this.childrenOf(ids), ...more]);
   }
 
   setField(base, node, def, index) {
     const field = base.getField(def.name, false), value = node.values[index], k = def.type >> 1;
     if (!field) return;
     if (def.type === SFNODE) return field.setValue(this.make(this.standIn(value)));
-    if (def.type === MFNODE) return this.setChildren(base, def.name, value);
+    if (def.type === MFNODE) return this.setChildren(base, def.name, value, ...(node.type.name === 'Anchor' && def.name === 'children' ? [this.touchSensor()] : []));
     if (field.getTypeName() !== (def.type % 2 ? 'MF' : 'SF') + NAMES[k]) return;
     if (def.type % 2 === 0) {
       if (kPlain.has(k)) field.setValue(value);
@@ -145,7 +152,7 @@ export class X3dView {
       }
       if (def.name === 'body' && def.hidden && this.rewire(node)) return;
       const made = this.nodes.get(node.id);
-      if (!made || def.hidden) continue;
+      if (!made || !isKept(def)) continue;
       try {
         this.setField(made.getValue(), node, def, index);
       } catch (error) {
@@ -188,8 +195,22 @@ export class X3dView {
     if (made) made.set_bind = true;
   }
 
-  listen(id, made) {
-    for (const field of ['isOver', 'isActive', 'touchTime', 'hitPoint_changed', 'hitNormal_changed', 'hitTexCoord_changed'])
-      made.addFieldCallback('rtsg', field, (value) => this.onTouch(id, field, value));
+  /** The ray through a place on the page, as {origin, direction} in world space; null while there is no picture. */
+  ray({pageX, pageY}) {
+    const layer = this.building ? null : this.browser.getActiveLayer(), view = layer?.getViewpoint();
+    if (!view) return null;
+    const viewport = layer.getViewport().getRectangle(), near = view.getNearDistance(layer.getNavigationInfo());
+    // Sixteen numbers, row by row: a place in the picture as a row, from -1 to 1 each way, times this is one in the world.
+    const m = view.getProjectionMatrixWithLimits(near, 1000 * near, viewport).copy().inverse().multRight(view.getCameraSpaceMatrix());
+    const at = this.browser.getPointerFromEvent({pageX, pageY});
+    const x = (at.x - viewport.x) / viewport.z * 2 - 1, y = (at.y - viewport.y) / viewport.w * 2 - 1;
+    const point = (depth) => {
+      const [a, b, c, w] = [0, 1, 2, 3].map((k) => x * m[k] + y * m[4 + k] + depth * m[8 + k] + m[12 + k]);
+      return [a / w, b / w, c / w];
+    };
+    const origin = point(-1), direction = point(0).map((c, i) => c - origin[i]), length = Math.hypot(...direction);
+    return length > 0 && Number.isFinite(length) ? {origin, direction: direction.map((c) => c / length)} : null;
   }
+  /** Whether the pointer was last seen over something that a sensor is for. */
+  isOverSensor() { return this.browser.getHit().sensors.size > 0; }
 }

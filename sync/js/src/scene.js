@@ -9,7 +9,6 @@ const kNode = 1, kField = 2, kNeighbours = 3, kName = 4, kRoute = 5, kNoField = 
 const utf8 = new TextDecoder('utf-8');
 const term = new Uint32Array(4);
 const scratch = new Uint8Array(16), scratchView = new DataView(scratch.buffer);
-const floats = new Float32Array(4), floatWords = new Int32Array(floats.buffer);
 const empty = new Uint32Array(0), noKey = [0, 0];
 let seedLow = 0, seedHigh = 0;  // of the term at hand
 
@@ -17,7 +16,7 @@ const sameBytes = (a, b) => a.length === b.length && a.every((x, i) => x === b[i
 
 /** The sum of terms modulo 2^128, in four parts of which each may be out of range until it is read. */
 class StateHash {
-  constructor() { this.sum = [0, 0, 0, 0]; }
+  constructor() { this.sum = new Float64Array(4); }
   add(t, at, sign) {
     const s = this.sum;
     s[0] += sign * t[at];
@@ -58,7 +57,8 @@ export class Node {
   get(field) {
     const index = typeof field === 'number' ? field : this.type.fields.findIndex((f) => f.name === field);
     if (!(index in this.type.fields)) throw new RangeError(`${this.type.name} has no field ${field}`);
-    return index in this.values ? this.values[index] : this.type.fields[index].default;
+    const value = index in this.values ? this.values[index] : this.type.fields[index].default;
+    return Array.isArray(value) ? value.slice() : value;  // the scene goes on in its own
   }
 }
 
@@ -66,6 +66,7 @@ export class Scene {
   constructor() {
     /** `change(node, field)` for every value that is set, once the record is applied; null: nobody listens. */
     this.listener = null;
+    this.changed = null;
     /** Streams of version 2 had hashes that name fields by number. */
     this.countsFields = false;
     this.reset();
@@ -212,28 +213,41 @@ export class Scene {
   }
   /** Values of 1 to 4 f32, as their bits, one after the other. */
   setWords(nodes, field, type, lanes, words) {
+    const {hash, changed} = this, all = this.nodes, numbers = new Float32Array(words.buffer, words.byteOffset, words.length);
     let known = null, defaults = null;  // most columns are of one type of node
     for (let i = 0, at = 0; i < nodes.length; ++i, at += lanes) {
-      const node = this.node(nodes[i]);
+      const node = all.get(nodes[i]) ?? this.node(nodes[i]);
       if (node.type !== known) {
         known = node.type;
         defaults = new Int32Array(this.fieldOf(node, field, type).defaultBytes.slice().buffer);
       }
       let isDefault = true;
-      for (let k = 0; k < lanes; ++k) {
-        floatWords[k] = words[at + k];
-        if (words[at + k] !== defaults[k]) isDefault = false;
-      }
-      if (!isDefault) {
+      for (let k = 0; k < lanes; ++k) if (words[at + k] !== defaults[k]) isDefault = false;
+      const terms = node.terms ??= new Uint32Array(4 * known.fields.length), own = 4 * field;
+      hash.add(terms, own, -1);  // four zeros where there is none
+      if (isDefault) {
+        terms.fill(0, own, own + 4);
+      } else {
         this.seed(node, field, kField);
-        xxh128OfWords(term, 0, words, at, lanes, seedLow, seedHigh);
+        xxh128OfWords(terms, own, words, at, lanes, seedLow, seedHigh);
+        hash.add(terms, own, 1);
       }
-      this.replaceTerm(node, field, isDefault);
-      node.values[field] = lanes === 3 ? [floats[0], floats[1], floats[2]]
-        : lanes === 1 ? floats[0]
-        : lanes === 4 ? [floats[0], floats[1], floats[2], floats[3]] : [floats[0], floats[1]];
-      this.changed?.push(node, field);
+      this.setNumbers(node, field, lanes, numbers, at);
+      if (changed !== null) changed.push(node, field);
     }
+  }
+  /** Into the array that is there, if one is: a value that moves makes no garbage. Who keeps values gets copies (Node.get). */
+  setNumbers(node, field, lanes, numbers, at) {
+    if (lanes === 1) {
+      node.values[field] = numbers[at];
+      return;
+    }
+    const value = node.values[field];
+    if (value === undefined) {
+      node.values[field] = Array.from(numbers.subarray(at, at + lanes));
+      return;
+    }
+    for (let k = 0; k < lanes; ++k) value[k] = numbers[at + k];
   }
   setBytes(id, field, type, bytes) {
     const node = this.node(id), def = this.fieldOf(node, field, type);
@@ -301,7 +315,7 @@ export class Scene {
   /** All that differs from a scene of defaults, as JSON can hold it; for tests and people. */
   dump() {
     const nodes = {};
-    const label = (def, value) => def.type === MFNODE || ArrayBuffer.isView(value) ? Array.from(value) : value;
+    const label = (def, value) => Array.isArray(value) || ArrayBuffer.isView(value) ? Array.from(value) : value;
     for (const [id, node] of [...this.nodes].sort((a, b) => a[0] - b[0])) {
       const fields = {};
       node.type.fields.forEach((def, field) => {

@@ -38,115 +38,105 @@ export function xxh64(bytes) {
   return new DataView(digest.buffer, digest.byteOffset, 8).getBigUint64(0, false);
 }
 
-// Scratch of the functions below: results of a multiplication, and the hash itself.
-let m0 = 0, m1 = 0, m2 = 0, m3 = 0;
+// What a multiplication gives: up to four halves, low one first. In a typed array, as a variable would have to hold each number
+// over 2^31 as an object of its own; and numbers are kept below 2^32 throughout, so that they are computed as whole ones.
+const m = new Uint32Array(4);
 
-/** The 64 bits of a * b: m0, m1. */
+/** The 64 bits of a * b. */
 function multiply32(a, b) {
   const al = a & 0xFFFF, ah = a >>> 16, bl = b & 0xFFFF, bh = b >>> 16;
-  const p = al * bl;
-  const q = ah * bl + (p >>> 16);
-  const r = al * bh + (q & 0xFFFF);
-  m0 = ((r << 16) | (p & 0xFFFF)) >>> 0;
-  m1 = (ah * bh + (q >>> 16) + (r >>> 16)) >>> 0;
+  const p = Math.imul(al, bl) >>> 0;
+  const q = (Math.imul(ah, bl) + (p >>> 16)) >>> 0;
+  const r = (Math.imul(al, bh) + (q & 0xFFFF)) >>> 0;
+  m[0] = (r << 16) | (p & 0xFFFF);
+  m[1] = Math.imul(ah, bh) + (q >>> 16) + (r >>> 16);
 }
-/** The 128 bits of (al, ah) * (bl, bh): m0 to m3. */
+/** The 128 bits of (al, ah) * (bl, bh). */
 function multiply(al, ah, bl, bh) {
   multiply32(al, bl);
-  const r0 = m0;
-  let r1 = m1;
+  const r0 = m[0], c1 = m[1];
   multiply32(ah, bl);
-  r1 += m0;
-  let r2 = m1 + (r1 > 0xFFFFFFFF ? 1 : 0);
-  r1 >>>= 0;
+  let r1 = (c1 + m[0]) >>> 0;
+  const c2 = (m[1] + (r1 < c1 ? 1 : 0)) >>> 0;
   multiply32(al, bh);
-  r1 += m0;
-  r2 += m1 + (r1 > 0xFFFFFFFF ? 1 : 0);
-  r1 >>>= 0;
+  const before = r1;
+  r1 = (r1 + m[0]) >>> 0;
+  const d2 = (m[1] + (r1 < before ? 1 : 0)) >>> 0;
+  const e2 = (c2 + d2) >>> 0, over = e2 < c2 ? 1 : 0;
   multiply32(ah, bh);
-  r2 += m0;
-  m3 = (m1 + Math.floor(r2 / 0x100000000)) >>> 0;
-  m2 = r2 >>> 0;
-  m1 = r1;
-  m0 = r0;
+  const r2 = (m[0] + e2) >>> 0;
+  m[3] = m[1] + over + (r2 < e2 ? 1 : 0);
+  m[2] = r2;
+  m[1] = r1;
+  m[0] = r0;
 }
-/** The low 64 bits: m0, m1. */
+/** The low 64 bits. */
 function multiplyLow(al, ah, bl, bh) {
   multiply32(al, bl);
-  m1 = (m1 + Math.imul(ah, bl) + Math.imul(al, bh)) >>> 0;
+  m[1] += Math.imul(ah, bl) + Math.imul(al, bh);
 }
 
 /** The low 64 bits of a number of 32 bits times (low, high), low one first. */
 export function times(number, low, high) {
   multiplyLow(number, 0, low, high);
-  return [m0, m1];
+  return [m[0], m[1]];
 }
 
 const swap = (x) => ((x << 24) | ((x & 0xFF00) << 8) | ((x >>> 8) & 0xFF00) | (x >>> 24)) >>> 0;
 
-/** XXH3's last mixing of (l, h): m0, m1. */
+/** XXH3's last mixing of (l, h). */
 function avalanche(l, h) {
-  l = (l ^ (h >>> 5)) >>> 0;  // h >> 37
-  multiplyLow(l, h, 0x9E3779F9, 0x16566791);
-  m0 = (m0 ^ m1) >>> 0;  // h >> 32
+  multiplyLow((l ^ (h >>> 5)) >>> 0, h, 0x9E3779F9, 0x16566791);  // h >> 37
+  m[0] ^= m[1];  // h >> 32
 }
 /** XXH64's. */
 function avalanche64(l, h) {
-  l = (l ^ (h >>> 1)) >>> 0;  // h >> 33
-  multiplyLow(l, h, 0x27D4EB4F, 0xC2B2AE3D);
-  const x = (m0 ^ ((m0 >>> 29) | (m1 << 3))) >>> 0, y = (m1 ^ (m1 >>> 29)) >>> 0;
-  multiplyLow(x, y, 0x9E3779F9, 0x165667B1);
-  m0 = (m0 ^ m1) >>> 0;  // h >> 32
+  multiplyLow((l ^ (h >>> 1)) >>> 0, h, 0x27D4EB4F, 0xC2B2AE3D);  // h >> 33
+  const x = m[0], y = m[1];
+  multiplyLow((x ^ ((x >>> 29) | (y << 3))) >>> 0, (y ^ (y >>> 29)) >>> 0, 0x9E3779F9, 0x165667B1);
+  m[0] ^= m[1];  // h >> 32
 }
 
-function finish(into, at, l0, l1, h0, h1) {
+function finish(into, at, l0, l1) {
   into[at] = l0;
   into[at + 1] = l1;
-  into[at + 2] = h0;
-  into[at + 3] = h1;
+  into[at + 2] = m[0];
+  into[at + 3] = m[1];
 }
 
 /** Of 9 to 16 bytes, whose first eight are (a, b) and whose last eight are (c, d). */
 function hash9to16(into, at, a, b, c, d, length, seedLow, seedHigh) {
-  let l = F9l - seedLow, h = F9h - seedHigh - (l < 0 ? 1 : 0);
+  let l = (F9l - seedLow) >>> 0, h = (F9h - seedHigh - (F9l < seedLow ? 1 : 0)) >>> 0;
   multiply((a ^ c ^ l) >>> 0, (b ^ d ^ h) >>> 0, 0x85EBCA87, 0x9E3779B1);
-  let x0 = m0, x1 = (m1 + ((length - 1) << 22)) >>> 0, x2 = m2, x3 = m3;
-  l = F9Hl + seedLow;
-  h = F9Hh + seedHigh + (l > 0xFFFFFFFF ? 1 : 0);
+  const x0 = m[0], x1 = m[1] + ((length - 1) << 22), x2 = m[2], x3 = m[3];
+  l = (F9Hl + seedLow) >>> 0;
+  h = (F9Hh + seedHigh + (l < seedLow ? 1 : 0)) >>> 0;
   const il = (c ^ l) >>> 0, ih = (d ^ h) >>> 0;
   multiply32(il, 0x85EBCA76);
-  let s = x2 + il + m0;
-  x3 = (x3 + ih + m1 + Math.floor(s / 0x100000000)) >>> 0;
-  x2 = s >>> 0;
-  x0 = (x0 ^ swap(x3)) >>> 0;
-  x1 = (x1 ^ swap(x2)) >>> 0;
-  multiply(x0, x1, 0x27D4EB4F, 0xC2B2AE3D);
-  x0 = m0, x1 = m1;
-  const y2 = m2, y3 = m3;
-  multiplyLow(x2, x3, 0x27D4EB4F, 0xC2B2AE3D);
-  s = y2 + m0;
-  x3 = (y3 + m1 + (s > 0xFFFFFFFF ? 1 : 0)) >>> 0;
-  x2 = s >>> 0;
-  avalanche(x0, x1);
-  x0 = m0, x1 = m1;
-  avalanche(x2, x3);
-  finish(into, at, x0, x1, m0, m1);
+  const s = (x2 + il) >>> 0, y2 = (s + m[0]) >>> 0;
+  const y3 = (x3 + ih + m[1] + (s < il ? 1 : 0) + (y2 < s ? 1 : 0)) >>> 0;
+  multiply((x0 ^ swap(y3)) >>> 0, (x1 ^ swap(y2)) >>> 0, 0x27D4EB4F, 0xC2B2AE3D);
+  const z0 = m[0], z1 = m[1], z2 = m[2], z3 = m[3];
+  multiplyLow(y2, y3, 0x27D4EB4F, 0xC2B2AE3D);
+  const w2 = (z2 + m[0]) >>> 0, w3 = (z3 + m[1] + (w2 < z2 ? 1 : 0)) >>> 0;
+  avalanche(z0, z1);
+  const r0 = m[0], r1 = m[1];
+  avalanche(w2, w3);
+  finish(into, at, r0, r1);
 }
 
 /** Of 4 to 8 bytes, whose first four are `a` and whose last four are `b`. */
 function hash4to8(into, at, a, b, length, seedLow, seedHigh) {
-  seedHigh = (seedHigh ^ swap(seedLow)) >>> 0;
-  const l = F4l + seedLow, h = F4h + seedHigh + (l > 0xFFFFFFFF ? 1 : 0);
+  const turned = (seedHigh ^ swap(seedLow)) >>> 0;
+  const l = (F4l + seedLow) >>> 0, h = (F4h + turned + (l < seedLow ? 1 : 0)) >>> 0;
   multiply((a ^ l) >>> 0, (b ^ h) >>> 0, (0x85EBCA87 + (length << 2)) >>> 0, 0x9E3779B1);
-  let s = m2 + ((m0 << 1) >>> 0);
-  const h3 = (m3 + (((m1 << 1) | (m0 >>> 31)) >>> 0) + (s > 0xFFFFFFFF ? 1 : 0)) >>> 0, h2 = s >>> 0;
-  let x0 = (m0 ^ ((h2 >>> 3) | (h3 << 29))) >>> 0, x1 = (m1 ^ (h3 >>> 3)) >>> 0;
-  x0 = (x0 ^ (x1 >>> 3)) >>> 0;  // >> 35
-  multiplyLow(x0, x1, 0x1E98DF25, 0x9FB21C65);
-  x0 = (m0 ^ ((m0 >>> 28) | (m1 << 4))) >>> 0;
-  x1 = (m1 ^ (m1 >>> 28)) >>> 0;
+  const low = m[0], high = m[1], twice = (low << 1) >>> 0, h2 = (m[2] + twice) >>> 0;
+  const h3 = (m[3] + ((high << 1) | (low >>> 31)) + (h2 < twice ? 1 : 0)) >>> 0;
+  const x0 = (low ^ ((h2 >>> 3) | (h3 << 29))) >>> 0, x1 = (high ^ (h3 >>> 3)) >>> 0;
+  multiplyLow((x0 ^ (x1 >>> 3)) >>> 0, x1, 0x1E98DF25, 0x9FB21C65);  // >> 35
+  const y0 = m[0], y1 = m[1];
   avalanche(h2, h3);
-  finish(into, at, x0, x1, m0, m1);
+  finish(into, at, (y0 ^ ((y0 >>> 28) | (y1 << 4))) >>> 0, (y1 ^ (y1 >>> 28)) >>> 0);
 }
 
 function hash1to3(into, at, bytes, from, length, seedLow, seedHigh) {
@@ -154,13 +144,12 @@ function hash1to3(into, at, bytes, from, length, seedLow, seedHigh) {
   const combined = ((first << 16) | (middle << 24) | last | (length << 8)) >>> 0;
   const swapped = swap(combined);
   const turned = ((swapped << 13) | (swapped >>> 19)) >>> 0;
-  let l = F1 + seedLow, h = seedHigh + (l > 0xFFFFFFFF ? 1 : 0);
-  avalanche64((combined ^ l) >>> 0, h >>> 0);
-  const x0 = m0, x1 = m1;
-  l = F1H - seedLow;
-  h = -seedHigh - (l < 0 ? 1 : 0);
-  avalanche64((turned ^ l) >>> 0, h >>> 0);
-  finish(into, at, x0, x1, m0, m1);
+  const l = (F1 + seedLow) >>> 0, h = (seedHigh + (l < seedLow ? 1 : 0)) >>> 0;
+  avalanche64((combined ^ l) >>> 0, h);
+  const x0 = m[0], x1 = m[1];
+  const k = (F1H - seedLow) >>> 0, i = (-seedHigh - (F1H < seedLow ? 1 : 0)) >>> 0;
+  avalanche64((turned ^ k) >>> 0, i);
+  finish(into, at, x0, x1);
 }
 
 function hashLong(into, at, bytes, seedLow, seedHigh) {
@@ -175,7 +164,7 @@ function hashLong(into, at, bytes, seedLow, seedHigh) {
   sum128.update(bytes);
   const digest = sum128.digest('binary');  // big endian, high half first
   const view = new DataView(digest.buffer, digest.byteOffset, 16);
-  finish(into, at, view.getUint32(12), view.getUint32(8), view.getUint32(4), view.getUint32(0));
+  for (let i = 0; i < 4; ++i) into[at + i] = view.getUint32(12 - 4 * i);
 }
 
 /** XXH3-128 of `length` bytes from `from` on: four numbers into[at], low one first. The seed is not 0. */

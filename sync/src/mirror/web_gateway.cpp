@@ -112,6 +112,7 @@ Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options)
     settings.folder = options.folder.string();
     settings.token = options.token.empty() && !settings.loopback ? madeUpToken() : options.token;
     settings.maximumConnections = options.maximumConnections;
+    settings.requestTimeout = options.requestTimeout;
     auto startWeb = loadModule();
     if (!startWeb) return std::unexpected(startWeb.error());
     std::string problem;

@@ -4,6 +4,7 @@
 // Threading: every function from any thread.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -19,6 +20,7 @@ struct WebSettings {
     std::string endpoint, serverKey, publicKey, secretKey;  // keys empty: none
     std::string folder, token;
     std::size_t maximumConnections = 0;
+    std::chrono::milliseconds requestTimeout{0};
 };
 
 struct WebCounts {

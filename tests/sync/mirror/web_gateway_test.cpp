@@ -262,6 +262,23 @@ TEST(WebGateway, OnLoopbackOtherNamesAndOtherSitesAreRefused) {
     EXPECT_FALSE(served.gateway->takeDiagnostics().empty());
 }
 
+// Who does not finish a request, and a browser whose picture nobody looks for, give their place to others.
+TEST(WebGateway, ARequestThatTakesTooLongEnds) {
+    WebGatewayOptions options;
+    options.requestTimeout = 100ms;
+    Served served(options);
+    served.load("DEF T ImageTexture { url \"sign.png\" }");
+    Line half(served.port), silent(served.port), picture(served.port);
+    half.say("GET / HTTP/1.1\r\nHost: " + served.host + "\r\nX: ");
+    picture.say("GET /picture/" + std::to_string(served.scene.findName("T").value) +
+                "/0 HTTP/1.1\r\nHost: " + served.host + "\r\n\r\n");
+    EXPECT_TRUE(half.ended());
+    EXPECT_TRUE(silent.ended());
+    EXPECT_TRUE(picture.ended());  // the scene's thread never came
+    EXPECT_EQ(half.heard + silent.heard + picture.heard, "");
+    EXPECT_EQ(served.ask("/").status, 200);
+}
+
 TEST(WebGateway, ATokenIsAskedForWhereThereIsOne) {
     WebGatewayOptions options;
     options.token = "open-Sesame_1";

@@ -19,6 +19,7 @@
 //     if (!gateway) return;  // gateway.error() says why
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -45,6 +46,8 @@ struct WebGatewayOptions {
     std::string token;
     /// Browsers at once.
     std::size_t maximumConnections = 32;
+    /// For a request to be whole, for its picture to come, and for the answer to be taken; then the connection ends.
+    std::chrono::milliseconds requestTimeout{20000};
 };
 
 struct WebGatewayStatistics {
@@ -59,7 +62,8 @@ class WebGateway {
     /// Binds and begins to serve. Errors: no module, an address that cannot be had, no page in the folder, a token of
     /// other characters than letters, digits, '-' and '_'.
     static Result<std::unique_ptr<WebGateway>> start(WebGatewayOptions options);
-    /// Ends the connections in order, within half a second. End the mirror server first: its goodbye then gets through.
+    /// Ends the connections in order, and those that do not answer without it. End the mirror server first: its goodbye
+    /// then gets through.
     ~WebGateway();
     WebGateway(const WebGateway&) = delete;
     WebGateway& operator=(const WebGateway&) = delete;
