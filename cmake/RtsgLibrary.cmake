@@ -21,4 +21,6 @@ function(rtsg_library name)
     list(APPEND headers <rtsg/core/scene.h> <rtsg/core/x3d.h>)
   endif()
   rtsg_precompile(rtsg_${name} ${headers})
+  # Sources that are compiled together share their anonymous namespace: a helper that two of them have is an error, and wants one home.
+  set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ${RTSG_PCH} UNITY_BUILD_BATCH_SIZE 5)
 endfunction()

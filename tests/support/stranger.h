@@ -32,12 +32,15 @@ class Stranger {
     }
     Stranger(const Stranger&) = delete;
     Stranger& operator=(const Stranger&) = delete;
+    /// Nothing any more once a message could not be sent in a second: the server has shut the connection.
     void say(std::string_view text, bool more = false) {
-        zmq_send(socket_, text.data(), text.size(), more ? ZMQ_SNDMORE : 0);
+        if (!isHeard_) return;
+        isHeard_ = zmq_send(socket_, text.data(), text.size(), more ? ZMQ_SNDMORE : 0) >= 0;
     }
 
   private:
     void *context_, *socket_;
+    bool isHeard_ = true;
 };
 
 /// A TCP connection to a port of this machine, or one to a socket's file.

@@ -166,10 +166,10 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
         const V8 n{load(s.hits.normalX + at), load(s.hits.normalY + at), load(s.hits.normalZ + at)};
         const F8 side = dot(n, towards) * dot(n, loadV(s.view, at));
         for (int lane = 0; lane < 8; ++lane) {
-            const bool use = (mask >> (at + lane) & 1u) && lit[lane];
+            const bool use = (mask >> (at + lane) & 1u) && lit[lane], faces = side[lane] > 0;
             rays.active[at + lane] = use ? -1 : 0;
             tested |= static_cast<std::uint32_t>(use) << (at + lane);
-            behind |= static_cast<std::uint32_t>(use && !(side[lane] > 0)) << (at + lane);
+            behind |= static_cast<std::uint32_t>(use && !faces) << (at + lane);
         }
     }
     if (!tested) return;
