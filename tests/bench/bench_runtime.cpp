@@ -179,6 +179,8 @@ struct OneShape final : SpaceQueries {
     PointerHit hit;
     std::optional<PointerHit> firstHit(const Vec3d&, const Vec3d&) override { return hit; }
     std::vector<std::vector<NodeId>> within(const Vec3d&, double) override { return {}; }
+    std::vector<Crossing> crossings(const Vec3d&, const Vec3d&, double) override { return {}; }
+    std::vector<ShapeBox> boxes() override { return {}; }
 };
 
 void touches(const Report& report, bool quick) {

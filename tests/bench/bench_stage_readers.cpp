@@ -1,11 +1,11 @@
 // Bench "stage", readers: states of the world for readers on other threads, what they cost the scene, and how long it
 // is held up while a picture is always under way.
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <shared_mutex>
 #include <thread>
 #include <vector>
@@ -132,53 +132,58 @@ void handingOver(const Report& report, int count, int moves) {
             "a copy of all instances", plain * 1e6, "a shared object", least});
 }
 
-/// CPU seconds of the scene's thread for a delivery, the median, with so many readers that trace on threads of their
-/// own. `following`: each takes every state; else all trace in one that they took at the start, which costs the scene's
-/// thread only what work beside it costs any thread: cores, caches and sleep.
-std::vector<double> deliveries(Moving& boxes, int readers, int moves, bool following) {
-    std::atomic<bool> stop{false};
-    std::vector<std::jthread> threads;
-    for (int r = 0; r < readers; ++r)
-        threads.emplace_back([&] {
-            std::optional<std::shared_ptr<const WorldState>> state;
-            while (!stop) {
-                if (following || !state) {
-                    auto newest = boxes.world->latest(std::chrono::milliseconds(20));
-                    if (!newest) continue;
-                    state = std::move(*newest);
-                }
-                for (int i = 0; i < 200; ++i)
-                    keep((*state)->rays->intersect({{0, 0, 9}, 0, {.001f * static_cast<float>(i), .1f, -1}}));
-                std::this_thread::sleep_for(std::chrono::microseconds(500));
-            }
-        });
-    std::vector<double> seconds;
-    for (int i = 0; i < moves; ++i) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(4));  // all of them have the last state by then
-        boxes.frame();
-        seconds.push_back(boxes.world->times().all());
+/// Threads that trace, as long as this lives. Some of them take every state of a world; the others trace in a world
+/// that rests. So the machine is equally busy however many readers there are, and only what they cost the scene
+/// differs.
+class Tracing {
+  public:
+    Tracing(const SharedWorld& world, const SharedWorld& resting, int threads) {
+        for (int number = 0; number < threads; ++number)
+            threads_.emplace_back([this, &world, &resting, number] { run(world, resting, number); });
     }
-    stop = true;
-    return seconds;
-}
+    ~Tracing() { stop_ = true; }
+    /// How many take states from now on.
+    void setReaders(int readers) { readers_ = readers; }
 
+  private:
+    void run(const SharedWorld& world, const SharedWorld& resting, int number) {
+        while (!stop_) {
+            const auto state = (number < readers_ ? world : resting).latest(std::chrono::milliseconds(20));
+            if (!state) continue;
+            for (int i = 0; i < 200; ++i)
+                keep((*state)->rays->intersect({{0, 0, 9}, 0, {.001f * static_cast<float>(i), .1f, -1}}));
+            std::this_thread::sleep_for(std::chrono::microseconds(500));
+        }
+    }
+
+    std::atomic<bool> stop_{false};
+    std::atomic<int> readers_{0};
+    std::vector<std::jthread> threads_;
+};
+
+/// The scene's thread beside three threads that trace, of which some take every state.
 void manyReaders(const Report& report, int count, int moves) {
-    Moving boxes(count);
-    for (int i = 0; i < 150; ++i) boxes.frame();
-    std::array<std::vector<double>, 4> seconds, apart;
+    constexpr int kMost = 3, kMovesOfARound = 10, kSettling = 2;
+    Moving boxes(count), resting(count);
+    for (int i = 0; i < 150; ++i) boxes.frame(), resting.frame();
+    (void)resting.world->present();
+    Tracing tracing(*boxes.world, *resting.world, kMost);
+    std::array<std::vector<double>, kMost + 1> seconds;
     // In turns, so that what else the machine does meets all alike.
-    for (int round = 0; round < 10; ++round)
-        for (std::size_t readers = 0; readers < seconds.size(); ++readers) {
-            for (const bool following : {true, false}) {
-                const auto some = deliveries(boxes, static_cast<int>(readers), moves / 10, following);
-                auto& all = following ? seconds[readers] : apart[readers];
-                all.insert(all.end(), some.begin(), some.end());
+    for (int round = 0; round * kMovesOfARound < moves; ++round)
+        for (int turn = 0; turn <= kMost; ++turn) {
+            const int readers = (turn + round) % (kMost + 1);
+            tracing.setReaders(readers);
+            for (int i = 0; i < kSettling + kMovesOfARound; ++i) {
+                std::this_thread::sleep_for(std::chrono::milliseconds(4));  // all of them have the last state by then
+                boxes.frame();
+                if (i >= kSettling) seconds[static_cast<std::size_t>(readers)].push_back(boxes.world->times().all());
             }
         }
-    for (std::size_t readers = 2; readers < seconds.size(); ++readers)
+    for (std::size_t readers = 2; readers <= kMost; ++readers)
         report({"stage", fmt::format("one box of {} moves", count), fmt::format("update with {} readers", readers),
-                "us", median(seconds[readers]) * 1e6, "one reader", median(seconds[1]) * 1e6,
-                "as many beside it that take no states", median(apart[readers]) * 1e6});
+                "us", median(seconds[readers]) * 1e6, "one reader", median(seconds[1]) * 1e6, "no reader",
+                median(seconds[0]) * 1e6});
 }
 
 /// What the scene's thread waits for in a frame, at 60 Hz: wall time less its own CPU time. It contains what the system
