@@ -29,7 +29,7 @@ std::string readInput(OIIO::ImageInput& input, const ReadRequest& request, FileP
     out.encoded = spec.format != OIIO::TypeDesc::FLOAT && spec.format != OIIO::TypeDesc::HALF;
     const auto row = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(out.channels);
     const std::size_t layer = row * static_cast<std::size_t>(spec.height);
-    const auto read = [&](auto& pixels, OIIO::TypeDesc type) {
+    const auto read = [&](auto& pixels, const OIIO::TypeDesc& type) {
         pixels.resize(layer * static_cast<std::size_t>(layers));
         const auto element = static_cast<OIIO::stride_t>(sizeof(pixels[0]));
         const auto stride = static_cast<OIIO::stride_t>(row) * element;

@@ -259,8 +259,10 @@ class FlattenTransforms final : public TreeFilter {
     }
     void put(Index node, std::string_view field, Array<Vec3f> all) {
         for (const Index in : (*this)[node].items)
-            if ((*this)[in].kind == Kind::value && (*this)[in].field == field)
+            if ((*this)[in].kind == Kind::value && (*this)[in].field == field) {
                 (*this)[in].value = Value(std::move(all));
+                return;
+            }
     }
     bool move(Index points, Index normals, Index geometry, const Matrix& matrix) {
         Array<Vec3f> at, across;

@@ -10,6 +10,7 @@
 
 #include "builder_state.h"
 #include "load_reports.h"
+#include "media_reports.h"
 #include "reader_bytes.h"
 
 namespace rtsg {
@@ -140,7 +141,7 @@ void SceneBuilder::State::fillInline(NodeId id, LoadSession::File& file, std::st
 
 struct InlineLoader::State final : Subscriber {
     State(Scene& target, Diagnostics& sink, BuildOptions buildOptions)
-        : scene(target), diagnostics(sink), options(std::move(buildOptions)), reports(target) {
+        : scene(target), diagnostics(sink), options(std::move(buildOptions)), reports(target), media(target) {
         if (!options.resources)
             options.resources = options.file.empty() ? Resources() : Resources::ofFile(options.file);
         scene.seal();  // what the caller loaded is not news
@@ -155,6 +156,7 @@ struct InlineLoader::State final : Subscriber {
 
     Result<> apply(const Scene& source, const ChangeSet& set) override {
         reports.note(source, set);
+        media.note(source, set);
         for (const Change& change : set.changes) {
             if (change.kind != ChangeKind::setField) continue;
             const Node* node = source.find(change.node);
@@ -234,6 +236,7 @@ struct InlineLoader::State final : Subscriber {
     std::set<std::uint32_t> changed;
     std::unordered_map<std::uint32_t, Array<String>> loaded;  // the urls that the content came from
     LoadReports reports;
+    MediaReports media;
     Attachment attachment;
 };
 
@@ -269,6 +272,7 @@ std::size_t InlineLoader::update() {
             if (!scope) break;
         }
     }
+    count += s.media.answer(s.scene, *s.options.resources, s.options.mediaLength);
     return count + s.reports.answer(s.scene, *s.options.resources);
 }
 

@@ -10,10 +10,10 @@ namespace rtsg {
 namespace {
 
 /// What the document's urls may open is what its scripts may, too.
-BuildOptions buildOptions(Scene& scene, const LoadOptions& options, Resources otherwise) {
+BuildOptions buildOptions(Scene& scene, const LoadOptions& options, const Resources& otherwise) {
     BuildOptions result;
     result.loadInlines = options.loadInlines;
-    result.resources = options.resources ? *options.resources : std::move(otherwise);
+    result.resources = options.resources ? *options.resources : otherwise;
     scene.setScriptResources(std::make_shared<const Resources>(*result.resources));
     return result;
 }

@@ -25,7 +25,7 @@ class ElementReader : private FieldTextReport {
     void beginSection();
     void endSection() { inSection_ = false; }
     void text(std::string_view characters);
-    void comment(std::string_view text);
+    void comment(std::string_view text) override;
     /// Closes what is open. False if there was no element at all.
     bool finish();
 

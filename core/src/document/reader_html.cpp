@@ -18,7 +18,7 @@ std::string lower(std::string_view text) {
     return result;
 }
 
-bool isSpace(char c) {
+bool isHtmlSpace(char c) {
     return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\f';
 }
 
@@ -31,7 +31,7 @@ std::size_t findTag(std::string_view text, std::string_view tag, std::size_t fro
     for (std::size_t at = text.find('<', from); at != text.npos; at = text.find('<', at + 1)) {
         if (!startsWith(text.substr(at), tag)) continue;
         const std::size_t end = at + tag.size();
-        if (end == text.size() || isSpace(text[end]) || text[end] == '>' || text[end] == '/') return at;
+        if (end == text.size() || isHtmlSpace(text[end]) || text[end] == '>' || text[end] == '/') return at;
     }
     return text.npos;
 }
@@ -124,11 +124,11 @@ class PageReader {
         at_ = end;
     }
     void skipSpace() {
-        for (; at_ < page_.size() && isSpace(page_[at_]); ++at_) out_ += page_[at_];
+        for (; at_ < page_.size() && isHtmlSpace(page_[at_]); ++at_) out_ += page_[at_];
     }
     std::string_view word() {
         const std::size_t from = at_;
-        while (at_ < page_.size() && !isSpace(page_[at_]) &&
+        while (at_ < page_.size() && !isHtmlSpace(page_[at_]) &&
                std::string_view("=>/<").find(page_[at_]) == std::string_view::npos)
             ++at_;
         return page_.substr(from, at_ - from);
@@ -174,20 +174,20 @@ class PageReader {
             return;
         }
         // Whatever stood before it, in XML there is white space.
-        if (!isSpace(out_.back())) out_ += ' ';
+        if (!isHtmlSpace(out_.back())) out_ += ' ';
         const std::string name = attributeName(type, given);
         skipSpace();
         out_ += name + "='";
         if (at_ < page_.size() && page_[at_] == '=') {
             ++at_;
-            while (at_ < page_.size() && isSpace(page_[at_])) ++at_;
+            while (at_ < page_.size() && isHtmlSpace(page_[at_])) ++at_;
             const char quote = at_ < page_.size() ? page_[at_] : ' ';
             std::size_t end = 0;
             if (quote == '"' || quote == '\'') {
                 ++at_;
                 end = std::min(page_.find(quote, at_), page_.size());
             } else {
-                for (end = at_; end < page_.size() && !isSpace(page_[end]) && page_[end] != '>';) ++end;
+                for (end = at_; end < page_.size() && !isHtmlSpace(page_[end]) && page_[end] != '>';) ++end;
             }
             appendText(out_, page_.substr(at_, end - at_));
             at_ = std::min(end + (quote == '"' || quote == '\'' ? 1 : 0), page_.size());

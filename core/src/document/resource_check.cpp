@@ -34,6 +34,11 @@ std::string problemOf(const Scene& scene, const Node& node, FieldIndex field, co
     return problem;
 }
 
+/// What a source of sound streams from, which may be a file.
+bool isStream(const NodeType& type, const FieldDef& field) {
+    return field.name == "streamIdentifier" && type.isA("X3DSoundSourceNode");
+}
+
 /// Calls `visit(node, field)` for every field that names files.
 void forEachUrlField(const Scene& scene, const auto& visit) {
     scene.forEachNode([&](const Node& node) {
@@ -41,7 +46,8 @@ void forEachUrlField(const Scene& scene, const auto& visit) {
         if (type.kind != NodeType::Kind::builtin && !type.isA("X3DScriptNode")) return;
         for (FieldIndex i = 0; i < type.fields.size(); ++i) {
             const FieldDef& field = type.fields[i];
-            if (field.type == FieldType::MFString && (field.name == "url" || field.name.ends_with("Url")))
+            if (field.type == FieldType::MFString &&
+                (field.name == "url" || field.name.ends_with("Url") || isStream(type, field)))
                 visit(node, i);
         }
     });
@@ -51,7 +57,8 @@ void forEachUrlField(const Scene& scene, const auto& visit) {
 
 void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics) {
     forEachUrlField(scene, [&](const Node& node, FieldIndex i) {
-        if (!isChecked(node)) return;
+        // A stream need be no file: who listens says what cannot be read.
+        if (!isChecked(node) || isStream(node.type(), node.type().fields[i])) return;
         const std::string problem = problemOf(scene, node, i, resources);
         if (problem.empty()) return;
         const std::string name(scene.name(node.id()));

@@ -273,8 +273,7 @@ void TextFeed::clean(char* from, std::size_t size, bool last) {
         std::size_t count = 0;
         const std::string replaced = replaceInvalidUtf8(text.substr(0, size - s.pending), count);
         invalid_ += count;
-        std::memcpy(from, replaced.data(), replaced.size());
-        std::memcpy(from + replaced.size(), tail.data(), tail.size());
+        std::ranges::copy(tail, std::ranges::copy(replaced, from).out);
         s.filled += replaced.size();
         return;
     }

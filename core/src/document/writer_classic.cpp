@@ -14,8 +14,6 @@ namespace rtsg::detail {
 
 namespace {
 
-constexpr std::size_t kFlushAt = 1 << 16;
-
 class ClassicWriter final : public DocumentHandler {
   public:
     ClassicWriter(TextSink sink, Diagnostics& diagnostics, bool vrml97)

@@ -15,6 +15,9 @@
 
 namespace rtsg::detail {
 
+/// Bytes of text at which a writer hands over what it has.
+constexpr std::size_t kFlushAt = 1 << 16;
+
 std::size_t arraySize(const Value& value);
 
 /// Appends a value; an MF value that does not fit one line is broken into lines that start at `indent` spaces. XML text

@@ -12,8 +12,6 @@ namespace rtsg::detail {
 
 namespace {
 
-constexpr std::size_t kFlushAt = 1 << 16;
-
 using Rope = std::list<std::string>;
 
 std::string inQuotes(std::string_view text) {

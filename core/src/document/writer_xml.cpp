@@ -13,8 +13,6 @@ namespace rtsg::detail {
 
 namespace {
 
-constexpr std::size_t kFlushAt = 1 << 16;
-
 class XmlWriter final : public DocumentHandler {
   public:
     XmlWriter(TextSink sink, Diagnostics& diagnostics) : sink_(std::move(sink)), diagnostics_(diagnostics) {

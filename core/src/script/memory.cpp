@@ -21,10 +21,6 @@ std::size_t residentBytes() {
     return file ? resident * 4096 : 0;
 }
 
-std::int64_t steadyNow() {
-    return std::chrono::steady_clock::now().time_since_epoch().count();
-}
-
 /// Between two looks at the process: a look takes some microseconds, and calls may be as short.
 constexpr std::int64_t kLookNanoseconds = 5'000'000;
 

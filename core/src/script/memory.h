@@ -7,11 +7,18 @@
 // Invariant: nobody is found guilty without that count. Threading: the context's thread.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
+#include <cstdint>
 
 #include "values.h"
 
 namespace rtsg::script {
+
+/// Nanoseconds of a clock that never goes back.
+inline std::int64_t steadyNow() {
+    return std::chrono::steady_clock::now().time_since_epoch().count();
+}
 
 class Memory {
   public:

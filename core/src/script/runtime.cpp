@@ -2,9 +2,8 @@
 // stops calls that take too long or too much.
 #include "runtime.h"
 
-#include <time.h>
-
 #include <chrono>
+#include <ctime>
 
 namespace rtsg::script {
 
@@ -12,10 +11,6 @@ extern const char* const kPrelude;
 extern const char* const kFences;
 
 namespace {
-
-std::int64_t steadyNow() {
-    return std::chrono::steady_clock::now().time_since_epoch().count();
-}
 
 /// Of this thread, in nanoseconds: what others do with the machine is no part of it.
 std::int64_t ownTime() {

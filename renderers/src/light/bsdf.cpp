@@ -170,8 +170,9 @@ struct Albedos {
         constexpr int kSide = 16;
         mirrored = grazing = 0;
         for (int i = 0; i < kSide * kSide; ++i) {
-            const Vec3f h = visibleNormal(view, alpha, (static_cast<float>(i / kSide) + 0.5f) / kSide,
-                                          (static_cast<float>(i % kSide) + 0.5f) / kSide);
+            const int row = i / kSide, column = i % kSide;
+            const Vec3f h = visibleNormal(view, alpha, (static_cast<float>(row) + 0.5f) / kSide,
+                                          (static_cast<float>(column) + 0.5f) / kSide);
             const float cosine = glm::dot(view, h), light = 2 * cosine * h.z - view.z;
             if (!(light > 0)) continue;
             // The weight of a visible normal is G2 / G1, with correlated heights.
@@ -186,8 +187,9 @@ struct Albedos {
         constexpr int kSide = 32;
         float sum = 0;
         for (int i = 0; i < kSide * kSide; ++i) {
-            const Vec3f light = cosineSample((static_cast<float>(i / kSide) + 0.5f) / kSide,
-                                             (static_cast<float>(i % kSide) + 0.5f) / kSide);
+            const int row = i / kSide, column = i % kSide;
+            const Vec3f light =
+                cosineSample((static_cast<float>(row) + 0.5f) / kSide, (static_cast<float>(column) + 0.5f) / kSide);
             const float m = std::max(1 - glm::dot(light, halfway(view, light)), 0.0f);
             sum += m * m * m * m * m;
         }

@@ -122,7 +122,7 @@ void writeRanks(Counts& counts, int samples, float* into) {
 class LayerTiles {
   public:
     LayerTiles(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, Picture& picture)
-        : scene_(scene), camera_(camera), settings_(settings), picture_(picture) {
+        : scene_(scene), camera_(camera), settings_(settings) {
         for (std::size_t i = 0; i < std::size(layers_); ++i) layers_[i] = layerOf(picture, kinds()[i].layer);
         for (const auto& [layer, hashes] : {std::pair(kObjects, &objects_), std::pair(kMaterials, &materials_)}) {
             if (!layerOf(picture, layer)) continue;
@@ -257,7 +257,6 @@ class LayerTiles {
     const TraceScene& scene_;
     const Camera& camera_;
     const RenderSettings& settings_;
-    Picture& picture_;
     PictureLayer* layers_[7];                         // as kinds(); null: not asked for
     std::vector<std::uint32_t> objects_, materials_;  // hashes of names, by slot
 };

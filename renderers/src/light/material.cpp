@@ -108,7 +108,8 @@ struct Reader {
             glm::mat4 m;
             const Matrix4f& rows = node.get(x3d::TextureTransformMatrix3D::matrix);
             for (int r = 0; r < 4; ++r)
-                for (int c = 0; c < 4; ++c) m[r][c] = rows.elements[static_cast<std::size_t>(4 * r + c)];
+                for (int c = 0; c < 4; ++c)
+                    m[r][c] = rows.elements[4 * static_cast<std::size_t>(r) + static_cast<std::size_t>(c)];
             return m;
         }
         const Vec3f center = node.get(T::center), scale = node.get(T::scale), moved = node.get(T::translation) + center;

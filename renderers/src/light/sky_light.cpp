@@ -60,8 +60,8 @@ SkyLight::SkyLight(const Sky& sky) : cells_(kLeastCells), localFromWorld_(sky.lo
         for (std::size_t cell = 0; cell < cells_; ++cell) {
             float light = 0;
             for (std::size_t place = 0; place < kPlaces * kPlaces; ++place) {
-                const Vec2f st((static_cast<float>(cell * kPlaces + place % kPlaces) + .5f) * step,
-                               (static_cast<float>(row % cells_ * kPlaces + place / kPlaces) + .5f) * step);
+                const auto across = cell * kPlaces + place % kPlaces, down = row % cells_ * kPlaces + place / kPlaces;
+                const Vec2f st((static_cast<float>(across) + .5f) * step, (static_cast<float>(down) + .5f) * step);
                 const float y = luminance(sky.color(worldFromLocal * cubeDirection(side, st), ColorSpace::linear));
                 light += y * spreadAt(st);
                 peaks[row] = std::max(peaks[row], y);

@@ -130,7 +130,7 @@ DeformingSurface::DeformingSurface(const ComposedParams& params)
         params);
     generatesNormals_ = made.normals.present() && surfaceOf(params).normal.empty();
     usesAllPoints_ = usesAll(made);
-    mesh_.reset(new Mesh(std::move(made)));
+    mesh_ = std::make_shared<Mesh>(std::move(made));
     std::visit([](auto& p) { p.coord = {}; }, params_);
 }
 

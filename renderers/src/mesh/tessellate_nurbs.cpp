@@ -529,7 +529,7 @@ class NurbsReader {
         for (int k = 1; k + 1 < order; ++k, ++nv)
             for (std::size_t i = 0; i < nu; ++i) {
                 const std::size_t from = static_cast<std::size_t>(k) % rows * nu + i;
-                list.push_back(Vec3d(list[from])), weights.push_back(double{weights[from]});
+                list.emplace_back(list[from]), weights.push_back(double{weights[from]});
             }
     }
 

@@ -40,14 +40,14 @@ struct RayWorld::Impl::Merge {
     std::unique_ptr<bvh::Group> group;
     std::shared_ptr<const Worker::Job> job;
 
-    void run(const bvh::Device& device) {
-        auto made = std::make_unique<bvh::Group>(device);
+    void run(const bvh::Device& embree) {
+        auto result = std::make_unique<bvh::Group>(embree);
         for (Piece& piece : pieces) {
             if (!piece.isPlaced) piece.triangles = transformedTriangles(piece.triangles.mesh, piece.rayFromLocal);
-            made->attach(device, piece.id.slot, piece.triangles, piece.kinds);
+            result->attach(embree, piece.id.slot, piece.triangles, piece.kinds);
         }
-        made->commit();
-        group = std::move(made);
+        result->commit();
+        group = std::move(result);
     }
 };
 

@@ -152,7 +152,7 @@ void RayWorld::Impl::placePending() {
         }
     }
     pending.clear();
-    if (!atRest.empty()) placeResting(std::move(atRest));
+    if (!atRest.empty()) placeResting(atRest);
     std::sort(movers.begin(), movers.end());
     std::vector<std::uint32_t> together;
     for (std::size_t i = 0; i < movers.size(); ++i) {

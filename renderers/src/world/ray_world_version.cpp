@@ -10,7 +10,7 @@ std::shared_ptr<const WorldVersion> RayWorld::Impl::freeze(const std::shared_ptr
     refresh();
     const std::size_t number = versions.hold();
     if (number == bvh::Versions::kMost) return nullptr;
-    if (!snapshots[number]) snapshots[number].reset(new Snapshot);
+    if (!snapshots[number]) snapshots[number] = std::make_unique<Snapshot>();
     Snapshot& snapshot = *snapshots[number];
     snapshot.tables.top = top.freeze(snapshot.top);
     snapshot.tables.strokes = strokes.freeze(snapshot.strokes);

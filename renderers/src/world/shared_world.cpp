@@ -156,7 +156,8 @@ struct SharedWorld::Impl final : Subscriber {
             state->sequence = delta ? delta->sequence : 0;
             state->time = scene.now();
             state->moment = moment;
-            if (rays && !(state->rays = rays->freeze())) return fail("so many are held");
+            if (rays) state->rays = rays->freeze();
+            if (rays && !state->rays) return fail("so many are held");
             state->tables.reserve(entries.size());
             for (const Entry& entry : entries)
                 if (entry.subscriber && entry.upToDate && entry.failure.empty())

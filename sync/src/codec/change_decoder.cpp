@@ -200,7 +200,7 @@ void readColumn(Reader& in, std::size_t count, FieldIndex field, bool external, 
 }
 
 /// More fields than this in one stream's memory are taken for an attack.
-constexpr std::size_t kMostRemembered = std::size_t{1} << 22;
+constexpr std::size_t kMostFields = std::size_t{1} << 22;
 /// Up to here the memory of a set doubles, as it grows from record to record; beyond, it is just what is needed.
 constexpr std::size_t kDoubleUpTo = 32768;
 
@@ -262,7 +262,7 @@ bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, Chan
 #undef RTSG_X
     }
     if (!columns || in.problem) return true;
-    if (wire::lanesOf(head.type) > 0 && columns->history().slots() + count > kMostRemembered)
+    if (wire::lanesOf(head.type) > 0 && columns->history().slots() + count > kMostFields)
         in.refuse("more values than a reader remembers");
     else
         columns->remember(head, set, first);
@@ -302,7 +302,7 @@ bool readBlock(Reader& in, unsigned kind, std::size_t count, wire::ColumnReader*
 }
 
 Result<RecordHeader> headerOfChanges(std::span<const std::byte> record) {
-    const Result<RecordHeader> header = parseRecordHeader(record);
+    Result<RecordHeader> header = parseRecordHeader(record);
     if (!header) return header;
     if (header->kind != RecordKind::frame && header->kind != RecordKind::keyframe)
         return fail(fmt::format("record of kind {} holds no changes", static_cast<unsigned>(header->kind)));

@@ -270,7 +270,7 @@ Result<> InputDecoder::setHead(const StreamHead& head) {
 namespace {
 
 Result<RecordHeader> headerOfInput(std::span<const std::byte> record) {
-    const Result<RecordHeader> header = parseRecordHeader(record);
+    Result<RecordHeader> header = parseRecordHeader(record);
     if (!header) return header;
     if (header->kind != RecordKind::input)
         return fail(fmt::format("record of kind {} is no input", static_cast<unsigned>(header->kind)));

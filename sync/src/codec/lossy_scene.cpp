@@ -12,7 +12,7 @@ namespace {
 
 /// Frames without a change after which a value counts as resting.
 constexpr std::uint32_t kRest = 2;
-constexpr std::size_t kMostRemembered = std::size_t{1} << 20;
+constexpr std::size_t kMostValues = std::size_t{1} << 20;
 
 /// Of what both values mean, whatever their bits.
 double distance(FieldType type, const float* a, const float* b) {
@@ -158,7 +158,7 @@ Result<> LossyScene::apply(const Scene& origin, const ChangeSet& changes) {
         }
         s.settle(origin);
         // Of nodes long gone, too; forgetting only makes the next changes exact.
-        if (s.rounded.empty() && s.fields.slots() > kMostRemembered) s.fields.clear();
+        if (s.rounded.empty() && s.fields.slots() > kMostValues) s.fields.clear();
     }
     const Result<> applied = s.scene.apply(s.set);
     s.set.reset();

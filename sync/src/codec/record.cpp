@@ -66,7 +66,7 @@ Result<RecordHeader> parseRecordHeader(std::span<const std::byte> bytes, std::ui
 }
 
 Result<RecordHeader> checkRecord(std::span<const std::byte> bytes, std::uint64_t offset, std::uint64_t maxPayload) {
-    const Result<RecordHeader> header = parseRecordHeader(bytes, offset, maxPayload);
+    Result<RecordHeader> header = parseRecordHeader(bytes, offset, maxPayload);
     if (!header) return header;
     if (bytes.size() < header->size())
         return fail(fmt::format("at byte {}: record truncated: {} of {} bytes", offset, bytes.size(), header->size()));

@@ -131,8 +131,7 @@ Result<RecordHeader> LogReader::load(std::uint64_t offset) {
         windowAt_ = offset;
         read(offset, std::min<std::uint64_t>(left, kWindow), window_);
     }
-    const Result<RecordHeader> header =
-        parseRecordHeader(left ? view() : std::span<const std::byte>(), offset, maxPayload_);
+    Result<RecordHeader> header = parseRecordHeader(left ? view() : std::span<const std::byte>(), offset, maxPayload_);
     if (!header) return header;
     if (header->size() > left)
         return fail(fmt::format("at byte {}: record truncated: {} of {} bytes", offset, left, header->size()));

@@ -69,7 +69,7 @@ std::chrono::milliseconds MirrorClient::Impl::untilDue(std::chrono::milliseconds
 Value MirrorClient::Impl::presented(NodeId node, FieldIndex field) const {
     const Node* found = replica_.find(node);
     if (!found || field >= found->type().fieldCount() || !found->type().fields[field].readable()) return {};
-    const Value value = found->value(field);
+    Value value = found->value(field);
     if (playout_.empty() || !decoder_.exact() || !clock_.known()) return value;
     const Value* next = playout_.next(decoder_, node, field);
     const std::uint64_t from = shownAt_, to = playout_.front().published;

@@ -209,7 +209,7 @@ void MirrorServer::service() {
         shared_->replies.push_back(std::move(control));
     }
     if (forward_) {
-        pass(std::move(submissions));
+        pass(submissions);
     } else {
         for (const mirror::Submission& submission : submissions) shared_->answer(mirror::carryOut(scene_, submission));
     }
@@ -228,7 +228,7 @@ void MirrorServer::forwardRequests(Forward forward) {
 }
 
 /// Judged here by what these peers may, and there by what this server may.
-void MirrorServer::pass(std::vector<mirror::Submission> submissions) {
+void MirrorServer::pass(const std::vector<mirror::Submission>& submissions) {
     for (const mirror::Submission& submission : submissions) {
         mirror::Verdict verdict{submission.client, submission.request, scene_.sequence(), {}, {}};
         if (auto changes = mirror::examine(scene_, submission); !changes) {

@@ -266,7 +266,7 @@ bool MirrorServer::Io::late(const Peer& peer) const {
 
 /// For a peer that has no state of ours: the last keyframe if frames lead on from it and are few, else a fresh one.
 SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
-    const SharedRecord keyframe = historyOf(peer).keyframe();
+    SharedRecord keyframe = historyOf(peer).keyframe();
     const bool near = keyframe && historyOf(peer).bytesFrom(keyframe->header.to) <=
                                       2 * keyframe->bytes.size() + std::min<std::uint64_t>(kChunk, peer.window / 2);
     const Clock::time_point now = Clock::now();
@@ -294,7 +294,7 @@ void MirrorServer::Io::merge(Peer& peer, std::vector<SharedRecord> frames) {
 
 /// Everything that the peer has not got merged into one, if that is more than a frame; made by the shadow.
 SharedRecord MirrorServer::Io::frameFor(Peer& peer) {
-    const SharedRecord next = historyOf(peer).frameFrom(peer.state);
+    SharedRecord next = historyOf(peer).frameFrom(peer.state);
     if (!next || next->header.to == historyOf(peer).newest()) return next;
     merge(peer, historyOf(peer).framesFrom(peer.state, kMostMerged));
     return nullptr;
@@ -302,7 +302,7 @@ SharedRecord MirrorServer::Io::frameFor(Peer& peer) {
 
 /// An answer is about `state` and waits until the peer is there: frame by frame, or at once if that would be late.
 SharedRecord MirrorServer::Io::frameTowards(Peer& peer, std::uint64_t state) {
-    const SharedRecord next = historyOf(peer).frameFrom(peer.state);
+    SharedRecord next = historyOf(peer).frameFrom(peer.state);
     if (!next || next->header.to >= state || !late(peer)) return next;
     std::vector<SharedRecord> frames = historyOf(peer).framesFrom(peer.state, kMostMerged);
     std::erase_if(frames, [state](const SharedRecord& frame) { return frame->header.to > state; });

@@ -119,7 +119,7 @@ class MirrorClient {
     std::vector<Diagnostic> takeDiagnostics();
     /// The server said why it will not have us; empty otherwise.
     const std::string& refusal() const;
-    /// The server said that it will not have us for now; it is asked again every half second.
+    /// The server said that it will not have us for now; it is asked again and again.
     bool turnedAway() const;
     /// There is no connection, nothing has been heard for more than a heartbeat and .4 s, or the server is a relay that
     /// says so of its own origin.

@@ -147,7 +147,7 @@ class MirrorServer : public Subscriber {
     void encodePredicted(const ChangeSet& changes, EncodedRecord& record);
     void encodeInput(const ChangeSet& changes, EncodedRecord& record);
     void waitForThoseWhoBlock();
-    void pass(std::vector<mirror::Submission> submissions);
+    void pass(const std::vector<mirror::Submission>& submissions);
 
     Scene& scene_;
     std::shared_ptr<Shared> shared_;
