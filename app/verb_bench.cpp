@@ -110,13 +110,13 @@ int writeScenes(const bench::FrameOptions& options, const std::string& folder) {
 }  // namespace
 
 Verb addBench(Command& program) {
-    struct Options {
+    struct BenchArguments {
         std::vector<std::string> names;
         bool quick = false, list = false, json = false;
         bench::FrameOptions frames;
         std::string folder;
     };
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<BenchArguments>();
     Command* command = program.addVerb("bench", "Measure; each figure beside a baseline and a limit, as JSON lines");
     command->addOption("NAME", options->names,
                        "benches to run, or groups of them (scene, world, light, audio, sync); all if none is named");

@@ -33,13 +33,13 @@ constexpr Source kSources[] = {
     {"deform", "speed of rays through deforming meshes against rebuilt ones", bench::chartDeform},
 };
 
-struct Options {
+struct ChartArguments {
     std::vector<std::string> names;
     std::string folder;
     bool quick = false, list = false, json = false;
 };
 
-int chart(const Options& options) {
+int chart(const ChartArguments& options) {
     for (const std::string& name : options.names)
         if (std::ranges::find(kSources, name, &Source::name) == std::end(kSources)) {
             printError(fmt::format("no chart is called {}; rtsg chart --list names them", name));
@@ -79,7 +79,7 @@ int chart(const Options& options) {
 }  // namespace
 
 Verb addChart(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<ChartArguments>();
     Command* command = program.addVerb("chart", "Measure speed against accuracy or size; CSV and pictures");
     command->addOption("NAME", options->names, "charts to make; all if none is named");
     command->addOption("-o,--output", options->folder, "folder for NAME.svg and NAME.csv");

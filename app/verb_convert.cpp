@@ -25,7 +25,7 @@ namespace {
 
 constexpr std::string_view kTriangulate = "triangulate";  // of the renderers, who know geometry
 
-struct Options {
+struct ConvertArguments {
     std::string in, out;
     std::vector<std::string> filters;
     bool force = false;
@@ -36,7 +36,7 @@ bool isBinaryName(const std::string& file) {
 }
 
 /// Filters, as they are named, before `last`: `chain` owns them.
-DocumentHandler* filtered(const Options& options, DocumentHandler& last, Diagnostics& diagnostics,
+DocumentHandler* filtered(const ConvertArguments& options, DocumentHandler& last, Diagnostics& diagnostics,
                           std::vector<std::unique_ptr<DocumentHandler>>& chain) {
     const std::string file = options.in == "-" ? "" : options.in;
     const FilterContext context{diagnostics, Resources::ofFile(options.in), file};
@@ -50,7 +50,7 @@ DocumentHandler* filtered(const Options& options, DocumentHandler& last, Diagnos
 }
 
 /// Before anything is written: throws for a filter that there is not.
-void checkFilters(const Options& options) {
+void checkFilters(const ConvertArguments& options) {
     Filter nowhere;
     Diagnostics unheard;
     std::vector<std::unique_ptr<DocumentHandler>> chain;
@@ -58,7 +58,7 @@ void checkFilters(const Options& options) {
 }
 
 /// The state of a scene rather than its text: through a scene.
-int convertBinary(const Options& options) {
+int convertBinary(const ConvertArguments& options) {
     Diagnostics diagnostics(options.in);
     Scene scene;
     std::vector<std::unique_ptr<DocumentHandler>> chain;
@@ -103,7 +103,7 @@ int convertBinary(const Options& options) {
     return diagnostics.errors() == 0 ? kDone : kBad;
 }
 
-int convert(const Options& options) {
+int convert(const ConvertArguments& options) {
     checkFilters(options);
     if (auto ok = checkFiles({options.in}, {{"OUT", options.out, OutputKind::scene}}, options.force); !ok)
         return printError(ok.error()), kBad;
@@ -142,7 +142,7 @@ int convert(const Options& options) {
 }  // namespace
 
 Verb addConvert(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<ConvertArguments>();
     Command* command = program.addVerb("convert", "Convert between encodings, streaming, without building a scene");
     command->addOption("IN", options->in, "scene file (X3D, VRML97, JSON, .rtsgb, glTF, STL, OBJ, PLY), or -")
         ->required();

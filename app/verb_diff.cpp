@@ -14,7 +14,7 @@ namespace rtsg::app {
 
 namespace {
 
-struct Options {
+struct DiffArguments {
     std::string a, b;
     FieldSelection selection;
     std::uint64_t most = 20;
@@ -23,7 +23,7 @@ struct Options {
 };
 
 /// One line for each difference, or one object.
-int report(const Options& options, const std::vector<Divergence>& found, const std::string& compared) {
+int report(const DiffArguments& options, const std::vector<Divergence>& found, const std::string& compared) {
     const std::size_t shown = std::min<std::size_t>(found.size(), options.most);
     if (options.json) {
         std::string list;
@@ -47,7 +47,7 @@ Divergence toDivergence(const FieldDifference& d, double start) {
     return {d.frame, t, d.node, d.field, d.cause.empty() ? d.text : fmt::format("{}, by {}", d.text, d.cause)};
 }
 
-int diffLogs(const Options& options) {
+int diffLogs(const DiffArguments& options) {
     std::vector<Divergence> found;
     if (!options.selection.any()) {
         const Progress progress = progressBar("comparing " + options.a);
@@ -65,7 +65,7 @@ int diffLogs(const Options& options) {
     return report(options, found, fmt::format(" in {} fields and {} states", fields->fields, fields->states));
 }
 
-int diffScenes(const Options& options) {
+int diffScenes(const DiffArguments& options) {
     Scene scenes[2];
     for (int i = 0; i < 2; ++i) {
         const std::string& file = i == 0 ? options.a : options.b;
@@ -90,7 +90,7 @@ int diffScenes(const Options& options) {
     return report(options, found, fmt::format(" in {} fields", fields.fieldCount()));
 }
 
-int diff(const Options& options) {
+int diff(const DiffArguments& options) {
     check(options.selection);
     const bool log = isLog(options.a);
     if (log != isLog(options.b))
@@ -104,7 +104,7 @@ int diff(const Options& options) {
 }  // namespace
 
 Verb addDiff(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<DiffArguments>();
     Command* command = program.addVerb("diff", "Compare two logs or two scenes, and name what differs");
     command->addOption("A", options->a, "log or scene")->required();
     command->addOption("B", options->b, "another of the same kind")->required();

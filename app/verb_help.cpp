@@ -9,11 +9,11 @@
 namespace rtsg::app {
 
 Verb addHelp(Command& program) {
-    struct Options {
+    struct HelpArguments {
         std::string verb;
         bool man = false;
     };
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<HelpArguments>();
     Command* command = program.addVerb("help", "Say what a verb does, or what verbs there are");
     std::vector<std::string> verbs;
     for (const VerbRow& verb : commandTable(program)) verbs.push_back(verb.name);

@@ -39,7 +39,7 @@ Counts count(const Scene& scene) {
     return c;
 }
 
-struct Options {
+struct InfoArguments {
     std::string file;
     ResourceArguments resources;
     bool json = false;
@@ -69,7 +69,7 @@ void countTriangles(Scene& scene, const Resources& resources, Counts& c) {
     print(world.diagnostics());
 }
 
-int describeScene(const Options& options) {
+int describeScene(const InfoArguments& options) {
     Scene scene;
     Diagnostics diagnostics(options.file);
     const Resources resources = options.resources.ofFile(options.file);
@@ -94,7 +94,7 @@ int describeScene(const Options& options) {
     return ok ? kDone : kBad;
 }
 
-int describeLog(const Options& options) {
+int describeLog(const InfoArguments& options) {
     const auto log = summariseLog(options.file);
     if (!log) return printError(log.error()), kBad;
     const double duration = log->end - log->start;
@@ -123,7 +123,7 @@ int describeLog(const Options& options) {
 }  // namespace
 
 Verb addInfo(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<InfoArguments>();
     Command* command = program.addVerb("info", "Say what is in a scene or a log");
     command->addOption("FILE", options->file, "scene file, log, or - for a scene")->required();
     options->resources.addTo(*command);

@@ -19,7 +19,7 @@ namespace rtsg::app {
 
 namespace {
 
-struct Options {
+struct ListenArguments {
     std::string scene, out, duration = "5s", ir, report;
     std::vector<std::string> places;
     ResourceArguments resources;
@@ -30,7 +30,7 @@ struct Options {
 };
 
 /// Plays what is heard while the scene runs in real time.
-int listenLive(const Options& options) {
+int listenLive(const ListenArguments& options) {
     if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics)
         throw UsageError("--live plays and reports; files and figures are made without it");
     StartTime start = options.start;
@@ -76,7 +76,7 @@ ListeningPlace parsePlace(const std::string& text) {
 }
 
 /// Measures the room at many places, in the form that the file's name asks for.
-Result<> writeReport(const Options& options, SoundRenderer& sound) {
+Result<> writeReport(const ListenArguments& options, SoundRenderer& sound) {
     std::vector<ListeningPlace> places;
     for (const std::string& text : options.places) places.push_back(parsePlace(text));
     auto report = sound.survey(std::move(places));
@@ -89,7 +89,7 @@ Result<> writeReport(const Options& options, SoundRenderer& sound) {
     return writeWholeFile(options.report, std::as_bytes(std::span(text)));
 }
 
-int listenTo(const Options& options) {
+int listenTo(const ListenArguments& options) {
     if (options.live) return listenLive(options);
     if (!options.device.empty()) throw UsageError("--device is of --live");
     ListenOptions listening = options.sound.parse();
@@ -141,7 +141,7 @@ int listenTo(const Options& options) {
 }  // namespace
 
 Verb addListen(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<ListenArguments>();
     Command* command = program.addVerb("listen", "Make the sound that the listener hears; measure the room");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "WAV to write");

@@ -18,7 +18,7 @@ namespace rtsg::app {
 
 namespace {
 
-struct Options {
+struct MeasureArguments {
     std::string scene, time = "0s", shadows = "auto";
     std::vector<std::string> places;
     ResourceArguments resources;
@@ -46,7 +46,7 @@ std::array<double, 6> parsePlace(const std::string& text) {
     return numbers;
 }
 
-void print(const Options& options, const std::array<double, 6>& at, const Irradiance& found) {
+void print(const MeasureArguments& options, const std::array<double, 6>& at, const Irradiance& found) {
     const Vec3d &v = found.value, &i = found.interval;
     const double lux = found.luminous * options.candela, luxInterval = found.luminousInterval * options.candela;
     if (options.json) {
@@ -66,13 +66,13 @@ void print(const Options& options, const std::array<double, 6>& at, const Irradi
                found.reached ? "" : ": fewer than the error needs, --samples allows more");
 }
 
-int measure(const Options& options) {
+int measure(const MeasureArguments& options) {
     std::vector<std::array<double, 6>> places;
     for (const std::string& text : options.places) places.push_back(parsePlace(text));
     const double time = parseSeconds(options.time);
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
-    SharedWorld::Options flattened;
+    SharedWorld::MeasureArguments flattened;
     flattened.flattening.maxOccurrences = running.resources().policy().maximumInstances;
     SharedWorld world(running.scene(), flattened);
     LightTracer tracer(world, running.resources());
@@ -105,7 +105,7 @@ int measure(const Options& options) {
 }  // namespace
 
 Verb addMeasure(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<MeasureArguments>();
     Command* command = program.addVerb("measure", "How much light falls on places, with 95 % intervals");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command

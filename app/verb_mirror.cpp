@@ -27,7 +27,7 @@ using Clock = std::chrono::steady_clock;
 constexpr const char* kAspects[] = {"none",  "structure", "transform", "geometry", "appearance",
                                     "light", "view",      "sound",     "time"};  // in the order of Aspect
 
-struct Options {
+struct MirrorArguments {
     std::string endpoint, duration, patience = "5s", key, latency = "0", whenSlow = "merge", mode = "state";
     std::vector<std::string> set, control, parts, aspects;
     double fps = 0;
@@ -89,7 +89,7 @@ class Requests {
     Injections injections_;
 };
 
-Result<MirrorClientOptions> clientOptions(const Options& options) {
+Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
     MirrorClientOptions result;
     if (!options.key.empty()) {
         auto keys = MirrorKeys::load(options.key);
@@ -163,7 +163,7 @@ class Made {
 
 class Mirroring {
   public:
-    explicit Mirroring(const Options& options)
+    explicit Mirroring(const MirrorArguments& options)
         : options_(options),
           duration_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
           patience_(parseSeconds(options.patience)),
@@ -201,7 +201,7 @@ class Mirroring {
     void print() const;
     void printJson() const;
 
-    const Options& options_;
+    const MirrorArguments& options_;
     const double duration_, patience_;
     const Resources resources_;
     Scene replica_;
@@ -355,14 +355,14 @@ int Mirroring::run() {
     return good_ ? kDone : kBad;
 }
 
-int mirror(const Options& options) {
+int mirror(const MirrorArguments& options) {
     return Mirroring(options).run();
 }
 
 }  // namespace
 
 Verb addMirror(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<MirrorArguments>();
     Command* command = program.addVerb("mirror", "Follow a served scene; picture, hear, log and save the replica");
     command->addOption("ENDPOINT", options->endpoint, "ZeroMQ endpoint that rtsg serve named")->required();
     command->addOption("--for", options->duration, "how long, in scene time; else until the server leaves or Ctrl-C");
@@ -404,7 +404,7 @@ Verb addMirror(Command& program) {
                     "lets it), or a new snapshot")
         ->preset()
         ->oneOf({"merge", "block", "resync"});
-    options->outputs.addTo(*command, OutputArguments::Options::ofMirror);
+    options->outputs.addTo(*command, OutputArguments::MirrorArguments::ofMirror);
     command->addFlag("--json", options->json, "the summary as JSON");
     command->footer(
         "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --size 320x180 "

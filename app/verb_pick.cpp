@@ -17,7 +17,7 @@ namespace rtsg::app {
 
 namespace {
 
-struct Options {
+struct PickArguments {
     std::string scene, time = "0s";
     std::vector<double> ray, point, sweep, pixel;
     std::string size = "1280x720", viewpoint;
@@ -49,7 +49,7 @@ void print(const Scene& scene, const Pick& pick, bool json) {
         pick.normal.z, pick.texCoord.x, pick.texCoord.y, pick.triangle);
 }
 
-int run(const Options& options) {
+int run(const PickArguments& options) {
     if (options.ray.empty() + options.point.empty() + options.sweep.empty() + options.pixel.empty() != 3) {
         printError("one of --ray, --point, --sweep and --pixel is needed");
         return kUsage;
@@ -70,7 +70,7 @@ int run(const Options& options) {
         return Vec3d(numbers[first], numbers[first + 1], numbers[first + 2]);
     };
     const auto inPicture = [&]() -> Result<Pick> {
-        LightRenderer light(world, LightRenderer::Options(running.resources()));
+        LightRenderer light(world, LightRenderer::PickArguments(running.resources()));
         const LightTracer& tracer = light.tracer();
         const auto camera = tracer.camera(world.rays(), static_cast<double>(width) / height, options.viewpoint);
         if (!camera) return std::unexpected(camera.error());
@@ -90,7 +90,7 @@ int run(const Options& options) {
 }  // namespace
 
 Verb addPick(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<PickArguments>();
     Command* command = program.addVerb("pick", "What a ray meets, what is nearest, where a moving ball stops");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("--ray", options->ray, "origin and direction: X Y Z DX DY DZ")->expected(6);

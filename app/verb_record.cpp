@@ -14,7 +14,7 @@ namespace rtsg::app {
 
 namespace {
 
-struct Options {
+struct RecordArguments {
     std::string scene, out, duration = "1s";
     std::string mode = "state", coding = "raw";
     double error = 1e-3;
@@ -58,7 +58,7 @@ class Recording {
     Attachment attachment_;
 };
 
-LogOptions logOptions(const Options& options) {
+LogOptions logOptions(const RecordArguments& options) {
     LogOptions result;
     result.mode.mode = *modeFromName(options.mode);
     result.mode.coding = *codingFromName(options.coding);
@@ -69,7 +69,7 @@ LogOptions logOptions(const Options& options) {
     return result;
 }
 
-void printSummary(const Options& options, RunningScene& running, std::uint64_t frames, std::uint64_t bytes) {
+void printSummary(const RecordArguments& options, RunningScene& running, std::uint64_t frames, std::uint64_t bytes) {
     const double perFrame = static_cast<double>(bytes) / static_cast<double>(std::max<std::uint64_t>(1, frames));
     if (options.json)
         fmt::print("{{\"frames\":{},\"t\":{},\"bytes\":{},\"bytes_per_frame\":{:.1f},\"hash\":\"{}\"}}\n", frames,
@@ -79,7 +79,7 @@ void printSummary(const Options& options, RunningScene& running, std::uint64_t f
                    perFrame, running.scene().hash().hex());
 }
 
-int record(const Options& options) {
+int record(const RecordArguments& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime};
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::log}};
     if (auto ok = checkFiles({options.scene}, outputs, options.force); !ok) return printError(ok.error()), kBad;
@@ -118,7 +118,7 @@ int record(const Options& options) {
 }  // namespace
 
 Verb addRecord(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<RecordArguments>();
     Command* command = program.addVerb("record", "Run a scene in simulated time and log every change");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "log to write (.rlog)")->required();

@@ -16,7 +16,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-struct Options {
+struct RelayArguments {
     std::string origin, endpoint = "tcp://127.0.0.1:*", key, serveKey, upstream = "none", duration, patience = "5s";
     std::string maxLag = "250ms";
     std::size_t peers = 64, parts = 8;
@@ -38,7 +38,7 @@ void printNews(Source& source) {
 
 class Relaying {
   public:
-    explicit Relaying(const Options& options)
+    explicit Relaying(const RelayArguments& options)
         : options_(options),
           duration_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
           patience_(parseSeconds(options.patience)) {}
@@ -120,7 +120,7 @@ class Relaying {
                        from.sequence, to.requests, to.bytes);
     }
 
-    const Options& options_;
+    const RelayArguments& options_;
     const double duration_, patience_;
     Scene replica_;
     std::unique_ptr<MirrorRelay> relay_;
@@ -128,14 +128,14 @@ class Relaying {
     bool over_ = false, good_ = true;
 };
 
-int relay(const Options& options) {
+int relay(const RelayArguments& options) {
     return Relaying(options).run();
 }
 
 }  // namespace
 
 Verb addRelay(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<RelayArguments>();
     Command* command = program.addVerb("relay", "Pass a served scene on to mirrors of its own");
     command->addOption("ENDPOINT", options->origin, "ZeroMQ endpoint of the origin, or of another relay")->required();
     command->addOption("--bind", options->endpoint, "ZeroMQ endpoint to serve at; * picks a free port")->preset();

@@ -13,7 +13,7 @@ namespace rtsg::app {
 
 namespace {
 
-struct Options {
+struct RenderArguments {
     std::string scene, out, time = "0", layers, stereo = "none";
     double aperture = 0, focus = 0, eyeDistance = 0.063;
     bool panorama = false;
@@ -53,7 +53,7 @@ std::uint32_t parseLayers(std::string_view list) {
 }
 
 /// The eye: lens, panorama, stereo. Throws UsageError.
-void addEye(const Options& options, ImageOptions& image) {
+void addEye(const RenderArguments& options, ImageOptions& image) {
     if (options.panorama && (options.aperture > 0 || options.stereo != "none"))
         throw UsageError("--panorama", "is of one eye without a lens");
     if (options.aperture > 0 && !(options.focus > 0)) throw UsageError("--aperture", "needs --focus");
@@ -66,7 +66,7 @@ void addEye(const Options& options, ImageOptions& image) {
 }
 
 /// `all`: over the frames, the worst of what is missing and of errors, the mean of samples.
-void tellResult(const Options& options, const RenderSettings& settings, const RenderStats& all,
+void tellResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
                 const RayWorld::Stats& rays) {
     if (options.json) {
         const std::string error =
@@ -87,7 +87,7 @@ void tellResult(const Options& options, const RenderSettings& settings, const Re
                                      : "");
 }
 
-int render(const Options& options) {
+int render(const RenderArguments& options) {
     ImageOptions image = options.picture.parse();
     image.settings.layers = parseLayers(options.layers);
     addEye(options, image);
@@ -109,7 +109,7 @@ int render(const Options& options) {
     if (!running.load()) return kBad;
     keepResources(running.scene(), running.resources(), outputs);
     SharedWorld& world = running.world().get();
-    LightRenderer light(world, LightRenderer::Options(running.resources()));
+    LightRenderer light(world, LightRenderer::RenderArguments(running.resources()));
     running.runTo(time);
     animation.start = running.start() + time;
     animation.runTo = [&](double t) { running.frameAt(t); };
@@ -151,7 +151,7 @@ int render(const Options& options) {
 }  // namespace
 
 Verb addRender(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<RenderArguments>();
     Command* command = program.addVerb("render", "Make a picture or an animation");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "file to write; .exr is linear radiance")->required();

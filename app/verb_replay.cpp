@@ -21,7 +21,7 @@ namespace rtsg::app {
 
 namespace {
 
-struct Options {
+struct ReplayArguments {
     std::string log, seek, duration, diff, compact, exported, interval = "0s";
     std::uint64_t every = 1;
     bool exportPlain = false;
@@ -30,7 +30,7 @@ struct Options {
     bool verify = false, json = false;
 };
 
-int diff(const Options& options) {
+int diff(const ReplayArguments& options) {
     const Progress progress = progressBar("comparing " + options.log);
     const auto result = diffLogs(options.log, options.diff, progress);
     if (progress) progress(1, 1);
@@ -44,7 +44,7 @@ int diff(const Options& options) {
     return first ? kBad : kDone;
 }
 
-int compact(const Options& options) {
+int compact(const ReplayArguments& options) {
     CompactOptions to;
     const double start = logStart(options.log), from = options.seek.empty() ? 0 : parseSeconds(options.seek);
     if (!options.seek.empty()) to.from = start + from;
@@ -119,7 +119,7 @@ class Check {
 /// A log played from its start, or from --seek on, with what is made of it.
 class Replaying {
   public:
-    Replaying(const Options& options, Replayer& replayer)
+    Replaying(const ReplayArguments& options, Replayer& replayer)
         : options_(options),
           replayer_(replayer),
           check_(replayer),
@@ -257,7 +257,7 @@ class Replaying {
         if (first()) printError(first()->format());
     }
 
-    const Options& options_;
+    const ReplayArguments& options_;
     Replayer& replayer_;
     Check check_;
     const double start_, length_;
@@ -266,7 +266,7 @@ class Replaying {
     std::string made_;
 };
 
-int replay(const Options& options) {
+int replay(const ReplayArguments& options) {
     if (auto ok = options.outputs.check(
             {options.log, options.diff, options.test.rerun},
             {{"--export", options.exported, OutputKind::log}, {"--compact", options.compact, OutputKind::log}});
@@ -285,7 +285,7 @@ int replay(const Options& options) {
 }  // namespace
 
 Verb addReplay(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<ReplayArguments>();
     Command* command = program.addVerb("replay", "Play a log back; verify it; picture, hear and save it");
     command->addOption("LOG", options->log, "log to read (.rlog)")->required();
     command->addFlag("--verify", options->verify,
@@ -301,7 +301,7 @@ Verb addReplay(Command& program) {
         ->preset()
         ->range(std::uint64_t{1}, UINT64_MAX);
     command->addOption("--interval", options->interval, "with --compact: frames closer than this become one")->preset();
-    options->outputs.addTo(*command, OutputArguments::Options::ofReplay);
+    options->outputs.addTo(*command, OutputArguments::ReplayArguments::ofReplay);
     options->test.addTo(*command);
     command->addFlag("--json", options->json, "the report as JSON");
     command->footer(

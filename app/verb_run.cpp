@@ -13,7 +13,7 @@ namespace rtsg::app {
 
 namespace {
 
-struct Options {
+struct RunArguments {
     std::string scene, duration = "1s";
     double fps = 60;
     std::vector<std::string> watch, set;
@@ -65,7 +65,7 @@ void printEvents(RunningScene& running, const std::vector<Watch>& watches) {
 /// Pictures, sound and the saved scene, of the frames from the first on.
 class Made {
   public:
-    Made(RunningScene& running, const Options& options) : running_(running), arguments_(options.outputs) {
+    Made(RunningScene& running, const RunArguments& options) : running_(running), arguments_(options.outputs) {
         arguments_.picturesPerSecond = options.fps;
         arguments_.seconds = parseSeconds(options.duration);
     }
@@ -109,7 +109,7 @@ class Made {
     std::optional<OutputReport> report_;
 };
 
-int run(const Options& options) {
+int run(const RunArguments& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime || options.outputs.isLive()};
     if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.outputs.resources, options.start);
@@ -139,7 +139,7 @@ int run(const Options& options) {
 }  // namespace
 
 Verb addRun(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<RunArguments>();
     Command* command = program.addVerb("run", "Run the event cascade in simulated time");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("--for", options->duration, "how long, such as 2s")->preset();
@@ -149,7 +149,7 @@ Verb addRun(Command& program) {
         "--set", options->set,
         "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, wheel=, head=");
     options->start.addTo(*command);
-    options->outputs.addTo(*command, OutputArguments::Options::ofRun);
+    options->outputs.addTo(*command, OutputArguments::RunArguments::ofRun);
     command->addFlag("--realtime", options->realtime, "one second a second");
     command->addFlag("--hash", options->hash, "print the state hash of every frame");
     command->addFlag("--json", options->json, "the summary as JSON, after the events if any are watched");

@@ -28,7 +28,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-struct Options {
+struct ServeArguments {
     std::string scene, resume, endpoint = "tcp://127.0.0.1:*", duration, record, key, upstream = "none", block = "0";
     std::string mode = "state", coding = "raw";
     double fps = 60, error = 1e-3;
@@ -71,7 +71,7 @@ void await(MirrorServer& server, std::size_t mirrors) {
 }
 
 /// From its file, or as the log of the session has it.
-Result<std::optional<ResumedSession>> begin(RunningScene& running, const Options& options) {
+Result<std::optional<ResumedSession>> begin(RunningScene& running, const ServeArguments& options) {
     if (options.resume.empty()) {
         if (!running.load()) return fail("nothing usable in it", {}, options.scene);
         return std::nullopt;
@@ -83,7 +83,7 @@ Result<std::optional<ResumedSession>> begin(RunningScene& running, const Options
     return std::optional(std::move(*session));
 }
 
-void checkResume(const Options& options) {
+void checkResume(const ServeArguments& options) {
     if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
     if (!options.resume.empty() && !options.record.empty())
         throw UsageError("--record", "not together with --resume, which goes on writing its log");
@@ -99,7 +99,7 @@ std::chrono::milliseconds millisecondsFrom(const std::string& duration) {
 }
 
 /// All but what depends on the scene.
-Result<MirrorServerOptions> serverOptionsOf(const Options& options) {
+Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
     MirrorServerOptions result;
     auto keys = keysFrom(options.key);
     if (!keys) return std::unexpected(keys.error());
@@ -114,7 +114,7 @@ Result<MirrorServerOptions> serverOptionsOf(const Options& options) {
     return result;
 }
 
-int play(const Options& options) {
+int play(const ServeArguments& options) {
     if (!options.record.empty()) throw UsageError("--record", "a log is played: it is there already");
     if (options.mode != "state") throw UsageError("--mode", "a log is played as it was recorded");
     if (!options.start.at.empty())
@@ -131,7 +131,7 @@ int play(const Options& options) {
 /// One session: a scene, those who follow it, and its log.
 class Session {
   public:
-    Session(const Options& options, double duration)
+    Session(const ServeArguments& options, double duration)
         : options_(options),
           duration_(duration),
           running_(options.scene.empty() ? options.resume : options.scene, options.resources, options.start) {}
@@ -148,7 +148,7 @@ class Session {
     void lookAtLog();
     void print(const MirrorServerStatistics& statistics) const;
 
-    const Options& options_;
+    const ServeArguments& options_;
     const double duration_;
     RunningScene running_;
     std::optional<ResumedSession> resumed_;
@@ -299,7 +299,7 @@ int Session::close() {
     return failed_ ? kBad : kDone;
 }
 
-int serve(const Options& options) {
+int serve(const ServeArguments& options) {
     if (options.resume.empty() && isLog(options.scene)) return play(options);
     checkResume(options);
     Session session(options, options.duration.empty() ? 1e9 : parseSeconds(options.duration));
@@ -314,7 +314,7 @@ int serve(const Options& options) {
 }  // namespace
 
 Verb addServe(Command& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<ServeArguments>();
     Command* command = program.addVerb("serve", "Run a scene in real time and mirror it");
     command->addOption("SCENE", options->scene,
                        "scene file, or -, or a log to play; with --resume only the folder that urls start from");

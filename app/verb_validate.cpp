@@ -72,12 +72,12 @@ bool loadAndCheck(Scene& scene, const std::string& file, Diagnostics& diagnostic
 }  // namespace
 
 Verb addValidate(Command& program) {
-    struct Options {
+    struct ValidateArguments {
         std::vector<std::string> files;
         ResourceArguments resources;
         bool json = false, sarif = false;
     };
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<ValidateArguments>();
     Command* command = program.addVerb("validate", "Print errors and warnings with positions; look for what urls name");
     command->addOption("FILE", options->files, "scene files")->required();
     options->resources.addTo(*command);

@@ -11,6 +11,9 @@
 
 namespace rtsg::test {
 
+/// Where most tests of a room stand.
+inline const glm::dvec3 kSource{1, 1, 1.5}, kListener{4, 3, 1.5};
+
 class TriangleGeometry : public AcousticGeometry {
   public:
     std::uint32_t addMaterial(double absorption, double scattering, double transmission = 0) {

@@ -16,7 +16,7 @@ namespace {
 
 /// Median CPU time of a frame, seconds; `before` edits the scene, outside of what is measured.
 template <class Edit>
-double frameSeconds(Scene& scene, int frames, const Edit& before) {
+double runtimeFrameSeconds(Scene& scene, int frames, const Edit& before) {
     std::vector<double> times;
     for (int i = 0; i < frames; ++i) {
         before(i);
@@ -69,7 +69,7 @@ void scripts(const Report& report, bool quick) {
     report({"runtime", what, "start, by the clock", "s", wall, "", 0, "", 0});
     report({"runtime", what, "memory of the running programs", "MB", bytes / 1e6, "the scene itself",
             (bytesLoaded - bytesBefore) / 1e6, "", 0});
-    const double frame = frameSeconds(scene, 200, [](int) {});
+    const double frame = runtimeFrameSeconds(scene, 200, [](int) {});
     report({"runtime", what, "a frame", "ms", frame * 1e3, "", 0, "the arithmetic alone",
             1e3 * bareSeconds(static_cast<std::size_t>(count),
                               [](float x) { return Vec3f(std::cos(x), x, std::sin(x)); })});
@@ -111,11 +111,11 @@ void levels(const Report& report, bool quick) {
     load(scene, text);
     scene.newFrame(0);
     const NodeId mover = scene.findName("M"), view = scene.findName("V");
-    const double rest = frameSeconds(scene, 100, [](int) {});
-    const double moved = frameSeconds(scene, 100, [&](int i) {
+    const double rest = runtimeFrameSeconds(scene, 100, [](int) {});
+    const double moved = runtimeFrameSeconds(scene, 100, [&](int i) {
         (void)scene.set(mover, x3d::Transform::translation, Vec3f(static_cast<float>(i), 0, 0));
     });
-    const double viewed = frameSeconds(scene, 100, [&](int i) {
+    const double viewed = runtimeFrameSeconds(scene, 100, [&](int i) {
         (void)scene.set(view, x3d::Viewpoint::position, Vec3f(static_cast<float>(i), 0, 10));
     });
     const std::string what = fmt::format("{} LODs", count);
@@ -142,7 +142,7 @@ void followers(const Report& report, bool quick) {
         load(scene, text);
         scene.newFrame(0);
         report({"runtime", fmt::format("{} of type {} on their way, each with a route to a Transform", count, name),
-                "a frame", "ms", 1e3 * frameSeconds(scene, 100, [](int) {}), "", 0,
+                "a frame", "ms", 1e3 * runtimeFrameSeconds(scene, 100, [](int) {}), "", 0,
                 "the arithmetic of a damper of order 3 alone",
                 1e3 * bareSeconds(static_cast<std::size_t>(count), [](float x) {
                     const double s = x * .01, e = std::exp(-s);
@@ -162,9 +162,9 @@ void proximity(const Report& report, bool quick) {
     scene.newFrame(0);
     const NodeId view = scene.findName("V");
     const std::string what = fmt::format("{} ProximitySensors", count);
-    report({"runtime", what, "a frame at rest", "ms", 1e3 * frameSeconds(scene, 100, [](int) {}), "", 0,
+    report({"runtime", what, "a frame at rest", "ms", 1e3 * runtimeFrameSeconds(scene, 100, [](int) {}), "", 0,
             "reading the clock", cpuClockSeconds() * 1e3});
-    const double moved = frameSeconds(scene, 100, [&](int i) {
+    const double moved = runtimeFrameSeconds(scene, 100, [&](int i) {
         (void)scene.set(view, x3d::Viewpoint::position, Vec3f(static_cast<float>(i) * .1f, 0, 10));
     });
     report({"runtime", what, "a frame, the viewer moves", "ms", moved * 1e3, "", 0, "the test of the boxes alone",
@@ -199,9 +199,9 @@ void touches(const Report& report, bool quick) {
     scene.setSpaceQueries(&space);
     const std::string what = fmt::format("{} TouchSensors", count);
     const double clock = cpuClockSeconds() * 1e3;
-    report({"runtime", what, "a frame at rest", "ms", 1e3 * frameSeconds(scene, 100, [](int) {}), "", 0,
+    report({"runtime", what, "a frame at rest", "ms", 1e3 * runtimeFrameSeconds(scene, 100, [](int) {}), "", 0,
             "reading the clock", clock});
-    const double over = frameSeconds(scene, 100, [&](int i) {
+    const double over = runtimeFrameSeconds(scene, 100, [&](int i) {
         PointerInput input;
         input.origin = {i * .01, 0, 9};
         (void)sendPointer(scene, input);

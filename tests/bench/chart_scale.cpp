@@ -67,7 +67,7 @@ void add(Chart& chart, int nodes, const Stages& stages) {
         chart.series[i].points.push_back({static_cast<double>(nodes), sum += us[i], {}});
 }
 
-Chart chartOf(const std::string& name, const std::string& title) {
+Chart scaleChartOf(const std::string& name, const std::string& title) {
     return {name,
             title,
             "Boxes under one Transform each, sharing geometry and appearance. CPU time, medians; sums from left to "
@@ -81,8 +81,8 @@ Chart chartOf(const std::string& name, const std::string& title) {
 }  // namespace
 
 bool chartScale(const ChartSink& sink, bool quick) {
-    Chart move = chartOf("scale-move", "One moving Transform: what a frame costs as the scene grows");
-    Chart insert = chartOf("scale-add", "One Shape added: what a frame costs as the scene grows");
+    Chart move = scaleChartOf("scale-move", "One moving Transform: what a frame costs as the scene grows");
+    Chart insert = scaleChartOf("scale-add", "One Shape added: what a frame costs as the scene grows");
     insert.series.pop_back();
     for (const int shapes : {500, 5000, 50'000, 500'000}) {
         if (quick && shapes > 5000) break;

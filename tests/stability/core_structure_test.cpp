@@ -10,6 +10,8 @@
 #include <rtsg/core/writer.h>
 #include <rtsg/core/x3d.h>
 
+#include "support/shared_set.h"
+
 namespace rtsg {
 namespace {
 
@@ -27,10 +29,6 @@ NodeId addChain(Scene& scene, int depth) {
     NodeId at = scene.root();
     for (int i = 0; i < depth; ++i) at = add(scene, at, x3d::Group::type);
     return add(scene, at, x3d::Shape::type);
-}
-
-std::shared_ptr<const ChangeSet> shared(ChangeSet set) {
-    return std::make_shared<const ChangeSet>(std::move(set));
 }
 
 int depthOf(const Scene& scene) {
@@ -75,7 +73,7 @@ TEST(Deep, DumpHashSnapshotApplyAndDestroy) {
     scene.newFrame(0);
     EXPECT_NE(scene.dump().find("Shape"), std::string::npos);
     Scene replica;
-    ASSERT_TRUE(replica.apply(shared(scene.snapshot())));
+    ASSERT_TRUE(replica.apply(test::shared(scene.snapshot())));
     EXPECT_EQ(replica.hash(), scene.hash());
     EXPECT_EQ(replica.dump(), scene.dump());
     Mobility mobility;
@@ -107,7 +105,7 @@ TEST(Deep, AReplicaRefusesACycleOfTenThousand) {
     change.node = NodeId{leaf.value - 1};
     change.field = x3d::Group::children.index;
     change.other = NodeId{2};
-    const auto ok = scene.apply(shared(ring));
+    const auto ok = scene.apply(test::shared(ring));
     ASSERT_FALSE(ok);
     EXPECT_NE(ok.error().text.find("contain itself"), std::string::npos) << ok.error().text;
 }
@@ -124,7 +122,7 @@ TEST(Wide, AHundredThousandParentsOfOneNode) {
     EXPECT_EQ(scene.parents(shape).size(), kWide + 1u);
     scene.newFrame(0);
     Scene replica;
-    ASSERT_TRUE(replica.apply(shared(scene.snapshot())));
+    ASSERT_TRUE(replica.apply(test::shared(scene.snapshot())));
     ASSERT_TRUE(scene.removeChild(groups[5], x3d::Group::children.index, 0));
     ASSERT_TRUE(scene.destroyNode(groups[70'000]));
     const auto few = scene.newFrame(1);
@@ -157,7 +155,7 @@ TEST(Wide, TheSameChildAHundredThousandTimes) {
     EXPECT_TRUE(scene.node(group).get(x3d::Group::children).empty());
     scene.newFrame(1);
     Scene replica;
-    ASSERT_TRUE(replica.apply(shared(scene.snapshot())));
+    ASSERT_TRUE(replica.apply(test::shared(scene.snapshot())));
     EXPECT_EQ(replica.hash(), scene.hash());
 }
 
@@ -180,7 +178,7 @@ TEST(Wide, EditsOfAMillionChildren) {
     EXPECT_EQ(scene.newFrame(4)->changes.size(), 1u);
     EXPECT_EQ(scene.node(big).get(x3d::Group::children)[7], extra);
     Scene replica;
-    ASSERT_TRUE(replica.apply(shared(scene.snapshot())));
+    ASSERT_TRUE(replica.apply(test::shared(scene.snapshot())));
     EXPECT_EQ(replica.hash(), scene.hash());
 }
 
@@ -211,7 +209,7 @@ TEST(Routes, AHundredThousandFromOneField) {
     EXPECT_EQ(scene.routeCount(), 0u);
     scene.newFrame(2);
     Scene replica;
-    ASSERT_TRUE(replica.apply(shared(scene.snapshot())));
+    ASSERT_TRUE(replica.apply(test::shared(scene.snapshot())));
     EXPECT_EQ(replica.hash(), scene.hash());
 }
 
@@ -277,7 +275,7 @@ TEST(Arrays, AHundredMillionBytesPassByReference) {
             EXPECT_TRUE(change.value.as<Array<Vec3f>>().sameStorage(huge));
         }
     Scene replica;
-    ASSERT_TRUE(replica.apply(shared(scene.snapshot())));
+    ASSERT_TRUE(replica.apply(test::shared(scene.snapshot())));
     EXPECT_TRUE(replica.node(coordinate).get(x3d::Coordinate::point).sameStorage(huge));
     EXPECT_EQ(replica.hash(), scene.hash());
 }

@@ -9,14 +9,12 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
+#include "support/shared_set.h"
+
 namespace rtsg {
 namespace {
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN(), kInf = std::numeric_limits<float>::infinity();
-
-std::shared_ptr<const ChangeSet> shared(ChangeSet set) {
-    return std::make_shared<const ChangeSet>(std::move(set));
-}
 
 TEST(Values, NotANumberIsAValueLikeAnyOther) {
     // Outcome: stored and sent bit for bit; the hash is stable, differs between NaNs of different bits and between 0
@@ -42,7 +40,7 @@ TEST(Values, NotANumberIsAValueLikeAnyOther) {
     ASSERT_EQ(set->changes.size(), 1u);
     EXPECT_EQ(set->changes[0].value, Value(Array<Vec3f>{Vec3f(kNaN), Vec3f(kInf)}));
     Scene replica;
-    ASSERT_TRUE(replica.apply(shared(scene.snapshot())));
+    ASSERT_TRUE(replica.apply(test::shared(scene.snapshot())));
     EXPECT_EQ(replica.hash(), scene.hash());
     EXPECT_EQ(replica.dump(), scene.dump());
 }
@@ -66,7 +64,7 @@ TEST(Values, NotANumberThroughTheCascade) {
     }
     Scene replica;
     replica.setBehavioursEnabled(false);
-    ASSERT_TRUE(replica.apply(shared(scene.snapshot())));
+    ASSERT_TRUE(replica.apply(test::shared(scene.snapshot())));
     EXPECT_EQ(replica.hash(), scene.hash());
 }
 
@@ -142,7 +140,7 @@ TEST(Values, EveryFieldOfATypeInOneFrame) {
         const auto set = scene.newFrame(round + 1);
         EXPECT_EQ(set->changes.size(), kFields + 0u);
         Scene replica;
-        ASSERT_TRUE(replica.apply(shared(scene.snapshot())));
+        ASSERT_TRUE(replica.apply(test::shared(scene.snapshot())));
         ASSERT_EQ(replica.hash(), set->hash);
     }
 }

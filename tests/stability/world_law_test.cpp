@@ -9,13 +9,13 @@ namespace {
 
 using namespace test;
 
-constexpr std::uint32_t kSeed = 20260301;
+constexpr std::uint32_t kLawSeed = 20260301;
 
 TEST(WorldLaw, HitsDoNotDependOnWhatWasMergedAndSplitBefore) {
     RayWorld::Stats most;
     for (std::uint32_t run = 0; run < 6; ++run) {
-        SCOPED_TRACE(testing::Message() << "seed " << kSeed + run);
-        Players players(kSeed + run, {.restFrames = 1 + run, .background = run % 2 == 0});
+        SCOPED_TRACE(testing::Message() << "seed " << kLawSeed + run);
+        Players players(kLawSeed + run, {.restFrames = 1 + run, .background = run % 2 == 0});
         for (int step = 0; step < 150; ++step) {
             SCOPED_TRACE(testing::Message() << "step " << step);
             players.step();

@@ -8,7 +8,7 @@
 namespace rtsg {
 namespace {
 
-constexpr int kRate = 48000;
+constexpr int kFileRate = 48000;
 
 class Clips : public testing::Test {
   protected:
@@ -27,16 +27,16 @@ class Clips : public testing::Test {
         ResourcePolicy policy;
         policy.roots = {folder_.path()};
         policy.maximumSamples = maximumSamples;
-        return {kRate, Resources(folder_.path(), policy)};
+        return {kFileRate, Resources(folder_.path(), policy)};
     }
     /// The second that a test signal takes.
-    static bool standsIn(const SoundBuffer& sound) { return sound.frames() == kRate && sound.samples[100] != .25f; }
+    static bool standsIn(const SoundBuffer& sound) { return sound.frames() == kFileRate && sound.samples[100] != .25f; }
 
     const test::TempFolder folder_;
 };
 
 TEST_F(Clips, AreReadOnceAndMayBeTheSecondOfTheirUrls) {
-    write("a.wav", 1000, kRate, 2);
+    write("a.wav", 1000, kFileRate, 2);
     ClipLibrary clips = library(1 << 20);
     const auto first = clips.get(voice({"nowhere.wav", "a.wav"}));
     EXPECT_EQ(first->frames(), 1000U);
@@ -54,9 +54,9 @@ TEST_F(Clips, WhatCannotBeReadIsATestSignalAndIsNamed) {
 }
 
 TEST_F(Clips, TogetherHaveNoMoreSamplesThanThePolicyLets) {
-    write("a.wav", 30'000, kRate, 2);
-    write("b.wav", 50'000, kRate);
-    write("c.wav", 40'000, kRate);
+    write("a.wav", 30'000, kFileRate, 2);
+    write("b.wav", 50'000, kFileRate);
+    write("c.wav", 40'000, kFileRate);
     ClipLibrary clips = library(100'000);
     EXPECT_EQ(clips.get(voice({"a.wav"}))->samples.size(), 60'000U);
     EXPECT_TRUE(standsIn(*clips.get(voice({"b.wav"}))));
@@ -72,7 +72,7 @@ TEST_F(Clips, CountAsTheyArePlayed) {
     ClipLibrary clips = library(100'000);
     for (const char* name : {"slow.wav", "slower.wav"}) EXPECT_TRUE(standsIn(*clips.get(voice({name})))) << name;
     EXPECT_EQ(clips.diagnostics().warnings(), 2U);
-    EXPECT_FALSE(resample(SoundBuffer{1, 1, std::vector<float>(10)}, kRate)) << "too far apart";
+    EXPECT_FALSE(resample(SoundBuffer{1, 1, std::vector<float>(10)}, kFileRate)) << "too far apart";
     ClipLibrary more = library(300'000);
     EXPECT_NEAR(static_cast<double>(more.get(voice({"slow.wav"}))->frames()), 240'000, 2);
 

@@ -10,9 +10,10 @@
 namespace rtsg {
 namespace {
 
+using test::kListener;
+using test::kSource;
 using test::Shoebox;
 using test::TriangleGeometry;
-const glm::dvec3 kSource{1, 1, 1.5}, kListener{4, 3, 1.5};
 constexpr std::size_t kBand = 4;
 
 TraceOptions options(std::uint64_t rays, int imageOrder) {

@@ -13,9 +13,10 @@
 namespace rtsg {
 namespace {
 
+using test::kListener;
+using test::kSource;
 using test::Shoebox;
 using test::TriangleGeometry;
-const glm::dvec3 kSource{1, 1, 1.5}, kListener{4, 3, 1.5};
 
 ImageSources images(const AcousticGeometry& geometry, int order, const glm::dvec3& source = kSource,
                     const glm::dvec3& listener = kListener) {

@@ -11,8 +11,9 @@
 namespace rtsg {
 namespace {
 
+using test::kListener;
+using test::kSource;
 using test::Shoebox;
-const glm::dvec3 kSource{1, 1, 1.5}, kListener{4, 3, 1.5};
 
 /// Ideal decay: energy density exp(-13.8155 t / T) from t = 0 on, in bins.
 EnergyHistogram exponential(double reverberationTime, double seconds, double binsPerSecond = 1000) {

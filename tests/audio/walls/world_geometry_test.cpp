@@ -15,9 +15,10 @@
 namespace rtsg {
 namespace {
 
+using test::kListener;
+using test::kSource;
 using test::Shoebox;
 using test::TriangleGeometry;
-const glm::dvec3 kSource{1, 1, 1.5}, kListener{4, 3, 1.5};
 
 /// Box of unit edge from the origin, fronts inwards or outwards: no matter.
 std::shared_ptr<Mesh> unitBox() {

@@ -12,7 +12,7 @@
 namespace rtsg::bvh {
 namespace {
 
-constexpr std::uint32_t kSeed = 20090616;
+constexpr std::uint32_t kTreeSeed = 20090616;
 using Box = InstanceTree::Box;
 
 /// In double precision; `slack` shrinks (negative) or grows the box.
@@ -89,8 +89,8 @@ void expectComplete(const InstanceTree& tree, const std::map<std::uint32_t, Box>
 
 TEST(InstanceTree, FindsEveryBoxThroughRandomChanges) {
     for (const std::size_t most : {3u, 9u, 60u, 700u}) {
-        SCOPED_TRACE(testing::Message() << "seed " << kSeed << ", up to " << most);
-        std::mt19937 random(kSeed);
+        SCOPED_TRACE(testing::Message() << "seed " << kTreeSeed << ", up to " << most);
+        std::mt19937 random(kTreeSeed);
         std::uniform_real_distribution<float> unit(-1, 1);
         const auto randomBox = [&] {
             const Vec3f c = 20.0f * Vec3f(unit(random), unit(random), unit(random));
@@ -128,7 +128,7 @@ TEST(InstanceTree, FindsEveryBoxThroughRandomChanges) {
 }
 
 TEST(InstanceTree, StandsManyAtOnePlaceAndOneThatTravels) {
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kTreeSeed);
     InstanceTree tree;
     std::map<std::uint32_t, Box> truth;
     const Box here{Vec3f(-1), Vec3f(1)};
@@ -153,7 +153,7 @@ TEST(InstanceTree, StandsManyAtOnePlaceAndOneThatTravels) {
 
 // Work follows the changes: a few moved do not have the tree built anew.
 TEST(InstanceTree, FewChangesDoNotRebuild) {
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kTreeSeed);
     std::uniform_real_distribution<float> unit(-1, 1);
     InstanceTree tree;
     std::vector<Vec3f> centers;

@@ -8,13 +8,13 @@ namespace {
 
 using namespace test;
 
-constexpr std::uint32_t kSeed = 20090617;
+constexpr std::uint32_t kBodiesSeed = 20090617;
 
 /// A room of 200 boxes on a grid, slots 0 to 199.
 struct Room {
     RayWorld world;
     BruteForce truth;
-    std::mt19937 random{kSeed};
+    std::mt19937 random{kBodiesSeed};
     std::map<std::uint32_t, std::shared_ptr<Mesh>> meshes;
 
     explicit Room(const RayWorld::Options& options, std::uint32_t boxes = 200) : world(options) {
@@ -209,9 +209,9 @@ TEST(RayWorldBodies, PartsThatArriveOneByOneBecomeOneGroup) {
 
 // The box is 300 m away in the same body, whose frame is that much coarser than the sphere.
 TEST(RayWorldBodies, LeavingRaysDoNotHitTheSurfaceOfABody) {
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kBodiesSeed);
     for (const double offset : {0.0, 1e4, 1e6}) {
-        SCOPED_TRACE(testing::Message() << offset << " seed " << kSeed);
+        SCOPED_TRACE(testing::Message() << offset << " seed " << kBodiesSeed);
         RayWorld world;
         InstanceDelta delta;
         delta.geometries.push_back({NodeId{1}, makeSphere(3)});

@@ -22,7 +22,7 @@ using namespace std::chrono_literals;
 using State = std::shared_ptr<const WorldState>;
 
 /// Counts the shapes, also in versions.
-struct Counter final : InstanceSubscriber {
+struct CallCounter final : InstanceSubscriber {
     Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
         if (fails) return fail("out of ideas");
         shapes += static_cast<int>(delta.added.size()) - static_cast<int>(delta.removed.size());
@@ -39,7 +39,7 @@ struct Counter final : InstanceSubscriber {
 struct Stage {
     Scene scene;
     SharedWorld world{scene};
-    Counter counter;
+    CallCounter counter;
     std::uint64_t number = world.add(counter);
     NodeId last;
 
@@ -139,7 +139,7 @@ TEST(WorldState, IsNotMadeInTheMiddleOfADelivery) {
     Scene scene;
     SharedWorld world(scene);
     Meddler meddler(world);
-    Counter counter;
+    CallCounter counter;
     world.add(meddler);
     EXPECT_TRUE(meddler.seen.empty()) << "it has not had its own turn to the end";
     const std::uint64_t number = world.add(counter);
@@ -204,7 +204,7 @@ TEST(WorldState, KnowsNothingOfThoseWhoCameLaterOrFailed) {
     (void)stage.now();
     stage.addBox();
     const State before = stage.now();
-    Counter late;
+    CallCounter late;
     const std::uint64_t number = stage.world.add(late);
     const State after = stage.now();
     ASSERT_TRUE(before && after);
@@ -215,7 +215,7 @@ TEST(WorldState, KnowsNothingOfThoseWhoCameLaterOrFailed) {
     EXPECT_EQ(stage.now()->of(number), nullptr);
     EXPECT_EQ(stage.shapesIn(stage.now()), 2);
     stage.world.remove(late);
-    Counter again;
+    CallCounter again;
     EXPECT_NE(stage.world.add(again), number);
 }
 

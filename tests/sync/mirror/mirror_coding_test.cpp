@@ -13,8 +13,6 @@ namespace {
 using namespace std::chrono_literals;
 using test::pollUntilAt;
 
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
-
 struct Kind {
     StreamMode mode;
     const char* name;
@@ -38,7 +36,7 @@ struct Served {
         if (mode.mode == Mode::lossy) lossy = *LossyScene::follow(origin, mode.maxError);
         MirrorServerOptions options;
         options.mode = mode;
-        server = *MirrorServer::start(shown(), kAnyPort, options);
+        server = *MirrorServer::start(shown(), test::kAnyPort, options);
     }
     Scene& shown() { return lossy ? lossy->scene() : origin; }
     void step() {
@@ -149,7 +147,7 @@ TEST(MirrorCodingModes, RefuseWhatTheyCannotCarry) {
     MirrorServerOptions options;
     options.mode = {Mode::lossy, Coding::smallest, 1e-3};
     options.upstream = MirrorUpstream::events;
-    EXPECT_FALSE(MirrorServer::start(scene, kAnyPort, options));
+    EXPECT_FALSE(MirrorServer::start(scene, test::kAnyPort, options));
 }
 
 }  // namespace

@@ -21,8 +21,6 @@ using test::pollUntil;
 using test::pollUntilAt;
 using test::Stranger;
 
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
-
 struct Served {
     Scene scene, replica;
     NodeId node;
@@ -31,7 +29,7 @@ struct Served {
     std::unique_ptr<MirrorClient> client;
 
     explicit Served(MirrorServerOptions options = {}) {
-        server = *MirrorServer::start(scene, kAnyPort, std::move(options));
+        server = *MirrorServer::start(scene, test::kAnyPort, std::move(options));
         client = *MirrorClient::connect(replica, server->endpoint());
         node = scene.createNode(x3d::Transform::type);
         step();
@@ -187,7 +185,7 @@ TEST(MirrorHostile, ARecordLongerThanAllowedIsRefusedWithBothNumbers) {
     Scene scene, replica;
     for (int i = 0; i < 1000; ++i) ASSERT_TRUE(scene.setName(scene.createNode(x3d::Group::type), std::to_string(i)));
     scene.newFrame(1);
-    auto server = *MirrorServer::start(scene, kAnyPort);
+    auto server = *MirrorServer::start(scene, test::kAnyPort);
     MirrorClientOptions options;
     options.maxRecord = 1000;
     auto client = *MirrorClient::connect(replica, server->endpoint(), options);
@@ -215,7 +213,7 @@ TEST_F(MirrorKeysTest, OnlyThoseOnTheListGetIn) {
     Scene scene;
     MirrorServerOptions serverOptions;
     serverOptions.keys = keys;
-    auto server = *MirrorServer::start(scene, kAnyPort, serverOptions);
+    auto server = *MirrorServer::start(scene, test::kAnyPort, serverOptions);
     scene.createNode(x3d::Transform::type);
     scene.newFrame(1);
 

@@ -18,8 +18,6 @@ using test::eventually;
 using test::pollUntil;
 using test::pollUntilAt;
 
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
-
 /// A socket that takes one client's first message and answers with messages of two parts, then is gone.
 class Leaver {
   public:
@@ -27,7 +25,7 @@ class Leaver {
         const int unbounded = 0, linger = 5000;
         zmq_setsockopt(socket_, ZMQ_SNDHWM, &unbounded, sizeof(unbounded));
         zmq_setsockopt(socket_, ZMQ_LINGER, &linger, sizeof(linger));
-        zmq_bind(socket_, kAnyPort);
+        zmq_bind(socket_, test::kAnyPort);
         char bound[256] = {};
         std::size_t length = sizeof(bound);
         zmq_getsockopt(socket_, ZMQ_LAST_ENDPOINT, bound, &length);
@@ -91,13 +89,13 @@ TEST(MirrorLeaving, ConnectionsThatEndAmongPartsOfMessagesAreSurvivedAndAllThatC
     }
 }
 
-struct Served {
+struct MirroredNode {
     Scene scene, replica;
     NodeId node;
     std::unique_ptr<MirrorServer> server;
     std::unique_ptr<MirrorClient> client;
 
-    explicit Served(MirrorClientOptions options = {}, const std::string& endpoint = kAnyPort) {
+    explicit MirroredNode(MirrorClientOptions options = {}, const std::string& endpoint = test::kAnyPort) {
         auto started = MirrorServer::start(scene, endpoint);
         EXPECT_TRUE(started) << started.error().text;
         server = std::move(*started);
@@ -119,8 +117,8 @@ TEST(MirrorLeaving, LastFramesAndTheGoodbyeReachAMirrorThatDidNotLook) {
     options.timeout = 100ms;  // long over when it looks again: its own silence is not the server's
     const std::string local =
         "ipc://" + (std::filesystem::temp_directory_path() / ("leaving-" + std::to_string(::getpid()))).string();
-    for (const std::string& endpoint : {std::string(kAnyPort), local}) {
-        Served served(options, endpoint);
+    for (const std::string& endpoint : {std::string(test::kAnyPort), local}) {
+        MirroredNode served(options, endpoint);
         served.step(200);
         ASSERT_TRUE(eventually([&] { return served.server->statistics().sequence == served.scene.sequence(); }));
         served.server.reset();
@@ -134,7 +132,7 @@ TEST(MirrorLeaving, LastFramesAndTheGoodbyeReachAMirrorThatDidNotLook) {
 
 /// Frames wait at the server as long as its peer has not said that it has read those before; leaving, it sends them.
 TEST(MirrorLeaving, FramesHeldBackSoAsNotToBeOldOnArrivalAreSentBeforeTheGoodbye) {
-    Served served;
+    MirroredNode served;
     const NodeId points = served.scene.createNode(x3d::Coordinate::type);
     served.scene.newFrame(0.5);
     ASSERT_TRUE(pollUntilAt(*served.client, served.scene));
@@ -154,7 +152,7 @@ TEST(MirrorLeaving, FramesHeldBackSoAsNotToBeOldOnArrivalAreSentBeforeTheGoodbye
 
 TEST(MirrorLeaving, TheLastFrameOfAServerThatEndsAtOnceIsSent) {
     for (int round = 0; round < 4; ++round) {
-        Served served;
+        MirroredNode served;
         served.step(3);
         served.server.reset();
         ASSERT_TRUE(pollUntil(*served.client, [&] { return served.client->serverLeft(); })) << round;
@@ -165,7 +163,7 @@ TEST(MirrorLeaving, TheLastFrameOfAServerThatEndsAtOnceIsSent) {
 TEST(MirrorLeaving, AMirrorThatAskedForFewFramesGetsTheLastOne) {
     MirrorClientOptions options;
     options.framesPerSecond = 0.1;
-    Served served(options);
+    MirroredNode served(options);
     served.step(10);
     served.server.reset();
     ASSERT_TRUE(pollUntil(*served.client, [&] { return served.client->serverLeft(); }));
@@ -174,7 +172,7 @@ TEST(MirrorLeaving, AMirrorThatAskedForFewFramesGetsTheLastOne) {
 }
 
 TEST(MirrorLeaving, NothingSaidToALostServerReachesTheNextOne) {
-    Served served;
+    MirroredNode served;
     const std::string endpoint = served.server->endpoint();
     for (int i = 0; i < 5; ++i) {
         served.server.reset();

@@ -17,8 +17,6 @@ using test::eventually;
 using test::pollUntil;
 using test::pollUntilAt;
 
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
-
 struct Moving {
     Scene scene;
     std::vector<NodeId> nodes;
@@ -28,7 +26,7 @@ struct Moving {
     explicit Moving(int count, MirrorServerOptions options = {}) {
         for (int i = 0; i < count; ++i) nodes.push_back(scene.createNode(x3d::Transform::type));
         scene.newFrame(0);
-        server = *MirrorServer::start(scene, kAnyPort, std::move(options));
+        server = *MirrorServer::start(scene, test::kAnyPort, std::move(options));
     }
     void step() {
         ++frame;

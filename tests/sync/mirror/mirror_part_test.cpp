@@ -15,8 +15,6 @@ using namespace std::chrono_literals;
 using test::pollUntil;
 using test::pollUntilAt;
 
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
-
 /// Two arms, each a chain of transforms with a shape; a clock that drives the left one.
 struct Robot {
     Scene scene;
@@ -45,7 +43,7 @@ struct Robot {
         EXPECT_TRUE(scene.setName(right, "RIGHT"));
         EXPECT_TRUE(scene.set(body, x3d::Transform::translation, Vec3f(0, 1, 0)));
         scene.newFrame(0);
-        server = *MirrorServer::start(scene, kAnyPort, std::move(options));
+        server = *MirrorServer::start(scene, test::kAnyPort, std::move(options));
     }
     void step() { scene.newFrame(++frame); }
 };

@@ -18,8 +18,6 @@ using namespace std::chrono_literals;
 using test::Middleman;
 using test::pollUntil;
 
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
-
 Hash128 sumOfNodes(const Scene& scene) {
     Hash128 sum;
     scene.forEachNode([&](const Node& node) { sum = sum + hashOfNode(scene, node); });
@@ -62,7 +60,7 @@ struct Pair {
         EXPECT_TRUE(origin.setName(nodes.front(), "FIRST"));
         EXPECT_TRUE(origin.setField(origin.root(), x3d::RtsgScene::children.index, children));
         origin.newFrame(0);
-        server = *MirrorServer::start(origin, kAnyPort);
+        server = *MirrorServer::start(origin, test::kAnyPort);
         MirrorClientOptions options;
         options.scrub = scrub;
         options.onDivergence = [this](const Divergence& d) { found.push_back(d); };
@@ -189,7 +187,7 @@ TEST(MirrorRepair, EditsByTheReplicasOwnerAreNamedAndUndone) {
 /// Bends the first value of one frame on its way, with a checksum that fits: only the state hash can tell.
 TEST(MirrorRepair, AValueBentOnTheWayIsNoticedByItsFrameAndRepaired) {
     Scene scene;
-    auto server = *MirrorServer::start(scene, kAnyPort);
+    auto server = *MirrorServer::start(scene, test::kAnyPort);
     std::atomic<bool> bend{false};
     Middleman middle(server->endpoint(), [&](bool toClient, Middleman::Parts& parts) {
         if (!toClient || parts.size() != 2 || parts[0][5] != 17 || !bend.exchange(false)) return true;
@@ -264,7 +262,7 @@ TEST(MirrorRepair, NodesNamesAndRoutesThatAreMissingOrTooManyAreRepaired) {
 
 TEST(MirrorRepair, ARelaysSubscribersAndReplicasAreRepairedWithIt) {
     Pair pair(200);
-    auto relay = *MirrorServer::start(pair.replica, kAnyPort);
+    auto relay = *MirrorServer::start(pair.replica, test::kAnyPort);
     Scene leafScene;
     auto leaf = *MirrorClient::connect(leafScene, relay->endpoint());
     const auto settle = [&] {

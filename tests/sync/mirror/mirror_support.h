@@ -19,6 +19,7 @@ using namespace std::chrono_literals;
 
 /// Generous: only a failing test ever waits this long.
 constexpr auto kPatience = 60s;
+constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
 
 inline bool eventually(const std::function<bool()>& condition) {
     const auto end = std::chrono::steady_clock::now() + kPatience;

@@ -21,8 +21,6 @@ using test::Middleman;
 using test::pollUntil;
 using test::pollUntilAt;
 
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
-
 /// A scene that changes, and its server.
 struct Origin {
     Scene scene;
@@ -30,11 +28,11 @@ struct Origin {
     std::unique_ptr<MirrorServer> server;
     int frame = 0;
 
-    explicit Origin(std::uint64_t seed, MirrorServerOptions options = {}, const std::string& endpoint = kAnyPort)
+    explicit Origin(std::uint64_t seed, MirrorServerOptions options = {}, const std::string& endpoint = test::kAnyPort)
         : edits(scene, seed) {
         serve(options, endpoint);
     }
-    void serve(MirrorServerOptions options = {}, const std::string& endpoint = kAnyPort) {
+    void serve(MirrorServerOptions options = {}, const std::string& endpoint = test::kAnyPort) {
         auto started = MirrorServer::start(scene, endpoint, std::move(options));
         EXPECT_TRUE(started) << started.error().text;
         if (started) server = std::move(*started);
@@ -286,7 +284,7 @@ TEST(MirrorFault, BeyondTheHistoryAForgottenClientGetsASnapshot) {
 
 TEST(MirrorSlow, ASlowPeerGetsMergedSetsAndTheOthersEveryFrame) {
     Scene scene;
-    auto server = *MirrorServer::start(scene, kAnyPort);
+    auto server = *MirrorServer::start(scene, test::kAnyPort);
     MirrorClientOptions narrow;
     narrow.window = 64 << 10;
     Replica slow(server->endpoint(), narrow), fast(server->endpoint());
@@ -314,7 +312,7 @@ TEST(MirrorTree, AReplicaServesFurtherReplicasThroughARestartOfTheOrigin) {
     auto origin = std::make_unique<Origin>(41);
     const std::string endpoint = origin->server->endpoint();
     Replica relay(endpoint);
-    auto relayServer = *MirrorServer::start(relay.scene, kAnyPort);
+    auto relayServer = *MirrorServer::start(relay.scene, test::kAnyPort);
     Replica leaf(relayServer->endpoint());
     const auto settle = [&] {
         return pollUntil(*leaf.client, [&] {

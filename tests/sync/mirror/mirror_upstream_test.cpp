@@ -12,15 +12,13 @@ using namespace std::chrono_literals;
 using test::Middleman;
 using test::pollUntil;
 
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
-
-struct Origin {
+struct EditedOrigin {
     Scene scene;
     std::unique_ptr<MirrorServer> server;
     NodeId box, toggle, group;
     int frame = 0;
 
-    explicit Origin(MirrorUpstream upstream, const std::string& endpoint = kAnyPort) {
+    explicit EditedOrigin(MirrorUpstream upstream, const std::string& endpoint = test::kAnyPort) {
         box = scene.createNode(x3d::Transform::type);
         toggle = scene.createNode(x3d::BooleanToggle::type);
         group = scene.createNode(x3d::Group::type);
@@ -38,13 +36,13 @@ struct Origin {
     }
 };
 
-struct Replica {
+struct EditingReplica {
     Scene scene;
     std::unique_ptr<MirrorClient> client;
     std::vector<MirrorVerdict> verdicts;
 
-    explicit Replica(const std::string& endpoint) { client = *MirrorClient::connect(scene, endpoint); }
-    bool settle(Origin& origin, std::size_t answers) {
+    explicit EditingReplica(const std::string& endpoint) { client = *MirrorClient::connect(scene, endpoint); }
+    bool settle(EditedOrigin& origin, std::size_t answers) {
         return pollUntil(*client, [&] {
             origin.turn();
             client->poll(2ms);
@@ -70,8 +68,8 @@ Change change(ChangeKind kind, NodeId node, FieldIndex field = kNoField, Value v
 }
 
 TEST(MirrorUpstream, AnEditComesBackToEveryReplica) {
-    Origin origin(MirrorUpstream::edits);
-    Replica first(origin.server->endpoint()), second(origin.server->endpoint());
+    EditedOrigin origin(MirrorUpstream::edits);
+    EditingReplica first(origin.server->endpoint()), second(origin.server->endpoint());
     const auto request = first.client->submitEdit(origin.box, x3d::Transform::translation.index, Vec3f(1, 2, 3));
     ASSERT_TRUE(request);
     EXPECT_EQ(first.client->unanswered(), 1u);
@@ -94,8 +92,8 @@ TEST(MirrorControl, IsAnsweredOnceInOrderAndNeverCut) {
         EXPECT_FALSE(alone->control("pause")) << "there is no connection";
     }
     for (const MirrorUpstream upstream : {MirrorUpstream::none, MirrorUpstream::events}) {
-        Origin origin(upstream);
-        Replica replica(origin.server->endpoint());
+        EditedOrigin origin(upstream);
+        EditingReplica replica(origin.server->endpoint());
         ASSERT_TRUE(test::pollUntilAt(*replica.client, origin.scene));
         std::vector<std::string> asked, replies;
         const auto answered = [&](std::size_t count) {
@@ -128,8 +126,8 @@ TEST(MirrorControl, IsAnsweredOnceInOrderAndNeverCut) {
 }
 
 TEST(MirrorUpstream, EventsRunTheOriginsCascadeAndMayBeAllThatIsAllowed) {
-    Origin origin(MirrorUpstream::events);
-    Replica replica(origin.server->endpoint());
+    EditedOrigin origin(MirrorUpstream::events);
+    EditingReplica replica(origin.server->endpoint());
     ASSERT_TRUE(replica.client->submitEvent(origin.toggle, x3d::BooleanToggle::set_boolean.index, true));
     ASSERT_TRUE(replica.client->submitEdit(origin.box, x3d::Transform::scale.index, Vec3f(2, 2, 2)));
     ASSERT_TRUE(replica.settle(origin, 2));
@@ -141,8 +139,8 @@ TEST(MirrorUpstream, EventsRunTheOriginsCascadeAndMayBeAllThatIsAllowed) {
 }
 
 TEST(MirrorUpstream, WithoutPermissionNothingIsCarriedOutAndTheReasonNamed) {
-    Origin origin(MirrorUpstream::none);
-    Replica replica(origin.server->endpoint());
+    EditedOrigin origin(MirrorUpstream::none);
+    EditingReplica replica(origin.server->endpoint());
     ASSERT_TRUE(replica.client->submitEvent(origin.toggle, x3d::BooleanToggle::set_boolean.index, true));
     ASSERT_TRUE(replica.settle(origin, 1));
     EXPECT_NE(replica.verdicts[0].refusal.find("may only follow"), std::string::npos);
@@ -150,8 +148,8 @@ TEST(MirrorUpstream, WithoutPermissionNothingIsCarriedOutAndTheReasonNamed) {
 }
 
 TEST(MirrorUpstream, NodesGetTheirNumbersFromTheOrigin) {
-    Origin origin(MirrorUpstream::edits);
-    Replica replica(origin.server->endpoint());
+    EditedOrigin origin(MirrorUpstream::edits);
+    EditingReplica replica(origin.server->endpoint());
     const NodeId shape = replica.client->newNode(), geometry = replica.client->newNode();
     Change createShape = change(ChangeKind::createNode, shape), createBox = change(ChangeKind::createNode, geometry);
     createShape.index = x3d::Shape::type.value;
@@ -175,8 +173,8 @@ TEST(MirrorUpstream, NodesGetTheirNumbersFromTheOrigin) {
 }
 
 TEST(MirrorUpstream, ARequestIsCheckedWhollyBeforeAnythingIsDone) {
-    Origin origin(MirrorUpstream::edits);
-    Replica replica(origin.server->endpoint());
+    EditedOrigin origin(MirrorUpstream::edits);
+    EditingReplica replica(origin.server->endpoint());
     const auto good = change(ChangeKind::setField, origin.box, x3d::Transform::translation.index, Vec3f(9, 9, 9));
     const std::vector<std::pair<Change, std::string>> bad = {
         {change(ChangeKind::setField, NodeId{99999}, 0, Vec3f()), "no node 99999"},
@@ -202,8 +200,8 @@ TEST(MirrorUpstream, ARequestIsCheckedWhollyBeforeAnythingIsDone) {
 }
 
 TEST(MirrorUpstream, TooLongARequestIsRefusedHere) {
-    Origin origin(MirrorUpstream::edits);
-    Replica replica(origin.server->endpoint());
+    EditedOrigin origin(MirrorUpstream::edits);
+    EditingReplica replica(origin.server->endpoint());
     const auto tooLong =
         replica.client->submitEdit(origin.box, x3d::Transform::translation.index, Array<Vec3f>::ofSize(200000));
     ASSERT_FALSE(tooLong);
@@ -221,7 +219,7 @@ TEST(MirrorUpstream, TooLongARequestIsRefusedHere) {
 
 /// Each request adds a child. Whatever is cut and repeated: each is there once.
 TEST(MirrorUpstream, NothingIsLostOrDoubledWhenMessagesAreDropped) {
-    Origin origin(MirrorUpstream::edits);
+    EditedOrigin origin(MirrorUpstream::edits);
     std::atomic<int> passed{0};
     Middleman middle(origin.server->endpoint(), [&](bool toClient, Middleman::Parts& parts) {
         const int type = parts[0].size() > 5 ? parts[0][5] : 0;
@@ -229,7 +227,7 @@ TEST(MirrorUpstream, NothingIsLostOrDoubledWhenMessagesAreDropped) {
         if (toClient && type == 22) return ++passed % 4 != 0;  // verdicts
         return true;
     });
-    Replica replica(middle.endpoint);
+    EditingReplica replica(middle.endpoint);
     constexpr int kRequests = 12;
     for (int i = 0; i < kRequests; ++i) {
         const NodeId node = replica.client->newNode();
@@ -251,14 +249,14 @@ TEST(MirrorUpstream, NothingIsLostOrDoubledWhenMessagesAreDropped) {
 }
 
 TEST(MirrorUpstream, AnotherRunOfTheServerSaysThatRequestsAreLost) {
-    auto origin = std::make_unique<Origin>(MirrorUpstream::edits);
+    auto origin = std::make_unique<EditedOrigin>(MirrorUpstream::edits);
     const std::string endpoint = origin->server->endpoint();
-    Replica replica(endpoint);
+    EditingReplica replica(endpoint);
     ASSERT_TRUE(test::pollUntilAt(*replica.client, origin->scene));
     origin.reset();
     pollUntil(*replica.client, [&] { return !replica.client->inStep(); });
     ASSERT_TRUE(replica.client->submitEdit(NodeId{2}, x3d::Transform::translation.index, Vec3f(1, 1, 1)));
-    Origin second(MirrorUpstream::edits, endpoint);
+    EditedOrigin second(MirrorUpstream::edits, endpoint);
     ASSERT_TRUE(replica.settle(second, 1));
     EXPECT_NE(replica.verdicts[0].refusal.find("started over"), std::string::npos);
     EXPECT_EQ(second.scene.node(second.box).get(x3d::Transform::translation), Vec3f(0, 0, 0));

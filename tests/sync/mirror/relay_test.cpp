@@ -12,8 +12,6 @@ namespace {
 using namespace std::chrono_literals;
 using test::pollUntil;
 
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
-
 /// An origin, a relay that follows it, and a leaf that follows the relay.
 struct Chain {
     Scene origin, middle, end;
@@ -32,8 +30,8 @@ struct Chain {
         MirrorServerOptions options, relayed;
         options.upstream = atOrigin;
         relayed.upstream = atRelay;
-        server = *MirrorServer::start(origin, kAnyPort, options);
-        relay = *MirrorRelay::connect(middle, server->endpoint(), kAnyPort, {}, relayed);
+        server = *MirrorServer::start(origin, test::kAnyPort, options);
+        relay = *MirrorRelay::connect(middle, server->endpoint(), test::kAnyPort, {}, relayed);
         EXPECT_TRUE(test::eventually([&] {
             EXPECT_TRUE(relay->poll());
             return relay->server() != nullptr;

@@ -24,7 +24,6 @@ namespace {
 using namespace std::chrono_literals;
 using test::eventually;
 
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
 const std::string kPng("\x89PNG\r\n\x1a\n and so on", 18);
 
 /// One TCP connection; reads until it has what it waits for, or the peer ends it.
@@ -148,7 +147,7 @@ struct Served {
         write("scene/sign.png", kPng);
         write("scene/sign.txt", "no picture");
         write("outside.png", kPng);
-        server = *MirrorServer::start(scene, kAnyPort);
+        server = *MirrorServer::start(scene, test::kAnyPort);
         options.endpoint = server->endpoint();
         options.folder = folder.path();
         auto started = WebGateway::start(options);
@@ -302,7 +301,7 @@ TEST(WebGateway, BeyondThisMachineATokenIsMadeUp) {
     WebGatewayOptions options;
     options.listen = "0.0.0.0:0";
     Scene scene;
-    const auto server = *MirrorServer::start(scene, kAnyPort);
+    const auto server = *MirrorServer::start(scene, test::kAnyPort);
     options.endpoint = server->endpoint();
     test::TempFolder folder;
     std::filesystem::create_directory(folder.path() / "page");
