@@ -60,7 +60,10 @@ struct MirrorServer::Encoder {
 };
 
 MirrorServer::MirrorServer(Scene& scene, std::shared_ptr<Shared> shared)
-    : scene_(scene), shared_(std::move(shared)), encoder_(std::make_unique<Encoder>(shared_->options.mode)) {}
+    : scene_(scene),
+      shared_(std::move(shared)),
+      encoder_(std::make_unique<Encoder>(shared_->options.mode)),
+      pointers_(std::make_unique<mirror::HeldPointers>()) {}
 
 Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const std::string& endpoint,
                                                           MirrorServerOptions options) {
@@ -196,10 +199,12 @@ Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
 void MirrorServer::service() {
     std::vector<mirror::Submission> submissions;
     std::vector<Shared::Control> controls;
+    std::vector<std::uint64_t> left;
     {
         const std::scoped_lock lock(shared_->mutex);
         submissions.swap(shared_->submissions);
         controls.swap(shared_->controls);
+        left.swap(shared_->left);
         shared_->submittedBytes = 0;
     }
     const bool any = !submissions.empty() || !controls.empty();
@@ -211,8 +216,10 @@ void MirrorServer::service() {
     if (forward_) {
         pass(submissions);
     } else {
-        for (const mirror::Submission& submission : submissions) shared_->answer(mirror::carryOut(scene_, submission));
+        for (const mirror::Submission& submission : submissions)
+            shared_->answer(mirror::carryOut(scene_, submission, *pointers_));
     }
+    for (const std::uint64_t client : left) letGo(client);
     if (any) shared_->awaken();
     if (!shared_->wantSnapshot) return;
     scene_.seal();  // publishes what is pending, and with it the snapshot
@@ -233,14 +240,23 @@ void MirrorServer::pass(const std::vector<mirror::Submission>& submissions) {
         mirror::Verdict verdict{submission.client, submission.request, scene_.sequence(), {}, {}};
         if (auto changes = mirror::examine(scene_, submission); !changes) {
             verdict.refusal = changes.error().text;
-        } else if (const auto number = forward_(std::move(*changes)); !number) {
+        } else if (const auto number = forward_(*changes); !number) {
             verdict.refusal = number.error().text;
         } else {
+            for (const Change& change : *changes) pointers_->saw(scene_, submission.client, change);
             forwarded_[*number] = {submission.client, submission.request};
             continue;
         }
         shared_->answer(std::move(verdict));
     }
+}
+
+/// What the pointers of a peer that is gone held would be held for ever.
+void MirrorServer::letGo(std::uint64_t client) {
+    std::vector<Change> events = pointers_->leave(scene_, client);
+    if (events.empty()) return;
+    if (forward_) return (void)forward_(std::move(events));  // if the origin is gone as well, it lets go of all of ours
+    for (const Change& event : events) (void)scene_.sendEvent(event.node, event.field, event.value);
 }
 
 void MirrorServer::answer(const MirrorVerdict& verdict) {

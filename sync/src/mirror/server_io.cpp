@@ -328,6 +328,19 @@ void MirrorServer::Io::tick(Clock::time_point now) {
         }
         p = gone ? peers_.erase(p) : ++p;
     }
+    noticeWhoLeft();
+}
+
+void MirrorServer::Io::noticeWhoLeft() {
+    if (submitters_.empty()) return;
+    std::set<std::uint64_t> here;
+    for (const auto& [identity, peer] : peers_) here.insert(peer.client);
+    const std::scoped_lock lock(shared_->mutex);
+    std::erase_if(submitters_, [&](std::uint64_t client) {
+        if (here.contains(client)) return false;
+        shared_->left.push_back(client);
+        return true;
+    });
 }
 
 bool MirrorServer::Io::sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body) {

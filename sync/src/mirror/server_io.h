@@ -10,6 +10,7 @@
 #include <deque>
 #include <map>
 #include <mutex>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -56,6 +57,7 @@ struct MirrorServer::Shared {
     bool heldUp = false;  // a peer that may hold the scene up is behind
     std::vector<Item> inbox;
     std::vector<mirror::Submission> submissions;
+    std::vector<std::uint64_t> left;  // clients that sent some, and are gone
     std::uint64_t submittedBytes = 0;
     std::vector<mirror::Verdict> verdicts;
     std::vector<Control> controls, replies;
@@ -146,6 +148,7 @@ class MirrorServer::Io {
     void reply(const Shared::Control& control);
     void restart();
     void tick(Clock::time_point now);
+    void noticeWhoLeft();
     /// How long the thread may sleep.
     std::chrono::milliseconds patience() const;
     void askForKeyframe(std::uint32_t part);
@@ -185,6 +188,7 @@ class MirrorServer::Io {
     std::uint32_t nextPart_ = 1;
     MirrorShadow shadow_;
     mirror::RequestLedger ledger_;
+    std::set<std::uint64_t> submitters_;  // clients that are here and sent requests
     Peers peers_;
     bool toldLost_ = false;  // what peers have been told of the origin
     bool leaving_ = false;   // only what peers have read, and their answers to goodbyes, count

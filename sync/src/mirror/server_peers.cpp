@@ -246,6 +246,7 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
         if (shared_->submittedBytes + whole.record.size() <= mirror::kMostSubmitted &&
             ledger_.begin(peer.client, request)) {
             shared_->submittedBytes += whole.record.size();
+            submitters_.insert(peer.client);
             shared_->submissions.push_back(std::move(whole));
             return;
         }

@@ -262,7 +262,7 @@ Result<std::vector<Change>> examine(Scene& scene, const Submission& submission) 
     return std::move(set.changes);
 }
 
-Verdict carryOut(Scene& scene, const Submission& submission) {
+Verdict carryOut(Scene& scene, const Submission& submission, HeldPointers& pointers) {
     Verdict verdict;
     verdict.client = submission.client;
     verdict.request = submission.request;
@@ -281,6 +281,7 @@ Verdict carryOut(Scene& scene, const Submission& submission) {
             break;
         }
         begun = true;
+        pointers.saw(scene, submission.client, change);
         events = events || change.kind == ChangeKind::event;
     }
     scene.seal();  // edits go out at once; events with the next frame

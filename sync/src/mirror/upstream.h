@@ -17,6 +17,7 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/mirror_keys.h>
 
+#include "held_pointers.h"
 #include "message.h"
 
 namespace rtsg::mirror {
@@ -47,7 +48,7 @@ struct Verdict {
 /// it may not be.
 Result<std::vector<Change>> examine(Scene& scene, const Submission& submission);
 /// On the scene's thread, between frames.
-Verdict carryOut(Scene& scene, const Submission& submission);
+Verdict carryOut(Scene& scene, const Submission& submission, HeldPointers& pointers);
 
 /// A submission that comes in parts.
 struct Assembly {

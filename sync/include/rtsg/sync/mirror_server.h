@@ -35,8 +35,9 @@
 namespace rtsg {
 
 namespace mirror {
+class HeldPointers;
 struct Submission;
-}
+}  // namespace mirror
 
 /// What becomes of a peer that falls behind by more than its window.
 enum class MirrorWhenSlow : std::uint8_t {
@@ -114,7 +115,8 @@ class MirrorServer : public Subscriber {
     std::vector<Diagnostic> takeDiagnostics();
 
     /// Carries out what peers have sent, between frames. Call it once a frame, and now and then while the scene stands
-    /// still. Takes a snapshot if the server's replica could not keep up and was given up (statistics: stalls).
+    /// still. Pointers of peers that are gone let go of what they held. Takes a snapshot if the server's replica could
+    /// not keep up and was given up (statistics: stalls).
     void service();
 
     /// service() asks it what peers that may send events have asked a player of a log for, as LogPlayer::command(); its
@@ -148,6 +150,7 @@ class MirrorServer : public Subscriber {
     void encodeInput(const ChangeSet& changes, EncodedRecord& record);
     void waitForThoseWhoBlock();
     void pass(const std::vector<mirror::Submission>& submissions);
+    void letGo(std::uint64_t client);
 
     Scene& scene_;
     std::shared_ptr<Shared> shared_;
@@ -156,6 +159,7 @@ class MirrorServer : public Subscriber {
     Forward forward_;
     Controller controller_;
     std::map<std::uint64_t, std::pair<std::uint64_t, std::uint64_t>> forwarded_;  // to client and request
+    std::unique_ptr<mirror::HeldPointers> pointers_;
     Attachment attachment_;
 };
 

@@ -1,0 +1,145 @@
+// Pointers of peers that leave: what they held is let go of, what others hold is not.
+#include <gtest/gtest.h>
+
+#include <rtsg/core/device_input.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/sync/mirror_relay.h>
+
+#include "mirror_support.h"
+
+namespace rtsg {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// A TouchSensor beside a Shape, served to peers that may send events.
+struct TouchedOrigin {
+    Scene scene;
+    NodeId group, sensor, shape;
+    std::unique_ptr<MirrorServer> server;
+    double time = 0;
+
+    TouchedOrigin() {
+        group = scene.createNode(x3d::Group::type);
+        sensor = scene.createNode(x3d::TouchSensor::type);
+        shape = scene.createNode(x3d::Shape::type);
+        EXPECT_TRUE(scene.setField(group, x3d::Group::children.index, Array<NodeId>{sensor, shape}));
+        EXPECT_TRUE(scene.setField(scene.root(), x3d::RtsgScene::children.index, Array<NodeId>{group}));
+        scene.newFrame(time);
+        MirrorServerOptions options;
+        options.upstream = MirrorUpstream::events;
+        options.heartbeat = 20ms;
+        options.peerTimeout = 500ms;
+        server = *MirrorServer::start(scene, test::kAnyPort, options);
+    }
+    void turn() {
+        server->service();
+        scene.newFrame(time += .1);
+    }
+    bool isActive() const { return scene.node(sensor).get(x3d::TouchSensor::isActive); }
+    bool isOver() const { return scene.node(sensor).get(x3d::TouchSensor::isOver); }
+    /// No SpaceQueries here: whoever sends the pointer says what it is over.
+    Value pointer(std::int32_t device, std::uint32_t buttons) const {
+        PointerInput input;
+        input.device = device;
+        input.buttons = buttons;
+        input.hit = PointerHit{{0, 0, 1}, {0, 0, 1}, {0, 0}, {group, shape}};
+        return Value(input.toValue());
+    }
+};
+
+struct PointingPeer {
+    Scene scene;
+    std::unique_ptr<MirrorClient> client;
+
+    explicit PointingPeer(const std::string& endpoint) : client(*MirrorClient::connect(scene, endpoint)) {
+        EXPECT_TRUE(test::pollUntil(*client, [this] { return client->inStep(); }));
+    }
+    /// Until the origin has answered; `turn` is a frame of the origin, and of what is between.
+    void send(const TouchedOrigin& origin, const Value& pointer, const std::function<void()>& turn) {
+        ASSERT_TRUE(client->submitEvent(scene.root(), x3d::RtsgScene::pointer.index, pointer));
+        ASSERT_TRUE(test::pollUntil(*client, [&] {
+            turn();
+            return client->unanswered() == 0;
+        }));
+        for (const MirrorVerdict& verdict : client->takeVerdicts()) EXPECT_EQ(verdict.refusal, "");
+        ASSERT_TRUE(test::pollUntilAt(*client, origin.scene));
+    }
+};
+
+TEST(HeldPointers, OfAPeerThatLeavesLetGo) {
+    TouchedOrigin origin;
+    const auto turn = [&] { origin.turn(); };
+    auto peer = std::make_unique<PointingPeer>(origin.server->endpoint());
+    peer->send(origin, origin.pointer(7, 0), turn);
+    peer->send(origin, origin.pointer(7, PointerInput::kPrimary), turn);
+    ASSERT_TRUE(origin.isActive());
+    ASSERT_TRUE(origin.isOver());
+    for (int i = 0; i < 20; ++i) turn();
+    EXPECT_TRUE(origin.isActive()) << "while the peer is there";
+    peer.reset();
+    EXPECT_TRUE(test::eventually([&] {
+        turn();
+        return !origin.isActive() && !origin.isOver();
+    }));
+}
+
+TEST(HeldPointers, OfAPeerThatIsSilentForTooLongLetGo) {
+    TouchedOrigin origin;
+    const auto turn = [&] { origin.turn(); };
+    std::atomic<bool> cut{false};
+    test::Middleman middle(origin.server->endpoint(), [&](bool, test::Middleman::Parts&) { return !cut; });
+    PointingPeer peer(middle.endpoint);
+    peer.send(origin, origin.pointer(7, PointerInput::kPrimary), turn);
+    ASSERT_TRUE(origin.isOver());
+    cut = true;
+    EXPECT_TRUE(test::eventually([&] {
+        turn();
+        return !origin.isOver();
+    }));
+    EXPECT_EQ(origin.server->statistics().lost, 1u);
+}
+
+TEST(HeldPointers, ThatSomebodyElseHasTakenOverStay) {
+    TouchedOrigin origin;
+    const auto turn = [&] { origin.turn(); };
+    auto first = std::make_unique<PointingPeer>(origin.server->endpoint());
+    PointingPeer second(origin.server->endpoint());
+    first->send(origin, origin.pointer(7, 0), turn);
+    first->send(origin, origin.pointer(7, PointerInput::kPrimary), turn);
+    second.send(origin, origin.pointer(7, PointerInput::kPrimary), turn);
+    first.reset();
+    ASSERT_TRUE(test::eventually([&] {
+        turn();
+        second.client->poll(1ms);
+        return origin.server->statistics().peers == 1;
+    }));
+    for (int i = 0; i < 20; ++i) {
+        turn();
+        second.client->poll(2ms);
+    }
+    EXPECT_TRUE(origin.isActive());
+}
+
+TEST(HeldPointers, OfALeafOfARelayLetGoAtTheOrigin) {
+    TouchedOrigin origin;
+    Scene middle;
+    MirrorServerOptions relayed;
+    relayed.upstream = MirrorUpstream::events;
+    const auto relay = *MirrorRelay::connect(middle, origin.server->endpoint(), test::kAnyPort, {}, relayed);
+    const auto turn = [&] {
+        origin.turn();
+        EXPECT_TRUE(relay->poll());
+    };
+    ASSERT_TRUE(test::eventually([&] { return turn(), relay->server() != nullptr; }));
+    {
+        PointingPeer leaf(relay->server()->endpoint());
+        leaf.send(origin, origin.pointer(7, 0), turn);
+        leaf.send(origin, origin.pointer(7, PointerInput::kPrimary), turn);
+        ASSERT_TRUE(origin.isActive());
+    }
+    EXPECT_TRUE(test::eventually([&] { return turn(), !origin.isActive() && !origin.isOver(); }));
+}
+
+}  // namespace
+}  // namespace rtsg
