@@ -16,6 +16,7 @@
 #include <rtsg/sync/dictionary.h>
 #include <rtsg/sync/log_compact.h>
 #include <rtsg/sync/lossy_scene.h>
+#include <rtsg/sync/scene_file.h>
 
 #include "support/log_support.h"
 #include "test_paths.h"
@@ -229,6 +230,47 @@ void writeMerged(const fs::path& file) {
     ASSERT_TRUE((*log)->close());
 }
 
+/// A scene file: arrays of each type that is packed, in more blocks than one, with numbers that are no decimals.
+void writeArrays(const fs::path& file) {
+    Scene scene;
+    const auto add = [&](auto type, auto field, auto array) {
+        const NodeId node = scene.createNode(type);
+        EXPECT_TRUE(scene.set(node, field, array));
+        EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, node));
+    };
+    Array<Vec3f> points;
+    Array<std::int32_t> index;
+    Array<float> odd;
+    Array<Rotation> turns;
+    for (int i = 0; i < 1500; ++i) {
+        points.push_back(Vec3f(static_cast<float>(i % 40) / 8, std::sin(static_cast<float>(i)), i % 7 ? .1f : -0.f));
+        for (const int corner : {i, i + 1, i + 40, -1}) index.push_back(corner);
+    }
+    for (int i = 0; i < 40; ++i)
+        odd.push_back(i == 3    ? std::numeric_limits<float>::infinity()
+                      : i == 21 ? std::numeric_limits<float>::quiet_NaN()
+                      : i == 30 ? 1e30f
+                                : static_cast<float>(i) / 100);
+    for (int i = 0; i < 9; ++i) turns.push_back(Rotation{0, 1, 0, static_cast<float>(i) / 3});
+    const NodeId faces = scene.createNode(x3d::IndexedFaceSet::type), shape = scene.createNode(x3d::Shape::type);
+    const NodeId coordinate = scene.createNode(x3d::Coordinate::type), color = scene.createNode(x3d::ColorRGBA::type);
+    const NodeId texture = scene.createNode(x3d::TextureCoordinate::type);
+    EXPECT_TRUE(scene.set(coordinate, x3d::Coordinate::point, points));
+    EXPECT_TRUE(scene.set(color, x3d::ColorRGBA::color, Array<ColorRGBA>{{1, .5f, .25f, 1}, {0, .2f, .4f, .6f}}));
+    EXPECT_TRUE(scene.set(texture, x3d::TextureCoordinate::point, Array<Vec2f>{{0, 0}, {.333f, 1}, {1, -2.5f}}));
+    EXPECT_TRUE(scene.set(faces, x3d::IndexedFaceSet::coordIndex, index));
+    EXPECT_TRUE(scene.set(faces, x3d::IndexedFaceSet::coord, coordinate));
+    EXPECT_TRUE(scene.set(faces, x3d::IndexedFaceSet::color, color));
+    EXPECT_TRUE(scene.set(faces, x3d::IndexedFaceSet::texCoord, texture));
+    EXPECT_TRUE(scene.set(shape, x3d::Shape::geometry, faces));
+    EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, shape));
+    add(x3d::ScalarInterpolator::type, x3d::ScalarInterpolator::keyValue, odd);
+    add(x3d::OrientationInterpolator::type, x3d::OrientationInterpolator::keyValue, turns);
+    add(x3d::ColorInterpolator::type, x3d::ColorInterpolator::keyValue, Array<Color>{{1, 0, .1f}, {.7f, 1e-9f, 2}});
+    scene.newFrame(1);
+    ASSERT_TRUE(writeSceneFile(scene, file));
+}
+
 /// Bytes flipped in a frame, in a head and in a keyframe; the end cut off.
 void writeDamaged(const fs::path& file, const fs::path& whole) {
     std::string bytes = readAll(whole);
@@ -259,6 +301,7 @@ void writeSet(const fs::path& folder) {
     writeMotion(folder / "smallest.rlog", 0x3003, Coding::smallest, false);
     writeMotion(folder / "lossy.rlog", 0x3004, Coding::smallest, true);
     writeMerged(folder / "merged.rlog");
+    writeArrays(folder / "arrays.rlog");
     writeDamaged(folder / "damaged.rlog", folder / "edits.rlog");
     for (const auto& entry : fs::directory_iterator(folder))
         if (entry.path().extension() == ".rlog")
@@ -274,7 +317,7 @@ TEST(Conformance, TheSetCanBeWritten) {
     writeSet(folder);
     std::size_t logs = 0;
     for (const auto& entry : fs::directory_iterator(folder)) logs += entry.path().extension() == ".rlog";
-    EXPECT_EQ(logs, 10u);
+    EXPECT_EQ(logs, 11u);
     fs::remove_all(folder);
 }
 
@@ -289,7 +332,7 @@ TEST(Conformance, LogsOfTheSetAreReadAsExpected) {
         const std::string expected = readAll(fs::path(entry.path()).replace_extension(".json"));
         EXPECT_EQ(expectedOf(entry.path()), expected);
     }
-    EXPECT_EQ(logs, 10u);
+    EXPECT_EQ(logs, 11u);
 }
 
 /// As they were in November 2026: whoever changes these changes what logs of users are verified with.

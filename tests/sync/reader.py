@@ -3,7 +3,7 @@
 record, what bytes are damaged, and at the end a summary with the last value of every field of every node.
 usage: reader.py LOG [--values]"""
 import json, struct, sys
-import prediction
+import packed_arrays, prediction
 
 M64 = (1 << 64) - 1
 SECRET = bytes.fromhex(
@@ -125,6 +125,8 @@ def read_changes(payload, types, state, memory):
                 start, values[node, field] = b.at, b.value(kind_of_value)
                 if memory and kind_of_value in prediction.LANES:
                     memory.raw(node, field, kind_of_value, b.data[start:b.at])
+            for node in [node := b.node(node) for _ in range(count)] if coding == 3 else []:
+                values[node, field] = packed_arrays.value(b, kind_of_value)
             if coding in (1, 2):
                 values.update({(n, field): v for n, v in memory.column(b, count, coding, kind_of_value, field)})
                 counts["predicted"] = counts.get("predicted", 0) + count

@@ -5,6 +5,7 @@
 import {FormatError, Reader, addDelta} from './reader.js';
 import {Memory} from './prediction.js';
 import {readType} from './types.js';
+import {readPacked} from './arrays.js';
 import {fixedSize, lanesOf, readHashBytes, MFNODE, SFNODE, isKnown} from './values.js';
 
 const kMostChanges = 1 << 26;
@@ -96,10 +97,10 @@ export class Decoder {
     const coding = b.u8();
     b.u8();  // where it came from
     const type = b.u8(), field = b.varint();
-    if (coding > 2) return;  // of a later version
+    if (coding > 3) return;  // of a later version
     if (!isKnown(type) || type === SFNODE || type === MFNODE) throw new FormatError(`a column of value type ${type}`);
     const lanes = lanesOf(type);
-    if (coding > 0) {
+    if (coding === 1 || coding === 2) {
       if (!this.remembers) throw new FormatError('foretold values in a record that has none');
       const {nodes, words} = this.memory.column(b, count, coding, type, field);
       sink.setWords(nodes, field, type, lanes, words);
@@ -108,6 +109,10 @@ export class Decoder {
     if (count > b.left) throw new FormatError(`${count} values in ${b.left} bytes`);
     const nodes = new Uint32Array(count);
     for (let i = 0, node = 0; i < count; ++i) nodes[i] = node = b.node(node);
+    if (coding === 3) {
+      for (let i = 0; i < count; ++i) sink.setBytes(nodes[i], field, type, readPacked(b, type));
+      return;
+    }
     if (lanes) {
       const words = new Int32Array(b.take(count * fixedSize(type)).slice().buffer);
       if (this.remembers) for (let i = 0; i < count; ++i) this.memory.remember(nodes[i], field, type, words, i * lanes);

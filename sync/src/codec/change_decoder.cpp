@@ -9,6 +9,7 @@
 #include "column_codec.h"
 #include "column_rows.h"
 #include "origin_hash.h"
+#include "packed_arrays.h"
 #include "type_mapping.h"
 #include "wire.h"
 
@@ -199,6 +200,17 @@ void readColumn(Reader& in, std::size_t count, FieldIndex field, bool external, 
         readFixed<T>(in, count, field, external, set);
 }
 
+void readPackedColumn(Reader& in, std::size_t count, const wire::ColumnHead& head, ChangeSet& set) {
+    const std::size_t first = set.changes.size();
+    std::uint32_t last = 0;
+    for (std::size_t i = 0; i < count && !in.problem; ++i) {
+        last = in.delta(last);
+        set.changes.push_back(blankChange(ChangeKind::setField, NodeId{last}, head.field, head.external));
+    }
+    for (std::size_t i = first; i < set.changes.size() && !in.problem; ++i)
+        set.changes[i].value = wire::readPacked(in, head.type);
+}
+
 /// More fields than this in one stream's memory are taken for an attack.
 constexpr std::size_t kMostFields = std::size_t{1} << 22;
 /// Up to here the memory of a set doubles, as it grows from record to record; beyond, it is just what is needed.
@@ -214,7 +226,8 @@ void reserveRows(Reader& in, std::size_t remembered, ChangeSet& set) {
         const std::uint64_t count = blocks.varint();
         const Reader block = blocks.part(blocks.count(1));
         if (kind == wire::kDescriptions || kind >= wire::kBlockEnd || block.left() == 0) continue;
-        const bool raw = kind != wire::kValues || std::to_integer<unsigned>(*block.at) == wire::kCodingRaw;
+        const unsigned coding = kind == wire::kValues ? std::to_integer<unsigned>(*block.at) : wire::kCodingRaw;
+        const bool raw = coding == wire::kCodingRaw || coding == wire::kCodingArrays;
         if (raw)
             rows += std::min<std::uint64_t>(count, block.left());
         else
@@ -232,7 +245,7 @@ void reserveRows(Reader& in, std::size_t remembered, ChangeSet& set) {
 /// False when the column's coding is unknown; the column is then skipped. `columns`: null if nothing is remembered.
 bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, ChangeSet& set) {
     const auto coding = in.number<std::uint8_t>();
-    if (coding > wire::kCodingRanged) return in.problem != nullptr;
+    if (coding > wire::kCodingArrays) return in.problem != nullptr;
     const auto flags = in.number<std::uint8_t>();
     if (flags > wire::kValueExternal) in.refuse("unknown column flags");
     wire::ColumnHead head;
@@ -241,7 +254,7 @@ bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, Chan
     if (sf(head.type) == FieldType::SFNode) in.refuse("a column of nodes");
     head.field = readField(in);
     if (in.problem) return true;
-    if (coding != wire::kCodingRaw) {
+    if (coding == wire::kCodingPacked || coding == wire::kCodingRanged) {
         if (columns)
             columns->read(in, count, coding, head, set);
         else
@@ -250,6 +263,7 @@ bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, Chan
     }
     if (count > in.left()) in.refuse("count exceeds the bytes that follow");
     const std::size_t first = set.changes.size();
+    if (coding == wire::kCodingArrays) return readPackedColumn(in, count, head, set), true;
     switch (head.type) {
 #define RTSG_X(suffix, T)                                                 \
     case FieldType::SF##suffix:                                           \

@@ -7,6 +7,7 @@
 #include "blocks.h"
 #include "column_codec.h"
 #include "column_rows.h"
+#include "packed_arrays.h"
 #include "wire.h"
 
 namespace rtsg {
@@ -49,6 +50,7 @@ struct Column {
     std::uint32_t lastNode = 0;
     std::uint64_t count = 0;
     bool predicted = false;  // then `numbers` holds the nodes, else `nodes`
+    bool packed = false;     // arrays
     std::vector<std::uint32_t> numbers;
     ByteBuffer nodes, values;
 
@@ -97,8 +99,9 @@ struct ChangeEncoder::Parts {
     wire::ColumnWriter writer;
     bool forget = true;  // with the next frame
     unsigned sinceSync = 0;
-    std::size_t predicted = 0;       // values of the last frame
-    bool predicting = false;         // in this one
+    std::size_t predicted = 0;  // values of the last frame
+    bool predicting = false;    // in this one
+    bool packsArrays = false;
     std::uint64_t descriptions = 0;  // what the set's descriptions charge a reader
     std::array<Rows, wire::kBlockEnd> rows;
     std::vector<Column> columns;  // the first `used` belong to the set at hand
@@ -137,6 +140,7 @@ struct ChangeEncoder::Parts {
             found->type = type;
             found->elementSize = wire::fixedSize(type) ? info(type).elementSize : 0;
             found->predicted = predicting && wire::lanesOf(type) > 0;
+            found->packed = packsArrays && wire::packedLanes(type) > 0;
             found->clear();
         }
         guess = static_cast<std::uint16_t>(found - columns.begin());
@@ -162,10 +166,8 @@ struct ChangeEncoder::Parts {
             c.lastNode = change.node.value;
         }
         ++c.count;
-        if (c.elementSize == 0) {
-            wire::putValue(c.values, change.value);
-            return;
-        }
+        if (c.packed) return wire::putPacked(c.values, change.value);
+        if (c.elementSize == 0) return wire::putValue(c.values, change.value);
         std::byte* target = c.values.room(c.elementSize < 16 ? 16u : c.elementSize);
         // A value has 16 readable bytes whatever its type (those above 16 are padded); a fixed count copies fastest.
         if (c.elementSize <= 16)
@@ -275,6 +277,10 @@ struct ChangeEncoder::Parts {
 ChangeEncoder::ChangeEncoder(const StreamMode& mode, TypeTable types) : parts_(std::make_unique<Parts>(mode, types)) {}
 ChangeEncoder::~ChangeEncoder() = default;
 
+void ChangeEncoder::packArrays() {
+    parts_->packsArrays = true;
+}
+
 void ChangeEncoder::restart() {
     parts_->described.assign(parts_->types.size(), false);
     parts_->forget = true;
@@ -347,7 +353,7 @@ void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predict
                 continue;
             }
             putHeader(wire::kValues, c.count, 3 + varintSize(field) + c.nodes.size() + c.values.size());
-            record.put(static_cast<std::uint8_t>(wire::kCodingRaw));
+            record.put(static_cast<std::uint8_t>(c.packed ? wire::kCodingArrays : wire::kCodingRaw));
             record.put(static_cast<std::uint8_t>(c.key & 0xFF));
             record.put(static_cast<std::uint8_t>(c.type));
             record.putVarint(field);

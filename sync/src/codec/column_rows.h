@@ -8,7 +8,7 @@
 namespace rtsg::wire {
 
 // Codings of a column's values; readers skip columns in a coding they do not know.
-constexpr unsigned kCodingRaw = 0, kCodingPacked = 1, kCodingRanged = 2;
+constexpr unsigned kCodingRaw = 0, kCodingPacked = 1, kCodingRanged = 2, kCodingArrays = 3;
 // The byte behind the head of a predicted column: on a grid or not, and how its nodes are listed.
 constexpr unsigned kFormGrid = 1, kNodesDeltas = 0, kNodesRuns = 1, kNodesSame = 2, kNodesGaps = 3;
 
