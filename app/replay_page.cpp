@@ -164,7 +164,7 @@ std::string readSmallFile(const std::filesystem::path& file) {
 }
 
 /// As PNG within the page. What cannot be read is said in its place.
-std::string figure(const Result<Picture>& picture, std::string_view caption) {
+std::string pageFigure(const Result<Picture>& picture, std::string_view caption) {
     std::string body;
     if (!picture) {
         body = fmt::format("<p class=\"bad\">{}</p>", escapeMarkup(picture.error().format()));
@@ -201,8 +201,8 @@ std::string pictures(const ReplayOutcome& o) {
     if (o.expectedPicture.empty()) return {};
     const auto expected = readPicture(o.expectedPicture), made = readPicture(o.madePicture);
     return fmt::format("<h2>Pictures of the last state</h2>\n<div class=\"pictures\">{}{}{}</div>\n",
-                       figure(expected, "expected"), figure(made, "now"),
-                       figure(difference(expected, made), "difference, 8 times"));
+                       pageFigure(expected, "expected"), pageFigure(made, "now"),
+                       pageFigure(difference(expected, made), "difference, 8 times"));
 }
 
 }  // namespace

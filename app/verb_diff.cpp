@@ -90,7 +90,7 @@ int diffScenes(const DiffArguments& options) {
     return report(options, found, fmt::format(" in {} fields", fields.fieldCount()));
 }
 
-int diff(const DiffArguments& options) {
+int diffFiles(const DiffArguments& options) {
     check(options.selection);
     const bool log = isLog(options.a);
     if (log != isLog(options.b))
@@ -118,7 +118,7 @@ Verb addDiff(Command& program) {
         "Logs are compared state by state; with --field, --ignore or --tolerance by time since their starts. Nodes "
         "are\n"
         "paired by their DEF names. Exit status 1 if anything differs.");
-    return {command, [options] { return diff(*options); }};
+    return {command, [options] { return diffFiles(*options); }};
 }
 
 }  // namespace rtsg::app

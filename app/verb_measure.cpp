@@ -30,7 +30,7 @@ struct MeasureArguments {
 };
 
 /// X,Y,Z,NX,NY,NZ. Throws UsageError.
-std::array<double, 6> parsePlace(const std::string& text) {
+std::array<double, 6> parseProbe(const std::string& text) {
     std::array<double, 6> numbers{};
     const char *at = text.data(), *end = at + text.size();
     for (std::size_t i = 0; i < numbers.size(); ++i) {
@@ -46,7 +46,7 @@ std::array<double, 6> parsePlace(const std::string& text) {
     return numbers;
 }
 
-void print(const MeasureArguments& options, const std::array<double, 6>& at, const Irradiance& found) {
+void printIrradiance(const MeasureArguments& options, const std::array<double, 6>& at, const Irradiance& found) {
     const Vec3d &v = found.value, &i = found.interval;
     const double lux = found.luminous * options.candela, luxInterval = found.luminousInterval * options.candela;
     if (options.json) {
@@ -68,11 +68,11 @@ void print(const MeasureArguments& options, const std::array<double, 6>& at, con
 
 int measure(const MeasureArguments& options) {
     std::vector<std::array<double, 6>> places;
-    for (const std::string& text : options.places) places.push_back(parsePlace(text));
+    for (const std::string& text : options.places) places.push_back(parseProbe(text));
     const double time = parseSeconds(options.time);
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
-    SharedWorld::MeasureArguments flattened;
+    SharedWorld::Options flattened;
     flattened.flattening.maxOccurrences = running.resources().policy().maximumInstances;
     SharedWorld world(running.scene(), flattened);
     LightTracer tracer(world, running.resources());
@@ -96,7 +96,7 @@ int measure(const MeasureArguments& options) {
         const auto result =
             measureIrradiance(*state, world.rays(), {at[0], at[1], at[2]}, {at[3], at[4], at[5]}, settings);
         if (!result) return printError(result.error()), kBad;
-        print(options, at, *result);
+        printIrradiance(options, at, *result);
         if (interrupted()) return printError("interrupted"), kBad;
     }
     return kDone;

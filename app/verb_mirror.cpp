@@ -404,7 +404,7 @@ Verb addMirror(Command& program) {
                     "lets it), or a new snapshot")
         ->preset()
         ->oneOf({"merge", "block", "resync"});
-    options->outputs.addTo(*command, OutputArguments::MirrorArguments::ofMirror);
+    options->outputs.addTo(*command, OutputArguments::Options::ofMirror);
     command->addFlag("--json", options->json, "the summary as JSON");
     command->footer(
         "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --size 320x180 "

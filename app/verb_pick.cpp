@@ -26,7 +26,7 @@ struct PickArguments {
     bool json = false;
 };
 
-void print(const Scene& scene, const Pick& pick, bool json) {
+void printPick(const Scene& scene, const Pick& pick, bool json) {
     if (!pick) {
         fmt::print("{}\n", json ? "{\"hit\":false}" : "nothing there");
         return;
@@ -49,7 +49,7 @@ void print(const Scene& scene, const Pick& pick, bool json) {
         pick.normal.z, pick.texCoord.x, pick.texCoord.y, pick.triangle);
 }
 
-int run(const PickArguments& options) {
+int runPick(const PickArguments& options) {
     if (options.ray.empty() + options.point.empty() + options.sweep.empty() + options.pixel.empty() != 3) {
         printError("one of --ray, --point, --sweep and --pixel is needed");
         return kUsage;
@@ -70,7 +70,7 @@ int run(const PickArguments& options) {
         return Vec3d(numbers[first], numbers[first + 1], numbers[first + 2]);
     };
     const auto inPicture = [&]() -> Result<Pick> {
-        LightRenderer light(world, LightRenderer::PickArguments(running.resources()));
+        LightRenderer light(world, LightRenderer::Options(running.resources()));
         const LightTracer& tracer = light.tracer();
         const auto camera = tracer.camera(world.rays(), static_cast<double>(width) / height, options.viewpoint);
         if (!camera) return std::unexpected(camera.error());
@@ -83,7 +83,7 @@ int run(const PickArguments& options) {
                           ? picker.closest(at(options.point, 0))
                           : picker.sweep(at(options.sweep, 0), options.sweep[3], at(options.sweep, 4));
     if (!pick) return printError(pick.error().text), kUsage;
-    print(running.scene(), *pick, options.json);
+    printPick(running.scene(), *pick, options.json);
     return kDone;
 }
 
@@ -107,7 +107,7 @@ Verb addPick(Command& program) {
     options->resources.addTo(*command);
     command->addFlag("--json", options->json, "one JSON object");
     command->footer("Example: rtsg pick hall.x3dv --ray 0 1.6 10 0 0 -1");
-    return {command, [options] { return run(*options); }};
+    return {command, [options] { return runPick(*options); }};
 }
 
 }  // namespace rtsg::app

@@ -109,7 +109,7 @@ int render(const RenderArguments& options) {
     if (!running.load()) return kBad;
     keepResources(running.scene(), running.resources(), outputs);
     SharedWorld& world = running.world().get();
-    LightRenderer light(world, LightRenderer::RenderArguments(running.resources()));
+    LightRenderer light(world, LightRenderer::Options(running.resources()));
     running.runTo(time);
     animation.start = running.start() + time;
     animation.runTo = [&](double t) { running.frameAt(t); };

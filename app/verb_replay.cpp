@@ -301,7 +301,7 @@ Verb addReplay(Command& program) {
         ->preset()
         ->range(std::uint64_t{1}, UINT64_MAX);
     command->addOption("--interval", options->interval, "with --compact: frames closer than this become one")->preset();
-    options->outputs.addTo(*command, OutputArguments::ReplayArguments::ofReplay);
+    options->outputs.addTo(*command, OutputArguments::Options::ofReplay);
     options->test.addTo(*command);
     command->addFlag("--json", options->json, "the report as JSON");
     command->footer(

@@ -63,9 +63,9 @@ void printEvents(RunningScene& running, const std::vector<Watch>& watches) {
 }
 
 /// Pictures, sound and the saved scene, of the frames from the first on.
-class Made {
+class RunMade {
   public:
-    Made(RunningScene& running, const RunArguments& options) : running_(running), arguments_(options.outputs) {
+    RunMade(RunningScene& running, const RunArguments& options) : running_(running), arguments_(options.outputs) {
         arguments_.picturesPerSecond = options.fps;
         arguments_.seconds = parseSeconds(options.duration);
     }
@@ -109,7 +109,7 @@ class Made {
     std::optional<OutputReport> report_;
 };
 
-int run(const RunArguments& options) {
+int runScene(const RunArguments& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime || options.outputs.isLive()};
     if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.outputs.resources, options.start);
@@ -120,7 +120,7 @@ int run(const RunArguments& options) {
     const auto watches = parseWatches(scene, options.watch);
     if (!watches) return printError(watches.error().text), kUsage;
     if (!watches->empty()) printEvents(running, *watches);
-    Made made(running, options);
+    RunMade made(running, options);
     const std::uint64_t frames = running.run(pace, "running " + options.scene, [&](std::uint64_t k, const auto& set) {
         if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", k, running.time(), set.hash.hex());
         return made.follow(k);
@@ -149,14 +149,14 @@ Verb addRun(Command& program) {
         "--set", options->set,
         "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, wheel=, head=");
     options->start.addTo(*command);
-    options->outputs.addTo(*command, OutputArguments::RunArguments::ofRun);
+    options->outputs.addTo(*command, OutputArguments::Options::ofRun);
     command->addFlag("--realtime", options->realtime, "one second a second");
     command->addFlag("--hash", options->hash, "print the state hash of every frame");
     command->addFlag("--json", options->json, "the summary as JSON, after the events if any are watched");
     command->footer(
         "Example: rtsg run door.x3dv --for 2s --fps 60 --watch DOOR.rotation --set PRESSED.set_boolean=TRUE@0.5\n"
         "Example: rtsg run hall.x3dv --for 2s --fps 25 --render out/%03d.png --size 320x180 --listen out/hall.wav");
-    return {command, [options] { return run(*options); }};
+    return {command, [options] { return runScene(*options); }};
 }
 
 }  // namespace rtsg::app

@@ -45,7 +45,7 @@ struct ServeArguments {
 };
 
 /// A key file that is not there yet is made: the client is given a copy.
-Result<std::optional<MirrorKeys>> keysFrom(const std::string& file) {
+Result<std::optional<MirrorKeys>> serverKeysFrom(const std::string& file) {
     if (file.empty()) return std::nullopt;
     if (!std::filesystem::exists(file)) {
         if (auto ok = MirrorKeys::generate(file); !ok) return std::unexpected(ok.error());
@@ -56,7 +56,7 @@ Result<std::optional<MirrorKeys>> keysFrom(const std::string& file) {
     return std::optional(std::move(*keys));
 }
 
-void printNews(MirrorServer& server) {
+void printServerNews(MirrorServer& server) {
     for (const Diagnostic& d : server.takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
 }
 
@@ -64,7 +64,7 @@ void printNews(MirrorServer& server) {
 void await(MirrorServer& server, std::size_t mirrors) {
     for (bool there = false; !there && !interrupted();) {
         server.service();
-        printNews(server);
+        printServerNews(server);
         there = server.statistics().peers >= mirrors && server.drain(std::chrono::milliseconds(50));
         if (!there) std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
@@ -101,7 +101,7 @@ std::chrono::milliseconds millisecondsFrom(const std::string& duration) {
 /// All but what depends on the scene.
 Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
     MirrorServerOptions result;
-    auto keys = keysFrom(options.key);
+    auto keys = serverKeysFrom(options.key);
     if (!keys) return std::unexpected(keys.error());
     result.keys = std::move(*keys);
     result.insecure = options.insecure;
@@ -241,7 +241,7 @@ void Session::run() {
         running_.frame(from_ + static_cast<double>(slot) / options_.fps);
         ++frames_;
         mostPeers_ = std::max(mostPeers_, server_->statistics().peers);
-        printNews(*server_);
+        printServerNews(*server_);
         web_.service(running_.scene(), running_.resources());
         lookAtLog();
         if (progress) progress(slot, last + 1);
@@ -278,7 +278,7 @@ int Session::close() {
     if (!interrupted() && !server_->drain(millisecondsFrom(options_.linger)))
         fmt::print(stderr, "not all mirrors have caught up\n");
     const MirrorServerStatistics statistics = server_->statistics();
-    printNews(*server_);
+    printServerNews(*server_);
     server_.reset();
     web_.end();
     if (log_) {

@@ -21,7 +21,7 @@ const char* levelOf(Severity severity) {
     return severity == Severity::error ? "error" : severity == Severity::warning ? "warning" : "note";
 }
 
-std::string asJson(const Diagnostics& diagnostics) {
+std::string findingsAsJson(const Diagnostics& diagnostics) {
     std::string result;
     for (const Diagnostic& d : diagnostics.all())
         result += fmt::format("{}{{\"severity\":\"{}\",\"file\":{},\"line\":{},\"column\":{},\"code\":{},\"text\":{}}}",
@@ -101,7 +101,8 @@ Verb addValidate(Command& program) {
                         all.push_back(std::move(diagnostics));
                     else if (options->json)
                         fmt::print("{{\"file\":{},\"errors\":{},\"warnings\":{},\"diagnostics\":[{}]}}\n",
-                                   jsonString(file), diagnostics.errors(), diagnostics.warnings(), asJson(diagnostics));
+                                   jsonString(file), diagnostics.errors(), diagnostics.warnings(),
+                                   findingsAsJson(diagnostics));
                     else
                         fmt::print("{}: {} errors, {} warnings\n", file, diagnostics.errors(), diagnostics.warnings());
                 }

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Three rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository.
+"""Four rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository.
 
 Each .cpp opens with a comment: a sentence that says what is in it; each header with one of at most 15 lines. No function is longer
-than 80 lines, from its first line to its closing brace. Exit status 1 and a line for each file or function that breaks one.
+than 80 lines, from its first line to its closing brace. What sources of one program keep to themselves has names of its own, as builds
+from nothing compile several sources at once. Exit status 1 and a line for each file or function that breaks one.
 """
 import pathlib
 import re
@@ -52,6 +53,37 @@ def functions(text):
             head += c
 
 
+# What is defined at the left margin, as clang-format has it: types, then variables and functions.
+DEFINED = re.compile(r"^(?:template <[^\n]*>\n)?(?:(?:struct|class|enum class|enum) (\w+)(?= [{:f])|using (\w+) =|"
+                     r"(?:[A-Za-z_][\w:<>,&*\[\] ]*?[&* ])(\w+)(?= ?[=({;\[]))", re.M)
+PROGRAMS = ["app", "tests/bench"] + ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "renderers", "scenarios",
+                                                              "stability", "sync")]
+IN_PLACE = {"auto", "bool", "char", "const", "double", "float", "int", "TEST", "TEST_F", "TEST_P", "INSTANTIATE_TEST_SUITE_P", "main"}
+INSTEAD = {"verb_no_bench.cpp"}  # compiled where others are not
+
+
+def own_names(text):
+    """What a source defines in anonymous namespaces, aliases of one meaning left out."""
+    text = SKIPPED.sub(blank, text)
+    for body in re.findall(r"^namespace \{\n(.*?)^\}  $", text, re.M | re.S):
+        body = re.sub(r"^(?:[ \t#][^\n]*)?\n", "", body, flags=re.M)  # what is inside of others
+        for match in DEFINED.finditer(body):
+            name = match.group(1) or match.group(2) or match.group(3)
+            if name not in IN_PLACE and not match.group(0).startswith(("namespace", "using Clock =", "using namespace", "TEST")):
+                yield name
+
+
+def shared_names():
+    for program in PROGRAMS:
+        homes = {}
+        pattern = "*.cpp" if program in ("app", "tests/bench") else "**/*.cpp"
+        for path in sorted((ROOT / program).glob(pattern)):
+            for name in set(own_names(path.read_text())) if path.name not in INSTEAD else ():
+                other = homes.setdefault(name, path)
+                if other != path:
+                    yield f"{path.relative_to(ROOT)}: {name} is a name of {other.relative_to(ROOT)} too, which may be compiled with it"
+
+
 def main():
     files = sorted(str(path.relative_to(ROOT)) for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in (".cpp", ".h"))
     problems, count = [], 0
@@ -68,6 +100,7 @@ def main():
                 problems.append(f"{name}:{first}: {function} has {lines} lines, more than {MOST}")
     if count < 3000:
         problems.append(f"only {count} functions were found: this script does not see them")
+    problems += shared_names()
     print("\n".join(problems) if problems else f"{len(files)} files, {count} functions: none too long")
     return 1 if problems else 0
 

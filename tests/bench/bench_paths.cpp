@@ -28,7 +28,7 @@ std::string lamp(double radiance, bool mirrors) {
 
 /// A white room of 4 x 3 x 4 m with a ball and a box, and `lamps` square lamps of .18 m2 together under its ceiling.
 /// `seen`: they are in the picture, where the edges of a thousand are to be sampled too.
-std::string room(int lamps, bool mirrors, bool seen = true) {
+std::string panelRoom(int lamps, bool mirrors, bool seen = true) {
     std::string text = fmt::format(
         "#X3D V4.0 utf8\nPROFILE Immersive\nNavigationInfo {{ headlight FALSE }}\n"
         "Viewpoint {{ position 0 0 1.9 orientation 1 0 0 {} fieldOfView {} }}\n",
@@ -60,7 +60,7 @@ struct Known {
 Known picture(int lamps, bool mirrors, int side, double error, int most, bool seen = true) {
     Scene scene;
     Diagnostics diagnostics;
-    loadText(scene, room(lamps, mirrors, seen), diagnostics);
+    loadText(scene, panelRoom(lamps, mirrors, seen), diagnostics);
     SharedWorld world(scene);
     LightRenderer light(world);
     scene.newFrame(0);
@@ -81,7 +81,7 @@ Known picture(int lamps, bool mirrors, int side, double error, int most, bool se
 double bareSecondsPerRay() {
     Scene scene;
     Diagnostics diagnostics;
-    loadText(scene, room(2, false), diagnostics);
+    loadText(scene, panelRoom(2, false), diagnostics);
     SharedWorld world(scene);
     scene.newFrame(0);
     const FlatScene bare(world.rays(), false);

@@ -19,7 +19,7 @@ namespace rtsg::bench {
 
 namespace {
 
-constexpr int kWidth = 1280, kHeight = 720;
+constexpr int kRaysWidth = 1280, kHeight = 720;
 
 /// A room full of bumpy spheres in one mesh, seen from inside: about `triangles` of them.
 void buildRoom(Scene& scene, int triangles) {
@@ -115,10 +115,10 @@ struct Rays {
     explicit Rays(const Vec3f& from) : eye(from) {
         const float scale = 2 * std::tan(.3927f) / kHeight;
         for (int y = 0; y < kHeight; y += 4)
-            for (int x = 0; x < kWidth; x += 4) {
+            for (int x = 0; x < kRaysWidth; x += 4) {
                 Block& block = blocks.emplace_back();
                 for (int lane = 0; lane < 16; ++lane) {
-                    const float px = (static_cast<float>(x + lane % 4) + .5f - kWidth / 2) * scale;
+                    const float px = (static_cast<float>(x + lane % 4) + .5f - kRaysWidth / 2) * scale;
                     const float py = (kHeight / 2 - static_cast<float>(y + lane / 4) - .5f) * scale;
                     const Vec3f d = glm::normalize(Vec3f(px, py, -1));
                     block.x[lane] = d.x, block.y[lane] = d.y, block.z[lane] = d.z;
@@ -214,7 +214,7 @@ bool rays(const Report& report, bool quick) {
         Limit bare(*mesh);
         const Rays rays(world.fromWorld(Vec3d(0, 0, 8)));
         ImageOptions options;
-        options.settings.width = kWidth;
+        options.settings.width = kRaysWidth;
         options.settings.height = kHeight;
         options.settings.threads = 1;
         const auto shaded = [&](Shadows shadows) {
@@ -230,8 +230,8 @@ bool rays(const Report& report, bool quick) {
             shade.push_back(shaded(Shadows::none));
             shadow.push_back(shaded(Shadows::all));
         }
-        const double count = kWidth * kHeight / 1e6;
-        const std::string name = fmt::format("{} triangles, {} x {}", mesh->triangleCount, kWidth, kHeight);
+        const double count = kRaysWidth * kHeight / 1e6;
+        const std::string name = fmt::format("{} triangles, {} x {}", mesh->triangleCount, kRaysWidth, kHeight);
         const std::size_t best = bare.best();
         const double limit = count / median(bare.seconds[best]);
         const std::string limitName = fmt::format("rtcIntersect16, {}", Limit::kChoices[best].name);

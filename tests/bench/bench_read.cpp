@@ -41,7 +41,7 @@ std::string meshText(int n) {
 }
 
 /// Counts the bytes of the arrays that go by, and keeps them as a scene would.
-struct Keeper final : Filter {
+struct ReadKeeper final : Filter {
     std::vector<Value> values;
     std::size_t bytes = 0;
     void setField(std::string_view, Value value, SourceLocation) override {
@@ -67,7 +67,7 @@ PeakMemory peakOfReading(const std::filesystem::path& file) {
             return static_cast<double>(usage.ru_maxrss) * 1024;
         };
         const double before = peak();
-        Keeper keeper;
+        ReadKeeper keeper;
         Diagnostics diagnostics;
         readDocumentFile(file, keeper, diagnostics);
         const PeakMemory result{peak() - before, static_cast<double>(keeper.bytes)};
@@ -85,7 +85,7 @@ PeakMemory peakOfReading(const std::filesystem::path& file) {
 /// Seconds of reading the file: as readDocumentFile does it, into memory of its own, or out of a mapping.
 double fileSeconds(const std::filesystem::path& file, bool mapped) {
     const double start = cpuSeconds();
-    Keeper keeper;
+    ReadKeeper keeper;
     Diagnostics diagnostics;
     if (!mapped) {
         readDocumentFile(file, keeper, diagnostics);
@@ -125,7 +125,7 @@ void read(const Report& report, bool quick) {
     std::vector<double> ours, naive, copy;
     for (int i = 0; i < 3; ++i) {
         double start = cpuSeconds();
-        Keeper keeper;
+        ReadKeeper keeper;
         Diagnostics diagnostics;
         readDocument(text, keeper, diagnostics);
         ours.push_back(cpuSeconds() - start);

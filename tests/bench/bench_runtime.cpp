@@ -34,7 +34,7 @@ void load(Scene& scene, const std::string& body) {
 
 /// Seconds for the same arithmetic on bare arrays.
 template <class F>
-double bareSeconds(std::size_t count, const F& value) {
+double bareRuntimeSeconds(std::size_t count, const F& value) {
     std::vector<Vec3f> out(count);
     std::vector<double> times;
     for (int i = 0; i < 100; ++i) {
@@ -71,8 +71,8 @@ void scripts(const Report& report, bool quick) {
             (bytesLoaded - bytesBefore) / 1e6, "", 0});
     const double frame = runtimeFrameSeconds(scene, 200, [](int) {});
     report({"runtime", what, "a frame", "ms", frame * 1e3, "", 0, "the arithmetic alone",
-            1e3 * bareSeconds(static_cast<std::size_t>(count),
-                              [](float x) { return Vec3f(std::cos(x), x, std::sin(x)); })});
+            1e3 * bareRuntimeSeconds(static_cast<std::size_t>(count),
+                                     [](float x) { return Vec3f(std::cos(x), x, std::sin(x)); })});
 }
 
 void pushes(const Report& report, bool quick) {
@@ -144,7 +144,7 @@ void followers(const Report& report, bool quick) {
         report({"runtime", fmt::format("{} of type {} on their way, each with a route to a Transform", count, name),
                 "a frame", "ms", 1e3 * runtimeFrameSeconds(scene, 100, [](int) {}), "", 0,
                 "the arithmetic of a damper of order 3 alone",
-                1e3 * bareSeconds(static_cast<std::size_t>(count), [](float x) {
+                1e3 * bareRuntimeSeconds(static_cast<std::size_t>(count), [](float x) {
                     const double s = x * .01, e = std::exp(-s);
                     return Vec3f(glm::dvec3(1, 2, 3) * (1 - e * (1 + s + s * s / 2)));
                 })});
@@ -168,7 +168,7 @@ void proximity(const Report& report, bool quick) {
         (void)scene.set(view, x3d::Viewpoint::position, Vec3f(static_cast<float>(i) * .1f, 0, 10));
     });
     report({"runtime", what, "a frame, the viewer moves", "ms", moved * 1e3, "", 0, "the test of the boxes alone",
-            1e3 * bareSeconds(static_cast<std::size_t>(count), [](float x) {
+            1e3 * bareRuntimeSeconds(static_cast<std::size_t>(count), [](float x) {
                 const glm::vec3 d = glm::abs(glm::vec3(x, 0, 10) - glm::vec3(1, 2, 3));
                 return Vec3f(d.x <= 1 && d.y <= 1 && d.z <= 1 ? 1 : 0);
             })});

@@ -26,7 +26,7 @@ struct Merging final : Subscriber {
 };
 
 /// CPU seconds of the scene's thread, of each frame.
-std::vector<double> frames(int changes, int count, Subscriber* subscriber, Delivery delivery) {
+std::vector<double> busFrames(int changes, int count, Subscriber* subscriber, Delivery delivery) {
     Scene scene;
     std::vector<NodeId> nodes;
     for (int i = 0; i < changes; ++i) nodes.push_back(scene.createNode(x3d::Transform::type));
@@ -52,9 +52,9 @@ void stageBus(const Report& report, bool quick) {
         const int count = quick ? 100 : 3000;
         Idle idle;
         Merging merging;
-        const auto behind = frames(changes, count, &idle, Delivery::polled);
-        const auto merged = frames(changes, count, &merging, Delivery::immediate);
-        const auto alone = frames(changes, count, nullptr, Delivery::immediate);
+        const auto behind = busFrames(changes, count, &idle, Delivery::polled);
+        const auto merged = busFrames(changes, count, &merging, Delivery::immediate);
+        const auto alone = busFrames(changes, count, nullptr, Delivery::immediate);
         const std::string which = fmt::format("{} changes a frame, and one who never polls", changes);
         const auto line = [&](const char* metric, auto of) {
             report({"stage", which, metric, "us", of(behind) * 1e6, "merged on the scene's thread", of(merged) * 1e6,

@@ -16,7 +16,7 @@ namespace {
 
 using G = x3d::Group;
 
-struct Reader final : Subscriber {
+struct StructureReader final : Subscriber {
     std::size_t changes = 0;
     Result<> apply(const Scene&, const ChangeSet& set) override {
         changes += set.changes.size();
@@ -58,7 +58,7 @@ void edits(const Report& report, std::size_t count) {
         shapes.push_back(scene.createNode(x3d::Shape::type));
         (void)scene.insertChild(big, G::children, shapes.back());
     }
-    Reader reader;
+    StructureReader reader;
     const Attachment attachment = scene.bus().attach(reader);
     scene.newFrame(0);
     const auto children = [&] { return scene.node(big).get(G::children).size(); };

@@ -67,7 +67,7 @@ double ns(double seconds, std::uint64_t count) {
 }
 
 /// Empty sets on an error.
-Cost measure(const std::vector<ChangeSet>& sets, const StreamMode& mode, std::uint64_t transforms, bool& good) {
+Cost measureCodec(const std::vector<ChangeSet>& sets, const StreamMode& mode, std::uint64_t transforms, bool& good) {
     ChangeEncoder encoder(mode);
     ChangeDecoder decoder(builtinTypes());
     ByteBuffer record;
@@ -286,7 +286,8 @@ bool codec(const SyncSizes& sizes, const Report& report) {
                     kTransformBytes * 1e3 / copying.encode});
         };
         const double lossless = entropy(input, 0);
-        for (const Variant& v : variants(false)) line(v, measure(input.sets, v.mode, input.transforms, good), lossless);
+        for (const Variant& v : variants(false))
+            line(v, measureCodec(input.sets, v.mode, input.transforms, good), lossless);
         double error = 0, bound = 0;
         std::vector<ChangeSet> sets;
         for (const Variant& v : variants(true)) {
@@ -295,7 +296,7 @@ bool codec(const SyncSizes& sizes, const Report& report) {
                 sets = lossySets(input, bodies, error, good);
                 bound = entropy(input, error);
             }
-            line(v, measure(sets, v.mode, input.transforms, good), bound);
+            line(v, measureCodec(sets, v.mode, input.transforms, good), bound);
         }
     }
     return good;
@@ -330,7 +331,7 @@ bool chartCodec(const ChartSink& sink, bool quick) {
                 {g.cost.encode + g.cost.decode, g.cost.bytes, movement == Movement::smooth ? g.name : ""});
         double lossless = 0;
         for (const Variant& v : variants(false)) {
-            const Cost cost = measure(input.sets, v.mode, input.transforms, good);
+            const Cost cost = measureCodec(input.sets, v.mode, input.transforms, good);
             points.points.push_back({cost.encode + cost.decode, cost.bytes, v.name});
             lossless = cost.bytes;
         }
@@ -340,7 +341,7 @@ bool chartCodec(const ChartSink& sink, bool quick) {
             Series line{fmt::format("{}, lossy {}", motion, nameOf(coding)), {}};
             for (const double error : {1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5}) {
                 const std::vector<ChangeSet> sets = lossySets(input, bodies, error, good);
-                const Cost cost = measure(sets, {Mode::lossy, coding, error}, input.transforms, good);
+                const Cost cost = measureCodec(sets, {Mode::lossy, coding, error}, input.transforms, good);
                 line.points.push_back({error, cost.bytes, ""});
                 if (error == 1e-3)
                     points.points.push_back(

@@ -41,7 +41,7 @@ struct Costs {
     bool equal = true;
 };
 
-Costs run(const std::string& document, int frames, bool byInput) {
+Costs runInput(const std::string& document, int frames, bool byInput) {
     Scene origin, copy;
     Diagnostics diagnostics;
     (void)loadText(origin, document, diagnostics);
@@ -95,7 +95,7 @@ bool input(const SyncSizes& sizes, const Report& report) {
     const int frames = std::max(20, sizes.frames / 2);
     Costs state, byInput;
     for (int i = 0; i < 3; ++i) {
-        const Costs a = run(document, frames, false), b = run(document, frames, true);
+        const Costs a = runInput(document, frames, false), b = runInput(document, frames, true);
         if (!a.equal || !b.equal) return false;
         const auto best = [i](Costs& kept, const Costs& one) {
             if (i == 0) kept = one;

@@ -26,11 +26,11 @@ namespace rtsg::bench {
 
 namespace {
 
-struct TemporaryFile {
+struct TemporaryLog {
     std::filesystem::path path;
-    explicit TemporaryFile(const char* name)
+    explicit TemporaryLog(const char* name)
         : path(std::filesystem::temp_directory_path() / ("rtsg-bench-" + std::to_string(::getpid()) + "-" + name)) {}
-    ~TemporaryFile() {
+    ~TemporaryLog() {
         std::error_code ignored;
         std::filesystem::remove(path, ignored);
     }
@@ -48,7 +48,7 @@ double fastest(const Work& work) {
     return best;
 }
 
-bool writing(const SyncSizes& sizes, const std::filesystem::path& file, const Report& report) {
+bool logWriting(const SyncSizes& sizes, const std::filesystem::path& file, const Report& report) {
     ChangeSet set = animatedSet(sizes.transforms);
     std::uint64_t bytes = 0;
     bool ok = true;
@@ -62,7 +62,7 @@ bool writing(const SyncSizes& sizes, const std::filesystem::path& file, const Re
         ok = ok && log && (*log)->close();
         bytes = ok ? (*log)->bytes() : 1;
     });
-    const TemporaryFile raw("raw");
+    const TemporaryLog raw("raw");
     const std::vector<char> block(bytes / static_cast<std::uint64_t>(sizes.frames), 'x');
     const auto rawWrite = [&](std::size_t piece) {
         return fastest([&] {
@@ -104,7 +104,7 @@ bool scanning(const std::filesystem::path& file, const Report& report) {
 }
 
 bool replaying(const SyncSizes& sizes, const Report& report) {
-    const TemporaryFile file("replay.rlog");
+    const TemporaryLog file("replay.rlog");
     Moving origin(sizes.transforms);
     double running = 0;
     {
@@ -146,7 +146,7 @@ bool replaying(const SyncSizes& sizes, const Report& report) {
 
 /// An hour at 60 Hz, ten and a hundred changes a frame.
 bool seeking(const SyncSizes& sizes, int changes, const Report& report) {
-    const TemporaryFile file("seek.rlog");
+    const TemporaryLog file("seek.rlog");
     const double length = sizes.hourFrames / 60.;
     {
         Moving origin(1000);
@@ -192,7 +192,7 @@ bool seeking(const SyncSizes& sizes, int changes, const Report& report) {
 
 /// What recording costs the scene's thread: CPU time of its own frames.
 bool recording(const SyncSizes& sizes, const Report& report) {
-    const TemporaryFile file("record.rlog");
+    const TemporaryLog file("record.rlog");
     double worst[3] = {}, mean[3] = {};
     for (int way = 0; way < 3; ++way) {
         Moving origin(sizes.transforms);
@@ -231,8 +231,8 @@ bool recording(const SyncSizes& sizes, const Report& report) {
 }  // namespace
 
 bool log(const SyncSizes& sizes, const Report& report) {
-    const TemporaryFile file("a.rlog");
-    bool ok = writing(sizes, file.path, report) && scanning(file.path, report);
+    const TemporaryLog file("a.rlog");
+    bool ok = logWriting(sizes, file.path, report) && scanning(file.path, report);
     ok = replaying(sizes, report) && ok;
     for (const int changes : {10, 100}) ok = seeking(sizes, changes, report) && ok;
     return recording(sizes, report) && ok;

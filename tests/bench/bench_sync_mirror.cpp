@@ -31,7 +31,7 @@ double secondsSince(Clock::time_point start) {
 
 /// Seconds to copy a scene without a mirror, one step after the other: snapshot, code, decode, apply. What it costs to
 /// send the whole scene each time. Negative if the copy differs.
-double copySeconds(const Scene& scene) {
+double mirrorCopySeconds(const Scene& scene) {
     const auto start = Clock::now();
     ByteBuffer record;
     ChangeEncoder().encode(scene.snapshot(), record);
@@ -165,7 +165,7 @@ std::string ipcEndpoint() {
 
 bool mirrorThroughput(const SyncSizes& sizes, const Report& report) {
     Moving alone(sizes.transforms);
-    const double copying = copySeconds(alone.scene);
+    const double copying = mirrorCopySeconds(alone.scene);
     if (copying < 0) return false;
     for (const auto& [name, endpoint] :
          {std::pair("mirror tcp", std::string(kAnyPort)), std::pair("mirror ipc", ipcEndpoint())}) {
@@ -231,7 +231,7 @@ bool mirrorJoin(const SyncSizes& sizes, const Report& report) {
             return false;
         still = std::min(still, secondsSince(start) * 1e3);
     }
-    const double copying = copySeconds(origin.scene) * 1e3;
+    const double copying = mirrorCopySeconds(origin.scene) * 1e3;
     if (copying < 0) return false;
     report({"sync", "late join", size, "ms", still, "copied without a mirror, step after step", copying,
             "raw ZeroMQ, same bytes", raw});

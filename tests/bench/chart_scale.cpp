@@ -49,7 +49,7 @@ class Lattice {
     NodeId appearance_, box_, group_;
 };
 
-struct Stages {
+struct ScaleStages {
     std::vector<double> scene, flatten, world;
     /// Seals the edits made since `start` (CPU s) and books what each stage took.
     void frame(Scene& s, const SharedWorld& shared, double start) {
@@ -60,7 +60,7 @@ struct Stages {
     }
 };
 
-void add(Chart& chart, int nodes, const Stages& stages) {
+void add(Chart& chart, int nodes, const ScaleStages& stages) {
     const double us[] = {median(stages.scene) * 1e6, median(stages.flatten) * 1e6, median(stages.world) * 1e6};
     double sum = 0;
     for (std::size_t i = 0; i < 3; ++i)
@@ -93,7 +93,7 @@ bool chartScale(const ChartSink& sink, bool quick) {
         scene.newFrame(0);
         const auto nodes = static_cast<int>(scene.nodeCount());
         const NodeId moving = lattice.last;
-        Stages moves, adds;
+        ScaleStages moves, adds;
         for (int i = 0; i < 300; ++i) {
             const double start = threadSeconds();
             (void)scene.set(moving, x3d::Transform::translation, lattice.at(shapes - 1, static_cast<float>(i % 7) + 1));

@@ -16,14 +16,14 @@
 namespace rtsg {
 namespace {
 
-constexpr std::uint32_t kSeed = 20260302;
+constexpr std::uint32_t kExtremesSeed = 20260302;
 
-struct Stage {
+struct ExtremeStage {
     Scene scene;
     SharedWorld shared;
     const RayWorld& world;
 
-    explicit Stage(const RayWorld::Options& options = {})
+    explicit ExtremeStage(const RayWorld::Options& options = {})
         : shared(scene, {.flattening = {}, .rays = options}), world(shared.rays()) {}
     NodeId add(TypeIndex type, NodeId parent) {
         const NodeId node = scene.createNode(type);
@@ -42,7 +42,7 @@ struct Stage {
 // Moving or resting: zero, negative, tiny, huge and not finite come and go in any order, and rays never notice more
 // than that the thing is flat, mirrored or not there.
 TEST(WorldExtremes, ScalesThatComeAndGo) {
-    Stage stage;
+    ExtremeStage stage;
     const NodeId still = stage.add(x3d::Transform::type, stage.scene.root());
     ASSERT_TRUE(stage.scene.set(still, x3d::Transform::translation, Vec3f(20, 0, 0)));
     stage.box(still);
@@ -54,11 +54,11 @@ TEST(WorldExtremes, ScalesThatComeAndGo) {
     }
     stage.scene.seal();
     constexpr float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kExtremesSeed);
     const auto turn = [&](const Rotation& r) { EXPECT_TRUE(stage.scene.set(mover, x3d::Transform::rotation, r)); };
     const float values[] = {1, -1, 0, 1e-20f, 1e20f, inf, -inf, nan, 2, 1e-6f, .5f, 1};
     for (int step = 0; step < 600; ++step) {
-        SCOPED_TRACE(testing::Message() << "seed " << kSeed << " step " << step);
+        SCOPED_TRACE(testing::Message() << "seed " << kExtremesSeed << " step " << step);
         Vec3f scale(1);
         if (step % 3 != 2)
             for (int k = 0; k < 3; ++k) scale[k] = values[random() % std::size(values)];
@@ -76,7 +76,7 @@ TEST(WorldExtremes, ScalesThatComeAndGo) {
 }
 
 TEST(WorldExtremes, TenThousandDeepMovesFromTheTop) {
-    Stage stage;
+    ExtremeStage stage;
     NodeId parent = stage.scene.root(), top;
     for (int i = 0; i < 10'000; ++i) {
         parent = stage.add(x3d::Transform::type, parent);
@@ -95,7 +95,7 @@ TEST(WorldExtremes, TenThousandDeepMovesFromTheTop) {
 }
 
 TEST(WorldExtremes, AHundredThousandParentsOfOneShape) {
-    Stage stage;
+    ExtremeStage stage;
     const NodeId shape = stage.box(stage.scene.root());
     std::vector<NodeId> parents;
     for (int i = 0; i < 100'000; ++i) {
@@ -127,8 +127,8 @@ TEST(WorldExtremes, AHundredThousandParentsOfOneShape) {
 
 // Whole subgraphs hang now here, now there; the hits are those of a world that was never edited.
 TEST(WorldExtremes, ReparentStormEndsAsIfBuiltAnew) {
-    Stage stage({.restFrames = 8});
-    std::mt19937 random(kSeed);
+    ExtremeStage stage({.restFrames = 8});
+    std::mt19937 random(kExtremesSeed);
     std::vector<NodeId> groups{stage.scene.root()};
     for (int i = 0; i < 60; ++i) {
         const NodeId group = stage.add(x3d::Transform::type, groups[random() % groups.size()]);
@@ -155,7 +155,7 @@ TEST(WorldExtremes, ReparentStormEndsAsIfBuiltAnew) {
     }
     stage.scene.seal();
     stage.shared.finishBackgroundWork();
-    Stage fresh;
+    ExtremeStage fresh;
     ASSERT_TRUE(fresh.scene.apply(std::make_shared<const ChangeSet>(stage.scene.snapshot())));
     EXPECT_EQ(stage.world.stats().traced, fresh.world.stats().traced);
     EXPECT_EQ(stage.world.stats().instancedTriangles, fresh.world.stats().instancedTriangles);
@@ -164,7 +164,7 @@ TEST(WorldExtremes, ReparentStormEndsAsIfBuiltAnew) {
         const Ray ray = test::randomRay(random, 20);
         const Hit a = stage.world.intersect(ray), b = fresh.world.intersect(ray);
         hits += bool(a);
-        ASSERT_EQ(bool(a), bool(b)) << "seed " << kSeed << " ray " << i;
+        ASSERT_EQ(bool(a), bool(b)) << "seed " << kExtremesSeed << " ray " << i;
         if (!a) continue;
         ASSERT_NEAR(a.t, b.t, 1e-4 * b.t + 1e-4);
     }
@@ -189,7 +189,7 @@ TEST(WorldExtremes, ClosedSurfacesAtTenMillionMetres) {
         }
         world.apply(delta);
         EXPECT_EQ(world.stats().bodies, moving ? 1u : 0u);
-        std::mt19937 random(kSeed);
+        std::mt19937 random(kExtremesSeed);
         for (int frame = 0; frame < 3; ++frame) {
             int leaks = 0;
             for (std::uint32_t t = 0; t < sphere->triangleCount; ++t)
@@ -202,7 +202,7 @@ TEST(WorldExtremes, ClosedSurfacesAtTenMillionMetres) {
                     const Hit hit = world.intersect(ray);
                     leaks += !hit || hit.instance != 0;
                 }
-            EXPECT_EQ(leaks, 0) << "moving " << moving << " frame " << frame << " seed " << kSeed;
+            EXPECT_EQ(leaks, 0) << "moving " << moving << " frame " << frame << " seed " << kExtremesSeed;
             delta = {};
             const WorldFromLocal shift = translation({.125, .25, 7.5});
             for (std::uint32_t i = 0; i < 2; ++i) {

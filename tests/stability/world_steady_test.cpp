@@ -14,7 +14,7 @@
 
 namespace {
 
-std::atomic<std::size_t> allocations{0};
+std::atomic<std::size_t> worldAllocations{0};
 
 }  // namespace
 
@@ -22,7 +22,7 @@ std::atomic<std::size_t> allocations{0};
 // Counts for the whole test program; what is counted matters between two readings on a quiet program only.
 #pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // both are replaced below
 void* operator new(std::size_t size) {
-    allocations.fetch_add(1, std::memory_order_relaxed);
+    worldAllocations.fetch_add(1, std::memory_order_relaxed);
     if (void* memory = std::malloc(size ? size : 1)) return memory;
     throw std::bad_alloc();
 }
@@ -38,14 +38,14 @@ namespace rtsg {
 namespace {
 
 /// Hands on what it is given to a flattener and a world, and counts what that allocates.
-struct Following final : Subscriber {
+struct SteadyFollowing final : Subscriber {
     Flattener flattener;
     RayWorld world;
     std::size_t allocated = 0;
     Result<> apply(const Scene& scene, const ChangeSet& changes) override {
-        const std::size_t before = allocations.load();
+        const std::size_t before = worldAllocations.load();
         world.apply(flattener.apply(scene, changes));
-        allocated = allocations.load() - before;
+        allocated = worldAllocations.load() - before;
         return {};
     }
 };
@@ -66,7 +66,7 @@ TEST(WorldSteady, AThousandMovingTransformsAllocateNothing) {
         }
         movers.push_back(transform);
     }
-    Following following;
+    SteadyFollowing following;
     const Attachment attachment = scene.bus().attach(following);
     scene.seal();
     std::size_t most = 0;

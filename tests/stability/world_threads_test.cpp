@@ -18,7 +18,7 @@
 namespace rtsg {
 namespace {
 
-constexpr std::uint64_t kSeed = 20260303;
+constexpr std::uint64_t kThreadsSeed = 20260303;
 
 struct Tracer final : Subscriber {
     Flattener flattener;
@@ -30,7 +30,7 @@ struct Tracer final : Subscriber {
 };
 
 TEST(WorldThreads, TopologyEditsWhileAnotherThreadTraces) {
-    SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+    SCOPED_TRACE(testing::Message() << "seed " << kThreadsSeed);
     Scene scene;
     Replica replica(scene);
     Tracer tracer;
@@ -38,7 +38,7 @@ TEST(WorldThreads, TopologyEditsWhileAnotherThreadTraces) {
     std::size_t polls = 0, hits = 0;
     std::thread follower([&] {
         const Attachment attachment = replica.scene().bus().attach(tracer);
-        std::mt19937 random(kSeed);
+        std::mt19937 random(kThreadsSeed);
         for (bool last = false; !last;) {
             last = stop.load();
             replica.poll();
@@ -46,7 +46,7 @@ TEST(WorldThreads, TopologyEditsWhileAnotherThreadTraces) {
             for (int i = 0; i < 200; ++i) hits += bool(tracer.world.intersect(test::randomRay(random, 8)));
         }
     });
-    test::Edits edits(scene, kSeed);
+    test::Edits edits(scene, kThreadsSeed);
     for (int frame = 0; frame < 5000; ++frame) {
         for (int i = 0; i < 8; ++i) edits.step();
         scene.seal();
@@ -60,7 +60,7 @@ TEST(WorldThreads, TopologyEditsWhileAnotherThreadTraces) {
     RayWorld fresh;
     fresh.apply(flattener.apply(scene, scene.snapshot()));
     EXPECT_EQ(tracer.world.stats().traced, fresh.stats().traced);
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kThreadsSeed);
     for (int i = 0; i < 5000; ++i) {
         const Ray ray = test::randomRay(random, 8);
         const Hit a = tracer.world.intersect(ray), b = fresh.intersect(ray);

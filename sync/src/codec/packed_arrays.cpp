@@ -64,15 +64,15 @@ bool asDecimals(std::span<const std::uint32_t> bits, unsigned exponent, Numbers&
     return true;
 }
 
-struct Forecast {
+struct Packing {
     unsigned lag = 1, bits = 0;
     std::uint32_t base = 0;
     std::size_t cost = SIZE_MAX;  // bits
 };
 
 /// Differences to the number `lag` before lie in base and the numbers of `bits` bits above it.
-Forecast forecastBy(std::span<const std::uint32_t> numbers, unsigned lag) {
-    Forecast result{lag, 0, 0, 32 * std::min<std::size_t>(lag, numbers.size())};
+Packing packingBy(std::span<const std::uint32_t> numbers, unsigned lag) {
+    Packing result{lag, 0, 0, 32 * std::min<std::size_t>(lag, numbers.size())};
     if (numbers.size() <= lag) return result;
     std::int32_t least = INT32_MAX, most = INT32_MIN;
     for (std::size_t i = lag; i < numbers.size(); ++i) {
@@ -87,17 +87,17 @@ Forecast forecastBy(std::span<const std::uint32_t> numbers, unsigned lag) {
     return result;
 }
 
-Forecast bestForecast(std::span<const std::uint32_t> numbers, bool whole) {
-    Forecast best = forecastBy(numbers, 1);
+Packing bestPacking(std::span<const std::uint32_t> numbers, bool whole) {
+    Packing best = packingBy(numbers, 1);
     if (best.bits == 0) return best;
     for (const unsigned lag : kLags)
         if (lag > 1 && (whole || lag <= 2))
-            if (const Forecast other = forecastBy(numbers, lag); other.cost < best.cost) best = other;
+            if (const Packing other = packingBy(numbers, lag); other.cost < best.cost) best = other;
     return best;
 }
 
 /// `bits` of each, least significant first.
-void putBits(ByteBuffer& out, std::span<const std::uint32_t> numbers, const Forecast& f) {
+void putBits(ByteBuffer& out, std::span<const std::uint32_t> numbers, const Packing& f) {
     if (f.bits == 0 || numbers.size() <= f.lag) return;
     const std::size_t count = numbers.size() - f.lag, size = (count * f.bits + 7) / 8;
     std::byte* at = out.room(size + sizeof(std::uint64_t));
@@ -119,7 +119,7 @@ void putBits(ByteBuffer& out, std::span<const std::uint32_t> numbers, const Fore
 /// A lane of a block as it is written.
 struct Lane {
     Numbers numbers;
-    Forecast forecast;
+    Packing packing;
     bool isDecimal = false;
     unsigned exponent = 0;
     Odds odds;
@@ -135,17 +135,17 @@ void chooseDecimals(std::span<const std::uint32_t> bits, unsigned& guess, Lane& 
         found = e != guess && asDecimals(bits, lane.exponent = e, lane.numbers, lane.odds);
     if (found) {
         guess = lane.exponent;
-        lane.forecast = bestForecast({lane.numbers.data(), size}, false);
+        lane.packing = bestPacking({lane.numbers.data(), size}, false);
         lane.isDecimal = true;
-        if (lane.forecast.bits <= kFew) return;
+        if (lane.packing.bits <= kFew) return;
     }
     Numbers plain;
     for (std::size_t i = 0; i < size; ++i) plain[i] = static_cast<std::uint32_t>(fromFloatBits(bits[i]));
-    const Forecast f = bestForecast({plain.data(), size}, false);
+    const Packing f = bestPacking({plain.data(), size}, false);
     constexpr std::size_t kOddBits = 48;
-    if (found && lane.forecast.cost + lane.odds.count * kOddBits <= f.cost) return;
+    if (found && lane.packing.cost + lane.odds.count * kOddBits <= f.cost) return;
     lane.isDecimal = false;
-    lane.forecast = f;
+    lane.packing = f;
     std::copy_n(plain.begin(), size, lane.numbers.begin());
 }
 
@@ -156,10 +156,10 @@ void putLane(ByteBuffer& out, std::span<const std::uint32_t> bits, bool isFloat,
         chooseDecimals(bits, guess, lane);
     } else {
         std::ranges::copy(bits, lane.numbers.begin());
-        lane.forecast = bestForecast(bits, true);
+        lane.packing = bestPacking(bits, true);
     }
     const std::span<const std::uint32_t> numbers(lane.numbers.data(), bits.size());
-    const Forecast& f = lane.forecast;
+    const Packing& f = lane.packing;
     out.put(static_cast<std::uint8_t>(f.bits | (lane.isDecimal ? kDecimal : 0)));
     out.put(static_cast<std::uint8_t>(f.lag));
     out.put(f.base);

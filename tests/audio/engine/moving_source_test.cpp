@@ -15,7 +15,7 @@
 namespace rtsg {
 namespace {
 
-constexpr double kRate = 48000, kTone = 1000;
+constexpr double kMovingRate = 48000, kMovingTone = 1000;
 
 /// Renders while `place` says where the emitter is.
 template <class Place>
@@ -52,8 +52,9 @@ struct Line {
 Line fit(const SoundBuffer& sound, double hz, double from, double to) {
     double cc = 0, ss = 0, cs = 0, xc = 0, xs = 0, xx = 0;
     const auto channels = static_cast<std::size_t>(sound.channels);
-    for (auto i = static_cast<std::size_t>(from * kRate); i < static_cast<std::size_t>(to * kRate); ++i) {
-        const double a = 2 * std::numbers::pi * hz * static_cast<double>(i) / kRate, c = std::cos(a), s = std::sin(a);
+    for (auto i = static_cast<std::size_t>(from * kMovingRate); i < static_cast<std::size_t>(to * kMovingRate); ++i) {
+        const double a = 2 * std::numbers::pi * hz * static_cast<double>(i) / kMovingRate, c = std::cos(a),
+                     s = std::sin(a);
         const auto x = static_cast<double>(sound.samples[i * channels]);
         cc += c * c, ss += s * s, cs += c * s, xc += x * c, xs += x * s, xx += x * x;
     }
@@ -81,7 +82,7 @@ TEST(MovingSource, NothingIsBesideTheLineWhateverBlocksAndFrames) {
                 const double start = speed > 0 ? -60 : -20;
                 const SoundBuffer sound =
                     render(kCar, options, fps, 1.3, [&](double t) { return glm::dvec3(0, 0, start + speed * t); });
-                const Line line = fit(sound, kTone / (1 - speed / 343), .4, 1.2);
+                const Line line = fit(sound, kMovingTone / (1 - speed / 343), .4, 1.2);
                 EXPECT_LE(line.besideDb, -90)
                     << speed << " m/s, blocks of " << block << ", " << fps << " frames a second";
                 EXPECT_NEAR(line.amplitude, 1, 1e-3);
@@ -94,7 +95,7 @@ TEST(MovingSource, WithoutDopplerTheToneIsKept) {
         options.reflections = false;
         const SoundBuffer sound =
             render(kPlainCar, options, 60, 1.3, [&](double t) { return glm::dvec3(0, 0, -60 + speed * t); });
-        const Line line = fit(sound, kTone, .4, 1.2);
+        const Line line = fit(sound, kMovingTone, .4, 1.2);
         EXPECT_LE(line.besideDb, -90) << speed;
         EXPECT_NEAR(line.amplitude, 1, 1e-3);
     }
@@ -116,10 +117,10 @@ TEST(MovingSource, WithoutDopplerTheDelayIsTakenInSilence) {
     const SoundBuffer sound =
         render(click, options, 60, .9, [](double t) { return glm::dvec3(0, 0, t < .3 ? -6.86 : -68.6); });
     const auto peakAfter = [&](double from, double to) {
-        std::size_t best = static_cast<std::size_t>(from * kRate);
-        for (std::size_t i = best; i < static_cast<std::size_t>(to * kRate); ++i)
+        std::size_t best = static_cast<std::size_t>(from * kMovingRate);
+        for (std::size_t i = best; i < static_cast<std::size_t>(to * kMovingRate); ++i)
             if (std::abs(sound.samples[2 * i]) > std::abs(sound.samples[2 * best])) best = i;
-        return static_cast<double>(best) / kRate;
+        return static_cast<double>(best) / kMovingRate;
     };
     EXPECT_NEAR(peakAfter(0, .3), .02, 1e-4);
     EXPECT_NEAR(peakAfter(.5, .9), .5 + .2, 1e-4);
@@ -136,7 +137,7 @@ double farFromTheTone(const SoundBuffer& sound, double from, double hz) {
     };
     for (std::size_t i = 0; i < kSize; ++i) {
         const double u = 2.0 * static_cast<double>(i) / (kSize - 1) - 1;
-        x[i] = static_cast<double>(sound.samples[2 * (static_cast<std::size_t>(from * kRate) + i)]) *
+        x[i] = static_cast<double>(sound.samples[2 * (static_cast<std::size_t>(from * kMovingRate) + i)]) *
                bessel(20 * std::sqrt(1 - u * u)) / bessel(20);
     }
     for (std::size_t i = 1, j = 0; i < kSize; ++i) {
@@ -158,7 +159,7 @@ double farFromTheTone(const SoundBuffer& sound, double from, double hz) {
     for (std::size_t i = 0; i < kSize / 2; ++i) {
         const double energy = std::norm(x[i]);
         all += energy;
-        if (std::abs(static_cast<double>(i) * kRate / kSize - kTone) > hz) far += energy;
+        if (std::abs(static_cast<double>(i) * kMovingRate / kSize - kMovingTone) > hz) far += energy;
     }
     return 10 * std::log10(far / all);
 }

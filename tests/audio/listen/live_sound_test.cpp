@@ -24,7 +24,7 @@ const char* const kRoom =
     "DEF Voice Transform { children Sound { location 1 1 1.5 minBack 30 minFront 30 maxBack 60 maxFront 60 source "
     "OscillatorSource { frequency 440 } } }\nViewpoint { position 4 3 1.5 }\n";
 
-AcousticOptions few() {
+AcousticOptions fewLive() {
     AcousticOptions options;
     options.trace.rays = 400;
     options.trace.maxSeconds = 1;
@@ -59,7 +59,7 @@ TEST(LiveSound, PlaysWhileTheSceneRunsAndTracesBeside) {
     ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
     SharedWorld world(scene);
     LiveOptions options;
-    options.render = few();
+    options.render = fewLive();
     auto live = LiveSound::start(world, options);
     ASSERT_TRUE(live) << live.error().text;
     // Until something was traced; a machine that is busy takes its time.
@@ -90,7 +90,7 @@ TEST(LiveSound, PlaysWhileTheSceneRunsAndTracesBeside) {
 }
 
 /// Rays that can be frozen.
-struct OwnRays final : InstanceSubscriber {
+struct LiveRays final : InstanceSubscriber {
     RayWorld world;
     Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
         world.apply(delta);
@@ -103,14 +103,14 @@ TEST(LiveSound, ABackgroundResponseIsTheOneThatIsTracedInPlace) {
     Diagnostics diagnostics;
     ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
     SharedWorld world(scene);
-    OwnRays own;
+    LiveRays own;
     AcousticTables tables(own.world);
     world.add(own);
     world.add(tables);
     scene.newFrame(0);
     const std::shared_ptr<const WorldVersion> rays = own.world.freeze();
     const auto sound = [&](bool background) {
-        AcousticOptions options = few();
+        AcousticOptions options = fewLive();
         options.background = background;
         options.retraceSeconds = 100;
         auto engine = *AcousticEngine::create(options);

@@ -16,7 +16,7 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /// exp(-13.8155 t / T) of energy left at time t after `first`.
-Echogram exponential(double reverberationTime, double first = 0) {
+Echogram exponentialDecay(double reverberationTime, double first = 0) {
     Echogram echogram;
     const double k = 6 * std::log(10.0) / reverberationTime;
     echogram.late.start = first;
@@ -33,7 +33,7 @@ RoomReport::Pair pair(const std::string& source, double t30, double c80) {
     for (Bands* figure : {&m.edt, &m.t20, &m.t30}) *figure = allBands(t30);
     for (Bands* figure : {&m.c50, &m.c80, &m.g}) *figure = allBands(c80);
     m.d50 = m.ts = allBands(.5);
-    result.echogram = exponential(t30);
+    result.echogram = exponentialDecay(t30);
     return result;
 }
 
@@ -58,7 +58,7 @@ TEST(RoomReport, AveragesArithmeticallyOverThePairsThatHaveAFigure) {
 }
 
 TEST(RoomReport, DrawsTheDecayInClosedForm) {
-    const std::vector<double> curve = decayCurveDb(exponential(.8, .01), 2, .01);
+    const std::vector<double> curve = decayCurveDb(exponentialDecay(.8, .01), 2, .01);
     ASSERT_GT(curve.size(), 80u);
     for (std::size_t k = 0; k < 80; ++k) EXPECT_NEAR(curve[k], -60 * .01 * static_cast<double>(k) / .8, 1e-3) << k;
     EXPECT_LT(curve.back(), -65);

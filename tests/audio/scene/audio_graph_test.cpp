@@ -12,7 +12,7 @@
 namespace rtsg {
 namespace {
 
-constexpr double kRate = 48000;
+constexpr double kGraphRate = 48000;
 
 /// Left and right of `seconds` of a graph.
 std::array<std::vector<double>, 2> hear(const std::string& graph, double seconds = .5) {
@@ -43,28 +43,30 @@ std::array<std::vector<double>, 2> hear(const std::string& graph, double seconds
 double lineOf(const std::vector<double>& x, double hz) {
     std::complex<double> sum = 0;
     for (std::size_t i = x.size() - 12000; i < x.size(); ++i)
-        sum += x[i] * std::polar(2.0 / 12000, -2 * M_PI * hz * static_cast<double>(i) / kRate);
+        sum += x[i] * std::polar(2.0 / 12000, -2 * M_PI * hz * static_cast<double>(i) / kGraphRate);
     return std::abs(sum);
 }
 
-const std::string kTone = "OscillatorSource { frequency 1000 }";
+const std::string kGraphTone = "OscillatorSource { frequency 1000 }";
 /// An impulse a second, of .5.
 const std::string kClick = "BufferAudioSource { buffer [ .5 0 0 0 ] sampleRate 48000 }";
 
 TEST(AudioGraph, AFilterIsHeard) {
     // At its corner a lowpass of 0 dB has gain 1; the gain of the node is that of what comes out.
-    EXPECT_NEAR(lineOf(hear("BiquadFilter { frequency 1000 qualityFactor 0 gain .5 children " + kTone + " }")[0], 1000),
-                .5, 1e-5);
     EXPECT_NEAR(
-        lineOf(hear("BiquadFilter { type \"HIGHPASS\" frequency 1000 qualityFactor 6 children " + kTone + " }")[0],
+        lineOf(hear("BiquadFilter { frequency 1000 qualityFactor 0 gain .5 children " + kGraphTone + " }")[0], 1000),
+        .5, 1e-5);
+    EXPECT_NEAR(
+        lineOf(hear("BiquadFilter { type \"HIGHPASS\" frequency 1000 qualityFactor 6 children " + kGraphTone + " }")[0],
                1000),
         std::pow(10, .3), 1e-5);
     // Of peaks and shelves it is the filter's own, in decibels.
     EXPECT_NEAR(
-        lineOf(hear("BiquadFilter { type \"PEAKING\" frequency 1000 gain -12 children " + kTone + " }")[0], 1000),
+        lineOf(hear("BiquadFilter { type \"PEAKING\" frequency 1000 gain -12 children " + kGraphTone + " }")[0], 1000),
         std::pow(10, -.6), 1e-5);
-    EXPECT_LT(lineOf(hear("BiquadFilter { type \"NOTCH\" frequency 500 detune 1200 children " + kTone + " }")[0], 1000),
-              1e-4);
+    EXPECT_LT(
+        lineOf(hear("BiquadFilter { type \"NOTCH\" frequency 500 detune 1200 children " + kGraphTone + " }")[0], 1000),
+        1e-4);
 }
 
 TEST(AudioGraph, DelaysAndResponsesComeInTime) {
@@ -88,15 +90,15 @@ TEST(AudioGraph, ShapersAndCompressorsWorkOnWhatLeadsIntoThem) {
         for (int i = -500; i <= 500; ++i) values += fmt::format("{} ", i * i / 250000.0);
         return values;
     }() + "]}";
-    const auto shaped = hear("WaveShaper { " + square + " children Gain { gain .8 children " + kTone + " } }")[0];
+    const auto shaped = hear("WaveShaper { " + square + " children Gain { gain .8 children " + kGraphTone + " } }")[0];
     EXPECT_NEAR(lineOf(shaped, 2000), .32, 1e-5);
     EXPECT_LT(lineOf(shaped, 1000), 1e-5);
     // Twice as loud is four times, where the gain comes before.
-    const auto louder = hear("WaveShaper { " + square + " children Gain { gain .4 children " + kTone + " } }")[0];
+    const auto louder = hear("WaveShaper { " + square + " children Gain { gain .4 children " + kGraphTone + " } }")[0];
     EXPECT_NEAR(lineOf(louder, 2000), .08, 1e-5);
     // Below its threshold a compressor only makes up.
     const Compressor::Settings usual;
-    EXPECT_NEAR(lineOf(hear("DynamicsCompressor { children Gain { gain .01 children " + kTone + " } }")[0], 1000),
+    EXPECT_NEAR(lineOf(hear("DynamicsCompressor { children Gain { gain .01 children " + kGraphTone + " } }")[0], 1000),
                 .01 * Compressor::makeUp(usual), 1e-5);
 }
 
@@ -118,7 +120,7 @@ TEST(AudioGraph, ChannelsAreSplitSelectedAndMerged) {
     EXPECT_NEAR(whole[0][1000], .25, 1e-6);
     EXPECT_NEAR(whole[1][1000], -.5, 1e-6);
     // Two channels into one of a merger: their mean.
-    EXPECT_NEAR(hear("ChannelMerger { children [ " + pair + " " + kTone + " ] }", .1)[0][1000], -.125, 1e-6);
+    EXPECT_NEAR(hear("ChannelMerger { children [ " + pair + " " + kGraphTone + " ] }", .1)[0][1000], -.125, 1e-6);
     EXPECT_NEAR(hear("ChannelSelector { channelSelection 7 children " + pair + " }", .1)[0][1000], 0, 1e-12);
 }
 
@@ -140,7 +142,7 @@ TEST(AudioGraph, FollowsEdits) {
         loadText(scene,
                  "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { children DEF F BiquadFilter { type \"LOWPASS\" "
                  "frequency 24000 children " +
-                     kTone + " } }\nViewpoint { }\n",
+                     kGraphTone + " } }\nViewpoint { }\n",
                  diagnostics));
     ListenOptions options;
     options.metrics = false;
@@ -209,13 +211,13 @@ TEST(AudioGraph, WhatAnAnalyserFindsComesAsEvents) {
 }
 
 TEST(AudioGraph, AnAnalyserLetsSoundPassAndSaysWhatSizeItTakes) {
-    EXPECT_NEAR(lineOf(hear("Analyser { gain .5 children " + kTone + " }")[0], 1000), .5, 1e-5);
+    EXPECT_NEAR(lineOf(hear("Analyser { gain .5 children " + kGraphTone + " }")[0], 1000), .5, 1e-5);
     Scene scene;
     Diagnostics diagnostics;
     ASSERT_TRUE(loadText(scene,
                          "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { children DEF A Analyser { fftSize 1000 "
                          "children " +
-                             kTone + " } }\n",
+                             kGraphTone + " } }\n",
                          diagnostics));
     ListenOptions options;
     options.metrics = false;

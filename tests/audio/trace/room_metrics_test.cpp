@@ -67,15 +67,15 @@ TEST(RoomMetrics, FreeFieldHasDirectSoundOnly) {
     EXPECT_TRUE(std::isnan(roomMetrics(Echogram{}).g[0]));
 }
 
-struct Row {
+struct MetricsRow {
     double absorption, edt, t20, t30, c50, c80, d50, ts, g;
 };
 
 TEST(RoomMetrics, SpecularBoxIsExact) {
     // Independent of the tracer: the image lattice summed in closed form. The reference counts time from the start of
     // the millisecond in which direct sound arrives; with exact times C50 differs by .05 to .08 dB.
-    for (const Row& row : {Row{.1, 1.1741, 1.2978, 1.3696, -.687, 2.145, .4605, .0841, 25.442},
-                           Row{.3, .3432, .3868, .4078, 8.340, 13.463, .8722, .0241, 19.251}}) {
+    for (const MetricsRow& row : {MetricsRow{.1, 1.1741, 1.2978, 1.3696, -.687, 2.145, .4605, .0841, 25.442},
+                                  MetricsRow{.3, .3432, .3868, .4078, 8.340, 13.463, .8722, .0241, 19.251}}) {
         Echogram binned, exact;
         const double reach = 343.0 * (row.absorption < 0.2 ? 1.6 : 0.7);
         double direct = 0;

@@ -14,7 +14,7 @@ namespace {
 
 using test::canonicalText;
 
-std::string saved(const Scene& scene, Encoding encoding) {
+std::string savedAs(const Scene& scene, Encoding encoding) {
     std::string text;
     Diagnostics problems("export");
     const auto writer = makeWriter(encoding, [&](std::string_view piece) { text += piece; }, problems);
@@ -23,9 +23,9 @@ std::string saved(const Scene& scene, Encoding encoding) {
     return text;
 }
 
-void expectRoundTrip(const Scene& scene, Encoding encoding, const std::filesystem::path& base,
-                     bool loadInlines = true) {
-    const std::string text = saved(scene, encoding);
+void expectSameDocument(const Scene& scene, Encoding encoding, const std::filesystem::path& base,
+                        bool loadInlines = true) {
+    const std::string text = savedAs(scene, encoding);
     Scene again;
     Diagnostics problems("saved");
     LoadOptions options;
@@ -33,10 +33,10 @@ void expectRoundTrip(const Scene& scene, Encoding encoding, const std::filesyste
     loadText(again, text, problems, base, options);
     EXPECT_EQ(canonicalText(again), canonicalText(scene)) << text.substr(0, 3'000);
     // From then on saving gives the same file, byte for byte.
-    const std::string second = saved(again, encoding);
+    const std::string second = savedAs(again, encoding);
     Scene third;
     loadText(third, second, problems, base, options);
-    EXPECT_EQ(saved(third, encoding), second);
+    EXPECT_EQ(savedAs(third, encoding), second);
 }
 
 constexpr Encoding kTextEncodings[] = {Encoding::classicVrml, Encoding::xml};
@@ -51,7 +51,7 @@ class RoundTripText : public testing::TestWithParam<NamedText> {};
 TEST_P(RoundTripText, GivesTheSameScene) {
     test::Loaded l(GetParam().text);
     ASSERT_EQ(l.diagnostics.errors(), 0u) << l.problems();
-    for (const Encoding encoding : kTextEncodings) expectRoundTrip(l.scene, encoding, {});
+    for (const Encoding encoding : kTextEncodings) expectSameDocument(l.scene, encoding, {});
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -110,7 +110,7 @@ TEST(RoundTrip, NamelessSharedAndRoutedNodesGetNames) {
     ASSERT_TRUE(scene.insertChild(c, children, b));
     ASSERT_TRUE(scene.setName(c, "_1"));
     ASSERT_TRUE(scene.addRoute(a, translation, b, translation));
-    test::Loaded again(saved(scene, Encoding::classicVrml));
+    test::Loaded again(savedAs(scene, Encoding::classicVrml));
     EXPECT_EQ(again.problems(), "");
     EXPECT_EQ(again.scene.nodeCount(), scene.nodeCount());
     EXPECT_EQ(again.scene.routeCount(), 1u);
@@ -127,23 +127,24 @@ TEST(RoundTrip, AReplicaSavesTheSameDocument) {
     l.scene.newFrame(0);
     Scene replica;
     ASSERT_TRUE(replica.apply(std::make_shared<ChangeSet>(l.scene.snapshot())));
-    for (const Encoding encoding : kTextEncodings) EXPECT_EQ(saved(replica, encoding), saved(l.scene, encoding));
+    for (const Encoding encoding : kTextEncodings) EXPECT_EQ(savedAs(replica, encoding), savedAs(l.scene, encoding));
 }
 
 // ---- files from elsewhere ----------------------------------------------------------------------------------------
 
-std::filesystem::path scenesFolder() {
+std::filesystem::path folderOfScenes() {
     if (const char* given = std::getenv("RTSG_SCENES")) return given;
     return RTSG_SOURCE_DIR "/../shared/scenes";
 }
 
-std::vector<std::string> sceneFiles() {
+std::vector<std::string> filesOfScenes() {
     std::vector<std::string> files;
     std::error_code problem;
-    for (std::filesystem::recursive_directory_iterator it(scenesFolder(), problem), end; !problem && it != end; ++it) {
+    for (std::filesystem::recursive_directory_iterator it(folderOfScenes(), problem), end; !problem && it != end;
+         ++it) {
         const std::string extension = it->path().extension().string();
         if (extension.starts_with(".x3d") || extension == ".wrl" || extension == ".gz")
-            files.push_back(std::filesystem::relative(it->path(), scenesFolder()).string());
+            files.push_back(std::filesystem::relative(it->path(), folderOfScenes()).string());
     }
     std::ranges::sort(files);
     return files;
@@ -157,8 +158,8 @@ std::string_view exception(std::string_view file, Encoding encoding) {
 }
 
 TEST(RoundTrip, FilesFromElsewhere) {
-    const std::vector<std::string> files = sceneFiles();
-    if (files.empty()) GTEST_SKIP() << "no scenes in " << scenesFolder() << "; set RTSG_SCENES";
+    const std::vector<std::string> files = filesOfScenes();
+    if (files.empty()) GTEST_SKIP() << "no scenes in " << folderOfScenes() << "; set RTSG_SCENES";
     for (const std::string& file : files)
         for (const Encoding encoding : kTextEncodings) {
             if (!exception(file, encoding).empty()) continue;
@@ -167,8 +168,8 @@ TEST(RoundTrip, FilesFromElsewhere) {
             Diagnostics problems;
             LoadOptions options;
             options.loadInlines = false;  // their content is not part of the document
-            ASSERT_TRUE(loadFile(scene, scenesFolder() / file, problems, options));
-            expectRoundTrip(scene, encoding, (scenesFolder() / file).parent_path(), false);
+            ASSERT_TRUE(loadFile(scene, folderOfScenes() / file, problems, options));
+            expectSameDocument(scene, encoding, (folderOfScenes() / file).parent_path(), false);
         }
 }
 

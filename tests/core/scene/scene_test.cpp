@@ -216,20 +216,20 @@ struct Calls {
     bool looks = false;
     std::vector<Vec3f> last;
     NodeId watched;
-} calls;
+} eventCalls;
 
 TEST(SceneFrames, OfTwoBehavioursOfATypeTheLastOneCounts) {
-    calls = {};
+    eventCalls = {};
     Scene scene;
     scene.registerBehaviour(x3d::Switch::type,
-                            {.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++calls.first; }});
+                            {.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++eventCalls.first; }});
     scene.registerBehaviour("Switch",
-                            {.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++calls.second; }});
+                            {.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++eventCalls.second; }});
     const NodeId node = scene.createNode(x3d::Switch::type);
     ASSERT_TRUE(scene.sendEvent(node, x3d::Switch::whichChoice.index, std::int32_t{0}));
     scene.newFrame(0);
-    EXPECT_EQ(calls.first, 0);
-    EXPECT_EQ(calls.second, 1);
+    EXPECT_EQ(eventCalls.first, 0);
+    EXPECT_EQ(eventCalls.second, 1);
 }
 
 /// kUntilMoved: one that asked where a node stands is called again when that moves; one that asked nothing, when
@@ -237,53 +237,53 @@ TEST(SceneFrames, OfTwoBehavioursOfATypeTheLastOneCounts) {
 TEST(SceneFrames, WhoWaitsUntilSomethingMovesIsCalledThenAndNotBefore) {
     for (const bool looks : {true, false}) {
         SCOPED_TRACE(looks ? "at one node" : "at all");
-        calls = {};
-        calls.looks = looks;
+        eventCalls = {};
+        eventCalls.looks = looks;
         Scene scene;
         const NodeId watched = scene.createNode(x3d::Transform::type), other = scene.createNode(x3d::Transform::type),
                      asker = scene.createNode(x3d::Switch::type), shape = scene.createNode(x3d::Shape::type);
         for (const NodeId node : {watched, other, asker})
             ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, node));
         ASSERT_TRUE(scene.insertChild(watched, x3d::Transform::children, shape));
-        calls.watched = shape;
+        eventCalls.watched = shape;
         scene.registerBehaviour(
             x3d::Switch::type, {.onTime = [](Cascade& cascade, const Node& node) -> double {
-                ++calls.asked;
-                if (calls.looks)
-                    calls.last.emplace_back(cascade.worldFromLocal(cascade.scene().node(calls.watched), node)[3]);
+                ++eventCalls.asked;
+                if (eventCalls.looks)
+                    eventCalls.last.emplace_back(cascade.worldFromLocal(cascade.scene().node(eventCalls.watched), node)[3]);
                 return kUntilMoved;
             }});
         scene.newFrame(0);
         scene.newFrame(.5);  // in the first all of the scene was new
-        const int begun = calls.asked;
+        const int begun = eventCalls.asked;
         EXPECT_GE(begun, 1);
         for (int i = 1; i < 5; ++i) scene.newFrame(i);
-        EXPECT_EQ(calls.asked, begun) << "nothing has moved";
+        EXPECT_EQ(eventCalls.asked, begun) << "nothing has moved";
         ASSERT_TRUE(scene.set(other, x3d::Transform::translation, Vec3f(9)));
         scene.newFrame(5);
         scene.newFrame(6);
-        EXPECT_EQ(calls.asked > begun, !looks) << "something else has moved";
-        const int before = calls.asked;
+        EXPECT_EQ(eventCalls.asked > begun, !looks) << "something else has moved";
+        const int before = eventCalls.asked;
         ASSERT_TRUE(scene.set(watched, x3d::Transform::translation, Vec3f(1, 2, 3)));
         scene.newFrame(7);
         scene.newFrame(8);
-        EXPECT_GT(calls.asked, before);
+        EXPECT_GT(eventCalls.asked, before);
         if (looks) {
-            EXPECT_EQ(calls.last.back(), Vec3f(1, 2, 3));
+            EXPECT_EQ(eventCalls.last.back(), Vec3f(1, 2, 3));
         }
     }
 }
 
 /// Behaviour::last: called when all else has come to rest, once a timestamp.
 TEST(SceneFrames, WhoComesLastSeesWhatRoutesHaveLeft) {
-    calls = {};
+    eventCalls = {};
     Scene scene;
     const NodeId end = scene.createNode(x3d::Transform::type), asker = scene.createNode(x3d::Switch::type);
-    calls.watched = end;
+    eventCalls.watched = end;
     scene.registerBehaviour(
         x3d::Switch::type,
         {.onTime = [](Cascade& cascade, const Node&) -> double {
-             calls.last.push_back(cascade.scene().node(calls.watched).get(x3d::Transform::translation));
+             eventCalls.last.push_back(cascade.scene().node(eventCalls.watched).get(x3d::Transform::translation));
              return 0;
          },
          .last = true});
@@ -299,7 +299,7 @@ TEST(SceneFrames, WhoComesLastSeesWhatRoutesHaveLeft) {
         ASSERT_TRUE(scene.sendEvent(start, kPlace, Vec3f(static_cast<float>(i))));
         scene.newFrame(i);
     }
-    EXPECT_EQ(calls.last, (std::vector<Vec3f>{Vec3f(1), Vec3f(2), Vec3f(3)}));
+    EXPECT_EQ(eventCalls.last, (std::vector<Vec3f>{Vec3f(1), Vec3f(2), Vec3f(3)}));
 }
 
 TEST(SceneFrames, AWarningOfANodeIsGivenOnce) {
@@ -317,12 +317,12 @@ TEST(SceneFrames, AWarningOfANodeIsGivenOnce) {
 }
 
 TEST(SceneFrames, WhatTheApplicationHasSetOutlivesAReset) {
-    calls = {};
+    eventCalls = {};
     Scene scene;
     int heard = 0;
     scene.setEventListener([&](double, const Node&, FieldIndex, const Value&) { ++heard; });
     scene.registerBehaviour("Switch",
-                            {.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++calls.first; }});
+                            {.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++eventCalls.first; }});
     scene.setInputRecording(true);
     scene.createNode(x3d::Group::type);
     scene.newFrame(4);
@@ -334,7 +334,7 @@ TEST(SceneFrames, WhatTheApplicationHasSetOutlivesAReset) {
     ASSERT_TRUE(scene.sendEvent(node, x3d::Switch::whichChoice.index, std::int32_t{0}));
     EXPECT_TRUE(scene.newFrame(1)->input) << "the clock starts anew, too";
     EXPECT_EQ(scene.now(), 1);
-    EXPECT_EQ(calls.first, 1);
+    EXPECT_EQ(eventCalls.first, 1);
     EXPECT_GT(heard, 0);
 }
 
@@ -355,7 +355,7 @@ TEST(SceneThreads, CallsWithoutAResultAreRefusedAndToldToo) {
     EXPECT_FALSE(scene.inputRecording());
     ASSERT_EQ(scene.diagnostics().errors(), 1U);
     EXPECT_EQ(scene.diagnostics().all()[0].code, DiagnosticCode("wrong-thread"));
-    EXPECT_NE(scene.diagnostics().all()[0].text.find("3 calls"), std::string::npos)
+    EXPECT_NE(scene.diagnostics().all()[0].text.find("3 eventCalls"), std::string::npos)
         << scene.diagnostics().all()[0].text;
     Diagnostics diagnostics;
     ASSERT_TRUE(loadText(scene,

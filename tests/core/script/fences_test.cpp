@@ -222,7 +222,7 @@ TEST(ScriptFences, GuardedFunctionsAreWhatTheyWere) {
 }
 
 /// What an expression gives, as text.
-std::string evaluated(const std::string& expression) {
+std::string fenced(const std::string& expression) {
     ScriptScene s("outputOnly SFString text", "function initialize() { text = String(" + expression + "); }");
     s.frame();
     EXPECT_EQ(s.problems(), "") << expression;
@@ -230,22 +230,21 @@ std::string evaluated(const std::string& expression) {
 }
 
 TEST(ScriptFences, LocalTimeIsUtc) {
-    EXPECT_EQ(evaluated("new Date(2020, 5, 1, 12).getTime()"), "1591012800000");
-    EXPECT_EQ(evaluated("new Date('2020-06-01T12:00').getTime()"), "1591012800000");
-    EXPECT_EQ(evaluated("new Date('Jun 1 2020 12:00').getTime()"), "1591012800000");
-    EXPECT_EQ(evaluated("Date.parse('2020-06-01T12:00+02:00')"), "1591005600000");
-    EXPECT_EQ(evaluated("Date.parse('Mon Jun 01 2020 12:00:00 GMT+0200 (somewhere)')"), "1591005600000");
-    EXPECT_EQ(evaluated("Date.parse('2020-06-01')"), "1590969600000");
-    EXPECT_EQ(evaluated("new Date(1591012800000).getHours()"), "12");
-    EXPECT_EQ(evaluated("new Date(1591012800000).getTimezoneOffset()"), "0");
-    EXPECT_EQ(evaluated("new Date(1591012800000).setHours(13)"), "1591016400000");
-    EXPECT_EQ(evaluated("new Date(1591012800000)"), "Mon Jun 01 2020 12:00:00 GMT+0000 (UTC)");
-    EXPECT_EQ(evaluated("new Date(NaN)"), "Invalid Date");
-    EXPECT_EQ(evaluated("new Date(new Date(5)).getTime()"), "5");
-    EXPECT_EQ(evaluated("new Date(1591012800000).toLocaleString()"), "6/1/2020, 12:00:00 PM");
-    EXPECT_EQ(evaluated("new Intl.DateTimeFormat().resolvedOptions().timeZone"), "UTC");
-    EXPECT_EQ(evaluated("Intl.DateTimeFormat('de', {timeZone: 'America/New_York', hour: 'numeric'}).format(0)"),
-              "19 Uhr");
+    EXPECT_EQ(fenced("new Date(2020, 5, 1, 12).getTime()"), "1591012800000");
+    EXPECT_EQ(fenced("new Date('2020-06-01T12:00').getTime()"), "1591012800000");
+    EXPECT_EQ(fenced("new Date('Jun 1 2020 12:00').getTime()"), "1591012800000");
+    EXPECT_EQ(fenced("Date.parse('2020-06-01T12:00+02:00')"), "1591005600000");
+    EXPECT_EQ(fenced("Date.parse('Mon Jun 01 2020 12:00:00 GMT+0200 (somewhere)')"), "1591005600000");
+    EXPECT_EQ(fenced("Date.parse('2020-06-01')"), "1590969600000");
+    EXPECT_EQ(fenced("new Date(1591012800000).getHours()"), "12");
+    EXPECT_EQ(fenced("new Date(1591012800000).getTimezoneOffset()"), "0");
+    EXPECT_EQ(fenced("new Date(1591012800000).setHours(13)"), "1591016400000");
+    EXPECT_EQ(fenced("new Date(1591012800000)"), "Mon Jun 01 2020 12:00:00 GMT+0000 (UTC)");
+    EXPECT_EQ(fenced("new Date(NaN)"), "Invalid Date");
+    EXPECT_EQ(fenced("new Date(new Date(5)).getTime()"), "5");
+    EXPECT_EQ(fenced("new Date(1591012800000).toLocaleString()"), "6/1/2020, 12:00:00 PM");
+    EXPECT_EQ(fenced("new Intl.DateTimeFormat().resolvedOptions().timeZone"), "UTC");
+    EXPECT_EQ(fenced("Intl.DateTimeFormat('de', {timeZone: 'America/New_York', hour: 'numeric'}).format(0)"), "19 Uhr");
 }
 
 TEST(ScriptFences, NoClockIsReachable) {
@@ -253,28 +252,28 @@ TEST(ScriptFences, NoClockIsReachable) {
     for (const char* clock : {"Date.now()", "new Date().getTime()", "new Date(Date()).getTime()",
                               "Object.getPrototypeOf(Date).now ? Object.getPrototypeOf(Date).now() : 1000",
                               "new Date().constructor.now()", "new (class extends Date {})().getTime()"})
-        EXPECT_EQ(evaluated(clock), "1000") << clock;
-    EXPECT_EQ(evaluated("new Intl.DateTimeFormat('en', {year: 'numeric'}).format()"), "1970");
+        EXPECT_EQ(fenced(clock), "1000") << clock;
+    EXPECT_EQ(fenced("new Intl.DateTimeFormat('en', {year: 'numeric'}).format()"), "1970");
 }
 
 TEST(ScriptFences, NoOtherWayLeadsAroundAFence) {
-    EXPECT_EQ(evaluated("((5).toLocaleString(), [3].toLocaleString(), 'a'.localeCompare('b'), new Intl.DateTimeFormat("
-                        "'en', {year: 'numeric'}).format())"),
+    EXPECT_EQ(fenced("((5).toLocaleString(), [3].toLocaleString(), 'a'.localeCompare('b'), new Intl.DateTimeFormat("
+                     "'en', {year: 'numeric'}).format())"),
               "1970");
-    EXPECT_EQ(evaluated("(() => { try { return new (new Float32Array(1).buffer.constructor)(2 ** 31); } catch (e) { "
-                        "return e.name; } })()"),
+    EXPECT_EQ(fenced("(() => { try { return new (new Float32Array(1).buffer.constructor)(2 ** 31); } catch (e) { "
+                     "return e.name; } })()"),
               "RangeError");
-    EXPECT_EQ(evaluated("(() => { try { return new (Object.getPrototypeOf(new Int8Array(1)).constructor)(2 ** 31); } "
-                        "catch (e) { return e.name; } })()"),
+    EXPECT_EQ(fenced("(() => { try { return new (Object.getPrototypeOf(new Int8Array(1)).constructor)(2 ** 31); } "
+                     "catch (e) { return e.name; } })()"),
               "RangeError");
-    EXPECT_EQ(evaluated("typeof WebAssembly + typeof SharedArrayBuffer + ('WebAssembly' in globalThis)"),
+    EXPECT_EQ(fenced("typeof WebAssembly + typeof SharedArrayBuffer + ('WebAssembly' in globalThis)"),
               "undefinedundefinedfalse");
 }
 
 TEST(ScriptFences, TheLocaleIsFixed) {
-    EXPECT_EQ(evaluated("(1234567.5).toLocaleString()"), "1,234,567.5");
-    EXPECT_EQ(evaluated("new Intl.NumberFormat().resolvedOptions().locale"), "en-US");
-    EXPECT_EQ(evaluated("new Intl.Collator().resolvedOptions().locale"), "en-US");
+    EXPECT_EQ(fenced("(1234567.5).toLocaleString()"), "1,234,567.5");
+    EXPECT_EQ(fenced("new Intl.NumberFormat().resolvedOptions().locale"), "en-US");
+    EXPECT_EQ(fenced("new Intl.Collator().resolvedOptions().locale"), "en-US");
 }
 
 }  // namespace

@@ -21,13 +21,13 @@ const Behaviour& turntableBehaviour();  // in the generated skeleton
 
 namespace {
 
-struct Outcome {
+struct CompilerOutcome {
     int status = -1;
     std::string output;
 };
 
-Outcome run(const std::string& arguments) {
-    Outcome result;
+CompilerOutcome run(const std::string& arguments) {
+    CompilerOutcome result;
     FILE* pipe = popen((RTSG_SPEC_COMPILER " " + arguments + " 2>&1").c_str(), "r");
     if (!pipe) return result;
     char buffer[4096];
@@ -48,14 +48,14 @@ class SpecCompiler : public testing::Test {
 
     std::string path(const std::string& name) const { return (folder_ / name).string(); }
     void write(const std::string& name, const std::string& text) const { std::ofstream(path(name)) << text; }
-    Outcome compile(const std::string& table) const {
+    CompilerOutcome compile(const std::string& table) const {
         write("t.x3dspec", table);
         return run("--header " + path("t.h") + " --source " + path("t.cpp") + ' ' + path("t.x3dspec"));
     }
     /// The table fails with exactly one error, at this line, that says this.
     void expectError(const std::string& table, int line, const std::string& text) const {
         std::filesystem::remove(path("t.h"));
-        const Outcome result = compile(table);
+        const CompilerOutcome result = compile(table);
         EXPECT_EQ(result.status, 1) << table;
         EXPECT_TRUE(result.output.starts_with(path("t.x3dspec") + ':' + std::to_string(line) + ": error: "))
             << result.output;
@@ -72,7 +72,7 @@ const std::string kHead = "component C\nabstract A\n    SFInt32 [in,out] a 1 @no
 }  // namespace
 
 TEST_F(SpecCompiler, AcceptsWhatTheErrorsBelowAreSpoiledFrom) {
-    const Outcome result = compile(kHead + "    SFFloat [in,out] x 0.5 [0,1] @none\n");
+    const CompilerOutcome result = compile(kHead + "    SFFloat [in,out] x 0.5 [0,1] @none\n");
     EXPECT_EQ(result.status, 0) << result.output;
     EXPECT_EQ(result.output, "");
     EXPECT_TRUE(std::filesystem::exists(path("t.h")));
@@ -177,7 +177,7 @@ TEST_F(SpecCompiler, WrongUseAndUnreadableFiles) {
     EXPECT_EQ(run("").status, 2);
     EXPECT_EQ(run("--header x.h").status, 2);
     EXPECT_EQ(run("--frobnicate x " + path("t.x3dspec")).status, 2);
-    const Outcome missing =
+    const CompilerOutcome missing =
         run("--header " + path("t.h") + " --source " + path("t.cpp") + ' ' + path("missing.x3dspec"));
     EXPECT_EQ(missing.status, 1);
     EXPECT_NE(missing.output.find("cannot be read"), std::string::npos) << missing.output;

@@ -6,7 +6,7 @@
 namespace rtsg::flatten {
 namespace {
 
-struct State {
+struct NodeState {
     std::uint64_t value = 0;
     bool idle = false;
     bool isIdle() const { return idle; }
@@ -14,7 +14,7 @@ struct State {
 
 TEST(NodeStates, NumbersFarApartTakeNoMoreThanATreeNodeEach) {
     for (const std::uint32_t distance : {1u, 3u, 1024u, 40'000u}) {
-        NodeStates<State> states;
+        NodeStates<NodeState> states;
         constexpr std::uint32_t kNodes = 100'000;
         for (std::uint32_t i = 0; i < kNodes; ++i) states.at(i * distance, i + 1).value = i;
         for (std::uint32_t i = 0; i < kNodes; ++i) ASSERT_EQ(states.find(i * distance)->value, i);
@@ -23,7 +23,7 @@ TEST(NodeStates, NumbersFarApartTakeNoMoreThanATreeNodeEach) {
 }
 
 TEST(NodeStates, WhatComesFromAfarMovesIntoTheArrayWhenThatGrows) {
-    NodeStates<State> states;
+    NodeStates<NodeState> states;
     states.at(20'000, 10).value = 7;  // far beyond the ten there are
     EXPECT_EQ(states.dense(20'000), nullptr);
     for (std::uint32_t i = 0; i < 20'000; ++i) states.at(i, 20'000);
@@ -35,7 +35,7 @@ TEST(NodeStates, WhatComesFromAfarMovesIntoTheArrayWhenThatGrows) {
 }
 
 TEST(NodeStates, ALongSessionForgetsThoseThatAreGone) {
-    NodeStates<State> states;
+    NodeStates<NodeState> states;
     for (std::uint32_t i = 0; i < 1'000'000; ++i) {
         states.at(i, 100).idle = i % 1000 != 0;
         if (i % 100 == 0) states.tidy();

@@ -12,7 +12,7 @@
 namespace rtsg {
 namespace {
 
-constexpr std::uint64_t kSeed = 20090616;
+constexpr std::uint64_t kRendererSeed = 20090616;
 constexpr Operation kList{1}, kCount{2};
 
 /// Writes down what it is asked to do.
@@ -205,7 +205,7 @@ TEST_F(RendererCase, DepthOfNestingIsNoLimitToDescending) {
 // Law 2 once more: two ways that share no state give the same hits.
 TEST(FullTraversal, AgreesWithTheIncrementalWorld) {
     int hits = 0;
-    for (std::uint64_t seed = kSeed; seed < kSeed + 20; ++seed) {
+    for (std::uint64_t seed = kRendererSeed; seed < kRendererSeed + 20; ++seed) {
         SCOPED_TRACE(testing::Message() << "seed " << seed);
         Scene scene;
         test::Edits edits(scene, seed);
@@ -239,7 +239,7 @@ TEST(FullTraversal, AgreesWithTheIncrementalWorld) {
 
 TEST(FullTraversal, FindsNothingWhereNothingChanged) {
     Scene scene;
-    test::Edits edits(scene, kSeed);
+    test::Edits edits(scene, kRendererSeed);
     for (int i = 0; i < 600; ++i) edits.step();
     FullTraversalRenderer baseline;
     ASSERT_TRUE(baseline.attachToScene(scene));

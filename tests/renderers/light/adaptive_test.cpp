@@ -18,7 +18,7 @@ namespace {
 using test::LightScene;
 
 // Two boxes in a room with a panel under its ceiling: soft shadows, edges, light between walls.
-const char* const kRoom =
+const char* const kPanelRoom =
     "Viewpoint { position 0 0 1.9 fieldOfView 1 }\n"
     "Shape { appearance Appearance { material Material { diffuseColor .8 .8 .8 } } geometry Box { size 4 3 4 solid "
     "FALSE } }\n"
@@ -51,7 +51,7 @@ TEST(Adaptive, QuantilesAreThoseOfTheTables) {
 // error that is told is the one that there is.
 TEST(Adaptive, IntervalsHoldTheTruthAsOftenAsTheySay) {
     constexpr int kSide = 8, kSeeds = 200;
-    LightScene s(kRoom, kSide, kSide);
+    LightScene s(kPanelRoom, kSide, kSide);
     byPaths(s, 0, 1 << 15);
     s.options.settings.seed = 1'000'003;
     const Picture truth = s.picture();
@@ -91,7 +91,7 @@ TEST(Adaptive, SamplesGoWhereTheErrorIs) {
     EXPECT_EQ(even.stats.error, 0);
     for (const Vec3f& interval : p.interval) EXPECT_EQ(interval, Vec3f(0));
 
-    LightScene room(kRoom, 32, 32);
+    LightScene room(kPanelRoom, 32, 32);
     byPaths(room, 0.05f);
     const Picture known = room.picture();
     EXPECT_LE(room.stats.error, 0.05);
@@ -106,7 +106,7 @@ TEST(Adaptive, SamplesGoWhereTheErrorIs) {
 }
 
 TEST(Adaptive, WhatRanOutOfSamplesIsTold) {
-    LightScene s(kRoom, 16, 16);
+    LightScene s(kPanelRoom, 16, 16);
     byPaths(s, 1e-4f, 64);
     const Picture p = s.picture();
     EXPECT_EQ(s.stats.samples, 64);
@@ -144,7 +144,7 @@ TEST(Adaptive, EdgesOfWhittedsMethodToo) {
 }
 
 TEST(Adaptive, IntervalsAreALayerOfExr) {
-    LightScene s(kRoom, 16, 16);
+    LightScene s(kPanelRoom, 16, 16);
     byPaths(s, 0.2f);
     const Picture p = s.picture();
     const auto file = std::filesystem::temp_directory_path() / fmt::format("rtsg-interval-{}.exr", ::getpid());

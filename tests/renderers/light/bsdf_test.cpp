@@ -11,7 +11,7 @@
 namespace rtsg::trace {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+constexpr double kPiOfBsdf = std::numbers::pi;
 
 struct Case {
     const char* name;
@@ -36,7 +36,7 @@ Vec3f direction(double cosine, double phi) {
     return Vec3f(Vec3d(s * std::cos(phi), s * std::sin(phi), cosine));
 }
 Vec3f viewAt(double degrees) {
-    return direction(std::cos(degrees * kPi / 180), 0.7);
+    return direction(std::cos(degrees * kPiOfBsdf / 180), 0.7);
 }
 
 /// Regularised upper incomplete gamma function Q(a, x): the chi-square distribution's tail.
@@ -66,8 +66,8 @@ double expectedShare(const Bsdf& bsdf, const Vec3f& view, int row, int column) {
     for (int i = 0; i < kFine; ++i)
         for (int j = 0; j < kFine; ++j)
             sum += bsdf.density(view, direction(-1 + 2 * (row + (i + 0.5) / kFine) / kRows,
-                                                2 * kPi * (column + (j + 0.5) / kFine) / kColumns));
-    return sum / (kFine * kFine) * (2.0 / kRows) * (2 * kPi / kColumns);
+                                                2 * kPiOfBsdf * (column + (j + 0.5) / kFine) / kColumns));
+    return sum / (kFine * kFine) * (2.0 / kRows) * (2 * kPiOfBsdf / kColumns);
 }
 
 // Pearson's test of 40,000 samples against the density; cells that expect fewer than 5 are pooled.
@@ -85,8 +85,8 @@ TEST(Bsdf, SamplesFollowTheDensity) {
                 const Vec3f d = c.bsdf.sample(view, unit(random), unit(random), unit(random)).direction;
                 ASSERT_NEAR(glm::length(d), 1, 1e-4);
                 const int row = std::clamp(static_cast<int>((d.z + 1) / 2 * kRows), 0, kRows - 1);
-                const double phi = std::atan2(d.y, d.x), turn = phi < 0 ? phi + 2 * kPi : phi;
-                const int column = std::clamp(static_cast<int>(turn / (2 * kPi) * kColumns), 0, kColumns - 1);
+                const double phi = std::atan2(d.y, d.x), turn = phi < 0 ? phi + 2 * kPiOfBsdf : phi;
+                const int column = std::clamp(static_cast<int>(turn / (2 * kPiOfBsdf) * kColumns), 0, kColumns - 1);
                 ++counted[static_cast<std::size_t>(row * kColumns + column)];
             }
             double statistic = 0, pooledSeen = 0, pooledExpected = 0, total = 0;
@@ -124,7 +124,8 @@ TEST(Bsdf, WeightIsValueOverDensity) {
         for (int i = 0; i < 200; ++i) {
             const Vec3f view = direction(0.05 + 0.95 * unit(random), 6 * unit(random));
             const BsdfSample s = c.bsdf.sample(view, unit(random), unit(random), unit(random));
-            const Vec3f expected = c.bsdf.value(view, s.direction) / float(kPi) / c.bsdf.density(view, s.direction);
+            const Vec3f expected =
+                c.bsdf.value(view, s.direction) / float(kPiOfBsdf) / c.bsdf.density(view, s.direction);
             for (int k = 0; k < 3; ++k) EXPECT_NEAR(s.weight[k], expected[k], 1e-5 * (1 + expected[k])) << c.name;
             if (s.direction.z <= 0) {
                 EXPECT_EQ(s.weight, Vec3f(0)) << c.name;
@@ -156,7 +157,7 @@ double albedo(const Bsdf& bsdf, const Vec3f& view, int steps = 500) {
     double sum = 0;
     for (int i = 0; i < steps; ++i)
         for (int j = 0; j < steps; ++j)
-            sum += bsdf.value(view, direction((i + 0.5) / steps, 2 * kPi * (j + 0.5) / steps)).r;
+            sum += bsdf.value(view, direction((i + 0.5) / steps, 2 * kPiOfBsdf * (j + 0.5) / steps)).r;
     return sum / (double(steps) * steps) * 2;
 }
 

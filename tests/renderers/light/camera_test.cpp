@@ -9,7 +9,7 @@
 namespace rtsg {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+constexpr double kHalfTurn = std::numbers::pi;
 
 void expectNear(const Vec3d& a, const Vec3d& b, double tolerance) {
     EXPECT_NEAR(a.x, b.x, tolerance);
@@ -24,10 +24,10 @@ double angleBetween(const Vec3d& a, const Vec3d& b) {
 // 23.3.1: the smaller of the picture's sides gets fieldOfView, the other follows from the aspect of the tangents.
 TEST(Camera, FieldOfViewIsThatOfTheSmallerSide) {
     for (const double aspect : {0.25, 0.5, 1.0, 16.0 / 9, 4.0}) {
-        const Camera camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, kPi / 4, aspect);
+        const Camera camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, kHalfTurn / 4, aspect);
         const double horizontal = angleBetween(camera.ray(0, 0.5).direction, camera.ray(1, 0.5).direction);
         const double vertical = angleBetween(camera.ray(0.5, 0).direction, camera.ray(0.5, 1).direction);
-        EXPECT_NEAR(std::min(horizontal, vertical), kPi / 4, 1e-9) << aspect;
+        EXPECT_NEAR(std::min(horizontal, vertical), kHalfTurn / 4, 1e-9) << aspect;
         EXPECT_NEAR(std::tan(horizontal / 2) / std::tan(vertical / 2), aspect, 1e-9);
     }
 }
@@ -44,7 +44,7 @@ TEST(Camera, OrientationAndTransformsCompose) {
     // A quarter turn about y looks along -x; the transform about it then turns x to y.
     WorldFromLocal m = identityTransform();
     m[0] = {0, 1, 0}, m[1] = {-1, 0, 0}, m[3] = {10, 20, 30};
-    const Camera camera = Camera::perspective(m, {1, 0, 0}, {0, 1, 0, static_cast<float>(kPi / 2)}, 1, 1);
+    const Camera camera = Camera::perspective(m, {1, 0, 0}, {0, 1, 0, static_cast<float>(kHalfTurn / 2)}, 1, 1);
     expectNear(camera.forward, {0, -1, 0}, 1e-6);
     expectNear(camera.position, {10, 21, 30}, 1e-9);
 }
@@ -134,9 +134,9 @@ TEST(Sky, GradientIsLinearInTheAngle) {
     expect(1.0, {0, 0.5f, 0.5f});
     expect(1.5, {0, 0, 1});
     expect(2.0, {0, 0, 1});  // the last colour goes on to the nadir where there is no ground
-    expect(kPi - 1.0 + 1e-3, {0.0f, 1, 1});
-    expect(kPi - 0.25, {0.75f, 1, 0.25f});
-    expect(kPi, {1, 1, 0});
+    expect(kHalfTurn - 1.0 + 1e-3, {0.0f, 1, 1});
+    expect(kHalfTurn - 0.25, {0.75f, 1, 0.25f});
+    expect(kHalfTurn, {1, 1, 0});
 }
 
 TEST(Sky, LonelyGroundColorReachesTheHorizon) {

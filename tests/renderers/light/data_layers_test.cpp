@@ -22,7 +22,7 @@ namespace {
 
 using namespace test;
 
-std::filesystem::path temporary(const std::string& name) {
+std::filesystem::path temporaryLayers(const std::string& name) {
     return std::filesystem::temp_directory_path() / fmt::format("rtsg_{}_{}", ::getpid(), name);
 }
 
@@ -61,7 +61,7 @@ struct Exr {
 };
 
 Exr written(LightScene& s, const char* name) {
-    const auto file = temporary(name);
+    const auto file = temporaryLayers(name);
     EXPECT_TRUE(writePicture(s.picture(), file));
     return Exr(file);
 }
@@ -212,7 +212,7 @@ TEST(DataLayers, FilesOfTwoRunsAreTheSameBytes) {
         s.options.settings.layers = kAllLayers;
         s.options.settings.samplesPerPixel = 3;
         s.options.settings.threads = static_cast<unsigned>(threads);
-        const auto file = temporary(fmt::format("bytes{}.exr", threads));
+        const auto file = temporaryLayers(fmt::format("bytes{}.exr", threads));
         EXPECT_TRUE(writePicture(s.picture(), file));
         std::ifstream in(file, std::ios::binary);
         std::string content{std::istreambuf_iterator<char>(in), {}};
@@ -228,7 +228,7 @@ TEST(DataLayers, LeaveTheColoursAsTheyAre) {
     LightScene s("Shape { geometry Sphere { } appearance Appearance { material Material { } } } PointLight { }", 9, 7);
     const Picture plain = toLinear(s.picture());
     s.options.settings.layers = kAllLayers;
-    const auto file = temporary("colours.exr");
+    const auto file = temporaryLayers("colours.exr");
     ASSERT_TRUE(writePicture(s.picture(), file));
     const auto read = readPicture(file);
     std::filesystem::remove(file);
@@ -239,7 +239,7 @@ TEST(DataLayers, LeaveTheColoursAsTheyAre) {
 TEST(DataLayers, OnlyOpenExrHoldsThem) {
     LightScene s("Shape { geometry Box { } }", 8, 8);
     s.options.settings.layers = kDepth;
-    EXPECT_FALSE(renderToFile(*s.light, temporary("no.png"), s.options));
+    EXPECT_FALSE(renderToFile(*s.light, temporaryLayers("no.png"), s.options));
     s.options.settings.layers = kAllLayers + 1;
     EXPECT_FALSE(s.light->picture(s.options));
 }

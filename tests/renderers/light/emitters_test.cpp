@@ -123,15 +123,15 @@ TEST(Emitters, AreFoundByWhatARayHits) {
     EXPECT_EQ(t.emitters.find(1'000'000, 0), Emitters::kNone);
 }
 
-/// Mean colour over the pixels of a picture by paths, and its standard error, of one colour.
-struct Mean {
+/// EmitterMean colour over the pixels of a picture by paths, and its standard error, of one colour.
+struct EmitterMean {
     double value = 0, error = 0;
 };
-Mean mean(const std::string& body, int samples, int side = 16) {
+EmitterMean emitterMean(const std::string& body, int samples, int side = 16) {
     LightScene s(body, side, side);
     s.options.settings.integrator = Integrator::path;
     s.options.settings.samplesPerPixel = samples;
-    Mean result;
+    EmitterMean result;
     double squares = 0;
     const Picture p = s.picture();
     for (const Vec4f& pixel : p.pixels) result.value += double{pixel.g}, squares += double{pixel.g} * double{pixel.g};
@@ -176,7 +176,7 @@ TEST(PathEmitters, ASmallLampIsFoundAtOnce) {
     const double srgb = double{srgbFromLinear(0.5f)};
     const std::string scene =
         kLookDown + floorOf(fmt::format("Material {{ diffuseColor {0} {0} {0} }}", srgb)) + panel(half, height);
-    const Mean one = mean(scene, 1, 32);
+    const EmitterMean one = emitterMean(scene, 1, 32);
     EXPECT_NEAR(one.value, expected, 4 * one.error + 0.005 * expected);
     EXPECT_LT(one.error * 32, 0.1 * expected) << "standard deviation of one sample";
 }
@@ -214,8 +214,8 @@ TEST(PathEmitters, WhatIsLookedForIsWhatBouncesFind) {
     };
     for (const auto& scene : scenes) {
         SCOPED_TRACE(scene.name);
-        const Mean found = mean(kLookDown + scene.things + panel(1, 1.5), 256);
-        const Mean bounced = mean(kLookDown + scene.things + panel(1, 1.5, true), 1024);
+        const EmitterMean found = emitterMean(kLookDown + scene.things + panel(1, 1.5), 256);
+        const EmitterMean bounced = emitterMean(kLookDown + scene.things + panel(1, 1.5, true), 1024);
         EXPECT_NEAR(found.value, bounced.value, 4 * std::hypot(found.error, bounced.error) + 1e-6);
         EXPECT_GT(bounced.value, 1e-3);
         EXPECT_LT(found.error, 3 * bounced.error + 1e-6);
@@ -225,21 +225,22 @@ TEST(PathEmitters, WhatIsLookedForIsWhatBouncesFind) {
 // One-sided panels shine to their front only, two-sided ones to both, textured and coloured ones with what is there.
 TEST(PathEmitters, SidesTexturesAndColorsShineAsTheyShow) {
     const std::string matteFloor = floorOf("Material { diffuseColor .8 .8 .8 }");
-    const double below = mean(kLookDown + matteFloor + panel(1, 1.5), 64).value;
+    const double below = emitterMean(kLookDown + matteFloor + panel(1, 1.5), 64).value;
     EXPECT_GT(below, 0.1);
     const std::string turned = "Transform { rotation 1 0 0 3.1415927 center 0 1.5 0 children " + panel(1, 1.5) + "}";
-    EXPECT_NEAR(mean(kLookDown + matteFloor + turned, 64).value, 0, 1e-7);
+    EXPECT_NEAR(emitterMean(kLookDown + matteFloor + turned, 64).value, 0, 1e-7);
     const std::string both =
         "Transform { rotation 1 0 0 3.1415927 center 0 1.5 0 children " + panel(1, 1.5, false, "FALSE") + "}";
-    EXPECT_NEAR(mean(kLookDown + matteFloor + both, 64).value, below, 0.01 * below);
+    EXPECT_NEAR(emitterMean(kLookDown + matteFloor + both, 64).value, below, 0.01 * below);
     // Half of the texels shine; of the vertex colours' green the mean over the panel is .5 as light, too.
     const auto painted = [&](const std::string& appearance, const std::string& more) {
-        return mean(kLookDown + matteFloor +
-                        fmt::format("Transform {{ translation 0 1.5 0 children Shape {{ appearance Appearance {{ {} }} "
-                                    "geometry IndexedFaceSet {{ {} coordIndex [0 1 2 3 -1] coord Coordinate {{ point "
-                                    "[-1 0 -1, 1 0 -1, 1 0 1, -1 0 1] }} }} }} }}",
-                                    appearance, more),
-                    256)
+        return emitterMean(
+                   kLookDown + matteFloor +
+                       fmt::format("Transform {{ translation 0 1.5 0 children Shape {{ appearance Appearance {{ {} }} "
+                                   "geometry IndexedFaceSet {{ {} coordIndex [0 1 2 3 -1] coord Coordinate {{ point "
+                                   "[-1 0 -1, 1 0 -1, 1 0 1, -1 0 1] }} }} }} }}",
+                                   appearance, more),
+                   256)
             .value;
     };
     const char* const texture = "texture PixelTexture { image 2 1 3 0x00FF00 0x000000 }";

@@ -15,18 +15,18 @@ using namespace test;
 std::string texel(int r, int g, int b, int a) {
     return fmt::format("PixelTexture {{ image 1 1 4 0x{:02X}{:02X}{:02X}{:02X} }}", r, g, b, a);
 }
-Vec3f seen(const std::string& multi, const char* material = "UnlitMaterial { emissiveColor .8 .6 .4 }") {
+Vec3f seenTexture(const std::string& multi, const char* material = "UnlitMaterial { emissiveColor .8 .6 .4 }") {
     LightScene s(square(10, fmt::format("material {} texture MultiTexture {{ {} }}", material, multi)));
     s.options.settings.colorSpace = ColorSpace::display;
     return s.center();
 }
 /// Two textures, the first of which replaces all that was before.
 Vec3f second(const char* mode, const std::string& a, const std::string& b, const std::string& more = "") {
-    return seen(fmt::format("texture [ {} {} ] mode [ \"REPLACE\" \"{}\" ] {}", b, a, mode, more));
+    return seenTexture(fmt::format("texture [ {} {} ] mode [ \"REPLACE\" \"{}\" ] {}", b, a, mode, more));
 }
 
 TEST(MultiTexture, TexturesMultiplyOneAfterTheOther) {
-    expectColor(seen("texture [ " + texel(255, 128, 51, 255) + texel(51, 255, 255, 255) + " ]"),
+    expectColor(seenTexture("texture [ " + texel(255, 128, 51, 255) + texel(51, 255, 255, 255) + " ]"),
                 {.8 * .2, .6 * 128 / 255, .4 * .2}, 1e-5);
 }
 

@@ -109,15 +109,15 @@ double sunnyIrradiance() {
     return ofTheSun([](const Vec3d& d) { return d.z; });
 }
 
-struct Mean {
+struct SkyMean {
     double value = 0, deviation = 0;
 };
-Mean mean(const std::string& body, int samples) {
+SkyMean skyMean(const std::string& body, int samples) {
     LightScene s(body, 48, 48);
     s.options.settings.integrator = Integrator::path;
     s.options.settings.samplesPerPixel = samples;
     const Picture p = s.picture();
-    Mean result;
+    SkyMean result;
     double squares = 0;
     for (const Vec4f& pixel : p.pixels) result.value += double{pixel.g}, squares += double{pixel.g} * double{pixel.g};
     const auto n = double(p.pixels.size());
@@ -130,7 +130,7 @@ Mean mean(const std::string& body, int samples) {
 // of a light that falls off within it, it is 1.04 times the mean.
 TEST(PathSky, ASmallSunIsFoundAtOnce) {
     const double srgb = double{srgbFromLinear(0.5f)}, expected = 0.5 * sunnyIrradiance();
-    const Mean one = mean(sunnyScene(fmt::format("material Material {{ diffuseColor {0} {0} {0} }}", srgb)), 1);
+    const SkyMean one = skyMean(sunnyScene(fmt::format("material Material {{ diffuseColor {0} {0} {0} }}", srgb)), 1);
     EXPECT_NEAR(one.value, expected, 4 * one.deviation / 48 + 0.003 * expected);
     EXPECT_LT(one.deviation, 1.2 * expected);
 }
@@ -144,13 +144,13 @@ TEST(PathSky, IsWhatThingsLetThroughAndSendOn) {
     const auto pane = [](const std::string& material) {
         return "Transform { translation 0 2 0 rotation 1 0 0 -1.5707963 children " + square(9, material) + "}\n";
     };
-    const Mean clear = mean(white(pane("material Material { diffuseColor 0 0 0 transparency .5 }")), 64);
+    const SkyMean clear = skyMean(white(pane("material Material { diffuseColor 0 0 0 transparency .5 }")), 64);
     EXPECT_NEAR(clear.value, .5 * expected, 4 * clear.deviation / 48 + .01 * expected);
     EXPECT_LT(clear.deviation, expected);
-    EXPECT_LT(mean(white(pane("material Material { diffuseColor 0 0 0 }")), 16).value, 1e-6);
+    EXPECT_LT(skyMean(white(pane("material Material { diffuseColor 0 0 0 }")), 16).value, 1e-6);
     // Glass bends what passes: nothing that is looked for comes through, all that bounces find does.
     const double dark = double{srgbFromLinear(0.1f)};
-    const Mean glassy = mean(
+    const SkyMean glassy = skyMean(
         sunnyScene(
             fmt::format("material Material {{ diffuseColor {0} {0} {0} }}", dark),
             "Transform { translation 0 2 0 children Shape { geometry Box { size 9 .1 9 } appearance Appearance { " +
@@ -160,7 +160,7 @@ TEST(PathSky, IsWhatThingsLetThroughAndSendOn) {
     // A rough metal sends it on as its function says, found in either way.
     const trace::Bsdf metal = trace::Bsdf::physical(Vec3f(1), 1, .7f);
     const double shown = ofTheSun([&](const Vec3d& d) { return double{metal.value(Vec3f(0, 0, 1), Vec3f(d)).g}; });
-    const Mean rough = mean(sunnyScene("material PhysicalMaterial { metallic 1 roughness .7 }"), 64);
+    const SkyMean rough = skyMean(sunnyScene("material PhysicalMaterial { metallic 1 roughness .7 }"), 64);
     EXPECT_NEAR(rough.value, shown, 4 * rough.deviation / 48 + .01 * shown);
     EXPECT_LT(rough.deviation, shown);
 }

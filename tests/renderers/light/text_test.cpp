@@ -10,7 +10,7 @@ namespace {
 
 using namespace test;
 
-const std::string kText =
+const std::string kLetters =
     "geometry Text { string [ \"ho\" \"%\" ] fontStyle FontStyle { justify [ \"MIDDLE\" \"MIDDLE\" ] size 1 } }";
 
 double inkArea() {
@@ -20,7 +20,7 @@ double inkArea() {
     return surfaceArea(tessellate(p));
 }
 /// Metres squared, of a picture 4 m wide and high.
-double lit(const Picture& p, float level) {
+double litPixels(const Picture& p, float level) {
     double sum = 0;
     for (const Vec4f& pixel : p.pixels) sum += pixel.r / level;
     return sum * 16 / (double(p.width) * p.height);
@@ -29,29 +29,30 @@ double lit(const Picture& p, float level) {
 TEST(TextInPictures, CoversItsAreaInBothIntegrators) {
     for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
         LightScene s("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } Shape { appearance Appearance { " + unlit("1 1 1") +
-                         " } " + kText + " }",
+                         " } " + kLetters + " }",
                      200, 200);
         s.options.settings.integrator = integrator;
         s.options.settings.samplesPerPixel = 4;
-        EXPECT_NEAR(lit(s.picture(), 1), inkArea(), .01 * inkArea());
+        EXPECT_NEAR(litPixels(s.picture(), 1), inkArea(), .01 * inkArea());
     }
 }
 
 TEST(TextInPictures, ThrowsItsShadow) {
     LightScene s("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } DirectionalLight { direction 0 0 -1 }" +
-                     square(10, matte("1 1 1")) + "Transform { translation 0 0 20 children Shape { " + kText + " } }",
+                     square(10, matte("1 1 1")) + "Transform { translation 0 0 20 children Shape { " + kLetters +
+                     " } }",
                  200, 200);
     s.options.settings.samplesPerPixel = 4;
-    EXPECT_NEAR(16 - lit(s.picture(), 1), inkArea(), .01 * inkArea());
+    EXPECT_NEAR(16 - litPixels(s.picture(), 1), inkArea(), .01 * inkArea());
 }
 
 TEST(TextInPictures, IsSeenInAMirror) {
     LightScene s("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } " + square(10, mirror("1")) +
                      "Transform { translation 0 0 20 children Shape { appearance Appearance { " + unlit("1 1 1") +
-                     " } " + kText + " } }",
+                     " } " + kLetters + " } }",
                  200, 200);
     s.options.settings.samplesPerPixel = 4;
-    EXPECT_NEAR(lit(s.picture(), 1), inkArea(), .01 * inkArea());
+    EXPECT_NEAR(litPixels(s.picture(), 1), inkArea(), .01 * inkArea());
 }
 
 // The head-up display of the paper: text before the eye that says what was clicked.
@@ -75,14 +76,14 @@ TEST(TextInPictures, FollowsTheScene) {
                      " } geometry DEF T Text { fontStyle DEF F FontStyle { family \"TYPEWRITER\" } } }",
                  200, 200);
     s.options.settings.samplesPerPixel = 16;
-    EXPECT_EQ(lit(s.picture(), 1), 0);
+    EXPECT_EQ(litPixels(s.picture(), 1), 0);
     ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Text::string, Array<String>{"M"}));
     s.scene.newFrame(1);
-    const double one = lit(s.picture(), 1);
+    const double one = litPixels(s.picture(), 1);
     EXPECT_GT(one, .1);
     ASSERT_TRUE(s.scene.set(s.node("F"), x3d::FontStyle::size, 2.0f));
     s.scene.newFrame(2);
-    EXPECT_NEAR(lit(s.picture(), 1), 4 * one, .04 * one);
+    EXPECT_NEAR(litPixels(s.picture(), 1), 4 * one, .04 * one);
 }
 
 }  // namespace

@@ -14,7 +14,7 @@
 namespace rtsg {
 namespace {
 
-Mesh meshOf(const std::string& geometry, float chordError = .0025f) {
+Mesh nurbsMesh(const std::string& geometry, float chordError = .0025f) {
     Scene scene;
     Diagnostics diagnostics;
     EXPECT_TRUE(
@@ -52,7 +52,7 @@ TEST(NurbsCurves, ACircleIsRoundToItsError) {
                     kCircleKnots, weights(1), points);
     std::uint32_t before = 0;
     for (const float error : {.01f, .0025f, .0001f}) {
-        const Mesh mesh = meshOf(text + " }", error);
+        const Mesh mesh = nurbsMesh(text + " }", error);
         ASSERT_GT(mesh.strokeCount, before);
         before = mesh.strokeCount;
         const double allowed = error * std::sqrt(18.);  // of half the diagonal of the control points
@@ -64,25 +64,25 @@ TEST(NurbsCurves, ACircleIsRoundToItsError) {
         // And not much finer than asked.
         EXPECT_LT(mesh.strokeCount, 2.5 * kPi / std::acos(1 - allowed / 3));
     }
-    EXPECT_EQ(meshOf(text + " tessellation 40 }").strokeCount, 40u);
-    EXPECT_EQ(meshOf(text + " tessellation -5 }").strokeCount, 45u);
+    EXPECT_EQ(nurbsMesh(text + " tessellation 40 }").strokeCount, 40u);
+    EXPECT_EQ(nurbsMesh(text + " tessellation -5 }").strokeCount, 45u);
 }
 
 TEST(NurbsCurves, KnotsThatDoNotFitAreEven) {
     // Even knots of order 2: a polyline between its points.
-    const Mesh line = meshOf("NurbsCurve { order 2 controlPoint Coordinate { point [ 0 0 0, 1 2 0, 3 0 0 ] } }");
+    const Mesh line = nurbsMesh("NurbsCurve { order 2 controlPoint Coordinate { point [ 0 0 0, 1 2 0, 3 0 0 ] } }");
     EXPECT_TRUE(said(line).empty()) << said(line);
     ASSERT_EQ(line.strokeCount, 2u);
     EXPECT_EQ(line.vertex(0, 1), Vec3f(1, 2, 0));
     // An even quadratic goes through the middles of its polygon's sides.
-    const Mesh even =
-        meshOf("NurbsCurve { order 3 knot [ 3 2 1 0 0 0 ] controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0 ] } }");
+    const Mesh even = nurbsMesh(
+        "NurbsCurve { order 3 knot [ 3 2 1 0 0 0 ] controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0 ] } }");
     EXPECT_NE(said(even).find("even"), std::string::npos);
     ASSERT_GT(even.strokeCount, 2u);
     EXPECT_LT(glm::distance(even.vertex(0, 0), Vec3f(1, 0, 0)), 1e-6f);
     EXPECT_LT(glm::distance(even.vertex(even.strokeCount - 1, 1), Vec3f(2, 1, 0)), 1e-6f);
     // Closed it comes back to where it began.
-    const Mesh closed = meshOf(
+    const Mesh closed = nurbsMesh(
         "NurbsCurve { order 3 closed TRUE controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0, 0 2 0, 0 0 0 ] } }");
     EXPECT_LT(glm::distance(closed.vertex(0, 0), closed.vertex(closed.strokeCount - 1, 1)), 1e-6f);
 }
@@ -105,7 +105,7 @@ std::string sphere(double r) {
 
 TEST(NurbsSurfaces, ASphereIsRoundToItsErrorAndClosed) {
     for (const float error : {.02f, .0025f}) {
-        const Mesh mesh = meshOf(sphere(2) + " }", error);
+        const Mesh mesh = nurbsMesh(sphere(2) + " }", error);
         EXPECT_TRUE(said(mesh).empty()) << said(mesh);
         EXPECT_EQ(findDefect(mesh), "");
         const double allowed = error * std::sqrt(12.);
@@ -129,8 +129,8 @@ TEST(NurbsSurfaces, ASphereIsRoundToItsErrorAndClosed) {
 }
 
 TEST(NurbsSurfaces, TessellationSaysHowManyParts) {
-    EXPECT_EQ(meshOf(sphere(1) + " uTessellation 8 vTessellation 4 }").triangleCount, 8u * 2 * 4 - 16);
-    EXPECT_GT(meshOf(sphere(1) + " uTessellation -2 vTessellation -2 }").triangleCount, 300u);
+    EXPECT_EQ(nurbsMesh(sphere(1) + " uTessellation 8 vTessellation 4 }").triangleCount, 8u * 2 * 4 - 16);
+    EXPECT_GT(nurbsMesh(sphere(1) + " uTessellation -2 vTessellation -2 }").triangleCount, 300u);
 }
 
 TEST(NurbsSurfaces, TexturesLieAlongTheirParametersOrTheirOwnSurface) {
@@ -144,15 +144,15 @@ TEST(NurbsSurfaces, TexturesLieAlongTheirParametersOrTheirOwnSurface) {
         ADD_FAILURE();
         return Vec2f(-1);
     };
-    EXPECT_EQ(st(meshOf(flat + " }"), {4, 0}), Vec2f(1, 0));
-    EXPECT_EQ(st(meshOf(flat + " uTessellation 2 vTessellation 2 }"), {2, 1}), Vec2f(.5f));
-    const Mesh own =
-        meshOf(flat + " uTessellation 2 vTessellation 2 texCoord TextureCoordinate { point [ 1 1, 3 1, 1 2, 3 2 ] } }");
+    EXPECT_EQ(st(nurbsMesh(flat + " }"), {4, 0}), Vec2f(1, 0));
+    EXPECT_EQ(st(nurbsMesh(flat + " uTessellation 2 vTessellation 2 }"), {2, 1}), Vec2f(.5f));
+    const Mesh own = nurbsMesh(
+        flat + " uTessellation 2 vTessellation 2 texCoord TextureCoordinate { point [ 1 1, 3 1, 1 2, 3 2 ] } }");
     EXPECT_EQ(st(own, {2, 1}), Vec2f(2, 1.5f));
-    const Mesh nurbs = meshOf(flat +
-                              " uTessellation 2 vTessellation 2 texCoord NurbsTextureCoordinate { uDimension 2 "
-                              "vDimension 2 uOrder 2 vOrder 2 "
-                              "uKnot [ 0 0 1 1 ] vKnot [ 0 0 1 1 ] controlPoint [ 0 0, 8 0, 0 6, 8 6 ] } }");
+    const Mesh nurbs = nurbsMesh(flat +
+                                 " uTessellation 2 vTessellation 2 texCoord NurbsTextureCoordinate { uDimension 2 "
+                                 "vDimension 2 uOrder 2 vOrder 2 "
+                                 "uKnot [ 0 0 1 1 ] vKnot [ 0 0 1 1 ] controlPoint [ 0 0, 8 0, 0 6, 8 6 ] } }");
     EXPECT_EQ(st(nurbs, {2, 1}), Vec2f(4, 3));
 }
 
@@ -162,11 +162,11 @@ TEST(NurbsSurfaces, SwungOnesAreProfilesTimesTrajectories) {
     for (const Vec2d& p : kCircle)
         profile += fmt::format("{} {},", 3 + p.x, p.y), way += fmt::format("{} {},", p.x, p.y);
     const Mesh torus =
-        meshOf(fmt::format("NurbsSwungSurface {{ profileCurve NurbsCurve2D {{ order 3 knot [ {0} ] weight [ {1} ] "
-                           "controlPoint [ {2} ] }} trajectoryCurve NurbsCurve2D {{ order 3 knot [ {0} ] "
-                           "weight [ {1} ] controlPoint [ {3} ] }} }}",
-                           kCircleKnots, weights(1), profile, way),
-               .001f);
+        nurbsMesh(fmt::format("NurbsSwungSurface {{ profileCurve NurbsCurve2D {{ order 3 knot [ {0} ] weight [ {1} ] "
+                              "controlPoint [ {2} ] }} trajectoryCurve NurbsCurve2D {{ order 3 knot [ {0} ] "
+                              "weight [ {1} ] controlPoint [ {3} ] }} }}",
+                              kCircleKnots, weights(1), profile, way),
+                  .001f);
     EXPECT_TRUE(said(torus).empty()) << said(torus);
     for (std::uint32_t t = 0; t < torus.triangleCount; ++t)
         for (std::uint32_t c = 0; c < 3; ++c) {
@@ -175,27 +175,27 @@ TEST(NurbsSurfaces, SwungOnesAreProfilesTimesTrajectories) {
         }
     EXPECT_NEAR(surfaceArea(torus), 4 * kPi * kPi * 3, .5);
     EXPECT_NEAR(std::abs(enclosedVolume(torus)), 2 * kPi * kPi * 3, .5);
-    const Mesh turned =
-        meshOf(fmt::format("NurbsSwungSurface {{ ccw FALSE profileCurve NurbsCurve2D {{ order 3 knot [ {0} ] weight [ "
-                           "{1} ] controlPoint [ {2} ] }} trajectoryCurve NurbsCurve2D {{ order 3 knot [ {0} ] "
-                           "weight [ {1} ] controlPoint [ {3} ] }} }}",
-                           kCircleKnots, weights(1), profile, way),
-               .001f);
+    const Mesh turned = nurbsMesh(
+        fmt::format("NurbsSwungSurface {{ ccw FALSE profileCurve NurbsCurve2D {{ order 3 knot [ {0} ] weight [ "
+                    "{1} ] controlPoint [ {2} ] }} trajectoryCurve NurbsCurve2D {{ order 3 knot [ {0} ] "
+                    "weight [ {1} ] controlPoint [ {3} ] }} }}",
+                    kCircleKnots, weights(1), profile, way),
+        .001f);
     EXPECT_NEAR(enclosedVolume(turned), -enclosedVolume(torus), 1e-3);
 }
 
 TEST(NurbsSurfaces, SweptOnesFollowTheirTrajectory) {
     std::string section;
     for (const Vec2d& p : kCircle) section += fmt::format("{} {},", p.x, p.y);
-    const Mesh tube =
-        meshOf(fmt::format("NurbsSweptSurface {{ crossSectionCurve NurbsCurve2D {{ order 3 knot [ {} ] weight [ {} ] "
-                           "controlPoint [ {} ] }} trajectoryCurve NurbsCurve {{ order 2 controlPoint "
-                           "Coordinate {{ point [ 0 0 0, 0 5 0 ] }} }} }}",
-                           kCircleKnots, weights(1), section),
-               .001f);
+    const Mesh tube = nurbsMesh(
+        fmt::format("NurbsSweptSurface {{ crossSectionCurve NurbsCurve2D {{ order 3 knot [ {} ] weight [ {} ] "
+                    "controlPoint [ {} ] }} trajectoryCurve NurbsCurve {{ order 2 controlPoint "
+                    "Coordinate {{ point [ 0 0 0, 0 5 0 ] }} }} }}",
+                    kCircleKnots, weights(1), section),
+        .001f);
     EXPECT_TRUE(said(tube).empty()) << said(tube);
     EXPECT_NEAR(surfaceArea(tube), 2 * kPi * 5, .05);
-    const Mesh square = meshOf(
+    const Mesh square = nurbsMesh(
         "NurbsSweptSurface { crossSectionCurve ContourPolyline2D { controlPoint [ -1 -1, 1 -1, 1 1, -1 1, -1 -1 ] } "
         "trajectoryCurve NurbsCurve { order 2 "
         "controlPoint Coordinate { point [ 0 0 0, 0 5 0 ] } } }");
@@ -213,7 +213,7 @@ TEST(NurbsSurfaces, TrimmedOnesHaveTheirContoursInside) {
     };
     const std::string outer =
         "Contour2D { children ContourPolyline2D { controlPoint [ .5 .5, 3.5 .5, 3.5 3.5, .5 3.5, .5 .5 ] } }";
-    const Mesh square = meshOf(trimmed(outer));
+    const Mesh square = nurbsMesh(trimmed(outer));
     EXPECT_EQ(findDefect(square), "");
     EXPECT_NEAR(surfaceArea(square), 9, 1e-5);
     EXPECT_EQ(square.bounds.min, Vec3f(.5f, .5f, 0));
@@ -224,15 +224,15 @@ TEST(NurbsSurfaces, TrimmedOnesHaveTheirContoursInside) {
     const std::string hole =
         fmt::format("Contour2D {{ children NurbsCurve2D {{ order 3 knot [ {} ] weight [ {} ] controlPoint [ {} ] }} }}",
                     kCircleKnots, weights(1), circle);
-    EXPECT_NEAR(surfaceArea(meshOf(trimmed(outer + hole), .0001f)), 9 - kPi, 1e-3);
-    EXPECT_NEAR(surfaceArea(meshOf(trimmed(hole), .0001f)), kPi, 1e-3);
-    EXPECT_NEAR(surfaceArea(meshOf(trimmed(""))), 16, 1e-5);
+    EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed(outer + hole), .0001f)), 9 - kPi, 1e-3);
+    EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed(hole), .0001f)), kPi, 1e-3);
+    EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed(""))), 16, 1e-5);
     // A contour of two pieces, the second of which leads back.
-    EXPECT_NEAR(surfaceArea(meshOf(trimmed("Contour2D { children [ ContourPolyline2D { controlPoint [ 1 1, 3 1 ] } "
-                                           "ContourPolyline2D { controlPoint [ 3 1, 1 3, 1 1 ] } ] }"))),
+    EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed("Contour2D { children [ ContourPolyline2D { controlPoint [ 1 1, 3 1 ] } "
+                                              "ContourPolyline2D { controlPoint [ 3 1, 1 3, 1 1 ] } ] }"))),
                 2, 1e-5);
     // Beyond the domain there is nothing.
-    EXPECT_NEAR(surfaceArea(meshOf(trimmed(
+    EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed(
                     "Contour2D { children ContourPolyline2D { controlPoint [ -9 -9, 9 -9, 9 2, -9 2, -9 -9 ] } }"))),
                 8, 1e-4);
 }
@@ -248,13 +248,13 @@ TEST(NurbsSurfaces, WhatCannotBeIsNamed) {
              "NurbsSweptSurface { }",
              "NurbsSwungSurface { profileCurve ContourPolyline2D { } }",
          }) {
-        const Mesh mesh = meshOf(bad);
+        const Mesh mesh = nurbsMesh(bad);
         EXPECT_EQ(mesh.triangleCount + mesh.strokeCount, 0u) << bad;
         EXPECT_FALSE(said(mesh).empty()) << bad;
     }
     // A point far away asks for many parts, of which there are bounds.
     EXPECT_EQ(
-        findDefect(meshOf(
+        findDefect(nurbsMesh(
             "NurbsPatchSurface { uDimension 3 vDimension 3 uKnot [ 0 0 0 1 1 1 ] vKnot [ 0 0 0 1 1 1 ] "
             "controlPoint Coordinate { point [ 0 0 0, 2 0 0, 4 0 1e9, 0 2 0, 2 2 0, 4 2 0, 0 4 0, 2 4 0, 4 4 0 ] } }")),
         "");

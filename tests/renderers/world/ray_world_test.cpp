@@ -13,7 +13,7 @@ namespace {
 using namespace test;
 using Mapping = RayWorld::Mapping;
 
-constexpr std::uint32_t kSeed = 20090616;
+constexpr std::uint32_t kWorldSeed = 20090616;
 const Mapping kMappings[] = {Mapping::merged, Mapping::perShape, Mapping::hybrid};
 
 TEST(RayWorld, EmptyWorldMisses) {
@@ -32,8 +32,9 @@ TEST(RayWorld, EmptyWorldMisses) {
 TEST(RayWorld, RandomScenesAgreeWithBruteForceInEveryMapping) {
     for (const Mapping mapping : kMappings)
         for (const int instances : {1, 2, 7, 40, 150}) {
-            SCOPED_TRACE(testing::Message() << "seed " << kSeed << ", mapping " << int(mapping) << ", " << instances);
-            std::mt19937 random(kSeed + static_cast<unsigned>(instances));
+            SCOPED_TRACE(testing::Message()
+                         << "seed " << kWorldSeed << ", mapping " << int(mapping) << ", " << instances);
+            std::mt19937 random(kWorldSeed + static_cast<unsigned>(instances));
             RayWorld world({.mapping = mapping});
             BruteForce truth;
             InstanceDelta delta;
@@ -57,8 +58,8 @@ TEST(RayWorld, RandomScenesAgreeWithBruteForceInEveryMapping) {
 // Law 2: following deltas gives what building from scratch would; here the brute force is the scratch.
 TEST(RayWorld, FollowsRandomEdits) {
     for (const Mapping mapping : kMappings) {
-        SCOPED_TRACE(testing::Message() << "seed " << kSeed << ", mapping " << int(mapping));
-        std::mt19937 random(kSeed);
+        SCOPED_TRACE(testing::Message() << "seed " << kWorldSeed << ", mapping " << int(mapping));
+        std::mt19937 random(kWorldSeed);
         RayWorld world({.mapping = mapping});
         BruteForce truth;
         std::map<std::uint32_t, std::shared_ptr<Mesh>> meshes;
@@ -170,7 +171,7 @@ TEST(RayWorld, FlattenedInstanceIsTracedFlatAndHopelessOnesAreDiagnosed) {
     world.apply(recover);
     EXPECT_EQ(world.intersect({{10, 5, 0}, 0, {0, -1, 0}}).instance, 3u);
     // Any ray at any of them must leave the process alive.
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kWorldSeed);
     for (int i = 0; i < 20000; ++i) world.intersect(randomRay(random, 2));
 }
 
@@ -248,7 +249,7 @@ TEST(RayWorld, BadMeshesAreSkipped) {
         delta.added.push_back(makeInstance(i, NodeId{i + 1}));  // 7 has no mesh at all
     delta.added.push_back(makeInstance(7, NodeId{}));
     world.apply(delta);
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kWorldSeed);
     for (int i = 0; i < 1000; ++i) EXPECT_FALSE(world.intersect(randomRay(random, 3)));
     EXPECT_GE(world.diagnostics().warnings(), 2u);
     // A mesh that comes later makes its instances appear.
@@ -272,7 +273,7 @@ TEST(RayWorld, ClosedSurfacesDoNotLeak) {
         delta.added.push_back(makeInstance(0, NodeId{1}, translation(Vec3d(offset))));
         world.apply(delta);
         EXPECT_EQ(world.origin() != Vec3d(0), offset > 0);
-        std::mt19937 random(kSeed);
+        std::mt19937 random(kWorldSeed);
         int leaks = 0;
         for (std::uint32_t t = 0; t < sphere->triangleCount; ++t) {
             const Vec3d a(sphere->vertex(t, 0)), b(sphere->vertex(t, 1));
@@ -289,12 +290,12 @@ TEST(RayWorld, ClosedSurfacesDoNotLeak) {
 }
 
 TEST(RayWorld, LeavingRaysDoNotHitTheSurfaceTheyLeave) {
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kWorldSeed);
     for (const double offset : {0.0, 1e4, 1e6})
         for (const double scale : {1e-3, 1.0, 1e3}) {
             if (offset > 1e4 * scale) continue;  // a few floats across: nothing is left of its shape
             for (const bool moving : {false, true}) {
-                SCOPED_TRACE(testing::Message() << offset << " " << scale << " " << moving << " seed " << kSeed);
+                SCOPED_TRACE(testing::Message() << offset << " " << scale << " " << moving << " seed " << kWorldSeed);
                 RayWorld world;
                 InstanceDelta delta;
                 delta.geometries.push_back({NodeId{1}, makeSphere(3)});
@@ -330,10 +331,10 @@ TEST(RayWorld, LeavingRaysDoNotHitTheSurfaceTheyLeave) {
 
 // On planes through 0 nothing is rounded, so that no error moves the start off the surface.
 TEST(RayWorld, LeavingRaysDoNotHitTheCoordinatePlaneTheyLeave) {
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kWorldSeed);
     for (int axis = 0; axis < 3; ++axis)
         for (const bool moving : {false, true}) {
-            SCOPED_TRACE(testing::Message() << axis << " " << moving << " seed " << kSeed);
+            SCOPED_TRACE(testing::Message() << axis << " " << moving << " seed " << kWorldSeed);
             std::vector<Vec3f> corners(4, Vec3f(0));
             for (std::size_t i = 0; i < 4; ++i) {
                 corners[i][(axis + 1) % 3] = i & 1 ? 5.0f : -5.0f;
@@ -395,7 +396,7 @@ TEST(RayWorld, AnimatedMeshIsFollowedThroughHundredsOfRefits) {
     delta.added.push_back(makeInstance(0, NodeId{1}));
     delta.added.push_back(makeInstance(1, NodeId{1}, translation({4, 0, 0})));
     world.apply(delta);
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kWorldSeed);
     for (int frame = 1; frame <= 150; ++frame) {
         auto bent = std::make_shared<Mesh>(*flat);
         bent->bounds = {};
@@ -484,7 +485,7 @@ TEST(RayWorld, MemoryTellsTheScenesArraysFromItsOwn) {
 }
 
 TEST(RayWorld, ManyThreadsMayAskAtOnce) {
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kWorldSeed);
     RayWorld world;
     BruteForce truth;
     InstanceDelta delta;
@@ -498,7 +499,7 @@ TEST(RayWorld, ManyThreadsMayAskAtOnce) {
     std::vector<std::jthread> threads;
     for (unsigned t = 0; t < 4; ++t)
         threads.emplace_back([&, t] {
-            std::mt19937 own(kSeed + t);
+            std::mt19937 own(kWorldSeed + t);
             expectSameHits(world, truth, own, 20, 12);
         });
 }

@@ -17,10 +17,10 @@ namespace rtsg {
 namespace {
 
 using namespace test;
-using Mapping = RayWorld::Mapping;
+using VersionMapping = RayWorld::Mapping;
 using Version = std::shared_ptr<const WorldVersion>;
 
-constexpr std::uint32_t kSeed = 20260401;
+constexpr std::uint32_t kVersionSeed = 20260401;
 
 /// Which slots are there, and where.
 void expectSameInstances(const RayView& view, const BruteForce& truth) {
@@ -103,19 +103,20 @@ struct Held {
     }
 };
 
-class WorldVersions : public testing::TestWithParam<Mapping> {};
-INSTANTIATE_TEST_SUITE_P(All, WorldVersions, testing::Values(Mapping::merged, Mapping::perShape, Mapping::hybrid),
+class WorldVersions : public testing::TestWithParam<VersionMapping> {};
+INSTANTIATE_TEST_SUITE_P(All, WorldVersions,
+                         testing::Values(VersionMapping::merged, VersionMapping::perShape, VersionMapping::hybrid),
                          [](const auto& at) {
-                             return at.param == Mapping::merged     ? "merged"
-                                    : at.param == Mapping::perShape ? "perShape"
-                                                                    : "hybrid";
+                             return at.param == VersionMapping::merged     ? "merged"
+                                    : at.param == VersionMapping::perShape ? "perShape"
+                                                                           : "hybrid";
                          });
 
 TEST_P(WorldVersions, AnswerAsTheWorldDidWhateverIsDoneToItSince) {
     RayWorld::Stats most;
     for (std::uint32_t run = 0; run < 3; ++run) {
-        SCOPED_TRACE(testing::Message() << "seed " << kSeed + run);
-        Players players(kSeed + run, {.mapping = GetParam(), .restFrames = 1 + run, .background = run % 2 == 0});
+        SCOPED_TRACE(testing::Message() << "seed " << kVersionSeed + run);
+        Players players(kVersionSeed + run, {.mapping = GetParam(), .restFrames = 1 + run, .background = run % 2 == 0});
         std::deque<Held> held;
         for (std::uint32_t step = 0; step < 60; ++step) {
             SCOPED_TRACE(testing::Message() << "step " << step);
@@ -124,7 +125,7 @@ TEST_P(WorldVersions, AnswerAsTheWorldDidWhateverIsDoneToItSince) {
             while (held.size() >= std::max<std::size_t>(1, most_held)) held.pop_front();
             if (step % 3 == 0 && held.size() > 2) held.erase(held.begin() + 1);
             if (most_held > 0) {
-                held.emplace_back(players.world(), players.truth(), kSeed + step);
+                held.emplace_back(players.world(), players.truth(), kVersionSeed + step);
                 ASSERT_TRUE(held.back().version);
             }
             players.step();
@@ -135,7 +136,7 @@ TEST_P(WorldVersions, AnswerAsTheWorldDidWhateverIsDoneToItSince) {
         }
         // A world made of a version's state answers alike.
         held.clear();
-        Held last(players.world(), players.truth(), kSeed);
+        Held last(players.world(), players.truth(), kVersionSeed);
         ASSERT_TRUE(last.version);
         for (int i = 0; i < 3; ++i) players.step();
         RayWorld fresh({.mapping = GetParam()});
@@ -145,12 +146,12 @@ TEST_P(WorldVersions, AnswerAsTheWorldDidWhateverIsDoneToItSince) {
             all.added.push_back(thing.info);
         }
         fresh.apply(all);
-        std::mt19937 random(kSeed);
+        std::mt19937 random(kVersionSeed);
         EXPECT_TRUE(sameHits(*last.version, fresh, random, 300));
         const RayWorld::Stats stats = players.world().stats();
         most.merges += stats.merges, most.splits += stats.splits, most.bodiesBuilt += stats.bodiesBuilt;
     }
-    if (GetParam() != Mapping::hybrid) return;
+    if (GetParam() != VersionMapping::hybrid) return;
     EXPECT_GT(most.merges, 3u);
     EXPECT_GT(most.splits, 10u);
     EXPECT_GT(most.bodiesBuilt, 5u);
@@ -265,7 +266,7 @@ TEST(WorldVersion, DeformingMeshesTakeTurns) {
     shape.show(rest);
     shape.show(moved(*rest, [](Vec3f p) { return twist(p, .1f); }));
     std::deque<std::pair<Version, std::shared_ptr<Mesh>>> held;
-    std::mt19937 random(kSeed);
+    std::mt19937 random(kVersionSeed);
     std::size_t bytes = 0;
     for (int frame = 0; frame < 60; ++frame) {
         const auto mesh = moved(*rest, [&](Vec3f p) { return twist(p, .01f * static_cast<float>(frame)); });
@@ -350,7 +351,7 @@ TEST(WorldVersion, ReadersOnThreeThreadsSeeWholeStates) {
     const std::uint32_t rounds = std::getenv("RTSG_LONG") != nullptr ? 200 : 1;
     Tally tally;
     for (std::uint32_t round = 0; round < rounds && !HasFailure(); ++round)
-        readWhileEdited(kSeed + 100 * round, 100, tally);
+        readWhileEdited(kVersionSeed + 100 * round, 100, tally);
     EXPECT_GT(tally.compared, 100);
     // Transforms that the players multiply over and over become so ill-conditioned that float differs from the truth:
     // 3 of 68,556 hits of a world without any versions did. A state that is not whole differs everywhere.

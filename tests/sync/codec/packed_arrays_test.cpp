@@ -27,7 +27,7 @@ ByteBuffer packed(const Value& value) {
 
 /// Reads what is packed at the very end of its bytes, and with bytes behind it; returns how long it was.
 template <class T>
-std::size_t expectSame(const Array<T>& array) {
+std::size_t expectSameArray(const Array<T>& array) {
     ByteBuffer out = packed(Value(array));
     const std::size_t size = out.size();
     for (const std::size_t behind : {0, 1, 7, 8, 100}) {
@@ -98,7 +98,7 @@ void expectSameOfAll(RandomNumbers& numbers) {
         Array<T> array = Array<T>::ofSize(numbers.size());
         auto* to = reinterpret_cast<float*>(array.mutableData());
         for (std::size_t i = 0; i < array.size() * sizeof(T) / sizeof(float); ++i) to[i] = numbers();
-        expectSame(array);
+        expectSameArray(array);
     }
 }
 
@@ -124,9 +124,9 @@ TEST(PackedArrays, WholeNumbersComeBack) {
             const auto before = i >= lag ? static_cast<std::uint32_t>(array[i - lag]) : 0u;
             array.push_back(static_cast<std::int32_t>(before + 5 + (random() & range)));
         }
-        expectSame(array);
+        expectSameArray(array);
     }
-    expectSame(Array<std::int32_t>{INT32_MIN, INT32_MAX, 0, -1, INT32_MIN, INT32_MAX});
+    expectSameArray(Array<std::int32_t>{INT32_MIN, INT32_MAX, 0, -1, INT32_MIN, INT32_MAX});
 }
 
 TEST(PackedArrays, NumbersWithAnOrderTakeFewBytes) {
@@ -139,23 +139,24 @@ TEST(PackedArrays, NumbersWithAnOrderTakeFewBytes) {
         decimals.push_back({static_cast<float>(i % 16) / 100, 7.25f, static_cast<float>(i) / 4});
     }
     // A block of 1,024 takes 10 bytes and its first numbers.
-    EXPECT_LE(expectSame(triangles), 4096u * 6 / 1024 * (10 + 6 * 4) + 8);
+    EXPECT_LE(expectSameArray(triangles), 4096u * 6 / 1024 * (10 + 6 * 4) + 8);
     // -1 stays where others count up: 1 bit each.
-    EXPECT_LE(expectSame(polygons), 4096u * 5 / 8 + 21 * (10 + 5 * 4));
-    EXPECT_LE(expectSame(decimals), 4096u * 5 / 8 + 12 * 20);
+    EXPECT_LE(expectSameArray(polygons), 4096u * 5 / 8 + 21 * (10 + 5 * 4));
+    EXPECT_LE(expectSameArray(decimals), 4096u * 5 / 8 + 12 * 20);
     // What has no order takes what it is, and 1 % more.
     std::mt19937 random(kArraySeed);
     Array<std::int32_t> noise;
     for (int i = 0; i < 4096; ++i) noise.push_back(static_cast<std::int32_t>(random()));
-    EXPECT_LE(expectSame(noise), 4096u * 4 * 101 / 100);
+    EXPECT_LE(expectSameArray(noise), 4096u * 4 * 101 / 100);
 }
 
 /// Numbers near 0 are decimals of ten digits, too, which would take more bits than they have.
 TEST(PackedArrays, DecimalsOfManyDigitsAreKeptAsTheyAre) {
     std::mt19937 random(kArraySeed);
     Array<float> smooth;
-    for (int i = 0; i < 1024; ++i) smooth.push_back(std::bit_cast<float>(0x3DCCCCCDu + random() % 256));
-    EXPECT_LE(expectSame(smooth), 1024u * 9 / 8 + 20);
+    for (int i = 0; i < 1024; ++i)
+        smooth.push_back(std::bit_cast<float>(static_cast<std::uint32_t>(0x3DCCCCCDu + random() % 256)));
+    EXPECT_LE(expectSameArray(smooth), 1024u * 9 / 8 + 20);
 }
 
 /// The bytes of PROTOCOL.md, made by hand.

@@ -74,12 +74,12 @@ class ForeignClient {
     std::uint64_t received_ = 0;
 };
 
-struct Origin {
+struct ForeignOrigin {
     Scene scene;
     NodeId box;
     std::unique_ptr<MirrorServer> server;
 
-    Origin() {
+    ForeignOrigin() {
         box = scene.createNode(x3d::Transform::type);
         EXPECT_TRUE(scene.setField(scene.root(), x3d::RtsgScene::children.index, Array<NodeId>{box}));
         scene.newFrame(0);
@@ -99,7 +99,7 @@ struct Origin {
     }
 };
 
-ByteBuffer recordOf(std::vector<Change> changes, TypeTable types) {
+ByteBuffer foreignRecord(std::vector<Change> changes, TypeTable types) {
     ChangeSet set;
     set.from = set.to = 1;  // any state
     set.changes = std::move(changes);
@@ -108,7 +108,7 @@ ByteBuffer recordOf(std::vector<Change> changes, TypeTable types) {
     return record;
 }
 
-Change edit(NodeId node, FieldIndex field, Value value) {
+Change foreignEdit(NodeId node, FieldIndex field, Value value) {
     Change change;
     change.node = node;
     change.field = field;
@@ -117,9 +117,9 @@ Change edit(NodeId node, FieldIndex field, Value value) {
 }
 
 TEST(ForeignUpstream, EditsInTheServersNumbersAreTaken) {
-    Origin origin;
+    ForeignOrigin origin;
     ForeignClient client(origin.server->endpoint());
-    const auto record = recordOf({edit(origin.box, x3d::Transform::translation.index, Vec3f(1, 2, 3))}, {});
+    const auto record = foreignRecord({foreignEdit(origin.box, x3d::Transform::translation.index, Vec3f(1, 2, 3))}, {});
     EXPECT_EQ(origin.verdictOf(client, 1, record).refusal, "");
     EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(1, 2, 3));
 }
@@ -145,9 +145,9 @@ TEST(ForeignUpstream, TypesThatItDescribesAreFoundByName) {
     create.kind = ChangeKind::createNode;
     create.node = created;
     create.index = 1;
-    Origin origin;
+    ForeignOrigin origin;
     ForeignClient client(origin.server->endpoint());
-    const auto verdict = origin.verdictOf(client, 1, recordOf({create, edit(created, 1, 2.5f)}, own));
+    const auto verdict = origin.verdictOf(client, 1, foreignRecord({create, foreignEdit(created, 1, 2.5f)}, own));
     ASSERT_EQ(verdict.refusal, "");
     ASSERT_EQ(verdict.created.size(), 1u);
     const Node& sphere = origin.scene.node(NodeId{verdict.created[0].second});
@@ -158,7 +158,7 @@ TEST(ForeignUpstream, TypesThatItDescribesAreFoundByName) {
     unheardOf.push_back(type("Hovercraft", {{"eels", FieldType::SFInt32}}));
     create.index = 0;
     EXPECT_NE(
-        origin.verdictOf(client, 2, recordOf({create}, unheardOf)).refusal.find("node types come from files only"),
+        origin.verdictOf(client, 2, foreignRecord({create}, unheardOf)).refusal.find("node types come from files only"),
         std::string::npos);
 }
 

@@ -15,7 +15,7 @@ namespace {
 using namespace test;
 using namespace std::chrono_literals;
 
-constexpr const char* kMoving = R"(#X3D V4.0 utf8
+constexpr const char* kMovingScene = R"(#X3D V4.0 utf8
 DEF T TimeSensor { loop TRUE cycleInterval 2 }
 DEF P PositionInterpolator { key [ 0 .5 1 ] keyValue [ -1 0 0, 1 0 0, -1 0 0 ] }
 DEF M Transform { }
@@ -23,7 +23,7 @@ ROUTE T.fraction_changed TO P.set_fraction
 ROUTE P.value_changed TO M.set_translation
 )";
 
-struct Pair {
+struct InputPair {
     Scene origin, replica;
     std::unique_ptr<MirrorServer> server;
     std::unique_ptr<MirrorClient> client;
@@ -58,9 +58,9 @@ struct Pair {
 };
 
 TEST(InputMirror, WhatTheClockDoesCostsAHeaderAFrame) {
-    Pair pair;
+    InputPair pair;
     Diagnostics diagnostics;
-    ASSERT_TRUE(loadText(pair.origin, kMoving, diagnostics));
+    ASSERT_TRUE(loadText(pair.origin, kMovingScene, diagnostics));
     pair.connect();
     pair.origin.newFrame(0);
     pair.follow();
@@ -83,7 +83,7 @@ class InputMirrorLaw : public testing::TestWithParam<std::uint64_t> {};
 
 TEST_P(InputMirrorLaw, SameHashWhateverHappens) {
     SCOPED_TRACE("seed " + std::to_string(GetParam()));
-    Pair pair;
+    InputPair pair;
     pair.replica.registerBehaviour("Material", steady());
     pair.connect();
     int count = 0;
@@ -99,7 +99,7 @@ TEST_P(InputMirrorLaw, SameHashWhateverHappens) {
 INSTANTIATE_TEST_SUITE_P(Seeds, InputMirrorLaw, testing::Range<std::uint64_t>(1, 7));
 
 TEST(InputMirror, WithoutTheBehaviourChangesWillDo) {
-    Pair pair;  // the origin has a behaviour that the replica lacks
+    InputPair pair;  // the origin has a behaviour that the replica lacks
     pair.connect();
     live(pair.origin, 3, 40, true, false, [](const ChangeSet&) {});
     pair.follow();
@@ -112,9 +112,9 @@ TEST(InputMirror, WithoutTheBehaviourChangesWillDo) {
 }
 
 TEST(InputMirror, AnEditedReplicaIsPutRightAndRunsOn) {
-    Pair pair;
+    InputPair pair;
     Diagnostics diagnostics;
-    ASSERT_TRUE(loadText(pair.origin, kMoving, diagnostics));
+    ASSERT_TRUE(loadText(pair.origin, kMovingScene, diagnostics));
     pair.connect();
     for (int frame = 0; frame <= 10; ++frame) {
         pair.origin.newFrame(frame * .01);
@@ -133,9 +133,9 @@ TEST(InputMirror, AnEditedReplicaIsPutRightAndRunsOn) {
 
 TEST(InputMirror, BothSidesHaveToWantIt) {
     for (const bool offered : {false, true}) {
-        Pair pair;
+        InputPair pair;
         Diagnostics diagnostics;
-        ASSERT_TRUE(loadText(pair.origin, kMoving, diagnostics));
+        ASSERT_TRUE(loadText(pair.origin, kMovingScene, diagnostics));
         pair.connect(offered, !offered);
         for (int frame = 0; frame <= 10; ++frame) {
             pair.origin.newFrame(frame * .01);

@@ -13,21 +13,21 @@ namespace {
 using namespace std::chrono_literals;
 using test::pollUntilAt;
 
-struct Kind {
+struct CodingKind {
     StreamMode mode;
     const char* name;
 };
 
-struct Replica {
+struct CodedReplica {
     Scene scene;
     std::unique_ptr<MirrorClient> client;
-    explicit Replica(const std::string& endpoint, MirrorClientOptions options = {})
+    explicit CodedReplica(const std::string& endpoint, MirrorClientOptions options = {})
         : client(*MirrorClient::connect(scene, endpoint, std::move(options))) {}
 };
 
 /// Bodies that tumble, and who follows them.
-struct Served {
-    explicit Served(const StreamMode& mode) {
+struct ServedCoding {
+    explicit ServedCoding(const StreamMode& mode) {
         for (std::size_t i = 0; i < 60; ++i) {
             nodes.push_back(origin.createNode(x3d::Transform::type));
             EXPECT_TRUE(origin.setName(nodes.back(), "B" + std::to_string(i)));
@@ -55,13 +55,13 @@ struct Served {
 
 /// The second coding costs the scene's thread twice what the first does: not for nobody.
 TEST(MirrorCodingCost, FramesAreCodedASecondTimeOnlyForThoseWhoTakeThem) {
-    Served served({Mode::state, Coding::compact, 0});
+    ServedCoding served({Mode::state, Coding::compact, 0});
     for (int i = 0; i < 20; ++i) served.step();
     EXPECT_EQ(served.server->statistics().coded, 0u);
     {
         MirrorClientOptions options;
         options.framesPerSecond = 1000;  // may come merged, which has no predictions
-        Replica paced(served.server->endpoint(), options);
+        CodedReplica paced(served.server->endpoint(), options);
         ASSERT_TRUE(pollUntilAt(*paced.client, served.origin));
         for (int i = 0; i < 20; ++i) served.step();
         ASSERT_TRUE(pollUntilAt(*paced.client, served.origin));
@@ -69,7 +69,7 @@ TEST(MirrorCodingCost, FramesAreCodedASecondTimeOnlyForThoseWhoTakeThem) {
     EXPECT_EQ(served.server->statistics().coded, 0u);
     for (int time = 0; time < 2; ++time) {
         const std::uint64_t before = served.server->statistics().coded;
-        Replica replica(served.server->endpoint());
+        CodedReplica replica(served.server->endpoint());
         ASSERT_TRUE(pollUntilAt(*replica.client, served.origin));
         ASSERT_TRUE(test::eventually([&] {
             served.step();
@@ -88,26 +88,26 @@ TEST(MirrorCodingCost, FramesAreCodedASecondTimeOnlyForThoseWhoTakeThem) {
     }
 }
 
-class MirrorCoding : public testing::TestWithParam<Kind> {};
+class MirrorCoding : public testing::TestWithParam<CodingKind> {};
 INSTANTIATE_TEST_SUITE_P(Modes, MirrorCoding,
-                         testing::Values(Kind{{Mode::state, Coding::compact, 0}, "compact"},
-                                         Kind{{Mode::state, Coding::smallest, 0}, "smallest"},
-                                         Kind{{Mode::lossy, Coding::smallest, 1e-3}, "lossy"}),
+                         testing::Values(CodingKind{{Mode::state, Coding::compact, 0}, "compact"},
+                                         CodingKind{{Mode::state, Coding::smallest, 0}, "smallest"},
+                                         CodingKind{{Mode::lossy, Coding::smallest, 1e-3}, "lossy"}),
                          [](const auto& p) { return p.param.name; });
 
 TEST_P(MirrorCoding, WhoFollowsJoinsAndLagsIsInStepWithFewerBytes) {
-    Served served(GetParam().mode);
-    Replica first(served.server->endpoint());
+    ServedCoding served(GetParam().mode);
+    CodedReplica first(served.server->endpoint());
     ASSERT_TRUE(pollUntilAt(*first.client, served.shown()));
     MirrorClientOptions narrow;
     narrow.window = 1;  // as small as servers allow
-    Replica lagging(served.server->endpoint(), narrow);
+    CodedReplica lagging(served.server->endpoint(), narrow);
     ASSERT_TRUE(pollUntilAt(*lagging.client, served.shown()));
     MirrorClientOptions paced;
     paced.framesPerSecond = 20;
-    Replica slow(served.server->endpoint(), paced);
-    std::unique_ptr<Replica> late;
-    const auto verified = [&](Replica& replica, const char* who) {
+    CodedReplica slow(served.server->endpoint(), paced);
+    std::unique_ptr<CodedReplica> late;
+    const auto verified = [&](CodedReplica& replica, const char* who) {
         SCOPED_TRACE(who);
         ASSERT_TRUE(pollUntilAt(*replica.client, served.shown()));
         EXPECT_EQ(replica.client->statistics().divergences, 0u);
@@ -123,7 +123,7 @@ TEST_P(MirrorCoding, WhoFollowsJoinsAndLagsIsInStepWithFewerBytes) {
         ASSERT_TRUE(pollUntilAt(*first.client, served.shown())) << i;
         ASSERT_EQ(first.client->statistics().divergences, 0u) << i;
         if (i % 100 == 99) slow.client->poll(1ms);
-        if (i == 150) late = std::make_unique<Replica>(served.server->endpoint());
+        if (i == 150) late = std::make_unique<CodedReplica>(served.server->endpoint());
         if (late) late->client->poll(0ms);
         if (i == 300) before = first.client->statistics().bytes;
     }
@@ -133,10 +133,10 @@ TEST_P(MirrorCoding, WhoFollowsJoinsAndLagsIsInStepWithFewerBytes) {
     for (int i = 0; i < 60; ++i) {
         served.step();
         served.server->service();
-        for (Replica* replica : {&first, &lagging, &slow, late.get()}) replica->client->poll(1ms);
+        for (CodedReplica* replica : {&first, &lagging, &slow, late.get()}) replica->client->poll(1ms);
         std::this_thread::sleep_for(5ms);
     }
-    for (Replica* replica : {&first, &lagging, &slow, late.get()}) verified(*replica, "at the end");
+    for (CodedReplica* replica : {&first, &lagging, &slow, late.get()}) verified(*replica, "at the end");
     // A frame's own head is 64 bytes; raw, its values take 60 times 30.
     const double perFrame = double(first.client->statistics().bytes - before) / 159;
     EXPECT_LT(perFrame, GetParam().mode.mode == Mode::lossy ? 600 : 1000);

@@ -17,13 +17,13 @@ using test::eventually;
 using test::pollUntil;
 using test::pollUntilAt;
 
-struct Moving {
+struct MovingOrigin {
     Scene scene;
     std::vector<NodeId> nodes;
     std::unique_ptr<MirrorServer> server;
     int frame = 0;
 
-    explicit Moving(int count, MirrorServerOptions options = {}) {
+    explicit MovingOrigin(int count, MirrorServerOptions options = {}) {
         for (int i = 0; i < count; ++i) nodes.push_back(scene.createNode(x3d::Transform::type));
         scene.newFrame(0);
         server = *MirrorServer::start(scene, test::kAnyPort, std::move(options));
@@ -37,7 +37,7 @@ struct Moving {
 };
 
 TEST(MirrorSlowPolicy, ResyncGivesASnapshotInsteadOfWhatWasMissed) {
-    Moving origin(500);
+    MovingOrigin origin(500);
     MirrorClientOptions options;
     options.window = 64 << 10;
     options.whenSlow = MirrorWhenSlow::resync;
@@ -53,7 +53,7 @@ TEST(MirrorSlowPolicy, ResyncGivesASnapshotInsteadOfWhatWasMissed) {
 }
 
 TEST(MirrorSlow, OneThatLagsWhenTheServerLeavesKnowsThatItLags) {
-    Moving origin(500);
+    MovingOrigin origin(500);
     MirrorClientOptions options;
     options.window = 64 << 10;
     Scene replica;
@@ -78,7 +78,7 @@ TEST(MirrorSlow, OneThatLagsWhenTheServerLeavesKnowsThatItLags) {
 TEST(MirrorSlowPolicy, BlockHoldsTheSceneUpAndNoFrameIsMerged) {
     MirrorServerOptions serverOptions;
     serverOptions.blockFor = 20s;
-    Moving origin(500, serverOptions);
+    MovingOrigin origin(500, serverOptions);
     MirrorClientOptions options;
     options.window = 64 << 10;
     options.whenSlow = MirrorWhenSlow::block;
@@ -109,7 +109,7 @@ TEST(MirrorSlowPolicy, BlockHoldsTheSceneUpAndNoFrameIsMerged) {
 TEST(MirrorSlowPolicy, APeerMayNotBlockLongerThanAllowed) {
     MirrorServerOptions serverOptions;
     serverOptions.blockFor = 50ms;
-    Moving origin(500, serverOptions);
+    MovingOrigin origin(500, serverOptions);
     MirrorClientOptions options;
     options.window = 64 << 10;
     options.whenSlow = MirrorWhenSlow::block;
@@ -124,7 +124,7 @@ TEST(MirrorSlowPolicy, APeerMayNotBlockLongerThanAllowed) {
 }
 
 TEST(MirrorRate, FewerFramesAreAskedForAndTheRestComesMerged) {
-    Moving origin(20);
+    MovingOrigin origin(20);
     MirrorClientOptions options;
     options.framesPerSecond = 20;
     Scene replica;
@@ -194,7 +194,7 @@ TEST(MirrorClockTest, JitterIsTheMeanChangeOfTransitTimes) {
 }
 
 TEST(MirrorClockTest, OfARealServerIsKnownSoon) {
-    Moving origin(1);
+    MovingOrigin origin(1);
     Scene replica;
     auto client = *MirrorClient::connect(replica, origin.server->endpoint());
     ASSERT_TRUE(pollUntil(*client, [&] { return client->statistics().clockSamples >= 5; }));
@@ -204,7 +204,7 @@ TEST(MirrorClockTest, OfARealServerIsKnownSoon) {
 }
 
 TEST(MirrorLatency, FramesAreHeldAsLongAsAskedAndShownBetween) {
-    Moving origin(3);
+    MovingOrigin origin(3);
     MirrorClientOptions options;
     options.latency = 300ms;
     Scene replica;
@@ -234,7 +234,7 @@ TEST(MirrorLatency, FramesAreHeldAsLongAsAskedAndShownBetween) {
 }
 
 TEST(MirrorLatency, HeldFramesAreBoundedByTheWindow) {
-    Moving origin(500);
+    MovingOrigin origin(500);
     MirrorClientOptions options;
     options.latency = 3600s;
     options.window = 64 << 10;

@@ -48,10 +48,10 @@ struct Robot {
     void step() { scene.newFrame(++frame); }
 };
 
-struct Follower {
+struct PartFollower {
     Scene scene;
     std::unique_ptr<MirrorClient> client;
-    Follower(const std::string& endpoint, std::vector<std::string> parts, std::vector<Aspect> aspects = {}) {
+    PartFollower(const std::string& endpoint, std::vector<std::string> parts, std::vector<Aspect> aspects = {}) {
         MirrorClientOptions options;
         options.parts = std::move(parts);
         options.aspects = std::move(aspects);
@@ -64,7 +64,7 @@ struct Follower {
 
 TEST(MirrorPart, HoldsTheSubtreeAndTheWayToIt) {
     Robot robot;
-    Follower follower(robot.server->endpoint(), {"LEFT"});
+    PartFollower follower(robot.server->endpoint(), {"LEFT"});
     ASSERT_TRUE(follower.settle(robot.scene));
     for (const NodeId id : {robot.left, robot.hand, robot.shape, robot.material}) EXPECT_TRUE(follower.scene.find(id));
     EXPECT_FALSE(follower.scene.find(robot.right));
@@ -85,7 +85,7 @@ TEST(MirrorPart, HoldsTheSubtreeAndTheWayToIt) {
 
 TEST(MirrorPart, AspectsLeaveTheRestAtItsDefault) {
     Robot robot;
-    Follower follower(robot.server->endpoint(), {}, {Aspect::transform});
+    PartFollower follower(robot.server->endpoint(), {}, {Aspect::transform});
     ASSERT_TRUE(robot.scene.set(robot.material, x3d::Material::transparency, .5f));
     ASSERT_TRUE(robot.scene.set(robot.right, x3d::Transform::translation, Vec3f(7, 0, 0)));
     robot.step();
@@ -98,7 +98,7 @@ TEST(MirrorPart, AspectsLeaveTheRestAtItsDefault) {
 
 TEST(MirrorPart, NodesMoveInAndOut) {
     Robot robot;
-    Follower follower(robot.server->endpoint(), {"LEFT"});
+    PartFollower follower(robot.server->endpoint(), {"LEFT"});
     ASSERT_TRUE(follower.settle(robot.scene));
     const FieldIndex children = x3d::Transform::children.index;
     ASSERT_TRUE(robot.scene.removeChild(robot.left, children, 0));
@@ -128,10 +128,10 @@ TEST(MirrorPart, ManyPartsBesideTheWholeAndNoMoreThanAllowed) {
     MirrorServerOptions options;
     options.maximumParts = 2;
     Robot robot(options);
-    Follower whole(robot.server->endpoint(), {}), left(robot.server->endpoint(), {"LEFT"}),
+    PartFollower whole(robot.server->endpoint(), {}), left(robot.server->endpoint(), {"LEFT"}),
         right(robot.server->endpoint(), {"RIGHT"});
-    for (Follower* f : {&whole, &left, &right}) ASSERT_TRUE(f->settle(robot.scene));
-    Follower same(robot.server->endpoint(), {"RIGHT"}),
+    for (PartFollower* f : {&whole, &left, &right}) ASSERT_TRUE(f->settle(robot.scene));
+    PartFollower same(robot.server->endpoint(), {"RIGHT"}),
         third(robot.server->endpoint(), {"#" + std::to_string(robot.hand.value)});
     ASSERT_TRUE(same.settle(robot.scene));
     ASSERT_TRUE(pollUntil(*third.client, [&] { return !third.client->refusal().empty(); }));
@@ -139,7 +139,7 @@ TEST(MirrorPart, ManyPartsBesideTheWholeAndNoMoreThanAllowed) {
     for (int i = 1; i < 10; ++i) {
         ASSERT_TRUE(robot.scene.set(robot.right, x3d::Transform::translation, Vec3f(float(i))));
         robot.step();
-        for (Follower* f : {&whole, &left, &right, &same}) ASSERT_TRUE(f->settle(robot.scene));
+        for (PartFollower* f : {&whole, &left, &right, &same}) ASSERT_TRUE(f->settle(robot.scene));
     }
     EXPECT_EQ(right.scene.dump(), same.scene.dump());
     EXPECT_EQ(whole.scene.dump(), robot.scene.dump());
@@ -147,7 +147,7 @@ TEST(MirrorPart, ManyPartsBesideTheWholeAndNoMoreThanAllowed) {
 
 TEST(MirrorPart, ADifferenceInsideIsRepairedFromThePart) {
     Robot robot;
-    Follower follower(robot.server->endpoint(), {"LEFT"});
+    PartFollower follower(robot.server->endpoint(), {"LEFT"});
     ASSERT_TRUE(follower.settle(robot.scene));
     const Vec3f wrong(9, 9, 9);
     std::memcpy(const_cast<void*>(follower.scene.node(robot.hand).storage(x3d::Transform::center.index)), &wrong,

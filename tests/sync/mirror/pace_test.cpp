@@ -31,7 +31,7 @@ struct Seen {
 };
 
 /// A scene of 60 frames a second, a sender that asks the pace, a link with a queue without end, and a receiver.
-Seen follow(const Link& link) {
+Seen followLink(const Link& link) {
     constexpr double kStep = 1e-4;
     struct Chunk {
         double arrives, published;
@@ -104,7 +104,7 @@ TEST(MirrorPace, OnASlowLinkFramesComeMergedAndInTime) {
         for (const double delay : {.001, .02, .1}) {
             SCOPED_TRACE(testing::Message() << rate << " bytes/s, " << delay << " s");
             const Link link{.rate = rate, .delay = delay};
-            const Seen seen = follow(link);
+            const Seen seen = followLink(link);
             EXPECT_LE(seen.mostAge, .25 + 2 * delay + link.frame / rate);
             EXPECT_GE(seen.bytesASecond, .75 * rate) << "the link is used";
             EXPECT_GT(seen.merged, 0u);
@@ -113,7 +113,7 @@ TEST(MirrorPace, OnASlowLinkFramesComeMergedAndInTime) {
 
 TEST(MirrorPace, AtTheEndOfATelephoneLineAFrameTakesAsLongAsItTakes) {
     const Link link{.rate = 8e3, .delay = .05, .seconds = 60};
-    const Seen seen = follow(link);
+    const Seen seen = followLink(link);
     const double own = link.frame / link.rate;
     EXPECT_LE(seen.mostAge, .25 + own + 2 * link.delay);
     EXPECT_GE(seen.bytesASecond, .75 * link.rate);
@@ -121,7 +121,7 @@ TEST(MirrorPace, AtTheEndOfATelephoneLineAFrameTakesAsLongAsItTakes) {
 
 TEST(MirrorPace, ALinkThatStumblesDoesNotPileUpWhatIsOld) {
     const Link link{.rate = 125e3, .delay = .02, .stall = .2};
-    const Seen seen = follow(link);
+    const Seen seen = followLink(link);
     // A chunk may stand still on the way, and before it the frame that it is of.
     EXPECT_LE(seen.mostAge, .25 + 2 * link.delay + link.frame / link.rate + 2 * link.stall);
     EXPECT_GE(seen.bytesASecond, .5 * link.rate);
@@ -129,7 +129,7 @@ TEST(MirrorPace, ALinkThatStumblesDoesNotPileUpWhatIsOld) {
 
 TEST(MirrorPace, AWayThatGrowsLongerIsLearned) {
     const Link link{.rate = 125e3, .delay = .005, .seconds = 60, .delayLater = .2};
-    const Seen seen = follow(link);
+    const Seen seen = followLink(link);
     EXPECT_LE(seen.mostAge, .25 + 2 * .2 + .1);
     EXPECT_GE(seen.bytesASecond, .6 * link.rate);
 }
@@ -137,7 +137,7 @@ TEST(MirrorPace, AWayThatGrowsLongerIsLearned) {
 TEST(MirrorPace, OnAFastLinkEveryFrameComesAtOnce) {
     for (const double poll : {.0005, .016, .1}) {
         const Link link{.rate = 500e6, .delay = 1e-4, .poll = poll};
-        const Seen seen = follow(link);
+        const Seen seen = followLink(link);
         EXPECT_EQ(seen.merged, 0u) << poll;
         EXPECT_GE(seen.frames, 60 * link.seconds - 40) << "all but some at the start";
         EXPECT_LE(seen.mostAge, poll + .02) << poll;
@@ -146,14 +146,14 @@ TEST(MirrorPace, OnAFastLinkEveryFrameComesAtOnce) {
 
 TEST(MirrorPace, AReceiverThatSeldomLooksGetsAllThatFitsEachTime) {
     const Link link{.rate = 500e6, .delay = 1e-4, .poll = .3, .seconds = 40};
-    const Seen seen = follow(link);
+    const Seen seen = followLink(link);
     EXPECT_GE(double(seen.frames), .8 * link.seconds / link.poll) << "one at least each time";
     EXPECT_LE(seen.mostAge, 2 * link.poll + .25);
 }
 
 TEST(MirrorPace, ALimitOfTheRateIsKept) {
     const Link link{.rate = 500e6, .delay = .001, .most = 100e3};
-    const Seen seen = follow(link);
+    const Seen seen = followLink(link);
     EXPECT_LE(seen.bytesASecond, 105e3);
     EXPECT_GE(seen.bytesASecond, 80e3);
     EXPECT_LE(seen.mostAge, .25 + 13e3 / 100e3);
@@ -161,7 +161,7 @@ TEST(MirrorPace, ALimitOfTheRateIsKept) {
 
 TEST(MirrorPace, WithoutALagNothingIsHeldBack) {
     const Link link{.rate = 125e3, .lag = 0, .seconds = 5};
-    const Seen seen = follow(link);
+    const Seen seen = followLink(link);
     EXPECT_EQ(seen.merged, 0u);
     EXPECT_GT(seen.mostAge, 2.) << "this is what the lag is for";
 }

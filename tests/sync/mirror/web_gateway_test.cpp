@@ -129,7 +129,7 @@ std::string helloOf(std::uint64_t session) {
                       8);
 }
 
-struct Served {
+struct ServedPage {
     test::TempFolder folder;
     Scene scene;
     Resources resources;
@@ -138,7 +138,7 @@ struct Served {
     std::string host;
     int port = 0;
 
-    explicit Served(WebGatewayOptions options = {}) : resources(folder.path() / "scene") {
+    explicit ServedPage(WebGatewayOptions options = {}) : resources(folder.path() / "scene") {
         write("page/index.html", "<script nonce=\"@NONCE@\"></script>");
         write("src/index.js", "export {};");
         write("src/.secret.js", "no");
@@ -199,7 +199,7 @@ struct Served {
 };
 
 TEST(WebGateway, GivesThePageAndNothingElseOfTheFolder) {
-    Served served;
+    ServedPage served;
     const Answer page = served.ask("/");
     EXPECT_EQ(page.status, 200);
     EXPECT_NE(page.head.find("text/html"), std::string::npos);
@@ -216,7 +216,7 @@ TEST(WebGateway, GivesThePageAndNothingElseOfTheFolder) {
 }
 
 TEST(WebGateway, LetsOnlyItsOwnScriptsRun) {
-    Served served;
+    ServedPage served;
     const Answer first = served.ask("/"), second = served.ask("/");
     EXPECT_EQ(first.body.find("@NONCE@"), std::string::npos);
     EXPECT_NE(first.body, second.body);
@@ -227,7 +227,7 @@ TEST(WebGateway, LetsOnlyItsOwnScriptsRun) {
 }
 
 TEST(WebGateway, WhatHasNotChangedIsNotSentAgain) {
-    Served served;
+    ServedPage served;
     const Answer first = served.ask("/src/index.js");
     const std::size_t at = first.head.find("ETag: ") + 6;
     const std::string tag = first.head.substr(at, first.head.find("\r\n", at) - at);
@@ -238,7 +238,7 @@ TEST(WebGateway, WhatHasNotChangedIsNotSentAgain) {
 
 /// DNS rebinding, and pages of other sites that are open in the same browser.
 TEST(WebGateway, OnLoopbackOtherNamesAndOtherSitesAreRefused) {
-    Served served;
+    ServedPage served;
     const std::string port = ":" + std::to_string(served.port);
     for (const char* name : {"localhost", "127.0.0.1", "[::1]"})
         EXPECT_EQ(served.ask("/", "GET", {}, name + port).status, 200) << name;
@@ -265,7 +265,7 @@ TEST(WebGateway, OnLoopbackOtherNamesAndOtherSitesAreRefused) {
 TEST(WebGateway, ARequestThatTakesTooLongEnds) {
     WebGatewayOptions options;
     options.requestTimeout = 100ms;
-    Served served(options);
+    ServedPage served(options);
     served.load("DEF T ImageTexture { url \"sign.png\" }");
     Line half(served.port), silent(served.port), picture(served.port);
     half.say("GET / HTTP/1.1\r\nHost: " + served.host + "\r\nX: ");
@@ -281,7 +281,7 @@ TEST(WebGateway, ARequestThatTakesTooLongEnds) {
 TEST(WebGateway, ATokenIsAskedForWhereThereIsOne) {
     WebGatewayOptions options;
     options.token = "open-Sesame_1";
-    Served served(options);
+    ServedPage served(options);
     EXPECT_TRUE(served.gateway->url().ends_with("/#token=open-Sesame_1")) << served.gateway->url();
     for (const char* target : {"/mirror", "/mirror?token=", "/mirror?token=open", "/mirror?token=open-Sesame_12",
                                "/mirror?x=open-Sesame_1", "/mirror?nottoken=open-Sesame_1"}) {
@@ -327,7 +327,7 @@ TEST(WebGateway, BeyondThisMachineATokenIsMadeUp) {
 }
 
 TEST(WebGateway, PicturesAreThoseThatTexturesOfTheSceneNameWithinTheirFolder) {
-    Served served;
+    ServedPage served;
     served.load(R"(#X3D V4.0 utf8
 Shape { appearance Appearance { texture DEF GOOD ImageTexture { url [ "missing.png" "sign.png" ] } } geometry Box { } }
 Shape { appearance Appearance { texture DEF BAD ImageTexture { url [ "../outside.png" "sign.txt" ] } } geometry Box { } }
@@ -349,7 +349,7 @@ DEF SOUND AudioClip { url "sign.png" }
 }
 
 TEST(WebGateway, AClientsMessagesPassBothWays) {
-    Served served;
+    ServedPage served;
     const NodeId node = served.scene.createNode(x3d::Transform::type);
     served.scene.newFrame(0);
     WebSocketLine line(served.port);
@@ -391,7 +391,7 @@ TEST(WebGateway, AClientsMessagesPassBothWays) {
 }
 
 TEST(WebGateway, WhatMakesNoSenseEndsOnlyItsOwnConnection) {
-    Served served;
+    ServedPage served;
     served.scene.newFrame(0);
     WebSocketLine good(served.port);
     ASSERT_EQ(served.open(good), 101);
@@ -431,7 +431,7 @@ TEST(WebGateway, WhatMakesNoSenseEndsOnlyItsOwnConnection) {
 TEST(WebGateway, NoMoreBrowsersThanMay) {
     WebGatewayOptions options;
     options.maximumConnections = 2;
-    Served served(options);
+    ServedPage served(options);
     {
         WebSocketLine first(served.port), second(served.port), third(served.port);
         EXPECT_EQ(served.open(first), 101);
@@ -446,7 +446,7 @@ TEST(WebGateway, NoMoreBrowsersThanMay) {
 
 /// Connections that have not become browsers yet: 256 at once, whatever they wait for.
 TEST(WebGateway, NoMoreConnectionsThanFitAreHeldOpen) {
-    Served served;
+    ServedPage served;
     {
         std::vector<std::unique_ptr<Line>> idle;
         for (int i = 0; i < 256; ++i) idle.push_back(std::make_unique<Line>(served.port));
