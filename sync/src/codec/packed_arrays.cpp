@@ -50,6 +50,7 @@ bool asDecimal(std::uint32_t bits, unsigned exponent, std::uint32_t& number) {
 
 /// Of all numbers but some that are listed; those repeat the one before. False if more are no decimals.
 bool asDecimals(std::span<const std::uint32_t> bits, unsigned exponent, Numbers& numbers, Odds& odds) {
+    const std::size_t most = std::min(kMostOdd, 1 + bits.size() / 32);
     odds.count = 0;
     std::uint32_t before = 0;
     for (std::size_t i = 0; i < bits.size(); ++i) {
@@ -57,7 +58,7 @@ bool asDecimals(std::span<const std::uint32_t> bits, unsigned exponent, Numbers&
             before = numbers[i];
             continue;
         }
-        if (odds.count == kMostOdd || odds.count * 8 > i + 8) return false;
+        if (odds.count == most || odds.count * 8 > i + 8) return false;  // the latter: it is soon clear
         odds.all[odds.count++] = {static_cast<std::uint16_t>(i), bits[i]};
         numbers[i] = before;
     }
@@ -128,7 +129,7 @@ struct Lane {
 /// Floats as decimals, if that takes fewer bits than as they are. `guess`: the exponent of the block before, as the
 /// digits of numbers of one field are alike.
 void chooseDecimals(std::span<const std::uint32_t> bits, unsigned& guess, Lane& lane) {
-    constexpr unsigned kFew = 12;  // bits, that no other way is likely to beat
+    constexpr unsigned kFew = 8;  // bits, that no other way is likely to beat
     std::size_t size = bits.size();
     bool found = asDecimals(bits, lane.exponent = guess, lane.numbers, lane.odds);
     for (unsigned e = 0; e <= kMostExponent && !found; ++e)
