@@ -16,7 +16,8 @@ enum Block : std::uint8_t {
     kDestroy = 7,       // destroyNode
     kEvents = 8,        // event, in order
     kBlockEnd = 9,
-    kFiller = 15,  // makes a record as long as what it becomes in memory asks for (budget.h); readers skip it
+    kDeflated = 14,  // other blocks, deflated
+    kFiller = 15,    // makes a record as long as what it becomes in memory asks for (budget.h); readers skip it
 };
 
 // Row tags.

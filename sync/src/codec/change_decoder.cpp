@@ -8,6 +8,7 @@
 #include "blocks.h"
 #include "column_codec.h"
 #include "column_rows.h"
+#include "deflated_blocks.h"
 #include "origin_hash.h"
 #include "packed_arrays.h"
 #include "type_mapping.h"
@@ -411,6 +412,10 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     wire::ColumnReader* columns = columnsFor(*header);
     wire::Budget budget(header->size());
     Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
+    in.budget = &budget;
+    const std::optional<std::vector<std::byte>> inflated = wire::inflateBlocks(in);
+    if (in.problem) return std::unexpected(wire::describe(in, "block"));
+    if (inflated) in = Reader(*inflated, kRecordHeaderSize);
     in.budget = &budget;
     reserveRows(in, columns ? columns->history().slots() : 0, set);
     if (auto ok = readBlocks(in, columns, set); !ok) return ok;

@@ -7,6 +7,7 @@
 #include "blocks.h"
 #include "column_codec.h"
 #include "column_rows.h"
+#include "deflated_blocks.h"
 #include "packed_arrays.h"
 #include "wire.h"
 
@@ -101,7 +102,7 @@ struct ChangeEncoder::Parts {
     unsigned sinceSync = 0;
     std::size_t predicted = 0;  // values of the last frame
     bool predicting = false;    // in this one
-    bool packsArrays = false;
+    bool makesSmall = false;
     std::uint64_t descriptions = 0;  // what the set's descriptions charge a reader
     std::array<Rows, wire::kBlockEnd> rows;
     std::vector<Column> columns;  // the first `used` belong to the set at hand
@@ -115,12 +116,12 @@ struct ChangeEncoder::Parts {
     }
 
     /// What decoding the set at hand charges; at most, and quickly, if that cannot matter.
-    std::uint64_t cost(const ChangeSet& set, std::size_t recordSize) const {
+    std::uint64_t cost(const ChangeSet& set, std::size_t recordSize, std::uint64_t inflated) const {
         constexpr std::uint64_t kMostForAByte = 128;  // a field of a type takes 6 bytes at least, a text 1
         const std::uint64_t changes = set.changes.size() * wire::kChangeCost;
         const std::uint64_t most = changes + recordSize * kMostForAByte;
-        if (most <= wire::Budget(recordSize).left) return most;
-        std::uint64_t result = changes + descriptions;
+        if (!makesSmall && most <= wire::Budget(recordSize).left) return most;
+        std::uint64_t result = changes + descriptions + inflated;
         for (const Change& change : set.changes) result += wire::costOf(change.value);
         for (const DefinedType& type : set.types)
             if (type.type) result += wire::costOf(*type.type);
@@ -140,7 +141,7 @@ struct ChangeEncoder::Parts {
             found->type = type;
             found->elementSize = wire::fixedSize(type) ? info(type).elementSize : 0;
             found->predicted = predicting && wire::lanesOf(type) > 0;
-            found->packed = packsArrays && wire::packedLanes(type) > 0;
+            found->packed = makesSmall && wire::packedLanes(type) > 0;
             found->clear();
         }
         guess = static_cast<std::uint16_t>(found - columns.begin());
@@ -215,6 +216,61 @@ struct ChangeEncoder::Parts {
         r.bytes.putVarint(change.field2());
     }
 
+    // ---- the blocks -----------------------------------------------------------------------------------------------
+
+    std::size_t mostBytes() const {
+        std::size_t size = kRecordHeaderSize;
+        for (const Rows& r : rows) size += r.bytes.size() + 32;
+        for (std::size_t i = 0; i < used; ++i) size += columns[i].nodes.size() + columns[i].values.size() + 64;
+        return size;
+    }
+    static void putBlock(wire::Block block, std::uint64_t count, std::size_t length, ByteBuffer& out) {
+        out.put(static_cast<std::uint8_t>(block));
+        out.putVarint(count);
+        out.putVarint(length);
+    }
+    void putRows(unsigned block, ByteBuffer& out) const {
+        const Rows& r = rows[block];
+        if (r.count == 0) return;
+        putBlock(static_cast<wire::Block>(block), r.count, r.bytes.size(), out);
+        out.append(r.bytes.bytes());
+    }
+    void putColumn(const Column& c, ByteBuffer& out) {
+        const std::uint64_t field = c.key >> 16;
+        if (c.predicted) {
+            predicted += c.numbers.size();
+            writer.write({static_cast<FieldIndex>(field), c.type, (c.key & wire::kValueExternal) != 0}, c.numbers,
+                         reinterpret_cast<const float*>(c.values.data()), out);
+            return;
+        }
+        putBlock(wire::kValues, c.count, 3 + varintSize(field) + c.nodes.size() + c.values.size(), out);
+        out.put(static_cast<std::uint8_t>(c.packed ? wire::kCodingArrays : wire::kCodingRaw));
+        out.put(static_cast<std::uint8_t>(c.key & 0xFF));
+        out.put(static_cast<std::uint8_t>(c.type));
+        out.putVarint(field);
+        out.append(c.nodes.bytes());
+        out.append(c.values.bytes());
+    }
+    std::uint64_t put(ByteBuffer& out) {
+        for (unsigned block = wire::kDescriptions; block < wire::kBlockEnd; ++block) {
+            putRows(block, out);
+            for (std::size_t i = 0; block == wire::kValues && i < used; ++i) putColumn(columns[i], out);
+        }
+        return 0;
+    }
+    /// Deflates all but packed arrays, which have no order left that it would find. Returns the bytes that were.
+    std::uint64_t putSmall(ByteBuffer& out) {
+        ByteBuffer before, after;
+        for (unsigned block = wire::kDescriptions; block < wire::kBlockEnd; ++block)
+            putRows(block, block < wire::kValues ? before : after);
+        for (std::size_t i = 0; i < used; ++i)
+            if (!columns[i].packed) putColumn(columns[i], before);
+        std::uint64_t inflated = wire::putDeflated(before.bytes(), out);
+        for (std::size_t i = 0; i < used; ++i)
+            if (columns[i].packed) putColumn(columns[i], out);
+        return inflated + wire::putDeflated(after.bytes(), out);
+    }
+
     void add(const ChangeSet& set, const Change& change) {
         const std::uint64_t external = change.external;
         switch (change.kind) {
@@ -277,8 +333,8 @@ struct ChangeEncoder::Parts {
 ChangeEncoder::ChangeEncoder(const StreamMode& mode, TypeTable types) : parts_(std::make_unique<Parts>(mode, types)) {}
 ChangeEncoder::~ChangeEncoder() = default;
 
-void ChangeEncoder::packArrays() {
-    parts_->packsArrays = true;
+void ChangeEncoder::makeSmall() {
+    parts_->makesSmall = true;
 }
 
 void ChangeEncoder::restart() {
@@ -325,43 +381,11 @@ void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predict
             parts.add(set, change);
     }
 
-    std::size_t size = kRecordHeaderSize;
-    for (const Rows& r : parts.rows) size += r.bytes.size() + 32;
-    for (std::size_t i = 0; i < parts.used; ++i)
-        size += parts.columns[i].nodes.size() + parts.columns[i].values.size() + 64;
     record.clear();
-    record.room(size);
+    record.room(parts.mostBytes());
     record.advance(kRecordHeaderSize);
-    const auto putHeader = [&](wire::Block block, std::uint64_t count, std::size_t length) {
-        record.put(static_cast<std::uint8_t>(block));
-        record.putVarint(count);
-        record.putVarint(length);
-    };
-    for (unsigned block = wire::kDescriptions; block < wire::kBlockEnd; ++block) {
-        if (const Rows& r = parts.rows[block]; r.count) {
-            putHeader(static_cast<wire::Block>(block), r.count, r.bytes.size());
-            record.append(r.bytes.bytes());
-        }
-        if (block != wire::kValues) continue;
-        for (std::size_t i = 0; i < parts.used; ++i) {
-            const Column& c = parts.columns[i];
-            const std::uint64_t field = c.key >> 16;
-            if (c.predicted) {
-                parts.predicted += c.numbers.size();
-                parts.writer.write({static_cast<FieldIndex>(field), c.type, (c.key & wire::kValueExternal) != 0},
-                                   c.numbers, reinterpret_cast<const float*>(c.values.data()), record);
-                continue;
-            }
-            putHeader(wire::kValues, c.count, 3 + varintSize(field) + c.nodes.size() + c.values.size());
-            record.put(static_cast<std::uint8_t>(c.packed ? wire::kCodingArrays : wire::kCodingRaw));
-            record.put(static_cast<std::uint8_t>(c.key & 0xFF));
-            record.put(static_cast<std::uint8_t>(c.type));
-            record.putVarint(field);
-            record.append(c.nodes.bytes());
-            record.append(c.values.bytes());
-        }
-    }
-    wire::fillUp(record, parts.cost(set, record.size()));
+    const std::uint64_t inflated = parts.makesSmall ? parts.putSmall(record) : parts.put(record);
+    wire::fillUp(record, parts.cost(set, record.size(), inflated));
     RecordHeader header;
     header.kind = set.isSnapshot() ? RecordKind::keyframe : RecordKind::frame;
     header.flags = flags;

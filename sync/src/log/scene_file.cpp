@@ -19,7 +19,7 @@ Result<> writeSceneFile(const Scene& scene, const std::filesystem::path& file, E
     encodeHead(0, "rtsg", builtinTypes(), {}, record);
     if (auto ok = out->write(text(record)); !ok) return ok;
     ChangeEncoder encoder;
-    encoder.packArrays();
+    encoder.makeSmall();
     encoder.encode(scene.snapshot(), record);
     if (auto ok = out->write(text(record)); !ok) return ok;
     return out->commit();

@@ -24,7 +24,7 @@ struct Held {
 
 /// Eight frames of a program that adds a piece in each, on a thread of its own: the limit is read when the first script
 /// of a thread runs.
-Held hold(const std::string& program, std::size_t limit) {
+[[maybe_unused]] Held hold(const std::string& program, std::size_t limit) {
     Held held;
     std::thread([&] {
         ScriptScene s("outputOnly SFInt32 n", program, {}, limits(true, 30, limit));

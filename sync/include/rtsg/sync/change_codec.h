@@ -34,8 +34,8 @@ class ChangeEncoder {
     /// `types`: what TypeIndex numbers mean; they must outlive the encoder.
     explicit ChangeEncoder(const StreamMode& mode = {}, TypeTable types = builtinTypes());
     ~ChangeEncoder();
-    /// From now on arrays of numbers are packed: fewer bytes, more time. For files.
-    void packArrays();
+    /// From now on arrays of numbers are packed, and all else is deflated: fewer bytes, more time. For files.
+    void makeSmall();
     /// The next frame will refer to nothing before it: needed whenever somebody starts at the state that it starts at,
     /// from a keyframe that this encoder did not write. After a keyframe of its own this happens by itself.
     void restart();
