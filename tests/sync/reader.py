@@ -2,7 +2,7 @@
 """Reads a log by PROTOCOL.md alone: Python 3, standard library only. Prints one JSON object a line: the head, every
 record, what bytes are damaged, and at the end a summary with the last value of every field of every node.
 usage: reader.py LOG [--values]"""
-import json, struct, sys
+import json, struct, sys, zlib
 import packed_arrays, prediction
 
 M64 = (1 << 64) - 1
@@ -111,9 +111,25 @@ def read_type(outer):
         t["fields"].append(field)
     return t
 
+def inflated(payload):
+    """The blocks with those of kind 14 replaced by what they hold."""
+    r, blocks = Reader(payload), b""
+    while r.at < len(payload):
+        start = r.at
+        kind, _, body = r.number("B"), r.varint(), r.part()
+        if kind != 14:
+            blocks += payload[start:r.at]
+            continue
+        size = body.varint()
+        held = zlib.decompress(body.data[body.at:], -15)
+        if len(held) != size:
+            raise ValueError("a deflated block of another size")
+        blocks += held
+    return blocks
+
 def read_changes(payload, types, state, memory):
     """Applies a frame's blocks to state = {"nodes": {id: type index}, "values": {(node, field): value}, ...}."""
-    r, counts = Reader(payload), {}
+    r, counts = Reader(payload := inflated(payload)), {}
     nodes, values, names, routes = state.values()
     while r.at < len(payload):
         kind, count = r.number("B"), r.varint()

@@ -8,7 +8,27 @@ import {readType} from './types.js';
 import {readPacked} from './arrays.js';
 import {fixedSize, lanesOf, readHashBytes, MFNODE, SFNODE, isKnown} from './values.js';
 
-const kMostChanges = 1 << 26;
+const kMostChanges = 1 << 26, kMostInflated = 2 ** 30;
+
+let inflateRaw = globalThis.process?.getBuiltinModule?.('node:zlib')?.inflateRawSync;  // Node 20.16 and later
+
+/** Scene files have deflated blocks. `inflate(bytes, {maxOutputLength})` gives what a raw deflate stream holds, as node:zlib's
+ * inflateRawSync does; other environments name theirs here. */
+export function setInflate(inflate) { inflateRaw = inflate; }
+
+function inflated(body) {
+  const size = body.varint();
+  if (!inflateRaw) throw new FormatError('a deflated block, and nothing here that inflates it: see setInflate()');
+  if (size > kMostInflated) throw new FormatError(`a deflated block of ${size} bytes`);
+  let bytes;
+  try {
+    bytes = inflateRaw(body.take(body.left), {maxOutputLength: Math.max(size, 1)});
+  } catch (problem) {
+    throw new FormatError(`a deflated block is damaged: ${problem.message}`);
+  }
+  if (bytes.length !== size) throw new FormatError(`a deflated block of ${bytes.length} bytes instead of ${size}`);
+  return new Reader(new Uint8Array(bytes));  // in memory of its own, whose words are aligned
+}
 
 export class Decoder {
   constructor() { this.restart(); }
@@ -22,11 +42,15 @@ export class Decoder {
   decode(record, sink) {
     this.memory.begin(record.kind === 'frame' ? record.flags : 4);
     this.remembers = record.kind === 'frame' && (record.flags & 1) !== 0;
-    const reader = new Reader(record.payload);
+    this.blocks(new Reader(record.payload), sink, true);
+  }
+
+  blocks(reader, sink, mayInflate) {
     while (reader.left) {
       const kind = reader.u8(), count = reader.varint(), body = reader.part();
       if (count > kMostChanges) throw new FormatError(`${count} changes in one block`);
-      this.block(kind, count, body, sink);
+      if (kind === 14 && mayInflate) this.blocks(inflated(body), sink, false);
+      else this.block(kind, count, body, sink);
     }
   }
 

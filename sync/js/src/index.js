@@ -3,7 +3,7 @@
 export {FormatError, Reader} from './reader.js';
 export {readRecord, findRecord} from './record.js';
 export {readHead} from './types.js';
-export {Decoder} from './decoder.js';
+export {Decoder, setInflate} from './decoder.js';
 export {Scene, Node} from './scene.js';
 export {Replay, records} from './log.js';
 export {typeName} from './values.js';

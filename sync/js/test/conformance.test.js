@@ -2,7 +2,10 @@
 import assert from 'node:assert/strict';
 import {readFileSync, readdirSync} from 'node:fs';
 import {test} from 'node:test';
-import {Replay} from '../src/index.js';
+import {inflateRawSync} from 'node:zlib';
+import {Replay, setInflate} from '../src/index.js';
+
+setInflate(inflateRawSync);
 
 const folder = new URL('../../../tests/sync/conformance/', import.meta.url);
 const logsIn = (place) => readdirSync(new URL(place, folder)).filter((name) => name.endsWith('.rlog')).map((name) => place + name);

@@ -43,6 +43,9 @@ constexpr std::size_t kMostRemembered = std::size_t{1} << 20;
 /// Of a frame with more changes nothing is predicted: readers remember so many fields at most, and a few frames' more.
 constexpr std::size_t kMostPredicted = std::size_t{1} << 20;
 
+/// Bytes of packed arrays that are deflated as well.
+constexpr std::size_t kMostDeflated = std::size_t{1} << 20;
+
 /// Value changes of one (field, type, origin).
 struct Column {
     std::uint32_t key = 0;
@@ -258,16 +261,20 @@ struct ChangeEncoder::Parts {
         }
         return 0;
     }
-    /// Deflates all but packed arrays, which have no order left that it would find. Returns the bytes that were.
+    /// Deflates all but packed arrays that are many: those take longer to deflate than to read. Returns the bytes that
+    /// a reader inflates.
     std::uint64_t putSmall(ByteBuffer& out) {
         ByteBuffer before, after;
         for (unsigned block = wire::kDescriptions; block < wire::kBlockEnd; ++block)
             putRows(block, block < wire::kValues ? before : after);
+        std::size_t packed = 0;
+        for (std::size_t i = 0; i < used; ++i) packed += columns[i].packed ? columns[i].values.size() : 0;
+        const auto isSmall = [&](const Column& c) { return !c.packed || packed <= kMostDeflated; };
         for (std::size_t i = 0; i < used; ++i)
-            if (!columns[i].packed) putColumn(columns[i], before);
+            if (isSmall(columns[i])) putColumn(columns[i], before);
         std::uint64_t inflated = wire::putDeflated(before.bytes(), out);
         for (std::size_t i = 0; i < used; ++i)
-            if (columns[i].packed) putColumn(columns[i], out);
+            if (!isSmall(columns[i])) putColumn(columns[i], out);
         return inflated + wire::putDeflated(after.bytes(), out);
     }
 
