@@ -355,7 +355,7 @@ TEST(SceneThreads, CallsWithoutAResultAreRefusedAndToldToo) {
     EXPECT_FALSE(scene.inputRecording());
     ASSERT_EQ(scene.diagnostics().errors(), 1U);
     EXPECT_EQ(scene.diagnostics().all()[0].code, DiagnosticCode("wrong-thread"));
-    EXPECT_NE(scene.diagnostics().all()[0].text.find("3 eventCalls"), std::string::npos)
+    EXPECT_NE(scene.diagnostics().all()[0].text.find("3 calls"), std::string::npos)
         << scene.diagnostics().all()[0].text;
     Diagnostics diagnostics;
     ASSERT_TRUE(loadText(scene,

@@ -123,7 +123,7 @@ TEST(Emitters, AreFoundByWhatARayHits) {
     EXPECT_EQ(t.emitters.find(1'000'000, 0), Emitters::kNone);
 }
 
-/// EmitterMean colour over the pixels of a picture by paths, and its standard error, of one colour.
+/// Mean colour over the pixels of a picture by paths, and its standard error, of one colour.
 struct EmitterMean {
     double value = 0, error = 0;
 };
