@@ -56,7 +56,7 @@ def functions(text):
 # What is defined at the left margin, as clang-format has it: types, then variables and functions.
 DEFINED = re.compile(r"^(?:template <[^\n]*>\n)?(?:(?:struct|class|enum class|enum) (\w+)(?= [{:f])|using (\w+) =|"
                      r"(?:[A-Za-z_][\w:<>,&*\[\] ]*?[&* ])(\w+)(?= ?[=({;\[]))", re.M)
-PROGRAMS = ["app", "tests/bench"] + ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "renderers", "scenarios",
+PROGRAMS = ["app", "sync/web_module", "tests/bench"] + ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "renderers", "scenarios",
                                                               "stability", "sync")]
 IN_PLACE = {"auto", "bool", "char", "const", "double", "float", "int", "TEST", "TEST_F", "TEST_P", "INSTANTIATE_TEST_SUITE_P", "main"}
 INSTEAD = {"verb_no_bench.cpp"}  # compiled where others are not
@@ -85,7 +85,8 @@ def shared_names():
 
 
 def main():
-    files = sorted(str(path.relative_to(ROOT)) for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in (".cpp", ".h"))
+    files = sorted(str(path.relative_to(ROOT)) for folder in FOLDERS for path in (ROOT / folder).rglob("*")
+                   if path.suffix in (".cpp", ".h") and "node_modules" not in path.parts)
     problems, count = [], 0
     for name in files:
         text = (ROOT / name).read_text()

@@ -16,14 +16,10 @@ namespace rtsg::web {
 namespace {
 
 constexpr int kMostVisits = 256;  // connections that have not become browsers
-constexpr auto kFarewell = std::chrono::milliseconds(500);
+constexpr auto kGatewayFarewell = std::chrono::milliseconds(500);
 constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor to give
 constexpr std::size_t kMostNews = 100;
 constexpr std::size_t kMostWishes = 64;  // pictures that wait for the scene
-
-std::string view(beast::string_view text) {
-    return {text.data(), text.size()};
-}
 
 /// Takes as long for the first wrong letter as for the last.
 bool sameToken(const std::string& given, const std::string& wanted) {
@@ -111,7 +107,7 @@ void Gateway::stop() {
     stopping_ = true;
     beast::error_code ignored;
     (void)acceptor_.close(ignored);
-    deadline_.expires_after(kFarewell);
+    deadline_.expires_after(kGatewayFarewell);
     deadline_.async_wait([this](beast::error_code) { io_.stop(); });
     const std::set<Browser*> now = browsers_;
     for (Browser* browser : now) browser->end();
@@ -169,7 +165,7 @@ void Gateway::answer(std::uint64_t wish, std::string bytes, std::string type) {
 
 bool Gateway::knowsHost(const Request& request) const {
     if (!settings_.loopback) return true;
-    std::string host = view(request[http::field::host]);
+    std::string host = textOf(request[http::field::host]);
     const std::size_t colon = host.rfind(':');
     if (colon != std::string::npos && host.find(']', colon) == std::string::npos) host.resize(colon);
     beast::error_code error;
@@ -178,8 +174,8 @@ bool Gateway::knowsHost(const Request& request) const {
 }
 
 std::string Gateway::refusal(const Request& request) const {
-    const std::string target = view(request.target()), host = view(request[http::field::host]);
-    const std::string origin = view(request[http::field::origin]);
+    const std::string target = textOf(request.target()), host = textOf(request[http::field::host]);
+    const std::string origin = textOf(request[http::field::origin]);
     if (!knowsHost(request)) return "This server is known by another name.";
     if (!origin.empty() && origin != "http://" + host && origin != "https://" + host)
         return "Pages of other sites may not follow.";

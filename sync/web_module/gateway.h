@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <set>
+#include <string>
 #include <thread>
 
 #include <boost/asio/io_context.hpp>
@@ -26,6 +27,10 @@ namespace beast = boost::beast;
 namespace http = boost::beast::http;
 using Tcp = net::ip::tcp;
 using Request = http::request<http::string_body>;
+
+inline std::string textOf(beast::string_view text) {
+    return {text.data(), text.size()};
+}
 
 class Browser;
 class Visit;

@@ -20,10 +20,6 @@ constexpr std::string_view kPicture = "/picture/";
 
 using Response = http::response<http::string_body>;
 
-std::string view(beast::string_view text) {
-    return {text.data(), text.size()};
-}
-
 /// Of one answer: scripts written into the page carry it, and no others run.
 std::string freshNonce() {
     std::random_device device;
@@ -50,10 +46,10 @@ std::string policyWith(const std::string& nonce) {
 }
 
 Response page(const Request& request, const std::string& folder) {
-    const std::string target = view(request.target());
+    const std::string target = textOf(request.target());
     const auto file = findPage(folder, std::string_view(target).substr(0, target.find('?')));
     if (!file) return refused(request, http::status::not_found, "There is no such file.");
-    if (view(request[http::field::if_none_match]) == file->tag) {
+    if (textOf(request[http::field::if_none_match]) == file->tag) {
         Response same(http::status::not_modified, request.version());
         same.set(http::field::etag, file->tag);
         return same;
@@ -99,7 +95,7 @@ void Visit::read() {
 
 /// `/picture/NODE/INDEX`. Who asks for something else under that name is told that there is none.
 bool Visit::wish(const Request& request) {
-    const std::string target = view(request.target());
+    const std::string target = textOf(request.target());
     const char* at = target.data() + kPicture.size();
     const char* const end = target.data() + target.size();
     PictureWish wish;
