@@ -154,6 +154,35 @@ void decodeStream(std::span<const std::byte> bytes, const StreamMode& mode) {
     (void)twin.decode(record.bytes(), found);
 }
 
+template <class T>
+Value arrayOf(std::span<const std::byte> bytes) {
+    Array<T> array = Array<T>::ofSize(bytes.size() / sizeof(T));
+    if (!array.empty()) std::memcpy(static_cast<void*>(array.mutableData()), bytes.data(), array.size() * sizeof(T));
+    return array;
+}
+
+/// The bytes as arrays come back from a scene file's record.
+void decodeArrays(std::span<const std::byte> bytes) {
+    ChangeSet set, found;
+    set.to = 1;
+    for (Value value :
+         {arrayOf<std::int32_t>(bytes), arrayOf<float>(bytes), arrayOf<Vec3f>(bytes), arrayOf<Rotation>(bytes)}) {
+        Change change;
+        change.node = NodeId{static_cast<std::uint32_t>(2 + set.changes.size())};
+        change.field = static_cast<FieldIndex>(set.changes.size());
+        change.value = std::move(value);
+        set.changes.push_back(std::move(change));
+    }
+    ChangeEncoder encoder({}, {});
+    encoder.makeSmall();
+    ByteBuffer record;
+    encoder.encode(set, record);
+    ChangeDecoder decoder({});
+    if (!decoder.decode(record.bytes(), found) || found.changes.size() != set.changes.size()) std::abort();
+    for (std::size_t i = 0; i < set.changes.size(); ++i)
+        if (set.changes[i].value != found.changes[i].value) std::abort();
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -169,6 +198,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         decodeChanges(record.bytes());
         apply(record.bytes());
     }
+    decodeArrays(bytes);
     (void)decodeHead(withHeader(bytes, RecordKind::head).bytes());
     for (const Coding coding : {Coding::compact, Coding::smallest}) {
         decodeStream(bytes, {Mode::state, coding, 0});
