@@ -39,6 +39,7 @@ bool bytesWait(int descriptor) {
 }  // namespace
 
 void ConnectionWatch::look(Clock::time_point now) {
+    early_.clear();  // what has been opened is known before each look
     const Clock::duration every = suspicious_ ? kLookAgain : kLookEvery;
     if (now - looked_ < std::max(every, Clock::duration(kLookCosts * connections_.size()))) return;
     looked_ = now;
@@ -54,8 +55,15 @@ void ConnectionWatch::look(Clock::time_point now) {
 }
 
 void ConnectionWatch::delivered(const ZmqMessage& message) {
-    const auto found = connections_.find(zmq_msg_get(message.get(), ZMQ_SRCFD));
-    if (found != connections_.end()) found->second.delivered = true;
+    delivered(zmq_msg_get(message.get(), ZMQ_SRCFD));
+}
+
+void ConnectionWatch::delivered(int descriptor) {
+    const auto found = connections_.find(descriptor);
+    if (found != connections_.end())
+        found->second.delivered = true;
+    else if (descriptor >= 0)
+        early_.insert(descriptor);
 }
 
 bool ConnectionWatch::endlessLocal(Connection& connection, bool drained) const {

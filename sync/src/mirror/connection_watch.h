@@ -12,6 +12,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <set>
 #include <unordered_map>
 
 #include "zmq_socket.h"
@@ -30,15 +31,16 @@ class ConnectionWatch {
     static constexpr std::chrono::milliseconds kBusyFor{50};
     static constexpr std::chrono::milliseconds kBusyForWhileOthersWait{2000};
 
-    void opened(int descriptor) { connections_[descriptor] = {}; }
+    void opened(int descriptor) { connections_[descriptor] = {.delivered = early_.erase(descriptor) > 0}; }
     void closed(int descriptor) { connections_.erase(descriptor); }
     bool any() const { return !connections_.empty(); }
     /// One may be sending a message without end: look again soon.
     bool suspicious() const { return suspicious_; }
     /// Before messages are taken: how much has come on each. Not more often than it is worth.
     void look(Clock::time_point now);
-    /// A message has been taken from its connection.
+    /// A message has been taken from its connection, of which it may not be known yet that it is open.
     void delivered(const ZmqMessage& message);
+    void delivered(int descriptor);
     /// After that; `drained`: no message was left. Returns how many connections were shut.
     std::size_t shutEndless(bool drained);
 
@@ -55,6 +57,7 @@ class ConnectionWatch {
     bool endlessLocal(Connection& connection, bool drained) const;
 
     std::unordered_map<int, Connection> connections_;
+    std::set<int> early_;  // connections that messages came from before it was known that they are open
     Clock::time_point looked_{};
     bool fresh_ = false;  // a look that shutEndless has not followed yet
     bool suspicious_ = false;
