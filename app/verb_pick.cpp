@@ -74,8 +74,10 @@ int runPick(const PickArguments& options) {
         const LightTracer& tracer = light.tracer();
         const auto camera = tracer.camera(world.rays(), static_cast<double>(width) / height, options.viewpoint);
         if (!camera) return std::unexpected(camera.error());
-        return LightTracer::pick(picker, tracer.layers(world.rays(), *camera, width, height), options.pixel[0],
-                                 options.pixel[1]);
+        const auto views = tracer.layers(world.rays(), *camera, width, height);
+        if (auto ok = world.setViewer(camera->position, LightTracer::sights(views)); !ok)
+            return std::unexpected(ok.error());
+        return LightTracer::pick(picker, views, options.pixel[0], options.pixel[1]);
     };
     const auto pick = !options.pixel.empty() ? inPicture()
                       : !options.ray.empty() ? picker.ray(at(options.ray, 0), at(options.ray, 3))

@@ -63,6 +63,7 @@ void Flattener::Impl::follow(const ChangeSet& changes) {
     for (const Change& change : changes.changes) sortOut(change);
     runChildOps();
     runMobility();
+    followLayouts();
     runTransforms();
     for (const Content& content : contents) walkUp(content.node, content.structural);
     contents.clear();
@@ -91,6 +92,7 @@ void Flattener::Impl::sortOut(const Change& change) {
         case Role::none:
             if (aspect != Aspect::none && aspect != Aspect::time)
                 contents.push_back({node->id(), aspect == Aspect::structure});
+            if (!regions.empty() && node->is(x3d::Layout::type)) layoutsChanged.push_back(node->id());
             return;
         case Role::placed:
             if (aspect == Aspect::none || aspect == Aspect::time) return;
@@ -109,12 +111,18 @@ void Flattener::Impl::sortOut(const Change& change) {
         else
             reconciled.push_back(node->id());
         // A PROTO instance may also stand for a geometry, an appearance or a part of one.
-        if (role.role == Role::first) contents.push_back({node->id(), true});
+        if (role.role == Role::first) {
+            contents.push_back({node->id(), true});
+            if (!regions.empty()) layoutsChanged.push_back(node->id());
+        }
     } else if (change.field == role.visible || change.field == role.choice || change.field == role.order ||
                (role.role == Role::level && (change.field == role.range || change.field == role.center))) {
         reconciled.push_back(node->id());
-    } else if ((role.hasTransform && aspect == Aspect::transform) || (role.turns && change.field == role.axis)) {
+    } else if ((role.hasTransform && aspect == Aspect::transform) ||
+               (role.axis != kNoField && change.field == role.axis)) {
         transformed.push_back(node->id());
+    } else if (role.layout != kNoField && change.field == role.layout) {
+        layoutsChanged.push_back(node->id());
     }
 }
 
@@ -237,6 +245,7 @@ void Flattener::Impl::runShapes() {
             } else if (o.slot != kNone && bind(instances.records[o.slot], node, role, o)) {
                 instances.markRebound(o.slot, stamp);
             }
+            if (!screenTexts.empty() || o.ownsFrame) followScreened(index);
         }
     }
     shapes.clear();
@@ -271,11 +280,12 @@ void Flattener::Impl::runViewer() {
 void Flattener::Impl::turnBillboards() {
     // Outer ones first: what lies below is then up to date when its turn comes.
     found = billboards;
+    found.insert(found.end(), screened.begin(), screened.end());
     std::sort(found.begin(), found.end(), [&](std::uint32_t a, std::uint32_t b) {
         return std::pair(tree[a].depth, a) < std::pair(tree[b].depth, b);
     });
     for (const std::uint32_t index : found) {
-        const bool mover = isMover(scene->node(tree[index].node), roles.of(scene->node(tree[index].node)));
+        const bool mover = viewer.has_value();
         if (std::exchange(tree[index].isMover, mover) != mover) spreadMotion(index);
         if (tree[index].created != stamp) updateFrames(index);
     }
@@ -358,17 +368,20 @@ void Flattener::Impl::finish() {
             if (std::exchange(s.meshSent, false)) {
                 delta.geometriesRemoved.push_back(geometry);
                 meshes.erase(geometry.value);
+                screenTexts.erase(geometry.value);
                 tessellator.forget(geometry);
             }
         } else if (!s.meshSent || s.meshStale) {
             std::shared_ptr<const Mesh> mesh = makeMesh(geometry);
             meshes[geometry.value] = mesh;
+            noteScreenText(geometry, mesh && mesh->inPixels);
             delta.geometries.push_back({geometry, std::move(mesh)});
             s.meshSent = true;
         }
         s.meshStale = false;
     }
     geometries.clear();
+    if (!rescreened.empty()) runScreened();
     instances.report(delta.removed, delta.added, delta.moved, delta.rebound);
     placed.report(delta.placedRemoved, delta.placedAdded, delta.placedMoved, delta.placedRebound);
     scene = nullptr;
@@ -415,9 +428,10 @@ void Flattener::setMeshSource(const Scene& scene, std::string_view type, MeshSou
     impl_->scene = nullptr;
 }
 
-void Flattener::setViewer(std::optional<Vec3d> position) {
-    if (position == impl_->viewer) return;
+void Flattener::setViewer(std::optional<Vec3d> position, std::vector<LayerSight> sights) {
+    if (position == impl_->viewer && sights == impl_->sights) return;
     impl_->viewer = position;
+    impl_->sights = std::move(sights);
     impl_->viewerMoved = true;
 }
 
@@ -436,6 +450,12 @@ const std::vector<Placed>& Flattener::placed() const {
 }
 std::size_t Flattener::instanceCount() const {
     return impl_->instances.live;
+}
+bool Flattener::usesPixels() const {
+    return !impl_->regions.empty() || !impl_->screenGroups.empty() || !impl_->screened.empty();
+}
+const std::vector<LayerSight>& Flattener::sights() const {
+    return impl_->sights;
 }
 const Diagnostics& Flattener::diagnostics() const {
     return impl_->diagnostics;

@@ -8,14 +8,17 @@
 #include <algorithm>
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 
 #include <rtsg/core/mobility.h>
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/tessellator.h>
 
 #include "flattener_roles.h"
+#include "layout.h"
 #include "mesh/told_once.h"
 #include "node_states.h"
 #include "skin.h"
@@ -32,7 +35,7 @@ struct Occurrence {
     std::uint32_t parent = kNone, firstChild = kNone, next = kNone, previous = kNone;
     std::uint32_t nextOfNode = kNone, previousOfNode = kNone;
     std::uint32_t frame = 0;     // of its content: its own when it has a transform, else its parent's
-    std::uint32_t slot = kNone;  // of its instance or placed thing; LOD and Billboard: its index in the list of those
+    std::uint32_t slot = kNone;  // of its instance or placed thing; LOD, and what turns: its index in the list of those
     std::uint32_t depth = 0;
     std::uint32_t created = 0;      // apply() number
     std::uint32_t updated = 0;      // apply() number of the last transform update
@@ -46,7 +49,7 @@ struct Occurrence {
     bool isMover = false;            // its transform or choice may change by itself
     bool wasSeen = false;            // its transform has changed though that was not foreseen
     bool moving = false;             // it or one around it is a mover
-    bool turned = false;             // it or one around it is a Billboard
+    bool turned = false;             // it or one around it follows the picture: a Billboard, a layout ...
     std::uint16_t layer = 0;
 };
 
@@ -162,6 +165,19 @@ struct Flattener::Impl {
     Tessellator tessellator;  // unless the options have something else
     void finish();
 
+    // flattener_pixels.cpp: what depends on the picture
+    /// As localOf(), of what turns and of text in points.
+    bool localForEye(std::uint32_t occurrence, const Node& node, const TypeRole& role,
+                     const WorldFromLocal& worldFromParent, WorldFromLocal& parentFromLocal);
+    /// Of the innermost layout from this occurrence outwards; null: it is in no LayoutLayer.
+    const flatten::Region* regionAround(std::uint32_t occurrence) const;
+    /// Marks what is laid out by `layoutsChanged`, or by another viewer.
+    void followLayouts();
+    /// Gives a Shape a frame of its own if its geometry is text in points, and takes it if not.
+    void followScreened(std::uint32_t shape);
+    void noteScreenText(NodeId geometry, bool inPixels);
+    void runScreened();
+
     // flattener_tree.cpp: occurrences
     NodeState& state(NodeId id) {
         NodeState* quick = nodes.dense(id.value);
@@ -213,10 +229,10 @@ struct Flattener::Impl {
     static bool isHeard(const Occurrence& o) { return o.heard && !(o.turned && o.seen); }
     bool isMover(const Node& node, const TypeRole& role) const;
     /// False when it is the identity.
-    bool localOf(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent,
-                 WorldFromLocal& parentFromLocal) const {
-        if (role.turns)
-            return flatten::turnTowards(node, role, worldFromParent, viewer ? &*viewer : nullptr, parentFromLocal);
+    bool localOf(std::uint32_t occurrence, const Node& node, const TypeRole& role,
+                 const WorldFromLocal& worldFromParent, WorldFromLocal& parentFromLocal) {
+        if (role.turns || role.role == Role::shape)
+            return localForEye(occurrence, node, role, worldFromParent, parentFromLocal);
         return role.hasTransform && flatten::localTransform(node, role, parentFromLocal);
     }
     bool deforms(NodeId geometry) const;
@@ -238,8 +254,14 @@ struct Flattener::Impl {
     SlotTable<Instance> instances;
     SlotTable<Placed> placed;
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
-    std::vector<std::uint32_t> levels;      // occurrences of LODs
-    std::vector<std::uint32_t> billboards;  // occurrences
+    std::vector<std::uint32_t> levels;                           // occurrences of LODs
+    std::vector<std::uint32_t> billboards;                       // occurrences of what turns
+    std::unordered_map<std::uint32_t, flatten::Region> regions;  // of occurrences that lay out
+    bool regionChanged = false;                                  // of the last that localForEye() laid out
+    std::unordered_set<std::uint32_t> screenTexts;               // geometry nodes whose unit is a pixel
+    std::set<std::uint32_t> screenGroups;                        // occurrences
+    std::set<std::uint32_t> screened;                            // occurrences of Shapes that have one
+    std::vector<LayerSight> sights;
     std::optional<Vec3d> viewer;
     bool viewerMoved = false;
     std::uint32_t stamp = 0, walk = 0;
@@ -253,7 +275,7 @@ struct Flattener::Impl {
 
     // What the current change set touches; kept for their memory.
     std::vector<ChildOp> childOps;
-    std::vector<NodeId> reconciled, transformed, shapes, lights, geometries;
+    std::vector<NodeId> reconciled, transformed, shapes, lights, geometries, layoutsChanged, rescreened;
     struct Content {
         NodeId node;
         bool structural;

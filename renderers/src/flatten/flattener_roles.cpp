@@ -100,7 +100,11 @@ TypeRole RoleTable::work(const NodeType& type) {
         role.hasTransform = role.translation != kNoField && role.rotation != kNoField;
         if (role.hasTransform) role.center = findTyped(type, "center", FieldType::SFVec3f);
         if (type.isA("Billboard")) role.axis = findTyped(type, "axisOfRotation", FieldType::SFVec3f);
-        role.turns = role.axis != kNoField;
+        role.turns = role.axis != kNoField || type.isA("ScreenGroup");
+    }
+    if (role.role == Role::all && (type.isA("LayoutLayer") || type.isA("LayoutGroup"))) {
+        role.layout = findTyped(type, "layout", FieldType::SFNode);
+        role.turns = role.layout != kNoField;
     }
     if (role.childFields == 0 && role.role != Role::shape && role.role != Role::placed) role.role = Role::none;
     return role;

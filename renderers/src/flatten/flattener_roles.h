@@ -29,13 +29,13 @@ struct TypeRole {
     Role role = Role::none;
     PlacedKind kind = PlacedKind::light;
     bool hasTransform = false;
-    bool turns = false;       // Billboard: towards the viewer, about `axis`
+    bool turns = false;       // its transform follows the picture: Billboard (`axis`), layouts (`layout`), ScreenGroup
     bool ofHumanoid = false;  // what it holds may move a skin: a humanoid, joint or displacer
     std::uint8_t childFields = 0;
     std::array<FieldIndex, 3> children{kNoField, kNoField, kNoField};
     FieldIndex visible = kNoField, global = kNoField, choice = kNoField, range = kNoField, order = kNoField;
     FieldIndex translation = kNoField, rotation = kNoField, scale = kNoField, scaleOrientation = kNoField,
-               center = kNoField, axis = kNoField;
+               center = kNoField, axis = kNoField, layout = kNoField;
     FieldIndex geometry = kNoField, appearance = kNoField, castShadow = kNoField;
 
     bool isChildField(FieldIndex field) const {

@@ -55,12 +55,13 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
     if (role.turns) {
         o.slot = static_cast<std::uint32_t>(billboards.size());
         billboards.push_back(index);
+        if (role.axis == kNoField && role.layout == kNoField) screenGroups.insert(index);
         o.turned = true;
     }
     if (role.hasTransform || role.turns) {
         o.ownsFrame = true;
         WorldFromLocal local, world = frames[o.frame];
-        if (localOf(node, role, world, local)) world = compose(world, local);
+        if (localOf(index, node, role, world, local)) world = compose(world, local);
         if (freeFrames.empty()) {
             o.frame = static_cast<std::uint32_t>(frames.size());
             frames.push_back(world);
@@ -131,6 +132,7 @@ void Flattener::Impl::makeInstance(std::uint32_t index, const Node& node, const 
     instance.worldFromLocal = frames[o.frame];
     instance.seen = o.seen, instance.heard = isHeard(o);
     bind(instance, node, role, o);
+    if (!screenTexts.empty()) followScreened(index);
 }
 
 void Flattener::Impl::dropInstance(std::uint32_t index) {
@@ -292,6 +294,7 @@ void Flattener::Impl::release(std::uint32_t index) {
     Occurrence& o = tree[index];
     if (o.role == Role::shape) {
         dropInstance(index);
+        if (o.ownsFrame) screened.erase(index);
     } else if (o.role == Role::placed) {
         if (o.slot != kNone) placed.remove(o.slot, stamp);
     } else if (o.role == Role::level) {
@@ -299,6 +302,8 @@ void Flattener::Impl::release(std::uint32_t index) {
         tree[levels.back()].slot = o.slot;
         levels.pop_back();
     } else if (o.slot != kNone) {
+        screenGroups.erase(index);
+        regions.erase(index);
         billboards[o.slot] = billboards.back();
         tree[billboards.back()].slot = o.slot;
         billboards.pop_back();
@@ -394,8 +399,9 @@ void Flattener::Impl::updateFrames(std::uint32_t top) {
         if (o.ownsFrame) {
             const Node& node = scene->node(o.node);
             WorldFromLocal local, world = frames[tree[o.parent].frame];
-            if (localOf(node, roles.of(node), world, local)) world = compose(world, local);
-            if (index == top && world == frames[o.frame]) return;
+            regionChanged = false;
+            if (localOf(index, node, roles.of(node), world, local)) world = compose(world, local);
+            if (index == top && world == frames[o.frame] && !regionChanged) return;
             frames[o.frame] = world;
         } else {
             o.frame = tree[o.parent].frame;

@@ -84,6 +84,13 @@ double aspectOf(const RenderSettings& settings) {
     return static_cast<double>(settings.width) / settings.height;
 }
 
+/// Whether what is laid out for `made` is for these.
+bool isOfSize(const std::vector<LayerSight>& made, const std::vector<LayerSight>& wanted) {
+    return std::ranges::equal(made, wanted, [](const LayerSight& a, const LayerSight& b) {
+        return a.layer == b.layer && a.width == b.width && a.height == b.height;
+    });
+}
+
 /// What options ask of the eye.
 Camera equipped(Camera camera, const ImageOptions& options) {
     if (options.panorama) return camera.around();
@@ -162,7 +169,10 @@ Result<Camera> LightRenderer::look(const ImageOptions& options) {
     auto camera = s.tracer.camera(s.rays, aspectOf(options.settings), options.viewpoint);
     if (!camera) return camera;
     *camera = equipped(*camera, options);
-    if (auto ok = world().setViewer(camera->position); !ok) return std::unexpected(ok.error());
+    std::vector<LayerSight> sights;
+    if (world().flattener().usesPixels())
+        sights = LightTracer::sights(s.tracer.layers(s.rays, *camera, options.settings.width, options.settings.height));
+    if (auto ok = world().setViewer(camera->position, std::move(sights)); !ok) return std::unexpected(ok.error());
     return camera;
 }
 
@@ -201,7 +211,16 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
     auto camera = LightTracer::camera(*tables, *state.rays, aspectOf(options.settings), options.viewpoint);
     if (!camera) return std::unexpected(camera.error());
     s.camera = equipped(*camera, options);
-    if (state.moment != s.prepared) world().lookFrom(s.camera.position);
+    std::vector<LayerSight> sights;
+    if (state.sights)
+        sights = LightTracer::sights(
+            LightTracer::layers(*tables, *state.rays, s.camera, options.settings.width, options.settings.height));
+    const bool fits = !state.sights || isOfSize(*state.sights, sights);
+    if (state.moment != s.prepared) world().lookFrom(s.camera.position, std::move(sights));
+    if (!fits)
+        return fail(
+            "light renderer: this state is laid out for a picture of another size; the next one will be for "
+            "this size, as those of prepare() are");
     s.stats = {};
     const auto draw = [&](const Camera& eye) {
         RenderStats drawn;

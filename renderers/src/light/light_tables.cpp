@@ -110,7 +110,10 @@ std::shared_ptr<const LayerList> LightTables::readLayers(const Scene& scene) con
         const Node* node = number > 0 ? scene.effectiveNode(layers[static_cast<std::size_t>(number) - 1]) : nullptr;
         NodeId viewport;
         if (node && node->is(x3d::Layer::type)) viewport = node->get(x3d::Layer::viewport);
-        if (node && node->is(x3d::LayoutLayer::type)) viewport = node->get(x3d::LayoutLayer::viewport);
+        if (node && node->is(x3d::LayoutLayer::type)) {
+            viewport = node->get(x3d::LayoutLayer::viewport);
+            layer.laidOut = true;
+        }
         if (const Node* view = scene.effectiveNode(viewport); view && view->is(x3d::Viewport::type)) {
             const Array<float>& clip = view->get(x3d::Viewport::clipBoundary);
             for (std::size_t i = 0; i < 4 && clip.size() >= 4; ++i)

@@ -1,6 +1,7 @@
 // The eye of a picture: which viewpoint counts, and the camera that it stands for.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "active.h"
@@ -10,6 +11,34 @@ namespace rtsg {
 
 using namespace trace;
 
+namespace {
+
+/// 36.2.1: what is laid out is seen as by an OrthoViewpoint of its own, whatever is bound.
+bool isLaidOut(const LightState& state, std::uint16_t layer) {
+    return state.layers && std::ranges::any_of(state.layers->order, [&](const LayerList::Layer& one) {
+               return one.number == layer && one.laidOut;
+           });
+}
+
+}  // namespace
+
+std::vector<LayerSight> LightTracer::sights(const std::vector<LayerView>& views) {
+    std::vector<LayerSight> sights;
+    for (const LayerView& view : views) {
+        const Camera& camera = view.camera;
+        sights.push_back({.layer = camera.layer,
+                          .width = view.width,
+                          .height = view.height,
+                          .eye = camera.position,
+                          .forward = camera.forward,
+                          .kind = camera.panorama       ? LayerSight::Kind::around
+                                  : camera.orthographic ? LayerSight::Kind::parallel
+                                                        : LayerSight::Kind::perspective,
+                          .pixel = (camera.top - camera.bottom) / view.height});
+    }
+    return sights;
+}
+
 Camera trace::cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,
                        double aspect) {
     const auto frameEverything = [&](Camera& camera) {
@@ -17,6 +46,11 @@ Camera trace::cameraOf(const LightState& state, const RayView& world, const Plac
         if (!bounds.empty()) camera.frame(world.toWorld(bounds.min), world.toWorld(bounds.max));
     };
     Camera camera;
+    if (const std::uint16_t of = chosen ? chosen->placed.layer : layer; isLaidOut(state, of)) {
+        camera = Camera::parallel(identityTransform(), {0, 0, 10}, {}, {-1, -1, 1, 1}, aspect);
+        camera.layer = of;
+        return camera;
+    }
     if (!chosen) {
         camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, 0.7854, aspect);
         if (!state.layers) frameEverything(camera);

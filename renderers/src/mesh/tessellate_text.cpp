@@ -20,7 +20,7 @@ using Justify = TextParams::Justify;
 
 /// Fields of a file may ask for any number of glyphs; more triangles than this are left out, with a warning.
 constexpr std::size_t kMostTriangles = std::size_t{1} << 25;
-constexpr float kPoint = .0254f / 72;     // metres, of ScreenFontStyle
+constexpr float kPoint = 96.0f / 72;      // pixels, of ScreenFontStyle: 96 pixels to the inch, as in CSS
 constexpr float kToleranceOfChord = .4f;  // of TessellationOptions' chord error, which is of a radius of half an em
 
 struct Piece {
@@ -144,7 +144,7 @@ std::vector<TextMaker::Line> TextMaker::layOut(const Fonts& fonts, const TextPar
 
 Mesh TextMaker::make(const TextParams& p, const TessellationOptions& options) {
     Mesh mesh;
-    mesh.solid = p.solid;
+    mesh.solid = p.solid, mesh.inPixels = p.inPixels;
     if (p.strings.empty()) return mesh;
     if (!(p.size > 0) || !usable(p.size) || !(p.spacing >= 0) || !usable(p.spacing)) {
         warn(mesh, fmt::format("size {} must be above 0 and spacing {} not below: it is not drawn", p.size, p.spacing));
@@ -194,6 +194,7 @@ Mesh TextMaker::make(const TextParams& p, const TessellationOptions& options) {
     }
     if (!mesh.bounds.empty() && !(usable(mesh.bounds.min) && usable(mesh.bounds.max))) {
         Mesh none;
+        none.inPixels = p.inPixels;
         none.diagnostics = std::move(mesh.diagnostics);
         warn(none, "its size is out of range: it is not drawn");
         return none;
@@ -251,6 +252,7 @@ TextParams readText(const Scene& scene, const Node& text, Mesh& problems) {
     } else if (style->is(x3d::ScreenFontStyle::type)) {
         readStyle<x3d::ScreenFontStyle>(*style, p, problems);
         p.size = style->get(x3d::ScreenFontStyle::pointSize) * kPoint;
+        p.inPixels = true;
     } else {
         warn(problems, fmt::format("fontStyle: {} is not supported here: the default is used", style->type().name));
     }

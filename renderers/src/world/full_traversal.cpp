@@ -1,13 +1,16 @@
 // Visits the whole scene every frame and hands the differences to a RayWorld of its own.
 #include <rtsg/renderers/full_traversal.h>
 
+#include <algorithm>
 #include <chrono>
+#include <optional>
 #include <unordered_map>
 
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/tessellate.h>
 
 #include "flatten/flattener_roles.h"
+#include "flatten/layout.h"
 
 namespace rtsg {
 
@@ -19,6 +22,8 @@ struct FullTraversalRenderer::Impl {
         WorldFromLocal worldFromLocal;
         std::uint64_t key;  // of the path
         bool hidden;
+        std::uint16_t layer = 0;
+        std::optional<flatten::Region> region = std::nullopt;  // that it is laid out in
     };
     struct Known {
         Instance instance;
@@ -34,12 +39,15 @@ struct FullTraversalRenderer::Impl {
     struct Geometry {
         std::vector<Shot> shots;
         std::uint64_t checked = 0, seen = 0;
+        bool inPixels = false;
     };
 
     Impl(const RayWorld::Options& options, MeshSource source) : meshes(std::move(source)), world(options) {}
 
     Result<> enter(FullTraversalRenderer& renderer, const Node& node);
     void leave() { stack.pop_back(); }
+    void layOut(const Node& node, const TypeRole& role, Level& level);
+    void toPixels(Level& level) const;
     void shape(const Node& node, const TypeRole& role, const Level& level);
     void checkGeometry(NodeId id);
     void take(NodeId id, std::vector<Shot>& shots) const;
@@ -56,6 +64,8 @@ struct FullTraversalRenderer::Impl {
     std::uint64_t frame = 0;
     const Scene* scene = nullptr;
     std::vector<NodeId> below;
+    std::vector<LayerSight> sights;
+    NodeId layerSet;  // whose layers are entered
     Stats stats;
 };
 
@@ -81,13 +91,43 @@ Result<> FullTraversalRenderer::Impl::enter(FullTraversalRenderer& renderer, con
         return {};
     }
     WorldFromLocal local;
-    if (role.hasTransform && flatten::localTransform(node, role, local))
+    if (layerSet && !level.layer) {
+        const auto& layers = scene->node(layerSet).get(x3d::LayerSet::layers);
+        if (const auto* at = std::find(layers.begin(), layers.end(), node.id()); at != layers.end())
+            level.layer = static_cast<std::uint16_t>(at - layers.begin() + 1);
+    }
+    if (role.layout != kNoField)
+        layOut(node, role, level);
+    else if (node.is(x3d::ScreenGroup::type))
+        toPixels(level);
+    else if (role.hasTransform && flatten::localTransform(node, role, local))
         level.worldFromLocal = compose(level.worldFromLocal, local);
+    if (node.is(x3d::LayerSet::type)) layerSet = node.id();
     stack.push_back(level);
     below.clear();
     flatten::desiredChildren(node, role, 0, below);
     renderer.descend(below, collect);
     return {};
+}
+
+void FullTraversalRenderer::Impl::layOut(const Node& node, const TypeRole& role, Level& level) {
+    const bool outermost = node.is(x3d::LayoutLayer::type);
+    if (!outermost && !level.region) return;
+    if (outermost) level.region = flatten::wholeRegion(flatten::sightOf(sights, level.layer));
+    const Node* layout = scene->find(flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.layout)));
+    if (!layout || !layout->is(x3d::Layout::type)) return;
+    Diagnostics problems;  // the flattener tells of them
+    WorldFromLocal local;
+    level.region = flatten::layOut(flatten::readLayout(*scene, *layout, problems), outermost, *level.region, local);
+    level.worldFromLocal = compose(level.worldFromLocal, local);
+}
+
+void FullTraversalRenderer::Impl::toPixels(Level& level) const {
+    const LayerSight* sight = flatten::sightOf(sights, level.layer);
+    const double pixel = flatten::pixelAt(sight, level.region.has_value(), level.worldFromLocal[3]);
+    WorldFromLocal local;
+    if (flatten::scaleToPixels(level.worldFromLocal, pixel, local))
+        level.worldFromLocal = compose(level.worldFromLocal, local);
 }
 
 void FullTraversalRenderer::Impl::shape(const Node& node, const TypeRole& role, const Level& level) {
@@ -97,8 +137,14 @@ void FullTraversalRenderer::Impl::shape(const Node& node, const TypeRole& role, 
     now.appearance = flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.appearance));
     now.castShadow = flatten::read<bool>(node, role.castShadow);
     now.strokes = flatten::strokeStyle(*scene, now.appearance);
+    now.layer = level.layer;
     now.worldFromLocal = level.worldFromLocal;
     if (now.geometry) checkGeometry(now.geometry);
+    if (now.geometry && geometries[now.geometry.value].inPixels) {
+        Level own = level;
+        toPixels(own);
+        now.worldFromLocal = own.worldFromLocal;
+    }
     std::uint64_t key = level.key;
     Known* known_ = &known[key];
     while (known_->seen == frame) known_ = &known[key = mix(key, 1)];  // the same path twice: a child listed twice
@@ -167,6 +213,7 @@ void FullTraversalRenderer::Impl::checkGeometry(NodeId id) {
         mesh = meshes(*scene, id);
     else if (auto made = tessellate(*scene, id))
         mesh = *std::move(made);
+    geometry.inPixels = mesh && mesh->inPixels;
     delta.geometries.push_back({id, std::move(mesh)});
 }
 
@@ -197,6 +244,7 @@ Result<> FullTraversalRenderer::renderFrame() {
     i.freeSlots.insert(i.freeSlots.end(), i.freedSlots.begin(), i.freedSlots.end());
     i.freedSlots.clear();
     i.stack.assign(1, {identityTransform(), 0, false});
+    i.layerSet = {};
     if (Result<> result = renderScene(collect); !result) return result;
     std::erase_if(i.known, [&](const auto& entry) {
         if (entry.second.seen == i.frame) return false;
@@ -212,6 +260,10 @@ Result<> FullTraversalRenderer::renderFrame() {
     i.stats.traverseSeconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     i.world.apply(i.delta);
     return {};
+}
+
+void FullTraversalRenderer::setSights(std::vector<LayerSight> sights) {
+    impl_->sights = std::move(sights);
 }
 
 const RayWorld& FullTraversalRenderer::world() const {

@@ -132,7 +132,7 @@ struct SharedWorld::Impl final : Subscriber {
         const std::unique_lock lock(eyeMutex, std::try_to_lock);  // a reader that holds it is heard the next time
         if (!lock) return false;
         eyeMoved.store(false, std::memory_order_relaxed);
-        flattener.setViewer(eye);
+        flattener.setViewer(eye, eyeSights);
         return true;
     }
 
@@ -156,6 +156,8 @@ struct SharedWorld::Impl final : Subscriber {
             state->sequence = delta ? delta->sequence : 0;
             state->time = scene.now();
             state->moment = moment;
+            if (flattener.usesPixels())
+                state->sights = std::make_shared<const std::vector<LayerSight>>(flattener.sights());
             if (rays) state->rays = rays->freeze();
             if (rays && !state->rays) return fail("so many are held");
             state->tables.reserve(entries.size());
@@ -211,6 +213,7 @@ struct SharedWorld::Impl final : Subscriber {
     std::mutex eyeMutex;
     std::atomic<bool> eyeMoved{false};
     std::optional<Vec3d> eye;  // as a reader last said
+    std::vector<LayerSight> eyeSights;
 
     Attachment attachment;  // last: detached first
 };
@@ -290,19 +293,20 @@ Result<std::shared_ptr<const WorldState>> SharedWorld::present() {
     return state;
 }
 
-void SharedWorld::lookFrom(const Vec3d& eye) {
+void SharedWorld::lookFrom(const Vec3d& eye, std::vector<LayerSight> sights) {
     const std::lock_guard lock(impl_->eyeMutex);
-    if (impl_->eye == eye) return;
+    if (impl_->eye == eye && impl_->eyeSights == sights) return;
     impl_->eye = eye;
+    impl_->eyeSights = std::move(sights);
     impl_->eyeMoved.store(true, std::memory_order_relaxed);
 }
 
-Result<> SharedWorld::setViewer(std::optional<Vec3d> position) {
+Result<> SharedWorld::setViewer(std::optional<Vec3d> position, std::vector<LayerSight> sights) {
     Impl& s = *impl_;
     // Edits that are not sealed yet come first: the flattener must not look at nodes of a state it does not know.
     if (!s.delivering)
         if (auto ok = update(); !ok) return ok;
-    s.flattener.setViewer(position);
+    s.flattener.setViewer(position, std::move(sights));
     if (const std::unique_lock lock(s.eyeMutex, std::try_to_lock); lock) s.eye.reset();
     if (s.delivering) return {};  // with the next one
     return s.outside([&] { return s.deliverViewer(); });

@@ -4,9 +4,11 @@
 // the changes and what lies below the changed nodes, never the scene. Nothing recurses: nesting may be of any depth.
 // What is rendered: Shapes below groups, the chosen child of Switch and LOD, the first node of a PROTO's or the whole
 // of an Inline's body, Collision's children without the proxy. Billboards turn to the viewer if there is one, and
-// shapes below them are not heard.
+// shapes below them are not heard; LayoutLayers, LayoutGroups, ScreenGroups and text in points likewise follow the
+// picture.
 // Threading: one thread, the scene's; the deltas may go to any other.
-// Source: ISO/IEC 19775-1 V4.0 4.3.5, 10.4 (grouping), 10.4.4 (Transform), 10.4.3 (Switch), 23.4.3 (LOD), 35 (layers).
+// Source: ISO/IEC 19775-1 V4.0 4.3.5, 10.4 (grouping), 10.4.4 (Transform), 10.4.3 (Switch), 23.4.3 (LOD), 35 (layers),
+// 36 (layouts).
 #pragma once
 
 #include <cstddef>
@@ -23,6 +25,16 @@
 namespace rtsg {
 
 class Scene;
+
+/// How a picture shows a layer: what must be known by things whose size is in pixels (36.2).
+struct LayerSight {
+    std::uint16_t layer = 0;    // as Instance::layer
+    int width = 0, height = 0;  // of the rectangle that it is seen in, in pixels; above 0
+    Vec3d eye{0}, forward{0, 0, -1};
+    enum class Kind : std::uint8_t { perspective, parallel, around } kind = Kind::perspective;
+    double pixel = 0;  // how high one is: metres, of a perspective at 1 m along the view; of `around` radians
+    friend bool operator==(const LayerSight&, const LayerSight&) = default;
+};
 
 /// The mesh of a geometry node; null when it has none. Called once per new or changed geometry; the points of skins are
 /// not handed to it.
@@ -55,14 +67,20 @@ class Flattener {
     /// The viewer's place in world space, by which LOD chooses what is seen; none: every LOD shows its first level.
     /// What is heard is the first level always (Instance::seen, heard): what a picture shows changes no sound. Takes
     /// effect with the next apply() or with updateViewer().
-    void setViewer(std::optional<Vec3d> position);
-    /// Re-chooses the LOD levels alone, between two frames.
+    /// `sights`: of the picture, by which layouts, ScreenGroups and text in points have their size. A layer that has
+    /// none is laid out as in a picture of 1280 by 720 pixels; outside of LayoutLayers a pixel is then 1/96 inch.
+    void setViewer(std::optional<Vec3d> position, std::vector<LayerSight> sights = {});
+    /// Follows the viewer alone, between two frames.
     const InstanceDelta& updateViewer(const Scene& scene);
 
     /// By slot, with holes (id is none).
     const std::vector<Instance>& instances() const;
     const std::vector<Placed>& placed() const;
     std::size_t instanceCount() const;
+    /// Whether anything has its place or size from a picture's pixels; if not, no sights are needed.
+    bool usesPixels() const;
+    /// As setViewer() had them.
+    const std::vector<LayerSight>& sights() const;
     /// From a root node to the Shape, both included.
     std::vector<NodeId> path(InstanceId instance) const;
     std::vector<NodeId> placedPath(InstanceId placed) const;

@@ -28,6 +28,9 @@ class FullTraversalRenderer final : public Renderer {
 
     Result<> attachToScene(Scene& scene) override;
     Result<> renderFrame() override;
+    /// For layouts, ScreenGroups and text in points, as Flattener::setViewer(); from the next frame on. Billboards and
+    /// levels of detail know no viewer here.
+    void setSights(std::vector<LayerSight> sights);
 
     const RayWorld& world() const;
     /// What the last frame found; valid until the next.

@@ -129,6 +129,9 @@ class LightTracer final : public InstanceSubscriber {
     static std::vector<LayerView> layers(const LightState& state, const RayView& world, const Camera& camera, int width,
                                          int height);
 
+    /// What the world must know of such a picture for what has its size from pixels: SharedWorld::setViewer().
+    static std::vector<LayerSight> sights(const std::vector<LayerView>& views);
+
     /// What is seen at a place of such a picture, in pixels from the left and the top: the first surface of the
     /// frontmost layer that has one there. Error: as Picker::ray().
     static Result<Pick> pick(const Picker& picker, const std::vector<LayerView>& views, double x, double y);

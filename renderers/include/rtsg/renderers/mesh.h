@@ -160,6 +160,8 @@ struct Mesh {
     std::vector<TexCoords> texCoords;
     /// X3D `solid`: the back need not be drawn.
     bool solid = true;
+    /// Its unit is a pixel of the picture wherever it stands: text of a ScreenFontStyle (36.4.4).
+    bool inPixels = false;
     /// Of the referenced positions.
     Bounds bounds;
     Diagnostics diagnostics;

@@ -50,6 +50,8 @@ struct WorldState {
     std::vector<std::pair<std::uint64_t, std::shared_ptr<const void>>> tables;
     /// Counts what the world has delivered: states with the same one are the same.
     std::uint64_t moment = 0;
+    /// By which its layouts and all else in pixels have their size; null: there is nothing of that kind.
+    std::shared_ptr<const std::vector<LayerSight>> sights;
 
     /// What InstanceSubscriber::freeze() gave; null: it was not there, had failed, or has none.
     const void* of(std::uint64_t subscriber) const {
@@ -101,11 +103,12 @@ class SharedWorld {
     /// or readers hold too many states.
     Result<std::shared_ptr<const WorldState>> present();
     /// setViewer() from any thread: with the next delivery.
-    void lookFrom(const Vec3d& eye);
+    void lookFrom(const Vec3d& eye, std::vector<LayerSight> sights = {});
 
     /// Levels of detail are chosen for this eye, in world space, for all that see; none: the first levels, which are
     /// what sound meets in any case (Instance::seen, heard).
-    Result<> setViewer(std::optional<Vec3d> position);
+    /// `sights`: of the picture, as Flattener::setViewer().
+    Result<> setViewer(std::optional<Vec3d> position, std::vector<LayerSight> sights = {});
     /// The triangles of geometry nodes of a type of one's own (or in place of a built-in one's), for all that start
     /// from here. Also of those that are there already.
     void setMeshSource(std::string_view type, MeshSource source);

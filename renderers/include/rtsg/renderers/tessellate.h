@@ -184,6 +184,7 @@ struct TextParams {
     enum class Justify : std::uint8_t { first, begin, middle, end };
     Justify major = Justify::begin, minor = Justify::first;
     std::string language;
+    bool inPixels = false;  // Mesh::inPixels: all lengths are pixels
 };
 
 /// Error, as a warning of the mesh: there are no fonts, or this build leaves them out.

@@ -1,0 +1,315 @@
+// Layouts: rectangles in pictures of several sizes against their closed forms, and that all who ask agree.
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/full_traversal.h>
+#include <rtsg/renderers/picking.h>
+#include <rtsg/renderers/tessellate.h>
+
+#include <random>
+
+#include "light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+/// Pixels whose middles lie in a rectangle; x from the left, y from the bottom.
+struct Box {
+    double left = 0, right = 0, bottom = 0, top = 0;
+    friend bool operator==(const Box&, const Box&) = default;
+    friend std::ostream& operator<<(std::ostream& out, const Box& b) {
+        return out << b.left << ".." << b.right << " by " << b.bottom << ".." << b.top;
+    }
+};
+/// Of a rectangle in pixels, as far as the picture goes.
+Box covered(Box b, int width, int height) {
+    const auto edge = [](double x, int most) { return std::clamp(std::ceil(x - .5), 0.0, double(most)); };
+    return {edge(b.left, width), edge(b.right, width), edge(b.bottom, height), edge(b.top, height)};
+}
+/// Of what is redder than green; it must be whole.
+Box lit(const Picture& p) {
+    Box b{double(p.width), 0, double(p.height), 0};
+    int pixels = 0;
+    for (int y = 0; y < p.height; ++y)
+        for (int x = 0; x < p.width; ++x) {
+            const Vec4f c = p.at(x, y);
+            if (!(c.r > c.g)) continue;
+            ++pixels;
+            b.left = std::min(b.left, double(x)), b.right = std::max(b.right, x + 1.0);
+            b.bottom = std::min(b.bottom, double(p.height - 1 - y)), b.top = std::max(b.top, double(p.height - y));
+        }
+    if (pixels == 0) return {};
+    EXPECT_EQ(pixels, (b.right - b.left) * (b.top - b.bottom)) << "holes";
+    return b;
+}
+
+constexpr int kSizes[][2] = {{64, 48}, {48, 64}, {97, 31}, {52, 52}};
+
+std::string hud(const std::string& layout, const std::string& children, const std::string& more = "") {
+    return "Background { skyColor 0 1 0 } DEF SET LayerSet { order [ 0 1 ] layers [ DEF HUD LayoutLayer { " + more +
+           (layout.empty() ? "" : " layout DEF L Layout { " + layout + " }") + " children [ " + children + " ] } ] }";
+}
+const std::string kUnit = square(.5, unlit("1 0 0"));  // one unit wide and high
+
+/// One axis of a rectangle: where it begins and ends in the one around it, which has `length` pixels.
+std::pair<double, double> place(int align, double size, double offset, double length) {
+    const double free = length - size, begin = (align < 0 ? 0 : align > 0 ? free : free / 2) + offset;
+    return {begin, begin + size};
+}
+
+TEST(Layout, PutsRectanglesWhereItsFieldsSay) {
+    const char* across[] = {"LEFT", "CENTER", "RIGHT"};
+    const char* upwards[] = {"BOTTOM", "CENTER", "TOP"};
+    const char* units[] = {"FRACTION", "PIXEL"};
+    for (const auto& [width, height] : kSizes) {
+        LightScene s(hud("", kUnit), width, height);
+        const NodeId layout = s.scene.createNode(x3d::Layout::type);
+        ASSERT_TRUE(s.scene.set(s.node("HUD"), x3d::LayoutLayer::layout, layout));
+        for (int ax = -1; ax <= 1; ++ax)
+            for (int ay = -1; ay <= 1; ++ay)
+                for (int unit = 0; unit < 4; ++unit) {
+                    const bool sizePixels = unit & 1, offsetPixels = unit & 2;
+                    const float sx = sizePixels ? 17.5f : .31f, sy = sizePixels ? 9.3f : .43f;
+                    const float ox = offsetPixels ? 3.3f : -.07f, oy = offsetPixels ? -2.3f : .11f;
+                    using L = x3d::Layout;
+                    const auto set = [&](auto field, auto value) { ASSERT_TRUE(s.scene.set(layout, field, value)); };
+                    set(L::align, Array<String>{String(across[ax + 1]), String(upwards[ay + 1])});
+                    set(L::size, Array<float>{sx, sy});
+                    set(L::offset, Array<float>{ox, oy});
+                    set(L::sizeUnits, Array<String>{String(units[sizePixels]), String(units[sizePixels])});
+                    set(L::offsetUnits, Array<String>{String(units[offsetPixels])});  // one is both
+                    s.scene.newFrame(1 + unit);
+                    const double w = width, h = height;
+                    const auto [left, right] = place(ax, sizePixels ? sx : sx * w, offsetPixels ? ox : ox * w, w);
+                    const auto [bottom, top] = place(ay, sizePixels ? sy : sy * h, offsetPixels ? oy : oy * h, h);
+                    ASSERT_EQ(lit(s.picture()), covered({left, right, bottom, top}, width, height))
+                        << width << "x" << height << " align " << ax << " " << ay << " units " << unit;
+                }
+        EXPECT_TRUE(s.world->diagnostics().all().empty());
+    }
+}
+
+// For a LayoutLayer WORLD and NONE are FRACTION: a Layout without fields is the whole of its viewport.
+TEST(Layout, DefaultsFillTheViewport) {
+    for (const auto& [width, height] : kSizes) {
+        EXPECT_EQ(lit(LightScene(hud("size [ 1 1 ]", kUnit), width, height).picture()),
+                  covered({0, double(width), 0, double(height)}, width, height));
+        const std::string part = "viewport Viewport { clipBoundary [ .25 .75 .5 1 ] }";
+        const double l = std::round(.25 * width), r = std::round(.75 * width), b = std::round(.5 * height);
+        EXPECT_EQ(lit(LightScene(hud("size [ 1 1 ]", kUnit, part), width, height).picture()),
+                  covered({l, r, b, double(height)}, width, height));
+        // Without a Layout units are those of a default OrthoViewpoint: the smaller side is 2.
+        const double unit = std::min(width, height) / 2.0;
+        EXPECT_EQ(
+            lit(LightScene(hud("", kUnit), width, height).picture()),
+            covered({(width - unit) / 2, (width + unit) / 2, (height - unit) / 2, (height + unit) / 2}, width, height));
+    }
+}
+
+TEST(Layout, ScalesWhatIsInTheRectangle) {
+    struct Case {
+        const char* modes;
+        // How many pixels a unit has across and upwards, in a rectangle of so many.
+        std::pair<double, double> (*unit)(double w, double h);
+    };
+    const Case cases[] = {
+        {"\"NONE\"", [](double w, double h) { return std::pair(w, h); }},
+        {"\"FRACTION\" \"FRACTION\"", [](double w, double h) { return std::pair(w, h); }},
+        {"\"PIXEL\"", [](double, double) { return std::pair(1.0, 1.0); }},
+        {"\"FRACTION\" \"PIXEL\"", [](double w, double) { return std::pair(w, 1.0); }},
+        {"\"PIXEL\" \"FRACTION\"", [](double, double h) { return std::pair(1.0, h); }},
+        {"\"STRETCH\" \"FRACTION\"", [](double, double h) { return std::pair(h, h); }},
+        {"\"FRACTION\" \"STRETCH\"", [](double w, double) { return std::pair(w, w); }},
+        {"\"STRETCH\" \"PIXEL\"", [](double, double) { return std::pair(1.0, 1.0); }},
+        {"\"PIXEL\" \"STRETCH\"", [](double, double) { return std::pair(1.0, 1.0); }},
+        {"\"STRETCH\"", [](double w, double h) { return std::pair(std::max(w, h), std::max(w, h)); }},
+    };
+    for (const auto& [width, height] : kSizes)
+        for (const Case& one : cases) {
+            const double w = .6 * width, h = .44 * height;
+            const auto [ux, uy] = one.unit(w, h);
+            // Ten pixels wide or four tenths of a unit, whichever the unit is.
+            const float across = ux == 1 ? 10.3f : .41f, up = uy == 1 ? 7.1f : .37f;
+            const std::string body = fmt::format("Transform {{ scale {} {} 1 children [ {} ] }}", across, up, kUnit);
+            const std::string layout =
+                std::string("align [ \"CENTER\" \"TOP\" ] size [ .6 .44 ] scaleMode [ ") + one.modes + " ]";
+            const double cx = width / 2.0, cy = height - h / 2, hx = across * ux / 2, hy = up * uy / 2;
+            EXPECT_EQ(lit(LightScene(hud(layout, body), width, height).picture()),
+                      covered({cx - hx, cx + hx, cy - hy, cy + hy}, width, height))
+                << one.modes << " in " << width << "x" << height;
+        }
+}
+
+TEST(Layout, GroupsLieInTheRectangleAroundThem) {
+    const auto group = [](const std::string& layout, const std::string& children) {
+        return "LayoutGroup { layout Layout { " + layout + " } children [ " + children + " ] }";
+    };
+    for (const auto& [width, height] : kSizes) {
+        const double w = width, h = height, ow = .8 * w, oh = .7 * h;  // the outer rectangle, at the left and the top
+        const std::string outer = "align [ \"LEFT\" \"TOP\" ] size [ .8 .7 ] ";
+        const auto check = [&](const std::string& mode, const std::string& inner, double iw, double ih) {
+            // The inner one at the right and the bottom, 2 pixels in and 3 up.
+            const std::string at = "align [ \"RIGHT\" \"BOTTOM\" ] offset [ -2 3 ] offsetUnits \"PIXEL\" ";
+            EXPECT_EQ(lit(LightScene(hud(outer + mode, group(at + inner, kUnit)), width, height).picture()),
+                      covered({ow - 2 - iw, ow - 2, h - oh + 3, h - oh + 3 + ih}, width, height))
+                << mode << " / " << inner << " in " << width << "x" << height;
+        };
+        const std::string fill = " scaleMode \"FRACTION\"";
+        for (const std::string mode :
+             {"", "scaleMode \"PIXEL\"", "scaleMode \"STRETCH\"", "scaleMode [ \"PIXEL\" \"FRACTION\" ]"}) {
+            check(mode, "size [ .3 .4 ] sizeUnits \"FRACTION\"" + fill, .3 * ow, .4 * oh);
+            check(mode, "size [ 11.2 7.05 ] sizeUnits \"PIXEL\"" + fill, 11.2, 7.05);
+        }
+        // WORLD is in units of what is around: pixels, or the rectangle itself.
+        check("scaleMode \"PIXEL\"", "size [ 11.2 7.05 ]" + fill, 11.2, 7.05);
+        check("", "size [ .3 .4 ]" + fill, .3 * ow, .4 * oh);
+        // NONE: the units go on.
+        check("scaleMode \"PIXEL\"", "size [ 1 1 ]", 1, 1);
+        // Even units in uneven ones.
+        const double side = .4 * oh;
+        const std::string even = "size [ .3 .4 ] sizeUnits \"FRACTION\" scaleMode [ \"STRETCH\" \"FRACTION\" ]";
+        EXPECT_EQ(lit(LightScene(hud(outer, group(even, kUnit)), width, height).picture()),
+                  covered({ow / 2 - side / 2, ow / 2 + side / 2, h - oh / 2 - side / 2, h - oh / 2 + side / 2}, width,
+                          height));
+        // Three deep, with a group that has none between.
+        const std::string deep =
+            group("align \"CENTER\" size [ .48 .48 ] sizeUnits \"FRACTION\"" + fill,
+                  "LayoutGroup { children [ " + group("align [ \"LEFT\" \"BOTTOM\" ] size [ .45 .55 ]" + fill, kUnit) +
+                      " ] }");
+        EXPECT_EQ(lit(LightScene(hud("", deep), width, height).picture()),
+                  covered({.26 * w, .476 * w, .26 * h, .524 * h}, width, height));
+    }
+}
+
+// Pictures, picks in them and the traversal that shares no state with the rest have things at the same places.
+void expectAllAgree(LightScene& s, const char* shape) {
+    const int width = s.options.settings.width, height = s.options.settings.height;
+    const Picture p = s.picture();
+    const auto& tracer = s.light->tracer();
+    const auto views = tracer.layers(s.world->rays(), s.light->camera(), width, height);
+    const Picker picker(s.world->rays(), s.world->flattener());
+    int on = 0;
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            const auto pick = LightTracer::pick(picker, views, x + .5, y + .5);
+            ASSERT_TRUE(pick);
+            const bool isShape = *pick && pick->shape == s.node(shape);
+            ASSERT_EQ(isShape, p.at(x, y).r > p.at(x, y).g) << x << " " << y;
+            on += isShape;
+        }
+    EXPECT_GT(on, 20);
+    FullTraversalRenderer full;
+    full.setSights(LightTracer::sights(views));
+    ASSERT_TRUE(full.attachToScene(s.scene));
+    std::size_t compared = 0;
+    for (const Instance& instance : s.world->flattener().instances()) {
+        if (!instance.id) continue;
+        bool found = false;
+        for (const Instance& other : full.delta().added)
+            if (other.shape == instance.shape && other.layer == instance.layer) {
+                found = true;
+                for (int c = 0; c < 4; ++c)
+                    EXPECT_LT(glm::length(other.worldFromLocal[c] - instance.worldFromLocal[c]), 1e-12);
+            }
+        EXPECT_TRUE(found);
+        ++compared;
+    }
+    EXPECT_EQ(compared, full.delta().added.size());
+}
+
+std::string named(std::string shape) {
+    return "DEF RED " + shape;
+}
+
+TEST(Layout, PicturesPicksAndFullTraversalAgree) {
+    for (const auto& [width, height] : kSizes) {
+        LightScene s(
+            hud("align \"LEFT\" size [ .7 .9 ] scaleMode \"PIXEL\"",
+                "LayoutGroup { layout Layout { align [ \"RIGHT\" \"TOP\" ] size [ 21 13 ] scaleMode \"FRACTION\" } "
+                "children [ " +
+                    named(kUnit) + " ] }"),
+            width, height);
+        expectAllAgree(s, "RED");
+        LightScene screen(
+            "Viewpoint { position 1 0 4 } Background { skyColor 0 1 0 } Transform { translation 1 .1 -3 "
+            "scale 1 2 1 children ScreenGroup { children Transform { scale 9.4 13.2 1 children [ " +
+                named(kUnit) + " ] } } }",
+            width, height);
+        expectAllAgree(screen, "RED");
+    }
+}
+
+TEST(Layout, EachOfSeveralPicturesIsRight) {
+    LightScene s(hud("align [ \"RIGHT\" \"TOP\" ] size [ 12.2 8.3 ] sizeUnits \"PIXEL\"", kUnit));
+    LightRenderer::Options options;
+    LightRenderer second(*s.world, options);
+    for (int turn = 0; turn < 2; ++turn)
+        for (const auto& [width, height] : kSizes) {
+            s.options.settings.width = width, s.options.settings.height = height;
+            const Box expected = covered({width - 12.2, double(width), height - 8.3, double(height)}, width, height);
+            EXPECT_EQ(lit(s.picture()), expected);
+            const auto other = second.picture(s.options);
+            ASSERT_TRUE(other);
+            EXPECT_EQ(lit(*other), expected);
+        }
+}
+
+TEST(Layout, StatesAreForThePictureTheyWereMadeFor) {
+    LightScene s(hud("align [ \"RIGHT\" \"TOP\" ] size [ 12.2 8.3 ] sizeUnits \"PIXEL\"", kUnit));
+    const auto renderer = [&](int width, int height) {
+        LightRenderer::Options options;
+        options.image.settings.width = width, options.image.settings.height = height;
+        return std::make_unique<LightRenderer>(*s.world, options);
+    };
+    const auto wide = renderer(64, 32), high = renderer(30, 70);
+    const auto first = wide->prepare(), second = high->prepare();
+    ASSERT_TRUE(first && second);
+    ASSERT_TRUE(wide->renderFrame(**first));
+    ASSERT_TRUE(high->renderFrame(**second));
+    EXPECT_EQ(lit(wide->frame()), covered({64 - 12.2, 64, 32 - 8.3, 32}, 64, 32));
+    EXPECT_EQ(lit(high->frame()), covered({30 - 12.2, 30, 70 - 8.3, 70}, 30, 70));
+    // Never a wrong one: a state for another size is refused, and the next is for this one.
+    const auto refused = wide->renderFrame(**second);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().text.find("another size"), std::string::npos);
+    const auto next = s.world->present();
+    ASSERT_TRUE(next);
+    ASSERT_TRUE(wide->renderFrame(**next)) << "as it was asked for";
+    EXPECT_EQ(lit(wide->frame()), covered({64 - 12.2, 64, 32 - 8.3, 32}, 64, 32));
+}
+
+TEST(Layout, ViewpointsAndNavigationChangeNothing) {
+    const std::string layout = "size [ .5 .5 ]";
+    const Box expected = lit(LightScene(hud(layout, kUnit), 64, 48).picture());
+    EXPECT_EQ(expected, covered({16, 48, 12, 36}, 64, 48));
+    EXPECT_EQ(lit(LightScene(
+                      hud(layout,
+                          "Viewpoint { position 3 2 1 } NavigationInfo { visibilityLimit 1 headlight FALSE } " + kUnit),
+                      64, 48)
+                      .picture()),
+              expected);
+    EXPECT_EQ(
+        lit(LightScene("Viewpoint { position 30 20 10 orientation 1 0 0 1 } " + hud(layout, kUnit), 64, 48).picture()),
+        expected);
+}
+
+TEST(Layout, IsSilentAndHasAStatedSizeWithoutAPicture) {
+    LightScene s(hud("align \"LEFT\" size [ 128 72 ] sizeUnits \"PIXEL\"", named(kUnit)) +
+                 " Transform { translation 5 0 0 children ScreenGroup { children DEF FAR " + kUnit + " } }");
+    for (const Instance& instance : s.world->flattener().instances()) {
+        if (!instance.id) continue;
+        EXPECT_FALSE(instance.heard);
+        const double tenth = 2.0 / 10;  // of the 720 pixels, which are 2 m
+        if (instance.shape == s.node("RED")) {
+            EXPECT_NEAR(instance.worldFromLocal[0].x, tenth * 16 / 9, 1e-12);
+            EXPECT_NEAR(instance.worldFromLocal[1].y, tenth, 1e-12);
+            EXPECT_NEAR(instance.worldFromLocal[3].x, -16. / 9 + tenth * 8 / 9, 1e-12);
+        } else {
+            EXPECT_NEAR(instance.worldFromLocal[0].x, .0254 / 96, 1e-15);
+            EXPECT_EQ(instance.worldFromLocal[3], Vec3d(5, 0, 0));
+        }
+    }
+}
+
+}  // namespace
+}  // namespace rtsg
