@@ -21,6 +21,9 @@ class LateQueries final : public SpaceQueries {
     std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) override {
         return queries().firstHit(origin, direction);
     }
+    std::optional<PictureHit> throughPicture(double x, double y, std::optional<NodeId> layer) override {
+        return queries().throughPicture(x, y, layer);
+    }
     std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override {
         return queries().within(center, radius);
     }

@@ -94,13 +94,16 @@ void appendSensors(const Scene& scene, const Node& group, const glm::dmat4& worl
 }
 
 /// 20.2.1: the lowest enabled ones above what was hit, all of them that share a group.
-std::vector<Concerned> concerned(const Scene& scene, const std::vector<NodeId>& path) {
+std::vector<Concerned> concerned(const Scene& scene, const PointerHit& hit) {
+    const std::vector<NodeId>& path = hit.path;
     std::vector<glm::dmat4> worlds;
     glm::dmat4 world(1);
+    auto placed = hit.byPicture.begin();
     for (const NodeId id : path) {
         const Node* node = scene.find(id);
         if (!node) break;
-        world *= parentFromLocal(*node);
+        const bool byPicture = placed != hit.byPicture.end() && placed->at == worlds.size();
+        world *= byPicture ? glm::dmat4((placed++)->parentFromLocal) : parentFromLocal(*node);
         worlds.push_back(world);
     }
     std::vector<Concerned> found;
@@ -258,7 +261,7 @@ class PointerEvent {
   public:
     PointerEvent(Cascade& cascade, const Node& root, const PointerInput& input)
         : cascade_(cascade), scene_(cascade.scene()), root_(root), input_(input) {
-        if (input.hit) concerned_ = concerned(scene_, input.hit->path);
+        if (input.hit) concerned_ = concerned(scene_, *input.hit);
         const auto& pointed = root.get(R::_pointed);
         pointed_.assign(pointed.begin(), pointed.end());
     }

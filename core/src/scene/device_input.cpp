@@ -19,9 +19,10 @@ namespace {
 
 using Root = x3d::RtsgScene;
 
-/// What a PointerInput is as numbers: these, then a hit's, then the numbers of the nodes on its path.
+/// What a PointerInput is as numbers: these, then a hit's, then the numbers of the nodes on its path; if the picture
+/// has placed any of them, a 0 and for each its place on the path and a matrix, column by column.
 enum PointerNumber : std::size_t { kDevice, kButtons, kKind, kBearing, kHasHit = kBearing + 6, kHit, kPath = kHit + 8 };
-constexpr std::size_t kLongestPath = 10'000;
+constexpr std::size_t kLongestPath = 10'000, kByPicture = 13;
 
 bool isFinite(const Vec3d& v) {
     return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
@@ -79,8 +80,35 @@ Array<double> PointerInput::toValue() const {
     for (const double number : {p.x, p.y, p.z, n.x, n.y, n.z, hit->texCoord.x, hit->texCoord.y})
         value.push_back(number);
     for (const NodeId node : hit->path) value.push_back(node.value);
+    if (hit->byPicture.empty()) return value;
+    value.push_back(0);
+    for (const PointerHit::ByPicture& one : hit->byPicture) {
+        value.push_back(double(one.at));
+        for (int i = 0; i < 12; ++i) value.push_back(one.parentFromLocal[i / 3][i % 3]);
+    }
     return value;
 }
+
+namespace {
+
+/// From behind the 0 on. Error: not what toValue() makes.
+Result<> readByPicture(const Array<double>& v, std::size_t from, PointerHit& hit) {
+    if ((v.size() - from) % kByPicture != 0) return fail("where a picture has placed nodes is of a wrong length");
+    for (std::size_t i = from; i < v.size(); i += kByPicture) {
+        const double least = hit.byPicture.empty() ? 0 : double(hit.byPicture.back().at + 1);
+        if (!isWhole(v[i], least, double(hit.path.size()) - 1))
+            return fail("a picture has placed a node that is not on the path");
+        PointerHit::ByPicture one{static_cast<std::size_t>(v[i])};
+        for (std::size_t n = 0; n < 12; ++n) {
+            if (!std::isfinite(v[i + 1 + n])) return fail("where a picture has placed a node is not finite");
+            one.parentFromLocal[static_cast<int>(n / 3)][static_cast<int>(n % 3)] = v[i + 1 + n];
+        }
+        hit.byPicture.push_back(one);
+    }
+    return {};
+}
+
+}  // namespace
 
 Result<PointerInput> PointerInput::fromValue(const Array<double>& v) {
     if (v.size() <= kHasHit) return fail("a pointer's event is too short");
@@ -107,10 +135,16 @@ Result<PointerInput> PointerInput::fromValue(const Array<double>& v) {
         input.aspect = a.z;
     }
     if (v[kHasHit] == 0) return input;
-    if (v.size() < kPath || v.size() > kPath + kLongestPath) return fail("what a pointer is over is of a wrong length");
+    if (v.size() < kPath || v.size() > kPath + (1 + kByPicture) * kLongestPath)
+        return fail("what a pointer is over is of a wrong length");
     PointerHit hit{at(kHit), at(kHit + 3), {v[kHit + 6], v[kHit + 7]}, {}};
     if (!isFinite(hit.point) || !isFinite(hit.normal) || !std::isfinite(v[kHit + 6] + v[kHit + 7])) return input;
     for (std::size_t i = kPath; i < v.size(); ++i) {
+        if (v[i] == 0 && i > kPath) {
+            if (auto ok = readByPicture(v, i + 1, hit); !ok) return std::unexpected(ok.error());
+            break;
+        }
+        if (hit.path.size() == kLongestPath) return fail("what a pointer is over is of a wrong length");
         if (!isWhole(v[i], 1, UINT32_MAX)) return fail("the path to what a pointer is over names no node");
         hit.path.push_back(NodeId{static_cast<std::uint32_t>(v[i])});
     }
@@ -300,6 +334,17 @@ void Scene::State::deferKeys() {
         diagnostics.warning({}, fmt::format("keys came faster than frames could take them: {} are left out", refused));
 }
 
+/// What a pointer has hold of goes on in its own layer, whatever lies over it now.
+std::optional<NodeId> Scene::State::layerHeld(std::int32_t device) const {
+    for (const NodeId id : find(owner.root())->get(Root::_pointed)) {
+        const Node* node = find(id);
+        const FieldIndex holder = node ? node->type().findExact("_holder") : kNoField;
+        if (holder == kNoField || node->get(Field<std::int32_t>{holder}) != device + 1) continue;
+        if (const Node* layer = layerOf(owner, id)) return layer->id();
+    }
+    return std::nullopt;
+}
+
 void Scene::State::castRays() {
     // Who is asked may have to bring its geometry up to date first, and so send events that come in behind these.
     for (std::size_t i = 0; i < inputQueue.size(); ++i) {
@@ -307,8 +352,16 @@ void Scene::State::castRays() {
         auto given = PointerInput::fromValue(inputQueue[i].value.as<Array<double>>());
         if (!given) continue;
         if (given->kind == PointerInput::Kind::picture) {
-            const Bearing bearing = bearingThrough(owner, given->x, given->y, given->aspect);
             given->kind = PointerInput::Kind::ray;
+            auto seen = queries ? queries->throughPicture(given->x, given->y, layerHeld(given->device)) : std::nullopt;
+            if (seen) {
+                given->origin = seen->origin;
+                given->direction = seen->direction;
+                given->hit = std::move(seen->hit);
+                inputQueue[i].value = Value(given->toValue());
+                continue;
+            }
+            const Bearing bearing = bearingThrough(owner, given->x, given->y, given->aspect);
             given->origin = bearing.origin;
             given->direction = bearing.direction;
         }

@@ -269,6 +269,7 @@ struct Scene::State {
     void prepareInput();
     void deferPointers();
     void deferKeys();
+    std::optional<NodeId> layerHeld(std::int32_t device) const;
     void castRays();
     void feelContacts();
     void pick();  // pick_sensors.cpp

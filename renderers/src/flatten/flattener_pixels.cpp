@@ -1,6 +1,8 @@
 // What depends on the picture: Billboards, layouts, ScreenGroups, and text whose size is in points.
 #include <algorithm>
 
+#include <fmt/format.h>
+
 #include <rtsg/core/x3d.h>
 
 #include "flattener_impl.h"
@@ -18,13 +20,14 @@ bool Flattener::Impl::localForEye(std::uint32_t index, const Node& node, const T
     const bool outermost = node.is(x3d::LayoutLayer::type);
     const Node* layout = scene->find(flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.layout)));
     if (layout && !layout->is(x3d::Layout::type)) layout = nullptr;
+    const auto tell = [&](std::string_view what) {
+        const std::string_view name = scene->name(node.id());
+        told.warning(fmt::format("LayoutGroup{}{} {}", name.empty() ? "" : " ", name, what), diagnostics);
+    };
+    if (!outermost && node.is(x3d::LayoutGroup::type) && node.get(x3d::LayoutGroup::viewport))
+        tell("is not clipped by its viewport");
     if (!outermost && !around) {
-        if (layout) {
-            const std::string_view name = scene->name(node.id());
-            told.warning(std::string("LayoutGroup ") + std::string(name) + (name.empty() ? "" : " ") +
-                             "is in no LayoutLayer: its layout is not used",
-                         diagnostics);
-        }
+        if (layout) tell("is in no LayoutLayer: its layout is not used");
         return false;
     }
     flatten::Region region = outermost ? flatten::wholeRegion(sight) : *around;
@@ -117,6 +120,28 @@ void Flattener::Impl::runScreened() {
     for (const NodeId shape : shapes)
         for (std::uint32_t o = state(shape).firstOccurrence; o != kNone; o = tree[o].nextOfNode) followScreened(o);
     shapes.clear();
+}
+
+std::vector<std::pair<std::size_t, WorldFromLocal>> Flattener::byPicture(InstanceId id) const {
+    std::vector<std::pair<std::size_t, WorldFromLocal>> placed;
+    const auto& table = impl_->instances;
+    const auto& tree = impl_->tree;
+    if (impl_->billboards.empty() || id.slot >= table.records.size() || table.records[id.slot].id != id) return placed;
+    const std::uint32_t shape = table.states[id.slot].occurrence;
+    for (std::uint32_t index = shape; index != kNone && tree[index].parent != kNone; index = tree[index].parent) {
+        const Occurrence& o = tree[index];
+        if (!o.ownsFrame || o.slot >= impl_->billboards.size() || impl_->billboards[o.slot] != index) continue;
+        const glm::dmat4 parent(impl_->frames[tree[o.parent].frame]), own(impl_->frames[o.frame]);
+        if (determinantSign(impl_->frames[tree[o.parent].frame]) == 0) continue;
+        placed.emplace_back(o.depth - 1, WorldFromLocal(glm::inverse(parent) * own));
+    }
+    std::ranges::reverse(placed);
+    return placed;
+}
+
+std::uint16_t Flattener::layerOf(NodeId layer) const {
+    const auto* known = impl_->nodes.find(layer.value);
+    return known && known->firstOccurrence != kNone ? impl_->tree[known->firstOccurrence].layer : std::uint16_t{0};
 }
 
 }  // namespace rtsg

@@ -51,7 +51,7 @@ class Reader {
         numbers("size", node_.get(L::size), p.size);
         for (double& size : p.size)
             if (!(size > 0)) {
-                tell(fmt::format("size {} is not above 0: nothing that it is of is drawn", size));
+                tell(fmt::format("size {} is not above 0: nothing in the rectangle is drawn", size));
                 size = 0;
             }
         return p;
@@ -153,11 +153,11 @@ double pixelAt(const LayerSight* sight, bool laidOut, const Vec3d& place) {
     if (!sight) return kUnknownPixel;
     switch (sight->kind) {
         case LayerSight::Kind::parallel:
-            return sight->pixel;
+            return sight->pixel();
         case LayerSight::Kind::around:
-            return sight->pixel * glm::length(place - sight->eye);
+            return sight->pixel() * glm::length(place - sight->eye);
         default:
-            return sight->pixel * std::abs(glm::dot(place - sight->eye, sight->forward));
+            return sight->pixel() * std::abs(glm::dot(place - sight->eye, sight->forward));
     }
 }
 
@@ -169,3 +169,21 @@ bool scaleToPixels(const WorldFromLocal& worldFromParent, double pixel, WorldFro
 }
 
 }  // namespace rtsg::flatten
+
+namespace rtsg {
+
+bool areOfOneSize(const std::vector<LayerSight>& a, const std::vector<LayerSight>& b) {
+    return std::ranges::equal(a, b, [](const LayerSight& one, const LayerSight& other) {
+        return one.layer == other.layer && one.width == other.width && one.height == other.height;
+    });
+}
+
+LayerSight::Ray LayerSight::ray(double x, double y) const {
+    const double u = edges[0] + (edges[1] - edges[0]) * x, v = edges[3] + (edges[2] - edges[3]) * y;
+    if (kind == Kind::parallel) return {eye + u * right + v * up, forward};
+    if (kind == Kind::around)
+        return {eye, std::cos(v) * (std::cos(u) * forward + std::sin(u) * right) + std::sin(v) * up};
+    return {eye, glm::normalize(forward + u * right + v * up)};
+}
+
+}  // namespace rtsg

@@ -1,8 +1,9 @@
 // How a Layout places a rectangle in the one around it, and how wide a pixel is where something stands.
 //
-// Invariant: pure functions of fields and a picture's size; whoever knows no picture gets kUnknownPicture. Lengths of a
-// Region are in the units of what lies in it, so that Transforms between two of them need not be known.
-// Threading: re-entrant. Source: ISO/IEC 19775-1 V4.0 36.2, 36.4; where the clause leaves it open, docs/layout.md.
+// Invariant: pure functions of fields and a picture's size; who knows no picture has one of 1280 by 720 pixels.
+// Lengths of a Region are in the units of what lies in it: Transforms between two of them need not be known.
+// Threading: re-entrant.
+// Source: ISO/IEC 19775-1 V4.0 36.2, 36.4; where the clause leaves it open, docs/layout.md.
 #pragma once
 
 #include <array>

@@ -84,13 +84,6 @@ double aspectOf(const RenderSettings& settings) {
     return static_cast<double>(settings.width) / settings.height;
 }
 
-/// Whether what is laid out for `made` is for these.
-bool isOfSize(const std::vector<LayerSight>& made, const std::vector<LayerSight>& wanted) {
-    return std::ranges::equal(made, wanted, [](const LayerSight& a, const LayerSight& b) {
-        return a.layer == b.layer && a.width == b.width && a.height == b.height;
-    });
-}
-
 /// What options ask of the eye.
 Camera equipped(Camera camera, const ImageOptions& options) {
     if (options.panorama) return camera.around();
@@ -160,7 +153,22 @@ std::string authorsName(const Scene& scene, NodeId id) {
     return {};
 }
 
+std::vector<LayerSight> sightsOf(const LightTracer& tracer, const RayView& rays, const Camera& camera,
+                                 const RenderSettings& settings) {
+    return LightTracer::sights(tracer.layers(rays, camera, settings.width, settings.height), settings.width,
+                               settings.height);
+}
+
 }  // namespace
+
+std::optional<PictureSight> LightRenderer::looksFrom() {
+    const Impl& s = *impl_;
+    const ImageOptions& options = s.options.image;
+    const auto camera = s.tracer.camera(s.rays, aspectOf(options.settings), options.viewpoint);
+    if (!camera) return std::nullopt;
+    const Camera eye = equipped(*camera, options);
+    return PictureSight{eye.position, sightsOf(s.tracer, s.rays, eye, options.settings)};
+}
 
 Result<Camera> LightRenderer::look(const ImageOptions& options) {
     Impl& s = *impl_;
@@ -170,8 +178,7 @@ Result<Camera> LightRenderer::look(const ImageOptions& options) {
     if (!camera) return camera;
     *camera = equipped(*camera, options);
     std::vector<LayerSight> sights;
-    if (world().flattener().usesPixels())
-        sights = LightTracer::sights(s.tracer.layers(s.rays, *camera, options.settings.width, options.settings.height));
+    if (world().flattener().usesPixels()) sights = sightsOf(s.tracer, s.rays, *camera, options.settings);
     if (auto ok = world().setViewer(camera->position, std::move(sights)); !ok) return std::unexpected(ok.error());
     return camera;
 }
@@ -211,16 +218,18 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
     auto camera = LightTracer::camera(*tables, *state.rays, aspectOf(options.settings), options.viewpoint);
     if (!camera) return std::unexpected(camera.error());
     s.camera = equipped(*camera, options);
-    std::vector<LayerSight> sights;
-    if (state.sights)
-        sights = LightTracer::sights(
-            LightTracer::layers(*tables, *state.rays, s.camera, options.settings.width, options.settings.height));
-    const bool fits = !state.sights || isOfSize(*state.sights, sights);
-    if (state.moment != s.prepared) world().lookFrom(s.camera.position, std::move(sights));
-    if (!fits)
-        return fail(
-            "light renderer: this state is laid out for a picture of another size; the next one will be for "
-            "this size, as those of prepare() are");
+    if (state.sights) {
+        // The world looks from here anyway when it lays a state out for this size.
+        std::vector<LayerSight> sights = LightTracer::sights(
+            LightTracer::layers(*tables, *state.rays, s.camera, options.settings.width, options.settings.height),
+            options.settings.width, options.settings.height);
+        if (!areOfOneSize(*state.sights, sights)) {
+            world().lookFrom(s.camera.position, std::move(sights));
+            return fail("light renderer: this state is laid out for a picture of another size");
+        }
+    } else if (state.moment != s.prepared) {
+        world().lookFrom(s.camera.position);
+    }
     s.stats = {};
     const auto draw = [&](const Camera& eye) {
         RenderStats drawn;

@@ -78,7 +78,7 @@ struct LayerList {
     struct Layer {
         std::uint16_t number = 0;               // as Instance::layer
         std::array<float, 4> clip{0, 1, 0, 1};  // left, right, bottom, top of its viewport, as shares of the picture
-        bool laidOut = false;  // a LayoutLayer: no viewpoint's eye but an implicit one (36.2)
+        bool laidOut = false;                   // a LayoutLayer: no viewpoint's eye but an implicit one (36.2)
         friend bool operator==(const Layer&, const Layer&) = default;
     };
     std::vector<Layer> order;  // from the back to the front

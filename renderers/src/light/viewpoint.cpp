@@ -22,19 +22,20 @@ bool isLaidOut(const LightState& state, std::uint16_t layer) {
 
 }  // namespace
 
-std::vector<LayerSight> LightTracer::sights(const std::vector<LayerView>& views) {
+std::vector<LayerSight> LightTracer::sights(const std::vector<LayerView>& views, int width, int height) {
     std::vector<LayerSight> sights;
     for (const LayerView& view : views) {
         const Camera& camera = view.camera;
-        sights.push_back({.layer = camera.layer,
-                          .width = view.width,
-                          .height = view.height,
-                          .eye = camera.position,
-                          .forward = camera.forward,
-                          .kind = camera.panorama       ? LayerSight::Kind::around
-                                  : camera.orthographic ? LayerSight::Kind::parallel
-                                                        : LayerSight::Kind::perspective,
-                          .pixel = (camera.top - camera.bottom) / view.height});
+        LayerSight sight{.layer = camera.layer, .width = view.width, .height = view.height};
+        const double w = width, h = height;
+        sight.part = {view.left / w, (view.left + view.width) / w, view.top / h, (view.top + view.height) / h};
+        sight.eye = camera.position, sight.limit = camera.visibilityLimit;
+        sight.right = camera.right, sight.up = camera.up, sight.forward = camera.forward;
+        sight.kind = camera.panorama       ? LayerSight::Kind::around
+                     : camera.orthographic ? LayerSight::Kind::parallel
+                                           : LayerSight::Kind::perspective;
+        sight.edges = {camera.left, camera.rightEdge, camera.bottom, camera.top};
+        sights.push_back(sight);
     }
     return sights;
 }

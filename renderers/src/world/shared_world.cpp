@@ -140,7 +140,7 @@ struct SharedWorld::Impl final : Subscriber {
 
     /// After a delivery: a new state if somebody has asked for one.
     void serve() {
-        if (delivering) return;  // not all have had their turn
+        if (delivering || waits) return;  // not all have had their turn, or a picture is made first
         current.store(moment, std::memory_order_release);
         if (wanted.load(std::memory_order_relaxed)) {
             askedAt = moment;
@@ -150,6 +150,7 @@ struct SharedWorld::Impl final : Subscriber {
         }
     }
     void handOver() {
+        if (lookAnew()) return;
         wanted.store(false, std::memory_order_relaxed);  // who asks from now on wants the next one
         const Result<> made = guarded([&]() -> Result<> {
             auto state = std::make_shared<WorldState>();
@@ -178,6 +179,28 @@ struct SharedWorld::Impl final : Subscriber {
         wanted.store(true, std::memory_order_relaxed);
     }
 
+    /// Lays what is in pixels out for those who make pictures of states: if there are several, for one of the size that
+    /// was asked for last. True: it did, and what was wanted has been handed over.
+    bool lookAnew() {
+        if (asIs || !rays || !flattener.usesPixels()) return false;
+        if (!delta || scene.sequence() != delta->sequence || scene.hasUnsealedEdits())
+            return false;  // edited meanwhile
+        std::optional<PictureSight> look;
+        for (const Entry& entry : entries) {
+            auto one = entry.subscriber && entry.upToDate && entry.failure.empty() ? entry.subscriber->looksFrom()
+                                                                                   : std::nullopt;
+            if (!one) continue;
+            look = std::move(one);
+            if (areOfOneSize(look->layers, flattener.sights())) break;
+        }
+        if (!look) return false;
+        asIs = true;
+        flattener.setViewer(look->eye, std::move(look->layers));
+        (void)outside([&] { return deliverViewer(); });  // a failure is kept
+        asIs = false;
+        return true;
+    }
+
     /// What is done outside of the bus's deliveries stops everything as well if it fails.
     Result<> outside(const std::function<Result<>()>& work) {
         if (!failure.empty()) return fail(failure);
@@ -196,6 +219,8 @@ struct SharedWorld::Impl final : Subscriber {
     const InstanceDelta* delta = nullptr;
     std::vector<Entry> entries;
     bool delivering = false;
+    bool asIs = false;   // states are handed over as they are laid out
+    bool waits = false;  // none is handed over
     Diagnostics failures;
     std::string failure;
     Counts counts;
@@ -287,7 +312,10 @@ Result<std::shared_ptr<const WorldState>> SharedWorld::latest(std::chrono::nanos
 Result<std::shared_ptr<const WorldState>> SharedWorld::present() {
     Impl& s = *impl_;
     s.wanted.store(true, std::memory_order_relaxed);
-    if (auto ok = update(); !ok) return std::unexpected(ok.error());
+    s.asIs = true;
+    const Result<> updated = update();
+    s.asIs = false;
+    if (!updated) return std::unexpected(updated.error());
     auto state = s.states.get();
     if (!state || state->moment != s.moment) return fail("readers hold too many states of the scene");
     return state;
@@ -308,8 +336,11 @@ Result<> SharedWorld::setViewer(std::optional<Vec3d> position, std::vector<Layer
         if (auto ok = update(); !ok) return ok;
     s.flattener.setViewer(position, std::move(sights));
     if (const std::unique_lock lock(s.eyeMutex, std::try_to_lock); lock) s.eye.reset();
-    if (s.delivering) return {};  // with the next one
-    return s.outside([&] { return s.deliverViewer(); });
+    if (s.delivering) return {};         // with the next one
+    s.waits = s.flattener.usesPixels();  // others' pictures are not to move what this one shows
+    const Result<> done = s.outside([&] { return s.deliverViewer(); });
+    s.waits = false;
+    return done;
 }
 
 void SharedWorld::setMeshSource(std::string_view type, MeshSource source) {

@@ -17,8 +17,38 @@ bool WorldQueries::follow() {
 std::optional<PointerHit> WorldQueries::firstHit(const Vec3d& origin, const Vec3d& direction) {
     if (!follow()) return std::nullopt;
     const auto pick = Picker(world_.rays(), world_.flattener()).ray(origin, direction);
-    if (!pick || !*pick) return std::nullopt;
-    return PointerHit{pick->point, pick->normal, {pick->texCoord.x, pick->texCoord.y}, pick->path};
+    if (!pick) return std::nullopt;
+    return hitOf(*pick);
+}
+
+std::optional<PointerHit> WorldQueries::hitOf(const Pick& pick) const {
+    if (!pick) return std::nullopt;
+    PointerHit hit{pick.point, pick.normal, {pick.texCoord.x, pick.texCoord.y}, pick.path};
+    for (auto& [at, parentFromLocal] : world_.flattener().byPicture(pick.instance))
+        hit.byPicture.push_back({at, parentFromLocal});
+    return hit;
+}
+
+std::optional<PictureHit> WorldQueries::throughPicture(double x, double y, std::optional<NodeId> layer) {
+    if (!follow()) return std::nullopt;
+    const Flattener& flattener = world_.flattener();
+    if (!flattener.usesPixels() || flattener.sights().empty()) return std::nullopt;
+    std::optional<PictureHit> behind;
+    const auto& sights = flattener.sights();
+    for (auto sight = sights.rbegin(); sight != sights.rend(); ++sight) {
+        if (layer && flattener.layerOf(*layer) != sight->layer) continue;
+        const auto& [left, right, top, bottom] = sight->part;
+        const double across = (x - left) / (right - left), down = (y - top) / (bottom - top);
+        if (!layer && !(across >= 0 && across <= 1 && down >= 0 && down <= 1)) continue;
+        const auto [origin, direction] = sight->ray(across, down);
+        const double pixel = sight->kind == LayerSight::Kind::parallel ? Picker::kPixel : sight->pixel();
+        const auto pick = Picker(world_.rays(), flattener).ray(origin, direction, sight->layer, sight->limit, pixel);
+        if (!pick) continue;
+        PictureHit seen{origin, direction, hitOf(*pick)};
+        if (seen.hit) return seen;
+        if (!behind || sight->layer == 0) behind = std::move(seen);
+    }
+    return behind;
 }
 
 std::vector<std::vector<NodeId>> WorldQueries::within(const Vec3d& center, double radius) {

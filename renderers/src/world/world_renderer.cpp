@@ -23,6 +23,7 @@ struct WorldRenderer::Impl final : InstanceSubscriber {
         return renderer.follow(scene, changes, delta);
     }
     std::shared_ptr<const void> freeze() override { return renderer.freezeTables(); }
+    std::optional<PictureSight> looksFrom() override { return renderer.looksFrom(); }
     std::string subscriberName() const override { return renderer.subscriberName(); }
     void take(const Node& node) {
         if (renderer.ownsType(node.type())) own.insert(node.id().value);

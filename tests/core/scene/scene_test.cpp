@@ -246,13 +246,13 @@ TEST(SceneFrames, WhoWaitsUntilSomethingMovesIsCalledThenAndNotBefore) {
             ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, node));
         ASSERT_TRUE(scene.insertChild(watched, x3d::Transform::children, shape));
         eventCalls.watched = shape;
-        scene.registerBehaviour(
-            x3d::Switch::type, {.onTime = [](Cascade& cascade, const Node& node) -> double {
-                ++eventCalls.asked;
-                if (eventCalls.looks)
-                    eventCalls.last.emplace_back(cascade.worldFromLocal(cascade.scene().node(eventCalls.watched), node)[3]);
-                return kUntilMoved;
-            }});
+        scene.registerBehaviour(x3d::Switch::type, {.onTime = [](Cascade& cascade, const Node& node) -> double {
+                                    ++eventCalls.asked;
+                                    if (eventCalls.looks)
+                                        eventCalls.last.emplace_back(
+                                            cascade.worldFromLocal(cascade.scene().node(eventCalls.watched), node)[3]);
+                                    return kUntilMoved;
+                                }});
         scene.newFrame(0);
         scene.newFrame(.5);  // in the first all of the scene was new
         const int begun = eventCalls.asked;
@@ -393,6 +393,34 @@ TEST(DeviceValues, APointerIsReadBackAndWhatItCannotBeIsRefused) {
     }
     Array<double> value = given.toValue();
     value.resize(6);
+    EXPECT_FALSE(PointerInput::fromValue(value));
+
+    PointerInput placed;
+    placed.hit = PointerHit{
+        {1, 5, 3}, {0, -1, 0}, {.25, .75}, {NodeId{4}, NodeId{9}}, {{0, glm::dmat4x3(2.0)}, {1, glm::dmat4x3(.5)}}};
+    const Array<double> whole = placed.toValue();
+    const auto again = PointerInput::fromValue(whole);
+    ASSERT_TRUE(again);
+    EXPECT_EQ(again->hit, placed.hit);
+    for (const std::size_t length : {whole.size() - 1, whole.size() + 1}) {
+        value = whole;
+        value.resize(length);
+        EXPECT_FALSE(PointerInput::fromValue(value)) << length;
+    }
+    for (const double at : {-1.0, 2.0, .5, std::nan("")}) {
+        value = whole;
+        value.mutableData()[whole.size() - 26] = at;
+        EXPECT_FALSE(PointerInput::fromValue(value)) << at;
+    }
+    value = whole;
+    value.mutableData()[whole.size() - 13] = 0;
+    EXPECT_FALSE(PointerInput::fromValue(value)) << "the same node twice";
+    Array<double> deep = given.toValue();
+    while (deep.size() < 18 + 10'001) deep.push_back(1);
+    EXPECT_FALSE(PointerInput::fromValue(deep));
+    deep.resize(18 + 10'000);
+    EXPECT_TRUE(PointerInput::fromValue(deep));
+    value.mutableData()[whole.size() - 1] = HUGE_VAL;
     EXPECT_FALSE(PointerInput::fromValue(value));
     for (const double device : {-1.0, double(PointerInput::kDevices), .5}) {
         value = given.toValue();

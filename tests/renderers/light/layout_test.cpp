@@ -2,9 +2,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/picking.h>
-#include <rtsg/renderers/tessellate.h>
-
-#include <random>
+#include <rtsg/renderers/world_queries.h>
 
 #include "light_scene.h"
 
@@ -14,21 +12,21 @@ namespace {
 using namespace test;
 
 /// Pixels whose middles lie in a rectangle; x from the left, y from the bottom.
-struct Box {
+struct PixelBox {
     double left = 0, right = 0, bottom = 0, top = 0;
-    friend bool operator==(const Box&, const Box&) = default;
-    friend std::ostream& operator<<(std::ostream& out, const Box& b) {
+    friend bool operator==(const PixelBox&, const PixelBox&) = default;
+    friend std::ostream& operator<<(std::ostream& out, const PixelBox& b) {
         return out << b.left << ".." << b.right << " by " << b.bottom << ".." << b.top;
     }
 };
 /// Of a rectangle in pixels, as far as the picture goes.
-Box covered(Box b, int width, int height) {
+PixelBox pixelsIn(PixelBox b, int width, int height) {
     const auto edge = [](double x, int most) { return std::clamp(std::ceil(x - .5), 0.0, double(most)); };
     return {edge(b.left, width), edge(b.right, width), edge(b.bottom, height), edge(b.top, height)};
 }
 /// Of what is redder than green; it must be whole.
-Box lit(const Picture& p) {
-    Box b{double(p.width), 0, double(p.height), 0};
+PixelBox redPixels(const Picture& p) {
+    PixelBox b{double(p.width), 0, double(p.height), 0};
     int pixels = 0;
     for (int y = 0; y < p.height; ++y)
         for (int x = 0; x < p.width; ++x) {
@@ -43,7 +41,7 @@ Box lit(const Picture& p) {
     return b;
 }
 
-constexpr int kSizes[][2] = {{64, 48}, {48, 64}, {97, 31}, {52, 52}};
+constexpr int kPictureSizes[][2] = {{64, 48}, {48, 64}, {97, 31}, {52, 52}};
 
 std::string hud(const std::string& layout, const std::string& children, const std::string& more = "") {
     return "Background { skyColor 0 1 0 } DEF SET LayerSet { order [ 0 1 ] layers [ DEF HUD LayoutLayer { " + more +
@@ -52,7 +50,7 @@ std::string hud(const std::string& layout, const std::string& children, const st
 const std::string kUnit = square(.5, unlit("1 0 0"));  // one unit wide and high
 
 /// One axis of a rectangle: where it begins and ends in the one around it, which has `length` pixels.
-std::pair<double, double> place(int align, double size, double offset, double length) {
+std::pair<double, double> spanOf(int align, double size, double offset, double length) {
     const double free = length - size, begin = (align < 0 ? 0 : align > 0 ? free : free / 2) + offset;
     return {begin, begin + size};
 }
@@ -61,7 +59,7 @@ TEST(Layout, PutsRectanglesWhereItsFieldsSay) {
     const char* across[] = {"LEFT", "CENTER", "RIGHT"};
     const char* upwards[] = {"BOTTOM", "CENTER", "TOP"};
     const char* units[] = {"FRACTION", "PIXEL"};
-    for (const auto& [width, height] : kSizes) {
+    for (const auto& [width, height] : kPictureSizes) {
         LightScene s(hud("", kUnit), width, height);
         const NodeId layout = s.scene.createNode(x3d::Layout::type);
         ASSERT_TRUE(s.scene.set(s.node("HUD"), x3d::LayoutLayer::layout, layout));
@@ -80,9 +78,9 @@ TEST(Layout, PutsRectanglesWhereItsFieldsSay) {
                     set(L::offsetUnits, Array<String>{String(units[offsetPixels])});  // one is both
                     s.scene.newFrame(1 + unit);
                     const double w = width, h = height;
-                    const auto [left, right] = place(ax, sizePixels ? sx : sx * w, offsetPixels ? ox : ox * w, w);
-                    const auto [bottom, top] = place(ay, sizePixels ? sy : sy * h, offsetPixels ? oy : oy * h, h);
-                    ASSERT_EQ(lit(s.picture()), covered({left, right, bottom, top}, width, height))
+                    const auto [left, right] = spanOf(ax, sizePixels ? sx : sx * w, offsetPixels ? ox : ox * w, w);
+                    const auto [bottom, top] = spanOf(ay, sizePixels ? sy : sy * h, offsetPixels ? oy : oy * h, h);
+                    ASSERT_EQ(redPixels(s.picture()), pixelsIn({left, right, bottom, top}, width, height))
                         << width << "x" << height << " align " << ax << " " << ay << " units " << unit;
                 }
         EXPECT_TRUE(s.world->diagnostics().all().empty());
@@ -91,18 +89,18 @@ TEST(Layout, PutsRectanglesWhereItsFieldsSay) {
 
 // For a LayoutLayer WORLD and NONE are FRACTION: a Layout without fields is the whole of its viewport.
 TEST(Layout, DefaultsFillTheViewport) {
-    for (const auto& [width, height] : kSizes) {
-        EXPECT_EQ(lit(LightScene(hud("size [ 1 1 ]", kUnit), width, height).picture()),
-                  covered({0, double(width), 0, double(height)}, width, height));
+    for (const auto& [width, height] : kPictureSizes) {
+        EXPECT_EQ(redPixels(LightScene(hud("size [ 1 1 ]", kUnit), width, height).picture()),
+                  pixelsIn({0, double(width), 0, double(height)}, width, height));
         const std::string part = "viewport Viewport { clipBoundary [ .25 .75 .5 1 ] }";
         const double l = std::round(.25 * width), r = std::round(.75 * width), b = std::round(.5 * height);
-        EXPECT_EQ(lit(LightScene(hud("size [ 1 1 ]", kUnit, part), width, height).picture()),
-                  covered({l, r, b, double(height)}, width, height));
+        EXPECT_EQ(redPixels(LightScene(hud("size [ 1 1 ]", kUnit, part), width, height).picture()),
+                  pixelsIn({l, r, b, double(height)}, width, height));
         // Without a Layout units are those of a default OrthoViewpoint: the smaller side is 2.
         const double unit = std::min(width, height) / 2.0;
-        EXPECT_EQ(
-            lit(LightScene(hud("", kUnit), width, height).picture()),
-            covered({(width - unit) / 2, (width + unit) / 2, (height - unit) / 2, (height + unit) / 2}, width, height));
+        EXPECT_EQ(redPixels(LightScene(hud("", kUnit), width, height).picture()),
+                  pixelsIn({(width - unit) / 2, (width + unit) / 2, (height - unit) / 2, (height + unit) / 2}, width,
+                           height));
     }
 }
 
@@ -124,7 +122,7 @@ TEST(Layout, ScalesWhatIsInTheRectangle) {
         {"\"PIXEL\" \"STRETCH\"", [](double, double) { return std::pair(1.0, 1.0); }},
         {"\"STRETCH\"", [](double w, double h) { return std::pair(std::max(w, h), std::max(w, h)); }},
     };
-    for (const auto& [width, height] : kSizes)
+    for (const auto& [width, height] : kPictureSizes)
         for (const Case& one : cases) {
             const double w = .6 * width, h = .44 * height;
             const auto [ux, uy] = one.unit(w, h);
@@ -134,24 +132,46 @@ TEST(Layout, ScalesWhatIsInTheRectangle) {
             const std::string layout =
                 std::string("align [ \"CENTER\" \"TOP\" ] size [ .6 .44 ] scaleMode [ ") + one.modes + " ]";
             const double cx = width / 2.0, cy = height - h / 2, hx = across * ux / 2, hy = up * uy / 2;
-            EXPECT_EQ(lit(LightScene(hud(layout, body), width, height).picture()),
-                      covered({cx - hx, cx + hx, cy - hy, cy + hy}, width, height))
+            EXPECT_EQ(redPixels(LightScene(hud(layout, body), width, height).picture()),
+                      pixelsIn({cx - hx, cx + hx, cy - hy, cy + hy}, width, height))
                 << one.modes << " in " << width << "x" << height;
         }
+}
+
+// In depth as in the smaller of both directions, so that what is scaled evenly keeps its shape.
+TEST(Layout, ScalesDepthWithTheSmallerSide) {
+    const double pixel = 2. / 48;
+    const auto columns = [](const std::string& layout, const std::string& children) {
+        LightScene s(hud(layout, children), 64, 48);
+        (void)s.picture();
+        Vec3d lengths(0);
+        for (const Instance& instance : s.world->flattener().instances())
+            if (instance.id)
+                for (int axis = 0; axis < 3; ++axis) lengths[axis] = glm::length(instance.worldFromLocal[axis]);
+        return lengths;
+    };
+    const auto expectNear = [](const Vec3d& found, const Vec3d& expected) {
+        EXPECT_LT(glm::length(found - expected), 1e-12) << found.x << " " << found.y << " " << found.z;
+    };
+    const std::string inner = "LayoutGroup { layout Layout { scaleMode \"PIXEL\" } children [ " + kUnit + " ] }";
+    expectNear(columns("scaleMode \"PIXEL\"", kUnit), Vec3d(pixel));
+    expectNear(columns("scaleMode \"FRACTION\"", kUnit), Vec3d(64 * pixel, 48 * pixel, 48 * pixel));
+    expectNear(columns("scaleMode [ \"PIXEL\" \"FRACTION\" ]", kUnit), Vec3d(pixel, 48 * pixel, pixel));
+    expectNear(columns("scaleMode [ \"PIXEL\" \"FRACTION\" ]", inner), Vec3d(pixel));
 }
 
 TEST(Layout, GroupsLieInTheRectangleAroundThem) {
     const auto group = [](const std::string& layout, const std::string& children) {
         return "LayoutGroup { layout Layout { " + layout + " } children [ " + children + " ] }";
     };
-    for (const auto& [width, height] : kSizes) {
+    for (const auto& [width, height] : kPictureSizes) {
         const double w = width, h = height, ow = .8 * w, oh = .7 * h;  // the outer rectangle, at the left and the top
         const std::string outer = "align [ \"LEFT\" \"TOP\" ] size [ .8 .7 ] ";
         const auto check = [&](const std::string& mode, const std::string& inner, double iw, double ih) {
             // The inner one at the right and the bottom, 2 pixels in and 3 up.
             const std::string at = "align [ \"RIGHT\" \"BOTTOM\" ] offset [ -2 3 ] offsetUnits \"PIXEL\" ";
-            EXPECT_EQ(lit(LightScene(hud(outer + mode, group(at + inner, kUnit)), width, height).picture()),
-                      covered({ow - 2 - iw, ow - 2, h - oh + 3, h - oh + 3 + ih}, width, height))
+            EXPECT_EQ(redPixels(LightScene(hud(outer + mode, group(at + inner, kUnit)), width, height).picture()),
+                      pixelsIn({ow - 2 - iw, ow - 2, h - oh + 3, h - oh + 3 + ih}, width, height))
                 << mode << " / " << inner << " in " << width << "x" << height;
         };
         const std::string fill = " scaleMode \"FRACTION\"";
@@ -168,16 +188,16 @@ TEST(Layout, GroupsLieInTheRectangleAroundThem) {
         // Even units in uneven ones.
         const double side = .4 * oh;
         const std::string even = "size [ .3 .4 ] sizeUnits \"FRACTION\" scaleMode [ \"STRETCH\" \"FRACTION\" ]";
-        EXPECT_EQ(lit(LightScene(hud(outer, group(even, kUnit)), width, height).picture()),
-                  covered({ow / 2 - side / 2, ow / 2 + side / 2, h - oh / 2 - side / 2, h - oh / 2 + side / 2}, width,
-                          height));
+        EXPECT_EQ(redPixels(LightScene(hud(outer, group(even, kUnit)), width, height).picture()),
+                  pixelsIn({ow / 2 - side / 2, ow / 2 + side / 2, h - oh / 2 - side / 2, h - oh / 2 + side / 2}, width,
+                           height));
         // Three deep, with a group that has none between.
         const std::string deep =
             group("align \"CENTER\" size [ .48 .48 ] sizeUnits \"FRACTION\"" + fill,
                   "LayoutGroup { children [ " + group("align [ \"LEFT\" \"BOTTOM\" ] size [ .45 .55 ]" + fill, kUnit) +
                       " ] }");
-        EXPECT_EQ(lit(LightScene(hud("", deep), width, height).picture()),
-                  covered({.26 * w, .476 * w, .26 * h, .524 * h}, width, height));
+        EXPECT_EQ(redPixels(LightScene(hud("", deep), width, height).picture()),
+                  pixelsIn({.26 * w, .476 * w, .26 * h, .524 * h}, width, height));
     }
 }
 
@@ -199,7 +219,7 @@ void expectAllAgree(LightScene& s, const char* shape) {
         }
     EXPECT_GT(on, 20);
     FullTraversalRenderer full;
-    full.setSights(LightTracer::sights(views));
+    full.setSights(LightTracer::sights(views, width, height));
     ASSERT_TRUE(full.attachToScene(s.scene));
     std::size_t compared = 0;
     for (const Instance& instance : s.world->flattener().instances()) {
@@ -222,7 +242,7 @@ std::string named(std::string shape) {
 }
 
 TEST(Layout, PicturesPicksAndFullTraversalAgree) {
-    for (const auto& [width, height] : kSizes) {
+    for (const auto& [width, height] : kPictureSizes) {
         LightScene s(
             hud("align \"LEFT\" size [ .7 .9 ] scaleMode \"PIXEL\"",
                 "LayoutGroup { layout Layout { align [ \"RIGHT\" \"TOP\" ] size [ 21 13 ] scaleMode \"FRACTION\" } "
@@ -244,13 +264,14 @@ TEST(Layout, EachOfSeveralPicturesIsRight) {
     LightRenderer::Options options;
     LightRenderer second(*s.world, options);
     for (int turn = 0; turn < 2; ++turn)
-        for (const auto& [width, height] : kSizes) {
+        for (const auto& [width, height] : kPictureSizes) {
             s.options.settings.width = width, s.options.settings.height = height;
-            const Box expected = covered({width - 12.2, double(width), height - 8.3, double(height)}, width, height);
-            EXPECT_EQ(lit(s.picture()), expected);
+            const PixelBox expected =
+                pixelsIn({width - 12.2, double(width), height - 8.3, double(height)}, width, height);
+            EXPECT_EQ(redPixels(s.picture()), expected);
             const auto other = second.picture(s.options);
             ASSERT_TRUE(other);
-            EXPECT_EQ(lit(*other), expected);
+            EXPECT_EQ(redPixels(*other), expected);
         }
 }
 
@@ -266,8 +287,8 @@ TEST(Layout, StatesAreForThePictureTheyWereMadeFor) {
     ASSERT_TRUE(first && second);
     ASSERT_TRUE(wide->renderFrame(**first));
     ASSERT_TRUE(high->renderFrame(**second));
-    EXPECT_EQ(lit(wide->frame()), covered({64 - 12.2, 64, 32 - 8.3, 32}, 64, 32));
-    EXPECT_EQ(lit(high->frame()), covered({30 - 12.2, 30, 70 - 8.3, 70}, 30, 70));
+    EXPECT_EQ(redPixels(wide->frame()), pixelsIn({64 - 12.2, 64, 32 - 8.3, 32}, 64, 32));
+    EXPECT_EQ(redPixels(high->frame()), pixelsIn({30 - 12.2, 30, 70 - 8.3, 70}, 30, 70));
     // Never a wrong one: a state for another size is refused, and the next is for this one.
     const auto refused = wide->renderFrame(**second);
     ASSERT_FALSE(refused);
@@ -275,21 +296,152 @@ TEST(Layout, StatesAreForThePictureTheyWereMadeFor) {
     const auto next = s.world->present();
     ASSERT_TRUE(next);
     ASSERT_TRUE(wide->renderFrame(**next)) << "as it was asked for";
-    EXPECT_EQ(lit(wide->frame()), covered({64 - 12.2, 64, 32 - 8.3, 32}, 64, 32));
+    EXPECT_EQ(redPixels(wide->frame()), pixelsIn({64 - 12.2, 64, 32 - 8.3, 32}, 64, 32));
+}
+
+// ---- pointers
+// --------------------------------------------------------------------------------------------------------
+
+struct Pointed : LightScene {
+    using LightScene::LightScene;
+    std::unique_ptr<WorldQueries> queries;
+    double time = 1;
+    /// At a place in the last picture, in pixels from the left and the top.
+    void point(double x, double y, bool down) {
+        if (!queries) {
+            (void)picture();
+            queries = std::make_unique<WorldQueries>(*world);
+            scene.setSpaceQueries(queries.get());
+        }
+        PointerInput input;
+        input.kind = PointerInput::Kind::picture;
+        input.x = x / options.settings.width, input.y = y / options.settings.height;
+        input.aspect = double(options.settings.width) / options.settings.height;
+        input.buttons = down ? PointerInput::kPrimary : 0;
+        ASSERT_TRUE(sendPointer(scene, input));
+        scene.newFrame(time++);
+    }
+};
+
+// What is over another thing in the picture is what a pointer there is over; points are in the sensor's coordinates.
+TEST(Layout, PointersMeetWhatThePictureShows) {
+    for (const auto& [width, height] : kPictureSizes) {
+        Pointed s(
+            "DEF FAR TouchSensor { } " + square(9, unlit("0 1 0")) +
+                hud("scaleMode \"PIXEL\"",
+                    "LayoutGroup { layout Layout { align [ \"RIGHT\" \"TOP\" ] size [ 20 10 ] scaleMode \"NONE\" } "
+                    "children [ DEF NEAR TouchSensor { } Transform { scale 20 10 1 children [ " +
+                        kUnit + " ] } ] }"),
+            width, height);
+        const auto over = [&](const char* sensor) {
+            return s.scene.node(s.node(sensor)).get(x3d::TouchSensor::isOver);
+        };
+        s.point(width - 4.5, 3.25, false);
+        EXPECT_TRUE(over("NEAR"));
+        EXPECT_FALSE(over("FAR"));
+        const Vec3f point = s.scene.node(s.node("NEAR")).get(x3d::TouchSensor::hitPoint_changed);
+        EXPECT_NEAR(point.x, 10 - 4.5, 1e-4);
+        EXPECT_NEAR(point.y, 5 - 3.25, 1e-4);
+        s.point(width - 21.5, 3.25, false);
+        EXPECT_FALSE(over("NEAR"));
+        EXPECT_TRUE(over("FAR")) << "beside it";
+    }
+}
+
+TEST(Layout, DragsAreInTheUnitsOfTheLayout) {
+    Pointed s(square(9, unlit("0 1 0")) +
+                  hud("scaleMode \"PIXEL\"",
+                      "LayoutGroup { layout Layout { align \"LEFT\" size [ 20 10 ] scaleMode \"NONE\" } children [ "
+                      "DEF DRAG PlaneSensor { } Transform { scale 20 10 1 children [ " +
+                          kUnit + " ] } ] }"),
+              64, 48);
+    const auto moved = [&] { return s.scene.node(s.node("DRAG")).get(x3d::PlaneSensor::translation_changed); };
+    s.point(7, 24, false);
+    s.point(7, 24, true);
+    s.point(12, 23, true);
+    EXPECT_NEAR(moved().x, 5, 1e-4);
+    EXPECT_NEAR(moved().y, 1, 1e-4);
+    s.point(60, 2, true);  // over the scene behind, through another eye: it goes on in its own layer
+    EXPECT_NEAR(moved().x, 53, 1e-4);
+    EXPECT_NEAR(moved().y, 22, 1e-4);
+}
+
+// The point that a pointer is over is in the coordinates of what the picture shows: those that turn to its eye.
+TEST(Layout, BillboardsTurnTheCoordinatesOfTheirSensors) {
+    Pointed s(
+        "Viewpoint { position 10 0 0 orientation 0 1 0 1.5707963 } Billboard { children [ DEF T TouchSensor { } " +
+            square(2, unlit("1 0 0")) + " ] }",
+        40, 40);
+    s.point(22, 17, false);
+    const Vec3f point = s.scene.node(s.node("T")).get(x3d::TouchSensor::hitPoint_changed);
+    const double pixel = 2 * std::tan(.7854 / 2) / 40 * 10;
+    EXPECT_NEAR(point.x, 2 * pixel, 1e-4);
+    EXPECT_NEAR(point.y, 3 * pixel, 1e-4);
+    EXPECT_NEAR(point.z, 0, 1e-4);
+}
+
+// Whoever reads states gets ones for its picture from the first on, whatever other pictures are made meanwhile.
+TEST(Layout, ReadersGetStatesForTheirPictures) {
+    LightScene s(
+        hud("align [ \"RIGHT\" \"TOP\" ] size [ 12.2 8.3 ] sizeUnits \"PIXEL\"", kUnit, "viewport DEF V Viewport { }"));
+    s.light.reset();
+    const auto renderer = [&](int width, int height) {
+        LightRenderer::Options options;
+        options.image.settings.width = width, options.image.settings.height = height;
+        return std::make_unique<LightRenderer>(*s.world, options);
+    };
+    const auto newest = [&] {
+        (void)s.world->latest(std::chrono::nanoseconds(0));
+        s.scene.newFrame(s.scene.now() + 1);
+        EXPECT_TRUE(s.world->update());
+        return s.world->latest(std::chrono::nanoseconds(0)).value_or(nullptr);
+    };
+    const auto expectRight = [&](LightRenderer& light, int width, int height, double right = 1) {
+        const double end = right * width;
+        EXPECT_EQ(redPixels(light.frame()), pixelsIn({end - 12.2, end, height - 8.3, double(height)}, width, height));
+    };
+    const auto wide = renderer(64, 32);
+    const auto state = newest();
+    ASSERT_TRUE(state && wide->renderFrame(*state));
+    expectRight(*wide, 64, 32);
+    ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewport::clipBoundary, Array<float>{0, .5f, 0, 1}));
+    const auto half = newest();
+    ASSERT_TRUE(half && wide->renderFrame(*half));
+    expectRight(*wide, 64, 32, .5);
+    ImageOptions other;
+    other.settings.width = 20, other.settings.height = 50;
+    ASSERT_TRUE(wide->picture(other));
+    const auto after = newest();
+    ASSERT_TRUE(after && wide->renderFrame(*after));
+    expectRight(*wide, 64, 32, .5);
+
+    // Two of them take turns.
+    const auto high = renderer(30, 70);
+    int wides = 0, highs = 0;
+    for (int turn = 0; turn < 10; ++turn) {
+        const auto next = newest();
+        ASSERT_TRUE(next);
+        if (wide->renderFrame(*next)) ++wides, expectRight(*wide, 64, 32, .5);
+        if (high->renderFrame(*next)) ++highs, expectRight(*high, 30, 70, .5);
+    }
+    EXPECT_GE(wides, 4);
+    EXPECT_GE(highs, 4);
 }
 
 TEST(Layout, ViewpointsAndNavigationChangeNothing) {
     const std::string layout = "size [ .5 .5 ]";
-    const Box expected = lit(LightScene(hud(layout, kUnit), 64, 48).picture());
-    EXPECT_EQ(expected, covered({16, 48, 12, 36}, 64, 48));
-    EXPECT_EQ(lit(LightScene(
+    const PixelBox expected = redPixels(LightScene(hud(layout, kUnit), 64, 48).picture());
+    EXPECT_EQ(expected, pixelsIn({16, 48, 12, 36}, 64, 48));
+    EXPECT_EQ(
+        redPixels(LightScene(
                       hud(layout,
                           "Viewpoint { position 3 2 1 } NavigationInfo { visibilityLimit 1 headlight FALSE } " + kUnit),
                       64, 48)
                       .picture()),
-              expected);
+        expected);
     EXPECT_EQ(
-        lit(LightScene("Viewpoint { position 30 20 10 orientation 1 0 0 1 } " + hud(layout, kUnit), 64, 48).picture()),
+        redPixels(
+            LightScene("Viewpoint { position 30 20 10 orientation 1 0 0 1 } " + hud(layout, kUnit), 64, 48).picture()),
         expected);
 }
 

@@ -254,7 +254,7 @@ TEST(LightTracer, FogCoversByDistance) {
 
 // What pictures leave out is named once for each kind, also when it comes later.
 TEST(LightTracer, WhatIsNotDrawnIsNamed) {
-    LightScene s("DEF CUT TextureProjector { } TextureProjector { } TextureProjectorParallel { } EnvironmentLight { }" +
+    LightScene s("DEF CUT TextureProjector { } TextureProjector { } TextureProjectorParallel { } NurbsSet { }" +
                  square(1, unlit("1 1 1")));
     const auto texts = [&] {
         std::string all;

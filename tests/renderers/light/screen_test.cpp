@@ -29,13 +29,13 @@ Extent extentOf(const Picture& p) {
 }
 const std::string kGreen = "Background { skyColor 0 1 0 } ";
 /// So many units wide and high.
-std::string box(double width, double height) {
+std::string units(double width, double height) {
     return fmt::format("Transform {{ scale {} {} 1 children [ {} ] }}", width, height, square(.5, unlit("1 0 0")));
 }
 std::string screen(const std::string& transform, const std::string& children) {
     return "Transform { " + transform + " children ScreenGroup { children [ " + children + " ] } }";
 }
-constexpr int kSizes[][2] = {{64, 48}, {48, 64}, {97, 31}, {90, 90}};
+constexpr int kScreenSizes[][2] = {{64, 48}, {48, 64}, {97, 31}, {90, 90}};
 
 TEST(ScreenGroup, HasItsSizeInPixelsWhereverItIs) {
     // Its middle off all pixels' middles; 20 by 12 of them, whatever the eye, the distance and the scale around.
@@ -43,11 +43,11 @@ TEST(ScreenGroup, HasItsSizeInPixelsWhereverItIs) {
                           "Viewpoint { position 0 0 40 fieldOfView 1.4 } ",
                           "OrthoViewpoint { position 0 0 7 fieldOfView [ -3 -3 3 3 ] } "};
     const char* places[] = {"", "translation 0 0 -25", "scale 3 .2 7", "translation .3 .2 1 scale 20 20 20"};
-    for (const auto& [width, height] : kSizes)
+    for (const auto& [width, height] : kScreenSizes)
         for (const char* eye : eyes)
             for (const char* place : places) {
                 const Extent e =
-                    extentOf(LightScene(kGreen + eye + screen(place, box(20.3, 12.4)), width, height).picture());
+                    extentOf(LightScene(kGreen + eye + screen(place, units(20.3, 12.4)), width, height).picture());
                 EXPECT_NEAR(e.width, 20, 1) << width << "x" << height << eye << place;
                 EXPECT_NEAR(e.height, 12, 1) << width << "x" << height << eye << place;
                 EXPECT_EQ(e.pixels, e.width * e.height);
@@ -57,7 +57,7 @@ TEST(ScreenGroup, HasItsSizeInPixelsWhereverItIs) {
 // Exactly, from its matrix: a pixel is 2 tan(angle / 2) / height of the depth, along the view and not to the eye.
 TEST(ScreenGroup, OneUnitIsOnePixelAtItsDepth) {
     const double fieldOfView = .7;
-    for (const auto& [width, height] : kSizes) {
+    for (const auto& [width, height] : kScreenSizes) {
         LightScene s(kGreen +
                          "Viewpoint { position 1 2 10 fieldOfView .7 } Transform { translation 4 3 -6 scale 2 3 5 "
                          "rotation 0 0 1 .5 children ScreenGroup { children DEF S " +
@@ -76,14 +76,14 @@ TEST(ScreenGroup, OneUnitIsOnePixelAtItsDepth) {
 }
 
 TEST(ScreenGroup, IsPixelsInLayersOfTheirOwnEyes) {
-    for (const auto& [width, height] : kSizes)
+    for (const auto& [width, height] : kScreenSizes)
         for (const std::string layer :
              {"Layer { children [ Viewpoint { position 0 0 3 } ", "LayoutLayer { children [ ",
               "LayoutLayer { layout Layout { size [ .7 .9 ] scaleMode [ \"FRACTION\" \"PIXEL\" ] } children [ ",
               "Layer { viewport Viewport { clipBoundary [ .1 .9 .2 1 ] } children [ "}) {
             const Extent e =
                 extentOf(LightScene(kGreen + "Viewpoint { position 0 0 99 } LayerSet { order [ 0 1 ] layers " + layer +
-                                        screen("translation 0 0 -2", box(20.3, 12.4)) + " ] } }",
+                                        screen("translation 0 0 -2", units(20.3, 12.4)) + " ] } }",
                                     width, height)
                              .picture());
             EXPECT_NEAR(e.width, 20, 1) << width << "x" << height << layer;
@@ -95,7 +95,7 @@ TEST(ScreenGroup, FollowsTheEyeAndItsPlace) {
     LightScene s(kGreen +
                      "DEF V Viewpoint { position 0 0 10 } DEF T Transform { translation .01 .01 0 children [ DEF G "
                      "ScreenGroup { children [ " +
-                     box(20.3, 12.4) + " ] } ] } Transform { translation 0 3 -50 children USE G }",
+                     units(20.3, 12.4) + " ] } ] } Transform { translation 0 3 -50 children USE G }",
                  90, 90);
     EXPECT_NEAR(extentOf(s.picture()).width, 20, 1);
     ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewpoint::position, Vec3f(0, 0, 25)));
@@ -186,8 +186,8 @@ TEST(Layout, BadValuesHaveStatedOutcomes) {
         {"size [ ]", "size has no values: it is taken as the default", 1},
         {"size [ .5 .5 .5 ]", "size has 3 values: the first 2 count", .5},
         {"offset [ 0 0 0 0 ]", "offset has 4 values: the first 2 count", 1},
-        {"size [ 0 1 ]", "size 0 is not above 0: nothing that it is of is drawn", 0},
-        {"size [ 1 -2 ]", "size -2 is not above 0: nothing that it is of is drawn", 0},
+        {"size [ 0 1 ]", "size 0 is not above 0: nothing in the rectangle is drawn", 0},
+        {"size [ 1 -2 ]", "size -2 is not above 0: nothing in the rectangle is drawn", 0},
         {"align [ ]", "align has no values: it is taken as the default", 1},
         {"sizeUnits [ \"PIXEL\" \"PIXEL\" \"PIXEL\" ] size [ 16 16 ]", "sizeUnits has 3 values: the first 2 count", .5},
         {"scaleMode [ ]", "scaleMode has no values: it is taken as the default", 1},
@@ -241,11 +241,15 @@ TEST(Layout, AGroupOutsideOfLayoutLayersOnlyGroups) {
     (void)s.picture();
     ASSERT_EQ(s.world->diagnostics().all().size(), 1u);
     EXPECT_EQ(timesTold(s, "LayoutGroup G is in no LayoutLayer: its layout is not used"), 1);
+    LightScene clipped(
+        "LayerSet { order [ 0 1 ] layers LayoutLayer { children LayoutGroup { viewport Viewport { } } } }");
+    (void)clipped.picture();
+    EXPECT_EQ(timesTold(clipped, "LayoutGroup is not clipped by its viewport"), 1);
 }
 
 // ---- whatever happens, in whatever order ---------------------------------------------------------------------------
 
-std::string place(int layout, const std::string& children) {
+std::string nestedLayout(int layout, const std::string& children) {
     return fmt::format(
         "DEF G{0} LayoutGroup {{ layout DEF L{0} Layout {{ size [ .5 .5 ] }} children DEF T{0} Transform {{ children [ "
         "{1} ] }} }}",
@@ -288,7 +292,7 @@ TEST(Layout, FollowsEditsAndPicturesAsIfBuiltAnew) {
     LightScene s(
         "LayerSet { order [ 0 1 2 ] layers [ DEF G0 LayoutLayer { layout DEF L0 Layout { } children DEF T0 Transform { "
         "children [ " +
-        place(1, place(2, leaf)) + " ] } } Layer { children [ Transform { translation 0 0 -4 children " +
+        nestedLayout(1, nestedLayout(2, leaf)) + " ] } } Layer { children [ Transform { translation 0 0 -4 children " +
         text("ScreenFontStyle { }", "OTHER") + " } ] } ] }");
     std::mt19937 random(20261121);
     const auto pick = [&](auto... choices) {
@@ -351,7 +355,7 @@ TEST(Layout, FollowsEditsAndPicturesAsIfBuiltAnew) {
                                       .height = static_cast<int>(random() % 500 + 1),
                                       .eye = Vec3d(number(), number(), 10),
                                       .kind = pick(LayerSight::Kind::perspective, LayerSight::Kind::parallel),
-                                      .pixel = number() / 100});
+                                      .edges = {-1, 1, -number(), number()}});
             if (random() % 2) s.scene.seal();  // else edits and eye come together
         }
         ASSERT_TRUE(s.world->setViewer(Vec3d(0, 0, 10), sights));

@@ -26,7 +26,21 @@ struct PointerHit {
     Vec3d point{0}, normal{0, 0, 1};  // world space; the normal a unit vector
     Vec2d texCoord{0};
     std::vector<NodeId> path;  // from a root node to the Shape
+    /// A node on the path whose content is placed by the picture and not by fields alone (Billboard, LayoutGroup,
+    /// ScreenGroup ...): where.
+    struct ByPicture {
+        std::size_t at = 0;  // its place on the path
+        glm::dmat4x3 parentFromLocal{1.0};
+        friend bool operator==(const ByPicture&, const ByPicture&) = default;
+    };
+    std::vector<ByPicture> byPicture{};  // in the order of the path
     friend bool operator==(const PointerHit&, const PointerHit&) = default;
+};
+
+/// What a place in a picture shows, and by which ray.
+struct PictureHit {
+    Vec3d origin{0}, direction{0, 0, -1};  // world space
+    std::optional<PointerHit> hit;
 };
 
 struct PointerInput {
@@ -114,6 +128,12 @@ class SpaceQueries {
     virtual ~SpaceQueries() = default;
     /// `direction` is finite and not zero.
     virtual std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) = 0;
+    /// At a place in the last picture, `x` and `y` from 0 (left, top) to 1; `layer`: only in this layer, the root being
+    /// what is in none. Nothing: there is no picture of layers of which more is known here than of the bound viewpoint.
+    virtual std::optional<PictureHit> throughPicture(double x, double y, std::optional<NodeId> layer) {
+        (void)x, (void)y, (void)layer;
+        return std::nullopt;
+    }
     /// The paths to all Shapes within `radius` metres.
     virtual std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) = 0;
     /// All surfaces that a ray meets within `length` metres (infinity: without end), from either side, the nearest

@@ -11,11 +11,14 @@
 // 36 (layouts).
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <rtsg/core/bus.h>
@@ -28,12 +31,30 @@ class Scene;
 
 /// How a picture shows a layer: what must be known by things whose size is in pixels (36.2).
 struct LayerSight {
-    std::uint16_t layer = 0;    // as Instance::layer
-    int width = 0, height = 0;  // of the rectangle that it is seen in, in pixels; above 0
-    Vec3d eye{0}, forward{0, 0, -1};
+    std::uint16_t layer = 0;                 // as Instance::layer
+    int width = 0, height = 0;               // of the rectangle that it is seen in, in pixels; above 0
+    std::array<double, 4> part{0, 1, 0, 1};  // of the picture: left, right, top, bottom of it, as shares
+    Vec3d eye{0}, right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};
     enum class Kind : std::uint8_t { perspective, parallel, around } kind = Kind::perspective;
-    double pixel = 0;  // how high one is: metres, of a perspective at 1 m along the view; of `around` radians
+    /// Left, right, bottom and top edge: at distance 1 before the eye, of `parallel` metres, of `around` radians.
+    std::array<double, 4> edges{-1, 1, -1, 1};
+    double limit = std::numeric_limits<double>::infinity();  // nothing beyond is seen
+    /// How high a pixel is, as the edges are measured.
+    double pixel() const { return (edges[3] - edges[2]) / height; }
+    struct Ray {
+        Vec3d origin, direction;  // a unit vector
+    };
+    /// `x`, `y` from 0 (left, top) to 1 (right, bottom) of the rectangle.
+    Ray ray(double x, double y) const;
     friend bool operator==(const LayerSight&, const LayerSight&) = default;
+};
+/// Whether what is laid out for one picture is for the other.
+bool areOfOneSize(const std::vector<LayerSight>& a, const std::vector<LayerSight>& b);
+
+/// What a picture is seen from.
+struct PictureSight {
+    Vec3d eye{0};
+    std::vector<LayerSight> layers;
 };
 
 /// The mesh of a geometry node; null when it has none. Called once per new or changed geometry; the points of skins are
@@ -85,6 +106,10 @@ class Flattener {
     std::vector<NodeId> path(InstanceId instance) const;
     std::vector<NodeId> placedPath(InstanceId placed) const;
     ScopeId scopeParent(ScopeId scope) const;
+    /// Of a path: the places of the nodes whose content the picture places, and where.
+    std::vector<std::pair<std::size_t, WorldFromLocal>> byPicture(InstanceId instance) const;
+    /// The number of a layer's node, as Instance::layer; 0 if it is none.
+    std::uint16_t layerOf(NodeId layer) const;
     /// A delta that leads from nothing to here, for those who come late.
     InstanceDelta snapshot() const;
 
@@ -107,6 +132,9 @@ class InstanceSubscriber {
     /// A version of what it has made of the scene by its last apply(), to be read on any thread while it goes on; null:
     /// it has none. Called when a reader has asked (SharedWorld::latest()); should cost what changed since the last.
     virtual std::shared_ptr<const void> freeze() { return nullptr; }
+    /// Of the pictures that it makes of such versions, so that what is in pixels can be laid out for them; nothing: it
+    /// makes none. Called before a version is made, where something is in pixels.
+    virtual std::optional<PictureSight> looksFrom() { return std::nullopt; }
     virtual std::string subscriberName() const { return "instance subscriber"; }
 };
 

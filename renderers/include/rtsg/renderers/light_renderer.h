@@ -86,6 +86,7 @@ class LightRenderer final : public WorldRenderer {
   protected:
     Result<> follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
     std::shared_ptr<const void> freezeTables() override;
+    std::optional<PictureSight> looksFrom() override;
 
   private:
     Result<Camera> look(const ImageOptions& options);

@@ -130,7 +130,7 @@ class LightTracer final : public InstanceSubscriber {
                                          int height);
 
     /// What the world must know of such a picture for what has its size from pixels: SharedWorld::setViewer().
-    static std::vector<LayerSight> sights(const std::vector<LayerView>& views);
+    static std::vector<LayerSight> sights(const std::vector<LayerView>& views, int width, int height);
 
     /// What is seen at a place of such a picture, in pixels from the left and the top: the first surface of the
     /// frontmost layer that has one there. Error: as Picker::ray().

@@ -26,17 +26,21 @@
 
 namespace rtsg {
 
+struct Pick;
+
 class WorldQueries final : public SpaceQueries {
   public:
     /// The world must outlive this.
     explicit WorldQueries(SharedWorld& world) : world_(world) {}
     std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) override;
+    std::optional<PictureHit> throughPicture(double x, double y, std::optional<NodeId> layer) override;
     std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override;
     std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override;
     std::vector<ShapeBox> boxes() override;
 
   private:
     bool follow();
+    std::optional<PointerHit> hitOf(const Pick& pick) const;
     SharedWorld& world_;
     bool told_ = false;
 };

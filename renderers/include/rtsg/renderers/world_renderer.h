@@ -42,6 +42,8 @@ class WorldRenderer : public Renderer {
   protected:
     /// As InstanceSubscriber::freeze(): what renderFrame(state) finds with begin().
     virtual std::shared_ptr<const void> freezeTables() { return nullptr; }
+    /// As InstanceSubscriber::looksFrom().
+    virtual std::optional<PictureSight> looksFrom() { return std::nullopt; }
     /// First of all in a renderFrame(state): what freezeTables() gave, and from now on presented() names the state.
     /// Null: it was made before this was attached, or after it failed.
     const void* begin(const WorldState& state);
