@@ -1,19 +1,19 @@
 // Parses one field value after another out of a longer text, with positions for what is wrong.
 #include "field_text_parser.h"
 
+#include <algorithm>
 #include <cstring>
-#include <new>
 #include <string_view>
 #include <utility>
-#include <vector>
 
-#include <sys/mman.h>
+#include "gathered_numbers.h"
+#include "number_run.h"
 
 namespace rtsg::detail {
 
 namespace {
 
-constexpr std::size_t kBlock = 512;  // elements parsed between two appends
+constexpr std::size_t kBlock = 512;  // elements parsed between two looks at what else there is to do
 
 template <class T>
 constexpr bool kNumeric =
@@ -38,14 +38,6 @@ using Scalar = ScalarOf<T>::type;
 template <class T>
 constexpr std::size_t kCount = sizeof(T) / sizeof(Scalar<T>);
 
-inline NumberStatus scan(const char*& p, const char* end, std::int32_t& out) {
-    return scanInteger(p, end, out);
-}
-template <class S>
-inline NumberStatus scan(const char*& p, const char* end, S& out) {
-    return scanReal(p, end, out);
-}
-
 template <class T>
 std::string elementName() {
     return std::string(info(FieldTypeOf<T>::value).name);
@@ -58,19 +50,6 @@ bool isWordStart(char c) {
 }
 
 }  // namespace
-
-PageBlock::PageBlock(const void* bytes, std::size_t count) : bytes_(count) {
-    data_ = ::mmap(nullptr, count, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (data_ == MAP_FAILED) {
-        data_ = nullptr;
-        throw std::bad_alloc();
-    }
-    std::memcpy(data_, bytes, count);
-}
-
-PageBlock::~PageBlock() {
-    if (data_) ::munmap(data_, bytes_);
-}
 
 std::string FieldTextParser::found(const char* at) const {
     if (at == end_) return syntax_ == TextSyntax::xml ? "the end of the value" : "the end";
@@ -147,8 +126,8 @@ bool FieldTextParser::parseNumbers(T& out) {
     for (Scalar<T>& number : numbers) {
         skipSpace();
         const char* at = p;
-        NumberStatus status = p == end_ ? NumberStatus::malformed : scan(p, end_, number);
-        while (p == end_ && grow()) status = scan(p = at, end_, number);
+        NumberStatus status = p == end_ ? NumberStatus::malformed : scanNumber(p, end_, number);
+        while (p == end_ && grow()) status = scanNumber(p = at, end_, number);
         if (status == NumberStatus::malformed) {
             p = at;
             const std::string what = kCount<T> == 1 ? std::is_same_v<T, std::int32_t> ? "an integer" : "a number"
@@ -164,71 +143,32 @@ bool FieldTextParser::parseNumbers(T& out) {
     return finite;
 }
 
-/// An array that grows is there twice while it moves, which a long list has no room for: it is gathered in parts.
 template <class T>
 bool FieldTextParser::parseManyNumbers(Array<T>& out, bool bracketed) {
-    std::vector<PageBlock> parts;
-    const bool usable = parseInParts(out, bracketed, parts);
-    if (parts.empty()) return usable;
-    std::size_t size = out.size();
-    for (const PageBlock& part : parts) size += part.bytes() / sizeof(T);
-    Array<T> all;
-    all.reserve(size);
-    for (PageBlock& part : parts) {
-        all.append({static_cast<const T*>(part.data()), part.bytes() / sizeof(T)});
-        part = {};
-    }
-    all.append(out.span());
-    out = std::move(all);
-    return usable;
-}
-
-template <class T>
-bool FieldTextParser::parseInParts(Array<T>& out, bool bracketed, std::vector<PageBlock>& parts) {
-    constexpr std::size_t most = (std::size_t{8} << 20) / sizeof(T);
-    constexpr std::size_t size = kBlock * kCount<T>;
-    Scalar<T> block[size];
-    std::size_t count = 0;
+    GatheredNumbers<Scalar<T>> numbers;
+    std::size_t told = 0;  // how many there were when report_ heard of progress
     bool reported = false;
-    const auto flush = [&] {
-        const std::size_t whole = count / kCount<T>;
-        if constexpr (std::is_same_v<T, Scalar<T>>) {
-            out.append({block, whole});
-        } else {
-            T elements[kBlock];
-            std::memcpy(static_cast<void*>(elements), block, whole * sizeof(T));
-            out.append({elements, whole});
-        }
-        if (const std::size_t rest = count % kCount<T>; rest != 0) {
-            report_.report(Severity::error, p,
-                           "the last " + std::to_string(rest) + " numbers do not make a whole " + elementName<T>() +
-                               " (" + std::to_string(kCount<T>) + " needed)");
-        }
-        count = 0;
-    };
     for (;;) {
+        // Many at once, as far as they are plain; then one with care.
+        const auto room = numbers.room(kRunMost);
+        numbers.took(scanRun(p, end_, room.data(), std::min(room.size(), kBlock)));
+        if (numbers.size() - told >= kBlock) {
+            told = numbers.size();
+            report_.progress(p);
+        }
         skipSpace();
-        if (p == end_) {
-            flush();
-            if (bracketed) report_.report(Severity::error, p, "']' is missing at the end");
-            return true;
-        }
-        if (bracketed && *p == ']') {
-            flush();
-            ++p;
-            return true;
-        }
+        if (p == end_ || (bracketed && *p == ']')) break;
         const char* at = p;
-        NumberStatus status = scan(p, end_, block[count]);
-        while (p == end_ && grow()) status = scan(p = at, end_, block[count]);
+        Scalar<T> number{};
+        NumberStatus status = scanNumber(p, end_, number);
+        while (p == end_ && grow()) status = scanNumber(p = at, end_, number);
         if (status == NumberStatus::malformed) {
             p = at;
             report_.report(Severity::error, p,
                            std::string("expected ") + (std::is_same_v<T, std::int32_t> ? "an integer" : "a number") +
                                " (" + std::string(info(mf(FieldTypeOf<T>::value)).name) + "), found " + found(p) +
                                "; the values before it are kept");
-            count -= count % kCount<T>;
-            flush();
+            out = numbers.template finish<T>();
             if (bracketed) abandonArray();
             return true;
         }
@@ -236,15 +176,16 @@ bool FieldTextParser::parseInParts(Array<T>& out, bool bracketed, std::vector<Pa
             report_.report(Severity::error, at, std::string(kNotFinite) + "; 0 is taken instead");
             reported = true;
         }
-        if (++count == size) {
-            flush();
-            if (out.size() >= most) {
-                parts.emplace_back(out.data(), out.size() * sizeof(T));
-                out = {};
-            }
-            report_.progress(p);
-        }
+        numbers.push(number);
     }
+    if (const std::size_t rest = numbers.size() % kCount<T>; rest != 0)
+        report_.report(Severity::error, p,
+                       "the last " + std::to_string(rest) + " numbers do not make a whole " + elementName<T>() + " (" +
+                           std::to_string(kCount<T>) + " needed)");
+    out = numbers.template finish<T>();
+    if (p == end_ && bracketed) report_.report(Severity::error, p, "']' is missing at the end");
+    p += p != end_;
+    return true;
 }
 
 /// Leaves a bracketed array after an error: behind its `]` if that comes next of all brackets, else here.

@@ -6,8 +6,6 @@
 #pragma once
 
 #include <string>
-#include <utility>
-#include <vector>
 
 #include <rtsg/core/field_text.h>
 
@@ -26,29 +24,6 @@ class FieldTextReport {
     virtual const char* more(const char* end) { return end; }
     /// A comment between or within values, from its # to the end of the line.
     virtual void comment(std::string_view) {}
-};
-
-/// A copy of some bytes in pages of their own, which go back to the system with it: an allocator may keep what it had.
-class PageBlock {
-  public:
-    PageBlock() = default;
-    PageBlock(const void* bytes, std::size_t count);
-    PageBlock(PageBlock&& other) noexcept
-        : data_(std::exchange(other.data_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
-    PageBlock& operator=(PageBlock&& other) noexcept {
-        std::swap(data_, other.data_);
-        std::swap(bytes_, other.bytes_);
-        return *this;
-    }
-    PageBlock(const PageBlock&) = delete;
-    PageBlock& operator=(const PageBlock&) = delete;
-    ~PageBlock();
-    const void* data() const { return data_; }
-    std::size_t bytes() const { return bytes_; }
-
-  private:
-    void* data_ = nullptr;
-    std::size_t bytes_ = 0;
 };
 
 class FieldTextParser {
@@ -99,8 +74,6 @@ class FieldTextParser {
     bool parseNumbers(T& out);
     template <class T>
     bool parseManyNumbers(Array<T>& out, bool bracketed);
-    template <class T>
-    bool parseInParts(Array<T>& out, bool bracketed, std::vector<PageBlock>& parts);
     bool parseImage(Image& out, bool last);
     bool parseBool(bool& out);
     bool expected(const char* what);

@@ -89,6 +89,12 @@ inline long decimalExponent(const char* p, const char* end) {
     return exponent + (integers ? integers - 1 : -zeros - 1);
 }
 
+/// A double between two floats, as far from the one as from the other: rounding it once more might go the wrong way.
+inline bool isBetweenFloats(double value) {
+    constexpr std::uint64_t half = std::uint64_t{1} << 28, low = (std::uint64_t{1} << 29) - 1;
+    return (std::bit_cast<std::uint64_t>(value) & low) == half;
+}
+
 template <class S>
 NumberStatus scanRealSlowly(const char*& p, const char* end, S& out) {
     const char* first = p;
@@ -159,9 +165,8 @@ inline NumberStatus scanReal(const char*& p, const char* end, S& out) {
     else
         value *= kPowersOfTen[static_cast<std::size_t>(exponent)];
     if constexpr (std::is_same_v<S, float>) {
-        constexpr std::uint64_t half = std::uint64_t{1} << 28, low = (std::uint64_t{1} << 29) - 1;
-        const bool between = (std::bit_cast<std::uint64_t>(value) & low) == half;
-        if (between || value > 3e38 || (value < 2e-38 && digits != 0)) return scanRealSlowly(p, end, out);
+        if (isBetweenFloats(value) || value > 3e38 || (value < 2e-38 && digits != 0))
+            return scanRealSlowly(p, end, out);
     }
     out = static_cast<S>(negative ? -value : value);
     p = s;
@@ -200,6 +205,14 @@ inline NumberStatus scanInteger(const char*& p, const char* end, std::int32_t& o
     if (value > most) return NumberStatus::notFinite;
     out = static_cast<std::int32_t>(static_cast<std::uint32_t>(negative ? -value : value));
     return NumberStatus::ok;
+}
+
+inline NumberStatus scanNumber(const char*& p, const char* end, std::int32_t& out) {
+    return scanInteger(p, end, out);
+}
+template <class S>
+inline NumberStatus scanNumber(const char*& p, const char* end, S& out) {
+    return scanReal(p, end, out);
 }
 
 }  // namespace rtsg::detail

@@ -69,6 +69,13 @@ class Array {
         return result;
     }
 
+    /// Takes over a header that was made with its elements behind it, in memory of std::malloc, padded with zeros.
+    static Array adopt(detail::ArrayHeader* header) noexcept {
+        Array result;
+        result.header_ = header;
+        return result;
+    }
+
     std::size_t size() const noexcept { return header_ ? header_->size : 0; }
     bool empty() const noexcept { return size() == 0; }
     const T* data() const noexcept { return header_ ? reinterpret_cast<const T*>(header_ + 1) : nullptr; }
