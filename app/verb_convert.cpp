@@ -28,6 +28,7 @@ constexpr std::string_view kTriangulate = "triangulate";  // of the renderers, w
 struct ConvertArguments {
     std::string in, out;
     std::vector<std::string> filters;
+    unsigned threads = 0;
     bool force = false;
 };
 
@@ -72,7 +73,8 @@ int convertBinary(const ConvertArguments& options) {
         if (options.in != "-") build.file = options.in;
         SceneBuilder builder(scene, diagnostics, build);
         const Progress bar = progressBar("reading " + options.in);
-        ok = readDocumentFile(options.in, *filtered(options, builder, diagnostics, chain), diagnostics, bar);
+        ok = readDocumentFile(options.in, *filtered(options, builder, diagnostics, chain), diagnostics,
+                              {.progress = bar, .threads = options.threads});
         builder.finish();
         if (bar) bar(1, 1);
         scene.newFrame(0);
@@ -126,7 +128,8 @@ int convert(const ConvertArguments& options) {
     };
     std::vector<std::unique_ptr<DocumentHandler>> chain;
     DocumentHandler* first = filtered(options, (*writer)->handler(), diagnostics, chain);
-    const bool ok = readDocumentFile(options.in, *first, diagnostics, progress);
+    const bool ok =
+        readDocumentFile(options.in, *first, diagnostics, {.progress = progress, .threads = options.threads});
     if (bar) bar(1, 1);
     print(diagnostics);
     if (!ok) {
@@ -151,6 +154,8 @@ Verb addConvert(Command& program) {
                     "file to write (.x3d .x3dv .wrl .json, also .gz; .rtsgb; .stl .obj .ply .glb), or -")
         ->required();
     command->addOption("--filter", options->filters, "NAME or NAME=ARGUMENT, applied in this order; listed below");
+    command->addOption("--threads", options->threads,
+                       "threads that read a list of numbers of more than 4 MiB (0: one a core; at most 8)");
     std::string list = "Filters:\n";
     const auto line = [&](std::string_view name, std::string_view argument, std::string_view what) {
         list += fmt::format("  {:<30} {}\n", fmt::format("{}{}{}", name, argument.empty() ? "" : "=", argument), what);

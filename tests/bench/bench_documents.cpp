@@ -1,5 +1,6 @@
 // Reading and writing one mesh in each encoding, against loops of std::from_chars and std::to_chars over the same
-// numbers and a copy of the bytes; the binary encoding, GLB, and a million small nodes.
+// numbers and a copy of the bytes; one long list on two threads; the binary encoding, GLB, and a million small nodes.
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstring>
@@ -7,6 +8,7 @@
 #include <fstream>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <fmt/format.h>
@@ -228,6 +230,43 @@ void smallNodes(const Report& report, int count) {
             count / median(copied)});
 }
 
+/// Wall time of one reading; what it gives goes afterwards.
+double readingSeconds(const std::string& text, unsigned threads) {
+    Keeper keeper;
+    Diagnostics diagnostics;
+    const double start = wallSeconds();
+    const bool good = readDocument(text, keeper, diagnostics, {.threads = threads});
+    const double seconds = wallSeconds() - start;
+    if (!good || !diagnostics.all().empty()) throw std::logic_error("the long list of the bench is not read");
+    return seconds;
+}
+
+/// Of each the fastest of some, since others on the machine only ever take time away; beside what two threads do that
+/// read a document each.
+void oneList(const Report& report, const Encoded& encoding, int n) {
+    const std::string numbers = points(n, encoding.separator);
+    const bool pointsFirst = std::strstr(encoding.begin, "point") != nullptr;
+    const std::string text =
+        encoding.begin + (pointsFirst ? numbers : "0") + encoding.middle + (pointsFirst ? "0" : numbers) + encoding.end;
+    double one = 1e9, two = 1e9, both = 1e9;
+    for (int i = 0; i < 9; ++i) {
+        one = std::min(one, readingSeconds(text, 1));
+        two = std::min(two, readingSeconds(text, 2));
+        const double start = wallSeconds();
+        {
+            const std::jthread other([&] { readingSeconds(text, 1); });
+            readingSeconds(text, 1);
+        }
+        both = std::min(both, wallSeconds() - start);
+    }
+    const double megabytes = static_cast<double>(text.size()) / 1e6;
+    const std::string what = fmt::format("{:.1f} MB of points in one field, {}", megabytes, encoding.name);
+    report({"documents", what, "one field on two threads, wall time", "MB/s", megabytes / two, "one thread",
+            megabytes / one, "a document each for two threads", 2 * megabytes / both});
+    report({"documents", what, "one field on two threads", "times as fast as one", one / two, "one thread", 1,
+            "a document each for two threads", 2 * one / both});
+}
+
 }  // namespace
 
 void documents(const Report& report, bool quick) {
@@ -240,7 +279,7 @@ void documents(const Report& report, bool quick) {
             double start = cpuSeconds();
             Keeper keeper;
             Diagnostics diagnostics;
-            if (!readDocument(text, keeper, diagnostics) || !diagnostics.all().empty())
+            if (!readDocument(text, keeper, diagnostics, {.threads = 1}) || !diagnostics.all().empty())
                 throw std::logic_error("the document of the bench is not read");
             ours.push_back(cpuSeconds() - start);
             naive.push_back(fromCharsSeconds(text));
@@ -254,6 +293,7 @@ void documents(const Report& report, bool quick) {
                 megabytes / median(ours), "std::from_chars over the numbers", megabytes / median(naive),
                 "memcpy of the text", megabytes / median(copy)});
     }
+    for (const Encoded& encoding : kEncodings) oneList(report, encoding, quick ? 500 : 1200);
     writing(report, n);
     binaries(report, quick ? 100 : 707);  // a million triangles
     smallNodes(report, quick ? 10'000 : 1'000'000);

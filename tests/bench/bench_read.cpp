@@ -88,7 +88,7 @@ double fileSeconds(const std::filesystem::path& file, bool mapped) {
     ReadKeeper keeper;
     Diagnostics diagnostics;
     if (!mapped) {
-        readDocumentFile(file, keeper, diagnostics);
+        readDocumentFile(file, keeper, diagnostics, {.threads = 1});
         return cpuSeconds() - start;
     }
     const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
@@ -96,7 +96,7 @@ double fileSeconds(const std::filesystem::path& file, bool mapped) {
     void* bytes = mmap(nullptr, size, PROT_READ, MAP_PRIVATE | MAP_POPULATE, descriptor, 0);
     close(descriptor);
     if (bytes == MAP_FAILED) return 0;
-    readDocument({static_cast<const char*>(bytes), size}, keeper, diagnostics);
+    readDocument({static_cast<const char*>(bytes), size}, keeper, diagnostics, {.threads = 1});
     munmap(bytes, size);
     return cpuSeconds() - start;
 }
@@ -127,7 +127,7 @@ void read(const Report& report, bool quick) {
         double start = cpuSeconds();
         ReadKeeper keeper;
         Diagnostics diagnostics;
-        readDocument(text, keeper, diagnostics);
+        readDocument(text, keeper, diagnostics, {.threads = 1});
         ours.push_back(cpuSeconds() - start);
         naive.push_back(fromCharsSeconds(text));
         start = cpuSeconds();

@@ -48,9 +48,7 @@ Result<LoadSession::File*> LoadSession::open(const Resources& resources, const s
         const auto text = resource->read();
         if (text)
             detail::readSceneBytes(*text, file->commands, file->diagnostics,
-                                   {resources.policy().maximumBytes,
-                                    true,
-                                    {},
+                                   {resources.policy().maximumBytes, true,
                                     detail::openBeside(resources, Resources::folderBehind(from, url))});
         else
             file->diagnostics.error({}, text.error().text);

@@ -6,8 +6,8 @@
 #include <string>
 #include <utility>
 
-#if defined(__SSE2__)
-#include <emmintrin.h>
+#if defined(__SSSE3__)
+#include <tmmintrin.h>
 #endif
 
 #include "value/number_text.h"
@@ -19,24 +19,23 @@ namespace {
 
 constexpr std::size_t kDeepest = 4'000'000;
 
-#if defined(__SSE2__)
+#if defined(__SSSE3__)
 /// Of 64 bytes, a bit each: commas, white space, and whatever else ends a number.
 struct Masks {
     std::uint64_t comma = 0, space = 0, other = 0;
     explicit Masks(const char* p) {
         for (unsigned part = 0; part < 4; ++part) {
             const __m128i bytes = _mm_loadu_si128(reinterpret_cast<const __m128i*>(p + 16 * std::size_t{part}));
-            const auto is = [&](char c) { return _mm_cmpeq_epi8(bytes, _mm_set1_epi8(c)); };
+            // Looked up by their lower four bits: the byte that is wanted among those that end so, or one that does
+            // not.
+            const auto isIn = [&](__m128i table) { return _mm_cmpeq_epi8(_mm_shuffle_epi8(table, bytes), bytes); };
             const auto put = [&](std::uint64_t& mask, __m128i found) {
                 mask |= static_cast<std::uint64_t>(static_cast<std::uint32_t>(_mm_movemask_epi8(found))) << (16 * part);
             };
-            put(comma, is(','));
-            put(space, _mm_or_si128(_mm_or_si128(is(' '), is('\n')), _mm_or_si128(is('\r'), is('\t'))));
-            // Brackets and braces differ in one bit, which is set in the braces.
-            const __m128i folded = _mm_or_si128(bytes, _mm_set1_epi8(0x20));
-            const __m128i bracket =
-                _mm_or_si128(_mm_cmpeq_epi8(folded, _mm_set1_epi8('{')), _mm_cmpeq_epi8(folded, _mm_set1_epi8('}')));
-            put(other, _mm_or_si128(_mm_or_si128(bracket, is('"')), _mm_or_si128(is(':'), is('#'))));
+            put(comma, _mm_cmpeq_epi8(bytes, _mm_set1_epi8(',')));
+            put(space, isIn(_mm_setr_epi8(' ', 0, 0, 0, 0, 0, 0, 0, 0, '\t', '\n', 0, 0, '\r', 0, 0)));
+            put(other, _mm_or_si128(isIn(_mm_setr_epi8(1, 0, '"', '#', 0, 0, 0, 0, 0, 0, ':', '[', 0, ']', 0, 0)),
+                                    isIn(_mm_setr_epi8(1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, '{', 0, '}', 0, 0))));
         }
     }
 };
@@ -173,7 +172,7 @@ class Outliner {
 
     /// Goes on behind a number, as long as numbers, white space and commas take turns as they should.
     void numbers() {
-#if defined(__SSE2__)
+#if defined(__SSSE3__)
         bool inNumber = false;
         while (end_ - p_ >= 64) {
             const Masks masks(p_);

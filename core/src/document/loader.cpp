@@ -25,7 +25,7 @@ bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diag
     BuildOptions build = buildOptions(scene, options, Resources::ofFile(file));
     if (file != "-") build.file = file;
     SceneBuilder builder(scene, diagnostics, build);
-    const bool complete = readDocumentFile(file, builder, diagnostics, options.progress);
+    const bool complete = readDocumentFile(file, builder, diagnostics, {options.progress, options.threads});
     builder.finish();
     return complete || !builder.roots().empty();
 }
@@ -33,7 +33,7 @@ bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diag
 bool loadText(Scene& scene, std::string_view text, Diagnostics& diagnostics, const std::filesystem::path& base,
               const LoadOptions& options) {
     SceneBuilder builder(scene, diagnostics, buildOptions(scene, options, Resources(base)));
-    const bool complete = readDocument(text, builder, diagnostics, options.progress);
+    const bool complete = readDocument(text, builder, diagnostics, {options.progress, options.threads});
     builder.finish();
     return complete || !builder.roots().empty();
 }

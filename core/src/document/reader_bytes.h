@@ -7,13 +7,13 @@
 #include <rtsg/core/resource.h>
 
 #include "import.h"
+#include "reader_common.h"
 
 namespace rtsg::detail {
 
 struct SceneBytes {
     std::size_t limit = 0;      // of the unpacked text, bytes
     bool mustBeHeaded = false;  // refuses what shows no sign of being a scene, without repeating a word of it
-    Progress progress;
     OpenBeside beside{};  // of what is imported: its other files
 };
 
@@ -21,11 +21,11 @@ struct SceneBytes {
 OpenBeside openBeside(Resources resources, std::filesystem::path folder);
 /// As readDocument.
 bool readText(std::string_view text, const OpenBeside& beside, DocumentHandler& handler, Diagnostics& diagnostics,
-              const Progress& progress);
+              const ReaderOptions& options);
 
 /// As readDocumentFile, of an open file, which is read so many bytes at a time.
 bool readDescriptorInBlocks(int descriptor, std::size_t block, const OpenBeside& beside, DocumentHandler& handler,
-                            Diagnostics& diagnostics, const Progress& progress);
+                            Diagnostics& diagnostics, const ReaderOptions& options);
 
 /// As readDocument.
 bool readSceneBytes(std::string_view bytes, DocumentHandler& handler, Diagnostics& diagnostics,

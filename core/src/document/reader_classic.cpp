@@ -7,8 +7,8 @@
 
 namespace rtsg::detail {
 
-bool readClassic(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress) {
-    return ClassicReader(text, handler, diagnostics, progress).read();
+bool readClassic(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options) {
+    return ClassicReader(text, handler, diagnostics, options).read();
 }
 
 bool accessFromKeyword(std::string_view keyword, Access& out) {
@@ -31,7 +31,7 @@ bool accessFromKeyword(std::string_view keyword, Access& out) {
 }
 
 ClassicReader::ClassicReader(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics,
-                             const ReaderProgress& progress)
+                             const ReaderOptions& options)
     : feed_(text),
       p_(text.begin()),
       end_(text.end()),
@@ -40,7 +40,8 @@ ClassicReader::ClassicReader(TextFeed& text, DocumentHandler& handler, Diagnosti
       loud_(&handler),
       diagnostics_(diagnostics),
       position_(text.begin()),
-      meter_(text.total(), progress) {}
+      meter_(text.total(), options.progress),
+      splitting_(options.splitting) {}
 
 /// What lies far enough behind is given back; positions are counted up to there first, since they go on from there.
 void ClassicReader::progress(const char* p) {

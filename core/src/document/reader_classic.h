@@ -21,7 +21,7 @@ namespace rtsg::detail {
 
 class ClassicReader final : private FieldTextReport {
   public:
-    ClassicReader(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress);
+    ClassicReader(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options);
     bool read();
 
   private:
@@ -97,6 +97,7 @@ class ClassicReader final : private FieldTextReport {
     void tellComment();
     void progress(const char* p) override;
     const char* more(const char* end) override;
+    Splitting splitting() const override { return splitting_; }
     /// A copy of a name in the text that stays.
     std::string_view kept(std::string_view text) { return *names_.emplace(text).first; }
 
@@ -135,6 +136,7 @@ class ClassicReader final : private FieldTextReport {
     std::vector<std::pair<std::string, SourceLocation>> early_;  // comments before the document begins,
                                                                  // or read together with a value that comes first
     Units units_;
+    const Splitting splitting_;
 };
 
 /// The access that a keyword of either dialect stands for; false if it is none.

@@ -14,6 +14,11 @@ class TextFeed;
 
 using ReaderProgress = std::function<void(std::uint64_t done, std::uint64_t total)>;
 
+struct ReaderOptions {
+    ReaderProgress progress{};
+    Splitting splitting{};
+};
+
 /// Calls the progress function once per megabyte of input.
 class ProgressMeter {
   public:
@@ -65,11 +70,11 @@ class NullHandler final : public DocumentHandler {
 };
 
 /// Reads one document of the encoding; false if it had to stop early.
-bool readClassic(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress);
+bool readClassic(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options);
 /// `utf8`: the text is valid UTF-8; if not, it is in whatever encoding the XML declaration or a BOM names.
 bool readXml(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
-             const ReaderProgress& progress);
+             const ReaderOptions& options);
 /// A file is read twice, so that nothing but its values is kept; what can be read only once is kept as a whole.
-bool readJson(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress);
+bool readJson(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options);
 
 }  // namespace rtsg::detail

@@ -21,6 +21,10 @@ namespace rtsg {
 
 namespace {
 
+detail::ReaderOptions readerOptions(const ReadOptions& options) {
+    return {options.progress, detail::splitting(options.threads)};
+}
+
 constexpr std::size_t kBytesLimit = std::size_t{4} << 30;  // of what says nothing of its size: packed files, pipes
 
 }  // namespace
@@ -48,7 +52,7 @@ namespace {
 
 /// Of a document whose text comes as it is needed.
 bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
-              Diagnostics& diagnostics, const Progress& progress) {
+              Diagnostics& diagnostics, const detail::ReaderOptions& options) {
     feed.fill(detail::TextFeed::kHead);
     const auto text = [&] { return std::string_view(feed.begin(), feed.end()); };
     const detail::FileKind kind = detail::fileKind(text(), feed.size());
@@ -74,13 +78,13 @@ bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, Document
         const std::string xml = detail::xmlOfHtml(text(), diagnostics);
         if (xml.empty()) return false;
         detail::TextFeed own(xml);
-        complete = detail::readXml(own, true, handler, diagnostics, progress);
+        complete = detail::readXml(own, true, handler, diagnostics, options);
     } else if (encoding == Encoding::xml) {
-        complete = detail::readXml(feed, utf8, handler, diagnostics, progress);
+        complete = detail::readXml(feed, utf8, handler, diagnostics, options);
     } else if (encoding == Encoding::json) {
-        complete = detail::readJson(feed, handler, diagnostics, progress);
+        complete = detail::readJson(feed, handler, diagnostics, options);
     } else {
-        complete = detail::readClassic(feed, handler, diagnostics, progress);
+        complete = detail::readClassic(feed, handler, diagnostics, options);
     }
     if (feed.invalid())
         diagnostics.error(feed.firstInvalid(), std::to_string(feed.invalid()) +
@@ -92,12 +96,13 @@ bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, Document
 
 }  // namespace
 
-bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics, Progress progress) {
-    return detail::readText(text, {}, handler, diagnostics, progress);
+bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
+                  const ReadOptions& options) {
+    return detail::readText(text, {}, handler, diagnostics, readerOptions(options));
 }
 
 bool detail::readText(std::string_view text, const OpenBeside& beside, DocumentHandler& handler,
-                      Diagnostics& diagnostics, const Progress& progress) {
+                      Diagnostics& diagnostics, const detail::ReaderOptions& options) {
     std::string clean;
     const bool utf8 =
         fileKind(text.substr(0, TextFeed::kHead), text.size()) == FileKind::document && !isOtherXmlEncoding(text);
@@ -113,7 +118,7 @@ bool detail::readText(std::string_view text, const OpenBeside& beside, DocumentH
         text = clean;
     }
     TextFeed feed(text);
-    return readFeed(feed, beside, handler, diagnostics, progress);
+    return readFeed(feed, beside, handler, diagnostics, options);
 }
 
 namespace detail {
@@ -139,29 +144,30 @@ bool readSceneBytes(std::string_view bytes, DocumentHandler& handler, Diagnostic
         diagnostics.error({}, "it starts neither with #X3D or #VRML, nor as XML or JSON");
         return false;
     }
-    return readText(bytes, options.beside, handler, diagnostics, options.progress);
+    return readText(bytes, options.beside, handler, diagnostics, readerOptions({}));
 }
 
 }  // namespace detail
 
 bool detail::readDescriptorInBlocks(int descriptor, std::size_t block, const OpenBeside& beside,
-                                    DocumentHandler& handler, Diagnostics& diagnostics, const Progress& progress) {
+                                    DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options) {
     auto feed = TextFeed::of(descriptor, kBytesLimit, block);
     if (!feed) {
         diagnostics.error({}, "cannot read " + diagnostics.file() + ": " + feed.error().text);
         return false;
     }
-    return readFeed(**feed, beside, handler, diagnostics, progress);
+    return readFeed(**feed, beside, handler, diagnostics, options);
 }
 
 bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
-                      Progress progress) {
+                      const ReadOptions& options) {
     constexpr std::size_t block = 1 << 20;
     const auto cannot = [&](const std::string& why) {
         diagnostics.error({}, "cannot read " + file.string() + ": " + why);
         return false;
     };
-    if (file == "-") return detail::readDescriptorInBlocks(STDIN_FILENO, block, {}, handler, diagnostics, progress);
+    if (file == "-")
+        return detail::readDescriptorInBlocks(STDIN_FILENO, block, {}, handler, diagnostics, readerOptions(options));
     const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
     if (descriptor < 0) return cannot(std::strerror(errno));
     struct stat status{};
@@ -169,7 +175,7 @@ bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handle
     const bool complete =
         isFolder ? cannot("it is a folder")
                  : detail::readDescriptorInBlocks(descriptor, block, detail::openBeside(Resources::ofFile(file), {}),
-                                                  handler, diagnostics, progress);
+                                                  handler, diagnostics, readerOptions(options));
     ::close(descriptor);
     return complete;
 }

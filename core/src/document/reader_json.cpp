@@ -178,13 +178,13 @@ void JsonReader::sourceLines() {
     p_ = std::min(p_ + 1, end_);
 }
 
-bool readJson(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderProgress& progress) {
+bool readJson(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options) {
     // Looked at twice: what comes through a pipe has to be kept in between.
     std::unique_ptr<TextFeed> again = text.isWhole() ? nullptr : text.again();
     if (!again) text.fill();
     JsonOutline outline = outlineJson(again ? *again : text, again != nullptr, diagnostics);
     again.reset();
-    return JsonReader(text, std::move(outline), handler, diagnostics, progress).read();
+    return JsonReader(text, std::move(outline), handler, diagnostics, options).read();
 }
 
 }  // namespace rtsg::detail

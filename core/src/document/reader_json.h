@@ -20,7 +20,7 @@ namespace rtsg::detail {
 class JsonReader final : private ElementReader {
   public:
     JsonReader(TextFeed& text, JsonOutline outline, DocumentHandler& handler, Diagnostics& diagnostics,
-               const ReaderProgress& progress)
+               const ReaderOptions& options)
         : ElementReader(Encoding::json, handler, diagnostics),
           feed_(text),
           outline_(std::move(outline)),
@@ -28,7 +28,8 @@ class JsonReader final : private ElementReader {
           begin_(text.begin()),
           released_(begin_),
           p_(begin_),
-          meter_(text.total(), progress) {
+          meter_(text.total(), options.progress),
+          splitting_(options.splitting) {
         findEnd();
     }
 
@@ -163,8 +164,10 @@ class JsonReader final : private ElementReader {
     const char* released_;
     const char* end_ = nullptr;
     const char* p_;
-    bool held_ = false;  // nothing is given back
+    bool held_ = false;            // nothing is given back
+    const char* found_ = nullptr;  // where the list that isLong() has looked at ends, of text in memory
     ProgressMeter meter_;
+    const Splitting splitting_;
     std::vector<Frame> frames_;
     SourceLocation where_;
     std::vector<std::string> strings_;  // of the element being started

@@ -2,11 +2,8 @@
 // place.
 #include <cstring>
 
-#if defined(__SSE2__)
-#include <emmintrin.h>
-#endif
-
 #include "reader_json.h"
+#include "value/find_bytes.h"
 
 namespace rtsg::detail {
 
@@ -14,23 +11,7 @@ namespace {
 
 /// The end, if there is none.
 const char* findBracketOrQuote(const char* from, const char* end) {
-    const auto isOne = [](char c) { return c == ']' || c == '[' || c == '"' || c == '{' || c == '}'; };
-#if defined(__SSE2__)
-    // Brackets and braces have these bits of 0x7F in common, and few other letters do.
-    const __m128i common = _mm_set1_epi8(0x26), folded = _mm_set1_epi8(0x7F), quote = _mm_set1_epi8('"');
-    constexpr std::ptrdiff_t each = 64;
-    for (; end - from >= each; from += each) {
-        __m128i found = _mm_setzero_si128();
-        for (int part = 0; part < 4; ++part) {
-            const __m128i bytes = _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + 16 * std::ptrdiff_t{part}));
-            found = _mm_or_si128(
-                found, _mm_or_si128(_mm_cmpeq_epi8(_mm_or_si128(bytes, common), folded), _mm_cmpeq_epi8(bytes, quote)));
-        }
-        if (_mm_movemask_epi8(found) == 0) continue;
-        if (const char* at = std::find_if(from, from + each, isOne); at != from + each) return at;
-    }
-#endif
-    return std::find_if(from, end, isOne);
+    return findAnyOf(from, end, ']', '[', '"', '{', '}');
 }
 
 }  // namespace
@@ -217,11 +198,12 @@ bool JsonReader::attributeText(const char* value, const char* end, std::string& 
 
 bool JsonReader::isLong(const char* value) {
     constexpr std::ptrdiff_t shortest = 4096;
+    found_ = nullptr;
     if (!there(value + shortest)) return false;
     if (std::memchr(value, ']', shortest)) return false;
     if (!feed_.isWhole()) return true;
-    const char* const end = findBracketOrQuote(value + 1, end_);
-    return end == end_ || *end != '[';
+    found_ = findBracketOrQuote(value + 1, end_);
+    return found_ == end_ || *found_ != '[';
 }
 
 /// The parser of numbers between brackets asks for more of them here. Brackets within become white space.
@@ -242,6 +224,7 @@ class JsonReader::LongValue final : public detail::FieldTextReport {
         }
         return stop_ = end(before);
     }
+    Splitting splitting() const override { return reader_.splitting_; }
     /// To the end of the value's text, where an error has ended the value before.
     void finish() {
         for (const char* before = nullptr; before != stop_;) {
@@ -260,7 +243,8 @@ class JsonReader::LongValue final : public detail::FieldTextReport {
   private:
     const char* end(const char* from) {
         for (;;) {
-            const char* const found = findBracketOrQuote(from, reader_.end_);
+            const char* const before = std::exchange(reader_.found_, nullptr);
+            const char* const found = before ? before : findBracketOrQuote(from, reader_.end_);
             if (found == reader_.end_) return found;
             if (*found == '[')
                 ++depth_;

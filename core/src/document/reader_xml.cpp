@@ -7,21 +7,24 @@
 #include <cstring>
 #include <new>
 
+#include "value/find_bytes.h"
+
 namespace rtsg::detail {
 
 bool readXml(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
-             const ReaderProgress& progress) {
-    return XmlReader(text, utf8, handler, diagnostics, progress).read();
+             const ReaderOptions& options) {
+    return XmlReader(text, utf8, handler, diagnostics, options).read();
 }
 
 XmlReader::XmlReader(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
-                     const ReaderProgress& progress)
+                     const ReaderOptions& options)
     : ElementReader(Encoding::xml, handler, diagnostics),
       feed_(text),
       utf8_(utf8),
       position_(text.begin()),
       released_(text.begin()),
-      meter_(text.total(), progress),
+      meter_(text.total(), options.progress),
+      splitting_(options.splitting),
       parser_(XML_ParserCreate(nullptr)) {
     if (!parser_) throw std::bad_alloc();
 }
@@ -246,11 +249,13 @@ FieldType XmlReader::typeOfLong(const char* quote) const {
     if (!again && tag_ < released_) return FieldType::SFNode;
     if (feed_.isWhole()) {
         // Text that is not ours cannot be mended: expat takes care of references in it.
-        const auto size = static_cast<std::size_t>(feed_.end() - quote - 1);
-        const void* close = std::memchr(quote + 1, quote_, size);
-        if (!close) return FieldType::SFNode;
-        if (std::memchr(quote + 1, '&', static_cast<std::size_t>(static_cast<const char*>(close) - quote - 1)))
-            return FieldType::SFNode;
+        if (wholeQuote_ != quote) {
+            wholeQuote_ = quote;
+            wholeEnd_ = findAnyOf(quote + 1, feed_.end(), quote_, '<', '&');
+        }
+        const char* stop = wholeEnd_;
+        if (stop != feed_.end() && *stop == '<') stop = findAnyOf(stop, feed_.end(), quote_, '&');
+        if (stop == feed_.end() || *stop == '&') return FieldType::SFNode;
     }
     const std::string_view text(from, static_cast<std::size_t>(quote - from));
     const std::size_t stop = text.find_last_not_of(" \t\r\n=");
@@ -272,10 +277,8 @@ class XmlReader::LongValue final : public detail::FieldTextReport {
     const char* end(const char* from) {
         for (;;) {
             const char* const stop = reader_.feed_.end();
-            const char* found = stop;
-            for (const char c : {reader_.quote_, '<', '&'})
-                if (const void* at = std::memchr(from, c, static_cast<std::size_t>(found - from)))
-                    found = static_cast<const char*>(at);
+            const bool known = reader_.wholeQuote_ && from == reader_.wholeQuote_ + 1;
+            const char* const found = known ? reader_.wholeEnd_ : findAnyOf(from, stop, reader_.quote_, '<', '&');
             if (found == stop || *found != '&') {
                 ended_ = found != stop;
                 return found;
@@ -296,6 +299,7 @@ class XmlReader::LongValue final : public detail::FieldTextReport {
         }
         return stop_ = end(before);
     }
+    Splitting splitting() const override { return reader_.splitting_; }
     void start() { stop_ = end(from_); }
     const char* stop() const { return stop_; }
     /// To the end of the value's text, where an error has ended the value before.

@@ -21,7 +21,7 @@ namespace rtsg::detail {
 class XmlReader final : private ElementReader {
   public:
     XmlReader(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
-              const ReaderProgress& progress);
+              const ReaderOptions& options);
     ~XmlReader() override;
     XmlReader(const XmlReader&) = delete;
     XmlReader& operator=(const XmlReader&) = delete;
@@ -70,6 +70,7 @@ class XmlReader final : private ElementReader {
     TextPosition position_;
     const char* released_;
     ProgressMeter meter_;
+    const Splitting splitting_;
     XML_Parser parser_;
     XML_Status status_ = XML_STATUS_OK;
 
@@ -77,6 +78,8 @@ class XmlReader final : private ElementReader {
     const char* opened_ = nullptr;  // the `<` of a tag, or the quote of a value
     const char* tag_ = nullptr;     // the `<` of the tag that the value is in
     char quote_ = 0;
+    // Of text in memory: the last value that was looked through to its end, and where that, a `<` or a `&` is.
+    mutable const char *wholeQuote_ = nullptr, *wholeEnd_ = nullptr;
     int depth_ = 0;          // of brackets in a declaration
     std::uint64_t fed_ = 0;  // bytes that expat has been given
     std::deque<Skipped> skipped_;

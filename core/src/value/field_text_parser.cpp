@@ -7,13 +7,14 @@
 #include <utility>
 
 #include "gathered_numbers.h"
+#include "number_pieces.h"
 #include "number_run.h"
 
 namespace rtsg::detail {
 
 namespace {
 
-constexpr std::size_t kBlock = 512;  // elements parsed between two looks at what else there is to do
+constexpr std::size_t kBlock = 512;  // numbers read between two looks at what else there is to do
 
 template <class T>
 constexpr bool kNumeric =
@@ -143,20 +144,59 @@ bool FieldTextParser::parseNumbers(T& out) {
     return finite;
 }
 
+/// Threads for a list that began at `start`, if enough of it is still to come; else null.
+template <class S>
+std::unique_ptr<NumberPieces<S>> FieldTextParser::piecesOf(const char* start, bool bracketed) {
+    const Splitting splitting = report_.splitting();
+    const auto rest = static_cast<std::ptrdiff_t>(splitting.from) - (p - start);
+    const auto isHere = [&] { return end_ - p >= rest; };
+    const auto isClosed = [&] {
+        return bracketed && std::memchr(p, ']', static_cast<std::size_t>(std::min(end_ - p, rest)));
+    };
+    while (!isHere() && !isClosed() && grow()) {
+    }
+    if (!isHere() || isClosed()) return nullptr;
+    return std::make_unique<NumberPieces<S>>(p, bracketed, splitting);
+}
+
+template <class S>
+void FieldTextParser::readAhead(NumberPieces<S>& pieces) {
+    while (pieces.cut(end_))
+        if (!grow()) return pieces.end();
+}
+
 template <class T>
 bool FieldTextParser::parseManyNumbers(Array<T>& out, bool bracketed) {
+    const Splitting splitting = report_.splitting();
+    // One thread begins: most lists are short, and where they end is not known.
+    const auto alone = static_cast<std::ptrdiff_t>(splitting.from / 16);
+    const char* start = p;
+    bool mayBeLong = splitting.threads > 1;
     GatheredNumbers<Scalar<T>> numbers;
+    std::unique_ptr<NumberPieces<Scalar<T>>> pieces;
     std::size_t told = 0;  // how many there were when report_ heard of progress
     bool reported = false;
     for (;;) {
-        // Many at once, as far as they are plain; then one with care.
-        const auto room = numbers.room(kRunMost);
-        numbers.took(scanRun(p, end_, room.data(), std::min(room.size(), kBlock)));
         if (numbers.size() - told >= kBlock) {
             told = numbers.size();
             report_.progress(p);
         }
+        if (pieces || (mayBeLong && p - start >= alone)) {
+            skipSpace();
+            if (!pieces) mayBeLong = (pieces = piecesOf<Scalar<T>>(start, bracketed)) != nullptr;
+            if (pieces) readAhead(*pieces);
+            if (pieces && pieces->take(p, numbers)) continue;
+            if (pieces && pieces->isEmpty()) {
+                pieces = nullptr;
+                start = p;
+            }
+        }
+        // Many at once, as far as they are plain; then one with care.
+        const auto room = numbers.room(kRunMost);
+        const char* const limit = pieces ? pieces->limit(end_) : end_;
+        numbers.took(scanRun(p, limit, room.data(), std::min(room.size(), kBlock)));
         skipSpace();
+        if (pieces && p >= limit && p != end_) continue;
         if (p == end_ || (bracketed && *p == ']')) break;
         const char* at = p;
         Scalar<T> number{};

@@ -1,15 +1,18 @@
 // Parses one field value at a position in a longer text; the readers' workhorse.
 //
 // Invariant: linear in the text consumed, memory within a constant of what the text spells out; never reads at or
-// behind `end`. What is wrong is reported once per value. Threading: one thread a parser.
+// behind `end`. What is wrong is reported once per value. Threading: one thread a
+// parser; others may help it within a long list: NumberPieces.
 // Source: ISO/IEC 19776-1 V3.3 clause 5, 19776-2 V3.3 annex A.
 #pragma once
 
+#include <memory>
 #include <string>
 
 #include <rtsg/core/field_text.h>
 
 #include "number_text.h"
+#include "splitting.h"
 
 namespace rtsg::detail {
 
@@ -22,9 +25,14 @@ class FieldTextReport {
     virtual void progress(const char*) {}
     /// The text parsed ends at `end`: where it ends once more of it has come; `end` itself if there is no more.
     virtual const char* more(const char* end) { return end; }
+    /// How long lists are read. All that is said here is said by the thread that parses.
+    virtual Splitting splitting() const { return {}; }
     /// A comment between or within values, from its # to the end of the line.
     virtual void comment(std::string_view) {}
 };
+
+template <class S>
+class NumberPieces;
 
 class FieldTextParser {
   public:
@@ -74,6 +82,10 @@ class FieldTextParser {
     bool parseNumbers(T& out);
     template <class T>
     bool parseManyNumbers(Array<T>& out, bool bracketed);
+    template <class S>
+    std::unique_ptr<NumberPieces<S>> piecesOf(const char* start, bool bracketed);
+    template <class S>
+    void readAhead(NumberPieces<S>& pieces);
     bool parseImage(Image& out, bool last);
     bool parseBool(bool& out);
     bool expected(const char* what);

@@ -72,7 +72,9 @@ class GatheredNumbers {
         return memory_ ? reinterpret_cast<S*>(static_cast<std::byte*>(memory_) + sizeof(ArrayHeader)) : few_.data();
     }
     void grow(std::size_t least) {
-        const std::size_t capacity = std::max(least, 2 * capacity_);
+        // What nobody has written to is not there yet: much room costs nothing, and seldom has to be copied.
+        const std::size_t times = capacity_ < std::size_t{1} << 23 ? 4 : 2;
+        const std::size_t capacity = std::max(least, times * capacity_);
         if (capacity > (SIZE_MAX / 2 - sizeof(ArrayHeader) - kArrayPadding) / sizeof(S)) throw std::bad_alloc();
         void* const larger = std::realloc(memory_, sizeof(ArrayHeader) + capacity * sizeof(S) + kArrayPadding);
         if (!larger) throw std::bad_alloc();

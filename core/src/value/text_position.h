@@ -8,6 +8,8 @@
 
 #include <rtsg/core/diagnostic.h>
 
+#include "find_bytes.h"
+
 namespace rtsg::detail {
 
 class TextPosition {
@@ -16,9 +18,7 @@ class TextPosition {
 
     SourceLocation of(const char* p) {
         if (p < at_) goBack(p);
-        std::uint32_t lines = 0;
-        for (const char* q = at_; q != p; ++q) lines += *q == '\n';
-        if (lines) {
+        if (const std::uint32_t lines = newlines(at_, p)) {
             lineStart_ = static_cast<const char*>(memrchr(at_, '\n', static_cast<std::size_t>(p - at_))) + 1;
             line_ += lines;
             column_ = 1;
@@ -31,9 +31,11 @@ class TextPosition {
 
   private:
     static std::uint32_t codePoints(const char* from, const char* to) {
-        std::uint32_t count = 0;
-        for (; from != to; ++from) count += (static_cast<unsigned char>(*from) & 0xC0u) != 0x80u;
-        return count;
+        const std::size_t continued = countMasked(from, to, 0xC0, 0x80);
+        return static_cast<std::uint32_t>(static_cast<std::size_t>(to - from) - continued);
+    }
+    static std::uint32_t newlines(const char* from, const char* to) {
+        return static_cast<std::uint32_t>(countMasked(from, to, 0xFF, '\n'));
     }
     void goBack(const char* p) {
         if (p >= lineStart_) {
@@ -41,7 +43,7 @@ class TextPosition {
             at_ = p;
             return;
         }
-        for (const char* q = p; q != at_; ++q) line_ -= *q == '\n';
+        line_ -= newlines(p, at_);
         while (p != begin_ && p[-1] != '\n') --p;
         at_ = lineStart_ = p;
         column_ = 1;

@@ -4,6 +4,10 @@
 #include <cstdint>
 #include <cstring>
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 namespace rtsg::detail {
 
 namespace {
@@ -33,6 +37,18 @@ std::size_t findInvalidUtf8(std::string_view text, std::size_t from) {
     const auto* bytes = reinterpret_cast<const unsigned char*>(text.data());
     std::size_t i = from;
     while (i < text.size()) {
+#if defined(__SSE2__)
+        while (text.size() - i >= 64) {
+            __m128i bad = _mm_setzero_si128();  // a high bit where a byte is not ASCII, or zero
+            for (std::size_t part = 0; part < 4; ++part) {
+                const __m128i some = _mm_loadu_si128(reinterpret_cast<const __m128i*>(bytes + i + 16 * part));
+                bad = _mm_or_si128(bad, _mm_or_si128(some, _mm_cmpeq_epi8(some, _mm_setzero_si128())));
+            }
+            if (_mm_movemask_epi8(bad) != 0) break;
+            i += 64;
+        }
+        if (i == text.size()) break;
+#endif
         constexpr std::size_t wide = 32;
         if (text.size() - i >= wide) {
             std::uint64_t words[4];
