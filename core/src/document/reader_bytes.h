@@ -14,7 +14,7 @@ namespace rtsg::detail {
 struct SceneBytes {
     std::size_t limit = 0;      // of the unpacked text, bytes
     bool mustBeHeaded = false;  // refuses what shows no sign of being a scene, without repeating a word of it
-    OpenBeside beside{};  // of what is imported: its other files
+    OpenBeside beside{};        // of what is imported: its other files
 };
 
 /// Opens what the resources let, from the folder of the file that is read (the resources' own if it is empty).

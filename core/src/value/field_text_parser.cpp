@@ -148,7 +148,9 @@ bool FieldTextParser::parseNumbers(T& out) {
 template <class S>
 std::unique_ptr<NumberPieces<S>> FieldTextParser::piecesOf(const char* start, bool bracketed) {
     const Splitting splitting = report_.splitting();
-    const auto rest = static_cast<std::ptrdiff_t>(splitting.from) - (p - start);
+    // A long comment may have led beyond what makes a list long.
+    const auto from = static_cast<std::ptrdiff_t>(splitting.from);
+    const std::ptrdiff_t rest = std::max(from - (p - start), from / 16);
     const auto isHere = [&] { return end_ - p >= rest; };
     const auto isClosed = [&] {
         return bracketed && std::memchr(p, ']', static_cast<std::size_t>(std::min(end_ - p, rest)));

