@@ -45,13 +45,13 @@ std::string told(Read read) {
     return all;
 }
 
-std::string fromMemory(const std::string& text, const ReaderOptions& options) {
+std::string threadsFromMemory(const std::string& text, const ReaderOptions& options) {
     return told([&](DocumentHandler& handler, Diagnostics& problems) {
         return detail::readText(text, {}, handler, problems, options);
     });
 }
 
-std::string inBlocks(const std::string& path, std::size_t block, const ReaderOptions& options) {
+std::string threadsInBlocks(const std::string& path, std::size_t block, const ReaderOptions& options) {
     return told([&](DocumentHandler& handler, Diagnostics& problems) {
         const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
         const bool complete = detail::readDescriptorInBlocks(descriptor, block, {}, handler, problems, options);
@@ -182,11 +182,12 @@ TEST_P(ReaderThreads, SayWhatOneSays) {
         const ReaderOptions one;
         const ReaderOptions several{
             {}, {static_cast<unsigned>(2 + seed % 3), 1000 + lists.below(4000), 200 + lists.below(1000)}};
-        const std::string expected = fromMemory(text, one), got = fromMemory(text, several);
+        const std::string expected = threadsFromMemory(text, one), got = threadsFromMemory(text, several);
         ASSERT_EQ(expected == got, true) << difference(expected, got);
         std::ofstream(path, std::ios::binary) << text;
         const std::size_t block = 1 + lists.below(lists.below(2) ? 9000 : 300);
-        const std::string expectedParts = inBlocks(path, block, one), parts = inBlocks(path, block, several);
+        const std::string expectedParts = threadsInBlocks(path, block, one),
+                          parts = threadsInBlocks(path, block, several);
         ASSERT_EQ(expectedParts == parts, true) << "blocks of " << block << "\n" << difference(expectedParts, parts);
     }
     std::filesystem::remove(path);
