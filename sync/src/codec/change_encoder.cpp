@@ -81,12 +81,6 @@ std::byte* writeVarint(std::byte* at, std::uint64_t number) {
     return at;
 }
 
-std::size_t varintSize(std::uint64_t number) {
-    std::size_t size = 1;
-    while (number >>= 7) ++size;
-    return size;
-}
-
 }  // namespace
 
 struct ChangeEncoder::Parts {
@@ -246,7 +240,7 @@ struct ChangeEncoder::Parts {
                          reinterpret_cast<const float*>(c.values.data()), out);
             return;
         }
-        putBlock(wire::kValues, c.count, 3 + varintSize(field) + c.nodes.size() + c.values.size(), out);
+        putBlock(wire::kValues, c.count, 3 + wire::varintSize(field) + c.nodes.size() + c.values.size(), out);
         out.put(static_cast<std::uint8_t>(c.packed ? wire::kCodingArrays : wire::kCodingRaw));
         out.put(static_cast<std::uint8_t>(c.key & 0xFF));
         out.put(static_cast<std::uint8_t>(c.type));

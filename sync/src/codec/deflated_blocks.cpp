@@ -45,12 +45,6 @@ bool inflateInto(std::span<const std::byte> bytes, std::span<std::byte> out) {
     return whole;
 }
 
-std::size_t varintSize(std::uint64_t number) {
-    std::size_t size = 1;
-    while (number >>= 7) ++size;
-    return size;
-}
-
 }  // namespace
 
 std::size_t putDeflated(std::span<const std::byte> blocks, ByteBuffer& record) {

@@ -285,14 +285,7 @@ void putPacked(ByteBuffer& out, const Value& value) {
 #define RTSG_X(type, T)       \
     case FieldType::MF##type: \
         return putArray(out, value.as<Array<T>>());
-        RTSG_X(Int32, std::int32_t)
-        RTSG_X(Float, float)
-        RTSG_X(Vec2f, Vec2f)
-        RTSG_X(Vec3f, Vec3f)
-        RTSG_X(Color, Color)
-        RTSG_X(Vec4f, Vec4f)
-        RTSG_X(ColorRGBA, ColorRGBA)
-        RTSG_X(Rotation, Rotation)
+        RTSG_PACKED_TYPES(RTSG_X)
 #undef RTSG_X
         default:
             return;
@@ -304,14 +297,7 @@ Value readPacked(Reader& in, FieldType type) {
 #define RTSG_X(name, T)       \
     case FieldType::MF##name: \
         return readArray<T>(in);
-        RTSG_X(Int32, std::int32_t)
-        RTSG_X(Float, float)
-        RTSG_X(Vec2f, Vec2f)
-        RTSG_X(Vec3f, Vec3f)
-        RTSG_X(Color, Color)
-        RTSG_X(Vec4f, Vec4f)
-        RTSG_X(ColorRGBA, ColorRGBA)
-        RTSG_X(Rotation, Rotation)
+        RTSG_PACKED_TYPES(RTSG_X)
 #undef RTSG_X
         default:
             in.refuse("a type that is not packed");

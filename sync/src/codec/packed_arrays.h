@@ -13,21 +13,21 @@
 
 namespace rtsg::wire {
 
-/// 32-bit numbers of an element of these MF types; 0 for all others, which this coding does not take.
+// clang-format off
+/// X(Name, ElementType) for the types that this coding takes, as MF types.
+#define RTSG_PACKED_TYPES(X) \
+    X(Int32, std::int32_t) X(Float, float) X(Vec2f, Vec2f) X(Vec3f, Vec3f) X(Color, Color) X(Vec4f, Vec4f) \
+    X(ColorRGBA, ColorRGBA) X(Rotation, Rotation)
+// clang-format on
+
+/// 32-bit numbers of an element; 0 for all types that this coding does not take.
 constexpr unsigned packedLanes(FieldType type) {
     switch (type) {
-        case FieldType::MFInt32:
-        case FieldType::MFFloat:
-            return 1;
-        case FieldType::MFVec2f:
-            return 2;
-        case FieldType::MFVec3f:
-        case FieldType::MFColor:
-            return 3;
-        case FieldType::MFVec4f:
-        case FieldType::MFColorRGBA:
-        case FieldType::MFRotation:
-            return 4;
+#define RTSG_X(name, T)       \
+    case FieldType::MF##name: \
+        return sizeof(T) / sizeof(std::uint32_t);
+        RTSG_PACKED_TYPES(RTSG_X)
+#undef RTSG_X
         default:
             return 0;
     }

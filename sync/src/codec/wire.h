@@ -132,6 +132,13 @@ inline bool fixedSize(FieldType type) {
     return !isMF(type) && !info(type).shared;
 }
 
+/// Bytes that ByteBuffer::putVarint takes.
+inline std::size_t varintSize(std::uint64_t number) {
+    std::size_t size = 1;
+    while (number >>= 7) ++size;
+    return size;
+}
+
 void putText(ByteBuffer& out, std::string_view text);
 void putTexts(ByteBuffer& out, const std::vector<std::string>& texts);
 void putValue(ByteBuffer& out, const Value& value);
