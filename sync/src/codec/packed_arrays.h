@@ -14,7 +14,7 @@
 namespace rtsg::wire {
 
 // clang-format off
-/// X(Name, ElementType) for the types that this coding takes, as MF types.
+/// X is given the name of each type that this coding takes, as MF type, and the type of its elements.
 #define RTSG_PACKED_TYPES(X) \
     X(Int32, std::int32_t) X(Float, float) X(Vec2f, Vec2f) X(Vec3f, Vec3f) X(Color, Color) X(Vec4f, Vec4f) \
     X(ColorRGBA, ColorRGBA) X(Rotation, Rotation)
