@@ -83,6 +83,19 @@ TEST(HeldPointers, OfAPeerThatLeavesLetGo) {
     }));
 }
 
+TEST(HeldPointers, OfAPeerThatLeavesArePointersWithoutAButton) {
+    TouchedOrigin origin;
+    const auto turn = [&] { origin.turn(); };
+    auto peer = std::make_unique<PointingPeer>(origin.server->endpoint());
+    peer->send(origin.pointer(7, 0), turn);
+    ASSERT_TRUE(origin.isOver());
+    peer.reset();
+    EXPECT_TRUE(test::eventually([&] {
+        turn();
+        return !origin.isOver();
+    }));
+}
+
 TEST(HeldPointers, OfAPeerThatIsSilentForTooLongLetGo) {
     TouchedOrigin origin;
     const auto turn = [&] { origin.turn(); };
