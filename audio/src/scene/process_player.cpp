@@ -117,6 +117,16 @@ void ProcessPlayer::filter(const AudioProcess& process, double rate, AudioChanne
     last_ = c;
 }
 
+void ProcessPlayer::shape(const AudioProcess& process, AudioChannels& out) {
+    if (process.oversample > 1 && !process.curve.empty()) {
+        shapers_.resize(std::max(shapers_.size(), out.size()));
+        for (std::size_t k = 0; k < out.size(); ++k) shapers_[k].process(process.curve, process.oversample, out[k]);
+        return;
+    }
+    for (std::vector<float>& channel : out)
+        for (float& sample : channel) sample = shaped(process.curve, sample);
+}
+
 /// An analyser's samples: the mean of all channels.
 void ProcessPlayer::listenTo(const AudioProcess& process, const AudioChannels& out) {
     if (!analyser_ || fftSize_ != process.fftSize) analyser_.emplace(process.fftSize);
@@ -168,8 +178,7 @@ void ProcessPlayer::render(const AudioProcess& process, ClipLibrary& clips, std:
             compressor_.process(process.compressor, rate, out);
             break;
         case Kind::shaper:
-            for (std::vector<float>& channel : out)
-                for (float& sample : channel) sample = shaped(process.curve, sample);
+            shape(process, out);
             break;
         case Kind::selector: {
             const auto chosen = static_cast<std::size_t>(std::max(0, process.selection));

@@ -44,6 +44,7 @@ class ProcessPlayer {
     void listenTo(const AudioProcess& process, const AudioChannels& out);
     void filter(const AudioProcess& process, double rate, AudioChannels& out);
     void convolve(const AudioProcess& process, double rate, AudioChannels& out);
+    void shape(const AudioProcess& process, AudioChannels& out);
     void merge(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
                AudioChannels& out);
 
@@ -57,6 +58,7 @@ class ProcessPlayer {
     double frequency_ = 0;
     Biquad::Coefficients last_;
     std::vector<AudioDelay> delays_;
+    std::vector<OversampledShaper> shapers_;
     std::vector<Convolver> convolvers_;
     Compressor compressor_;
     std::optional<SpectrumAnalyser> analyser_;

@@ -151,6 +151,61 @@ TEST(WaveShaper, IsLinearBetweenThePointsOfItsCurve) {
     EXPECT_EQ(shaped(std::vector<float>{.25f}, .3f), .25f);
 }
 
+/// Amplitude of one frequency (a share of the rate) in the last `length` samples, a whole number of its periods.
+double amplitudeAt(const std::vector<float>& samples, std::size_t length, double share) {
+    std::complex<double> sum = 0;
+    for (std::size_t i = 0; i < length; ++i)
+        sum += static_cast<double>(samples[samples.size() - length + i]) *
+               std::polar(1.0, -2 * std::numbers::pi * share * static_cast<double>(i));
+    return 2 * std::abs(sum) / static_cast<double>(length);
+}
+
+TEST(OversampledShaper, GivesTheHarmonicsThatFitAndNoOthers) {
+    // x^3 of a sine is 3/4 of it less 1/4 of its third harmonic; x^5: 10/16, 5/16 of the third, 1/16 of the fifth.
+    std::vector<float> cube, fifth;
+    for (int i = -20'000; i <= 20'000; ++i) {
+        const double x = i / 20'000.0;
+        cube.push_back(static_cast<float>(x * x * x));
+        fifth.push_back(static_cast<float>(x * x * x * x * x));
+    }
+    const auto play = [](std::span<const float> curve, unsigned factor, double share) {
+        std::vector<float> samples(4000);
+        for (std::size_t i = 0; i < samples.size(); ++i)
+            samples[i] = static_cast<float>(std::sin(2 * std::numbers::pi * share * static_cast<double>(i)));
+        OversampledShaper shaper;
+        // In blocks of several lengths: what is between them does not matter.
+        for (std::size_t at = 0, size = 1; at < samples.size(); at += size, size = size % 97 + 1)
+            shaper.process(curve, factor, std::span(samples).subspan(at, std::min(size, samples.size() - at)));
+        return samples;
+    };
+    for (const unsigned factor : {2u, 4u}) {
+        // The third harmonic of .3 lies at .9 of the rate, and would come back as .1.
+        const auto high = play(cube, factor, .3);
+        EXPECT_NEAR(amplitudeAt(high, 1000, .3), .75, 2e-5) << factor;
+        EXPECT_LT(amplitudeAt(high, 1000, .1), 1e-5) << factor;
+        const auto low = play(cube, factor, .1);
+        EXPECT_NEAR(amplitudeAt(low, 1000, .1), .75, 2e-5) << factor;
+        EXPECT_NEAR(amplitudeAt(low, 1000, .3), .25, 2e-5) << factor;
+    }
+    // The fifth of .45 lies at 2.25: twice the rate has it back as .25, four times not.
+    EXPECT_NEAR(amplitudeAt(play(fifth, 2, .45), 1000, .25), 1.0 / 16, 1e-4);
+    EXPECT_LT(amplitudeAt(play(fifth, 4, .45), 1000, .25), 1e-5);
+}
+
+TEST(OversampledShaper, IsLateByAWholeNumberOfSamples) {
+    const std::vector<float> straight{-1, 1};
+    for (const unsigned factor : {2u, 4u}) {
+        std::vector<float> samples(1000);
+        for (std::size_t i = 0; i < samples.size(); ++i)
+            samples[i] = static_cast<float>(.5 * std::sin(.7 * static_cast<double>(i)));
+        const std::vector<float> before = samples;
+        OversampledShaper shaper;
+        shaper.process(straight, factor, samples);
+        for (std::size_t i = 400; i < samples.size(); ++i)
+            ASSERT_NEAR(samples[i], before[i - OversampledShaper::kDelay], 2e-5) << factor << " " << i;
+    }
+}
+
 TEST(SpectrumAnalyser, ATonesBinHasTheWindowsShareOfIt) {
     SpectrumAnalyser analyser(2048);
     std::vector<float> x(4096);

@@ -78,6 +78,7 @@ struct AudioProcess {
     bool normalize = false;
     Compressor::Settings compressor;
     std::vector<float> curve;    // shaper
+    unsigned oversample = 1;     // shaper: 1, 2 or 4 times the rate
     int selection = 0;           // selector
     std::size_t fftSize = 2048;  // analyser: a power of two
     double smoothing = .8;
