@@ -6,6 +6,7 @@
 #include <thread>
 
 #include <rtsg/audio/sound_file.h>
+#include <rtsg/renderers/movie.h>
 #include <rtsg/renderers/world_queries.h>
 
 #include "outputs.h"
@@ -82,8 +83,9 @@ void RunningScene::followInlines() {
     BuildOptions build;
     build.resources = resources_;
     if (file_ != "-") build.file = file_;
-    build.mediaLength = [](std::string_view bytes) -> std::optional<double> {
-        const auto seconds = soundSeconds(bytes);
+    build.mediaLength = [](const Resource& file) -> std::optional<double> {
+        auto seconds = soundSeconds(file);
+        if (!seconds && Movie::isMovie(file)) seconds = movieSeconds(file);
         return seconds ? std::optional(*seconds) : std::nullopt;
     };
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);

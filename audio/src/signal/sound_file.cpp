@@ -24,9 +24,10 @@ using File = std::unique_ptr<SNDFILE, Close>;
 /// The bytes of a file as libsndfile wants to see them.
 struct BytesFile {
     std::string_view bytes;
+    const Resource* file = nullptr;  // instead of bytes
     sf_count_t at = 0;
 
-    sf_count_t size() const { return static_cast<sf_count_t>(bytes.size()); }
+    sf_count_t size() const { return static_cast<sf_count_t>(file ? file->size() : bytes.size()); }
     static BytesFile& of(void* data) { return *static_cast<BytesFile*>(data); }
     static SF_VIRTUAL_IO functions() {
         SF_VIRTUAL_IO io{};
@@ -41,8 +42,14 @@ struct BytesFile {
         };
         io.read = [](void* to, sf_count_t count, void* data) {
             BytesFile& f = of(data);
-            const sf_count_t got = std::clamp<sf_count_t>(count, 0, f.size() - f.at);
-            std::memcpy(to, f.bytes.data() + f.at, static_cast<std::size_t>(got));
+            sf_count_t got = std::clamp<sf_count_t>(count, 0, f.size() - f.at);
+            if (f.file) {
+                const std::string part = f.file->readAt(std::uint64_t(f.at), static_cast<std::size_t>(got));
+                got = static_cast<sf_count_t>(part.size());
+                std::memcpy(to, part.data(), part.size());
+            } else {
+                std::memcpy(to, f.bytes.data() + f.at, static_cast<std::size_t>(got));
+            }
             f.at += got;
             return got;
         };
@@ -98,9 +105,9 @@ Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamp
     return readAll(file.get(), info, maxSamples);
 }
 
-Result<double> soundSeconds(std::string_view bytes) {
+Result<double> soundSeconds(const Resource& resource) {
     SF_INFO info{};
-    BytesFile source{bytes};
+    BytesFile source{{}, &resource};
     SF_VIRTUAL_IO io = BytesFile::functions();
     const File file(sf_open_virtual(&io, SFM_READ, &info, &source));
     if (!file) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)));

@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
+#include <string_view>
 
 namespace rtsg {
 
 namespace {
+
+constexpr int kMostChunks = 10'000;
 
 std::uint64_t littleEndian(std::string_view bytes, std::size_t at, std::size_t size) {
     std::uint64_t number = 0;
@@ -25,48 +27,60 @@ std::optional<double> ratio(double part, double whole) {
     return part / whole;
 }
 
-std::optional<double> waveSeconds(std::string_view bytes) {
+std::optional<double> waveSeconds(const MediaBytes& file) {
     std::uint64_t format = 0, rate = 0, block = 0, samples = 0;
-    for (std::size_t at = 12; at + 8 <= bytes.size();) {
-        const std::string_view name = bytes.substr(at, 4);
-        const std::uint64_t size = littleEndian(bytes, at + 4, 4);
-        const std::size_t begin = at + 8, there = bytes.size() - begin;
-        if (name == "fmt " && there >= 16 && size >= 16) {
-            format = littleEndian(bytes, begin, 2);
-            rate = littleEndian(bytes, begin + 4, 4);
-            block = littleEndian(bytes, begin + 12, 2);
-        } else if (name == "fact" && there >= 4 && size >= 4) {
-            samples = littleEndian(bytes, begin, 4);
+    std::uint64_t at = 12;
+    for (int chunk = 0; chunk < kMostChunks && at + 8 <= file.size; ++chunk) {
+        const std::string bytes = file.read(at, 8 + 16);
+        if (bytes.size() < 8) break;
+        const std::string_view name = std::string_view(bytes).substr(0, 4);
+        const std::uint64_t size = littleEndian(bytes, 4, 4), begin = at + 8, there = file.size - begin;
+        const std::size_t held = bytes.size() - 8;
+        if (name == "fmt " && held >= 16 && size >= 16) {
+            format = littleEndian(bytes, 8, 2);
+            rate = littleEndian(bytes, 8 + 4, 4);
+            block = littleEndian(bytes, 8 + 12, 2);
+        } else if (name == "fact" && held >= 4 && size >= 4) {
+            samples = littleEndian(bytes, 8, 4);
         } else if (name == "data") {
             // Of packed formats the header says how many samples there are; of all others their bytes do.
             constexpr std::uint64_t kPcm = 1, kFloat = 3, kExtensible = 0xFFFE;
             const bool plain = format == kPcm || format == kFloat || format == kExtensible;
             if (!plain && samples > 0) return ratio(double(samples), double(rate));
-            const auto length = static_cast<double>(std::min<std::uint64_t>(size, there));
+            const auto length = static_cast<double>(std::min(size, there));
             return block > 0 ? ratio(std::floor(length / double(block)), double(rate)) : std::nullopt;
         }
         if (size > there) break;
-        at = begin + static_cast<std::size_t>(size + size % 2);
+        at = begin + size + size % 2;
     }
     return std::nullopt;
 }
 
+/// From where to where the content of a box lies.
+struct Span {
+    std::uint64_t begin = 0, end = 0;
+};
+
 /// The content of the first box of this name; empty if there is none.
-std::string_view findBox(std::string_view bytes, std::string_view name) {
-    for (std::size_t at = 0; at + 8 <= bytes.size();) {
-        std::uint64_t size = bigEndian(bytes, at, 4);
-        std::size_t header = 8;
-        if (size == 1 && at + 16 <= bytes.size()) size = bigEndian(bytes, at + 8, 8), header = 16;
-        if (size == 0) size = bytes.size() - at;  // to the end of the file
-        if (size < header || size > bytes.size() - at) break;
-        if (bytes.substr(at + 4, 4) == name) return bytes.substr(at + header, static_cast<std::size_t>(size) - header);
-        at += static_cast<std::size_t>(size);
+Span findBox(const MediaBytes& file, Span within, std::string_view name) {
+    std::uint64_t at = within.begin;
+    for (int box = 0; box < kMostChunks && within.end - at >= 8; ++box) {
+        const std::string head = file.read(at, 16);
+        if (head.size() < 8) break;
+        std::uint64_t size = bigEndian(head, 0, 4), header = 8;
+        if (size == 1 && head.size() == 16) size = bigEndian(head, 8, 8), header = 16;
+        if (size == 0) size = within.end - at;  // to the end of the file
+        if (size < header || size > within.end - at) break;
+        if (std::string_view(head).substr(4, 4) == name) return {at + header, at + size};
+        at += size;
     }
     return {};
 }
 
-std::optional<double> movieSeconds(std::string_view bytes) {
-    const std::string_view header = findBox(findBox(bytes, "moov"), "mvhd");
+std::optional<double> movieSeconds(const MediaBytes& file) {
+    const Span found = findBox(file, findBox(file, {0, file.size}, "moov"), "mvhd");
+    const std::string header =
+        file.read(found.begin, static_cast<std::size_t>(std::min<std::uint64_t>(32, found.end - found.begin)));
     if (header.size() < 20) return std::nullopt;
     if (header[0] == 0) {
         if (bigEndian(header, 16, 4) == 0xFFFFFFFF) return std::nullopt;  // not known
@@ -78,10 +92,11 @@ std::optional<double> movieSeconds(std::string_view bytes) {
 
 }  // namespace
 
-std::optional<double> mediaSeconds(std::string_view bytes) {
-    if (bytes.size() < 12) return std::nullopt;
-    if (bytes.starts_with("RIFF") && bytes.substr(8, 4) == "WAVE") return waveSeconds(bytes);
-    return movieSeconds(bytes);
+std::optional<double> mediaSeconds(const MediaBytes& file) {
+    if (file.size < 12) return std::nullopt;
+    const std::string head = file.read(0, 12);
+    if (head.starts_with("RIFF") && head.substr(8) == "WAVE") return waveSeconds(file);
+    return movieSeconds(file);
 }
 
 }  // namespace rtsg

@@ -4,12 +4,22 @@
 // (mvhd).
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <optional>
-#include <string_view>
+#include <string>
 
 namespace rtsg {
 
-/// Seconds, of a WAVE file or one of the MP4 family; nothing for all else and for what is broken.
-std::optional<double> mediaSeconds(std::string_view bytes);
+/// A file of which parts are asked for: films are long, and what is looked for is short.
+struct MediaBytes {
+    std::uint64_t size = 0;
+    /// So many bytes from there on; fewer where the file ends.
+    std::function<std::string(std::uint64_t offset, std::size_t length)> read;
+};
+
+/// Seconds, of a WAVE file or one of the MP4 family; nothing for all else and for what is broken, nor where more than
+/// ten thousand chunks are passed before the header comes.
+std::optional<double> mediaSeconds(const MediaBytes& file);
 
 }  // namespace rtsg

@@ -34,12 +34,12 @@ double secondsOf(const Scene& scene, const Node& node, const MediaFields& fields
                  const MediaLength& others) {
     if (!node.get(fields.load)) return -1;
     for (const String& url : node.get(fields.url)) {
-        auto resource = resources.open(scene, node, fields.url.index, url.view());
+        const auto resource = resources.open(scene, node, fields.url.index, url.view());
         if (!resource) continue;
-        const auto bytes = resource->read();
-        if (!bytes) continue;
-        std::optional<double> seconds = mediaSeconds(*bytes);
-        if (!seconds && others) seconds = others(*bytes);
+        const Resource& file = *resource;
+        std::optional<double> seconds = mediaSeconds(
+            {file.size(), [&](std::uint64_t offset, std::size_t length) { return file.readAt(offset, length); }});
+        if (!seconds && others) seconds = others(file);
         if (seconds && std::isfinite(*seconds) && *seconds >= 0) return *seconds;
     }
     return -1;

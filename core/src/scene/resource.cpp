@@ -100,6 +100,29 @@ Result<std::string> Resource::read() {
     return text;
 }
 
+std::uint64_t Resource::size() const {
+    struct stat status{};
+    if (descriptor_ < 0) return data_.size();
+    return ::fstat(descriptor_, &status) == 0 && status.st_size > 0 ? static_cast<std::uint64_t>(status.st_size) : 0;
+}
+
+std::string Resource::readAt(std::uint64_t offset, std::size_t length) const {
+    if (descriptor_ < 0) return offset < data_.size() ? data_.substr(offset, length) : std::string();
+    const std::uint64_t there = size();
+    if (offset >= there) return {};
+    std::string bytes(static_cast<std::size_t>(std::min<std::uint64_t>(length, there - offset)), '\0');
+    std::size_t got = 0;
+    while (got < bytes.size()) {
+        const ssize_t more =
+            ::pread(descriptor_, bytes.data() + got, bytes.size() - got, static_cast<off_t>(offset + got));
+        if (more < 0 && errno == EINTR) continue;
+        if (more <= 0) break;
+        got += static_cast<std::size_t>(more);
+    }
+    bytes.resize(got);
+    return bytes;
+}
+
 // ---- Resources -------------------------------------------------------------------------------------------------
 
 Resources::Resources(const std::filesystem::path& folder) {

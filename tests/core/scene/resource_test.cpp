@@ -162,6 +162,23 @@ TEST_F(ResourceTest, AFileThatIsCutShortWhileItIsReadEndsThere) {
     EXPECT_EQ(resource->read()->size(), 10u);
 }
 
+TEST_F(ResourceTest, GivesPartsBeforeTheWhole) {
+    write("root/six.txt", "123456");
+    for (const char* url : {"six.txt", "data:,123456"}) {
+        auto resource = Resources(root).open(root, url);
+        ASSERT_TRUE(resource) << url;
+        EXPECT_EQ(resource->size(), 6u);
+        EXPECT_EQ(resource->readAt(2, 3), "345");
+        EXPECT_EQ(resource->readAt(0, 0), "");
+        EXPECT_EQ(resource->readAt(4, 100), "56");
+        EXPECT_EQ(resource->readAt(6, 1), "");
+        EXPECT_EQ(resource->readAt(UINT64_MAX, 1), "");
+        EXPECT_EQ(*resource->read(), "123456") << "from its beginning, whatever was read before";
+        EXPECT_EQ(resource->size(), 0u);
+        EXPECT_EQ(resource->readAt(0, 1), "");
+    }
+}
+
 TEST_F(ResourceTest, UrlsJoinAsFoldersDo) {
     EXPECT_EQ(joinUrls("parts/a.x3d#P", "b.x3d#Q"), "parts/b.x3d");
     EXPECT_EQ(joinUrls("a.x3d", "b.x3d"), "b.x3d");

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
+#include <rtsg/core/resource.h>
 
 namespace rtsg {
 
@@ -28,8 +29,8 @@ struct SoundBuffer {
 Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples = std::uint64_t{1} << 29);
 /// As above, of a file's content.
 Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples = std::uint64_t{1} << 29);
-/// How long a file plays by its header, which may lie; nothing of the sound is read. In seconds.
-Result<double> soundSeconds(std::string_view bytes);
+/// How long a file plays by its header, which may lie; the sound itself is not read. In seconds.
+Result<double> soundSeconds(const Resource& file);
 
 /// Whether a sound can be written under this name: fails, naming the kinds there are, unless it ends in .wav.
 Result<> checkSoundName(const std::string& path);

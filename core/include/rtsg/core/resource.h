@@ -53,6 +53,10 @@ class Resource {
     const std::string& fragment() const { return fragment_; }
     /// The content; once. Errors: more bytes than the policy lets, or what the system says.
     Result<std::string> read();
+    /// Bytes there are; 0 after read().
+    std::uint64_t size() const;
+    /// `length` bytes from `offset` on; fewer at the end, after an error, and after read(). Leaves read() as it is.
+    std::string readAt(std::uint64_t offset, std::size_t length) const;
 
   private:
     friend class Resources;

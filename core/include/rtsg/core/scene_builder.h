@@ -22,8 +22,8 @@
 
 namespace rtsg {
 
-/// How many seconds the sound or film in a file's bytes plays; nothing if that cannot be told.
-using MediaLength = std::function<std::optional<double>(std::string_view bytes)>;
+/// How many seconds the sound or film in a file plays; nothing if that cannot be told.
+using MediaLength = std::function<std::optional<double>(const Resource& file)>;
 
 struct BuildOptions {
     std::filesystem::path file;          // the document's own path, if it has one: a guard against Inlines of itself
