@@ -9,7 +9,9 @@ namespace rtsg::trace {
 Lamps::Lamps(LightGroups& groups) {
     LightGroups::Group& whole = groups.groups[0];  // its lights are the last ones
     const auto first = groups.lights.begin() + whole.first;
-    const auto isLamp = [](const TraceLight& light) { return light.kind != Light::Kind::directional; };
+    const auto isLamp = [](const TraceLight& light) {
+        return light.kind == Light::Kind::point || light.kind == Light::Kind::spot;
+    };
     if (static_cast<std::size_t>(std::count_if(first, groups.lights.end(), isLamp)) <= kFew) return;
     const auto lamps =
         std::stable_partition(first, groups.lights.end(), [&](const TraceLight& l) { return !isLamp(l); });

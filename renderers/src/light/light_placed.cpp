@@ -79,7 +79,7 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
     if (!node) return entry;
     switch (placed.kind) {
         case PlacedKind::light:
-            entry->what = readLight(scene, placed.node, placed.worldFromLocal, placed.scope);
+            entry->what = readLitPlace(scene, *node, placed);
             ++counts_.lightsRead;
             break;
         case PlacedKind::view:
@@ -115,6 +115,20 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
             break;
     }
     return entry;
+}
+
+Light LightTables::readLitPlace(const Scene& scene, const Node& node, const Placed& placed) {
+    Light light = readLight(scene, placed.node, placed.worldFromLocal, placed.scope);
+    NodeId picture;
+    if (light.kind == Light::Kind::projector)
+        picture = node.get(x3d::TextureProjector::texture);
+    else if (light.kind == Light::Kind::projectorParallel)
+        picture = node.get(x3d::TextureProjectorParallel::texture);
+    else
+        return light;
+    const Node* texture = scene.effectiveNode(picture);
+    showPicture(light, texture ? textures_->ofNode(scene, *texture, Texture::Content::color, diagnostics_) : nullptr);
+    return light;
 }
 
 SkyEntry LightTables::readSky(const Scene& scene, const Node& node, const WorldFromLocal& worldFromLocal) {

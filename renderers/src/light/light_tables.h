@@ -160,6 +160,8 @@ class LightTables {
     // light_placed.cpp: what is read of lights, viewpoints, backgrounds ...
     std::shared_ptr<const trace::PlacedEntry> readPlaced(const Scene& scene, const Placed& placed);
     trace::SkyEntry readSky(const Scene& scene, const Node& node, const WorldFromLocal& worldFromLocal);
+    /// With the picture of a projector.
+    Light readLitPlace(const Scene& scene, const Node& node, const Placed& placed);
 
     std::shared_ptr<TextureStore> textures_;
     Diagnostics diagnostics_;  // of this apply() so far

@@ -1,9 +1,8 @@
-// Reads Appearance, materials, textures and lights into the flat numbers that shading uses.
+// Reads Appearance, materials and textures into the flat numbers that shading uses.
 #include <rtsg/renderers/material.h>
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include <glm/gtc/matrix_transform.hpp>
 
@@ -177,6 +176,7 @@ struct Reader {
     static Access accessOf(const Node& node) {
         if (node.is(x3d::ImageTexture::type)) return accessOf<x3d::ImageTexture>(node);
         if (node.is(x3d::PixelTexture::type)) return accessOf<x3d::PixelTexture>(node);
+        if (node.is(x3d::MovieTexture::type)) return accessOf<x3d::MovieTexture>(node);
         if (node.is(x3d::ComposedTexture3D::type)) return accessOf<x3d::ComposedTexture3D>(node);
         if (node.is(x3d::ImageTexture3D::type)) return accessOf<x3d::ImageTexture3D>(node);
         if (node.is(x3d::PixelTexture3D::type)) return accessOf<x3d::PixelTexture3D>(node);
@@ -410,11 +410,6 @@ struct Reader {
     }
 };
 
-float lengthScale(const WorldFromLocal& m) {
-    const double scale = std::cbrt(std::abs(glm::determinant(glm::dmat3(m[0], m[1], m[2]))));
-    return scale > 0 && std::isfinite(scale) ? static_cast<float>(scale) : 1.0f;
-}
-
 }  // namespace
 
 bool Material::textured() const {
@@ -593,71 +588,6 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
         material.back = std::make_shared<const Material>(Reader::backOf(*front, material));
     }
     return material;
-}
-
-Light readLight(const Scene& scene, NodeId id, const WorldFromLocal& worldFromLocal, ScopeId scope) {
-    Light light;
-    light.scope = scope;
-    const Node* node = scene.find(id);
-    const auto common = [&]<class L>(const L*) {
-        light.on = node->get(L::on);
-        light.shadows = node->get(L::shadows);
-        light.shadowIntensity = unit(node->get(L::shadowIntensity));
-        const Vec3f color = atLeastZero(rgb(node->get(L::color)));
-        light.color = color * atLeastZero(node->get(L::intensity));
-        light.ambient = color * atLeastZero(node->get(L::ambientIntensity));
-    };
-    const auto turn = [&](const Vec3f& v) {
-        const Vec3d world =
-            worldFromLocal[0] * double{v.x} + worldFromLocal[1] * double{v.y} + worldFromLocal[2] * double{v.z};
-        const double length = glm::length(world);
-        if (length > 0 && std::isfinite(length))
-            light.direction = world / length;
-        else
-            light.on = false;  // it shines nowhere
-    };
-    const auto positional = [&]<class L>(const L*) {
-        const Vec3f at = node->get(L::location);
-        light.position = worldFromLocal[0] * double{at.x} + worldFromLocal[1] * double{at.y} +
-                         worldFromLocal[2] * double{at.z} + worldFromLocal[3];
-        light.attenuation = atLeastZero(node->get(L::attenuation));
-        light.radius = node->get(L::radius);
-        light.localFromWorld = 1 / lengthScale(worldFromLocal);
-        if (!glm::all(glm::lessThan(glm::abs(light.position), Vec3d(1e18)))) light.on = false;
-    };
-    if (node && node->is(x3d::DirectionalLight::type)) {
-        common(static_cast<const x3d::DirectionalLight*>(nullptr));
-        turn(node->get(x3d::DirectionalLight::direction));
-    } else if (node && node->is(x3d::PointLight::type)) {
-        light.kind = Light::Kind::point;
-        common(static_cast<const x3d::PointLight*>(nullptr));
-        positional(static_cast<const x3d::PointLight*>(nullptr));
-    } else if (node && node->is(x3d::SpotLight::type)) {
-        light.kind = Light::Kind::spot;
-        common(static_cast<const x3d::SpotLight*>(nullptr));
-        positional(static_cast<const x3d::SpotLight*>(nullptr));
-        turn(node->get(x3d::SpotLight::direction));
-        light.beamWidth = atLeastZero(node->get(x3d::SpotLight::beamWidth));
-        light.cutOffAngle = atLeastZero(node->get(x3d::SpotLight::cutOffAngle));
-    } else {
-        light.on = false;
-    }
-    return light;
-}
-
-Fog readFog(const Scene& scene, NodeId id, const WorldFromLocal& worldFromLocal) {
-    Fog fog;
-    const Node* node = scene.find(id);
-    const auto read = [&]<class F>(const F*) {
-        fog.color = atLeastZero(rgb(node->get(F::color)));
-        fog.visibilityRange = atLeastZero(node->get(F::visibilityRange)) * lengthScale(worldFromLocal);
-        const bool exponential = node->get(F::fogType) == String("EXPONENTIAL");
-        fog.type = exponential ? FogType::exponential : FogType::linear;
-        if (fog.visibilityRange <= 0) fog.type = FogType::none;
-    };
-    if (node && node->is(x3d::Fog::type)) read(static_cast<const x3d::Fog*>(nullptr));
-    if (node && node->is(x3d::LocalFog::type)) read(static_cast<const x3d::LocalFog*>(nullptr));
-    return fog;
 }
 
 }  // namespace rtsg

@@ -33,6 +33,39 @@ V8 broadcast(const Vec3f& v) {
     return {all(v.x), all(v.y), all(v.z)};
 }
 
+/// Where points lie before a projector, and where in its picture.
+struct InProjection {
+    F8 depth, s, t;
+    I8 inside;
+};
+InProjection project(const TraceLight& light, const V8& position) {
+    const V8 from = position - broadcast(light.position);
+    InProjection in;
+    in.depth = dot(from, broadcast(light.direction));
+    const F8 share = light.kind == Light::Kind::projector ? 1.0f / max(in.depth, all(1e-30f)) : all(1);
+    const Vec4f& e = light.extent;
+    in.s = (dot(from, broadcast(light.right)) * share - e.x) / (e.z - e.x);
+    in.t = (dot(from, broadcast(light.up)) * share - e.y) / (e.w - e.y);
+    in.inside = (in.depth > 0.0f) & (in.depth >= light.nearDistance) & (in.depth <= light.farDistance) &
+                (in.s >= 0.0f) & (in.s <= 1.0f) & (in.t >= 0.0f) & (in.t <= 1.0f);
+    return in;
+}
+
+/// Makes the light on each lane that of the picture there.
+void tint(const TraceScene& scene, const TraceLight& light, const SurfacePacket& s, Incoming& in) {
+    TextureAccess access;
+    access.wrapS = access.wrapT = TextureWrap::clamp;
+    for (int at = 0; at < 16; at += 8) {
+        const InProjection there = project(light, loadV(s.position, at));
+        const F8 factor = load(in.factor + at);
+        for (int lane = 0; lane < 8; ++lane) {
+            if (!(factor[lane] > 0)) continue;
+            const Vec4f color = light.picture->sample(there.s[lane], there.t[lane], 0, access, scene.space);
+            in.visible.set(at + lane, in.visible.get(at + lane) * Vec3f(color) * color.a);
+        }
+    }
+}
+
 /// Returns whether any lane is lit at all.
 bool gather(const TraceLight& light, const SurfacePacket& s, Incoming& in) {
     I8 lit{};
@@ -41,6 +74,16 @@ bool gather(const TraceLight& light, const SurfacePacket& s, Incoming& in) {
         F8 factor = all(1), distance = all(0);
         if (light.kind == Light::Kind::directional) {
             toLight = broadcast(-light.direction);
+        } else if (light.picture) {
+            const V8 position = loadV(s.position, at);
+            const InProjection there = project(light, position);
+            factor = select(there.inside, all(1), all(0));
+            toLight = broadcast(-light.direction), distance = there.depth;
+            if (light.kind == Light::Kind::projector) {
+                toLight = broadcast(light.position) - position;
+                distance = sqrt(dot(toLight, toLight));
+                toLight = toLight * (1.0f / max(distance, all(1e-30f)));
+            }
         } else {
             toLight = broadcast(light.position) - loadV(s.position, at);
             distance = sqrt(dot(toLight, toLight));
@@ -156,7 +199,10 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     for (int at = 0; at < 16; at += 8) {
         const V8 towards = loadV(in.direction, at), start = leave8(s, at, towards);
         V8 d = towards;
-        if (!directional) d = broadcast(light.position) - start;
+        if (light.kind == Light::Kind::projectorParallel)
+            d = towards * load(in.distance + at);
+        else if (!directional)
+            d = broadcast(light.position) - start;
         store(rays.originX + at, start.x), store(rays.originY + at, start.y), store(rays.originZ + at, start.z);
         store(rays.directionX + at, d.x), store(rays.directionY + at, d.y), store(rays.directionZ + at, d.z);
         store(rays.tMin + at, all(kLeave));
@@ -316,6 +362,7 @@ void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowR
                 Incoming in;
                 if (!gather(light, s, in)) continue;
                 if (light.shadows) castShadows(scene, light, s, group, in, shadowRays);
+                if (light.picture) tint(scene, light, s, in);
                 if (phong) addPhong(light, s, in, phongLanes, (phong & s.shiny) != 0);
                 if (physical) addPhysical(light, s, in, physicalLanes);
             }

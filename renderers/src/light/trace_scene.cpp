@@ -121,6 +121,9 @@ auto traceLights(const LightState& state, const RayView& world, const RenderSett
         result.attenuation = light.attenuation;
         result.radius = light.radius, result.localFromWorld = light.localFromWorld;
         result.beamWidth = light.beamWidth, result.cutOffAngle = light.cutOffAngle;
+        result.right = light.right, result.up = light.up, result.extent = light.extent;
+        result.nearDistance = light.nearDistance, result.farDistance = light.farDistance;
+        result.picture = light.picture.get();
         return result;
     };
 }

@@ -69,6 +69,10 @@ struct TraceLight {
     Vec3f attenuation{1, 0, 0};
     float radius = 0, localFromWorld = 1;
     float beamWidth = 0, cutOffAngle = 0;
+    Vec3f right{0}, up{0};  // of projectors, as the next four
+    Vec4f extent{0};
+    float nearDistance = 0, farDistance = 0;
+    const Texture* picture = nullptr;
 };
 
 /// The materials by number.

@@ -26,8 +26,6 @@ constexpr Row kRows[] = {
     {x3d::EnvironmentLight::type, kPlain},
     {x3d::RenderedTexture::type, kPlain},
     {x3d::FontLibrary::type, kPlain},
-    {x3d::TextureProjector::type, kPlain},
-    {x3d::TextureProjectorParallel::type, kPlain},
     {x3d::NurbsSet::type, "its surfaces are cut each for itself"},
     {x3d::ComposedShader::type, kShader},
     {x3d::PackagedShader::type, kShader},

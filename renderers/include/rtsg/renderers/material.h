@@ -13,6 +13,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -157,7 +158,8 @@ Material defaultMaterial();
 Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textures, Diagnostics& diagnostics);
 
 struct Light {
-    enum class Kind : std::uint8_t { directional, point, spot };
+    /// projector and projectorParallel: what lies in the pyramid or the box before them gets the colours of a picture.
+    enum class Kind : std::uint8_t { directional, point, spot, projector, projectorParallel };
     Kind kind = Kind::directional;
     bool shadows = false;  // the field; the tracer may cast them regardless
     bool on = true;
@@ -171,10 +173,20 @@ struct Light {
     float radius = 100;        // metres of its own frame, as attenuation is
     float localFromWorld = 1;  // lengths
     float beamWidth = 0, cutOffAngle = 0;
+    /// Of projectors: unit, to the right and up in the picture, in world; `extent` is left, bottom, right and top of
+    /// the picture, of a projector at distance 1; in world lengths, as are the distances between which it shines.
+    Vec3f right{1, 0, 0}, up{0, 1, 0};
+    Vec4f extent{0};
+    float nearDistance = 0, farDistance = std::numeric_limits<float>::infinity();
+    std::shared_ptr<const Texture> picture;
 };
 
-/// `node` of a type that is no light gives one that is off.
+/// `node` of a type that is no light gives one that is off. A projector is without its picture, and its extent without
+/// the picture's shape: see showPicture().
 Light readLight(const Scene& scene, NodeId node, const WorldFromLocal& worldFromLocal, ScopeId scope);
+/// Puts its picture into a projector, or switches it off if there is none. The angle of a TextureProjector is that of
+/// the picture's shorter side, as a Viewpoint's is.
+void showPicture(Light& projector, std::shared_ptr<const Texture> picture);
 
 struct Fog {
     FogType type = FogType::none;
