@@ -281,6 +281,39 @@ TEST_F(RunOutputs, ArePicturesAtEveryFrameAndAllOfTheSound) {
     }
 }
 
+/// A film of ten pictures and .4 s, whose length no head says, on a square before the eye; it starts at .1 s.
+class FilmOnAScreen : public CommandLine {
+  protected:
+    void SetUp() override {
+        std::filesystem::copy_file(RTSG_SOURCE_DIR "/tests/renderers/light/data/film.mpg", folder / "film.mpg");
+        writeFile(file,
+                  "#X3D V4.0 utf8\nPROFILE Full\nViewpoint { position 0 0 2 }\nShape { appearance Appearance { texture "
+                  "MovieTexture { url \"film.mpg\" startTime .1 } } geometry Rectangle2D { } }\n");
+    }
+};
+
+TEST_F(FilmOnAScreen, IsInThePicturesOfItsTime) {
+    const std::vector<std::string> options = {"--fps", "10", "--size", "32x16", "--render"};
+    const auto with = [&](std::vector<std::string> first, const std::string& pictures) {
+        first.insert(first.end(), options.begin(), options.end());
+        first.push_back(folder / pictures);
+        return rtsg(first);
+    };
+    const Outcome run = with({"run", file, "--at", "0", "--for", "0.8s"}, "r%d.png");
+    ASSERT_EQ(run.status, 0) << run.err;
+    const auto picture = [&](int k) { return readFile(folder / ("r" + std::to_string(k) + ".png")); };
+    EXPECT_EQ(picture(0), picture(1)) << "its first picture until it starts";
+    for (const int k : {2, 3, 4}) EXPECT_NE(picture(k), picture(k - 1)) << k;
+    EXPECT_EQ(picture(6), picture(5)) << "it has ended";
+    EXPECT_NE(picture(5), picture(0));
+    // In replays of what was recorded, too.
+    ASSERT_EQ(rtsg({"record", file, "-o", folder / "film.rlog", "--at", "0", "--for", "0.8s", "--fps", "10"}).status,
+              0);
+    const Outcome replay = with({"replay", folder / "film.rlog"}, "s%d.png");
+    ASSERT_EQ(replay.status, 0) << replay.err;
+    for (const int k : {0, 3, 6}) EXPECT_EQ(readFile(folder / ("s" + std::to_string(k) + ".png")), picture(k)) << k;
+}
+
 TEST_F(RunOutputs, HaveTheirLengthWhereNoFrameIsAtTheEnd) {
     const Outcome outcome = rtsg({"run", file, "--for", "0.5s", "--fps", "7", "--render", folder / "r%d.png", "--size",
                                   "8x8", "--listen", folder / "r.wav", "--rays", "50"});

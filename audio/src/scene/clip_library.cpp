@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/clip_library.h>
+#include <rtsg/renderers/movie.h>
 
 #include "signal/fractional_delay.h"
 #include "signal/random.h"
@@ -23,6 +24,23 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::testSignal() {
     return test_ = std::move(sound);
 }
 
+namespace {
+
+/// Sound files by their own library; films, and what else is packed as films are, by that of films.
+Result<SoundBuffer> readResource(Resource& file, std::uint64_t room) {
+    const bool isOgg = file.readAt(0, 4) == "OggS";
+    if (Movie::isMovie(file) && !(isOgg && soundSeconds(file))) {
+        auto sound = movieSound(file, room);
+        if (!sound) return std::unexpected(sound.error());
+        return SoundBuffer{sound->sampleRate, sound->channels, std::move(sound->samples)};
+    }
+    const auto bytes = file.read();
+    if (!bytes) return std::unexpected(bytes.error());
+    return readSoundBytes(*bytes, room);
+}
+
+}  // namespace
+
 Result<SoundBuffer> ClipLibrary::read(const SoundVoice& voice, const std::string& url) {
     Result<Resource> resource = fail(fmt::format("'{}' has no folder to start from", urlForMessage(url)));
     for (std::size_t i = 0; i < voice.folders.size() && !resource; ++i) {
@@ -30,10 +48,8 @@ Result<SoundBuffer> ClipLibrary::read(const SoundVoice& voice, const std::string
         if (one || i == 0) resource = std::move(one);
     }
     if (!resource) return std::unexpected(resource.error());
-    const auto bytes = resource->read();
-    if (!bytes) return std::unexpected(bytes.error());
     const std::uint64_t room = resources_.policy().maximumSamples - samplesRead_;
-    auto sound = readSoundBytes(*bytes, room);
+    auto sound = readResource(*resource, room);
     if (sound) sound = converted(*sound, room);
     if (!sound) return fail(fmt::format("{}: {}", resource->name(), sound.error().text));
     samplesRead_ += sound->samples.size();

@@ -260,6 +260,16 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         voice.loop = node.get(x3d::AudioClip::loop);
         voice.pitch = std::clamp(number(node.get(x3d::AudioClip::pitch), 1), 1e-3, 1e3);
         readTimes<x3d::AudioClip>(node, voice);
+    } else if (node.is(x3d::MovieTexture::type)) {
+        using M = x3d::MovieTexture;
+        const double speed = number(node.get(M::speed), 1);
+        // A film that runs backwards, or not at all, is silent.
+        if (!node.get(M::load) || !(speed > 0)) return true;
+        for (const String& url : node.get(M::url)) voice.urls.push_back(url.str());
+        voice.folders = foldersOf(scene, node);
+        voice.loop = node.get(M::loop);
+        voice.pitch = std::clamp(speed * number(node.get(M::pitch), 1), 1e-3, 1e3);
+        readTimes<M>(node, voice);
     } else if (node.is(x3d::BufferAudioSource::type)) {
         using B = x3d::BufferAudioSource;
         voice.kind = SoundVoice::Kind::buffer;
@@ -330,6 +340,8 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
     } else if (node.is(x3d::WaveShaper::type)) {
         process.kind = Kind::shaper;
         process.curve = numbersOf(scene, node, "curve");
+        const std::string_view times = node.get(x3d::WaveShaper::oversample).view();
+        process.oversample = times == "2X" ? 2 : times == "4X" ? 4 : 1;
     } else if (node.is(x3d::ChannelSplitter::type)) {
         process.kind = Kind::splitter;
     } else if (node.is(x3d::ChannelMerger::type)) {

@@ -10,6 +10,7 @@
 #include <rtsg/renderers/picture.h>
 
 #include "image/image_files.h"
+#include "light/texture_pixels.h"
 
 namespace rtsg {
 
@@ -91,8 +92,9 @@ ReadRequest request(std::uint64_t maximumPixels, bool layers = false) {
             }};
 }
 
-/// One layer.
-Result<Texture> fromPixels(const FilePixels& file, Texture::Content content, int layer = 0) {
+}  // namespace
+
+Result<Texture> textureFromPixels(const FilePixels& file, Texture::Content content, int layer) {
     const auto channels = static_cast<std::size_t>(file.channels);
     const auto count = static_cast<std::size_t>(file.width) * static_cast<std::size_t>(file.height);
     const std::size_t first = static_cast<std::size_t>(layer) * count * channels;
@@ -111,8 +113,6 @@ Result<Texture> fromPixels(const FilePixels& file, Texture::Content content, int
     }
     return Texture::fromFloats(std::move(pixels), file.width, file.height, file.channels, content);
 }
-
-}  // namespace
 
 Result<Texture> Texture::fromBytes(std::span<const std::uint8_t> bytes, int width, int height, int channels,
                                    Content content) {
@@ -170,7 +170,7 @@ Result<Texture> Texture::fromFile(const std::filesystem::path& file, Content con
     FilePixels pixels;
     if (const std::string error = (*files)->readFile(file.string(), request(maximumPixels), pixels); !error.empty())
         return fail(error, {}, file.string());
-    auto result = fromPixels(pixels, content);
+    auto result = textureFromPixels(pixels, content);
     if (!result) result.error().file = file.string();
     return result;
 }
@@ -182,7 +182,7 @@ Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const st
     FilePixels pixels;
     if (const std::string error = (*files)->readMemory(file, name, request(maximumPixels), pixels); !error.empty())
         return fail(error, {}, name);
-    return fromPixels(pixels, content);
+    return textureFromPixels(pixels, content);
 }
 
 Result<std::vector<Texture>> Texture::layersFromMemory(std::span<const std::uint8_t> file, const std::string& name,
@@ -195,7 +195,7 @@ Result<std::vector<Texture>> Texture::layersFromMemory(std::span<const std::uint
         return fail(error, {}, name);
     std::vector<Texture> result;
     for (int layer = 0; layer < pixels.layers; ++layer) {
-        auto texture = fromPixels(pixels, content, layer);
+        auto texture = textureFromPixels(pixels, content, layer);
         if (!texture) return std::unexpected(texture.error());
         result.push_back(std::move(*texture));
     }

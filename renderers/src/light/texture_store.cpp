@@ -1,6 +1,7 @@
 // Finding the pictures of textures, and keeping each once.
 #include "texture_store.h"
 
+#include <cmath>
 #include <optional>
 #include <span>
 #include <unordered_set>
@@ -146,16 +147,53 @@ std::string TextureStore::nameOf(const Resources& resources) {
     return name;
 }
 
+namespace {
+
+std::uint64_t nameOfNode(const Node& node, Texture::Content content) {
+    return std::uint64_t{node.id().value} << 1 | (content == Texture::Content::color ? 0u : 1u);
+}
+
+}  // namespace
+
+std::shared_ptr<const Texture> TextureStore::ofMovie(const Scene& scene, const Node& node, Texture::Content content,
+                                                     Diagnostics& diagnostics) {
+    using M = x3d::MovieTexture;
+    if (!node.get(M::load) || node.get(M::url).empty()) return nullptr;
+    Film& film = films_[nameOfNode(node, content)];
+    if (std::string list = listName(scene, node, node.get(M::url), content); list != film.list) {
+        film = {std::move(list), std::nullopt, {}, nullptr};
+        film.why = tryUrls(scene, node, node.get(M::url), [&](Resource resource, std::string& why) {
+            auto movie = Movie::open(std::move(resource), resources_.policy().maximumPixels / 4);
+            if (!movie) return why = movie.error().text, false;
+            film.movie = std::move(*movie);
+            return true;
+        });
+    }
+    if (film.movie) {
+        const double told = node.get(M::_duration).seconds;
+        const double length = told > 0 && std::isfinite(told) ? told : film.movie->seconds();
+        auto frame = film.movie->frameAt(movieTime(node, length), content);
+        // What cannot be decoded stays as it was.
+        if (!frame)
+            film.why = frame.error().text;
+        else if (*frame && (film.shown || countPixels(pixelsOf(**frame), film.why)))
+            film.shown = std::make_shared<const Texture>(std::move(**frame));
+    }
+    if (!film.why.empty()) tellOfNone(scene, node, film.why, diagnostics);
+    return film.shown;
+}
+
 std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const Node& node, Texture::Content content,
                                                     Diagnostics& diagnostics) {
     if (node.is(x3d::ImageTexture::type)) {
         if (!node.get(x3d::ImageTexture::load)) return nullptr;
         return ofUrls(scene, node, node.get(x3d::ImageTexture::url), content, diagnostics);
     }
+    if (node.is(x3d::MovieTexture::type)) return ofMovie(scene, node, content, diagnostics);
     if (node.is(x3d::PixelTexture::type)) {
         const Image& image = node.get(x3d::PixelTexture::image);
         if (image.width() == 0 && image.height() == 0) return nullptr;
-        Pixels& entry = pixels_[std::uint64_t{node.id().value} << 1 | (content == Texture::Content::color ? 0u : 1u)];
+        Pixels& entry = pixels_[nameOfNode(node, content)];
         if (!entry.image.words.empty() && entry.image.words.sameStorage(image.words)) return entry.texture;
         entry = {image, nullptr};
         auto texture = Texture::fromImage(image, content);
@@ -315,7 +353,9 @@ std::shared_ptr<const SpaceTexture> TextureStore::blockOfPixels(const Scene& sce
 
 void TextureStore::collect() {
     // Not each time, or the work would grow with the scene: only when there is twice as much as was worth keeping.
-    const auto kept = [&] { return files_.size() + lists_.size() + pixels_.size() + cubes_.size() + blocks_.size(); };
+    const auto kept = [&] {
+        return files_.size() + lists_.size() + pixels_.size() + films_.size() + cubes_.size() + blocks_.size();
+    };
     if (kept() < 2 * kept_ + 16) return;
     std::erase_if(cubes_, [](const auto& entry) { return entry.second.cube.use_count() <= 1; });
     std::erase_if(blocks_, [](const auto& entry) { return entry.second.texture.use_count() <= 1; });
@@ -324,6 +364,7 @@ void TextureStore::collect() {
                   [](const auto& entry) { return entry.second.texture && entry.second.texture.use_count() <= 2; });
     std::erase_if(files_, [](const auto& entry) { return entry.second.use_count() == 1; });
     std::erase_if(pixels_, [](const auto& entry) { return entry.second.texture.use_count() <= 1; });
+    std::erase_if(films_, [](const auto& entry) { return entry.second.shown.use_count() <= 1; });
     kept_ = kept();
     std::unordered_set<const Texture*> inUse;
     for (const auto& [key, texture] : files_) inUse.insert(texture.get());
@@ -331,6 +372,8 @@ void TextureStore::collect() {
         if (list.texture) inUse.insert(list.texture.get());
     pixelsInUse_ = 0;
     for (const Texture* texture : inUse) pixelsInUse_ += pixelsOf(*texture);
+    for (const auto& [name, film] : films_)
+        if (film.shown) pixelsInUse_ += pixelsOf(*film.shown);
     for (const auto& [picture, cube] : cubes_) pixelsInUse_ += pixelsOf(*picture);
     for (const auto& [name, block] : blocks_)
         if (block.texture && block.words.empty())

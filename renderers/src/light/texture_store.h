@@ -7,12 +7,14 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <unordered_map>
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/renderers/movie.h>
 #include <rtsg/renderers/space_texture.h>
 #include <rtsg/renderers/texture.h>
 
@@ -22,8 +24,8 @@ class TextureStore {
   public:
     explicit TextureStore(Resources resources = {}) : resources_(std::move(resources)) {}
 
-    /// Of an ImageTexture, PixelTexture or MultiTexture (its first) node; null with a diagnostic if it cannot be had,
-    /// null without one if it names nothing.
+    /// Of an ImageTexture, PixelTexture, MovieTexture (what it shows now) or MultiTexture (its first) node; null with a
+    /// diagnostic if it cannot be had, null without one if it names nothing.
     std::shared_ptr<const Texture> ofNode(const Scene& scene, const Node& node, Texture::Content content,
                                           Diagnostics& diagnostics);
     /// `node` is the one whose url list it is; for the folder and the report.
@@ -40,6 +42,8 @@ class TextureStore {
     static std::string nameOf(const Resources& resources);
 
   private:
+    std::shared_ptr<const Texture> ofMovie(const Scene& scene, const Node& node, Texture::Content content,
+                                           Diagnostics& diagnostics);
     std::shared_ptr<const Texture> ofResource(Resource resource, Texture::Content content, std::string& why);
     std::shared_ptr<const SpaceTexture> blockOfResource(Resource resource, Texture::Content content, std::string& why);
     std::shared_ptr<const SpaceTexture> composed(const Scene& scene, const Node& node, Texture::Content content,
@@ -73,6 +77,13 @@ class TextureStore {
     std::size_t kept_ = 0;
     std::uint64_t pixelsInUse_ = 0;                     // of those in files_ and lists_, as the policy counts them
     std::unordered_map<std::uint64_t, Pixels> pixels_;  // by node and content
+    struct Film {
+        std::string list;  // by folders and urls
+        std::optional<Movie> movie;
+        std::string why;  // there is none
+        std::shared_ptr<const Texture> shown;
+    };
+    std::unordered_map<std::uint64_t, Film> films_;  // by node and content
     struct Cube {
         std::shared_ptr<const Texture> picture;
         std::shared_ptr<const SpaceTexture> cube;

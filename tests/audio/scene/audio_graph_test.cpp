@@ -9,6 +9,8 @@
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
 
+#include "support/plain_film.h"
+
 namespace rtsg {
 namespace {
 
@@ -96,6 +98,16 @@ TEST(AudioGraph, ShapersAndCompressorsWorkOnWhatLeadsIntoThem) {
     // Twice as loud is four times, where the gain comes before.
     const auto louder = hear("WaveShaper { " + square + " children Gain { gain .4 children " + kGraphTone + " } }")[0];
     EXPECT_NEAR(lineOf(louder, 2000), .08, 1e-5);
+    // The third harmonic of 14.4 kHz comes back as 4.8 kHz at 48,000 Hz, and not at 96,000 or 192,000.
+    const std::string cube = "metadata MetadataFloat { name \"curve\" value [ " + [] {
+        std::string values;
+        for (int i = -500; i <= 500; ++i) values += fmt::format("{} ", i * i * i / 125e6);
+        return values;
+    }() + "]}";
+    const std::string high = cube + " children OscillatorSource { frequency 14400 } }";
+    EXPECT_NEAR(lineOf(hear("WaveShaper { " + high)[0], 4800), .25, 1e-3);
+    EXPECT_LT(lineOf(hear("WaveShaper { oversample \"2X\" " + high)[0], 4800), 1e-3);
+    EXPECT_LT(lineOf(hear("WaveShaper { oversample \"4X\" " + high)[0], 4800), 1e-3);
     // Below its threshold a compressor only makes up.
     const Compressor::Settings usual;
     EXPECT_NEAR(lineOf(hear("DynamicsCompressor { children Gain { gain .01 children " + kGraphTone + " } }")[0], 1000),
@@ -122,6 +134,22 @@ TEST(AudioGraph, ChannelsAreSplitSelectedAndMerged) {
     // Two channels into one of a merger: their mean.
     EXPECT_NEAR(hear("ChannelMerger { children [ " + pair + " " + kGraphTone + " ] }", .1)[0][1000], -.125, 1e-6);
     EXPECT_NEAR(hear("ChannelSelector { channelSelection 7 children " + pair + " }", .1)[0][1000], 0, 1e-12);
+}
+
+TEST(AudioGraph, AFilmIsHeardAtItsSpeedAndNotBackwards) {
+    const std::string film =
+        "MovieTexture { loop TRUE url \"" + test::dataUrl("video/avi", test::plainFilm(4, 10, 4, 2, 48000)) + "\" ";
+    const auto once = hear(film + "}", .5);
+    const auto twice = hear(film + "speed 2 }", .5);
+    for (std::size_t i : {std::size_t{100}, std::size_t{9000}, std::size_t{20'000}}) {
+        EXPECT_NEAR(once[0][i], static_cast<double>(i % 19'200) / 32768, 1e-6) << i;
+        EXPECT_NEAR(once[1][i], -static_cast<double>(i % 19'200) / 32768, 1e-6) << i;
+        EXPECT_NEAR(twice[0][i], static_cast<double>(2 * i % 19'200) / 32768, 1e-6) << i;
+    }
+    for (const char* silent : {"speed -1 }", "speed 0 }", "load FALSE }"}) {
+        const auto nothing = hear(film + silent, .1);
+        for (const double sample : nothing[0]) ASSERT_EQ(sample, 0) << silent;
+    }
 }
 
 TEST(AudioGraph, ABufferLoopsWhereItIsTold) {

@@ -1,8 +1,11 @@
 // Clips that are read once, within the limit on samples, and what stands in for those that cannot be.
+#include <fstream>
+
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/clip_library.h>
 
+#include "support/plain_film.h"
 #include "support/temp_folder.h"
 
 namespace rtsg {
@@ -43,6 +46,20 @@ TEST_F(Clips, AreReadOnceAndMayBeTheSecondOfTheirUrls) {
     EXPECT_EQ(first->channels, 2);
     EXPECT_EQ(clips.get(voice({"nowhere.wav", "a.wav"})), first);
     EXPECT_EQ(clips.diagnostics().warnings(), 0U);
+}
+
+TEST_F(Clips, MayBeWhatAFilmIsHeardBy) {
+    std::ofstream(folder_.path() / "film.avi", std::ios::binary) << test::plainFilm(3, 10, 4, 2, kFileRate);
+    std::ofstream(folder_.path() / "silent.avi", std::ios::binary) << test::plainFilm(3, 10);
+    ClipLibrary clips = library(1 << 20);
+    const auto sound = clips.get(voice({"silent.avi", "film.avi"}));
+    EXPECT_EQ(sound->channels, 2);
+    ASSERT_EQ(sound->frames(), 14'400U);
+    EXPECT_EQ(sound->samples[2 * 1000], 1000 / 32768.0f);
+    EXPECT_EQ(sound->samples[2 * 1000 + 1], -1000 / 32768.0f);
+    EXPECT_EQ(clips.diagnostics().warnings(), 0U);
+    ClipLibrary few = library(20'000);
+    EXPECT_TRUE(standsIn(*few.get(voice({"film.avi"}))));
 }
 
 TEST_F(Clips, WhatCannotBeReadIsATestSignalAndIsNamed) {

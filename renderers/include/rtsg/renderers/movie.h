@@ -1,0 +1,59 @@
+// Movie: the pictures of a film, each when it is shown.
+//
+// Films are known by their first bytes: MP4 and its kin, Matroska and WebM, AVI, Ogg, MPEG-1 and -2, animated GIF; what
+// is packed in them is decoded by FFmpeg's libraries, on the calling thread. Pictures are shown from their own times
+// on, so films of changing rate are right. Going on costs one picture's decoding; going back costs those since the last
+// picture that needs none before it, in MPEG streams and GIF those since the beginning.
+// Threading: one thread at a time. Source: ISO/IEC 19775-1 V4.0 18.4.2 (MovieTexture).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/resource.h>
+#include <rtsg/renderers/texture.h>
+
+namespace rtsg {
+
+class MovieFile;
+class Node;
+
+class Movie {
+  public:
+    /// Whether the content begins as a film does; GIF files with one picture only do, too.
+    static bool isMovie(const Resource& file);
+    /// Errors: no film, none that can be decoded, pictures of more than `maximumPixels`, no length.
+    static Result<Movie> open(Resource file, std::uint64_t maximumPixels = std::uint64_t{1} << 26);
+    Movie(Movie&&) noexcept;
+    Movie& operator=(Movie&&) noexcept;
+    ~Movie();
+
+    double seconds() const;
+    /// What is shown `seconds` after the film's beginning: the first picture before it, the last one after its end.
+    /// Nothing if that is what the last call gave.
+    Result<std::optional<Texture>> frameAt(double seconds, Texture::Content content = Texture::Content::color);
+
+  private:
+    Movie() = default;
+    std::unique_ptr<MovieFile> file_;
+};
+
+/// How long a film plays. Errors: as Movie::open().
+Result<double> movieSeconds(const Resource& file);
+
+/// What a film is heard by, from its first picture on and as long as these; a file of sound alone whole.
+struct MovieSound {
+    int sampleRate = 0, channels = 0;
+    std::vector<float> samples;  // interleaved
+};
+/// Errors: as Movie::open(); no sound that can be decoded, more than `maximumSamples`, all channels counted.
+Result<MovieSound> movieSound(const Resource& file, std::uint64_t maximumSamples);
+
+/// What time of its film a MovieTexture shows, by its clock and speed: 0 to `length`, in seconds. Before it has ever
+/// run it is the film's beginning, at a negative speed its end; once it has, it is where it stopped.
+double movieTime(const Node& node, double length);
+
+}  // namespace rtsg

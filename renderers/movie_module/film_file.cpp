@@ -1,0 +1,94 @@
+// Reading a film's bytes, and decoding one of its streams.
+#include "film_file.h"
+
+#include <vector>
+
+namespace rtsg {
+
+namespace {
+
+constexpr int kBuffer = 1 << 16;
+/// Formats of one file each: none of them names other files.
+constexpr const char* kFormats = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,ogg,mpeg,mpegvideo,gif";
+
+int openNothing(AVFormatContext*, AVIOContext**, const char*, int, AVDictionary**) {
+    return AVERROR(EACCES);
+}
+
+}  // namespace
+
+int FilmFile::read(void* self, std::uint8_t* to, int length) {
+    FilmFile& file = *static_cast<FilmFile*>(self);
+    const std::size_t got = file.bytes_.read(file.at_, {to, static_cast<std::size_t>(std::max(length, 0))});
+    file.at_ += got;
+    return got > 0 ? static_cast<int>(got) : AVERROR_EOF;
+}
+
+std::int64_t FilmFile::seek(void* self, std::int64_t offset, int whence) {
+    FilmFile& file = *static_cast<FilmFile*>(self);
+    const auto size = static_cast<std::int64_t>(file.bytes_.size);
+    if (whence & AVSEEK_SIZE) return size;
+    const int from = whence & ~AVSEEK_FORCE;
+    const std::int64_t base = from == SEEK_CUR ? static_cast<std::int64_t>(file.at_) : from == SEEK_END ? size : 0;
+    if (offset < -base || offset > size - base) return AVERROR(EINVAL);
+    file.at_ = static_cast<std::uint64_t>(base + offset);
+    return base + offset;
+}
+
+std::string FilmFile::open(std::int64_t most) {
+    format_.reset(), io_.reset();
+    at_ = 0;
+    auto* buffer = static_cast<unsigned char*>(av_malloc(kBuffer));
+    io_.reset(avio_alloc_context(buffer, kBuffer, 0, this, read, nullptr, seek));
+    AVFormatContext* format = avformat_alloc_context();
+    format->pb = io_.get();
+    format->flags |= AVFMT_FLAG_CUSTOM_IO;
+    format->io_open = openNothing;
+    AVDictionary* options = nullptr;
+    av_dict_set(&options, "format_whitelist", kFormats, 0);
+    const int opened = avformat_open_input(&format, nullptr, nullptr, &options);
+    av_dict_free(&options);
+    if (opened < 0) return "no film that can be read: " + textOfError(opened);
+    format_.reset(format);
+    // What a head does not say is found out by decoding a little.
+    std::vector<AVDictionary*> streams(format_->nb_streams, nullptr);
+    for (AVDictionary*& each : streams) av_dict_set_int(&each, "max_pixels", most, 0);
+    avformat_find_stream_info(format_.get(), streams.empty() ? nullptr : streams.data());
+    for (AVDictionary*& each : streams) av_dict_free(&each);
+    return {};
+}
+
+std::string FilmDecoder::open(AVFormatContext& format, AVMediaType kind, std::int64_t mostPixels) {
+    const std::string what = kind == AVMEDIA_TYPE_VIDEO ? "pictures" : "sound";
+    const AVCodec* decoder = nullptr;
+    stream = av_find_best_stream(&format, kind, -1, -1, &decoder, 0);
+    if (stream < 0 || !decoder) return "the file holds no " + what + " that can be decoded";
+    const AVStream& chosen = *format.streams[stream];
+    codec.reset(avcodec_alloc_context3(decoder));
+    packet.reset(av_packet_alloc());
+    draining = false;
+    avcodec_parameters_to_context(codec.get(), chosen.codecpar);
+    codec->max_pixels = mostPixels;
+    codec->pkt_timebase = chosen.time_base;
+    codec->thread_count = 1;
+    timeBase = av_q2d(chosen.time_base);
+    const int error = avcodec_open2(codec.get(), decoder, nullptr);
+    return error < 0 ? "its " + what + " cannot be decoded: " + textOfError(error) : std::string();
+}
+
+bool FilmDecoder::next(AVFormatContext& format, AVFrame& frame) {
+    for (;;) {
+        const int got = avcodec_receive_frame(codec.get(), &frame);
+        if (got >= 0) return true;
+        if (got == AVERROR_EOF || draining) return false;
+        if (av_read_frame(&format, packet.get()) < 0) {
+            draining = true;
+            avcodec_send_packet(codec.get(), nullptr);
+            continue;
+        }
+        if (packet->stream_index == stream) avcodec_send_packet(codec.get(), packet.get());
+        av_packet_unref(packet.get());
+    }
+}
+
+}  // namespace rtsg

@@ -1,0 +1,57 @@
+// MovieFiles: the pictures of films, by a module (librtsg_movies.so) that is loaded when the first film is shown.
+//
+// Invariant: nothing of FFmpeg is on this side; the module links nothing of ours, and opens nothing but the bytes it is
+// given. Errors are sentences; an empty one means done. Threading: open() from any thread; one film on one thread.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+
+#include "image/image_files.h"
+
+namespace rtsg {
+
+struct MovieBytes {
+    std::uint64_t size = 0;
+    /// Fills `to` with what is there from `offset` on, as far as the file goes; how many bytes that were.
+    std::function<std::size_t(std::uint64_t offset, std::span<std::uint8_t> to)> read;
+};
+
+class MovieFile {
+  public:
+    virtual ~MovieFile() = default;
+    /// How long its pictures are shown.
+    virtual double seconds() const = 0;
+    /// The picture that is shown `time` seconds after the first one began, bottom row first, 3 or 4 channels; the last
+    /// one for all times after it. Leaves `out` alone if that is what the call before gave, and `changed` says so.
+    virtual std::string frameAt(double time, bool& changed, FilePixels& out) = 0;
+};
+
+/// What a film is heard by, from its first picture to the end of its last; shorter films of sound alone as they are.
+struct FileSound {
+    int sampleRate = 0, channels = 0;
+    std::vector<float> samples;  // interleaved
+};
+
+class MovieFiles {
+  public:
+    virtual ~MovieFiles() = default;
+    /// Refuses pictures of more pixels than `maximumPixels`.
+    virtual std::string open(MovieBytes bytes, std::uint64_t maximumPixels, std::unique_ptr<MovieFile>& out) const = 0;
+    /// Refuses more than `maximumSamples`, all channels counted.
+    virtual std::string readSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSound& out) const = 0;
+};
+
+/// As imageFiles() does.
+Result<const MovieFiles*> movieFiles();
+
+/// What the module exports under this name, which changes whenever this header does.
+#define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles2
+
+}  // namespace rtsg

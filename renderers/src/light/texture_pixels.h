@@ -1,0 +1,13 @@
+// What image files and films hold, made into textures.
+#pragma once
+
+#include <rtsg/renderers/texture.h>
+
+#include "image/image_files.h"
+
+namespace rtsg {
+
+/// One layer. Errors: as Texture::fromBytes() and fromFloats().
+Result<Texture> textureFromPixels(const FilePixels& file, Texture::Content content, int layer = 0);
+
+}  // namespace rtsg
