@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 #include <string>
 #include <utility>
 
@@ -11,6 +12,7 @@
 #endif
 
 #include "value/number_text.h"
+#include "value/text_pieces.h"
 #include "value/text_position.h"
 
 namespace rtsg::detail {
@@ -39,11 +41,56 @@ struct Masks {
         }
     }
 };
+
+/// Numbers, white space and commas taking turns, 64 bytes at a time.
+struct Turns {
+    bool inNumber = false;  // where the next bytes begin
+    bool isDue = false;     // a number is what has to come
+    bool isDueAtOther = false;
+
+    /// Moves behind these bytes; false if they are out of turn. Of those with one that may stand in no list of numbers
+    /// it looks at what is before that, and does not move.
+    bool take(const Masks& masks) {
+        const std::uint64_t number = ~(masks.comma | masks.space | masks.other);
+        const std::uint64_t starts = number & ~(number << 1 | std::uint64_t{inNumber});
+        // From each comma on through white space: where a number may start, and another comma may not.
+        const std::uint64_t after = masks.comma << 1 | std::uint64_t{isDue};
+        std::uint64_t sum = 0;
+        const bool carried = __builtin_add_overflow(after & masks.space, masks.space, &sum);
+        const std::uint64_t due = (sum ^ masks.space) | after;
+        const std::uint64_t looked = masks.other ? (masks.other & -masks.other) - 1 : ~std::uint64_t{0};
+        if (((starts & ~due) | (masks.comma & due)) & looked) return false;
+        isDueAtOther = masks.other & due & -masks.other;
+        if (masks.other) return true;
+        inNumber = number >> 63;
+        isDue = carried || masks.comma >> 63;
+        return true;
+    }
+};
+
+/// Of a piece that begins behind a comma: behind which of its commas the last is that all is in turn up to.
+void lookAtTurns(TextPiece& piece) {
+    constexpr std::ptrdiff_t each = 64;
+    Turns turns{.isDue = true};
+    const char* p = piece.begin;
+    for (; p < piece.end; p += each) {
+        char last[each];
+        const std::ptrdiff_t rest = piece.end - p;
+        if (rest < each) {  // which ends with a comma
+            std::memset(last, ' ', each);
+            std::memcpy(last, p, static_cast<std::size_t>(rest));
+        }
+        const Masks masks(rest < each ? last : p);
+        if (masks.other || !turns.take(masks)) break;
+    }
+    piece.stop = std::min(p, piece.end);
+    while (piece.stop != piece.begin && piece.stop[-1] != ',') --piece.stop;
+}
 #endif
 
 class Outliner {
   public:
-    Outliner(TextFeed& text, bool release, Diagnostics& diagnostics)
+    Outliner(TextFeed& text, bool release, Diagnostics& diagnostics, const Splitting& splitting)
         : feed_(text),
           diagnostics_(diagnostics),
           position_(text.begin()),
@@ -51,7 +98,8 @@ class Outliner {
           released_(begin_),
           p_(begin_),
           end_(text.end()),
-          release_(release) {}
+          release_(release),
+          splitting_(splitting) {}
 
     JsonOutline run() {
         const char* complaint = nullptr;
@@ -75,6 +123,7 @@ class Outliner {
         std::uint64_t at;
         bool isObject, isAttribute = false;  // the last key's value is one
         bool hasChild = false, isLate = false;
+        bool isPlain = true;  // no string or bracket is in it
     };
 
     /// There is a character at p_, maybe one that had to be fetched.
@@ -100,6 +149,7 @@ class Outliner {
             comma_ = c == ',';
             colon_ = c == ':';
             ++p_;
+            if (std::exchange(isLong_, false) && comma_) numbersInPieces();
             return nullptr;
         }
         if (isSpace(c)) {
@@ -107,9 +157,11 @@ class Outliner {
             return nullptr;
         }
         const bool isKey = !std::exchange(colon_, false);
+        if (isSeparator(c)) isLong_ = false;
         if (c == '}' || c == ']') return close(c);
         if (value_) commaFault("a comma is missing before this");
         comma_ = false;
+        if (!open_.empty() && (c == '"' || c == '{' || c == '[')) open_.back().isPlain = false;
         if (c == '"') return string(isKey);
         if (c == '{' || c == '[') return open(c);
         word();
@@ -135,7 +187,10 @@ class Outliner {
         if (comma_) commaFault("there is nothing between the last comma and this bracket");
         comma_ = false;
         if (open_.empty() || open_.back().isObject != (c == '}')) return "the bracket matches none";
-        if (open_.back().isLate) outline_.late.push_back(open_.back().at);
+        const Open& closed = open_.back();
+        const auto at = static_cast<std::uint64_t>(p_ - begin_);
+        if (closed.isLate) outline_.late.push_back(closed.at);
+        if (closed.isPlain && c == ']' && at - closed.at > kLongArray) outline_.plain.push_back({closed.at, at});
         open_.pop_back();
         value_ = true;
         ++p_;
@@ -173,33 +228,54 @@ class Outliner {
     /// Goes on behind a number, as long as numbers, white space and commas take turns as they should.
     void numbers() {
 #if defined(__SSSE3__)
-        bool inNumber = false;
-        while (end_ - p_ >= 64) {
+        const char* const start = p_;
+        const bool mayBeLong = splitting_.threads > 1;
+        Turns turns;
+        while (end_ - p_ >= 64 && !isLong_) {
             const Masks masks(p_);
-            const std::uint64_t number = ~(masks.comma | masks.space | masks.other);
-            const std::uint64_t starts = number & ~(number << 1 | std::uint64_t{inNumber});
-            // From each comma on through white space: where a number may start, and another comma may not.
-            const std::uint64_t after = masks.comma << 1 | std::uint64_t{!value_ && !inNumber};
-            std::uint64_t sum = 0;
-            const bool carried = __builtin_add_overflow(after & masks.space, masks.space, &sum);
-            const std::uint64_t due = (sum ^ masks.space) | after;
-            const std::uint64_t looked = masks.other ? (masks.other & -masks.other) - 1 : ~std::uint64_t{0};
-            if (((starts & ~due) | (masks.comma & due)) & looked) break;
+            if (!turns.take(masks)) break;
             if (masks.other) {
-                const int count = std::countr_zero(masks.other);
-                if (due >> count & 1) break;  // a comma before the bracket, or nothing at all
-                p_ += count;
+                if (turns.isDueAtOther) break;  // a comma before the bracket, or nothing at all
+                p_ += std::countr_zero(masks.other);
                 value_ = true;
                 comma_ = false;
                 return;
             }
             p_ += 64;
-            inNumber = number >> 63;
-            if (masks.space != ~std::uint64_t{0}) comma_ = carried || masks.comma >> 63;
-            value_ = !(carried || masks.comma >> 63);
+            comma_ = turns.isDue;
+            value_ = !turns.isDue;
+            isLong_ = mayBeLong && p_ - start >= static_cast<std::ptrdiff_t>(splitting_.from / 16);
         }
-        if (inNumber)
+        if (turns.inNumber)
             while (there() && !isSeparator(*p_) && *p_ != ':') ++p_;
+#endif
+    }
+
+    /// Goes on behind a comma, in a list that has been long already: as far as it is long still, and all is in turn.
+    void numbersInPieces() {
+#if defined(__SSSE3__)
+        const auto least = static_cast<std::ptrdiff_t>(splitting_.from);
+        const auto grow = [this] {
+            const bool more = feed_.more();
+            end_ = feed_.end();
+            return more;
+        };
+        const auto isClosed = [&] {
+            return std::memchr(p_, ']', static_cast<std::size_t>(std::min(end_ - p_, least))) != nullptr;
+        };
+        while (end_ - p_ < least && !isClosed() && grow()) {
+        }
+        if (end_ - p_ < least || isClosed()) return;
+        const auto behindComma = [](const char* begin, const char* most) {
+            while (most != begin && most[-1] != ',') --most;
+            return most;
+        };
+        PieceWalk walk(p_, splitting_, behindComma, &lookAtTurns);
+        do {
+            while (walk.add(end_) && grow()) {
+            }
+            forget();
+        } while (walk.next(p_));
 #endif
     }
 
@@ -211,16 +287,18 @@ class Outliner {
     const char* p_;
     const char* end_;
     const bool release_;
+    const Splitting splitting_;
     JsonOutline outline_;
     std::vector<Open> open_;
     bool value_ = false, comma_ = false, colon_ = false;  // what came last, white space aside
+    bool isLong_ = false;                                 // the list that p_ is in
     int commaFaults_ = 0;
 };
 
 }  // namespace
 
-JsonOutline outlineJson(TextFeed& text, bool release, Diagnostics& diagnostics) {
-    return Outliner(text, release, diagnostics).run();
+JsonOutline outlineJson(TextFeed& text, bool release, Diagnostics& diagnostics, const Splitting& splitting) {
+    return Outliner(text, release, diagnostics, splitting).run();
 }
 
 }  // namespace rtsg::detail

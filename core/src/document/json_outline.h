@@ -1,8 +1,8 @@
 // A first look at a JSON text: whether its brackets match, where commas are missing or too many, and which objects have
 // attributes behind other members, so that a reader can go through the text once and forget what is behind it.
 //
-// Invariant: linear in the text; memory grows with how deep brackets are nested and with the late objects, not with the
-// text. Threading: one thread.
+// Invariant: linear in the text; memory grows with how deep brackets are nested, with the late objects and the long
+// arrays, not with the text. Threading: one thread; others may help it within a long array of numbers.
 #pragma once
 
 #include <cstdint>
@@ -11,19 +11,27 @@
 #include <rtsg/core/diagnostic.h>
 
 #include "text_feed.h"
+#include "value/splitting.h"
 
 namespace rtsg::detail {
+
+constexpr std::uint64_t kLongArray = 1 << 14;
 
 /// Offsets count from the feed's begin().
 struct JsonOutline {
     /// Where objects start of which a "@member" stands behind one that is an object or an array; ascending.
     std::vector<std::uint64_t> late;
+    /// Arrays of more than kLongArray bytes without strings and brackets within; ascending.
+    struct Plain {
+        std::uint64_t begin, end;  // of the brackets
+    };
+    std::vector<Plain> plain;
     /// Where reading ends: at the end of the text, or where it is not well-formed JSON.
     std::uint64_t end = 0;
     bool complete = true;
 };
 
 /// Tells what is wrong. `release`: what has been looked at is not needed again.
-JsonOutline outlineJson(TextFeed& text, bool release, Diagnostics& diagnostics);
+JsonOutline outlineJson(TextFeed& text, bool release, Diagnostics& diagnostics, const Splitting& splitting);
 
 }  // namespace rtsg::detail

@@ -106,7 +106,7 @@ bool detail::readText(std::string_view text, const OpenBeside& beside, DocumentH
     std::string clean;
     const bool utf8 =
         fileKind(text.substr(0, TextFeed::kHead), text.size()) == FileKind::document && !isOtherXmlEncoding(text);
-    const std::size_t bad = utf8 ? detail::findInvalidUtf8(text) : text.npos;
+    const std::size_t bad = utf8 ? detail::findInvalidUtf8(text, options.splitting) : text.npos;
     if (bad != text.npos) {
         std::size_t count = 0;
         const std::string_view body = detail::withoutBom(text);

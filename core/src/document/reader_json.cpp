@@ -182,7 +182,7 @@ bool readJson(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics
     // Looked at twice: what comes through a pipe has to be kept in between.
     std::unique_ptr<TextFeed> again = text.isWhole() ? nullptr : text.again();
     if (!again) text.fill();
-    JsonOutline outline = outlineJson(again ? *again : text, again != nullptr, diagnostics);
+    JsonOutline outline = outlineJson(again ? *again : text, again != nullptr, diagnostics, options.splitting);
     again.reset();
     return JsonReader(text, std::move(outline), handler, diagnostics, options).read();
 }

@@ -146,7 +146,7 @@ class JsonReader final : private ElementReader {
     bool attributeText(const char* value, const char* end, std::string& out);
 
     /// Whether the array at `value` is worth reading in place. Where brackets within it cannot
-    /// be made white space, there may be none.
+    /// be made white space, there may be none. Sets listEnd_.
     bool isLong(const char* value);
     void longValue(const std::string& name, FieldType type);
 
@@ -164,8 +164,8 @@ class JsonReader final : private ElementReader {
     const char* released_;
     const char* end_ = nullptr;
     const char* p_;
-    bool held_ = false;            // nothing is given back
-    const char* found_ = nullptr;  // where the list that isLong() has looked at ends, of text in memory
+    bool held_ = false;              // nothing is given back
+    const char* listEnd_ = nullptr;  // where the list that isLong() has looked at ends, if that is known
     ProgressMeter meter_;
     const Splitting splitting_;
     std::vector<Frame> frames_;

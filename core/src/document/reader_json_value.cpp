@@ -198,12 +198,18 @@ bool JsonReader::attributeText(const char* value, const char* end, std::string& 
 
 bool JsonReader::isLong(const char* value) {
     constexpr std::ptrdiff_t shortest = 4096;
-    found_ = nullptr;
+    listEnd_ = nullptr;
     if (!there(value + shortest)) return false;
     if (std::memchr(value, ']', shortest)) return false;
+    const auto offset = static_cast<std::uint64_t>(value - begin_);
+    const auto plain = std::ranges::lower_bound(outline_.plain, offset, {}, &JsonOutline::Plain::begin);
+    if (plain != outline_.plain.end() && plain->begin == offset) {
+        listEnd_ = begin_ + plain->end;
+        return true;
+    }
     if (!feed_.isWhole()) return true;
-    found_ = findBracketOrQuote(value + 1, end_);
-    return found_ == end_ || *found_ != '[';
+    listEnd_ = findBracketOrQuote(value + 1, end_);
+    return listEnd_ == end_ || *listEnd_ != '[';
 }
 
 /// The parser of numbers between brackets asks for more of them here. Brackets within become white space.
@@ -243,8 +249,8 @@ class JsonReader::LongValue final : public detail::FieldTextReport {
   private:
     const char* end(const char* from) {
         for (;;) {
-            const char* const before = std::exchange(reader_.found_, nullptr);
-            const char* const found = before ? before : findBracketOrQuote(from, reader_.end_);
+            const char* const known = reader_.listEnd_;
+            const char* const found = known ? std::min(known, reader_.end_) : findBracketOrQuote(from, reader_.end_);
             if (found == reader_.end_) return found;
             if (*found == '[')
                 ++depth_;

@@ -8,6 +8,7 @@
 #include <new>
 
 #include "value/find_bytes.h"
+#include "value/text_pieces.h"
 
 namespace rtsg::detail {
 
@@ -242,6 +243,22 @@ const char* XmlReader::scan(const char* p, const char* to) {
     return nullptr;
 }
 
+/// The first of what may end a value, or is to be looked at in one; by several threads where the value is long.
+const char* XmlReader::findMark(const char* from, const char* end) const {
+    const char quote = quote_;
+    const auto find = [quote](const char* begin, const char* stop) { return findAnyOf(begin, stop, quote, '<', '&'); };
+    if (splitting_.threads < 2 || end - from < static_cast<std::ptrdiff_t>(splitting_.from)) return find(from, end);
+    const char* const enough = from + splitting_.from / 16;
+    const char* p = find(from, enough);
+    if (p != enough) return p;
+    PieceWalk walk(
+        p, splitting_, [](const char*, const char* most) { return most; },
+        [find](TextPiece& piece) { piece.stop = find(piece.begin, piece.end); });
+    for (walk.add(end); walk.next(p); walk.add(end)) {
+    }
+    return find(p, end);
+}
+
 /// Of the attribute whose value starts at `quote`: its type, if it is a list of numbers.
 FieldType XmlReader::typeOfLong(const char* quote) const {
     const bool again = longTag_ == tag_;  // then what is before its last long value may be gone
@@ -251,7 +268,7 @@ FieldType XmlReader::typeOfLong(const char* quote) const {
         // Text that is not ours cannot be mended: expat takes care of references in it.
         if (wholeQuote_ != quote) {
             wholeQuote_ = quote;
-            wholeEnd_ = findAnyOf(quote + 1, feed_.end(), quote_, '<', '&');
+            wholeEnd_ = findMark(quote + 1, feed_.end());
         }
         const char* stop = wholeEnd_;
         if (stop != feed_.end() && *stop == '<') stop = findAnyOf(stop, feed_.end(), quote_, '&');

@@ -55,6 +55,7 @@ class XmlReader final : private ElementReader {
     const char* scanDeclaration(const char* p, const char* to);
     const char* readLong(const char* quote);
     const Early* earlyHere() const;
+    const char* findMark(const char* from, const char* end) const;
     FieldType typeOfLong(const char* quote) const;
     bool isBareAmpersand(const char* p) const;
     void release(const char* upTo);

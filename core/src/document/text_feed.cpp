@@ -26,6 +26,7 @@ struct TextFeed::Source {
     std::uint64_t limit = 0, total = 0, done = 0, textSize = 0;
     std::size_t block = 0;
     char* region = nullptr;  // reserved addresses
+    std::size_t page = 1 << 12;
     std::size_t reserved = 0, filled = 0, released = 0;
     std::size_t pending = 0;  // bytes behind `filled` whose character is not complete yet
     bool ended = false;
@@ -54,6 +55,9 @@ ssize_t readSome(int descriptor, char* to, std::size_t most) {
 }
 
 constexpr std::size_t kPackedBlock = 1 << 16;
+/// Memory comes by pages; of a long text by large ones, if the system has them, since most of what reading costs it is
+/// giving out small ones and taking them back.
+constexpr std::size_t kLargePage = 1 << 21, kLongText = 1 << 24;
 
 }  // namespace
 
@@ -95,6 +99,8 @@ Result<std::unique_ptr<TextFeed>> TextFeed::of(int descriptor, std::uint64_t lim
             return fail(std::string("there are no addresses for its text: ") + std::strerror(errno));
     }
     source->region = static_cast<char*>(region);
+    if (source->total >= kLongText && ::madvise(region, source->reserved, MADV_HUGEPAGE) == 0)
+        source->page = kLargePage;
     source->lineStart = source->region;
     return std::unique_ptr<TextFeed>(new TextFeed(std::move(source)));
 }
@@ -287,11 +293,13 @@ void TextFeed::clean(char* from, std::size_t size, bool last) {
 }
 
 void TextFeed::release(const char* upTo) {
-    constexpr std::size_t page = 4096, step = 1 << 20;
+    constexpr std::size_t step = 1 << 20;
     if (!source_ || upTo < source_->region) return;
     Source& s = *source_;
-    const std::size_t whole = static_cast<std::size_t>(upTo - s.region) / page * page;
-    if (whole < s.released + step) return;
+    const std::size_t behind = reinterpret_cast<std::uintptr_t>(upTo) % s.page;  // where its page begins
+    const auto before = static_cast<std::size_t>(upTo - s.region);
+    if (before < behind + s.released + step) return;
+    const std::size_t whole = before - behind;
     ::madvise(s.region + s.released, whole - s.released, MADV_DONTNEED);
     s.released = whole;
 }

@@ -7,62 +7,22 @@
 #pragma once
 
 #include <algorithm>
-#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <deque>
 #include <memory>
-#include <mutex>
-#include <thread>
 #include <vector>
 
 #include "gathered_numbers.h"
 #include "number_run.h"
-#include "splitting.h"
+#include "text_pieces.h"
 
 namespace rtsg::detail {
 
-struct NumberPiece {
-    const char* begin;
-    const char* end;
-    void* numbers;             // room for one every two bytes, and for a run's look
-    const char* stop = begin;  // numbers have been read up to here
-    std::size_t count = 0;
-    enum class State : std::uint8_t { waits, atWork, done } state = State::waits;
-};
-
-/// Threads that read pieces, the oldest first.
-class PieceReaders {
-  public:
-    /// Starts as many threads beside the reader's own as the system lets it.
-    PieceReaders(unsigned threads, void (*read)(NumberPiece&));
-    /// Waits for what is at work.
-    ~PieceReaders();
-    PieceReaders(const PieceReaders&) = delete;
-    PieceReaders& operator=(const PieceReaders&) = delete;
-
-    void add(NumberPiece& piece);
-    /// Waits until the piece is done; reads pieces meanwhile.
-    void finish(NumberPiece& piece);
-    /// Nobody is interested in the piece; afterwards nobody looks at it.
-    void drop(NumberPiece& piece);
-
-  private:
-    void work();
-    NumberPiece* nextLocked();
-
-    void (*const read_)(NumberPiece&);
-    std::mutex mutex_;
-    std::condition_variable forThreads_, forReader_;
-    std::deque<NumberPiece*> waiting_;
-    bool ended_ = false;
-    std::vector<std::jthread> threads_;
-};
-
 /// All plain numbers of a piece.
 template <class S>
-void readPiece(NumberPiece& piece) {
+void readPiece(TextPiece& piece) {
     auto* const numbers = static_cast<S*>(piece.numbers);
     const char* p = piece.begin;
     for (;;) {
@@ -122,7 +82,7 @@ class NumberPieces {
     bool ended_ = false;
     std::vector<std::unique_ptr<S[]>> buffers_;
     std::vector<S*> free_;
-    std::deque<NumberPiece> pieces_;
+    std::deque<TextPiece> pieces_;
     PieceReaders readers_;
 };
 
@@ -135,7 +95,7 @@ bool NumberPieces<S>::cut(const char* end) {
         // The rest of a list is short, and what has no white space is none.
         ended_ = cut == next_ || (bracketed_ && std::memchr(next_, ']', size_));
         if (ended_) break;
-        pieces_.push_back({.begin = next_, .end = cut, .numbers = free_.back(), .stop = next_});
+        pieces_.push_back({.begin = next_, .end = cut, .stop = next_, .numbers = free_.back()});
         free_.pop_back();
         readers_.add(pieces_.back());
         next_ = cut;
@@ -146,7 +106,7 @@ bool NumberPieces<S>::cut(const char* end) {
 template <class S>
 bool NumberPieces<S>::take(const char*& p, GatheredNumbers<S>& numbers) {
     while (!pieces_.empty() && p >= pieces_.front().begin) {
-        NumberPiece& piece = pieces_.front();
+        TextPiece& piece = pieces_.front();
         const char* space = std::min(p, piece.end);
         while (space != piece.begin && isSpace(space[-1])) --space;
         if (space != piece.begin || p >= piece.end) {  // a comment goes on where it begins, or beyond it

@@ -1,12 +1,15 @@
 // Finds and replaces bytes that are no UTF-8.
 #include "utf8.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 
 #if defined(__SSE2__)
 #include <emmintrin.h>
 #endif
+
+#include "text_pieces.h"
 
 namespace rtsg::detail {
 
@@ -66,6 +69,25 @@ std::size_t findInvalidUtf8(std::string_view text, std::size_t from) {
         i += length;
     }
     return std::string_view::npos;
+}
+
+std::size_t findInvalidUtf8(std::string_view text, const Splitting& splitting) {
+    if (splitting.threads < 2 || text.size() < splitting.from) return findInvalidUtf8(text);
+    // No character is cut in two.
+    const auto character = [](const char* begin, const char* most) {
+        const char* at = most;
+        while (most - at < 4 && at != begin && (static_cast<unsigned char>(*at) & 0xC0u) == 0x80u) --at;
+        return at;
+    };
+    PieceWalk walk(text.data(), splitting, character, [](TextPiece& piece) {
+        const std::string_view some(piece.begin, static_cast<std::size_t>(piece.end - piece.begin));
+        piece.stop = piece.begin + std::min(findInvalidUtf8(some), some.size());
+    });
+    const char* p = text.data();
+    const char* const end = p + text.size();
+    for (walk.add(end); walk.next(p); walk.add(end)) {
+    }
+    return findInvalidUtf8(text, static_cast<std::size_t>(p - text.data()));
 }
 
 std::string replaceInvalidUtf8(std::string_view text, std::size_t& count) {

@@ -111,7 +111,7 @@ class Lists {
         for (std::size_t i = 0; i < count; ++i) {
             text += number(integers);
             if (i + 1 < count) text += space();
-            if (oddities && below(count) < oddities) text += odd() + space();
+            if (oddities && below(count) < oddities) text += odd() + (below(6) ? space() : std::string());
         }
         return text;
     }
@@ -131,7 +131,7 @@ class Lists {
         return spaces[below(3) ? 0 : below(std::size(spaces))];
     }
     std::string odd() {
-        switch (below(14)) {
+        switch (below(18)) {
             case 0:
                 return "1e99";
             case 1:
@@ -154,6 +154,19 @@ class Lists {
                 return "<";
             case 10:
                 return "\xC3\xA4";
+            case 11:
+                return below(2) ? "\xC3" : "\xE2\x82";
+            case 12:
+                return std::string(
+                    "7\0"
+                    "8",
+                    3);
+            case 13:
+                return "";
+            case 14:
+                return "1 2";
+            case 15:
+                return "[1,2,3]";
             default:
                 return comment();
         }
