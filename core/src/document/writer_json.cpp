@@ -1,5 +1,6 @@
 // JSON. Members of an object may come in any order but each once, so what belongs to a node is gathered by member, in
-// ropes that are joined without copying, and a node of the top level goes out when it ends.
+// ropes that are joined without copying, and a node of the top level goes out when it ends; long lists of numbers
+// become text then.
 #include <algorithm>
 #include <list>
 #include <set>
@@ -12,14 +13,14 @@ namespace rtsg::detail {
 
 namespace {
 
-using Rope = std::list<std::string>;
+using Rope = std::list<WaitingText>;
 
 std::string inQuotes(std::string_view text) {
     return printFieldText(Value(String(text)), TextSyntax::json);
 }
 
-/// Numbers of every MF type stand in one flat array.
-void appendValue(std::string& text, const Value& value) {
+/// Numbers of every MF type stand in one flat array. `full` is called every so often within it, and may empty `text`.
+void appendValue(std::string& text, const Value& value, const std::function<void()>& full = {}) {
     if (!isMF(value.type())) return appendFieldText(text, value, TextSyntax::json);
     text += '[';
     const bool numbers = withNumbers(value, [&](const auto* first, std::size_t count, std::size_t) {
@@ -32,6 +33,7 @@ void appendValue(std::string& text, const Value& value) {
                 end = printNumber(end, first[i], TextSyntax::json);
             }
             text.append(piece, end);
+            if (full && text.size() >= kFlushAt) full();
         }
     });
     for (std::size_t i = 0, size = numbers ? 0 : arraySize(value); i < size; ++i) {
@@ -125,7 +127,10 @@ class JsonWriter final : public DocumentHandler {
         if (!units_.areStandard()) units_.fromStandard(findField(frame.shape, field).definition, value);
         if (field == "url" && frame.element == "Script") return source(frame, value.as<Array<String>>());
         beginAttribute(frame, spelled(frame.shape, field));
-        appendValue(frame.attributes, value);
+        if (isLongList(value))
+            frame.given.emplace_back(std::exchange(frame.attributes, {}), std::move(value));
+        else
+            appendValue(frame.attributes, value);
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation) override {
         Frame& frame = frames_.back();
@@ -221,6 +226,7 @@ class JsonWriter final : public DocumentHandler {
     };
     struct Frame {
         std::string element, field, attributes;
+        Rope given;  // attributes that come before those
         NodeShape shape;
         std::vector<Member> members;
         std::vector<Declaration> declarations;
@@ -231,7 +237,7 @@ class JsonWriter final : public DocumentHandler {
     };
 
     static void beginAttribute(Frame& frame, std::string_view name) {
-        if (!frame.attributes.empty()) frame.attributes += ',';
+        if (!frame.attributes.empty() || !frame.given.empty()) frame.attributes += ',';
         frame.attributes += "\"@";
         frame.attributes += name;
         frame.attributes += "\":";
@@ -269,13 +275,14 @@ class JsonWriter final : public DocumentHandler {
             openScene();
             text_ += any_ ? ",\n" : "\n";
             any_ = true;
-            for (std::string& piece : item) {
-                if (piece.size() > kFlushAt) {  // as it is
+            for (WaitingText& piece : item) {
+                if (piece.text.size() > kFlushAt) {  // as it is
                     flush();
-                    sink_(piece);
+                    sink_(piece.text);
                 } else {
-                    text_ += piece;
+                    text_ += piece.text;
                 }
+                if (isLongList(piece.numbers)) appendValue(text_, piece.numbers, [this] { flush(); });
                 piece = {};
                 if (text_.size() > kFlushAt) flush();
             }
@@ -303,8 +310,9 @@ class JsonWriter final : public DocumentHandler {
     /// `{"Type":{...}}`
     Rope finished(Frame&& frame) {
         Rope rope{"{" + inQuotes(frame.element) + ":{"};
-        bool first = frame.attributes.empty();
-        if (!first) rope.push_back(std::move(frame.attributes));
+        bool first = frame.attributes.empty() && frame.given.empty();
+        rope.splice(rope.end(), std::move(frame.given));
+        rope.push_back(std::move(frame.attributes));
         const auto member = [&](const std::string& opening, Rope&& items, const char* closing) {
             rope.push_back((first ? "" : ",") + opening);
             first = false;

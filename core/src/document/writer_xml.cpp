@@ -1,5 +1,6 @@
 // XML. A node's attributes may come after its children, unless the document says otherwise: then the start tag of each
-// open node is a gap in the text that is filled when the node ends; text goes out as far as the first gap.
+// open node is a gap in the text that is filled when the node ends; text goes out as far as the first gap, and long
+// lists of numbers become text then.
 #include <algorithm>
 #include <iterator>
 #include <list>
@@ -126,16 +127,17 @@ class XmlWriter final : public DocumentHandler {
         }
         if (frame.gap && sf(value.type()) != FieldType::SFString) {
             *frame.gap += " " + std::string(spelled(frame.shape, field)) + "='";
-            // In pieces: a string that grows is copied again and again.
-            appendWrapped(*frame.gap, value, TextSyntax::xml, spaces(indent() + 1),
-                          [&] { pieces_.insert(frame.gapAt, std::exchange(*frame.gap, {})); });
+            if (isLongList(value))
+                pieces_.emplace(frame.gapAt, std::exchange(*frame.gap, {}), std::move(value), spaces(indent() + 1));
+            else
+                appendWrapped(*frame.gap, value, TextSyntax::xml, spaces(indent() + 1));
             *frame.gap += "'";
             return;
         }
         if (!frame.tagOpen || sf(value.type()) == FieldType::SFString)
             return writeAttribute(frame, valueAttribute(spelled(frame.shape, field), value, where), where);
         // Long lists of numbers go out as they are printed.
-        std::string& text = pieces_.back();
+        std::string& text = pieces_.back().text;
         text += " " + std::string(spelled(frame.shape, field)) + "='";
         appendWrapped(text, value, TextSyntax::xml, spaces(indent() + 1), [this] { flush(kFlushAt); });
         write("'");
@@ -269,7 +271,7 @@ class XmlWriter final : public DocumentHandler {
         NodeShape shape;
         std::shared_ptr<ProtoType> proto;
         std::string* gap = nullptr;  // attributes go here; ends with the start tag
-        std::list<std::string>::iterator gapAt{};
+        std::list<WaitingText>::iterator gapAt{};
         bool tagOpen = false;       // no gap: attributes are written as they come
         std::string connections;    // the connect elements of its IS
         std::size_t indent = 0;     // of its content
@@ -283,19 +285,29 @@ class XmlWriter final : public DocumentHandler {
 
     // ---- text and gaps
     void write(std::string_view text) {
-        pieces_.back() += text;
+        pieces_.back().text += text;
         flush(kFlushAt);
     }
     /// Passes on what has no gap before it, if that is at least `least` bytes.
     void flush(std::size_t least) {
-        if (openGaps_ != 0 || (pieces_.size() == 1 && pieces_.back().size() < least)) return;
-        for (const std::string& piece : pieces_)
-            if (!piece.empty()) sink_(piece);
+        if (openGaps_ != 0 || (pieces_.size() == 1 && pieces_.back().text.size() < least)) return;
+        for (WaitingText& piece : pieces_) {
+            if (!piece.text.empty()) sink_(piece.text);
+            if (isLongList(piece.numbers)) flushNumbers(std::exchange(piece.numbers, {}), piece.indent);
+        }
         pieces_.resize(1);
-        pieces_.back().clear();
+        pieces_.back().text.clear();
+    }
+    void flushNumbers(const Value& numbers, std::size_t indent) {
+        std::string text;
+        appendWrapped(text, numbers, TextSyntax::xml, indent, [&] {
+            sink_(text);
+            text.clear();
+        });
+        sink_(text);
     }
     void openGap(Frame& frame) {
-        frame.gap = &pieces_.emplace_back();
+        frame.gap = &pieces_.emplace_back().text;
         frame.gapAt = std::prev(pieces_.end());
         pieces_.emplace_back();
         ++openGaps_;
@@ -539,7 +551,7 @@ class XmlWriter final : public DocumentHandler {
 
     TextSink sink_;
     Diagnostics& diagnostics_;
-    std::list<std::string> pieces_;
+    std::list<WaitingText> pieces_;
     std::size_t openGaps_ = 0;
     Where place_ = Where::root;
     std::string version_;  // of the document written

@@ -172,6 +172,36 @@ TEST(Writer, LongArraysAreBrokenIntoLines) {
     }
 }
 
+/// Of nodes that are open, what comes before and behind a long list waits with it.
+TEST(Writer, LongListsStandWhereTheyWereGiven) {
+    std::string points, indices;
+    for (int i = 0; i < 5000; ++i) {
+        points += std::to_string(i) + ".5 0 -1.25\n";
+        indices += std::to_string(i) + ", ";
+    }
+    const std::string text =
+        "#X3D V4.0 utf8\nPROFILE Full\nUNIT length foot 0.5\n"
+        "Group { visible FALSE children [ DEF S Shape { geometry IndexedFaceSet { coordIndex [" +
+        indices + "] coord Coordinate { point [" + points + "] } solid FALSE texCoordIndex [" + indices +
+        "] ccw FALSE } } USE S ] bboxSize 1 2 3 }\n";
+    Scene expected;
+    Diagnostics problems;
+    ASSERT_TRUE(loadText(expected, text, problems));
+    for (const Encoding encoding : {Encoding::xml, Encoding::json, Encoding::classicVrml}) {
+        Scene scene;
+        ASSERT_TRUE(loadText(scene, rewrite(text, encoding), problems));
+        EXPECT_EQ(scene.hash(), expected.hash());
+        EXPECT_EQ(problems.all().size(), 0u) << problems.all()[0].format();
+    }
+    const std::string xml = rewrite(text, Encoding::xml), json = rewrite(text, Encoding::json);
+    EXPECT_TRUE(xml.contains("<IndexedFaceSet coordIndex='0 1 2"));
+    EXPECT_TRUE(xml.contains("4998 4999' solid='false' texCoordIndex='0 1"));
+    EXPECT_TRUE(xml.contains("4998 4999' ccw='false'>"));
+    EXPECT_TRUE(json.contains(R"({"IndexedFaceSet":{"@coordIndex":[0,1,2,)"));
+    EXPECT_TRUE(json.contains(R"(,4998,4999],"@solid":false,"@texCoordIndex":[0,1,)"));
+    EXPECT_TRUE(json.contains(R"(,4999],"@ccw":false,"-coord":{"Coordinate":{"@point":[0.5,0,-1.25,)"));
+}
+
 TEST(Writer, DeepNestingAndManySiblingsStayLinear) {
     // The written text's size stands for the work: indents that grow with the depth would make it quadratic.
     std::string text = "#X3D V4.0 utf8\nPROFILE Full\n";
