@@ -91,6 +91,7 @@ TEST_F(Films, OfAnyKindShowTheSameWhateverWasAskedBefore) {
     } films[] = {{gif, 8, 4, 2},
                  {dataFile("film.mp4"), 10, 25, .4},
                  {dataFile("film.mpg"), 10, 25, .4},
+                 {dataFile("film.webm"), 10, 25, .4},
                  {plainFilm(100, 5), 100, 5, 20}};
     for (const auto& film : films) {
         auto forth = open(film.bytes);
