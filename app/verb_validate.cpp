@@ -57,16 +57,29 @@ std::string asSarif(const std::vector<Diagnostics>& files) {
 /// As load(), with the checks that look at a document as a whole; what Inlines load is checked where it is validated
 /// itself.
 bool loadAndCheck(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
-    if (file == "-" || isSceneFile(file)) return load(scene, file, diagnostics, resources);
-    BuildOptions options;
-    options.resources = resources;
-    options.file = file;
-    SceneBuilder builder(scene, diagnostics, options);
-    const auto check = makeFilter("validate", builder, {diagnostics, resources, file});
-    const bool complete = check && readDocumentFile(file, **check, diagnostics);
-    builder.finish();
-    print(diagnostics);
-    return complete || !builder.roots().empty();
+    bool usable = false;
+    Diagnostics missing(diagnostics.file());
+    if (file != "-" && isSceneFile(file)) {
+        usable = load(scene, file, diagnostics, resources);
+        checkResources(scene, resources, missing);
+    } else {
+        if (file == "-") diagnostics.setFile("<stdin>");
+        BuildOptions options;
+        options.resources = resources;
+        if (file != "-") options.file = file;
+        SceneBuilder builder(scene, diagnostics, options);
+        UrlPlaces places(builder);
+        const auto check = makeFilter("validate", places, {diagnostics, resources, file});
+        const bool complete = check && readDocumentFile(file, **check, diagnostics);
+        builder.finish();
+        print(diagnostics);
+        usable = complete || !builder.roots().empty();
+        missing.setFile(diagnostics.file());
+        checkResources(scene, resources, missing, &places);
+    }
+    print(missing);
+    diagnostics.append(missing);
+    return usable;
 }
 
 }  // namespace
@@ -92,10 +105,6 @@ Verb addValidate(Command& program) {
                     Diagnostics diagnostics(file);
                     const Resources resources = options->resources.ofFile(file);
                     const bool ok = loadAndCheck(scene, file, diagnostics, resources) && diagnostics.errors() == 0;
-                    Diagnostics missing(file);
-                    checkResources(scene, resources, missing);
-                    print(missing);
-                    diagnostics.append(missing);
                     good = good && ok;
                     if (options->sarif)
                         all.push_back(std::move(diagnostics));

@@ -314,8 +314,7 @@ void ClassicReader::unknownField(std::string_view name, const char* where) {
     if (isNodeWord(next) && (isList || (!startsItem(next) && startsNode()))) {
         if (complain)
             report(Severity::warning, where,
-                   findField(shape, name) ? surplus(name, shape.name())
-                                          : misplaced("a node", name.substr(0, 80), shape.name()));
+                   findField(shape, name) ? surplus(name, shape.name()) : noFieldForNodes(shape, name));
         return isList ? openList(into) : nodeStatement(into);
     }
     p_ = start;

@@ -101,13 +101,16 @@ FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child,
         }
     }
     if (!place) {
-        diagnostics_.warning(where(), misplaced(child.name(), asked, parent.name()));
+        diagnostics_.warning(where(), containerField && !named ? noFieldForNodes(parent, asked)
+                                                               : misplaced(child.name(), asked, parent.name()));
         return {asked, FieldType::MFNode};
     }
     if (containerField)
-        diagnostics_.warning(where(), "containerField '" + std::string(asked) + "' of " + std::string(parent.name()) +
-                                          " does not take " + std::string(child.name()) + "; '" +
-                                          std::string(place.name) + "' is taken instead");
+        diagnostics_.warning(where(),
+                             (named ? "containerField '" + std::string(asked) + "' of " + std::string(parent.name()) +
+                                          " does not take " + std::string(child.name())
+                                    : "containerField: " + noField(parent, asked)) +
+                                 "; '" + std::string(place.name) + "' is taken instead");
     return place;
 }
 
@@ -330,7 +333,7 @@ void ElementReader::startFieldValue(Attributes attributes) {
     const FieldRef field = findField(shape, name);
     if (!field && !value) {
         // The nodes in it keep their names.
-        diagnostics_.warning(where(), misplaced("a node", name, shape.name()));
+        diagnostics_.warning(where(), noFieldForNodes(shape, name));
         push(Inside::value);
         frames_.back().shape.unknown = std::make_shared<const std::string>(name);
         frames_.back().into = {*frames_.back().shape.unknown, FieldType::MFNode};

@@ -117,7 +117,7 @@ bool XmlReader::feedAll() {
     for (;;) {
         bool more = true;
         while (static_cast<std::size_t>(feed_.end() - at) < part && more) more = feed_.more();
-        const char* to = more ? at + part : feed_.end();
+        const char *const before = at, *to = more ? at + part : feed_.end();
         const bool last = !more;
         if (const char* quote = scan(looked, to)) {
             if (!feed(at, quote + 1, false)) return false;
@@ -131,9 +131,10 @@ bool XmlReader::feedAll() {
             if (last) return true;
             at = to;
         }
-        // What expat could not finish it keeps and reads again: within a long attribute larger parts make the work grow
-        // with its length, not with the square of it.
-        part = in_ == In::quoted || in_ == In::opaque ? std::min<std::size_t>(2 * part, 1 << 30) : kPart;
+        // What expat could not finish it keeps and reads again: within a long tag larger parts make the work grow with
+        // its length, not with the square of it.
+        const bool isLong = in_ == In::opaque || (in_ == In::quoted && tag_ < before);
+        part = isLong ? std::min<std::size_t>(2 * part, 1 << 30) : kPart;
         release(in_ == In::quoted || in_ == In::tag ? std::min(tag_, at) : at);
     }
 }

@@ -39,6 +39,10 @@ bool isStream(const NodeType& type, const FieldDef& field) {
     return field.name == "streamIdentifier" && type.isA("X3DSoundSourceNode");
 }
 
+bool namesFiles(std::string_view field) {
+    return field == "url" || field.ends_with("Url");
+}
+
 /// Calls `visit(node, field)` for every field that names files.
 void forEachUrlField(const Scene& scene, const auto& visit) {
     scene.forEachNode([&](const Node& node) {
@@ -46,24 +50,48 @@ void forEachUrlField(const Scene& scene, const auto& visit) {
         if (type.kind != NodeType::Kind::builtin && !type.isA("X3DScriptNode")) return;
         for (FieldIndex i = 0; i < type.fields.size(); ++i) {
             const FieldDef& field = type.fields[i];
-            if (field.type == FieldType::MFString &&
-                (field.name == "url" || field.name.ends_with("Url") || isStream(type, field)))
-                visit(node, i);
+            if (field.type == FieldType::MFString && (namesFiles(field.name) || isStream(type, field))) visit(node, i);
         }
     });
 }
 
 }  // namespace
 
-void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics) {
+namespace {
+
+std::string keyOf(std::string_view field, const Array<String>& urls) {
+    std::string key(field);
+    for (const String& url : urls) key += '\n' + std::string(url.view());
+    return key;
+}
+
+}  // namespace
+
+void UrlPlaces::setField(std::string_view name, Value value, SourceLocation where) {
+    if (namesFiles(name) && value.holds<Array<String>>())
+        places_[keyOf(name, value.as<Array<String>>())].push_back(where);
+    Filter::setField(name, std::move(value), where);
+}
+
+SourceLocation UrlPlaces::next(std::string_view field, const Array<String>& urls) {
+    const auto found = places_.find(keyOf(field, urls));
+    if (found == places_.end()) return {};
+    const SourceLocation where = found->second.front();
+    if (found->second.size() > 1) found->second.pop_front();
+    return where;
+}
+
+void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics, UrlPlaces* places) {
     forEachUrlField(scene, [&](const Node& node, FieldIndex i) {
         // A stream need be no file: who listens says what cannot be read.
         if (!isChecked(node) || isStream(node.type(), node.type().fields[i])) return;
         const std::string problem = problemOf(scene, node, i, resources);
         if (problem.empty()) return;
         const std::string name(scene.name(node.id()));
-        diagnostics.warning({}, fmt::format("{}{}.{}: {}", node.type().name, name.empty() ? "" : " " + name,
-                                            node.type().fields[i].name, problem));
+        const auto& urls = *static_cast<const Array<String>*>(node.storage(i));
+        const SourceLocation where = places ? places->next(node.type().fields[i].name, urls) : SourceLocation();
+        diagnostics.warning(where, fmt::format("{}{}.{}: {}", node.type().name, name.empty() ? "" : " " + name,
+                                               node.type().fields[i].name, problem));
     });
 }
 

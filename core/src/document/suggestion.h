@@ -23,5 +23,9 @@ std::string unknownType(std::string_view type);
 /// "Transform has no field 'translaton' (did you mean translation?)".
 std::string noField(const NodeShape& shape, std::string_view field);
 std::string noField(const NodeType& type, std::string_view described, std::string_view field);
+/// The same where the field was given nodes.
+inline std::string noFieldForNodes(const NodeShape& shape, std::string_view field) {
+    return noField(shape, field) + "; what is in it is kept under its name";
+}
 
 }  // namespace rtsg::detail

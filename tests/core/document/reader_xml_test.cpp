@@ -52,7 +52,7 @@ TEST(ReaderXml, ChildWhoseDefaultFieldIsMissingGoesWhereItFits) {
     EXPECT_THAT(r.handler.lines, Contains("begin AudioClip in source"));
     EXPECT_THAT(r.handler.lines, Contains("begin Box in geometry"));
     EXPECT_EQ(r.diagnostics.errors(), 0u) << r.complaints();
-    EXPECT_THAT(r.complaints(), HasSubstr("containerField 'shape'"));
+    EXPECT_THAT(r.complaints(), HasSubstr("containerField: Shape has no field 'shape'; 'geometry' is taken instead"));
 }
 
 TEST(ReaderXml, MFStringQuotingAndTheLoneString) {

@@ -396,7 +396,8 @@ TEST(Streaming, ManyShapesNeedNoMoreMemoryThanAFew) {
 #endif
     const std::string shape =
         "<Transform translation='1 2 3'><Shape><Appearance><Material diffuseColor='1 .5 .25'/></Appearance>"
-        "<Box size='1 2 3'/></Shape></Transform>\n";
+        "<Box size='1 2 3'/></Shape></Transform>\n<Shape><PointSet><Coordinate point='" +
+        manyNumbers(600, " ") + "'/></PointSet></Shape>\n";
     std::string text = "<X3D version='4.0'><Scene><Group>\n";
     while (text.size() < 120 * kMegabyte) text += shape;
     text += "</Group></Scene></X3D>\n";

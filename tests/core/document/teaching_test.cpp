@@ -48,6 +48,19 @@ TEST(Teaching, NamesWhatWasMeantInEveryEncoding) {
     EXPECT_EQ(xml.find("unknown node type"), xml.rfind("unknown node type")) << "reader and builder say it once";
 }
 
+TEST(Teaching, NamesTheFieldThatNodesWereMeantFor) {
+    EXPECT_THAT(
+        problemsOf("#X3D V4.0 utf8\nTransform { childrn [ Shape { } ] }\n"),
+        HasSubstr("test:2:13: warning: Transform has no field 'childrn' (did you mean children?); what is in it is "
+                  "kept under its name"));
+    EXPECT_THAT(
+        problemsOf("<X3D version='4.0'><Scene><Shape><Box containerField='geomtry'/></Shape></Scene></X3D>"),
+        HasSubstr("containerField: Shape has no field 'geomtry' (did you mean geometry?); 'geometry' is taken"));
+    EXPECT_THAT(
+        problemsOf("<X3D version='4.0'><Scene><Shape><Material containerField='geomtry'/></Shape></Scene></X3D>"),
+        HasSubstr("Shape has no field 'geomtry' (did you mean geometry?); what is in it is kept"));
+}
+
 TEST(Teaching, NamesWhatIsWrongInXml) {
     EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><WorldInfo title='a & b'/></Scene></X3D>"),
                 HasSubstr("a '&' that begins no reference is written &amp;"));

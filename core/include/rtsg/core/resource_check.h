@@ -5,16 +5,36 @@
 // Threading: the scene's thread.
 #pragma once
 
+#include <deque>
 #include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
+#include <rtsg/core/filter.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 
 namespace rtsg {
 
-void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics);
+/// Where a document names files. Stands before the builder of the scene.
+class UrlPlaces final : public Filter {
+  public:
+    using Filter::Filter;
+    void setField(std::string_view name, Value value, SourceLocation where) override;
+    /// The next place of those where the field was given these urls; the last one again when there are no more, since a
+    /// prototype's body stands for all its instances. None, for what the document does not say.
+    SourceLocation next(std::string_view field, const Array<String>& urls);
+
+  private:
+    std::map<std::string, std::deque<SourceLocation>, std::less<>> places_;
+};
+
+/// `places`: of the document that the scene was made of, for complaints with positions.
+void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics,
+                    UrlPlaces* places = nullptr);
 
 /// The files that urls of the scene open: what must not be written while the scene is played. Each url that names a
 /// file that is there counts, not just the first of a list.
