@@ -191,8 +191,14 @@ TEST(Streaming, LongJsonListsAreReadInPlaceWithTheSameValues) {
     EXPECT_EQ(expected.problems, "");
     EXPECT_EQ(fromMemory(jsonPoints(nested + "]")).commands, expected.commands);
     EXPECT_EQ(fromMemory(jsonPoints("[" + jsonNumbers(30'000, " ,\n\t") + " ]")).commands, expected.commands);
+    // Brackets that come late in what looked like a plain list.
+    const std::string half = jsonNumbers(15'000), first = "0.5,1.5,2.5";
+    ASSERT_TRUE(half.starts_with(first));
+    const std::string late = jsonPoints("[" + half + ",[" + first + "]" + half.substr(first.size()) + "]");
+    EXPECT_EQ(fromMemory(late).commands, expected.commands);
     expectSame(flat);
     expectSame(jsonPoints(nested + "]"));
+    expectSame(late);
 }
 
 TEST(Streaming, FaultsInLongJsonListsAreReportedWhereTheyAre) {
