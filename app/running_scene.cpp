@@ -91,6 +91,7 @@ void RunningScene::followInlines() {
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
     queries_ = std::make_unique<LateQueries>(*this);
     scene_.setSpaceQueries(queries_.get());
+    scene_.setNavigation(true);
 }
 
 Result<> RunningScene::inject(const std::vector<std::string>& events) {

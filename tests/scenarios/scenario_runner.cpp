@@ -12,6 +12,7 @@
 
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/loader.h>
+#include <rtsg/core/navigation.h>
 #include <rtsg/core/scene_builder.h>
 #include <rtsg/sync/change_codec.h>
 
@@ -144,6 +145,7 @@ class Run final : Subscriber {
         });
         space_ = std::make_unique<SimpleSpace>(*scene_);
         scene_->setSpaceQueries(space_.get());
+        scene_->setNavigation(true);
         BuildOptions options;
         options.resources = folder_;
         inlines_ = std::make_unique<InlineLoader>(*scene_, diagnostics_, options);
@@ -263,7 +265,7 @@ class Run final : Subscriber {
 
     // ---- statements --------------------------------------------------------------------------------------------
 
-    /// [N:] [down|up] [X Y Z DX DY DZ|leave]; what is left out is as it was.
+    /// [N:] [down|up] [X Y Z DX DY DZ|picture X Y|leave]; what is left out is as it was.
     void point(const std::vector<std::string>& words) {
         std::size_t i = 0;
         PointerInput given;
@@ -275,6 +277,11 @@ class Run final : Subscriber {
         if (i < words.size() && words[i] == "leave") {
             input.kind = PointerInput::Kind::absent;
             ++i;
+        } else if (i + 3 == words.size() && words[i] == "picture") {
+            input.kind = PointerInput::Kind::picture;
+            input.x = std::strtod(words[i + 1].c_str(), nullptr);
+            input.y = std::strtod(words[i + 2].c_str(), nullptr);
+            i += 3;
         } else if (i + 6 == words.size()) {
             double numbers[6];
             for (double& number : numbers) number = std::strtod(words[i++].c_str(), nullptr);
@@ -305,17 +312,40 @@ class Run final : Subscriber {
             for (std::size_t at; (at = text.find("\\n")) != std::string::npos;) text.replace(at, 2, "\n");
             if (auto ok = sendText(*scene_, text); !ok) fail("{}", ok.error().text);
             sent_ = true;
+        } else if (one.verb == "wheel") {
+            const std::vector<std::string> words = wordsOf(one.text);
+            if (words.size() != 2) return fail("a wheel turns ACROSS DOWN"), true;
+            auto ok = sendWheel(*scene_, std::strtod(words[0].c_str(), nullptr), std::strtod(words[1].c_str(), nullptr));
+            if (!ok) fail("{}", ok.error().text);
+            sent_ = true;
         } else {
             return false;
         }
         return true;
     }
 
+    /// Where the viewer is, in world coordinates.
+    void checkViewer(const std::string& text) {
+        const auto wanted = parseFieldText(FieldType::MFFloat, '[' + text + ']');
+        const ViewerPose pose = viewerPose(observed());
+        const Vec3d& p = pose.position;
+        const Vec3d ahead = pose.orientation * Vec3d(0, 0, -1);
+        Array<float> actual;
+        for (const double number : {p.x, p.y, p.z, ahead.x, ahead.y, ahead.z}) actual.push_back(float(number));
+        if (wanted && wanted->as<Array<float>>().size() == 3) actual.resize(3);
+        if (!wanted || !near(*wanted, Value(actual)))
+            fail("the viewer is at {}, not {}", printFieldText(Value(actual)), text);
+    }
+
+    static bool isExpectation(const std::string& verb) {
+        static const std::set<std::string> all{"expect", "ordered",    "silent", "get",
+                                               "absent", "diagnostic", "viewer", "----"};
+        return all.contains(verb);
+    }
+
     void step(const Statement& one) {
         const std::string& verb = one.verb;
-        const bool expectation = verb == "expect" || verb == "ordered" || verb == "silent" || verb == "get" ||
-                                 verb == "absent" || verb == "diagnostic" || verb == "----";
-        if (!expectation) checkEvents();
+        if (!isExpectation(verb)) checkEvents();
         if (useDevice(one)) return;
         NodeId node, other;
         FieldIndex field = kNoField, otherField = kNoField;
@@ -384,6 +414,8 @@ class Run final : Subscriber {
             if (!parseValue(scene, scene.node(node).type().fields[field].type, rest, value)) return;
             const Value actual = scene.node(node).value(field);
             if (!near(actual, value)) fail("{} is {}, not {}", first, print(actual), print(value));
+        } else if (verb == "viewer") {
+            checkViewer(one.text);
         } else if (verb == "absent") {
             if (resolve(observed(), first)) fail("'{}' is still there", first);
         } else if (verb == "diagnostic") {

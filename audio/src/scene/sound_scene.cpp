@@ -56,8 +56,8 @@ T fieldOr(const Node& node, std::string_view name, T otherwise) {
     return node.get(Field<T>{field});
 }
 
-ListenerPose poseFrom(const WorldFromLocal& m, const Vec3f& position, const Rotation& orientation) {
-    const Camera camera = Camera::perspective(m, Vec3d(position), orientation, 0.785, 1);
+ListenerPose poseFrom(const WorldFromLocal& m, const Vec3d& position, const Rotation& orientation) {
+    const Camera camera = Camera::perspective(m, position, orientation, 0.785, 1);
     ListenerPose pose;
     pose.position = camera.position;
     pose.right = camera.right;
@@ -455,7 +455,9 @@ namespace {
 
 ListenerPose poseOf(const Scene& scene, const Placed& placed) {
     const Node& node = scene.node(placed.node);
-    return poseFrom(placed.worldFromLocal, fieldOr(node, "position", Vec3f(0, 0, 10)),
+    if (const auto moved = movedView(node))
+        return poseFrom(placed.worldFromLocal, moved->position, orientationOf(*moved));
+    return poseFrom(placed.worldFromLocal, Vec3d(fieldOr(node, "position", Vec3f(0, 0, 10))),
                     fieldOr(node, "orientation", Rotation{}));
 }
 

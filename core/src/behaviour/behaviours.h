@@ -28,6 +28,7 @@ double rootOnTime(Cascade& cascade, const Node& node);
 /// Devices' events come to the root.
 void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value);
 void pickedOnEvent(Cascade& cascade, const Node& root, const void* value);
+void viewerOnEvent(Cascade& cascade, const Node& root, const void* value);
 void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value);
 
 /// An event value in block representation as what it is.

@@ -5,11 +5,13 @@
 // are hashed as everything else.
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
 #include "scene/places.h"
+#include "transitions.h"
 
 namespace rtsg::behaviours {
 
@@ -54,14 +56,6 @@ void bindNavigation(Cascade& cascade, const Node& node, bool bound) {
         (void)cascade.deliver(info->id(), x3d::NavigationInfo::set_bind.index, Value(bound));
 }
 
-/// The viewer is where the viewpoint is at once: the transition is complete when it begins.
-void completeTransition(Cascade& cascade, const Node& holder) {
-    const Scene& scene = cascade.scene();
-    const auto& stack = holder.get(stackOf(holder, Kind::navigation));
-    if (!stack.empty() && scene.node(stack[0]).is(x3d::NavigationInfo::type))
-        cascade.emit(scene.node(stack[0]), x3d::NavigationInfo::transitionComplete, true);
-}
-
 /// The top of a stack may be of another type of the same kind (OrthoViewpoint, TextureBackground).
 void announceBound(Cascade& cascade, NodeId id, bool bound) {
     const Node& node = cascade.scene().node(id);
@@ -70,6 +64,7 @@ void announceBound(Cascade& cascade, NodeId id, bool bound) {
     if (isBound != kNoField) cascade.emitStorage(node, isBound, &bound);
     if (bindTime != kNoField) cascade.emitStorage(node, bindTime, &now);
     bindNavigation(cascade, node, bound);
+    if (!bound) stopTransition(cascade, node);
 }
 
 /// N: node type with set_bind, isBound, bindTime.
@@ -79,8 +74,12 @@ struct Bindable {
         cascade.emit(node, N::isBound, bound);
         cascade.emit(node, N::bindTime, Time{cascade.now()});
         bindNavigation(cascade, node, bound);
+        if (!bound) stopTransition(cascade, node);
     }
     static constexpr bool kIsView = kind == Kind::viewpoint;
+    static std::optional<ViewerPose> seenFrom(Cascade& cascade, NodeId top) {
+        return kIsView && top ? worldView(cascade.scene(), top) : std::nullopt;
+    }
     static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
         if (field != N::set_bind.index) return;
         const Node& holder = holderOf(cascade, node.id());
@@ -92,20 +91,25 @@ struct Bindable {
             if (onTop) return;
             if (found != stack.end()) stack.erase(static_cast<std::size_t>(found - stack.begin()));
             stack.insert(0, node.id());
+            const auto from = seenFrom(cascade, oldTop);
             // The old one hears of it first (7.2.2 step b).
             if (oldTop) announceBound(cascade, oldTop, false);
             storeStack(cascade, holder, kind, stack);
             announce(cascade, node, true);
-            if (kIsView && oldTop) completeTransition(cascade, holder);
+            if constexpr (kIsView) {
+                const bool retains = node.get(N::retainUserOffsets);
+                arriveAt(cascade, node, from, retains ? ViewEntry::asLeft : ViewEntry::asAuthored, node.get(N::jump));
+            }
         } else {
             if (found == stack.end()) return;
+            const auto from = seenFrom(cascade, node.id());
             stack.erase(static_cast<std::size_t>(found - stack.begin()));
             if (onTop) announce(cascade, node, false);
             storeStack(cascade, holder, kind, stack);
-            if (onTop && !stack.empty()) {
-                announceBound(cascade, stack[0], true);
-                if (kIsView) completeTransition(cascade, holder);
-            }
+            if (!onTop || stack.empty()) return;
+            announceBound(cascade, stack[0], true);
+            if constexpr (kIsView)
+                arriveAt(cascade, cascade.scene().node(stack[0]), from, ViewEntry::asLeft, node.get(N::jump));
         }
     }
     /// The first one found is bound when nothing is; one that has come to the top because others were deleted hears it,
@@ -124,6 +128,7 @@ struct Bindable {
             storeStack(cascade, holder, kind, stack);
         }
         if (stack[0] == node.id() && !node.get(N::isBound)) announce(cascade, node, true);
+        if constexpr (kIsView) return goOnWithTransition(cascade, node);
         return kNever;
     }
 };

@@ -6,7 +6,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
-#include "rotations.h"
+#include "scene/rotations.h"
 #include "scene/box_overlap.h"
 #include "scene/places.h"
 

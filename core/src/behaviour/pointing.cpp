@@ -12,7 +12,7 @@
 
 #include "behaviours.h"
 #include "drag_geometry.h"
-#include "rotations.h"
+#include "scene/rotations.h"
 #include "scene/places.h"
 
 namespace rtsg::behaviours {
@@ -479,6 +479,7 @@ void collisionOnEvent(Cascade& cascade, const Node& node, FieldIndex field, cons
 void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value) {
     if (field == R::contact.index) return feel(cascade, root, eventValue<Array<std::int32_t>>(value));
     if (field == R::picked.index) return pickedOnEvent(cascade, root, value);
+    if (field == R::navigate.index) return viewerOnEvent(cascade, root, value);
     if (field == R::key.index || field == R::text.index) return keysOnEvent(cascade, root, field, value);
     if (field != R::pointer.index) return;
     const auto input = PointerInput::fromValue(eventValue<Array<double>>(value));

@@ -219,6 +219,7 @@ Result<> Scene::reset() {
     fresh->firstNewId = fresh->nextId;
     fresh->listener = std::move(state_->listener);
     fresh->queries = state_->queries;
+    fresh->navigates = state_->navigates;
     fresh->behavioursEnabled = state_->behavioursEnabled;
     fresh->behavioursByName = std::move(state_->behavioursByName);
     fresh->recording = state_->recording;

@@ -243,6 +243,9 @@ Bearing bearingThrough(const Scene& scene, double x, double y, double aspect) {
 void Scene::setSpaceQueries(SpaceQueries* queries) {
     if (!state_->refuseForeign()) state_->queries = queries;
 }
+void Scene::setNavigation(bool on) {
+    if (!state_->refuseForeign()) state_->navigates = on;
+}
 
 // ---- what a frame takes ------------------------------------------------------------------------------------------
 
@@ -406,7 +409,7 @@ void Scene::State::feelContacts() {
     inputQueue.push_back({owner.root(), Root::contact.index, Value(value)});
 }
 
-void Scene::State::prepareInput() {
+void Scene::State::prepareInput(double t) {
     if (playing || !behavioursEnabled) return;
     bool pointers = false, keys = false;
     for (const QueuedEvent& event : inputQueue) {
@@ -417,6 +420,7 @@ void Scene::State::prepareInput() {
     if (pointers) deferPointers();
     if (pointers) castRays();
     if (keys) deferKeys();
+    if (navigates) navigate(t);
     feelContacts();
     pick();
 }

@@ -9,6 +9,8 @@
 
 #include <rtsg/core/x3d.h>
 
+#include "view_pose.h"
+
 namespace rtsg {
 
 namespace {
@@ -217,24 +219,16 @@ void Places::computeViewer() {
     viewer_ = {};  // 23.4.6: where a viewer stands who is given no viewpoint
     const Node* view = topOfStack(scene_, "_viewpointStack");
     if (!view) return;
-    const auto find = [&]<class T>(std::string_view name, Field<T>) {
-        const FieldIndex index = view->type().findExact(name);
-        const bool fits = index != kNoField && view->type().fields[index].type == FieldTypeOf<T>::value;
-        return Field<T>{fits ? index : kNoField};
-    };
-    const auto position = find("position", Field<Vec3f>{}), center = find("centerOfRotation", Field<Vec3f>{});
-    const auto orientation = find("orientation", Field<Rotation>{});
     // The root asks, who is told nothing; those that follow the viewer are.
     const glm::dmat4& world = worldFromLocal(view->id(), scene_.root());
-    const auto placed = [&](const Vec3f& p) { return glm::dvec3(world * glm::dvec4(glm::dvec3(p), 1)); };
     viewer_.viewpoint = view->id();
-    if (position.index != kNoField) viewer_.position = placed(view->get(position));
-    if (center.index != kNoField) viewer_.centerOfRotation = placed(view->get(center));
     viewer_.orientation = turnOf(world);
-    if (orientation.index == kNoField) return;
-    const Rotation r = view->get(orientation);
-    const glm::dvec3 axis(r.x, r.y, r.z);
-    if (glm::length(axis) > 0) viewer_.orientation *= glm::angleAxis(double(r.angle), glm::normalize(axis));
+    const auto fields = viewFields(*view);
+    if (!fields) return;
+    const ViewerPose pose = *viewOf(*view);
+    viewer_.position = world * glm::dvec4(pose.position, 1);
+    viewer_.centerOfRotation = world * glm::dvec4(glm::dvec3(view->get(fields->centerOfRotation)), 1);
+    viewer_.orientation *= pose.orientation;
 }
 
 const Viewer& Places::viewer(NodeId asker) {

@@ -60,6 +60,10 @@ Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     return {};
 }
 
+void Cascade::wake(const Node& node) {
+    scene_.state_->wake(node);
+}
+
 const glm::dmat4& Cascade::worldFromLocal(const Node& node, const Node& asker) {
     scene_.state_->askedForPlace = true;
     return scene_.state_->places.worldFromLocal(node.id(), asker.id());
@@ -357,7 +361,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
         t = s.now;
     }
     if (!s.playing) s.destroyDropped();
-    s.prepareInput();
+    s.prepareInput(t);
     if (s.recording) s.captureInput(true);
     Cascade cascade(*this, t, s.started ? s.now : t);
     s.now = t;

@@ -265,14 +265,17 @@ struct Scene::State {
     std::size_t collisionNodes = 0;
     std::vector<NodeId> pickSensors;         // ascending
     std::vector<QueuedEvent> deferredInput;  // for the frame after this one
-    /// Before a frame begins: what of the queue it takes, and what pointers and the avatar meet.
-    void prepareInput();
+    /// Before a frame at `t` begins: what of the queue it takes, what pointers and the avatar meet, and where the
+    /// viewer goes.
+    void prepareInput(double t);
     void deferPointers();
     void deferKeys();
     std::optional<NodeId> layerHeld(std::int32_t device) const;
     void castRays();
     void feelContacts();
     void pick();  // pick_sensors.cpp
+    bool navigates = false;
+    void navigate(double t);  // navigation.cpp
     static bool isPickSensor(TypeIndex type);
     // ---- what scripts have made (dropped.cpp) ----
     std::vector<NodeId> scriptMade;                         // that are still there, ascending

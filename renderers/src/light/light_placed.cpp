@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <optional>
 
+#include <rtsg/core/navigation.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -35,6 +36,10 @@ View readView(const Scene& scene, const Node& node) {
     } else if (node.is(x3d::GeoViewpoint::type)) {
         common(static_cast<const x3d::GeoViewpoint*>(nullptr));
         view.fieldOfView = node.get(x3d::GeoViewpoint::fieldOfView);
+    }
+    if (const auto moved = movedView(node)) {
+        view.position = moved->position;
+        view.orientation = orientationOf(*moved);
     }
     return view;
 }

@@ -15,7 +15,7 @@ export class PagePointer {
     this.element = element;
     this.mirror = mirror;
     this.ray = ray;
-    this.device = Math.floor(Math.random() * kDevices);
+    this.device = 1 + Math.floor(Math.random() * (kDevices - 1));  // 0 moves the origin's viewer
     this.present = false;
     this.held = null;        // which of the browser's pointers is down
     this.fingers = new Set();

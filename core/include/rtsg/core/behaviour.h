@@ -62,6 +62,8 @@ class Cascade {
     Result<> output(const Node& node, FieldIndex field, const Value& value);
     /// Delivers an event to another node's input at this timestamp (direct output of a Script).
     Result<> deliver(NodeId node, FieldIndex field, const Value& value);
+    /// Has the onTime of another node called at this timestamp (again). Not recorded: for deterministic behaviours.
+    void wake(const Node& node);
     /// Where what is in `node` stands, on the first path from the root. If `asker`, whose onTime this is, returns
     /// kUntilMoved, it is called again when that changes, in the same frame if need be.
     const glm::dmat4& worldFromLocal(const Node& node, const Node& asker);

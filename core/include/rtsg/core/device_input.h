@@ -94,7 +94,7 @@ Result<> sendPointer(Scene& scene, const PointerInput& input);
 Result<> sendKey(Scene& scene, const KeyInput& input);
 /// What was composed or pasted: for StringSensors, as if typed; '\n' ends a string.
 Result<> sendText(Scene& scene, std::string_view text);
-/// Steps across and down. Recorded and mirrored; no built-in node answers it.
+/// Steps across and down; navigation (navigation.h) answers it.
 Result<> sendWheel(Scene& scene, double across, double down);
 /// Against the bound viewpoint, metres. Recorded and mirrored; no built-in node answers it.
 Result<> sendHeadPose(Scene& scene, const Vec3d& position, const Rotation& orientation);

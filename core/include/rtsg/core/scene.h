@@ -191,6 +191,9 @@ class Scene {
     /// Who casts pointers' rays and feels what the avatar touches (device_input.h); null for nobody. Must outlive its
     /// use.
     void setSpaceQueries(SpaceQueries* queries);
+    /// Whether keys, wheels and pointers move the viewer, as the bound NavigationInfo says (navigation.h); not at
+    /// first.
+    void setNavigation(bool on);
     double now() const;
     std::uint64_t sequence() const;  // state number: sets published or applied so far
     Bus& bus() { return *bus_; }

@@ -1,0 +1,77 @@
+// Navigation: moves the viewer by what keys, wheels and pointers do, as the bound NavigationInfo says.
+//
+// Scene::setNavigation() switches it on. Where the viewer has gone from the bound viewpoint is a part of the scene, in
+// hidden fields of that viewpoint; its position and orientation stay its author's. Walls and ground are asked for
+// before a frame begins (SpaceQueries; without them there are none), and what comes of it is an event of that frame: so
+// replicas and replays follow without any geometry. Nothing moves, and nobody falls, before somebody has navigated.
+// Lengths, speeds and "up" (+Y) are in the coordinates around the viewpoint. Threading: the scene's thread.
+// Source: ISO/IEC 19775-1 V4.0 23.2, 23.3.1, 23.4.4, annex G.
+
+//                 arrow keys                        pointer dragged    wheel
+//     EXAMINE     go round centerOfRotation         the same           nearer to it, a tenth a step
+//     LOOKAT      as EXAMINE; a shape that is clicked is gone to and becomes the centre
+//     WALK        forwards, back, turn; with ALT    look round         forwards, speed / 4 a step
+//                 sideways
+//     FLY         the same, where one looks         look round         the same
+// HOME, END, PGUP, PGDN bind the first, last, previous, next viewpoint; HOME once more goes back to it.
+
+// Example:
+//     #include <rtsg/core/device_input.h>
+//     #include <rtsg/core/navigation.h>
+//     void forward(rtsg::Scene& scene, double now, bool down) {
+//         scene.setNavigation(true);
+//         if (const auto key = rtsg::KeyInput::named("UP", down)) (void)rtsg::sendKey(scene, *key);
+//         scene.newFrame(now);  // from now on it walks, until the key is let go
+//     }
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <glm/gtc/quaternion.hpp>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/value.h>
+
+namespace rtsg {
+
+class Node;
+class Scene;
+class SpaceQueries;
+
+/// From where, and which way: along -Z of `orientation`, a unit quaternion, with +Y up.
+struct ViewerPose {
+    Vec3d position{0};
+    glm::dquat orientation{1, 0, 0, 0};
+    friend bool operator==(const ViewerPose&, const ViewerPose&) = default;
+};
+
+enum class NavigationType : std::uint8_t { none, walk, fly, examine, lookAt };
+
+/// The first type of the NavigationInfo that is bound in the active layer which is known here; ANY, and where none is
+/// bound, is EXAMINE.
+NavigationType navigationType(const Scene& scene);
+
+/// Of a Viewpoint or OrthoViewpoint, in the coordinates around the node: its fields, and where the user has gone from
+/// there. Nothing for other nodes.
+std::optional<ViewerPose> viewOf(const Node& viewpoint);
+/// The same where the user has gone anywhere; else nothing.
+std::optional<ViewerPose> movedView(const Node& viewpoint);
+/// As a Viewpoint has it; the angle is at most pi.
+Rotation orientationOf(const ViewerPose& pose);
+/// In world coordinates; of the default viewpoint if none is bound.
+ViewerPose viewerPose(const Scene& scene);
+
+/// The viewpoints of the active layer that can be bound, in document order.
+std::vector<NodeId> viewpoints(const Scene& scene);
+enum class ViewpointChoice : std::uint8_t { first, previous, next, last };
+/// Queues a set_bind for the next frame; next and previous go round. Error: there is no viewpoint.
+Result<> bindViewpoint(Scene& scene, ViewpointChoice choice);
+
+/// Queues that the viewer goes there (world coordinates) in the next frame; `animated`: as NavigationInfo's
+/// transitionType says. Error: no viewpoint is bound, or it has no way there; numbers that are not finite.
+Result<> moveViewer(Scene& scene, const ViewerPose& pose, bool animated = true);
+/// The same, looking as now, to where the bounding box of all Shapes is seen whole. Error: as above; there are none.
+Result<> viewAll(Scene& scene, SpaceQueries& queries);
+
+}  // namespace rtsg

@@ -1,0 +1,48 @@
+// How an avatar moves among surfaces: a cylinder that walks (23.2.4: collisions, steps, gravity), or a ball that flies.
+//
+// Everything is in the coordinates around the viewpoint, with +Y up. Surfaces are felt by rays along the way, an
+// avatar's radius apart at most, so what is thinner may slip between them. Pure functions of what is given.
+// Source: ISO/IEC 19775-1 V4.0 23.2.4, 23.4.4.
+#pragma once
+
+#include <functional>
+#include <optional>
+
+#include <rtsg/core/navigation.h>
+
+namespace rtsg {
+
+/// NavigationInfo::avatarSize, metres.
+struct Avatar {
+    double radius = .25, height = 1.6, step = .75;
+};
+
+/// The first surface that a ray meets. `normal`: a unit vector towards where the ray came from.
+struct Met {
+    double distance = 0;
+    glm::dvec3 normal{0};
+};
+/// `direction` is a unit vector.
+using CastRay = std::function<std::optional<Met>(const glm::dvec3& origin, const glm::dvec3& direction, double length)>;
+
+/// Where the eye gets to that wants to go by `motion`: up to `radius` from what is in the way, and along that. Of one
+/// who walks what is lower than a step, and slopes up to 60 degrees, are ground and not in the way.
+glm::dvec3 slideBy(glm::dvec3 eye, glm::dvec3 motion, const Avatar& avatar, bool walks, const CastRay& cast);
+
+struct Stand {
+    glm::dvec3 eye{0};
+    double fallSpeed = 0;
+    bool blocked = false;  // the ground is higher than a step
+};
+constexpr double kGravity = 9.80665;
+/// On the ground below, or on the way down to it after `seconds`; without ground one does not fall.
+Stand standOrFall(glm::dvec3 eye, double fallSpeed, double seconds, const Avatar& avatar, const CastRay& cast);
+
+/// Round `center`: by `across` about +Y, and by `over` about the view's own axis to the right. Radians.
+ViewerPose orbited(const ViewerPose& pose, const glm::dvec3& center, double across, double over);
+/// About +Y by `left`, and upwards by `up`, to 89 degrees at most. Radians.
+ViewerPose turned(const ViewerPose& pose, double left, double up);
+/// Looks along `direction` (not zero), upright where that says which way is up; else as `pose` does.
+glm::dquat lookAlong(const glm::dvec3& direction, const ViewerPose& pose);
+
+}  // namespace rtsg

@@ -1,0 +1,59 @@
+// Poses of viewers, and how they hang together: the author's, the user's offset from it, the world's.
+#pragma once
+
+#include <cmath>
+#include <optional>
+
+#include <rtsg/core/navigation.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
+#include "places.h"
+
+namespace rtsg {
+
+/// X3DViewpointNode's hidden fields, of the types that can be bound.
+struct ViewFields {
+    Field<Vec3f> position, centerOfRotation;
+    Field<Rotation> orientation;
+    Field<Vec3d> userPosition;
+    Field<Vec4d> userTurn;
+    Field<Array<double>> transition;
+};
+inline std::optional<ViewFields> viewFields(const Node& node) {
+    const auto of = []<class V>(const V*) {
+        return ViewFields{V::position,      V::centerOfRotation, V::orientation,
+                          V::_userPosition, V::_userTurn,        V::_transition};
+    };
+    if (node.is(x3d::Viewpoint::type)) return of(static_cast<const x3d::Viewpoint*>(nullptr));
+    if (node.is(x3d::OrthoViewpoint::type)) return of(static_cast<const x3d::OrthoViewpoint*>(nullptr));
+    return std::nullopt;
+}
+
+inline bool isFinite(const ViewerPose& pose) {
+    const glm::dquat& q = pose.orientation;
+    return std::isfinite(pose.position.x + pose.position.y + pose.position.z) &&
+           std::isfinite(q.x + q.y + q.z + q.w) && glm::length(q) > 0;
+}
+/// `inner` is in `outer`'s own frame.
+inline ViewerPose composed(const ViewerPose& outer, const ViewerPose& inner) {
+    return {outer.position + outer.orientation * inner.position,
+            glm::normalize(outer.orientation * inner.orientation)};
+}
+/// The other way round: `pose` as seen from `outer`.
+inline ViewerPose relative(const ViewerPose& outer, const ViewerPose& pose) {
+    const glm::dquat back = glm::conjugate(outer.orientation);
+    return {back * (pose.position - outer.position), glm::normalize(back * pose.orientation)};
+}
+inline ViewerPose transformed(const glm::dmat4& matrix, const ViewerPose& pose) {
+    return {matrix * glm::dvec4(pose.position, 1), glm::normalize(turnOf(matrix) * pose.orientation)};
+}
+
+/// What the fields say.
+ViewerPose authorsView(const Node& viewpoint, const ViewFields& fields);
+/// Where the user has gone from there; the stored numbers may be anything, and then it is nowhere.
+ViewerPose userOffset(const Node& viewpoint, const ViewFields& fields);
+/// From the coordinates around a node to the world's; nothing if there is no way back.
+std::optional<glm::dmat4> worldAround(const Scene& scene, NodeId node);
+
+}  // namespace rtsg
