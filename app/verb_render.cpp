@@ -19,6 +19,7 @@ struct RenderArguments {
     bool panorama = false;
     ResourceArguments resources;
     StartTime start;
+    std::vector<std::string> set;
     int frames = 1;
     double fps = 25;
     PictureArguments picture;
@@ -107,6 +108,7 @@ int render(const RenderArguments& options) {
 
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
+    if (auto ok = running.inject(options.set); !ok) return printError(ok.error().text), kUsage;
     keepResources(running.scene(), running.resources(), outputs);
     SharedWorld& world = running.world().get();
     LightRenderer light(world, LightRenderer::Options(running.resources()));
@@ -173,6 +175,9 @@ Verb addRender(Command& program) {
         ->preset()
         ->range(1, 1'000'000);
     command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e4);
+    command->addOption(
+        "--set", options->set,
+        "inject an event, as in rtsg run: DEF.field=VALUE@TIME; or pointer=, key=, text=, wheel=, head=");
     options->start.addTo(*command);
     options->resources.addTo(*command);
     options->picture.addTo(*command);

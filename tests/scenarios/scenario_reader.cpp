@@ -13,9 +13,10 @@ Scenario readScenario(const std::filesystem::path& path) {
     scenario.path = path;
     std::ifstream in(path);
     if (!in) scenario.error = "cannot be read";
-    static const char* const verbs[] = {"scene", "file",   "watch",  "send",       "set",     "time", "route",
-                                        "add",   "remove", "create", "destroy",    "unroute", "----", "ordered",
-                                        "get",   "silent", "absent", "diagnostic", "pointer", "key",  "text", "wheel", "viewer"};
+    static const char* const verbs[] = {"scene",   "file",    "watch",  "send",   "set",     "time",
+                                        "route",   "add",     "remove", "create", "destroy", "unroute",
+                                        "----",    "ordered", "get",    "silent", "absent",  "diagnostic",
+                                        "pointer", "key",     "text",   "wheel",  "viewer"};
     bool expecting = false;
     int number = 0;
     for (std::string line; std::getline(in, line);) {
@@ -43,14 +44,15 @@ Scenario readScenario(const std::filesystem::path& path) {
             break;
         }
         if (isVerb)
-            expecting = word == "----" || (expecting && (word == "ordered" || word == "get" || word == "viewer" || word == "silent" ||
-                                                         word == "absent" || word == "diagnostic"));
+            expecting = word == "----" || (expecting && (word == "ordered" || word == "get" || word == "viewer" ||
+                                                         word == "silent" || word == "absent" || word == "diagnostic"));
         std::size_t rest = isVerb ? line.find_first_not_of(" \t", end) : 0;
         scenario.statements.push_back(
             {number, isVerb ? word : "expect", rest == std::string::npos ? std::string() : line.substr(rest)});
     }
     if (scenario.error.empty() && std::ranges::none_of(scenario.statements, [](const Statement& s) {
-            return s.verb == "expect" || s.verb == "get" || s.verb == "viewer" || s.verb == "diagnostic" || s.verb == "silent";
+            return s.verb == "expect" || s.verb == "get" || s.verb == "viewer" || s.verb == "diagnostic" ||
+                   s.verb == "silent";
         }))
         scenario.error = "expects nothing";
     return scenario;

@@ -315,7 +315,8 @@ class Run final : Subscriber {
         } else if (one.verb == "wheel") {
             const std::vector<std::string> words = wordsOf(one.text);
             if (words.size() != 2) return fail("a wheel turns ACROSS DOWN"), true;
-            auto ok = sendWheel(*scene_, std::strtod(words[0].c_str(), nullptr), std::strtod(words[1].c_str(), nullptr));
+            auto ok =
+                sendWheel(*scene_, std::strtod(words[0].c_str(), nullptr), std::strtod(words[1].c_str(), nullptr));
             if (!ok) fail("{}", ok.error().text);
             sent_ = true;
         } else {

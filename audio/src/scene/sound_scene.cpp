@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/walls.h>
+#include <rtsg/core/navigation.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/camera.h>
 

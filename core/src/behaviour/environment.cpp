@@ -6,9 +6,9 @@
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
-#include "scene/rotations.h"
 #include "scene/box_overlap.h"
 #include "scene/places.h"
+#include "scene/rotations.h"
 
 namespace rtsg::behaviours {
 

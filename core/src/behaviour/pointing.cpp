@@ -12,8 +12,8 @@
 
 #include "behaviours.h"
 #include "drag_geometry.h"
-#include "scene/rotations.h"
 #include "scene/places.h"
+#include "scene/rotations.h"
 
 namespace rtsg::behaviours {
 

@@ -31,7 +31,8 @@ std::vector<glm::dvec3> startsOf(const glm::dvec3& direction, const Avatar& avat
     starts.emplace_back(0);
     for (int i = 0; i < 8; ++i) {
         const double angle = i * M_PI / 4;
-        for (const double share : {1.0, .5}) starts.push_back((side * std::cos(angle) + other * std::sin(angle)) * (r * share));
+        for (const double share : {1.0, .5})
+            starts.push_back((side * std::cos(angle) + other * std::sin(angle)) * (r * share));
     }
     return starts;
 }
@@ -92,8 +93,7 @@ Stand standOrFall(glm::dvec3 eye, double fallSpeed, double seconds, const Avatar
 }
 
 ViewerPose orbited(const ViewerPose& pose, const glm::dvec3& center, double across, double over) {
-    const glm::dquat q =
-        glm::angleAxis(across, kUp) * glm::angleAxis(over, pose.orientation * glm::dvec3(1, 0, 0));
+    const glm::dquat q = glm::angleAxis(across, kUp) * glm::angleAxis(over, pose.orientation * glm::dvec3(1, 0, 0));
     return {center + q * (pose.position - center), glm::normalize(q * pose.orientation)};
 }
 

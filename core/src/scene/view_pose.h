@@ -32,13 +32,12 @@ inline std::optional<ViewFields> viewFields(const Node& node) {
 
 inline bool isFinite(const ViewerPose& pose) {
     const glm::dquat& q = pose.orientation;
-    return std::isfinite(pose.position.x + pose.position.y + pose.position.z) &&
-           std::isfinite(q.x + q.y + q.z + q.w) && glm::length(q) > 0;
+    return std::isfinite(pose.position.x + pose.position.y + pose.position.z) && std::isfinite(q.x + q.y + q.z + q.w) &&
+           glm::length(q) > 0;
 }
 /// `inner` is in `outer`'s own frame.
 inline ViewerPose composed(const ViewerPose& outer, const ViewerPose& inner) {
-    return {outer.position + outer.orientation * inner.position,
-            glm::normalize(outer.orientation * inner.orientation)};
+    return {outer.position + outer.orientation * inner.position, glm::normalize(outer.orientation * inner.orientation)};
 }
 /// The other way round: `pose` as seen from `outer`.
 inline ViewerPose relative(const ViewerPose& outer, const ViewerPose& pose) {

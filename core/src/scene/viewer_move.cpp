@@ -51,8 +51,8 @@ NavigationState NavigationState::fromValue(const Array<double>& v) {
 Array<double> ViewerMove::toValue() const {
     Array<double> value{double(static_cast<int>(kind)), double(viewpoint.value)};
     const glm::dquat& q = offset.orientation;
-    for (const double number : {offset.position.x, offset.position.y, offset.position.z, q.x, q.y, q.z, q.w, center.x,
-                                center.y, center.z})
+    for (const double number :
+         {offset.position.x, offset.position.y, offset.position.z, q.x, q.y, q.z, q.w, center.x, center.y, center.z})
         value.push_back(number);
     if (state) append(value, *state);
     return value;

@@ -11,13 +11,13 @@ namespace rtsg {
 /// Of RtsgScene::_navigation.
 struct NavigationState {
     enum Key : std::uint32_t { kUp = 1, kDown = 2, kLeft = 4, kRight = 8, kAlt = 16, kAllKeys = 31 };
-    NodeId viewpoint;       // whose user it is about
+    NodeId viewpoint;        // whose user it is about
     std::uint32_t held = 0;  // keys that are down
-    bool dragging = false;  // pointer 0 has hold of the picture
-    bool dragged = false;   // and has moved it
-    bool walking = false;   // somebody has walked, so that gravity counts
-    Vec2d at{0};            // of the drag, in halves of the picture's smaller side
-    double fallSpeed = 0;   // metres a second
+    bool dragging = false;   // pointer 0 has hold of the picture
+    bool dragged = false;    // and has moved it
+    bool walking = false;    // somebody has walked, so that gravity counts
+    Vec2d at{0};             // of the drag, in halves of the picture's smaller side
+    double fallSpeed = 0;    // metres a second
 
     static constexpr std::size_t kNumbers = 8;
     Array<double> toValue() const;

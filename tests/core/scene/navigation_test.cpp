@@ -86,8 +86,9 @@ TEST(Navigation, IsOffUntilItIsSwitchedOn) {
 }
 
 TEST(Navigation, ApplicationsMoveTheViewer) {
-    NavigatedScene s("DEF N NavigationInfo { transitionTime 2 } Transform { translation 0 0 -10 scale 2 2 2 children "
-                     "DEF V Viewpoint { orientation 0 1 0 1 } }");
+    NavigatedScene s(
+        "DEF N NavigationInfo { transitionTime 2 } Transform { translation 0 0 -10 scale 2 2 2 children "
+        "DEF V Viewpoint { orientation 0 1 0 1 } }");
     ASSERT_TRUE(moveViewer(s.scene, {{1, 2, 3}, glm::angleAxis(M_PI / 2, Vec3d(0, 1, 0))}, false));
     s.scene.newFrame(1);
     s.expect({1, 2, 3}, {-1, 0, 0});
@@ -121,9 +122,11 @@ TEST(Navigation, AKeyThatIsLetGoAsAnApplicationMovesTheViewerIsLetGo) {
 }
 
 TEST(Navigation, ViewAllShowsTheBoxOfAllShapes) {
-    NavigatedScene s("NavigationInfo { transitionType \"TELEPORT\" } Viewpoint { fieldOfView 1.04719755 orientation 0 1 0 1.57079633 } "
-                     "Transform { translation 2 1 0 children Shape { geometry Box { size 4 2 4 } } } "
-                     "Transform { translation -4 0 3 children Shape { geometry Sphere { } } }");
+    NavigatedScene s(
+        "NavigationInfo { transitionType \"TELEPORT\" } Viewpoint { fieldOfView 1.04719755 orientation 0 1 0 "
+        "1.57079633 } "
+        "Transform { translation 2 1 0 children Shape { geometry Box { size 4 2 4 } } } "
+        "Transform { translation -4 0 3 children Shape { geometry Sphere { } } }");
     ASSERT_TRUE(viewAll(s.scene, s.space));
     s.scene.newFrame(1);
     // From -5 -1 -2 to 4 2 4: the middle is -.5 .5 1, half the diagonal sqrt(81 + 9 + 36) / 2.
@@ -133,9 +136,10 @@ TEST(Navigation, ViewAllShowsTheBoxOfAllShapes) {
 }
 
 TEST(Navigation, ViewpointsAreThoseOfTheActiveLayerInOrder) {
-    NavigatedScene s("DEF A Viewpoint { } Switch { whichChoice 0 children [ Group { children DEF B OrthoViewpoint { } } ] } "
-                     "LayerSet { activeLayer 1 layers [ DEF L Layer { children [ DEF C Viewpoint { } DEF D Viewpoint { } ] } ] } "
-                     "DEF E Viewpoint { }");
+    NavigatedScene s(
+        "DEF A Viewpoint { } Switch { whichChoice 0 children [ Group { children DEF B OrthoViewpoint { } } ] } "
+        "LayerSet { activeLayer 1 layers [ DEF L Layer { children [ DEF C Viewpoint { } DEF D Viewpoint { } ] } ] } "
+        "DEF E Viewpoint { }");
     const auto id = [&](const char* name) { return s.scene.findName(name); };
     EXPECT_THAT(viewpoints(s.scene), ElementsAre(id("C"), id("D")));
     ASSERT_TRUE(bindViewpoint(s.scene, ViewpointChoice::next));

@@ -1,0 +1,79 @@
+// A user who walks by keys and wheels, from the command line: pictures, logs and replays have the same eye.
+#include "program.h"
+
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+class Wanderer : public CommandLine {
+  protected:
+    void SetUp() override {
+        writeFile(file, R"(#X3D V4.0 utf8
+PROFILE Immersive
+NavigationInfo { type "WALK" speed 2 headlight TRUE }
+DEF EYE Viewpoint { position 0 1.6 10 }
+DEF SENSOR ProximitySensor { size 1000 1000 1000 }
+Transform { translation 0 -1 0 children Shape { geometry Box { size 100 2 100 } } }
+Transform { translation 0 0 -1 children Shape { geometry Box { size 100 10 2 } } }
+)");
+        writeFile(there, replaced(readFile(file), "0 1.6 10", "0 1.6 .25"));
+    }
+    static std::string replaced(std::string text, const std::string& what, const std::string& by) {
+        const std::size_t at = text.find(what);
+        EXPECT_NE(at, std::string::npos);
+        return text.replace(at, what.size(), by);
+    }
+    const std::string there = folder / "there.x3dv";
+    const std::vector<std::string> walk{"--set", "key=down UP@0.5", "--set", "key=up UP@9"};
+    Outcome with(std::vector<std::string> arguments) {
+        arguments.insert(arguments.end(), walk.begin(), walk.end());
+        return rtsg(arguments);
+    }
+};
+
+TEST_F(Wanderer, StopsBeforeTheWallThatRaysFind) {
+    const Outcome outcome = with({"run", file, "--for", "10s", "--fps", "20", "--watch", "SENSOR.position_changed"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    std::vector<json> places;
+    std::istringstream lines(outcome.out);
+    for (std::string line; std::getline(lines, line);) places.push_back(json::parse(line));
+    ASSERT_FALSE(places.empty());
+    const auto half =
+        std::ranges::find_if(places, [](const json& one) { return std::abs(one.at("t").get<double>() - 2.5) < 1e-6; });
+    ASSERT_NE(half, places.end());
+    EXPECT_NEAR(half->at("value").at(2).get<double>(), 6, 1e-4) << "2 m/s for 2 s";
+    EXPECT_NEAR(places.back().at("value").at(1).get<double>(), 1.6, 1e-4);
+    EXPECT_NEAR(places.back().at("value").at(2).get<double>(), .25, 1e-4);
+}
+
+TEST_F(Wanderer, PicturesAreFromThere) {
+    const std::vector<std::string> size{"--size", "64x48"};
+    const auto render = [&](const std::string& scene, const std::string& out, bool walks) {
+        std::vector<std::string> arguments{"render", scene, "-o", out, "--size", "64x48", "--time", "9.5s"};
+        const Outcome outcome = walks ? with(arguments) : rtsg(arguments);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return readFile(out);
+    };
+    const std::string start = render(file, folder / "start.png", false);
+    const std::string walked = render(file, folder / "walked.png", true);
+    EXPECT_NE(walked, start);
+    EXPECT_EQ(walked, render(there, folder / "there.png", false)) << "as from a viewpoint that stands there";
+}
+
+TEST_F(Wanderer, LogsAndReplaysFollowWithoutGeometry) {
+    const std::string log = folder / "walk.rlog", back = folder / "back.x3dv";
+    ASSERT_EQ(with({"record", file, "-o", log, "--for", "10s"}).status, 0);
+    const Outcome verified = rtsg({"replay", log, "--verify", "--json"});
+    EXPECT_EQ(verified.status, 0) << verified.err;
+    EXPECT_EQ(rtsg({"replay", log, "--render", folder / "replayed.png", "--size", "64x48"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", log, "--save", back}).status, 0);
+    EXPECT_THAT(readFile(back), HasSubstr("0 1.6 10")) << "the author's viewpoint stays";
+}
+
+}  // namespace
+}  // namespace rtsg::test
