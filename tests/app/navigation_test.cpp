@@ -52,7 +52,6 @@ TEST_F(Wanderer, StopsBeforeTheWallThatRaysFind) {
 }
 
 TEST_F(Wanderer, PicturesAreFromThere) {
-    const std::vector<std::string> size{"--size", "64x48"};
     const auto render = [&](const std::string& scene, const std::string& out, bool walks) {
         std::vector<std::string> arguments{"render", scene, "-o", out, "--size", "64x48", "--time", "9.5s"};
         const Outcome outcome = walks ? with(arguments) : rtsg(arguments);

@@ -416,7 +416,8 @@ std::optional<ViewerPose> viewOf(const Node& viewpoint) {
 
 std::optional<ViewerPose> movedView(const Node& viewpoint) {
     const auto fields = viewFields(viewpoint);
-    const ViewerPose offset = fields ? userOffset(viewpoint, *fields) : ViewerPose{};
+    if (!fields || !viewpoint.get(fields->isBound)) return std::nullopt;
+    const ViewerPose offset = userOffset(viewpoint, *fields);
     if (offset == ViewerPose{}) return std::nullopt;
     return composed(authorsView(viewpoint, *fields), offset);
 }

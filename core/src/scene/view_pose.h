@@ -19,11 +19,12 @@ struct ViewFields {
     Field<Vec3d> userPosition;
     Field<Vec4d> userTurn;
     Field<Array<double>> transition;
+    Field<bool> isBound;
 };
 inline std::optional<ViewFields> viewFields(const Node& node) {
     const auto of = []<class V>(const V*) {
-        return ViewFields{V::position,      V::centerOfRotation, V::orientation,
-                          V::_userPosition, V::_userTurn,        V::_transition};
+        return ViewFields{V::position,  V::centerOfRotation, V::orientation, V::_userPosition,
+                          V::_userTurn, V::_transition,      V::isBound};
     };
     if (node.is(x3d::Viewpoint::type)) return of(static_cast<const x3d::Viewpoint*>(nullptr));
     if (node.is(x3d::OrthoViewpoint::type)) return of(static_cast<const x3d::OrthoViewpoint*>(nullptr));

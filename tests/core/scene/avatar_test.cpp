@@ -74,6 +74,7 @@ TEST(Avatar, FlyingFeelsCeilingsAndSlopes) {
     expectAt(slideBy({0, 1.6, 0}, {0, 20, 0}, kAdult, false, ceiling), {0, 9.75, 0});
     const auto slope = castAt({{glm::normalize(glm::dvec3(-1, 2, 0)), 0}});
     expectAt(slideBy({-10, 1.6, 0}, {2, 0, 0}, kAdult, true, slope), {-8, 1.6, 0});  // gentle: ground
+    expectAt(slideBy({-1, 1.1, 0}, {2, 0, 0}, kAdult, true, slope), {1, 1.1, 0});    // though rays meet it
     const glm::dvec3 flown = slideBy({-2, .1, 0}, {8, 0, 0}, kAdult, false, slope);
     EXPECT_NEAR(glm::dot(flown, glm::normalize(glm::dvec3(-1, 2, 0))), .25, 1e-3);
     EXPECT_GT(flown.y, .1);
@@ -88,6 +89,24 @@ TEST(Avatar, StandsOnStairsUpAndDown) {
     EXPECT_NEAR(standOrFall({0, 1.6, 0}, 3, .1, kAdult, stairs(-.5)).eye.y, 1.6 - 3 * .1 - kGravity / 2 * .01, 1e-12)
         << "who is in the air already does not snap to the ground";
     EXPECT_EQ(standOrFall({0, 1.6, 0}, 0, 10, kAdult, castAt({})).eye, glm::dvec3(0, 1.6, 0)) << "no ground, no fall";
+}
+
+TEST(Avatar, WalksOverWhatIsNoHigherThanAStep) {
+    for (const double height : {.3, .75, .76, 3.0}) {
+        // The face at x = 5 of a thing that ends at `height`; the eye is 1.6 above the ground.
+        const CastRay cast = [&](const glm::dvec3& origin, const glm::dvec3& direction, double length) {
+            const double t = (5 - origin.x) / direction.x;
+            const bool meets = t >= 0 && t <= length && origin.y + direction.y * t <= height;
+            return meets ? std::optional(Met{t, {-1, 0, 0}}) : std::nullopt;
+        };
+        expectAt(slideBy({0, 1.6, 0}, {9, 0, 0}, kAdult, true, cast), {height > .75 ? 4.75 : 9, 1.6, 0});
+    }
+}
+
+TEST(Avatar, LandsOnTheGround) {
+    const Stand stand = standOrFall({0, 2.6, 0}, 2, .5, kAdult, castAt({{kAbove, 0}}));  // 2.2 m in the air
+    EXPECT_EQ(stand.eye, glm::dvec3(0, 1.6, 0));
+    EXPECT_EQ(stand.fallSpeed, 0);
 }
 
 TEST(Avatar, FallsByGravityHoweverTimeIsCut) {

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/navigation.h>
 #include <rtsg/core/x3d.h>
 
 #include "light_scene.h"
@@ -300,6 +301,7 @@ TEST(LightTracer, WhatIsTooSmallForItsPlaceIsNamed) {
 
 TEST(LightTracer, ViewpointsByNameAndByOrder) {
     LightScene s(
+        "NavigationInfo { transitionType \"TELEPORT\" } "
         "DEF A Viewpoint { position 0 0 10 description \"front\" } DEF B Viewpoint { position 10 0 0 orientation 0 1 0 "
         "1.5707963 description \"side\" }"
         "Shape { appearance Appearance { material Material { } } geometry Box { } }");
@@ -316,6 +318,13 @@ TEST(LightTracer, ViewpointsByNameAndByOrder) {
     ASSERT_TRUE(s.scene.sendEvent(s.node("B"), x3d::Viewpoint::set_bind.index, Value(true)));
     s.scene.newFrame(1);
     EXPECT_EQ(eye(""), Vec3d(10, 0, 0)) << "bound";
+    ASSERT_TRUE(moveViewer(s.scene, {{1, 2, 3}, {1, 0, 0, 0}}, false));
+    s.scene.newFrame(2);
+    const auto moved = s.light->tracer().camera(s.world->rays(), 1, "");
+    ASSERT_TRUE(moved);
+    EXPECT_LT(glm::length(moved->position - Vec3d(1, 2, 3)), 1e-5) << "where the user has gone";
+    EXPECT_LT(glm::length(moved->forward - Vec3d(0, 0, -1)), 1e-5);
+    EXPECT_EQ(eye("A"), Vec3d(0, 0, 10));
 }
 
 TEST(LightTracer, ViewpointFollowsItsTransform) {

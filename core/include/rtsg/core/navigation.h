@@ -17,12 +17,17 @@
 
 // Example:
 //     #include <rtsg/core/device_input.h>
+//     #include <rtsg/core/loader.h>
 //     #include <rtsg/core/navigation.h>
-//     void forward(rtsg::Scene& scene, double now, bool down) {
-//         scene.setNavigation(true);
-//         if (const auto key = rtsg::KeyInput::named("UP", down)) (void)rtsg::sendKey(scene, *key);
-//         scene.newFrame(now);  // from now on it walks, until the key is let go
-//     }
+//     rtsg::Scene scene;
+//     rtsg::Diagnostics diagnostics;
+//     rtsg::loadFile(scene, "hall.x3dv", diagnostics);
+//     scene.setNavigation(true);
+//     scene.newFrame(0);
+//     (void)rtsg::sendKey(scene, *rtsg::KeyInput::named("UP", true));
+//     scene.newFrame(1);
+//     scene.newFrame(2);  // has walked for a second, and goes on until the key is let go
+//     std::cout << rtsg::viewerPose(scene).position.z << '\n';
 #pragma once
 
 #include <optional>
@@ -53,7 +58,7 @@ enum class NavigationType : std::uint8_t { none, walk, fly, examine, lookAt };
 NavigationType navigationType(const Scene& scene);
 
 /// Of a Viewpoint or OrthoViewpoint, in the coordinates around the node: its fields, and where the user has gone from
-/// there. Nothing for other nodes.
+/// there, while it is bound. Nothing for other nodes.
 std::optional<ViewerPose> viewOf(const Node& viewpoint);
 /// The same where the user has gone anywhere; else nothing.
 std::optional<ViewerPose> movedView(const Node& viewpoint);
