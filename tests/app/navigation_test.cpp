@@ -70,6 +70,10 @@ TEST_F(Wanderer, LogsAndReplaysFollowWithoutGeometry) {
     const Outcome verified = rtsg({"replay", log, "--verify", "--json"});
     EXPECT_EQ(verified.status, 0) << verified.err;
     EXPECT_EQ(rtsg({"replay", log, "--render", folder / "replayed.png", "--size", "64x48"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", log, "--rerun", file}).status, 0);
+    writeFile(there, replaced(readFile(file), "DEF EYE", "WorldInfo { title \"one more\" } DEF EYE"));
+    const Outcome grown = rtsg({"replay", log, "--rerun", there, "--field", "SENSOR.*", "--ignore", "initial"});
+    EXPECT_EQ(grown.status, 0) << "the viewpoint has another number: " << grown.err;
     EXPECT_EQ(rtsg({"replay", log, "--save", back}).status, 0);
     EXPECT_THAT(readFile(back), HasSubstr("0 1.6 10")) << "the author's viewpoint stays";
 }

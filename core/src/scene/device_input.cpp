@@ -411,16 +411,17 @@ void Scene::State::feelContacts() {
 
 void Scene::State::prepareInput(double t) {
     if (playing || !behavioursEnabled) return;
-    bool pointers = false, keys = false;
+    bool pointers = false, keys = false, moves = navigates;
     for (const QueuedEvent& event : inputQueue) {
         if (event.node != owner.root()) continue;
         pointers |= event.field == Root::pointer.index;
+        moves |= event.field == Root::navigate.index;
         keys |= event.field == Root::key.index || event.field == Root::text.index;
     }
     if (pointers) deferPointers();
     if (pointers) castRays();
     if (keys) deferKeys();
-    if (navigates) navigate(t);
+    if (moves) navigate(t);
     feelContacts();
     pick();
 }

@@ -543,7 +543,15 @@ void Scene::State::navigate(double t) {
         }
     }
     auto stated = given ? ViewerMove::fromValue(given->value.as<Array<double>>()) : Result<ViewerMove>(ViewerMove{});
-    if (!stated || stated->state) return;  // a recorded one has all that happens in this frame
+    if (!stated) return;
+    if (given) {
+        // It is about what is bound; where a recorded frame is run anew in a scene that has changed, that has another
+        // number.
+        stated->viewpoint = bound->view->id();
+        if (stated->state && stated->state->viewpoint) stated->state->viewpoint = bound->view->id();
+        given->value = Value(stated->toValue());
+    }
+    if (!navigates || stated->state) return;  // a recorded one has all that happens in this frame
     if (given) {
         // An application's own counts; of the devices, which keys are down.
         devices.seconds = 0;
