@@ -51,24 +51,18 @@ void forEachGroupType(const auto& f) {
 
 class RoleTable {
   public:
+    /// Stays where it is, whatever other types are asked for, until clear().
     const TypeRole& of(const Node& node) {
         const std::size_t index = node.typeIndex().value;
-        if (index >= known_.size()) {
-            known_.resize(index + 1);
-            roles_.resize(index + 1);
-        }
-        if (!known_[index]) {
-            roles_[index] = work(node.type());
-            known_[index] = true;
-        }
-        return roles_[index];
+        if (index >= roles_.size()) roles_.resize(index + 1);
+        if (!roles_[index]) roles_[index] = std::make_unique<const TypeRole>(work(node.type()));
+        return *roles_[index];
     }
-    void clear() { known_.clear(), roles_.clear(); }
+    void clear() { roles_.clear(); }
 
   private:
     static TypeRole work(const NodeType& type);
-    std::vector<bool> known_;
-    std::vector<TypeRole> roles_;
+    std::vector<std::unique_ptr<const TypeRole>> roles_;
 };
 
 template <class T>
