@@ -255,7 +255,7 @@ TEST(LightTracer, FogCoversByDistance) {
 
 // What pictures leave out is named once for each kind, also when it comes later.
 TEST(LightTracer, WhatIsNotDrawnIsNamed) {
-    LightScene s("DEF CUT TextureProjector { } TextureProjector { } TextureProjectorParallel { } NurbsSet { }" +
+    LightScene s("DEF CUT VolumeData { } VolumeData { } SegmentedVolumeData { } NurbsSet { }" +
                  square(1, unlit("1 1 1")));
     const auto texts = [&] {
         std::string all;
@@ -265,8 +265,7 @@ TEST(LightTracer, WhatIsNotDrawnIsNamed) {
     s.center();
     const std::string first = texts();
     EXPECT_EQ(s.light->diagnostics().all().size(), 3u) << first;
-    EXPECT_NE(first.find("TextureProjector CUT is not in pictures: things show without it"), std::string::npos)
-        << first;
+    EXPECT_NE(first.find("VolumeData CUT is not in pictures: it is not drawn"), std::string::npos) << first;
     const NodeId later = s.scene.createNode(x3d::ParticleSystem::type);
     ASSERT_TRUE(s.scene.insertChild(s.scene.root(), x3d::RtsgScene::children, later));
     s.scene.newFrame(1);
