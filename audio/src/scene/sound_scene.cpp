@@ -515,11 +515,14 @@ void SoundScene::chooseListener(const Scene& scene) {
     listener_.gain = number(fieldOr(node, "gain", 1.0f), 0);
 }
 
-void SoundScene::readWalls(const Scene& scene, const InstanceDelta& delta) {
+void SoundScene::readWalls(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
     if (!walls_) return;
+    // In a scene that starts over, other nodes have the same numbers.
+    if (changes.isSnapshot()) acousticsKnown_.clear();
     const auto read = [&](NodeId id) {
-        if (const Node* node = scene.effectiveNode(id); node && node->is(x3d::AcousticProperties::type))
-            walls_->setMaterial(id, acousticMaterial(scene, *node, defaults_));
+        const Node* node = scene.effectiveNode(id);
+        const bool says = node && node->is(x3d::AcousticProperties::type);
+        walls_->setMaterial(id, says ? acousticMaterial(scene, *node, defaults_) : defaults_);
     };
     for (const auto* list : {&delta.added, &delta.rebound})
         for (const Instance& instance : *list)
@@ -672,7 +675,7 @@ void SoundScene::readAir(const Scene& scene, const ChangeSet& changes) {
 void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
     nameSilent(scene, changes);
     readAir(scene, changes);
-    readWalls(scene, delta);
+    readWalls(scene, changes, delta);
     if (placeEmitters(scene, delta) || changes.isSnapshot()) nameEmitters();
     // Listeners and views.
     for (const InstanceId id : delta.placedRemoved) others_.erase(id.slot);

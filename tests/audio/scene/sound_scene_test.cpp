@@ -6,6 +6,7 @@
 #include <tuple>
 #include <vector>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/sound_renderer.h>
@@ -138,6 +139,33 @@ TEST(SoundScene, FollowingIsReadingAnew) {
         ASSERT_EQ(roomA.materials()[hitA.material].absorption, roomB.materials()[hitB.material].absorption);
     }
     EXPECT_GT(edits.sounds.size(), 3u);
+}
+
+/// Other nodes have the same numbers then, and may be of other types.
+TEST(SoundScene, OfASceneThatStartsOverHasTheWallsOfItsOwn) {
+    const auto snapshotOf = [](const std::string& acoustics) {
+        Scene scene;
+        Diagnostics problems;
+        EXPECT_TRUE(loadText(scene,
+                             "#X3D V4.0 utf8\nPROFILE Full\nShape { appearance Appearance { acousticProperties " +
+                                 acoustics + " } geometry Box { size 4 4 4 } }\n",
+                             problems));
+        return std::make_shared<const ChangeSet>(scene.snapshot());
+    };
+    Scene replica;
+    replica.setBehavioursEnabled(false);
+    ListenOptions options;
+    options.metrics = false;
+    SharedWorld world(replica);
+    SoundRenderer sound(world, options);
+    for (const double absorption : {.9, .3, .6}) {
+        ASSERT_TRUE(replica.apply(snapshotOf(fmt::format("AcousticProperties {{ absorption {} }}", absorption))));
+        const OpenedGeometry room = sound.room({0, 0, 0});
+        AcousticHit hit;
+        ASSERT_TRUE(room.closest({0, 0, 0}, {1, 0, 0}, 1e6, kNoPlane, hit));
+        EXPECT_NEAR(room.materials()[hit.material].absorption[4], absorption, 1e-6);
+        ASSERT_TRUE(replica.reset());
+    }
 }
 
 /// Whatever moves, and however often: what cannot be heard is named once.

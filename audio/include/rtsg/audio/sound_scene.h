@@ -179,7 +179,7 @@ class SoundScene {
 
   private:
     std::shared_ptr<const SoundNode> readSound(const Scene& scene, const Node& node);
-    void readWalls(const Scene& scene, const InstanceDelta& delta);
+    void readWalls(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
     bool placeEmitters(const Scene& scene, const InstanceDelta& delta);
     void nameEmitters();
     std::vector<SoundEmitter>& ownEmitters();
