@@ -74,7 +74,11 @@ bool ConnectionWatch::endlessLocal(Connection& connection, bool drained) const {
 
 bool ConnectionWatch::endless(int descriptor, Connection& connection, bool drained) const {
     if (!connection.counted) return endlessLocal(connection, drained);
-    if (std::exchange(connection.delivered, false)) connection.settled = connection.come;
+    if (std::exchange(connection.delivered, false)) {
+        // Since the look more may have come, and all of it may have been delivered: as of now, and not of the look.
+        connection.settled = bytesRead(descriptor).value_or(connection.come);
+        return false;
+    }
     if (connection.come <= connection.settled + (drained ? kMostUnfinished : kMostWaiting)) return false;
     // ZeroMQ closes descriptors itself, and the system gives their numbers away again: look once more.
     return bytesRead(descriptor).value_or(0) >= connection.come;

@@ -47,7 +47,7 @@ class ConnectionWatch {
   private:
     struct Connection {
         std::uint64_t come = 0;     // bytes that ZeroMQ has read of it, when looked at last
-        std::uint64_t settled = 0;  // of these, at the last look after which a message was delivered
+        std::uint64_t settled = 0;  // of these, after the last time that messages were delivered
         bool delivered = false;     // since then
         bool counted = true;        // the system tells how much has come
         unsigned busy = 0;          // else: looks at which bytes waited, since a message was delivered

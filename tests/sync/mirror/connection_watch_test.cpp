@@ -87,6 +87,21 @@ TEST(ConnectionWatch, LeavesAloneWhatBringsMessages) {
     EXPECT_EQ(turns.turn({}), 1u) << "and does not any more";
 }
 
+/// On a busy machine many messages come and are taken between a look and the end of its turn.
+TEST(ConnectionWatch, WhatIsDeliveredAfterALookIsSettled) {
+    TcpPair pair;
+    ConnectionWatch watch;
+    ConnectionWatch::Clock::time_point now{};
+    watch.opened(pair.receiver);
+    watch.look(now += 10s);
+    pair.bring(kMuchMore);
+    watch.delivered(pair.receiver);
+    EXPECT_EQ(watch.shutEndless(true), 0u);
+    watch.look(now += 10s);
+    EXPECT_EQ(watch.shutEndless(true), 0u);
+    EXPECT_TRUE(pair.isOpen());
+}
+
 TEST(ConnectionWatch, AllowsMoreWhileMessagesWait) {
     TcpPair pair;
     Turns turns;
