@@ -312,9 +312,9 @@ class JsonWriter final : public DocumentHandler {
         Rope rope{"{" + inQuotes(frame.element) + ":{"};
         bool first = frame.attributes.empty() && frame.given.empty();
         rope.splice(rope.end(), std::move(frame.given));
-        rope.push_back(std::move(frame.attributes));
+        rope.emplace_back(std::move(frame.attributes));
         const auto member = [&](const std::string& opening, Rope&& items, const char* closing) {
-            rope.push_back((first ? "" : ",") + opening);
+            rope.emplace_back((first ? "" : ",") + opening);
             first = false;
             rope.splice(rope.end(), std::move(items));
             rope.emplace_back(closing);

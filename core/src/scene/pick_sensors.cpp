@@ -283,7 +283,7 @@ class Picking {
                 warnings_.push_back(fmt::format("the bounds of its {} are not known", geometry.type().name));
             return;
         }
-        if (exact) warnings_.push_back("is tested by its bounding box, not by its geometry");
+        if (exact) warnings_.emplace_back("is tested by its bounding box, not by its geometry");
         const Vec3d middle = (own.low + own.high) * .5, center = toWorld(middle);
         for (const ShapeBox& box : boxes()) {
             const glm::dmat4 local = sensorFromWorld_ * box.worldFromShape;

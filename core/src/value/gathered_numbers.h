@@ -94,8 +94,8 @@ class GatheredNumbers {
     /// Else giving out small ones takes a third of the time.
     void askForLargePages() {
         const auto page = std::uintptr_t(::sysconf(_SC_PAGESIZE));
-        const std::uintptr_t begin = reinterpret_cast<std::uintptr_t>(memory_) / page * page;
-        ::madvise(reinterpret_cast<void*>(begin), capacity_ * sizeof(S), MADV_HUGEPAGE);
+        const std::uintptr_t intoPage = reinterpret_cast<std::uintptr_t>(memory_) % page;
+        ::madvise(static_cast<std::byte*>(memory_) - intoPage, capacity_ * sizeof(S), MADV_HUGEPAGE);
     }
 
     void* memory_ = nullptr;  // a header's room, then the numbers

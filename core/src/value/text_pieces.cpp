@@ -9,7 +9,8 @@ namespace rtsg::detail {
 PieceReaders::PieceReaders(unsigned threads, std::function<void(TextPiece&)> read) : read_(std::move(read)) {
     try {
         for (unsigned i = 1; i < threads; ++i) threads_.emplace_back([this] { work(); });
-    } catch (const std::system_error&) {  // there are as many as there may be; the reader alone is enough
+    } catch (const std::system_error&) {
+        return;  // there are as many as there may be; the reader alone is enough
     }
 }
 
