@@ -24,3 +24,15 @@ function(rtsg_library name)
   # Sources that are compiled together share their anonymous namespace: a helper that two of them have is an error, and wants one home.
   set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ${RTSG_PCH} UNITY_BUILD_BATCH_SIZE 5)
 endfunction()
+
+# rtsg_module(NAME FOR LIBRARY SOURCES FILE... LIBRARIES LIBRARY...): librtsg_NAME.so, which LIBRARY loads when it is first needed
+# (rtsg/core/module.h).
+function(rtsg_module name)
+  cmake_parse_arguments(ARG "" "FOR" "SOURCES;LIBRARIES" ${ARGN})
+  add_library(rtsg_${name} MODULE ${ARG_SOURCES})
+  set_target_properties(rtsg_${name} PROPERTIES LINKER_LANGUAGE CXX LIBRARY_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}"
+                                                CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
+  target_include_directories(rtsg_${name} PRIVATE src "${PROJECT_SOURCE_DIR}/core/include")
+  target_link_libraries(rtsg_${name} PRIVATE ${ARG_LIBRARIES} rtsg_options)
+  add_dependencies(rtsg_${ARG_FOR} rtsg_${name})
+endfunction()

@@ -18,6 +18,7 @@ constexpr FileCode kFileCodes[] = {
     {"/core/src/value/field_text", DiagnosticCode("value-text")},
     {"/core/src/value/output_file", DiagnosticCode("output")},
     {"/core/src/value/read_descriptor", DiagnosticCode("file")},
+    {"/core/src/value/module", DiagnosticCode("module")},
     {"/core/src/document/reader", DiagnosticCode("parse")},
     {"/core/src/document/gzip", DiagnosticCode("gzip")},
     {"/core/src/document/proto", DiagnosticCode("proto")},

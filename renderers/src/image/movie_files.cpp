@@ -1,9 +1,7 @@
 // Finds and loads the module that reads films.
 #include "movie_files.h"
 
-#include <dlfcn.h>
-
-#include <fmt/format.h>
+#include <rtsg/core/module.h>
 
 namespace rtsg {
 
@@ -21,12 +19,9 @@ namespace {
 #define RTSG_TEXT(name) RTSG_TEXT_OF(name)
 
 Result<const MovieFiles*> loadMovieFiles() {
-    // By its name alone: the program's run path and LD_LIBRARY_PATH say where. It stays until the process ends.
-    void* module = ::dlopen("librtsg_movies.so", RTLD_NOW | RTLD_LOCAL);
-    if (!module) return fail(fmt::format("films need the module librtsg_movies.so: {}", ::dlerror()));
-    void* symbol = ::dlsym(module, RTSG_TEXT(RTSG_MOVIE_FILES_SYMBOL));
-    if (!symbol) return fail("the module librtsg_movies.so belongs to another version of this program");
-    return reinterpret_cast<const MovieFiles* (*)()>(symbol)();
+    const auto symbol = loadModule("rtsg_movies", RTSG_TEXT(RTSG_MOVIE_FILES_SYMBOL), "films need");
+    if (!symbol) return std::unexpected(symbol.error());
+    return reinterpret_cast<const MovieFiles* (*)()>(*symbol)();
 }
 
 }  // namespace

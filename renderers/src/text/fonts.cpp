@@ -1,9 +1,7 @@
 // Finds and loads the module that knows fonts.
 #include "fonts.h"
 
-#include <dlfcn.h>
-
-#include <fmt/format.h>
+#include <rtsg/core/module.h>
 
 namespace rtsg {
 
@@ -21,12 +19,9 @@ namespace {
 #define RTSG_TEXT(name) RTSG_TEXT_OF(name)
 
 Result<const Fonts*> load() {
-    // By its name alone: the program's run path and LD_LIBRARY_PATH say where. It stays until the process ends.
-    void* module = ::dlopen("librtsg_fonts.so", RTLD_NOW | RTLD_LOCAL);
-    if (!module) return fail(fmt::format("text needs the module librtsg_fonts.so: {}", ::dlerror()));
-    void* symbol = ::dlsym(module, RTSG_TEXT(RTSG_FONTS_SYMBOL));
-    if (!symbol) return fail("the module librtsg_fonts.so belongs to another version of this program");
-    return reinterpret_cast<const Fonts* (*)()>(symbol)();
+    const auto symbol = loadModule("rtsg_fonts", RTSG_TEXT(RTSG_FONTS_SYMBOL), "text needs");
+    if (!symbol) return std::unexpected(symbol.error());
+    return reinterpret_cast<const Fonts* (*)()>(*symbol)();
 }
 
 }  // namespace

@@ -5,8 +5,9 @@
 #include <charconv>
 #include <random>
 
-#include <dlfcn.h>
 #include <fmt/format.h>
+
+#include <rtsg/core/module.h>
 
 #include "web_module.h"
 
@@ -52,16 +53,13 @@ bool isToken(const std::string& text) {
     });
 }
 
-Result<StartWeb> loadModule() {
+Result<StartWeb> loadWeb() {
 #ifdef RTSG_NO_WEB
     return fail("browsers are not served: this build leaves it out (RTSG_WEB=OFF)");
 #else
-    // By its name alone: the program's run path and LD_LIBRARY_PATH say where. It stays until the process ends.
-    void* module = ::dlopen("librtsg_web.so", RTLD_NOW | RTLD_LOCAL);
-    if (!module) return fail(fmt::format("serving browsers needs the module librtsg_web.so: {}", ::dlerror()));
-    void* symbol = ::dlsym(module, RTSG_WEB_SYMBOL);
-    if (!symbol) return fail("the module librtsg_web.so belongs to another version of this program");
-    return reinterpret_cast<StartWeb (*)()>(symbol)();
+    const auto symbol = rtsg::loadModule("rtsg_web", RTSG_WEB_SYMBOL, "serving browsers needs");
+    if (!symbol) return std::unexpected(symbol.error());
+    return reinterpret_cast<StartWeb (*)()>(*symbol)();
 #endif
 }
 
@@ -113,7 +111,7 @@ Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options)
     settings.token = options.token.empty() && !settings.loopback ? madeUpToken() : options.token;
     settings.maximumConnections = options.maximumConnections;
     settings.requestTimeout = options.requestTimeout;
-    auto startWeb = loadModule();
+    auto startWeb = loadWeb();
     if (!startWeb) return std::unexpected(startWeb.error());
     std::string problem;
     std::unique_ptr<WebGateway> gateway(new WebGateway);

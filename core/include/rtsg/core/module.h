@@ -1,0 +1,18 @@
+// Modules: parts that need large libraries, loaded when they are first needed, so that programs without them start at
+// once.
+//
+// One is found by its name alone: the program's run path and LD_LIBRARY_PATH say where. It stays until the process
+// ends. Threading: any thread.
+#pragma once
+
+#include <string_view>
+
+#include <rtsg/core/diagnostic.h>
+
+namespace rtsg {
+
+/// The address of `symbol` in lib`name`.so; a module's symbols carry the number of what they promise in their names.
+/// Errors: no such module ("films need the module ...", for the `need` "films need"); one of another version.
+Result<void*> loadModule(const char* name, const char* symbol, std::string_view need);
+
+}  // namespace rtsg
