@@ -178,8 +178,8 @@ std::string skeleton(const Type& node, const std::string& space, const std::stri
                     << "::" << identifier(field.name) << ", " << spec::cppType(field.type) << "{});\n";
         if (field.hidden || (field.access != "inputOnly" && field.access != "inputOutput")) continue;
         inputs << "        case " << identifier(node.name) << "::" << identifier(field.name) << ".index: {\n"
-               << "            [[maybe_unused]] const auto& event = *static_cast<const " << spec::cppType(field.type)
-               << "*>(value);\n            break;\n        }\n";
+               << "            [[maybe_unused]] const auto& event = value.as<" << spec::cppType(field.type)
+               << ">();\n            break;\n        }\n";
     }
     const std::string function = static_cast<char>(std::tolower(node.name[0])) + node.name.substr(1) + "Behaviour";
     out << "// What " << node.name << " does. TODO: cite the clause.\n"
@@ -188,7 +188,7 @@ std::string skeleton(const Type& node, const std::string& space, const std::stri
         << "// Outputs and state:\n"
         << outputs.str() << "\n/// inputOutput fields already hold the new value.\n"
         << "void onEvent([[maybe_unused]] Cascade& cascade, [[maybe_unused]] const Node& node, FieldIndex field,\n"
-        << "             [[maybe_unused]] const void* value) {\n    switch (field) {\n"
+        << "             [[maybe_unused]] EventValue value) {\n    switch (field) {\n"
         << inputs.str() << "        default: break;\n    }\n}\n\n"
         << "/// Time has come, or a field was written. Returns when to be called next.\n"
         << "double onTime([[maybe_unused]] Cascade& cascade, [[maybe_unused]] const Node& node) { return kNever; }\n\n"

@@ -163,7 +163,7 @@ class Meddling {
         current_ = this;
         // Behaviours are plain functions: they find their test here.
         const Behaviour behaviour{
-            .onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { current_->meddle(Place::onEvent); },
+            .onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) { current_->meddle(Place::onEvent); },
             .onTime = [](Cascade&, const Node&) -> double {
                 if (current_) current_->meddle(Place::onTime);
                 return 0;

@@ -27,7 +27,7 @@ inline Fate& fate() {
     return one;
 }
 
-inline bool fickleAccepts(const Node&, FieldIndex, const void*) {
+inline bool fickleAccepts(const Node&, FieldIndex, EventValue) {
     ++fate().calls;
     return fate().pick(4) != 0;
 }
@@ -58,7 +58,7 @@ inline void fickleAct(Cascade& cascade, const Node& node) {
         (void)f.scene->insertChild(f.scene->root(), x3d::RtsgScene::children.index, made);
     }
 }
-inline void fickleOnEvent(Cascade& cascade, const Node& node, FieldIndex, const void*) {
+inline void fickleOnEvent(Cascade& cascade, const Node& node, FieldIndex, EventValue) {
     fickleAct(cascade, node);
 }
 inline double fickleOnTime(Cascade& cascade, const Node& node) {
@@ -78,7 +78,7 @@ inline Behaviour fickle() {
 }
 
 /// A Material that answers every event, always in the same way.
-inline void steadyOnEvent(Cascade& cascade, const Node& node, FieldIndex field, const void*) {
+inline void steadyOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue) {
     using M = x3d::Material;
     if (field != M::shininess.index) cascade.emit(node, M::shininess, node.get(M::shininess) * .5f + .25f);
 }

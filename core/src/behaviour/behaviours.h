@@ -6,7 +6,7 @@
 namespace rtsg::behaviours {
 
 double timeSensorOnTime(Cascade& cascade, const Node& node);
-bool timeSensorAccepts(const Node& node, FieldIndex field, const void* value);
+bool timeSensorAccepts(const Node& node, FieldIndex field, EventValue value);
 
 void appendInterpolators(std::vector<BuiltinBehaviour>& table);
 void appendFollowers(std::vector<BuiltinBehaviour>& table);
@@ -26,15 +26,9 @@ double lodOnTime(Cascade& cascade, const Node& node);
 double rootOnTime(Cascade& cascade, const Node& node);
 
 /// Devices' events come to the root.
-void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value);
-void pickedOnEvent(Cascade& cascade, const Node& root, const void* value);
-void viewerOnEvent(Cascade& cascade, const Node& root, const void* value);
-void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value);
-
-/// An event value in block representation as what it is.
-template <class T>
-const T& eventValue(const void* value) {
-    return *static_cast<const T*>(value);
-}
+void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValue value);
+void pickedOnEvent(Cascade& cascade, const Node& root, EventValue value);
+void viewerOnEvent(Cascade& cascade, const Node& root, EventValue value);
+void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValue value);
 
 }  // namespace rtsg::behaviours

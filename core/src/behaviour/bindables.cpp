@@ -31,6 +31,18 @@ Stack stackOf(const Node& holder, Kind kind) {
     return {holder.type().findExact(kStackNames[static_cast<int>(kind)])};
 }
 
+/// Whether set_bind has emptied the stack: that nothing is bound then is its author's wish.
+Field<std::int32_t> emptiedOf(const Node& holder) {
+    return {holder.type().findExact("_emptied")};
+}
+bool isEmptied(const Node& holder, Kind kind) {
+    return (holder.get(emptiedOf(holder)) >> static_cast<int>(kind) & 1) != 0;
+}
+void setEmptied(Cascade& cascade, const Node& holder, Kind kind, bool emptied) {
+    if (isEmptied(holder, kind) == emptied) return;
+    cascade.store(holder, emptiedOf(holder), holder.get(emptiedOf(holder)) ^ 1 << static_cast<int>(kind));
+}
+
 /// Where the node's kind is bound: in its layer, on the first way up; else in the root.
 const Node& holderOf(Cascade& cascade, NodeId id) {
     const Node* layer = layerOf(cascade.scene(), id);
@@ -80,14 +92,14 @@ struct Bindable {
     static std::optional<ViewerPose> seenFrom(Cascade& cascade, NodeId top) {
         return kIsView && top ? worldView(cascade.scene(), top) : std::nullopt;
     }
-    static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+    static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
         if (field != N::set_bind.index) return;
         const Node& holder = holderOf(cascade, node.id());
         Array<NodeId> stack = holder.get(stackOf(holder, kind));
         const auto found = std::ranges::find(stack, node.id());
         const bool onTop = !stack.empty() && stack[0] == node.id();
         const NodeId oldTop = stack.empty() ? NodeId{} : stack[0];
-        if (eventValue<bool>(value)) {
+        if (value.as<bool>()) {
             if (onTop) return;
             if (found != stack.end()) stack.erase(static_cast<std::size_t>(found - stack.begin()));
             stack.insert(0, node.id());
@@ -95,6 +107,7 @@ struct Bindable {
             // The old one hears of it first (7.2.2 step b).
             if (oldTop) announceBound(cascade, oldTop, false);
             storeStack(cascade, holder, kind, stack);
+            setEmptied(cascade, holder, kind, false);
             announce(cascade, node, true);
             if constexpr (kIsView) {
                 const bool retains = node.get(N::retainUserOffsets);
@@ -106,6 +119,7 @@ struct Bindable {
             stack.erase(static_cast<std::size_t>(found - stack.begin()));
             if (onTop) announce(cascade, node, false);
             storeStack(cascade, holder, kind, stack);
+            setEmptied(cascade, holder, kind, stack.empty());
             if (!onTop || stack.empty()) return;
             announceBound(cascade, stack[0], true);
             if constexpr (kIsView)
@@ -122,8 +136,9 @@ struct Bindable {
             return kNever;
         }
         if (stack.empty()) {
-            // One that was bound before has been unbound: that nothing is bound then is its author's wish.
-            if (node.get(N::bindTime).seconds != 0 || !isInScene(cascade.scene(), node.id())) return kNever;
+            // What was bound before is not bound anew by itself.
+            if (isEmptied(holder, kind) || node.get(N::bindTime).seconds != 0) return kNever;
+            if (!isInScene(cascade.scene(), node.id())) return kNever;
             stack.push_back(node.id());
             storeStack(cascade, holder, kind, stack);
         }

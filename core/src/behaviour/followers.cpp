@@ -226,11 +226,11 @@ struct Chaser {
         cascade.store(node, N::_destinations, listOf(kept));
         cascade.store(node, N::_times, listOf(keptTimes));
     }
-    static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* event) {
+    static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
         const bool isValue = field == N::set_value.index;
         if (!isValue && field != N::set_destination.index) return;
         begin(cascade, node);
-        const auto given = elements(eventValue<T>(event));
+        const auto given = elements(event.as<T>());
         if (!isValue) return approach(cascade, node, given);
         // From here the way to the destination begins anew.
         const auto goal = destination(node);
@@ -325,15 +325,15 @@ struct Damper {
         cascade.store(node, N::_since, Time{cascade.now()});
         cascade.store(node, N::_tau, Time{tau(node)});
     }
-    static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* event) {
+    static void onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
         const bool isGoal = field == N::set_destination.index;
         if (!isGoal && field != N::set_value.index && field != N::tau.index) return;
         begin(cascade, node);
-        if (field == N::set_value.index) return reset(cascade, node, elements(eventValue<T>(event)));
+        if (field == N::set_value.index) return reset(cascade, node, elements(event.as<T>()));
         const double s = elapsed(node, cascade.now());
         std::vector<E> goal = elements(node.get(N::_destination));
         const std::size_t had = goal.size();
-        if (isGoal) goal = elements(eventValue<T>(event));
+        if (isGoal) goal = elements(event.as<T>());
         std::vector<E> filters;
         for (std::size_t i = 1; i <= order(node); ++i)
             for (std::size_t e = 0; e < goal.size(); ++e) filters.push_back(e < had ? held(node, i, e, s) : goal[e]);

@@ -110,9 +110,9 @@ Vec3f mixNormal(const Vec3f& a, const Vec3f& b, float w) {
 
 /// One value a key.
 template <class N>
-void interpolateOne(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+void interpolateOne(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     if (field != N::set_fraction.index) return;
-    const float fraction = eventValue<float>(value);
+    const float fraction = value.as<float>();
     const auto& key = node.get(N::key);
     const auto& values = node.get(N::keyValue);
     const std::size_t count = std::min(key.size(), values.size());
@@ -125,9 +125,9 @@ void interpolateOne(Cascade& cascade, const Node& node, FieldIndex field, const 
 
 /// As many values a key as there are: coordinates and normals.
 template <class N, auto Mix>
-void interpolateMany(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+void interpolateMany(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     if (field != N::set_fraction.index) return;
-    const float fraction = eventValue<float>(value);
+    const float fraction = value.as<float>();
     const auto& key = node.get(N::key);
     const auto& values = node.get(N::keyValue);
     if (key.empty() || std::isnan(fraction)) return;

@@ -33,9 +33,9 @@ void take(Cascade& cascade, const Node& node) {
 }
 
 template <class N>
-void keySensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+void keySensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     if (field != N::enabled.index) return;
-    if (eventValue<bool>(value)) return take<N>(cascade, node);
+    if (value.as<bool>()) return take<N>(cascade, node);
     if (!node.get(N::isActive)) return;
     const Node& root = rootOf(cascade);
     if (root.get(R::_keyFocus) == node.id()) cascade.store(root, R::_keyFocus, NodeId{});
@@ -111,16 +111,16 @@ void type(Cascade& cascade, const Node& node, std::string_view typed) {
 
 }  // namespace
 
-void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value) {
+void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValue value) {
     const Node* node = cascade.scene().find(root.get(R::_keyFocus));
     const bool isText = field == R::text.index;
     if (isText) {
         std::size_t replaced = 0;
         if (node && node->is(x3d::StringSensor::type))
-            type(cascade, *node, detail::replaceInvalidUtf8(eventValue<String>(value).view(), replaced));
+            type(cascade, *node, detail::replaceInvalidUtf8(value.as<String>().view(), replaced));
         return;
     }
-    const auto key = KeyInput::fromValue(eventValue<Array<std::int32_t>>(value));
+    const auto key = KeyInput::fromValue(value.as<Array<std::int32_t>>());
     if (!key) return cascade.warn(root, key.error().text);
     if (!node) return;
     if (node->is(x3d::KeySensor::type)) press(cascade, *node, *key);

@@ -67,7 +67,7 @@ double stop(Cascade& cascade, const Node& node) {
 }
 
 template <class N>
-bool accepts(const Node& node, FieldIndex field, const void* value) {
+bool accepts(const Node& node, FieldIndex field, EventValue value) {
     // 18.4.2: the speed of a film that runs stays.
     if (field == x3d::MovieTexture::speed.index && node.is(x3d::MovieTexture::type) && node.get(N::isActive))
         return false;

@@ -47,20 +47,20 @@ double within(const NurbsBasis& basis, float fraction) {
     return basis.first() + (basis.last() - basis.first()) * std::clamp(double{fraction}, 0.0, 1.0);
 }
 
-void position(Cascade& cascade, const Node& node, FieldIndex field, const void* event) {
+void position(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     using N = x3d::NurbsPositionInterpolator;
     if (field != N::set_fraction.index) return;
-    const float fraction = eventValue<float>(event);
+    const float fraction = event.as<float>();
     if (std::isnan(fraction)) return;
     if (const auto curve = curveOf<N>(cascade, node))
         cascade.emit(node, N::value_changed, Vec3f(curve->at(within(curve->basis, fraction))));
 }
 
 /// What turns the z axis along the curve: the shortest way there.
-void orientation(Cascade& cascade, const Node& node, FieldIndex field, const void* event) {
+void orientation(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     using N = x3d::NurbsOrientationInterpolator;
     if (field != N::set_fraction.index) return;
-    const float fraction = eventValue<float>(event);
+    const float fraction = event.as<float>();
     if (std::isnan(fraction)) return;
     const auto curve = curveOf<N>(cascade, node);
     if (!curve) return;
@@ -77,10 +77,10 @@ void orientation(Cascade& cascade, const Node& node, FieldIndex field, const voi
                           static_cast<float>(std::atan2(sine, along.z))});
 }
 
-void surface(Cascade& cascade, const Node& node, FieldIndex field, const void* event) {
+void surface(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     using N = x3d::NurbsSurfaceInterpolator;
     if (field != N::set_fraction.index) return;
-    const Vec2f fraction = eventValue<Vec2f>(event);
+    const Vec2f fraction = event.as<Vec2f>();
     if (std::isnan(fraction.x) || std::isnan(fraction.y)) return;
     const std::vector<Vec3d> points = pointsOf(cascade.scene(), node.get(N::controlPoint));
     const auto counts = [](std::int32_t n) { return static_cast<std::size_t>(std::max(n, 0)); };

@@ -49,8 +49,8 @@ double onTime(Cascade& cascade, const Node& node) {
 
 }  // namespace
 
-void pickedOnEvent(Cascade& cascade, const Node& root, const void* value) {
-    const auto report = PickReport::fromValue(eventValue<Array<double>>(value));
+void pickedOnEvent(Cascade& cascade, const Node& root, EventValue value) {
+    const auto report = PickReport::fromValue(value.as<Array<double>>());
     if (!report) return cascade.warn(root, report.error().text);
     const Node* sensor = cascade.scene().find(report->sensor);
     const auto exists = [&](NodeId id) { return cascade.scene().find(id) != nullptr; };

@@ -438,8 +438,8 @@ class PointerEvent {
 
 /// A sensor that is disabled lets go of what it has.
 template <class N>
-void sensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
-    if (field != N::enabled.index || eventValue<bool>(value)) return;
+void sensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
+    if (field != N::enabled.index || value.as<bool>()) return;
     cascade.store(node, N::_holder, 0);
     cascade.store(node, N::_devices, Array<std::int32_t>());
     if (node.get(N::isActive)) cascade.emit(node, N::isActive, false);
@@ -468,21 +468,20 @@ void feel(Cascade& cascade, const Node& root, const Array<std::int32_t>& numbers
     }
 }
 
-void collisionOnEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+void collisionOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     using N = x3d::Collision;
-    if (field == N::enabled.index && !eventValue<bool>(value) && node.get(N::isActive))
-        cascade.emit(node, N::isActive, false);
+    if (field == N::enabled.index && !value.as<bool>() && node.get(N::isActive)) cascade.emit(node, N::isActive, false);
 }
 
 }  // namespace
 
-void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, const void* value) {
-    if (field == R::contact.index) return feel(cascade, root, eventValue<Array<std::int32_t>>(value));
+void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValue value) {
+    if (field == R::contact.index) return feel(cascade, root, value.as<Array<std::int32_t>>());
     if (field == R::picked.index) return pickedOnEvent(cascade, root, value);
     if (field == R::navigate.index) return viewerOnEvent(cascade, root, value);
     if (field == R::key.index || field == R::text.index) return keysOnEvent(cascade, root, field, value);
     if (field != R::pointer.index) return;
-    const auto input = PointerInput::fromValue(eventValue<Array<double>>(value));
+    const auto input = PointerInput::fromValue(value.as<Array<double>>());
     if (input)
         PointerEvent(cascade, root, *input).go();
     else

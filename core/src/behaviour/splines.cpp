@@ -90,9 +90,9 @@ struct Spline {
 };
 
 template <class N>
-void spline(Cascade& cascade, const Node& node, FieldIndex field, const void* event) {
+void spline(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     if (field != N::set_fraction.index) return;
-    const float fraction = eventValue<float>(event);
+    const float fraction = event.as<float>();
     const std::size_t keys = node.get(N::key).size(), values = node.get(N::keyValue).size();
     const std::size_t velocities = node.get(N::keyVelocity).size();
     if (keys != values)
@@ -146,10 +146,10 @@ Quaternion slerp(const Quaternion& a, const Quaternion& b, double w) {
     return a * (std::sin((1 - w) * angle) / sine) + b * (std::sin(w * angle) / sine);
 }
 
-void squad(Cascade& cascade, const Node& node, FieldIndex field, const void* event) {
+void squad(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     using N = x3d::SquadOrientationInterpolator;
     if (field != N::set_fraction.index) return;
-    const float fraction = eventValue<float>(event);
+    const float fraction = event.as<float>();
     const auto& key = node.get(N::key);
     const auto& value = node.get(N::keyValue);
     if (key.size() != value.size())
@@ -171,10 +171,10 @@ void squad(Cascade& cascade, const Node& node, FieldIndex field, const void* eve
 }
 
 /// 19.4.4: parabolas where it begins and ends, a line between.
-void easeInEaseOut(Cascade& cascade, const Node& node, FieldIndex field, const void* event) {
+void easeInEaseOut(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     using N = x3d::EaseInEaseOut;
     if (field != N::set_fraction.index) return;
-    const float fraction = eventValue<float>(event);
+    const float fraction = event.as<float>();
     const auto& key = node.get(N::key);
     const auto& ease = node.get(N::easeInEaseOut);
     if (key.size() != ease.size())

@@ -8,10 +8,10 @@ namespace rtsg::behaviours {
 
 /// 8.2.4.3: startTime, and a stopTime that is not after it, are ignored while the node is active.
 template <class S>
-bool acceptsTime(const Node& node, FieldIndex field, const void* value) {
+bool acceptsTime(const Node& node, FieldIndex field, EventValue value) {
     if (!node.get(S::isActive)) return true;
     if (field == S::startTime.index) return false;
-    return field != S::stopTime.index || eventValue<Time>(value).seconds > node.get(S::startTime).seconds;
+    return field != S::stopTime.index || value.as<Time>().seconds > node.get(S::startTime).seconds;
 }
 
 /// True while paused. Keeps _pausedTotal, so that the fraction goes on where it was; says at both edges which time it

@@ -49,7 +49,7 @@ double stop(Cascade& cascade, const Node& node) {
 
 }  // namespace
 
-bool timeSensorAccepts(const Node& node, FieldIndex field, const void* value) {
+bool timeSensorAccepts(const Node& node, FieldIndex field, EventValue value) {
     if (node.get(S::isActive) && field == S::cycleInterval.index) return false;
     return acceptsTime<S>(node, field, value);
 }

@@ -141,10 +141,10 @@ double goOnWithTransition(Cascade& cascade, const Node& viewpoint) {
     return cascade.now();
 }
 
-void viewerOnEvent(Cascade& cascade, const Node& root, const void* value) {
+void viewerOnEvent(Cascade& cascade, const Node& root, EventValue value) {
     using R = x3d::RtsgScene;
     using Kind = ViewerMove::Kind;
-    const auto move = ViewerMove::fromValue(eventValue<Array<double>>(value));
+    const auto move = ViewerMove::fromValue(value.as<Array<double>>());
     if (!move) return cascade.warn(root, move.error().text);
     if (move->state) cascade.store(root, R::_navigation, move->state->toValue());
     const Node* viewpoint = cascade.scene().find(move->viewpoint);

@@ -10,10 +10,10 @@ namespace rtsg::behaviours {
 
 namespace {
 
-void booleanFilter(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+void booleanFilter(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     using N = x3d::BooleanFilter;
     if (field != N::set_boolean.index) return;
-    const bool input = eventValue<bool>(value);
+    const bool input = value.as<bool>();
     if (input)
         cascade.emit(node, N::inputTrue, true);
     else
@@ -21,43 +21,42 @@ void booleanFilter(Cascade& cascade, const Node& node, FieldIndex field, const v
     cascade.emit(node, N::inputNegate, !input);
 }
 
-void booleanToggle(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+void booleanToggle(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     using N = x3d::BooleanToggle;
-    if (field == N::set_boolean.index && eventValue<bool>(value)) cascade.emit(node, N::toggle, !node.get(N::toggle));
+    if (field == N::set_boolean.index && value.as<bool>()) cascade.emit(node, N::toggle, !node.get(N::toggle));
 }
 
-void booleanTrigger(Cascade& cascade, const Node& node, FieldIndex field, const void*) {
+void booleanTrigger(Cascade& cascade, const Node& node, FieldIndex field, EventValue) {
     using N = x3d::BooleanTrigger;
     if (field == N::set_triggerTime.index) cascade.emit(node, N::triggerTrue, true);
 }
 
-void integerTrigger(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+void integerTrigger(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     using N = x3d::IntegerTrigger;
-    if (field == N::set_boolean.index && eventValue<bool>(value))
-        cascade.emit(node, N::triggerValue, node.get(N::integerKey));
+    if (field == N::set_boolean.index && value.as<bool>()) cascade.emit(node, N::triggerValue, node.get(N::integerKey));
 }
 
-void timeTrigger(Cascade& cascade, const Node& node, FieldIndex field, const void*) {
+void timeTrigger(Cascade& cascade, const Node& node, FieldIndex field, EventValue) {
     using N = x3d::TimeTrigger;
     if (field == N::set_boolean.index) cascade.emit(node, N::triggerTime, Time{cascade.now()});
 }
 
 /// 30.2.1: the value of the newest key passed; next and previous go round.
 template <class N>
-void sequencer(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+void sequencer(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     const auto& key = node.get(N::key);
     const auto& values = node.get(N::keyValue);
     const auto count = static_cast<std::int32_t>(std::min(key.size(), values.size()));
     if (count == 0) return;
     std::int32_t index = node.get(N::_index);
     if (field == N::set_fraction.index) {
-        const float fraction = eventValue<float>(value);
+        const float fraction = value.as<float>();
         if (std::isnan(fraction)) return;
         const float* after = std::upper_bound(key.begin(), key.begin() + count, fraction);
         index = std::max<std::int32_t>(0, static_cast<std::int32_t>(after - key.begin()) - 1);
-    } else if (field == N::next.index && eventValue<bool>(value)) {
+    } else if (field == N::next.index && value.as<bool>()) {
         index = (index + 1) % count;
-    } else if (field == N::previous.index && eventValue<bool>(value)) {
+    } else if (field == N::previous.index && value.as<bool>()) {
         index = (index + count - 1) % count;
     } else {
         return;

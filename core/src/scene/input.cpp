@@ -10,10 +10,10 @@ namespace rtsg {
 namespace {
 
 /// Stands for a behaviour that this program lacks: it is never asked while its calls are played back.
-bool acceptsAll(const Node&, FieldIndex, const void*) {
+bool acceptsAll(const Node&, FieldIndex, EventValue) {
     return true;
 }
-void ignoresEvents(Cascade&, const Node&, FieldIndex, const void*) {}
+void ignoresEvents(Cascade&, const Node&, FieldIndex, EventValue) {}
 double neverAgain(Cascade&, const Node&) {
     return kNever;
 }
@@ -136,7 +136,8 @@ void Scene::State::recordEffect(BehaviourEffect::Kind kind, NodeId node, FieldIn
 
 // ---- calling behaviours ------------------------------------------------------------------------------------------
 
-bool Scene::State::accepts(const Behaviour& behaviour, const Node& node, FieldIndex field, const void* value) {
+bool Scene::State::accepts(const Behaviour& behaviour, const Node& node, FieldIndex field, const void* storage) {
+    const EventValue value(node.type_->slot(field).type, storage);
     if (!isTraced(behaviour)) return behaviour.accepts(node, field, value);
     if (playing) {
         const BehaviourCall* call = playCall(BehaviourCall::Kind::accepts, node.id_, field);
@@ -150,7 +151,8 @@ bool Scene::State::accepts(const Behaviour& behaviour, const Node& node, FieldIn
 }
 
 void Scene::State::onEvent(const Behaviour& behaviour, Cascade& cascade, const Node& node, FieldIndex field,
-                           const void* value) {
+                           const void* storage) {
+    const EventValue value(node.type_->slot(field).type, storage);
     if (!isTraced(behaviour)) return behaviour.onEvent(cascade, node, field, value);
     if (playing) {
         if (const BehaviourCall* call = playCall(BehaviourCall::Kind::onEvent, node.id_, field))

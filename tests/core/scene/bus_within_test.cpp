@@ -249,7 +249,7 @@ TEST_F(InsideAFrame, ABehaviourEdits) {
     static NodeId target;
     scene = &scene_;
     target = box_;
-    const Behaviour meddles{.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) {
+    const Behaviour meddles{.onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) {
         const NodeId made = scene->createNode(x3d::Group::type);
         EXPECT_TRUE(scene->insertChild(target, x3d::Transform::children, made));
         EXPECT_FALSE(scene->seal());

@@ -35,7 +35,7 @@ int calls = 0;
 /// An inputOutput field and the one in the body that it IS: what one sends, the other takes, and no more.
 TEST(Cascade, ATwoWayIsConnectionDoesNotEcho) {
     Scene scene;
-    const Behaviour counts{.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++calls; }};
+    const Behaviour counts{.onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) { ++calls; }};
     scene.registerBehaviour("Moved", counts);
     Diagnostics diagnostics;
     ASSERT_TRUE(loadText(scene, R"(#X3D V4.0 utf8

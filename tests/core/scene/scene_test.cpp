@@ -222,9 +222,9 @@ TEST(SceneFrames, OfTwoBehavioursOfATypeTheLastOneCounts) {
     eventCalls = {};
     Scene scene;
     scene.registerBehaviour(x3d::Switch::type,
-                            {.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++eventCalls.first; }});
+                            {.onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) { ++eventCalls.first; }});
     scene.registerBehaviour("Switch",
-                            {.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++eventCalls.second; }});
+                            {.onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) { ++eventCalls.second; }});
     const NodeId node = scene.createNode(x3d::Switch::type);
     ASSERT_TRUE(scene.sendEvent(node, x3d::Switch::whichChoice.index, std::int32_t{0}));
     scene.newFrame(0);
@@ -322,7 +322,7 @@ TEST(SceneFrames, WhatTheApplicationHasSetOutlivesAReset) {
     int heard = 0;
     scene.setEventListener([&](double, const Node&, FieldIndex, const Value&) { ++heard; });
     scene.registerBehaviour("Switch",
-                            {.onEvent = [](Cascade&, const Node&, FieldIndex, const void*) { ++eventCalls.first; }});
+                            {.onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) { ++eventCalls.first; }});
     scene.setInputRecording(true);
     scene.createNode(x3d::Group::type);
     scene.newFrame(4);

@@ -159,7 +159,7 @@ TEST(InputWire, BehavioursOfOwnTypesAreFoundByName) {
     };
     const Behaviour doubling{
         .onEvent = [](Cascade& cascade, const Node& node, FieldIndex,
-                      const void*) { cascade.emit(node, Field<float>{1}, node.get(Field<float>{0}) * 2); },
+                      EventValue) { cascade.emit(node, Field<float>{1}, node.get(Field<float>{0}) * 2); },
         .deterministic = true};
     Scene origin, copy;
     origin.setInputRecording(true);

@@ -111,8 +111,8 @@ TEST_F(ReplayTests, ABehaviourThatHasChangedIsNamedInTheFrameWhereItShows) {
     test.log = file();
     test.build = [](Scene& scene) {
         static constexpr Behaviour kLate = {
-            .onEvent = [](Cascade& cascade, const Node& node, FieldIndex, const void* value) {
-                if (!*static_cast<const bool*>(value)) return;
+            .onEvent = [](Cascade& cascade, const Node& node, FieldIndex, EventValue value) {
+                if (!value.as<bool>()) return;
                 cascade.emit(node, x3d::TimeTrigger::triggerTime, Time{cascade.now() + .1});
             }};
         scene.registerBehaviour(x3d::TimeTrigger::type, kLate);

@@ -82,11 +82,31 @@ class Cascade {
     double now_, previous_;
 };
 
+/// The value of an event, for as long as the call lasts.
+class EventValue {
+  public:
+    /// `storage`: the value in block representation.
+    EventValue(FieldType type, const void* storage) : storage_(storage), type_(type) {}
+    FieldType type() const { return type_; }
+    /// Precondition, checked: T is what the field holds.
+    template <class T>
+    const T& as() const {
+        RTSG_CHECK_EQ(static_cast<int>(FieldTypeOf<T>::value), static_cast<int>(type_));
+        return *static_cast<const T*>(storage_);
+    }
+    Value value() const { return Value::fromStorage(type_, storage_); }
+    const void* storage() const { return storage_; }
+
+  private:
+    const void* storage_;
+    FieldType type_;
+};
+
 struct Behaviour {
-    /// False refuses an event for an inputOutput field, before it is stored. `value`: block representation.
-    bool (*accepts)(const Node& node, FieldIndex field, const void* value) = nullptr;
-    /// An input event has arrived; inputOutput fields already hold the new value. `value`: block representation.
-    void (*onEvent)(Cascade& cascade, const Node& node, FieldIndex field, const void* value) = nullptr;
+    /// False refuses an event for an inputOutput field, before it is stored.
+    bool (*accepts)(const Node& node, FieldIndex field, EventValue value) = nullptr;
+    /// An input event has arrived; inputOutput fields already hold the new value.
+    void (*onEvent)(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) = nullptr;
     /// Time has come (or a field was written). Returns when to be called next: now or earlier means every frame,
     /// kNever means not before a field is written, kUntilMoved not before that or until something has moved.
     double (*onTime)(Cascade& cascade, const Node& node) = nullptr;
