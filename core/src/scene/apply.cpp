@@ -179,7 +179,7 @@ Result<> Scene::State::applyChange(const Change& c, bool pending) {
             return applyRouteOp(*node, c, pending);
         case ChangeKind::destroyNode:
             if (c.node == owner.root()) return noNode(c.node);
-            if (node->parent_.node || (node->links_ && (!node->links_->in.empty() || !node->links_->out.empty())))
+            if (node->parent_.node || (node->links_ && node->links_->hasRoutes()))
                 return fail(fmt::format("node {} is still in use", c.node.value));
             destroy(*node, pending);
             return {};
@@ -228,6 +228,7 @@ Result<> Scene::reset() {
     for (const auto& [type, behaviour] : state_->dormant)
         if (type < builtinTypes().size()) fresh->dormant.emplace(type, behaviour);
     fresh->scriptOptions = state_->scriptOptions;
+    fresh->resourcesGiven = state_->resourcesGiven;
     for (std::size_t i = 0; i < builtinTypes().size(); ++i) fresh->types[i].behaviour = state_->types[i].behaviour;
     state_ = std::move(fresh);
     bus_->restart();

@@ -14,6 +14,7 @@ void ChangeSet::clear() {
     changes.clear();
     types.clear();
     input.reset();
+    heard.reset();
 }
 
 namespace {

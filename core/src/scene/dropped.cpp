@@ -9,6 +9,8 @@
 // that is made a bounded share.
 #include <algorithm>
 
+#include <fmt/format.h>
+
 #include "state.h"
 
 namespace rtsg {
@@ -19,13 +21,48 @@ constexpr std::size_t kFewest = 1000;
 
 }  // namespace
 
-Result<NodeId> ScriptPrograms::createNode(Scene& scene, std::string_view type, NodeId scope) {
-    Scene::State& s = *scene.state_;
-    const std::uint32_t first = s.nextId;
-    auto made = scene.createNode(type, scope);  // of a PROTO: with its body
-    for (std::uint32_t id = first; id < s.nextId; ++id)
-        if (s.find(NodeId{id})) s.scriptMade.push_back(NodeId{id});
+template <class Make>
+auto Scene::State::madeByScript(const Make& make) {
+    const std::uint32_t first = nextId;
+    auto made = make();
+    for (std::uint32_t id = first; id < nextId; ++id)
+        if (find(NodeId{id})) scriptMade.push_back(NodeId{id});
     return made;
+}
+
+Result<NodeId> ScriptPrograms::createNode(Scene& scene, std::string_view type, NodeId scope) {
+    // Of a PROTO: with its body.
+    return scene.state_->madeByScript([&] { return scene.createNode(type, scope); });
+}
+
+Result<detail::Piece> ScriptPrograms::createPiece(Scene& scene, std::string_view text, NodeId script) {
+    const Node* node = scene.find(script);
+    return scene.state_->madeByScript([&] {
+        return detail::makePiece(scene, text, node ? node->scope() : NodeId{},
+                                 scene.state_->scriptOptions.resources.get());
+    });
+}
+
+Result<detail::Piece> ScriptPrograms::createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls,
+                                                        NodeId script) {
+    return scene.state_->madeByScript(
+        [&] { return detail::makePieceOfUrls(scene, script, urls, scene.state_->scriptOptions.resources.get()); });
+}
+
+void ScriptPrograms::request(Scene& scene, DocumentRequest request) {
+    scene.state_->requests.push_back(std::move(request));
+}
+
+/// What is asked for meanwhile waits for the next frame.
+void Scene::State::serveRequests() {
+    for (const DocumentRequest& request : std::exchange(requests, {})) {
+        // A world that is loaded brings its own.
+        const std::shared_ptr<const Resources> resources = scriptOptions.resources;
+        const auto serve = [&] { return detail::serve(owner, request, resources.get()); };
+        const bool isPiece = request.kind == DocumentRequest::Kind::piece;
+        if (auto ok = isPiece ? madeByScript(serve) : serve(); !ok)
+            diagnostics.warning({}, fmt::format("what a script asked for was not loaded: {}", ok.error().format()));
+    }
 }
 
 void Scene::hold(NodeId id) {
@@ -36,6 +73,10 @@ void Scene::letGo(NodeId id) {
     if (state_->refuseForeign()) return;
     const auto found = state_->held.find(id.value);
     if (found != state_->held.end() && --found->second == 0) state_->held.erase(found);
+}
+
+bool Scene::isHeld(NodeId id) const {
+    return state_->held.contains(id.value);
 }
 
 std::vector<bool> Scene::State::findReferred(const std::vector<NodeId>& candidates) {

@@ -175,6 +175,7 @@ void Scene::State::runRoutes(Cascade& cascade) {
         };
         RouteGroup* group = groupOf(*from);
         if (group) group->gone = stamp;
+        if (group && group->listeners > 0) heard.push_back({fromId, field, from->value(field)});
         // Routes added while this event is on its way are not retroactive.
         const std::size_t count = group ? group->targets.items().size() : 0;
         for (std::size_t i = 0; i < count; ++i) {
@@ -360,7 +361,10 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
         s.diagnostics.warning({}, fmt::format("time went back from {} to {}: kept", s.now, t));
         t = s.now;
     }
-    if (!s.playing) s.destroyDropped();
+    if (!s.playing) {
+        if (!s.requests.empty()) s.serveRequests();
+        s.destroyDropped();
+    }
     s.prepareInput(t);
     if (s.recording) s.captureInput(true);
     Cascade cascade(*this, t, s.started ? s.now : t);

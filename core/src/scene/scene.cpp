@@ -7,7 +7,7 @@
 
 #include <rtsg/core/x3d.h>
 
-#include "prototype_maker.h"
+#include "document_services.h"
 #include "state.h"
 
 namespace rtsg {
@@ -240,8 +240,7 @@ std::size_t Scene::destroyUnreachable() {
     };
     reach(root());
     forEachNode([&](const Node& node) {
-        if (node.links_ && (!node.links_->name.empty() || !node.links_->out.empty() || !node.links_->in.empty()))
-            reach(node.id_);
+        if (node.links_ && (!node.links_->name.empty() || node.links_->hasRoutes())) reach(node.id_);
     });
     while (!pending.empty()) {
         const Node& node = *s.find(pending.back());
@@ -323,6 +322,33 @@ Result<> Scene::removeChild(NodeId parent, FieldIndex field, std::size_t index) 
         return fail(fmt::format("{}.{} has no child {}", p->type_->name, p->type_->fields[field].name, index));
     s.removeChildAt(*p, field, index);
     return s.passToBody(parent, field);
+}
+
+Result<std::size_t> Scene::removeFromParents(NodeId id) {
+    State& s = *state_;
+    if (auto ok = s.checkEdit(); !ok) return std::unexpected(std::move(ok.error()));
+    if (!find(id)) return fail(kNoSuchNode, fmt::format("no node {}", id.value));
+    std::size_t count = 0;
+    for (const ParentRef& p : parents(id)) {
+        const Node& parent = node(p.node);
+        const FieldDef& def = parent.type().fields[p.field];
+        const bool authors = def.access == Access::initializeOnly || def.access == Access::inputOutput;
+        if (def.hidden || !authors || parent.type().kind == NodeType::Kind::script) continue;
+        Result<> ok;
+        if (def.type == FieldType::SFNode) {
+            if (parent.get(Field<NodeId>{p.field}) != id) continue;  // what a PROTO instance had to say about it
+            ok = setField(p.node, p.field, Value(NodeId{}));
+        } else {
+            const auto& children = parent.get(Field<Array<NodeId>>{p.field});
+            std::size_t end = children.size();
+            while (end > 0 && children[end - 1] != id) --end;
+            if (end == 0) continue;
+            ok = removeChild(p.node, p.field, end - 1);
+        }
+        if (!ok) return std::unexpected(std::move(ok.error()));
+        ++count;
+    }
+    return count;
 }
 
 Result<> Scene::setName(NodeId id, std::string_view name) {

@@ -17,7 +17,7 @@ ScriptPhase ScriptPrograms::phase(Cascade& cascade) {
 Behaviour ScriptPrograms::behaviour() {
     return {
         .onEvent =
-            [](Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+            [](Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
                 if (ScriptPrograms* programs = of(cascade)) programs->onEvent(cascade, node, field, value);
             },
         .onTime =
@@ -32,12 +32,18 @@ void Scene::setScriptOptions(ScriptOptions options) {
     if (state_->refuseForeign()) return;
     if (state_->scripts) state_->scripts->forgetAll();
     state_->scriptOptions = std::move(options);
+    state_->resourcesGiven = state_->scriptOptions.resources != nullptr;
     state_->scripts.reset();
 }
 
-void Scene::setScriptResources(std::shared_ptr<const Resources> resources) {
-    if (state_->refuseForeign()) return;
-    if (!state_->scriptOptions.resources && !state_->scripts) state_->scriptOptions.resources = std::move(resources);
+void Scene::setScriptResources(std::shared_ptr<const Resources> resources, bool anotherWorld) {
+    State& s = *state_;
+    if (s.refuseForeign() || s.resourcesGiven) return;
+    if (anotherWorld && s.scripts) {
+        s.scripts->forgetAll();
+        s.scripts.reset();
+    }
+    if (anotherWorld || (!s.scriptOptions.resources && !s.scripts)) s.scriptOptions.resources = std::move(resources);
 }
 
 }  // namespace rtsg

@@ -10,6 +10,8 @@
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/script.h>
 
+#include "document_services.h"
+
 namespace rtsg {
 
 /// What a script's onTime is for: before a frame's events come initialize() of all that are new, then prepareEvents().
@@ -19,8 +21,8 @@ class ScriptPrograms {
   public:
     virtual ~ScriptPrograms() = default;
 
-    /// Calls the function that handles events of `field`. `value`: block representation.
-    virtual void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) = 0;
+    /// Calls the function that handles events of `field`.
+    virtual void onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) = 0;
     /// initialize(), prepareEvents() or eventsProcessed(), as is due. As Behaviour::onTime; in phase `initialize` now
     /// if a program began, else never.
     virtual double onTime(Cascade& cascade, const Node& node, ScriptPhase phase) = 0;
@@ -34,6 +36,10 @@ class ScriptPrograms {
 
     /// For a script: what it makes goes once nothing refers to it (dropped.cpp).
     static Result<NodeId> createNode(Scene& scene, std::string_view type, NodeId scope);
+    static Result<detail::Piece> createPiece(Scene& scene, std::string_view text, NodeId script);
+    static Result<detail::Piece> createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls, NodeId script);
+    /// Is done before the next frame begins.
+    static void request(Scene& scene, DocumentRequest request);
     /// The behaviour of every Script type: finds the programs of the running scene, makes them on first use.
     static Behaviour behaviour();
 

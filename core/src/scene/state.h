@@ -5,6 +5,7 @@
 // in a frame is hashed and sent once.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <bit>
@@ -43,7 +44,8 @@ struct RouteGroup {
     FieldIndex field = kNoField;
     std::uint64_t stamp = 0;  // timestamp at which the field last sent: at most one event each (4.4.8.3)
     RouteList<OutgoingRoute> targets;
-    std::uint64_t gone = 0;  // at which its event went along the routes: it says the last value until then
+    std::uint32_t listeners = 0;  // who wants to hear of its events besides; the group stays for them
+    std::uint64_t gone = 0;       // at which its event went along the routes: it says the last value until then
 };
 
 struct IncomingRoute {
@@ -84,6 +86,9 @@ struct Node::Links {
     std::vector<RouteGroup> out;
     RouteList<IncomingRoute> in;
     bool empty() const { return name.empty() && parents.empty() && out.empty() && in.empty(); }
+    bool hasRoutes() const {
+        return !in.empty() || std::ranges::any_of(out, [](const RouteGroup& group) { return !group.targets.empty(); });
+    }
 };
 
 struct TypeEntry {
@@ -278,7 +283,11 @@ struct Scene::State {
     void navigate(double t);  // navigation.cpp
     static bool isPickSensor(TypeIndex type);
     // ---- what scripts have made (dropped.cpp) ----
-    std::vector<NodeId> scriptMade;                         // that are still there, ascending
+    std::vector<NodeId> scriptMade;         // that are still there, ascending
+    std::vector<DocumentRequest> requests;  // of scripts, for between two frames
+    template <class Make>
+    auto madeByScript(const Make& make);
+    void serveRequests();
     std::size_t scriptMadeBefore = 0;                       // of them, when they were last looked at
     std::unordered_map<std::uint32_t, std::uint32_t> held;  // by the application: how often
     /// Destroys what scripts have made and nothing refers to any longer, once there is enough that is new to look at.
@@ -290,6 +299,7 @@ struct Scene::State {
         FieldIndex field;
     };
     std::vector<Emission> emissions;
+    std::vector<FieldEvent> heard;                       // since the last seal, of fields that have listeners
     std::vector<NodeId> active, due, woken, nextActive;  // nodes with onTime; active is sorted
     std::vector<NodeId> watchers;                        // those that wait until anything has moved
     Places places{owner};
@@ -338,6 +348,7 @@ struct Scene::State {
     void playEffects(Cascade& cascade, const BehaviourCall& call);
 
     ScriptOptions scriptOptions;
+    bool resourcesGiven = false;              // by the application, in them
     std::unique_ptr<ScriptPrograms> scripts;  // made when the first Script runs
     std::size_t scriptNodes = 0;
     ScriptPhase scriptPhase = ScriptPhase::run;

@@ -258,7 +258,7 @@ void Scene::State::linkRoute(const Route& route, bool record) {
     Node& to = *find(route.toNode);
     auto& out = links(from).out;
     auto group = std::ranges::find(out, route.fromField, &RouteGroup::field);
-    if (group == out.end()) group = out.insert(out.end(), RouteGroup{route.fromField, 0, {}});
+    if (group == out.end()) group = out.insert(out.end(), RouteGroup{route.fromField, 0, {}, 0});
     group->targets.add({{route.toNode, route.toField, route.isConnection}});
     links(to).in.add({route.fromNode, route.fromField, route.toField, route.isConnection});
     hash.add(routeTerm(route));
@@ -309,7 +309,7 @@ bool Scene::State::unlinkRoute(const Route& route, bool record) {
     const auto group = std::ranges::find(out, route.fromField, &RouteGroup::field);
     if (group == out.end()) return false;
     if (!group->targets.remove({{route.toNode, route.toField, route.isConnection}})) return false;
-    if (group->targets.empty()) out.erase(group);
+    if (group->targets.empty() && group->listeners == 0) out.erase(group);
     to->links_->in.remove({route.fromNode, route.fromField, route.toField, route.isConnection});
     hash.subtract(routeTerm(route));
     if (!route.isConnection) --routeCount;

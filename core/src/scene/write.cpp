@@ -281,6 +281,7 @@ std::shared_ptr<const ChangeSet> Scene::State::seal() {
     set->time = now;
     set->hash = hash.value();
     if (recording) set->input = finishInput(false);
+    if (!heard.empty()) set->heard = std::make_shared<const std::vector<FieldEvent>>(std::exchange(heard, {}));
     owner.bus_->publish(set);
     return set;
 }

@@ -59,6 +59,13 @@ struct DefinedType {
     std::shared_ptr<const NodeType> type;
 };
 
+/// One event that a field sent.
+struct FieldEvent {
+    NodeId node;
+    FieldIndex field = kNoField;
+    Value value;
+};
+
 struct FrameInput;
 
 struct ChangeSet {
@@ -70,6 +77,9 @@ struct ChangeSet {
     std::vector<DefinedType> types;
     /// What the frame was made of, when the scene records it (frame_input.h); merged sets have none.
     std::shared_ptr<const FrameInput> input;
+    /// What the fields that Scene::listenTo() names sent in this frame, in order; null if nothing. Told where the frame
+    /// ran, and neither merged nor sent to anybody else.
+    std::shared_ptr<const std::vector<FieldEvent>> heard;
 
     bool isSnapshot() const { return from == 0; }
     void clear();

@@ -123,6 +123,8 @@ class Scene {
     /// Calls in NodeId order.
     void forEachNode(const std::function<void(const Node&)>& visit) const;
     std::vector<ParentRef> parents(NodeId id) const;
+    /// For each, whether a way leads down to it from the root. What a Script refers to is not below it.
+    std::vector<bool> areInWorld(std::span<const NodeId> ids) const;
     std::string_view name(NodeId id) const;
     /// `scope`: the PROTO instance or Inline inside which the name was given; none for the document itself.
     NodeId findName(std::string_view name, NodeId scope = {}) const;
@@ -146,6 +148,7 @@ class Scene {
     /// count.
     void hold(NodeId id);
     void letGo(NodeId id);
+    bool isHeld(NodeId id) const;
     /// Any field with storage that the standard lets an author give a value (not outputOnly, unless hidden).
     Result<> setField(NodeId id, FieldIndex field, Value value);
     template <class T>
@@ -171,6 +174,9 @@ class Scene {
         return insertChild(parent, field.index, child, index);
     }
     Result<> removeChild(NodeId parent, FieldIndex field, std::size_t index);
+    /// Takes the node out of all fields in which it hangs, wherever they are; Scripts may go on referring to it. It
+    /// stays, with its name and routes. Returns how often it was there.
+    Result<std::size_t> removeFromParents(NodeId id);
     Result<> setName(NodeId id, std::string_view name);
     /// Accepts equal types only; a duplicate is ignored (4.4.2.2).
     Result<> addRoute(NodeId fromNode, FieldIndex fromField, NodeId toNode, FieldIndex toField);
@@ -194,6 +200,8 @@ class Scene {
     /// Whether keys, wheels and pointers move the viewer, as the bound NavigationInfo says (navigation.h); not at
     /// first.
     void setNavigation(bool on);
+    /// A frame is under way: the call comes from a behaviour, a script or the event listener.
+    bool isInFrame() const;
     double now() const;
     std::uint64_t sequence() const;  // state number: sets published or applied so far
     Bus& bus() { return *bus_; }
@@ -206,12 +214,18 @@ class Scene {
     void setBehavioursEnabled(bool enabled);
     /// For the Script nodes of this scene; programs that run already start anew.
     void setScriptOptions(ScriptOptions options);
-    /// Sets ScriptOptions::resources, unless they have been given; loadFile does so.
-    void setScriptResources(std::shared_ptr<const Resources> resources);
+    /// Sets ScriptOptions::resources, unless they have been given; loadFile does so. `anotherWorld`: also in the place
+    /// of those of an earlier document, whose programs end.
+    void setScriptResources(std::shared_ptr<const Resources> resources, bool anotherWorld = false);
     /// Called for every event on every field, in cascade order. One listener; for tools and tests. What it edits
     /// belongs to the frame under way.
     using EventListener = std::function<void(double t, const Node& node, FieldIndex field, const Value& value)>;
     void setEventListener(EventListener listener);
+    /// From now on, until as many calls of stopListening(), sets carry what this field sends (ChangeSet::heard), at a
+    /// cost for these fields alone; for Listeners (listeners.h). Errors: it sends no events. It is no part of the
+    /// state.
+    Result<> listenTo(NodeId id, FieldIndex field);
+    void stopListening(NodeId id, FieldIndex field);
     /// What the frames had to say; and which subscribers failed, on whatever thread, if the bus has no reporter.
     Diagnostics& diagnostics();
     /// From now on every set and snapshot carries its FrameInput, at a cost that follows what comes in.
@@ -247,7 +261,6 @@ class Scene {
     friend class Bus;
     friend class Cascade;
     friend class ScriptPrograms;
-    bool isInFrame() const;
     /// The usual case of setField; false, and nothing done, if this is none.
     bool setPlain(NodeId id, FieldIndex field, FieldType type, const void* value);
     /// Returns how many were set before one that is not the usual case.
