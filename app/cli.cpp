@@ -171,17 +171,6 @@ void setClock(Scene& scene, double secondsSince1970) {
     if (secondsSince1970 > 0) scene.newFrame(secondsSince1970);
 }
 
-Result<FieldRef> findField(const Scene& scene, const std::string& path) {
-    const auto dot = path.find('.');
-    if (dot == std::string::npos) return fail(fmt::format("{}: expected DEF.field", path));
-    const NodeId node = scene.findName(path.substr(0, dot));
-    if (!node) return fail(fmt::format("{}: no node is named {}", path, path.substr(0, dot)));
-    const NodeType& type = scene.node(node).type();
-    const FieldIndex field = type.find(path.substr(dot + 1));
-    if (field == kNoField) return fail(fmt::format("{}: {} has no field {}", path, type.name, path.substr(dot + 1)));
-    return FieldRef{node, field};
-}
-
 double parseSeconds(const std::string& text) {
     double value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);

@@ -76,13 +76,6 @@ bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const
 /// The time of a scene that is still empty: what is loaded into it is there from then on.
 void setClock(Scene& scene, double secondsSince1970);
 
-/// "DEF.field" of a loaded scene; the field may be written as set_x, x_changed or x.
-struct FieldRef {
-    NodeId node;
-    FieldIndex field = kNoField;
-};
-Result<FieldRef> findField(const Scene& scene, const std::string& path);
-
 /// "2s", "500ms", "1.5" (seconds). Throws UsageError.
 double parseSeconds(const std::string& text);
 

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/field_text.h>
+#include <rtsg/core/world.h>
 
 #include "live_outputs.h"
 #include "running_scene.h"

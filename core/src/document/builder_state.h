@@ -6,9 +6,11 @@
 
 #include <chrono>
 #include <map>
+#include <unordered_set>
 
 #include <rtsg/core/scene_builder.h>
 
+#include "document_head.h"
 #include "proto.h"
 
 namespace rtsg {
@@ -133,8 +135,9 @@ struct SceneBuilder::State {
     std::size_t openCount = 0;
     std::vector<std::unique_ptr<NameScope>> scopes;
     std::vector<NodeId> roots;
-    std::size_t skipDepth = 0;       // > 0 inside a refused node
-    std::size_t skipProtoDepth = 0;  // > 0 inside a PROTO declaration that is known already
+    std::unordered_set<std::uint32_t> named;  // nodes that got their names here; only of a detached piece
+    std::size_t skipDepth = 0;                // > 0 inside a refused node
+    std::size_t skipProtoDepth = 0;           // > 0 inside a PROTO declaration that is known already
     std::size_t documentDepth = 0;
     std::uint64_t expandedNodes = 0;  // in PROTO bodies and Inlines
     const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
@@ -152,8 +155,7 @@ struct SceneBuilder::State {
 
     NameMap<std::pair<TypeIndex, const NodeType*>> builtin;  // by name, filled on demand
     std::unordered_map<std::string, TypeIndex> scriptTypes;  // by interface
-    DocumentHeader header;
-    std::vector<String> components, metas, units;
+    DocumentHead head;
 
     NameScope& scope() { return *scopes.back(); }
     OpenNode* top() { return openCount > scope().openBase ? &open[openCount - 1] : nullptr; }
@@ -169,6 +171,8 @@ struct SceneBuilder::State {
     const NodeType* effectiveType(NodeId node) const;
     void openUnknown(std::string_view type, std::string_view def, SourceLocation where);
     void nameNode(const OpenNode& node);
+    /// In a detached piece a name that the scene has already stays where it is.
+    void giveName(NodeId id, const std::string& name, SourceLocation where);
     void attach(OpenNode& parent, FieldIndex field, NodeId child);
     void storeChildren(OpenNode& node);
     void endScript(OpenNode& node);
@@ -178,8 +182,6 @@ struct SceneBuilder::State {
     NameScope& pushScope(NodeId owner, Environment* environment, const DocumentSource* source);
     void popScope();
     void closeOpenNodes();
-    void writeDocumentInfo();
-
     // scene_builder_routes.cpp
     /// Routes, exports, Inlines and imports: all that can only be settled once every name is known.
     void finishScope(NameScope& in);
@@ -207,18 +209,6 @@ struct SceneBuilder::State {
     /// Replays the file's commands into the scope and open node on top, and leaves no loose ends.
     void replayFile(const LoadSession::File& file);
 };
-
-/// Hidden fields that carry document information, found by name in RtsgScene and Inline.
-inline FieldIndex hiddenField(const NodeType& type, std::string_view name) {
-    const FieldIndex index = type.findExact(name);
-    return index != kNoField && type.fields[index].hidden ? index : kNoField;
-}
-
-/// Precondition: a field of our own making, which takes the value.
-inline void setHidden(Scene& scene, NodeId node, FieldIndex field, Value value) {
-    const Result<> set = scene.setField(node, field, std::move(value));
-    RTSG_CHECK_EQ(set ? std::string() : set.error().text, std::string());
-}
 
 /// The node that `name` means inside `scope`: a DEF, or an imported node if its Inline is loaded.
 NodeId resolveLocalName(const Scene& scene, NodeId scope, std::string_view name, int depth = 0);

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <array>
 
+#include <rtsg/core/world.h>
+
 #include "document_check.h"
 #include "suggestion.h"
 
@@ -13,14 +15,14 @@ struct Level {
     std::string_view component;
     int level;
 };
-struct Profile {
+struct ProfileRow {
     std::string_view name;
     std::array<Level, 24> components;  // filled up with nothing
 };
 
 // ISO/IEC 19775-1 V4.0, annexes A to G, of each the table of components and levels; where the object model of X3D 4.0
 // lists more nodes for a profile, the levels of those.
-constexpr std::array kProfiles = std::to_array<Profile>({
+constexpr std::array kProfiles = std::to_array<ProfileRow>({
     {"Core", {{{"Core", 1}}}},
     {"Interchange",
      {{{"Core", 1},
@@ -130,10 +132,10 @@ void ProfileCheck::profile(std::string_view name, Diagnostics& diagnostics) {
     profile_ = name;
     everything_ = name.empty() || name == "Full";
     if (everything_) return;
-    const auto found = std::ranges::find(kProfiles, name, &Profile::name);
+    const auto found = std::ranges::find(kProfiles, name, &ProfileRow::name);
     if (found == kProfiles.end()) {
         std::vector<std::string_view> known{"Full"};
-        for (const Profile& one : kProfiles) known.push_back(one.name);
+        for (const ProfileRow& one : kProfiles) known.push_back(one.name);
         diagnostics.warning({}, "there is no profile " + profile_ + didYouMean(name, known), DiagnosticCode("profile"));
         everything_ = true;
         return;
@@ -198,3 +200,18 @@ std::string notAtTheTop(const NodeType& type) {
 }
 
 }  // namespace rtsg::detail
+
+namespace rtsg {
+
+std::vector<Profile> supportedProfiles() {
+    std::vector<Profile> result;
+    for (const detail::ProfileRow& row : detail::kProfiles) {
+        Profile& profile = result.emplace_back(std::string(row.name), std::vector<DocumentHead::Component>());
+        for (const detail::Level& one : row.components)
+            if (!one.component.empty()) profile.components.push_back({std::string(one.component), one.level});
+    }
+    result.push_back({"Full", supportedComponents()});
+    return result;
+}
+
+}  // namespace rtsg

@@ -41,7 +41,8 @@ ClassicReader::ClassicReader(TextFeed& text, DocumentHandler& handler, Diagnosti
       diagnostics_(diagnostics),
       position_(text.begin()),
       meter_(text.total(), options.progress),
-      splitting_(options.splitting) {}
+      splitting_(options.splitting),
+      headerless_(options.headerless) {}
 
 /// What lies far enough behind is given back; positions are counted up to there first, since they go on from there.
 void ClassicReader::progress(const char* p) {
@@ -108,6 +109,8 @@ bool ClassicReader::readHeader() {
     } else if (line.starts_with(vrml)) {
         rest = line.substr(vrml.size());
         vrml97_ = true;
+    } else if (headerless_) {
+        return true;
     } else {
         error(p_, "the header '#X3D V4.0 utf8' or '#VRML V2.0 utf8' is missing");
         return true;

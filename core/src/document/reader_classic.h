@@ -137,6 +137,7 @@ class ClassicReader final : private FieldTextReport {
                                                                  // or read together with a value that comes first
     Units units_;
     const Splitting splitting_;
+    const bool headerless_;  // the header's line may be missing
 };
 
 /// The access that a keyword of either dialect stands for; false if it is none.

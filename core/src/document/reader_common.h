@@ -17,6 +17,7 @@ using ReaderProgress = std::function<void(std::uint64_t done, std::uint64_t tota
 struct ReaderOptions {
     ReaderProgress progress{};
     Splitting splitting{};
+    bool headerless = false;
 };
 
 /// Calls the progress function once per megabyte of input.

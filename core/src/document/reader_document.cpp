@@ -22,7 +22,7 @@ namespace rtsg {
 namespace {
 
 detail::ReaderOptions readerOptions(const ReadOptions& options) {
-    return {options.progress, detail::splitting(options.threads)};
+    return {options.progress, detail::splitting(options.threads), options.headerless};
 }
 
 constexpr std::size_t kBytesLimit = std::size_t{4} << 30;  // of what says nothing of its size: packed files, pipes

@@ -18,8 +18,20 @@ const std::vector<NodeId>& SceneBuilder::roots() const {
     return state_->roots;
 }
 
+const DocumentHead& SceneBuilder::head() const {
+    return state_->head;
+}
+
+std::vector<std::pair<std::string, NodeId>> SceneBuilder::names() const {
+    std::vector<std::pair<std::string, NodeId>> result;
+    for (const auto& [name, id] : state_->scopes.front()->names)
+        if (state_->scene.find(id)) result.emplace_back(name, id);
+    std::ranges::sort(result);
+    return result;
+}
+
 void SceneBuilder::beginDocument(const DocumentHeader& header) {
-    if (state_->documentDepth++ == 0 && state_->scopes.size() == 1) state_->header = header;
+    if (state_->documentDepth++ == 0 && state_->scopes.size() == 1) state_->head.profile = header.profile;
 }
 
 void SceneBuilder::endDocument() {
@@ -48,7 +60,7 @@ void SceneBuilder::finish() {
         if (!s.roots.empty() && !s.options.detached)
             if (auto stored = s.scene.setField(root, children, Value(std::move(all))); !stored)
                 s.error({}, stored.error().text);
-        s.writeDocumentInfo();
+        if (!s.options.detached) appendHead(s.scene, s.head);
         s.finishScope(document);
         s.checkUnusedProtos();
     }
@@ -56,21 +68,17 @@ void SceneBuilder::finish() {
 
 void SceneBuilder::component(std::string_view name, int level) {
     if (state_->scopes.size() > 1) return;  // an Inline's own
-    state_->components.emplace_back(name);
-    state_->components.emplace_back(std::to_string(level));
+    state_->head.components.push_back({std::string(name), level});
 }
 
 void SceneBuilder::meta(std::string_view name, std::string_view content) {
     if (state_->scopes.size() > 1) return;
-    state_->metas.emplace_back(name);
-    state_->metas.emplace_back(content);
+    state_->head.meta.push_back({std::string(name), std::string(content)});
 }
 
 void SceneBuilder::unit(std::string_view category, std::string_view name, double conversionFactor) {
     if (state_->scopes.size() > 1) return;
-    state_->units.emplace_back(category);
-    state_->units.emplace_back(name);
-    state_->units.emplace_back(fmt::format("{}", conversionFactor));
+    state_->head.units.push_back({std::string(category), std::string(name), conversionFactor});
 }
 
 bool SceneBuilder::State::hasRoomFor(const NameScope& scope, SourceLocation where) {

@@ -218,8 +218,16 @@ void SceneBuilder::State::nameNode(const OpenNode& node) {
             warning(node.where, fmt::format("DEF '{}' is used twice; from here it means this one", node.def));
         place->second = node.id ? node.id : kSelf;
     }
-    if (node.id)
-        if (auto named = scene.setName(node.id, node.def); !named) error(node.where, named.error().text);
+    if (node.id) giveName(node.id, node.def, node.where);
+}
+
+void SceneBuilder::State::giveName(NodeId id, const std::string& name, SourceLocation where) {
+    if (options.detached) {
+        const NodeId holder = scene.findName(name, scene.node(id).scope());
+        if (holder && !named.contains(holder.value)) return;
+        named.insert(id.value);
+    }
+    if (auto ok = scene.setName(id, name); !ok) error(where, ok.error().text);
 }
 
 void SceneBuilder::State::attach(OpenNode& parent, FieldIndex field, NodeId child) {
@@ -335,26 +343,8 @@ void SceneBuilder::State::endScript(OpenNode& node) {
     node.own.clear();
     if (!node.def.empty()) {
         scope().names[node.def] = node.id;
-        if (auto named = scene.setName(node.id, node.def); !named) error(node.where, named.error().text);
+        giveName(node.id, node.def, node.where);
     }
-}
-
-void SceneBuilder::State::writeDocumentInfo() {
-    const NodeId root = scene.root();
-    const NodeType& type = scene.node(root).type();
-    const auto append = [&](std::string_view name, const std::vector<String>& added) {
-        const FieldIndex field = hiddenField(type, name);
-        if (field == kNoField || added.empty()) return;
-        Array<String> list = *static_cast<const Array<String>*>(scene.node(root).storage(field));
-        for (const String& one : added) list.push_back(one);
-        if (auto stored = scene.setField(root, field, Value(std::move(list))); !stored) error({}, stored.error().text);
-    };
-    const FieldIndex profile = hiddenField(type, "profile");
-    if (profile != kNoField && !header.profile.empty() && scene.node(root).isDefault(profile))
-        setHidden(scene, root, profile, Value(String(header.profile)));
-    append("components", components);
-    append("meta", metas);
-    append("units", units);
 }
 
 }  // namespace rtsg

@@ -145,6 +145,13 @@ void SceneBuilder::State::resolveRoutes(NameScope& in) {
 
 void SceneBuilder::State::storeImports(NameScope& in) {
     if (in.imports.empty() && in.exports.empty() && in.routes.empty()) return;
+    if (options.detached && &in == scopes.front().get()) {
+        constexpr std::string_view kWhy = "belongs to a document, and is left out of a piece that is put into another";
+        for (const ImportStatement& one : in.imports) error(one.where, fmt::format("IMPORT {}", kWhy));
+        for (const ExportStatement& one : in.exports) error(one.where, fmt::format("EXPORT {}", kWhy));
+        for (const PendingRoute& one : in.routes) error(one.where, fmt::format("ROUTE to an imported name {}", kWhy));
+        return;
+    }
     const NodeId holder = in.owner ? in.owner : scene.root();
     const NodeType& type = scene.node(holder).type();
     if (hiddenField(type, "imports") == kNoField) {

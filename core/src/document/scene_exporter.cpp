@@ -2,7 +2,6 @@
 #include <rtsg/core/scene_exporter.h>
 
 #include <algorithm>
-#include <charconv>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -75,6 +74,8 @@ struct SceneExporter::State {
     std::vector<NodeId> hidden;                             // nodes of expanded bodies that are not shown
     std::vector<Route> routes;                              // between nodes of the document
     DeclarationScan declarations;
+    NodeId single{};  // all that comes out is this node and what is below it
+    NodeId home{};    // the scope that counts as the document
 
     /// Whether a node is not said itself, but what it is made of.
     bool isExpanded(const Node& node) const {
@@ -96,7 +97,7 @@ struct SceneExporter::State {
     }
     /// Whether everything around the node is expanded, so that it is the document's own.
     bool isOfDocument(const Node& node) const {
-        for (NodeId scope = node.scope(); scope;) {
+        for (NodeId scope = node.scope(); scope && scope != home;) {
             const Node* around = scene.find(scope);
             if (!around || !isExpanded(*around)) return false;
             scope = around->scope();
@@ -121,6 +122,7 @@ struct SceneExporter::State {
         return !def.hidden && def.access != Access::inputOnly && def.access != Access::outputOnly;
     }
 
+    void start();
     void walk(DocumentHandler* handler);
     void walkFrom(NodeId root, std::string_view field, DocumentHandler* handler,
                   std::unordered_set<std::uint32_t>& begun);
@@ -175,9 +177,19 @@ void SceneExporter::State::fieldStart(const Node& node, FieldIndex field, Docume
 
 /// Visits every node of the document, depth first, in the order of fields; twice the same way: first to count, then,
 /// with a handler, to send.
+void SceneExporter::State::start() {
+    seen.clear();
+    given.clear();
+    order.clear();
+    routes.clear();
+    expanded.clear();
+    declarations = {};
+}
+
 void SceneExporter::State::walk(DocumentHandler* handler) {
     std::unordered_set<std::uint32_t> begun;
     hidden.clear();
+    if (single) return walkFrom(single, {}, handler, begun);
     const FieldIndex rootChildren = scene.node(scene.root()).type().findExact("children");
     for (const NodeId root : childrenOf(scene.node(scene.root()), rootChildren)) walkFrom(root, {}, handler, begun);
     if (hidden.empty()) return;
@@ -367,26 +379,14 @@ void SceneExporter::State::nameNodes() {
 }
 
 void SceneExporter::State::writeHead(DocumentHandler& handler, Encoding encoding) const {
-    const Node& root = scene.node(scene.root());
+    const DocumentHead head = headOf(scene);
     DocumentHeader header;
     header.encoding = encoding;
-    if (const FieldIndex profile = hiddenField(root.type(), "profile"); profile != kNoField)
-        header.profile = static_cast<const String*>(root.storage(profile))->str();
+    header.profile = head.profile;
     handler.beginDocument(header);
-    const Array<String>&components = info("components"), &metas = info("meta"), &units = info("units");
-    for (std::size_t i = 0; i + 1 < components.size(); i += 2) {
-        int level = 1;
-        const std::string_view text = components[i + 1];
-        std::from_chars(text.data(), text.data() + text.size(), level);
-        handler.component(components[i], level);
-    }
-    for (std::size_t i = 0; i + 2 < units.size(); i += 3) {
-        double factor = 1;
-        const std::string_view text = units[i + 2];
-        std::from_chars(text.data(), text.data() + text.size(), factor);
-        handler.unit(units[i], units[i + 1], factor);
-    }
-    for (std::size_t i = 0; i + 1 < metas.size(); i += 2) handler.meta(metas[i], metas[i + 1]);
+    for (const auto& one : head.components) handler.component(one.name, one.level);
+    for (const auto& one : head.units) handler.unit(one.category, one.name, one.conversionFactor);
+    for (const auto& one : head.meta) handler.meta(one.name, one.content);
 }
 
 void SceneExporter::State::writeDeclarations(DocumentHandler& handler) {
@@ -424,12 +424,7 @@ void SceneExporter::State::writeRoutes(DocumentHandler& handler) {
 
 void SceneExporter::write(DocumentHandler& handler, Encoding encoding) {
     State& s = *state_;
-    s.seen.clear();
-    s.given.clear();
-    s.order.clear();
-    s.routes.clear();
-    s.expanded.clear();
-    s.declarations = {};
+    s.start();
     s.walk(nullptr);
     s.findRoutes();
     s.nameNodes();
@@ -438,6 +433,21 @@ void SceneExporter::write(DocumentHandler& handler, Encoding encoding) {
     s.walk(&handler);
     s.writeRoutes(handler);
     handler.endDocument();
+}
+
+void SceneExporter::writeNode(DocumentHandler& handler, NodeId node, Encoding encoding) {
+    State& s = *state_;
+    s.start();
+    s.single = node;
+    if (const Node* known = s.scene.find(node)) s.home = known->scope();
+    s.walk(nullptr);
+    s.nameNodes();
+    DocumentHeader header;
+    header.encoding = encoding;
+    handler.beginDocument(header);
+    s.walk(&handler);
+    handler.endDocument();
+    s.single = s.home = {};
 }
 
 }  // namespace rtsg

@@ -30,6 +30,25 @@ struct DocumentHeader {
     bool valuesFirst = false;
 };
 
+/// What a document says of itself before its nodes (7.2.5).
+struct DocumentHead {
+    struct Component {
+        std::string name;
+        int level = 1;
+    };
+    struct Meta {
+        std::string name, content;
+    };
+    struct Unit {
+        std::string category, name;
+        double conversionFactor = 1;
+    };
+    std::string profile;  // empty if the document names none
+    std::vector<Component> components;
+    std::vector<Meta> meta;
+    std::vector<Unit> units;
+};
+
 /// What an author says about a declaration (19776-1: the attributes appinfo and documentation).
 struct Documentation {
     std::string appinfo, documentation;

@@ -37,6 +37,7 @@ struct ReadOptions {
     /// What comes out is the same. The handler, the diagnostics and the progress are called by the caller's thread
     /// alone.
     unsigned threads = 0;
+    bool headerless = false;  // ClassicVRML may come without its header's line
 };
 
 /// Parses one document, already in memory and unpacked, into commands. The view must stay valid during the call.

@@ -44,6 +44,9 @@ class SceneBuilder final : public DocumentHandler {
     void finish();
     /// Root nodes added by this document, in order; complete after finish().
     const std::vector<NodeId>& roots() const;
+    /// What the document said of itself; and its DEF names with the nodes that have them, sorted. As roots().
+    const DocumentHead& head() const;
+    std::vector<std::pair<std::string, NodeId>> names() const;
 
     void beginDocument(const DocumentHeader& header) override;
     void endDocument() override;

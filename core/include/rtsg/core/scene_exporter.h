@@ -29,6 +29,8 @@ class SceneExporter {
 
     /// Sends beginDocument ... endDocument. `encoding` goes into the header.
     void write(DocumentHandler& handler, Encoding encoding = Encoding::classicVrml);
+    /// The same of one node with all below it: no head, no declarations, no routes.
+    void writeNode(DocumentHandler& handler, NodeId node, Encoding encoding = Encoding::classicVrml);
 
   private:
     struct State;

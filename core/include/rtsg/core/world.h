@@ -1,0 +1,112 @@
+// The world of a scene: the document in it as a whole, pieces of documents that come into it, and another world in its
+// place.
+//
+// Threading: the scene's thread, outside of frames. Never throws for bad input: it is in the diagnostics, with
+// positions. Source: ISO/IEC 19775-2 V4.0 (createX3DFromString and its kin, loadURL, replaceWorld, getProfile ...).
+
+// Example:
+//     #include <rtsg/core/world.h>
+//     #include <rtsg/core/x3d.h>
+//     rtsg::Scene scene;
+//     rtsg::Diagnostics diagnostics{"a piece"};
+//     const auto piece = rtsg::createX3DFromString(scene, "DEF LAMP PointLight { }", diagnostics);
+//     if (!piece) return;
+//     for (const rtsg::NodeId node : piece->roots)
+//         (void)scene.insertChild(scene.root(), rtsg::x3d::RtsgScene::children, node);
+//     (void)rtsg::sendFieldText(scene, "LAMP.on", "FALSE");
+//     scene.newFrame(0);
+//     std::cout << *rtsg::fieldText(scene, "LAMP.on") << '\n';  // FALSE
+#pragma once
+
+#include <filesystem>
+#include <iosfwd>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <rtsg/core/document_handler.h>
+#include <rtsg/core/loader.h>
+#include <rtsg/core/output_file.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+// ---- fields by name ------------------------------------------------------------------------------------------------
+
+struct FieldRef {
+    NodeId node;
+    FieldIndex field = kNoField;
+};
+/// "DOOR.translation"; the field may be written as set_x, x_changed or x. A name within an Inline or a PROTO instance
+/// stands behind the name of that, and a slash: "HALL/DOOR.translation". Errors: what is not there, and what may have
+/// been meant.
+Result<FieldRef> findField(const Scene& scene, std::string_view path);
+/// The field's value as ClassicVRML has it.
+Result<std::string> fieldText(const Scene& scene, std::string_view path);
+/// As Scene::setField and Scene::sendEvent. A node is written as its name. Errors: as findField; text that is no such
+/// value.
+Result<> setFieldText(Scene& scene, std::string_view path, std::string_view text);
+Result<> sendFieldText(Scene& scene, std::string_view path, std::string_view text);
+
+// ---- what a world says of itself -----------------------------------------------------------------------------------
+
+struct DocumentInfo : DocumentHead {
+    struct Import {
+        std::string inlineName, exportedName, localName;
+    };
+    struct Export {
+        std::string localName, exportedName;
+    };
+    std::vector<Import> imports;
+    std::vector<Export> exports;
+    std::vector<std::string> prototypes, externPrototypes;  // that the document itself declares
+};
+DocumentInfo documentInfo(const Scene& scene);
+
+/// What this build knows: a component with the highest level of any node in it; a profile with its components.
+struct Profile {
+    std::string name;
+    std::vector<DocumentHead::Component> components;
+};
+std::vector<DocumentHead::Component> supportedComponents();
+std::vector<Profile> supportedProfiles();
+
+// ---- pieces --------------------------------------------------------------------------------------------------------
+
+/// Nodes that were read, with their routes, and hang nowhere yet: that is for the caller to do.
+struct Fragment {
+    std::vector<NodeId> roots;  // in the order of the document
+    DocumentHead head;
+    std::vector<std::pair<std::string, NodeId>> names;  // sorted
+
+    /// The node that has this name in the piece; none if there is none. In the scene it has the name too, unless a node
+    /// there had it before.
+    NodeId find(std::string_view name) const;
+};
+/// Without an encoding's header the text is ClassicVRML. What IMPORT and EXPORT say is left out, and reported. Nothing
+/// if nothing usable was in it.
+std::optional<Fragment> createX3DFromString(Scene& scene, std::string_view text, Diagnostics& diagnostics,
+                                            const LoadOptions& options = {});
+std::optional<Fragment> createX3DFromStream(Scene& scene, std::istream& stream, Diagnostics& diagnostics,
+                                            const LoadOptions& options = {});
+std::optional<Fragment> createX3DFromFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics,
+                                          const LoadOptions& options = {});
+
+// ---- worlds --------------------------------------------------------------------------------------------------------
+
+/// Everything but what is below the piece, and what Scene::hold() holds, is destroyed; the piece's nodes are the root's
+/// children, and have their names. Subscribers and replicas get it as one set; Listeners::onWorld hears of it. Types
+/// of PROTOs stay known. Errors: from within a frame; nodes that are not there.
+Result<> replaceWorld(Scene& scene, const Fragment& piece);
+/// Reads a file, then puts it in the place of the world. Where nothing usable is in the file, false, and the world
+/// stays.
+bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics,
+               const LoadOptions& options = {});
+/// The scene as a document, in the encoding that the file's name says. Errors: a name that says none; what the system
+/// says.
+Result<> saveWorld(const Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics,
+                   Existing existing = Existing::keep);
+
+}  // namespace rtsg
