@@ -5,34 +5,12 @@
 #include <rtsg/core/terminal.h>
 #include <rtsg/core/x3d.h>
 
-#include "runtime.h"
+#include "bridge.h"
 #include "scene/script_programs.h"
 
 namespace rtsg::script {
 
 namespace {
-
-Call& currentCall(JSContext* cx) {
-    return *static_cast<Runtime*>(JS_GetContextPrivate(cx))->current;
-}
-
-NodeId nodeArgument(const JS::CallArgs& args, unsigned index) {
-    return NodeId{args.get(index).isNumber() ? static_cast<std::uint32_t>(args.get(index).toNumber()) : 0u};
-}
-
-bool answer(JSContext* cx, const JS::CallArgs& args, std::string_view text) {
-    JSString* made = JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(text.data(), text.size()));
-    if (!made) return false;
-    args.rval().setString(made);
-    return true;
-}
-
-/// Nothing, or the sentence why not.
-bool answer(JSContext* cx, const JS::CallArgs& args, const Result<>& result) {
-    if (!result) return answer(cx, args, result.error().text);
-    args.rval().setUndefined();
-    return true;
-}
 
 bool print(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
@@ -302,7 +280,7 @@ JSObject* newBridge(JSContext* cx) {
     if (!bridge || !JS_DefineFunctions(cx, bridge, functions)) return nullptr;
     JS::RootedString version(cx, JS_NewStringCopyZ(cx, RTSG_VERSION));
     if (!version || !JS_DefineProperty(cx, bridge, "version", version, 0)) return nullptr;
-    return bridge;
+    return addDocumentBridge(cx, bridge) ? bridge.get() : nullptr;
 }
 
 }  // namespace rtsg::script

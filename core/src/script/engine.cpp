@@ -327,7 +327,7 @@ ScriptEngine::~ScriptEngine() {
         }
 }
 
-void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     State& s = *state_;
     if (node.type().fields[field].name == "url") {
         // The cascade wakes the node; onTime loads the new program.
@@ -341,14 +341,13 @@ void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field,
     s.enter(&cascade, node, *program, [&] {
         JSContext* cx = s.context();
         JS::RootedValueArray<4> arguments(cx);
-        const FieldType type = node.type().fields[field].type;
         arguments[0].setString(*program->handlers[field]);
-        arguments[1].setInt32(static_cast<int>(type));
+        arguments[1].setInt32(static_cast<int>(value.type()));
         arguments[3].setNumber(cascade.now());
         JS::RootedValue event(cx, *program->event), ignored(cx);
         JS::RootedObject library(cx, s.runtime->library());
         const JSAutoRealm realm(cx, library);
-        return toScript(cx, type, value, arguments[2]) &&
+        return toScript(cx, value.type(), value.storage(), arguments[2]) &&
                JS::Call(cx, JS::UndefinedHandleValue, event, arguments, &ignored);
     });
 }

@@ -16,7 +16,7 @@ class ScriptEngine final : public ScriptPrograms {
     ScriptEngine(const ScriptEngine&) = delete;
     ScriptEngine& operator=(const ScriptEngine&) = delete;
 
-    void onEvent(Cascade& cascade, const Node& node, FieldIndex field, const void* value) override;
+    void onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) override;
     double onTime(Cascade& cascade, const Node& node, ScriptPhase phase) override;
     void findHeld(const std::vector<NodeId>& nodes,
                   const std::function<void(NodeId script, NodeId held)>& visit) override;

@@ -1,4 +1,5 @@
-// What a Script sees besides ECMAScript itself: field values as objects, nodes, Browser. ISO/IEC 19777-1 V3.3 clause 7.
+// What a Script sees besides ECMAScript itself: field values as objects, and nodes; Browser is in browser.js. ISO/IEC
+// 19777-1 V3.3 clause 7.
 //
 // Evaluated once a thread, in a realm of its own whose objects no program can change; `native` is the bridge to the
 // scene. It answers with the names that every program finds in its global object, and a function that makes a program's
@@ -8,7 +9,7 @@
 (function (native) {
     "use strict";
 
-    const names = Object.create(null);
+    const names = Object.create(null), library = native.library;
     /// Errors and arrays are the running program's own: it can tell them by `instanceof`.
     function fail(kind, text) { throw new (native.global()[kind])(text); }
     const ownArray = list => native.global().Array.from(list);
@@ -404,7 +405,9 @@
     const methods = {
         getTypeName: id => native.typeName(id), getNodeTypeName: id => native.typeName(id), getNodeName: id => native.nodeName(id),
         getName: id => native.nodeName(id), toString: id => `${native.typeName(id)} { }`, valueOf: id => id,
+        dispose(id) { const flaw = native.dispose(id); if (typeof flaw === "string") fail("Error", flaw); },
     };
+    for (const [name, method] of Object.entries(library.nodeMethods)) methods[name] = id => method(id, {ownArray});
     function idOf(node) {
         const id = typeof node === "object" && node !== null ? ids.get(node) : undefined;
         if (id === undefined) fail("TypeError", "a node is expected here");
@@ -413,9 +416,8 @@
     const text = given => given.map(String).join(" ");
     const print = (...given) => native.print(text(given));
     const println = (...given) => native.print(text(given) + "\n");
-    const absent = name => () => { fail("Error", `Browser.${name} is not supported`); };
     Object.assign(names, {
-        print: println, trace: println, TRUE: true, FALSE: false,
+        print: println, trace: println, TRUE: true, FALSE: false, X3DConstants: library.constants,
         console: {log: println, info: println, debug: println, warn: println, error: println},
     });
 
@@ -496,51 +498,10 @@
             pending.clear();
             spareTouched = pending;
         }
-        /// Edits of the structure take effect at once: what was assigned before them comes first.
-        function edit(f) {
-            return (...given) => {
-                flush();
-                const flaw = f(...given);
-                if (typeof flaw === "string") fail("Error", flaw);
-            };
-        }
-
-        // ---- Browser ---------------------------------------------------------------------------------------------
-        const route = f => edit((from, fromField, to, toField) => f(self, idOf(from), String(fromField), idOf(to), String(toField)));
-        const addRoute = route(native.addRoute), deleteRoute = route(native.deleteRoute);
-        const currentScene = {
-            getNamedNode(name) {
-                const id = native.named(self, String(name));
-                if (!id) fail("ReferenceError", `no node is named ${name}`);
-                return nodeOf(id);
-            },
-            get rootNodes() { return revive(SFNode + 1, native.roots(), nodeOf); },
-            createNode(type) {
-                const id = native.createNode(self, String(type));
-                if (typeof id === "string") fail("TypeError", id);
-                return nodeOf(id);
-            },
-            addRootNode: edit(node => native.addRoot(idOf(node))),
-            removeRootNode: edit(node => native.removeRoot(idOf(node))),
-            updateNamedNode: edit((name, node) => native.rename(idOf(node), String(name))),
-            addRoute, deleteRoute,
-        };
         function publish(name, value) {
             Object.defineProperty(global, name, {value, writable: true, configurable: true, enumerable: false});
         }
-        publish("Browser", {
-            name: "RTSG", version: native.version, currentSpeed: 0, description: "", currentScene, addRoute, deleteRoute, print, println,
-            getName() { return this.name; },
-            getVersion() { return this.version; },
-            getCurrentSpeed: () => 0,
-            getCurrentTime: () => native.now(),
-            setDescription(text) { this.description = String(text); },
-            setBrowserOption: () => false,
-            getExecutionContext: () => currentScene,
-            createVrmlFromString: absent("createVrmlFromString"), createX3DFromString: absent("createX3DFromString"),
-            createVrmlFromURL: absent("createVrmlFromURL"), createX3DFromURL: absent("createX3DFromURL"),
-            loadURL: absent("loadURL"), replaceWorld: absent("replaceWorld"),
-        });
+        publish("Browser", library.makeBrowser({self, nodeOf, idOf, flush, fail, flatten, revive, ownArray, print, println}));
 
         // ---- the Script's own fields are variables of its program; a function of that name takes the place of one ----
         for (const name of native.fieldNames(self)) {
@@ -606,7 +567,7 @@
         }
     }
     delete Function.prototype.constructor;  // nobody can make code for this realm
-    freezeAll([names, [][Symbol.iterator](), ""[Symbol.iterator](), new Map()[Symbol.iterator](), /./[Symbol.matchAll](""),
+    freezeAll([names, library, [][Symbol.iterator](), ""[Symbol.iterator](), new Map()[Symbol.iterator](), /./[Symbol.matchAll](""),
                ...Reflect.ownKeys(globalThis).map(name => globalThis[name])]);
     return {names, program};
 })

@@ -9,6 +9,7 @@ namespace rtsg::script {
 
 extern const char* const kPrelude;
 extern const char* const kFences;
+extern const char* const kBrowser;
 
 namespace {
 
@@ -168,10 +169,13 @@ bool Runtime::startLibrary() {
     library_ = std::make_unique<JS::PersistentRootedObject>(cx, global);
     const JSAutoRealm inside(cx, global);
     memory_ = std::make_unique<Memory>(cx);
-    JS::RootedObject bridge(cx, newBridge(cx)), fences(cx), prelude(cx);
+    JS::RootedObject bridge(cx, newBridge(cx)), fences(cx), browser(cx), prelude(cx);
     if (!bridge) return false;
     JS::RootedValue bridgeValue(cx, JS::ObjectValue(*bridge)), names(cx), fenced(cx);
-    // The prelude comes last: it freezes what the two of them are made of.
+    if (!evaluateOwn("browser", kBrowser, bridgeValue, &browser) ||
+        !JS_DefineProperty(cx, bridge, "library", browser, 0))
+        return false;
+    // The prelude comes last: it freezes what all of them are made of.
     if (!evaluateOwn("fences", kFences, bridgeValue, &fences) || !JS_GetProperty(cx, fences, "byName", &fenced) ||
         !evaluateOwn("prelude", kPrelude, bridgeValue, &prelude) || !JS_GetProperty(cx, prelude, "names", &names) ||
         !names.isObject() || !fenced.isObject())

@@ -1,0 +1,35 @@
+// What the functions of the bridge between scripts and scene are made with. Shared by bridge*.cpp.
+//
+// Each function checks everything that comes from the script; it answers with a sentence (a string) where it refuses.
+#pragma once
+
+#include "runtime.h"
+
+namespace rtsg::script {
+
+inline Call& currentCall(JSContext* cx) {
+    return *static_cast<Runtime*>(JS_GetContextPrivate(cx))->current;
+}
+
+inline NodeId nodeArgument(const JS::CallArgs& args, unsigned index) {
+    return NodeId{args.get(index).isNumber() ? static_cast<std::uint32_t>(args.get(index).toNumber()) : 0u};
+}
+
+inline bool answer(JSContext* cx, const JS::CallArgs& args, std::string_view text) {
+    JSString* made = JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(text.data(), text.size()));
+    if (!made) return false;
+    args.rval().setString(made);
+    return true;
+}
+
+/// Nothing, or the sentence why not.
+inline bool answer(JSContext* cx, const JS::CallArgs& args, const Result<>& result) {
+    if (!result) return answer(cx, args, result.error().text);
+    args.rval().setUndefined();
+    return true;
+}
+
+/// Adds the functions about the document as a whole (bridge_document.cpp). False when memory runs out.
+bool addDocumentBridge(JSContext* cx, JS::HandleObject bridge);
+
+}  // namespace rtsg::script

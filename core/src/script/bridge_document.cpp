@@ -1,0 +1,371 @@
+// What a script can ask of the document as a whole: pieces from text and files, other worlds, what the document says of
+// itself, and what types and fields there are.
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+#include <span>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/navigation.h>
+#include <rtsg/core/resource.h>
+#include <rtsg/core/x3d.h>
+
+#include "bridge.h"
+#include "scene/script_programs.h"
+
+namespace rtsg::script {
+
+namespace {
+
+using Root = x3d::RtsgScene;
+
+constexpr std::string_view kShutsDown = "a script that shuts down can change nothing";
+
+/// An array of parts in plain form; each a Value.
+bool answerParts(JSContext* cx, const JS::CallArgs& args, std::span<const Value> parts) {
+    JS::RootedObject list(cx, JS::NewArrayObject(cx, 0));
+    if (!list) return false;
+    JS::RootedValue part(cx);
+    for (std::uint32_t i = 0; i < parts.size(); ++i)
+        if (!toScript(cx, parts[i].type(), parts[i].storage(), &part) || !JS_SetElement(cx, list, i, part))
+            return false;
+    args.rval().setObject(*list);
+    return true;
+}
+
+Value strings(std::span<const std::string> texts) {
+    Array<String> list;
+    for (const std::string& text : texts) list.push_back(String(text));
+    return {std::move(list)};
+}
+
+/// Null if it is not what the prelude sends.
+template <class T>
+std::optional<Array<T>> listArgument(JSContext* cx, const JS::CallArgs& args, unsigned index) {
+    Value value;
+    if (!fromScript(cx, FieldTypeOf<Array<T>>::value, args.get(index), value)) return std::nullopt;
+    return value.as<Array<T>>();
+}
+
+std::vector<std::string> textsOf(const Array<String>& list) {
+    std::vector<std::string> texts;
+    for (const String& one : list) texts.push_back(one.str());
+    return texts;
+}
+
+bool answerPiece(JSContext* cx, const JS::CallArgs& args, const Result<detail::Piece>& piece) {
+    if (!piece) return answer(cx, args, piece.error().text);
+    std::vector<std::string> names;
+    Array<NodeId> ids;
+    for (const auto& [name, id] : piece->names) {
+        names.push_back(name);
+        ids.push_back(id);
+    }
+    const Value parts[] = {Value(Array<NodeId>(std::span<const NodeId>(piece->roots))), strings(names), Value(ids)};
+    return answerParts(cx, args, parts);
+}
+
+/// pieceOfText(script, text): [roots, names, their nodes].
+bool pieceOfText(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    std::string text;
+    if (!stringFrom(cx, args.get(1), text)) return false;
+    if (!call.cascade) return answer(cx, args, kShutsDown);
+    return answerPiece(cx, args, ScriptPrograms::createPiece(call.scene, text, nodeArgument(args, 0)));
+}
+
+/// pieceOfUrls(script, urls): the same.
+bool pieceOfUrls(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    const auto urls = listArgument<String>(cx, args, 1);
+    if (!urls) return false;
+    if (!call.cascade) return answer(cx, args, kShutsDown);
+    return answerPiece(cx, args, ScriptPrograms::createPieceOfUrls(call.scene, textsOf(*urls), nodeArgument(args, 0)));
+}
+
+/// askPiece(script, urls, node, field name): comes as an event.
+bool askPiece(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    const auto urls = listArgument<String>(cx, args, 1);
+    std::string name;
+    if (!urls || !stringFrom(cx, args.get(3), name)) return false;
+    const Node* node = call.scene.find(nodeArgument(args, 2));
+    if (!call.cascade || !node) return answer(cx, args, "the node is gone");
+    const FieldIndex field = node->type().find(name);
+    if (field == kNoField || node->type().fields[field].type != FieldType::MFNode ||
+        !node->type().fields[field].writable())
+        return answer(cx, args, fmt::format("{} has no field {} that takes nodes", node->type().name, name));
+    ScriptPrograms::request(
+        call.scene, {DocumentRequest::Kind::piece, nodeArgument(args, 0), textsOf(*urls), {}, {}, node->id(), field});
+    args.rval().setUndefined();
+    return true;
+}
+
+/// askWorld(script, urls)
+bool askWorld(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    const auto urls = listArgument<String>(cx, args, 1);
+    if (!urls) return false;
+    if (!call.cascade) return answer(cx, args, kShutsDown);
+    ScriptPrograms::request(call.scene,
+                            {DocumentRequest::Kind::world, nodeArgument(args, 0), textsOf(*urls), {}, {}, {}});
+    args.rval().setUndefined();
+    return true;
+}
+
+/// replaceWorld(script, nodes, names, their nodes)
+bool replaceWorld(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    const auto nodes = listArgument<NodeId>(cx, args, 1), named = listArgument<NodeId>(cx, args, 3);
+    const auto names = listArgument<String>(cx, args, 2);
+    if (!nodes || !names || !named || names->size() != named->size()) return false;
+    if (!call.cascade) return answer(cx, args, kShutsDown);
+    DocumentRequest request{DocumentRequest::Kind::replacement, nodeArgument(args, 0), {}, {}, {}, {}};
+    for (const NodeId id : *nodes)
+        if (id) request.nodes.push_back(id);
+    for (std::size_t i = 0; i < names->size(); ++i) request.names.emplace_back((*names)[i].str(), (*named)[i]);
+    ScriptPrograms::request(call.scene, std::move(request));
+    args.rval().setUndefined();
+    return true;
+}
+
+// ---- what the document says of itself ------------------------------------------------------------------------------
+
+/// documentInfo(): [profile, components, meta, units, imports, exports], flat, as the root has them.
+bool documentInfo(JSContext* cx, unsigned count, JS::Value* vp) {
+    const Scene& scene = currentCall(cx).scene;
+    const Node& root = scene.node(scene.root());
+    const Value parts[] = {Value(Array<String>{root.get(Root::profile)}),
+                           Value(root.get(Root::components)),
+                           Value(root.get(Root::meta)),
+                           Value(root.get(Root::units)),
+                           Value(root.get(Root::imports)),
+                           Value(root.get(Root::exports))};
+    return answerParts(cx, JS::CallArgsFromVp(count, vp), parts);
+}
+
+/// setDocumentInfo("meta" | "imports" | "exports", list)
+bool setDocumentInfo(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    std::string which;
+    const auto list = listArgument<String>(cx, args, 1);
+    if (!list || !stringFrom(cx, args.get(0), which)) return false;
+    if (!call.cascade) return answer(cx, args, kShutsDown);
+    const Field<Array<String>> field = which == "meta"      ? Root::meta
+                                       : which == "imports" ? Root::imports
+                                                            : Root::exports;
+    return answer(cx, args, call.scene.setField(call.scene.root(), field.index, Value(*list)));
+}
+
+/// folder(): where relative urls start.
+bool folder(JSContext* cx, unsigned count, JS::Value* vp) {
+    const Call& call = currentCall(cx);
+    const std::string text = call.options.resources ? call.options.resources->folder().string() : std::string();
+    return answer(cx, JS::CallArgsFromVp(count, vp), text);
+}
+
+/// localNode(script, name), or 0: what a DEF or an IMPORT named in the script's document.
+bool localNode(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    std::string name;
+    if (!stringFrom(cx, args.get(1), name)) return false;
+    const Node* script = call.scene.find(nodeArgument(args, 0));
+    args.rval().setNumber(detail::localNode(call.scene, script ? script->scope() : NodeId{}, name).value);
+    return true;
+}
+
+/// prototypes(external): the document's own.
+bool prototypes(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Scene& scene = currentCall(cx).scene;
+    const NodeType::Kind kind = args.get(0).isTrue() ? NodeType::Kind::externProto : NodeType::Kind::proto;
+    std::vector<std::string> names;
+    for (std::size_t i = builtinTypes().size(); i < scene.typeCount(); ++i) {
+        const NodeType& type = scene.type(TypeIndex{static_cast<std::uint16_t>(i)});
+        if (type.kind == kind && !type.declaration.empty() && !type.name.contains('#')) names.push_back(type.name);
+    }
+    const Value list = strings(names);
+    return toScript(cx, list.type(), list.storage(), args.rval());
+}
+
+/// routes(script): [from nodes, from fields, to nodes, to fields] of the script's document.
+bool routes(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Scene& scene = currentCall(cx).scene;
+    const Node* script = scene.find(nodeArgument(args, 0));
+    Array<NodeId> from, to;
+    std::vector<std::string> fromFields, toFields;
+    scene.forEachNode([&](const Node& node) {
+        if (!script || node.scope() != script->scope()) return;
+        for (const Route& route : scene.routesFrom(node.id())) {
+            if (route.isConnection) continue;
+            from.push_back(route.fromNode);
+            to.push_back(route.toNode);
+            fromFields.push_back(node.type().fields[route.fromField].name);
+            toFields.push_back(scene.node(route.toNode).type().fields[route.toField].name);
+        }
+    });
+    const Value parts[] = {Value(from), strings(fromFields), Value(to), strings(toFields)};
+    return answerParts(cx, args, parts);
+}
+
+// ---- types and fields ----------------------------------------------------------------------------------------------
+
+bool answerFields(JSContext* cx, const JS::CallArgs& args, const NodeType& type) {
+    std::vector<std::string> names;
+    Array<std::int32_t> types, access;
+    for (const FieldDef& def : type.fields) {
+        if (def.hidden) continue;
+        names.push_back(def.name);
+        types.push_back(static_cast<std::int32_t>(def.type));
+        access.push_back(static_cast<std::int32_t>(def.access));
+    }
+    const Value parts[] = {strings(names), Value(types), Value(access)};
+    return answerParts(cx, args, parts);
+}
+
+/// fieldsOf(node): [names, types, accesses].
+bool fieldsOf(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
+    return node ? answerFields(cx, args, node->type()) : answer(cx, args, "the node is gone");
+}
+
+/// fieldsOfType(name): the same.
+bool fieldsOfType(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    std::string name;
+    if (!stringFrom(cx, args.get(0), name)) return false;
+    const auto type = currentCall(cx).scene.findType(name);
+    if (!type) return answer(cx, args, fmt::format("no node type is named {}", name));
+    return answerFields(cx, args, currentCall(cx).scene.type(*type));
+}
+
+/// kindsOf(node): its own type, then what that implements, by name.
+bool kindsOf(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
+    std::vector<std::string> names;
+    if (node) {
+        const NodeType::Kind kind = node->type().kind;
+        const bool isInstance = kind == NodeType::Kind::proto || kind == NodeType::Kind::externProto;
+        names = node->type().implements;
+        names.insert(names.begin(), isInstance ? std::string("X3DPrototypeInstance") : node->type().name);
+    }
+    const Value list = strings(names);
+    return toScript(cx, list.type(), list.storage(), args.rval());
+}
+
+/// typeNames(): of all built-in types, and the abstract ones among what they implement.
+bool typeNames(JSContext* cx, unsigned count, JS::Value* vp) {
+    std::set<std::string> names{"X3DPrototypeInstance"};
+    for (const auto& type : builtinTypes()) {
+        if (type->internal) continue;
+        names.insert(type->name);
+        names.insert(type->implements.begin(), type->implements.end());
+    }
+    const Value list = strings(std::vector<std::string>(names.begin(), names.end()));
+    return toScript(cx, list.type(), list.storage(), JS::CallArgsFromVp(count, vp).rval());
+}
+
+/// components(): [names, levels] of what this build knows.
+bool components(JSContext* cx, unsigned count, JS::Value* vp) {
+    std::map<std::string, std::int32_t> levels;
+    for (const auto& type : builtinTypes())
+        if (!type->internal) levels[type->component] = std::max(levels[type->component], type->level);
+    std::vector<std::string> names;
+    Array<std::int32_t> numbers;
+    for (const auto& [name, level] : levels) {
+        names.push_back(name);
+        numbers.push_back(level);
+    }
+    const Value parts[] = {strings(names), Value(numbers)};
+    return answerParts(cx, JS::CallArgsFromVp(count, vp), parts);
+}
+
+/// nodeText(node, whether as XML)
+bool nodeText(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Scene& scene = currentCall(cx).scene;
+    const NodeId id = nodeArgument(args, 0);
+    return answer(cx, args, scene.find(id) ? detail::nodeText(scene, id, args.get(1).isTrue()) : std::string());
+}
+
+/// profiles(): by name.
+bool profiles(JSContext* cx, unsigned count, JS::Value* vp) {
+    const Value list = strings(detail::profileNames());
+    return toScript(cx, list.type(), list.storage(), JS::CallArgsFromVp(count, vp).rval());
+}
+
+// ---- the viewer ----------------------------------------------------------------------------------------------------
+
+/// speed(): metres a second, as the bound NavigationInfo lets; 0 where nobody walks.
+bool speed(JSContext* cx, unsigned count, JS::Value* vp) {
+    const Scene& scene = currentCall(cx).scene;
+    const auto& stack = scene.node(scene.root()).get(Root::_navigationStack);
+    const Node* bound = stack.empty() ? nullptr : scene.find(stack[0]);
+    const bool known = bound && bound->is(x3d::NavigationInfo::type);
+    JS::CallArgsFromVp(count, vp).rval().setNumber(known ? double{bound->get(x3d::NavigationInfo::speed)} : 0.0);
+    return true;
+}
+
+/// viewpoint(ViewpointChoice)
+bool viewpoint(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    if (!call.cascade) return answer(cx, args, kShutsDown);
+    const int choice = args.get(0).isInt32() ? args.get(0).toInt32() & 3 : 0;
+    return answer(cx, args, bindViewpoint(call.scene, static_cast<ViewpointChoice>(choice)));
+}
+
+/// dispose(node): takes it out of all fields in which it hangs.
+bool dispose(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    if (!call.cascade) return answer(cx, args, kShutsDown);
+    const auto removed = call.scene.removeFromParents(nodeArgument(args, 0));
+    if (!removed) return answer(cx, args, removed.error().text);
+    args.rval().setUndefined();
+    return true;
+}
+
+}  // namespace
+
+bool addDocumentBridge(JSContext* cx, JS::HandleObject bridge) {
+    static constexpr JSFunctionSpec functions[] = {
+        JS_FN("pieceOfText", pieceOfText, 2, 0),
+        JS_FN("pieceOfUrls", pieceOfUrls, 2, 0),
+        JS_FN("askPiece", askPiece, 4, 0),
+        JS_FN("askWorld", askWorld, 2, 0),
+        JS_FN("replaceWorld", replaceWorld, 4, 0),
+        JS_FN("documentInfo", documentInfo, 0, 0),
+        JS_FN("setDocumentInfo", setDocumentInfo, 2, 0),
+        JS_FN("folder", folder, 0, 0),
+        JS_FN("localNode", localNode, 2, 0),
+        JS_FN("prototypes", prototypes, 1, 0),
+        JS_FN("routes", routes, 1, 0),
+        JS_FN("fieldsOf", fieldsOf, 1, 0),
+        JS_FN("fieldsOfType", fieldsOfType, 1, 0),
+        JS_FN("kindsOf", kindsOf, 1, 0),
+        JS_FN("typeNames", typeNames, 0, 0),
+        JS_FN("components", components, 0, 0),
+        JS_FN("nodeText", nodeText, 2, 0),
+        JS_FN("profiles", profiles, 0, 0),
+        JS_FN("speed", speed, 0, 0),
+        JS_FN("viewpoint", viewpoint, 1, 0),
+        JS_FN("dispose", dispose, 1, 0),
+        JS_FS_END,
+    };
+    return JS_DefineFunctions(cx, bridge, functions);
+}
+
+}  // namespace rtsg::script

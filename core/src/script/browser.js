@@ -1,0 +1,234 @@
+// Browser, scenes, routes and declarations as a Script sees them, and the numbers in X3DConstants. ISO/IEC 19777-1 V3.3
+// clause 7; what a scene is, 19775-2 V3.3.
+//
+// Evaluated once a thread, before the prelude, which makes each program's own Browser out of it.
+(function (native) {
+    "use strict";
+
+    const MFString = 11, MFNode = 13;
+    const fieldTypes = ["Bool", "Int32", "Float", "Double", "Time", "String", "Node", "Color", "ColorRGBA", "Image", "Vec2f", "Vec2d",
+                        "Vec3f", "Vec3d", "Vec4f", "Vec4d", "Rotation", "Matrix3f", "Matrix3d", "Matrix4f", "Matrix4d"];
+    const constants = {
+        INITIALIZED_EVENT: 0, SHUTDOWN_EVENT: 1, CONNECTION_ERROR: 2, INITIALIZED_ERROR: 3,
+        NOT_STARTED_STATE: 0, IN_PROGRESS_STATE: 1, COMPLETE_STATE: 2, FAILED_STATE: 3,
+        initializeOnly: 0, inputOnly: 1, outputOnly: 2, inputOutput: 3,
+    };
+    fieldTypes.forEach((name, i) => { constants["SF" + name] = 2 * i; constants["MF" + name] = 2 * i + 1; });
+    native.typeNames().forEach((name, i) => { constants[name] = i + 1; });
+
+    /// A list of [key, value, ...] by rows of `width`.
+    const rows = (flat, width) => Array.from({length: Math.floor(flat.length / width)}, (_, i) => flat.slice(i * width, (i + 1) * width));
+    const properties = {
+        ABSTRACT_NODES: true, CONCRETE_NODES: true, EXTERNAL_INTERACTIONS: true, PROTOTYPE_CREATE: true, DOM_IMPORT: false,
+        XML_ENCODING: true, CLASSIC_VRML_ENCODING: true, BINARY_ENCODING: false,
+    };
+
+    /// `program`: what the prelude gives of one: its Script (`self`), its objects for nodes, and how edits are made.
+    function makeBrowser({self, nodeOf, idOf, flush, fail, flatten, revive, ownArray, print, println}) {
+        const nodes = ids => revive(MFNode, ids, nodeOf);
+        const urls = given => flatten(MFString, given);
+        const must = answer => { if (typeof answer === "string") fail("Error", answer); return answer; };
+        /// What was assigned before takes effect first; and what is refused is an error.
+        const edit = f => (...given) => { flush(); must(f(...given)); };
+        const flushed = f => (...given) => { flush(); return f(...given); };
+
+        // ---- fields, declarations ------------------------------------------------------------------------------
+        const definitions = answer => {
+            const [names, types, accesses] = must(answer);
+            return ownArray(names.map((name, i) => ({name, dataType: types[i], accessType: accesses[i]})));
+        };
+        const components = () => {
+            const [names, levels] = native.components();
+            return ownArray(names.map((name, i) => ({name, level: levels[i], title: name, providerURL: ""})));
+        };
+        const createNode = flushed(type => {
+            const id = native.createNode(self, String(type));
+            if (typeof id === "string") fail("TypeError", id);
+            return nodeOf(id);
+        });
+        const declaration = (name, external) => ({
+            name, isExternProto: external, get fields() { return definitions(native.fieldsOfType(name)); },
+            newInstance: () => createNode(name),
+            ...(external ? {urls: ownArray([]), loadState: constants.COMPLETE_STATE} : {}),
+        });
+        const declarations = external => ownArray(native.prototypes(external).map(name => declaration(name, external)));
+        const declared = (name, external) => native.prototypes(external).includes(String(name))
+            ? declaration(String(name), external) : fail("ReferenceError", `no prototype is named ${name}`);
+        const createProto = name => {
+            if (!native.prototypes(false).includes(String(name)) && !native.prototypes(true).includes(String(name)))
+                fail("ReferenceError", `no prototype is named ${name}`);
+            return createNode(name);
+        };
+
+        // ---- routes --------------------------------------------------------------------------------------------
+        const route = (sourceNode, sourceField, destinationNode, destinationField) =>
+            ({sourceNode, sourceField, destinationNode, destinationField});
+        const change = f => (from, fromField, to, toField) =>
+            edit(f)(self, idOf(from), String(fromField), idOf(to), String(toField));
+        const addRoute = (from, fromField, to, toField) => {
+            change(native.addRoute)(from, fromField, to, toField);
+            return route(from, String(fromField), to, String(toField));
+        };
+        // A route, or its four ends.
+        const deleteRoute = (from, ...ends) => ends.length > 0 ? change(native.deleteRoute)(from, ...ends)
+            : change(native.deleteRoute)(from.sourceNode, from.sourceField, from.destinationNode, from.destinationField);
+        const routes = flushed(() => {
+            const [from, fromFields, to, toFields] = native.routes(self);
+            return ownArray(fromFields.map((field, i) => route(nodeOf(from[i]), field, nodeOf(to[i]), toFields[i])));
+        });
+
+        // ---- scenes --------------------------------------------------------------------------------------------
+        const common = {
+            specificationVersion: "4.0", encoding: "ASCII",
+            createNode, createProto, addRoute, deleteRoute,
+            get routes() { return routes(); },
+            get protos() { return declarations(false); },
+            get externprotos() { return declarations(true); },
+            getProtoDeclaration: name => declared(name, false),
+            getExternProtoDeclaration: name => declared(name, true),
+            get worldURL() { return native.folder(); },
+        };
+        const extend = (base, parts) => Object.defineProperties(Object.create(null, Object.getOwnPropertyDescriptors(base)),
+                                                                Object.getOwnPropertyDescriptors(parts));
+        const [kProfile, kComponents, kMeta, kUnits, kImports, kExports] = [0, 1, 2, 3, 4, 5];
+        const info = (part, width) => rows(native.documentInfo()[part], width);
+        const setInfo = (name, list) => edit(native.setDocumentInfo)(name, list.flat());
+        function getNamedNode(name) {
+            flush();
+            const id = native.named(self, String(name));
+            if (!id) fail("ReferenceError", `no node is named ${name}`);
+            return nodeOf(id);
+        }
+        const exported = name => info(kExports, 2).find(one => one[1] === String(name));
+        const currentScene = extend(common, {
+            get isScene() { return true; },
+            get profile() { const name = native.documentInfo()[kProfile][0]; return {name, title: name, providerURL: "", components: components()}; },
+            get components() {
+                return ownArray(info(kComponents, 2).map(([name, level]) => ({name, level: Number(level), title: name, providerURL: ""})));
+            },
+            get units() {
+                return ownArray(info(kUnits, 3).map(([category, name, factor]) => ({category, name, conversionFactor: Number(factor)})));
+            },
+            get rootNodes() { flush(); return nodes(native.roots()); },
+            addRootNode: node => edit(native.addRoot)(idOf(node)),
+            removeRootNode: node => edit(native.removeRoot)(idOf(node)),
+            getNamedNode,
+            updateNamedNode: (name, node) => edit(native.rename)(idOf(node), String(name)),
+            removeNamedNode: name => edit(native.rename)(idOf(getNamedNode(name)), ""),
+            getImportedNode(name) {
+                flush();
+                const id = native.localNode(self, String(name));
+                if (!id) fail("ReferenceError", `nothing was imported as ${name}`);
+                return nodeOf(id);
+            },
+            updateImportedNode(inline, name, local = name) {
+                const holder = native.nodeName(idOf(inline));
+                if (!holder) fail("Error", "an Inline without a name exports nothing");
+                const others = info(kImports, 3).filter(one => one[2] !== String(local));
+                setInfo("imports", [...others, [holder, String(name), String(local)]]);
+            },
+            removeImportedNode: name => setInfo("imports", info(kImports, 3).filter(one => one[2] !== String(name))),
+            getExportedNode(name) {
+                flush();
+                const id = native.localNode(self, exported(name)?.[0] ?? "");
+                if (!id) fail("ReferenceError", `nothing is exported as ${name}`);
+                return nodeOf(id);
+            },
+            updateExportedNode(name, node) {
+                const local = native.nodeName(idOf(node));
+                if (!local) fail("Error", "a node without a name cannot be exported");
+                setInfo("exports", [...info(kExports, 2).filter(one => one[1] !== String(name)), [local, String(name)]]);
+            },
+            removeExportedNode: name => setInfo("exports", info(kExports, 2).filter(one => one[1] !== String(name))),
+            getMetaData: name => info(kMeta, 2).find(one => one[0] === String(name))?.[1],
+            setMetaData(name, content) {
+                setInfo("meta", [...info(kMeta, 2).filter(one => one[0] !== String(name)), [String(name), String(content)]]);
+            },
+        });
+
+        // Nodes that hang nowhere yet. What is added is kept in the piece until it is put somewhere.
+        const pieces = new WeakMap();
+        function piece(answer) {
+            if (typeof answer === "string") fail("Error", answer);
+            const roots = Array.from(answer[0], nodeOf), named = new Map(answer[1].map((name, i) => [name, nodeOf(answer[2][i])]));
+            const made = extend(common, {
+                isScene: true, units: ownArray([]), components: ownArray([]),
+                get rootNodes() { return nodes(roots.map(idOf)); },
+                addRootNode(node) { idOf(node); roots.push(node); },
+                removeRootNode(node) { const at = roots.indexOf(node); if (at >= 0) roots.splice(at, 1); },
+                getNamedNode: name => named.get(String(name)) ?? fail("ReferenceError", `no node is named ${name}`),
+                updateNamedNode(name, node) { idOf(node); named.set(String(name), node); },
+                removeNamedNode(name) { named.delete(String(name)); },
+                dispose() { roots.length = 0; named.clear(); },
+            });
+            pieces.set(made, {roots, named});
+            return made;
+        }
+        const ofText = flushed(text => piece(native.pieceOfText(self, String(text))));
+        /// With a node and the name of one of its fields the nodes come as an event, in a later frame; else at once.
+        const ofUrls = flushed((given, node, field) => {
+            if (node === undefined || node === null) return piece(native.pieceOfUrls(self, urls(given)));
+            must(native.askPiece(self, urls(given), idOf(node), String(field)));
+        });
+
+        // ---- Browser -------------------------------------------------------------------------------------------
+        const browser = {
+            name: "RTSG", version: native.version, description: "",
+            get currentSpeed() { return native.speed(); },
+            currentFrameRate: 0,  // a scene knows no pace: whoever runs it does
+            currentScene, print, println, addRoute, deleteRoute,
+            get supportedComponents() { return components(); },
+            get supportedProfiles() {
+                return ownArray(native.profiles().map(name => ({name, title: name, providerURL: "", components: ownArray([])})));
+            },
+            getProfile: name => native.profiles().includes(String(name)) ? {name: String(name), title: String(name), providerURL: "", components: ownArray([])}
+                : fail("ReferenceError", `no profile is named ${name}`),
+            getComponent(name, level = 1) {
+                const known = components().find(one => one.name === String(name) && one.level >= level);
+                return known ? {...known, level} : fail("ReferenceError", `no component ${name} of level ${level}`);
+            },
+            getName() { return this.name; },
+            getVersion() { return this.version; },
+            getCurrentSpeed: () => native.speed(),
+            getCurrentFrameRate() { return this.currentFrameRate; },
+            getCurrentTime: () => native.now(),
+            getWorldURL: () => native.folder(),
+            setDescription(text) { this.description = String(text); },
+            getBrowserOption: () => undefined,
+            setBrowserOption: () => false,
+            getBrowserProperty: name => Object.hasOwn(properties, name) ? properties[name] : false,
+            getRenderingProperty: () => undefined,
+            getExecutionContext: () => currentScene,
+            createScene: () => piece([[], [], []]),
+            createVrmlFromString: text => ofText(text).rootNodes,
+            createX3DFromString: ofText, createX3DFromStream: ofText,
+            createVrmlFromURL(given, node, field) {
+                const made = ofUrls(given, node, field);
+                return made ? made.rootNodes : undefined;
+            },
+            createX3DFromURL: ofUrls,
+            importDocument: () => fail("Error", "there is no document object model here"),
+            loadURL: flushed(given => { must(native.askWorld(self, urls(given))); }),
+            replaceWorld: flushed(given => {
+                const {roots, named} = pieces.get(given) ?? {roots: given === null || given === undefined ? [] : Array.from(given), named: new Map()};
+                must(native.replaceWorld(self, flatten(MFNode, roots), Array.from(named.keys()), flatten(MFNode, Array.from(named.values()))));
+            }),
+            firstViewpoint: flushed(() => { must(native.viewpoint(0)); }), previousViewpoint: flushed(() => { must(native.viewpoint(1)); }),
+            nextViewpoint: flushed(() => { must(native.viewpoint(2)); }), lastViewpoint: flushed(() => { must(native.viewpoint(3)); }),
+        };
+        return browser;
+    }
+
+    /// Of nodes, by number.
+    const nodeMethods = {
+        getNodeType: (id, {ownArray}) => ownArray(native.kindsOf(id).map(name => constants[name] ?? 0)),
+        getFieldDefinitions(id, {ownArray}) {
+            const [names, types, accesses] = native.fieldsOf(id);
+            return ownArray(names.map((name, i) => ({name, dataType: types[i], accessType: accesses[i]})));
+        },
+        toXMLString: id => native.nodeText(id, true),
+        toVRMLString: id => native.nodeText(id, false),
+        toX3DString: id => native.nodeText(id, false),
+    };
+    return {constants, makeBrowser, nodeMethods};
+})
