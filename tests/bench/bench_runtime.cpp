@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/device_input.h>
+#include <rtsg/core/listeners.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
@@ -210,6 +211,51 @@ void touches(const Report& report, bool quick) {
             clock});
 }
 
+void listening(const Report& report, bool quick) {
+    const int count = quick ? 1000 : 10'000;
+    std::string text = "DEF C TimeSensor { loop TRUE }\n";
+    for (int i = 0; i < count; ++i)
+        text += fmt::format(
+            "DEF P{0} PositionInterpolator {{ key [ 0 1 ] keyValue [ 0 0 0, 1 {0} 0 ] }}\nROUTE "
+            "C.fraction_changed TO P{0}.set_fraction\n",
+            i);
+    Scene scene;
+    load(scene, text);
+    const std::string what = fmt::format("{} interpolators", count);
+    const auto frame = [&] { return 1e3 * runtimeFrameSeconds(scene, 100, [](int) {}); };
+    const double alone = frame();
+    double sum = 0;
+    const auto add = [&](Listeners& listeners, int number) {
+        (void)listeners.onField(scene.findName(fmt::format("P{}", number)), x3d::PositionInterpolator::value_changed,
+                                [&](const Vec3f& value, double) { sum += double{value.y}; });
+    };
+    {
+        Listeners listeners(scene);
+        add(listeners, 1);
+        report({"runtime", what, "a frame, one of them is listened to", "ms", frame(), "nobody listens", alone, "", 0});
+        for (int i = 2; i < count; ++i) add(listeners, i);
+        report(
+            {"runtime", what, "a frame, all of them are listened to", "ms", frame(), "nobody listens", alone, "", 0});
+    }
+    scene.setEventListener([&](double, const Node&, FieldIndex, const Value&) { sum += 1; });
+    report(
+        {"runtime", what, "a frame, one function hears of every event", "ms", frame(), "nobody listens", alone, "", 0});
+    keep(&sum);
+}
+
+/// A viewer whom nobody moves.
+void navigation(const Report& report, bool) {
+    for (const char* type : {"EXAMINE", "WALK"}) {
+        Scene scene;
+        load(scene, fmt::format("NavigationInfo {{ type \"{}\" }} Transform {{ children Viewpoint {{ }} }} Shape {{ }}",
+                                type));
+        const double off = 1e6 * runtimeFrameSeconds(scene, 1000, [](int) {});
+        scene.setNavigation(true);
+        report({"runtime", fmt::format("a scene at rest, {}", type), "a frame, with navigation", "us",
+                1e6 * runtimeFrameSeconds(scene, 1000, [](int) {}), "without", off, "", 0});
+    }
+}
+
 void dropped(const Report& report, bool quick) {
     const int count = quick ? 200 : 1000, frames = quick ? 10 : 40;
     const auto seconds = [&](std::string_view make, std::size_t& left) {
@@ -254,6 +300,8 @@ void runtime(const Report& report, bool quick) {
     followers(report, quick);
     proximity(report, quick);
     touches(report, quick);
+    listening(report, quick);
+    navigation(report, quick);
     dropped(report, quick);
     routes(report, quick);
 }
