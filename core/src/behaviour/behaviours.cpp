@@ -24,6 +24,7 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         appendLoadSensor(t);
         appendPickSensors(t);
         appendMedia(t);
+        appendParticles(t);
         for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;
         return t;
     }();

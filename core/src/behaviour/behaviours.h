@@ -20,6 +20,7 @@ void appendKeys(std::vector<BuiltinBehaviour>& table);
 void appendLoadSensor(std::vector<BuiltinBehaviour>& table);
 void appendPickSensors(std::vector<BuiltinBehaviour>& table);
 void appendMedia(std::vector<BuiltinBehaviour>& table);
+void appendParticles(std::vector<BuiltinBehaviour>& table);
 
 double lodOnTime(Cascade& cascade, const Node& node);
 /// The root is woken when a node has lost a parent.

@@ -100,7 +100,10 @@ void Flattener::Impl::sortOut(const Change& change) {
             if (change.field == role.global) lights.push_back(node->id());
             return;
         case Role::shape:
-            if (aspect != Aspect::none) shapes.push_back(node->id());
+            if (role.isParticles && aspect != Aspect::none) contents.push_back({node->id(), false});
+            // Their clock goes on in every frame; nothing else does that they have to do with.
+            if (aspect != Aspect::none && !(role.isParticles && aspect == Aspect::geometry))
+                shapes.push_back(node->id());
             return;
         default:
             break;
@@ -340,6 +343,8 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural, bool marksSkins) {
                     break;
                 case Role::shape:
                     if (rebinds) shapes.push_back(parent.node);
+                    if (const TypeRole& shape = roles.of(above); shape.isParticles && parent.field != shape.appearance)
+                        climbing.push_back(parent.node);
                     break;
                 default:
                     break;
@@ -354,13 +359,15 @@ std::shared_ptr<const Mesh> Flattener::Impl::makeMesh(NodeId geometry) {
             if (const auto own = ownMeshes.find(node->type().name); own != ownMeshes.end())
                 return own->second(*scene, geometry);
     if (options.meshes) return options.meshes(*scene, geometry);
-    std::shared_ptr<const Mesh> mesh = tessellator.mesh(*scene, geometry, &skins.points());
+    std::shared_ptr<const Mesh> mesh = particleMesh(geometry);
+    if (!mesh) mesh = tessellator.mesh(*scene, geometry, &skins.points());
     if (!tessellator.diagnostics().all().empty()) told.append(tessellator.takeDiagnostics(), diagnostics);
     return mesh;
 }
 
 void Flattener::Impl::finish() {
     runScopes();
+    followSprites();
     for (const NodeId geometry : geometries) {
         NodeState& s = state(geometry);
         s.touched = false;
@@ -369,6 +376,7 @@ void Flattener::Impl::finish() {
                 delta.geometriesRemoved.push_back(geometry);
                 meshes.erase(geometry.value);
                 screenTexts.erase(geometry.value);
+                sprites.erase(geometry.value);
                 tessellator.forget(geometry);
             }
         } else if (!s.meshSent || s.meshStale) {

@@ -177,6 +177,13 @@ struct Flattener::Impl {
     void followScreened(std::uint32_t shape);
     void noteScreenText(NodeId geometry, bool inPixels);
     void runScreened();
+    /// Null if it is no ParticleSystem.
+    std::shared_ptr<const Mesh> particleMesh(NodeId geometry);
+    /// Where the viewer is for a ParticleSystem, in its own space: of several places that it stands in, for the one
+    /// with the lowest path.
+    std::optional<Vec3d> eyeOf(NodeId system);
+    /// Marks those that the viewer has moved for, or that have moved.
+    void followSprites();
 
     // flattener_tree.cpp: occurrences
     NodeState& state(NodeId id) {
@@ -254,13 +261,14 @@ struct Flattener::Impl {
     SlotTable<Instance> instances;
     SlotTable<Placed> placed;
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
-    std::vector<std::uint32_t> levels;                           // occurrences of LODs
-    std::vector<std::uint32_t> billboards;                       // occurrences of what turns
-    std::unordered_map<std::uint32_t, flatten::Region> regions;  // of occurrences that lay out
-    bool regionChanged = false;                                  // of the last that localForEye() laid out
-    std::unordered_set<std::uint32_t> screenTexts;               // geometry nodes whose unit is a pixel
-    std::set<std::uint32_t> screenGroups;                        // occurrences
-    std::set<std::uint32_t> screened;                            // occurrences of Shapes that have one
+    std::vector<std::uint32_t> levels;                                // occurrences of LODs
+    std::vector<std::uint32_t> billboards;                            // occurrences of what turns
+    std::unordered_map<std::uint32_t, flatten::Region> regions;       // of occurrences that lay out
+    bool regionChanged = false;                                       // of the last that localForEye() laid out
+    std::unordered_set<std::uint32_t> screenTexts;                    // geometry nodes whose unit is a pixel
+    std::unordered_map<std::uint32_t, std::optional<Vec3d>> sprites;  // particles that face an eye, by node, and which
+    std::set<std::uint32_t> screenGroups;                             // occurrences
+    std::set<std::uint32_t> screened;                                 // occurrences of Shapes that have one
     std::vector<LayerSight> sights;
     std::optional<Vec3d> viewer;
     bool viewerMoved = false;

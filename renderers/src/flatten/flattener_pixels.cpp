@@ -6,6 +6,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "flattener_impl.h"
+#include "mesh/particles.h"
 
 namespace rtsg {
 
@@ -120,6 +121,36 @@ void Flattener::Impl::runScreened() {
     for (const NodeId shape : shapes)
         for (std::uint32_t o = state(shape).firstOccurrence; o != kNone; o = tree[o].nextOfNode) followScreened(o);
     shapes.clear();
+}
+
+std::optional<Vec3d> Flattener::Impl::eyeOf(NodeId system) {
+    std::uint32_t place = state(system).firstOccurrence;
+    if (!viewer || place == kNone) return std::nullopt;
+    for (std::uint32_t o = tree[place].nextOfNode; o != kNone; o = tree[o].nextOfNode)
+        if (path(o) < path(place)) place = o;
+    const WorldFromLocal& m = frames[tree[place].frame];
+    if (determinantSign(m) == 0 || !isFinite(m)) return std::nullopt;
+    return glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (*viewer - m[3]);
+}
+
+std::shared_ptr<const Mesh> Flattener::Impl::particleMesh(NodeId geometry) {
+    const Node* node = scene->find(geometry);
+    if (!node || !node->is(x3d::ParticleSystem::type)) return nullptr;
+    std::optional<Vec3d> eye;
+    if (detail::facesTheEye(*scene, *node))
+        sprites[geometry.value] = eye = eyeOf(geometry);
+    else
+        sprites.erase(geometry.value);
+    return tessellator.particles(*scene, geometry, eye);
+}
+
+void Flattener::Impl::followSprites() {
+    for (const auto& [id, eye] : sprites) {
+        const NodeId system{id};
+        if (state(system).geometryUses == 0 || eyeOf(system) == eye) continue;
+        state(system).meshStale = true;
+        touchGeometry(system);
+    }
 }
 
 std::vector<std::pair<std::size_t, WorldFromLocal>> Flattener::byPicture(InstanceId id) const {

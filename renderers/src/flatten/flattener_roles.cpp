@@ -80,6 +80,7 @@ TypeRole RoleTable::work(const NodeType& type) {
     }
     if (role.role == Role::shape) {
         role.geometry = findTyped(type, "geometry", FieldType::SFNode);
+        role.isParticles = type.isA("ParticleSystem");
         role.appearance = findTyped(type, "appearance", FieldType::SFNode);
         role.castShadow = findTyped(type, "castShadow", FieldType::SFBool);
     } else if (role.role == Role::placed) {
@@ -179,6 +180,11 @@ NodeId resolve(const Scene& scene, RoleTable& roles, NodeId id) {
         desiredChildren(*node, role, 0, first);
         id = first.empty() ? NodeId{} : first[0];
     }
+}
+
+NodeId geometryOf(const Scene& scene, RoleTable& roles, const Node& shape) {
+    const TypeRole& role = roles.of(shape);
+    return role.isParticles ? shape.id() : resolve(scene, roles, read<NodeId>(shape, role.geometry));
 }
 
 std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& m, const Vec3d* viewer) {

@@ -58,6 +58,7 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
         if (role.axis == kNoField && role.layout == kNoField) screenGroups.insert(index);
         o.turned = true;
     }
+    if (role.isParticles) o.turned = true;  // sound does not meet them
     if (role.hasTransform || role.turns) {
         o.ownsFrame = true;
         WorldFromLocal local, world = frames[o.frame];
@@ -174,7 +175,7 @@ void Flattener::Impl::dropPlaced(std::uint32_t index) {
 }
 
 bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole& role, const Occurrence& o) {
-    const NodeId geometry = flatten::resolve(*scene, roles, flatten::read<NodeId>(shape, role.geometry));
+    const NodeId geometry = flatten::geometryOf(*scene, roles, shape);
     const NodeId appearance = flatten::resolve(*scene, roles, flatten::read<NodeId>(shape, role.appearance));
     NodeId acoustics;
     if (appearance)

@@ -21,7 +21,6 @@ constexpr Row kRows[] = {
     {x3d::VolumeData::type, kNotDrawn},
     {x3d::SegmentedVolumeData::type, kNotDrawn},
     {x3d::IsoSurfaceVolumeData::type, kNotDrawn},
-    {x3d::ParticleSystem::type, kNotDrawn},
     {x3d::InlineGeometry::type, kNotDrawn},
     {x3d::EnvironmentLight::type, kPlain},
     {x3d::RenderedTexture::type, kPlain},

@@ -49,6 +49,8 @@ class DeformingSurface {
 bool isComposed(const Node& geometry);
 /// Precondition: isComposed(). What cannot be used is noted in the diagnostics of `problems`.
 ComposedParams readComposed(const Scene& scene, const Node& geometry, Mesh& problems, const PointsOf* points = nullptr);
+/// The points of a coordinate node, and none with a word in `problems` if it is of another kind.
+Array<Vec3f> readPoints(const Scene& scene, NodeId coordinate, Mesh& problems);
 /// Puts the node's type and name before each of the mesh's diagnostics.
 void labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& mesh);
 

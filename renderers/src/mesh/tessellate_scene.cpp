@@ -4,6 +4,7 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
+#include "particles.h"
 #include "tessellate_deform.h"
 #include "tessellate_nurbs.h"
 #include "tessellate_text.h"
@@ -391,6 +392,10 @@ detail::ComposedParams detail::readComposed(const Scene& scene, const Node& geom
     return ComposedReader(scene, geometry, problems, points).read();
 }
 
+Array<Vec3f> detail::readPoints(const Scene& scene, NodeId coordinate, Mesh& problems) {
+    return PropertyReader(scene, problems).points(coordinate);
+}
+
 void detail::labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& mesh) {
     if (mesh.diagnostics.all().empty()) return;
     const std::string_view name = scene.name(geometry.id());
@@ -400,10 +405,30 @@ void detail::labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& me
     mesh.diagnostics = std::move(named);
 }
 
+std::shared_ptr<const Mesh> detail::particlesNode(const Scene& scene, const Node& system,
+                                                  const TessellationOptions& options, TextMaker* text,
+                                                  std::optional<Vec3d> eye) {
+    std::shared_ptr<Mesh> mesh(new Mesh);
+    Diagnostics problems;
+    const MeshOf meshOf = [&](NodeId id) -> std::shared_ptr<const Mesh> {
+        const Node* node = scene.effectiveNode(id);
+        if (!node || !node->type().isA("X3DGeometryNode")) return nullptr;
+        auto made = tessellateNode(scene, id, options, text);
+        if (!made) return nullptr;
+        problems.append((*made)->diagnostics);
+        return *made;
+    };
+    *mesh = tessellateParticles(scene, system, meshOf, eye);
+    problems.append(mesh->diagnostics);
+    mesh->diagnostics = std::move(problems);
+    return mesh;
+}
+
 Result<std::shared_ptr<const Mesh>> detail::tessellateNode(const Scene& scene, NodeId geometry,
                                                            const TessellationOptions& options, TextMaker* text) {
     const Node* node = scene.effectiveNode(geometry);
     if (!node) return fail(fmt::format("node {} does not exist or has no body", geometry.value));
+    if (node->is(x3d::ParticleSystem::type)) return particlesNode(scene, *node, options, text, std::nullopt);
     if (!node->type().isA("X3DGeometryNode")) return fail(fmt::format("{} is not a geometry node", node->type().name));
     std::shared_ptr<Mesh> mesh(new Mesh(SceneTessellator(scene, *node, options, text).run()));
     detail::labelDiagnostics(scene, *node, *mesh);

@@ -8,6 +8,7 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
+#include "particles.h"
 #include "tessellate_deform.h"
 #include "tessellate_text.h"
 
@@ -146,6 +147,15 @@ std::shared_ptr<const Mesh> Tessellator::make(const Scene& scene, NodeId geometr
     }
     diagnostics_.append((*mesh)->diagnostics);
     return *mesh;
+}
+
+std::shared_ptr<const Mesh> Tessellator::particles(const Scene& scene, NodeId system, std::optional<Vec3d> eye) {
+    const Node* node = scene.find(system);
+    if (!node || !node->is(x3d::ParticleSystem::type)) return nullptr;
+    if (!text_) text_ = std::make_unique<detail::TextMaker>();
+    auto mesh = detail::particlesNode(scene, *node, options_, text_.get(), eye);
+    diagnostics_.append(mesh->diagnostics);
+    return mesh;
 }
 
 void Tessellator::forgetUnused() {

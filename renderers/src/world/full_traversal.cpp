@@ -133,7 +133,7 @@ void FullTraversalRenderer::Impl::toPixels(Level& level) const {
 void FullTraversalRenderer::Impl::shape(const Node& node, const TypeRole& role, const Level& level) {
     Instance now;
     now.shape = node.id();
-    now.geometry = flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.geometry));
+    now.geometry = flatten::geometryOf(*scene, roles, node);
     now.appearance = flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.appearance));
     now.castShadow = flatten::read<bool>(node, role.castShadow);
     now.strokes = flatten::strokeStyle(*scene, now.appearance);
@@ -224,6 +224,7 @@ FullTraversalRenderer::FullTraversalRenderer(const RayWorld::Options& options, M
         [](FullTraversalRenderer& r, const Node&, Operation) { r.impl_->leave(); });
     flatten::forEachGroupType([&](std::string_view type) { registerNodeRenderer(type, visit); });
     registerNodeRenderer("Shape", visit);
+    registerNodeRenderer("ParticleSystem", visit);
 }
 
 FullTraversalRenderer::~FullTraversalRenderer() = default;

@@ -165,7 +165,8 @@ TEST(Spec, TagsSayWhatActsAndWhatHasAPlace) {
     EXPECT_EQ(type("Inline").below, std::vector{type("Inline").body()});
     EXPECT_EQ(type("SpotLight").role, "light");
     EXPECT_EQ(type("GeoProximitySensor").role, "sensor");
-    EXPECT_EQ(type("ParticleSystem").role, "none");
+    EXPECT_EQ(type("ParticleSystem").role, "shape");
+    EXPECT_EQ(type("VolumeData").role, "none");
     EXPECT_EQ(type("Material").role, "");
     const auto groups = builtinGroupTypes();
     EXPECT_TRUE((std::ranges::find(groups, "X3DGroupingNode") != groups.end()));

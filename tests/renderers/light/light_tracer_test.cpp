@@ -266,7 +266,7 @@ TEST(LightTracer, WhatIsNotDrawnIsNamed) {
     const std::string first = texts();
     EXPECT_EQ(s.light->diagnostics().all().size(), 3u) << first;
     EXPECT_NE(first.find("VolumeData CUT is not in pictures: it is not drawn"), std::string::npos) << first;
-    const NodeId later = s.scene.createNode(x3d::ParticleSystem::type);
+    const NodeId later = s.scene.createNode(x3d::IsoSurfaceVolumeData::type);
     ASSERT_TRUE(s.scene.insertChild(s.scene.root(), x3d::RtsgScene::children, later));
     s.scene.newFrame(1);
     s.center();

@@ -10,6 +10,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <unordered_map>
 
 #include <rtsg/renderers/tessellate.h>
@@ -33,6 +34,8 @@ class Tessellator {
     /// `points`, if any, stand for those of coordinate nodes, by NodeId: of skins, say.
     std::shared_ptr<const Mesh> mesh(const Scene& scene, NodeId geometry,
                                      const std::unordered_map<std::uint32_t, Array<Vec3f>>* points = nullptr);
+    /// A ParticleSystem's, whose sprites face `eye` (in its own space); mesh() has them without one. Null: it is none.
+    std::shared_ptr<const Mesh> particles(const Scene& scene, NodeId system, std::optional<Vec3d> eye);
     /// Lets go of what is remembered of a node to follow its coordinates.
     void forget(NodeId geometry);
 
