@@ -72,6 +72,7 @@ constexpr Feature kFeatures[] = {
      "Shape { appearance Appearance { material Material { transparency .5 } } geometry Rectangle2D { size .001 .001 } "
      "}"},
     {"Billboard", "Billboard { children Shape { geometry Box { } } }"},
+    {"ParticleSystem", "ParticleSystem { maxParticles 10 emitter PointEmitter { } }"},
     {"ClipPlane", "Group { children [ ClipPlane { } Shape { geometry Box { } } ] }"},
     {"LocalFog", "Group { children [ LocalFog { visibilityRange 50 } Shape { geometry Box { } } ] }"},
     {"FogCoordinate",
@@ -276,11 +277,75 @@ void strokes(const Report& report, bool quick) {
             "Embree's curves, rebuilt", embree * 1e3, "", 0});
 }
 
+/// The flight of a cone of particles and nothing else: no scene, no lives, no colours.
+double bareFlight(std::size_t count, double now, std::vector<Vec3f>& places) {
+    const double start = cpuSeconds();
+    places.resize(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        std::uint64_t state = i * 0x9E3779B97F4A7C15ull;
+        const auto draw = [&] {
+            std::uint64_t x = state += 0x9E3779B97F4A7C15ull;
+            x = (x ^ x >> 30) * 0xBF58476D1CE4E5B9ull;
+            x = (x ^ x >> 27) * 0x94D049BB133111EBull;
+            return static_cast<double>((x ^ x >> 31) >> 11) * 0x1p-53;
+        };
+        const double age = std::fmod(now + draw() * 5, 5.0), speed = 3 * (.75 + .5 * draw());
+        const double along = 1 - .3 * draw(), turn = 6.283185307179586 * draw();
+        const double across = std::sqrt(1 - along * along);
+        const Vec3d v = Vec3d(across * std::cos(turn), along, across * std::sin(turn)) * speed;
+        places[i] = Vec3f(v * age + Vec3d(0, -9.8, 0) * (.5 * age * age));
+    }
+    keep(places.data());
+    return cpuSeconds() - start;
+}
+
+void particles(const Report& report, bool quick) {
+    const std::size_t count = quick ? 1000 : 10'000;
+    Scene scene;
+    Diagnostics diagnostics;
+    (void)loadText(scene,
+                   fmt::format("#X3D V4.0 utf8\nPROFILE Full\nDEF P ParticleSystem {{ geometryType \"POINT\" "
+                               "maxParticles {} emitter ConeEmitter {{ speed 3 }} physics ForcePhysicsModel {{ }} }}",
+                               count),
+                   diagnostics);
+    std::vector<double> events, points, trees, bare;
+    std::vector<Vec3f> places;
+    Tessellator tessellator;
+    RayWorld world;
+    InstanceDelta delta;
+    Instance instance;
+    instance.id = {0, 0}, instance.shape = instance.geometry = scene.findName("P");
+    delta.added.push_back(instance);
+    for (int frame = 0; frame < 40; ++frame) {
+        // The first frame begins it; all places are taken in the others.
+        const double time = frame == 0 ? 0 : 20 + frame / 60.0;
+        double start = cpuSeconds();
+        scene.newFrame(time);
+        events.push_back(cpuSeconds() - start);
+        start = cpuSeconds();
+        delta.geometries.push_back({instance.geometry, tessellator.mesh(scene, instance.geometry)});
+        points.push_back(cpuSeconds() - start);
+        start = cpuSeconds();
+        world.apply(delta);
+        trees.push_back(cpuSeconds() - start);
+        delta.clear();
+        bare.push_back(bareFlight(count, time, places));
+    }
+    const std::string name = fmt::format("{} particles, a frame", count);
+    const double loop = median(bare) * 1e3;
+    report({"features", name, "events", "ms", median(events) * 1e3, "a bare loop over their flight", loop, "", 0});
+    report({"features", name, "their places as points", "ms", median(points) * 1e3, "a bare loop over their flight",
+            loop, "", 0});
+    report({"features", name, "their tree", "ms", median(trees) * 1e3, "a bare loop over their flight", loop,
+            "a frame at 60 Hz, all of it", 1000.0 / 60});
+}
+
 }  // namespace
 
 void features(const Report& report, bool quick) {
     text(report, quick);
     strokes(report, quick);
+    particles(report, quick);
     unused(report, quick);
 }
 

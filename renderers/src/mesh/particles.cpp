@@ -174,8 +174,9 @@ std::vector<MovedParticle> moveParticles(const Scene& scene, const Node& system,
     for (const LivingParticle& particle : living) oldest = std::max(oldest, particle.age);
     Physics physics(scene, system, meshOf, longest, oldest, now);
     if (constexpr double kMostTests = 1e8; double(living.size()) * double(physics.wallCount()) > kMostTests) {
-        warn(problems, fmt::format("{} particles and {} triangles of bounds are too many: they are not bounded",
-                                   living.size(), physics.wallCount()));
+        // Words that stay the same from frame to frame are told once.
+        warn(problems, fmt::format("{} triangles are too many to bound so many particles: they are not bounded",
+                                   physics.wallCount()));
         physics.forgetWalls();
     }
     moved.reserve(living.size());

@@ -207,8 +207,8 @@ Mesh copied(const Scene& scene, const Node& system, const Mesh* source, std::vec
     const VertexArrays one = lines ? VertexArrays{} : vertexArrays(*source);
     const std::size_t corners = lines ? 2 * std::size_t{source->strokeCount} : one.triangles.size();
     if (particles.size() > kMostCopied / corners) {
-        warn(problems, fmt::format("{} particles of {} corners are too many: {} are drawn", particles.size(), corners,
-                                   kMostCopied / corners));
+        warn(problems, fmt::format("a geometry of {} corners is too large for so many particles: {} of them are drawn",
+                                   corners, kMostCopied / corners));
         particles.resize(kMostCopied / corners);
     }
     if (lines) return copiedStrokes(scene, system, *source, particles);
