@@ -95,6 +95,18 @@ TEST(Emission, AClosedSpanDiesOut) {
     EXPECT_EQ(closed.over(), open.start + 16.25);
 }
 
+TEST(Emission, WhatFallsDueAsASpanEndsIsOfTheNext) {
+    EmissionSpan span = streamOf(4, 4, 0);
+    EXPECT_EQ(livingAt(span, 2), 3u) << "one a second, at 0, 1 and 2";
+    span.end = span.start + 2;
+    EXPECT_EQ(livingAt(span, 2), 2u);
+    EXPECT_EQ(span.nextBirth(span.end), span.end);
+    EmissionSpan alone = streamOf(1, 4, 0);
+    alone.end = alone.start + 4;
+    EXPECT_EQ(livingAt(alone, 4), 0u) << "its second falls due then";
+    EXPECT_EQ(span.nextBirth(span.end + .25), span.end + 1);
+}
+
 TEST(Emission, SystemsAndSpansDrawTheirOwnNumbers) {
     const EmissionSpan span = streamOf(100, 5, 0);
     EmissionSpan next = span;

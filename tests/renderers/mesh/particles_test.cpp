@@ -334,6 +334,39 @@ TEST(ParticlesInFlight, AnEmitterThatMovesLeavesThemBehind) {
     EXPECT_NEAR(resized, 20, 1);
 }
 
+// Stretches of time in which nothing was born are not kept, however often an emitter moves.
+TEST(ParticlesInFlight, OnlyWhatSomethingWasBornInIsKept) {
+    Swarm s("maxParticles 1 particleLifetime 100 lifetimeVariation 0 emitter DEF E PointEmitter { }");
+    for (int i = 0; i < 300; ++i) {
+        ASSERT_TRUE(s.scene.set(s.scene.findName("E"), x3d::PointEmitter::position, Vec3f(float(i), 0, 0)));
+        EXPECT_EQ(s.at(i).size(), 1u) << i;
+        EXPECT_LE(unpackEmission(s.scene.node(s.id).get(x3d::ParticleSystem::_emission).span()).size(), 3u) << i;
+    }
+}
+
+// 40.4: enabled FALSE takes all away and TRUE begins as before; another explosion is another one.
+TEST(ParticlesInFlight, BeginAnewAndExplodeAgain) {
+    Swarm s("maxParticles 3 particleLifetime 2 emitter DEF E ExplosionEmitter { speed 1 }");
+    const auto turn = [&](const char* node, auto field, bool on, double since) {
+        EXPECT_TRUE(s.scene.set(s.scene.findName(node), field, on));
+        s.at(since);
+    };
+    const auto first = s.at(1);
+    ASSERT_EQ(first.size(), 3u);
+    turn("P", x3d::ParticleSystem::enabled, false, 1.5);
+    EXPECT_TRUE(s.now().empty());
+    turn("P", x3d::ParticleSystem::enabled, true, 10);
+    const auto second = s.at(11);
+    ASSERT_EQ(second.size(), 3u);
+    expectAt(second[0].position, first[0].position, 1e-9, 1);
+    EXPECT_TRUE(s.at(20).empty());
+    turn("E", x3d::ExplosionEmitter::on, false, 21);
+    turn("E", x3d::ExplosionEmitter::on, true, 22);
+    const auto third = s.at(23);
+    ASSERT_EQ(third.size(), 3u);
+    EXPECT_GT(glm::length(third[0].position - first[0].position), 1e-3);
+}
+
 TEST(ParticlesInFlight, WhatCannotBeEmitsNothing) {
     for (const char* text : {"particleLifetime -1", "maxParticles -5", "lifetimeVariation 7", "particleSize -1 1"}) {
         Scene scene;
