@@ -66,6 +66,52 @@ TEST(ParticlesInPictures, SpritesTurnToTheEye) {
     EXPECT_NEAR(whiteArea(s.picture()), 2, .02);
 }
 
+// Law 2: of several places sprites face the eye for one of them, and it is the same one however the scene came about.
+TEST(ParticlesInPictures, SpritesOfSeveralPlacesAreAsIfBuiltAnew) {
+    LightScene s("DEF A Transform { translation 3 0 0 children DEF S Switch { whichChoice 0 children " + one("SPRITE") +
+                 " } } DEF B Transform { rotation 0 1 0 1 translation -4 0 0 }");
+    const auto meshOf = [&](const Flattener& flattener) -> std::shared_ptr<const Mesh> {
+        const InstanceDelta all = flattener.snapshot();
+        for (const InstanceDelta::Geometry& geometry : all.geometries)
+            if (geometry.node == s.node("P")) return geometry.mesh;
+        return nullptr;
+    };
+    const auto step = [&](int i) {
+        switch (i % 7) {
+            case 0:
+                return s.scene.insertChild(s.node("B"), x3d::Transform::children, s.node("P"));
+            case 1:
+                return s.scene.set(s.node("A"), x3d::Transform::translation, Vec3f(float(i), 1, 0));
+            case 2:
+                return s.scene.set(s.node("S"), x3d::Switch::whichChoice, -1);
+            case 3:
+                return s.scene.set(s.node("B"), x3d::Transform::rotation, Rotation{0, 1, 0, .1f * float(i)});
+            case 4:
+                return s.scene.set(s.node("S"), x3d::Switch::whichChoice, 0);
+            case 5:
+                return s.scene.removeChild(s.node("B"), x3d::Transform::children.index, 0);
+            default:
+                return s.scene.set(s.node("P"), x3d::ParticleSystem::visible, i % 2 == 0);
+        }
+    };
+    int compared = 0;
+    for (int i = 0; i < 42; ++i) {
+        ASSERT_TRUE(step(i));
+        s.scene.newFrame(i);
+        const Vec3d eye(.5 * i, 2, 9);
+        ASSERT_TRUE(s.world->setViewer(eye));
+        Flattener anew;
+        anew.setViewer(eye);
+        (void)anew.apply(s.scene, s.scene.snapshot());
+        const auto followed = meshOf(s.world->flattener()), built = meshOf(anew);
+        ASSERT_EQ(bool(followed), bool(built)) << i;
+        if (!followed) continue;
+        EXPECT_TRUE(followed->positions == built->positions) << i;
+        ++compared;
+    }
+    EXPECT_GT(compared, 15);
+}
+
 TEST(ParticlesInPictures, ArePicked) {
     LightScene s("Transform { translation 0 0 1 children " + one("QUAD") + " }");
     const Picker picker(s.world->rays(), s.world->flattener());
