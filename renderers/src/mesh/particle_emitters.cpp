@@ -13,6 +13,10 @@
 
 namespace rtsg::detail {
 
+namespace {
+constexpr int kMostTries = 256;  // to find a place in a volume
+}
+
 Vec3d directionInCone(const Vec3d& axis, double least, KeyedNumbers& numbers) {
     const double length = glm::length(axis);
     const bool any = !(length > 0) || !std::isfinite(length);
@@ -119,7 +123,6 @@ Vec3d ParticleEmitter::onSurface(KeyedNumbers& numbers, Vec3d* normal) const {
 }
 
 Vec3d ParticleEmitter::inVolume(KeyedNumbers& numbers) const {
-    constexpr int kMostTries = 256;
     const Vec3d low(mesh_->bounds.min), size(mesh_->bounds.size());
     for (int i = 0; i < kMostTries; ++i) {
         const double x = numbers.next(), y = numbers.next(), z = numbers.next();
@@ -127,6 +130,13 @@ Vec3d ParticleEmitter::inVolume(KeyedNumbers& numbers) const {
         if (isInside(point)) return point;
     }
     return onSurface(numbers, nullptr);  // it is flat, or nearly so
+}
+
+double ParticleEmitter::tests() const {
+    if (kind_ != Kind::volume) return 0;
+    const Vec3d size(mesh_->bounds.size());
+    const double tries = size.x * size.y * size.z / std::max(std::abs(enclosedVolume(*mesh_)), 1e-300);
+    return std::clamp(tries, 1.0, double(kMostTries)) * mesh_->triangleCount;
 }
 
 bool ParticleEmitter::isInside(const Vec3d& point) const {

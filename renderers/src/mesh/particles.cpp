@@ -19,6 +19,9 @@ namespace {
 
 using P = x3d::ParticleSystem;
 
+/// Of particles with triangles, for one time.
+constexpr double kMostTests = 2e7;
+
 /// How strong a wind has blown: its speed changes every `tick` seconds of the scene's clock, by numbers that follow
 /// from the wind's node and the tick's. Integrals of the pressure, as a share of that of the average speed.
 class Gusts {
@@ -46,6 +49,8 @@ class Gusts {
         const double next = (std::floor(time / tick_) + 1) * tick_;
         return next > time ? next : next + tick_;
     }
+    /// How many times it changes in `seconds`.
+    double changes(double seconds) const { return ticks_.empty() ? 0 : seconds / tick_; }
     double pressure(double time) const { return ticks_.empty() ? 1 : at(time).pressure; }
     /// What a unit of acceleration at average speed comes to from `from` to `to`: a speed, and a way.
     std::pair<double, double> effect(double from, double to) const {
@@ -100,6 +105,12 @@ class Physics {
         }
     }
     std::size_t wallCount() const { return walls_.size(); }
+    /// How often a particle that lives so long is tested against the walls, if it meets none.
+    double tests(double seconds) const {
+        double pieces = 1;
+        for (const Wind& wind : winds_) pieces += wind.gusts.changes(seconds);
+        return pieces * double(walls_.size());
+    }
     void forgetWalls() { walls_ = {}; }
 
     void move(const LivingParticle& particle, KeyedNumbers& numbers, Vec3d& p, Vec3d& v) const {
@@ -169,11 +180,20 @@ std::vector<MovedParticle> moveParticles(const Scene& scene, const Node& system,
     if (living.empty() || !std::isfinite(now)) return moved;
     const ParticleEmitter emitter(scene, *node, meshOf, problems);
     if (!emitter.canEmit()) return moved;
-    double longest = 0, oldest = 0;
-    for (const EmissionSpan& span : spans) longest = std::max(longest, span.lifetime * (1 + span.lifetimeVariation));
+    double longest = 0, oldest = 0, most = 0;
+    for (const EmissionSpan& span : spans) {
+        longest = std::max(longest, span.lifetime * (1 + span.lifetimeVariation));
+        most = std::max(most, span.count);
+    }
+    if (most * emitter.tests() > kMostTests) {
+        warn(problems,
+             "VolumeEmitter has too many triangles, or fills too little of its box, for so many particles: it "
+             "emits nothing");
+        return moved;
+    }
     for (const LivingParticle& particle : living) oldest = std::max(oldest, particle.age);
     Physics physics(scene, system, meshOf, longest, oldest, now);
-    if (constexpr double kMostTests = 1e8; double(living.size()) * double(physics.wallCount()) > kMostTests) {
+    if (most * physics.tests(longest) > kMostTests) {
         // Words that stay the same from frame to frame are told once.
         warn(problems, fmt::format("{} triangles are too many to bound so many particles: they are not bounded",
                                    physics.wallCount()));

@@ -312,6 +312,17 @@ TEST(ParticlesInBounds, TooManyTestsAreRefusedWithAWord) {
     EXPECT_NEAR(glm::length(particles[17].position), 1, 1e-9);
 }
 
+TEST(ParticlesInBounds, ThinVolumesForTooManyAreRefusedWithAWord) {
+    const std::string thin =
+        "emitter VolumeEmitter { coordIndex [ 0 2 1 -1 0 1 3 -1 1 2 3 -1 2 0 3 ] coord Coordinate { point [ 0 0 0, 1 1 "
+        "1, 1 1.001 1, 1 1 1.001 ] } }";
+    Swarm few("maxParticles 100 " + thin), many("maxParticles 1000000 " + thin);
+    EXPECT_GT(few.at(1).size(), 10u);
+    EXPECT_EQ(few.problems.diagnostics.warnings(), 0u);
+    EXPECT_TRUE(many.at(1).empty());
+    EXPECT_EQ(many.problems.diagnostics.warnings(), 1u);
+}
+
 // 40.4: what an emitter and the size are like counts for those that are born then.
 TEST(ParticlesInFlight, AnEmitterThatMovesLeavesThemBehind) {
     Swarm s("maxParticles 100 particleLifetime 10 lifetimeVariation 0 emitter DEF E PointEmitter { }");
