@@ -74,7 +74,7 @@ void clear(Scene& scene, const std::vector<bool>& kept) {
     setHidden(scene, root, Root::profile.index, Value(String()));
     setHidden(scene, root, Root::_emptied.index, Value(std::int32_t{0}));
     for (const FieldIndex field : {Root::components.index, Root::exports.index, Root::importRoutes.index,
-                                   Root::imports.index, Root::meta.index, Root::units.index})
+                                   Root::imports.index, Root::meta.index, Root::units.index, Root::_requests.index})
         setHidden(scene, root, field, Value(Array<String>()));
     std::vector<NodeId> gone;
     scene.forEachNode([&](const Node& node) {

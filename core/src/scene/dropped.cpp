@@ -9,8 +9,6 @@
 // that is made a bounded share.
 #include <algorithm>
 
-#include <fmt/format.h>
-
 #include "state.h"
 
 namespace rtsg {
@@ -20,15 +18,6 @@ namespace {
 constexpr std::size_t kFewest = 1000;
 
 }  // namespace
-
-template <class Make>
-auto Scene::State::madeByScript(const Make& make) {
-    const std::uint32_t first = nextId;
-    auto made = make();
-    for (std::uint32_t id = first; id < nextId; ++id)
-        if (find(NodeId{id})) scriptMade.push_back(NodeId{id});
-    return made;
-}
 
 Result<NodeId> ScriptPrograms::createNode(Scene& scene, std::string_view type, NodeId scope) {
     // Of a PROTO: with its body.
@@ -47,22 +36,6 @@ Result<detail::Piece> ScriptPrograms::createPieceOfUrls(Scene& scene, const std:
                                                         NodeId script) {
     return scene.state_->madeByScript(
         [&] { return detail::makePieceOfUrls(scene, script, urls, scene.state_->scriptOptions.resources.get()); });
-}
-
-void ScriptPrograms::request(Scene& scene, DocumentRequest request) {
-    scene.state_->requests.push_back(std::move(request));
-}
-
-/// What is asked for meanwhile waits for the next frame.
-void Scene::State::serveRequests() {
-    for (const DocumentRequest& request : std::exchange(requests, {})) {
-        // A world that is loaded brings its own.
-        const std::shared_ptr<const Resources> resources = scriptOptions.resources;
-        const auto serve = [&] { return detail::serve(owner, request, resources.get()); };
-        const bool isPiece = request.kind == DocumentRequest::Kind::piece;
-        if (auto ok = isPiece ? madeByScript(serve) : serve(); !ok)
-            diagnostics.warning({}, fmt::format("what a script asked for was not loaded: {}", ok.error().format()));
-    }
 }
 
 void Scene::hold(NodeId id) {

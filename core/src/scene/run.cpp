@@ -362,7 +362,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
         t = s.now;
     }
     if (!s.playing) {
-        if (!s.requests.empty()) s.serveRequests();
+        s.serveRequests();
         s.destroyDropped();
     }
     s.prepareInput(t);

@@ -39,7 +39,7 @@ class ScriptPrograms {
     static Result<detail::Piece> createPiece(Scene& scene, std::string_view text, NodeId script);
     static Result<detail::Piece> createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls, NodeId script);
     /// Is done before the next frame begins.
-    static void request(Scene& scene, DocumentRequest request);
+    static Result<> request(Scene& scene, const DocumentRequest& request);
     /// The behaviour of every Script type: finds the programs of the running scene, makes them on first use.
     static Behaviour behaviour();
 

@@ -283,10 +283,15 @@ struct Scene::State {
     void navigate(double t);  // navigation.cpp
     static bool isPickSensor(TypeIndex type);
     // ---- what scripts have made (dropped.cpp) ----
-    std::vector<NodeId> scriptMade;         // that are still there, ascending
-    std::vector<DocumentRequest> requests;  // of scripts, for between two frames
+    std::vector<NodeId> scriptMade;  // that are still there, ascending
     template <class Make>
-    auto madeByScript(const Make& make);
+    auto madeByScript(const Make& make) {
+        const std::uint32_t first = nextId;
+        auto made = make();
+        for (std::uint32_t id = first; id < nextId; ++id)
+            if (find(NodeId{id})) scriptMade.push_back(NodeId{id});
+        return made;
+    }
     void serveRequests();
     std::size_t scriptMadeBefore = 0;                       // of them, when they were last looked at
     std::unordered_map<std::uint32_t, std::uint32_t> held;  // by the application: how often

@@ -113,10 +113,9 @@ bool askWorld(JSContext* cx, unsigned count, JS::Value* vp) {
     const auto urls = listArgument<String>(cx, args, 1);
     if (!urls) return false;
     if (!call.cascade) return answer(cx, args, kShutsDown);
-    ScriptPrograms::request(call.scene,
-                            {DocumentRequest::Kind::world, nodeArgument(args, 0), textsOf(*urls), {}, {}, {}});
-    args.rval().setUndefined();
-    return true;
+    return answer(cx, args,
+                  ScriptPrograms::request(
+                      call.scene, {DocumentRequest::Kind::world, nodeArgument(args, 0), textsOf(*urls), {}, {}, {}}));
 }
 
 /// replaceWorld(script, nodes, names, their nodes)
@@ -131,9 +130,7 @@ bool replaceWorld(JSContext* cx, unsigned count, JS::Value* vp) {
     for (const NodeId id : *nodes)
         if (id) request.nodes.push_back(id);
     for (std::size_t i = 0; i < names->size(); ++i) request.names.emplace_back((*names)[i].str(), (*named)[i]);
-    ScriptPrograms::request(call.scene, std::move(request));
-    args.rval().setUndefined();
-    return true;
+    return answer(cx, args, ScriptPrograms::request(call.scene, request));
 }
 
 // ---- what the document says of itself ------------------------------------------------------------------------------
