@@ -30,20 +30,21 @@ void CommandList::endDocument() {
     add(Kind::endDocument, {});
 }
 
-void CommandList::component(std::string_view name, int level) {
-    Command& command = add(Kind::component, {});
+void CommandList::component(std::string_view name, int level, SourceLocation where) {
+    Command& command = add(Kind::component, where);
     command.names[0] = String(name);
     command.index = static_cast<std::uint32_t>(level);
 }
 
-void CommandList::meta(std::string_view name, std::string_view content) {
-    Command& command = add(Kind::meta, {});
+void CommandList::meta(std::string_view name, std::string_view content, SourceLocation where) {
+    Command& command = add(Kind::meta, where);
     command.names[0] = String(name);
     command.names[1] = String(content);
 }
 
-void CommandList::unit(std::string_view category, std::string_view name, double conversionFactor) {
-    Command& command = add(Kind::unit, {});
+void CommandList::unit(std::string_view category, std::string_view name, double conversionFactor,
+                       SourceLocation where) {
+    Command& command = add(Kind::unit, where);
     command.names[0] = String(category);
     command.names[1] = String(name);
     command.value = Value(conversionFactor);
@@ -153,13 +154,13 @@ void CommandList::replay(DocumentHandler& handler) const {
                 handler.endDocument();
                 break;
             case Kind::component:
-                handler.component(name[0], static_cast<int>(c.index));
+                handler.component(name[0], static_cast<int>(c.index), c.where);
                 break;
             case Kind::meta:
-                handler.meta(name[0], name[1]);
+                handler.meta(name[0], name[1], c.where);
                 break;
             case Kind::unit:
-                handler.unit(name[0], name[1], c.value.as<double>());
+                handler.unit(name[0], name[1], c.value.as<double>(), c.where);
                 break;
             case Kind::beginNode:
                 handler.beginNode(name[0], name[1], name[2], c.where);

@@ -18,8 +18,8 @@ namespace rtsg::detail {
 class ProfileCheck {
   public:
     /// An empty profile, as VRML97 has none, lets everything pass.
-    void profile(std::string_view name, Diagnostics& diagnostics);
-    void component(std::string_view name, int level, Diagnostics& diagnostics);
+    void profile(std::string_view name, SourceLocation where, Diagnostics& diagnostics);
+    void component(std::string_view name, int level, SourceLocation where, Diagnostics& diagnostics);
     /// Each component that is missing is named once.
     void node(const NodeType& type, SourceLocation where, Diagnostics& diagnostics);
 

@@ -127,7 +127,7 @@ bool isBuiltinComponent(std::string_view name) {
 
 }  // namespace
 
-void ProfileCheck::profile(std::string_view name, Diagnostics& diagnostics) {
+void ProfileCheck::profile(std::string_view name, SourceLocation where, Diagnostics& diagnostics) {
     if (name == "MPEG-4") name = "MPEG4Interactive";
     profile_ = name;
     everything_ = name.empty() || name == "Full";
@@ -136,7 +136,8 @@ void ProfileCheck::profile(std::string_view name, Diagnostics& diagnostics) {
     if (found == kProfiles.end()) {
         std::vector<std::string_view> known{"Full"};
         for (const ProfileRow& one : kProfiles) known.push_back(one.name);
-        diagnostics.warning({}, "there is no profile " + profile_ + didYouMean(name, known), DiagnosticCode("profile"));
+        diagnostics.warning(where, "there is no profile " + profile_ + didYouMean(name, known),
+                            DiagnosticCode("profile"));
         everything_ = true;
         return;
     }
@@ -144,13 +145,13 @@ void ProfileCheck::profile(std::string_view name, Diagnostics& diagnostics) {
         if (one.level) supported_.push_back({std::string(one.component), one.level});
 }
 
-void ProfileCheck::component(std::string_view name, int level, Diagnostics& diagnostics) {
+void ProfileCheck::component(std::string_view name, int level, SourceLocation where, Diagnostics& diagnostics) {
     if (name == "H-Anim") name = "HAnim";  // its name in X3D 3
     if (!isBuiltinComponent(name)) {
         std::vector<std::string_view> known;
         for (const auto& type : builtinTypes())
             if (!type->internal) known.push_back(type->component);
-        diagnostics.warning({}, "there is no component " + std::string(name) + didYouMean(name, known),
+        diagnostics.warning(where, "there is no component " + std::string(name) + didYouMean(name, known),
                             DiagnosticCode("profile"));
         return;
     }

@@ -25,20 +25,21 @@ void DocumentTree::beginDocument(const DocumentHeader& given) {
     header = given;
 }
 
-void DocumentTree::component(std::string_view name, int level) {
-    Item& item = put(Kind::component, {});
+void DocumentTree::component(std::string_view name, int level, SourceLocation where) {
+    Item& item = put(Kind::component, where);
     item.name = name;
     item.level = level;
 }
 
-void DocumentTree::meta(std::string_view name, std::string_view content) {
-    Item& item = put(Kind::meta, {});
+void DocumentTree::meta(std::string_view name, std::string_view content, SourceLocation where) {
+    Item& item = put(Kind::meta, where);
     item.name = name;
     item.other = content;
 }
 
-void DocumentTree::unit(std::string_view category, std::string_view name, double conversionFactor) {
-    Item& item = put(Kind::unit, {});
+void DocumentTree::unit(std::string_view category, std::string_view name, double conversionFactor,
+                        SourceLocation where) {
+    Item& item = put(Kind::unit, where);
     item.name = category;
     item.other = name;
     item.value = Value(conversionFactor);
@@ -169,11 +170,11 @@ void DocumentTree::sendStart(const Item& item, DocumentHandler& handler) const {
         case Kind::document:
             return handler.beginDocument(header);
         case Kind::component:
-            return handler.component(item.name, item.level);
+            return handler.component(item.name, item.level, item.where);
         case Kind::meta:
-            return handler.meta(item.name, item.other);
+            return handler.meta(item.name, item.other, item.where);
         case Kind::unit:
-            return handler.unit(item.name, item.other, item.value->as<double>());
+            return handler.unit(item.name, item.other, item.value->as<double>(), item.where);
         case Kind::node:
             return handler.beginNode(item.name, item.def, item.field, item.where);
         case Kind::use:

@@ -72,9 +72,9 @@ class DocumentTree : public DocumentHandler {
 
     void beginDocument(const DocumentHeader& header) override;
     void endDocument() override {}
-    void component(std::string_view name, int level) override;
-    void meta(std::string_view name, std::string_view content) override;
-    void unit(std::string_view category, std::string_view name, double conversionFactor) override;
+    void component(std::string_view name, int level, SourceLocation where) override;
+    void meta(std::string_view name, std::string_view content, SourceLocation where) override;
+    void unit(std::string_view category, std::string_view name, double conversionFactor, SourceLocation where) override;
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override;
     void endNode(SourceLocation where) override;
     void useNode(std::string_view def, std::string_view field, SourceLocation where) override;

@@ -8,7 +8,7 @@ namespace {
 class DropMetadata final : public DropNodes {
   public:
     using DropNodes::DropNodes;
-    void meta(std::string_view, std::string_view) override {}
+    void meta(std::string_view, std::string_view, SourceLocation) override {}
     bool drops(std::string_view type) const override {
         if (type == "WorldInfo") return true;
         const NodeType* known = findBuiltinType(type);

@@ -1,6 +1,8 @@
 // Renames DEFs of a document and all that refers to them; prototypes have names of their own, which stay.
+#include <map>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "filter_parts.h"
 
@@ -12,10 +14,17 @@ class Rename final : public Filter {
   public:
     Rename(DocumentHandler& next, Diagnostics& diagnostics) : Filter(next), diagnostics_(diagnostics) {}
 
-    std::unordered_map<std::string, std::string> names;
+    std::map<std::string, std::string> names;
 
+    void endDocument() override {
+        for (const auto& [old, now] : names)
+            if (!met_.contains(old))
+                diagnostics_.warning({}, "rename: no node is called '" + old + "'", DiagnosticCode("build"));
+        Filter::endDocument();
+    }
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
         if (!def.empty() && protos_ == 0) {
+            met_.emplace(def);
             const std::string now(renamed(def));
             const auto [known, isNew] = given_.try_emplace(now, def);
             if (!isNew && known->second != def)
@@ -43,6 +52,7 @@ class Rename final : public Filter {
     }
     void importNode(std::string_view inlineDef, std::string_view exported, std::string_view local,
                     SourceLocation where) override {
+        if (protos_ == 0) met_.emplace(local);
         Filter::importNode(renamed(inlineDef), exported, renamed(local), where);
     }
     void exportNode(std::string_view local, std::string_view exported, SourceLocation where) override {
@@ -57,6 +67,7 @@ class Rename final : public Filter {
     }
     Diagnostics& diagnostics_;
     std::size_t protos_ = 0;
+    std::unordered_set<std::string> met_;                 // as the document calls them
     std::unordered_map<std::string, std::string> given_;  // by what they are called now
 };
 

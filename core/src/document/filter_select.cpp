@@ -28,6 +28,11 @@ class Select final : public TreeFilter {
         if (chosen.empty())
             diagnostics_.warning({}, "no node has a name or type that is selected: the document is empty",
                                  DiagnosticCode("build"));
+        else
+            for (const std::string& name : wanted)
+                if (!met_.contains(name))
+                    diagnostics_.warning({}, "select: no node is called '" + name + "' or is of such a type",
+                                         DiagnosticCode("build"));
         for (const Index index : chosen) {
             Item& item = (*this)[index];
             item.field.clear();
@@ -60,6 +65,7 @@ class Select final : public TreeFilter {
                     routes_.push_back(index);
                 if (item.kind != Kind::node) return index == 0;
                 if (!item.def.empty()) named_.insert_or_assign(item.def, index);
+                met_.insert({item.def, item.name});
                 if (isWanted(item) && within++ == 0) chosen.push_back(index);
                 return true;
             },
@@ -94,6 +100,7 @@ class Select final : public TreeFilter {
     Diagnostics& diagnostics_;
     std::unordered_map<std::string, Index> named_;
     std::unordered_set<std::string> inside_;  // names of nodes that are kept
+    std::unordered_set<std::string> met_;     // names and types of the document
     std::vector<Index> routes_;
 };
 

@@ -22,9 +22,9 @@ class UnitsFilter final : public Filter {
 
     void beginDocument(const DocumentHeader& header) override {
         Filter::beginDocument(header);
-        for (const Unit& unit : units) Filter::unit(unit.category, "own_" + unit.category, unit.factor);
+        for (const Unit& unit : units) Filter::unit(unit.category, "own_" + unit.category, unit.factor, {});
     }
-    void unit(std::string_view, std::string_view, double) override {}
+    void unit(std::string_view, std::string_view, double, SourceLocation) override {}
 };
 
 }  // namespace

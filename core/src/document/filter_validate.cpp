@@ -37,12 +37,12 @@ class Validate final : public Filter {
     Validate(DocumentHandler& next, Diagnostics& diagnostics) : Filter(next), diagnostics_(diagnostics) {}
 
     void beginDocument(const DocumentHeader& header) override {
-        if (header.encoding != Encoding::vrml97) profile_.profile(header.profile, diagnostics_);
+        if (header.encoding != Encoding::vrml97) profile_.profile(header.profile, header.where, diagnostics_);
         Filter::beginDocument(header);
     }
-    void component(std::string_view name, int level) override {
-        profile_.component(name, level, diagnostics_);
-        Filter::component(name, level);
+    void component(std::string_view name, int level, SourceLocation where) override {
+        profile_.component(name, level, where, diagnostics_);
+        Filter::component(name, level, where);
     }
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
         const NodeType* known = protos_.contains(type) ? nullptr : findBuiltinType(type);

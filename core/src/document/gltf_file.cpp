@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "value/text_position.h"
+
 namespace rtsg::detail {
 
 using nlohmann::json;
@@ -107,9 +109,21 @@ std::string toBase64(std::string_view bytes) {
 bool GltfFile::open() {
     std::string_view text = input_.bytes;
     if (text.starts_with("glTF") && !openBinary(text)) return false;
-    root_ = json::parse(text, nullptr, false);
-    if (root_.is_discarded() || !root_.is_object()) {
-        diagnostics_.error({}, "the glTF file's JSON is not well-formed");
+    try {
+        root_ = json::parse(text);
+    } catch (const json::out_of_range&) {
+        diagnostics_.error({}, "a number in the glTF file's JSON is too large");
+        return false;
+    } catch (const json::parse_error& error) {
+        const std::size_t at = std::min(std::max<std::size_t>(error.byte, 1) - 1, text.size());
+        // Within a GLB lines mean nothing.
+        const SourceLocation where =
+            text.data() == input_.bytes.data() ? TextPosition(text.data()).of(text.data() + at) : SourceLocation{};
+        diagnostics_.error(where, "the glTF file's JSON is not well-formed, at its byte " + std::to_string(at));
+        return false;
+    }
+    if (!root_.is_object()) {
+        diagnostics_.error({1, 1}, "the glTF file's JSON is no object");
         return false;
     }
     const std::string version = GltfFile::text(object(root_, "asset"), "version");
@@ -118,15 +132,27 @@ bool GltfFile::open() {
                                                : "glTF " + version.substr(0, 20) + " is not read, 2.0 is");
         return false;
     }
-    for (const json& name : list(root_, "extensionsRequired")) {
-        const std::string one = name.is_string() ? name.get<std::string>() : std::string();
-        constexpr std::string_view known[] = {"KHR_lights_punctual", "KHR_materials_unlit", "KHR_mesh_quantization",
-                                              "KHR_materials_emissive_strength"};
-        if (std::ranges::find(known, one) != std::end(known)) continue;
-        diagnostics_.error({}, "the glTF file requires " + one.substr(0, 80) + ", which is not read");
+    const std::string required = unknownExtensions("extensionsRequired"), used = unknownExtensions("extensionsUsed");
+    if (!required.empty()) {
+        diagnostics_.error({}, "the glTF file requires " + required + ", which is not read");
         return false;
     }
+    if (!used.empty()) warn("the glTF file uses " + used + ", which is not read; what is there without it is taken");
     return true;
+}
+
+/// Those of a list that are not read, with commas between.
+std::string GltfFile::unknownExtensions(const char* key) const {
+    constexpr std::string_view known[] = {"KHR_lights_punctual", "KHR_materials_unlit", "KHR_mesh_quantization",
+                                          "KHR_materials_emissive_strength"};
+    constexpr std::size_t most = 400;  // bytes of a report
+    std::string result;
+    for (const json& name : list(root_, key)) {
+        const std::string one = name.is_string() ? name.get<std::string>() : std::string();
+        if (std::ranges::find(known, one) == std::end(known) && result.size() < most)
+            result += (result.empty() ? "" : ", ") + one.substr(0, 80);
+    }
+    return result;
 }
 
 /// 12 bytes of head, then chunks of length, kind and content.
@@ -150,9 +176,12 @@ bool GltfFile::openBinary(std::string_view& text) {
     return !text.empty() || broken("it has no JSON");
 }
 
-const json* GltfFile::item(const char* list, std::size_t index) const {
+const json* GltfFile::item(const char* list, std::size_t index) {
     const json& all = GltfFile::list(root_, list);
-    return index < all.size() && all[index].is_object() ? &all[index] : nullptr;
+    if (index < all.size() && all[index].is_object()) return &all[index];
+    if (index != SIZE_MAX)
+        warn("the glTF file names number " + std::to_string(index) + " of its " + list + ", which is not there");
+    return nullptr;
 }
 
 std::optional<std::size_t> GltfFile::index(const json& object, const char* key) {
@@ -194,6 +223,10 @@ const json& GltfFile::object(const json& object, const char* key) {
 const json& GltfFile::list(const json& object, const char* key) {
     const auto found = object.is_object() ? object.find(key) : object.end();
     return found != object.end() && found->is_array() ? *found : kNoList;
+}
+
+void GltfFile::checkFinite(std::size_t changed) {
+    if (changed) warn("numbers of the glTF file are not finite; 0 is taken instead");
 }
 
 void GltfFile::warn(std::string text) {
@@ -321,6 +354,7 @@ std::vector<float> GltfFile::floats(std::size_t number, std::size_t& components)
         result.resize(count * components);
     }
     if (accessor->contains("sparse") && !sparse(*accessor, components, result)) return {};
+    checkFinite(makeFinite(std::span(result)));
     return result;
 }
 

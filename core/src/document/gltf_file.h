@@ -20,8 +20,8 @@ class GltfFile {
     /// False if it is no glTF 2.0.
     bool open();
 
-    /// The object `index` of a list of the root; null if there is none.
-    const nlohmann::json* item(const char* list, std::size_t index) const;
+    /// The object `index` of a list of the root; null, which is said, if there is none. SIZE_MAX asks for none.
+    const nlohmann::json* item(const char* list, std::size_t index);
     const nlohmann::json& root() const { return root_; }
     /// An index or another count of an object; nothing if it is absent or negative.
     static std::optional<std::size_t> index(const nlohmann::json& object, const char* key);
@@ -47,6 +47,8 @@ class GltfFile {
 
   private:
     bool openBinary(std::string_view& json);
+    std::string unknownExtensions(const char* key) const;
+    void checkFinite(std::size_t changed);
     std::string_view buffer(std::size_t index);
     struct Elements {
         const char* first;
@@ -88,10 +90,11 @@ std::optional<Array<T>> GltfFile::floatArray(std::size_t number) {
     T* const out = result.mutableData();
     if (all->stride == sizeof(T)) {
         std::memcpy(static_cast<void*>(out), all->first, all->count * sizeof(T));
-        return result;
+    } else {
+        for (std::size_t i = 0; i < all->count; ++i)
+            std::memcpy(static_cast<void*>(out + i), all->first + i * all->stride, sizeof(T));
     }
-    for (std::size_t i = 0; i < all->count; ++i)
-        std::memcpy(static_cast<void*>(out + i), all->first + i * all->stride, sizeof(T));
+    checkFinite(makeFinite(result));
     return result;
 }
 

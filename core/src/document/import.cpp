@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <cstring>
 
 #include "value/number_text.h"
@@ -38,6 +39,21 @@ constexpr std::array kNotRead = std::to_array<Magic>({
 
 bool isAnyOf(std::string_view word, std::initializer_list<std::string_view> words) {
     return std::ranges::find(words, word) != words.end();
+}
+
+/// Of what begins neither as a text document does nor as anything else that is known. (A zero byte within a document is
+/// its reader's to name.)
+std::string_view strange(std::string_view head) {
+    if (head.starts_with("\xEF\xBB\xBF")) head.remove_prefix(3);
+    const bool isUtf16 = head.starts_with("\xFE\xFF") || head.starts_with("\xFF\xFE") ||
+                         head.starts_with(std::string_view("<\0", 2)) || head.starts_with(std::string_view("\0<", 2));
+    const std::size_t start = std::min(head.find_first_not_of(" \t\r\n"), head.size());
+    if (isUtf16 || start == head.size() || std::string_view("<{#").contains(head[start])) return {};
+    if (head.contains('\0'))
+        return "no text, and of no binary kind that is known here (a binary STL file has 84 bytes, and 50 for each "
+               "facet "
+               "that it counts)";
+    return head[start] == '[' ? "a list of JSON, which is no X3D" : std::string_view();
 }
 
 /// The first key of a JSON object.
@@ -77,6 +93,7 @@ FileKind fileKind(std::string_view head, std::uint64_t size) {
         std::memcpy(&facets, head.data() + 80, sizeof(facets));
         if (facets > 0 && size == stlHead + stlFacet * std::uint64_t{facets}) return FileKind::stl;
     }
+    if (!strange(head).empty()) return FileKind::notRead;
     const std::size_t start = head.find_first_not_of(" \t\r\n");
     if (start == head.npos || head[start] == '<') return FileKind::document;
     if (head[start] == '{')
@@ -94,7 +111,7 @@ FileKind fileKind(std::string_view head, std::uint64_t size) {
 std::string whyNotRead(std::string_view head) {
     for (const Magic& magic : kNotRead)
         if (head.starts_with(magic.start)) return "it is " + std::string(magic.what) + ", and is not read here";
-    return "it is not read here";
+    return "it is " + std::string(strange(head)) + ", and is not read here";
 }
 
 bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
@@ -122,7 +139,17 @@ void beginImported(DocumentHandler& handler, std::string_view from) {
     header.profile = "Full";
     header.valuesFirst = true;
     handler.beginDocument(header);
-    handler.meta("translated", from);
+    handler.meta("translated", from, {});
+}
+
+std::size_t makeFinite(std::span<float> numbers) {
+    std::size_t count = 0;
+    for (float& number : numbers)
+        if (!std::isfinite(number)) {
+            number = 0;
+            ++count;
+        }
+    return count;
 }
 
 void writeMesh(DocumentHandler& handler, ImportedMesh mesh) {

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "import.h"
@@ -47,8 +48,12 @@ class ObjReader {
             } else if (word == "usemtl") {
                 material_ = lines_.rest();
                 current_ = nullptr;
+                if (!materials_.empty() && !materials_.contains(material_))
+                    diagnostics_.warning({lines_.line(), 1}, "there is no material " + material_.substr(0, 80));
             } else if (word == "mtllib") {
                 readLibrary(lines_.rest());
+            } else if (!word.empty() && word[0] != '#' && word != "s") {
+                leftOut(word);
             }
         }
     }
@@ -67,6 +72,13 @@ class ObjReader {
 
   private:
     void complain(std::string text) { diagnostics_.error({lines_.line(), 1}, std::move(text)); }
+    /// Each word once: points, lines, curves, surfaces, and what is no OBJ.
+    void leftOut(std::string_view word) {
+        constexpr std::size_t most = 40;
+        if (leftOut_.size() < most && leftOut_.emplace(word.substr(0, most)).second)
+            diagnostics_.warning({lines_.line(), 1}, "what '" + std::string(word.substr(0, most)) +
+                                                         "' says is not imported; only faces and their materials are");
+    }
     void readPoint() {
         Vec3f& point = points_.emplace_back(0.0f, 0.0f, 0.0f);
         if (!lines_.number(point.x) || !lines_.number(point.y) || !lines_.number(point.z))
@@ -250,6 +262,7 @@ class ObjReader {
     std::vector<ObjShape> shapes_;
     ObjShape* current_ = nullptr;
     std::string name_, material_;
+    std::set<std::string, std::less<>> leftOut_;
     std::vector<std::int64_t> face_;
     std::vector<std::int32_t> numbers_;
 };

@@ -90,6 +90,7 @@ class PlyReader {
         if (!readHeader()) return false;
         for (const Element& element : elements_) {
             const bool vertices = element.name == "vertex", faces = element.name == "face";
+            if (element.properties.empty() && !text_) continue;  // of no bytes, however many there are
             // Nothing is reserved for a count: the file may be shorter than it says.
             for (std::uint64_t i = 0; i < element.count; ++i) {
                 if (text_ && !nextDataLine()) return ended(element);
@@ -120,10 +121,10 @@ class PlyReader {
             if (first) continue;  // "ply"
             if (word == "format") {
                 const std::string_view format = lines_.word();
+                const bool big = format == "binary_big_endian", little = format == "binary_little_endian";
                 text_ = format == "ascii";
-                swapped_ = format ==
-                           (std::endian::native == std::endian::little ? "binary_big_endian" : "binary_little_endian");
-                if (!text_ && !format.starts_with("binary_"))
+                swapped_ = std::endian::native == std::endian::little ? big : little;
+                if (!text_ && !big && !little)
                     return error("'" + std::string(format.substr(0, 40)) + "' is no format of PLY files");
             } else if (word == "element") {
                 Element element;
@@ -288,6 +289,9 @@ bool importPly(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
         diagnostics.error({}, "the PLY file has no vertices");
         return false;
     }
+    if (const std::size_t count =
+            makeFinite(mesh.points) + makeFinite(mesh.normals) + makeFinite(mesh.texCoords) + makeFinite(mesh.colors))
+        diagnostics.error({}, std::to_string(count) + " numbers of the PLY file are not finite; 0 is taken instead");
     if (!mesh.faces.empty() && reader.allTriangles()) {
         Array<std::int32_t> corners;
         for (const std::int32_t index : mesh.faces)

@@ -90,6 +90,8 @@ bool importStl(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
         readBinary(input.bytes, points);
     else
         readText(input.bytes, points, name, diagnostics);
+    if (const std::size_t count = makeFinite(mesh.points))
+        diagnostics.error({}, std::to_string(count) + " numbers of the STL file are not finite; 0 is taken instead");
     if (mesh.faces.empty()) {
         diagnostics.error({}, "the STL file has no facets");
         return false;
@@ -97,7 +99,7 @@ bool importStl(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
     mesh.triangles = true;
     mesh.smooth = false;  // facets of an STL file are flat
     beginImported(handler, "from STL");
-    if (!name.empty()) handler.meta("title", name);
+    if (!name.empty()) handler.meta("title", name, {});
     handler.beginNode("Shape", {}, {}, {});
     handler.beginNode("Appearance", {}, "appearance", {});
     handler.beginNode("Material", {}, "material", {});

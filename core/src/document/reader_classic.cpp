@@ -132,7 +132,9 @@ bool ClassicReader::readHeader() {
 void ClassicReader::readProfile() {
     if (vrml97_ || peekWord() != "PROFILE") return;
     word();
+    skipSpace();
     const char* where = p_;
+    header_.where = at(where);
     header_.profile = name();
     if (header_.profile.empty()) error(where, "expected the name of a profile");
 }
@@ -349,24 +351,27 @@ void ClassicReader::component() {
     std::int32_t level = 0;
     if (colon == 0 || number == stop || scanInteger(number, stop, level) != NumberStatus::ok)
         return error(where, "expected 'COMPONENT name:level', found '" + what.substr(0, 80) + "'");
-    handler_->component(name(std::string_view(what).substr(0, colon)), level);
+    handler_->component(name(std::string_view(what).substr(0, colon)), level, at(where));
 }
 
 void ClassicReader::meta() {
+    skipSpace();
+    const SourceLocation where = at(p_);
     Value name, content;
     if (parseValue(FieldType::SFString, name) && parseValue(FieldType::SFString, content))
-        handler_->meta(name.as<String>(), content.as<String>());
+        handler_->meta(name.as<String>(), content.as<String>(), where);
 }
 
 void ClassicReader::unit() {
     skipSpace();
+    const SourceLocation where = at(p_);
     const std::string_view category = word();
     skipSpace();
     const std::string_view unitName = name();
     Value factor;
     if (!parseValue(FieldType::SFDouble, factor)) return;
     if (!(factor.as<double>() > 0)) return error(category.data(), "a unit's conversion factor must be positive");
-    handler_->unit(name(category), unitName, factor.as<double>());
+    handler_->unit(name(category), unitName, factor.as<double>(), where);
     units_.set(category, factor.as<double>());
 }
 

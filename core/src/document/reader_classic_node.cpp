@@ -162,6 +162,12 @@ void ClassicReader::nodeStatement(const FieldRef& into) {
     if (next == "DEF") {
         def = name();
         next = word();
+        // `DEF my box Box { }`
+        if (!next.empty() && !types_.find(next).known() && !peekIs('{') && types_.find(peekWord()).known()) {
+            error(next.data(), "a name has no white space: 'DEF " + std::string(def) + " " + std::string(next) +
+                                   "' could be 'DEF " + std::string(def) + "_" + std::string(next) + "'");
+            next = word();
+        }
     }
     if (next.empty()) return error(p_, "expected a node");
     beginNode(name(next), def, into, where);

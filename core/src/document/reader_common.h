@@ -51,9 +51,9 @@ class NullHandler final : public DocumentHandler {
   public:
     void beginDocument(const DocumentHeader&) override {}
     void endDocument() override {}
-    void component(std::string_view, int) override {}
-    void meta(std::string_view, std::string_view) override {}
-    void unit(std::string_view, std::string_view, double) override {}
+    void component(std::string_view, int, SourceLocation) override {}
+    void meta(std::string_view, std::string_view, SourceLocation) override {}
+    void unit(std::string_view, std::string_view, double, SourceLocation) override {}
     void beginNode(std::string_view, std::string_view, std::string_view, SourceLocation) override {}
     void endNode(SourceLocation) override {}
     void useNode(std::string_view, std::string_view, SourceLocation) override {}

@@ -153,7 +153,7 @@ bool detail::readDescriptorInBlocks(int descriptor, std::size_t block, const Ope
                                     DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options) {
     auto feed = TextFeed::of(descriptor, kBytesLimit, block);
     if (!feed) {
-        diagnostics.error({}, "cannot read " + diagnostics.file() + ": " + feed.error().text);
+        diagnostics.error({}, "cannot read " + diagnostics.file() + ": " + feed.error().text, DiagnosticCode("file"));
         return false;
     }
     return readFeed(**feed, beside, handler, diagnostics, options);
@@ -163,7 +163,7 @@ bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handle
                       const ReadOptions& options) {
     constexpr std::size_t block = 1 << 20;
     const auto cannot = [&](const std::string& why) {
-        diagnostics.error({}, "cannot read " + file.string() + ": " + why);
+        diagnostics.error({}, "cannot read " + file.string() + ": " + why, DiagnosticCode("file"));
         return false;
     };
     if (file == "-")

@@ -68,6 +68,7 @@ void ElementReader::start(const char* name, Attributes attributes, int specified
 void ElementReader::begin(Attributes attributes) {
     DocumentHeader header;
     header.encoding = encoding_;
+    header.where = where();
     if (attributes) {
         if (const char* version = attribute(attributes, "version")) header.version = version;
         types_.setVersion(header.version);
@@ -236,7 +237,7 @@ void ElementReader::startMeta(Attributes attributes) {
     const char* name = attribute(attributes, "name");
     const char* content = attribute(attributes, "content");
     if (isTop(Inside::head) && name && content)
-        handler_->meta(name, content);
+        handler_->meta(name, content, where());
     else
         error("meta needs a name and a content, and belongs in head");
     push(Inside::leaf);
@@ -249,7 +250,7 @@ void ElementReader::startComponent(Attributes attributes) {
     if (!isTop(Inside::head) || !name)
         error("component needs a name, and belongs in head");
     else if (!level || parseAttribute("level", level, FieldType::SFInt32, number))
-        handler_->component(name, number.as<std::int32_t>());
+        handler_->component(name, number.as<std::int32_t>(), where());
     push(Inside::leaf);
 }
 
@@ -263,7 +264,7 @@ void ElementReader::startUnit(Attributes attributes) {
     else if (parseAttribute("conversionFactor", factor, FieldType::SFDouble, number)) {
         if (number.as<double>() > 0) {
             units_.set(category, number.as<double>());
-            handler_->unit(category, name, number.as<double>());
+            handler_->unit(category, name, number.as<double>(), where());
         } else {
             error("a unit's conversion factor must be positive");
         }

@@ -66,17 +66,17 @@ void SceneBuilder::finish() {
     }
 }
 
-void SceneBuilder::component(std::string_view name, int level) {
+void SceneBuilder::component(std::string_view name, int level, SourceLocation) {
     if (state_->scopes.size() > 1) return;  // an Inline's own
     state_->head.components.push_back({std::string(name), level});
 }
 
-void SceneBuilder::meta(std::string_view name, std::string_view content) {
+void SceneBuilder::meta(std::string_view name, std::string_view content, SourceLocation) {
     if (state_->scopes.size() > 1) return;
     state_->head.meta.push_back({std::string(name), std::string(content)});
 }
 
-void SceneBuilder::unit(std::string_view category, std::string_view name, double conversionFactor) {
+void SceneBuilder::unit(std::string_view category, std::string_view name, double conversionFactor, SourceLocation) {
     if (state_->scopes.size() > 1) return;
     state_->head.units.push_back({std::string(category), std::string(name), conversionFactor});
 }

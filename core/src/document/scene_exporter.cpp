@@ -384,9 +384,9 @@ void SceneExporter::State::writeHead(DocumentHandler& handler, Encoding encoding
     header.encoding = encoding;
     header.profile = head.profile;
     handler.beginDocument(header);
-    for (const auto& one : head.components) handler.component(one.name, one.level);
-    for (const auto& one : head.units) handler.unit(one.category, one.name, one.conversionFactor);
-    for (const auto& one : head.meta) handler.meta(one.name, one.content);
+    for (const auto& one : head.components) handler.component(one.name, one.level, {});
+    for (const auto& one : head.units) handler.unit(one.category, one.name, one.conversionFactor, {});
+    for (const auto& one : head.meta) handler.meta(one.name, one.content, {});
 }
 
 void SceneExporter::State::writeDeclarations(DocumentHandler& handler) {

@@ -30,15 +30,15 @@ class ClassicWriter final : public DocumentHandler {
     }
     void endDocument() override { flush(); }
 
-    void component(std::string_view component, int level) override {
+    void component(std::string_view component, int level, SourceLocation) override {
         if (vrml97_) return cannot({}, "COMPONENT");
         statement("COMPONENT " + name(component, {}) + ":" + std::to_string(level));
     }
-    void meta(std::string_view metaName, std::string_view content) override {
+    void meta(std::string_view metaName, std::string_view content, SourceLocation) override {
         if (vrml97_) return cannot({}, "META");
         statement("META " + printFieldText(Value(String(metaName))) + " " + printFieldText(Value(String(content))));
     }
-    void unit(std::string_view category, std::string_view unitName, double factor) override {
+    void unit(std::string_view category, std::string_view unitName, double factor, SourceLocation) override {
         if (vrml97_) return cannot({}, "UNIT");
         units_.set(category, factor);
         statement("UNIT " + name(category, {}) + " " + name(unitName, {}) + " " + printFieldText(Value(factor)));

@@ -67,13 +67,13 @@ class JsonWriter final : public DocumentHandler {
         text_ += "\n]}}}\n";
         flush();
     }
-    void component(std::string_view name, int level) override {
+    void component(std::string_view name, int level, SourceLocation) override {
         head(components_, "{\"@name\":" + inQuotes(name) + ",\"@level\":" + std::to_string(level) + "}");
     }
-    void meta(std::string_view name, std::string_view content) override {
+    void meta(std::string_view name, std::string_view content, SourceLocation) override {
         head(metas_, "{\"@name\":" + inQuotes(name) + ",\"@content\":" + inQuotes(content) + "}");
     }
-    void unit(std::string_view category, std::string_view name, double factor) override {
+    void unit(std::string_view category, std::string_view name, double factor, SourceLocation) override {
         units_.set(category, factor);
         head(unitItems_, "{\"@category\":" + inQuotes(category) + ",\"@name\":" + inQuotes(name) +
                              ",\"@conversionFactor\":" + valueText(Value(factor)) + "}");

@@ -33,13 +33,13 @@ class XmlWriter final : public DocumentHandler {
         flush(0);
     }
 
-    void component(std::string_view name, int level) override {
+    void component(std::string_view name, int level, SourceLocation) override {
         head("component", attribute("name", name, {}) + attribute("level", std::to_string(level), {}));
     }
-    void meta(std::string_view name, std::string_view content) override {
+    void meta(std::string_view name, std::string_view content, SourceLocation) override {
         head("meta", attribute("name", name, {}) + attribute("content", content, {}));
     }
-    void unit(std::string_view category, std::string_view name, double factor) override {
+    void unit(std::string_view category, std::string_view name, double factor, SourceLocation) override {
         units_.set(category, factor);
         head("unit", attribute("category", category, {}) + attribute("name", name, {}) +
                          attribute("conversionFactor", printFieldText(Value(factor)), {}));

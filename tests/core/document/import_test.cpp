@@ -5,6 +5,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <numbers>
 
 #include <fmt/format.h>
@@ -91,6 +92,10 @@ TEST(ImportStl, FaultsAreNamedAndTheRestIsKept) {
     const Imported empty("solid x\nendsolid x\n");
     EXPECT_FALSE(empty.good);
     EXPECT_THAT(empty.problems, HasSubstr("has no facets"));
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+    const Imported holes(binaryStl({{{nan, 2, 3, 4, -std::numeric_limits<float>::infinity(), 6, 7, 8, 9}}}));
+    EXPECT_THAT(holes.problems, HasSubstr("2 numbers of the STL file are not finite; 0 is taken instead [parse]"));
+    EXPECT_THAT(holes.commands, HasSubstr("set point MFVec3f [0 2 3, 4 0 6, 7 8 9]"));
 }
 
 TEST(ImportPly, TextAndBinaryOfBothByteOrdersGiveTheSame) {
@@ -146,6 +151,27 @@ TEST(ImportPly, PolygonsPointsAndAbsurdCounts) {
     EXPECT_THAT(absurd.problems, HasSubstr("the file ends within its 4000000000 elements 'vertex'"));
     EXPECT_THAT(Imported("ply\nformat ascii 1.0\nelement vertex many\n").problems,
                 HasSubstr("expected 'element NAME COUNT'"));
+    EXPECT_THAT(Imported("ply\nformat binary_middle_endian 1.0\nelement vertex 1\n").problems,
+                HasSubstr("test:2:1: error: 'binary_middle_endian' is no format of PLY files"));
+    // Of no bytes each, so that the file's end stops nobody.
+    for (const char* element : {"vertex", "face", "other"}) {
+        const Imported empty(std::string("ply\nformat binary_little_endian 1.0\nelement ") + element +
+                             " 9000000000000000000\nend_header\n");
+        EXPECT_THAT(empty.problems, HasSubstr("the PLY file has no vertices"));
+    }
+    std::string hole =
+        "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty double y\nend_header\n";
+    put(hole, std::numeric_limits<float>::infinity());
+    put(hole, 1e300);
+    EXPECT_THAT(Imported(hole).problems, HasSubstr("2 numbers of the PLY file are not finite"));
+    EXPECT_THAT(Imported(hole).commands, HasSubstr("set point MFVec3f [0 0 0]"));
+}
+
+TEST(ImportObj, WhatIsNotImportedIsNamedOnce) {
+    const Imported file("v 0 0 0\nv 1 0 0\nv 0 1 0\ns 1\nl 1 2\nf 1 2 3\nl 2 3\np 1\n# p 2\n");
+    EXPECT_EQ(file.problems,
+              "test:5:1: warning: what 'l' says is not imported; only faces and their materials are [parse]\n"
+              "test:8:1: warning: what 'p' says is not imported; only faces and their materials are [parse]\n");
 }
 
 TEST(ImportObj, FacesWithMaterialsFromTheLibraryBesideIt) {
@@ -286,6 +312,18 @@ TEST(ImportGltf, WhatDoesNotFitIsNamedAndNothingIsReadBeyondIt) {
     EXPECT_THAT(spoiled("base64,", "base64,***").problems, HasSubstr("is no base64 text"));
     EXPECT_THAT(spoiled("data:application/octet-stream;base64,", "elsewhere.bin?").problems,
                 HasSubstr("no other file may be opened"));
+    EXPECT_THAT(spoiled("\"mesh\":0}", "\"mesh\":7}").problems, HasSubstr("names number 7 of its meshes"));
+    EXPECT_THAT(spoiled("\"cameras\":[", "\n \"cameras\":,[").problems,
+                HasSubstr("test:6:12: error: the glTF file's JSON is not well-formed, at its byte"));
+    EXPECT_THAT(spoiled("\"intensity\":7", "\"intensity\":1e999").problems, HasSubstr("number in the glTF file"));
+    EXPECT_THAT(
+        spoiled("{\"asset\"", "{\"extensionsUsed\":[\"KHR_lights_punctual\",\"EXT_a\",\"EXT_b\"],\"asset\"").problems,
+        HasSubstr("the glTF file uses EXT_a, EXT_b, which is not read"));
+    Gltf holed;
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+    std::memcpy(holed.buffer.data() + 4, &nan, sizeof(nan));
+    EXPECT_THAT(Imported(holed.glb()).problems, HasSubstr("numbers of the glTF file are not finite"));
+    EXPECT_THAT(Imported(holed.glb()).commands, HasSubstr("set point MFVec3f [0 0 0, 1 0 0, 0 1 0]"));
     const std::string glb = file.glb();
     for (std::size_t size = 4; size < glb.size(); size += 7) {
         const Imported cut(std::string_view(glb).substr(0, size));
@@ -469,6 +507,14 @@ TEST(FileKinds, WhatIsNotReadIsNamedInOneLine) {
     EXPECT_THAT(says("\x89PNG\r\n\x1a\n"), HasSubstr("a picture (PNG)"));
     EXPECT_THAT(says("PK\x03\x04 zip"), HasSubstr("a ZIP archive"));
     EXPECT_THAT(says("Kaydara FBX Binary  "), HasSubstr("an FBX file"));
+    EXPECT_THAT(says(std::string_view("\x01\x02 abc\0\xFF", 8)), HasSubstr("is no text"));
+    EXPECT_THAT(says("[1, 2, 3]"), HasSubstr("a list of JSON, which is no X3D"));
+    const std::string stl = binaryStl({{{0, 0, 0, 1, 0, 0, 0, 1, 0}}});
+    EXPECT_THAT(says(stl.substr(0, stl.size() - 3)), HasSubstr("50 for each facet"));
+    EXPECT_THAT(says(stl + "more"), HasSubstr("50 for each facet"));
+    // In a document a zero byte is the reader's to name.
+    EXPECT_THAT(Imported(std::string_view("#X3D V4.0 utf8\nGroup { \0 }", 27)).problems, HasSubstr("zero"));
+    EXPECT_THAT(Imported(std::string_view("<X3D>\0</X3D>", 13)).problems, Not(HasSubstr("no text")));
 }
 
 TEST(Base64, ComesBackWhateverItsLength) {

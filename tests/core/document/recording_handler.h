@@ -34,10 +34,14 @@ class RecordingHandler final : public DocumentHandler {
         if (!stack_.empty()) breach("endDocument inside something");
         ended_ = true;
     }
-    void component(std::string_view name, int level) override { say({}, "component ", name, " ", level); }
-    void meta(std::string_view name, std::string_view content) override { say({}, "meta ", name, "=", content); }
-    void unit(std::string_view category, std::string_view name, double factor) override {
-        say({}, "unit ", category, " ", name, " ", printFieldText(Value(factor)));
+    void component(std::string_view name, int level, SourceLocation w) override {
+        say(w, "component ", name, " ", level);
+    }
+    void meta(std::string_view name, std::string_view content, SourceLocation w) override {
+        say(w, "meta ", name, "=", content);
+    }
+    void unit(std::string_view category, std::string_view name, double factor, SourceLocation w) override {
+        say(w, "unit ", category, " ", name, " ", printFieldText(Value(factor)));
     }
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation w) override {
         say(w, "begin ", type, def.empty() ? "" : " DEF ", def, field.empty() ? "" : " in ", field);

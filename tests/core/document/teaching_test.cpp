@@ -68,6 +68,9 @@ TEST(Teaching, NamesWhatIsWrongInXml) {
                 Not(HasSubstr("begins no reference")));
     EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><Box DEF='my box'/></Scene></X3D>"),
                 HasSubstr("DEF 'my box' has white space in it"));
+    const std::string classic = problemsOf("#X3D V4.0 utf8\nTransform { children\n DEF my box Shape { } }");
+    EXPECT_THAT(classic, HasSubstr("test:3:9: error: a name has no white space: 'DEF my box' could be 'DEF my_box'"));
+    EXPECT_EQ(std::ranges::count(classic, '\n'), 1) << classic;
     EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><WorldInfo info='one two'/></Scene></X3D>"),
                 HasSubstr("the strings of a list stand in double quotes; this is taken as one"));
 }

@@ -9,6 +9,7 @@
 namespace rtsg {
 namespace {
 
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -41,6 +42,30 @@ TEST(ValidateFilter, ProfilesAndComponents) {
     EXPECT_THAT(problems("", "PROFILE Interchang"), HasSubstr("no profile Interchang (did you mean Interchange?)"));
     EXPECT_THAT(problems("", "PROFILE Full COMPONENT Geospatail:1"), HasSubstr("(did you mean Geospatial?)"));
     EXPECT_EQ(problems("HAnimHumanoid { }", "PROFILE Immersive COMPONENT H-Anim:1"), "");
+}
+
+TEST(ValidateFilter, ProfilesAndComponentsHaveTheirPlaces) {
+    const auto places = [](const std::string& text) {
+        test::RecordingHandler handler;
+        Diagnostics diagnostics("test");
+        const auto filter = makeFilter("validate", handler, {diagnostics});
+        readDocument(text, **filter, diagnostics);
+        std::vector<std::string> all;
+        for (const Diagnostic& d : diagnostics.all()) all.push_back(d.format());
+        return all;
+    };
+    EXPECT_THAT(places("#X3D V4.0 utf8\n# before\nPROFILE  Interchang\nCOMPONENT Txt:1\n"),
+                ElementsAre(HasSubstr("test:3:10: warning: there is no profile"),
+                            HasSubstr("test:4:11: warning: there is no component")));
+    EXPECT_THAT(places("<X3D>\n<head>\n<component name='Txt' level='1'/></head><Scene/></X3D>"),
+                ElementsAre(HasSubstr("test:3:1: warning: there is no component")));
+    EXPECT_THAT(places("<!-- -->\n <X3D profile='Interchang'><Scene/></X3D>"),
+                ElementsAre(HasSubstr("test:2:2: warning: there is no profile")));
+    EXPECT_THAT(
+        places("{\"X3D\":{\"@profile\":\"Interchang\",\"head\":{\n\"component\":[{\"@name\":\"Txt\",\"@level\":1}]},"
+               "\"Scene\":{}}}"),
+        ElementsAre(HasSubstr("test:1:8: warning: there is no profile"),
+                    HasSubstr("test:2:14: warning: there is no component")));
 }
 
 TEST(ValidateFilter, IndicesBeyondTheirPoints) {

@@ -40,6 +40,25 @@ TEST(Filters, QuantiseStaysWithinItsError) {
               "SFRotation 0 1 0 0.33333\nset translation SFVec3f 1.235 1 2\nend\n");
 }
 
+TEST(Filters, NameWhatTheyDidNotFind) {
+    const auto said = [](std::string_view name, const std::string& body) {
+        test::RecordingHandler handler;
+        Diagnostics diagnostics;
+        const auto filter = makeFilter(name, handler, {diagnostics});
+        readDocument("#X3D V4.0 utf8\nPROFILE Full\n" + body, **filter, diagnostics);
+        std::string all;
+        for (const Diagnostic& d : diagnostics.all()) all += d.text + "\n";
+        return all;
+    };
+    const std::string text =
+        "DEF I Inline { } IMPORT I.X AS Y PROTO P [ ] { DEF Q Group { } } DEF T Transform { children Shape { } }";
+    EXPECT_EQ(said("rename=T:A,I:J,Y:Z", text), "");
+    EXPECT_EQ(said("rename=T:A,NOPE:B,Q:C", text), "rename: no node is called 'NOPE'\nrename: no node is called 'Q'\n");
+    EXPECT_EQ(said("select=T,Shape", text), "");
+    EXPECT_EQ(said("select=T,NOPE", text), "select: no node is called 'NOPE' or is of such a type\n");
+    EXPECT_EQ(said("select=NOPE", text), "no node has a name or type that is selected: the document is empty\n");
+}
+
 TEST(Filter, DropMetadata) {
     EXPECT_EQ(
         filtered("drop-metadata",

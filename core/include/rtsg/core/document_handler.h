@@ -28,6 +28,7 @@ struct DocumentHeader {
     /// Within a node that is no Script or shader, all values that are no nodes come before its first node: a writer
     /// need not wait for more of them.
     bool valuesFirst = false;
+    SourceLocation where{};  // of the profile, or of what should name it
 };
 
 /// What a document says of itself before its nodes (7.2.5).
@@ -68,9 +69,10 @@ class DocumentHandler {
 
     virtual void beginDocument(const DocumentHeader& header) = 0;
     virtual void endDocument() = 0;
-    virtual void component(std::string_view name, int level) = 0;
-    virtual void meta(std::string_view name, std::string_view content) = 0;
-    virtual void unit(std::string_view category, std::string_view name, double conversionFactor) = 0;
+    virtual void component(std::string_view name, int level, SourceLocation where) = 0;
+    virtual void meta(std::string_view name, std::string_view content, SourceLocation where) = 0;
+    virtual void unit(std::string_view category, std::string_view name, double conversionFactor,
+                      SourceLocation where) = 0;
 
     /// Opens a node. `def` may be empty. `field` is the field of the enclosing node (or declared field of a
     /// PROTO interface) that it goes into; at the top level of a document or PROTO body it is empty.

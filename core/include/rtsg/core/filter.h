@@ -30,14 +30,15 @@ class Filter : public DocumentHandler {
     void endDocument() override {
         if (next_) next_->endDocument();
     }
-    void component(std::string_view name, int level) override {
-        if (next_) next_->component(name, level);
+    void component(std::string_view name, int level, SourceLocation where) override {
+        if (next_) next_->component(name, level, where);
     }
-    void meta(std::string_view name, std::string_view content) override {
-        if (next_) next_->meta(name, content);
+    void meta(std::string_view name, std::string_view content, SourceLocation where) override {
+        if (next_) next_->meta(name, content, where);
     }
-    void unit(std::string_view category, std::string_view name, double conversionFactor) override {
-        if (next_) next_->unit(category, name, conversionFactor);
+    void unit(std::string_view category, std::string_view name, double conversionFactor,
+              SourceLocation where) override {
+        if (next_) next_->unit(category, name, conversionFactor, where);
     }
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
         if (next_) next_->beginNode(type, def, field, where);

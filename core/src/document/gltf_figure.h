@@ -1,0 +1,22 @@
+// Skinned meshes of glTF 2.0 as HAnimHumanoids, whose joints stand where those of the skin rest.
+//
+// Threading: one thread an import. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.7.3; gltf_skin.h.
+#pragma once
+
+#include "gltf_mesh.h"
+#include "gltf_skin.h"
+
+namespace rtsg::detail {
+
+/// A skin's joints, and what they are called.
+struct GltfFigure {
+    GltfSkin skin;
+    std::string name;
+    std::string joint(std::size_t i) const { return name + "_joint" + std::to_string(i); }
+};
+
+/// One primitive, which has points of its own, named as `form` says.
+void writeFigure(GltfFile& file, DocumentHandler& out, GltfMeshes& meshes, const GltfFigure& figure,
+                 const nlohmann::json& primitive, const GltfForm& form);
+
+}  // namespace rtsg::detail

@@ -1,0 +1,147 @@
+// Writes primitives as shapes, from what their accessors hold and what their targets add.
+#include "gltf_mesh.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace rtsg::detail {
+
+using nlohmann::json;
+
+namespace {
+
+template <class T>
+Array<T> elements(const std::vector<float>& numbers, std::size_t stride) {
+    Array<T> result;
+    constexpr std::size_t size = sizeof(T) / sizeof(float);
+    if (stride < size) return result;
+    result.resize(numbers.size() / stride);
+    T* out = result.mutableData();
+    if (stride == size) {
+        std::copy_n(numbers.data(), result.size() * size, reinterpret_cast<float*>(out));
+        return result;
+    }
+    for (std::size_t i = 0; i < result.size(); ++i)
+        std::copy_n(numbers.data() + i * stride, size, reinterpret_cast<float*>(out + i));
+    return result;
+}
+
+Array<std::int32_t> triangles(const Array<std::int32_t>& indices, std::size_t mode) {
+    if (mode == 4) {
+        Array<std::int32_t> whole = indices;
+        whole.resize(indices.size() / 3 * 3);
+        return whole;
+    }
+    Array<std::int32_t> result;
+    for (std::size_t i = 2; i < indices.size(); ++i) {
+        const bool turned = mode == 5 && i % 2 != 0;
+        const std::int32_t first = mode == 6 ? indices[0] : indices[turned ? i - 1 : i - 2];
+        const std::int32_t second = mode == 6 ? indices[i - 1] : indices[turned ? i - 2 : i - 1];
+        result.push_back(first);
+        result.push_back(second);
+        result.push_back(indices[i]);
+    }
+    return result;
+}
+
+}  // namespace
+
+template <class T>
+Array<T> GltfMeshes::attribute(const json& attributes, const char* name, std::size_t points) {
+    const auto accessor = GltfFile::index(attributes, name);
+    if (!accessor) return {};
+    if (std::optional<Array<T>> direct = file_.floatArray<T>(*accessor))
+        return points != 0 && direct->size() != points ? Array<T>() : *std::move(direct);
+    std::size_t stride = 0;
+    const std::vector<float> numbers = file_.floats(*accessor, stride);
+    Array<T> result;
+    if constexpr (std::is_same_v<T, ColorRGBA>) {
+        result.resize(stride >= 3 ? numbers.size() / stride : 0);
+        for (std::size_t i = 0; i < result.size(); ++i)
+            result.mutableData()[i] = {numbers[i * stride], numbers[i * stride + 1], numbers[i * stride + 2],
+                                       stride > 3 ? numbers[i * stride + 3] : 1};
+    } else {
+        result = elements<T>(numbers, stride);
+    }
+    if (points != 0 && result.size() != points) return {};
+    return result;
+}
+
+void GltfMeshes::morph(const json& primitive, const char* name, const std::vector<double>& weights,
+                       Array<Vec3f>& values) {
+    const json& targets = GltfFile::list(primitive, "targets");
+    for (std::size_t t = 0; t < std::min(targets.size(), weights.size()); ++t) {
+        if (weights[t] == 0 || values.empty()) continue;
+        const Array<Vec3f> moves = attribute<Vec3f>(targets[t], name, values.size());
+        if (moves.empty()) continue;
+        Vec3f* const out = values.mutableData();
+        for (std::size_t i = 0; i < values.size(); ++i) out[i] += static_cast<float>(weights[t]) * moves[i];
+    }
+}
+
+void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, bool skinned) {
+    const json& attributes = GltfFile::object(primitive, "attributes");
+    ImportedMesh mesh;
+    mesh.points = attribute<Vec3f>(attributes, "POSITION", 0);
+    const std::size_t count = mesh.points.size();
+    if (count == 0) return file_.warn("a primitive of the glTF file has no positions; it is left out");
+    morph(primitive, "POSITION", form.weights, mesh.points);
+    Array<std::int32_t> indices;
+    if (const auto accessor = GltfFile::index(primitive, "indices")) {
+        indices = file_.indices(*accessor);
+    } else {
+        indices.resize(count);
+        std::iota(indices.mutableData(), indices.mutableData() + count, 0);
+    }
+    std::uint32_t most = 0;  // negative ones are large
+    for (const std::int32_t i : indices) most = std::max(most, static_cast<std::uint32_t>(i));
+    if (most >= count) return file_.warn("a primitive of the glTF file has indices beyond its points; it is left out");
+    const std::size_t mode = GltfFile::index(primitive, "mode").value_or(4);
+    mesh.normals = attribute<Vec3f>(attributes, "NORMAL", count);
+    morph(primitive, "NORMAL", form.weights, mesh.normals);
+    const bool smooth = !mesh.normals.empty();
+    // Of what moves, normals are made from where the points are.
+    if (skinned || !form.points.empty()) mesh.normals = {};
+    mesh.texCoords = attribute<Vec2f>(attributes, "TEXCOORD_0", count);
+    // The origin of a picture is its upper left corner there, its lower left one here.
+    for (std::size_t i = 0; i < mesh.texCoords.size(); ++i)
+        mesh.texCoords.mutableData()[i].y = 1 - mesh.texCoords.mutableData()[i].y;
+    mesh.colors = attribute<ColorRGBA>(attributes, "COLOR_0", count);
+    mesh.smooth = smooth;  // without normals faces are flat
+    mesh.pointsName = form.points;
+    mesh.pointsGiven = skinned;
+    const json* material = file_.item("materials", GltfFile::index(primitive, "material").value_or(kNoIndex));
+    mesh.solid = !(material && GltfFile::flag(*material, "doubleSided"));
+    GltfNode shape(out_, "Shape", skinned ? "skin" : "children");
+    materials_.writeAppearance(material);
+    if (mode == 0) {
+        mesh.faces = {};
+        return writeMesh(out_, std::move(mesh));
+    }
+    if (mode <= 3) return writeLines(mesh, indices, mode);
+    mesh.triangles = true;
+    mesh.faces = triangles(indices, mode);
+    if (!mesh.faces.empty()) writeMesh(out_, std::move(mesh));
+}
+
+void GltfMeshes::writeLines(ImportedMesh& mesh, const Array<std::int32_t>& indices, std::size_t mode) {
+    Array<std::int32_t> lines;
+    for (std::size_t i = 0; i < indices.size(); ++i) {
+        lines.push_back(indices[i]);
+        if (mode == 1 && i % 2 == 1) lines.push_back(-1);
+    }
+    if (mode == 2 && !indices.empty()) lines.push_back(indices[0]);
+    GltfNode set(out_, "IndexedLineSet", "geometry");
+    set.set("coordIndex", std::move(lines));
+    if (mesh.pointsGiven) {
+        out_.useNode(mesh.pointsName, "coord", {});
+    } else {
+        GltfNode coordinate(out_, "Coordinate", "coord", mesh.pointsName);
+        coordinate.set("point", std::move(mesh.points));
+    }
+    if (mesh.colors.empty()) return;
+    GltfNode color(out_, "ColorRGBA", "color");
+    color.set("color", std::move(mesh.colors));
+}
+
+}  // namespace rtsg::detail

@@ -1,0 +1,40 @@
+// Meshes of glTF 2.0 as Shapes: triangles, lines and points, formed by as much of their targets as these weigh.
+//
+// Threading: one thread an import. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.7.2.
+#pragma once
+
+#include "gltf_material.h"
+
+namespace rtsg::detail {
+
+/// How a primitive is formed: the weights of its targets, and the name of its points where they are animated.
+struct GltfForm {
+    std::vector<double> weights;
+    std::string points;
+};
+
+class GltfMeshes {
+  public:
+    GltfMeshes(GltfFile& file, DocumentHandler& out) : file_(file), out_(out), materials_(file, out) {}
+
+    /// One Shape; `skinned`: as the skin of a figure whose points are there already.
+    void writePrimitive(const nlohmann::json& primitive, const GltfForm& form, bool skinned = false);
+    /// `points`: how many there have to be, else none are given; 0: any number.
+    Array<Vec3f> vectors(const nlohmann::json& attributes, const char* name, std::size_t points) {
+        return attribute<Vec3f>(attributes, name, points);
+    }
+    /// Adds the targets' displacements, as much as they weigh.
+    void morph(const nlohmann::json& primitive, const char* name, const std::vector<double>& weights,
+               Array<Vec3f>& values);
+
+  private:
+    template <class T>
+    Array<T> attribute(const nlohmann::json& attributes, const char* name, std::size_t points);
+    void writeLines(ImportedMesh& mesh, const Array<std::int32_t>& indices, std::size_t mode);
+
+    GltfFile& file_;
+    DocumentHandler& out_;
+    GltfMaterials materials_;
+};
+
+}  // namespace rtsg::detail
