@@ -53,12 +53,6 @@ std::size_t arraySize(const Value& value) {
     }
 }
 
-bool isLongList(const Value& value) {
-    constexpr std::size_t longest = 1 << 12;
-    return isMF(value.type()) && arraySize(value) > longest &&
-           withNumbers(value, [](const auto*, std::size_t, std::size_t) {});
-}
-
 namespace {
 
 constexpr std::size_t kWidth = 100, kFullAt = 1 << 16;

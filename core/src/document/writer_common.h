@@ -1,4 +1,4 @@
-// What the writers share: buffered output, text that waits, and values laid out over lines.
+// What the writers share: buffered output, and values laid out over lines.
 //
 // Threading: one thread a writer.
 #pragma once
@@ -20,19 +20,6 @@ namespace rtsg::detail {
 constexpr std::size_t kFlushAt = 1 << 16;
 
 std::size_t arraySize(const Value& value);
-
-/// A list of numbers whose text would take much more memory than it does.
-bool isLongList(const Value& value);
-
-/// Text that waits until what stands before it is known.
-struct WaitingText {
-    std::string text;
-    Value numbers;  // behind the text, if it is a long list
-    std::size_t indent;
-
-    WaitingText(std::string some = {}, Value list = {}, std::size_t spaces = 0)
-        : text(std::move(some)), numbers(std::move(list)), indent(spaces) {}
-};
 
 /// Appends a value; an MF value that does not fit one line is broken into lines that start at `indent` spaces. XML text
 /// is not escaped yet. `full` is called every so often within long values, and may empty `out`.

@@ -1,6 +1,5 @@
 // JSON. Members of an object may come in any order but each once, so what belongs to a node is gathered by member, in
-// ropes that are joined without copying, and a node of the top level goes out when it ends; long lists of numbers
-// become text then.
+// ropes, and a node of the top level goes out when it ends; long lists of numbers become text then.
 #include <algorithm>
 #include <list>
 #include <set>
@@ -8,12 +7,11 @@
 
 #include "units.h"
 #include "writer_common.h"
+#include "writer_waiting.h"
 
 namespace rtsg::detail {
 
 namespace {
-
-using Rope = std::list<WaitingText>;
 
 std::string inQuotes(std::string_view text) {
     return printFieldText(Value(String(text)), TextSyntax::json);
@@ -55,7 +53,12 @@ std::string valueText(const Value& value) {
 
 class JsonWriter final : public DocumentHandler {
   public:
-    JsonWriter(TextSink sink, Diagnostics& diagnostics) : sink_(std::move(sink)), diagnostics_(diagnostics) {}
+    JsonWriter(TextSink sink, Diagnostics& diagnostics)
+        : sink_(std::move(sink)),
+          diagnostics_(diagnostics),
+          waiting_([](std::string& text, const WaitingText& piece, const std::function<void()>& full) {
+              appendValue(text, piece.numbers, full);
+          }) {}
 
     void beginDocument(const DocumentHeader& header) override {
         version_ = x3dVersion(header);
@@ -127,10 +130,10 @@ class JsonWriter final : public DocumentHandler {
         if (!units_.areStandard()) units_.fromStandard(findField(frame.shape, field).definition, value);
         if (field == "url" && frame.element == "Script") return source(frame, value.as<Array<String>>());
         beginAttribute(frame, spelled(frame.shape, field));
-        if (isLongList(value))
-            frame.given.emplace_back(std::exchange(frame.attributes, {}), std::move(value));
-        else
-            appendValue(frame.attributes, value);
+        if (!isLongList(value)) return appendValue(frame.attributes, value);
+        WaitingText piece(std::exchange(frame.attributes, {}));
+        piece.numbers = std::move(value);
+        waiting_.add(frame.given, std::move(piece));
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation) override {
         Frame& frame = frames_.back();
@@ -257,11 +260,11 @@ class JsonWriter final : public DocumentHandler {
         if (!about.documentation.empty()) result += ",\"@documentation\":" + inQuotes(about.documentation);
         return result;
     }
-    static void append(Rope& items, Rope&& item) {
-        if (!items.empty()) items.emplace_back(",");
-        items.splice(items.end(), std::move(item));
+    void append(Rope& items, Rope&& item) {
+        if (!items.empty()) waiting_.add(items, WaitingText(","));
+        waiting_.add(items, std::move(item));
     }
-    static void add(Frame& frame, std::string_view key, Many many, Rope&& item) {
+    void add(Frame& frame, std::string_view key, Many many, Rope&& item) {
         auto found = std::ranges::find(frame.members, key, &Member::key);
         if (found == frame.members.end())
             found = frame.members.insert(found, {std::string(key), many, {}});
@@ -276,17 +279,16 @@ class JsonWriter final : public DocumentHandler {
             text_ += any_ ? ",\n" : "\n";
             any_ = true;
             for (WaitingText& piece : item) {
-                if (piece.text.size() > kFlushAt) {  // as it is
-                    flush();
-                    sink_(piece.text);
-                } else {
-                    text_ += piece.text;
+                if (!piece.isClosed()) {
+                    text_ += std::exchange(piece.text, {});
+                    if (text_.size() > kFlushAt) flush();
+                    continue;
                 }
-                if (isLongList(piece.numbers)) appendValue(text_, piece.numbers, [this] { flush(); });
-                piece = {};
-                if (text_.size() > kFlushAt) flush();
+                flush();
+                if (!waiting_.send(piece, sink_))
+                    diagnostics_.error({}, "what waited in a file without a name cannot be read: text is missing here");
             }
-            return;
+            return waiting_.clear();
         }
         Frame& frame = frames_.back();
         if (field.empty()) return add(frame, frame.proto ? "ProtoBody" : "-children", Many::yes, std::move(item));
@@ -311,24 +313,24 @@ class JsonWriter final : public DocumentHandler {
     Rope finished(Frame&& frame) {
         Rope rope{"{" + inQuotes(frame.element) + ":{"};
         bool first = frame.attributes.empty() && frame.given.empty();
-        rope.splice(rope.end(), std::move(frame.given));
-        rope.emplace_back(std::move(frame.attributes));
+        waiting_.add(rope, std::move(frame.given));
+        waiting_.add(rope, WaitingText(std::move(frame.attributes)));
         const auto member = [&](const std::string& opening, Rope&& items, const char* closing) {
-            rope.emplace_back((first ? "" : ",") + opening);
+            waiting_.add(rope, WaitingText((first ? "" : ",") + opening));
             first = false;
-            rope.splice(rope.end(), std::move(items));
-            rope.emplace_back(closing);
+            waiting_.add(rope, std::move(items));
+            waiting_.add(rope, WaitingText(closing));
         };
-        const auto declared = [](std::vector<Declaration>& declarations) {
+        const auto declared = [this](std::vector<Declaration>& declarations) {
             Rope items;
             for (Declaration& declaration : declarations) {
                 Rope item{std::move(declaration.text)};
                 if (!declaration.nodes.empty()) {
-                    item.emplace_back(",\"-children\":[");
-                    item.splice(item.end(), std::move(declaration.nodes));
-                    item.emplace_back("]");
+                    waiting_.add(item, WaitingText(",\"-children\":["));
+                    waiting_.add(item, std::move(declaration.nodes));
+                    waiting_.add(item, WaitingText("]"));
                 }
-                item.emplace_back("}");
+                waiting_.add(item, WaitingText("}"));
                 append(items, std::move(item));
             }
             return items;
@@ -358,7 +360,7 @@ class JsonWriter final : public DocumentHandler {
             const bool many = one.many == Many::yes;
             member(inQuotes(one.key) + (many ? ":[" : ":"), std::move(one.items), many ? "]" : "");
         }
-        rope.emplace_back("}}");
+        waiting_.add(rope, WaitingText("}}"));
         return rope;
     }
     void statement(const char* name, std::initializer_list<std::pair<std::string_view, std::string_view>> attributes) {
@@ -368,7 +370,7 @@ class JsonWriter final : public DocumentHandler {
         place({}, finished(std::move(frame)));
     }
     /// The last url of a Script, if it is source text, is written line by line.
-    static void source(Frame& frame, const Array<String>& urls) {
+    void source(Frame& frame, const Array<String>& urls) {
         const std::string_view last = urls.empty() ? std::string_view() : urls.back().view();
         const bool isSource =
             last.starts_with("ecmascript:") || last.starts_with("javascript:") || last.starts_with("vrmlscript:");
@@ -412,6 +414,7 @@ class JsonWriter final : public DocumentHandler {
 
     TextSink sink_;
     Diagnostics& diagnostics_;
+    Waiting waiting_;
     std::string version_, text_, components_, unitItems_, metas_, comments_;
     Documentation about_;  // of the PROTO or EXTERNPROTO that comes next
     bool sceneOpen_ = false, any_ = false;

@@ -9,6 +9,7 @@
 
 #include "units.h"
 #include "writer_common.h"
+#include "writer_waiting.h"
 
 namespace rtsg::detail {
 
@@ -16,7 +17,12 @@ namespace {
 
 class XmlWriter final : public DocumentHandler {
   public:
-    XmlWriter(TextSink sink, Diagnostics& diagnostics) : sink_(std::move(sink)), diagnostics_(diagnostics) {
+    XmlWriter(TextSink sink, Diagnostics& diagnostics)
+        : sink_(std::move(sink)),
+          diagnostics_(diagnostics),
+          waiting_([](std::string& text, const WaitingText& piece, const std::function<void()>& full) {
+              appendWrapped(text, piece.numbers, TextSyntax::xml, piece.indent, full);
+          }) {
         pieces_.emplace_back();
     }
 
@@ -86,7 +92,7 @@ class XmlWriter final : public DocumentHandler {
             if (!frame.endsWithText) newLine();
             write("</" + frame.element + ">");
         }
-        closeGap();
+        closeGap(frame);
     }
     void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
         const NodeShape* defined = types_.defined(def);
@@ -127,10 +133,14 @@ class XmlWriter final : public DocumentHandler {
         }
         if (frame.gap && sf(value.type()) != FieldType::SFString) {
             *frame.gap += " " + std::string(spelled(frame.shape, field)) + "='";
-            if (isLongList(value))
-                pieces_.emplace(frame.gapAt, std::exchange(*frame.gap, {}), std::move(value), spaces(indent() + 1));
-            else
+            if (isLongList(value)) {
+                WaitingText& piece = *pieces_.emplace(frame.gapAt, std::exchange(*frame.gap, {}));
+                piece.numbers = std::move(value);
+                piece.indent = spaces(indent() + 1);
+                waiting_.settle(piece);
+            } else {
                 appendWrapped(*frame.gap, value, TextSyntax::xml, spaces(indent() + 1));
+            }
             *frame.gap += "'";
             return;
         }
@@ -271,7 +281,7 @@ class XmlWriter final : public DocumentHandler {
         NodeShape shape;
         std::shared_ptr<ProtoType> proto;
         std::string* gap = nullptr;  // attributes go here; ends with the start tag
-        std::list<WaitingText>::iterator gapAt{};
+        Rope::iterator gapAt{};
         bool tagOpen = false;       // no gap: attributes are written as they come
         std::string connections;    // the connect elements of its IS
         std::size_t indent = 0;     // of its content
@@ -286,25 +296,23 @@ class XmlWriter final : public DocumentHandler {
     // ---- text and gaps
     void write(std::string_view text) {
         pieces_.back().text += text;
-        flush(kFlushAt);
+        if (openGaps_ == 0) return flush(kFlushAt);
+        if (pieces_.back().text.size() < kFlushAt) return;
+        waiting_.settle(pieces_.back());
+        pieces_.emplace_back();
     }
     /// Passes on what has no gap before it, if that is at least `least` bytes.
     void flush(std::size_t least) {
         if (openGaps_ != 0 || (pieces_.size() == 1 && pieces_.back().text.size() < least)) return;
-        for (WaitingText& piece : pieces_) {
-            if (!piece.text.empty()) sink_(piece.text);
-            if (isLongList(piece.numbers)) flushNumbers(std::exchange(piece.numbers, {}), piece.indent);
+        if (pieces_.size() == 1) {
+            sink_(pieces_.back().text);
+            return pieces_.back().text.clear();
         }
+        for (WaitingText& piece : pieces_)
+            if (!waiting_.send(piece, sink_))
+                diagnostics_.error({}, "what waited in a file without a name cannot be read: text is missing here");
         pieces_.resize(1);
-        pieces_.back().text.clear();
-    }
-    void flushNumbers(const Value& numbers, std::size_t indent) {
-        std::string text;
-        appendWrapped(text, numbers, TextSyntax::xml, indent, [&] {
-            sink_(text);
-            text.clear();
-        });
-        sink_(text);
+        waiting_.clear();
     }
     void openGap(Frame& frame) {
         frame.gap = &pieces_.emplace_back().text;
@@ -312,8 +320,11 @@ class XmlWriter final : public DocumentHandler {
         pieces_.emplace_back();
         ++openGaps_;
     }
-    void closeGap() {
-        if (--openGaps_ == 0) flush(kFlushAt);
+    void closeGap(const Frame& frame) {
+        if (--openGaps_ == 0) return flush(kFlushAt);
+        // Between two gaps that stay open there is one text.
+        const auto joined = waiting_.join(pieces_, frame.gapAt);
+        if (const auto next = std::next(joined); next != pieces_.end()) waiting_.join(pieces_, next);
     }
 
     void writeAttribute(Frame& frame, const std::string& text, SourceLocation where) {
@@ -551,7 +562,8 @@ class XmlWriter final : public DocumentHandler {
 
     TextSink sink_;
     Diagnostics& diagnostics_;
-    std::list<WaitingText> pieces_;
+    Waiting waiting_;
+    Rope pieces_;
     std::size_t openGaps_ = 0;
     Where place_ = Where::root;
     std::string version_;  // of the document written

@@ -442,6 +442,25 @@ TEST(Streaming, OneMeshNeedsItsValueOnce) {
     std::filesystem::remove(classic);
 }
 
+TEST(Streaming, OneNodeOfManySmallOnesIsWrittenWithinTheBound) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    GTEST_SKIP() << "sanitizers have memory of their own";
+#endif
+    std::string text = "#X3D V4.0 utf8\nPROFILE Full\nGroup { children [\n";
+    while (text.size() < 120 * kMegabyte)
+        text += "Transform { translation 1 2 3 children Shape { geometry Box { } } }\n";
+    const TemporaryFile in("group.x3dv", text + "] }\n");
+    text = {};
+    for (const char* out : {"group.x3d", "group.json"}) {
+        const std::string path = filePath(out), back = filePath("back.x3dv");
+        EXPECT_LT(memoryOf(in.path, path), 64 * kMegabyte) << out;
+        EXPECT_LT(memoryOf(path, back), 64 * kMegabyte) << out;
+        EXPECT_GT(std::filesystem::file_size(path), 120 * kMegabyte);
+        std::filesystem::remove(path);
+        std::filesystem::remove(back);
+    }
+}
+
 TEST(Streaming, JsonNeedsItsLargestValueAlone) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
     GTEST_SKIP() << "sanitizers have memory of their own";
