@@ -100,10 +100,9 @@ bool askPiece(JSContext* cx, unsigned count, JS::Value* vp) {
     if (field == kNoField || node->type().fields[field].type != FieldType::MFNode ||
         !node->type().fields[field].writable())
         return answer(cx, args, fmt::format("{} has no field {} that takes nodes", node->type().name, name));
-    ScriptPrograms::request(
-        call.scene, {DocumentRequest::Kind::piece, nodeArgument(args, 0), textsOf(*urls), {}, {}, node->id(), field});
-    args.rval().setUndefined();
-    return true;
+    const DocumentRequest request{
+        DocumentRequest::Kind::piece, nodeArgument(args, 0), textsOf(*urls), {}, {}, node->id(), field};
+    return answer(cx, args, ScriptPrograms::request(call.scene, request));
 }
 
 /// askWorld(script, urls)
