@@ -146,6 +146,7 @@ class Run final : Subscriber {
         space_ = std::make_unique<SimpleSpace>(*scene_);
         scene_->setSpaceQueries(space_.get());
         scene_->setNavigation(true);
+        scene_->setScriptResources(std::make_shared<const Resources>(folder_));
         BuildOptions options;
         options.resources = folder_;
         inlines_ = std::make_unique<InlineLoader>(*scene_, diagnostics_, options);
