@@ -66,7 +66,8 @@ void checkName(const OutputName& output) {
                     output.option,
                     output.file +
                         ": no kind of scene that can be written has such a name; there are: .x3d .x3dv .wrl .json, "
-                        "each also with .gz");
+                        "each also with .gz" +
+                        (output.option == "OUT" ? "; .rtsgb; .stl .obj .ply .glb" : ""));
             break;
         case OutputKind::log:
         case OutputKind::report:

@@ -43,6 +43,8 @@ DocumentHandler* filtered(const ConvertArguments& options, DocumentHandler& last
     const FilterContext context{diagnostics, Resources::ofFile(options.in), file};
     DocumentHandler* first = &last;
     for (const std::string& name : options.filters | std::views::reverse) {
+        if (name.starts_with(std::string(kTriangulate) + '='))
+            throw UsageError("--filter", fmt::format("filter {} takes no argument", kTriangulate));
         auto made = name == kTriangulate ? makeTriangulate(*first, diagnostics) : makeFilter(name, *first, context);
         if (!made) throw UsageError("--filter", made.error().text);
         first = chain.emplace_back(std::move(*made)).get();

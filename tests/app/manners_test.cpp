@@ -80,6 +80,8 @@ TEST_F(Manners, SaysWhatWasMeant) {
     EXPECT_THAT(said({"render", file, "-o", "a.png", "--viewpiont", "X"}), HasSubstr("did you mean --viewpoint?"));
     EXPECT_THAT(said({"render", file, "-o", "a.png", "--integrator", "whited"}), HasSubstr("did you mean whitted?"));
     EXPECT_THAT(said({"convert", file, "-", "--filter", "drop-metdata"}), HasSubstr("did you mean drop-metadata?"));
+    EXPECT_THAT(said({"convert", file, "-", "--filter", "triangulate=1"}), HasSubstr("triangulate takes no argument"));
+    EXPECT_THAT(said({"convert", file, "out.x3db"}), HasSubstr(".rtsgb; .stl .obj .ply .glb"));
     EXPECT_THAT(said({"help", "rendr"}), HasSubstr("did you mean render?"));
     EXPECT_THAT(said({"help", "xyzzy"}), HasSubstr("rtsg help names the verbs"));
     EXPECT_THAT(said({"render"}), HasSubstr("rtsg help render"));

@@ -7,6 +7,7 @@
 
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/replay.h>
+#include <rtsg/sync/scene_file.h>
 
 namespace rtsg {
 
@@ -62,12 +63,14 @@ class Counter {
 }  // namespace
 
 bool isLog(const std::filesystem::path& file) {
-    constexpr std::string_view kMagic = "RTSGrec1";
-    char head[kMagic.size()] = {};
     std::error_code error;
-    if (!std::filesystem::is_regular_file(file, error)) return false;
-    std::ifstream(file, std::ios::binary).read(head, sizeof(head));
-    return std::string_view(head, sizeof(head)) == kMagic;
+    if (!std::filesystem::is_regular_file(file, error) || !isSceneFile(file)) return false;
+    auto log = LogReader::open(file);
+    if (!log) return true;
+    const auto record = log->next();
+    if (!record || record->header.kind != RecordKind::head) return true;  // damage
+    const auto head = decodeHead(record->bytes);
+    return !head || head->epoch != 0;  // scene files have none
 }
 
 Result<LogSummary> summariseLog(const std::filesystem::path& file) {

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/sync/log_summary.h>
 #include <rtsg/sync/scene_file.h>
 
 namespace rtsg {
@@ -31,6 +32,7 @@ TEST(SceneFile, GivesTheSameStateBack) {
     const std::string file = path("a.rtsgb");
     ASSERT_TRUE(writeSceneFile(scene, file));
     EXPECT_TRUE(isSceneFile(file));
+    EXPECT_FALSE(isLog(file));
     const auto read = readSceneFile(again, file);
     ASSERT_TRUE(read) << read.error().format();
     EXPECT_EQ(again.hash().hex(), scene.hash().hex());

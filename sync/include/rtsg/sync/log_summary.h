@@ -28,7 +28,7 @@ struct LogSummary {
     std::size_t nodes = 0;
 };
 
-/// Whether the file begins as a log does.
+/// Whether the file begins as a log does; what writeSceneFile() writes is none, though it is made of the same records.
 bool isLog(const std::filesystem::path& file);
 /// Errors: no such file, or not one intact record in it. Damage is none.
 Result<LogSummary> summariseLog(const std::filesystem::path& file);

@@ -26,7 +26,7 @@ Result<> writeSceneFile(const Scene& scene, const std::filesystem::path& file, E
 /// Into an empty scene. Errors: no such file, damage (with the byte where it is), a state that cannot be applied.
 Result<> readSceneFile(Scene& scene, const std::filesystem::path& file);
 
-/// By its first bytes; false where there is no such file.
+/// By its first bytes, which logs have as well; false where there is no such file.
 bool isSceneFile(const std::filesystem::path& file);
 
 }  // namespace rtsg
