@@ -149,14 +149,14 @@ Mesh strokes(const Scene& scene, const Node& system, Look look, const std::vecto
     std::vector<Vec3f> points;
     for (const MovedParticle& particle : particles) {
         if (!lines) {
-            points.push_back(Vec3f(particle.position));
+            points.emplace_back(particle.position);
             continue;
         }
         // Along the way that it goes; upright if it goes none.
         const double speed = glm::length(particle.velocity);
         const Vec3d half = (speed > 0 ? particle.velocity / speed : Vec3d(0, 1, 0)) * (.5 * double{particle.size.y});
-        points.push_back(Vec3f(particle.position - half));
-        points.push_back(Vec3f(particle.position + half));
+        points.emplace_back(particle.position - half);
+        points.emplace_back(particle.position + half);
     }
     params.coord = toArray(points);
     params.kind = lines ? Mesh::Strokes::lines : Mesh::Strokes::points;
@@ -185,7 +185,7 @@ Mesh copiedStrokes(const Scene& scene, const Node& system, const Mesh& source,
     for (const MovedParticle& particle : particles)
         for (std::uint32_t s = 0; s < source.strokeCount; ++s)
             for (std::uint32_t end = 0; end < ends; ++end) {
-                points.push_back(Vec3f(Vec3d(source.vertex(s, end)) + particle.position));
+                points.emplace_back(Vec3d(source.vertex(s, end)) + particle.position);
                 if (ramp.present())
                     colors.push_back(ramp.at(particle.age));
                 else if (source.colors.present())
