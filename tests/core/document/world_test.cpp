@@ -129,6 +129,13 @@ TEST_F(WorldTest, AnotherWorldIsOneSetAndSubscribersFollow) {
     EXPECT_EQ(fresh.nodeCount(), scene_.nodeCount());
 }
 
+TEST_F(WorldTest, AWorldThatInlinesItselfEnds) {
+    ASSERT_TRUE(loadWorld(scene_, file("self.x3dv", "DEF I Inline { url \"self.x3dv\" }"), diagnostics_));
+    ASSERT_EQ(diagnostics_.all().size(), 1U);
+    EXPECT_NE(diagnostics_.all()[0].text.find("contain itself"), std::string::npos) << diagnostics_.all()[0].text;
+    EXPECT_EQ(scene_.nodeCount(), 2U);
+}
+
 TEST_F(WorldTest, AWorldThatCannotBeReadLeavesTheOldOne) {
     load("DEF A Transform { }");
     const std::string before = scene_.dump();

@@ -116,6 +116,40 @@ TEST_F(ListenersTest, SeveralListenersOfOneFieldEndOneByOne) {
     EXPECT_EQ(heard().size(), 1U);
 }
 
+TEST_F(ListenersTest, WhatNobodyListensToComesBeforeWhatSomebodyDoes) {
+    load("DEF A PointLight { } DEF B PointLight { }");
+    Listeners first(scene_), second(scene_);
+    listen(first, "A", x3d::PointLight::intensity);
+    listen(second, "B", x3d::PointLight::intensity);
+    for (const char* name : {"A", "B"}) {
+        ASSERT_TRUE(scene_.set(named(name), x3d::PointLight::radius, 5.F));
+        ASSERT_TRUE(scene_.sendEvent(named(name), x3d::PointLight::intensity.index, .5F));
+    }
+    scene_.newFrame(1);
+    EXPECT_EQ(heard(), (Lines{"A 0.500000 at 1.000000", "B 0.500000 at 1.000000"}));
+    for (const char* name : {"A", "B"}) {
+        ASSERT_TRUE(scene_.sendEvent(named(name), x3d::PointLight::intensity.index, .5F));
+    }
+    scene_.newFrame(2);
+    EXPECT_EQ(heard(), (Lines{"A 0.500000 at 2.000000", "B 0.500000 at 2.000000"}));
+    for (const char* name : {"A", "B"}) {
+        ASSERT_TRUE(scene_.set(named(name), x3d::PointLight::intensity, .25F));
+    }
+    scene_.newFrame(3);
+    EXPECT_EQ(heard(), (Lines{"A 0.250000 at 3.000000", "B 0.250000 at 3.000000"}));
+}
+
+TEST_F(ListenersTest, ARouteGoesOnWhenAListenerEnds) {
+    load(R"(DEF S ScalarInterpolator { key [ 0 1 ] keyValue [ 0 1 ] } DEF L PointLight { }
+            ROUTE S.value_changed TO L.intensity)");
+    Listeners listeners(scene_);
+    listeners.end(listen(listeners, "S", x3d::ScalarInterpolator::value_changed));
+    EXPECT_EQ(scene_.routesFrom(named("S")).size(), 1U);
+    ASSERT_TRUE(scene_.sendEvent(named("S"), x3d::ScalarInterpolator::set_fraction.index, .5F));
+    scene_.newFrame(1);
+    EXPECT_EQ(scene_.node(named("L")).get(x3d::PointLight::intensity), .5F);
+}
+
 TEST_F(ListenersTest, ListeningKeepsNothingAliveAndHearsOfTheEnd) {
     load("DEF G Group { children DEF L PointLight { } }");
     Listeners listeners(scene_);
