@@ -67,10 +67,10 @@ std::vector<bool> below(const Scene& scene, std::vector<NodeId> starts) {
     return reached;
 }
 
-/// Leaves what is in `kept`, and an empty document. What devices do goes on.
-void clear(Scene& scene, const std::vector<bool>& kept) {
+/// Leaves what is in `kept`, and an empty document. What devices do goes on. Errors: the scene takes no edits here.
+Result<> clear(Scene& scene, const std::vector<bool>& kept) {
     const NodeId root = scene.root();
-    setHidden(scene, root, Root::children.index, Value(Array<NodeId>()));
+    if (auto ok = scene.set(root, Root::children, Array<NodeId>()); !ok) return ok;
     setHidden(scene, root, Root::profile.index, Value(String()));
     setHidden(scene, root, Root::_emptied.index, Value(std::int32_t{0}));
     for (const FieldIndex field : {Root::components.index, Root::exports.index, Root::importRoutes.index,
@@ -83,6 +83,7 @@ void clear(Scene& scene, const std::vector<bool>& kept) {
         if (!stays) gone.push_back(node.id());
     });
     for (const NodeId id : gone) (void)scene.destroyNode(id);  // a script's shutdown() may have been before us
+    return {};
 }
 
 void countWorld(Scene& scene) {
@@ -140,7 +141,7 @@ Result<> replaceWorld(Scene& scene, const Fragment& piece) {
     for (const auto& [name, id] : piece.names) all.push_back(id);
     for (const NodeId id : all)
         if (!scene.find(id)) return fail(DiagnosticCode("no-such-node"), fmt::format("no node {}", id.value));
-    clear(scene, below(scene, all));
+    if (auto ok = clear(scene, below(scene, all)); !ok) return ok;
     appendHead(scene, piece.head);
     for (const NodeId id : piece.roots)
         if (auto ok = scene.insertChild(scene.root(), Root::children, id); !ok) return ok;
@@ -161,7 +162,10 @@ bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& dia
     const bool complete = readDocumentFile(file, commands, diagnostics, {options.progress, options.threads});
     // A document without nodes is a world, too, but for one that is no document.
     if (commands.firstNodeType().empty() && (!complete || diagnostics.errors() > errors)) return false;
-    clear(scene, {});
+    if (auto ok = clear(scene, {}); !ok) {
+        diagnostics.add(std::move(ok.error()));
+        return false;
+    }
     BuildOptions build = buildOptions(options, Resources::ofFile(file));
     if (file != "-") build.file = file;
     scene.setScriptResources(std::make_shared<const Resources>(*build.resources), true);

@@ -115,7 +115,8 @@ struct Listeners::State final : Subscriber {
     Scene& scene;
     Attachment attachment;
     std::uint32_t last = 0;
-    bool joined = false;  // the first snapshot says nothing new
+    bool joined = false;        // the first snapshot says nothing new
+    std::uint64_t reached = 0;  // the state that the set before led to
     std::map<ListenerId, EarPtr> ears;
     std::unordered_map<std::uint32_t, std::vector<EarPtr>> byNode;
     std::vector<bool> heard;  // by node: whether any ear listens to it
@@ -232,9 +233,11 @@ void Listeners::State::call(const Call& one, double time) {
 }
 
 Result<> Listeners::State::apply(const Scene&, const ChangeSet& set) {
+    const std::uint64_t before = std::exchange(reached, set.to);
     if (!std::exchange(joined, true)) return {};
     std::vector<Call> calls;
-    if (set.isSnapshot()) {
+    // The first set of a scene that was empty starts at 0 as well.
+    if (set.isSnapshot() && before > 0) {
         gatherAnew(set, calls);
     } else {
         if (!byNode.empty()) gatherFields(set, calls);

@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include <gtest/gtest.h>
 
@@ -178,6 +179,20 @@ TEST_F(WorldTest, NoWorldComesWithinAFrame) {
     scene_.newFrame(1);
     EXPECT_EQ(code, "from-within");
     EXPECT_FALSE(loaded);
+    EXPECT_TRUE(scene_.findName("T"));
+}
+
+TEST_F(WorldTest, NoWorldComesFromAnotherThread) {
+    load("DEF T TimeTrigger { }");
+    std::string code;
+    bool loaded = true;
+    std::thread([&] {
+        code = replaceWorld(scene_, {}).error().code.text();
+        loaded = loadWorld(scene_, folder_ / "start.x3dv", diagnostics_);
+    }).join();
+    EXPECT_EQ(code, "wrong-thread");
+    EXPECT_FALSE(loaded);
+    EXPECT_EQ(diagnostics_.errors(), 1U);
     EXPECT_TRUE(scene_.findName("T"));
 }
 

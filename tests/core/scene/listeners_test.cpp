@@ -116,6 +116,26 @@ TEST_F(ListenersTest, SeveralListenersOfOneFieldEndOneByOne) {
     EXPECT_EQ(heard().size(), 1U);
 }
 
+/// Whose first set starts at state 0, as snapshots do.
+TEST_F(ListenersTest, ASceneThatWasEmptyIsListenedToFromItsFirstFrame) {
+    Listeners listeners(scene_);
+    int worlds = 0, silent = 0;
+    listeners.onWorld([&] { ++worlds; });
+    const NodeId trigger = scene_.createNode(x3d::BooleanTrigger::type);
+    ASSERT_TRUE(scene_.setName(trigger, "B"));
+    const NodeId light = scene_.createNode(x3d::PointLight::type);
+    ASSERT_TRUE(listeners.onField(light, x3d::PointLight::intensity, [&](float, double) { ++silent; }));
+    const ListenerId id = listen(listeners, "B", x3d::BooleanTrigger::triggerTrue);
+    ASSERT_TRUE(scene_.sendEvent(trigger, x3d::BooleanTrigger::set_triggerTime.index, Time{1}));
+    EXPECT_TRUE(scene_.newFrame(1)->isSnapshot());
+    EXPECT_EQ(heard(), (Lines{"B 1.000000 at 1.000000"}));
+    EXPECT_EQ(silent, 0);
+    EXPECT_EQ(worlds, 0);
+    listeners.end(id);
+    ASSERT_TRUE(scene_.sendEvent(trigger, x3d::BooleanTrigger::set_triggerTime.index, Time{2}));
+    EXPECT_EQ(scene_.newFrame(2)->heard, nullptr) << "nobody listens any more";
+}
+
 TEST_F(ListenersTest, WhatNobodyListensToComesBeforeWhatSomebodyDoes) {
     load("DEF A PointLight { } DEF B PointLight { }");
     Listeners first(scene_), second(scene_);
