@@ -2,6 +2,7 @@
 #include "gltf_file.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "value/text_position.h"
@@ -225,7 +226,12 @@ const json& GltfFile::list(const json& object, const char* key) {
     return found != object.end() && found->is_array() ? *found : kNoList;
 }
 
-void GltfFile::checkFinite(std::size_t changed) {
+/// What is computed from numbers that are not finite would be anything: 0 is taken for them here. Those that are passed
+/// on as they are meet importFile().
+void GltfFile::makeFinite(std::vector<float>& numbers) {
+    std::size_t changed = 0;
+    for (float& number : numbers)
+        if (!std::isfinite(number)) number = 0, ++changed;
     if (changed) warn("numbers of the glTF file are not finite; 0 is taken instead");
 }
 
@@ -354,7 +360,7 @@ std::vector<float> GltfFile::floats(std::size_t number, std::size_t& components)
         result.resize(count * components);
     }
     if (accessor->contains("sparse") && !sparse(*accessor, components, result)) return {};
-    checkFinite(makeFinite(std::span(result)));
+    makeFinite(result);
     return result;
 }
 

@@ -6,6 +6,10 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <span>
+#include <type_traits>
+
+#include <rtsg/core/filter.h>
 
 #include "value/number_text.h"
 
@@ -114,22 +118,105 @@ std::string whyNotRead(std::string_view head) {
     return "it is " + std::string(strange(head)) + ", and is not read here";
 }
 
-bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
+namespace {
+
+/// Puts 0 in the place of numbers that are not finite, which no text could say and no tree could hold.
+class FiniteNumbers final : public Filter {
+  public:
+    using Filter::Filter;
+    std::size_t changed() const { return changed_; }
+
+    void setField(std::string_view name, Value value, SourceLocation where) override {
+        makeFinite(value);
+        Filter::setField(name, std::move(value), where);
+    }
+
+  private:
+    template <class T, class S>
+    void change(Value& value) {
+        const auto isBad = [](S number) { return !std::isfinite(number); };
+        const auto numbers = [](auto* first, std::size_t count) {
+            using Number = std::conditional_t<std::is_const_v<std::remove_pointer_t<decltype(first)>>, const S, S>;
+            return std::span(reinterpret_cast<Number*>(first), count * (sizeof(T) / sizeof(S)));
+        };
+        if (value.holds<T>()) {
+            T one = value.as<T>();
+            const std::size_t bad = replace(numbers(&one, 1), isBad);
+            if (bad) value = Value(one);
+        } else {
+            const Array<T>& given = value.as<Array<T>>();
+            if (std::ranges::none_of(numbers(given.data(), given.size()), isBad)) return;  // as ever: nothing is copied
+            Array<T> all = given;
+            replace(numbers(all.mutableData(), all.size()), isBad);
+            value = Value(std::move(all));
+        }
+    }
+    template <class S, class IsBad>
+    std::size_t replace(std::span<S> numbers, const IsBad& isBad) {
+        const auto bad = static_cast<std::size_t>(std::ranges::count_if(numbers, isBad));
+        std::ranges::replace_if(numbers, isBad, S(0));
+        changed_ += bad;
+        return bad;
+    }
+    void makeFinite(Value& value) {
+        switch (sf(value.type())) {
+            case FieldType::SFFloat:
+                return change<float, float>(value);
+            case FieldType::SFVec2f:
+                return change<Vec2f, float>(value);
+            case FieldType::SFVec3f:
+                return change<Vec3f, float>(value);
+            case FieldType::SFVec4f:
+                return change<Vec4f, float>(value);
+            case FieldType::SFColor:
+                return change<Color, float>(value);
+            case FieldType::SFColorRGBA:
+                return change<ColorRGBA, float>(value);
+            case FieldType::SFRotation:
+                return change<Rotation, float>(value);
+            case FieldType::SFTime:
+                return change<Time, double>(value);
+            default:
+                return;  // no import makes other numbers that are not whole
+        }
+    }
+    std::size_t changed_ = 0;
+};
+
+struct Import {
+    bool (*run)(const ImportInput&, DocumentHandler&, Diagnostics&) = nullptr;
+    std::string_view name;
+};
+
+Import importOf(FileKind kind) {
     switch (kind) {
         case FileKind::stl:
-            return importStl(input, handler, diagnostics);
+            return {importStl, "STL"};
         case FileKind::obj:
-            return importObj(input, handler, diagnostics);
+            return {importObj, "OBJ"};
         case FileKind::ply:
-            return importPly(input, handler, diagnostics);
+            return {importPly, "PLY"};
         case FileKind::gltf:
         case FileKind::glb:
-            return importGltf(input, handler, diagnostics);
+            return {importGltf, "glTF"};
         case FileKind::document:
         case FileKind::notRead:
             break;
     }
-    return false;
+    return {};
+}
+
+}  // namespace
+
+bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
+    const Import import = importOf(kind);
+    if (!import.run) return false;
+    FiniteNumbers finite(handler);
+    const bool usable = import.run(input, finite, diagnostics);
+    if (finite.changed())
+        diagnostics.error({}, std::to_string(finite.changed()) + " numbers of the " + std::string(import.name) +
+                                  " file are not finite; 0 is taken instead");
+    return usable;
 }
 
 void beginImported(DocumentHandler& handler, std::string_view from) {
@@ -140,16 +227,6 @@ void beginImported(DocumentHandler& handler, std::string_view from) {
     header.valuesFirst = true;
     handler.beginDocument(header);
     handler.meta("translated", from, {});
-}
-
-std::size_t makeFinite(std::span<float> numbers) {
-    std::size_t count = 0;
-    for (float& number : numbers)
-        if (!std::isfinite(number)) {
-            number = 0;
-            ++count;
-        }
-    return count;
 }
 
 void writeMesh(DocumentHandler& handler, ImportedMesh mesh) {

@@ -55,14 +55,6 @@ struct ImportedMesh {
     std::string pointsName{};  // DEF of the Coordinate
     bool pointsGiven = false;  // a Coordinate of that name is there already
 };
-/// Puts 0 in the place of those that are not finite, which no text could say, and returns how many were not.
-std::size_t makeFinite(std::span<float> numbers);
-/// The same of elements of floats.
-template <class T>
-std::size_t makeFinite(Array<T>& elements) {
-    if (elements.empty()) return 0;
-    return makeFinite({reinterpret_cast<float*>(elements.mutableData()), elements.size() * sizeof(T) / sizeof(float)});
-}
 
 /// An IndexedTriangleSet, an IndexedFaceSet or, without faces, a PointSet in field `geometry`.
 void writeMesh(DocumentHandler& handler, ImportedMesh mesh);

@@ -289,9 +289,6 @@ bool importPly(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
         diagnostics.error({}, "the PLY file has no vertices");
         return false;
     }
-    if (const std::size_t count =
-            makeFinite(mesh.points) + makeFinite(mesh.normals) + makeFinite(mesh.texCoords) + makeFinite(mesh.colors))
-        diagnostics.error({}, std::to_string(count) + " numbers of the PLY file are not finite; 0 is taken instead");
     if (!mesh.faces.empty() && reader.allTriangles()) {
         Array<std::int32_t> corners;
         for (const std::int32_t index : mesh.faces)

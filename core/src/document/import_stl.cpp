@@ -90,8 +90,6 @@ bool importStl(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
         readBinary(input.bytes, points);
     else
         readText(input.bytes, points, name, diagnostics);
-    if (const std::size_t count = makeFinite(mesh.points))
-        diagnostics.error({}, std::to_string(count) + " numbers of the STL file are not finite; 0 is taken instead");
     if (mesh.faces.empty()) {
         diagnostics.error({}, "the STL file has no facets");
         return false;

@@ -135,7 +135,7 @@ void ClassicReader::skipValue() {
             any = true;
             continue;
         }
-        if (any || startsItem(next)) return;
+        if (any || (startsItem(next) && !startsNode())) return;
         if (next == "NULL" || next == "USE" || next == "IS") {
             word();
             if (next != "NULL") word();
@@ -317,7 +317,7 @@ void ClassicReader::unknownField(std::string_view name, const char* where) {
     const FieldRef into{kept(name), isList ? FieldType::MFNode : FieldType::SFNode};
     const NodeShape shape = frames_.back().shape;
     const bool complain = shape.known();
-    if (isNodeWord(next) && (isList || (!startsItem(next) && startsNode()))) {
+    if (isNodeWord(next) && (isList || startsNode())) {
         if (complain)
             report(Severity::warning, where,
                    findField(shape, name) ? surplus(name, shape.name()) : noFieldForNodes(shape, name));
@@ -479,7 +479,7 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
     }
     const std::string_view next = peekWord();
     Access access{};
-    if (next == "NULL" || next.empty() || accessFromKeyword(next, access)) {
+    if (next == "NULL" || next.empty() || (accessFromKeyword(next, access) && !startsNode())) {
         if (next == "NULL")
             word();
         else

@@ -324,6 +324,9 @@ TEST(ImportGltf, WhatDoesNotFitIsNamedAndNothingIsReadBeyondIt) {
     std::memcpy(holed.buffer.data() + 4, &nan, sizeof(nan));
     EXPECT_THAT(Imported(holed.glb()).problems, HasSubstr("numbers of the glTF file are not finite"));
     EXPECT_THAT(Imported(holed.glb()).commands, HasSubstr("set point MFVec3f [0 0 0, 1 0 0, 0 1 0]"));
+    const Imported far = spoiled("[1,2,3]", "[1e300,-2,0]");
+    EXPECT_THAT(far.problems, HasSubstr("1 numbers of the glTF file are not finite; 0 is taken instead"));
+    EXPECT_THAT(far.commands, HasSubstr("set translation SFVec3f 0 -2 0"));
     const std::string glb = file.glb();
     for (std::size_t size = 4; size < glb.size(); size += 7) {
         const Imported cut(std::string_view(glb).substr(0, size));

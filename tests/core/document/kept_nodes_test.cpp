@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/core/filter.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/writer.h>
 
@@ -245,6 +246,27 @@ TEST(Spellings, SourceTextIsSourceCode) {
     const Read r(R"({"X3D":{"@version":"4.0","Scene":{"-children":[{"Script":{"#sourceText":["a();","b();"]}}]}}})");
     EXPECT_EQ(r.complaints(), "");
     EXPECT_THAT(r.handler.text(), HasSubstr("a();\nb();"));
+}
+
+// A field's name, or a word of declarations, is a node's type where a brace follows it.
+TEST(KeptNodes, UnknownTypesMayBeCalledAsFieldsAndKeywordsAre) {
+    const std::string xml = convert(
+        "<X3D profile='Full' version='4.0'><Scene>"
+        "<Shape><bboxCenter DEF='A'><Group DEF='G'/></bboxCenter><inputOutput/><Box/></Shape>"
+        "<Script><field name='n' type='SFNode' accessType='initializeOnly'><inputOnly DEF='I'/></field></Script>"
+        "</Scene></X3D>",
+        Encoding::xml);
+    for (const Encoding encoding : {Encoding::classicVrml, Encoding::json}) {
+        const std::string text = convert(xml, encoding);
+        EXPECT_EQ(convert(text, Encoding::xml), xml) << text;
+        Diagnostics reading;
+        Filter nothing;
+        readDocument(text, nothing, reading);
+        EXPECT_EQ(reading.errors(), 0u) << text << allText(reading);
+    }
+    const std::string skipped =
+        convert("#X3D V4.0 utf8\nPROFILE Full\nShape { nothing geometry Box { size 1 2 3 } }", Encoding::xml);
+    EXPECT_THAT(skipped, HasSubstr("<Box size='1 2 3'/>")) << "an unknown field without a value takes no field's name";
 }
 
 }  // namespace
