@@ -28,7 +28,7 @@ constexpr const char* kAspects[] = {"none",  "structure", "transform", "geometry
                                     "light", "view",      "sound",     "time"};  // in the order of Aspect
 
 struct MirrorArguments {
-    std::string endpoint, duration, patience = "5s", key, latency = "0", whenSlow = "merge", mode = "state";
+    std::string endpoint, duration, patience = "5s", key, name, latency = "0", whenSlow = "merge", mode = "state";
     std::vector<std::string> set, control, parts, aspects;
     double fps = 0;
     std::string maxLag;
@@ -96,6 +96,7 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
         if (!keys) return std::unexpected(keys.error());
         result.keys = std::move(*keys);
     }
+    result.name = options.name;
     result.latency = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.latency)));
     result.framesPerSecond = options.fps;
     result.maxRecord = options.maxRecord;
@@ -367,6 +368,8 @@ Verb addMirror(Command& program) {
     command->addOption("ENDPOINT", options->endpoint, "ZeroMQ endpoint that rtsg serve named")->required();
     command->addOption("--for", options->duration, "how long, in scene time; else until the server leaves or Ctrl-C");
     command->addOption("--wait", options->patience, "give up after so long without a server")->preset();
+    command->addOption("--name", options->name,
+                       "whose wish it is that --set asks for, in logs and for undo; a key file may say another");
     command->addOption("--key", options->key, "key file, the server's or one with its public key and a pair");
     command->addOption(
         "--set", options->set,

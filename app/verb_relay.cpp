@@ -17,7 +17,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct RelayArguments {
-    std::string origin, endpoint = "tcp://127.0.0.1:*", key, serveKey, upstream = "none", duration, patience = "5s";
+    std::string origin, endpoint = "tcp://127.0.0.1:*", key, name, serveKey, upstream = "none", duration,
+                        patience = "5s";
     std::string maxLag = "250ms";
     std::size_t peers = 64, parts = 8;
     bool insecure = false, json = false;
@@ -63,7 +64,7 @@ class Relaying {
         if (!theirs) return std::unexpected(theirs.error());
         if (!ours) return std::unexpected(ours.error());
         from.keys = std::move(*theirs);
-        from.name = "rtsg relay";
+        from.name = options_.name;
         from.maxLag = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options_.maxLag)));
         to.keys = std::move(*ours);
         to.insecure = options_.insecure;
@@ -143,6 +144,8 @@ Verb addRelay(Command& program) {
     command->addOption("--wait", options->patience, "give up after so long without an origin")->preset();
     command->addOption("--key", options->key, "key file for the origin");
     command->addOption("--serve-key", options->serveKey, "key file for the mirrors here");
+    command->addOption("--name", options->name, "stands before the names of those behind it, in the origin's log")
+        ->preset();
     command
         ->addOption("--upstream", options->upstream,
                     "what mirrors here may send, if the key file does not say it; the origin judges too")

@@ -12,6 +12,7 @@
 #include <rtsg/sync/log_compact.h>
 #include <rtsg/sync/replay.h>
 
+#include "blame.h"
 #include "cli.h"
 #include "export/mcap_export.h"
 #include "live_outputs.h"
@@ -22,7 +23,7 @@ namespace rtsg::app {
 namespace {
 
 struct ReplayArguments {
-    std::string log, seek, duration, diff, compact, exported, interval = "0s";
+    std::string log, seek, duration, diff, compact, exported, blamed, interval = "0s";
     std::uint64_t every = 1;
     bool exportPlain = false;
     OutputArguments outputs;
@@ -275,6 +276,7 @@ int replay(const ReplayArguments& options) {
     if (!options.diff.empty()) return diff(options);
     (void)interrupted();  // from here on an interruption ends in order: no half file stays
     if (!options.compact.empty()) return compact(options);
+    if (!options.blamed.empty()) return blame(options.log, options.blamed, options.json);
     if (options.test.any()) return runReplayTest(options.log, options.test, options.outputs, options.json);
     if (!options.seek.empty()) parseSeconds(options.seek);  // before anything is opened
     auto opened = Replayer::open(options.log);
@@ -293,6 +295,8 @@ Verb addReplay(Command& program) {
     command->addOption("--seek", options->seek, "begin with the state so long after the log's start");
     command->addOption("--for", options->duration, "how much to play");
     command->addOption("--diff", options->diff, "compare with another log, state by state");
+    command->addOption("--blame", options->blamed,
+                       "who changed NODE.field, when, and by which routes, as far as the log tells");
     command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
     command->addFlag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");
     command->addOption("--compact", options->compact,
@@ -308,6 +312,7 @@ Verb addReplay(Command& program) {
         "Example: rtsg replay hall.rlog --verify\n"
         "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"
         "Example: rtsg replay hall.rlog --export hall.mcap\n"
+        "Example: rtsg replay hall.rlog --blame WAVE.rotation\n"
         "Example: rtsg replay hall.rlog --compact short.rlog --seek 60s --for 10s --every 6\n"
         "Example: rtsg replay door.rlog --rerun door.x3dv --expect-picture door.png --size 160x120\n"
         "Exit status 1, naming frame, node and field, where a state is not the one recorded.");

@@ -14,6 +14,7 @@ void ChangeSet::clear() {
     changes.clear();
     types.clear();
     input.reset();
+    authors.reset();
     heard.reset();
 }
 
@@ -101,6 +102,7 @@ struct ChangeComposer::State {
     std::unordered_map<Key, std::vector<std::size_t>, KeyHash> childOps;    // not yet under a setField
     std::unordered_map<std::uint32_t, std::vector<std::size_t>> insertsOf;  // of children created in this set
     std::map<RouteKey, std::size_t> addedRoutes;
+    std::map<Key, String> authors;  // the last one of each field
 
     std::uint32_t append(const Change& change) {
         const auto slot = static_cast<std::uint32_t>(slots.size());
@@ -279,6 +281,8 @@ void ChangeComposer::add(const ChangeSet& set) {
     s.result.types.insert(s.result.types.end(), set.types.begin(), set.types.end());
     s.following = 0;
     for (const Change& change : set.changes) s.add(change);
+    if (set.authors)
+        for (const Authored& one : *set.authors) s.authors.insert_or_assign({one.node.value, one.field}, one.author);
     // What came and went leaves dead slots behind; when they are most, what is alive moves together. So the memory
     // follows the merged set, and the cost of moving is spread over the changes that made it necessary.
     constexpr std::size_t kFewDead = 1024;
@@ -334,6 +338,13 @@ void ChangeComposer::take(ChangeSet& into) {
     into.changes.resize(total);
     for (State::Slot& slot : s.slots)
         if (slot.live) into.changes[counts[phase(slot.change.kind)]++] = std::move(slot.change);
+    if (!s.authors.empty()) {
+        std::vector<Authored> authors;
+        for (auto& [place, author] : s.authors)
+            authors.push_back({NodeId{place.first}, static_cast<FieldIndex>(place.second), std::move(author)});
+        into.authors = std::make_shared<const std::vector<Authored>>(std::move(authors));
+        s.authors.clear();
+    }
     s.any = false;
     s.slots.clear();
     s.dead = 0;

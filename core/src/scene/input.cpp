@@ -294,6 +294,7 @@ Result<std::shared_ptr<const ChangeSet>> Scene::runInput(const FrameInput& input
     if (s.hasPending() || !s.inputQueue.empty()) return fail("the scene has edits of its own that are not sealed");
     if (!input.complete) return fail("the record of this frame is not complete");
     if (auto ok = s.applyChanges(input.edits, input.types, true); !ok) return std::unexpected(ok.error());
+    if (input.authors) s.authors = *input.authors;
     const auto& uses = input.runState ? input.runState->behaviours : input.behaviours;
     if (auto ok = s.adoptUses(uses, input.runState != nullptr); !ok) return std::unexpected(ok.error());
     constexpr std::uint32_t kMaximumLeap = 1u << 30;

@@ -394,6 +394,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
         change.field = event.field;
         change.value = event.value;
         s.events.push_back(std::move(change));
+        if (!event.author.empty()) s.authors.push_back({event.node, event.field, event.author});
         s.writingExternally = true;
         s.deliver(cascade, *node, event.field, event.value.storage());
         s.writingExternally = false;

@@ -420,7 +420,7 @@ Result<> Scene::addIsConnection(NodeId instance, FieldIndex instanceField, NodeI
     return {};
 }
 
-Result<> Scene::sendEvent(NodeId id, FieldIndex field, Value value) {
+Result<> Scene::sendEvent(NodeId id, FieldIndex field, Value value, std::string_view author) {
     State& s = *state_;
     if (auto ok = s.checkThread(); !ok) return ok;
     const Node* node = find(id);
@@ -432,8 +432,12 @@ Result<> Scene::sendEvent(NodeId id, FieldIndex field, Value value) {
     if (def.type != value.type())
         return fail(kWrongType, fmt::format("{}.{} is {}, not {}", node->type().name, def.name, info(def.type).name,
                                             info(value.type()).name));
-    s.inputQueue.push_back({id, field, std::move(value)});
+    s.inputQueue.push_back({id, field, std::move(value), String(author)});
     return {};
+}
+
+void Scene::attribute(std::string_view author, NodeId id, FieldIndex field) {
+    if (!state_->refuseForeign()) state_->authors.push_back({id, field, String(author)});
 }
 
 }  // namespace rtsg

@@ -246,6 +246,7 @@ struct Scene::State {
     Result<> checkEdit();
     bool hasPending() const;
     std::shared_ptr<const ChangeSet> seal();
+    std::shared_ptr<const std::vector<Authored>> takeAuthors();
     void appendFieldChanges(ChangeSet& set);
     void appendDefinitions(std::vector<Change>& out, std::span<const DefinedType> defined) const;
     void appendCreations(std::vector<Change>& out) const;
@@ -262,6 +263,7 @@ struct Scene::State {
         NodeId node;
         FieldIndex field;
         Value value;
+        String author{};
     };
     std::vector<QueuedEvent> inputQueue;
     // ---- devices (device_input.cpp) ----
@@ -304,6 +306,7 @@ struct Scene::State {
         FieldIndex field;
     };
     std::vector<Emission> emissions;
+    std::vector<Authored> authors;                       // since the last seal
     std::vector<FieldEvent> heard;                       // since the last seal, of fields that have listeners
     std::vector<NodeId> active, due, woken, nextActive;  // nodes with onTime; active is sorted
     std::vector<NodeId> watchers;                        // those that wait until anything has moved

@@ -256,6 +256,16 @@ std::shared_ptr<ChangeSet> Scene::State::freshSet() {
     return set;
 }
 
+/// Of several of one field the last.
+std::shared_ptr<const std::vector<Authored>> Scene::State::takeAuthors() {
+    std::vector<Authored> all = std::exchange(authors, {});
+    const auto place = [](const Authored& one) { return std::pair(one.node.value, one.field); };
+    std::ranges::reverse(all);
+    std::ranges::stable_sort(all, {}, place);
+    all.erase(std::ranges::unique(all, {}, place).begin(), all.end());
+    return std::make_shared<const std::vector<Authored>>(std::move(all));
+}
+
 std::shared_ptr<const ChangeSet> Scene::State::seal() {
     if (recording && !input) captureInput(false);
     auto set = freshSet();
@@ -282,6 +292,7 @@ std::shared_ptr<const ChangeSet> Scene::State::seal() {
     set->hash = hash.value();
     if (recording) set->input = finishInput(false);
     if (!heard.empty()) set->heard = std::make_shared<const std::vector<FieldEvent>>(std::exchange(heard, {}));
+    if (!authors.empty()) set->authors = takeAuthors();
     owner.bus_->publish(set);
     return set;
 }

@@ -15,7 +15,8 @@ enum Block : std::uint8_t {
     kRoutes = 6,        // addRoute, removeRoute, in order
     kDestroy = 7,       // destroyNode
     kEvents = 8,        // event, in order
-    kBlockEnd = 9,
+    kAuthors = 9,       // whose wishes the changes from outside were
+    kBlockEnd = 10,
     kDeflated = 14,  // other blocks, deflated
     kFiller = 15,    // makes a record as long as what it becomes in memory asks for (budget.h); readers skip it
 };

@@ -152,6 +152,24 @@ void readEvents(Reader& in, std::size_t count, ChangeSet& set) {
     }
 }
 
+void readAuthors(Reader& in, std::size_t count, ChangeSet& set) {
+    const std::size_t authorsHere = in.count(1);
+    if (!in.charge(authorsHere * sizeof(String))) return;
+    std::vector<String> names(authorsHere);
+    for (String& name : names) name = wire::readString(in);
+    auto authors = std::make_shared<std::vector<Authored>>();
+    authors->reserve(count);
+    std::uint32_t last = 0;
+    for (std::size_t i = 0; i < count && !in.problem; ++i) {
+        const std::uint64_t name = in.varint();
+        if (name >= names.size()) return in.refuse("an author that is not named");
+        last = in.delta(last);
+        const std::uint64_t field = in.bounded(0x10000);
+        authors->push_back({NodeId{last}, field ? static_cast<FieldIndex>(field - 1) : kNoField, names[name]});
+    }
+    if (!in.problem && count > 0) set.authors = std::move(authors);
+}
+
 /// Values of one size: the hot path, two running pointers and no branch on the type inside the loop.
 template <class T>
 void readFixed(Reader& in, std::size_t count, FieldIndex field, bool external, ChangeSet& set) {
@@ -310,6 +328,9 @@ bool readBlock(Reader& in, unsigned kind, std::size_t count, wire::ColumnReader*
         case wire::kEvents:
             readEvents(in, count, set);
             break;
+        case wire::kAuthors:
+            readAuthors(in, count, set);
+            break;
         default:
             break;
     }
@@ -409,6 +430,7 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     set.changes.clear();
     set.types.clear();
     set.input.reset();
+    set.authors.reset();
     wire::ColumnReader* columns = columnsFor(*header);
     wire::Budget budget(header->size());
     Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);

@@ -102,7 +102,8 @@ struct ChangeEncoder::Parts {
     bool makesSmall = false;
     std::uint64_t descriptions = 0;  // what the set's descriptions charge a reader
     std::array<Rows, wire::kBlockEnd> rows;
-    std::vector<Column> columns;  // the first `used` belong to the set at hand
+    std::vector<std::string_view> authors;  // of the set at hand
+    std::vector<Column> columns;            // the first `used` belong to the set at hand
     std::size_t used = 0;
     std::array<std::uint16_t, 64> recent{};  // key's hash -> column, a guess to be checked
 
@@ -110,18 +111,22 @@ struct ChangeEncoder::Parts {
         for (Rows& r : rows) r.clear();
         used = 0;
         descriptions = 0;
+        authors.clear();
     }
 
     /// What decoding the set at hand charges; at most, and quickly, if that cannot matter.
     std::uint64_t cost(const ChangeSet& set, std::size_t recordSize, std::uint64_t inflated) const {
         constexpr std::uint64_t kMostForAByte = 128;  // a field of a type takes 6 bytes at least, a text 1
-        const std::uint64_t changes = set.changes.size() * wire::kChangeCost;
+        const std::uint64_t changes =
+            (set.changes.size() + (set.authors ? set.authors->size() : 0)) * wire::kChangeCost;
         const std::uint64_t most = changes + recordSize * kMostForAByte;
         if (!makesSmall && most <= wire::Budget(recordSize).left) return most;
         std::uint64_t result = changes + descriptions + inflated;
         for (const Change& change : set.changes) result += wire::costOf(change.value);
         for (const DefinedType& type : set.types)
             if (type.type) result += wire::costOf(*type.type);
+        for (const std::string_view name : authors)
+            result += sizeof(String) + (name.empty() ? 0 : wire::kArrayCost + name.size());
         return result;
     }
 
@@ -211,6 +216,20 @@ struct ChangeEncoder::Parts {
         r.bytes.putVarint(change.field);
         r.bytes.putVarint(zigzag(change.other.value, change.node.value));
         r.bytes.putVarint(change.field2());
+    }
+
+    void addAuthors(const std::vector<Authored>& all) {
+        for (const Authored& one : all)
+            if (std::ranges::find(authors, one.author.view()) == authors.end()) authors.push_back(one.author.view());
+        Rows& r = rows[wire::kAuthors];
+        r.bytes.putVarint(authors.size());
+        for (const std::string_view name : authors) wire::putText(r.bytes, name);
+        for (const Authored& one : all) {
+            r.bytes.putVarint(
+                static_cast<std::uint64_t>(std::ranges::find(authors, one.author.view()) - authors.begin()));
+            r.bytes.putVarint(r.step(one.node));
+            r.bytes.putVarint(one.field == kNoField ? 0u : one.field + 1u);
+        }
     }
 
     // ---- the blocks -----------------------------------------------------------------------------------------------
@@ -381,6 +400,7 @@ void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predict
         else
             parts.add(set, change);
     }
+    if (set.authors) parts.addAuthors(*set.authors);
 
     record.clear();
     record.room(parts.mostBytes());

@@ -197,7 +197,8 @@ void InputEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
     const FrameInput& input = *set.input;
     Parts& parts = *parts_;
     record.clear();
-    if (!input.edits.empty() || !input.events.empty()) {
+    if (!input.edits.empty() || !input.events.empty() || set.authors) {
+        parts.edits.authors = set.authors;
         parts.edits.changes = input.edits;
         parts.edits.changes.insert(parts.edits.changes.end(), input.events.begin(), input.events.end());
         parts.edits.types = input.types;
@@ -363,6 +364,7 @@ Result<> InputDecoder::decodeEdits(std::span<const std::byte> blocks, FrameInput
     for (Change& change : set.changes)
         (change.kind == ChangeKind::event ? input.events : input.edits).push_back(std::move(change));
     input.types = std::move(set.types);
+    input.authors = std::move(set.authors);
     return {};
 }
 
@@ -388,6 +390,7 @@ Result<> InputDecoder::decode(std::span<const std::byte> record, ChangeSet& set)
     set.hash = header->hash;
     if (state) state->nextId = input->nextId;
     input->runState = std::move(state);
+    set.authors = input->authors;
     set.input = std::move(input);
     return {};
 }

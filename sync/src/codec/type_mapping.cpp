@@ -78,6 +78,14 @@ bool TypeMapping::mapField(NodeId node, FieldIndex& field, DecoderLosses& losses
     return true;
 }
 
+void TypeMapping::mapAuthors(ChangeSet& set) const {
+    auto mapped = std::make_shared<std::vector<Authored>>();
+    DecoderLosses ignored;  // the field's own change has been counted
+    for (Authored one : *set.authors)
+        if (one.field == kNoField || mapField(one.node, one.field, ignored)) mapped->push_back(std::move(one));
+    set.authors = std::move(mapped);
+}
+
 Result<> TypeMapping::toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosses& losses) {
     if (set.isSnapshot()) restart();
     std::vector<Change> adjusted;
@@ -134,6 +142,7 @@ Result<> TypeMapping::toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosse
     }
     std::vector<Change>& changes = set.changes;
     changes.resize(kept);
+    if (set.authors) mapAuthors(set);
     if (adjusted.empty() && defined_.empty()) return {};
     if (!budget.take((kept + defined_.size()) * sizeof(Change)))  // twice for a moment
         return fail("types that are unknown here take more memory than a record of this length may");

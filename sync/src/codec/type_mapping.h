@@ -39,6 +39,7 @@ class TypeMapping {
 
     void restart();
     void defineHere(Type& type, std::shared_ptr<const NodeType> definition, bool external, ChangeSet& set);
+    void mapAuthors(ChangeSet& set) const;
     bool mapField(NodeId node, FieldIndex& field, DecoderLosses& losses) const;
 
     TypeTable local_;

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/frame_input.h>
+
 #include "codec/node_label.h"
 
 namespace rtsg {
@@ -12,6 +14,22 @@ void FrameTouches::add(const ChangeSet& set) {
         if (c.kind == ChangeKind::setField || c.kind == ChangeKind::insertChild || c.kind == ChangeKind::removeChild ||
             c.kind == ChangeKind::event)
             places_[key(c.node, c.field)] |= c.external;
+    if (set.input)  // of a log that has nothing else
+        for (const Change& c : set.input->events) places_[key(c.node, c.field)] = true;
+    if (!set.authors) return;
+    authors_.insert(authors_.end(), set.authors->begin(), set.authors->end());
+    for (const Authored& one : *set.authors)
+        if (one.field != kNoField) places_[key(one.node, one.field)] = true;
+}
+
+/// Of the field, or else of any of the node's: what came in by one field may show in another.
+std::string FrameTouches::authorOf(NodeId node, FieldIndex field) const {
+    std::string result;
+    for (const Authored& one : authors_) {
+        if (one.node == node && one.field == field) return one.author.str();
+        if (one.node == node && one.field != kNoField) result = one.author.str();
+    }
+    return result;
 }
 
 /// One step back, to a field that changed as well. `anyField`: of what came into the node, whatever its field.
@@ -36,7 +54,7 @@ bool FrameTouches::anyFromOutside(const Scene& scene, NodeId node) const {
     return false;
 }
 
-std::string FrameTouches::cause(const Scene& scene, NodeId node, FieldIndex field) const {
+FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIndex field) const {
     constexpr int kLongest = 16;  // steps back; cascades may have circles
     std::string text;
     bool outside = false;
@@ -53,8 +71,10 @@ std::string FrameTouches::cause(const Scene& scene, NodeId node, FieldIndex fiel
         }
         text = text.empty() ? route : fmt::format("{}, {}", route, text);
     }
-    if (outside) return text.empty() ? "set from outside" : fmt::format("set from outside, then ROUTE {}", text);
-    return text.empty() ? text : fmt::format("ROUTE {}", text);
+    if (outside)
+        return {text.empty() ? "set from outside" : fmt::format("set from outside, then ROUTE {}", text),
+                authorOf(node, field)};
+    return {text.empty() ? text : fmt::format("ROUTE {}", text), {}};
 }
 
 }  // namespace rtsg

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <string>
 #include <unordered_map>
+#include <vector>
 
 #include <rtsg/core/scene.h>
 
@@ -15,17 +16,28 @@ namespace rtsg {
 class FrameTouches {
   public:
     void add(const ChangeSet& set);
-    void clear() { places_.clear(); }
+    void clear() {
+        places_.clear();
+        authors_.clear();
+    }
     bool has(NodeId node, FieldIndex field) const { return places_.contains(key(node, field)); }
-    /// "ROUTE A.x > B.y, B.z > C.w" with what began it; empty if nothing is known.
-    std::string cause(const Scene& scene, NodeId node, FieldIndex field) const;
+    struct Cause {
+        /// "ROUTE A.x > B.y, B.z > C.w", or "set from outside" with what followed from it; empty if nothing is known.
+        std::string text;
+        /// Who asked for what began it (ChangeSet::authors); empty if it was the application itself, or nobody.
+        std::string author;
+    };
+    Cause cause(const Scene& scene, NodeId node, FieldIndex field) const;
 
   private:
     static std::uint64_t key(NodeId node, FieldIndex field) { return std::uint64_t{node.value} << 32 | field; }
     bool anyFromOutside(const Scene& scene, NodeId node) const;
     std::string routeInto(const Scene& scene, NodeId& node, FieldIndex& field, bool anyField) const;
 
+    std::string authorOf(NodeId node, FieldIndex field) const;
+
     std::unordered_map<std::uint64_t, bool> places_;  // whether it came from outside
+    std::vector<Authored> authors_;
 };
 
 }  // namespace rtsg

@@ -273,9 +273,12 @@ struct FieldComparison::State {
     }
     std::string causeOf(const Watch& w) const {
         // What the second scene did is under test; where it did nothing, what it should have done.
-        if (b.touched.has(w.b.node, w.b.field)) return b.touched.cause(b.scene, w.b.node, w.b.field);
-        std::string then = a.touched.cause(a.scene, w.a.node, w.a.field);
+        if (b.touched.has(w.b.node, w.b.field)) return told(b.touched.cause(b.scene, w.b.node, w.b.field));
+        const std::string then = told(a.touched.cause(a.scene, w.a.node, w.a.field));
         return then.empty() ? then : fmt::format("{} only: {}", words.a, then);
+    }
+    static std::string told(const FrameTouches::Cause& cause) {
+        return cause.author.empty() ? cause.text : fmt::format("{}, as {} asked", cause.text, cause.author);
     }
 
     void compareOne(std::size_t i) {

@@ -46,7 +46,25 @@ const std::string& MirrorClient::refusal() const {
 }
 
 Result<std::uint64_t> MirrorClient::submit(std::vector<Change> changes) {
-    return impl_->submit(std::move(changes));
+    MirrorRequest request;
+    request.changes = std::move(changes);
+    return impl_->submit(std::move(request));
+}
+
+Result<std::uint64_t> MirrorClient::submit(MirrorRequest request) {
+    return impl_->submit(std::move(request));
+}
+
+Result<std::uint64_t> MirrorClient::undo() {
+    return impl_->submit({.kind = MirrorRequest::Kind::undo, .changes = {}, .nodes = {}});
+}
+
+Result<std::uint64_t> MirrorClient::redo() {
+    return impl_->submit({.kind = MirrorRequest::Kind::redo, .changes = {}, .nodes = {}});
+}
+
+Result<std::uint64_t> MirrorClient::lock(std::vector<NodeId> nodes, std::chrono::milliseconds lease) {
+    return impl_->submit({.kind = MirrorRequest::Kind::lock, .changes = {}, .nodes = std::move(nodes), .lease = lease});
 }
 
 Result<std::uint64_t> MirrorClient::submitEvent(NodeId node, FieldIndex field, Value value) {

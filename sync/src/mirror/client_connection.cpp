@@ -428,6 +428,7 @@ bool MirrorClient::Impl::sendRequests() {
             const auto part = whole.subspan(request.sent, std::min(mirror::kSubmitPart, whole.size() - request.sent));
             const std::uint64_t numbers[] = {session_, request.number, whole.size(), request.sent};
             mirror::write(message_, Message::submit, numbers);
+            if (!request.author.empty()) wire::putText(message_, request.author);
             ZmqMessage head(message_.bytes()), body(part);
             if (!socket_.send(head, true) || !socket_.send(body)) return false;
             request.sent += part.size();

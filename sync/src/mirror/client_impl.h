@@ -33,7 +33,7 @@ class MirrorClient::Impl {
                statistics_.sequence >= newestHeard_;
     }
     bool originLost() const;
-    Result<std::uint64_t> submit(std::vector<Change> changes);
+    Result<std::uint64_t> submit(MirrorRequest request);
     Value presented(NodeId node, FieldIndex field) const;
 
     Scene& replica_;
@@ -48,6 +48,7 @@ class MirrorClient::Impl {
     struct Request {
         std::uint64_t number = 0;
         ByteBuffer record;
+        std::string author;
         std::size_t sent = 0;
         Clock::time_point sentAt{};
     };

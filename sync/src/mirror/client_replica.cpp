@@ -8,6 +8,7 @@
 
 #include "client_impl.h"
 #include "codec/node_label.h"
+#include "request_codec.h"
 #include "upstream.h"
 
 namespace rtsg {
@@ -295,7 +296,7 @@ void MirrorClient::Impl::answer(std::span<const std::byte> message) {
         const auto request = std::ranges::find(requests_, verdict.request, &Request::number);
         if (request == requests_.end()) return;
         requests_.erase(request);
-        MirrorVerdict result{verdict.request, verdict.refusal, verdict.state, {}};
+        MirrorVerdict result{verdict.request, verdict.refusal, verdict.state, {}, verdict.kept};
         for (const auto& [provisional, number] : verdict.created)
             result.created.emplace_back(NodeId{provisional}, NodeId{number});
         verdicts_.push_back(std::move(result));
@@ -382,13 +383,18 @@ void MirrorClient::Impl::repair(std::span<const std::byte> bytes, const RecordHe
 
 // ---- upstream ----------------------------------------------------------------------------------------------------
 
-Result<std::uint64_t> MirrorClient::Impl::submit(std::vector<Change> changes) {
+Result<std::uint64_t> MirrorClient::Impl::submit(MirrorRequest asked) {
     if (!decoder_.exact()) return fail("the origin's node types are others than ours");
-    ChangeSet set;
-    set.from = set.to = std::max<std::uint64_t>(1, state_);
-    set.changes = std::move(changes);
+    if (asked.author.size() > mirror::kLongestName) return fail("an author's name of over 200 bytes");
+    if (asked.nodes.size() > MirrorRequest::kMostLocked)
+        return fail(
+            fmt::format("{} nodes are locked at once, the most is {}", asked.nodes.size(), MirrorRequest::kMostLocked));
+    if (asked.lease < std::chrono::milliseconds(0) || asked.lease > MirrorRequest::kLongestLease)
+        return fail(
+            fmt::format("a lease of {} ms, the most is {}", asked.lease.count(), MirrorRequest::kLongestLease.count()));
     Request request;
-    encoder_.encode(set, request.record);
+    request.author = asked.author;
+    mirror::writeRequest(encoder_, std::move(asked), std::max<std::uint64_t>(1, state_), request.record);
     if (request.record.size() > mirror::kLongestSubmission)
         return fail(
             fmt::format("a request of {} bytes, the most is {}", request.record.size(), mirror::kLongestSubmission));

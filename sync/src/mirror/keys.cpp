@@ -15,6 +15,8 @@ namespace rtsg {
 
 namespace {
 
+constexpr std::size_t kLongestName = 200;
+
 bool isKey(const std::string& text) {
     std::uint8_t bytes[32];
     return text.size() == 40 && zmq_z85_decode(bytes, text.c_str()) != nullptr;
@@ -44,8 +46,13 @@ Result<MirrorKeys> MirrorKeys::load(const std::filesystem::path& file) {
         std::string key = space == line.npos ? "" : line.substr(line.find_first_not_of(" \t", space));
         while (!key.empty() && std::strchr(" \t\r", key.back())) key.pop_back();
         std::optional<MirrorUpstream> upstream;
+        std::string name;
         if (const std::size_t end = key.find_first_of(" \t"); what == "client-public" && end != key.npos) {
-            const std::string permission = key.substr(key.find_first_not_of(" \t", end));
+            std::string permission = key.substr(key.find_first_not_of(" \t", end));
+            if (const std::size_t next = permission.find_first_of(" \t"); next != permission.npos) {
+                name = permission.substr(permission.find_first_not_of(" \t", next));
+                permission.resize(next);
+            }
             upstream = mirrorUpstreamFromName(permission);
             if (!upstream)
                 return fail(fmt::format("'{}' after a key is none of none, events, edits, code", permission),
@@ -65,6 +72,10 @@ Result<MirrorKeys> MirrorKeys::load(const std::filesystem::path& file) {
         else
             return fail(fmt::format("unknown kind of key '{}'", what), {number, 1}, file.string());
         if (upstream) keys.upstream[key] = *upstream;
+        if (name.size() > kLongestName)
+            return fail(fmt::format("a name of {} bytes, the most is {}", name.size(), kLongestName), {number, 1},
+                        file.string());
+        if (!name.empty()) keys.names[key] = name;
     }
     return keys;
 }

@@ -35,8 +35,7 @@ Result<std::size_t> MirrorRelay::poll(std::chrono::milliseconds timeout) {
             auto started = MirrorServer::start(replica_, endpoint_, options_);
             if (!started) return std::unexpected(started.error());
             server_ = std::move(*started);
-            server_->forwardRequests(
-                [this](std::vector<Change> changes) { return client_->submit(std::move(changes)); });
+            server_->forwardRequests([this](MirrorRequest request) { return client_->submit(std::move(request)); });
         }
         if (server_) {
             for (const MirrorVerdict& verdict : client_->takeVerdicts()) server_->answer(verdict);

@@ -63,7 +63,7 @@ MirrorServer::MirrorServer(Scene& scene, std::shared_ptr<Shared> shared)
     : scene_(scene),
       shared_(std::move(shared)),
       encoder_(std::make_unique<Encoder>(shared_->options.mode)),
-      pointers_(std::make_unique<mirror::HeldPointers>()) {}
+      writers_(std::make_unique<mirror::Writers>()) {}
 
 Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const std::string& endpoint,
                                                           MirrorServerOptions options) {
@@ -217,7 +217,7 @@ void MirrorServer::service() {
         pass(submissions);
     } else {
         for (const mirror::Submission& submission : submissions)
-            shared_->answer(mirror::carryOut(scene_, submission, *pointers_));
+            shared_->answer(mirror::carryOut(scene_, submission, *writers_));
     }
     for (const std::uint64_t client : left) letGo(client);
     if (any) shared_->awaken();
@@ -238,12 +238,12 @@ void MirrorServer::forwardRequests(Forward forward) {
 void MirrorServer::pass(const std::vector<mirror::Submission>& submissions) {
     for (const mirror::Submission& submission : submissions) {
         mirror::Verdict verdict{submission.client, submission.request, scene_.sequence(), {}, {}};
-        if (auto changes = mirror::examine(scene_, submission); !changes) {
-            verdict.refusal = changes.error().text;
-        } else if (const auto number = forward_(*changes); !number) {
+        if (auto asked = mirror::examine(scene_, submission); !asked) {
+            verdict.refusal = asked.error().text;
+        } else if (const auto number = forward_(*asked); !number) {
             verdict.refusal = number.error().text;
         } else {
-            for (const Change& change : *changes) pointers_->saw(scene_, submission.client, change);
+            for (const Change& change : asked->changes) writers_->pointers.saw(scene_, submission.client, change);
             forwarded_[*number] = {submission.client, submission.request};
             continue;
         }
@@ -253,16 +253,20 @@ void MirrorServer::pass(const std::vector<mirror::Submission>& submissions) {
 
 /// What the pointers of a peer that is gone held would be held for ever.
 void MirrorServer::letGo(std::uint64_t client) {
-    std::vector<Change> events = pointers_->leave(scene_, client);
+    std::vector<Change> events = writers_->pointers.leave(scene_, client);
     if (events.empty()) return;
-    if (forward_) return (void)forward_(std::move(events));  // if the origin is gone as well, it lets go of all of ours
+    if (forward_) {
+        MirrorRequest request;
+        request.changes = std::move(events);
+        return (void)forward_(std::move(request));  // if the origin is gone as well, it lets go of all of ours
+    }
     for (const Change& event : events) (void)scene_.sendEvent(event.node, event.field, event.value);
 }
 
 void MirrorServer::answer(const MirrorVerdict& verdict) {
     const auto found = forwarded_.find(verdict.request);
     if (found == forwarded_.end()) return;
-    mirror::Verdict result{found->second.first, found->second.second, verdict.state, verdict.refusal, {}};
+    mirror::Verdict result{found->second.first, found->second.second, verdict.state, verdict.refusal, {}, verdict.kept};
     for (const auto& [provisional, number] : verdict.created)
         result.created.emplace_back(provisional.value, number.value);
     forwarded_.erase(found);

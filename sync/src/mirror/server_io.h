@@ -84,7 +84,7 @@ class MirrorServer::Io {
     using Clock = std::chrono::steady_clock;
 
     struct Peer {
-        std::string identity, name;
+        std::string identity, name, author;
         std::uint64_t session = 0, window = 0;
         MirrorPace pace;
         std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
@@ -142,6 +142,7 @@ class MirrorServer::Io {
     void handleOf(Peer& peer, mirror::Message type, wire::Reader& in, std::span<const std::byte> bytes,
                   const ZmqMessage& body);
     void hello(const std::string& identity, const mirror::Hello& hello, const std::string& user);
+    std::string authorOf(const mirror::Hello& hello, const std::string& user) const;
     void question(Peer& peer, std::span<const std::byte> bytes);
     void submission(Peer& peer, wire::Reader& in, const ZmqMessage& body);
     void control(Peer& peer, wire::Reader& in);

@@ -141,6 +141,14 @@ std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Wishes& w
     return part;
 }
 
+/// The name that the key file gives its key, or the one that it gives itself.
+std::string MirrorServer::Io::authorOf(const mirror::Hello& hello, const std::string& user) const {
+    if (shared_->options.keys)
+        if (const auto own = shared_->options.keys->names.find(user); own != shared_->options.keys->names.end())
+            return own->second;
+    return hello.name.empty() ? fmt::format("peer-{:04x}", hello.wishes.client & 0xFFFF) : hello.name;
+}
+
 void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& hello, const std::string& user) {
     auto found = peers_.find(identity);
     // It comes by another connection than before: the old one is of no use any more.
@@ -166,6 +174,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     peer.name = hello.name;
     peer.session = hello.session;
     peer.client = hello.wishes.client;
+    peer.author = authorOf(hello, user);
     peer.window = std::clamp(hello.window, kSmallestWindow, kLargestWindow);
     peer.heard = peer.spoken = peer.allowed = Clock::now();
     peer.allowance = allowance;
@@ -222,11 +231,19 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
     if (!mirror::read(in, numbers)) return garbage("a malformed submission");
     const auto [session, request, size, offset] = numbers;
     if (session != peer.session) return;
+    // Whom it asks for comes behind its own name, so that nobody can take another's.
+    std::string author = peer.author;
+    if (in.left()) {
+        const std::string_view given = in.text();
+        if (in.problem || given.size() > mirror::kLongestName) return garbage("a submission of nobody");
+        author += "/" + std::string(given);
+    }
     const char* problem = nullptr;
     const bool complete = peer.submission.add(request, size, offset, body.bytes(), problem);
     if (problem) return garbage(problem);
     if (!complete) return;
-    mirror::Submission whole{peer.client, request, peer.upstream, std::move(peer.submission.bytes), peer.noTypes};
+    mirror::Submission whole{peer.client,  request,          peer.upstream, std::move(peer.submission.bytes),
+                             peer.noTypes, std::move(author)};
     peer.submission = {};
     const mirror::Verdict* known = nullptr;
     switch (ledger_.standing(peer.client, request, known)) {
@@ -238,7 +255,7 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
         case mirror::RequestLedger::Standing::fresh:
             break;
     }
-    mirror::Verdict refusal{peer.client, request, 0, {}, {}};
+    mirror::Verdict refusal{peer.client, request, 0, {}, {}, {}};
     if (!peer.sameTypes && !peer.noTypes) {
         refusal.refusal = "the node types here are others than there";
     } else {

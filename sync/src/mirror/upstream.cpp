@@ -7,11 +7,9 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/sync/change_codec.h>
-
 #include "code_guard.h"
-#include "codec/blocks.h"
 #include "codec/node_label.h"
+#include "request_codec.h"
 
 namespace rtsg::mirror {
 
@@ -30,7 +28,10 @@ class Request {
 
     /// Without any effect.
     Result<> check(const Change& c);
-    Result<> carryOut(const Change& c);
+    /// With the numbers of the scene in the place of the submission's own.
+    Change real(const Change& c) const;
+    /// `c` is real(asked).
+    Result<> carryOut(const Change& asked, const Change& c, std::string_view author);
 
   private:
     Result<const NodeType*> typeOf(NodeId id) const;
@@ -155,40 +156,61 @@ Value Request::real(const Value& value) const {
     return ids;
 }
 
-Result<> Request::carryOut(const Change& c) {
-    const NodeId node = real(c.node), other = real(c.other);
+Change Request::real(const Change& c) const {
+    Change result = c;
+    result.node = real(c.node);
+    result.other = real(c.other);
+    result.value = real(c.value);
+    return result;
+}
+
+Result<> Request::carryOut(const Change& asked, const Change& c, std::string_view author) {
+    Result<> done = fail("unknown kind of change");
+    bool ofNode = true;  // not of one of its fields
     switch (c.kind) {
         case ChangeKind::event:
-            return scene_.sendEvent(node, c.field, real(c.value));
+            return scene_.sendEvent(c.node, c.field, c.value, author);
         case ChangeKind::setField:
-            return scene_.setField(node, c.field, real(c.value));
+            done = scene_.setField(c.node, c.field, c.value);
+            ofNode = false;
+            break;
         case ChangeKind::insertChild:
-            return scene_.insertChild(node, c.field, other, c.index);
+            done = scene_.insertChild(c.node, c.field, c.other, c.index);
+            ofNode = false;
+            break;
         case ChangeKind::removeChild: {
-            const Node* parent = scene_.find(node);
+            const Node* parent = scene_.find(c.node);
             const auto& children = *static_cast<const Array<NodeId>*>(parent->storage(c.field));
-            if (c.index >= children.size() || children[c.index] != other) return fail("that child is not there");
-            return scene_.removeChild(node, c.field, c.index);
+            if (c.index >= children.size() || children[c.index] != c.other) return fail("that child is not there");
+            done = scene_.removeChild(c.node, c.field, c.index);
+            ofNode = false;
+            break;
         }
         case ChangeKind::createNode: {
             const NodeId created = scene_.createNode(TypeIndex{static_cast<std::uint16_t>(c.index)});
             if (!created) return fail("no node could be created");
-            real_[c.node.value] = created;
-            verdict_.created.emplace_back(c.node.value, created.value);
+            real_[asked.node.value] = created;
+            verdict_.created.emplace_back(asked.node.value, created.value);
+            scene_.attribute(author, created);
             return {};
         }
         case ChangeKind::setName:
-            return scene_.setName(node, c.value.holds<String>() ? c.value.as<String>().view() : std::string_view());
+            done = scene_.setName(c.node, c.value.holds<String>() ? c.value.as<String>().view() : std::string_view());
+            break;
         case ChangeKind::addRoute:
-            return scene_.addRoute(node, c.field, other, c.field2());
+            done = scene_.addRoute(c.node, c.field, c.other, c.field2());
+            break;
         case ChangeKind::removeRoute:
-            return scene_.removeRoute(node, c.field, other, c.field2());
+            done = scene_.removeRoute(c.node, c.field, c.other, c.field2());
+            break;
         case ChangeKind::destroyNode:
-            return scene_.destroyNode(node);
+            done = scene_.destroyNode(c.node);
+            break;
         case ChangeKind::defineType:
             break;
     }
-    return fail("unknown kind of change");
+    if (done) scene_.attribute(author, c.node, ofNode ? kNoField : c.field);
+    return done;
 }
 
 }  // namespace
@@ -202,6 +224,7 @@ void Verdict::write(ByteBuffer& out, std::uint64_t session) const {
         out.putVarint(provisional);
         out.putVarint(number);
     }
+    wire::putText(out, kept);
 }
 
 bool Verdict::read(wire::Reader& in) {
@@ -213,28 +236,11 @@ bool Verdict::read(wire::Reader& in) {
         provisional = in.varint32();
         number = in.varint32();
     }
+    if (in.left() && !in.problem) kept = in.text();
     return !in.problem;
 }
 
 namespace {
-
-/// Whether the record begins with descriptions of types.
-bool describes(std::span<const std::byte> record) {
-    return record.size() > kRecordHeaderSize &&
-           std::to_integer<unsigned>(record[kRecordHeaderSize]) == wire::kDescriptions;
-}
-
-Result<> decode(const Submission& submission, ChangeSet& set) {
-    if (const auto intact = checkRecord(submission.record); !intact) return std::unexpected(intact.error());
-    ChangeDecoder decoder(builtinTypes(), 0);
-    if (submission.noTypes && describes(submission.record)) {
-        StreamHead theirs;
-        theirs.dictionaryHash = 1;  // any other than ours: types are mapped by name as they are described
-        theirs.builtinTypes = 0xFFFF;
-        if (auto ok = decoder.setHead(theirs); !ok) return ok;
-    }
-    return decoder.decode(submission.record, set);
-}
 
 std::string reason(const Scene& scene, const Change& change, const Diagnostic& why, std::string_view more = {}) {
     std::string text = why.text;
@@ -243,46 +249,98 @@ std::string reason(const Scene& scene, const Change& change, const Diagnostic& w
     return (text + std::string(more)).substr(0, kLongestReason);
 }
 
-/// `request` has then judged all of `set`.
-Result<> examine(const Scene& scene, const Submission& submission, Request& request, ChangeSet& set) {
-    if (auto ok = decode(submission, set); !ok)
-        return fail(("a malformed request: " + ok.error().text).substr(0, kLongestReason));
-    for (const Change& change : set.changes)
-        if (auto fine = request.check(change); !fine) return fail(reason(scene, change, fine.error()));
+/// `judge` has then judged all changes of it.
+Result<MirrorRequest> examine(const Scene& scene, const Submission& submission, Request& judge) {
+    auto asked = readRequest(submission.record, submission.noTypes);
+    if (!asked) return fail(("a malformed request: " + asked.error().text).substr(0, kLongestReason));
+    asked->author = submission.author;
+    if (asked->kind != MirrorRequest::Kind::changes && submission.permission < MirrorUpstream::edits)
+        return fail(submission.permission == MirrorUpstream::none ? "this peer may only follow"
+                                                                  : "this peer may send events, not edit");
+    for (const Change& change : asked->changes)
+        if (auto fine = judge.check(change); !fine) return fail(reason(scene, change, fine.error()));
+    return asked;
+}
+
+/// What another has locked: the nodes whose fields, names, routes or existence the changes are about.
+std::string lockedFor(const Scene& scene, std::span<const Change> changes, std::string_view author,
+                      const NodeLocks& locks) {
+    if (locks.empty()) return {};
+    const auto now = NodeLocks::Clock::now();
+    for (const Change& c : changes) {
+        const bool route = c.kind == ChangeKind::addRoute || c.kind == ChangeKind::removeRoute;
+        std::string why = locks.refusal(scene, c.node, author, now);
+        if (why.empty() && route) why = locks.refusal(scene, c.other, author, now);
+        if (!why.empty()) return why;
+    }
     return {};
+}
+
+/// True if there were events among them, which come with the next frame.
+bool carryOutChanges(Scene& scene, const Submission& submission, std::span<const Change> changes, Request& request,
+                     Writers& writers, Verdict& verdict) {
+    bool events = false, begun = false;
+    for (const Change& asked : changes) {
+        const Change change = request.real(asked);
+        writers.history.before(scene, change);
+        if (auto done = request.carryOut(asked, change, submission.author); !done) {
+            verdict.refusal =
+                reason(scene, asked, done.error(), begun ? " (changes of the request before this one are made)" : "");
+            writers.history.failed();
+            break;
+        }
+        const bool isNew = change.kind == ChangeKind::createNode;
+        writers.history.after(scene, isNew ? NodeId{verdict.created.back().second} : NodeId{});
+        begun = true;
+        writers.pointers.saw(scene, submission.client, change);
+        events = events || change.kind == ChangeKind::event;
+    }
+    writers.history.end(submission.author, submission.permission);
+    return events;
 }
 
 }  // namespace
 
-Result<std::vector<Change>> examine(Scene& scene, const Submission& submission) {
+Result<MirrorRequest> examine(Scene& scene, const Submission& submission) {
     Verdict unused;
     Request request(scene, submission.permission, unused);
-    ChangeSet set;
-    if (auto ok = examine(scene, submission, request, set); !ok) return std::unexpected(ok.error());
-    return std::move(set.changes);
+    return examine(scene, submission, request);
 }
 
-Verdict carryOut(Scene& scene, const Submission& submission, HeldPointers& pointers) {
+Verdict carryOut(Scene& scene, const Submission& submission, Writers& writers) {
     Verdict verdict;
     verdict.client = submission.client;
     verdict.request = submission.request;
     verdict.state = scene.sequence();
     Request request(scene, submission.permission, verdict);
-    ChangeSet set;
-    if (auto ok = examine(scene, submission, request, set); !ok) {
-        verdict.refusal = ok.error().text;
+    const auto asked = examine(scene, submission, request);
+    if (!asked) {
+        verdict.refusal = asked.error().text;
         return verdict;
     }
-    bool events = false, begun = false;
-    for (const Change& change : set.changes) {
-        if (auto done = request.carryOut(change); !done) {
-            verdict.refusal =
-                reason(scene, change, done.error(), begun ? " (changes of the request before this one are made)" : "");
+    bool events = false;
+    switch (asked->kind) {
+        case MirrorRequest::Kind::changes:
+            verdict.refusal = lockedFor(scene, asked->changes, submission.author, writers.locks);
+            if (!verdict.refusal.empty()) return verdict;
+            events = carryOutChanges(scene, submission, asked->changes, request, writers, verdict);
+            break;
+        case MirrorRequest::Kind::undo:
+        case MirrorRequest::Kind::redo: {
+            auto kept = writers.history.takeBack(scene, submission.author, asked->kind == MirrorRequest::Kind::redo,
+                                                 submission.permission, writers.locks);
+            if (kept)
+                verdict.kept = kept->substr(0, kLongestReason);
+            else
+                verdict.refusal = kept.error().text.substr(0, kLongestReason);
             break;
         }
-        begun = true;
-        pointers.saw(scene, submission.client, change);
-        events = events || change.kind == ChangeKind::event;
+        case MirrorRequest::Kind::lock:
+            if (auto ok =
+                    writers.locks.lock(scene, submission.author, asked->nodes, asked->lease, NodeLocks::Clock::now());
+                !ok)
+                verdict.refusal = ok.error().text.substr(0, kLongestReason);
+            break;
     }
     scene.seal();  // edits go out at once; events with the next frame
     verdict.state = scene.sequence() + (events ? 1 : 0);

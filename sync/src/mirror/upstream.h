@@ -16,9 +16,12 @@
 
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/mirror_keys.h>
+#include <rtsg/sync/mirror_request.h>
 
+#include "edit_history.h"
 #include "held_pointers.h"
 #include "message.h"
+#include "node_locks.h"
 
 namespace rtsg::mirror {
 
@@ -32,6 +35,7 @@ struct Submission {
     MirrorUpstream permission = MirrorUpstream::none;
     std::vector<std::byte> record;
     bool noTypes = false;  // numbers of types and fields are the server's; those of types that it describes, its own
+    std::string author{};  // the peer's name, and behind a stroke that of whoever it asks for
 };
 
 struct Verdict {
@@ -39,16 +43,23 @@ struct Verdict {
     std::uint64_t state = 0;                                       // by which its effect is there
     std::string refusal;                                           // empty: done
     std::vector<std::pair<std::uint32_t, std::uint32_t>> created;  // provisional and real numbers
+    std::string kept{};                                            // what undo or redo left as it was, and why
 
     void write(ByteBuffer& out, std::uint64_t session) const;
     bool read(wire::Reader& in);  // behind the session
 };
 
-/// The changes of a submission that may be carried out, with numbers of its own for the nodes that it creates; or why
-/// it may not be.
-Result<std::vector<Change>> examine(Scene& scene, const Submission& submission);
+/// What the origin keeps of those who write to its scene.
+struct Writers {
+    HeldPointers pointers;
+    EditHistory history;
+    NodeLocks locks;
+};
+
+/// A submission that may be carried out, with numbers of its own for the nodes that it creates; or why it may not be.
+Result<MirrorRequest> examine(Scene& scene, const Submission& submission);
 /// On the scene's thread, between frames.
-Verdict carryOut(Scene& scene, const Submission& submission, HeldPointers& pointers);
+Verdict carryOut(Scene& scene, const Submission& submission, Writers& writers);
 
 /// A submission that comes in parts.
 struct Assembly {

@@ -58,8 +58,8 @@ struct CodeGuard : ::testing::Test {
         mirror::Submission submission;
         submission.permission = permission;
         submission.record.assign(record.bytes().begin(), record.bytes().end());
-        mirror::HeldPointers pointers;
-        return mirror::carryOut(scene, submission, pointers).refusal;
+        mirror::Writers writers;
+        return mirror::carryOut(scene, submission, writers).refusal;
     }
     Change sets(const char* node, const char* name, Value value, bool event = false) const {
         Change change;

@@ -66,6 +66,15 @@ struct FieldEvent {
     Value value;
 };
 
+/// Whose wish a change from outside was. `field` as in the change; kNoField if it is one of the node itself, its name
+/// or its routes.
+struct Authored {
+    NodeId node;
+    FieldIndex field = kNoField;
+    String author;
+    friend bool operator==(const Authored&, const Authored&) = default;
+};
+
 struct FrameInput;
 
 struct ChangeSet {
@@ -77,6 +86,9 @@ struct ChangeSet {
     std::vector<DefinedType> types;
     /// What the frame was made of, when the scene records it (frame_input.h); merged sets have none.
     std::shared_ptr<const FrameInput> input;
+    /// What Scene::attribute() said, at most once a field; null if nothing, or if all of it was the application's. It
+    /// is no part of the state.
+    std::shared_ptr<const std::vector<Authored>> authors;
     /// What the fields that Scene::listenTo() names sent in this frame, in order; null if nothing. Told where the frame
     /// ran, and neither merged nor sent to anybody else.
     std::shared_ptr<const std::vector<FieldEvent>> heard;

@@ -64,7 +64,8 @@ struct FrameInput {
     std::vector<Change> edits;       // made before the frame, as a sealed set would have them; no events
     std::vector<DefinedType> types;  // those of `edits`
     std::vector<Change> events;      // delivered, in order
-    std::vector<NodeId> woken;       // asked in this frame beside those that were waiting
+    std::shared_ptr<const std::vector<Authored>> authors;  // of edits and events that were not the application's own
+    std::vector<NodeId> woken;                             // asked in this frame beside those that were waiting
     std::vector<BehaviourCall> calls;
     std::vector<BehaviourUse> behaviours;      // registered since the frame before
     std::shared_ptr<const RunState> runState;  // after the frame: with snapshots and incomplete frames

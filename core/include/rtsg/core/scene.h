@@ -186,7 +186,11 @@ class Scene {
 
     // ---- running -------------------------------------------------------------------------------------------
     /// Queues an input event for the next frame (19775-2: setValue on a running browser).
-    Result<> sendEvent(NodeId id, FieldIndex field, Value value);
+    /// `author`: as attribute() has it.
+    Result<> sendEvent(NodeId id, FieldIndex field, Value value, std::string_view author = {});
+    /// Says whose wish the edit was that was just made, where it was not the application's own: the set that it goes
+    /// out with names the author (ChangeSet::authors), and so do logs. `field` is kNoField for the node itself.
+    void attribute(std::string_view author, NodeId id, FieldIndex field = kNoField);
     /// One timestamp: queued events, then time-dependent nodes, routes until nothing moves; seals and publishes.
     /// `t` in seconds must not go back. Returns the published set (never null; maybe without changes). From within a
     /// frame (listener, behaviour, script) it is refused with a diagnostic.

@@ -27,13 +27,16 @@
 
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/mirror_keys.h>
+#include <rtsg/sync/mirror_request.h>
 #include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/replay.h>
 
 namespace rtsg {
 
 struct MirrorClientOptions {
-    std::string name = "rtsg";
+    /// The author of what it asks for, in logs and for undo; with keys, the server's key file may say another. Empty:
+    /// "peer-" and a number that is new with each client.
+    std::string name{};
     std::optional<MirrorKeys> keys;
     /// How much the server may send ahead of what poll() has applied, bytes.
     std::uint64_t window = std::uint64_t{8} << 20;
@@ -94,14 +97,6 @@ struct MirrorStatistics {
     double lag = 0, mostLag = 0;
 };
 
-/// What the origin made of a request.
-struct MirrorVerdict {
-    std::uint64_t request = 0;
-    std::string refusal;                             // why it was not carried out; empty if it was
-    std::uint64_t state = 0;                         // the state with its effect, in which the replica is already
-    std::vector<std::pair<NodeId, NodeId>> created;  // numbers of newNode() and what they have become
-};
-
 class MirrorClient {
   public:
     /// `replica` must be fresh (or only ever fed by a client) and outlive the client; its behaviours are switched off.
@@ -132,8 +127,17 @@ class MirrorClient {
     /// answers with a verdict; their effect comes back like any change. A request is carried out at most once, also if
     /// the connection is cut meanwhile. Fails at once if it is longer than 1 MiB.
     Result<std::uint64_t> submit(std::vector<Change> changes);
+    /// The same of requests of all kinds.
+    Result<std::uint64_t> submit(MirrorRequest request);
     Result<std::uint64_t> submitEvent(NodeId node, FieldIndex field, Value value);
     Result<std::uint64_t> submitEdit(NodeId node, FieldIndex field, Value value);
+    /// Takes back what this client's author did last, as far as nobody has changed it since (MirrorVerdict::kept); does
+    /// it again. Of edits; what events led to stays.
+    Result<std::uint64_t> undo();
+    Result<std::uint64_t> redo();
+    /// Nobody else may change these nodes for so long (fields, events to them, names, routes; not the nodes below
+    /// them), or until it is asked again with 0. Fails at once beyond the limits of MirrorRequest.
+    Result<std::uint64_t> lock(std::vector<NodeId> nodes, std::chrono::milliseconds lease);
     /// A number for a node that a request creates, for use inside that request.
     NodeId newNode();
     /// Answers since the last call, in the order of the requests' arrival at the origin.

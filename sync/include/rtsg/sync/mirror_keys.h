@@ -3,7 +3,8 @@
 // The file has lines `server-public KEY`, `server-secret KEY`, `client-public KEY` (any number of them),
 // `client-secret KEY` and comments from `#` on; keys are Z85, 40 characters. A server needs the server's pair and lets
 // in the clients listed; a client needs the server's public key and a pair of its own (the first client-public). After
-// a client's public key may stand what it may send upstream: none, events, edits or code. Threading: values.
+// a client's public key may stand what it may send upstream: none, events, edits or code; and behind that the name of
+// whoever holds the key, under which what they ask for is logged and taken back. Threading: values.
 #pragma once
 
 #include <filesystem>
@@ -26,6 +27,7 @@ struct MirrorKeys {
     std::string serverPublic, serverSecret, clientSecret;
     std::vector<std::string> clientPublic;
     std::map<std::string, MirrorUpstream> upstream;  // of clients' public keys for which the file says it
+    std::map<std::string, std::string> names;        // likewise
 
     static Result<MirrorKeys> load(const std::filesystem::path& file);
     /// Fresh keys for one server and one client, in a new file that only its owner may read.

@@ -30,13 +30,14 @@
 
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/mirror_keys.h>
+#include <rtsg/sync/mirror_request.h>
 #include <rtsg/sync/stream_mode.h>
 
 namespace rtsg {
 
 namespace mirror {
-class HeldPointers;
 struct Submission;
+struct Writers;
 }  // namespace mirror
 
 /// What becomes of a peer that falls behind by more than its window.
@@ -96,7 +97,6 @@ struct MirrorServerStatistics {
 };
 
 struct EncodedRecord;
-struct MirrorVerdict;
 
 class MirrorServer : public Subscriber {
   public:
@@ -127,7 +127,7 @@ class MirrorServer : public Subscriber {
     // ---- of a scene that is a replica itself: see MirrorRelay --------------------------------------------------
     /// From now on service() checks what peers have sent, and instead of carrying it out hands it to `forward`, which
     /// returns the request's number there.
-    using Forward = std::function<Result<std::uint64_t>(std::vector<Change>)>;
+    using Forward = std::function<Result<std::uint64_t>(MirrorRequest)>;
     void forwardRequests(Forward forward);
     /// What became of such a request.
     void answer(const MirrorVerdict& verdict);
@@ -159,7 +159,7 @@ class MirrorServer : public Subscriber {
     Forward forward_;
     Controller controller_;
     std::map<std::uint64_t, std::pair<std::uint64_t, std::uint64_t>> forwarded_;  // to client and request
-    std::unique_ptr<mirror::HeldPointers> pointers_;
+    std::unique_ptr<mirror::Writers> writers_;
     Attachment attachment_;
 };
 

@@ -25,6 +25,7 @@ enum class RecordKind : std::uint8_t {
     keyframe = 3,  // a ChangeSet that leads from the empty scene to a state
     index = 4,     // where a log's keyframes are
     input = 5,     // what came into a frame, for those who run it themselves (input_codec.h)
+    request = 6,   // what a client asks of its origin beside changes (PROTOCOL.md, "Upstream")
 };
 
 /// Frames only: what predicted values refer to (PROTOCOL.md, "Prediction"). Who starts in the middle of a stream needs:

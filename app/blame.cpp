@@ -1,0 +1,74 @@
+// Prints the history of a field: one line for each run of changes that came from the same hand by the same way.
+#include "blame.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/terminal.h>
+#include <rtsg/sync/blame.h>
+
+#include "cli.h"
+#include "replay_test.h"
+
+namespace rtsg::app {
+
+namespace {
+
+constexpr std::size_t kLongestValue = 40;  // characters of a value in the table
+
+std::string byWhom(const FieldStep& step) {
+    if (step.cause.empty()) return step.author;
+    return step.author.empty() ? step.cause : step.author + " (" + step.cause + ")";
+}
+
+std::string shortened(std::string text) {
+    if (text.size() <= kLongestValue) return text;
+    std::size_t end = kLongestValue - 3;
+    while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;  // not within a letter
+    return text.substr(0, end) + "...";
+}
+
+void printTable(const std::vector<FieldStep>& steps, const std::string& path, double start) {
+    fmt::print("{:>15} {:>17}  {:<{}}  {}\n", "states", "t (s)", terminalText(path), kLongestValue, "by");
+    for (std::size_t first = 0, last = 0; first < steps.size(); first = last + 1) {
+        last = first;
+        while (last + 1 < steps.size() && byWhom(steps[last + 1]) == byWhom(steps[first])) ++last;
+        const auto range = [&](const std::string& a, const std::string& b) { return a == b ? a : a + "-" + b; };
+        const auto seconds = [&](const FieldStep& s) { return fmt::format("{:.6g}", s.time - start); };
+        const std::string more = last > first ? fmt::format(" ({} changes)", last - first + 1) : std::string();
+        fmt::print("{:>15} {:>17}  {:<{}}  {}{}\n",
+                   range(std::to_string(steps[first].state), std::to_string(steps[last].state)),
+                   range(seconds(steps[first]), seconds(steps[last])), terminalText(shortened(steps[last].value)),
+                   kLongestValue, terminalText(byWhom(steps[first])), more);
+    }
+}
+
+void printJson(const std::vector<FieldStep>& steps, const std::string& path, double start) {
+    std::string text = fmt::format("{{\"field\":{},\"steps\":[", jsonString(path));
+    for (const FieldStep& s : steps)
+        text += fmt::format("{}{{\"state\":{},\"t\":{},\"value\":{},\"author\":{},\"cause\":{}}}",
+                            &s == steps.data() ? "" : ",", s.state, std::round((s.time - start) * 1e6) / 1e6,
+                            jsonString(s.value), jsonString(s.author), jsonString(s.cause));
+    fmt::print("{}]}}\n", text);
+}
+
+}  // namespace
+
+int blame(const std::string& log, const std::string& path, bool json) {
+    const Progress bar = progressBar("reading " + log);
+    const auto steps = rtsg::blame(log, path, [&](std::uint64_t done, std::uint64_t total) {
+        if (bar) bar(done, total);
+        return !interrupted();
+    });
+    if (bar) bar(1, 1);
+    if (!steps) return printError(steps.error()), kBad;
+    if (interrupted()) return printError("interrupted: this is not all of it"), kBad;
+    const double start = logStart(log);
+    json ? printJson(*steps, path, start) : printTable(*steps, path, start);
+    return kDone;
+}
+
+}  // namespace rtsg::app

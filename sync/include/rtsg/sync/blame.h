@@ -1,0 +1,35 @@
+// Blame: who changed a field, when, and by which routes, as a log tells it.
+//
+// Invariant: nothing is guessed: an author is named only where the log has one, a route only where the field that it
+// comes from changed in the same state. Threading: pure functions.
+// Source: ISO/IEC 19775-1 V4.0, 4.4.8 (event model).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+
+namespace rtsg {
+
+/// A field has got another value.
+struct FieldStep {
+    std::uint64_t state = 0;
+    double time = 0;  // seconds
+    std::string value;
+    /// Who asked for it, or for what it followed from (ChangeSet::authors); empty: the application, or time itself.
+    std::string author;
+    std::string cause;  // "set from outside", "ROUTE A.x > B.y"; empty where the log cannot tell
+};
+
+/// The states of a log in which a field (as findField() has it) had another value than in the state before; the first
+/// is that with which it begins. `progress` is told bytes read and all there are; false ends it. Errors: the log cannot
+/// be read, or has no such field in any state.
+Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::string_view path,
+                                     const std::function<bool(std::uint64_t, std::uint64_t)>& progress = {});
+
+}  // namespace rtsg

@@ -1,0 +1,61 @@
+// Plays a log and notes each state in which one field changed, with what led to it.
+#include <rtsg/sync/blame.h>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/field_text.h>
+#include <rtsg/core/world.h>
+#include <rtsg/sync/replay.h>
+
+#include "cause.h"
+
+namespace rtsg {
+
+Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::string_view path,
+                                     const std::function<bool(std::uint64_t, std::uint64_t)>& progress) {
+    auto opened = Replayer::open(log);
+    if (!opened) return std::unexpected(opened.error());
+    Replayer& replayer = **opened;
+    std::vector<FieldStep> steps;
+    Diagnostic why;
+    bool known = false;
+    Value before;
+    while (true) {
+        const auto more = replayer.step();
+        if (!more) continue;  // it goes on with the next keyframe
+        if (!*more) break;
+        if (progress && !progress(replayer.log().position(), replayer.log().size())) break;
+        const Scene& scene = replayer.scene();
+        const auto place = findField(scene, path);
+        if (!place) {
+            if (!known) why = place.error();
+            before = Value();
+            continue;
+        }
+        known = true;
+        const Node& node = scene.node(place->node);
+        if (!node.type().fields[place->field].readable())
+            return fail(fmt::format("{} holds no value: it is an event", path));
+        const Value now = node.value(place->field);
+        if (now == before) continue;
+        before = now;
+        FieldStep step;
+        step.state = scene.sequence();
+        step.time = scene.now();
+        step.value = fieldText(scene, path).value_or("");
+        if (replayer.lastSet().isSnapshot()) {
+            step.cause = "as the log begins, or goes on";
+        } else {
+            FrameTouches touched;
+            touched.add(replayer.lastSet());
+            auto [cause, author] = touched.cause(scene, place->node, place->field);
+            step.cause = std::move(cause);
+            step.author = std::move(author);
+        }
+        steps.push_back(std::move(step));
+    }
+    if (!known) return std::unexpected(std::move(why));
+    return steps;
+}
+
+}  // namespace rtsg

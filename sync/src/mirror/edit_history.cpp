@@ -1,0 +1,402 @@
+// Finds what takes a change back, does it where nobody has changed the same since, and counts what that costs to keep.
+#include "edit_history.h"
+
+#include <algorithm>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "codec/budget.h"
+#include "codec/node_label.h"
+
+namespace rtsg::mirror {
+
+namespace {
+
+constexpr std::uint64_t kItemCost = 256;  // beside its values
+constexpr std::size_t kMostNamed = 3;     // of what was kept
+
+Change changeOf(ChangeKind kind, NodeId node, FieldIndex field = kNoField, Value value = {}) {
+    Change change;
+    change.kind = kind;
+    change.node = node;
+    change.field = field;
+    change.value = std::move(value);
+    return change;
+}
+
+bool isReadable(const Node& node, FieldIndex field) {
+    return field < node.type().fields.size() && node.type().fields[field].readable();
+}
+
+std::string label(const Scene& scene, NodeId node, FieldIndex field) {
+    const Node* found = scene.find(node);
+    if (!found || field >= found->type().fields.size()) return nodeLabel(scene, node);
+    return fmt::format("{}.{}", nodeLabel(scene, node), found->type().fields[field].name);
+}
+
+/// Empty where there is no such list.
+Array<NodeId> childrenOf(const Scene& scene, const Change& c) {
+    const Node* parent = scene.find(c.node);
+    if (!parent || !isReadable(*parent, c.field) || parent->type().fields[c.field].type != FieldType::MFNode) return {};
+    return parent->get(Field<Array<NodeId>>{c.field});
+}
+
+/// Where the child is now: where it was, or else the first place.
+std::size_t placeOf(const Scene& scene, const Change& c) {
+    const Array<NodeId> children = childrenOf(scene, c);
+    if (c.index < children.size() && children[c.index] == c.other) return c.index;
+    return static_cast<std::size_t>(std::ranges::find(children, c.other) - children.begin());
+}
+
+/// How often the child is in that list.
+Value countOf(const Scene& scene, const Change& c) {
+    return static_cast<std::int32_t>(std::ranges::count(childrenOf(scene, c), c.other));
+}
+
+bool isRoute(const Scene& scene, const Change& c) {
+    if (!scene.find(c.node) || !scene.find(c.other)) return false;
+    return std::ranges::any_of(scene.routesFrom(c.node), [&](const Route& r) {
+        return r.fromField == c.field && r.toNode == c.other && r.toField == c.field2();
+    });
+}
+
+/// References to nodes that are gone have gone with them.
+Value onlyWhatIsThere(const Scene& scene, const Value& value) {
+    if (value.holds<NodeId>()) return scene.find(value.as<NodeId>()) ? value : Value(NodeId{});
+    if (!value.holds<Array<NodeId>>()) return value;
+    Array<NodeId> there;
+    for (const NodeId id : value.as<Array<NodeId>>())
+        if (scene.find(id)) there.push_back(id);
+    return Value(std::move(there));
+}
+
+}  // namespace
+
+// ---- what takes a change back ------------------------------------------------------------------------------------
+
+std::shared_ptr<const EditHistory::Lost> EditHistory::remember(const Scene& scene, NodeId id) {
+    const Node& node = scene.node(id);
+    auto lost = std::make_shared<Lost>();
+    lost->type = node.typeIndex();
+    lost->name = scene.name(id);
+    for (FieldIndex i = 0; i < node.type().fields.size(); ++i) {
+        const FieldDef& def = node.type().fields[i];
+        if (def.readable() && !def.hidden && def.access != Access::outputOnly && !node.isDefault(i))
+            lost->fields.emplace_back(i, node.value(i));
+    }
+    for (const ParentRef& p : scene.parents(id)) {
+        const Node& parent = scene.node(p.node);
+        const FieldDef& def = parent.type().fields[p.field];
+        if (def.hidden || !def.readable() || def.access == Access::outputOnly) continue;
+        Change place = changeOf(ChangeKind::setField, p.node, p.field);
+        if (def.type == FieldType::MFNode) {
+            place.kind = ChangeKind::insertChild;
+            const auto& children = parent.get(Field<Array<NodeId>>{p.field});
+            place.index = static_cast<std::uint32_t>(std::ranges::find(children, id) - children.begin());
+        }
+        lost->places.push_back(std::move(place));
+    }
+    for (const auto& routes : {scene.routesFrom(id), scene.routesTo(id)})
+        for (const Route& route : routes)
+            if (!route.isConnection) lost->routes.push_back(route);
+    return lost;
+}
+
+void EditHistory::before(const Scene& scene, const Change& c) {
+    mark_ = pending_.size();
+    const Node* node = scene.find(c.node);
+    const auto add = [&](Change back) { pending_.push_back({std::move(back), {}, nullptr}); };
+    switch (c.kind) {
+        case ChangeKind::setField:
+            if (node && isReadable(*node, c.field))
+                add(changeOf(ChangeKind::setField, c.node, c.field, node->value(c.field)));
+            return;
+        case ChangeKind::insertChild:
+        case ChangeKind::removeChild: {
+            Change back = c;
+            back.kind = c.kind == ChangeKind::insertChild ? ChangeKind::removeChild : ChangeKind::insertChild;
+            return add(std::move(back));
+        }
+        case ChangeKind::setName:
+            // It may take the name from another node.
+            if (const NodeId holder = c.value.holds<String>() && node
+                                          ? scene.findName(c.value.as<String>().view(), node->scope())
+                                          : NodeId{};
+                holder && holder != c.node)
+                add(changeOf(ChangeKind::setName, holder, kNoField, c.value));
+            return add(changeOf(ChangeKind::setName, c.node, kNoField, String(scene.name(c.node))));
+        case ChangeKind::addRoute:
+        case ChangeKind::removeRoute: {
+            const bool there = isRoute(scene, c);
+            if (there == (c.kind == ChangeKind::addRoute)) return;  // it changes nothing
+            Change back = c;
+            back.kind = there ? ChangeKind::addRoute : ChangeKind::removeRoute;
+            return add(std::move(back));
+        }
+        case ChangeKind::createNode:
+            return add(changeOf(ChangeKind::destroyNode, {}));
+        case ChangeKind::destroyNode:
+            if (!node) return;
+            add(changeOf(ChangeKind::createNode, c.node));
+            pending_.back().lost = remember(scene, c.node);
+            return;
+        case ChangeKind::defineType:
+        case ChangeKind::event:
+            return;
+    }
+}
+
+void EditHistory::after(const Scene& scene, NodeId created) {
+    for (std::size_t i = mark_; i < pending_.size(); ++i) {
+        Item& item = pending_[i];
+        if (item.back.kind == ChangeKind::destroyNode && !item.back.node) item.back.node = created;
+        const Node* node = scene.find(item.back.node);
+        if (item.back.kind == ChangeKind::setField && node) item.left = node->value(item.back.field);
+        if (item.back.kind == ChangeKind::setName && node) item.left = String(scene.name(item.back.node));
+        if (item.back.kind == ChangeKind::insertChild || item.back.kind == ChangeKind::removeChild)
+            item.left = countOf(scene, item.back);
+    }
+}
+
+void EditHistory::push(std::deque<Step>& steps, MirrorUpstream permission) {
+    Step step;
+    step.items = std::exchange(pending_, {});
+    if (step.items.empty()) return;
+    step.number = ++steps_;
+    step.permission = permission;
+    for (const Item& item : step.items) {
+        step.bytes += kItemCost + wire::costOf(item.back.value) + wire::costOf(item.left);
+        if (!item.lost) continue;
+        step.bytes += kItemCost * (item.lost->places.size() + item.lost->routes.size());
+        for (const auto& [field, value] : item.lost->fields) step.bytes += kItemCost + wire::costOf(value);
+    }
+    bytes_ += step.bytes;
+    steps.push_back(std::move(step));
+}
+
+void EditHistory::end(std::string_view author, MirrorUpstream permission) {
+    if (pending_.empty()) return;
+    Author& one = authors_.try_emplace(std::string(author)).first->second;
+    push(one.done, permission);
+    for (const Step& step : one.undone) bytes_ -= step.bytes;
+    one.undone.clear();
+    one.used = steps_;
+    forget();
+}
+
+/// The oldest of whoever has too many, or of all; authors who were not here for longest.
+void EditHistory::forget() {
+    const auto drop = [&](std::deque<Step>& steps) {
+        bytes_ -= steps.front().bytes;
+        steps.pop_front();
+    };
+    for (auto& [name, author] : authors_)
+        for (std::deque<Step>* steps : {&author.done, &author.undone})
+            while (steps->size() > kMostSteps) drop(*steps);
+    while (bytes_ > kMostBytes) {
+        std::deque<Step>* oldest = nullptr;
+        for (auto& [name, author] : authors_)
+            for (std::deque<Step>* steps : {&author.done, &author.undone})
+                if (!steps->empty() && (!oldest || steps->front().number < oldest->front().number)) oldest = steps;
+        if (!oldest) break;
+        drop(*oldest);
+    }
+    while (authors_.size() > kMostAuthors) {
+        const auto first = std::ranges::min_element(authors_, {}, [](const auto& entry) { return entry.second.used; });
+        for (const std::deque<Step>* steps : {&first->second.done, &first->second.undone})
+            for (const Step& step : *steps) bytes_ -= step.bytes;
+        authors_.erase(first);
+    }
+}
+
+// ---- taking back -------------------------------------------------------------------------------------------------
+
+bool EditHistory::othersWorkedOn(NodeId node, const Step& step, std::string_view author) const {
+    for (const auto& [name, other] : authors_) {
+        if (name == author) continue;
+        for (const Step& later : other.done)
+            if (later.number > step.number && std::ranges::any_of(later.items, [&](const Item& item) {
+                    return item.back.node == node || item.back.other == node;
+                }))
+                return true;
+    }
+    return false;
+}
+
+/// Empty: it may be taken back.
+std::string EditHistory::whyKept(const Scene& scene, const Item& item, const Step& step,
+                                 std::string_view author) const {
+    const Change& c = item.back;
+    if (item.lost) return {};  // it is gone, and nobody else can have changed it
+    const Node* node = scene.find(c.node);
+    if (!node) return fmt::format("{} is gone", nodeLabel(scene, c.node));
+    // A new node that others have worked on stays, and so does all that makes it what it is.
+    const bool isNew = std::ranges::any_of(step.items, [&](const Item& other) {
+        return other.back.kind == ChangeKind::destroyNode && (other.back.node == c.node || other.back.node == c.other);
+    });
+    if (isNew) {
+        for (const NodeId id : {c.node, c.other})
+            if (id && othersWorkedOn(id, step, author))
+                return fmt::format("others have worked on {}", nodeLabel(scene, id));
+        if (c.kind == ChangeKind::destroyNode && !item.cameBack && !scene.parents(c.node).empty())
+            return fmt::format("{} is used elsewhere", nodeLabel(scene, c.node));
+    }
+    const auto changed = [&] { return label(scene, c.node, c.field) + " was changed since"; };
+    switch (c.kind) {
+        case ChangeKind::setField:
+            return isReadable(*node, c.field) && node->value(c.field) == item.left ? std::string() : changed();
+        case ChangeKind::setName:
+            return item.left.holds<String>() && scene.name(c.node) == item.left.as<String>().view()
+                       ? std::string()
+                       : fmt::format("{} was renamed since", nodeLabel(scene, c.node));
+        case ChangeKind::removeChild:
+        case ChangeKind::insertChild:
+            if (!scene.find(c.other)) return fmt::format("{} is gone", nodeLabel(scene, c.other));
+            return countOf(scene, c) == item.left ? std::string() : changed();
+        case ChangeKind::addRoute:
+            return scene.find(c.other) ? std::string() : fmt::format("{} is gone", nodeLabel(scene, c.other));
+        default:
+            return {};
+    }
+}
+
+Result<> EditHistory::carryOut(Scene& scene, Item item, std::string_view author) {
+    Change& c = item.back;
+    if (c.kind == ChangeKind::removeChild) c.index = static_cast<std::uint32_t>(placeOf(scene, c));
+    before(scene, c);
+    const bool ofNode =
+        c.kind != ChangeKind::setField && c.kind != ChangeKind::insertChild && c.kind != ChangeKind::removeChild;
+    Result<> done;
+    switch (c.kind) {
+        case ChangeKind::setField:
+            done = scene.setField(c.node, c.field, c.value);
+            break;
+        case ChangeKind::insertChild:
+            done = scene.insertChild(c.node, c.field, c.other, c.index);
+            break;
+        case ChangeKind::removeChild:
+            done = scene.removeChild(c.node, c.field, c.index);
+            break;
+        case ChangeKind::setName:
+            done = scene.setName(c.node, c.value.as<String>().view());
+            break;
+        case ChangeKind::addRoute:
+            done = scene.addRoute(c.node, c.field, c.other, c.field2());
+            break;
+        case ChangeKind::removeRoute:
+            done = scene.removeRoute(c.node, c.field, c.other, c.field2());
+            break;
+        case ChangeKind::destroyNode:
+            done = scene.destroyNode(c.node);
+            break;
+        default:
+            done = fail("this cannot be taken back");
+    }
+    if (!done) {
+        failed();
+        return done;
+    }
+    after(scene);
+    scene.attribute(author, c.node, ofNode ? kNoField : c.field);
+    return done;
+}
+
+/// A new node in the place of one that was destroyed: what it was, as far as what it belonged to is there.
+Result<> EditHistory::bringBack(Scene& scene, const Item& item, std::string_view author, Step& step) {
+    const NodeId old = item.back.node, id = scene.createNode(item.lost->type);
+    if (!id) return fail(fmt::format("no {} could be created", scene.type(item.lost->type).name));
+    Item own = item;
+    replaceIn(own, old, id);
+    for (Item& other : step.items) replaceIn(other, old, id);
+    replace(old, id);
+    pending_.push_back({changeOf(ChangeKind::destroyNode, id), {}, nullptr, true});
+    const Lost& lost = *own.lost;
+    for (const auto& [field, value] : lost.fields) (void)scene.setField(id, field, onlyWhatIsThere(scene, value));
+    if (!lost.name.empty() && !scene.findName(lost.name)) (void)scene.setName(id, lost.name);
+    for (const Change& place : lost.places) {
+        const Node* parent = scene.find(place.node);
+        if (!parent || !isReadable(*parent, place.field)) continue;
+        if (place.kind == ChangeKind::insertChild)
+            (void)scene.insertChild(place.node, place.field, id, place.index);
+        else if (parent->value(place.field) == Value(NodeId{}))
+            (void)scene.setField(place.node, place.field, Value(id));
+    }
+    for (const Route& r : lost.routes)
+        if (scene.find(r.fromNode) && scene.find(r.toNode))
+            (void)scene.addRoute(r.fromNode, r.fromField, r.toNode, r.toField);
+    scene.attribute(author, id);
+    return {};
+}
+
+void EditHistory::replaceIn(Item& item, NodeId before, NodeId now) {
+    const auto in = [&](NodeId& id) {
+        if (id == before) id = now;
+    };
+    const auto inValue = [&](Value& value) {
+        if (value.holds<NodeId>() && value.as<NodeId>() == before) value = now;
+        if (!value.holds<Array<NodeId>>()) return;
+        Array<NodeId> ids = value.as<Array<NodeId>>();
+        if (std::ranges::find(ids, before) == ids.end()) return;
+        std::ranges::replace(ids.mutableData(), ids.mutableData() + ids.size(), before, now);
+        value = std::move(ids);
+    };
+    in(item.back.node);
+    in(item.back.other);
+    inValue(item.back.value);
+    inValue(item.left);
+    if (!item.lost) return;
+    Lost lost = *item.lost;
+    for (auto& [field, value] : lost.fields) inValue(value);
+    for (Change& place : lost.places) in(place.node);
+    for (Route& route : lost.routes) in(route.fromNode), in(route.toNode);
+    item.lost = std::make_shared<const Lost>(std::move(lost));
+}
+
+/// Everything that is known of it goes on under its new number.
+void EditHistory::replace(NodeId before, NodeId now) {
+    const auto in = [&](Item& item) { replaceIn(item, before, now); };
+    for (auto& [name, author] : authors_)
+        for (std::deque<Step>* steps : {&author.done, &author.undone})
+            for (Step& step : *steps) std::ranges::for_each(step.items, in);
+    std::ranges::for_each(pending_, in);
+}
+
+Result<std::string> EditHistory::takeBack(Scene& scene, std::string_view author, bool again, MirrorUpstream permission,
+                                          const NodeLocks& locks) {
+    const auto found = authors_.find(author);
+    if (found == authors_.end() || (again ? found->second.undone : found->second.done).empty())
+        return fail(again ? "there is nothing to do again" : "there is nothing to take back");
+    std::deque<Step>& from = again ? found->second.undone : found->second.done;
+    if (from.back().permission > permission) return fail("what was done then takes a permission that this peer lacks");
+    Step step = std::move(from.back());
+    from.pop_back();
+    bytes_ -= step.bytes;
+    found->second.used = ++steps_;
+
+    std::vector<std::string> kept;
+    std::size_t done = 0;
+    const auto now = NodeLocks::Clock::now();
+    while (!step.items.empty()) {
+        Item item = step.items.back();
+        std::string why = whyKept(scene, item, step, author);
+        step.items.pop_back();
+        if (why.empty()) why = locks.refusal(scene, item.back.node, author, now);
+        if (why.empty()) {
+            const auto ok = item.lost ? bringBack(scene, item, author, step) : carryOut(scene, std::move(item), author);
+            if (ok)
+                ++done;
+            else
+                why = ok.error().text;
+        }
+        if (!why.empty() && std::ranges::find(kept, why) == kept.end()) kept.push_back(std::move(why));
+    }
+    push(again ? found->second.done : found->second.undone, step.permission);
+    std::string text;
+    for (std::size_t i = 0; i < std::min(kept.size(), kMostNamed); ++i) text += (i ? "; " : "") + kept[i];
+    if (kept.size() > kMostNamed) text += fmt::format("; and {} more", kept.size() - kMostNamed);
+    if (done == 0) return fail(text);
+    return text;
+}
+
+}  // namespace rtsg::mirror

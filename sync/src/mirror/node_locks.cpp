@@ -1,0 +1,36 @@
+// Leases of nodes: given, renewed, asked for, and forgotten when their time is over.
+#include "node_locks.h"
+
+#include <fmt/format.h>
+
+#include "codec/node_label.h"
+
+namespace rtsg::mirror {
+
+Result<> NodeLocks::lock(const Scene& scene, std::string_view author, std::span<const NodeId> nodes,
+                         std::chrono::milliseconds lease, Clock::time_point now) {
+    std::erase_if(locks_, [&](const auto& entry) { return entry.second.until <= now; });
+    for (const NodeId node : nodes) {
+        if (!scene.find(node)) return fail(fmt::format("no node {}", node.value));
+        if (std::string why = refusal(scene, node, author, now); !why.empty()) return fail(std::move(why));
+    }
+    if (lease > std::chrono::milliseconds(0) && locks_.size() + nodes.size() > kMost)
+        return fail("too many nodes are locked");
+    for (const NodeId node : nodes) {
+        if (lease > std::chrono::milliseconds(0))
+            locks_.insert_or_assign(node.value, Lock{std::string(author), now + lease});
+        else
+            locks_.erase(node.value);
+    }
+    return {};
+}
+
+std::string NodeLocks::refusal(const Scene& scene, NodeId node, std::string_view author, Clock::time_point now) const {
+    const auto found = locks_.find(node.value);
+    if (found == locks_.end() || found->second.until <= now || found->second.author == author) return {};
+    const std::chrono::duration<double> left = found->second.until - now;
+    return fmt::format("{} is locked by {} for another {:.1f} s", nodeLabel(scene, node), found->second.author,
+                       left.count());
+}
+
+}  // namespace rtsg::mirror
