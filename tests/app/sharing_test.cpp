@@ -56,6 +56,34 @@ TEST_F(Mirror, FollowsUntilTheServerLeaves) {
     EXPECT_THAT(readFile(saved), HasSubstr("DEF BOX Transform"));
 }
 
+TEST_F(Mirror, WhatItsUserAsksForIsTheirsInTheLog) {
+    const std::string log = folder / "authors.rlog";
+    serve({"--for", "30s", "--record", log, "--upstream", "events"}, "ipc://" + folder / "socket");
+    for (const auto& [name, value] : {std::pair{"Ann", "1 2 3"}, {"B\x1b[31mob", "4 5 6"}}) {
+        const Outcome mirror = rtsg({"mirror", endpoint, "--name", name, "--set",
+                                     std::string("BOX.set_scale=") + value + "@0", "--for", "500ms"});
+        EXPECT_EQ(mirror.status, 0) << mirror.err;
+    }
+    server->signal(SIGINT);
+    EXPECT_NE(server->wait().status, -1);
+    const Outcome blame = rtsg({"replay", log, "--blame", "BOX.scale"});
+    EXPECT_EQ(blame.status, 0) << blame.err;
+    EXPECT_THAT(blame.out, HasSubstr("Ann (set from outside)"));
+    EXPECT_THAT(blame.out, HasSubstr("B\\x1b[31mob (set from outside)")) << "a name is not the terminal's to obey";
+    const json told = json::parse(rtsg({"replay", log, "--blame", "BOX.scale", "--json"}).out).at("steps");
+    ASSERT_EQ(told.size(), 3u) << told;
+    EXPECT_EQ(told[0].at("author"), "");
+    EXPECT_EQ(told[1].at("author"), "Ann");
+    EXPECT_EQ(told[1].at("value"), "1 2 3");
+    EXPECT_EQ(told[2].at("value"), "4 5 6");
+    for (const char* wrong : {"BOX.nothing", "NOBODY.scale", "BOX"}) {
+        const Outcome none = rtsg({"replay", log, "--blame", wrong});
+        EXPECT_EQ(none.status, 1) << none.out;
+        EXPECT_NE(none.err, "");
+        EXPECT_EQ(none.out, "");
+    }
+}
+
 TEST_F(Mirror, ManyOverTcpOneOfThemLate) {
     serve({"--for", "3s"}, "tcp://127.0.0.1:*");
     EXPECT_THAT(endpoint, HasSubstr("tcp://127.0.0.1:"));

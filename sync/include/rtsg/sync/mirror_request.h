@@ -1,7 +1,7 @@
 // MirrorRequest and MirrorVerdict: what those who follow a scene ask of its origin, and what came of it.
 //
 // Invariant: a request is carried out at most once and answered, also if the connection is cut meanwhile. Rules of who
-// wins where several write: docs/sessions.md. Threading: values.
+// wins where several write: docs/many-writers.md. Threading: values.
 #pragma once
 
 #include <chrono>
