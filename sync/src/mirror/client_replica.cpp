@@ -8,7 +8,7 @@
 
 #include "client_impl.h"
 #include "codec/node_label.h"
-#include "request_codec.h"
+#include "request.h"
 #include "upstream.h"
 
 namespace rtsg {

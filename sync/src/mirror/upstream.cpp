@@ -9,7 +9,7 @@
 
 #include "code_guard.h"
 #include "codec/node_label.h"
-#include "request_codec.h"
+#include "request.h"
 
 namespace rtsg::mirror {
 

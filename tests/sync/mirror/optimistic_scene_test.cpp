@@ -12,7 +12,7 @@ namespace rtsg {
 namespace {
 
 using namespace std::chrono_literals;
-using T = x3d::Transform;
+using Tr = x3d::Transform;
 
 struct Draggable {
     Scene origin, replica;
@@ -23,8 +23,8 @@ struct Draggable {
     double time = 0;
 
     Draggable() {
-        a = origin.createNode(T::type);
-        b = origin.createNode(T::type);
+        a = origin.createNode(Tr::type);
+        b = origin.createNode(Tr::type);
         EXPECT_TRUE(origin.setField(origin.root(), x3d::RtsgScene::children.index, Array<NodeId>{a, b}));
         origin.newFrame(0);
         MirrorServerOptions options;
@@ -49,21 +49,21 @@ struct Draggable {
             return client->unanswered() == 0 && client->inStep() && client->statistics().sequence == origin.sequence();
         });
     }
-    Vec3f shown(NodeId node) { return mine->scene().node(node).get(T::translation); }
-    Vec3f there(NodeId node) { return replica.node(node).get(T::translation); }
+    Vec3f shown(NodeId node) { return mine->scene().node(node).get(Tr::translation); }
+    Vec3f there(NodeId node) { return replica.node(node).get(Tr::translation); }
 };
 
 TEST(OptimisticScene, ShowsAnEditBeforeTheOriginHasIt) {
     Draggable d;
     EXPECT_EQ(d.mine->scene().hash(), d.replica.hash());
     for (int i = 1; i <= 5; ++i) {  // a drag
-        ASSERT_TRUE(d.mine->edit(d.a, T::translation.index, Vec3f(static_cast<float>(i), 0, 0)));
+        ASSERT_TRUE(d.mine->edit(d.a, Tr::translation.index, Vec3f(static_cast<float>(i), 0, 0)));
         EXPECT_EQ(d.shown(d.a), Vec3f(static_cast<float>(i), 0, 0));
         EXPECT_EQ(d.there(d.a), Vec3f(0));
     }
     EXPECT_EQ(d.mine->waiting(), 1u);
     // What others change is seen meanwhile.
-    ASSERT_TRUE(d.origin.setField(d.b, T::translation.index, Vec3f(9)));
+    ASSERT_TRUE(d.origin.setField(d.b, Tr::translation.index, Vec3f(9)));
     d.origin.newFrame(d.time += .1);
     ASSERT_TRUE(d.reach([&] { return d.shown(d.b) == Vec3f(9); }));
     EXPECT_EQ(d.shown(d.a), Vec3f(5, 0, 0));
@@ -83,7 +83,7 @@ TEST(OptimisticScene, NeverJumpsBackWhileItsOwnEditsTravel) {
         std::vector<float>* seen = nullptr;
         Result<> apply(const Scene&, const ChangeSet& set) override {
             for (const Change& c : set.changes)
-                if (c.kind == ChangeKind::setField && c.node == node && c.field == T::translation.index)
+                if (c.kind == ChangeKind::setField && c.node == node && c.field == Tr::translation.index)
                     seen->push_back(c.value.as<Vec3f>().x);
             return {};
         }
@@ -92,7 +92,7 @@ TEST(OptimisticScene, NeverJumpsBackWhileItsOwnEditsTravel) {
     watch.seen = &seen;
     const Attachment attached = d.mine->scene().bus().attach(watch, Delivery::immediate);
     for (int i = 1; i <= 30; ++i) {
-        ASSERT_TRUE(d.mine->edit(d.a, T::translation.index, Vec3f(static_cast<float>(i), 0, 0)));
+        ASSERT_TRUE(d.mine->edit(d.a, Tr::translation.index, Vec3f(static_cast<float>(i), 0, 0)));
         if (i % 3 == 0) d.server->service();
         d.origin.newFrame(d.time += .1);
         d.mine->poll(1ms);
@@ -114,7 +114,7 @@ TEST(OptimisticScene, TakesBackWhatWasRefused) {
         d.server->service();
         return ann->unanswered() == 0;
     }));
-    ASSERT_TRUE(d.mine->edit(d.a, T::translation.index, Vec3f(1)));
+    ASSERT_TRUE(d.mine->edit(d.a, Tr::translation.index, Vec3f(1)));
     EXPECT_EQ(d.shown(d.a), Vec3f(1));
     ASSERT_TRUE(d.settled());
     EXPECT_EQ(d.shown(d.a), Vec3f(0));
@@ -126,15 +126,15 @@ TEST(OptimisticScene, TakesBackWhatWasRefused) {
 
 TEST(OptimisticScene, TheOriginsOrderDecidesBetweenTwoWriters) {
     Draggable d;
-    ASSERT_TRUE(d.mine->edit(d.a, T::translation.index, Vec3f(1)));
+    ASSERT_TRUE(d.mine->edit(d.a, Tr::translation.index, Vec3f(1)));
     // Theirs is carried out first, and is not shown: ours is on its way.
-    ASSERT_TRUE(d.origin.setField(d.a, T::translation.index, Vec3f(2)));
+    ASSERT_TRUE(d.origin.setField(d.a, Tr::translation.index, Vec3f(2)));
     d.origin.newFrame(d.time += .1);
     ASSERT_TRUE(d.reach([&] { return d.there(d.a) == Vec3f(2); }));
     EXPECT_EQ(d.shown(d.a), Vec3f(1));
     ASSERT_TRUE(d.settled());
     EXPECT_EQ(d.shown(d.a), Vec3f(1)) << "the later one won";
-    ASSERT_TRUE(d.origin.setField(d.a, T::translation.index, Vec3f(3)));
+    ASSERT_TRUE(d.origin.setField(d.a, Tr::translation.index, Vec3f(3)));
     d.origin.newFrame(d.time += .1);
     ASSERT_TRUE(d.settled());
     EXPECT_EQ(d.shown(d.a), Vec3f(3));
@@ -142,24 +142,24 @@ TEST(OptimisticScene, TheOriginsOrderDecidesBetweenTwoWriters) {
 
 TEST(OptimisticScene, OutlivesNodesAndOrigins) {
     Draggable d;
-    ASSERT_TRUE(d.mine->edit(d.a, T::translation.index, Vec3f(1)));
+    ASSERT_TRUE(d.mine->edit(d.a, Tr::translation.index, Vec3f(1)));
     ASSERT_TRUE(d.origin.destroyNode(d.a));
     ASSERT_TRUE(d.settled());
     EXPECT_EQ(d.mine->waiting(), 0u);
     EXPECT_EQ(d.mine->scene().find(d.a), nullptr);
     EXPECT_EQ(d.mine->scene().hash(), d.replica.hash());
-    EXPECT_FALSE(d.mine->edit(d.a, T::translation.index, Vec3f(1)));
-    EXPECT_FALSE(d.mine->edit(d.b, T::translation.index, Value(true)));
-    EXPECT_FALSE(d.mine->edit(d.b, T::children.index, Array<NodeId>{}));
+    EXPECT_FALSE(d.mine->edit(d.a, Tr::translation.index, Vec3f(1)));
+    EXPECT_FALSE(d.mine->edit(d.b, Tr::translation.index, Value(true)));
+    EXPECT_FALSE(d.mine->edit(d.b, Tr::children.index, Array<NodeId>{}));
     EXPECT_FALSE(d.mine->edit(d.b, kNoField, Value(true)));
     EXPECT_EQ(d.mine->scene().hash(), d.replica.hash()) << "what was refused at once was not shown";
 
     // Another run of the origin knows nothing of what was asked.
-    ASSERT_TRUE(d.mine->edit(d.b, T::translation.index, Vec3f(5)));
+    ASSERT_TRUE(d.mine->edit(d.b, Tr::translation.index, Vec3f(5)));
     const std::string endpoint = d.server->endpoint();
     d.server.reset();
     Scene next;
-    const NodeId b = next.createNode(T::type);
+    const NodeId b = next.createNode(Tr::type);
     ASSERT_TRUE(next.setField(next.root(), x3d::RtsgScene::children.index, Array<NodeId>{b}));
     next.newFrame(0);
     const auto again = *MirrorServer::start(next, endpoint);

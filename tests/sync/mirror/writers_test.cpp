@@ -12,7 +12,7 @@
 #include <rtsg/sync/mirror_relay.h>
 #include <rtsg/sync/replay.h>
 
-#include "mirror/request_codec.h"
+#include "mirror/request.h"
 #include "mirror/upstream.h"
 #include "mirror_support.h"
 
@@ -22,10 +22,10 @@ namespace {
 using namespace std::chrono_literals;
 using mirror::Verdict;
 using testing::HasSubstr;
-using Kind = MirrorRequest::Kind;
+using RequestKind = MirrorRequest::Kind;
 using T = x3d::Transform;
 
-Change edit(NodeId node, FieldIndex field, Value value) {
+Change editOf(NodeId node, FieldIndex field, Value value) {
     Change change;
     change.node = node;
     change.field = field;
@@ -100,16 +100,17 @@ struct Desk {
         return ask(std::move(author), std::move(request));
     }
     Verdict move(std::string author, NodeId node, Vec3f to) {
-        return make(std::move(author), {edit(node, T::translation.index, to)});
+        return make(std::move(author), {editOf(node, T::translation.index, to)});
     }
     Verdict undo(std::string author) {
-        return ask(std::move(author), {.kind = Kind::undo, .changes = {}, .nodes = {}});
+        return ask(std::move(author), {.kind = RequestKind::undo, .changes = {}, .nodes = {}});
     }
     Verdict redo(std::string author) {
-        return ask(std::move(author), {.kind = Kind::redo, .changes = {}, .nodes = {}});
+        return ask(std::move(author), {.kind = RequestKind::redo, .changes = {}, .nodes = {}});
     }
     Verdict lock(std::string author, std::vector<NodeId> nodes, std::chrono::milliseconds lease) {
-        return ask(std::move(author), {.kind = Kind::lock, .changes = {}, .nodes = std::move(nodes), .lease = lease});
+        return ask(std::move(author),
+                   {.kind = RequestKind::lock, .changes = {}, .nodes = std::move(nodes), .lease = lease});
     }
     Vec3f at(NodeId node) const { return scene.node(node).get(T::translation); }
     std::vector<std::string> children(NodeId node) const {
@@ -131,7 +132,7 @@ TEST(Authors, AreThoseOfTheRequestsAndNobodyElses) {
     desk.scene.newFrame(1);
     EXPECT_EQ(desk.authors, nullptr) << "what the application does is its own";
 
-    Change event = edit(desk.a, T::translation.index, Vec3f(2, 0, 0));
+    Change event = editOf(desk.a, T::translation.index, Vec3f(2, 0, 0));
     event.kind = ChangeKind::event;
     ASSERT_EQ(desk.make("bob", {event}).refusal, "");
     ASSERT_EQ(desk.move("ann", desk.b, {3, 0, 0}).refusal, "");
@@ -329,7 +330,7 @@ TEST(Undo, TakesBackOnesOwnRequestsFromTheLastOnAndDoesThemAgain) {
 
 TEST(Undo, LeavesWhatSomebodyElseHasChangedSinceAndNamesIt) {
     Desk desk;
-    desk.make("ann", {edit(desk.a, T::translation.index, Vec3f(1)), edit(desk.b, T::translation.index, Vec3f(1))});
+    desk.make("ann", {editOf(desk.a, T::translation.index, Vec3f(1)), editOf(desk.b, T::translation.index, Vec3f(1))});
     desk.move("bob", desk.a, {7, 0, 0});
     const Verdict verdict = desk.undo("ann");
     EXPECT_EQ(verdict.refusal, "");
@@ -347,7 +348,7 @@ TEST(Undo, GivesNodesNamesRoutesAndPlacesBack) {
     const auto before = desk.scene.hash();
     const NodeId fresh{mirror::kFirstProvisional};
     std::vector<Change> changes = {ofNode(ChangeKind::createNode, fresh),
-                                   edit(fresh, T::translation.index, Vec3f(4)),
+                                   editOf(fresh, T::translation.index, Vec3f(4)),
                                    child(ChangeKind::insertChild, desk.group, fresh, 0),
                                    child(ChangeKind::insertChild, desk.group, desk.b, 1),
                                    ofNode(ChangeKind::setName, fresh, String("NEW")),
@@ -401,7 +402,7 @@ TEST(Undo, OfANewNodeLeavesItWhereOthersHaveWorkedOnIt) {
     const NodeId fresh{mirror::kFirstProvisional};
     std::vector<Change> changes = {
         ofNode(ChangeKind::createNode, fresh), child(ChangeKind::insertChild, desk.group, fresh, 0),
-        ofNode(ChangeKind::setName, fresh, String("NEW")), edit(desk.a, T::translation.index, Vec3f(1))};
+        ofNode(ChangeKind::setName, fresh, String("NEW")), editOf(desk.a, T::translation.index, Vec3f(1))};
     changes[0].index = T::type.value;
     ASSERT_EQ(desk.make("ann", changes).refusal, "");
     desk.move("bob", desk.scene.findName("NEW"), {1, 1, 1});
@@ -424,11 +425,12 @@ TEST(Undo, TakesBackANameAndGivesItToItsHolder) {
 TEST(Undo, AsksForThePermissionThatItTookAndLeavesEventsBe) {
     Desk desk;
     MirrorRequest request;
-    request.changes = {edit(desk.a, T::translation.index, Vec3f(1))};
+    request.changes = {editOf(desk.a, T::translation.index, Vec3f(1))};
     ASSERT_EQ(desk.ask("ann", request, MirrorUpstream::code).refusal, "");
     EXPECT_THAT(desk.undo("ann").refusal, HasSubstr("a permission that this peer lacks"));
-    EXPECT_EQ(desk.ask("ann", {.kind = Kind::undo, .changes = {}, .nodes = {}}, MirrorUpstream::code).refusal, "");
-    EXPECT_EQ(desk.ask("ann", {.kind = Kind::undo, .changes = {}, .nodes = {}}, MirrorUpstream::events).refusal,
+    EXPECT_EQ(desk.ask("ann", {.kind = RequestKind::undo, .changes = {}, .nodes = {}}, MirrorUpstream::code).refusal,
+              "");
+    EXPECT_EQ(desk.ask("ann", {.kind = RequestKind::undo, .changes = {}, .nodes = {}}, MirrorUpstream::events).refusal,
               "this peer may send events, not edit");
     request.changes[0].kind = ChangeKind::event;
     ASSERT_EQ(desk.ask("cat", request).refusal, "");
@@ -462,7 +464,7 @@ TEST(Undo, LawOfRandomRequests) {
                 const NodeId node = random() % 2 ? desk.a : desk.b;
                 switch (random() % 4) {
                     case 0:
-                        changes.push_back(edit(node, T::translation.index, Vec3f(static_cast<float>(random() % 3))));
+                        changes.push_back(editOf(node, T::translation.index, Vec3f(static_cast<float>(random() % 3))));
                         break;
                     case 1:
                         changes.push_back(child(ChangeKind::insertChild, desk.group, node, 0));
@@ -500,7 +502,7 @@ TEST(Locks, KeepANodeForOneUntilTheyEnd) {
     EXPECT_THAT(desk.make("bob", {ofNode(ChangeKind::destroyNode, desk.a)}).refusal, HasSubstr("locked by ann"));
     EXPECT_THAT(desk.make("bob", {routeFrom(desk.b, T::scale.index, desk.a, T::scale.index)}).refusal,
                 HasSubstr("locked by ann"));
-    Change event = edit(desk.a, T::translation.index, Vec3f(1));
+    Change event = editOf(desk.a, T::translation.index, Vec3f(1));
     event.kind = ChangeKind::event;
     EXPECT_THAT(desk.make("bob", {event}).refusal, HasSubstr("locked by ann"));
     EXPECT_EQ(desk.lock("bob", {desk.a}, 0s).refusal.substr(0, 18), "A is locked by ann") << "nobody opens another's";
@@ -525,17 +527,17 @@ TEST(Locks, ThatMakeNoSenseAreRefused) {
     EXPECT_EQ(desk.lock("ann", {NodeId{4711}}, 1s).refusal, "no node 4711");
     EXPECT_THAT(desk.lock("ann", {desk.a}, 61s).refusal, HasSubstr("a lease longer than may be given"));
     EXPECT_THAT(desk.lock("ann", std::vector<NodeId>(1025, desk.a), 1s).refusal, HasSubstr("too many nodes"));
-    EXPECT_EQ(
-        desk.ask("ann", {.kind = Kind::lock, .changes = {}, .nodes = {desk.a}, .lease = 1s}, MirrorUpstream::events)
-            .refusal,
-        "this peer may send events, not edit");
+    EXPECT_EQ(desk.ask("ann", {.kind = RequestKind::lock, .changes = {}, .nodes = {desk.a}, .lease = 1s},
+                       MirrorUpstream::events)
+                  .refusal,
+              "this peer may send events, not edit");
 }
 
 TEST(Requests, OfBrokenBytesAreRefused) {
     Desk desk;
     ByteBuffer record;
-    mirror::writeRequest(desk.encoder, {.kind = Kind::lock, .changes = {}, .nodes = {desk.a, desk.b}, .lease = 5s}, 1,
-                         record);
+    mirror::writeRequest(desk.encoder,
+                         {.kind = RequestKind::lock, .changes = {}, .nodes = {desk.a, desk.b}, .lease = 5s}, 1, record);
     const std::span<const std::byte> whole = record.bytes();
     std::size_t refused = 0;
     for (std::size_t cut = kRecordHeaderSize; cut < whole.size(); ++cut) {

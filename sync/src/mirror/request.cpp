@@ -1,5 +1,5 @@
 // Writes and reads requests.
-#include "request_codec.h"
+#include "request.h"
 
 #include <algorithm>
 
