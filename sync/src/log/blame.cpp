@@ -1,6 +1,8 @@
 // Plays a log and notes each state in which one field changed, with what led to it.
 #include <rtsg/sync/blame.h>
 
+#include <optional>
+
 #include <fmt/format.h>
 
 #include <rtsg/core/field_text.h>
@@ -19,17 +21,17 @@ Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::stri
     std::vector<FieldStep> steps;
     Diagnostic why;
     bool known = false;
-    Value before;
+    std::optional<Value> before;
     while (true) {
         const auto more = replayer.step();
         if (!more) continue;  // it goes on with the next keyframe
         if (!*more) break;
-        if (progress && !progress(replayer.log().position(), replayer.log().size())) break;
+        if (progress && !progress(replayer.log().position(), replayer.log().size())) return steps;
         const Scene& scene = replayer.scene();
         const auto place = findField(scene, path);
         if (!place) {
             if (!known) why = place.error();
-            before = Value();
+            before.reset();
             continue;
         }
         known = true;

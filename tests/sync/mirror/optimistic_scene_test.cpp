@@ -143,7 +143,12 @@ TEST(OptimisticScene, TheOriginsOrderDecidesBetweenTwoWriters) {
 TEST(OptimisticScene, OutlivesNodesAndOrigins) {
     Draggable d;
     ASSERT_TRUE(d.mine->edit(d.a, Tr::translation.index, Vec3f(1)));
+    ASSERT_TRUE(d.mine->edit(d.b, Tr::translation.index, Vec3f(2)));
     ASSERT_TRUE(d.origin.destroyNode(d.a));
+    d.origin.newFrame(d.time += .1);
+    ASSERT_TRUE(d.reach([&] { return d.mine->scene().find(d.a) == nullptr; }));
+    EXPECT_EQ(d.mine->waiting(), 1u) << "nobody waits for what is gone, or forgets the other";
+    EXPECT_EQ(d.shown(d.b), Vec3f(2));
     ASSERT_TRUE(d.settled());
     EXPECT_EQ(d.mine->waiting(), 0u);
     EXPECT_EQ(d.mine->scene().find(d.a), nullptr);

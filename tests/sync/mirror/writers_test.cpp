@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <random>
 
 #include <fmt/format.h>
@@ -411,6 +412,33 @@ TEST(Undo, OfANewNodeLeavesItWhereOthersHaveWorkedOnIt) {
     EXPECT_EQ(verdict.kept, "others have worked on NEW");
     EXPECT_EQ(desk.children(desk.group), std::vector<std::string>{"NEW"});
     EXPECT_EQ(desk.at(desk.a), Vec3f(0));
+}
+
+TEST(Undo, NamesTheListThatAChildCameFromAndLeavesWhatDoesNotFit) {
+    Desk desk;
+    ASSERT_EQ(desk.make("ann", {child(ChangeKind::insertChild, desk.group, desk.a, 0)}).refusal, "");
+    ASSERT_EQ(desk.undo("ann").refusal, "");
+    EXPECT_EQ(*desk.authors, (std::vector<Authored>{{desk.group, x3d::Group::children.index, String("ann")}}));
+    // Taken out by one, the way back closed by another: a scene has no circles.
+    ASSERT_TRUE(desk.scene.insertChild(desk.group, x3d::Group::children, desk.a));
+    ASSERT_EQ(desk.make("ann", {child(ChangeKind::removeChild, desk.group, desk.a, 0)}).refusal, "");
+    ASSERT_TRUE(desk.scene.insertChild(desk.a, T::children, desk.group));
+    EXPECT_NE(desk.undo("ann").refusal, "");
+    EXPECT_EQ(desk.redo("ann").refusal, "there is nothing to do again") << "what was not done is not done again";
+    EXPECT_EQ(desk.children(desk.group), std::vector<std::string>{});
+}
+
+TEST(Undo, KnowsANodeThatCameBackInWhatWasDoneBefore) {
+    Desk desk;
+    ASSERT_EQ(desk.make("ann", {editOf(desk.group, x3d::Group::children.index, Array<NodeId>{desk.a, desk.b})}).refusal,
+              "");
+    ASSERT_EQ(desk.make("ann", {ofNode(ChangeKind::destroyNode, desk.b)}).refusal, "");
+    ASSERT_EQ(desk.undo("ann").refusal, "");
+    EXPECT_EQ(desk.children(desk.group), (std::vector<std::string>{"A", "B"}));
+    const Verdict all = desk.undo("ann");
+    EXPECT_EQ(all.refusal, "");
+    EXPECT_EQ(all.kept, "") << "the list holds the node under its new number, as this author left it";
+    EXPECT_EQ(desk.children(desk.group), std::vector<std::string>{});
 }
 
 TEST(Undo, TakesBackANameAndGivesItToItsHolder) {

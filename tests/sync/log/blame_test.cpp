@@ -1,0 +1,132 @@
+// Who changed a field, as logs of both modes tell it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/loader.h>
+#include <rtsg/core/world.h>
+#include <rtsg/sync/blame.h>
+#include <rtsg/sync/log.h>
+
+#include "support/temp_folder.h"
+
+namespace rtsg {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr const char* kBlamed = R"(#X3D V4.0 utf8
+PROFILE Immersive
+DEF FLAG BooleanFilter {}
+DEF SWITCH BooleanToggle {}
+DEF BOX Transform {}
+DEF FOLLOWER Transform {}
+ROUTE FLAG.inputTrue TO SWITCH.set_boolean
+ROUTE BOX.translation_changed TO FOLLOWER.translation
+)";
+
+struct Logged {
+    Scene scene;
+    std::unique_ptr<LogWriter> writer;
+    Attachment attachment;
+    std::string file;
+    double time = 0;
+
+    Logged(const test::TempFolder& folder, Mode mode) : file(folder / "blamed.rlog") {
+        Diagnostics diagnostics;
+        EXPECT_TRUE(loadText(scene, kBlamed, diagnostics));
+        scene.setInputRecording(mode == Mode::input);
+        scene.newFrame(0);
+        LogOptions options;
+        options.mode.mode = mode;
+        writer = *LogWriter::create(file, builtinTypes(), options);
+        attachment = scene.bus().attach(*writer, Delivery::immediate);
+    }
+    void event(const char* node, const char* field, Value value, const char* author = "") {
+        const NodeId id = scene.findName(node);
+        EXPECT_TRUE(scene.sendEvent(id, scene.node(id).type().find(field), std::move(value), author));
+    }
+    void edit(const char* node, const char* field, Value value, const char* author = "") {
+        const NodeId id = scene.findName(node);
+        const FieldIndex index = scene.node(id).type().find(field);
+        EXPECT_TRUE(scene.setField(id, index, std::move(value)));
+        if (*author) scene.attribute(author, id, index);
+    }
+    void frame() { scene.newFrame(time += 1); }
+    std::vector<FieldStep> blamed(const char* path) {
+        attachment = {};
+        EXPECT_TRUE(writer->close());
+        auto steps = blame(file, path);
+        EXPECT_TRUE(steps) << steps.error().text;
+        return steps.value_or(std::vector<FieldStep>());
+    }
+};
+
+TEST(Blame, NamesAuthorsAndTheRoutesOnTheWay) {
+    const test::TempFolder folder;
+    Logged log(folder, Mode::state);
+    log.event("BOX", "set_translation", Vec3f(1, 0, 0), "ann");
+    log.frame();
+    log.edit("FOLLOWER", "translation", Vec3f(5, 0, 0), "bob");
+    log.frame();
+    log.event("BOX", "set_translation", Vec3f(2, 0, 0));
+    log.frame();
+    log.frame();
+    const std::vector<FieldStep> steps = log.blamed("FOLLOWER.translation");
+    ASSERT_EQ(steps.size(), 4u);
+    EXPECT_EQ(steps[0].value, "0 0 0");
+    EXPECT_EQ(steps[0].author, "");
+    EXPECT_EQ(steps[1].author, "ann");
+    EXPECT_EQ(steps[1].cause, "set from outside, then ROUTE BOX.translation > FOLLOWER.translation");
+    EXPECT_EQ(steps[1].time, 1);
+    EXPECT_EQ(steps[2].author, "bob");
+    EXPECT_EQ(steps[2].cause, "set from outside");
+    EXPECT_EQ(steps[2].value, "5 0 0");
+    EXPECT_EQ(steps[3].author, "") << "the application's own";
+    EXPECT_EQ(steps[3].cause, "set from outside, then ROUTE BOX.translation > FOLLOWER.translation");
+}
+
+TEST(Blame, FollowsThroughNodesThatMakeAnotherFieldOfIt) {
+    const test::TempFolder folder;
+    Logged log(folder, Mode::state);
+    log.event("FLAG", "set_boolean", Value(true), "ann");
+    log.frame();
+    EXPECT_EQ(fieldText(log.scene, "SWITCH.toggle").value_or(""), "TRUE");
+    const std::vector<FieldStep> steps = log.blamed("SWITCH.toggle");
+    ASSERT_EQ(steps.size(), 2u);
+    EXPECT_EQ(steps[1].author, "ann");
+    EXPECT_THAT(steps[1].cause, HasSubstr("FLAG.inputTrue > SWITCH.set_boolean"));
+}
+
+TEST(Blame, OfALogOfInputsKnowsWhatCameIn) {
+    const test::TempFolder folder;
+    Logged log(folder, Mode::input);
+    log.event("BOX", "set_translation", Vec3f(1, 0, 0), "ann");
+    log.frame();
+    log.event("BOX", "set_translation", Vec3f(2, 0, 0));
+    log.frame();
+    log.edit("BOX", "translation", Vec3f(3, 0, 0), "bob");
+    log.frame();
+    const std::vector<FieldStep> steps = log.blamed("BOX.translation");
+    ASSERT_EQ(steps.size(), 4u);
+    for (std::size_t i = 1; i < 4; ++i) EXPECT_EQ(steps[i].cause, "set from outside") << i;
+    EXPECT_EQ(steps[1].author, "ann");
+    EXPECT_EQ(steps[2].author, "");
+    EXPECT_EQ(steps[3].author, "bob");
+}
+
+TEST(Blame, WhatThereIsNotIsAnError) {
+    const test::TempFolder folder;
+    Logged log(folder, Mode::state);
+    log.frame();
+    log.attachment = {};
+    ASSERT_TRUE(log.writer->close());
+    EXPECT_THAT(blame(log.file, "BOX.nothing").error().text, HasSubstr("nothing"));
+    EXPECT_THAT(blame(log.file, "NOBODY.translation").error().text, HasSubstr("NOBODY"));
+    EXPECT_FALSE(blame(folder / "none.rlog", "BOX.translation"));
+    std::size_t told = 0;
+    EXPECT_TRUE(blame(log.file, "BOX.translation", [&](std::uint64_t, std::uint64_t) { return ++told, false; }));
+    EXPECT_EQ(told, 1u) << "whoever asks may end it";
+}
+
+}  // namespace
+}  // namespace rtsg
