@@ -65,6 +65,8 @@ FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIn
         // Into the very field, or, of what a node has sent, through what it made that of.
         const FieldDef& def = scene.node(node).type().fields[field];
         std::string route = routeInto(scene, node, field, step > 0 || !def.writable());
+        // A node may write to its own fields what came in by others, as BooleanToggle does.
+        if (route.empty() && step == 0) route = routeInto(scene, node, field, true);
         if (route.empty()) {
             outside = step > 0 && anyFromOutside(scene, node);
             break;
