@@ -22,6 +22,11 @@ void WebArguments::addTo(Command& command) {
                    "what a browser has to know; beyond this machine one is made up if none is given, and printed with "
                    "the page's address")
         ->group(group);
+    command
+        .addOption("--web-cert", certificate,
+                   "PEM file: serve by TLS with this certificate (and those that vouch for it)")
+        ->group(group);
+    command.addOption("--web-key", privateKey, "PEM file: its private key")->group(group);
 }
 
 Result<Web> Web::start(const WebArguments& arguments, const MirrorServer& server,
@@ -29,11 +34,15 @@ Result<Web> Web::start(const WebArguments& arguments, const MirrorServer& server
     Web web;
     if (!arguments.wanted()) {
         if (!arguments.token.empty()) throw UsageError("--web-token", "only together with --web");
+        if (!arguments.certificate.empty()) throw UsageError("--web-cert", "only together with --web");
+        if (!arguments.privateKey.empty()) throw UsageError("--web-key", "only together with --web");
         return web;
     }
     WebGatewayOptions options;
     options.listen = arguments.listen;
     options.token = arguments.token;
+    options.certificate = arguments.certificate;
+    options.privateKey = arguments.privateKey;
     options.endpoint = server.endpoint();
     options.keys = keys;
     auto gateway = WebGateway::start(std::move(options));

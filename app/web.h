@@ -14,7 +14,7 @@
 namespace rtsg::app {
 
 struct WebArguments {
-    std::string listen, token;
+    std::string listen, token, certificate, privateKey;
 
     void addTo(Command& command);
     bool wanted() const { return !listen.empty(); }

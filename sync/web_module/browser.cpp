@@ -15,7 +15,7 @@ constexpr std::size_t kLongestIncoming = 10 << 10;  // a part of a submission is
 
 }  // namespace
 
-Browser::Browser(Gateway& gateway, beast::tcp_stream&& stream)
+Browser::Browser(Gateway& gateway, Stream&& stream)
     : gateway_(gateway),
       socket_(std::move(stream)),
       link_(gateway.context(), gateway.settings()),
@@ -120,8 +120,9 @@ void Browser::leave() {
     if (std::exchange(gone_, true)) return;
     link_.bye();
     descriptor_.cancel();
-    beast::get_lowest_layer(socket_).cancel();
-    beast::get_lowest_layer(socket_).close();
+    beast::tcp_stream& connection = socket_.next_layer().tcp();
+    connection.cancel();
+    connection.close();
     gateway_.went(this);
 }
 

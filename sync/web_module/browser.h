@@ -14,12 +14,13 @@
 
 #include "gateway.h"
 #include "link.h"
+#include "stream.h"
 
 namespace rtsg::web {
 
 class Browser : public std::enable_shared_from_this<Browser> {
   public:
-    Browser(Gateway& gateway, beast::tcp_stream&& stream);
+    Browser(Gateway& gateway, Stream&& stream);
     ~Browser();
     void begin(Request request);
     /// What the server has said goes out, then a proper end.
@@ -34,7 +35,7 @@ class Browser : public std::enable_shared_from_this<Browser> {
     void leaveSoon();
 
     Gateway& gateway_;
-    beast::websocket::stream<beast::tcp_stream> socket_;
+    beast::websocket::stream<Stream> socket_;
     Link link_;
     net::posix::stream_descriptor descriptor_;
     net::steady_timer farewell_;

@@ -65,6 +65,7 @@ std::string Gateway::start() {
     beast::error_code error;
     const auto address = net::ip::make_address(settings_.address, error);
     if (error) return "'" + settings_.address + "' is no address of this machine's";
+    if (std::string why = readCertificate(); !why.empty()) return why;
     const Tcp::endpoint place(address, settings_.port);
     (void)acceptor_.open(place.protocol(), error);
     if (!error) (void)acceptor_.set_option(net::socket_base::reuse_address(true), error);
@@ -76,6 +77,23 @@ std::string Gateway::start() {
     port_ = acceptor_.local_endpoint().port();
     accept();
     thread_ = std::thread([this] { io_.run(); });
+    return {};
+}
+
+/// Both files whole and of one pair, before anything is served.
+std::string Gateway::readCertificate() {
+    if (settings_.certificate.empty()) return {};
+    auto tls = std::make_unique<net::ssl::context>(net::ssl::context::tls_server);
+    beast::error_code error;
+    (void)tls->set_options(net::ssl::context::default_workarounds | net::ssl::context::no_sslv2 |
+                               net::ssl::context::no_sslv3 | net::ssl::context::no_tlsv1 |
+                               net::ssl::context::no_tlsv1_1,
+                           error);
+    (void)tls->use_certificate_chain_file(settings_.certificate, error);
+    if (error) return "no certificate in '" + settings_.certificate + "': " + error.message();
+    (void)tls->use_private_key_file(settings_.privateKey, net::ssl::context::pem, error);
+    if (error) return "no key for that certificate in '" + settings_.privateKey + "': " + error.message();
+    tls_ = std::move(tls);
     return {};
 }
 
@@ -96,7 +114,7 @@ void Gateway::accept() {
             return;
         }
         if (visits_ < kMostVisits)
-            std::make_shared<Visit>(*this, std::move(socket))->read();
+            std::make_shared<Visit>(*this, std::move(socket))->begin();
         else
             ++refused;
         accept();
@@ -201,6 +219,6 @@ std::unique_ptr<rtsg::WebModule> startWeb(const rtsg::WebSettings& settings, std
 }  // namespace
 
 /// What the program looks up: the function above.
-extern "C" __attribute__((visibility("default"))) rtsg::StartWeb rtsg_start_web_1() {
+extern "C" __attribute__((visibility("default"))) rtsg::StartWeb rtsg_start_web_2() {
     return startWeb;
 }

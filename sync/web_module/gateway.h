@@ -13,6 +13,7 @@
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/ssl/context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/http.hpp>
 
@@ -51,6 +52,8 @@ class Gateway : public WebModule {
     // For browsers and visits.
     const WebSettings& settings() const { return settings_; }
     net::io_context& io() { return io_; }
+    /// Null: in the clear.
+    net::ssl::context* tls() { return tls_.get(); }
     void* context() { return context_.get(); }
     void news(std::string text);
     /// Why who asks so may not follow, nor see the scene's pictures; empty if he may.
@@ -74,6 +77,7 @@ class Gateway : public WebModule {
         void* get() const { return context; }
         void* context;
     };
+    std::string readCertificate();
     void accept();
     void stop();
 
@@ -90,6 +94,7 @@ class Gateway : public WebModule {
     std::vector<PictureWish> wishes_;
     std::map<std::uint64_t, std::weak_ptr<Visit>> wishing_;  // the thread's own
     std::uint64_t wishNumber_ = 0;
+    std::unique_ptr<net::ssl::context> tls_;
     net::io_context io_{1};
     Tcp::acceptor acceptor_{io_};
     net::steady_timer deadline_{io_}, again_{io_};

@@ -76,19 +76,32 @@ Response page(const Request& request, const std::string& folder) {
 }  // namespace
 
 Visit::Visit(Gateway& gateway, Tcp::socket&& socket)
-    : gateway_(gateway), stream_(std::move(socket)), buffer_(kLongestHead + kLongestBody), waiting_(gateway.io()) {
+    : gateway_(gateway),
+      stream_(std::move(socket), gateway.tls()),
+      buffer_(kLongestHead + kLongestBody),
+      waiting_(gateway.io()) {
     gateway_.visited(1);
+}
+
+void Visit::begin() {
+    if (!gateway_.tls()) return read();
+    stream_.tcp().expires_after(gateway_.settings().requestTimeout);
+    stream_.handshake([self = shared_from_this()](beast::error_code error) {
+        if (!error) return self->read();
+        ++self->gateway_.refused;
+    });
 }
 
 void Visit::read() {
     parser_.emplace();
     parser_->header_limit(kLongestHead);
     parser_->body_limit(kLongestBody);
-    stream_.expires_after(gateway_.settings().requestTimeout);
+    stream_.tcp().expires_after(gateway_.settings().requestTimeout);
     http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
         if (!error) return self->answer(self->parser_->release());
         if (error != http::error::end_of_stream && error != beast::error::timeout && error != net::error::eof &&
-            error != net::error::operation_aborted && error != net::error::connection_reset)
+            error != net::error::operation_aborted && error != net::error::connection_reset &&
+            error != net::ssl::error::stream_truncated)
             ++self->gateway_.refused;
     });
 }
@@ -124,7 +137,7 @@ void Visit::answer(Request request) {
     const bool wantsPicture = request.target().starts_with(beast::string_view(kPicture.data(), kPicture.size()));
     std::string why = wantsSocket || wantsPicture ? gateway_.refusal(request) : "";
     if (wantsSocket && why.empty()) {
-        stream_.expires_never();
+        stream_.tcp().expires_never();
         std::make_shared<Browser>(gateway_, std::move(stream_))->begin(std::move(request));
         return;
     }
@@ -139,7 +152,7 @@ void Visit::answer(Request request) {
     if (wantsPicture) {
         if (!wish(request)) return say(refused(request, http::status::not_found, "There is no such picture."));
         // Kept alive until the scene's thread answers, or for as long as anybody would wait.
-        stream_.expires_after(gateway_.settings().requestTimeout);
+        stream_.tcp().expires_after(gateway_.settings().requestTimeout);
         waiting_.expires_after(gateway_.settings().requestTimeout);
         waiting_.async_wait([self = shared_from_this()](beast::error_code) {});
         return;
@@ -159,7 +172,7 @@ void Visit::say(Response response) {
     response_ = std::move(response);
     http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code error, std::size_t) {
         if (!error && self->response_.keep_alive()) return self->read();
-        (void)self->stream_.socket().shutdown(Tcp::socket::shutdown_send, error);
+        self->stream_.shutdown([self](beast::error_code) {});
     });
 }
 

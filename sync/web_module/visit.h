@@ -9,6 +9,7 @@
 #include <boost/beast/core.hpp>
 
 #include "gateway.h"
+#include "stream.h"
 
 namespace rtsg::web {
 
@@ -16,6 +17,8 @@ class Visit : public std::enable_shared_from_this<Visit> {
   public:
     Visit(Gateway& gateway, Tcp::socket&& socket);
     ~Visit() { gateway_.visited(-1); }
+    /// Agrees on encryption where there is any, then reads.
+    void begin();
     void read();
     /// The picture that was asked for; `type` empty: there is none.
     void show(std::string bytes, const std::string& type);
@@ -26,7 +29,7 @@ class Visit : public std::enable_shared_from_this<Visit> {
     void say(http::response<http::string_body> response);
 
     Gateway& gateway_;
-    beast::tcp_stream stream_;
+    Stream stream_;
     beast::flat_buffer buffer_;
     std::optional<http::request_parser<http::string_body>> parser_;
     http::response<http::string_body> response_;

@@ -95,7 +95,11 @@ Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options)
     auto place = placeFrom(options.listen);
     if (!place) return std::unexpected(place.error());
     if (!isToken(options.token)) return fail("a token is made of letters, digits, '-' and '_'");
+    if (options.certificate.empty() != options.privateKey.empty())
+        return fail("encryption needs a certificate and its private key, not one of them");
     WebSettings settings;
+    settings.certificate = options.certificate.string();
+    settings.privateKey = options.privateKey.string();
     settings.address = place->address;
     settings.port = place->port;
     settings.loopback = isLoopback(place->address);
@@ -121,8 +125,8 @@ Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options)
     const std::string host = anywhere                                          ? "localhost"
                              : settings.address.find(':') != std::string::npos ? "[" + settings.address + "]"
                                                                                : settings.address;
-    gateway->url_ = fmt::format("http://{}:{}/{}", host, gateway->module_->port(),
-                                settings.token.empty() ? "" : "#token=" + settings.token);
+    gateway->url_ = fmt::format("{}://{}:{}/{}", settings.certificate.empty() ? "http" : "https", host,
+                                gateway->module_->port(), settings.token.empty() ? "" : "#token=" + settings.token);
     return gateway;
 }
 

@@ -19,6 +19,7 @@ struct WebSettings {
     bool loopback = true;
     std::string endpoint, serverKey, publicKey, secretKey;  // keys empty: none
     std::string folder, token;
+    std::string certificate, privateKey;  // PEM files; empty: in the clear
     std::size_t maximumConnections = 0;
     std::chrono::milliseconds requestTimeout{0};
 };
@@ -48,6 +49,6 @@ class WebModule {
 /// Null, and why.
 using StartWeb = std::unique_ptr<WebModule> (*)(const WebSettings&, std::string& problem);
 /// The one symbol of the module: a function without arguments that returns a StartWeb.
-#define RTSG_WEB_SYMBOL "rtsg_start_web_1"
+#define RTSG_WEB_SYMBOL "rtsg_start_web_2"
 
 }  // namespace rtsg

@@ -44,6 +44,9 @@ struct WebGatewayOptions {
     std::filesystem::path folder;
     /// What a browser has to know. Empty: nothing on loopback, else one is made up.
     std::string token;
+    /// PEM files: the server's certificate with those that vouch for it, and its private key. Both, or neither: then
+    /// pages and messages go in the clear.
+    std::filesystem::path certificate, privateKey;
     /// Browsers at once.
     std::size_t maximumConnections = 32;
     /// For a request to be whole, for its picture to come, and for the answer to be taken; then the connection ends.
@@ -60,7 +63,7 @@ struct WebGatewayStatistics {
 class WebGateway {
   public:
     /// Binds and begins to serve. Errors: no module, an address that cannot be had, no page in the folder, a token of
-    /// other characters than letters, digits, '-' and '_'.
+    /// other characters than letters, digits, '-' and '_', a certificate or key that is none.
     static Result<std::unique_ptr<WebGateway>> start(WebGatewayOptions options);
     /// Ends the connections in order, and those that do not answer without it. End the mirror server first: its goodbye
     /// then gets through.

@@ -1,0 +1,93 @@
+// A browser's connection, in the clear or by TLS, as Boost.Beast wants streams.
+//
+// Invariant: one or the other for good. Threading: the gateway's.
+#pragma once
+
+#include <optional>
+#include <utility>
+
+#include <boost/asio/ssl/context.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/ssl.hpp>
+#include <boost/beast/websocket.hpp>
+#include <boost/beast/websocket/ssl.hpp>
+
+#include "gateway.h"
+
+namespace rtsg::web {
+
+class Stream {
+  public:
+    using Tls = beast::ssl_stream<beast::tcp_stream>;
+    using executor_type = beast::tcp_stream::executor_type;
+
+    /// `context`: null for none.
+    Stream(Tcp::socket&& socket, net::ssl::context* context) {
+        if (context)
+            tls_.emplace(std::move(socket), *context);
+        else
+            plain_.emplace(std::move(socket));
+    }
+    executor_type get_executor() { return tcp().get_executor(); }
+    beast::tcp_stream& tcp() { return tls_ ? tls_->next_layer() : *plain_; }
+
+    /// `done(error)`. Precondition: by TLS.
+    template <class Done>
+    void handshake(Done&& done) {
+        tls_->async_handshake(net::ssl::stream_base::server, std::forward<Done>(done));
+    }
+    template <class Buffers, class Handler>
+    auto async_read_some(const Buffers& buffers, Handler&& handler) {
+        return net::async_initiate<Handler, void(beast::error_code, std::size_t)>(
+            [this](auto&& then, const Buffers& into) {
+                if (tls_)
+                    tls_->async_read_some(into, std::forward<decltype(then)>(then));
+                else
+                    plain_->async_read_some(into, std::forward<decltype(then)>(then));
+            },
+            handler, buffers);
+    }
+    template <class Buffers, class Handler>
+    auto async_write_some(const Buffers& buffers, Handler&& handler) {
+        return net::async_initiate<Handler, void(beast::error_code, std::size_t)>(
+            [this](auto&& then, const Buffers& from) {
+                if (tls_)
+                    tls_->async_write_some(from, std::forward<decltype(then)>(then));
+                else
+                    plain_->async_write_some(from, std::forward<decltype(then)>(then));
+            },
+            handler, buffers);
+    }
+    /// What was written goes out, then nothing more is said. `done(error)`.
+    template <class Done>
+    void shutdown(Done&& done) {
+        if (tls_) return tls_->async_shutdown(std::forward<Done>(done));
+        beast::error_code error;
+        (void)plain_->socket().shutdown(Tcp::socket::shutdown_send, error);
+        net::post(get_executor(), [done = std::forward<Done>(done), error]() mutable { done(error); });
+    }
+
+    // How a WebSocket ends its connection; Beast looks for these by their arguments.
+    friend void teardown(beast::role_type role, Stream& stream, beast::error_code& error) {
+        using beast::websocket::teardown;
+        if (stream.tls_)
+            teardown(role, *stream.tls_, error);
+        else
+            teardown(role, stream.plain_->socket(), error);
+    }
+    template <class Handler>
+    friend void async_teardown(beast::role_type role, Stream& stream, Handler&& handler) {
+        using beast::websocket::async_teardown;
+        if (stream.tls_)
+            async_teardown(role, *stream.tls_, std::forward<Handler>(handler));
+        else
+            async_teardown(role, stream.plain_->socket(), std::forward<Handler>(handler));
+    }
+    friend void beast_close_socket(Stream& stream) { stream.tcp().close(); }
+
+  private:
+    std::optional<beast::tcp_stream> plain_;
+    std::optional<Tls> tls_;
+};
+
+}  // namespace rtsg::web
