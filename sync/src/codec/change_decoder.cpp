@@ -154,9 +154,10 @@ void readEvents(Reader& in, std::size_t count, ChangeSet& set) {
 
 void readAuthors(Reader& in, std::size_t count, ChangeSet& set) {
     const std::size_t authorsHere = in.count(1);
-    if (!in.charge(authorsHere * sizeof(String))) return;
+    if (in.problem || !in.charge(authorsHere * sizeof(String))) return;
     std::vector<String> names(authorsHere);
     for (String& name : names) name = wire::readString(in);
+    if (count > in.left() / 3) return in.refuse("count exceeds the bytes that follow");
     auto authors = std::make_shared<std::vector<Authored>>();
     authors->reserve(count);
     std::uint32_t last = 0;
