@@ -51,6 +51,7 @@ struct SoundArguments {
     AirChoice air;
     bool noAir = false;
     std::string sofa;
+    std::vector<std::string> microphones;
 
     void addTo(Command& command);
     ListenOptions parse() const;

@@ -79,7 +79,26 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::read(const SoundVoice& voice) {
     return nullptr;
 }
 
+/// Silence where nobody has said what it hears: a scene opens no microphone by itself.
+std::shared_ptr<const SoundBuffer> ClipLibrary::heardBy(const SoundVoice& microphone) {
+    const std::string& name = microphone.urls.front();
+    const auto [at, fresh] = heard_.try_emplace(name);
+    if (!fresh) return at->second;
+    auto given = microphones_.find(name);
+    if (given == microphones_.end()) given = microphones_.find("");
+    std::string why = fmt::format("nobody has said what microphone '{}' hears", name);
+    if (given != microphones_.end() && given->second) {
+        auto sound = converted(*given->second, resources_.policy().maximumSamples);
+        if (sound && !sound->samples.empty())
+            return at->second = std::make_shared<const SoundBuffer>(std::move(*sound));
+        why = sound ? "it is empty" : sound.error().text;
+    }
+    diagnostics_.warning({}, fmt::format("{} is silent: {}", microphone.name, why));
+    return at->second = std::make_shared<const SoundBuffer>(SoundBuffer{sampleRate_, 1, {0}});
+}
+
 std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
+    if (voice.kind == SoundVoice::Kind::microphone) return heardBy(voice);
     if (voice.kind == SoundVoice::Kind::buffer) {
         SoundBuffer sound{std::clamp(static_cast<int>(voice.bufferRate), 1000, 1'000'000), voice.bufferChannels, {}};
         for (const float sample : voice.buffer) sound.samples.push_back(std::isfinite(sample) ? sample : 0);

@@ -299,6 +299,10 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         for (const String& name : node.get(x3d::StreamAudioSource::streamIdentifier)) voice.urls.push_back(name.str());
         voice.folders = resources_.foldersOf(scene, node, x3d::StreamAudioSource::streamIdentifier.index);
         readTimes<x3d::StreamAudioSource>(node, voice);
+    } else if (node.is(x3d::MicrophoneSource::type)) {
+        voice.kind = SoundVoice::Kind::microphone;
+        voice.urls.push_back(node.get(x3d::MicrophoneSource::mediaDeviceID).str());
+        readTimes<x3d::MicrophoneSource>(node, voice);
     } else {
         return false;
     }

@@ -155,6 +155,38 @@ TEST_F(Listen, AStreamSourceWithTheNameOfAFilePlaysIt) {
         std::count_if(used.begin(), used.end(), [](const auto& path) { return path.filename() == "impulse.wav"; }), 1);
 }
 
+TEST_F(Listen, MicrophonesHearWhatTheUserSaysAndNothingElse) {
+    const auto hear = [&](const ClipLibrary::Microphones& microphones, Diagnostics& said) {
+        Scene scene;
+        load(scene,
+             "AudioDestination { children [ MicrophoneSource { startTime .05 mediaDeviceID \"left\" } MicrophoneSource "
+             "{ "
+             "gain .5 startTime .05 mediaDeviceID \"impulse.wav\" } ] }\nViewpoint { }\n");
+        ListenOptions o = options();
+        o.render.microphones = microphones;
+        SharedWorld world(scene);
+        SoundRenderer sound(world, o);
+        scene.newFrame(.1);
+        EXPECT_TRUE(sound.renderFrame());
+        std::vector<float> heard;
+        for (std::size_t i = 0; i < sound.block().size(); i += 2) heard.push_back(sound.block()[i]);
+        said.append(sound.finish().diagnostics);
+        return heard;
+    };
+    Diagnostics none, one, all;
+    EXPECT_EQ(std::ranges::count(hear({}, none), 0.0f), 4800) << "its name is nobody's file";
+    EXPECT_EQ(none.warnings(), 2u) << "each is told";
+    const auto ramp = std::make_shared<SoundBuffer>(SoundBuffer{kRate, 1, {}});
+    for (int i = 0; i < 100; ++i) ramp->samples.push_back(static_cast<float>(i) / 128);
+    const std::vector<float> left = hear({{"left", ramp}}, one);
+    for (std::size_t i = 0; i < 4800; ++i)
+        ASSERT_NEAR(left[i], i >= 2400 && i < 2500 ? static_cast<float>(i - 2400) / 128 : 0, 1e-6) << i;
+    EXPECT_EQ(one.warnings(), 1u);
+    const std::vector<float> both = hear({{"", ramp}}, all);
+    EXPECT_NEAR(both[2450], 1.5 * 50 / 128, 1e-6) << "whatever they are called";
+    EXPECT_EQ(all.warnings(), 0u);
+}
+
 TEST_F(Listen, ImpulseResponsesHaveTheChannelsAskedFor) {
     using Channels = ImpulseResponseOptions::Channels;
     Scene scene;

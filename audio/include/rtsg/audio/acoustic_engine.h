@@ -18,6 +18,7 @@
 
 #include <rtsg/audio/acoustic_tables.h>
 #include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/clip_library.h>
 #include <rtsg/audio/hrtf.h>
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/audio/world_geometry.h>
@@ -62,6 +63,8 @@ struct AcousticOptions {
     double startTime = 0;
     /// What urls of clips may open, and where relative ones start.
     Resources resources;
+    /// A scene opens no microphone: who runs it says what each hears.
+    ClipLibrary::Microphones microphones;
 
     static TraceOptions heardTrace() {
         TraceOptions trace;

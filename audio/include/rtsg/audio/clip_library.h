@@ -20,7 +20,11 @@ namespace rtsg {
 
 class ClipLibrary {
   public:
-    ClipLibrary(int sampleRate, Resources resources) : sampleRate_(sampleRate), resources_(std::move(resources)) {}
+    /// What MicrophoneSources hear, by their mediaDeviceID; "" for those of other names.
+    using Microphones = std::map<std::string, std::shared_ptr<const SoundBuffer>, std::less<>>;
+
+    ClipLibrary(int sampleRate, Resources resources, Microphones microphones = {})
+        : sampleRate_(sampleRate), resources_(std::move(resources)), microphones_(std::move(microphones)) {}
 
     /// At the library's rate, with the channels it has; never null.
     std::shared_ptr<const SoundBuffer> get(const SoundVoice& voice);
@@ -30,11 +34,14 @@ class ClipLibrary {
   private:
     std::shared_ptr<const SoundBuffer> read(const SoundVoice& voice);
     Result<SoundBuffer> read(const SoundVoice& voice, const std::string& url);
+    std::shared_ptr<const SoundBuffer> heardBy(const SoundVoice& microphone);
     Result<SoundBuffer> converted(const SoundBuffer& sound, std::uint64_t room) const;
     std::shared_ptr<const SoundBuffer> testSignal();
 
     int sampleRate_;
     Resources resources_;
+    Microphones microphones_;
+    std::map<std::string, std::shared_ptr<const SoundBuffer>> heard_;  // by microphones that have been asked for
     using Key = std::pair<std::vector<std::string>, std::vector<std::filesystem::path>>;
     std::map<Key, std::shared_ptr<const SoundBuffer>> clips_;
     std::uint64_t samplesRead_ = 0;

@@ -34,11 +34,11 @@ AcousticMaterial acousticMaterial(const Scene& scene, const Node& acousticProper
 
 /// One generator of sound: an AudioClip, a BufferAudioSource or an OscillatorSource.
 struct SoundVoice {
-    enum class Kind : std::uint8_t { clip, buffer, oscillator };
+    enum class Kind : std::uint8_t { clip, buffer, oscillator, microphone };
     Kind kind = Kind::clip;
     NodeId node;
     std::string name;                            // DEF, or the type
-    std::vector<std::string> urls;               // clip: the first that can be read counts
+    std::vector<std::string> urls;               // clip: the first that can be read counts; microphone: its name
     std::vector<std::filesystem::path> folders;  // where they start, see Resources::foldersOf
     Array<float> buffer;                         // buffer: mono
     double bufferRate = 48000;
