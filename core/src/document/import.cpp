@@ -222,7 +222,7 @@ bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handle
 void beginImported(DocumentHandler& handler, std::string_view from) {
     DocumentHeader header;
     header.encoding = Encoding::xml;
-    header.version = "4.1";
+    header.version = "4.0";
     header.profile = "Full";
     header.valuesFirst = true;
     handler.beginDocument(header);

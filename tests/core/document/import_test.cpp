@@ -36,6 +36,9 @@ class Imported {
         good = readDocument(bytes, handler_, problems_);
         commands = handler_.text();
         problems = test::allText(problems_);
+        if (!commands.empty()) {
+            EXPECT_EQ(handler_.header.version, "4.0") << "what other programs write needs no more";
+        }
         EXPECT_EQ(handler_.violation, "");
     }
     bool good = false;
