@@ -13,7 +13,7 @@
 
 namespace rtsg {
 
-constexpr double kPi = std::numbers::pi;
+constexpr double kPiOfMesh = std::numbers::pi;
 
 /// Each directed edge once, and its reverse once: closed, consistently oriented, watertight by index.
 inline ::testing::AssertionResult isWatertight(const Mesh& mesh) {

@@ -100,7 +100,7 @@ TEST(ParticlesInFlight, ExplosionsGoToAllSides) {
         expectAt(p.position, Vec3d(1, 0, 0) + p.velocity * 2.0, 1e-12, 2);
         const double speed = glm::length(p.velocity);
         heights.push_back(.5 + .5 * p.velocity.y / speed);
-        turns.push_back(.5 + std::atan2(p.velocity.x, p.velocity.z) / (2 * kPi));
+        turns.push_back(.5 + std::atan2(p.velocity.x, p.velocity.z) / (2 * kPiOfMesh));
         speeds.push_back((speed - 2) / 4);
     }
     for (const auto& shares : {heights, turns, speeds}) expectEven(shares, 20);
@@ -116,7 +116,7 @@ TEST(ParticlesInFlight, ConesAreEvenlyFilled) {
     for (const MovedParticle& p : s.at(20)) {
         EXPECT_NEAR(glm::length(p.velocity), 1, 1e-12);
         caps.push_back((1 - glm::dot(p.velocity, axis)) / (1 - std::cos(double(.6f))));
-        turns.push_back(.5 + std::atan2(glm::dot(p.velocity, side), p.velocity.z) / (2 * kPi));
+        turns.push_back(.5 + std::atan2(glm::dot(p.velocity, side), p.velocity.z) / (2 * kPiOfMesh));
     }
     EXPECT_EQ(caps.size(), 20'000u);
     expectEven(caps, 20);
@@ -245,7 +245,7 @@ TEST(ParticlesInFlight, TurbulenceTurnsEachForItsLife) {
     for (std::size_t i = 0; i < early.size(); ++i) {
         const Vec3d one = glm::normalize(early[i].velocity), other = glm::normalize(late[i].velocity);
         EXPECT_NEAR(glm::dot(one, other), 1, 1e-12);
-        caps.push_back((1 - one.x) / (1 - std::cos(kPi / 4)));
+        caps.push_back((1 - one.x) / (1 - std::cos(kPiOfMesh / 4)));
     }
     expectEven(caps, 20);
 }

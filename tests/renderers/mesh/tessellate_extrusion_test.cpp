@@ -11,7 +11,7 @@ namespace {
 Array<Vec2f> circle(int n, double radius = 1, bool closed = true) {
     Array<Vec2f> result;
     for (int i = 0; i < n + (closed ? 1 : 0); ++i) {
-        const double a = 2 * kPi * (i % n) / n;
+        const double a = 2 * kPiOfMesh * (i % n) / n;
         result.push_back({static_cast<float>(radius * std::cos(a)), static_cast<float>(-radius * std::sin(a))});
     }
     return result;
@@ -42,8 +42,8 @@ TEST(TessellateExtrusion, CircleAlongStraightSpineIsACylinder) {
         const Mesh mesh = tessellate(p);
         EXPECT_EQ(findDefect(mesh), "");
         EXPECT_TRUE(isWatertight(mesh));
-        const double h = glm::length(Vec3d(end)), base = n * 0.125 * std::sin(2 * kPi / n);
-        EXPECT_NEAR(surfaceArea(mesh), 2 * base + n * std::sin(kPi / n) * h, 1e-4);
+        const double h = glm::length(Vec3d(end)), base = n * 0.125 * std::sin(2 * kPiOfMesh / n);
+        EXPECT_NEAR(surfaceArea(mesh), 2 * base + n * std::sin(kPiOfMesh / n) * h, 1e-4);
         EXPECT_NEAR(enclosedVolume(mesh), base * h, 1e-4);
         // Smooth around the side, flat caps although they meet it.
         const Vec3d axis = glm::normalize(Vec3d(end));
@@ -97,7 +97,7 @@ TEST(TessellateExtrusion, ClosedSpineIsATorus) {
     p.crossSection = circle(m, 0.5);
     Array<Vec3f> spine;
     for (int i = 0; i <= n; ++i) {
-        const double a = 2 * kPi * (i % n) / n;
+        const double a = 2 * kPiOfMesh * (i % n) / n;
         spine.push_back({static_cast<float>(2 * std::cos(a)), 0, static_cast<float>(2 * std::sin(a))});
     }
     p.spine = spine;
@@ -108,8 +108,8 @@ TEST(TessellateExtrusion, ClosedSpineIsATorus) {
     EXPECT_TRUE(isWatertight(mesh));
     EXPECT_EQ(eulerCharacteristic(mesh), 0);
     EXPECT_EQ(mesh.normals.binding(), MeshAttribute::Binding::vertex);
-    EXPECT_NEAR(surfaceArea(mesh), 4 * kPi * kPi * 2 * 0.5, 0.3);
-    EXPECT_NEAR(std::abs(enclosedVolume(mesh)), 2 * kPi * kPi * 2 * 0.25, 0.2);
+    EXPECT_NEAR(surfaceArea(mesh), 4 * kPiOfMesh * kPiOfMesh * 2 * 0.5, 0.3);
+    EXPECT_NEAR(std::abs(enclosedVolume(mesh)), 2 * kPiOfMesh * kPiOfMesh * 2 * 0.25, 0.2);
     // 13.3.5.6: caps are made even then.
     p.beginCap = p.endCap = true;
     EXPECT_EQ(tessellate(p).triangleCount, mesh.triangleCount + 2u * (m - 2));
@@ -180,7 +180,7 @@ TEST(TessellateExtrusion, ScaleOrientationAndCoincidentPoints) {
     EXPECT_NEAR(surfaceArea(pyramid), 4 + 4 * std::sqrt(10.0), 1e-5);
 
     p.scale = {{2, 3}};
-    p.orientation = {Rotation{0, 1, 0, static_cast<float>(kPi / 2)}};
+    p.orientation = {Rotation{0, 1, 0, static_cast<float>(kPiOfMesh / 2)}};
     const Mesh turned = tessellate(p);
     EXPECT_NEAR(turned.bounds.max.x, 3, 1e-5);
     EXPECT_NEAR(turned.bounds.max.z, 2, 1e-5);

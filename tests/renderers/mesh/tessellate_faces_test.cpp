@@ -146,7 +146,7 @@ TEST(TessellateFaces, RandomStarPolygonsKeepTheirArea) {
         std::vector<Vec3f> points;
         double area = 0;
         for (int i = 0; i < n; ++i) {
-            const double a = 2 * kPi * i / n, r = radius(random);
+            const double a = 2 * kPiOfMesh * i / n, r = radius(random);
             points.emplace_back(r * std::cos(a), 0.5, -r * std::sin(a));
         }
         for (std::size_t i = 0; i < points.size(); ++i) {
@@ -200,7 +200,7 @@ TEST(TessellateFaces, CrossingPolygonsAreReported) {
     EXPECT_EQ(findDefect(bow), "");
     EXPECT_EQ(bow.diagnostics.warnings(), 1u);
     std::vector<Vec3f> star;
-    for (int i = 0; i < 5; ++i) star.emplace_back(std::cos(4 * kPi * i / 5), std::sin(4 * kPi * i / 5), 0);
+    for (int i = 0; i < 5; ++i) star.emplace_back(std::cos(4 * kPiOfMesh * i / 5), std::sin(4 * kPiOfMesh * i / 5), 0);
     const Mesh pentagram = tessellate(polygon(star));
     EXPECT_EQ(findDefect(pentagram), "");
     EXPECT_EQ(pentagram.diagnostics.warnings(), 1u);

@@ -62,7 +62,7 @@ TEST(NurbsCurves, ACircleIsRoundToItsError) {
             EXPECT_LT(3 - glm::length((a + b) * .5), allowed);
         }
         // And not much finer than asked.
-        EXPECT_LT(mesh.strokeCount, 2.5 * kPi / std::acos(1 - allowed / 3));
+        EXPECT_LT(mesh.strokeCount, 2.5 * kPiOfMesh / std::acos(1 - allowed / 3));
     }
     EXPECT_EQ(nurbsMesh(text + " tessellation 40 }").strokeCount, 40u);
     EXPECT_EQ(nurbsMesh(text + " tessellation -5 }").strokeCount, 45u);
@@ -123,8 +123,8 @@ TEST(NurbsSurfaces, ASphereIsRoundToItsErrorAndClosed) {
         }
         EXPECT_LT(deepest, allowed);
         EXPECT_GT(deepest, allowed / 12) << "much finer than asked for";
-        EXPECT_NEAR(surfaceArea(mesh), 16 * kPi, 16 * kPi * 3 * allowed);
-        EXPECT_NEAR(enclosedVolume(mesh), 32 * kPi / 3, 32 * kPi * allowed);
+        EXPECT_NEAR(surfaceArea(mesh), 16 * kPiOfMesh, 16 * kPiOfMesh * 3 * allowed);
+        EXPECT_NEAR(enclosedVolume(mesh), 32 * kPiOfMesh / 3, 32 * kPiOfMesh * allowed);
     }
 }
 
@@ -173,8 +173,8 @@ TEST(NurbsSurfaces, SwungOnesAreProfilesTimesTrajectories) {
             const Vec3d p(torus.vertex(t, c));
             EXPECT_NEAR(std::hypot(std::hypot(p.x, p.z) - 3, p.y), 1, 1e-5);
         }
-    EXPECT_NEAR(surfaceArea(torus), 4 * kPi * kPi * 3, .5);
-    EXPECT_NEAR(std::abs(enclosedVolume(torus)), 2 * kPi * kPi * 3, .5);
+    EXPECT_NEAR(surfaceArea(torus), 4 * kPiOfMesh * kPiOfMesh * 3, .5);
+    EXPECT_NEAR(std::abs(enclosedVolume(torus)), 2 * kPiOfMesh * kPiOfMesh * 3, .5);
     const Mesh turned = nurbsMesh(
         fmt::format("NurbsSwungSurface {{ ccw FALSE profileCurve NurbsCurve2D {{ order 3 knot [ {0} ] weight [ "
                     "{1} ] controlPoint [ {2} ] }} trajectoryCurve NurbsCurve2D {{ order 3 knot [ {0} ] "
@@ -194,7 +194,7 @@ TEST(NurbsSurfaces, SweptOnesFollowTheirTrajectory) {
                     kCircleKnots, weights(1), section),
         .001f);
     EXPECT_TRUE(said(tube).empty()) << said(tube);
-    EXPECT_NEAR(surfaceArea(tube), 2 * kPi * 5, .05);
+    EXPECT_NEAR(surfaceArea(tube), 2 * kPiOfMesh * 5, .05);
     const Mesh square = nurbsMesh(
         "NurbsSweptSurface { crossSectionCurve ContourPolyline2D { controlPoint [ -1 -1, 1 -1, 1 1, -1 1, -1 -1 ] } "
         "trajectoryCurve NurbsCurve { order 2 "
@@ -224,8 +224,8 @@ TEST(NurbsSurfaces, TrimmedOnesHaveTheirContoursInside) {
     const std::string hole =
         fmt::format("Contour2D {{ children NurbsCurve2D {{ order 3 knot [ {} ] weight [ {} ] controlPoint [ {} ] }} }}",
                     kCircleKnots, weights(1), circle);
-    EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed(outer + hole), .0001f)), 9 - kPi, 1e-3);
-    EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed(hole), .0001f)), kPi, 1e-3);
+    EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed(outer + hole), .0001f)), 9 - kPiOfMesh, 1e-3);
+    EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed(hole), .0001f)), kPiOfMesh, 1e-3);
     EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed(""))), 16, 1e-5);
     // A contour of two pieces, the second of which leads back.
     EXPECT_NEAR(surfaceArea(nurbsMesh(trimmed("Contour2D { children [ ContourPolyline2D { controlPoint [ 1 1, 3 1 ] } "

@@ -53,8 +53,8 @@ TEST(TessellationOptions, SegmentsFollowFromTheChordOrAreGivenWithinLimits) {
         EXPECT_EQ((TessellationOptions{.segments = asked}.segmentsAround()), given);
     for (const float error : {.1f, .01f, 1e-3f, 1e-4f}) {
         const int n = TessellationOptions{.chordError = error}.segmentsAround();
-        EXPECT_LE(1 - std::cos(kPi / n), error) << n;
-        EXPECT_TRUE(n == 8 || 1 - std::cos(kPi / (n - 8)) > error) << n << " are more than it takes";
+        EXPECT_LE(1 - std::cos(kPiOfMesh / n), error) << n;
+        EXPECT_TRUE(n == 8 || 1 - std::cos(kPiOfMesh / (n - 8)) > error) << n << " are more than it takes";
     }
     // Half as many rings from pole to pole: all corners but the poles are on 7 circles of 16.
     std::set<float> heights;
@@ -70,7 +70,8 @@ TEST(TessellateSphere, ConvergesWithSecondOrder) {
         EXPECT_EQ(findDefect(mesh), "");
         EXPECT_TRUE(isWatertight(mesh));
         EXPECT_EQ(eulerCharacteristic(mesh), 2);
-        const double area = 1 - surfaceArea(mesh) / (16 * kPi), volume = 1 - enclosedVolume(mesh) / (32 * kPi / 3);
+        const double area = 1 - surfaceArea(mesh) / (16 * kPiOfMesh),
+                     volume = 1 - enclosedVolume(mesh) / (32 * kPiOfMesh / 3);
         EXPECT_GT(area, 0);
         EXPECT_GT(volume, 0);
         if (lastArea > 0) {
@@ -114,8 +115,8 @@ TEST(TessellateOptions, ChordErrorIsKept) {
     EXPECT_EQ(TessellationOptions{}.segmentsAround(), 48);
     for (const float error : {0.02f, 0.01f, 0.001f, 1e-5f}) {
         const int n = TessellationOptions{.chordError = error}.segmentsAround();
-        EXPECT_LE(1 - std::cos(kPi / n), error);
-        EXPECT_TRUE(n == 8 || 1 - std::cos(kPi / (n - 8)) > error);
+        EXPECT_LE(1 - std::cos(kPiOfMesh / n), error);
+        EXPECT_TRUE(n == 8 || 1 - std::cos(kPiOfMesh / (n - 8)) > error);
     }
     EXPECT_EQ(TessellationOptions{.segments = 1}.segmentsAround(), 4);
     EXPECT_EQ(TessellationOptions{.chordError = NAN}.segmentsAround(), 48);
@@ -140,11 +141,11 @@ TEST(TessellateCone, ClosedForms) {
     EXPECT_TRUE(isWatertight(mesh));
     EXPECT_EQ(eulerCharacteristic(mesh), 2);
     // Of the inscribed pyramid, exactly; it tends to the cone's.
-    const double base = n * 0.5 * r * r * std::sin(2 * kPi / n);
-    const double apothem = r * std::cos(kPi / n), side = n * r * std::sin(kPi / n) * std::hypot(h, apothem);
+    const double base = n * 0.5 * r * r * std::sin(2 * kPiOfMesh / n);
+    const double apothem = r * std::cos(kPiOfMesh / n), side = n * r * std::sin(kPiOfMesh / n) * std::hypot(h, apothem);
     EXPECT_NEAR(surfaceArea(mesh), base + side, 1e-5);
     EXPECT_NEAR(enclosedVolume(mesh), base * h / 3, 1e-5);
-    EXPECT_NEAR(enclosedVolume(mesh), kPi * r * r * h / 3, 0.01);
+    EXPECT_NEAR(enclosedVolume(mesh), kPiOfMesh * r * r * h / 3, 0.01);
     // Exact normals lean by the slope everywhere along a base corner.
     for (unsigned t = 0; t < static_cast<unsigned>(n); ++t) {
         const Vec3f p = mesh.vertex(t, 0), normal(mesh.normals.value(t, 0));
@@ -166,10 +167,10 @@ TEST(TessellateCylinder, ClosedForms) {
     EXPECT_EQ(findDefect(mesh), "");
     EXPECT_TRUE(isWatertight(mesh));
     EXPECT_EQ(eulerCharacteristic(mesh), 2);
-    const double base = n * 0.5 * r * r * std::sin(2 * kPi / n), side = n * 2 * r * std::sin(kPi / n) * h;
+    const double base = n * 0.5 * r * r * std::sin(2 * kPiOfMesh / n), side = n * 2 * r * std::sin(kPiOfMesh / n) * h;
     EXPECT_NEAR(surfaceArea(mesh), 2 * base + side, 1e-5);
     EXPECT_NEAR(enclosedVolume(mesh), base * h, 1e-5);
-    EXPECT_NEAR(surfaceArea(mesh), 2 * kPi * r * (r + h), 0.02);
+    EXPECT_NEAR(surfaceArea(mesh), 2 * kPiOfMesh * r * (r + h), 0.02);
     for (unsigned t = 0; t < mesh.triangleCount; ++t) {
         const Vec3f n3 = mesh.shadingNormal(t, 0.2f, 0.2f), centre = mesh.position(t, 1 / 3.0f, 1 / 3.0f);
         EXPECT_GT(glm::dot(n3, mesh.geometricNormal(t)), 0.99f);
@@ -206,7 +207,7 @@ TEST(TessellatePrimitives, BadMeasuresDrawNothing) {
 
 TEST(TessellateFlat, AreasAndFronts) {
     const int n = 128;
-    const double circle = n * 0.5 * std::sin(2 * kPi / n);
+    const double circle = n * 0.5 * std::sin(2 * kPiOfMesh / n);
     const Mesh disk = tessellate(Disk2DParams{.outerRadius = 2}, {.segments = n});
     EXPECT_NEAR(surfaceArea(disk), 4 * circle, 1e-5);
     const Mesh ring = tessellate(Disk2DParams{.innerRadius = 1, .outerRadius = 2}, {.segments = n});

@@ -25,14 +25,14 @@ TEST(TessellateScene, DefaultsOfEveryGeometryNode) {
     };
     // Without coordinates a set is empty, and that is nothing to report.
     for (const Case& c :
-         {Case{x3d::Box::type, 24}, Case{x3d::Sphere::type, 4 * kPi}, Case{x3d::Cylinder::type, 6 * kPi},
-          Case{x3d::Cone::type, kPi * (1 + std::sqrt(5.0))}, Case{x3d::Extrusion::type, 16},
-          Case{x3d::Rectangle2D::type, 4}, Case{x3d::Disk2D::type, kPi}, Case{x3d::ArcClose2D::type, kPi / 4},
-          Case{x3d::IndexedFaceSet::type, 0}, Case{x3d::IndexedTriangleSet::type, 0},
-          Case{x3d::IndexedTriangleStripSet::type, 0}, Case{x3d::IndexedTriangleFanSet::type, 0},
-          Case{x3d::IndexedQuadSet::type, 0}, Case{x3d::TriangleSet::type, 0}, Case{x3d::TriangleStripSet::type, 0},
-          Case{x3d::TriangleFanSet::type, 0}, Case{x3d::QuadSet::type, 0}, Case{x3d::ElevationGrid::type, 0},
-          Case{x3d::TriangleSet2D::type, 0}}) {
+         {Case{x3d::Box::type, 24}, Case{x3d::Sphere::type, 4 * kPiOfMesh}, Case{x3d::Cylinder::type, 6 * kPiOfMesh},
+          Case{x3d::Cone::type, kPiOfMesh * (1 + std::sqrt(5.0))}, Case{x3d::Extrusion::type, 16},
+          Case{x3d::Rectangle2D::type, 4}, Case{x3d::Disk2D::type, kPiOfMesh},
+          Case{x3d::ArcClose2D::type, kPiOfMesh / 4}, Case{x3d::IndexedFaceSet::type, 0},
+          Case{x3d::IndexedTriangleSet::type, 0}, Case{x3d::IndexedTriangleStripSet::type, 0},
+          Case{x3d::IndexedTriangleFanSet::type, 0}, Case{x3d::IndexedQuadSet::type, 0},
+          Case{x3d::TriangleSet::type, 0}, Case{x3d::TriangleStripSet::type, 0}, Case{x3d::TriangleFanSet::type, 0},
+          Case{x3d::QuadSet::type, 0}, Case{x3d::ElevationGrid::type, 0}, Case{x3d::TriangleSet2D::type, 0}}) {
         const NodeId id = scene.createNode(c.type);
         SCOPED_TRACE(scene.node(id).type().name);
         const auto mesh = meshOf(scene, id);
