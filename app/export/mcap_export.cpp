@@ -238,7 +238,8 @@ struct McapExport::Impl : InstanceSubscriber {
             const double d = 2. * double(geometry->get(x3d::Cone::bottomRadius)), h = geometry->get(x3d::Cone::height);
             solid("cylinders", {d * scale->x, d * scale->z, h * scale->y}, R"("bottom_scale":1,"top_scale":0,)",
                   upright);
-        } else if (const auto mesh = meshes.find(thing.instance.geometry.value); mesh != meshes.end() && mesh->second) {
+        } else if (const auto mesh = meshes.find(thing.instance.geometry.value);
+                   !thing.instance.volume && mesh != meshes.end() && mesh->second) {
             body = fmt::format(R"("triangles":[{{"pose":{},"color":{},"points":[)", pose(), color);
             const Mesh& m = *mesh->second;
             bool first = true;

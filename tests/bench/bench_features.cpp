@@ -73,6 +73,7 @@ constexpr Feature kFeatures[] = {
      "}"},
     {"Billboard", "Billboard { children Shape { geometry Box { } } }"},
     {"ParticleSystem", "ParticleSystem { maxParticles 10 emitter PointEmitter { } }"},
+    {"VolumeData", "VolumeData { voxels PixelTexture3D { image [ 1 1 1 2 20 60 ] } }"},
     {"ClipPlane", "Group { children [ ClipPlane { } Shape { geometry Box { } } ] }"},
     {"LocalFog", "Group { children [ LocalFog { visibilityRange 50 } Shape { geometry Box { } } ] }"},
     {"FogCoordinate",

@@ -100,7 +100,7 @@ void Flattener::Impl::sortOut(const Change& change) {
             if (change.field == role.global) lights.push_back(node->id());
             return;
         case Role::shape:
-            if (role.isParticles && aspect != Aspect::none) contents.push_back({node->id(), false});
+            if (role.ownsGeometry() && aspect != Aspect::none) contents.push_back({node->id(), false});
             // Their clock goes on in every frame; nothing else does that they have to do with.
             if (aspect != Aspect::none && !(role.isParticles && aspect == Aspect::geometry))
                 shapes.push_back(node->id());
@@ -343,7 +343,8 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural, bool marksSkins) {
                     break;
                 case Role::shape:
                     if (rebinds) shapes.push_back(parent.node);
-                    if (const TypeRole& shape = roles.of(above); shape.isParticles && parent.field != shape.appearance)
+                    if (const TypeRole& shape = roles.of(above);
+                        shape.ownsGeometry() && parent.field != shape.appearance)
                         climbing.push_back(parent.node);
                     break;
                 default:
@@ -381,10 +382,15 @@ void Flattener::Impl::finish() {
             }
         } else if (!s.meshSent || s.meshStale) {
             std::shared_ptr<const Mesh> mesh = makeMesh(geometry);
-            meshes[geometry.value] = mesh;
-            noteScreenText(geometry, mesh && mesh->inPixels);
-            delta.geometries.push_back({geometry, std::move(mesh)});
-            s.meshSent = true;
+            std::shared_ptr<const Mesh>& known = meshes[geometry.value];
+            // What is in a volume changes without its box.
+            const Node* node = mesh && known == mesh ? scene->find(geometry) : nullptr;
+            if (!s.meshSent || !node || !roles.of(*node).isVolume) {
+                known = mesh;
+                noteScreenText(geometry, mesh && mesh->inPixels);
+                delta.geometries.push_back({geometry, std::move(mesh)});
+                s.meshSent = true;
+            }
         }
         s.meshStale = false;
     }

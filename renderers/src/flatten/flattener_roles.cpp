@@ -81,6 +81,7 @@ TypeRole RoleTable::work(const NodeType& type) {
     if (role.role == Role::shape) {
         role.geometry = findTyped(type, "geometry", FieldType::SFNode);
         role.isParticles = type.isA("ParticleSystem");
+        role.isVolume = type.isA("X3DVolumeDataNode");
         role.appearance = findTyped(type, "appearance", FieldType::SFNode);
         role.castShadow = findTyped(type, "castShadow", FieldType::SFBool);
     } else if (role.role == Role::placed) {
@@ -184,7 +185,12 @@ NodeId resolve(const Scene& scene, RoleTable& roles, NodeId id) {
 
 NodeId geometryOf(const Scene& scene, RoleTable& roles, const Node& shape) {
     const TypeRole& role = roles.of(shape);
-    return role.isParticles ? shape.id() : resolve(scene, roles, read<NodeId>(shape, role.geometry));
+    return role.ownsGeometry() ? shape.id() : resolve(scene, roles, read<NodeId>(shape, role.geometry));
+}
+
+NodeId appearanceOf(const Scene& scene, RoleTable& roles, const Node& shape) {
+    const TypeRole& role = roles.of(shape);
+    return role.isVolume ? shape.id() : resolve(scene, roles, read<NodeId>(shape, role.appearance));
 }
 
 std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& m, const Vec3d* viewer) {

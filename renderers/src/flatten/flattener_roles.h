@@ -31,7 +31,9 @@ struct TypeRole {
     bool hasTransform = false;
     bool turns = false;        // its transform follows the picture: Billboard (`axis`), layouts (`layout`), ScreenGroup
     bool isParticles = false;  // a shape that is its own geometry
-    bool ofHumanoid = false;   // what it holds may move a skin: a humanoid, joint or displacer
+    bool isVolume = false;     // a shape that is its own geometry and appearance
+    bool ownsGeometry() const { return isParticles || isVolume; }
+    bool ofHumanoid = false;  // what it holds may move a skin: a humanoid, joint or displacer
     std::uint8_t childFields = 0;
     std::array<FieldIndex, 3> children{kNoField, kNoField, kNoField};
     FieldIndex visible = kNoField, global = kNoField, choice = kNoField, range = kNoField, order = kNoField;
@@ -84,8 +86,11 @@ void desiredChildren(const Node& node, const TypeRole& role, std::uint32_t level
 /// Follows PROTO instances to the node that stands for them; `id` itself if it is none. None for an empty body.
 NodeId resolve(const Scene& scene, RoleTable& roles, NodeId id);
 
-/// The geometry node of a shape; a ParticleSystem stands for its own, which is made of its particles.
+/// The geometry node of a shape; a ParticleSystem stands for its own, which is made of its particles, and a volume for
+/// its own, which is the box around it.
 NodeId geometryOf(const Scene& scene, RoleTable& roles, const Node& shape);
+/// What a shape is drawn with; a volume itself.
+NodeId appearanceOf(const Scene& scene, RoleTable& roles, const Node& shape);
 
 /// How an Appearance draws lines and points; null for the default, and for none.
 std::shared_ptr<const StrokeStyle> strokeStyle(const Scene& scene, NodeId appearance);

@@ -58,7 +58,7 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
         if (role.axis == kNoField && role.layout == kNoField) screenGroups.insert(index);
         o.turned = true;
     }
-    if (role.isParticles) o.turned = true;  // sound does not meet them
+    if (role.ownsGeometry()) o.turned = true;  // sound does not meet them
     if (role.hasTransform || role.turns) {
         o.ownsFrame = true;
         WorldFromLocal local, world = frames[o.frame];
@@ -130,6 +130,7 @@ void Flattener::Impl::makeInstance(std::uint32_t index, const Node& node, const 
     instance.shape = o.node;
     instance.scope = scopeOf(o.scope);
     instance.layer = o.layer;
+    instance.volume = role.isVolume;
     instance.worldFromLocal = frames[o.frame];
     instance.seen = o.seen, instance.heard = isHeard(o);
     bind(instance, node, role, o);
@@ -176,12 +177,13 @@ void Flattener::Impl::dropPlaced(std::uint32_t index) {
 
 bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole& role, const Occurrence& o) {
     const NodeId geometry = flatten::geometryOf(*scene, roles, shape);
-    const NodeId appearance = flatten::resolve(*scene, roles, flatten::read<NodeId>(shape, role.appearance));
+    const NodeId appearance = flatten::appearanceOf(*scene, roles, shape);
     NodeId acoustics;
     if (appearance)
         if (const Node& node = scene->node(appearance); node.is(x3d::Appearance::type))
             acoustics = flatten::resolve(*scene, roles, node.get(x3d::Appearance::acousticProperties));
-    const bool castShadow = role.castShadow == kNoField || flatten::read<bool>(shape, role.castShadow);
+    const bool castShadow =
+        !role.isVolume && (role.castShadow == kNoField || flatten::read<bool>(shape, role.castShadow));
     const auto change = [&](NodeId& now, NodeId wantedNow, std::uint32_t NodeState::* uses) {
         if (now == wantedNow) return false;
         use(now, uses, -1);

@@ -8,6 +8,8 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
+#include "volume.h"
+
 namespace rtsg {
 
 using namespace trace;
@@ -56,7 +58,8 @@ void LightTables::apply(const Scene& scene, const ChangeSet& changes, const Inst
 }
 
 LightState LightTables::now() const {
-    return {shading_.now(), materials_.now(), lightScopes_.now(), placed_.now(), anyTransmits(), clearSlots(), layers_};
+    return {shading_.now(), materials_.now(), lightScopes_.now(), placed_.now(), anyTransmits(),
+            clearSlots(),   layers_,          volumeSlots()};
 }
 
 std::shared_ptr<const std::vector<std::uint32_t>> LightTables::clearSlots() const {
@@ -72,10 +75,20 @@ std::shared_ptr<const std::vector<std::uint32_t>> LightTables::clearSlots() cons
     return list;
 }
 
+std::shared_ptr<const std::vector<std::uint32_t>> LightTables::volumeSlots() const {
+    if (volumes_.empty()) return nullptr;
+    auto list = std::make_shared<std::vector<std::uint32_t>>();
+    for (const std::uint32_t material : volumes_)
+        for (std::uint32_t slot = uses_[material].first; slot != kNone; slot = slots_[slot].next) list->push_back(slot);
+    std::ranges::sort(*list);
+    return list;
+}
+
 std::shared_ptr<const LightState> LightTables::latest() {
     if (!latest_)
-        latest_ = std::make_shared<const LightState>(shading_.freeze(), materials_.freeze(), lightScopes_.freeze(),
-                                                     placed_.freeze(), anyTransmits(), clearSlots(), layers_);
+        latest_ =
+            std::make_shared<const LightState>(shading_.freeze(), materials_.freeze(), lightScopes_.freeze(),
+                                               placed_.freeze(), anyTransmits(), clearSlots(), layers_, volumeSlots());
     return latest_;
 }
 
@@ -148,7 +161,14 @@ std::uint32_t LightTables::takeMaterial(const Scene& scene, NodeId appearance) {
 
 void LightTables::loadMaterial(const Scene& scene, std::uint32_t index) {
     auto entry = std::make_shared<MaterialEntry>();
-    entry->material = readMaterial(scene, uses_[index].appearance, *textures_, diagnostics_);
+    if (const Node* node = scene.find(uses_[index].appearance); node && node->type().isA("X3DVolumeDataNode")) {
+        const MaterialEntry* before = materials_[index].get();
+        entry->volume = readVolume(scene, *node, *textures_, before ? before->volume.get() : nullptr, diagnostics_);
+        entry->material = Material();
+        volumes_.insert(index);
+    } else {
+        entry->material = readMaterial(scene, uses_[index].appearance, *textures_, diagnostics_);
+    }
     entry->finish();
     uses_[index].isMapped =
         std::ranges::any_of(entry->material.textures, [](const TextureUse& use) { return !use.mapping.empty(); });
@@ -168,6 +188,7 @@ void LightTables::dropMaterial(std::uint32_t index) {
     uses_[index] = Use();
     std::shared_ptr<const MaterialEntry>& place = materials_.change(index);
     transmitting_.erase(index);
+    volumes_.erase(index);
     place.reset();
     freeMaterials_.push_back(index);
     counts_.materials = materialOf_.size();

@@ -98,7 +98,8 @@ struct LightState {
     /// The slots of all that does, where these are few enough to be listed; null: they are not.
     std::shared_ptr<const std::vector<std::uint32_t>> clearSlots;
     static constexpr std::size_t kMostClear = 256;
-    std::shared_ptr<const trace::LayerList> layers;  // null: all is in one
+    std::shared_ptr<const trace::LayerList> layers;                 // null: all is in one
+    std::shared_ptr<const std::vector<std::uint32_t>> volumeSlots;  // null: there are none
 };
 
 class LightTables {
@@ -174,8 +175,10 @@ class LightTables {
     PagedArrayWriter<trace::LightScope> lightScopes_;
     PagedArrayWriter<std::shared_ptr<const trace::PlacedEntry>> placed_;
     std::unordered_set<std::uint32_t> transmitting_;  // materials that let light through
+    std::unordered_set<std::uint32_t> volumes_;       // materials that are volumes
     bool anyTransmits() const { return !transmitting_.empty() || !alphaColored_.empty(); }
     std::shared_ptr<const std::vector<std::uint32_t>> clearSlots() const;
+    std::shared_ptr<const std::vector<std::uint32_t>> volumeSlots() const;
     std::shared_ptr<const LightState> latest_;
     std::set<std::uint32_t> layerSets_;  // node numbers
     std::shared_ptr<const trace::LayerList> layers_;

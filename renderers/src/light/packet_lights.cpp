@@ -4,6 +4,7 @@
 
 #include "mesh/simd8.h"
 #include "surface_packet.h"
+#include "volume_march.h"
 
 namespace rtsg::trace {
 
@@ -134,25 +135,6 @@ V8 leave8(const SurfacePacket& s, int at, const V8& towards) {
     return {beyond(start.x, offset.x), beyond(start.y, offset.y), beyond(start.z, offset.z)};
 }
 
-/// A bit for each of the rays that meets the box somewhere between its ends, and maybe for others that pass close by.
-std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box) {
-    std::uint32_t met = 0;
-    for (int at = 0; at < 16; at += 8) {
-        F8 near = all(0), far = load(rays.tMax + at);
-        const float* origins[] = {rays.originX, rays.originY, rays.originZ};
-        const float* directions[] = {rays.directionX, rays.directionY, rays.directionZ};
-        for (int k = 0; k < 3; ++k) {
-            const F8 o = load(origins[k] + at), d = load(directions[k] + at), tiny = all(1e-20f);
-            const F8 inverse = 1.0f / select((d < tiny) & (d > -tiny), tiny, d);
-            const F8 a = (box.min[k] - o) * inverse, b = (box.max[k] - o) * inverse;
-            near = max(near, min(a, b)), far = min(far, max(a, b));
-        }
-        const I8 hit = near <= far * 1.00001f;
-        for (int lane = 0; lane < 8; ++lane) met |= static_cast<std::uint32_t>(hit[lane] != 0) << (at + lane);
-    }
-    return met;
-}
-
 /// The rays of `tested` that may meet something clear.
 std::uint32_t nearClear(const TraceScene& scene, const RayPacket16& rays, std::uint32_t tested) {
     if (!scene.anyTransmits) return 0;
@@ -228,18 +210,16 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
     std::uint32_t clear = 0;
     const std::uint32_t blocked = findBlocked(scene, rays, tested, clear);
-    for (std::uint32_t rest = blocked | behind; rest; rest &= rest - 1) {
+    const std::uint32_t hazy =
+        scene.volumes.empty() ? 0 : meetBox(rays, scene.volumeBounds) & tested & ~(blocked & ~clear);
+    for (std::uint32_t rest = blocked | behind | hazy; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         const bool free = !(blocked >> lane & 1u) && rays.active[lane];
         Vec3f left(free ? 1.0f : 0.0f);
-        if (clear >> lane & 1u) {
-            Ray ray;
-            ray.tMin = kLeave;
-            ray.origin = {rays.originX[lane], rays.originY[lane], rays.originZ[lane]};
-            ray.direction = {rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]};
-            if (!directional) ray.tMax = 1;
-            left = leftOnTheWay(scene, ray);
-        }
+        Ray ray = rays.ray(lane);
+        ray.tMax = directional ? std::numeric_limits<float>::infinity() : 1;
+        if (clear >> lane & 1u) left = leftOnTheWay(scene, ray);
+        if ((hazy >> lane & 1u) && left != Vec3f(0)) left *= volumesLeft(scene, ray);
         if (behind >> lane & 1u) left *= through[lane];
         in.visible.set(lane, Vec3f(1) - light.shadowIntensity * (Vec3f(1) - left));
     }
@@ -314,6 +294,24 @@ void spread(std::uint32_t mask, std::int32_t* lanes) {
 }
 
 }  // namespace
+
+std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box) {
+    std::uint32_t met = 0;
+    for (int at = 0; at < 16; at += 8) {
+        F8 near = all(0), far = load(rays.tMax + at);
+        const float* origins[] = {rays.originX, rays.originY, rays.originZ};
+        const float* directions[] = {rays.directionX, rays.directionY, rays.directionZ};
+        for (int k = 0; k < 3; ++k) {
+            const F8 o = load(origins[k] + at), d = load(directions[k] + at), tiny = all(1e-20f);
+            const F8 inverse = 1.0f / select((d < tiny) & (d > -tiny), tiny, d);
+            const F8 a = (box.min[k] - o) * inverse, b = (box.max[k] - o) * inverse;
+            near = max(near, min(a, b)), far = min(far, max(a, b));
+        }
+        const I8 hit = near <= far * 1.00001f;
+        for (int lane = 0; lane < 8; ++lane) met |= static_cast<std::uint32_t>(hit[lane] != 0) << (at + lane);
+    }
+    return met;
+}
 
 Vec3f leftOnTheWay(const TraceScene& scene, Ray ray) {
     Vec3f left(1);

@@ -17,6 +17,7 @@
 #include "sky_light.h"
 #include "surface_packet.h"
 #include "tile_rays.h"
+#include "volume_march.h"
 
 namespace rtsg::trace {
 
@@ -112,6 +113,7 @@ class Paths {
 
     void trace(RayPacket16& rays, PathTask* tasks, bool coherent) {
         const std::uint32_t hits = scene_.world->intersect(rays, coherent);
+        if (!scene_.volumes.empty()) march(rays, tasks);
         for (int lane = 0; lane < 16; ++lane) {
             if (!rays.active[lane] || (hits >> lane & 1u)) continue;
             const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
@@ -128,6 +130,18 @@ class Paths {
         for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             bounce({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, tasks[lane], lane);
+        }
+    }
+
+    /// What volumes send on the way to what the rays met, and leave of what comes from there.
+    void march(const RayPacket16& rays, PathTask* tasks) {
+        const std::uint32_t met = meetBox(rays, scene_.volumeBounds);
+        for (int lane = 0; lane < 16; ++lane) {
+            if (!rays.active[lane] || !(met >> lane & 1u)) continue;
+            const VolumeLight found = marchVolumes(scene_, rays.ray(lane), true, tasks[lane].line);
+            add(tasks[lane], found.radiance);
+            cover(tasks[lane], 1 - found.left);
+            tasks[lane].weight *= found.left;
         }
     }
 

@@ -10,6 +10,7 @@
 #include "lamps.h"
 #include "sample_points.h"
 #include "sky_light.h"
+#include "volume_march.h"
 
 namespace rtsg::trace {
 
@@ -126,6 +127,7 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, PathTask* 
         }
         const float distance = glm::length(places[lane] - from),
                     run = tasks[lane].travelled + s.distance[lane] + distance;
+        left *= volumesLeft(scene, {from, kLeave, places[lane] - from, 1});
         const float cosine = std::max(std::abs(glm::dot(direction, hit.normal)), 0.05f);
         const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
         left *= emitted(scene, hit, glm::dot(direction, hit.normal) > 0, footprint);
@@ -167,6 +169,7 @@ void lookForSky(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks
             out.mask &= ~(1u << lane);
             continue;
         }
+        left *= volumesLeft(scene, {s.position.get(lane), kLeave, direction, std::numeric_limits<float>::infinity()});
         out.light.set(lane, left * Vec3f(scene.skyColor(direction, true)) / out.density[lane]);
     }
 }
@@ -203,6 +206,7 @@ void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PathTask* tas
                 left = leftOnTheWay(scene, ray);
             else if (!scene.world->occluded(ray))
                 left = Vec3f(1);
+            left *= volumesLeft(scene, ray);
             visible -= light.shadowIntensity * (Vec3f(1) - left);
         }
         out.direction.set(lane, direction);

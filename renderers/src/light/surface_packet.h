@@ -58,6 +58,9 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
 /// Fills `exact` and `error`, once.
 void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
 
+/// A bit for each of the rays that meets the box somewhere between its ends, and maybe for others that pass close by.
+std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box);
+
 /// Whether light may pass straight through an instance.
 bool letsThrough(const TraceScene& scene, std::uint32_t instance);
 

@@ -7,6 +7,7 @@
 #include "active.h"
 #include "draw.h"
 #include "left_out.h"
+#include "volume_march.h"
 
 namespace rtsg::trace {
 
@@ -55,6 +56,18 @@ bool anyLightWantsShadows(const LightState& state) {
     return false;
 }
 
+/// In ray space.
+Bounds boxAround(const RayInstance& instance) {
+    const Bounds& local = instance.mesh->bounds;
+    const glm::mat4x3& m = instance.rayFromLocal;
+    const Vec3f center = m * Vec4f(local.center(), 1), half = .5f * local.size();
+    const Vec3f reach = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
+    const Vec3f slack = (glm::abs(center) + reach) * 0x1p-18f + instance.errorFloor;
+    Bounds box;
+    box.extend(center - reach - slack), box.extend(center + reach + slack);
+    return box;
+}
+
 /// Where light is let through, if that can be told in few boxes.
 void boxClear(const LightState& state, const RayView& world, TraceScene& scene) {
     constexpr std::size_t kFew = 8;  // boxes that cost a shadow ray little beside its own way
@@ -64,13 +77,7 @@ void boxClear(const LightState& state, const RayView& world, TraceScene& scene) 
         if (slot >= world.instances().size() || !world.instance(slot).mesh) continue;
         const RayInstance& instance = world.instance(slot);
         if (instance.mesh->strokeCount > 0) scene.clearAnywhere = true;  // wider than their bounds
-        const Bounds& local = instance.mesh->bounds;
-        const glm::mat4x3& m = instance.rayFromLocal;
-        const Vec3f center = m * Vec4f(local.center(), 1), half = .5f * local.size();
-        const Vec3f reach = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
-        const Vec3f slack = (glm::abs(center) + reach) * 0x1p-18f + instance.errorFloor;
-        Bounds box;
-        box.extend(center - reach - slack), box.extend(center + reach + slack);
+        const Bounds box = boxAround(instance);
         scene.clear.push_back(box);
         scene.allClear.extend(box.min), scene.allClear.extend(box.max);
     }
@@ -143,6 +150,13 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     (camera.orthographic ? scene.pixelSize : scene.pixelSpread) = height;
     const PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), scene.pixelSpread, scene.pixelSize};
     scene.filter = clipFilter(state, world);
+    if (state.volumeSlots) {
+        findVolumes(state, world, part.hidden, scene.filter, scene);
+        for (const TraceVolume& volume : scene.volumes) {
+            const Bounds box = boxAround(world.instance(volume.slot));
+            scene.volumeBounds.extend(box.min), scene.volumeBounds.extend(box.max);
+        }
+    }
     if (!part.hidden.empty()) scene.filter = hidingFilter(std::move(part.hidden), scene.filter);
     scene.lensed = std::make_shared<const LensedView>(world, lens, scene.filter.get());
     scene.eye = lens.eye, scene.right = Vec3f(camera.right), scene.up = Vec3f(camera.up), scene.forward = lens.forward;

@@ -20,6 +20,8 @@
 
 namespace rtsg::trace {
 
+struct Volume;
+
 /// What an instance slot is drawn with.
 struct SlotShading {
     std::uint32_t material = 0;
@@ -46,6 +48,7 @@ class SlotPages {
 /// A material and what is decided about it beforehand.
 struct MaterialEntry {
     Material material = defaultMaterial();
+    std::shared_ptr<const Volume> volume;  // of what is no surface but the box around one of these
     bool textured = false, transmits = false, mirrors = false;
     std::vector<std::shared_ptr<const GeneratedCube>> generated;  // that it shows
     void finish() {
@@ -73,6 +76,15 @@ struct TraceLight {
     Vec4f extent{0};
     float nearDistance = 0, farDistance = 0;
     const Texture* picture = nullptr;
+};
+
+/// A volume where a picture has it.
+struct TraceVolume {
+    const Volume* volume = nullptr;
+    glm::mat4x3 placeFromRay{1.0f};   // to shares of its box
+    glm::mat3 normalFromLocal{1.0f};  // directions only
+    std::uint32_t lights = 0, slot = 0;
+    const RayFilter* filter = nullptr;  // that cuts it; null: none
 };
 
 /// The materials by number.
@@ -146,6 +158,9 @@ struct TraceScene {
     const RayView* world = nullptr;  // through the lens
     std::shared_ptr<const LensedView> lensed;
     std::shared_ptr<const RayFilter> filter;  // null: nothing is left out
+    std::vector<TraceVolume> volumes;         // whose boxes no ray meets
+    Bounds volumeBounds;                      // around them, ray space
+    std::shared_ptr<const RayFilter> volumeFilter;
     Vec3f eye{0}, right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};
     const Emitters* emitters = nullptr;  // of paths, where anything shines
     const Lamps* lamps = nullptr;        // of paths, where there are many

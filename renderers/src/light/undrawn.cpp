@@ -18,9 +18,6 @@ struct Row {
 constexpr std::string_view kNotDrawn = "it is not drawn", kPlain = "things show without it",
                            kShader = "the material beside it is drawn in its place";
 constexpr Row kRows[] = {
-    {x3d::VolumeData::type, kNotDrawn},
-    {x3d::SegmentedVolumeData::type, kNotDrawn},
-    {x3d::IsoSurfaceVolumeData::type, kNotDrawn},
     {x3d::InlineGeometry::type, kNotDrawn},
     {x3d::EnvironmentLight::type, kPlain},
     {x3d::RenderedTexture::type, kPlain},

@@ -6,6 +6,7 @@
 
 #include "surface_packet.h"
 #include "tile_rays.h"
+#include "volume_march.h"
 
 namespace rtsg::trace {
 
@@ -45,20 +46,24 @@ class Tile {
 
     void trace(RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels) {
         const std::uint32_t hits = scene_.world->intersect(rays, !tasks);
+        const bool volumes = !scene_.volumes.empty();
+        if (volumes) march(rays, tasks, pixels);
         for (int lane = 0; lane < 16; ++lane) {
             if (!rays.active[lane] || (hits >> lane & 1u)) continue;
             const PathTask* task = tasks ? tasks + lane : nullptr;
             const bool light = asLight(task);
             const Vec4f sky =
                 scene_.skyColor({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, light);
-            add(pixels[lane], task, task ? task->weight : Vec3f(1), Vec3f(sky), light, sky.a);
+            Vec3f weight = task ? task->weight : Vec3f(1);
+            if (volumes) weight *= left_[lane];
+            add(pixels[lane], task, weight, Vec3f(sky), light, sky.a);
         }
         if (!hits) return;
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
         addLights(scene_, surfaces_, result_.shadowRays);
         if (surfaces_.special) findPoints(scene_, surfaces_);
         const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces_.linear;
-        if (!tasks && !surfaces_.special && !scene_.fogs.any() && oneSpace) {
+        if (!tasks && !surfaces_.special && !scene_.fogs.any() && oneSpace && !volumes) {
             for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
                 const int lane = std::countr_zero(rest);
                 result_.sum[pixels[lane]] += Vec4f(surfaces_.radiance.get(lane), 1);
@@ -66,6 +71,22 @@ class Tile {
             return;
         }
         for (std::uint32_t rest = hits; rest; rest &= rest - 1) finish(rays, tasks, pixels, std::countr_zero(rest));
+    }
+
+    /// Adds what volumes send on the way to what the rays met, and finds what they leave of that.
+    void march(const RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels) {
+        const std::uint32_t met = meetBox(rays, scene_.volumeBounds);
+        for (int lane = 0; lane < 16; ++lane) {
+            left_[lane] = 1;
+            if (!rays.active[lane] || !(met >> lane & 1u)) continue;
+            const PathTask* task = tasks ? tasks + lane : nullptr;
+            const bool light = asLight(task);
+            const VolumeLight found = marchVolumes(scene_, rays.ray(lane), light, task ? task->line : 0);
+            left_[lane] = found.left;
+            if (!(found.left < 1)) continue;
+            // The radiance is complete, so it is no share of a weight; what it covers is.
+            add(pixels[lane], task, task ? task->weight : Vec3f(1), found.radiance, light, 1 - found.left);
+        }
     }
 
     /// Adds what a lane's surface sends and queues the rays it asks for.
@@ -79,6 +100,7 @@ class Tile {
             weight = task.weight;
             if (task.absorption != Vec3f(0)) weight *= glm::exp(-task.absorption * t);
         }
+        if (!scene_.volumes.empty()) weight *= left_[lane];
         if (scene_.fogs.any()) fog = s.fogLeft(scene_, lane, t + (tasks ? tasks[lane].line : 0));
         if (!(s.special >> lane & 1u)) {
             const PathTask* task = tasks ? tasks + lane : nullptr;
@@ -209,6 +231,7 @@ class Tile {
     TileResult& result_;
     TileLoop loop_;
     SurfacePacket surfaces_{};  // unused lanes stay finite
+    float left_[16] = {};       // what volumes leave, where there are any
 };
 
 }  // namespace

@@ -54,4 +54,7 @@ Array<Vec3f> readPoints(const Scene& scene, NodeId coordinate, Mesh& problems);
 /// Puts the node's type and name before each of the mesh's diagnostics.
 void labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& mesh);
 
+/// The dimensions of an X3DVolumeDataNode.
+Vec3f volumeSize(const Node& volume);
+
 }  // namespace rtsg::detail

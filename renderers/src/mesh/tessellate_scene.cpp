@@ -424,11 +424,35 @@ std::shared_ptr<const Mesh> detail::particlesNode(const Scene& scene, const Node
     return mesh;
 }
 
+Vec3f detail::volumeSize(const Node& volume) {
+    if (volume.is(x3d::VolumeData::type)) return volume.get(x3d::VolumeData::dimensions);
+    if (volume.is(x3d::SegmentedVolumeData::type)) return volume.get(x3d::SegmentedVolumeData::dimensions);
+    return volume.get(x3d::IsoSurfaceVolumeData::dimensions);
+}
+
+namespace {
+
+/// The box around it, which pointers meet from inside too.
+std::shared_ptr<const Mesh> volumeBox(const Scene& scene, const Node& volume) {
+    const Vec3f size = detail::volumeSize(volume);
+    std::shared_ptr<Mesh> mesh(new Mesh);
+    if (size.x > 0 && size.y > 0 && size.z > 0 && std::isfinite(size.x + size.y + size.z))
+        *mesh = tessellate(BoxParams{.size = size, .solid = false});
+    else
+        mesh->diagnostics.warning(
+            {}, fmt::format("dimensions {} {} {} are not above 0: nothing is drawn", size.x, size.y, size.z));
+    detail::labelDiagnostics(scene, volume, *mesh);
+    return mesh;
+}
+
+}  // namespace
+
 Result<std::shared_ptr<const Mesh>> detail::tessellateNode(const Scene& scene, NodeId geometry,
                                                            const TessellationOptions& options, TextMaker* text) {
     const Node* node = scene.effectiveNode(geometry);
     if (!node) return fail(fmt::format("node {} does not exist or has no body", geometry.value));
     if (node->is(x3d::ParticleSystem::type)) return particlesNode(scene, *node, options, text, std::nullopt);
+    if (node->type().isA("X3DVolumeDataNode")) return volumeBox(scene, *node);
     if (!node->type().isA("X3DGeometryNode")) return fail(fmt::format("{} is not a geometry node", node->type().name));
     std::shared_ptr<Mesh> mesh(new Mesh(SceneTessellator(scene, *node, options, text).run()));
     detail::labelDiagnostics(scene, *node, *mesh);

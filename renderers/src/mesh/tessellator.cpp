@@ -45,6 +45,12 @@ bool Tessellator::keyOf(const Scene& scene, NodeId geometry, Key& key) {
             number(x3d::Sphere::radius);
             flag(x3d::Sphere::solid);
             return true;
+        case x3d::VolumeData::type.value:
+        case x3d::SegmentedVolumeData::type.value:
+        case x3d::IsoSurfaceVolumeData::type.value:
+            for (int axis = 0; axis < 3; ++axis)
+                key[at++] = std::bit_cast<std::uint32_t>(detail::volumeSize(*node)[axis]);
+            return true;
         case x3d::Cone::type.value:
             number(x3d::Cone::bottomRadius);
             number(x3d::Cone::height);

@@ -134,8 +134,9 @@ void FullTraversalRenderer::Impl::shape(const Node& node, const TypeRole& role, 
     Instance now;
     now.shape = node.id();
     now.geometry = flatten::geometryOf(*scene, roles, node);
-    now.appearance = flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.appearance));
-    now.castShadow = flatten::read<bool>(node, role.castShadow);
+    now.appearance = flatten::appearanceOf(*scene, roles, node);
+    now.volume = role.isVolume;
+    now.castShadow = !role.isVolume && flatten::read<bool>(node, role.castShadow);
     now.strokes = flatten::strokeStyle(*scene, now.appearance);
     now.layer = level.layer;
     now.worldFromLocal = level.worldFromLocal;
@@ -225,6 +226,7 @@ FullTraversalRenderer::FullTraversalRenderer(const RayWorld::Options& options, M
     flatten::forEachGroupType([&](std::string_view type) { registerNodeRenderer(type, visit); });
     registerNodeRenderer("Shape", visit);
     registerNodeRenderer("ParticleSystem", visit);
+    registerNodeRenderer("X3DVolumeDataNode", visit);
 }
 
 FullTraversalRenderer::~FullTraversalRenderer() = default;

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "ray_view_impl.h"
 #include "triangle_distance.h"
 
 namespace rtsg {
@@ -89,6 +90,35 @@ class LayerFilter final : public RayFilter {
     std::uint16_t layer_;
 };
 
+/// The boxes of volumes, which are pointed at though rays pass them.
+class VolumeBoxes final : public RayView {
+  public:
+    explicit VolumeBoxes(const RayView& view) : RayView(view) {}
+
+    /// Calls `visit(slot, triangle, weights, distance)` for each of their triangles that the ray meets.
+    template <class Visit>
+    void cross(const Vec3d& from, const Vec3d& unit, const RayFilter* filter, const Visit& visit) const {
+        for (const std::uint32_t slot : tables_->volumes) {
+            const RayInstance& box = instances_[slot];
+            if (!box.mesh || !box.info.seen || box.sign == 0 || !rtsg::isFinite(box.info.worldFromLocal)) continue;
+            for (std::uint32_t i = 0; i < box.mesh->triangleCount; ++i) {
+                const exact::Triangle t = triangleOf(box, i);
+                const Vec3d ab = t.b - t.a, ac = t.c - t.a, h = glm::cross(unit, ac), s = from - t.a,
+                            q = glm::cross(s, ab);
+                const double det = glm::dot(ab, h);
+                if (det == 0) continue;
+                const exact::Weights w{glm::dot(s, h) / det, glm::dot(unit, q) / det};
+                const double distance = glm::dot(ac, q) / det;
+                constexpr double kEdge = 1e-12;  // so that no ray slips between two triangles
+                if (!(w.u >= -kEdge && w.v >= -kEdge && w.u + w.v <= 1 + kEdge && distance >= 0)) continue;
+                const Vec3f at = fromWorld(from + distance * unit);
+                if (filter && filter->concerns(slot) && filter->leavesOut(slot, at)) continue;
+                visit(slot, i, w, distance);
+            }
+        }
+    }
+};
+
 }  // namespace
 
 Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, double maximum, double pixel) const {
@@ -121,6 +151,12 @@ Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double ma
             candidate.normal = -unit, candidate.surfaceNormal = false;
         if (candidate.distance > maximum) candidate = {};
     }
+    VolumeBoxes(*world_).cross(
+        origin, unit, filter,
+        [&](std::uint32_t slot, std::uint32_t triangle, const exact::Weights& where, double distance) {
+            if (distance > maximum || distance >= candidate.distance) return;
+            candidate = {slot, triangle, where, distance, origin + distance * unit, {}, true};
+        });
     return finish(candidate);
 }
 
@@ -176,6 +212,16 @@ Result<std::vector<Pick>> Picker::crossings(const Vec3d& origin, const Vec3d& di
         picks.push_back(
             finish({hit.instance, hit.triangle, {hit.u, hit.v}, distance, origin + distance * unit, {}, true}));
     }
+    std::map<std::uint32_t, double> last;  // of each volume: where two triangles touch, a side counts once
+    VolumeBoxes(*world_).cross(
+        origin, unit, nullptr,
+        [&](std::uint32_t slot, std::uint32_t triangle, const exact::Weights& where, double distance) {
+            const auto [known, isNew] = last.try_emplace(slot, distance);
+            if (distance > maximum || picks.size() >= kMost) return;
+            if (!isNew && std::abs(known->second - distance) <= 1e-9 * (1 + distance)) return;
+            known->second = distance;
+            picks.push_back(finish({slot, triangle, where, distance, origin + distance * unit, {}, true}));
+        });
     std::ranges::stable_sort(picks, {}, &Pick::distance);
     return picks;
 }

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <vector>
 
 #include <rtsg/renderers/ray_view.h>
 
@@ -16,6 +17,7 @@ namespace rtsg {
 struct RayView::Tables {
     bvh::TopView top;
     bvh::StrokeView strokes;
+    std::vector<std::uint32_t> volumes;  // slots of boxes that no ray meets, and pointers do
     mutable std::atomic<std::uint64_t> badRays{0};
 };
 

@@ -269,12 +269,14 @@ void RayWorld::Impl::add(const Instance& info) {
     places[slot] = Place{.movedAt = now, .pending = places[slot].pending};
     link(slot, info.geometry);
     setPending(slot);
+    if (info.volume) tables.volumes.push_back(slot);
 }
 
 void RayWorld::Impl::remove(InstanceId id) {
     if (!isLive(id)) return;
     lift(id.slot);
     unlink(id.slot);
+    if (instances[id.slot].info.volume) std::erase(tables.volumes, id.slot);
     places[id.slot] = Place{.pending = places[id.slot].pending};
     instances.write(id.slot) = RayInstance{};
 }

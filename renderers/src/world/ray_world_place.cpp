@@ -39,6 +39,7 @@ std::uint32_t RayWorld::Impl::kindsOf(const Instance& info) {
     constexpr auto view = static_cast<std::uint32_t>(RayKind::view),
                    shadow = static_cast<std::uint32_t>(RayKind::shadow),
                    sound = static_cast<std::uint32_t>(RayKind::sound);
+    if (info.volume) return 0;
     std::uint32_t kinds = ~0u;
     if (!info.seen) kinds &= ~(view | shadow);
     if (!info.castShadow) kinds &= ~shadow;

@@ -166,7 +166,8 @@ TEST(Spec, TagsSayWhatActsAndWhatHasAPlace) {
     EXPECT_EQ(type("SpotLight").role, "light");
     EXPECT_EQ(type("GeoProximitySensor").role, "sensor");
     EXPECT_EQ(type("ParticleSystem").role, "shape");
-    EXPECT_EQ(type("VolumeData").role, "none");
+    for (const char* volume : {"VolumeData", "SegmentedVolumeData", "IsoSurfaceVolumeData"})
+        EXPECT_EQ(type(volume).role, "shape");
     EXPECT_EQ(type("Material").role, "");
     const auto groups = builtinGroupTypes();
     EXPECT_TRUE((std::ranges::find(groups, "X3DGroupingNode") != groups.end()));

@@ -255,8 +255,10 @@ TEST(LightTracer, FogCoversByDistance) {
 
 // What pictures leave out is named once for each kind, also when it comes later.
 TEST(LightTracer, WhatIsNotDrawnIsNamed) {
-    LightScene s("DEF CUT VolumeData { } VolumeData { } SegmentedVolumeData { } NurbsSet { }" +
-                 square(1, unlit("1 1 1")));
+    LightScene s(
+        "DEF CUT NurbsSet { } NurbsSet { } Shape { appearance Appearance { shaders [ ComposedShader { } "
+        "PackagedShader { } ] } }" +
+        square(1, unlit("1 1 1")));
     const auto texts = [&] {
         std::string all;
         for (const Diagnostic& d : s.light->diagnostics().all()) all += d.text + "\n";
@@ -265,8 +267,9 @@ TEST(LightTracer, WhatIsNotDrawnIsNamed) {
     s.center();
     const std::string first = texts();
     EXPECT_EQ(s.light->diagnostics().all().size(), 3u) << first;
-    EXPECT_NE(first.find("VolumeData CUT is not in pictures: it is not drawn"), std::string::npos) << first;
-    const NodeId later = s.scene.createNode(x3d::IsoSurfaceVolumeData::type);
+    EXPECT_NE(first.find("NurbsSet CUT is not in pictures: its surfaces are cut each for itself"), std::string::npos)
+        << first;
+    const NodeId later = s.scene.createNode(x3d::EnvironmentLight::type);
     ASSERT_TRUE(s.scene.insertChild(s.scene.root(), x3d::RtsgScene::children, later));
     s.scene.newFrame(1);
     s.center();

@@ -70,6 +70,9 @@ struct Instance {
     std::uint16_t layer = 0;  // index in LayerSet.layers, from 1; 0 is the scene outside any LayerSet
     Motion motion = Motion::unknown;
     bool castShadow = true;
+    /// The box of an X3DVolumeDataNode, which is its own geometry and appearance: pointers meet it, light what is in
+    /// it.
+    bool volume = false;
     /// Whether eyes see it, and whether sound meets it. Both, unless a level of detail is chosen for an eye: sound
     /// meets the first level, whatever is seen. One of the two is true.
     bool seen = true, heard = true;

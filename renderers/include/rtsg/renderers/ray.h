@@ -74,6 +74,13 @@ struct alignas(64) RayPacket16 {
         tMin[lane] = ray.tMin, tMax[lane] = ray.tMax, active[lane] = -1;
     }
     void skip(int lane) { active[lane] = 0; }
+    /// Up to where it goes, or has met something.
+    Ray ray(int lane) const {
+        return {{originX[lane], originY[lane], originZ[lane]},
+                tMin[lane],
+                {directionX[lane], directionY[lane], directionZ[lane]},
+                tMax[lane]};
+    }
     bool hasHit(int lane) const { return geom_[lane] != kNoInstance; }
     bool isBlocked(int lane) const { return tMax[lane] < 0; }
 };
