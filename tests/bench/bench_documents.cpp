@@ -1,5 +1,6 @@
 // Reading and writing one mesh in each encoding, against loops of std::from_chars and std::to_chars over the same
-// numbers and a copy of the bytes; one long list on two threads; the binary encoding, GLB, and a million small nodes.
+// numbers and a copy of the bytes; one long list on two threads; the binary encoding, GLB, STL, PLY and OBJ, and a
+// million small nodes.
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -166,45 +167,81 @@ std::size_t gzipSize(const std::string& text) {
     return size;
 }
 
-void binaries(const Report& report, int n) {
+/// A mesh, as this document has it.
+void loadMesh(Scene& scene, const std::string& text) {
+    Diagnostics diagnostics;
+    if (!loadText(scene, text, diagnostics)) throw std::logic_error("the bench's document is not read");
+    scene.newFrame(0);
+}
+
+void ownBinary(const Report& report, int n) {
     const std::string text = document(kEncodings[0], n);
     Scene scene;
-    Diagnostics diagnostics;
-    loadText(scene, text, diagnostics);
-    scene.newFrame(0);
-    const TemporaryFile own(".rtsgb"), glb(".glb");
-    if (!writeSceneFile(scene, own.path) || !writeMeshFile(scene, glb.path, MeshFormat::glb, diagnostics))
-        throw std::logic_error("the bench's files cannot be written");
+    loadMesh(scene, text);
+    const TemporaryFile file(".rtsgb");
     const double arrays = 12.0 * (n + 1) * (n + 1) + 4.0 * 6 * n * n;  // bytes of points and indices
-    std::vector<double> written, read, imported, copied;
+    const std::string plain(static_cast<std::size_t>(arrays), '\1');
+    std::vector<double> written, read, bare, opened;
     for (int i = 0; i < 3; ++i) {
         double start = cpuSeconds();
-        keep(bool(writeSceneFile(scene, own.path)));
+        if (!writeSceneFile(scene, file.path)) throw std::logic_error("the bench's binary file is not written");
         written.push_back(cpuSeconds() - start);
         start = cpuSeconds();
         Scene again;
-        if (!readSceneFile(again, own.path)) throw std::logic_error("the bench's binary file is not read");
+        if (!readSceneFile(again, file.path)) throw std::logic_error("the bench's binary file is not read");
         read.push_back(cpuSeconds() - start);
+        bare.push_back(copySeconds(plain.size(), plain.data()));
         start = cpuSeconds();
-        Keeper keeper;
-        readDocumentFile(glb.path, keeper, diagnostics);
-        imported.push_back(cpuSeconds() - start);
-        start = cpuSeconds();
-        const std::string bytes = contentOf(glb.path);
+        const std::string bytes = contentOf(file.path);
         keep(bytes.data());
-        copied.push_back(cpuSeconds() - start);
+        opened.push_back(cpuSeconds() - start);
     }
-    const std::string what = fmt::format("{} triangles, ", 2 * n * n);
-    const double glbBytes = static_cast<double>(std::filesystem::file_size(glb.path));
-    const double copy = glbBytes / 1e6 / median(copied);
-    report({"documents", what + "rtsgb", "arrays read", "MB/s", arrays / 1e6 / median(read), "", 0, "the file's bytes",
-            copy});
-    report({"documents", what + "rtsgb", "arrays written", "MB/s", arrays / 1e6 / median(written), "", 0,
-            "the file's bytes", copy});
-    report({"documents", what + "rtsgb", "size", "MB", static_cast<double>(std::filesystem::file_size(own.path)) / 1e6,
-            "gzip of the text", static_cast<double>(gzipSize(text)) / 1e6, "the arrays", arrays / 1e6});
-    report({"documents", what + "GLB", "file read", "MB/s", glbBytes / 1e6 / median(imported), "", 0,
-            "the file's bytes", copy});
+    const std::string what = fmt::format("{} triangles, rtsgb", 2 * n * n);
+    const double size = static_cast<double>(std::filesystem::file_size(file.path)) / 1e6;
+    report({"documents", what, "arrays read", "MB/s", arrays / 1e6 / median(read), "memcpy of the arrays",
+            arrays / 1e6 / median(bare), "the file's bytes, packed", size / median(opened)});
+    report({"documents", what, "arrays written", "MB/s", arrays / 1e6 / median(written), "memcpy of the arrays",
+            arrays / 1e6 / median(bare), "", 0});
+    report({"documents", what, "size", "MB", size, "gzip of the text", static_cast<double>(gzipSize(text)) / 1e6,
+            "the arrays", arrays / 1e6});
+}
+
+/// Files of other programs, each beside what reads its numbers and nothing else.
+void otherBinaries(const Report& report, int n) {
+    struct Kind {
+        const char *name, *extension;
+        MeshFormat format;
+        bool isText;
+    };
+    constexpr Kind kKinds[] = {{"GLB", ".glb", MeshFormat::glb, false},
+                               {"STL", ".stl", MeshFormat::stl, false},
+                               {"PLY", ".ply", MeshFormat::ply, false},
+                               {"OBJ", ".obj", MeshFormat::obj, true}};
+    Scene scene;
+    loadMesh(scene, document(kEncodings[0], n));
+    for (const Kind& kind : kKinds) {
+        const TemporaryFile file(kind.extension);
+        Diagnostics diagnostics;
+        if (!writeMeshFile(scene, file.path, kind.format, diagnostics))
+            throw std::logic_error("the bench's mesh is not written");
+        std::vector<double> imported, bare, opened;
+        for (int i = 0; i < 3; ++i) {
+            double start = cpuSeconds();
+            Keeper keeper;
+            if (!readDocumentFile(file.path, keeper, diagnostics) || keeper.values.empty())
+                throw std::logic_error("the bench's mesh is not read");
+            imported.push_back(cpuSeconds() - start);
+            start = cpuSeconds();
+            const std::string bytes = contentOf(file.path);
+            keep(bytes.data());
+            opened.push_back(cpuSeconds() - start);
+            bare.push_back(kind.isText ? fromCharsSeconds(bytes) : copySeconds(bytes.size(), bytes.data()));
+        }
+        const double size = static_cast<double>(std::filesystem::file_size(file.path)) / 1e6;
+        report({"documents", fmt::format("{} triangles, {}", 2 * n * n, kind.name), "file read", "MB/s",
+                size / median(imported), kind.isText ? "std::from_chars over the numbers" : "memcpy of the bytes",
+                size / median(bare), "the file's bytes", size / median(opened)});
+    }
 }
 
 void smallNodes(const Report& report, int count) {
@@ -295,7 +332,9 @@ void documents(const Report& report, bool quick) {
     }
     for (const Encoded& encoding : kEncodings) oneList(report, encoding, quick ? 500 : 1200);
     writing(report, n);
-    binaries(report, quick ? 100 : 707);  // a million triangles
+    const int million = quick ? 100 : 707;  // triangles
+    ownBinary(report, million);
+    otherBinaries(report, million);
     smallNodes(report, quick ? 10'000 : 1'000'000);
 }
 

@@ -1,7 +1,8 @@
 // Feeds arbitrary bytes to every decoder of rtsg::sync: as they come, behind a valid header and checksum (what a
 // hostile peer would send), and as changed columns and flipped bits in a stream that was honest so far, in every
 // coding. What is accepted survives another round, and a scene takes it or refuses it: after either, the scene's
-// snapshot leads to the same state hash. A change set made from the bytes comes back as it went in.
+// snapshot leads to the same state hash, also by way of a scene file's record. A change set made from the bytes comes
+// back as it went in.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -34,6 +35,7 @@ ByteBuffer withHeader(std::span<const std::byte> payload, RecordKind kind, std::
 }
 
 void decodeChanges(std::span<const std::byte> record) {
+    if (parseRecordHeader(record)->kind == RecordKind::scene) return;  // whose types would come back as definitions
     ChangeDecoder decoder({});
     ChangeSet set;
     if (!decoder.decode(record, set)) return;
@@ -61,6 +63,13 @@ void expectLaw(const Scene& scene) {
     other.setBehavioursEnabled(false);
     if (!other.apply(std::make_shared<const ChangeSet>(scene.snapshot()))) std::abort();
     if (other.hash() != scene.hash() || other.nodeCount() != scene.nodeCount()) std::abort();
+    ByteBuffer record;
+    Scene read;
+    read.setBehavioursEnabled(false);
+    auto set = std::make_shared<ChangeSet>();
+    ChangeDecoder decoder(builtinTypes(), 0);
+    if (!ChangeEncoder().encodeScene(scene.snapshot(), record) || !decoder.decode(record.bytes(), *set)) std::abort();
+    if (!read.apply(std::move(set)) || read.hash() != scene.hash()) std::abort();
 }
 
 void apply(std::span<const std::byte> record) {
@@ -198,6 +207,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         decodeChanges(record.bytes());
         apply(record.bytes());
     }
+    apply(withHeader(bytes, RecordKind::scene).bytes());
     decodeArrays(bytes);
     (void)decodeHead(withHeader(bytes, RecordKind::head).bytes());
     for (const Coding coding : {Coding::compact, Coding::smallest}) {

@@ -2,7 +2,7 @@
 """Reads a log by PROTOCOL.md alone: Python 3, standard library only. Prints one JSON object a line: the head, every
 record, what bytes are damaged, and at the end a summary with the last value of every field of every node.
 usage: reader.py LOG [--values]"""
-import json, struct, sys, zlib
+import json, os, struct, sys, zlib
 import packed_arrays, prediction
 
 M64 = (1 << 64) - 1
@@ -111,7 +111,7 @@ def read_type(outer):
         t["fields"].append(field)
     return t
 
-def inflated(payload):
+def inflated(payload, words=b""):
     """The blocks with those of kind 14 replaced by what they hold."""
     r, blocks = Reader(payload), b""
     while r.at < len(payload):
@@ -121,15 +121,15 @@ def inflated(payload):
             blocks += payload[start:r.at]
             continue
         size = body.varint()
-        held = zlib.decompress(body.data[body.at:], -15)
+        held = zlib.decompressobj(-15, words).decompress(body.data[body.at:]) if words else zlib.decompress(body.data[body.at:], -15)
         if len(held) != size:
             raise ValueError("a deflated block of another size")
         blocks += held
     return blocks
 
-def read_changes(payload, types, state, memory):
+def read_changes(payload, types, state, memory, words=b""):
     """Applies a frame's blocks to state = {"nodes": {id: type index}, "values": {(node, field): value}, ...}."""
-    r, counts = Reader(payload := inflated(payload)), {}
+    r, counts = Reader(payload := inflated(payload, words)), {}
     nodes, values, names, routes = state.values()
     while r.at < len(payload):
         kind, count = r.number("B"), r.varint()
@@ -185,6 +185,15 @@ def read_changes(payload, types, state, memory):
                 b.varint(), b.value(b.number("B"))
     return counts
 
+def of_protocol(name):
+    return open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../sync", name), "rb").read()
+
+def catalogue():
+    r, types = Reader(of_protocol("catalogue.bin")), []
+    while r.at < len(r.data):
+        types.append(read_type(r))
+    return types
+
 fresh = lambda: {"nodes": {1: 0}, "values": {}, "names": {}, "routes": set()}
 
 def main(path, show_values):
@@ -211,6 +220,15 @@ def main(path, show_values):
                 types, at_state, at_epoch = {}, None, epoch
                 print(json.dumps({"head": version, "epoch": epoch, "creator": r.text(), "types": builtin,
                                   "mode": ("state", "input", "lossy")[mode], "error": error}))
+        elif kind == 7:
+            version, builtin, root = struct.unpack_from("<HHH", payload)
+            if version != 1:
+                raise ValueError("a scene of version %d" % version)
+            state, types, at_state = fresh(), dict(enumerate(catalogue()[:builtin])), to
+            state["nodes"][1] = root
+            blocks = read_changes(payload[6:], types, state, None, of_protocol("words.bin"))
+            frames += 1
+            print(json.dumps({"state": to, "scene": builtin, "t": time, "hash": head[48:64][::-1].hex(), "blocks": blocks}))
         elif kind in (2, 3) and head[17] < 8 and (
                 origin == at_state or (kind == 3 and (at_state is None or to > at_state))):
             if origin != at_state:

@@ -4,7 +4,7 @@
 
 import {FormatError, Reader, addDelta} from './reader.js';
 import {Memory} from './prediction.js';
-import {readType} from './types.js';
+import {readType, typeOfCatalogue, wordsOfScenes} from './types.js';
 import {readPacked} from './arrays.js';
 import {fixedSize, lanesOf, readHashBytes, MFNODE, SFNODE, isKnown} from './values.js';
 
@@ -12,17 +12,17 @@ const kMostChanges = 1 << 26, kMostInflated = 2 ** 30;
 
 let inflateRaw = globalThis.process?.getBuiltinModule?.('node:zlib')?.inflateRawSync;  // Node 20.16 and later
 
-/** Scene files have deflated blocks. `inflate(bytes, {maxOutputLength})` gives what a raw deflate stream holds, as node:zlib's
- * inflateRawSync does; other environments name theirs here. */
+/** Scene files have deflated blocks. `inflate(bytes, {maxOutputLength, dictionary})` gives what a raw deflate stream holds, as
+ * node:zlib's inflateRawSync does; other environments name theirs here. */
 export function setInflate(inflate) { inflateRaw = inflate; }
 
-function inflated(body) {
+function inflated(body, dictionary) {
   const size = body.varint();
   if (!inflateRaw) throw new FormatError('a deflated block, and nothing here that inflates it: see setInflate()');
   if (size > kMostInflated) throw new FormatError(`a deflated block of ${size} bytes`);
   let bytes;
   try {
-    bytes = inflateRaw(body.take(body.left), {maxOutputLength: Math.max(size, 1)});
+    bytes = inflateRaw(body.take(body.left), {maxOutputLength: Math.max(size, 1), ...(dictionary && {dictionary})});
   } catch (problem) {
     throw new FormatError(`a deflated block is damaged: ${problem.message}`);
   }
@@ -35,21 +35,35 @@ export class Decoder {
   /** Another epoch. */
   restart() {
     this.types = new Map();
+    this.catalogued = 0;  // types below this are the catalogue's
     this.memory = new Memory();
   }
 
-  /** `record`: of kind frame or keyframe. */
+  /** `record`: of kind frame, keyframe or scene. */
   decode(record, sink) {
     this.memory.begin(record.kind === 'frame' ? record.flags : 4);
     this.remembers = record.kind === 'frame' && (record.flags & 1) !== 0;
-    this.blocks(new Reader(record.payload), sink, true);
+    const reader = new Reader(record.payload);
+    this.words = record.kind === 'scene' ? wordsOfScenes() : null;
+    if (record.kind === 'scene') this.startScene(reader, sink);
+    this.blocks(reader, sink, true);
+  }
+
+  /** What a scene record has before its blocks. */
+  startScene(reader, sink) {
+    const version = reader.u16();
+    if (version !== 1) throw new FormatError(`a scene of version ${version}; this reader knows 1`);
+    this.restart();
+    this.catalogued = reader.u16();
+    const root = reader.u16();
+    sink.defineType(root, this.typeOf(root));
   }
 
   blocks(reader, sink, mayInflate) {
     while (reader.left) {
       const kind = reader.u8(), count = reader.varint(), body = reader.part();
       if (count > kMostChanges) throw new FormatError(`${count} changes in one block`);
-      if (kind === 14 && mayInflate) this.blocks(inflated(body), sink, false);
+      if (kind === 14 && mayInflate) this.blocks(inflated(body, this.words), sink, false);
       else this.block(kind, count, body, sink);
     }
   }
@@ -96,7 +110,8 @@ export class Decoder {
   }
 
   typeOf(number) {
-    const type = this.types.get(number);
+    let type = this.types.get(number);
+    if (!type && number < this.catalogued) this.types.set(number, type = typeOfCatalogue(number));
     if (!type) throw new FormatError(`node type ${number} is not described`);
     return type;
   }

@@ -46,6 +46,7 @@ export class Replay {
       const record = next.value;
       this.closed = record.kind === 'index';
       if (record.kind === 'head') this.takeHead(record);
+      else if (record.kind === 'scene') return this.takeScene(record);
       else if ((record.kind === 'frame' || record.kind === 'keyframe') && this.leadsOn(record)) return this.take(record);
     }
     return null;
@@ -58,6 +59,14 @@ export class Replay {
     this.scene.countsFields = head.version < 3;
     this.decoder.restart();
     this.lost = true;
+  }
+  /** All of a scene file. */
+  takeScene(record) {
+    this.head = null;
+    this.scene.countsFields = false;
+    const taken = this.take(record);
+    this.lost = true;  // nothing follows
+    return taken;
   }
   leadsOn(record) {
     if (!this.head) return false;

@@ -5,7 +5,7 @@ import {xxh64} from './xxh3.js';
 
 export const HEADER = 64;
 const MAGIC = Uint8Array.from('RTSGrec1', (c) => c.charCodeAt(0));
-const KINDS = {1: 'head', 2: 'frame', 3: 'keyframe', 4: 'index', 5: 'input'};
+const KINDS = {1: 'head', 2: 'frame', 3: 'keyframe', 4: 'index', 5: 'input', 6: 'request', 7: 'scene'};
 
 /** The record that begins at `at`, its checksum right; throws a FormatError that says what is wrong with it. States are
  * numbers, up to 2^53. */

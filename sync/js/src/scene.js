@@ -293,10 +293,10 @@ export class Scene {
   }
   event() {}
 
-  /** Applies a frame or keyframe that leads on from this state; a keyframe that does not begins anew. Returns whether the
+  /** Applies a frame, or a keyframe or scene, that leads on from this state; a keyframe that does not begins anew. Returns whether the
    * state hash is then the record's. */
   apply(record, decoder) {
-    if (record.kind === 'keyframe' && !(record.from === this.state && this.nodes.size === 1)) {
+    if (record.kind !== 'frame' && !(record.from === this.state && this.nodes.size === 1)) {
       const {listener} = this;
       this.reset();
       this.listener = listener;

@@ -38,6 +38,38 @@ export function readType(reader) {
   return type;
 }
 
+const fs = globalThis.process?.getBuiltinModule?.('node:fs');  // Node 20.16 and later
+let catalogue = null, words = null;
+
+/** Scene files name built-in types by their places in a catalogue, and what is deflated in them refers to words: the bytes of
+ * sync/catalogue.bin and sync/words.bin. With a new enough Node these files are found beside this folder. */
+export function setCatalogue(bytes, wordBytes) {
+  words = wordBytes;
+  catalogue = [];
+  for (const r = new Reader(bytes); r.left;) {
+    const start = r.at;
+    r.part();
+    catalogue.push(bytes.subarray(start, r.at));
+  }
+}
+
+function findCatalogue() {
+  const read = (name) => new Uint8Array(fs.readFileSync(new URL(`../../${name}`, import.meta.url)));
+  if (!catalogue && fs) setCatalogue(read('catalogue.bin'), read('words.bin'));
+  if (!catalogue) throw new FormatError('a scene file, and nothing here that knows its types: see setCatalogue()');
+}
+
+export function wordsOfScenes() {
+  findCatalogue();
+  return words;
+}
+
+export function typeOfCatalogue(number) {
+  findCatalogue();
+  if (number >= catalogue.length) throw new FormatError(`type ${number} of the catalogue, which has ${catalogue.length} here`);
+  return readType(new Reader(catalogue[number]));
+}
+
 /** A head record's payload. */
 export function readHead(payload) {
   const r = new Reader(payload);

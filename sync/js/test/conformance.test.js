@@ -3,9 +3,11 @@ import assert from 'node:assert/strict';
 import {readFileSync, readdirSync} from 'node:fs';
 import {test} from 'node:test';
 import {inflateRawSync} from 'node:zlib';
-import {Replay, setInflate} from '../src/index.js';
+import {Replay, setCatalogue, setInflate} from '../src/index.js';
 
 setInflate(inflateRawSync);
+const ofProtocol = (name) => new Uint8Array(readFileSync(new URL(`../../${name}`, import.meta.url)));
+setCatalogue(ofProtocol('catalogue.bin'), ofProtocol('words.bin'));
 
 const folder = new URL('../../../tests/sync/conformance/', import.meta.url);
 const logsIn = (place) => readdirSync(new URL(place, folder)).filter((name) => name.endsWith('.rlog')).map((name) => place + name);
@@ -25,7 +27,7 @@ function sameValue(given, expected, path) {
   }
 }
 
-assert.equal(logsIn('./').length, 11);
+assert.equal(logsIn('./').length, 12);
 assert.equal(logsIn('./format2/').length, 10);
 for (const name of [...logsIn('./'), ...logsIn('./format2/')]) {
   test(`${name} is read as expected`, () => {

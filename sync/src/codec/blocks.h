@@ -21,6 +21,9 @@ enum Block : std::uint8_t {
     kFiller = 15,    // makes a record as long as what it becomes in memory asks for (budget.h); readers skip it
 };
 
+/// Of a scene record: another one is not understood.
+constexpr std::uint16_t kSceneVersion = 1;
+
 // Row tags.
 constexpr unsigned kSetOne = 0, kSetMany = 1, kInsert = 2, kRemove = 3, kLinkExternal = 4;
 constexpr unsigned kRouteRemove = 1, kRouteExternal = 2, kRouteIs = 4;

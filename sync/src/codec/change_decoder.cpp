@@ -2,10 +2,12 @@
 #include <rtsg/sync/change_codec.h>
 
 #include <algorithm>
+#include <utility>
 
 #include <fmt/format.h>
 
 #include "blocks.h"
+#include "catalogue.h"
 #include "column_codec.h"
 #include "column_rows.h"
 #include "deflated_blocks.h"
@@ -341,11 +343,11 @@ bool readBlock(Reader& in, unsigned kind, std::size_t count, wire::ColumnReader*
 Result<RecordHeader> headerOfChanges(std::span<const std::byte> record) {
     Result<RecordHeader> header = parseRecordHeader(record);
     if (!header) return header;
-    if (header->kind != RecordKind::frame && header->kind != RecordKind::keyframe)
+    const bool isFrame = header->kind == RecordKind::frame;
+    if (!isFrame && header->kind != RecordKind::keyframe && header->kind != RecordKind::scene)
         return fail(fmt::format("record of kind {} holds no changes", static_cast<unsigned>(header->kind)));
-    if ((header->from == 0) != (header->kind == RecordKind::keyframe))
-        return fail(fmt::format("a {} cannot start at state {}",
-                                header->kind == RecordKind::frame ? "frame" : "keyframe", header->from));
+    if ((header->from == 0) == isFrame)
+        return fail(fmt::format("a {} cannot start at state {}", isFrame ? "frame" : "keyframe", header->from));
     if (header->to < header->from)
         return fail(fmt::format("changes lead back from state {} to {}", header->from, header->to));
     return header;
@@ -380,7 +382,7 @@ void ChangeDecoder::goOnFrom(const ChangeDecoder& other) {
 
 /// Null if the record remembers nothing.
 wire::ColumnReader* ChangeDecoder::columnsFor(const RecordHeader& header) {
-    if (header.kind == RecordKind::keyframe) {
+    if (header.kind != RecordKind::frame) {
         if (columns_) columns_->history().clear();
         return nullptr;
     }
@@ -421,6 +423,43 @@ Result<> ChangeDecoder::readBlocks(Reader& in, wire::ColumnReader* columns, Chan
     return {};
 }
 
+/// What a scene record has before its blocks; then the numbers of types are the catalogue's.
+void ChangeDecoder::readSceneStart(Reader& in) {
+    const auto version = in.number<std::uint16_t>(), builtins = in.number<std::uint16_t>(),
+               root = in.number<std::uint16_t>();
+    if (in.problem) return;
+    if (version != wire::kSceneVersion) return in.refuse("version unknown to this reader");
+    StreamHead head;
+    head.builtinTypes = builtins;
+    mapping_ = std::make_unique<TypeMapping>(local_, builtins);
+    origin_ = counting_ ? std::make_unique<OriginHash>(head, TypeTable()) : nullptr;
+    if (!describeFromCatalogue(root, *in.budget)) in.refuse("a root whose type is not in the catalogue");
+}
+
+/// False if there is no such entry here.
+bool ChangeDecoder::describeFromCatalogue(std::uint16_t number, wire::Budget& budget) {
+    const std::shared_ptr<const NodeType> type = wire::catalogueType(number);
+    if (!type || !budget.take(wire::costOf(*type)) || !mapping_->describe(number, *type)) return false;
+    if (origin_) origin_->describe(number, type);
+    return true;
+}
+
+Result<> ChangeDecoder::describeTypesOf(const ChangeSet& set, wire::Budget& budget) {
+    for (const Change& change : set.changes) {
+        if (change.kind != ChangeKind::createNode || mapping_->knows(change.index)) continue;
+        const bool isKnown = change.index < wire::catalogueSize();
+        const auto number = static_cast<std::uint16_t>(change.index);
+        if (isKnown && mapping_->isBuiltin(change.index) && !describeFromCatalogue(number, budget))
+            return fail("types take more memory than a record of this length may");
+        if (!isKnown && mapping_->isBuiltin(change.index))
+            return fail(
+                fmt::format("it has nodes of type {} of the catalogue, and this program knows the first {}: a later "
+                            "version wrote it",
+                            change.index, wire::catalogueSize()));
+    }
+    return {};
+}
+
 Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set) {
     const Result<RecordHeader> header = headerOfChanges(record);
     if (!header) return std::unexpected(header.error());
@@ -436,12 +475,24 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     wire::Budget budget(header->size());
     Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
     in.budget = &budget;
-    const std::optional<std::vector<std::byte>> inflated = wire::inflateBlocks(in);
+    const bool isScene = header->kind == RecordKind::scene;
+    if (isScene) readSceneStart(in);
+    if (in.problem) return std::unexpected(wire::describe(in, "scene"));
+    const std::optional<std::vector<std::byte>> inflated =
+        wire::inflateBlocks(in, isScene ? wire::sceneWords() : std::span<const std::byte>());
     if (in.problem) return std::unexpected(wire::describe(in, "block"));
     if (inflated) in = Reader(*inflated, kRecordHeaderSize);
     in.budget = &budget;
     reserveRows(in, columns ? columns->history().slots() : 0, set);
     if (auto ok = readBlocks(in, columns, set); !ok) return ok;
+    if (isScene) {
+        if (auto ok = describeTypesOf(set, budget); !ok) return ok;
+        if (mapping_->sameHere()) {
+            const std::unique_ptr<TypeMapping> mapping = std::exchange(mapping_, nullptr);
+            origin_.reset();
+            return mapping->renumber(set);
+        }
+    }
     if (origin_) origin_->follow(set);
     return mapping_ ? mapping_->toLocal(set, budget, losses_) : Result<>{};
 }

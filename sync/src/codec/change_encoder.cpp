@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
+#include <utility>
 
 #include "blocks.h"
+#include "catalogue.h"
 #include "column_codec.h"
 #include "column_rows.h"
 #include "deflated_blocks.h"
@@ -43,12 +46,17 @@ constexpr std::size_t kMostRemembered = std::size_t{1} << 20;
 /// Of a frame with more changes nothing is predicted: readers remember so many fields at most, and a few frames' more.
 constexpr std::size_t kMostPredicted = std::size_t{1} << 20;
 
+/// Arrays of fewer elements stay as they are: what says how they are packed is longer than what it saves.
+constexpr std::size_t kFewest = 8;
 /// Bytes of packed arrays that are deflated as well.
 constexpr std::size_t kMostDeflated = std::size_t{1} << 20;
 
-/// Value changes of one (field, type, origin).
+/// Of a column's key, beside wire::kValueExternal.
+constexpr unsigned kPackedKey = 2;
+
+/// Value changes of one (field, type, origin); of arrays the packed ones and the others apart.
 struct Column {
-    std::uint32_t key = 0;
+    std::uint32_t key = 0;  // the field's number, the type, then bits
     FieldType type = FieldType::SFBool;
     std::uint8_t elementSize = 0;  // 0 when values vary in size
     std::uint32_t lastNode = 0;
@@ -67,9 +75,16 @@ struct Column {
     }
 };
 
-std::uint32_t keyOf(const Change& change) {
+std::uint32_t keyOf(const Change& change, bool packed) {
     return std::uint32_t{change.field} << 16 | static_cast<std::uint32_t>(change.value.type()) << 8 |
-           (change.external ? wire::kValueExternal : 0u);
+           (change.external ? wire::kValueExternal : 0u) | (packed ? kPackedKey : 0u);
+}
+
+bool isWorthPacking(const Value& value) {
+    if (wire::packedLanes(value.type()) == 0) return false;
+    const detail::ArrayHeader* header = nullptr;
+    std::memcpy(&header, value.storage(), sizeof(header));
+    return header && header->size >= kFewest;
 }
 
 std::byte* writeVarint(std::byte* at, std::uint64_t number) {
@@ -100,7 +115,8 @@ struct ChangeEncoder::Parts {
     std::size_t predicted = 0;  // values of the last frame
     bool predicting = false;    // in this one
     bool makesSmall = false;
-    std::uint64_t descriptions = 0;  // what the set's descriptions charge a reader
+    std::vector<std::uint16_t> catalogued;  // in a scene file: the catalogue's number by that of a built-in type
+    std::uint64_t descriptions = 0;         // what the set's descriptions charge a reader
     std::array<Rows, wire::kBlockEnd> rows;
     std::vector<std::string_view> authors;  // of the set at hand
     std::vector<Column> columns;            // the first `used` belong to the set at hand
@@ -143,7 +159,7 @@ struct ChangeEncoder::Parts {
             found->type = type;
             found->elementSize = wire::fixedSize(type) ? info(type).elementSize : 0;
             found->predicted = predicting && wire::lanesOf(type) > 0;
-            found->packed = makesSmall && wire::packedLanes(type) > 0;
+            found->packed = key & kPackedKey;
             found->clear();
         }
         guess = static_cast<std::uint16_t>(found - columns.begin());
@@ -154,14 +170,37 @@ struct ChangeEncoder::Parts {
         if (type >= described.size() || described[type]) return;
         described[type] = true;
         descriptions += wire::costOf(*types[type]);
+        if (!catalogued.empty()) return;
         Rows& r = rows[wire::kDescriptions];
         ++r.count;
         r.bytes.putVarint(type);
         wire::putType(r.bytes, *types[type]);
     }
 
+    /// The number that a type of this program has in the record.
+    std::uint64_t numberOf(std::uint32_t type) const {
+        if (catalogued.empty()) return type;
+        return type < catalogued.size() ? catalogued[type] : type - catalogued.size() + wire::catalogueSize();
+    }
+    /// False if a built-in type of the snapshot is not in the catalogue.
+    bool takeNumbersOfCatalogue(const ChangeSet& snapshot) {
+        constexpr std::uint16_t kUnknown = 0xFFFF;
+        std::vector<std::uint16_t> numbers(types.size(), kUnknown);
+        const auto find = [&](std::size_t type) {
+            if (type >= numbers.size() || numbers[type] != kUnknown) return true;
+            const std::optional<std::uint16_t> number = wire::catalogueNumber(*types[type]);
+            numbers[type] = number.value_or(kUnknown);
+            return number.has_value();
+        };
+        if (rootType >= types.size() || !find(rootType)) return false;
+        for (const Change& change : snapshot.changes)
+            if (change.kind == ChangeKind::createNode && !find(change.index)) return false;
+        catalogued = std::move(numbers);
+        return true;
+    }
+
     void addValue(const Change& change) {
-        Column& c = column(keyOf(change), change.value.type());
+        Column& c = column(keyOf(change, makesSmall && isWorthPacking(change.value)), change.value.type());
         if (c.predicted) {
             c.numbers.push_back(change.node.value);
         } else {
@@ -261,7 +300,7 @@ struct ChangeEncoder::Parts {
         }
         putBlock(wire::kValues, c.count, 3 + wire::varintSize(field) + c.nodes.size() + c.values.size(), out);
         out.put(static_cast<std::uint8_t>(c.packed ? wire::kCodingArrays : wire::kCodingRaw));
-        out.put(static_cast<std::uint8_t>(c.key & 0xFF));
+        out.put(static_cast<std::uint8_t>(c.key & wire::kValueExternal));
         out.put(static_cast<std::uint8_t>(c.type));
         out.putVarint(field);
         out.append(c.nodes.bytes());
@@ -278,17 +317,20 @@ struct ChangeEncoder::Parts {
     /// a reader inflates.
     std::uint64_t putSmall(ByteBuffer& out) {
         ByteBuffer before, after;
-        for (unsigned block = wire::kDescriptions; block < wire::kBlockEnd; ++block)
-            putRows(block, block < wire::kValues ? before : after);
         std::size_t packed = 0;
         for (std::size_t i = 0; i < used; ++i) packed += columns[i].packed ? columns[i].values.size() : 0;
-        const auto isSmall = [&](const Column& c) { return !c.packed || packed <= kMostDeflated; };
+        const bool all = packed <= kMostDeflated;
+        for (unsigned block = wire::kDescriptions; block < wire::kBlockEnd; ++block) {
+            putRows(block, all || block < wire::kValues ? before : after);
+            for (std::size_t i = 0; block == wire::kValues && i < used; ++i)
+                if (all || !columns[i].packed) putColumn(columns[i], before);
+        }
+        const auto words = catalogued.empty() ? std::span<const std::byte>() : wire::sceneWords();
+        const std::uint64_t inflated = wire::putDeflated(before.bytes(), out, words);
+        if (all) return inflated;
         for (std::size_t i = 0; i < used; ++i)
-            if (isSmall(columns[i])) putColumn(columns[i], before);
-        std::uint64_t inflated = wire::putDeflated(before.bytes(), out);
-        for (std::size_t i = 0; i < used; ++i)
-            if (!isSmall(columns[i])) putColumn(columns[i], out);
-        return inflated + wire::putDeflated(after.bytes(), out);
+            if (columns[i].packed) putColumn(columns[i], out);
+        return inflated + wire::putDeflated(after.bytes(), out, words);
     }
 
     void add(const ChangeSet& set, const Change& change) {
@@ -300,7 +342,7 @@ struct ChangeEncoder::Parts {
                 if (defined == set.types.end() || !defined->type) break;  // nothing that could be applied
                 Rows& r = rows[wire::kTypes];
                 ++r.count;
-                r.bytes.putVarint(std::uint64_t{change.index} << 1 | external);
+                r.bytes.putVarint(numberOf(change.index) << 1 | external);
                 wire::putType(r.bytes, *defined->type);
                 break;
             }
@@ -308,7 +350,7 @@ struct ChangeEncoder::Parts {
                 describe(change.index);
                 Rows& r = rows[wire::kCreate];
                 r.bytes.putVarint(r.step(change.node) << 1 | external);
-                r.bytes.putVarint(change.index);
+                r.bytes.putVarint(numberOf(change.index));
                 r.bytes.putVarint(zigzag(change.other.value, r.lastOther));
                 r.lastOther = change.other.value;
                 break;
@@ -388,6 +430,16 @@ void ChangeEncoder::encodeMerged(const ChangeSet& set, ByteBuffer& record) {
     write(set, parts_->mode.coding == Coding::raw || set.isSnapshot() ? 0 : kRemember | kSync, false, record);
 }
 
+bool ChangeEncoder::encodeScene(const ChangeSet& snapshot, ByteBuffer& record) {
+    if (!parts_->takeNumbersOfCatalogue(snapshot)) return false;
+    const bool madeSmall = std::exchange(parts_->makesSmall, true);
+    restart();
+    write(snapshot, 0, false, record);
+    parts_->makesSmall = madeSmall;
+    parts_->catalogued.clear();
+    return true;
+}
+
 void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predicting, ByteBuffer& record) {
     Parts& parts = *parts_;
     parts.clear();
@@ -405,10 +457,16 @@ void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predict
     record.clear();
     record.room(parts.mostBytes());
     record.advance(kRecordHeaderSize);
+    const bool isScene = !parts.catalogued.empty();
+    if (isScene) {
+        record.put(wire::kSceneVersion);
+        record.put(static_cast<std::uint16_t>(wire::catalogueSize()));
+        record.put(parts.catalogued[parts.rootType]);
+    }
     const std::uint64_t inflated = parts.makesSmall ? parts.putSmall(record) : parts.put(record);
     wire::fillUp(record, parts.cost(set, record.size(), inflated));
     RecordHeader header;
-    header.kind = set.isSnapshot() ? RecordKind::keyframe : RecordKind::frame;
+    header.kind = isScene ? RecordKind::scene : set.isSnapshot() ? RecordKind::keyframe : RecordKind::frame;
     header.flags = flags;
     header.from = set.from;
     header.to = set.to;

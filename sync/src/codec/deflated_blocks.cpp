@@ -11,17 +11,19 @@ namespace rtsg::wire {
 
 namespace {
 
-constexpr int kRaw = -MAX_WBITS;     // no header, no sum of its own: the record has one
-constexpr int kMemory = 8;           // zlib's default
-constexpr std::size_t kWorth = 256;  // fewer bytes are not looked at
+constexpr int kRaw = -MAX_WBITS;    // no header, no sum of its own: the record has one
+constexpr int kMemory = 8;          // zlib's default
+constexpr std::size_t kWorth = 64;  // fewer bytes are not looked at
 /// zlib counts in 32 bits.
 constexpr std::size_t kLongest = std::numeric_limits<uInt>::max();
 
 /// Empty if it is not shorter.
-std::vector<std::byte> deflated(std::span<const std::byte> bytes) {
+std::vector<std::byte> deflated(std::span<const std::byte> bytes, std::span<const std::byte> words) {
     std::vector<std::byte> out(bytes.size());
     z_stream stream{};
     if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, kRaw, kMemory, Z_DEFAULT_STRATEGY) != Z_OK) return {};
+    if (!words.empty())
+        deflateSetDictionary(&stream, reinterpret_cast<const Bytef*>(words.data()), static_cast<uInt>(words.size()));
     stream.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(bytes.data()));
     stream.avail_in = static_cast<uInt>(bytes.size());
     stream.next_out = reinterpret_cast<Bytef*>(out.data());
@@ -33,9 +35,11 @@ std::vector<std::byte> deflated(std::span<const std::byte> bytes) {
 }
 
 /// False if the stream is damaged or holds another number of bytes.
-bool inflateInto(std::span<const std::byte> bytes, std::span<std::byte> out) {
+bool inflateInto(std::span<const std::byte> bytes, std::span<std::byte> out, std::span<const std::byte> words) {
     z_stream stream{};
     if (inflateInit2(&stream, kRaw) != Z_OK) return false;
+    if (!words.empty())
+        inflateSetDictionary(&stream, reinterpret_cast<const Bytef*>(words.data()), static_cast<uInt>(words.size()));
     stream.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(bytes.data()));
     stream.avail_in = static_cast<uInt>(bytes.size());
     stream.next_out = reinterpret_cast<Bytef*>(out.data());
@@ -47,9 +51,9 @@ bool inflateInto(std::span<const std::byte> bytes, std::span<std::byte> out) {
 
 }  // namespace
 
-std::size_t putDeflated(std::span<const std::byte> blocks, ByteBuffer& record) {
+std::size_t putDeflated(std::span<const std::byte> blocks, ByteBuffer& record, std::span<const std::byte> words) {
     const bool tried = blocks.size() >= kWorth && blocks.size() <= kLongest;
-    const std::vector<std::byte> less = tried ? deflated(blocks) : std::vector<std::byte>();
+    const std::vector<std::byte> less = tried ? deflated(blocks, words) : std::vector<std::byte>();
     if (less.empty()) {
         record.append(blocks);
         return 0;
@@ -62,7 +66,7 @@ std::size_t putDeflated(std::span<const std::byte> blocks, ByteBuffer& record) {
     return blocks.size();
 }
 
-std::optional<std::vector<std::byte>> inflateBlocks(Reader& payload) {
+std::optional<std::vector<std::byte>> inflateBlocks(Reader& payload, std::span<const std::byte> words) {
     const auto eachBlock = [&](const auto& take) {
         for (Reader in = payload; in.left() && !payload.problem;) {
             const std::byte* start = in.at;
@@ -92,7 +96,7 @@ std::optional<std::vector<std::byte>> inflateBlocks(Reader& payload) {
         const std::uint64_t length = block.varint();
         if (block.problem || length > out.capacity() - before) return payload.refuse("a deflated block is cut short");
         out.resize(before + length);
-        if (block.left() > kLongest || !inflateInto({block.at, block.left()}, std::span(out).subspan(before)))
+        if (block.left() > kLongest || !inflateInto({block.at, block.left()}, std::span(out).subspan(before), words))
             payload.refuse("a deflated block is damaged");
     });
     return out;

@@ -36,6 +36,7 @@ bool TypeMapping::describe(std::uint16_t number, const NodeType& origin) {
         definition->kind = NodeType::Kind::user;
         type.definition = std::move(definition);
         type.identity = true;
+        same_ = false;
         return true;
     }
     const NodeType& local = **here;
@@ -49,11 +50,26 @@ bool TypeMapping::describe(std::uint16_t number, const NodeType& origin) {
             !(local.fields[index].defaultValue == field.defaultValue))
             type.defaults.emplace_back(index, field.defaultValue);
     }
+    same_ = same_ && type.defaults.empty() && type.fields.size() == local.fields.size();
+    for (std::size_t i = 0; i < type.fields.size(); ++i) same_ = same_ && type.fields[i] == i;
     if (origin.name == "RtsgScene") {
         rootType_ = number;
         typeOfNode_[1] = number;
     }
     return true;
+}
+
+Result<> TypeMapping::renumber(ChangeSet& set) const {
+    const auto own = [&](std::size_t type) { return type - originBuiltins_ + local_.size(); };
+    for (Change& change : set.changes) {
+        if (change.kind != ChangeKind::createNode && change.kind != ChangeKind::defineType) continue;
+        const bool isBuiltin = change.index < originBuiltins_;
+        if ((isBuiltin && change.kind == ChangeKind::defineType) || (!isBuiltin && own(change.index) >= kNowhere))
+            return fail(fmt::format("type {} cannot be defined", change.index));
+        change.index = isBuiltin ? types_[change.index].local : static_cast<std::uint32_t>(own(change.index));
+    }
+    for (DefinedType& type : set.types) type.index = TypeIndex{static_cast<std::uint16_t>(own(type.index.value))};
+    return {};
 }
 
 void TypeMapping::defineHere(Type& type, std::shared_ptr<const NodeType> definition, bool external, ChangeSet& set) {

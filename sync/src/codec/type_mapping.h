@@ -23,6 +23,12 @@ class TypeMapping {
 
     /// False when `number` is none of the writer's built-in types. Describing a type again changes nothing.
     bool describe(std::uint16_t number, const NodeType& origin);
+    bool isBuiltin(std::uint32_t number) const { return number < originBuiltins_; }
+    bool knows(std::uint32_t number) const { return number < types_.size() && types_[number].known; }
+    /// Whether every type that was described is the same here, but for its number.
+    bool sameHere() const { return same_; }
+    /// Then this does, at the cost of new nodes alone.
+    Result<> renumber(ChangeSet& set) const;
     /// Rewrites a decoded set; counts what has no counterpart here. What it adds is charged.
     Result<> toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosses& losses);
 
@@ -45,6 +51,7 @@ class TypeMapping {
     TypeTable local_;
     std::vector<Type> types_;  // by the origin's index
     std::size_t originBuiltins_ = 0;
+    bool same_ = true;
     std::uint16_t nextLocal_ = 0, rootType_ = kNowhere;
     std::unordered_map<std::uint32_t, std::uint16_t> typeOfNode_;
     std::vector<Change> defined_;

@@ -2,6 +2,7 @@
 #include <rtsg/sync/log_summary.h>
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <limits>
 
@@ -65,6 +66,10 @@ class Counter {
 bool isLog(const std::filesystem::path& file) {
     std::error_code error;
     if (!std::filesystem::is_regular_file(file, error) || !isSceneFile(file)) return false;
+    std::array<std::byte, kRecordHeaderSize> first{};
+    std::ifstream(file, std::ios::binary).read(reinterpret_cast<char*>(first.data()), first.size());
+    const auto header = parseRecordHeader(first);
+    if (header && header->kind == RecordKind::scene) return false;
     auto log = LogReader::open(file);
     if (!log) return true;
     const auto record = log->next();

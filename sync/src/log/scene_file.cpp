@@ -1,4 +1,4 @@
-// Writes a scene's snapshot as a head and a keyframe, and reads the first state of such a file, or of a log.
+// Writes a scene's snapshot as one record, and reads the first state of such a file, or of a log.
 #include <rtsg/sync/scene_file.h>
 
 #include <array>
@@ -15,12 +15,15 @@ Result<> writeSceneFile(const Scene& scene, const std::filesystem::path& file, E
     const auto text = [](const ByteBuffer& record) {
         return std::string_view(reinterpret_cast<const char*>(record.data()), record.size());
     };
+    const ChangeSet snapshot = scene.snapshot();
     ByteBuffer record;
-    encodeHead(0, "rtsg", builtinTypes(), {}, record);
-    if (auto ok = out->write(text(record)); !ok) return ok;
     ChangeEncoder encoder;
-    encoder.makeSmall();
-    encoder.encode(scene.snapshot(), record);
+    if (!encoder.encodeScene(snapshot, record)) {  // a table has changed and the catalogue has not followed yet
+        encodeHead(0, "rtsg", builtinTypes(), {}, record);
+        if (auto ok = out->write(text(record)); !ok) return ok;
+        encoder.makeSmall();
+        encoder.encode(snapshot, record);
+    }
     if (auto ok = out->write(text(record)); !ok) return ok;
     return out->commit();
 }
@@ -38,8 +41,9 @@ Result<> readSceneFile(Scene& scene, const std::filesystem::path& file) {
             if (!head) return std::unexpected(head.error());
             if (auto ok = decoder.setHead(*head); !ok) return ok;
             headed = true;
-        } else if (record->header.kind == RecordKind::keyframe) {
-            if (!headed) return fail("it has no head", {}, file.string());
+        } else if (record->header.kind == RecordKind::keyframe || record->header.kind == RecordKind::scene) {
+            if (!headed && record->header.kind == RecordKind::keyframe)
+                return fail("it has no head", {}, file.string());
             auto set = std::make_shared<ChangeSet>();
             if (auto ok = decoder.decode(record->bytes, *set); !ok) return ok;
             if (auto ok = scene.apply(std::move(set)); !ok) return ok;

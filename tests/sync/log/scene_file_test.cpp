@@ -5,10 +5,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
+#include <zlib.h>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/core/scene_exporter.h>
+#include <rtsg/core/writer.h>
 #include <rtsg/sync/log_summary.h>
 #include <rtsg/sync/scene_file.h>
+
+#include "test_paths.h"
 
 namespace rtsg {
 namespace {
@@ -63,6 +68,36 @@ TEST(SceneFile, RefusesDamageWhereverItIs) {
         EXPECT_FALSE(readSceneFile(cut, file)) << at;
     }
     std::filesystem::remove(file);
+}
+
+std::size_t gzipSize(const std::string& text) {
+    uLongf size = compressBound(static_cast<uLong>(text.size()));
+    std::vector<Bytef> packed(size);
+    EXPECT_EQ(compress2(packed.data(), &size, reinterpret_cast<const Bytef*>(text.data()),
+                        static_cast<uLong>(text.size()), 9),
+              Z_OK);
+    return size + 12;  // gzip's frame is longer than zlib's
+}
+
+/// The examples without PROTOs, whose nodes a state has for each instance (docs/documents.md).
+TEST(SceneFile, IsSmallerThanTheTextInGzip) {
+    const std::string file = path("c.rtsgb");
+    std::size_t scenes = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(RTSG_SOURCE_DIR "/examples")) {
+        if (entry.path().extension() != ".x3dv") continue;
+        Scene scene;
+        Diagnostics problems(entry.path().string());
+        ASSERT_TRUE(loadFile(scene, entry.path(), problems));
+        if (scene.typeCount() > builtinTypes().size()) continue;
+        ++scenes;
+        ASSERT_TRUE(writeSceneFile(scene, file));
+        std::string text;
+        const auto writer = makeWriter(Encoding::classicVrml, [&](std::string_view piece) { text += piece; }, problems);
+        SceneExporter(scene, problems).write(*writer, Encoding::classicVrml);
+        EXPECT_LT(std::filesystem::file_size(file), gzipSize(text)) << entry.path();
+        std::filesystem::remove(file);
+    }
+    EXPECT_GE(scenes, 3u);
 }
 
 }  // namespace

@@ -26,6 +26,7 @@ class OriginHash;
 class TypeMapping;
 namespace wire {
 class ColumnReader;
+struct Budget;
 struct Reader;
 }  // namespace wire
 
@@ -36,6 +37,10 @@ class ChangeEncoder {
     ~ChangeEncoder();
     /// From now on arrays of numbers are packed, and all else is deflated: fewer bytes, more time. For files.
     void makeSmall();
+    /// `record` becomes a scene file's: small, and node types have the numbers of the catalogue (PROTOCOL.md) instead
+    /// of descriptions. False, with nothing done, if the catalogue does not have a built-in type of the snapshot as it
+    /// is.
+    bool encodeScene(const ChangeSet& snapshot, ByteBuffer& record);
     /// The next frame will refer to nothing before it: needed whenever somebody starts at the state that it starts at,
     /// from a keyframe that this encoder did not write. After a keyframe of its own this happens by itself.
     void restart();
@@ -74,8 +79,8 @@ class ChangeDecoder {
     void countOriginHash() { counting_ = true; }
     /// After each record; nothing where a scene here has to have the record's hash itself.
     std::optional<Hash128> originHash() const;
-    /// `record`: an intact frame or keyframe (checkRecord). Reuses `set`'s memory. Errors name the byte, counted from
-    /// the record's start; `set` is then unspecified.
+    /// `record`: an intact frame, keyframe or scene (checkRecord); a scene needs no head. Reuses `set`'s memory. Errors
+    /// name the byte, counted from the record's start; `set` is then unspecified.
     Result<> decode(std::span<const std::byte> record, ChangeSet& set);
 
     /// Goes on where `other` is in the same stream: predicted values refer to what came before.
@@ -90,6 +95,9 @@ class ChangeDecoder {
 
   private:
     wire::ColumnReader* columnsFor(const RecordHeader& header);
+    void readSceneStart(wire::Reader& in);
+    bool describeFromCatalogue(std::uint16_t number, wire::Budget& budget);
+    Result<> describeTypesOf(const ChangeSet& set, wire::Budget& budget);
     Result<> readBlocks(wire::Reader& in, wire::ColumnReader* columns, ChangeSet& set);
 
     TypeTable local_;

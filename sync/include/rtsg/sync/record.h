@@ -26,6 +26,7 @@ enum class RecordKind : std::uint8_t {
     index = 4,     // where a log's keyframes are
     input = 5,     // what came into a frame, for those who run it themselves (input_codec.h)
     request = 6,   // what a client asks of its origin beside changes (PROTOCOL.md, "Upstream")
+    scene = 7,     // a scene file's: a state whose node types have the catalogue's numbers
 };
 
 /// Frames only: what predicted values refer to (PROTOCOL.md, "Prediction"). Who starts in the middle of a stream needs:

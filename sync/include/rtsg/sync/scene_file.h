@@ -1,5 +1,5 @@
-// Scene files: .rtsgb, a scene's snapshot as the bytes that travel (PROTOCOL.md, "Scene files"): a head and a keyframe,
-// which is a log of one state.
+// Scene files: .rtsgb, a scene's snapshot as one record of the bytes that travel (PROTOCOL.md, "Scene files"). Files of
+// before the catalogue, a head and a keyframe, are read as well.
 //
 // Invariant: what is written is read back as the same state, hash and all; a damaged file is refused, and a file of
 // another build is read as far as its types are known here. Threading: the scene's thread.
