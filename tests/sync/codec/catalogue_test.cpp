@@ -148,13 +148,13 @@ TEST(SceneRecord, OfALaterVersionIsRefusedByName) {
     }
 }
 
-/// This program's types as one of another version has them: in the opposite order, Sphere with a field more in
-/// front.
-std::vector<std::unique_ptr<NodeType>> typesOfAnother() {
+/// This program's types as one of another version has them: in the opposite order, Sphere perhaps with a field
+/// more in front.
+std::vector<std::unique_ptr<NodeType>> typesOfAnother(bool more) {
     std::vector<std::unique_ptr<NodeType>> types;
     for (std::size_t i = builtinTypes().size(); i-- > 0;) {
         auto copy = wire::catalogueType(*wire::catalogueNumber(*builtinTypes()[i]));
-        if (copy->name == "Sphere") {
+        if (more && copy->name == "Sphere") {
             FieldDef& field = *copy->fields.insert(copy->fields.begin(), FieldDef{});
             field.name = "dents";
             field.type = FieldType::SFInt32;
@@ -166,11 +166,35 @@ std::vector<std::unique_ptr<NodeType>> typesOfAnother() {
     return types;
 }
 
+TEST(SceneRecord, IsReadByAProgramThatNumbersTheSameTypesOtherwise) {
+    Scene scene;
+    loadScene(scene);
+    const auto types = typesOfAnother(false);
+    ChangeDecoder decoder{TypeTable(types)};
+    decoder.countOriginHash();
+    ChangeSet set;
+    const auto ok = decoder.decode(sceneRecord(scene).bytes(), set);
+    ASSERT_TRUE(ok) << ok.error().text;
+    EXPECT_TRUE(decoder.exact());
+    EXPECT_FALSE(decoder.originHash());
+    std::size_t nodes = 0;
+    for (const Change& change : set.changes) {
+        if (change.kind != ChangeKind::createNode) continue;
+        const std::string& name = scene.node(change.node).type().name;
+        EXPECT_EQ(change.index < types.size() ? types[change.index]->name : name, name);
+        EXPECT_EQ(change.index >= types.size(), scene.node(change.node).type().kind != NodeType::Kind::builtin);
+        ++nodes;
+    }
+    EXPECT_EQ(nodes, scene.nodeCount() - 1);
+    ASSERT_FALSE(set.types.empty());
+    EXPECT_EQ(set.types.front().index.value, types.size());
+}
+
 TEST(SceneRecord, IsReadByAProgramOfOtherTypes) {
     Scene scene;
     loadScene(scene);
     const ByteBuffer record = sceneRecord(scene);
-    const auto types = typesOfAnother();
+    const auto types = typesOfAnother(true);
     ChangeDecoder decoder{TypeTable(types)};
     decoder.countOriginHash();
     ChangeSet set;
