@@ -174,6 +174,16 @@ TEST(VolumeStyles, ProjectionsTakeOneValue) {
     expectColor(of("type \"MIN\" intensityThreshold .3"), Vec3d(10), 1e-3);
     expectColor(of("type \"MIN\" intensityThreshold .02"), Vec3d(10), 1e-3);
     expectColor(of("type \"AVERAGE\""), Vec3d(720 / 6.), 1e-3);
+    // On the slant values go by the square between two voxels: 0 on a quarter of the way, s^2 on half, 1 on a quarter.
+    const std::string corner = voxels(2, 1, 2, [](int x, int, int z) { return x && z ? 255 : 0; });
+    const std::string turned = "Transform { rotation 0 1 0 -.78539816 children ";
+    expectColor(styled(turned + volume(corner, "ProjectionVolumeStyle { type \"AVERAGE\" }") + " }"), Vec3d(5 / 12.),
+                1e-4);
+    expectColor(styled(turned + volume(corner, "ProjectionVolumeStyle { }") + " }"), Vec3d(1), 1e-4);
+    // Of what is left of it.
+    expectColor(styled("Group { children [ ClipPlane { plane 0 0 1 0 } " +
+                       volume(texture, "ProjectionVolumeStyle { }") + " ] }"),
+                Vec3d(200 / 255.), 1e-4);
     // The alpha is the voxels' own.
     expectColor(styled(volume("PixelTexture3D { image [ 2 1 1 2 0x6640 0x6640 ] }", "ProjectionVolumeStyle { }") +
                        behind(3, "0 1 0")),
@@ -283,6 +293,12 @@ TEST(VolumeSurfaces, AreSeenThroughEachOther) {
     const double g = 128 / 255.;
     expectColor(styled(surfacesOf(ramp, "surfaceValues [ .25 .5 .75 ] " + styles)), {.2, .8 * g, .8 * (1 - g)}, 1e-4);
     expectColor(styled(surfacesOf(ramp, "surfaceValues [ .75 .5 .25 ] " + styles)), {0, 0, 1}, 1e-4);
+    // Two in one step are met in their order, from either side.
+    const std::string close = "surfaceValues [ .5 .505 ] renderStyle [ " + opacityMap("1 1 4 0xFF0000FF") + " " +
+                              opacityMap("1 1 4 0x00FF00FF") + " ]";
+    expectColor(styled(surfacesOf(ramp, close)), {1, 0, 0}, 0);
+    expectColor(styled("Transform { rotation 0 1 0 3.14159265 children " + surfacesOf(ramp, close) + " }"), {0, 1, 0},
+                0);
     // One value and a step: .15, .4, .65, .9; the value given has the first style, the others from the lowest on.
     expectColor(styled(surfacesOf(ramp, "surfaceValues .4 contourStepSize .25 " + styles)),
                 {.2 * (1 - g), g, .8 * (1 - g)}, 1e-4);
