@@ -294,8 +294,8 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     // The text may be gone once a long value has been read.
     const SourceLocation here = at(where), start = at(p_);
     if (!parseValue(field.type, value)) return skipValue();
+    units_.toStandard(field.definition, value);
     if (field.definition) {
-        units_.toStandard(field.definition, value);
         if (std::string complaint = valueComplaint(*field.definition, value); !complaint.empty())
             diagnostics_.warning(start, std::move(complaint));
     }
@@ -464,6 +464,7 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
             skipValue();
             value = Value::zero(field.type);
         }
+        units_.toStandard(nullptr, value);
         handler_->declareField(field, std::move(value), here);
         return;
     }

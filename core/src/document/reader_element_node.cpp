@@ -252,6 +252,7 @@ void ElementReader::startField(Attributes attributes) {
     }
     Value parsed = Value::zero(field.type);
     if (value && !parseAttribute("value", value, field.type, parsed)) parsed = Value::zero(field.type);
+    units_.toStandard(nullptr, parsed);
     if (script)
         parent.source->fields.emplace_back(std::move(field), std::move(parsed));
     else
@@ -345,10 +346,12 @@ void ElementReader::startFieldValue(Attributes attributes) {
     if (!field.takesValue()) return skip(std::string(name) + " is an event, it takes no value");
     if (sf(field.type) != FieldType::SFNode) {
         Value parsed;
-        if (!value)
+        if (!value) {
             error("fieldValue of " + std::string(name) + " has no value");
-        else if (parseAttribute("value", value, field.type, parsed))
+        } else if (parseAttribute("value", value, field.type, parsed)) {
+            units_.toStandard(nullptr, parsed);
             handler_->setField(field.name, std::move(parsed), where());
+        }
         return push(Inside::leaf);
     }
     push(Inside::value);

@@ -118,16 +118,22 @@ double Units::factor(Unit unit) const {
     return 1;
 }
 
+/// An SFRotation is an angle wherever it stands (ISO/IEC 19775-1 V4.0, 5.3); other values are what the tables say of
+/// their field.
+double Units::factorOf(const FieldDef* field, const Value& value) const {
+    if (areStandard() || (field && isSentinel(field, value))) return 1;
+    if (sf(value.type()) == FieldType::SFRotation) return angle_;
+    return field ? factor(field->unit) : 1;
+}
+
 void Units::toStandard(const FieldDef* field, Value& value) const {
-    if (areStandard() || !field || isSentinel(field, value)) return;
-    const double by = sf(value.type()) == FieldType::SFRotation ? angle_ : factor(field->unit);
-    if (by != 1) forEachNumber(value, [&](auto& number) { number = scaled(number, by); });
+    if (const double by = factorOf(field, value); by != 1)
+        forEachNumber(value, [&](auto& number) { number = scaled(number, by); });
 }
 
 void Units::fromStandard(const FieldDef* field, Value& value) const {
-    if (areStandard() || !field || isSentinel(field, value)) return;
-    const double by = sf(value.type()) == FieldType::SFRotation ? angle_ : factor(field->unit);
-    if (by != 1) forEachNumber(value, [&](auto& number) { number = unscaled(number, by); });
+    if (const double by = factorOf(field, value); by != 1)
+        forEachNumber(value, [&](auto& number) { number = unscaled(number, by); });
 }
 
 }  // namespace rtsg::detail

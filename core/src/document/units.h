@@ -18,13 +18,15 @@ class Units {
     void set(std::string_view category, double factor);
     /// Are all of them the standard's own?
     bool areStandard() const { return length_ == 1 && angle_ == 1 && mass_ == 1 && force_ == 1; }
-    /// From the document's units to the standard's, in place. `field` is null for a field that no table has.
+    /// From the document's units to the standard's, in place. `field` is null for a field that no table has,
+    /// as of a PROTO or a Script: only rotations are then known to have a unit.
     void toStandard(const FieldDef* field, Value& value) const;
     /// The other way: the shortest decimals that toStandard() turns into this very value.
     void fromStandard(const FieldDef* field, Value& value) const;
 
   private:
     double factor(Unit unit) const;
+    double factorOf(const FieldDef* field, const Value& value) const;
     double length_ = 1, angle_ = 1, mass_ = 1, force_ = 1;
 };
 

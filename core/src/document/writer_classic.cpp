@@ -74,6 +74,7 @@ class ClassicWriter final : public DocumentHandler {
         flushIfFull();
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
+        if (value) units_.fromStandard(nullptr, *value);
         if (field.about) documentation(*field.about, where);
         const Place place = line();
         Frame& frame = frames_.back();

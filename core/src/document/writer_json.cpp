@@ -116,6 +116,7 @@ class JsonWriter final : public DocumentHandler {
     void setField(std::string_view field, Value value, SourceLocation) override {
         Frame& frame = frames_.back();
         const bool nodes = sf(value.type()) == FieldType::SFNode;
+        if (!units_.areStandard()) units_.fromStandard(findField(frame.shape, field).definition, value);
         if (frame.shape.proto) {
             frame.values.push_back({std::string(field), "{\"@name\":" + inQuotes(field), {}});
             if (!nodes) frame.values.back().text += ",\"@value\":" + valueText(value);
@@ -127,7 +128,6 @@ class JsonWriter final : public DocumentHandler {
             if (frame.unknownGiven.insert(name).second) attribute(frame, name, valueText(value));
             return;
         }
-        if (!units_.areStandard()) units_.fromStandard(findField(frame.shape, field).definition, value);
         if (field == "url" && frame.element == "Script") return source(frame, value.as<Array<String>>());
         beginAttribute(frame, spelled(frame.shape, field));
         if (!isLongList(value)) return appendValue(frame.attributes, value);
@@ -136,6 +136,7 @@ class JsonWriter final : public DocumentHandler {
         waiting_.add(frame.given, std::move(piece));
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation) override {
+        if (value) units_.fromStandard(nullptr, *value);
         Frame& frame = frames_.back();
         if (frame.shape.own) frame.shape.own->add(field);
         if (frame.proto) frame.proto->fields.add(field);

@@ -114,6 +114,7 @@ class XmlWriter final : public DocumentHandler {
     void setField(std::string_view field, Value value, SourceLocation where) override {
         Frame& frame = frames_.back();
         const bool nodes = sf(value.type()) == FieldType::SFNode;
+        if (!units_.areStandard()) units_.fromStandard(findField(frame.shape, field).definition, value);
         if (frame.shape.proto) {
             line();
             write("<fieldValue" + attribute("name", field, where));
@@ -122,7 +123,6 @@ class XmlWriter final : public DocumentHandler {
             return;
         }
         if (nodes) return;  // NULL and the empty list are what a node without such children has
-        if (!units_.areStandard()) units_.fromStandard(findField(frame.shape, field).definition, value);
         if (frame.shape.type && field == "url" && declaresFields(*frame.shape.type) && writeSource(value)) return;
         if (frame.shape.unknown && value.holds<String>()) {
             // As it was read.
@@ -153,6 +153,7 @@ class XmlWriter final : public DocumentHandler {
         write("'");
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
+        if (value) units_.fromStandard(nullptr, *value);
         closeValue();
         Frame& frame = frames_.back();
         openInterface(frame);

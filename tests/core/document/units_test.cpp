@@ -57,6 +57,40 @@ void expectStandard(const Scene& scene) {
     EXPECT_EQ(field("I", "keyValue").as<Array<float>>()[1], 90.0f) << "what it is routed to decides";
 }
 
+// What a rotation is does not depend on who declares it; what a number is does, and nobody says.
+TEST(DocumentUnits, RotationsOfPrototypesAndScriptsAreAngles) {
+    constexpr const char* text = R"(#X3D V3.3 utf8
+PROFILE Immersive
+UNIT angle degree 0.017453292519943295
+PROTO Turned [ inputOutput SFRotation turn 0 1 0 180 inputOutput SFFloat size 90 ] { Transform { rotation IS turn } }
+DEF BY_DEFAULT Turned { }
+DEF GIVEN Turned { turn 0 1 0 90 size 45 }
+DEF S Script { initializeOnly MFRotation ways [ 0 1 0 45, 1 0 0 -7.3 ] }
+)";
+    std::string first;
+    for (const Encoding encoding : {Encoding::classicVrml, Encoding::xml, Encoding::json}) {
+        Diagnostics diagnostics;
+        std::string written;
+        const auto writer = makeWriter(encoding, [&](std::string_view piece) { written += piece; }, diagnostics);
+        readDocument(text, *writer, diagnostics);
+        Scene scene;
+        ASSERT_TRUE(loadText(scene, written, diagnostics)) << written << allText(diagnostics);
+        EXPECT_EQ(diagnostics.all().size(), 0u) << allText(diagnostics);
+        const auto field = [&](std::string_view def, std::string_view name) {
+            const Node& node = scene.node(scene.findName(def));
+            return node.value(node.type().find(name));
+        };
+        constexpr double degree = std::numbers::pi / 180;
+        EXPECT_FLOAT_EQ(field("BY_DEFAULT", "turn").as<Rotation>().angle, float(180 * degree));
+        EXPECT_FLOAT_EQ(field("GIVEN", "turn").as<Rotation>().angle, float(90 * degree));
+        EXPECT_EQ(field("GIVEN", "size").as<float>(), 45.0f);
+        EXPECT_FLOAT_EQ(field("S", "ways").as<Array<Rotation>>()[1].angle, float(-7.3 * degree));
+        for (const char* digits : {"0 1 0 180", "0 1 0 90", "1 0 0 -7.3"})
+            EXPECT_THAT(written, testing::AnyOf(HasSubstr(digits), HasSubstr("1,0,0,-7.3")))
+                << "as the author wrote it";
+    }
+}
+
 TEST(DocumentUnits, ValuesAreTheStandardsInsideAndTheDocumentsInEveryEncoding) {
     std::string first;
     for (const Encoding encoding : {Encoding::classicVrml, Encoding::xml, Encoding::json}) {
