@@ -2,6 +2,8 @@
 #include "edit_history.h"
 
 #include <algorithm>
+#include <ranges>
+#include <unordered_set>
 #include <utility>
 
 #include <fmt/format.h>
@@ -212,36 +214,41 @@ void EditHistory::forget() {
 
 // ---- taking back -------------------------------------------------------------------------------------------------
 
-bool EditHistory::othersWorkedOn(NodeId node, const Step& step, std::string_view author) const {
+/// What is looked up once for a step, so that a long one costs what it is long.
+struct EditHistory::Taking {
+    std::unordered_set<std::uint32_t> fresh;    // nodes that the step has made
+    std::unordered_set<std::uint32_t> touched;  // of these, those that others have worked on since
+    Renamed renamed;                            // nodes that have come back so far
+};
+
+EditHistory::Taking EditHistory::look(const Step& step, std::string_view author) const {
+    Taking taking;
+    for (const Item& item : step.items)
+        if (item.back.kind == ChangeKind::destroyNode) taking.fresh.insert(item.back.node.value);
+    if (taking.fresh.empty()) return taking;
     for (const auto& [name, other] : authors_) {
         if (name == author) continue;
-        for (const Step& later : other.done)
-            if (later.number > step.number && std::ranges::any_of(later.items, [&](const Item& item) {
-                    return item.back.node == node || item.back.other == node;
-                }))
-                return true;
+        for (const Step& later : other.done) {
+            if (later.number < step.number) continue;
+            for (const Item& item : later.items)
+                for (const NodeId id : {item.back.node, item.back.other})
+                    if (taking.fresh.contains(id.value)) taking.touched.insert(id.value);
+        }
     }
-    return false;
+    return taking;
 }
 
 /// Empty: it may be taken back.
-std::string EditHistory::whyKept(const Scene& scene, const Item& item, const Step& step,
-                                 std::string_view author) const {
+std::string EditHistory::whyKept(const Scene& scene, const Item& item, const Taking& taking) {
     const Change& c = item.back;
     if (item.lost) return {};  // it is gone, and nobody else can have changed it
     const Node* node = scene.find(c.node);
     if (!node) return fmt::format("{} is gone", nodeLabel(scene, c.node));
     // A new node that others have worked on stays, and so does all that makes it what it is.
-    const bool isNew = std::ranges::any_of(step.items, [&](const Item& other) {
-        return other.back.kind == ChangeKind::destroyNode && (other.back.node == c.node || other.back.node == c.other);
-    });
-    if (isNew) {
-        for (const NodeId id : {c.node, c.other})
-            if (id && othersWorkedOn(id, step, author))
-                return fmt::format("others have worked on {}", nodeLabel(scene, id));
-        if (c.kind == ChangeKind::destroyNode && !item.cameBack && !scene.parents(c.node).empty())
-            return fmt::format("{} is used elsewhere", nodeLabel(scene, c.node));
-    }
+    for (const NodeId id : {c.node, c.other})
+        if (taking.touched.contains(id.value)) return fmt::format("others have worked on {}", nodeLabel(scene, id));
+    if (c.kind == ChangeKind::destroyNode && !item.cameBack && !scene.parents(c.node).empty())
+        return fmt::format("{} is used elsewhere", nodeLabel(scene, c.node));
     const auto changed = [&] { return label(scene, c.node, c.field) + " was changed since"; };
     switch (c.kind) {
         case ChangeKind::setField:
@@ -303,13 +310,12 @@ Result<> EditHistory::carryOut(Scene& scene, Item item, std::string_view author)
 }
 
 /// A new node in the place of one that was destroyed: what it was, as far as what it belonged to is there.
-Result<> EditHistory::bringBack(Scene& scene, const Item& item, std::string_view author, Step& step) {
-    const NodeId old = item.back.node, id = scene.createNode(item.lost->type);
+Result<> EditHistory::bringBack(Scene& scene, const Item& item, std::string_view author, Renamed& renamed) {
+    const NodeId id = scene.createNode(item.lost->type);
     if (!id) return fail(fmt::format("no {} could be created", scene.type(item.lost->type).name));
+    renamed[item.back.node.value] = id;
     Item own = item;
-    replaceIn(own, old, id);
-    for (Item& other : step.items) replaceIn(other, old, id);
-    replace(old, id);
+    rename(own, renamed);  // a route may lead to itself
     pending_.push_back({changeOf(ChangeKind::destroyNode, id), {}, nullptr, true});
     const Lost& lost = *own.lost;
     for (const auto& [field, value] : lost.fields) (void)scene.setField(id, field, onlyWhatIsThere(scene, value));
@@ -329,16 +335,21 @@ Result<> EditHistory::bringBack(Scene& scene, const Item& item, std::string_view
     return {};
 }
 
-void EditHistory::replaceIn(Item& item, NodeId before, NodeId now) {
+void EditHistory::rename(Item& item, const Renamed& renamed) {
     const auto in = [&](NodeId& id) {
-        if (id == before) id = now;
+        if (const auto found = renamed.find(id.value); found != renamed.end()) id = found->second;
     };
     const auto inValue = [&](Value& value) {
-        if (value.holds<NodeId>() && value.as<NodeId>() == before) value = now;
+        if (value.holds<NodeId>()) {
+            NodeId id = value.as<NodeId>();
+            in(id);
+            value = id;
+        }
         if (!value.holds<Array<NodeId>>()) return;
-        Array<NodeId> ids = value.as<Array<NodeId>>();
-        if (std::ranges::find(ids, before) == ids.end()) return;
-        std::ranges::replace(ids.mutableData(), ids.mutableData() + ids.size(), before, now);
+        const Array<NodeId>& given = value.as<Array<NodeId>>();
+        if (std::ranges::none_of(given, [&](NodeId id) { return renamed.contains(id.value); })) return;
+        Array<NodeId> ids = given;
+        std::for_each(ids.mutableData(), ids.mutableData() + ids.size(), in);
         value = std::move(ids);
     };
     in(item.back.node);
@@ -353,9 +364,10 @@ void EditHistory::replaceIn(Item& item, NodeId before, NodeId now) {
     item.lost = std::make_shared<const Lost>(std::move(lost));
 }
 
-/// Everything that is known of it goes on under its new number.
-void EditHistory::replace(NodeId before, NodeId now) {
-    const auto in = [&](Item& item) { replaceIn(item, before, now); };
+/// Everything that is known of them goes on under their new numbers.
+void EditHistory::rename(const Renamed& renamed) {
+    if (renamed.empty()) return;
+    const auto in = [&](Item& item) { rename(item, renamed); };
     for (auto& [name, author] : authors_)
         for (std::deque<Step>* steps : {&author.done, &author.undone})
             for (Step& step : *steps) std::ranges::for_each(step.items, in);
@@ -375,26 +387,29 @@ Result<std::string> EditHistory::takeBack(Scene& scene, std::string_view author,
     found->second.used = ++steps_;
 
     std::vector<std::string> kept;
-    std::size_t done = 0;
+    std::size_t done = 0, more = 0;
+    Taking taking = look(step, author);
     const auto now = NodeLocks::Clock::now();
-    while (!step.items.empty()) {
-        Item item = step.items.back();
-        std::string why = whyKept(scene, item, step, author);
-        step.items.pop_back();
+    for (Item& item : std::views::reverse(step.items)) {
+        if (!taking.renamed.empty()) rename(item, taking.renamed);
+        std::string why = whyKept(scene, item, taking);
         if (why.empty()) why = locks.refusal(scene, item.back.node, author, now);
         if (why.empty()) {
-            const auto ok = item.lost ? bringBack(scene, item, author, step) : carryOut(scene, std::move(item), author);
+            const auto ok =
+                item.lost ? bringBack(scene, item, author, taking.renamed) : carryOut(scene, std::move(item), author);
             if (ok)
                 ++done;
             else
                 why = ok.error().text;
         }
-        if (!why.empty() && std::ranges::find(kept, why) == kept.end()) kept.push_back(std::move(why));
+        if (why.empty() || std::ranges::find(kept, why) != kept.end()) continue;
+        kept.size() < kMostNamed ? kept.push_back(std::move(why)) : void(++more);
     }
+    rename(taking.renamed);
     push(again ? found->second.done : found->second.undone, step.permission);
-    std::string text;
-    for (std::size_t i = 0; i < std::min(kept.size(), kMostNamed); ++i) text += (i ? "; " : "") + kept[i];
-    if (kept.size() > kMostNamed) text += fmt::format("; and {} more", kept.size() - kMostNamed);
+    forget();
+    std::string text = fmt::format("{}", fmt::join(kept, "; "));
+    if (more > 0) text += fmt::format("; and {} more", more);
     if (done == 0) return fail(text);
     return text;
 }

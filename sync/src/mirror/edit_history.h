@@ -13,6 +13,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <vector>
 
 #include <rtsg/core/scene.h>
@@ -68,12 +69,14 @@ class EditHistory {
     };
 
     static std::shared_ptr<const Lost> remember(const Scene& scene, NodeId id);
-    std::string whyKept(const Scene& scene, const Item& item, const Step& step, std::string_view author) const;
-    bool othersWorkedOn(NodeId node, const Step& step, std::string_view author) const;
+    struct Taking;
+    using Renamed = std::unordered_map<std::uint32_t, NodeId>;
+    Taking look(const Step& step, std::string_view author) const;
+    static std::string whyKept(const Scene& scene, const Item& item, const Taking& taking);
     Result<> carryOut(Scene& scene, Item item, std::string_view author);
-    Result<> bringBack(Scene& scene, const Item& item, std::string_view author, Step& step);
-    static void replaceIn(Item& item, NodeId before, NodeId now);
-    void replace(NodeId before, NodeId now);
+    Result<> bringBack(Scene& scene, const Item& item, std::string_view author, Renamed& renamed);
+    static void rename(Item& item, const Renamed& renamed);
+    void rename(const Renamed& renamed);
     void push(std::deque<Step>& steps, MirrorUpstream permission);
     void forget();
 
