@@ -21,7 +21,7 @@ constexpr std::size_t kLongestValue = 40;  // characters of a value in the table
 
 std::string byWhom(const FieldStep& step) {
     if (step.cause.empty()) return step.author;
-    return step.author.empty() ? step.cause : step.author + " (" + step.cause + ")";
+    return step.author.empty() ? step.cause : fmt::format("{} ({})", step.author, step.cause);
 }
 
 std::string shortened(std::string text) {
@@ -36,7 +36,9 @@ void printTable(const std::vector<FieldStep>& steps, const std::string& path, do
     for (std::size_t first = 0, last = 0; first < steps.size(); first = last + 1) {
         last = first;
         while (last + 1 < steps.size() && byWhom(steps[last + 1]) == byWhom(steps[first])) ++last;
-        const auto range = [&](const std::string& a, const std::string& b) { return a == b ? a : a + "-" + b; };
+        const auto range = [&](const std::string& a, const std::string& b) {
+            return a == b ? a : fmt::format("{}-{}", a, b);
+        };
         const auto seconds = [&](const FieldStep& s) { return fmt::format("{:.6g}", s.time - start); };
         const std::string more = last > first ? fmt::format(" ({} changes)", last - first + 1) : std::string();
         fmt::print("{:>15} {:>17}  {:<{}}  {}{}\n",
