@@ -65,7 +65,7 @@ Result<std::uint64_t> OptimisticScene::edit(NodeId id, FieldIndex field, Value v
         return fail(fmt::format("{}.{} cannot be set to that", node->type().name, def.name));
     if (sf(def.type) == FieldType::SFNode)
         return fail(fmt::format("{}.{} refers to nodes: ask the origin", node->type().name, def.name));
-    const auto request = client_.submitEdit(id, field, value);
+    auto request = client_.submitEdit(id, field, value);
     if (!request) return request;
     ours_[{id.value, field}] = {*request, value};
     ChangeSet set;
