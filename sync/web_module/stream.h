@@ -16,6 +16,8 @@
 
 namespace rtsg::web {
 
+// Some of the names are those by which Beast looks for them.
+// NOLINTBEGIN(readability-identifier-naming)
 class Stream {
   public:
     using Tls = beast::ssl_stream<beast::tcp_stream>;
@@ -89,5 +91,6 @@ class Stream {
     std::optional<beast::tcp_stream> plain_;
     std::optional<Tls> tls_;
 };
+// NOLINTEND(readability-identifier-naming)
 
 }  // namespace rtsg::web
