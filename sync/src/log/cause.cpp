@@ -63,10 +63,12 @@ FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIn
         outside = found != places_.end() && found->second;
         if (outside || !scene.find(node)) break;
         // Into the very field, or, of what a node has sent, through what it made that of.
-        const FieldDef& def = scene.node(node).type().fields[field];
+        const NodeType& type = scene.node(node).type();
+        const FieldDef& def = type.fields[field];
         std::string route = routeInto(scene, node, field, step > 0 || !def.writable());
-        // A node may write to its own fields what came in by others, as BooleanToggle does.
-        if (route.empty() && step == 0) route = routeInto(scene, node, field, true);
+        // Some write to their own fields what came in by others, as BooleanToggle does; of the rest nothing is guessed.
+        if (route.empty() && step == 0 && (type.writesInputs || type.kind == NodeType::Kind::script))
+            route = routeInto(scene, node, field, true);
         if (route.empty()) {
             outside = step > 0 && anyFromOutside(scene, node);
             break;

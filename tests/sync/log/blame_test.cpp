@@ -4,9 +4,11 @@
 
 #include <rtsg/core/loader.h>
 #include <rtsg/core/world.h>
+#include <rtsg/core/x3d.h>
 #include <rtsg/sync/blame.h>
 #include <rtsg/sync/log.h>
 
+#include "log/cause.h"
 #include "support/temp_folder.h"
 
 namespace rtsg {
@@ -95,6 +97,29 @@ TEST(Blame, FollowsThroughNodesThatMakeAnotherFieldOfIt) {
     ASSERT_EQ(steps.size(), 2u);
     EXPECT_EQ(steps[1].author, "ann");
     EXPECT_THAT(steps[1].cause, HasSubstr("FLAG.inputTrue > SWITCH.set_boolean"));
+}
+
+/// A Transform makes nothing of what comes in: that another of its fields was sent something in the same frame is
+/// chance.
+TEST(Blame, DoesNotTakeChanceForCause) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kBlamed, diagnostics));
+    const NodeId box = scene.findName("BOX"), follower = scene.findName("FOLLOWER");
+    ChangeSet set;
+    for (const auto& [node, field] : {std::pair{box, x3d::Transform::translation.index},
+                                      {follower, x3d::Transform::translation.index},
+                                      {follower, x3d::Transform::scale.index}}) {
+        Change& change = set.changes.emplace_back();
+        change.node = node;
+        change.field = field;
+        change.external = node == box;
+        change.value = Vec3f(2);
+    }
+    FrameTouches touched;
+    touched.add(set);
+    EXPECT_THAT(touched.cause(scene, follower, x3d::Transform::translation.index).text, HasSubstr("then ROUTE"));
+    EXPECT_EQ(touched.cause(scene, follower, x3d::Transform::scale.index).text, "");
 }
 
 TEST(Blame, OfALogOfInputsKnowsWhatCameIn) {
