@@ -10,6 +10,7 @@
 
 #include "codec/budget.h"
 #include "codec/node_label.h"
+#include "edit.h"
 
 namespace rtsg::mirror {
 
@@ -272,40 +273,12 @@ Result<> EditHistory::carryOut(Scene& scene, Item item, std::string_view author)
     Change& c = item.back;
     if (c.kind == ChangeKind::removeChild) c.index = static_cast<std::uint32_t>(placeOf(scene, c));
     before(scene, c);
-    const bool ofNode =
-        c.kind != ChangeKind::setField && c.kind != ChangeKind::insertChild && c.kind != ChangeKind::removeChild;
-    Result<> done;
-    switch (c.kind) {
-        case ChangeKind::setField:
-            done = scene.setField(c.node, c.field, c.value);
-            break;
-        case ChangeKind::insertChild:
-            done = scene.insertChild(c.node, c.field, c.other, c.index);
-            break;
-        case ChangeKind::removeChild:
-            done = scene.removeChild(c.node, c.field, c.index);
-            break;
-        case ChangeKind::setName:
-            done = scene.setName(c.node, c.value.as<String>().view());
-            break;
-        case ChangeKind::addRoute:
-            done = scene.addRoute(c.node, c.field, c.other, c.field2());
-            break;
-        case ChangeKind::removeRoute:
-            done = scene.removeRoute(c.node, c.field, c.other, c.field2());
-            break;
-        case ChangeKind::destroyNode:
-            done = scene.destroyNode(c.node);
-            break;
-        default:
-            done = fail("this cannot be taken back");
-    }
+    auto done = edit(scene, c, author);
     if (!done) {
         failed();
         return done;
     }
     after(scene);
-    scene.attribute(author, c.node, ofNode ? kNoField : c.field);
     return done;
 }
 

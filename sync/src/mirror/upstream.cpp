@@ -9,6 +9,7 @@
 
 #include "code_guard.h"
 #include "codec/node_label.h"
+#include "edit.h"
 #include "request.h"
 
 namespace rtsg::mirror {
@@ -165,52 +166,14 @@ Change Request::real(const Change& c) const {
 }
 
 Result<> Request::carryOut(const Change& asked, const Change& c, std::string_view author) {
-    Result<> done = fail("unknown kind of change");
-    bool ofNode = true;  // not of one of its fields
-    switch (c.kind) {
-        case ChangeKind::event:
-            return scene_.sendEvent(c.node, c.field, c.value, author);
-        case ChangeKind::setField:
-            done = scene_.setField(c.node, c.field, c.value);
-            ofNode = false;
-            break;
-        case ChangeKind::insertChild:
-            done = scene_.insertChild(c.node, c.field, c.other, c.index);
-            ofNode = false;
-            break;
-        case ChangeKind::removeChild: {
-            const Node* parent = scene_.find(c.node);
-            const auto& children = *static_cast<const Array<NodeId>*>(parent->storage(c.field));
-            if (c.index >= children.size() || children[c.index] != c.other) return fail("that child is not there");
-            done = scene_.removeChild(c.node, c.field, c.index);
-            ofNode = false;
-            break;
-        }
-        case ChangeKind::createNode: {
-            const NodeId created = scene_.createNode(TypeIndex{static_cast<std::uint16_t>(c.index)});
-            if (!created) return fail("no node could be created");
-            real_[asked.node.value] = created;
-            verdict_.created.emplace_back(asked.node.value, created.value);
-            scene_.attribute(author, created);
-            return {};
-        }
-        case ChangeKind::setName:
-            done = scene_.setName(c.node, c.value.holds<String>() ? c.value.as<String>().view() : std::string_view());
-            break;
-        case ChangeKind::addRoute:
-            done = scene_.addRoute(c.node, c.field, c.other, c.field2());
-            break;
-        case ChangeKind::removeRoute:
-            done = scene_.removeRoute(c.node, c.field, c.other, c.field2());
-            break;
-        case ChangeKind::destroyNode:
-            done = scene_.destroyNode(c.node);
-            break;
-        case ChangeKind::defineType:
-            break;
-    }
-    if (done) scene_.attribute(author, c.node, ofNode ? kNoField : c.field);
-    return done;
+    if (c.kind == ChangeKind::event) return scene_.sendEvent(c.node, c.field, c.value, author);
+    if (c.kind != ChangeKind::createNode) return edit(scene_, c, author);
+    const NodeId created = scene_.createNode(TypeIndex{static_cast<std::uint16_t>(c.index)});
+    if (!created) return fail("no node could be created");
+    real_[asked.node.value] = created;
+    verdict_.created.emplace_back(asked.node.value, created.value);
+    scene_.attribute(author, created);
+    return {};
 }
 
 }  // namespace
