@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "filter_parts.h"
+#include "value_numbers.h"
 
 namespace rtsg::detail {
 
@@ -40,46 +41,14 @@ class Quantise final : public Filter {
     }
 
   private:
-    template <class T, class S>
-    void change(Value& value) const {
-        const auto numbers = [&](S* first, std::size_t count) {
-            for (std::size_t i = 0; i < count; ++i) first[i] = shortest(first[i], error_);
-        };
-        if (value.holds<T>()) {
-            T one = value.as<T>();
-            numbers(reinterpret_cast<S*>(&one), sizeof(T) / sizeof(S));
-            value = Value(one);
-        } else {
-            Array<T> all = value.as<Array<T>>();
-            if (all.empty()) return;
-            numbers(reinterpret_cast<S*>(all.mutableData()), all.size() * sizeof(T) / sizeof(S));
-            value = Value(std::move(all));
-        }
-    }
     void quantise(Value& value) const {
-        switch (sf(value.type())) {
-            case FieldType::SFFloat:
-                return change<float, float>(value);
-            case FieldType::SFVec2f:
-                return change<Vec2f, float>(value);
-            case FieldType::SFVec3f:
-                return change<Vec3f, float>(value);
-            case FieldType::SFVec4f:
-                return change<Vec4f, float>(value);
-            case FieldType::SFColor:
-                return change<Color, float>(value);
-            case FieldType::SFColorRGBA:
-                return change<ColorRGBA, float>(value);
-            case FieldType::SFDouble:
-                return change<double, double>(value);
-            case FieldType::SFVec2d:
-                return change<Vec2d, double>(value);
-            case FieldType::SFVec3d:
-                return change<Vec3d, double>(value);
-            default:
-                return;  // rotations keep their axes, times their moments
-        }
+        const FieldType type = sf(value.type());
+        if (type == FieldType::SFRotation || type == FieldType::SFTime) return;  // their axes and moments stay
+        changeNumbers(value, [&](auto numbers) {
+            for (auto& number : numbers) number = shortest(number, error_);
+        });
     }
+
     double error_;
 };
 

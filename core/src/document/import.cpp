@@ -6,12 +6,11 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <span>
-#include <type_traits>
 
 #include <rtsg/core/filter.h>
 
 #include "value/number_text.h"
+#include "value_numbers.h"
 
 namespace rtsg::detail {
 
@@ -132,53 +131,13 @@ class FiniteNumbers final : public Filter {
     }
 
   private:
-    template <class T, class S>
-    void change(Value& value) {
-        const auto isBad = [](S number) { return !std::isfinite(number); };
-        const auto numbers = [](auto* first, std::size_t count) {
-            using Number = std::conditional_t<std::is_const_v<std::remove_pointer_t<decltype(first)>>, const S, S>;
-            return std::span(reinterpret_cast<Number*>(first), count * (sizeof(T) / sizeof(S)));
-        };
-        if (value.holds<T>()) {
-            T one = value.as<T>();
-            const std::size_t bad = replace(numbers(&one, 1), isBad);
-            if (bad) value = Value(one);
-        } else {
-            const Array<T>& given = value.as<Array<T>>();
-            if (std::ranges::none_of(numbers(given.data(), given.size()), isBad)) return;  // as ever: nothing is copied
-            Array<T> all = given;
-            replace(numbers(all.mutableData(), all.size()), isBad);
-            value = Value(std::move(all));
-        }
-    }
-    template <class S, class IsBad>
-    std::size_t replace(std::span<S> numbers, const IsBad& isBad) {
-        const auto bad = static_cast<std::size_t>(std::ranges::count_if(numbers, isBad));
-        std::ranges::replace_if(numbers, isBad, S(0));
-        changed_ += bad;
-        return bad;
-    }
     void makeFinite(Value& value) {
-        switch (sf(value.type())) {
-            case FieldType::SFFloat:
-                return change<float, float>(value);
-            case FieldType::SFVec2f:
-                return change<Vec2f, float>(value);
-            case FieldType::SFVec3f:
-                return change<Vec3f, float>(value);
-            case FieldType::SFVec4f:
-                return change<Vec4f, float>(value);
-            case FieldType::SFColor:
-                return change<Color, float>(value);
-            case FieldType::SFColorRGBA:
-                return change<ColorRGBA, float>(value);
-            case FieldType::SFRotation:
-                return change<Rotation, float>(value);
-            case FieldType::SFTime:
-                return change<Time, double>(value);
-            default:
-                return;  // no import makes other numbers that are not whole
-        }
+        const auto isBad = [](auto number) { return !std::isfinite(number); };
+        std::ptrdiff_t bad = 0;
+        seeNumbers(value, [&](auto numbers) { bad = std::ranges::count_if(numbers, isBad); });
+        if (bad == 0) return;  // as ever: nothing is copied
+        changeNumbers(value, [&](auto numbers) { std::ranges::replace_if(numbers, isBad, 0); });
+        changed_ += static_cast<std::size_t>(bad);
     }
     std::size_t changed_ = 0;
 };

@@ -4,7 +4,8 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <type_traits>
+
+#include "value_numbers.h"
 
 namespace rtsg::detail {
 
@@ -13,50 +14,12 @@ namespace {
 /// Calls `convert(number)` for each number of the value that counts in the unit: of a rotation, the angle alone.
 template <class Convert>
 void forEachNumber(Value& value, const Convert& convert) {
-    const auto numbers = [&](auto* first, std::size_t count) {
-        for (std::size_t i = 0; i < count; ++i) convert(first[i]);
-    };
-    const auto change = [&]<class T, class S>(std::type_identity<T>, std::type_identity<S>) {
-        if (value.holds<T>()) {
-            T one = value.as<T>();
-            numbers(reinterpret_cast<S*>(&one), sizeof(T) / sizeof(S));
-            value = Value(one);
-        } else {
-            Array<T> all = value.as<Array<T>>();
-            if (all.empty()) return;
-            numbers(reinterpret_cast<S*>(all.mutableData()), all.size() * sizeof(T) / sizeof(S));
-            value = Value(std::move(all));
-        }
-    };
-    switch (sf(value.type())) {
-        case FieldType::SFRotation:
-            if (value.holds<Rotation>()) {
-                Rotation one = value.as<Rotation>();
-                convert(one.angle);
-                value = Value(one);
-            } else {
-                Array<Rotation> all = value.as<Array<Rotation>>();
-                for (std::size_t i = 0; i < all.size(); ++i) convert(all.mutableData()[i].angle);
-                value = Value(std::move(all));
-            }
-            return;
-        case FieldType::SFFloat:
-            return change(std::type_identity<float>(), std::type_identity<float>());
-        case FieldType::SFDouble:
-            return change(std::type_identity<double>(), std::type_identity<double>());
-        case FieldType::SFVec2f:
-            return change(std::type_identity<Vec2f>(), std::type_identity<float>());
-        case FieldType::SFVec3f:
-            return change(std::type_identity<Vec3f>(), std::type_identity<float>());
-        case FieldType::SFVec4f:
-            return change(std::type_identity<Vec4f>(), std::type_identity<float>());
-        case FieldType::SFVec2d:
-            return change(std::type_identity<Vec2d>(), std::type_identity<double>());
-        case FieldType::SFVec3d:
-            return change(std::type_identity<Vec3d>(), std::type_identity<double>());
-        default:
-            return;
-    }
+    constexpr std::size_t kRotation = 4;
+    const bool anglesAlone = sf(value.type()) == FieldType::SFRotation;
+    changeNumbers(value, [&](auto numbers) {
+        for (std::size_t i = anglesAlone ? kRotation - 1 : 0; i < numbers.size(); i += anglesAlone ? kRotation : 1)
+            convert(numbers[i]);
+    });
 }
 
 template <class S>
