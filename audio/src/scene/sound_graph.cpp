@@ -1,0 +1,272 @@
+// Reads the audio graph that leads into a Sound, SpatialSound or AudioDestination: what sounds, and what is done to it.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include <rtsg/audio/sound_scene.h>
+#include <rtsg/core/x3d.h>
+
+#include "sound_fields.h"
+
+namespace rtsg {
+namespace {
+
+constexpr int kMostAudioNodes = 1000;  // looked at for one Sound
+
+template <class N>
+void readTimes(const Node& node, SoundVoice& voice) {
+    voice.startTime = number(node.get(N::startTime).seconds, 0);
+    voice.stopTime = number(node.get(N::stopTime).seconds, 0);
+    voice.pauseTime = number(node.get(N::pauseTime).seconds, 0);
+    voice.resumeTime = number(node.get(N::resumeTime).seconds, 0);
+}
+
+/// Of an OscillatorSource, where the tables know of one.
+std::shared_ptr<const PeriodicWave> waveOf(const Scene& scene, const Node& oscillator) {
+    const Node* node = scene.effectiveNode(fieldOr(oscillator, "periodicWave", NodeId{}));
+    if (!node || !node->is(x3d::PeriodicWave::type)) return nullptr;
+    using P = x3d::PeriodicWave;
+    const String typeText = fieldOr(*node, "type", String());
+    const std::string_view type = typeText.view();
+    const auto& real = node->get(P::optionsReal);
+    const auto& imag = node->get(P::optionsImag);
+    return std::make_shared<const PeriodicWave>(
+        type == "CUSTOM" ? PeriodicWave::custom({real.data(), real.size()}, {imag.data(), imag.size()})
+                         : PeriodicWave::named(type));
+}
+
+Biquad::Type filterType(std::string_view name) {
+    using enum Biquad::Type;
+    static constexpr std::pair<std::string_view, Biquad::Type> kTypes[] = {
+        {"LOWPASS", lowpass},     {"HIGHPASS", highpass}, {"BANDPASS", bandpass}, {"LOWSHELF", lowshelf},
+        {"HIGHSHELF", highshelf}, {"PEAKING", peaking},   {"NOTCH", notch},       {"ALLPASS", allpass}};
+    for (const auto& [text, type] : kTypes)
+        if (text == name) return type;
+    return lowpass;
+}
+
+/// Numbers of a field, or of a metadata node of that name, in tables that have no such field.
+std::vector<float> numbersOf(const Scene& scene, const Node& node, std::string_view name) {
+    const Array<float> field = fieldOr(node, name, Array<float>{});
+    std::vector<float> result(field.begin(), field.end());
+    const Node* metadata = scene.find(fieldOr(node, "metadata", NodeId{}));
+    if (result.empty() && metadata && metadata->is(x3d::MetadataFloat::type) &&
+        metadata->get(x3d::MetadataFloat::name).view() == name)
+        for (const float value : metadata->get(x3d::MetadataFloat::value)) result.push_back(value);
+    for (float& value : result)
+        if (!std::isfinite(value)) value = 0;
+    return result;
+}
+
+}  // namespace
+
+bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, Branch to) {
+    SoundVoice voice;
+    voice.node = node.id();
+    voice.name = nameOf(scene, node);
+    voice.gain = gain;
+    if (node.is(x3d::AudioClip::type)) {
+        if (!node.get(x3d::AudioClip::load)) return true;
+        for (const String& url : node.get(x3d::AudioClip::url)) voice.urls.push_back(url.str());
+        voice.folders = foldersOf(scene, node);
+        voice.loop = node.get(x3d::AudioClip::loop);
+        voice.pitch = std::clamp(number(node.get(x3d::AudioClip::pitch), 1), 1e-3, 1e3);
+        readTimes<x3d::AudioClip>(node, voice);
+    } else if (node.is(x3d::MovieTexture::type)) {
+        using M = x3d::MovieTexture;
+        const double speed = number(node.get(M::speed), 1);
+        // A film that runs backwards, or not at all, is silent.
+        if (!node.get(M::load) || !(speed > 0)) return true;
+        for (const String& url : node.get(M::url)) voice.urls.push_back(url.str());
+        voice.folders = foldersOf(scene, node);
+        voice.loop = node.get(M::loop);
+        voice.pitch = std::clamp(speed * number(node.get(M::pitch), 1), 1e-3, 1e3);
+        readTimes<M>(node, voice);
+    } else if (node.is(x3d::BufferAudioSource::type)) {
+        using B = x3d::BufferAudioSource;
+        voice.kind = SoundVoice::Kind::buffer;
+        voice.buffer = node.get(B::buffer);
+        for (const String& url : node.get(B::url)) voice.urls.push_back(url.str());
+        voice.folders = foldersOf(scene, node);
+        if (node.get(B::sampleRate) > 0) voice.bufferRate = static_cast<double>(node.get(B::sampleRate));
+        voice.bufferChannels = std::clamp(node.get(B::numberOfChannels), 1, 32);
+        voice.loop = node.get(B::loop);
+        voice.loopStart = number(node.get(B::loopStart), 0);
+        voice.loopEnd = number(node.get(B::loopEnd), 0);
+        voice.pitch = std::clamp(
+            number(node.get(B::playbackRate), 1) * std::pow(2.0, number(node.get(B::detune), 0) / 1200), 1e-3, 1e3);
+        if (voice.buffer.empty()) voice.kind = SoundVoice::Kind::clip;
+        readTimes<B>(node, voice);
+    } else if (node.is(x3d::OscillatorSource::type)) {
+        using O = x3d::OscillatorSource;
+        voice.kind = SoundVoice::Kind::oscillator;
+        voice.frequency = std::clamp(
+            number(node.get(O::frequency), 0) * std::pow(2.0, number(node.get(O::detune), 0) / 1200), -1e5, 1e5);
+        voice.loop = true;
+        voice.wave = waveOf(scene, node);
+        readTimes<O>(node, voice);
+    } else if (node.is(x3d::StreamAudioSource::type) && !node.get(x3d::StreamAudioSource::streamIdentifier).empty()) {
+        // What a stream is called names a file here.
+        for (const String& name : node.get(x3d::StreamAudioSource::streamIdentifier)) voice.urls.push_back(name.str());
+        voice.folders = resources_.foldersOf(scene, node, x3d::StreamAudioSource::streamIdentifier.index);
+        readTimes<x3d::StreamAudioSource>(node, voice);
+    } else if (node.is(x3d::MicrophoneSource::type)) {
+        voice.kind = SoundVoice::Kind::microphone;
+        voice.urls.push_back(node.get(x3d::MicrophoneSource::mediaDeviceID).str());
+        readTimes<x3d::MicrophoneSource>(node, voice);
+    } else {
+        return false;
+    }
+    to.voices.push_back(std::move(voice));
+    return true;
+}
+
+bool SoundScene::readProcess(const Scene& scene, const Node& node, double above, int depth, Branch to) {
+    using Kind = AudioProcess::Kind;
+    auto made = std::make_shared<AudioProcess>();
+    AudioProcess& process = *made;
+    process.node = node.id();
+    process.gain = above * number(fieldOr(node, "gain", 1.0f), 0);
+    if (node.is(x3d::BiquadFilter::type)) {
+        using B = x3d::BiquadFilter;
+        process.kind = Kind::biquad;
+        process.filter = filterType(fieldOr(node, "type", String()).view());
+        process.frequency = number(node.get(B::frequency), 350) * std::pow(2.0, number(node.get(B::detune), 0) / 1200);
+        process.quality = number(node.get(B::qualityFactor), 1);
+        // Of shelves and peaks the gain is the filter's own, in decibels, and not of what comes out.
+        using enum Biquad::Type;
+        if (process.filter == lowshelf || process.filter == highshelf || process.filter == peaking) {
+            process.filterGainDb = number(node.get(B::gain), 0);
+            process.gain = above;
+        }
+    } else if (node.is(x3d::Delay::type)) {
+        process.kind = Kind::delay;
+        const double most = std::clamp(number(node.get(x3d::Delay::maxDelayTime).seconds, 1), 0.0, 180.0);
+        process.delay = std::clamp(number(node.get(x3d::Delay::delayTime).seconds, 0), 0.0, most);
+    } else if (node.is(x3d::Convolver::type)) {
+        process.kind = Kind::convolver;
+        process.buffer = node.get(x3d::Convolver::buffer);
+        process.normalize = node.get(x3d::Convolver::normalize);
+    } else if (node.is(x3d::DynamicsCompressor::type)) {
+        using D = x3d::DynamicsCompressor;
+        process.kind = Kind::compressor;
+        process.compressor = {number(node.get(D::threshold), -24), number(node.get(D::knee), 30),
+                              number(node.get(D::ratio), 12), number(node.get(D::attack).seconds, .003),
+                              number(node.get(D::release).seconds, .25)};
+    } else if (node.is(x3d::WaveShaper::type)) {
+        process.kind = Kind::shaper;
+        process.curve = numbersOf(scene, node, "curve");
+        const std::string_view times = node.get(x3d::WaveShaper::oversample).view();
+        process.oversample = times == "2X" ? 2 : times == "4X" ? 4 : 1;
+    } else if (node.is(x3d::ChannelSplitter::type)) {
+        process.kind = Kind::splitter;
+    } else if (node.is(x3d::ChannelMerger::type)) {
+        process.kind = Kind::merger;
+    } else if (node.is(x3d::ChannelSelector::type)) {
+        process.kind = Kind::selector;
+        process.selection = node.get(x3d::ChannelSelector::channelSelection);
+    } else if (node.is(x3d::Analyser::type)) {
+        using A = x3d::Analyser;
+        process.kind = Kind::analyser;
+        const auto asked = static_cast<std::size_t>(std::max(0, node.get(A::fftSize)));
+        process.fftSize = std::clamp<std::size_t>(std::bit_floor(asked), 32, 32768);
+        if (process.fftSize != asked)
+            warnOnce(fmt::format("fftSize {} of {} is no power of two from 32 to 32768: {} is used", asked,
+                                 nameOf(scene, node), process.fftSize));
+        process.smoothing = std::clamp(number(node.get(A::smoothingTimeConstant), 0), 0.0, 1.0);
+    } else {
+        return false;
+    }
+    for (const NodeId child : node.get(Field<Array<NodeId>>{node.type().findExact("children")})) {
+        if (process.kind != Kind::merger) {
+            readVoices(scene, child, 1, depth + 1, {process.voices, process.inputs, to.sound});
+            continue;
+        }
+        // Each child is a channel of its own.
+        auto input = std::make_shared<AudioProcess>();
+        readVoices(scene, child, 1, depth + 1, {input->voices, input->inputs, to.sound});
+        if (input->voices.empty() && input->inputs.size() == 1)
+            process.inputs.push_back(input->inputs.front());
+        else
+            process.inputs.push_back(std::move(input));
+    }
+    to.processes.push_back(std::move(made));
+    return true;
+}
+
+void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int depth, Branch to) {
+    const Node* node = scene.effectiveNode(id);
+    if (!node) return;
+    if (depth > 32) return warnOnce(fmt::format("{} is nested too deeply: what is below is not heard", to.sound));
+    // A few lines of USE make as many paths through the audio graph as they like.
+    if (++visits_ > kMostAudioNodes)
+        return warnOnce(fmt::format("{}: more than {} paths lead to its sources; the rest is not heard", to.sound,
+                                    kMostAudioNodes));
+    if (!fieldOr(*node, "enabled", true)) return;
+    const double above = gain;
+    gain *= number(fieldOr(*node, "gain", 1.0f), 0);
+    if (readSource(scene, *node, gain, to)) return;
+    if (readProcess(scene, *node, above, depth, to)) return;
+    // What is left passes its children on; what else it does is not modelled and said so.
+    const FieldIndex children = node->type().findExact("children");
+    const bool silent = children == kNoField || node->type().fields[children].type != FieldType::MFNode;
+    if (!node->is(x3d::Gain::type))
+        warnOnce(fmt::format("{} of {} is {}", node->type().name, to.sound,
+                             silent ? "not a source that can be heard" : "passed through unprocessed"));
+    if (silent) return;
+    for (const NodeId child : node->get(Field<Array<NodeId>>{children})) readVoices(scene, child, gain, depth + 1, to);
+}
+
+std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const Node& node) {
+    auto read = std::make_shared<SoundNode>();
+    SoundNode& sound = *read;
+    visits_ = 0;
+    sound.node = node.id();
+    sound.name = nameOf(scene, node);
+    if (node.is(x3d::Sound::type)) {
+        using S = x3d::Sound;
+        sound.enabled = node.get(S::enabled);
+        sound.spatialize = node.get(S::spatialize);
+        sound.intensity = number(node.get(S::intensity), 0);
+        sound.location = node.get(S::location);
+        sound.direction = node.get(S::direction);
+        sound.minBack = number(node.get(S::minBack), 0);
+        sound.minFront = number(node.get(S::minFront), 0);
+        sound.maxBack = number(node.get(S::maxBack), 0);
+        sound.maxFront = number(node.get(S::maxFront), 0);
+        readVoices(scene, node.get(S::source), 1, 0, {sound.voices, sound.processes, sound.name});
+    } else if (node.is(x3d::SpatialSound::type)) {
+        using S = x3d::SpatialSound;
+        sound.enabled = node.get(S::enabled);
+        sound.spatialize = node.get(S::spatialize);
+        sound.doppler = node.get(S::dopplerEnabled);
+        sound.intensity = number(node.get(S::intensity), 0) * number(node.get(S::gain), 0);
+        sound.location = node.get(S::location);
+        sound.direction = node.get(S::direction);
+        const std::string_view model = node.get(S::distanceModel).view();
+        sound.law = model == "LINEAR"        ? SoundNode::Law::linear
+                    : model == "EXPONENTIAL" ? SoundNode::Law::exponential
+                                             : SoundNode::Law::inverse;
+        sound.referenceDistance = number(node.get(S::referenceDistance), 0);
+        sound.maxDistance = number(node.get(S::maxDistance), 0);
+        sound.rolloff = number(node.get(S::rolloffFactor), 0);
+        sound.coneInner = number(node.get(S::coneInnerAngle), 0);
+        sound.coneOuter = number(node.get(S::coneOuterAngle), 0);
+        sound.coneOuterGain = number(node.get(S::coneOuterGain), 0);
+        for (const NodeId child : node.get(S::children))
+            readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
+    } else if (node.is(x3d::AudioDestination::type)) {
+        using D = x3d::AudioDestination;
+        sound.enabled = node.get(D::enabled);
+        sound.spatialize = sound.doppler = sound.reflected = false;
+        sound.law = SoundNode::Law::none;
+        sound.intensity = number(node.get(D::gain), 0);
+        for (const NodeId child : node.get(D::children))
+            readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
+    }
+    return read;
+}
+
+}  // namespace rtsg
