@@ -76,6 +76,7 @@ constexpr Feature kFeatures[] = {
     {"VolumeData", "VolumeData { voxels PixelTexture3D { image [ 1 1 1 2 20 60 ] } }"},
     {"ClipPlane", "Group { children [ ClipPlane { } Shape { geometry Box { } } ] }"},
     {"LocalFog", "Group { children [ LocalFog { visibilityRange 50 } Shape { geometry Box { } } ] }"},
+    {"EnvironmentLight", "Group { children [ EnvironmentLight { global FALSE } Shape { geometry Box { } } ] }"},
     {"FogCoordinate",
      "Shape { geometry IndexedFaceSet { coordIndex [ 0 1 2 ] fogCoord FogCoordinate { depth [ 0 .5 1 ] } coord "
      "Coordinate "

@@ -77,4 +77,8 @@ void withThreads(unsigned threads, const std::function<void()>& work) {
     });
 }
 
+void apart(const std::function<void()>& work) {
+    tbb::this_task_arena::isolate([&] { work(); });
+}
+
 }  // namespace rtsg

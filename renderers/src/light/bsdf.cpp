@@ -199,7 +199,7 @@ struct Albedos {
 
 }  // namespace
 
-Vec3f energyLimited(const Vec3f& base, float metallic, float roughness, float cosView) {
+EvenlyLit evenlyLit(const Vec3f& base, float metallic, float roughness, float cosView) {
     static const Albedos table;
     const float x = std::clamp(cosView, 0.0f, 1.0f) * (Albedos::kSteps - 1),
                 y = std::clamp(roughness, 0.0f, 1.0f) * (Albedos::kSteps - 1);
@@ -210,11 +210,14 @@ Vec3f energyLimited(const Vec3f& base, float metallic, float roughness, float co
         return (t[i][j] * (1 - fx) + t[i + 1][j] * fx) * (1 - fy) +
                (t[i][j + 1] * (1 - fx) + t[i + 1][j + 1] * fx) * fy;
     };
-    const Vec3f most = glm::min(base, Vec3f(1)), f0 = headOn(most, metallic);
-    const Vec3f specular = f0 * at(table.mirrored) + at(table.grazing);
+    const Vec3f f0 = headOn(base, metallic);
     const float lost = table.lost[i] * (1 - fx) + table.lost[i + 1] * fx;
-    const Vec3f diffuse = (1 - metallic) * (1 - lost) * most * (Vec3f(1) - f0);
-    Vec3f result = most;
+    return {f0 * at(table.mirrored) + at(table.grazing), (1 - metallic) * (1 - lost) * base * (Vec3f(1) - f0)};
+}
+
+Vec3f energyLimited(const Vec3f& base, float metallic, float roughness, float cosView) {
+    Vec3f result = glm::min(base, Vec3f(1));
+    const auto [specular, diffuse] = evenlyLit(result, metallic, roughness, cosView);
     for (int c = 0; c < 3; ++c)
         if (diffuse[c] > 1e-3f && specular[c] + diffuse[c] > 1)
             result[c] *= std::max(1 - specular[c], 0.0f) / diffuse[c];

@@ -44,6 +44,12 @@ class Bsdf {
     float exponent_ = 0, metallic_ = 0, roughness_ = 1;
 };
 
+/// What glTF's model shows of the same light from all directions: the share that its facets mirror, and that of its
+/// diffuse part. Within 1 %.
+struct EvenlyLit {
+    Vec3f specular, diffuse;
+};
+EvenlyLit evenlyLit(const Vec3f& base, float metallic, float roughness, float cosView);
 /// The highlight of 17.2.2 under the same light from all directions, seen head-on, for a specularColor of 1.
 float highlightAlbedo(float exponent);
 /// specularColor made so small that diffuse and highlight together send on no more than they get.

@@ -10,6 +10,7 @@
 
 #include "adaptive.h"
 #include "data_layers.h"
+#include "environment.h"
 
 namespace rtsg::trace {
 
@@ -107,14 +108,37 @@ class Drawing {
 
 }  // namespace
 
+namespace {
+
+/// One choice of directions for all surfaces, whichever of the lights reach them: by the sum of all light from far.
+void emplaceEnvironments(const TraceScene& scene, Sources& sources) {
+    const std::vector<TraceEnvironment>& lights = scene.environments.lights;
+    const bool all = scene.environments.groups[0].count > 0;  // are reached, and none sees the sky
+    std::size_t detail = 0;
+    for (const TraceEnvironment& light : lights) detail = std::max(detail, light.from->detail());
+    if (detail == 0 && (all || scene.evenSky)) return;
+    const auto radiance = [&](const Vec3f& direction) {
+        Vec3f sum = all ? Vec3f(0) : Vec3f(scene.skyColor(direction, true));
+        for (const TraceEnvironment& light : lights) sum += light.radiance(direction, true);
+        return sum;
+    };
+    sources.sky.emplace(radiance, detail, lights[0].localFromWorld);
+}
+
+}  // namespace
+
 void lookForLight(TraceScene& scene, Sources& sources) {
     sources.emitters = Emitters(scene);
     if (!sources.emitters.empty()) scene.emitters = &sources.emitters;
     sources.lamps = Lamps(scene.lightGroups);
     if (!sources.lamps.empty()) scene.lamps = &sources.lamps;
-    if (scene.evenSky) return;
-    sources.sky.emplace(*scene.sky);
-    if (sources.sky->unevenness() > kUneven) scene.skyLight = &*sources.sky;
+    if (!scene.environments.lights.empty())
+        emplaceEnvironments(scene, sources);
+    else if (!scene.evenSky)
+        sources.sky.emplace(*scene.sky);
+    else
+        return;
+    if (sources.sky && sources.sky->unevenness() > kUneven) scene.skyLight = &*sources.sky;
 }
 
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats) {

@@ -2,8 +2,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include <glm/gtc/matrix_transform.hpp>
+
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/renderers/camera.h>
 #include <rtsg/renderers/material.h>
 
 namespace rtsg {
@@ -62,6 +65,15 @@ struct LightFields {
     void falling() {
         light.attenuation = usable(node.get(L::attenuation));
         light.radius = node.get(L::radius);
+    }
+    /// Into the frame that is turned by `rotation` within the light's own; scales do not matter.
+    void surrounding(const Rotation& rotation) {
+        const Vec3d axis(rotation.x, rotation.y, rotation.z);
+        const double length = glm::length(axis);
+        glm::dmat3 turned = turningOf(worldFromLocal);
+        if (length > 0 && std::isfinite(length + rotation.angle))
+            turned *= glm::dmat3(glm::rotate(glm::dmat4(1), double{rotation.angle}, axis / length));
+        light.localFromWorldTurn = glm::mat3(glm::transpose(turned));
     }
     template <class L>
     void projecting() {
@@ -123,6 +135,10 @@ Light readLight(const Scene& scene, NodeId id, const WorldFromLocal& worldFromLo
         fields.turned<P>();
         fields.projecting<P>();
         light.extent = node->get(P::fieldOfView) / light.localFromWorld;
+    } else if (node->is(x3d::EnvironmentLight::type)) {
+        light.kind = Light::Kind::environment;
+        fields.common<x3d::EnvironmentLight>();
+        fields.surrounding(node->get(x3d::EnvironmentLight::rotation));
     } else {
         light.on = false;
     }

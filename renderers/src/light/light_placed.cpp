@@ -2,10 +2,13 @@
 #include <algorithm>
 #include <optional>
 
+#include <fmt/format.h>
+
 #include <rtsg/core/navigation.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
+#include "environment.h"
 #include "light_tables.h"
 
 namespace rtsg {
@@ -125,6 +128,10 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
 Light LightTables::readLitPlace(const Scene& scene, const Node& node, const Placed& placed) {
     Light light = readLight(scene, placed.node, placed.worldFromLocal, placed.scope);
     NodeId picture;
+    if (light.kind == Light::Kind::environment) {
+        light.environment = environmentOf(scene, node);
+        return light;
+    }
     if (light.kind == Light::Kind::projector)
         picture = node.get(x3d::TextureProjector::texture);
     else if (light.kind == Light::Kind::projectorParallel)
@@ -134,6 +141,37 @@ Light LightTables::readLitPlace(const Scene& scene, const Node& node, const Plac
     const Node* texture = scene.effectiveNode(picture);
     showPicture(light, texture ? textures_->ofNode(scene, *texture, Texture::Content::color, diagnostics_) : nullptr);
     return light;
+}
+
+std::shared_ptr<const Environment> LightTables::environmentOf(const Scene& scene, const Node& node) {
+    using E = x3d::EnvironmentLight;
+    const auto say = [&](const std::string& what) {
+        const std::string_view name = scene.name(node.id());
+        diagnostics_.warning({}, fmt::format("EnvironmentLight{}{}: {}", name.empty() ? "" : " ", name, what));
+    };
+    const auto cube = [&](NodeId id) -> std::shared_ptr<const SpaceTexture> {
+        const Node* texture = scene.effectiveNode(id);
+        if (!texture) return nullptr;
+        if (TextureStore::isSpace(*texture))
+            return textures_->spaceOfNode(scene, *texture, Texture::Content::color, diagnostics_);
+        say(fmt::format("a {} is no light that is there beforehand, and is left out", texture->type().name));
+        return nullptr;
+    };
+    Environment::Source source{cube(node.get(E::specularTexture)), cube(node.get(E::diffuseTexture)), std::nullopt};
+    if (const Array<float>& numbers = node.get(E::diffuseCoefficients); numbers.size() == 27) {
+        Harmonics& irradiance = source.irradiance.emplace();
+        for (std::size_t i = 0; i < 27; ++i)
+            irradiance[i / 3][static_cast<glm::length_t>(i % 3)] = std::isfinite(numbers[i]) ? numbers[i] : 0.0f;
+    } else if (!numbers.empty()) {
+        say(fmt::format("diffuseCoefficients are 27 numbers, not {}, and are left out", numbers.size()));
+    }
+    if (node.get(E::shadows)) say("its shadows are in pictures by path alone");
+    std::erase_if(environments_, [](const auto& known) { return known.expired(); });
+    for (const auto& known : environments_)
+        if (auto same = known.lock(); same && same->source() == source) return same;
+    auto made = std::make_shared<const Environment>(std::move(source));
+    environments_.emplace_back(made);
+    return made;
 }
 
 SkyEntry LightTables::readSky(const Scene& scene, const Node& node, const WorldFromLocal& worldFromLocal) {

@@ -161,7 +161,9 @@ class LightTables {
     // light_placed.cpp: what is read of lights, viewpoints, backgrounds ...
     std::shared_ptr<const trace::PlacedEntry> readPlaced(const Scene& scene, const Placed& placed);
     trace::SkyEntry readSky(const Scene& scene, const Node& node, const WorldFromLocal& worldFromLocal);
-    /// With the picture of a projector.
+    /// One for all lights that describe the same.
+    std::shared_ptr<const trace::Environment> environmentOf(const Scene& scene, const Node& node);
+    /// With the picture of a projector, and the environment of an EnvironmentLight.
     Light readLitPlace(const Scene& scene, const Node& node, const Placed& placed);
 
     std::shared_ptr<TextureStore> textures_;
@@ -180,7 +182,8 @@ class LightTables {
     std::shared_ptr<const std::vector<std::uint32_t>> clearSlots() const;
     std::shared_ptr<const std::vector<std::uint32_t>> volumeSlots() const;
     std::shared_ptr<const LightState> latest_;
-    std::set<std::uint32_t> layerSets_;  // node numbers
+    std::vector<std::weak_ptr<const trace::Environment>> environments_;  // that there are
+    std::set<std::uint32_t> layerSets_;                                  // node numbers
     std::shared_ptr<const trace::LayerList> layers_;
 
     std::vector<Slot> slots_;

@@ -117,7 +117,9 @@ class Paths {
         for (int lane = 0; lane < 16; ++lane) {
             if (!rays.active[lane] || (hits >> lane & 1u)) continue;
             const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
-            const Vec4f sky = scene_.skyColor(direction, true);
+            const bool seen = tasks[lane].depth == 0;
+            const Vec4f sky =
+                seen ? scene_.skyColor(direction, true) : scene_.fromFar(direction, tasks[lane].lights, true);
             float weight = 1;
             if (scene_.skyLight && tasks[lane].density > 0)
                 weight = powerHeuristic(tasks[lane].density, scene_.skyLight->density(direction));
@@ -323,7 +325,7 @@ class Paths {
         if (straightOn)
             ++task.passes, task.line += t;
         else
-            ++task.depth, task.line = 0;
+            ++task.depth, task.line = 0, task.lights = surfaces_.lights[lane];
         task.travelled += t;
         task.direction = out;
         task.origin = RayWorld::leave(surfaces_.point(lane), out);

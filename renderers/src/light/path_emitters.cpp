@@ -170,7 +170,7 @@ void lookForSky(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks
             continue;
         }
         left *= volumesLeft(scene, {s.position.get(lane), kLeave, direction, std::numeric_limits<float>::infinity()});
-        out.light.set(lane, left * Vec3f(scene.skyColor(direction, true)) / out.density[lane]);
+        out.light.set(lane, left * Vec3f(scene.fromFar(direction, s.lights[lane], true)) / out.density[lane]);
     }
 }
 

@@ -22,7 +22,7 @@ float spreadAt(Vec2f st) {
     return 4 / (squared * std::sqrt(squared));
 }
 
-float luminance(const Vec4f& color) {
+float luminance(const Vec3f& color) {
     const float y = 0.2126f * color.r + 0.7152f * color.g + 0.0722f * color.b;
     return std::isfinite(y) ? std::clamp(y, 0.0f, 1e20f) : 0.0f;
 }
@@ -42,17 +42,26 @@ float inside(const float* sums, std::size_t at, float u) {
     return std::clamp((u - before) / (sums[at] - before), 0.0f, 0x1.fffffep-1f);
 }
 
+std::size_t detailOf(const Sky& sky) {
+    int most = 0;
+    for (const auto& picture : sky.panorama)
+        if (picture) most = std::max({most, picture->width(), picture->height()});
+    return static_cast<std::size_t>(most);
+}
+
 }  // namespace
 
-SkyLight::SkyLight(const Sky& sky) : cells_(kLeastCells), localFromWorld_(sky.localFromWorld) {
-    for (const auto& picture : sky.panorama)
-        if (picture)
-            cells_ =
-                std::clamp(static_cast<std::size_t>(std::max(picture->width(), picture->height())), cells_, kMostCells);
+SkyLight::SkyLight(const Sky& sky)
+    : SkyLight([&](const Vec3f& d) { return Vec3f(sky.color(d, ColorSpace::linear)); }, detailOf(sky),
+               sky.localFromWorld) {}
+
+SkyLight::SkyLight(const std::function<Vec3f(const Vec3f&)>& radiance, std::size_t detail,
+                   const glm::mat3& localFromWorld)
+    : cells_(std::clamp(detail, kLeastCells, kMostCells)), localFromWorld_(localFromWorld) {
     rows_.resize(6 * cells_);
     within_.resize(rows_.size() * cells_);
     std::vector<float> peaks(rows_.size());
-    const glm::mat3 worldFromLocal = glm::transpose(sky.localFromWorld);
+    const glm::mat3 worldFromLocal = glm::transpose(localFromWorld);
     const auto step = 1 / static_cast<float>(cells_ * kPlaces);
     parallelFor(rows_.size(), [&](std::size_t row) {
         const auto side = static_cast<CubeSide>(row / cells_);
@@ -62,7 +71,7 @@ SkyLight::SkyLight(const Sky& sky) : cells_(kLeastCells), localFromWorld_(sky.lo
             for (std::size_t place = 0; place < kPlaces * kPlaces; ++place) {
                 const auto across = cell * kPlaces + place % kPlaces, down = row % cells_ * kPlaces + place / kPlaces;
                 const Vec2f st((static_cast<float>(across) + .5f) * step, (static_cast<float>(down) + .5f) * step);
-                const float y = luminance(sky.color(worldFromLocal * cubeDirection(side, st), ColorSpace::linear));
+                const float y = luminance(radiance(worldFromLocal * cubeDirection(side, st)));
                 light += y * spreadAt(st);
                 peaks[row] = std::max(peaks[row], y);
             }

@@ -1,4 +1,4 @@
-// SkyLight: directions towards a sky, chosen by how much comes from there.
+// SkyLight: directions towards a sky, or all that comes from infinitely far, chosen by how much comes from there.
 //
 // The directions are cut into cells, a grid on each side of the cube that panoramas are shown on; a cell is chosen by
 // its light (luminance times solid angle), a direction within it evenly over its part of the side.
@@ -6,6 +6,7 @@
 // chooses with. Threading: const once built. Source: Pharr, Jakob & Humphreys 2023, 12.5 (light of images).
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include <rtsg/renderers/camera.h>
@@ -17,6 +18,9 @@ class SkyLight {
     /// Cells a side: as many as a picture there has pixels, within limits; fewer where colours only run into each
     /// other.
     explicit SkyLight(const Sky& sky);
+    /// `radiance` of a unit direction in world space. The cells are at least `detail` to a side, within limits, along
+    /// the axes of a frame of its own.
+    SkyLight(const std::function<Vec3f(const Vec3f&)>& radiance, std::size_t detail, const glm::mat3& localFromWorld);
 
     /// How many times the mean the brightest direction is; 0 for a black sky. Bounces find the light of an even sky as
     /// well as anything does.

@@ -225,8 +225,10 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
         out.roughness[lane] *= texel.g;
         out.metallic[lane] *= texel.b;
     }
-    if (material.texture(TextureRole::occlusion))
-        ambient *= 1 + material.occlusionStrength * (look.sample(material, TextureRole::occlusion).r - 1);
+    if (material.texture(TextureRole::occlusion)) {
+        out.occlusion[lane] = 1 + material.occlusionStrength * (look.sample(material, TextureRole::occlusion).r - 1);
+        ambient *= out.occlusion[lane];
+    }
     if (material.texture(TextureRole::normal)) out.normal.set(lane, mappedNormal(look, material, out.normal.get(lane)));
     out.base.set(lane, base);
     out.specular.set(lane, specular);
@@ -362,6 +364,7 @@ void fillAll(const Material& material, ColorSpace space, SurfacePacket& out) {
     fill(out.roughness, material.roughness);
     fill(out.coverage, coverageOf(material, 1));
     fill(out.opacity, opacityOf(material, material.opacity));
+    fill(out.occlusion, 1);
     for (const Material*& m : out.material) m = &material;
     addLanes(material, linear, out.mask, out);
 }
@@ -409,6 +412,7 @@ void fillLane(const Material& material, ColorSpace space, int lane, SurfacePacke
     out.roughness[lane] = material.roughness;
     out.coverage[lane] = coverageOf(material, 1);
     out.opacity[lane] = opacityOf(material, material.opacity);
+    out.occlusion[lane] = 1;
     out.material[lane] = &material;
     addLanes(material, linear, 1u << lane, out);
 }

@@ -33,6 +33,7 @@ struct alignas(64) SurfacePacket {
     Lanes3 base, specular, emissive, ambient;  // ambient: what ambient light is multiplied with
     alignas(64) float exponent[16], metallic[16], roughness[16];
     alignas(64) float coverage[16], opacity[16];
+    alignas(64) float occlusion[16];  // what is left of light from all around (glTF's occlusion)
     std::uint32_t lights[16];
     const Material* material[16];
     Lanes3 exact, error;  // as HitPoint has them; filled by findPoints
@@ -47,6 +48,12 @@ struct alignas(64) SurfacePacket {
     float fogLeft(const TraceScene& scene, int lane, float run) const {
         const Mesh& mesh = *scene.world->instance(hits.instance[lane]).mesh;
         return scene.fogs.of(lights[lane]).left(mesh, hits.triangle[lane], hits.u[lane], hits.v[lane], run);
+    }
+    /// The share of light that a PhysicalMaterial mirrors along one ray; what it spreads is not in it.
+    Vec3f gloss(int lane, float cosView) const {
+        const Vec3f f0 = glm::mix(Vec3f(0.04f), base.get(lane), metallic[lane]);
+        const float smooth = 1 - roughness[lane];
+        return fresnelSchlick(f0, cosView) * (smooth * smooth);
     }
     HitPoint point(int lane) const { return {exact.get(lane), error.get(lane), outside(lane)}; }
 };
@@ -75,5 +82,8 @@ Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footpr
 
 /// Adds the light of the lights, shadows included, into `radiance`, which is set to the emission.
 void addLights(const TraceScene& scene, SurfacePacket& surfaces, std::uint64_t& shadowRays);
+
+/// Adds the light of EnvironmentLights to it, without shadows; for what follows no bounces.
+void addEnvironments(const TraceScene& scene, SurfacePacket& surfaces);
 
 }  // namespace rtsg::trace

@@ -2,10 +2,14 @@
 #include "trace_scene.h"
 
 #include <algorithm>
+#include <optional>
 #include <tuple>
+
+#include <rtsg/renderers/parallel_for.h>
 
 #include "active.h"
 #include "draw.h"
+#include "environment.h"
 #include "left_out.h"
 #include "volume_march.h"
 
@@ -13,19 +17,20 @@ namespace rtsg::trace {
 
 namespace {
 
-/// `toTrace`: a Light as rays see it. The whole scene's group is filled last.
-template <class ToTrace>
-LightGroups groupLights(const LightState& state, std::uint16_t layer, const ToTrace& toTrace) {
-    LightGroups result;
+/// `toTrace`: a Light as rays see it, if it is one of these. The whole scene's group is filled last.
+template <class L, class ToTrace>
+GroupsOf<L> groupLights(const LightState& state, std::uint16_t layer, const ToTrace& toTrace) {
+    GroupsOf<L> result;
     const std::size_t count = std::max<std::size_t>(state.scopes.size(), 1);
     result.groups.resize(count);
     for (std::size_t i = count; i-- > 0 && i < state.scopes.size();) {
-        LightGroups::Group& group = result.groups[i];
+        typename GroupsOf<L>::Group& group = result.groups[i];
         group.first = static_cast<std::uint32_t>(result.lights.size());
         if (const auto& lights = state.scopes[i].lights)
             for (const std::uint32_t slot : *lights)
                 if (state.placed[slot]->placed.layer == layer)
-                    result.lights.push_back(toTrace(std::get<Light>(state.placed[slot]->what)));
+                    if (std::optional<L> light = toTrace(std::get<Light>(state.placed[slot]->what)))
+                        result.lights.push_back(std::move(*light));
         group.count = static_cast<std::uint32_t>(result.lights.size()) - group.first;
     }
     // Each looks outwards until it meets one that knows.
@@ -39,7 +44,7 @@ LightGroups groupLights(const LightState& state, std::uint16_t layer, const ToTr
             way.push_back(at);
         }
         for (; !way.empty(); way.pop_back()) {
-            LightGroups::Group& group = result.groups[way.back()];
+            typename GroupsOf<L>::Group& group = result.groups[way.back()];
             const std::uint32_t outwards = result.groups[state.scopes[way.back()].around].start;
             group.start = group.count > 0 ? way.back() : outwards;
             group.around = outwards;
@@ -51,8 +56,10 @@ LightGroups groupLights(const LightState& state, std::uint16_t layer, const ToTr
 bool anyLightWantsShadows(const LightState& state) {
     for (std::size_t i = 0; i < state.scopes.size(); ++i)
         if (const auto& lights = state.scopes[i].lights)
-            for (const std::uint32_t slot : *lights)
-                if (std::get<Light>(state.placed[slot]->what).shadows) return true;
+            for (const std::uint32_t slot : *lights) {
+                const auto& light = std::get<Light>(state.placed[slot]->what);
+                if (light.shadows && light.kind != Light::Kind::environment) return true;
+            }
     return false;
 }
 
@@ -100,10 +107,16 @@ void findLocalFogs(const LightState& state, Fogs& fogs) {
     fogs.setLocal(local, around);
 }
 
+std::optional<TraceEnvironment> traceEnvironment(const Light& light) {
+    if (light.kind != Light::Kind::environment) return std::nullopt;
+    return TraceEnvironment{light.environment.get(), light.color, light.ambient, light.localFromWorldTurn};
+}
+
 /// How a Light looks to the rays of a picture.
 auto traceLights(const LightState& state, const RayView& world, const RenderSettings& settings) {
     const bool anySays = settings.shadows == Shadows::automatic && anyLightWantsShadows(state);
-    return [&, anySays](const Light& light) {
+    return [&, anySays](const Light& light) -> std::optional<TraceLight> {
+        if (light.kind == Light::Kind::environment) return std::nullopt;
         TraceLight result;
         result.kind = light.kind;
         switch (settings.shadows) {
@@ -181,7 +194,13 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     headlight.direction = Vec3f(part.headlight);
     const PlacedEntry* navigation = active<Navigation>(state, layer);
     const bool lit = !navigation || std::get<Navigation>(navigation->what).headlight;
-    scene.lightGroups = groupLights(state, layer, traceLights(state, world, settings));
+    scene.lightGroups = groupLights<TraceLight>(state, layer, traceLights(state, world, settings));
+    scene.environments = groupLights<TraceEnvironment>(state, layer, traceEnvironment);
+    if (settings.integrator == Integrator::whitted && !scene.environments.lights.empty())
+        withThreads(settings.threads, [&] {
+            for (const TraceEnvironment& light : scene.environments.lights)
+                light.from->prepare(scene.materials.glossy());
+        });
     if (lit && part.headlight != Vec3d(0)) {
         // Of the whole scene, and so of the group that was filled last.
         scene.lightGroups.lights.push_back(headlight);
@@ -190,6 +209,22 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     scene.anyTransmits = state.anyTransmits;
     if (state.anyTransmits) boxClear(state, world, scene);
     return scene;
+}
+
+Vec3f TraceEnvironment::radiance(const Vec3f& direction, bool linear, float width) const {
+    const Vec3f light = from->radiance(localFromWorld * direction, width);
+    return color * (linear ? light : srgbFromLinear(light));
+}
+
+Vec4f TraceScene::fromEnvironments(const Vec3f& direction, std::uint32_t group, bool linear) const {
+    std::uint32_t at = environments.start(group);
+    // A group without any starts with the whole scene's, which may have none either.
+    if (environments.groups[at].count == 0) return skyColor(direction, linear);
+    Vec4f sum(0, 0, 0, 1);
+    for (; at != EnvironmentGroups::kEnd; at = environments.next(at))
+        for (const TraceEnvironment& light : environments.lightsOf(at))
+            sum += Vec4f(light.radiance(direction, linear), 0);
+    return sum;
 }
 
 SlotPages::SlotPages(const PagedArray<SlotShading, kSlotBits>& slots) : size_(slots.size()) {
@@ -221,6 +256,10 @@ MaterialList::MaterialList(const PagedArray<std::shared_ptr<const MaterialEntry>
     static const MaterialEntry none;
     for (std::size_t i = 0; i < materials.size(); ++i) entries_.push_back(materials[i] ? materials[i].get() : &none);
     if (entries_.empty()) entries_.push_back(&none);
+    glossy_ = std::ranges::any_of(entries_, [](const MaterialEntry* entry) {
+        const Material& m = entry->material;
+        return m.model == ShadingModel::physical || m.specular != Vec3f(0) || m.back;
+    });
     generates_ = std::ranges::any_of(entries_, [](const MaterialEntry* entry) { return !entry->generated.empty(); });
 }
 

@@ -20,6 +20,7 @@
 
 namespace rtsg::trace {
 
+class Environment;
 struct Volume;
 
 /// What an instance slot is drawn with.
@@ -78,6 +79,15 @@ struct TraceLight {
     const Texture* picture = nullptr;
 };
 
+/// An EnvironmentLight.
+struct TraceEnvironment {
+    const Environment* from = nullptr;
+    Vec3f color{1}, ambient{0};
+    glm::mat3 localFromWorld{1.0f};
+    /// Of a unit direction, in linear light or as a display value. `width`: radians, over which it is averaged.
+    Vec3f radiance(const Vec3f& direction, bool linear, float width = 0) const;
+};
+
 /// A volume where a picture has it.
 struct TraceVolume {
     const Volume* volume = nullptr;
@@ -95,14 +105,17 @@ class MaterialList {
     const MaterialEntry& operator[](std::size_t material) const { return *entries_[material]; }
     /// Whether any shows a GeneratedCubeMapTexture.
     bool generates() const { return generates_; }
+    /// Whether any shows what others send as more than a matte surface does.
+    bool glossy() const { return glossy_; }
 
   private:
     std::vector<const MaterialEntry*> entries_;
-    bool generates_ = false;
+    bool generates_ = false, glossy_ = false;
 };
 
-/// The lights by the scope that they shine in: an instance sees those of its own scope and of all around it.
-class LightGroups {
+/// Lights by the scope that they shine in: an instance sees those of its own scope and of all around it.
+template <class L>
+class GroupsOf {
   public:
     static constexpr std::uint32_t kEnd = 0xFFFFFFFF;
     /// One group a scope, numbered as these are; 0 is the whole scene.
@@ -115,13 +128,15 @@ class LightGroups {
     /// The group to begin with for an instance of this one; next() leads outwards, up to kEnd.
     std::uint32_t start(std::uint32_t group) const { return groups[group].start; }
     std::uint32_t next(std::uint32_t group) const { return groups[group].around; }
-    std::span<const TraceLight> lightsOf(std::uint32_t group) const {
+    std::span<const L> lightsOf(std::uint32_t group) const {
         return std::span(lights).subspan(groups[group].first, groups[group].count);
     }
 
     std::vector<Group> groups{1};
-    std::vector<TraceLight> lights;
+    std::vector<L> lights;
 };
+using LightGroups = GroupsOf<TraceLight>;
+using EnvironmentGroups = GroupsOf<TraceEnvironment>;
 
 /// What the distance of a place makes of its colour, by the scope that it is in.
 class Fogs {
@@ -168,6 +183,7 @@ struct TraceScene {
     MaterialList materials;
     SlotPages slots;
     LightGroups lightGroups;
+    EnvironmentGroups environments;  // bounces find their light; what shades without these adds it by addEnvironments()
     /// Of all that is computed; automatic: of PhysicalMaterials linear, of all else display.
     ColorSpace space = ColorSpace::linear;
     const Sky* sky = nullptr;
@@ -188,6 +204,14 @@ struct TraceScene {
         if (evenSky) return linear ? skyLinear : skyDisplay;
         return sky->color(direction, linear ? ColorSpace::linear : ColorSpace::display);
     }
+    /// What comes from infinitely far to a surface of this group of lights: of its EnvironmentLights where there are
+    /// any, else the sky.
+    Vec4f fromFar(const Vec3f& direction, std::uint32_t group, bool linear) const {
+        if (!environments.lights.empty()) [[unlikely]]
+            return fromEnvironments(direction, group, linear);
+        return skyColor(direction, linear);
+    }
+    Vec4f fromEnvironments(const Vec3f& direction, std::uint32_t group, bool linear) const;
     /// Null: it shows nothing, as within the pictures of such a cube.
     const SpaceTexture* generatedCube(NodeId node) const {
         for (const auto& [id, cube] : generated)
@@ -206,6 +230,7 @@ struct PathTask {
     std::uint16_t pixel = 0;
     std::uint16_t depth = 0;   // mirrorings, refractions and bounces before
     std::uint16_t passes = 0;  // clear surfaces passed straight
+    std::uint32_t lights = 0;  // the group of lights of the surface that sent it, where depth > 0
     bool linear = false;       // what it finds counts as light; else as display values
     std::uint64_t random = 0;  // PathRandom's state; paths only
     /// Of the surface that sampled this direction, and how likely it was, per steradian; 0: nothing else could have

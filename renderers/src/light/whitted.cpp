@@ -52,8 +52,9 @@ class Tile {
             if (!rays.active[lane] || (hits >> lane & 1u)) continue;
             const PathTask* task = tasks ? tasks + lane : nullptr;
             const bool light = asLight(task);
-            const Vec4f sky =
-                scene_.skyColor({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, light);
+            const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
+            const Vec4f sky = task && task->depth > 0 ? scene_.fromFar(direction, task->lights, light)
+                                                      : scene_.skyColor(direction, light);
             Vec3f weight = task ? task->weight : Vec3f(1);
             if (volumes) weight *= left_[lane];
             add(pixels[lane], task, weight, Vec3f(sky), light, sky.a);
@@ -61,6 +62,7 @@ class Tile {
         if (!hits) return;
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
         addLights(scene_, surfaces_, result_.shadowRays);
+        if (!scene_.environments.lights.empty()) addEnvironments(scene_, surfaces_);
         if (surfaces_.special) findPoints(scene_, surfaces_);
         const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces_.linear;
         if (!tasks && !surfaces_.special && !scene_.fogs.any() && oneSpace && !volumes) {
@@ -139,10 +141,7 @@ class Tile {
         }
         if (material.model == ShadingModel::physical) {
             // The diffuse part already is what Fresnel leaves, so `body` stays whole.
-            const Vec3f f0 = glm::mix(Vec3f(0.04f), s.base.get(lane), s.metallic[lane]);
-            const float smooth = 1 - s.roughness[lane];
-            result.mirror =
-                glm::min(result.mirror + result.body * fresnelSchlick(f0, cosine) * (smooth * smooth), Vec3f(1));
+            result.mirror = glm::min(result.mirror + result.body * s.gloss(lane, cosine), Vec3f(1));
             result.passing = Vec3f(1) - result.mirror;
         }
         result.whole = opacity + (1 - opacity) * result.mirror;
@@ -185,6 +184,7 @@ class Tile {
         PathTask turned = base;
         ++turned.depth;
         turned.line = 0;
+        turned.lights = s.lights[lane];
         turned.linear = base.linear || root;
 
         const bool deeper = base.depth < settings_.maxDepth;

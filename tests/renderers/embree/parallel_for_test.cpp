@@ -52,6 +52,18 @@ TEST(ParallelFor, ALoopWithinALoopEnds) {
     for (const int sum : sums) EXPECT_EQ(sum, 45);
 }
 
+TEST(Apart, LoopsWithinEndAndExceptionsComeOut) {
+    std::mutex mutex;
+    std::atomic<int> calls = 0;
+    // Under a lock that every outer call wants.
+    parallelFor(16, [&](std::size_t) {
+        const std::lock_guard lock(mutex);
+        apart([&] { parallelFor(10, [&](std::size_t) { ++calls; }); });
+    });
+    EXPECT_EQ(calls, 160);
+    EXPECT_THROW(apart([] { throw std::runtime_error("no"); }), std::runtime_error);
+}
+
 TEST(WithThreads, OneMeansOneThread) {
     std::mutex mutex;
     std::set<std::thread::id> threads;

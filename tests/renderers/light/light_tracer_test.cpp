@@ -269,7 +269,7 @@ TEST(LightTracer, WhatIsNotDrawnIsNamed) {
     EXPECT_EQ(s.light->diagnostics().all().size(), 3u) << first;
     EXPECT_NE(first.find("NurbsSet CUT is not in pictures: its surfaces are cut each for itself"), std::string::npos)
         << first;
-    const NodeId later = s.scene.createNode(x3d::EnvironmentLight::type);
+    const NodeId later = s.scene.createNode(x3d::FontLibrary::type);
     ASSERT_TRUE(s.scene.insertChild(s.scene.root(), x3d::RtsgScene::children, later));
     s.scene.newFrame(1);
     s.center();

@@ -28,6 +28,9 @@ namespace rtsg {
 
 class Scene;
 class TextureStore;
+namespace trace {
+class Environment;
+}
 
 enum class ShadingModel : std::uint8_t { unlit, phong, physical };
 enum class AlphaMode : std::uint8_t { automatic, opaque, mask, blend };
@@ -159,7 +162,8 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
 
 struct Light {
     /// projector and projectorParallel: what lies in the pyramid or the box before them gets the colours of a picture.
-    enum class Kind : std::uint8_t { directional, point, spot, projector, projectorParallel };
+    /// environment: from all around, infinitely far away.
+    enum class Kind : std::uint8_t { directional, point, spot, projector, projectorParallel, environment };
     Kind kind = Kind::directional;
     bool shadows = false;  // the field; the tracer may cast them regardless
     bool on = true;
@@ -179,10 +183,13 @@ struct Light {
     Vec4f extent{0};
     float nearDistance = 0, farDistance = std::numeric_limits<float>::infinity();
     std::shared_ptr<const Texture> picture;
+    /// Of environments, which need both: what comes, and the turning into its frame.
+    std::shared_ptr<const trace::Environment> environment;
+    glm::mat3 localFromWorldTurn{1.0f};
 };
 
 /// `node` of a type that is no light gives one that is off. A projector is without its picture, and its extent without
-/// the picture's shape: see showPicture().
+/// the picture's shape: see showPicture(). An EnvironmentLight is without its environment.
 Light readLight(const Scene& scene, NodeId node, const WorldFromLocal& worldFromLocal, ScopeId scope);
 /// Puts its picture into a projector, or switches it off if there is none. The angle of a TextureProjector is that of
 /// the picture's shorter side, as a Viewpoint's is.

@@ -20,4 +20,8 @@ void parallelFor(std::size_t count, const std::function<void(std::size_t)>& body
 /// Runs `work` so that loops within it use at most `threads` threads; 0, or more than there are, means all there are.
 void withThreads(unsigned threads, const std::function<void()>& work);
 
+/// Runs `work` so that a thread that waits for loops within it takes up nothing else meanwhile: for loops under a lock
+/// that what it would take up may want too.
+void apart(const std::function<void()>& work);
+
 }  // namespace rtsg
