@@ -148,6 +148,8 @@ class Edits {
             (void)scene_.set(id, x3d::DirectionalLight::global, pick(3) == 0);
         } else if (is(x3d::PointLight::type)) {
             (void)scene_.set(id, x3d::PointLight::global, pick(3) == 0);
+        } else if (is(x3d::Inline::type) && pick(4) == 0) {
+            (void)scene_.set(id, x3d::Inline::global, pick(2) == 0);
         } else if (is(x3d::IndexedFaceSet::type)) {
             (void)scene_.setField(id, x3d::IndexedFaceSet::coord.index, ofType(x3d::Coordinate::type));
         } else if (is(x3d::Coordinate::type)) {

@@ -81,7 +81,7 @@ NurbsPoints nurbsPoints(std::span<const Vec3d> points, std::span<const double> w
     result.reserve(points.size());
     for (std::size_t i = 0; i < points.size(); ++i) {
         const double w = i < weights.size() && weights[i] > 0 && std::isfinite(weights[i]) ? weights[i] : 1;
-        result.emplace_back(points[i] * w, w);
+        result.emplace_back(points[i], w);
     }
     return result;
 }

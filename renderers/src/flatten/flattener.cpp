@@ -108,6 +108,7 @@ void Flattener::Impl::sortOut(const Change& change) {
         default:
             break;
     }
+    if (node->is(x3d::Inline::type) && change.field == x3d::Inline::global.index) inlinesChanged.push_back(node->id());
     if (role.isChildField(change.field)) {
         if (role.role == Role::all && change.kind != ChangeKind::setField)
             childOps.push_back({node->id(), change.other, change.kind == ChangeKind::insertChild ? 1 : -1});
@@ -255,16 +256,22 @@ void Flattener::Impl::runShapes() {
 }
 
 void Flattener::Impl::runLights() {
+    for (const NodeId id : inlinesChanged) relight(id);
+    inlinesChanged.clear();
     for (const NodeId id : lights) {
         const Node& node = scene->node(id);
-        const bool local = !flatten::read<bool>(node, roles.of(node).global);
+        const TypeRole& role = roles.of(node);
         oldOccurrences(id, found);
         for (const std::uint32_t index : found) {
             Occurrence& o = tree[index];
-            if (o.slot == kNone || std::exchange(o.isLocal, local) == local) continue;
-            placed.records[o.slot].scope = local ? scopeOf(lightGroup(index)) : ScopeId{};
+            if (o.slot == kNone) continue;
+            const std::uint32_t limit = limitOf(index, node, role), before = o.isLocal ? o.level : kNone;
+            if (limit == before) continue;
+            if (o.isLocal) changeLocalLights(index, -1);
+            o.isLocal = limit != kNone;
+            if (o.isLocal) o.level = limit, changeLocalLights(index, 1);
+            placed.records[o.slot].scope = o.isLocal ? scopeOf(limit) : ScopeId{};
             placed.markRebound(o.slot, stamp);
-            changeLocalLights(index, local ? 1 : -1);
         }
     }
     lights.clear();

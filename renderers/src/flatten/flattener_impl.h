@@ -41,7 +41,7 @@ struct Occurrence {
     std::uint32_t updated = 0;      // apply() number of the last transform update
     std::uint32_t scope = 0;        // occurrence whose local lights reach its content; 0: none but the root's
     std::uint32_t localLights = 0;  // lights whose scope it is
-    std::uint32_t level = 0;        // LOD: the chosen one
+    std::uint32_t level = 0;        // LOD: the chosen one; a local light: the occurrence whose content it reaches
     std::uint32_t rigid = 0;  // innermost one around its content that is a mover or has been seen to move; 0: none
     Role role = Role::none;
     bool ownsFrame = false, hidden = false, isLocal = false;
@@ -227,7 +227,9 @@ struct Flattener::Impl {
     void touchGeometry(NodeId geometry);
     void updateFrames(std::uint32_t top);
     static ScopeId scopeOf(std::uint32_t occurrence) { return ScopeId{occurrence}; }
-    std::uint32_t lightGroup(std::uint32_t light) const;
+    /// The occurrence that something placed shines, cuts or hides within, if there is one that limits it.
+    std::uint32_t limitOf(std::uint32_t placed, const Node& node, const TypeRole& role) const;
+    void relight(NodeId inlined);
     void changeLocalLights(std::uint32_t light, int change);
     bool mayChange(const Node& node, Aspect aspect) const {
         return (mobility.mayChange(node) & aspectBit(aspect)) != 0;
@@ -283,7 +285,7 @@ struct Flattener::Impl {
 
     // What the current change set touches; kept for their memory.
     std::vector<ChildOp> childOps;
-    std::vector<NodeId> reconciled, transformed, shapes, lights, geometries, layoutsChanged, rescreened;
+    std::vector<NodeId> reconciled, transformed, shapes, lights, inlinesChanged, geometries, layoutsChanged, rescreened;
     struct Content {
         NodeId node;
         bool structural;

@@ -159,10 +159,11 @@ void Flattener::Impl::makePlaced(std::uint32_t index, const Node& node, const Ty
     thing.layer = o.layer;
     thing.motion = o.moving ? Motion::moving : Motion::unknown;
     thing.worldFromLocal = frames[o.frame];
-    o.isLocal = role.kind == PlacedKind::clipPlane || role.kind == PlacedKind::localFog ||
-                (role.kind == PlacedKind::light && role.global != kNoField && !flatten::read<bool>(node, role.global));
+    const std::uint32_t limit = limitOf(index, node, role);
+    o.isLocal = limit != kNone;
     if (!o.isLocal) return;
-    thing.scope = scopeOf(lightGroup(index));
+    o.level = limit;
+    thing.scope = scopeOf(limit);
     changeLocalLights(index, 1);
 }
 
@@ -425,17 +426,39 @@ void Flattener::Impl::updateFrames(std::uint32_t top) {
 
 // ---- scopes of local lights ---------------------------------------------------------------------------------------
 
-std::uint32_t Flattener::Impl::lightGroup(std::uint32_t light) const {
-    std::uint32_t group = tree[light].parent;
-    while (tree[group].role == Role::first) group = tree[group].parent;  // a PROTO's light shines where the PROTO is
-    return group;
+std::uint32_t Flattener::Impl::limitOf(std::uint32_t index, const Node& node, const TypeRole& role) const {
+    const bool isLight = role.kind == PlacedKind::light;
+    if (!isLight && role.kind != PlacedKind::clipPlane && role.kind != PlacedKind::localFog) return kNone;
+    std::uint32_t group = tree[index].parent;
+    if (!isLight || (role.global != kNoField && !flatten::read<bool>(node, role.global))) {
+        while (tree[group].role == Role::first)
+            group = tree[group].parent;  // a PROTO's light shines where the PROTO is
+        return group;
+    }
+    // 9.4.2: what an Inline brings shines within it, unless the Inline says otherwise.
+    for (; tree[group].parent != kNone; group = tree[group].parent) {
+        const Node& around = scene->node(tree[group].node);
+        if (around.is(x3d::Inline::type) && !around.get(x3d::Inline::global)) return group;
+    }
+    return kNone;
 }
 
 void Flattener::Impl::changeLocalLights(std::uint32_t light, int change) {
-    const std::uint32_t group = lightGroup(light);
+    const std::uint32_t group = tree[light].level;
     std::uint32_t& count = tree[group].localLights;
     count += static_cast<std::uint32_t>(change);
     if (count == 0 || (count == 1 && change > 0)) scopeDirty.push_back(group);
+}
+
+void Flattener::Impl::relight(NodeId inlined) {
+    oldOccurrences(inlined, found);
+    walking = found;
+    while (!walking.empty()) {
+        const std::uint32_t index = walking.back();
+        walking.pop_back();
+        if (tree[index].role == Role::placed) lights.push_back(tree[index].node);
+        for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
+    }
 }
 
 void Flattener::Impl::runScopes() {

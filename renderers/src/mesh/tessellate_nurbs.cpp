@@ -545,10 +545,9 @@ class NurbsReader {
                                         s.points.size()));
                 return;
             }
-            std::vector<double> weights;
-            for (const Vec4d& p : s.points) weights.push_back(p.w);
-            list.resize(s.points.size());
-            out.coordinates = {s.u, s.v, nurbsPoints(list, weights)};
+            out.coordinates = {s.u, s.v, {}};
+            for (std::size_t i = 0; i < s.points.size(); ++i)
+                out.coordinates.points.emplace_back(list[i] * s.points[i].w, s.points[i].w);
         } else if (node->is(x3d::NurbsTextureCoordinate::type)) {
             using T = x3d::NurbsTextureCoordinate;
             for (const Vec2f& p : node->get(T::controlPoint)) list.emplace_back(p.x, p.y, 0);

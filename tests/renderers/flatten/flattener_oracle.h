@@ -1,6 +1,7 @@
 // An independent flattening of a scene, recursive and without memory, and a subscriber that knows only the deltas.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -41,9 +42,29 @@ class Oracle {
     std::multimap<std::vector<NodeId>, Flat> shapes;
     std::multimap<std::vector<NodeId>, FlatPlaced> placed;
 
-    void run() { children(scene_.root(), glm::dmat4(1.0), {}, false, {}, 0, {}); }
+    void run() {
+        children(scene_.root(), glm::dmat4(1.0), {}, false, {}, 0, {});
+        limitByInlines();
+    }
 
   private:
+    /// 9.4.2: a light that is not local reaches what is in the innermost Inline around it that is not global.
+    void limitByInlines() {
+        for (const auto& [path, light] : placed) {
+            if (light.kind != PlacedKind::light || isLocalLight(scene_.node(light.node))) continue;
+            std::size_t depth = path.size() - 1;
+            const auto limits = [&](NodeId id) {
+                const Node& n = scene_.node(id);
+                return n.is(x3d::Inline::type) && !n.get(x3d::Inline::global);
+            };
+            while (depth > 0 && !limits(path[depth - 1])) --depth;
+            if (depth == 0) continue;
+            const auto end = path.begin() + static_cast<std::ptrdiff_t>(depth);
+            for (auto& [shapePath, flat] : shapes)
+                if (shapePath.size() > depth && std::equal(path.begin(), end, shapePath.begin()))
+                    flat.lights.insert(path);
+        }
+    }
     using Lights = std::set<std::vector<NodeId>>;
     struct Senses {
         bool seen = true, heard = true, turned = false;

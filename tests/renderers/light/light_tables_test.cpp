@@ -1,4 +1,5 @@
 // Light's tables follow a scene at the cost of what changed, and hold what reading it anew would give.
+#include <fstream>
 #include <random>
 #include <utility>
 #include <vector>
@@ -10,6 +11,7 @@
 
 #include "light/light_tables.h"
 #include "renderers/light/light_scene.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -187,6 +189,60 @@ TEST(LightTables, VertexColoursThatAreClearLetLightThrough) {
     };
     expectColor(lit("1"), Vec3d(0), 1e-5);
     expectColor(lit("0"), Vec3d(1), 1e-5);
+}
+
+// 9.4.2: lights of an Inline shine within it unless its `global` says otherwise. A PROTO's light in an Inline in an
+// Inline, with a square in each and one outside: x = 3, 0, -3.
+TEST(LightTables, AnInlineLimitsTheLightsItBrings) {
+    const TempFolder own;
+    const auto write = [&](const char* name, const std::string& body) {
+        std::ofstream(own.path() / name) << "#X3D V4.0 utf8\nPROFILE Immersive\n" + body;
+    };
+    const auto squareAt = [](int x) {
+        return fmt::format("Transform {{ translation {} 0 0 children {} }}\n", x, square(1, matte("1 1 1")));
+    };
+    write("lamp.x3dv", "PROTO P [ ] { DirectionalLight { global TRUE } } P { }" + squareAt(3));
+    write("middle.x3dv", squareAt(0) + "Inline { url \"lamp.x3dv\" }");
+    write("outer.x3dv", "OrthoViewpoint { fieldOfView [ -4 -4 4 4 ] } NavigationInfo { headlight FALSE }" +
+                            squareAt(-3) + "DEF OUTER Inline { url \"middle.x3dv\" }");
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadFile(scene, own.path() / "outer.x3dv", diagnostics));
+    SharedWorld world(scene);
+    LightRenderer light(world);
+    double time = 0;
+    /// Which of the squares are lit, from the left.
+    const auto lit = [&] {
+        scene.newFrame(++time);
+        ImageOptions image;
+        image.settings.width = image.settings.height = 80;
+        const auto picture = light.picture(image);
+        std::string result;
+        for (const int x : {10, 40, 70}) result += picture && picture->at(x, 40).g > .5f ? "1" : "0";
+        return result;
+    };
+    const NodeId outer = scene.findName("OUTER");
+    NodeId inner;
+    scene.forEachNode([&](const Node& node) {
+        if (node.is(x3d::Inline::type) && node.id() != outer) inner = node.id();
+    });
+    ASSERT_TRUE(inner);
+    const auto set = [&](NodeId inlined, bool global) { ASSERT_TRUE(scene.set(inlined, x3d::Inline::global, global)); };
+    EXPECT_EQ(lit(), "001");
+    set(outer, true);
+    EXPECT_EQ(lit(), "001") << "the inner one limits it";
+    set(inner, true);
+    EXPECT_EQ(lit(), "111");
+    set(outer, false);
+    EXPECT_EQ(lit(), "011");
+    // Another limit and no more lamp at once, and back.
+    set(outer, true), set(inner, false);
+    const auto index = static_cast<std::uint32_t>(scene.node(scene.root()).get(x3d::RtsgScene::children).size() - 1);
+    ASSERT_TRUE(scene.removeChild(scene.root(), x3d::RtsgScene::children.index, index));
+    EXPECT_EQ(lit(), "000");
+    set(inner, true);
+    ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children.index, outer));
+    EXPECT_EQ(lit(), "111");
 }
 
 }  // namespace

@@ -36,17 +36,30 @@ std::string said(const Mesh& mesh) {
 const char* const kCircleKnots = "0 0 0 1 1 2 2 3 3 4 4 4";
 const double kRoot = std::sqrt(.5);
 const Vec2d kCircle[9] = {{1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}, {0, -1}, {1, -1}, {1, 0}};
+double circleWeight(int i) {
+    return i % 2 ? kRoot : 1;
+}
+/// The nine points of a circle as fields have them, times their weights; `place` says where a corner is.
+template <class F>
+std::string circleOf(const F& place) {
+    std::string text;
+    for (int i = 0; i < 9; ++i) {
+        const auto p = place(kCircle[i]) * circleWeight(i);
+        for (glm::length_t c = 0; c < p.length(); ++c) text += fmt::format("{} ", p[c]);
+        text += ",";
+    }
+    return text;
+}
 std::string weights(int rows, const std::vector<double>& row = {1}) {
     std::string text;
     for (int j = 0; j < rows; ++j)
         for (int i = 0; i < 9; ++i)
-            text += fmt::format("{} ", row[static_cast<std::size_t>(j) % row.size()] * (i % 2 ? kRoot : 1));
+            text += fmt::format("{} ", row[static_cast<std::size_t>(j) % row.size()] * circleWeight(i));
     return text;
 }
 
 TEST(NurbsCurves, ACircleIsRoundToItsError) {
-    std::string points;
-    for (const Vec2d& p : kCircle) points += fmt::format("{} {} 2,", 3 * p.x, 3 * p.y);
+    const std::string points = circleOf([](const Vec2d& p) { return Vec3d(3 * p.x, 3 * p.y, 2); });
     const std::string text =
         fmt::format("NurbsCurve {{ order 3 knot [ {} ] weight [ {} ] controlPoint CoordinateDouble {{ point [ {} ] }}",
                     kCircleKnots, weights(1), points);
@@ -91,8 +104,11 @@ TEST(NurbsCurves, KnotsThatDoNotFitAreEven) {
 std::string revolved(const std::vector<Vec2d>& profile, const std::vector<double>& profileWeights, int order,
                      const char* knots) {
     std::string points;
-    for (const Vec2d& row : profile)
-        for (const Vec2d& p : kCircle) points += fmt::format("{} {} {},", row.x * p.x, row.y, -row.x * p.y);
+    for (std::size_t i = 0; i < profile.size(); ++i) {
+        const Vec2d row = profile[i];
+        const double w = profileWeights[i % profileWeights.size()];
+        points += circleOf([&](const Vec2d& p) { return w * Vec3d(row.x * p.x, row.y, -row.x * p.y); });
+    }
     return fmt::format(
         "NurbsPatchSurface {{ uDimension 9 vDimension {} uOrder 3 vOrder {} uKnot [ {} ] vKnot [ {} ] weight [ {} ] "
         "controlPoint CoordinateDouble {{ point [ {} ] }}",
@@ -158,9 +174,8 @@ TEST(NurbsSurfaces, TexturesLieAlongTheirParametersOrTheirOwnSurface) {
 
 TEST(NurbsSurfaces, SwungOnesAreProfilesTimesTrajectories) {
     // A profile circle of radius 1 around (3, 0), swung along a circle: a torus.
-    std::string profile, way;
-    for (const Vec2d& p : kCircle)
-        profile += fmt::format("{} {},", 3 + p.x, p.y), way += fmt::format("{} {},", p.x, p.y);
+    const std::string profile = circleOf([](const Vec2d& p) { return Vec2d(3 + p.x, p.y); }),
+                      way = circleOf([](const Vec2d& p) { return p; });
     const Mesh torus =
         nurbsMesh(fmt::format("NurbsSwungSurface {{ profileCurve NurbsCurve2D {{ order 3 knot [ {0} ] weight [ {1} ] "
                               "controlPoint [ {2} ] }} trajectoryCurve NurbsCurve2D {{ order 3 knot [ {0} ] "
@@ -185,8 +200,7 @@ TEST(NurbsSurfaces, SwungOnesAreProfilesTimesTrajectories) {
 }
 
 TEST(NurbsSurfaces, SweptOnesFollowTheirTrajectory) {
-    std::string section;
-    for (const Vec2d& p : kCircle) section += fmt::format("{} {},", p.x, p.y);
+    const std::string section = circleOf([](const Vec2d& p) { return p; });
     const Mesh tube = nurbsMesh(
         fmt::format("NurbsSweptSurface {{ crossSectionCurve NurbsCurve2D {{ order 3 knot [ {} ] weight [ {} ] "
                     "controlPoint [ {} ] }} trajectoryCurve NurbsCurve {{ order 2 controlPoint "
@@ -219,8 +233,7 @@ TEST(NurbsSurfaces, TrimmedOnesHaveTheirContoursInside) {
     EXPECT_EQ(square.bounds.min, Vec3f(.5f, .5f, 0));
     EXPECT_EQ(square.bounds.max, Vec3f(3.5f, 3.5f, 0));
     for (std::uint32_t t = 0; t < square.triangleCount; ++t) EXPECT_GT(square.geometricNormal(t).z, .99f);
-    std::string circle;
-    for (const Vec2d& p : kCircle) circle += fmt::format("{} {},", 2 + p.x, 2 - p.y);
+    const std::string circle = circleOf([](const Vec2d& p) { return Vec2d(2 + p.x, 2 - p.y); });
     const std::string hole =
         fmt::format("Contour2D {{ children NurbsCurve2D {{ order 3 knot [ {} ] weight [ {} ] controlPoint [ {} ] }} }}",
                     kCircleKnots, weights(1), circle);

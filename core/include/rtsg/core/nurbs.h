@@ -49,8 +49,12 @@ class NurbsBasis {
     std::vector<double> knots_;
 };
 
-/// Weighted control points: (w x, w y, w z, w).
+/// Homogeneous control points: the point in space is (x, y, z) / w.
 using NurbsPoints = std::vector<Vec4d>;
+/// Of nodes' fields, whose control points are (x, y, z) of the homogeneous ones. The clause leaves open whether they
+/// are that or points in space; browsers and the files that circulate take them so (a corner of a round square of side
+/// 2 is
+/// (.7071, .7071) with a weight of .7071).
 NurbsPoints nurbsPoints(std::span<const Vec3d> points, std::span<const double> weights);
 
 struct NurbsCurve {

@@ -1,0 +1,208 @@
+// Draws scenes with rtsg and with X_ITE in a headless Chromium, and says how alike the pictures are: how much of their
+// silhouettes overlaps, and how similar they look (SSIM of luminance, Wang et al. 2004).
+//
+// Both get the same document: the scene as `rtsg convert` writes it, with its TimeSensors switched off, so that nothing
+// moves between the pictures, and with the standard's default Viewpoint where it has none (rtsg would frame it). A silhouette is where a picture differs from that of the same scene with all its Shapes
+// made invisible. Writes DIR/index.html with the pairs, DIR/results.json and a line a scene.
+// Exit status 0: compared, whatever came out; 77: skipped, with the reason, where Chromium or the packages of `./dev web`
+// are not there. Usage: compare_pictures.mjs --program build/rtsg [-o DIR] [--size 480x360] [--only TEXT] FOLDER|FILE...
+import {execFileSync} from 'node:child_process';
+import {existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync} from 'node:fs';
+import {createServer} from 'node:http';
+import {createRequire} from 'node:module';
+import {tmpdir} from 'node:os';
+import path from 'node:path';
+import {fileURLToPath} from 'node:url';
+
+import {measure} from './measure.mjs';
+
+const root = path.join(path.dirname(fileURLToPath(import.meta.url)), '../..');
+const packages = path.join(root, 'sync/js/node_modules');
+
+function options() {
+  const found = {program: null, out: 'out/compare', size: [480, 360], only: '', inputs: []};
+  const words = process.argv.slice(2);
+  while (words.length) {
+    const word = words.shift();
+    if (word === '--program') found.program = path.resolve(words.shift());
+    else if (word === '-o') found.out = words.shift();
+    else if (word === '--size') found.size = words.shift().split('x').map(Number);
+    else if (word === '--only') found.only = words.shift();
+    else found.inputs.push(path.resolve(word));
+  }
+  if (!found.program || !found.inputs.length || found.size.length !== 2 || !found.size.every((n) => n > 0)) {
+    console.error('usage: compare_pictures.mjs --program RTSG [-o DIR] [--size WxH] [--only TEXT] FOLDER|FILE...');
+    process.exit(2);
+  }
+  return found;
+}
+function skip(why) {
+  console.log(`SKIPPED: ${why}`);
+  process.exit(77);
+}
+const given = options();
+const chromium = ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find(existsSync);
+if (!chromium) skip('needs Chromium (apt install chromium)');
+if (!existsSync(path.join(packages, 'x_ite/dist/x_ite.min.mjs'))) skip('needs the packages that ./dev web fetches');
+const playwright = createRequire(path.join(root, 'sync/js/package.json'))('playwright-core');
+
+/** All scene files in a folder and below, in order. */
+function scenesIn(place) {
+  if (!statSync(place).isDirectory()) return [place];
+  return readdirSync(place).sort().flatMap((name) => {
+    const at = path.join(place, name);
+    if (statSync(at).isDirectory()) return scenesIn(at);
+    return /\.(x3d|x3dv|wrl|x3dz|json)$/.test(name) ? [at] : [];
+  });
+}
+
+const scratch = mkdtempSync(path.join(tmpdir(), 'rtsg-compare-'));
+const [width, height] = given.size;
+
+/** Runs rtsg; what it says on standard error is in the result, and does not end the comparison. */
+function rtsg(...args) {
+  try {
+    execFileSync(given.program, args, {stdio: ['ignore', 'pipe', 'pipe'], timeout: 120_000});
+    return '';
+  } catch (failed) {
+    return `${failed.stderr ?? failed}`;
+  }
+}
+
+/** Calls `edit` for every node of an X3D JSON document, with its type and fields. */
+function eachNode(value, edit) {
+  if (Array.isArray(value)) return value.forEach((v) => eachNode(v, edit));
+  if (!value || typeof value !== 'object') return;
+  for (const [key, content] of Object.entries(value)) {
+    if (/^[A-Z]/.test(key) && content && typeof content === 'object' && !Array.isArray(content)) edit(key, content);
+    eachNode(content, edit);
+  }
+}
+const kShapes = new Set(['Shape', 'ParticleSystem', 'VolumeData', 'SegmentedVolumeData', 'IsoSurfaceVolumeData', 'CADFace']);
+
+/** The scene as it stands, and without its shapes, as XML in `scratch`; what went wrong. */
+function prepare(scene, name) {
+  const json = path.join(scratch, `${name}.json`);
+  const said = rtsg('convert', scene, json, '--force');
+  if (!existsSync(json)) return said || 'it was not converted';
+  for (const kind of ['whole', 'empty']) {
+    const document = JSON.parse(readFileSync(json, 'utf8'));
+    eachNode(document, (type, fields) => {
+      if (fields['@USE']) return;
+      if (type === 'TimeSensor') fields['@enabled'] = false;
+      if (kind === 'empty' && kShapes.has(type)) fields['@visible'] = false;
+    });
+    let seen = false;
+    eachNode(document, (type) => { seen ||= /^(Ortho|Geo)?Viewpoint$/.test(type) || type === 'Inline'; });
+    if (!seen) (document.X3D.Scene['-children'] ??= []).unshift({Viewpoint: {}});
+    if (document.X3D) document.X3D['@version'] = '4.0', document.X3D['@profile'] = 'Full';
+    writeFileSync(json, JSON.stringify(document));
+    rtsg('convert', json, path.join(scratch, `${name}-${kind}.x3d`), '--force');
+    rtsg('render', path.join(scratch, `${name}-${kind}.x3d`), '-o', path.join(given.out, `${name}-${kind}-rtsg.png`), '--size',
+      `${width}x${height}`, '--spp', '16', '--shadows', 'authored', '--base', path.dirname(scene), '--allow', path.dirname(path.dirname(scene)));
+  }
+  return said;
+}
+
+const kTypes = {'.mjs': 'text/javascript', '.js': 'text/javascript', '.css': 'text/css', '.html': 'text/html', '.x3d': 'model/x3d+xml',
+  '.png': 'image/png', '.jpg': 'image/jpeg', '.json': 'model/x3d+json', '.wasm': 'application/wasm'};
+/** /packages/… and /scene/N/…: the folder of that scene, with its two documents at STILL-….x3d; all else is absent. */
+function startServer(scenes) {
+  const server = createServer((request, response) => {
+    const at = decodeURIComponent(new URL(request.url, 'http://x').pathname);
+    let file = null;
+    if (at === '/') {
+      response.writeHead(200, {'content-type': 'text/html'});
+      response.end(`<!doctype html><script type="importmap">{"imports":{"x_ite":"/packages/x_ite/dist/x_ite.min.mjs"}}</script>
+<style>body{margin:0;background:#000}x3d-canvas{width:${width}px;height:${height}px;border:0;outline:0}</style>`);
+      return;
+    }
+    if (at.startsWith('/packages/')) file = path.join(packages, at.slice('/packages/'.length));
+    const inScene = /^\/scene\/(\d+)\/(.*)$/.exec(at);
+    if (inScene) {
+      const still = /^STILL-(whole|empty)\.x3d$/.exec(inScene[2]);
+      file = still ? path.join(scratch, `${inScene[1]}-${still[1]}.x3d`)
+        : path.join(path.dirname(scenes[Number(inScene[1])]), inScene[2]);
+    }
+    if (!file || !existsSync(file) || !statSync(file).isFile()) {
+      response.writeHead(404).end();
+      return;
+    }
+    response.writeHead(200, {'content-type': kTypes[path.extname(file)] ?? 'application/octet-stream'});
+    response.end(readFileSync(file));
+  });
+  return new Promise((done) => server.listen(0, '127.0.0.1', () => done(server)));
+}
+
+/** A picture by X_ITE, once what the scene loads is there and two pictures are the same. */
+async function drawInBrowser(page, url) {
+  await page.goto(new URL('/', url).href);
+  await page.evaluate(async (url) => {
+    const X3D = (await import('x_ite')).default;
+    const canvas = X3D.createBrowser();
+    for (const off of ['splashScreen', 'notifications', 'timings', 'contextMenu']) canvas.setAttribute(off, 'false');
+    canvas.setAttribute('contentScale', '1');
+    document.body.append(canvas);
+    const browser = X3D.getBrowser(canvas);
+    await browser.loadURL(new X3D.MFString(url));
+  }, url);
+  let before = null;
+  for (let i = 0; i < 20; ++i) {
+    await page.waitForTimeout(400);
+    const now = await page.locator('x3d-canvas').screenshot();
+    if (before && now.equals(before)) return now;
+    before = now;
+  }
+  return before;
+}
+
+function escape(text) {
+  return text.replaceAll('&', '&amp;').replaceAll('<', '&lt;');
+}
+function writePage(results, summary) {
+  const rows = results.map((r) => `<tr class="${r.alike ? 'alike' : 'not'}"><td>${escape(r.scene)}<br>IoU ${r.iou?.toFixed(3) ?? '–'}, SSIM ${
+    r.ssim?.toFixed(3) ?? '–'}, mean difference ${r.difference?.toFixed(1) ?? '–'} of 255<pre>${escape(r.said.slice(0, 1500))}</pre></td><td><img src="${
+    r.name}-whole-rtsg.png"></td><td><img src="${r.name}-whole-x_ite.png"></td></tr>`);
+  writeFileSync(path.join(given.out, 'index.html'), `<!doctype html><meta charset="utf-8"><title>rtsg and X_ITE</title>
+<style>body{font:15px sans-serif;margin:1em}td{vertical-align:top;padding:.4em;border-top:1px solid #ccc}img{max-width:100%}pre{font-size:11px;white-space:pre-wrap}
+.not td:first-child{background:#fdd}</style><h1>rtsg (left) and X_ITE (right)</h1><p>${escape(summary)}</p><table>${rows.join('\n')}</table>`);
+}
+
+const scenes = given.inputs.flatMap(scenesIn).filter((s) => s.includes(given.only));
+mkdirSync(given.out, {recursive: true});
+const server = await startServer(scenes);
+const browser = await playwright.chromium.launchPersistentContext(path.join(scratch, 'profile'), {executablePath: chromium, headless: true,
+  viewport: {width, height}, args: ['--headless', '--no-sandbox', '--disable-gpu', '--no-first-run', '--enable-unsafe-swiftshader']});
+const results = [];
+for (let i = 0; i < scenes.length; ++i) {
+  const result = {scene: path.relative(process.cwd(), scenes[i]), name: `${i}`, said: '', alike: false};
+  results.push(result);
+  const page = await browser.newPage();
+  page.setDefaultTimeout(120_000);
+  page.on('console', (message) => { if (message.type() === 'error') result.said += `X_ITE: ${message.text()}\n`; });
+  try {
+    result.said = prepare(scenes[i], `${i}`);
+    const pictures = {};
+    for (const kind of ['whole', 'empty']) {
+      const png = await drawInBrowser(page, `http://127.0.0.1:${server.address().port}/scene/${i}/STILL-${kind}.x3d`);
+      writeFileSync(path.join(given.out, `${i}-${kind}-x_ite.png`), png);
+      pictures[`${kind}X`] = png.toString('base64');
+      pictures[`${kind}R`] = readFileSync(path.join(given.out, `${i}-${kind}-rtsg.png`)).toString('base64');
+    }
+    Object.assign(result, await page.evaluate(measure, pictures));
+    result.alike = result.iou >= .98 && result.ssim >= .95;
+    console.log(`${result.alike ? 'alike    ' : 'different'} IoU ${result.iou.toFixed(3)} SSIM ${result.ssim.toFixed(3)} ${result.scene}`);
+  } catch (failed) {
+    result.said += `${failed}`;
+    console.log(`failed    ${result.scene}: ${`${failed}`.split('\n')[0]}`);
+  }
+  await page.close();
+}
+await browser.close();
+server.close();
+const alike = results.filter((r) => r.alike).length;
+const summary = `${alike} of ${results.length} scenes are alike (IoU at least .98 and SSIM at least .95).`;
+writePage(results, summary);
+writeFileSync(path.join(given.out, 'results.json'), JSON.stringify(results, null, 1));
+console.log(summary);
+rmSync(scratch, {recursive: true, force: true});

@@ -1,0 +1,58 @@
+// How alike two pictures of a scene are. Runs in a browser, which decodes the pictures; so it stands for itself alone.
+
+/**
+ * Pictures as PNG in base64: of rtsg (R) and X_ITE (X), `whole` and `empty`, without shapes. Gives `iou`, the share of both
+ * silhouettes together that lies in both (1 where neither has any); `ssim`, the mean structural similarity of luminance (Wang
+ * et al. 2004: Gaussian windows of 11 pixels, sigma 1.5); `difference`, the mean of colours, of 255.
+ */
+export async function measure({wholeR, emptyR, wholeX, emptyX}) {
+  async function pixels(base64) {
+    const image = new Image();
+    image.src = `data:image/png;base64,${base64}`;
+    await image.decode();
+    const canvas = document.createElement('canvas');
+    canvas.width = image.width, canvas.height = image.height;
+    const context = canvas.getContext('2d');
+    context.fillRect(0, 0, image.width, image.height);  // clear is black
+    context.drawImage(image, 0, 0);
+    return {width: image.width, height: image.height, data: context.getImageData(0, 0, image.width, image.height).data};
+  }
+  const differs = (a, b, i) => Math.max(...[0, 1, 2].map((c) => Math.abs(a.data[4 * i + c] - b.data[4 * i + c]))) > 8;
+  const [a, aEmpty, b, bEmpty] = await Promise.all([wholeR, emptyR, wholeX, emptyX].map(pixels));
+  if (a.width !== b.width || a.height !== b.height) throw new Error('the pictures have different sizes');
+  const count = a.width * a.height;
+  let both = 0, either = 0, difference = 0;
+  for (let i = 0; i < count; ++i) {
+    const inA = differs(a, aEmpty, i), inB = differs(b, bEmpty, i);
+    both += inA && inB, either += inA || inB;
+    for (let c = 0; c < 3; ++c) difference += Math.abs(a.data[4 * i + c] - b.data[4 * i + c]) / (3 * count);
+  }
+
+  const luminance = (p) => Float64Array.from({length: count}, (_, i) => .299 * p.data[4 * i] + .587 * p.data[4 * i + 1] + .114 * p.data[4 * i + 2]);
+  const kernel = Array.from({length: 11}, (_, i) => Math.exp(-((i - 5) ** 2) / (2 * 1.5 ** 2)));
+  const sum = kernel.reduce((x, y) => x + y);
+  /** Smoothed along both axes; beyond the picture its edge goes on. */
+  function smoothed(values) {
+    let now = values;
+    for (const step of [1, a.width]) {
+      const [length, limit] = step === 1 ? [a.width, (i) => i % a.width] : [a.height, (i) => Math.floor(i / a.width)];
+      const next = new Float64Array(count);
+      for (let i = 0; i < count; ++i) {
+        const at = limit(i);
+        for (let k = 0; k < 11; ++k) next[i] += kernel[k] / sum * now[i + (Math.min(Math.max(at + k - 5, 0), length - 1) - at) * step];
+      }
+      now = next;
+    }
+    return now;
+  }
+  const x = luminance(a), y = luminance(b);
+  const mx = smoothed(x), my = smoothed(y);
+  const xx = smoothed(x.map((v) => v * v)), yy = smoothed(y.map((v) => v * v)), xy = smoothed(x.map((v, i) => v * y[i]));
+  const c1 = (.01 * 255) ** 2, c2 = (.03 * 255) ** 2;
+  let ssim = 0;
+  for (let i = 0; i < count; ++i) {
+    const vx = xx[i] - mx[i] ** 2, vy = yy[i] - my[i] ** 2, vxy = xy[i] - mx[i] * my[i];
+    ssim += (2 * mx[i] * my[i] + c1) * (2 * vxy + c2) / ((mx[i] ** 2 + my[i] ** 2 + c1) * (vx + vy + c2)) / count;
+  }
+  return {iou: either ? both / either : 1, ssim, difference};
+}
