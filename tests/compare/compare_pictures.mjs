@@ -5,7 +5,7 @@
 // moves between the pictures, and with the standard's default Viewpoint where it has none (rtsg would frame it). A silhouette is where a picture differs from that of the same scene with all its Shapes
 // made invisible. Writes DIR/index.html with the pairs, DIR/results.json and a line a scene.
 // Exit status 0: compared, whatever came out; 77: skipped, with the reason, where Chromium or the packages of `./dev web`
-// are not there. Usage: compare_pictures.mjs --program build/rtsg [-o DIR] [--size 480x360] [--only TEXT] FOLDER|FILE...
+// are not there. Usage: compare_pictures.mjs --program build/rtsg [-o DIR] [--size 960x720] [--only TEXT] FOLDER|FILE...
 import {execFileSync} from 'node:child_process';
 import {existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync} from 'node:fs';
 import {createServer} from 'node:http';
@@ -20,7 +20,7 @@ const root = path.join(path.dirname(fileURLToPath(import.meta.url)), '../..');
 const packages = path.join(root, 'sync/js/node_modules');
 
 function options() {
-  const found = {program: null, out: 'out/compare', size: [480, 360], only: '', inputs: []};
+  const found = {program: null, out: 'out/compare', size: [960, 720], only: '', inputs: []};
   const words = process.argv.slice(2);
   while (words.length) {
     const word = words.shift();

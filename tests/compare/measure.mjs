@@ -17,7 +17,7 @@ export async function measure({wholeR, emptyR, wholeX, emptyX}) {
     context.drawImage(image, 0, 0);
     return {width: image.width, height: image.height, data: context.getImageData(0, 0, image.width, image.height).data};
   }
-  const differs = (a, b, i) => Math.max(...[0, 1, 2].map((c) => Math.abs(a.data[4 * i + c] - b.data[4 * i + c]))) > 8;
+  const differs = (a, b, i) => Math.max(...[0, 1, 2].map((c) => Math.abs(a.data[4 * i + c] - b.data[4 * i + c]))) > 24;
   const [a, aEmpty, b, bEmpty] = await Promise.all([wholeR, emptyR, wholeX, emptyX].map(pixels));
   if (a.width !== b.width || a.height !== b.height) throw new Error('the pictures have different sizes');
   const count = a.width * a.height;

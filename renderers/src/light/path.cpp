@@ -50,8 +50,9 @@ class Paths {
             PathTask first[16];
             for (int lane = 0; lane < 16; ++lane) {
                 first[lane].pixel = pixels[lane];
-                const PathRandom random(settings_.seed, loop_.x(pixels[lane]), loop_.y(pixels[lane]), sample);
-                first[lane].random = random.state();
+                first[lane].random = PathRandom::ofPicture(settings_.seed, loop_.x(pixels[lane]), loop_.y(pixels[lane]),
+                                                           sample, settings_.samplesPerPixel)
+                                         .state();
             }
             trace(rays, first, true);
         });

@@ -1,12 +1,18 @@
 // Sample points in [0, 1): Sobol's first two dimensions, Owen-scrambled, as many pairs of them as a path needs.
 //
 // Invariant: the first 2^k samples of a pixel lie one to each of the 2^k elementary intervals, in every single number
-// and in every pair; numbers of different calls are independent of each other, as are those of different pixels.
+// and in every pair; numbers of different calls are independent of each other. Those of different pixels are so too, or
+// (ofPicture) they are the parts of one such sequence that runs through the picture: then so are the samples of the
+// aligned squares of 2, 4, 8 ... pixels, their errors cancel, and what is left of noise is fine.
 // Threading: values. Source: Burley 2020, Journal of Computer Graphics Techniques 9, 4 (scrambling by hashes, shuffled
-// order); Laine & Karras 2011 (the hash).
+// order); Laine & Karras 2011 (the hash); Ahmed & Wonka 2020 (one sequence for a picture; here along Hilbert's curve,
+// which prefers no direction).
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <cstdint>
+#include <utility>
 
 #include <rtsg/core/value.h>
 
@@ -44,15 +50,33 @@ inline std::uint32_t sobolSecondReversed(std::uint32_t index) {
     return index ^ index >> 16;
 }
 
+/// How far along Hilbert's curve through a square of 2^bits pixels a side a pixel is; of x and y the lowest bits count.
+inline std::uint32_t hilbertIndex(std::uint32_t x, std::uint32_t y, unsigned bits) {
+    std::uint32_t index = 0;
+    for (unsigned i = bits; i-- > 0;) {
+        const std::uint32_t right = x >> i & 1u, up = y >> i & 1u;
+        index = index << 2 | ((3u * right) ^ up);
+        if (up) continue;
+        if (right) x = ~x, y = ~y;
+        std::swap(x, y);
+    }
+    return index;
+}
+
 /// The numbers of one sample of one pixel, in the order in which they are asked for.
 class PathRandom {
   public:
-    /// Precondition: 0 <= sample < 2^20.
+    /// Precondition of both: 0 <= sample < 2^20.
     PathRandom(std::uint64_t seed, int x, int y, int sample)
-        : state_((mixBits(seed * 0x9e3779b97f4a7c15ull ^
-                          mixBits(static_cast<std::uint64_t>(y) << 32 | static_cast<std::uint32_t>(x))) &
-                  kPixel) |
-                 static_cast<std::uint64_t>(sample) << kCallBits) {}
+        : PathRandom(hashOf(seed, x, y), static_cast<std::uint32_t>(hashOf(seed, x, y)) << kSampleBits |
+                                             static_cast<std::uint32_t>(sample)) {}
+    /// `samples`: of the pixel; at most 2^20.
+    static PathRandom ofPicture(std::uint64_t seed, int x, int y, int sample, int samples) {
+        const auto sampleBits = static_cast<unsigned>(std::bit_width(static_cast<std::uint32_t>(samples - 1)));
+        const unsigned side = std::min(8u, (32 - sampleBits) / 2);
+        const std::uint32_t place = hilbertIndex(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), side);
+        return {hashOf(seed, x >> side, y >> side), place << sampleBits | static_cast<std::uint32_t>(sample)};
+    }
     explicit PathRandom(std::uint64_t state) : state_(state) {}
 
     float next() {
@@ -68,23 +92,30 @@ class PathRandom {
     std::uint64_t state() const { return state_; }
 
   private:
-    static constexpr unsigned kCallBits = 12, kSampleBits = 20;
-    static constexpr std::uint64_t kPixel = ~std::uint64_t{0} << (kCallBits + kSampleBits),
+    static constexpr unsigned kCallBits = 12, kIndexBits = 32, kSampleBits = 20;
+    static constexpr std::uint64_t kSequence = ~std::uint64_t{0} << (kCallBits + kIndexBits),
                                    kCalls = (std::uint64_t{1} << kCallBits) - 1;
 
-    /// Of the pixel and the number of the call, not of the sample. Behind the last call, the pixel is another one.
+    PathRandom(std::uint64_t sequence, std::uint32_t index)
+        : state_((sequence & kSequence) | std::uint64_t{index} << kCallBits) {}
+    static std::uint64_t hashOf(std::uint64_t seed, int x, int y) {
+        return mixBits(seed * 0x9e3779b97f4a7c15ull ^
+                       mixBits(static_cast<std::uint64_t>(y) << 32 | static_cast<std::uint32_t>(x)));
+    }
+
+    /// Of the sequence and the number of the call, not of the sample. Behind the last call, it is another sequence.
     std::uint64_t nextSeed() {
-        const std::uint64_t seed = mixBits((state_ & kPixel) | (state_ & kCalls));
+        const std::uint64_t seed = mixBits((state_ & kSequence) | (state_ & kCalls));
         if ((state_ & kCalls) == kCalls)
-            state_ = (state_ & ~kPixel & ~kCalls) | (mixBits(state_ & kPixel) & kPixel);
+            state_ = (state_ & ~kSequence & ~kCalls) | (mixBits(state_ & kSequence) & kSequence);
         else
             ++state_;
         return seed;
     }
     /// The sample's number in an order of its own, in which each block of 2^k samples is one still.
     std::uint32_t shuffled(std::uint64_t seed) const {
-        const auto sample = static_cast<std::uint32_t>(state_ >> kCallBits & ((1u << kSampleBits) - 1));
-        return reverseBits(scrambleUpwards(reverseBits(sample), static_cast<std::uint32_t>(seed)));
+        const auto index = static_cast<std::uint32_t>(state_ >> kCallBits);
+        return reverseBits(scrambleUpwards(reverseBits(index), static_cast<std::uint32_t>(seed)));
     }
     static float fraction(std::uint32_t reversed) { return static_cast<float>(reverseBits(reversed) >> 8) * 0x1p-24f; }
     std::uint64_t state_;

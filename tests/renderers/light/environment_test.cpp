@@ -276,7 +276,7 @@ TEST(EnvironmentLight, ASmallSunIsFound) {
         "EnvironmentLight { rotation 1 0 0 1.5707963 intensity 1000 specularTexture ComposedCubeMapTexture { "
         "topTexture PixelTexture { image 64 64 3" +
             pixels + " } } }" + square(9, matte("1 1 1")),
-        9, 9);
+        64, 64);
     s.options.settings.integrator = Integrator::path;
     s.options.settings.colorSpace = ColorSpace::linear;
     s.options.settings.samplesPerPixel = 16;
