@@ -106,24 +106,21 @@ function prepare(scene, name) {
 
 const kTypes = {'.mjs': 'text/javascript', '.js': 'text/javascript', '.css': 'text/css', '.html': 'text/html', '.x3d': 'model/x3d+xml',
   '.png': 'image/png', '.jpg': 'image/jpeg', '.json': 'model/x3d+json', '.wasm': 'application/wasm'};
-/** /packages/… and /scene/N/…: the folder of that scene, with its two documents at STILL-….x3d; all else is absent. */
-function startServer(scenes) {
+/** /packages/… and /files/…: what is on this machine, with the scenes' documents beside them at STILL-N-….x3d; all else is absent. */
+function startServer() {
   const server = createServer((request, response) => {
     const at = decodeURIComponent(new URL(request.url, 'http://x').pathname);
-    let file = null;
     if (at === '/') {
       response.writeHead(200, {'content-type': 'text/html'});
       response.end(`<!doctype html><script type="importmap">{"imports":{"x_ite":"/packages/x_ite/dist/x_ite.min.mjs"}}</script>
 <style>body{margin:0;background:#000}x3d-canvas{width:${width}px;height:${height}px;border:0;outline:0}</style>`);
       return;
     }
+    let file = null;
+    const still = /\/STILL-(\d+-(whole|empty)\.x3d)$/.exec(at);
     if (at.startsWith('/packages/')) file = path.join(packages, at.slice('/packages/'.length));
-    const inScene = /^\/scene\/(\d+)\/(.*)$/.exec(at);
-    if (inScene) {
-      const still = /^STILL-(whole|empty)\.x3d$/.exec(inScene[2]);
-      file = still ? path.join(scratch, `${inScene[1]}-${still[1]}.x3d`)
-        : path.join(path.dirname(scenes[Number(inScene[1])]), inScene[2]);
-    }
+    else if (still) file = path.join(scratch, still[1]);
+    else if (at.startsWith('/files/')) file = at.slice('/files'.length);
     if (!file || !existsSync(file) || !statSync(file).isFile()) {
       response.writeHead(404).end();
       return;
@@ -144,6 +141,7 @@ async function drawInBrowser(page, url) {
     canvas.setAttribute('contentScale', '1');
     document.body.append(canvas);
     const browser = X3D.getBrowser(canvas);
+    browser.setBrowserOption('StraightenHorizon', false);  // of viewpoints that lean: it is no part of the standard
     await browser.loadURL(new X3D.MFString(url));
   }, url);
   let before = null;
@@ -170,7 +168,7 @@ function writePage(results, summary) {
 
 const scenes = given.inputs.flatMap(scenesIn).filter((s) => s.includes(given.only));
 mkdirSync(given.out, {recursive: true});
-const server = await startServer(scenes);
+const server = await startServer();
 const browser = await playwright.chromium.launchPersistentContext(path.join(scratch, 'profile'), {executablePath: chromium, headless: true,
   viewport: {width, height}, args: ['--headless', '--no-sandbox', '--disable-gpu', '--no-first-run', '--enable-unsafe-swiftshader']});
 const results = [];
@@ -184,7 +182,7 @@ for (let i = 0; i < scenes.length; ++i) {
     result.said = prepare(scenes[i], `${i}`);
     const pictures = {};
     for (const kind of ['whole', 'empty']) {
-      const png = await drawInBrowser(page, `http://127.0.0.1:${server.address().port}/scene/${i}/STILL-${kind}.x3d`);
+      const png = await drawInBrowser(page, `http://127.0.0.1:${server.address().port}/files${path.dirname(scenes[i])}/STILL-${i}-${kind}.x3d`);
       writeFileSync(path.join(given.out, `${i}-${kind}-x_ite.png`), png);
       pictures[`${kind}X`] = png.toString('base64');
       pictures[`${kind}R`] = readFileSync(path.join(given.out, `${i}-${kind}-rtsg.png`)).toString('base64');

@@ -15,6 +15,10 @@ namespace rtsg {
 
 namespace {
 
+/// Pixels a side, of the longer one. Authors of a PixelTexture of a few pixels mean these; browsers show them so. What
+/// interpolates is open where no TextureProperties say (18.4.6).
+constexpr int kLeastSmoothed = 16;
+
 Vec3f rgb(const Color& c) {
     return {c.r, c.g, c.b};
 }
@@ -235,6 +239,8 @@ struct Reader {
         }
         if (!result) return result;
         result.access = readAccess(*node);
+        if (node->is(x3d::PixelTexture::type) && result.texture && !node->get(x3d::PixelTexture::textureProperties))
+            result.access.smooth = std::max(result.texture->width(), result.texture->height()) >= kLeastSmoothed;
         result.mapping = mapping;
         setMatrix(result, transformFor(mapping));
         return result;

@@ -81,5 +81,26 @@ TEST(LightTracer, VertexColorsStandInForTheMaterials) {
     expectColor(t.center(), {0.6, 0.7, 0.8}, 1e-6);
 }
 
+// 18.4.6 leaves open what interpolates: a PixelTexture of a few pixels shows them, unless its TextureProperties say
+// otherwise, and one of 16 or more a side is smooth. At s = .3 of two pixels: the first one, or .2 of the second with
+// it.
+TEST(LightTextures, PixelTexturesOfAFewPixelsShowThem) {
+    const auto seen = [](const std::string& image, const char* properties) {
+        LightScene s(
+            "Viewpoint { position -.4 0 5 } Shape { appearance Appearance { material UnlitMaterial { "
+            "emissiveColor 1 1 1 } texture PixelTexture { repeatS FALSE image " +
+            image + " " + properties + " } } geometry Rectangle2D { size 2 2 } }");
+        return s.center().r;
+    };
+    EXPECT_NEAR(seen("2 1 1 255 0", ""), 1, 1e-3);
+    EXPECT_NEAR(seen("2 1 1 255 0", "textureProperties TextureProperties { magnificationFilter \"NEAREST_PIXEL\" }"), 1,
+                1e-3);
+    EXPECT_NEAR(seen("2 1 1 255 0", "textureProperties TextureProperties { magnificationFilter \"AVG_PIXEL\" }"), .9,
+                .01);
+    std::string wide = "16 1 1";
+    for (int i = 0; i < 16; ++i) wide += i < 5 ? " 255" : " 0";
+    EXPECT_NEAR(seen(wide, ""), .7, .02) << "s = .3 is 4.8 pixels: .3 past the middle of the last white one";
+}
+
 }  // namespace
 }  // namespace rtsg
