@@ -175,11 +175,12 @@ const results = [];
 for (let i = 0; i < scenes.length; ++i) {
   const result = {scene: path.relative(process.cwd(), scenes[i]), name: `${i}`, said: '', alike: false};
   results.push(result);
-  const page = await browser.newPage();
-  page.setDefaultTimeout(120_000);
-  page.on('console', (message) => { if (message.type() === 'error') result.said += `X_ITE: ${message.text()}\n`; });
+  let page = null;
   try {
-    result.said = prepare(scenes[i], `${i}`);
+    page = await browser.newPage();
+    page.setDefaultTimeout(120_000);
+    page.on('console', (message) => { if (message.type() === 'error') result.said += `X_ITE: ${message.text()}\n`; });
+    result.said += prepare(scenes[i], `${i}`);
     const pictures = {};
     for (const kind of ['whole', 'empty']) {
       const png = await drawInBrowser(page, `http://127.0.0.1:${server.address().port}/files${path.dirname(scenes[i])}/STILL-${i}-${kind}.x3d`);
@@ -194,7 +195,7 @@ for (let i = 0; i < scenes.length; ++i) {
     result.said += `${failed}`;
     console.log(`failed    ${result.scene}: ${`${failed}`.split('\n')[0]}`);
   }
-  await page.close();
+  await page?.close().catch(() => {});
 }
 await browser.close();
 server.close();
