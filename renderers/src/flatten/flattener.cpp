@@ -109,6 +109,8 @@ void Flattener::Impl::sortOut(const Change& change) {
             break;
     }
     if (node->is(x3d::Inline::type) && change.field == x3d::Inline::global.index) inlinesChanged.push_back(node->id());
+    if (node->is(x3d::Viewport::type) && state(node->id()).firstOccurrence != kNone)
+        report(node->id(), delta.placedChanged);
     if (role.isChildField(change.field)) {
         if (role.role == Role::all && change.kind != ChangeKind::setField)
             childOps.push_back({node->id(), change.other, change.kind == ChangeKind::insertChild ? 1 : -1});

@@ -25,10 +25,10 @@ bool Flattener::Impl::localForEye(std::uint32_t index, const Node& node, const T
         const std::string_view name = scene->name(node.id());
         told.warning(fmt::format("LayoutGroup{}{} {}", name.empty() ? "" : " ", name, what), diagnostics);
     };
-    if (!outermost && node.is(x3d::LayoutGroup::type) && node.get(x3d::LayoutGroup::viewport))
-        tell("is not clipped by its viewport");
     if (!outermost && !around) {
         if (layout) tell("is in no LayoutLayer: its layout is not used");
+        if (role.viewport != kNoField && flatten::read<NodeId>(node, role.viewport))
+            tell("is in no LayoutLayer: its viewport is not used");
         return false;
     }
     flatten::Region region = outermost ? flatten::wholeRegion(sight) : *around;

@@ -107,6 +107,10 @@ TypeRole RoleTable::work(const NodeType& type) {
     if (role.role == Role::all && (type.isA("LayoutLayer") || type.isA("LayoutGroup"))) {
         role.layout = findTyped(type, "layout", FieldType::SFNode);
         role.turns = role.layout != kNoField;
+        // A LayoutGroup's viewport is below it like its children: it cuts them.
+        if (type.isA("LayoutGroup")) role.viewport = findTyped(type, "viewport", FieldType::SFNode);
+        if (role.viewport != kNoField && role.childFields < role.children.size())
+            role.children[role.childFields++] = role.viewport;
     }
     if (role.childFields == 0 && role.role != Role::shape && role.role != Role::placed) role.role = Role::none;
     return role;

@@ -38,7 +38,7 @@ struct TypeRole {
     std::array<FieldIndex, 3> children{kNoField, kNoField, kNoField};
     FieldIndex visible = kNoField, global = kNoField, choice = kNoField, range = kNoField, order = kNoField;
     FieldIndex translation = kNoField, rotation = kNoField, scale = kNoField, scaleOrientation = kNoField,
-               center = kNoField, axis = kNoField, layout = kNoField;
+               center = kNoField, axis = kNoField, layout = kNoField, viewport = kNoField;
     FieldIndex geometry = kNoField, appearance = kNoField, castShadow = kNoField;
 
     bool isChildField(FieldIndex field) const {

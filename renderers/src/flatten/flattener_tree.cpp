@@ -84,8 +84,30 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
 void Flattener::Impl::grow(std::uint32_t parent, NodeId child) {
     const Node* node = scene->find(child);
     if (!node) return;
-    const TypeRole& role = roles.of(*node);
+    const TypeRole& role = roleBelow(parent, *node);
     if (role.role != Role::none) growContent(newOccurrence(*node, role, parent));
+}
+
+const TypeRole& Flattener::Impl::roleBelow(std::uint32_t parent, const Node& node) {
+    static const TypeRole cuts = [] {
+        TypeRole role;
+        role.role = Role::placed, role.kind = PlacedKind::clipPlane;
+        return role;
+    }();
+    const TypeRole& own = roles.of(node);
+    if (own.role != Role::all || !node.is(x3d::Viewport::type) || parent == kNone) return own;
+    const Node& group = scene->node(tree[parent].node);
+    const FieldIndex field = roles.of(group).viewport;
+    return field != kNoField && flatten::read<NodeId>(group, field) == node.id() ? cuts : own;
+}
+
+WorldFromLocal Flattener::Impl::placedFrame(std::uint32_t index) const {
+    const Occurrence& o = tree[index];
+    const WorldFromLocal& frame = frames[o.frame];
+    if (!scene->node(o.node).is(x3d::Viewport::type)) return frame;
+    const flatten::Region* region = regionAround(o.parent);
+    const Vec2d size = region ? region->size : Vec2d(0);
+    return {frame[0] * size.x, frame[1] * size.y, frame[2], frame[3]};
 }
 
 void Flattener::Impl::growContent(std::uint32_t top) {
@@ -94,7 +116,7 @@ void Flattener::Impl::growContent(std::uint32_t top) {
         const std::uint32_t index = growing.back();
         growing.pop_back();
         const Node& node = scene->node(tree[index].node);
-        const TypeRole& role = roles.of(node);
+        const TypeRole& role = roleBelow(tree[index].parent, node);
         if (role.role == Role::shape) {
             makeInstance(index, node, role);
             continue;
@@ -108,15 +130,15 @@ void Flattener::Impl::growContent(std::uint32_t top) {
         for (const NodeId child : wanted) {
             const Node* below = scene->find(child);
             if (!below) continue;
-            const TypeRole& roleBelow = roles.of(*below);
-            if (roleBelow.role == Role::none) continue;
+            const TypeRole& its = roleBelow(index, *below);
+            if (its.role == Role::none) continue;
             if (live >= options.maxOccurrences) {
                 if (!std::exchange(overflow, true))
                     diagnostics.error({}, "the scene has more than " + std::to_string(options.maxOccurrences) +
                                               " paths; what is beyond is left out");
                 break;
             }
-            growing.push_back(newOccurrence(*below, roleBelow, index));
+            growing.push_back(newOccurrence(*below, its, index));
         }
         std::reverse(growing.begin() + static_cast<std::ptrdiff_t>(first), growing.end());  // document order
     }
@@ -158,7 +180,7 @@ void Flattener::Impl::makePlaced(std::uint32_t index, const Node& node, const Ty
     thing.kind = role.kind;
     thing.layer = o.layer;
     thing.motion = o.moving ? Motion::moving : Motion::unknown;
-    thing.worldFromLocal = frames[o.frame];
+    thing.worldFromLocal = placedFrame(index);
     const std::uint32_t limit = limitOf(index, node, role);
     o.isLocal = limit != kNone;
     if (!o.isLocal) return;
@@ -357,6 +379,7 @@ void Flattener::Impl::reconcile(std::uint32_t top) {
 }
 
 void Flattener::Impl::reconcileChildren(std::uint32_t index) {
+    if (tree[index].role == Role::placed) return;  // a Viewport that cuts: what is below it is not shown
     const Node& node = scene->node(tree[index].node);
     const TypeRole& role = roles.of(node);
     const std::uint32_t parent = tree[index].parent;
@@ -414,7 +437,7 @@ void Flattener::Impl::updateFrames(std::uint32_t top) {
             instances.records[o.slot].worldFromLocal = frames[o.frame];
             instances.markMoved(o.slot, stamp);
         } else if (o.role == Role::placed && o.slot != kNone) {
-            placed.records[o.slot].worldFromLocal = frames[o.frame];
+            placed.records[o.slot].worldFromLocal = placedFrame(index);
             placed.markMoved(o.slot, stamp);
         } else if (o.role == Role::level && viewer) {
             movedLevels.push_back(index);

@@ -8,7 +8,7 @@ namespace rtsg::trace {
 
 namespace {
 
-/// ClipPlanes: those of the scopes around a shape cut it (11.4.1).
+/// ClipPlanes, and viewports of LayoutGroups: those of the scopes around a shape cut it (11.4.1, 36.4.2).
 class ClipFilter final : public RayFilter {
   public:
     /// Null: nothing is cut.
@@ -19,8 +19,10 @@ class ClipFilter final : public RayFilter {
             const ClipEntry* clip = entry ? std::get_if<ClipEntry>(&entry->what) : nullptr;
             if (!clip) continue;
             if (!filter) filter = std::make_shared<ClipFilter>(state);
-            const double offset = clip->offset + glm::dot(clip->normal, world.origin());
-            filter->planes_[clip->scope].emplace_back(Vec3f(clip->normal), static_cast<float>(offset));
+            for (const ClipEntry::Plane& plane : clip->planes) {
+                const double offset = plane.offset + glm::dot(plane.normal, world.origin());
+                filter->planes_[clip->scope].emplace_back(Vec3f(plane.normal), static_cast<float>(offset));
+            }
         }
         return filter;
     }

@@ -65,16 +65,33 @@ void readColors(const Node& node, Sky& sky, const S*) {
 
 namespace {
 
-/// Nothing for a plane without a direction, and where there is no way back into its frame.
-std::optional<ClipEntry> readClip(const Node& node, const WorldFromLocal& m) {
-    const Vec4d plane(node.get(x3d::ClipPlane::plane));
-    if (determinantSign(m) == 0 || !isFinite(m)) return std::nullopt;
+/// Of a plane in a frame that there is a way back into; nothing if it has no direction.
+std::optional<ClipEntry::Plane> planeIn(const WorldFromLocal& m, const Vec4d& plane) {
+    ClipEntry::Plane result;
+    result.normal = glm::transpose(glm::inverse(glm::dmat3(m[0], m[1], m[2]))) * Vec3d(plane);
+    result.offset = plane.w - glm::dot(result.normal, m[3]);
+    const double length = glm::length(result.normal);
+    if (!(length > 0) || !std::isfinite(length + result.offset)) return std::nullopt;
+    result.normal /= length, result.offset /= length;
+    return result;
+}
+
+/// A ClipPlane, or a LayoutGroup's viewport, which divides a square of side 1 about the origin.
+ClipEntry readClip(const Node& node, const WorldFromLocal& m) {
     ClipEntry clip;
-    clip.normal = glm::transpose(glm::inverse(glm::dmat3(m[0], m[1], m[2]))) * Vec3d(plane);
-    clip.offset = plane.w - glm::dot(clip.normal, m[3]);
-    const double length = glm::length(clip.normal);
-    if (!(length > 0) || !std::isfinite(length + clip.offset)) return std::nullopt;
-    clip.normal /= length, clip.offset /= length;
+    std::vector<Vec4d> planes;
+    if (node.is(x3d::ClipPlane::type) && node.get(x3d::ClipPlane::enabled)) {
+        planes.emplace_back(node.get(x3d::ClipPlane::plane));
+    } else if (node.is(x3d::Viewport::type)) {
+        const auto [left, right, bottom, top] = clipBoundaryOf(node);
+        planes = {{1, 0, 0, .5 - double{left}},
+                  {-1, 0, 0, double{right} - .5},
+                  {0, 1, 0, .5 - double{bottom}},
+                  {0, -1, 0, double{top} - .5}};
+    }
+    if (determinantSign(m) == 0 || !isFinite(m)) return clip;
+    for (const Vec4d& plane : planes)
+        if (const auto in = planeIn(m, plane)) clip.planes.push_back(*in);
     return clip;
 }
 
@@ -108,11 +125,10 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
                                node->get(x3d::NavigationInfo::visibilityLimit)};
             break;
         case PlacedKind::clipPlane:
-            if (node->is(x3d::ClipPlane::type) && node->get(x3d::ClipPlane::enabled))
-                if (auto clip = readClip(*node, placed.worldFromLocal)) {
-                    clip->scope = scopeNumber(placed.scope);
-                    entry->what = *clip;
-                }
+            if (ClipEntry clip = readClip(*node, placed.worldFromLocal); !clip.planes.empty()) {
+                clip.scope = scopeNumber(placed.scope);
+                entry->what = std::move(clip);
+            }
             break;
         case PlacedKind::localFog:
             if (node->is(x3d::LocalFog::type) && node->get(x3d::LocalFog::enabled))

@@ -105,6 +105,14 @@ void LightTables::followLayers(const Scene& scene, const ChangeSet& changes) {
     latest_.reset();
 }
 
+std::array<float, 4> trace::clipBoundaryOf(const Node& viewport) {
+    std::array<float, 4> result{0, 1, 0, 1};
+    const Array<float>& clip = viewport.get(x3d::Viewport::clipBoundary);
+    for (std::size_t i = 0; i < 4 && clip.size() >= 4; ++i)
+        result[i] = std::isfinite(clip[i]) ? std::clamp(clip[i], 0.0f, 1.0f) : 0;
+    return result;
+}
+
 std::shared_ptr<const LayerList> LightTables::readLayers(const Scene& scene) const {
     using S = x3d::LayerSet;
     // 35.4.2: there is one, at the root. Of several the one that was first counts.
@@ -127,11 +135,8 @@ std::shared_ptr<const LayerList> LightTables::readLayers(const Scene& scene) con
             viewport = node->get(x3d::LayoutLayer::viewport);
             layer.laidOut = true;
         }
-        if (const Node* view = scene.effectiveNode(viewport); view && view->is(x3d::Viewport::type)) {
-            const Array<float>& clip = view->get(x3d::Viewport::clipBoundary);
-            for (std::size_t i = 0; i < 4 && clip.size() >= 4; ++i)
-                layer.clip[i] = std::isfinite(clip[i]) ? std::clamp(clip[i], 0.0f, 1.0f) : 0;
-        }
+        if (const Node* view = scene.effectiveNode(viewport); view && view->is(x3d::Viewport::type))
+            layer.clip = clipBoundaryOf(*view);
         list->order.push_back(layer);
     }
     if (exists(set->get(S::activeLayer))) list->active = static_cast<std::uint16_t>(set->get(S::activeLayer));

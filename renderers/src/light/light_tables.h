@@ -56,12 +56,17 @@ struct LocalFogEntry {
     Fog fog;
     std::uint32_t scope = 0;  // its number
 };
-/// What lies where x dot normal + offset < 0 (world) is left out of everything in its scope.
+/// What lies where x dot normal + offset < 0 (world) of any plane is left out of everything in its scope.
 struct ClipEntry {
-    Vec3d normal{0, 1, 0};
-    double offset = 0;
+    struct Plane {
+        Vec3d normal{0, 1, 0};
+        double offset = 0;
+    };
+    std::vector<Plane> planes;
     std::uint32_t scope = 0;  // its number
 };
+/// Left, right, bottom and top of a Viewport, as shares of what it divides.
+std::array<float, 4> clipBoundaryOf(const Node& viewport);
 struct PlacedEntry {
     Placed placed;
     std::variant<std::monostate, Light, View, SkyEntry, FogEntry, Navigation, ClipEntry, LocalFogEntry> what;

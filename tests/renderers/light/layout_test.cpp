@@ -201,6 +201,65 @@ TEST(Layout, GroupsLieInTheRectangleAroundThem) {
     }
 }
 
+// 36.4.2: a LayoutGroup's viewport cuts what is in it at shares of its rectangle; those around it cut too.
+TEST(Layout, GroupsAreCutByTheirViewports) {
+    const std::string large = square(3, unlit("1 0 0"));
+    for (const auto& [width, height] : kPictureSizes) {
+        const double w = width, h = height;
+        const auto cut = [&](double l, double r, double b, double t) {
+            return pixelsIn({l * w, r * w, b * h, t * h}, width, height);
+        };
+        LightScene s(
+            hud("",
+                "DEF G LayoutGroup { viewport DEF V Viewport { clipBoundary [ .2 .75 .1 .6 ] } layout DEF LG "
+                "Layout { align [ \"LEFT\" \"TOP\" ] size [ .83 .67 ] sizeUnits \"FRACTION\" scaleMode \"FRACTION\" } "
+                "children [ "
+                "DEF INNER LayoutGroup { children [ Transform { translation .1 0 0 rotation 0 0 1 .1 children " +
+                    large + " } ] } ] }"),
+            width, height);
+        double time = 0;
+        const auto seen = [&] {
+            s.scene.newFrame(++time);
+            return redPixels(s.picture());
+        };
+        EXPECT_EQ(seen(), cut(.2 * .83, .75 * .83, .33 + .1 * .67, .33 + .6 * .67));
+        ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewport::clipBoundary, Array<float>{0, .41f, .13f, 1}));
+        EXPECT_EQ(seen(), cut(0, .41 * .83, .33 + .13 * .67, 1));
+        ASSERT_TRUE(s.scene.set(s.node("LG"), x3d::Layout::size, Array<float>{.53f, .57f}));
+        EXPECT_EQ(seen(), cut(0, .41 * .53, .43 + .13 * .57, 1));
+        // Another one within: of the same rectangle, as it has no layout.
+        const NodeId within = s.scene.createNode(x3d::Viewport::type);
+        ASSERT_TRUE(s.scene.set(within, x3d::Viewport::clipBoundary, Array<float>{.23f, 1, 0, .77f}));
+        ASSERT_TRUE(s.scene.set(s.node("INNER"), x3d::LayoutGroup::viewport, within));
+        EXPECT_EQ(seen(), cut(.23 * .53, .41 * .53, .43 + .13 * .57, .43 + .77 * .57));
+        ASSERT_TRUE(s.scene.set(s.node("G"), x3d::LayoutGroup::viewport, NodeId()));
+        EXPECT_EQ(seen(), cut(.23 * .53, .53, .43, .43 + .77 * .57));
+        ASSERT_TRUE(s.scene.set(s.node("INNER"), x3d::LayoutGroup::viewport, NodeId()));
+        EXPECT_EQ(seen(), cut(0, 1, 0, 1));
+        ASSERT_TRUE(s.scene.set(s.node("G"), x3d::LayoutGroup::viewport, within));
+        EXPECT_EQ(seen(), cut(.23 * .53, .53, .43, .43 + .77 * .57));
+        EXPECT_TRUE(s.world->diagnostics().all().empty());
+    }
+}
+
+// A Viewport that is no group's viewport groups, also where the same one cuts elsewhere.
+TEST(Layout, ViewportsAmongChildrenGroup) {
+    LightScene s(hud("", "DEF V Viewport { clipBoundary [ 0 .5 0 1 ] children " + kUnit +
+                             " } LayoutGroup { viewport USE V "
+                             "children Transform { translation 0 -.75 0 children " +
+                             kUnit + " } }"),
+                 64, 64);
+    // A unit is half of the picture: the square in the middle is whole; of that below, the left half that is not above
+    // it.
+    int upper = 0, lower = 0;
+    const Picture p = s.picture();
+    for (int y = 0; y < 64; ++y)
+        for (int x = 0; x < 64; ++x)
+            if (p.at(x, y).r > p.at(x, y).g) ++(y < 48 ? upper : lower);
+    EXPECT_EQ(upper, 32 * 32);
+    EXPECT_EQ(lower, 16 * 16);
+}
+
 // Pictures, picks in them and the traversal that shares no state with the rest have things at the same places.
 void expectAllAgree(LightScene& s, const char* shape) {
     const int width = s.options.settings.width, height = s.options.settings.height;
