@@ -34,11 +34,8 @@ Mesh tessellate(const Disk2DParams& params, const TessellationOptions& options) 
                                params.innerRadius, params.outerRadius));
         return mesh;
     }
-    // Equal radii are a circle's outline, which has no area.
-    if (params.innerRadius == params.outerRadius) {
-        warn(mesh, "innerRadius equals outerRadius: a line, which is not drawn as triangles");
-        return mesh;
-    }
+    // 14.3.4: equal radii are a circle's line.
+    if (params.innerRadius == params.outerRadius) return tessellate(Arc2DParams{0, 0, params.outerRadius}, options);
     const int n = options.segmentsAround();
     const float inner = params.innerRadius / params.outerRadius;
     CornerMesh out;

@@ -232,5 +232,17 @@ TEST(TessellateFlat, AreasAndFronts) {
     EXPECT_TRUE(tessellate(Disk2DParams{.innerRadius = 2, .outerRadius = 1}).empty());
 }
 
+TEST(TessellateFlat, ADiskOfEqualRadiiIsACircleOfLines) {
+    const Mesh circle = tessellate(Disk2DParams{.innerRadius = 2, .outerRadius = 2}, {.segments = 40});
+    EXPECT_TRUE(circle.diagnostics.all().empty());
+    EXPECT_GE(circle.strokeCount, 40u);
+    double length = 0;
+    for (std::uint32_t i = 0; i < circle.strokeCount; ++i) {
+        EXPECT_NEAR(glm::length(circle.vertex(i, 0)), 2, 1e-6);
+        length += double{glm::distance(circle.vertex(i, 0), circle.vertex(i, 1))};
+    }
+    EXPECT_NEAR(length, 4 * kPiOfMesh, .02);
+}
+
 }  // namespace
 }  // namespace rtsg
