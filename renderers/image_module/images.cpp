@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <memory>
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
@@ -40,22 +41,55 @@ std::string readInput(OIIO::ImageInput& input, const ReadRequest& request, FileP
         return input.read_image(0, 0, 0, out.channels, type, pixels.data() + (layer - row), out.channels * element,
                                 -stride, next);
     };
+    const int alpha = spec.alpha_channel;
+    const auto divide = [&] {
+        // These two keep colours multiplied; the others have been asked not to multiply.
+        const std::string format = input.format_name();
+        const bool multiplied =
+            (format == "openexr" || format == "tiff") && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0;
+        if (!request.straight || !multiplied || alpha < 0 || alpha >= out.channels) return;
+        const auto channels = static_cast<std::size_t>(out.channels), at = static_cast<std::size_t>(alpha);
+        for (std::size_t i = 0; i < out.values.size(); i += channels)
+            for (std::size_t c = 0; c < channels; ++c)
+                if (c != at && out.values[i + at] > 0) out.values[i + c] /= out.values[i + at];
+        for (std::size_t i = 0; i < out.bytes.size(); i += channels)
+            for (std::size_t c = 0; c < channels; ++c)
+                if (const int a = out.bytes[i + at]; c != at && a > 0)
+                    out.bytes[i + c] = static_cast<std::uint8_t>(std::min((out.bytes[i + c] * 255 + a / 2) / a, 255));
+    };
     const bool done = eightBits && !request.asFloats ? read(out.bytes, OIIO::TypeDesc::UINT8)
                                                      : read(out.values, OIIO::TypeDesc::FLOAT);
+    if (done) divide();
     return done ? std::string() : input.geterror();
+}
+
+/// Some kinds of pictures cannot be opened with settings, and have no alpha to multiply with.
+std::unique_ptr<OIIO::ImageInput> openFor(const ReadRequest& request, const std::string& name,
+                                          OIIO::Filesystem::IOProxy* memory) {
+    if (request.straight) {
+        OIIO::ImageSpec settings;
+        settings.attribute("oiio:UnassociatedAlpha", 1);
+        // Readers that look at settings look there for the memory, too.
+        if (memory)
+            settings.attribute("oiio:ioproxy", OIIO::TypeDesc(OIIO::TypeDesc::PTR), static_cast<void*>(&memory));
+        if (auto input = OIIO::ImageInput::open(name, &settings, memory)) return input;
+        (void)OIIO::geterror();
+        if (memory) memory->seek(0);
+    }
+    return OIIO::ImageInput::open(name, nullptr, memory);
 }
 
 class Files final : public ImageFiles {
   public:
     std::string readFile(const std::string& file, const ReadRequest& request, FilePixels& out) const override {
-        const auto input = OIIO::ImageInput::open(file);
+        const auto input = openFor(request, file, nullptr);
         return input ? readInput(*input, request, out) : OIIO::geterror();
     }
 
     std::string readMemory(std::span<const std::uint8_t> bytes, const std::string& name, const ReadRequest& request,
                            FilePixels& out) const override {
         OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(bytes.data()), bytes.size());
-        const auto input = OIIO::ImageInput::open(name, nullptr, &reader);
+        const auto input = openFor(request, name, &reader);
         return input ? readInput(*input, request, out) : OIIO::geterror();
     }
 

@@ -28,7 +28,8 @@ struct FilePixels {
 
 struct ReadRequest {
     bool asFloats = false, bottomRowFirst = false;
-    bool layers = false;  // a file with several layers is read whole, otherwise refused
+    bool layers = false;    // a file with several layers is read whole, otherwise refused
+    bool straight = false;  // colours as they are under an alpha of 0, and not multiplied with it elsewhere
     /// Asked before memory is taken for pixels: a sentence refuses them.
     std::function<std::string(int width, int height, int layers, bool eightBits)> check;
 };

@@ -79,6 +79,7 @@ ReadRequest request(std::uint64_t maximumPixels, bool layers = false) {
     return {.asFloats = false,
             .bottomRowFirst = true,
             .layers = layers,
+            .straight = true,
             .check = [maximumPixels](int width, int height, int count, bool bytes) -> std::string {
                 if (const auto ok = checkSize(width, height, SIZE_MAX); !ok) return ok.error().text;
                 if (count > kMaxSide) return "the texture has more than 32768 layers";

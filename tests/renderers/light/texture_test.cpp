@@ -154,5 +154,28 @@ TEST(Texture, TransformFollowsTheStandardsProduct) {
     EXPECT_NEAR(m.stretch(), 1, 1e-6) << "2 across, 1/2 up";
 }
 
+// Colours stand beside their alpha: under one of 0 they are what the file says, and half clear ones are not darker.
+// A PNG of (255, 255, 255, 0) and (200, 100, 50, 128); and a picture that is kept multiplied.
+TEST(Texture, ColoursOfClearPixelsAreTheirOwn) {
+    const std::uint8_t png[] = {137, 80,  78, 71,  13,  10, 26,  10,  0,   0,  0,   13,  73,  72,  68, 82, 0,  0,  0,
+                                2,   0,   0,  0,   1,   8,  6,   0,   0,   0,  244, 34,  127, 138, 0,  0,  0,  17, 73,
+                                68,  65,  84, 120, 218, 99, 248, 255, 255, 63, 195, 137, 20,  163, 6,  0,  26, 36, 4,
+                                220, 192, 24, 251, 37,  0,  0,   0,   0,   73, 69,  78,  68,  174, 66, 96, 130};
+    const auto texture = Texture::fromMemory(png, "clear.png");
+    ASSERT_TRUE(texture) << texture.error().text;
+    const Vec4f clear = texture->sample(.25f, .5f, 0, kNearest, ColorSpace::display),
+                half = texture->sample(.75f, .5f, 0, kNearest, ColorSpace::display);
+    EXPECT_EQ(clear, Vec4f(1, 1, 1, 0));
+    for (int c = 0; c < 4; ++c) EXPECT_NEAR(half[c], (Vec4d(200, 100, 50, 128) / 255.)[c], 1e-6) << c;
+    const test::TempFolder own;
+    Picture multiplied(1, 1, Vec4f(.25f, .1f, .05f, .5f));
+    multiplied.space = ColorSpace::linear;
+    ASSERT_TRUE(writePicture(multiplied, own.path() / "half.exr"));
+    const auto read = Texture::fromFile(own.path() / "half.exr");
+    ASSERT_TRUE(read);
+    const Vec4f straight = read->sample(.5f, .5f, 0, kNearest, ColorSpace::linear);
+    for (int c = 0; c < 4; ++c) EXPECT_NEAR(straight[c], Vec4d(.5, .2, .1, .5)[c], 2e-3) << c;
+}
+
 }  // namespace
 }  // namespace rtsg
