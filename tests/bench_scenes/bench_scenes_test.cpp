@@ -8,6 +8,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <rtsg/core/loader.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
 #include "bench/bench_frames.h"
 #include "bench/scenes/scenes.h"
 
@@ -80,6 +84,23 @@ TEST(BenchScenes, HaveAboutThePapersTriangles) {
         EXPECT_NEAR(static_cast<double>(*written) / findBenchScene(name)->triangles, 1, .05) << name;
     }
     std::filesystem::remove_all(folder());
+}
+
+/// Some start before 0, which is where a stopTime that nobody gives would end them (8.2.4.3).
+TEST(BenchScenes, EveryTrooperMarches) {
+    ASSERT_TRUE(writeBenchScene("Troopers", .1, false, folder()));
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadFile(scene, (folder() / "Troopers.x3dv").string(), diagnostics));
+    std::filesystem::remove_all(folder());
+    scene.newFrame(0);
+    int figures = 0;
+    scene.forEachNode([&](const Node& node) {
+        if (!node.is(x3d::TimeSensor::type)) return;
+        ++figures;
+        EXPECT_TRUE(node.get(x3d::TimeSensor::isActive)) << node.id().value;
+    });
+    EXPECT_GT(figures, 3);
 }
 
 TEST(BenchScenes, RefuseWhatTheyCannot) {

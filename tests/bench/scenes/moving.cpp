@@ -74,7 +74,7 @@ void writeTrooper(SceneFile& file) {
         file.close();
     };
     write(write, parts[0]);
-    file.raw("] }}\nDEF CLOCK TimeSensor {{ cycleInterval 1.2 loop TRUE startTime IS start }}\n");
+    file.raw("] }}\nDEF CLOCK TimeSensor {{ cycleInterval 1.2 loop TRUE startTime IS start stopTime -1 }}\n");
     for (const Part& part : parts) {
         std::string values;
         for (int i = 0; i <= 8; ++i)
