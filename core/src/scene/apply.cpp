@@ -5,7 +5,7 @@
 
 #include <rtsg/core/partial_hash.h>
 
-#include "state.h"
+#include "writing.h"
 
 namespace rtsg {
 

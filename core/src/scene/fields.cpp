@@ -6,22 +6,15 @@
 #include <algorithm>
 
 #include "plain_term.h"
-#include "state.h"
+#include "writing.h"
 
 namespace rtsg {
 
+using writing::dirtyBit;
+using writing::isShared;
+using writing::kHighField;
+
 namespace {
-
-constexpr FieldIndex kHighField = 63;
-
-inline std::uint64_t dirtyBit(FieldIndex field) {
-    return std::uint64_t{1} << std::min(field, kHighField);
-}
-
-/// Stored as a pointer, or too wide for a WrittenField: not plain bytes of a handful of sizes.
-inline bool isShared(FieldType type) {
-    return (detail::kOwns >> static_cast<unsigned>(type) & 1u) != 0;
-}
 
 const Array<NodeId>& childrenAt(const void* storage) {
     return *static_cast<const Array<NodeId>*>(storage);
@@ -61,49 +54,13 @@ Scene::State::WrittenField* Scene::State::entryOf(const Node& node, FieldIndex f
     return nullptr;
 }
 
-inline Scene::State::WrittenField* Scene::State::knownTerm(const Node& node, FieldIndex field) const {
-    if (expected < sealedEnd && expected->node == node.id_ && expected->field == field) return expected;
+Scene::State::WrittenField* Scene::State::knownElsewhere(const Node& node, FieldIndex field) const {
     if (node.dirty_) return nullptr;
     // Not in the order of the last frame: where the node itself says it was.
     for (std::size_t i = node.dirtySlot_; i < sealed.size() && sealed[i].node == node.id_;
          i = sealed[i].next - std::size_t{1})
         if (sealed[i].field == field) return sealedEnd - (sealed.size() - i);
     return nullptr;
-}
-
-[[gnu::always_inline]] inline Scene::State::WrittenField& Scene::State::newEntry(Node& node, FieldIndex field,
-                                                                                 const FieldSlot& slot) {
-    WrittenField& entry = written.emplace_back();
-    entry.node = node.id_;
-    entry.field = field;
-    entry.type = slot.type;
-    entry.external = writingExternally;
-    touched |= aspectBit(slot.aspect);
-    if (isAboutPlaces(slot)) places.noteMoved(node.id_);
-    if (isShared(slot.type)) {
-        entry.setTerm(termOf(node, field));
-    } else if (WrittenField* known = knownTerm(node, field)) {
-        entry.setTerm(known->term());
-        expected = known + 1;
-    } else {
-        copyPlain(entry.before, node.block() + slot.offset, slot.size);
-    }
-    entry.next = node.dirty_ ? node.dirtySlot_ + 1 : 0;
-    node.dirtySlot_ = static_cast<std::uint32_t>(&entry - written.data());
-    return entry;
-}
-
-[[gnu::always_inline]] inline void Scene::State::beginWrite(Node& node, FieldIndex field, const FieldSlot& slot) {
-    const std::uint64_t bit = dirtyBit(field);
-    if (node.dirty_ & bit)
-        if (WrittenField* entry = entryOf(node, field)) {
-            entry->external = writingExternally;
-            if (isAboutPlaces(slot)) places.noteMoved(node.id_);
-            return;
-        }
-    newEntry(node, field, slot);
-    node.dirty_ |= bit;
-    if (!childOpCounts.empty()) dropChildOps(node, field);
 }
 
 void Scene::State::beginWrite(Node& node, FieldIndex field) {
@@ -139,7 +96,7 @@ void Scene::State::store(Node& node, FieldIndex field, const void* value) {
     copyStorage(slot.type, target, value);
 }
 
-void Scene::State::write(Node& node, FieldIndex field, const void* value) {
+void Scene::State::writeShared(Node& node, FieldIndex field, const void* value) {
     beginWrite(node, field);
     store(node, field, value);
 }
@@ -169,7 +126,17 @@ void Scene::State::keepTerms() {
     sealedEnd = expected + sealed.size();
 }
 
-void Scene::State::appendFieldChanges(ChangeSet& set) {
+/// Of a value that is shared, or wide. Returns by how much the hash grows.
+Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& change) const {
+    change.value = node.value(entry.field);
+    detail::StateHash grown(termOf(node, entry.field));
+    grown.subtract(entry.term());
+    entry.node = {};  // lists change in place: their terms do not last
+    return grown.value();
+}
+
+// All that it calls is made part of it, but for what is marked otherwise: calls are most of what a term costs.
+[[gnu::flatten]] void Scene::State::appendFieldChanges(ChangeSet& set) {
     if (written.empty()) return;
     // All in locals: the bytes written below might be anything, for all a compiler knows.
     const std::size_t count = written.size();
@@ -205,29 +172,27 @@ void Scene::State::appendFieldChanges(ChangeSet& set) {
         change->field = field;
         change->external = entry.external;
         if (isShared(slot.type)) {
-            change->value = node->value(field);
-            sum.subtract(entry.term());
-            sum.add(termOf(*node, field));
-            entry.node = {};  // lists change in place: their terms do not last
-        } else {
-            const std::byte* value = node->block() + slot.offset;
-            const std::byte* fallback = type.defaults() + slot.offset;
-            if (node->typeIndex_ != keyedType) {
-                keyedType = node->typeIndex_;
-                keys = types[keyedType.value].keys;
-            }
-            const FieldKey key = keys[field];
-            detail::withPlainSize(slot.size, [&]<std::size_t size>() {
-                change->value.setPlain(slot.type, value, size);
-                const auto termOfBytes = [&](const void* bytes) {
-                    return detail::plainTermOfSize<size>(change->node, key, bytes, fallback);
-                };
-                sum.subtract(entry.hashed ? entry.term() : termOfBytes(entry.before));
-                const Hash128 after = termOfBytes(value);
-                sum.add(after);
-                entry.setTerm(after);
-            });
+            sum.add(sealShared(*node, entry, *change));
+            continue;
         }
+        const std::byte* value = node->block() + slot.offset;
+        const std::byte* fallback = type.defaults() + slot.offset;
+        if (node->typeIndex_ != keyedType) {
+            keyedType = node->typeIndex_;
+            keys = types[keyedType.value].keys;
+        }
+        const FieldKey key = keys[field];
+        detail::withPlainSize(slot.size, [&]<std::size_t size>() {
+            change->value.setPlain(slot.type, value, size);
+            const auto termOfBytes = [&](const void* bytes) {
+                return detail::plainTermOfSize<size>(change->node, key, bytes, fallback);
+            };
+            const Hash128 before = entry.hashed ? entry.term() : termOfBytes(entry.before);
+            const Hash128 after = termOfBytes(value);
+            sum.subtract(before);
+            sum.add(after);
+            entry.setTerm(after);
+        });
     }
     hash = sum;
     keepTerms();

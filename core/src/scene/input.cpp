@@ -150,10 +150,9 @@ bool Scene::State::accepts(const Behaviour& behaviour, const Node& node, FieldIn
     return accepted;
 }
 
-void Scene::State::onEvent(const Behaviour& behaviour, Cascade& cascade, const Node& node, FieldIndex field,
-                           const void* storage) {
+void Scene::State::tracedOnEvent(const Behaviour& behaviour, Cascade& cascade, const Node& node, FieldIndex field,
+                                 const void* storage) {
     const EventValue value(node.type_->slot(field).type, storage);
-    if (!isTraced(behaviour)) return behaviour.onEvent(cascade, node, field, value);
     if (playing) {
         if (const BehaviourCall* call = playCall(BehaviourCall::Kind::onEvent, node.id_, field))
             playEffects(cascade, *call);
@@ -164,8 +163,7 @@ void Scene::State::onEvent(const Behaviour& behaviour, Cascade& cascade, const N
     currentCall = outer;
 }
 
-double Scene::State::onTime(const Behaviour& behaviour, Cascade& cascade, const Node& node) {
-    if (!isTraced(behaviour)) return behaviour.onTime(cascade, node);
+double Scene::State::tracedOnTime(const Behaviour& behaviour, Cascade& cascade, const Node& node) {
     if (playing) {
         const BehaviourCall* call = playCall(BehaviourCall::Kind::onTime, node.id_, kNoField);
         if (!call) return kNever;

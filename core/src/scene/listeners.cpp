@@ -25,10 +25,8 @@ Result<> Scene::listenTo(NodeId id, FieldIndex field) {
     const FieldDef& def = node->type_->fields[field];
     if (def.hidden || !def.sends())
         return fail(kWrongAccess, fmt::format("{}.{} sends no events", node->type_->name, def.name));
-    auto& out = s.links(*node).out;
-    auto group = std::ranges::find(out, field, &RouteGroup::field);
-    if (group == out.end()) group = out.insert(out.end(), RouteGroup{field, 0, {}, 0});
-    ++group->listeners;
+    ++s.linkEdits;
+    ++s.links(*node).makeOut(field).listeners;
     return {};
 }
 
@@ -36,6 +34,7 @@ void Scene::stopListening(NodeId id, FieldIndex field) {
     State& s = *state_;
     Node* node = s.refuseForeign() ? nullptr : s.find(id);
     if (!node || !node->links_) return;
+    ++s.linkEdits;
     auto& out = node->links_->out;
     const auto group = std::ranges::find(out, field, &RouteGroup::field);
     if (group == out.end() || group->listeners == 0) return;

@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include "state.h"
+#include "writing.h"
 
 namespace rtsg {
 
@@ -15,17 +15,29 @@ constexpr int kMaximumRounds = 100;
 
 }  // namespace
 
+/// An output field has a new value: its routes and the listener are told once a timestamp, when it is its event's turn.
+inline void Scene::State::send(Node& node, FieldIndex field) {
+    RouteGroup* group = node.links_ ? node.links_->outOf(field) : nullptr;
+    if (group) {
+        if (std::exchange(group->stamp, stamp) == stamp) return;
+        // 4.4.8.4 holds for outputs without routes too; only a listener can tell.
+    } else if (!listener || !announced.emplace(node.id_, field).second) {
+        return;
+    }
+    emissions.push_back({node.id_, field, linkEdits, &node, group});
+}
+
 // ---- what a behaviour may do ---------------------------------------------------------------------------------
 
 void Cascade::storeStorage(const Node& node, FieldIndex field, const void* value) {
     Scene::State& s = *scene_.state_;
-    s.write(*s.find(node.id()), field, value);
+    s.write(const_cast<Node&>(node), field, value);  // the scene's own, which behaviours may read only
     if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::store, node.id(), field, value);
 }
 
 void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value) {
     Scene::State& s = *scene_.state_;
-    Node& target = *s.find(node.id());
+    Node& target = const_cast<Node&>(node);  // the scene's own, which behaviours may read only
     s.write(target, field, value);
     if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::emit, node.id(), field, value);
     s.send(target, field);
@@ -89,20 +101,6 @@ void Cascade::warn(const Node& node, const std::string& text) {
 
 // ---- propagation ---------------------------------------------------------------------------------------------
 
-/// An output field has a new value: its routes and the listener are told once a timestamp, when it is its event's turn.
-void Scene::State::send(Node& node, FieldIndex field) {
-    RouteGroup* group = nullptr;
-    if (node.links_) {
-        const auto found = std::ranges::find(node.links_->out, field, &RouteGroup::field);
-        if (found != node.links_->out.end()) group = &*found;
-    }
-    if (group && group->stamp == stamp) return;
-    // 4.4.8.4 holds for outputs without routes too; only a listener can tell.
-    if (!group && (!listener || !announced.emplace(node.id_, field).second)) return;
-    if (group) group->stamp = stamp;
-    emissions.push_back({node.id_, field});
-}
-
 /// An event arrives at an input field. `value` is in block representation and outlives the call.
 void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
     const FieldDef& def = node.type_->fields[field];
@@ -120,13 +118,10 @@ void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const
         if (field == entry.addChildren || field == entry.removeChildren)
             deliverChildren(cascade, node, field, value, entry);
         // An inputOnly field of a PROTO instance hands the event on to its body at once: it has no storage.
-        if (node.links_) {
-            const auto group = std::ranges::find(node.links_->out, field, &RouteGroup::field);
-            if (group != node.links_->out.end()) {
-                const std::vector<OutgoingRoute> targets = group->targets.items();
-                for (const OutgoingRoute& r : targets)
-                    if (Node* target = find(r.to.node)) deliver(cascade, *target, r.to.field, value);
-            }
+        if (const RouteGroup* group = node.links_ ? node.links_->outOf(field) : nullptr) {
+            const std::vector<OutgoingRoute> targets = group->targets.items();
+            for (const OutgoingRoute& r : targets)
+                if (Node* target = find(r.to.node)) deliver(cascade, *target, r.to.field, value);
         }
     }
     if (entry.behaviour.onTime) wake(node);
@@ -157,62 +152,58 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
     if (changed) send(node, entry.children);
 }
 
+void Scene::State::follow(Cascade& cascade, RouteTarget target, const Node& from, FieldIndex field) {
+    Node* to = find(target.node);
+    if (!to) return;
+    const FieldDef& def = to->type_->fields[target.field];
+    const void* value = from.storage(field);
+    if (!def.writable() && target.isConnection && def.sends()) {
+        // IS from a body's outputOnly to the instance's: the instance sends it.
+        write(*to, target.field, value);
+        send(*to, target.field);
+        return;
+    }
+    if (sf(def.type) == FieldType::SFNode) {
+        auto ok = checkNodes(*to, target.field, value);
+        if (ok) ok = checkAccepted(*to, target.field, value);
+        if (!ok) return cascade.warn(*to, ok.error().text);
+    }
+    if (def.access == Access::inputOutput && to->links_)
+        if (const RouteGroup* sent = to->links_->outOf(target.field)) {
+            // Its event of this timestamp has gone (4.4.8.4): the field keeps what it said.
+            if (sent->gone == stamp) return;
+            // The way back of a two-way connection: that field has already sent this event.
+            if (target.isConnection && sent->stamp == stamp) return;
+        }
+    deliver(cascade, *to, target.field, value);
+}
+
 void Scene::State::runRoutes(Cascade& cascade) {
     for (std::size_t next = 0; next < emissions.size(); ++next) {
-        const auto [fromId, field] = emissions[next];
-        Node* from = find(fromId);
-        if (!from) continue;
-        if (listener) {
-            announced.erase({fromId, field});
-            listener(now, *from, field, from->value(field));
-            from = find(fromId);
-        }
-        if (!from || !from->links_) continue;
-        const auto groupOf = [&](Node& node) -> RouteGroup* {
-            if (!node.links_) return nullptr;
-            const auto g = std::ranges::find(node.links_->out, field, &RouteGroup::field);
-            return g == node.links_->out.end() ? nullptr : &*g;
+        const Emission emission = emissions[next];
+        const FieldIndex field = emission.field;
+        Node* from = emission.at;
+        RouteGroup* group = emission.group;
+        std::uint64_t edits = emission.linkEdits;
+        const auto lookUpAgain = [&] {
+            edits = linkEdits;
+            from = find(emission.node);
+            group = from && from->links_ ? from->links_->outOf(field) : nullptr;
         };
-        RouteGroup* group = groupOf(*from);
-        if (group) group->gone = stamp;
-        if (group && group->listeners > 0) heard.push_back({fromId, field, from->value(field)});
+        if (edits != linkEdits) lookUpAgain();
+        if (listener && from) {
+            announced.erase({emission.node, field});
+            listener(now, *from, field, from->value(field));
+            lookUpAgain();
+        }
+        if (!group) continue;
+        group->gone = stamp;
+        if (group->listeners > 0) heard.push_back({emission.node, field, from->value(field)});
         // Routes added while this event is on its way are not retroactive.
-        const std::size_t count = group ? group->targets.items().size() : 0;
-        for (std::size_t i = 0; i < count; ++i) {
-            group = groupOf(*from);
-            if (!group || i >= group->targets.items().size()) break;
-            const RouteTarget target = group->targets.items()[i].to;
-            Node* to = find(target.node);
-            if (!to) continue;
-            const FieldDef& def = to->type_->fields[target.field];
-            if (!def.writable() && target.isConnection && def.sends()) {
-                // IS from a body's outputOnly to the instance's: the instance sends it.
-                write(*to, target.field, from->storage(field));
-                send(*to, target.field);
-                continue;
-            }
-            const FieldType type = def.type;
-            if (sf(type) == FieldType::SFNode) {
-                auto ok = checkNodes(*to, target.field, from->storage(field));
-                if (ok) ok = checkAccepted(*to, target.field, from->storage(field));
-                if (!ok) {
-                    cascade.warn(*to, ok.error().text);
-                    continue;
-                }
-            }
-            if (def.access == Access::inputOutput && to->links_) {
-                // Its event of this timestamp has gone (4.4.8.4): the field keeps what it said.
-                const auto sent = std::ranges::find(to->links_->out, target.field, &RouteGroup::field);
-                if (sent != to->links_->out.end() && sent->gone == stamp) continue;
-            }
-            if (target.isConnection && def.access == Access::inputOutput && to->links_) {
-                // The way back of a two-way connection: that field has already sent this event.
-                const auto back = std::ranges::find(to->links_->out, target.field, &RouteGroup::field);
-                if (back != to->links_->out.end() && back->stamp == stamp) continue;
-            }
-            deliver(cascade, *to, target.field, from->storage(field));
-            from = find(fromId);
-            if (!from) break;
+        const std::size_t count = group->targets.items().size();
+        for (std::size_t i = 0; group && i < count && i < group->targets.items().size(); ++i) {
+            follow(cascade, group->targets.items()[i].to, *from, field);
+            if (edits != linkEdits) lookUpAgain();
         }
     }
     emissions.clear();

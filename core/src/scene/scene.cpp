@@ -8,7 +8,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "document_services.h"
-#include "state.h"
+#include "writing.h"
 
 namespace rtsg {
 

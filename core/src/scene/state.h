@@ -86,6 +86,18 @@ struct Node::Links {
     std::vector<RouteGroup> out;
     RouteList<IncomingRoute> in;
     bool empty() const { return name.empty() && parents.empty() && out.empty() && in.empty(); }
+    /// Null if nobody hears of the field.
+    RouteGroup* outOf(FieldIndex field) {
+        for (RouteGroup& group : out)
+            if (group.field == field) return &group;
+        return nullptr;
+    }
+    /// Made if there is none.
+    RouteGroup& makeOut(FieldIndex field) {
+        if (RouteGroup* group = outOf(field)) return *group;
+        out.emplace_back().field = field;
+        return out.back();
+    }
     bool hasRoutes() const {
         return !in.empty() || std::ranges::any_of(out, [](const RouteGroup& group) { return !group.targets.empty(); });
     }
@@ -148,6 +160,7 @@ struct Scene::State {
     };
     std::unordered_map<NameKey, NodeId, NameKeyHash> names;
     std::size_t routeCount = 0;
+    std::uint64_t linkEdits = 0;  // nodes that went, and routes and listeners that came or went: pointers to them end
 
     // ---- writing ----
     detail::StateHash hash;
@@ -158,8 +171,8 @@ struct Scene::State {
         std::uint32_t next = 0;  // index + 1 of the entry of the same node before
         FieldIndex field = kNoField;
         FieldType type = FieldType::SFBool;
-        bool external : 1 = true;
-        bool hashed : 1 = false;  // `before` is the term of the value before, not its bytes
+        bool external = true;
+        bool hashed = false;  // `before` is the term of the value before, not its bytes
         std::uint64_t before[2] = {};
         Hash128 term() const { return {before[0], before[1]}; }
         void setTerm(Hash128 term) {
@@ -191,8 +204,9 @@ struct Scene::State {
     /// The term before the first write of this frame.
     Hash128 termBefore(const Node& node, const WrittenField& entry) const;
     WrittenField* entryOf(const Node& node, FieldIndex field);
-    /// The entry of the last set for a field about to be written, whose term is the value's; null if there is none.
-    WrittenField* knownTerm(const Node& node, FieldIndex field) const;
+    /// The entry of the last set, not the expected one, for a field about to be written, whose term is the value's;
+    /// null if there is none.
+    WrittenField* knownElsewhere(const Node& node, FieldIndex field) const;
     /// Adds an entry with what is known of the field before it is written: its term, or the bytes it is made of.
     WrittenField& newEntry(Node& node, FieldIndex field, const FieldSlot& slot);
     /// The entries of this set become those that the next one looks for.
@@ -207,7 +221,8 @@ struct Scene::State {
     void writeSealed(Node& node, FieldIndex field, const Value& value);
     /// Stores only; precondition: beginWrite, or this comes from a sealed set.
     void store(Node& node, FieldIndex field, const void* value);
-    void write(Node& node, FieldIndex field, const void* value);
+    void write(Node& node, FieldIndex field, const void* value);  // writing.h
+    void writeShared(Node& node, FieldIndex field, const void* value);
     void addParent(Node& child, ParentRef parent);
     void removeParent(Node& child, ParentRef parent);
     /// Would `child` below `parent.field` close a cycle?
@@ -248,6 +263,7 @@ struct Scene::State {
     std::shared_ptr<const ChangeSet> seal();
     std::shared_ptr<const std::vector<Authored>> takeAuthors();
     void appendFieldChanges(ChangeSet& set);
+    [[gnu::noinline]] Hash128 sealShared(const Node& node, WrittenField& entry, Change& change) const;
     void appendDefinitions(std::vector<Change>& out, std::span<const DefinedType> defined) const;
     void appendCreations(std::vector<Change>& out) const;
     /// Child lists, names, routes, destructions.
@@ -304,6 +320,9 @@ struct Scene::State {
     struct Emission {
         NodeId node;
         FieldIndex field;
+        std::uint64_t linkEdits;  // when it was made; the pointers hold as long as that is so
+        Node* at;
+        RouteGroup* group;  // null if only the listener hears of it
     };
     std::vector<Emission> emissions;
     std::vector<Authored> authors;                       // since the last seal
@@ -348,8 +367,17 @@ struct Scene::State {
     void noteUse(TypeIndex type, const Behaviour& behaviour);
     void recordEffect(BehaviourEffect::Kind kind, NodeId node, FieldIndex field, const void* value);
     bool accepts(const Behaviour& behaviour, const Node& node, FieldIndex field, const void* value);
-    void onEvent(const Behaviour& behaviour, Cascade& cascade, const Node& node, FieldIndex field, const void* value);
-    double onTime(const Behaviour& behaviour, Cascade& cascade, const Node& node);
+    void onEvent(const Behaviour& behaviour, Cascade& cascade, const Node& node, FieldIndex field, const void* value) {
+        if (isTraced(behaviour)) return tracedOnEvent(behaviour, cascade, node, field, value);
+        behaviour.onEvent(cascade, node, field, EventValue(node.type_->slot(field).type, value));
+    }
+    double onTime(const Behaviour& behaviour, Cascade& cascade, const Node& node) {
+        return isTraced(behaviour) ? tracedOnTime(behaviour, cascade, node) : behaviour.onTime(cascade, node);
+    }
+    void tracedOnEvent(const Behaviour& behaviour, Cascade& cascade, const Node& node, FieldIndex field,
+                       const void* value);
+    double tracedOnTime(const Behaviour& behaviour, Cascade& cascade, const Node& node);
+    /// Calls of it are recorded, or come from a record.
     bool isTraced(const Behaviour& behaviour) const { return (recording || playing) && !behaviour.deterministic; }
     std::size_t beginCall(BehaviourCall::Kind kind, NodeId node, FieldIndex field);
     const BehaviourCall* playCall(BehaviourCall::Kind kind, NodeId node, FieldIndex field);
@@ -378,6 +406,8 @@ struct Scene::State {
     void beginScripts(Cascade& cascade);
     void dropSuperseded(std::vector<QueuedEvent>& queued) const;
     void runRoutes(Cascade& cascade);
+    /// An event of `field` reaches the input at the end of one of its routes.
+    void follow(Cascade& cascade, RouteTarget target, const Node& from, FieldIndex field);
     void runTime(Cascade& cascade);
     void tick(Cascade& cascade, const std::vector<NodeId>& nodes);
     std::shared_ptr<ChangeSet> freshSet();

@@ -12,19 +12,16 @@ namespace rtsg::detail {
 class StateHash {
   public:
     StateHash() = default;
-    explicit StateHash(Hash128 sum) : low_(sum.low), high_(sum.high) {}
-    void add(Hash128 term) {
-        low_ += term.low;
-        high_ += term.high + (low_ < term.low ? 1 : 0);
-    }
-    void subtract(Hash128 term) {
-        high_ -= term.high + (low_ < term.low ? 1 : 0);
-        low_ -= term.low;
-    }
-    Hash128 value() const { return {low_, high_}; }
+    explicit StateHash(Hash128 sum) : sum_(whole(sum)) {}
+    void add(Hash128 term) { sum_ += whole(term); }
+    void subtract(Hash128 term) { sum_ -= whole(term); }
+    Hash128 value() const { return {static_cast<std::uint64_t>(sum_), static_cast<std::uint64_t>(sum_ >> 64)}; }
 
   private:
-    std::uint64_t low_ = 0, high_ = 0;
+    // Two numbers of 64 bits, with the carry by hand, are what compilers put into memory instead of registers.
+    __extension__ using UInt128 = unsigned __int128;
+    static UInt128 whole(Hash128 term) { return UInt128{term.high} << 64 | term.low; }
+    UInt128 sum_ = 0;
 };
 
 /// Of all fields of a type, in their order.

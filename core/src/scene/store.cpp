@@ -119,6 +119,7 @@ void Scene::State::release(Node& node) {
     const NodeId id = node.id_;
     const std::size_t bytes = bytesOf(node);
     places.noteMoved(id);
+    ++linkEdits;
     if (types[node.typeIndex_.value].isScript) --scriptNodes;
     if (node.typeIndex_ == x3d::Collision::type) --collisionNodes;
     if (isPickSensor(node.typeIndex_)) std::erase(pickSensors, id);
@@ -256,10 +257,8 @@ Hash128 Scene::State::routeTerm(const Route& route) const {
 void Scene::State::linkRoute(const Route& route, bool record) {
     Node& from = *find(route.fromNode);
     Node& to = *find(route.toNode);
-    auto& out = links(from).out;
-    auto group = std::ranges::find(out, route.fromField, &RouteGroup::field);
-    if (group == out.end()) group = out.insert(out.end(), RouteGroup{route.fromField, 0, {}, 0});
-    group->targets.add({{route.toNode, route.toField, route.isConnection}});
+    ++linkEdits;
+    links(from).makeOut(route.fromField).targets.add({{route.toNode, route.toField, route.isConnection}});
     links(to).in.add({route.fromNode, route.fromField, route.toField, route.isConnection});
     hash.add(routeTerm(route));
     if (!route.isConnection) ++routeCount;
@@ -305,6 +304,7 @@ bool Scene::State::unlinkRoute(const Route& route, bool record) {
     Node* from = find(route.fromNode);
     Node* to = find(route.toNode);
     if (!from || !to || !from->links_ || !to->links_) return false;
+    ++linkEdits;
     auto& out = from->links_->out;
     const auto group = std::ranges::find(out, route.fromField, &RouteGroup::field);
     if (group == out.end()) return false;

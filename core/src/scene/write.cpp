@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <tuple>
 
-#include "state.h"
+#include "writing.h"
 
 namespace rtsg {
 

@@ -1,4 +1,7 @@
-// What travels in one frame: routes that come too late, IS connections that go both ways, and forged ones.
+// What travels in one frame: routes that come too late, edits meanwhile, IS connections that go both ways, and forged
+// ones.
+#include <functional>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -28,6 +31,119 @@ TEST(Cascade, ARouteAddedWhileItsEventTravelsWaitsForTheNext) {
     ASSERT_TRUE(scene.sendEvent(node[0], field, Vec3f(2)));
     scene.newFrame(1);
     EXPECT_EQ(scene.node(node[2]).get(x3d::Transform::translation), Vec3f(2));
+}
+
+// ---- edits while an event is on its way ----------------------------------------------------------------------------
+
+/// Transforms in a row; the first has a route to each of the others. `onArrival` runs when an event reaches one.
+class Meddled : public testing::Test {
+  protected:
+    static constexpr int kCount = 5;
+    Meddled() {
+        onArrival = nullptr;
+        scene_.registerBehaviour(x3d::Transform::type,
+                                 Behaviour{.onEvent = [](Cascade& cascade, const Node& node, FieldIndex, EventValue) {
+                                     if (onArrival) onArrival(cascade, node.id());
+                                 }});
+        for (NodeId& one : node_) one = scene_.createNode(x3d::Transform::type);
+        for (int i = 1; i < kCount; ++i) EXPECT_TRUE(scene_.addRoute(node_[0], kPlace, node_[i], kPlace));
+        scene_.newFrame(0);
+    }
+    /// What the nodes say after an event of the first one; -1 for one that is gone.
+    std::vector<float> run() {
+        EXPECT_TRUE(scene_.sendEvent(node_[0], kPlace, Vec3f(1)));
+        scene_.newFrame(1);
+        std::vector<float> all;
+        for (const NodeId id : node_)
+            all.push_back(scene_.find(id) ? scene_.node(id).get(x3d::Transform::translation).x : -1);
+        return all;
+    }
+
+    static constexpr FieldIndex kPlace = x3d::Transform::translation.index, kCenter = x3d::Transform::center.index,
+                                kScale = x3d::Transform::scale.index;
+    static inline std::function<void(Cascade&, NodeId)> onArrival;
+    Scene scene_;
+    NodeId node_[kCount];
+};
+
+TEST_F(Meddled, ASenderThatGoesTellsNobodyFurther) {
+    onArrival = [this](Cascade&, NodeId at) {
+        if (at != node_[2]) return;
+        EXPECT_TRUE(scene_.destroyNode(node_[0]));
+    };
+    EXPECT_THAT(run(), testing::ElementsAre(-1, 1, 1, 0, 0));
+}
+
+TEST_F(Meddled, ARouteThatEndsCarriesNothingTheOthersDo) {
+    onArrival = [this](Cascade&, NodeId at) {
+        if (at != node_[2]) return;
+        EXPECT_TRUE(scene_.removeRoute(node_[0], kPlace, node_[3], kPlace));
+    };
+    EXPECT_THAT(run(), testing::ElementsAre(1, 1, 1, 0, 1));
+}
+
+TEST_F(Meddled, ANodeThatGoesBeforeItsTurnTellsNothing) {
+    ASSERT_TRUE(scene_.addRoute(node_[1], kPlace, node_[2], kCenter));
+    onArrival = [this](Cascade&, NodeId at) {
+        if (at != node_[3]) return;
+        EXPECT_TRUE(scene_.destroyNode(node_[1]));
+    };
+    EXPECT_THAT(run(), testing::ElementsAre(1, -1, 1, 1, 1));
+    EXPECT_EQ(scene_.node(node_[2]).get(x3d::Transform::center), Vec3f(0));
+}
+
+/// The sender's routes move in memory, for those of its other fields and for many more of the same one.
+TEST_F(Meddled, RoutesThatComeMeanwhileDisturbNone) {
+    onArrival = [this](Cascade&, NodeId at) {
+        if (at != node_[2]) return;
+        for (const FieldIndex field : {kCenter, kScale}) EXPECT_TRUE(scene_.addRoute(node_[0], field, node_[1], field));
+        for (int i = 0; i < 100; ++i)
+            EXPECT_TRUE(scene_.addRoute(node_[0], kPlace, scene_.createNode(x3d::Transform::type), kPlace));
+    };
+    EXPECT_THAT(run(), testing::Each(1));
+    EXPECT_EQ(scene_.routesFrom(node_[0]).size(), 106);
+    scene_.forEachNode([&](const Node& node) {
+        if (!node.is(x3d::Transform::type) || node.id() <= node_[kCount - 1]) return;
+        EXPECT_EQ(node.get(x3d::Transform::translation), Vec3f(0)) << node.id().value;
+    });
+}
+
+TEST_F(Meddled, AnEventWhoseRoutesEndBeforeItsTurnGoesNowhere) {
+    ASSERT_TRUE(scene_.addRoute(node_[1], kPlace, node_[2], kCenter));
+    onArrival = [this](Cascade&, NodeId at) {
+        if (at != node_[3]) return;
+        EXPECT_TRUE(scene_.removeRoute(node_[1], kPlace, node_[2], kCenter));
+    };
+    EXPECT_THAT(run(), testing::Each(1));
+    EXPECT_EQ(scene_.node(node_[2]).get(x3d::Transform::center), Vec3f(0));
+}
+
+TEST_F(Meddled, NobodyHearsOfANodeWithoutRoutesThatIsGone) {
+    const NodeId alone = scene_.createNode(x3d::Transform::type);
+    std::vector<NodeId> heard;
+    scene_.setEventListener([&](double, const Node& node, FieldIndex, const Value&) { heard.push_back(node.id()); });
+    onArrival = [&](Cascade& cascade, NodeId at) {
+        if (at == node_[1]) {
+            EXPECT_TRUE(cascade.deliver(alone, kPlace, Vec3f(7)));
+        } else if (at == node_[2]) {
+            EXPECT_TRUE(scene_.destroyNode(alone));
+        }
+    };
+    EXPECT_THAT(run(), testing::Each(1));
+    EXPECT_THAT(heard, testing::ElementsAreArray(node_));
+}
+
+/// The routes of a field whose event waits for its turn: all of them gone, and another one there.
+TEST_F(Meddled, AnEventGoesAlongTheRoutesThatAreThereAtItsTurn) {
+    ASSERT_TRUE(scene_.addRoute(node_[1], kPlace, node_[2], kCenter));
+    onArrival = [this](Cascade&, NodeId at) {
+        if (at != node_[4]) return;
+        EXPECT_TRUE(scene_.removeRoute(node_[1], kPlace, node_[2], kCenter));
+        EXPECT_TRUE(scene_.addRoute(node_[1], kPlace, node_[3], kCenter));
+    };
+    EXPECT_THAT(run(), testing::Each(1));
+    EXPECT_EQ(scene_.node(node_[2]).get(x3d::Transform::center), Vec3f(0));
+    EXPECT_EQ(scene_.node(node_[3]).get(x3d::Transform::center), Vec3f(1));
 }
 
 int calls = 0;
