@@ -1,7 +1,11 @@
 // The run-time of X3D: scripts, levels of detail, routes, sensors and followers by the thousand.
 #include <cmath>
+#include <filesystem>
+
+#include <unistd.h>
 
 #include <fmt/format.h>
+#include <glm/gtc/quaternion.hpp>
 
 #include <rtsg/core/device_input.h>
 #include <rtsg/core/listeners.h>
@@ -10,6 +14,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "bench.h"
+#include "scenes/scenes.h"
 
 namespace rtsg::bench {
 
@@ -45,6 +50,34 @@ double bareRuntimeSeconds(std::size_t count, const F& value) {
         times.push_back(cpuSeconds() - start);
     }
     return median(times);
+}
+
+/// The figures of the paper, without a picture of them: a sensor each, and an interpolator for each joint.
+void marching(const Report& report, bool quick) {
+    const auto folder = std::filesystem::temp_directory_path() / fmt::format("rtsg-bench-runtime-{}", getpid());
+    std::filesystem::create_directories(folder);
+    Scene scene;
+    Diagnostics diagnostics("bench");
+    const auto written = writeBenchScene("Troopers", quick ? .1 : 1, false, folder);
+    const bool loaded = written && loadFile(scene, (folder / "Troopers.x3dv").string(), diagnostics);
+    std::error_code ignored;
+    std::filesystem::remove_all(folder, ignored);
+    if (!loaded) return;
+    std::size_t figures = 0, joints = 0;
+    scene.forEachNode([&](const Node& node) {
+        figures += node.is(x3d::TimeSensor::type);
+        joints += node.is(x3d::OrientationInterpolator::type);
+    });
+    scene.newFrame(0);
+    const auto turn = [](float x) {
+        const glm::dvec3 axis(1, 0, 0);
+        const glm::dquat from = glm::angleAxis(.1, axis), to = glm::angleAxis(.4 + x * 1e-4, axis);
+        const glm::dquat between = glm::slerp(from, to, .3);
+        return Vec3f(glm::axis(between) * glm::angle(between));
+    };
+    report({"runtime", fmt::format("{} Troopers, {} joints", figures, joints), "a frame", "ms",
+            1e3 * runtimeFrameSeconds(scene, 1000, [](int) {}), "", 0, "the turns between the keys alone",
+            1e3 * bareRuntimeSeconds(joints, turn)});
 }
 
 void scripts(const Report& report, bool quick) {
@@ -294,6 +327,7 @@ void routes(const Report& report, bool quick) {
 }  // namespace
 
 void runtime(const Report& report, bool quick) {
+    marching(report, quick);
     scripts(report, quick);
     pushes(report, quick);
     levels(report, quick);
