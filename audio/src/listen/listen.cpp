@@ -20,12 +20,13 @@ std::string ListenReport::toJson() const {
         text += fmt::format(
             "{}{{\"source\":{},\"position\":[{},{},{}],\"bands_hz\":{},{},\"ci95\":{{{}}},\"schroeder_hz\":{},\"image_"
             "order\":{},"
-            "\"images\":{},"
+            "\"images\":{},\"edge_pairs\":{{\"heard\":{},\"left_out\":{}}},"
             "\"rays\":{},\"absorbed\":{},\"escaped\":{},\"truncated\":{}}}",
             i ? "," : "", jsonString(s.source), jsonNumber(s.position.x), jsonNumber(s.position.y),
             jsonNumber(s.position.z), jsonArray(kBandHz), jsonFigures(s.metrics.value), jsonFigures(s.metrics.ci95),
-            jsonNumber(s.schroederHz), highest, s.trace.arrivals.size(), s.trace.rays, jsonArray(s.trace.absorbed),
-            jsonArray(s.trace.escaped), jsonArray(s.trace.truncated));
+            jsonNumber(s.schroederHz), highest, s.trace.arrivals.size(), s.trace.edgePairs.heard,
+            s.trace.edgePairs.leftOut, s.trace.rays, jsonArray(s.trace.absorbed), jsonArray(s.trace.escaped),
+            jsonArray(s.trace.truncated));
     }
     text += fmt::format("],\"rays\":{},\"seconds\":{},\"escaped\":{},\"gain\":{}", rays, jsonNumber(seconds),
                         jsonNumber(escaped), jsonNumber(static_cast<double>(gain)));

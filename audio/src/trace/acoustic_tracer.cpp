@@ -290,7 +290,8 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
     ImageSources images =
         findImageSources(geometry, source, listener, worth, options.air.speedOfSound, airAttenuation(options.air));
     result.arrivals = std::move(images.arrivals);
-    if (options.diffraction) addDiffraction(geometry, source, listener, options, seconds, result.arrivals);
+    if (options.diffractionOrder > 0)
+        result.edgePairs = addDiffraction(geometry, source, listener, options, seconds, result.arrivals);
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;
     chooseReceiver(geometry, source, listener, options, result);

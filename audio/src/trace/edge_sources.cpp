@@ -8,84 +8,13 @@
 
 #include <rtsg/audio/wedge.h>
 
+#include "edge_pairs.h"
+#include "edge_tones.h"
+
 namespace rtsg {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-/// Frequencies that stand for an octave.
-constexpr int kTones = 5;
-
-/// The angle of a place about an edge, from its first face on, 0 to 2 pi.
-double angleAbout(const WallEdge& edge, const glm::dvec3& across) {
-    const double angle = std::atan2(glm::dot(glm::cross(edge.faceA, across), edge.axis), glm::dot(edge.faceA, across));
-    return angle < 0 ? angle + 2 * kPi : angle;
-}
-
-/// A path round an edge, the place on it, and which way angles count from its first face on.
-struct RoundEdge {
-    WedgePath path;
-    glm::dvec3 by{0};
-    double turn = 1;
-};
-
-/// Where sound goes round an edge from source to listener, if it does.
-bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, RoundEdge& round) {
-    WedgePath& path = round.path;
-    const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
-    const double zs = glm::dot(toSource, edge.axis), zr = glm::dot(toListener, edge.axis);
-    const glm::dvec3 acrossS = toSource - edge.axis * zs, acrossR = toListener - edge.axis * zr;
-    path.sourceRadius = glm::length(acrossS);
-    path.receiverRadius = glm::length(acrossR);
-    if (!(path.sourceRadius > 0) || !(path.receiverRadius > 0)) return false;
-    const double z = zs + (zr - zs) * path.sourceRadius / (path.sourceRadius + path.receiverRadius);
-    if (!(z >= 0 && z <= edge.length)) return false;
-    path.along = zr - zs;
-    round.by = edge.from + edge.axis * z;
-    const bool rim = glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9;
-    const double between = rim ? 2 * kPi : angleAbout(edge, edge.faceB);
-    double s = angleAbout(edge, acrossS), r = angleAbout(edge, acrossR);
-    path.opening = between;
-    if (s > between && r > between) {
-        // The air on the other side of the first face.
-        path.opening = 2 * kPi - between;
-        round.turn = -1;
-        s = 2 * kPi - s;
-        r = 2 * kPi - r;
-    } else if (s > between || r > between) {
-        return false;
-    }
-    path.sourceAngle = s;
-    path.receiverAngle = r;
-    return path.opening > kPi + 0.05;
-}
-
-/// Whether nothing lies between a place and one on an edge, but what meets there.
-bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& edge) {
-    const glm::dvec3 way = edge - from;
-    const double distance = glm::length(way), rounding = 1e-5 * (1 + distance);
-    AcousticHit hit;
-    return !(distance > rounding) || !geometry.closest(from, way / distance, distance - rounding, kNoPlane, hit);
-}
-
-/// Whether there is air all round the edge: it may be the seam of two walls.
-bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const RoundEdge& round) {
-    constexpr int kSteps = 8;
-    constexpr double kOff = 0.05;  // radians from the faces
-    const glm::dvec3 size = glm::abs(round.by);
-    const double radius = std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));
-    const glm::dvec3 beside = glm::cross(edge.axis, edge.faceA) * round.turn;
-    const auto at = [&](int i) {
-        const double angle = kOff + (round.path.opening - 2 * kOff) * i / kSteps;
-        return round.by + radius * (std::cos(angle) * edge.faceA + std::sin(angle) * beside);
-    };
-    for (int i = 0; i < kSteps; ++i) {
-        const glm::dvec3 from = at(i), way = at(i + 1) - from;
-        const double length = glm::length(way);
-        AcousticHit hit;
-        if (geometry.closest(from, way / length, length, kNoPlane, hit)) return false;
-    }
-    return true;
-}
+constexpr int kTones = EdgeTones::kTones;
 
 /// Means over each octave.
 struct Shares {
@@ -97,25 +26,23 @@ struct Shares {
 /// How much of the interference of direct sound with what is beside a mirror image counts: all at the boundary of the
 /// shadow, where both come the same way, and nothing at that of the image, whose interference is not looked at either.
 double coherence(const WedgePath& path) {
-    const double fromShadow = kPi - std::abs(path.receiverAngle - path.sourceAngle);
+    const double fromShadow = std::numbers::pi - std::abs(path.receiverAngle - path.sourceAngle);
     const double sum = path.sourceAngle + path.receiverAngle;
-    const double fromImage = std::min(sum, 2 * path.opening - sum) - kPi;
+    const double fromImage = std::min(sum, 2 * path.opening - sum) - std::numbers::pi;
     return fromImage / (fromImage + fromShadow);
 }
 
-Shares sharesOf(const WedgePath& path, const AcousticMaterial& material, double speedOfSound) {
+Shares sharesOf(const WedgePath& path, std::uint32_t material, const EdgeTones& tones) {
     Shares shares;
     for (std::size_t b = 0; b < kBandCount; ++b) {
-        const double mirrors = std::sqrt(std::max(0.0, material.mirrored(b)));
-        for (int i = 0; i < kTones; ++i) {
-            const double octave = (i + 0.5) / kTones - 0.5;
-            const double hz = 1000 * std::pow(2.0, static_cast<double>(b) - 4 + octave);
-            const WedgeField f = wedgeField(path, 2 * kPi * hz / speedOfSound);
+        const double mirrors = tones.mirrors(material, b);
+        tones.each(b, [&](double waveNumber) {
+            const WedgeField f = wedgeField(path, waveNumber);
             const std::complex<double> beside = mirrors * f.besideMirrored;
             const auto add = [&](Bands& to, double energy) { to[b] += energy / kTones; };
             if (f.mirrored != 0.0) add(shares.mirrored, std::norm(1.0 + f.besideMirrored / f.mirrored));
             add(shares.dark, std::norm(f.direct + f.besideDirect + beside));
-            if (f.direct == 0.0) continue;
+            if (f.direct == 0.0) return;
             double energy = std::norm(f.direct + f.besideDirect);
             if (f.mirrored == 0.0) {
                 energy += std::norm(beside) +
@@ -123,7 +50,7 @@ Shares sharesOf(const WedgePath& path, const AcousticMaterial& material, double 
                 add(shares.edge, std::norm(beside));
             }
             add(shares.direct, energy / std::norm(f.direct));
-        }
+        });
     }
     return shares;
 }
@@ -141,39 +68,54 @@ Arrival* arrivalOf(std::vector<Arrival>& arrivals, std::size_t known, std::uint3
     return nullptr;
 }
 
+/// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
+double shortestBy(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener) {
+    const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
+    const double zs = glm::dot(toSource, edge.axis), zr = glm::dot(toListener, edge.axis);
+    const double rs = glm::length(toSource - edge.axis * zs), rr = glm::length(toListener - edge.axis * zr);
+    const double z = std::clamp(rs + rr > 0 ? zs + (zr - zs) * rs / (rs + rr) : zs, 0.0, edge.length);
+    const glm::dvec3 by = edge.from + edge.axis * z;
+    return glm::distance(source, by) + glm::distance(by, listener);
+}
+
 }  // namespace
 
-void addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                    const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals) {
+EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                             const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals) {
     const double c = options.air.speedOfSound;
     const Bands attenuation = airAttenuation(options.air);
     const std::size_t known = arrivals.size();
+    const EdgeTones tones(geometry, c);
+    const bool heardStraight = arrivalOf(arrivals, known, 0, glm::distance(source, listener) / c) != nullptr;
+    std::vector<EdgeCandidate> edges;
+    std::vector<BentArrival> bent;
     geometry.visitEdges([&](const WallEdge& edge) {
+        if (!heardStraight && options.diffractionOrder > 1) edges.push_back({edge, shortestBy(edge, source, listener)});
         RoundEdge round;
         if (!pathRound(edge, source, listener, round)) return;
         const WedgePath& path = round.path;
         const glm::dvec3& by = round.by;
         const double way = glm::distance(source, by) + glm::distance(by, listener);
         if (!(way < seconds * c) || !seen(geometry, source, by) || !seen(geometry, listener, by) ||
-            !isOpen(geometry, edge, round))
+            !isOpen(geometry, edge, by, path.opening, round.turn))
             return;
-        const Shares shares = sharesOf(path, geometry.materials()[edge.material], c);
+        const Shares shares = sharesOf(path, edge.material, tones);
         const double sum = path.sourceAngle + path.receiverAngle, other = 2 * path.opening - sum;
-        const bool lit = std::abs(path.receiverAngle - path.sourceAngle) < kPi;
-        const bool mirrored = sum < kPi || other < kPi;
+        const bool lit = std::abs(path.receiverAngle - path.sourceAngle) < std::numbers::pi;
+        const bool mirrored = sum < std::numbers::pi || other < std::numbers::pi;
         const auto scale = [&](Arrival* arrival, const Bands& factor) {
             for (std::size_t b = 0; arrival && b < kBandCount; ++b) arrival->energy[b] *= factor[b];
             return arrival != nullptr;
         };
         // Image sources are looked for from a little aside: next to its boundary one may be there that ought not to be.
-        const double beyond = (std::min(sum, other) - kPi) * path.receiverRadius;
+        const double beyond = (std::min(sum, other) - std::numbers::pi) * path.receiverRadius;
         if (mirrored || beyond < 2e-3)
             scale(arrivalOf(arrivals, known, 1, distanceAt(path, std::min(sum, other)) / c), shares.mirrored);
         const bool straight =
             lit && scale(arrivalOf(arrivals, known, 0, glm::distance(source, listener) / c), shares.direct);
         if (straight || (lit && mirrored)) return;
         // Grazing an edge it is chance which of both says that it is dark.
-        const bool dark = !lit || kPi - std::abs(path.receiverAngle - path.sourceAngle) < 1e-5;
+        const bool dark = !lit || std::numbers::pi - std::abs(path.receiverAngle - path.sourceAngle) < 1e-5;
         const Bands& share = dark ? shares.dark : shares.edge;
         Arrival arrival;
         arrival.seconds = way / c;
@@ -181,11 +123,16 @@ void addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, 
         arrival.direction = glm::normalize(by - listener);
         const double sent = options.pattern ? options.pattern(glm::normalize(by - source)) : 1;
         for (std::size_t b = 0; b < kBandCount; ++b)
-            arrival.energy[b] = sent * share[b] / (4 * kPi) * std::exp(-attenuation[b] * way);
-        if (*std::max_element(arrival.energy.begin(), arrival.energy.end()) > 0) arrivals.push_back(arrival);
+            arrival.energy[b] = sent * share[b] / (4 * std::numbers::pi) * std::exp(-attenuation[b] * way);
+        if (!(*std::max_element(arrival.energy.begin(), arrival.energy.end()) > 0)) return;
+        if (!lit) bent.push_back({edge, round, arrivals.size()});
+        arrivals.push_back(arrival);
     });
+    const EdgePairCount pairs =
+        addEdgePairs(geometry, source, listener, options, seconds, std::move(edges), bent, arrivals);
     std::stable_sort(arrivals.begin(), arrivals.end(),
                      [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });
+    return pairs;
 }
 
 }  // namespace rtsg

@@ -1,9 +1,10 @@
-// Diffraction of first order: what edges add to the image sources of a room, and take from them near their boundaries.
+// Diffraction: what edges add to the image sources of a room, and take from them near their boundaries.
 //
 // Each part of the field that ends somewhere (direct sound, a mirror image of first order) goes on beyond its boundary
 // by way of the edge that cuts it off. Where it is there, its energy is that of both together; where it is not, what
 // comes by way of the edge is an arrival of its own. So all is continuous. Averages over the octaves. Edges reflect as
-// rigid ones, but for what the surface takes. Source: see wedge.h. Threading: pure functions over const geometry.
+// rigid ones, but for what the surface takes. Two edges in a row: edge_pairs.h. Source: see wedge.h. Threading: pure
+// functions over const geometry.
 #pragma once
 
 #include <vector>
@@ -14,7 +15,7 @@
 namespace rtsg {
 
 /// Places off walls; `arrivals` sorted by time, before and after. Paths beyond `seconds` do not count.
-void addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                    const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals);
+EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                             const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals);
 
 }  // namespace rtsg

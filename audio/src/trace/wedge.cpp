@@ -79,4 +79,54 @@ WedgeField wedgeField(const WedgePath& path, double waveNumber) {
     return field;
 }
 
+namespace {
+
+/// What decides how far a wedge's transition has gone: nothing at the boundary that is nearest.
+double fromBoundary(const TwoWedgePath::Wedge& wedge) {
+    const double n = wedge.opening / kPi;
+    double least = 2;
+    for (const double beta : {wedge.out - wedge.in, wedge.out + wedge.in})
+        for (const double sign : {1.0, -1.0}) {
+            const double turns = std::round((beta + sign * kPi) / (2 * kPi * n));
+            const double cosine = std::cos((2 * kPi * n * turns - beta) / 2);
+            least = std::min(least, 2 * cosine * cosine);
+        }
+    return least;
+}
+
+Complex coefficient(const TwoWedgePath::Wedge& wedge, double length, double waveNumber, double mirrors) {
+    const double n = wedge.opening / kPi, kl = waveNumber * length;
+    const auto part = [&](double beta) { return term(n, beta, 1, kl) + term(n, beta, -1, kl); };
+    return -std::conj(kEighth) / (2 * n * std::sqrt(2 * kPi * waveNumber) * wedge.sine) *
+           (part(wedge.out - wedge.in) + mirrors * part(wedge.out + wedge.in));
+}
+
+}  // namespace
+
+void setDistances(TwoWedgePath& path, double toFirst, double across, double fromSecond, double between) {
+    const double a = toFirst, w = across, b = fromSecond;
+    const double first = path.first.sine * path.first.sine, second = path.second.sine * path.second.sine;
+    path.way = a + w + b;
+    path.first.whole = a * (w + b) / path.way * first;
+    path.second.whole = (a + w) * b / path.way * second;
+    // How the length of the way grows with the places on both edges: second derivatives.
+    const double determinant = first * (1 / a + 1 / w) * second * (1 / w + 1 / b) - between * between / (w * w);
+    const double alongFirst = first * (1 / a + 1 / (w + b)), alongSecond = second * (1 / (a + w) + 1 / b);
+    // Such that at the boundary of the second edge half of what the first bends is left, and the other way round.
+    path.second.part = std::pow(w * b / (w + b), 2) * determinant / alongFirst;
+    path.first.part = std::pow(a * w / (a + w), 2) * determinant / alongSecond;
+    path.spreading = path.first.sine * path.second.sine / (a * w * b * std::sqrt(determinant));
+}
+
+Complex twoWedgeField(const TwoWedgePath& path, double waveNumber, double mirrorsFirst, double mirrorsSecond) {
+    const bool bendsMore = path.first.whole * fromBoundary(path.first) >= path.second.whole * fromBoundary(path.second);
+    const Complex first =
+        coefficient(path.first, bendsMore ? path.first.whole : path.first.part, waveNumber, mirrorsFirst);
+    const Complex second =
+        coefficient(path.second, bendsMore ? path.second.part : path.second.whole, waveNumber, mirrorsSecond);
+    // On a face sound and its mirror image are one: both edges have counted it twice.
+    const double once = path.onOneFace ? 1 / (1 + (mirrorsFirst + mirrorsSecond) / 2) : 1;
+    return once * path.spreading * std::polar(1.0, -waveNumber * path.way) * first * second;
+}
+
 }  // namespace rtsg

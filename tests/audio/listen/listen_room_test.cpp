@@ -80,8 +80,9 @@ TEST_F(Listen, TheBodyOfWhatSoundsDoesNotEncloseIt) {
     };
     EXPECT_NEAR(level("Shape { geometry Sphere { radius .3 } }"), level(""), 1e-3);
     EXPECT_NEAR(level("Shape { geometry Box { size .5 .5 .5 } }"), level(""), 1e-3);
-    EXPECT_EQ(level("Shape { geometry Box { size 3 3 3 } }"), 0);                                            // a room
-    EXPECT_EQ(level("Transform { translation 0 0 1 children Shape { geometry Box { size 1 1 .1 } } }"), 0);  // a screen
+    EXPECT_EQ(level("Shape { geometry Box { size 3 3 3 } }"), 0);  // a room
+    // A screen: what comes round it, by two edges, is much softer.
+    EXPECT_LT(level("Transform { translation 0 0 1 children Shape { geometry Box { size 1 1 .1 } } }"), .5 * level(""));
 }
 
 TEST_F(Listen, ReverberationFollowsTheDirectSound) {

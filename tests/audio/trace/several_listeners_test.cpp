@@ -132,7 +132,7 @@ TEST(SeveralListeners, ASourceOnAScreenIsOnTheSideOfEach) {
     screen.finish();
     const std::vector<glm::dvec3> listeners{{0, 0, 3}, {0, 0, -3}, {1, 0, 2}};
     TraceOptions o = listenersOptions(320, 1);
-    o.diffraction = false;
+    o.diffractionOrder = 0;
     const auto results = AcousticTracer(screen).trace({.1, .2, 0}, listeners, o);
     for (const TraceResult& result : results) {
         ASSERT_FALSE(result.arrivals.empty());

@@ -3,7 +3,7 @@
 // Every path is counted once, by exactly one of three estimators, so the expectation does not depend on the options:
 //   mirror reflections only, up to the image order and down to the image share (and direct sound), through walls or
 //   not:                                                    image sources, exact
-//   straight, but round one edge:                           the uniform theory of diffraction
+//   straight, but round one edge or two:                    the uniform theory of diffraction
 //   the last reflection is diffuse:                         next-event estimation to the listener, a point
 //   all others (mirror last after diffuse or above the image order):   track length in a ball around the listener
 // The ball yields the mean over what of it is seen from the listener. Rays end by Russian roulette, never by a
@@ -42,10 +42,16 @@ struct TraceOptions {
     double receiverRadius = 0;
     std::uint64_t seed = 1;
     Air air;
-    /// Sound bends round edges, once (see trace/edge_sources.h).
-    bool diffraction = true;
+    /// Sound bends round edges (see trace/edge_sources.h), 0 to 2 of them in a row.
+    int diffractionOrder = 2;
     /// Of what is radiated; paths to the images and rays alike.
     SourcePattern pattern = {};
+};
+
+/// Pairs of edges round which sound goes, where it does not come straight.
+struct EdgePairCount {
+    std::size_t heard = 0;
+    std::size_t leftOut = 0;  // there were too many: the shortest ways were looked at
 };
 
 struct TraceResult {
@@ -55,6 +61,7 @@ struct TraceResult {
     int imageOrder = 0;     // that was complete within maxImageCandidates
     double imageShare = 0;  // of energy that the paths of images keep at best, at least
     std::size_t imageCandidates = 0;
+    EdgePairCount edgePairs;
     double seconds = 0;         // length of the echogram
     double receiverRadius = 0;  // used
     double receiverVolume = 0;  // m^3 of the ball that are seen from the listener

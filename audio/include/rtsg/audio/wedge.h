@@ -3,7 +3,9 @@
 // The edge is the z axis, the wedge's faces are at the angles 0 and `opening` of the air beside it (2 pi: a half
 // plane). The field is relative to that of the source in the open at 1 m, time as exp(i w t). It is continuous
 // everywhere; near enough to the edge for a wave length to matter the theory is not exact any more (some tenths of a
-// decibel at a third of one). Source: Kouyoumjian and Pathak, Proc. IEEE 62 (1974), 1448-1461, hard boundaries.
+// decibel at a third of one). Two edges in a row: the product of their coefficients, of which the one that sound bends
+// less about has the shorter distances, and half of it where the way between them lies on a face of both. Source:
+// Kouyoumjian and Pathak, Proc. IEEE 62 (1974), 1448-1461, hard boundaries; Pierce, JASA 55 (1974), 941-955.
 // Threading: pure functions.
 #pragma once
 
@@ -29,6 +31,30 @@ struct WedgeField {
 
 /// `waveNumber` in 1/m.
 WedgeField wedgeField(const WedgePath& path, double waveNumber);
+
+/// A way from a source round one edge and then another one, at the place where it is shortest.
+struct TwoWedgePath {
+    struct Wedge {
+        double opening = 0;      // radians of air
+        double in = 0, out = 0;  // radians from one face: where sound comes from, and where it goes to
+        double sine = 1;         // of the angle between the way and the edge
+        /// Metres that count in the transition at this edge: with the other edge a part of the straightened way, and
+        /// with the wave that it bends.
+        double whole = 1, part = 1;
+    };
+    Wedge first, second;
+    double way = 0;          // m
+    double spreading = 0;    // of the pressure of a bent wave, 1 / m^2
+    bool onOneFace = false;  // the way between the edges lies on a face of both
+};
+/// From the lengths of its three parts, the sines, and `between`: the cosine of the angle between both edges as seen
+/// along the way, that is of their parts square to it, times both sines. Sets whole, part, way and spreading.
+void setDistances(TwoWedgePath& path, double toFirst, double across, double fromSecond, double between);
+
+/// The part of the field that both edges bend, relative to that of the source in the open at 1 m. Faces mirror these
+/// shares of the pressure.
+std::complex<double> twoWedgeField(const TwoWedgePath& path, double waveNumber, double mirrorsFirst = 1,
+                                   double mirrorsSecond = 1);
 
 /// Fresnel's transition function 2 i sqrt(x) exp(i x) times the integral of exp(-i t^2) from sqrt(x) on; x >= 0.
 std::complex<double> diffractionTransition(double x);

@@ -1,0 +1,35 @@
+// Diffraction of second order: sound that two edges in a row bend, behind what is thick, and behind two screens.
+//
+// It counts where direct sound does not come. Behind both edges it is an arrival of its own. Where one of them alone
+// hides the source (or the listener), it goes on into what that one bends: at the boundary of the other edge's shadow
+// all of it counts, so that half of the pressure is left on both sides; towards direct sound it fades. So all is
+// continuous but where both boundaries meet. Of all pairs the shortest count, see EdgePairCount. Source: see wedge.h.
+// Threading: pure functions over const geometry.
+#pragma once
+
+#include <vector>
+
+#include "edge_paths.h"
+
+#include <rtsg/audio/acoustic_tracer.h>
+
+namespace rtsg {
+
+/// What an edge by itself brings where direct sound does not come.
+struct BentArrival {
+    WallEdge edge;
+    RoundEdge round;
+    std::size_t arrival = 0;  // its number
+};
+
+/// Edges by which sound may go, with the way by each alone, or its bound.
+struct EdgeCandidate {
+    WallEdge edge;
+    double way = 0;
+};
+
+EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                           const TraceOptions& options, double seconds, std::vector<EdgeCandidate> edges,
+                           const std::vector<BentArrival>& bent, std::vector<Arrival>& arrivals);
+
+}  // namespace rtsg

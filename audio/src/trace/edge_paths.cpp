@@ -1,0 +1,111 @@
+// Finds the place on an edge by which a way is shortest, and looks about it.
+#include "edge_paths.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace rtsg {
+namespace {
+
+/// The angle of a place about an edge, from its first face on, 0 to 2 pi.
+double angleAbout(const WallEdge& edge, const glm::dvec3& across) {
+    const double angle = std::atan2(glm::dot(glm::cross(edge.faceA, across), edge.axis), glm::dot(edge.faceA, across));
+    return angle < 0 ? angle + 2 * std::numbers::pi : angle;
+}
+
+}  // namespace
+
+bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, RoundEdge& round) {
+    WedgePath& path = round.path;
+    const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
+    const double zs = glm::dot(toSource, edge.axis), zr = glm::dot(toListener, edge.axis);
+    const glm::dvec3 acrossS = toSource - edge.axis * zs, acrossR = toListener - edge.axis * zr;
+    path.sourceRadius = glm::length(acrossS);
+    path.receiverRadius = glm::length(acrossR);
+    if (!(path.sourceRadius > 0) || !(path.receiverRadius > 0)) return false;
+    const double z = zs + (zr - zs) * path.sourceRadius / (path.sourceRadius + path.receiverRadius);
+    if (!(z >= 0 && z <= edge.length)) return false;
+    path.along = zr - zs;
+    round.by = edge.from + edge.axis * z;
+    const bool rim = glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9;
+    const double between = rim ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
+    double s = angleAbout(edge, acrossS), r = angleAbout(edge, acrossR);
+    path.opening = between;
+    if (s > between && r > between) {
+        // The air on the other side of the first face.
+        path.opening = 2 * std::numbers::pi - between;
+        round.turn = -1;
+        s = 2 * std::numbers::pi - s;
+        r = 2 * std::numbers::pi - r;
+    } else if (s > between || r > between) {
+        return false;
+    }
+    path.sourceAngle = s;
+    path.receiverAngle = r;
+    return path.opening > std::numbers::pi + 0.05;
+}
+
+double EdgeTurn::shadow() const {
+    return std::abs(out - in) - std::numbers::pi;
+}
+
+glm::dvec3 EdgeTurn::offFace(const WallEdge& edge, bool along) const {
+    const glm::dvec3 beside = glm::cross(edge.axis, edge.faceA) * turn;
+    const bool first = (along ? out : in) == 0;
+    return first ? beside : std::sin(opening) * edge.faceA - std::cos(opening) * beside;
+}
+
+bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result) {
+    constexpr double kOnFace = 1e-5;  // radians
+    const bool rim = glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9;
+    const double between = rim ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
+    const auto about = [&](const glm::dvec3& way, bool& face) {
+        const double angle = angleAbout(edge, way - edge.axis * glm::dot(way, edge.axis));
+        const bool first = angle < kOnFace || angle > 2 * std::numbers::pi - kOnFace;
+        face = first || std::abs(angle - between) < kOnFace;
+        return first ? 0 : face ? between : angle;
+    };
+    double in = about(back, result.inOnFace), out = about(on, result.outOnFace);
+    // Of a rim it is not told on which side of the surface the way lies; and along a face nothing bends.
+    if ((result.inOnFace || result.outOnFace) && (rim || (result.inOnFace && result.outOnFace))) return false;
+    const bool other = !result.inOnFace ? in > between : out > between;
+    result.turn = other ? -1 : 1;
+    result.opening = other ? 2 * std::numbers::pi - between : between;
+    if (other) {
+        // The first face stays at 0.
+        in = in == 0 ? 0 : 2 * std::numbers::pi - in;
+        out = out == 0 ? 0 : 2 * std::numbers::pi - out;
+    }
+    result.in = in;
+    result.out = out;
+    return in <= result.opening && out <= result.opening && result.opening > std::numbers::pi + 0.05;
+}
+
+bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& edge) {
+    const glm::dvec3 way = edge - from;
+    const double distance = glm::length(way), rounding = 1e-5 * (1 + distance);
+    AcousticHit hit;
+    return !(distance > rounding) || !geometry.closest(from, way / distance, distance - rounding, kNoPlane, hit);
+}
+
+bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by, double opening, double turn) {
+    constexpr int kSteps = 8;
+    constexpr double kOff = 0.05;  // radians from the faces
+    const glm::dvec3 size = glm::abs(by);
+    const double radius = std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));
+    const glm::dvec3 beside = glm::cross(edge.axis, edge.faceA) * turn;
+    const auto at = [&](int i) {
+        const double angle = kOff + (opening - 2 * kOff) * i / kSteps;
+        return by + radius * (std::cos(angle) * edge.faceA + std::sin(angle) * beside);
+    };
+    for (int i = 0; i < kSteps; ++i) {
+        const glm::dvec3 from = at(i), way = at(i + 1) - from;
+        const double length = glm::length(way);
+        AcousticHit hit;
+        if (geometry.closest(from, way / length, length, kNoPlane, hit)) return false;
+    }
+    return true;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,44 @@
+// Ways of sound round edges: where they are shortest, by which angles they bend, and whether there is air for them.
+//
+// Threading: pure functions over const geometry.
+#pragma once
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/wedge.h>
+
+namespace rtsg {
+
+/// A path round an edge, the place on it, and which way angles count from its first face on.
+struct RoundEdge {
+    WedgePath path;
+    glm::dvec3 by{0};
+    double turn = 1;
+};
+
+/// Where sound goes round an edge from source to listener, if it does.
+bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, RoundEdge& round);
+
+/// How a way bends at an edge; angles count from its first face on, in the air.
+struct EdgeTurn {
+    double opening = 0, in = 0, out = 0;
+    double turn = 1;
+    bool inOnFace = false, outOnFace = false;
+
+    /// Radians by which it bends into the shadow; negative in the light.
+    double shadow() const;
+    /// Unit, from a face that the way goes out along, or comes in along, into the air.
+    glm::dvec3 offFace(const WallEdge& edge, bool out) const;
+};
+/// For ways from the edge back to where sound comes from, and on to where it goes to; either may lie on a face, unless
+/// the edge is a rim. False where there is no air for it, or nothing to bend about.
+bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result);
+
+/// Whether nothing lies between a place and one on an edge, but what meets there.
+bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& edge);
+
+/// Whether there is air all round the edge: it may be the seam of two walls.
+bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by, double opening, double turn);
+
+}  // namespace rtsg

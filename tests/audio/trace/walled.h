@@ -1,0 +1,71 @@
+// Walls of one mesh, and what comes round their edges.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/wedge.h>
+#include <rtsg/audio/world_geometry.h>
+
+namespace rtsg::test {
+
+/// Walls of one mesh, in the world at once.
+struct Walled {
+    Walled(const std::vector<glm::dvec3>& corners, const std::vector<std::uint32_t>& triangles, double absorption = 0,
+           const WorldFromLocal& m = WorldFromLocal(1.0))
+        : walls(world, {allBands(absorption), allBands(0), allBands(0)}) {
+        auto mesh = std::make_shared<Mesh>();
+        for (const glm::dvec3& p : corners) mesh->positions.push_back(Vec3f(p));
+        const std::vector<int> numbers(triangles.begin(), triangles.end());
+        mesh->triangles = Array<int>(std::span<const int>(numbers));
+        mesh->triangleCount = static_cast<std::uint32_t>(triangles.size() / 3);
+        for (const Vec3f& p : mesh->positions) mesh->bounds.extend(p);
+        InstanceDelta delta;
+        delta.geometries.push_back({NodeId{1}, mesh});
+        Instance instance;
+        instance.id = {0, 0};
+        instance.shape = NodeId{2};
+        instance.geometry = NodeId{1};
+        instance.worldFromLocal = m;
+        delta.added.push_back(instance);
+        world.apply(delta);
+        walls.apply(delta);
+        geometry.follow(walls.freeze(), world);
+    }
+
+    /// Arrivals without rays; `diffraction`: its order.
+    std::vector<Arrival> arrivals(const glm::dvec3& source, const glm::dvec3& listener, int diffraction = 2) const {
+        TraceOptions options;
+        options.rays = 2;
+        options.imageOrder = 1;
+        options.maxSeconds = .5;
+        options.air.absorbs = false;
+        options.diffractionOrder = diffraction;
+        return AcousticTracer(geometry).trace(source, listener, options).arrivals;
+    }
+    int edges() const {
+        int count = 0;
+        geometry.visitEdges([&](const WallEdge&) { ++count; });
+        return count;
+    }
+
+    RayWorld world;
+    Walls walls;
+    WorldGeometry geometry;
+};
+
+inline glm::dvec3 about(double radius, double degrees, double z) {
+    return {radius * std::cos(degrees * M_PI / 180), radius * std::sin(degrees * M_PI / 180), z};
+}
+inline Bands total(const std::vector<Arrival>& arrivals) {
+    Bands sum{};
+    for (const Arrival& arrival : arrivals)
+        for (std::size_t b = 0; b < kBandCount; ++b) sum[b] += arrival.energy[b];
+    return sum;
+}
+
+}  // namespace rtsg::test
