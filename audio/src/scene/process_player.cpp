@@ -138,17 +138,20 @@ void ProcessPlayer::listenTo(const AudioProcess& process, const AudioChannels& o
     analyser_->write(mono);
 }
 
-void ProcessPlayer::analyse(std::vector<AudioSpectrum>& found) {
-    const auto known = [&](const AudioSpectrum& spectrum) { return spectrum.node == node_; };
+void ProcessPlayer::analyse(AudioFindings& found) {
     // A node that several sounds USE is heard in the first.
-    if (analyser_ && std::none_of(found.begin(), found.end(), known))
-        found.push_back({node_, analyser_->decibels(smoothing_)});
+    const auto fresh = [&](const auto& known) {
+        return std::ranges::none_of(known, [&](const auto& one) { return one.node == node_; });
+    };
+    if (analyser_ && fresh(found.spectra)) found.spectra.push_back({node_, analyser_->decibels(smoothing_)});
+    if (kind_ == AudioProcess::Kind::compressor && fresh(found.reductions))
+        found.reductions.push_back({node_, compressor_.reductionDb()});
     inputs_.analyse(found);
     for (const auto& input : merged_)
         if (input) input->analyse(found);
 }
 
-void AudioMix::analyse(std::vector<AudioSpectrum>& found) {
+void AudioMix::analyse(AudioFindings& found) {
     for (const auto& process : processes_)
         if (process) process->analyse(found);
 }

@@ -24,8 +24,8 @@ class AudioMix {
     void render(const std::vector<SoundVoice>& voices,
                 const std::vector<std::shared_ptr<const AudioProcess>>& processes, ClipLibrary& clips,
                 std::int64_t first, std::size_t frames, AudioChannels& out);
-    /// Adds what each Analyser finds now; its smoothing goes from call to call.
-    void analyse(std::vector<AudioSpectrum>& found);
+    /// Adds what each Analyser and DynamicsCompressor finds now; its smoothing goes from call to call.
+    void analyse(AudioFindings& found);
 
   private:
     std::map<std::uint32_t, VoicePlayer> players_;  // by voice node
@@ -38,7 +38,7 @@ class ProcessPlayer {
     bool is(const AudioProcess& process) const { return node_ == process.node && kind_ == process.kind; }
     void render(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
                 AudioChannels& out);
-    void analyse(std::vector<AudioSpectrum>& found);
+    void analyse(AudioFindings& found);
 
   private:
     void listenTo(const AudioProcess& process, const AudioChannels& out);

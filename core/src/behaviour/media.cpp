@@ -1,6 +1,7 @@
 // The clocks of sounds and films: ISO/IEC 19775-1 V4.0, 8.2.4 (time-dependent nodes), 16.4 (sound sources), 18.4.2
 // (MovieTexture). How long a file plays is found out between frames by whoever loads (InlineLoader) and stands in
-// _duration; so replays and replicas need no files. What plays for ever is active until its stopTime.
+// _duration; so replays and replicas need no files. What plays for ever is active until its stopTime. What a
+// DynamicsCompressor takes away (16.4.8) is found by whoever makes the sound, in the same way.
 #include <cmath>
 
 #include <rtsg/core/x3d.h>
@@ -106,6 +107,13 @@ double onTime(Cascade& cascade, const Node& node) {
     return stopping ? stop<N>(cascade, node) : now;
 }
 
+double tellReduction(Cascade& cascade, const Node& node) {
+    using D = x3d::DynamicsCompressor;
+    const float metered = node.get(D::_metered), reduction = metered < 0 ? metered : 0.0f;
+    if (reduction != node.get(D::reduction)) cascade.emit(node, D::reduction, reduction);
+    return kNever;
+}
+
 template <class N>
 Behaviour clockOf() {
     return {.accepts = accepts<N>, .onTime = onTime<N>};
@@ -116,6 +124,7 @@ Behaviour clockOf() {
 void appendMedia(std::vector<BuiltinBehaviour>& table) {
     table.push_back({x3d::AudioClip::type, clockOf<x3d::AudioClip>()});
     table.push_back({x3d::BufferAudioSource::type, clockOf<x3d::BufferAudioSource>()});
+    table.push_back({x3d::DynamicsCompressor::type, {.onTime = tellReduction}});
     table.push_back({x3d::ListenerPointSource::type, clockOf<x3d::ListenerPointSource>()});
     table.push_back({x3d::MicrophoneSource::type, clockOf<x3d::MicrophoneSource>()});
     table.push_back({x3d::MovieTexture::type, clockOf<x3d::MovieTexture>()});

@@ -238,6 +238,46 @@ TEST(AudioGraph, WhatAnAnalyserFindsComesAsEvents) {
     EXPECT_EQ(valueOf("N").size(), 1u);
 }
 
+/// By the Web Audio API, without a knee: what is above the threshold is divided by the ratio; the gain falls by 10 dB
+/// in `attack` and rises by 10 dB in `release`; without a signal the reduction is 0. What makes up for it is no part.
+TEST(AudioGraph, WhatACompressorTakesAwayComesAsEvents) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(
+        scene,
+        "#X3D V4.0 utf8\nPROFILE Full\nDEF C DynamicsCompressor { threshold -24 knee 0 ratio 4 attack .1 release .2 "
+        "children BufferAudioSource { loop TRUE stopTime 1 buffer [ .5 -.5 ] } }\n"
+        "AudioDestination { children [ USE C Gain { gain .5 children USE C } ] }\nDEF T Gain { gain 7 }\n"
+        "Viewpoint { position 0 0 0 }\nROUTE C.reduction TO T.gain\n",
+        diagnostics));
+    ListenOptions options;
+    options.metrics = false;
+    SharedWorld world(scene);
+    SoundRenderer sound(world, options);
+    const auto reductionAt = [&](double t) {
+        scene.newFrame(t);
+        EXPECT_TRUE(sound.renderFrame());
+        sound.sendEvents();
+        scene.newFrame(t);
+        const auto told = static_cast<double>(scene.node(scene.findName("C")).get(x3d::DynamicsCompressor::reduction));
+        EXPECT_EQ(static_cast<double>(scene.node(scene.findName("T")).get(x3d::Gain::gain)), told);
+        return told;
+    };
+    // Sound is made in blocks of 256 samples: what is found is that of up to one later.
+    const double block = 10 * 256 / 4800.0;
+    EXPECT_EQ(scene.node(scene.findName("C")).get(x3d::DynamicsCompressor::reduction), 0);
+    EXPECT_NEAR(reductionAt(.05), -5, block);
+    EXPECT_NEAR(reductionAt(.1), -10, block);
+    const double all = -.75 * (24 + 20 * std::log10(.5));
+    EXPECT_NEAR(reductionAt(.5), all, 1e-5);
+    EXPECT_NEAR(reductionAt(1), all, block / 2);
+    EXPECT_NEAR(reductionAt(1.1), all + 5, block / 2);
+    EXPECT_EQ(reductionAt(1.5), 0);
+    // Told once: a scene whose compressors rest has nothing to send.
+    sound.sendEvents();
+    EXPECT_TRUE(scene.newFrame(1.5)->changes.empty());
+}
+
 TEST(AudioGraph, AnAnalyserLetsSoundPassAndSaysWhatSizeItTakes) {
     EXPECT_NEAR(lineOf(hear("Analyser { gain .5 children " + kGraphTone + " }")[0], 1000), .5, 1e-5);
     Scene scene;

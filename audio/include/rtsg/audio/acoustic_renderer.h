@@ -37,7 +37,7 @@ class AcousticRenderer final : public InstanceSubscriber {
     /// As the options and the scene say.
     Air air();
     const HeardResponses& heard() const { return engine_->heard(); }
-    std::vector<AudioSpectrum> analyse() { return engine_->analyse(); }
+    AudioFindings analyse() { return engine_->analyse(); }
     /// Responses traced so far.
     std::uint64_t traces() const { return heard().responses; }
     Diagnostics diagnostics() const;

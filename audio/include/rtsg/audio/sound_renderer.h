@@ -56,7 +56,7 @@ class SoundRenderer final : public WorldRenderer {
     /// frequencyBinCount, where it is not half of fftSize, and the `value` of MetadataFloat nodes in its `metadata` (or
     /// in a MetadataSet there) that are named frequencyData: decibels of each bin, byteFrequencyData: 0 to 255 from
     /// minDecibels to maxDecibels. X3D's Analyser has no fields for these; they are those of its model, the Web Audio
-    /// API.
+    /// API. And `reduction` of each DynamicsCompressor: decibels, at most 0, without what makes up for them.
     void sendEvents();
 
     /// Traces every source at the present state and adds it to the report.
