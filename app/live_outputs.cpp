@@ -44,6 +44,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
     if (!arguments_.listen.empty()) {
         ListenOptions options = arguments_.sound.parse();
         options.render.resources = resources;
+        options.render.given = arguments_.sound.given.open(true, arguments_.seconds, options.render.sampleRate);
         if (arguments_.onDevice()) {
             auto device = LiveSound::start(world_, {.render = options.render, .device = arguments_.device});
             if (!device) return std::unexpected(device.error());
@@ -139,8 +140,10 @@ Result<> LiveOutputs::frame() {
         fail(ok);
         abandoned_ = true;
     }
-    if (device_)
+    if (device_) {
+        device_->sendEvents();
         if (const std::string why = device_->report().failure; !why.empty()) fail(rtsg::fail(why));
+    }
     if (!failed_) return {};
     const std::lock_guard lock(mutex_);
     return problem_;

@@ -97,8 +97,7 @@ void SoundArguments::addTo(Command& command) {
     b->excludes(s)->excludes(a);
     s->excludes(a);
     command.addOption("--sofa", sofa, "of --binaural: the head, as a SOFA file; else OpenAL's");
-    command.addOption("--microphone", microphones,
-                      "FILE, or ID=FILE: the sound that MicrophoneSources hear, those with that mediaDeviceID");
+    given.addTo(command);
     command.addOption("--rays", rays, "rays a source; else what is usual for the purpose")
         ->range(std::uint64_t{1}, std::uint64_t{1} << 40);
     command.addOption("--temperature", air.celsius, "of the air, degrees Celsius; else the scene's, else 20")
@@ -123,13 +122,6 @@ ListenOptions SoundArguments::parse() const {
         auto head = Hrtf::load(sofa, options.render.sampleRate);
         if (!head) throw UsageError(head.error().text);
         options.render.hrtf = std::move(*head);
-    }
-    for (const std::string& given : microphones) {
-        const std::size_t split = given.find('=');
-        const std::string id = split == std::string::npos ? "" : given.substr(0, split);
-        auto sound = readSound(split == std::string::npos ? given : given.substr(split + 1));
-        if (!sound) throw UsageError("--microphone", given + ": " + sound.error().text);
-        options.render.microphones[id] = std::make_shared<const SoundBuffer>(std::move(*sound));
     }
     options.render.air = air;
     if (noAir) options.render.air.absorbs = false;
@@ -171,6 +163,7 @@ bool OutputArguments::animated() const {
 Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vector<OutputName> more) const {
     picture.parse();
     sound.parse();
+    sound.given.check(inputs);
     if (!device.empty() && !onDevice()) throw UsageError("--device", "is of --listen device");
     std::ranges::move(names(), std::back_inserter(more));
     return checkFiles(inputs, more, force);
@@ -321,6 +314,7 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     if (!arguments.listen.empty()) {
         ListenOptions options = arguments.sound.parse();
         options.render.resources = resources;
+        options.render.given = arguments.sound.given.open(false, arguments.seconds, options.render.sampleRate);
         outputs->sound_ = std::make_unique<SoundRenderer>(world.get(), options);
         if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
     }

@@ -25,6 +25,7 @@
 
 #include "cli.h"
 #include "files.h"
+#include "given_sounds.h"
 
 namespace rtsg::app {
 
@@ -51,9 +52,10 @@ struct SoundArguments {
     AirChoice air;
     bool noAir = false;
     std::string sofa;
-    std::vector<std::string> microphones;
+    GivenSoundArguments given;
 
     void addTo(Command& command);
+    /// Without what is given: GivenSoundArguments::open().
     ListenOptions parse() const;
 };
 

@@ -33,6 +33,7 @@ struct ListenArguments {
 int listenLive(const ListenArguments& options) {
     if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics)
         throw UsageError("--live plays and reports; files and figures are made without it");
+    options.sound.given.check({options.scene});
     StartTime start = options.start;
     start.kind = StartTime::Kind::live;
     RunningScene running(options.scene, options.resources, start);
@@ -40,6 +41,7 @@ int listenLive(const ListenArguments& options) {
     LiveOptions live;
     live.render = options.sound.parse().render;
     live.render.resources = running.resources();
+    live.render.given = options.sound.given.open(true, parseSeconds(options.duration), live.render.sampleRate);
     live.device = options.device;
     SharedWorld& world = running.world().get();
     auto sound = LiveSound::start(world, live);
@@ -47,8 +49,10 @@ int listenLive(const ListenArguments& options) {
     Pace pace;
     pace.seconds = parseSeconds(options.duration);
     pace.realtime = true;
-    running.run(pace, "listening to " + options.scene,
-                [&](std::uint64_t, const ChangeSet&) { return !interrupted() && (*sound)->report().failure.empty(); });
+    running.run(pace, "listening to " + options.scene, [&](std::uint64_t, const ChangeSet&) {
+        (*sound)->sendEvents();
+        return !interrupted() && (*sound)->report().failure.empty();
+    });
     const LiveReport report = (*sound)->stop();
     running.printDiagnostics();
     print(report.diagnostics);
@@ -96,6 +100,7 @@ int listenTo(const ListenArguments& options) {
     listening.seconds = parseSeconds(options.duration);
     if (options.out.empty() && options.ir.empty() && options.report.empty() && !options.metrics && !options.json)
         throw UsageError("-o, --ir, --report or --metrics is required");
+    options.sound.given.check({options.scene});
     if (!options.places.empty() && options.report.empty()) throw UsageError("--place is of --report");
     for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
     const std::string form = std::filesystem::path(options.report).extension().string();
@@ -109,6 +114,7 @@ int listenTo(const ListenArguments& options) {
     if (!running.load()) return kBad;
     keepResources(running.scene(), running.resources(), outputs);
     listening.render.resources = running.resources();
+    listening.render.given = options.sound.given.open(false, listening.seconds, listening.render.sampleRate);
     listening.runTo = [&](double t) { running.frameAt(t); };
     listening.sound = !options.out.empty();
     listening.metrics = options.metrics || options.json || !options.ir.empty();

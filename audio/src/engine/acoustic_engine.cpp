@@ -61,7 +61,9 @@ namespace {
 void readClips(const std::vector<SoundVoice>& voices, const std::vector<std::shared_ptr<const AudioProcess>>& processes,
                ClipLibrary& clips) {
     for (const SoundVoice& voice : voices)
-        if (voice.kind == SoundVoice::Kind::clip) clips.get(voice);
+        if (voice.kind != SoundVoice::Kind::oscillator && voice.kind != SoundVoice::Kind::buffer &&
+            !clips.inputOf(voice))
+            clips.get(voice);
     for (const auto& process : processes) readClips(process->voices, process->inputs, clips);
 }
 
@@ -74,8 +76,8 @@ void AcousticEngine::prepare(const AcousticState& state) {
 int AcousticEngine::channels() const {
     return static_cast<int>(impl_->channels);
 }
-std::vector<AudioSpectrum> AcousticEngine::analyse() {
-    std::vector<AudioSpectrum> found;
+AudioFindings AcousticEngine::analyse() {
+    AudioFindings found;
     for (auto& [id, state] : impl_->states)
         if (!state.gone) state.mix.analyse(found);
     return found;

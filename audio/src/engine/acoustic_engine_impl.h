@@ -30,7 +30,7 @@ struct AcousticEngine::Impl {
           air(o.air.over(o.trace.air)),
           longest(o.trace.maxSeconds * air.speedOfSound),
           mixer(std::move(m)),
-          clips(o.sampleRate, o.resources, o.microphones),
+          clips(o.sampleRate, o.resources, o.given),
           listenerMotion(o.blockSize),
           renderedUntil(o.startTime),
           posedAt(o.startTime),

@@ -3,14 +3,19 @@
 #include <chrono>
 #include <cmath>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
+#include <variant>
+
+#include <fmt/format.h>
 
 #include <rtsg/audio/acoustic_tables.h>
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/audio/sound_device.h>
 #include <rtsg/core/scene.h>
 
+#include "audio_events.h"
 #include "signal/thread_priority.h"
 
 namespace rtsg {
@@ -61,7 +66,10 @@ struct LiveSound::Impl {
                 ThreadPriority::set(ThreadPriority::Kind::usual);
                 hurried = false;
             }
+            const bool look = wanted.exchange(false);
+            AudioFindings seen = look ? engine->analyse() : AudioFindings();
             const std::lock_guard lock(mutex);
+            if (look) found = std::move(seen);
             told.blocks = blocks;
             told.seconds = static_cast<double>(blocks) * blockSeconds;
             told.underruns = device.underruns();
@@ -108,8 +116,10 @@ struct LiveSound::Impl {
     std::optional<double> ahead;  // of the scene's places, s
     std::uint64_t blocks = 0;
     std::atomic<bool> stop = false;
+    std::atomic<bool> wanted = true;  // what nodes find
     mutable std::mutex mutex;
     LiveReport told;
+    std::optional<AudioFindings> found;
     std::thread thread;
 };
 
@@ -140,14 +150,48 @@ Result<std::unique_ptr<LiveSound>> LiveSound::start(SharedWorld& world, const Li
     return std::unique_ptr<LiveSound>(new LiveSound(std::move(impl)));
 }
 
+void LiveSound::sendEvents() {
+    std::optional<AudioFindings> found;
+    {
+        const std::lock_guard lock(impl_->mutex);
+        found.swap(impl_->found);
+    }
+    if (!found) return;
+    impl_->wanted = true;
+    sendAudioEvents(impl_->world.scene(), *found);
+}
+
 LiveReport LiveSound::report() const {
     const std::lock_guard lock(impl_->mutex);
     return impl_->told;
 }
 
+namespace {
+
+/// What came too late, too fast or not at all.
+void tellOf(const ClipLibrary::GivenSounds& sounds, std::string_view what, Diagnostics& diagnostics) {
+    for (const auto& [id, given] : sounds) {
+        const auto* input = std::get_if<std::shared_ptr<SoundInput>>(&given);
+        if (!input) continue;
+        const SoundInput& heard = **input;
+        const std::string name = fmt::format("{} '{}'", what, id);
+        if (const std::string why = heard.problem(); !why.empty())
+            diagnostics.warning({}, fmt::format("{} ended: {}", name, why));
+        if (heard.gaps() > 0)
+            diagnostics.warning({}, fmt::format("{} was too late {} times: gaps were heard", name, heard.gaps()));
+        if (heard.dropped() > 0)
+            diagnostics.warning({},
+                                fmt::format("{} was ahead: {} samples of it were not heard", name, heard.dropped()));
+    }
+}
+
+}  // namespace
+
 LiveReport LiveSound::stop() {
     impl_->end();
     LiveReport report = impl_->told;
+    tellOf(impl_->options.render.given.microphones, "microphone", report.diagnostics);
+    tellOf(impl_->options.render.given.streams, "stream", report.diagnostics);
     report.diagnostics.append(impl_->tables.scene().diagnostics());
     report.diagnostics.append(impl_->engine->diagnostics());
     return report;

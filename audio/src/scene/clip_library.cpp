@@ -79,26 +79,41 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::read(const SoundVoice& voice) {
     return nullptr;
 }
 
+const ClipLibrary::Given* ClipLibrary::given(const SoundVoice& voice) const {
+    const bool microphone = voice.kind == SoundVoice::Kind::microphone;
+    if (!microphone && voice.kind != SoundVoice::Kind::stream) return nullptr;
+    const GivenSounds& sounds = microphone ? given_.microphones : given_.streams;
+    for (const std::string& name : voice.urls)
+        if (const auto found = sounds.find(name); found != sounds.end()) return &found->second;
+    const auto any = sounds.find("");
+    return any == sounds.end() ? nullptr : &any->second;
+}
+
+std::shared_ptr<SoundInput> ClipLibrary::inputOf(const SoundVoice& voice) const {
+    const Given* one = given(voice);
+    const auto* input = one ? std::get_if<std::shared_ptr<SoundInput>>(one) : nullptr;
+    return input ? *input : nullptr;
+}
+
 /// Silence where nobody has said what it hears: a scene opens no microphone by itself.
-std::shared_ptr<const SoundBuffer> ClipLibrary::heardBy(const SoundVoice& microphone) {
-    const std::string& name = microphone.urls.front();
-    const auto [at, fresh] = heard_.try_emplace(name);
+std::shared_ptr<const SoundBuffer> ClipLibrary::heardBy(const SoundVoice& voice) {
+    const auto [at, fresh] = heard_.try_emplace({voice.kind, voice.urls});
     if (!fresh) return at->second;
-    auto given = microphones_.find(name);
-    if (given == microphones_.end()) given = microphones_.find("");
-    std::string why = fmt::format("nobody has said what microphone '{}' hears", name);
-    if (given != microphones_.end() && given->second) {
-        auto sound = converted(*given->second, resources_.policy().maximumSamples);
+    const Given* one = given(voice);
+    const auto* buffer = one ? std::get_if<std::shared_ptr<const SoundBuffer>>(one) : nullptr;
+    std::string why = fmt::format("nobody has said what microphone '{}' hears", voice.urls.front());
+    if (buffer && *buffer) {
+        auto sound = converted(**buffer, resources_.policy().maximumSamples);
         if (sound && !sound->samples.empty())
             return at->second = std::make_shared<const SoundBuffer>(std::move(*sound));
         why = sound ? "it is empty" : sound.error().text;
     }
-    diagnostics_.warning({}, fmt::format("{} is silent: {}", microphone.name, why));
+    diagnostics_.warning({}, fmt::format("{} is silent: {}", voice.name, why));
     return at->second = std::make_shared<const SoundBuffer>(SoundBuffer{sampleRate_, 1, {0}});
 }
 
 std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
-    if (voice.kind == SoundVoice::Kind::microphone) return heardBy(voice);
+    if (voice.kind == SoundVoice::Kind::microphone || given(voice)) return heardBy(voice);
     if (voice.kind == SoundVoice::Kind::buffer) {
         SoundBuffer sound{std::clamp(static_cast<int>(voice.bufferRate), 1000, 1'000'000), voice.bufferChannels, {}};
         for (const float sample : voice.buffer) sound.samples.push_back(std::isfinite(sample) ? sample : 0);
@@ -121,8 +136,10 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
 
 void VoicePlayer::load(const SoundVoice& voice, ClipLibrary& clips) {
     if (voice.kind == SoundVoice::Kind::oscillator) return;
-    if (clip_ && urls_ == voice.urls && folders_ == voice.folders && buffer_ == voice.buffer.data()) return;
-    clip_ = clips.get(voice);
+    if ((clip_ || input_) && urls_ == voice.urls && folders_ == voice.folders && buffer_ == voice.buffer.data()) return;
+    given_ = clips.isGiven(voice);
+    input_ = clips.inputOf(voice);
+    clip_ = input_ ? nullptr : clips.get(voice);
     urls_ = voice.urls;
     folders_ = voice.folders;
     buffer_ = voice.buffer.data();
@@ -131,7 +148,27 @@ void VoicePlayer::load(const SoundVoice& voice, ClipLibrary& clips) {
 std::size_t VoicePlayer::channels(const SoundVoice& voice, ClipLibrary& clips) {
     if (voice.kind == SoundVoice::Kind::oscillator) return 1;
     load(voice, clips);
-    return static_cast<std::size_t>(clip_->channels);
+    return input_ ? input_->channels() : static_cast<std::size_t>(clip_->channels);
+}
+
+/// What comes is heard when it comes: from the start on, and not while it is paused.
+void VoicePlayer::playInput(const SoundVoice& voice, double rate, std::int64_t first,
+                            std::span<std::vector<float>> out) const {
+    const std::size_t frames = out[0].size();
+    const auto active = [&](std::size_t i) {
+        return voice.active((static_cast<double>(first) + static_cast<double>(i) + 0.5) / rate);
+    };
+    std::size_t from = 0;
+    while (from < frames && !active(from)) ++from;
+    if (from == frames) return;
+    const std::span<const float> in = input_->block(first, frames, from);
+    const std::size_t channels = in.size() / frames;
+    const auto gain = static_cast<float>(voice.gain);
+    for (std::size_t i = from; i < frames; ++i) {
+        if (!active(i)) continue;
+        for (std::size_t c = 0; c < out.size(); ++c)
+            if (channels == 1 || c < channels) out[c][i] += gain * in[i * channels + (channels == 1 ? 0 : c)];
+    }
 }
 
 /// Of the clip, where it has got to; between samples by the sinc.
@@ -157,6 +194,7 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
     const double rate = clips.sampleRate();
     const bool oscillator = voice.kind == SoundVoice::Kind::oscillator;
     load(voice, clips);
+    if (input_ && !oscillator) return playInput(voice, rate, first, out);
     const double length = oscillator ? 0 : static_cast<double>(clip_->frames());
     // Where a loop begins and ends.
     const bool region = voice.loopEnd > voice.loopStart && voice.loopStart >= 0 && voice.loopStart * rate < length;
@@ -180,8 +218,8 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
             finished_ = false;
             start_ = voice.startTime;
             // Started in the past: it is in the middle by now.
-            phase_ =
-                std::max(0.0, std::round(static_cast<double>(first) + static_cast<double>(i) - start_ * rate)) * step;
+            const double since = std::round(static_cast<double>(first) + static_cast<double>(i) - start_ * rate);
+            phase_ = given_ ? 0 : std::max(0.0, since) * step;
         }
         if (!playing_) continue;
         if (!std::isfinite(phase_)) phase_ = 0;

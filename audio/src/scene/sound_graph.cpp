@@ -108,7 +108,8 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         voice.wave = waveOf(scene, node);
         readTimes<O>(node, voice);
     } else if (node.is(x3d::StreamAudioSource::type) && !node.get(x3d::StreamAudioSource::streamIdentifier).empty()) {
-        // What a stream is called names a file here.
+        // What a stream is called names a file here, unless the user has said what it is.
+        voice.kind = SoundVoice::Kind::stream;
         for (const String& name : node.get(x3d::StreamAudioSource::streamIdentifier)) voice.urls.push_back(name.str());
         voice.folders = resources_.foldersOf(scene, node, x3d::StreamAudioSource::streamIdentifier.index);
         readTimes<x3d::StreamAudioSource>(node, voice);

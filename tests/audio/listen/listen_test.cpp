@@ -156,14 +156,14 @@ TEST_F(Listen, AStreamSourceWithTheNameOfAFilePlaysIt) {
 }
 
 TEST_F(Listen, MicrophonesHearWhatTheUserSaysAndNothingElse) {
-    const auto hear = [&](const ClipLibrary::Microphones& microphones, Diagnostics& said) {
+    const auto hear = [&](const ClipLibrary::GivenSounds& microphones, Diagnostics& said) {
         Scene scene;
         load(scene,
              "AudioDestination { children [ MicrophoneSource { startTime .05 mediaDeviceID \"left\" } MicrophoneSource "
              "{ "
              "gain .5 startTime .05 mediaDeviceID \"impulse.wav\" } ] }\nViewpoint { }\n");
         ListenOptions o = options();
-        o.render.microphones = microphones;
+        o.render.given.microphones = microphones;
         SharedWorld world(scene);
         SoundRenderer sound(world, o);
         scene.newFrame(.1);

@@ -89,6 +89,45 @@ TEST(LiveSound, PlaysWhileTheSceneRunsAndTracesBeside) {
     EXPECT_FALSE(LiveSound::start(world, missing));
 }
 
+TEST(LiveSound, WhatNodesFindComesBackWhileItPlays) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\nDEF Out AudioDestination { children DEF C DynamicsCompressor { "
+                         "threshold -24 knee 0 ratio 4 attack .01 release .01 children DEF A Analyser { fftSize 64 "
+                         "children BufferAudioSource { loop TRUE buffer [ .5 -.5 ] } } } }\nViewpoint { }\n",
+                         diagnostics));
+    SharedWorld world(scene);
+    LiveOptions options;
+    options.render = fewLive();
+    auto live = LiveSound::start(world, options);
+    ASSERT_TRUE(live) << live.error().text;
+    const auto start = std::chrono::steady_clock::now();
+    const auto until = [&](const auto& done) {
+        double t = scene.now();
+        const double end = t + 60;
+        while (!done() && t < end) {
+            t = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+            (*live)->sendEvents();
+            scene.newFrame(t);
+            std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        }
+        return done();
+    };
+    const auto reduction = [&] {
+        return static_cast<double>(scene.node(scene.findName("C")).get(x3d::DynamicsCompressor::reduction));
+    };
+    const double all = -.75 * (24 + 20 * std::log10(.5));
+    EXPECT_TRUE(until([&] { return std::abs(reduction() - all) < 1e-5; })) << reduction();
+    EXPECT_TRUE(until([&] { return scene.node(scene.findName("A")).get(x3d::Analyser::frequencyBinCount) == 32; }));
+    // A device that is fed no more tells nothing any more; the scene goes on.
+    EXPECT_EQ((*live)->stop().failure, "");
+    (*live)->sendEvents();
+    (*live)->sendEvents();
+    scene.newFrame(scene.now() + 1);
+    EXPECT_NEAR(reduction(), all, 1e-5);
+}
+
 /// Rays that can be frozen.
 struct LiveRays final : InstanceSubscriber {
     RayWorld world;

@@ -63,8 +63,8 @@ struct AcousticOptions {
     double startTime = 0;
     /// What urls of clips may open, and where relative ones start.
     Resources resources;
-    /// A scene opens no microphone: who runs it says what each hears.
-    ClipLibrary::Microphones microphones;
+    /// A scene opens no microphone, pipe or device: who runs it says what each source hears.
+    ClipLibrary::UsersSounds given;
 
     static TraceOptions heardTrace() {
         TraceOptions trace;
@@ -113,8 +113,8 @@ class AcousticEngine {
     /// `rays` must live as long.
     OpenedGeometry geometryFor(const AcousticState& state, const RayView& rays, const glm::dvec3& source);
     const HeardResponses& heard() const;
-    /// What each Analyser finds in the samples up to the end of the last call, once a node.
-    std::vector<AudioSpectrum> analyse();
+    /// What each Analyser and DynamicsCompressor finds in the samples up to the end of the last call.
+    AudioFindings analyse();
     /// What could not be heard so far, once each.
     const Diagnostics& diagnostics() const;
 

@@ -11,37 +11,53 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include <rtsg/audio/sound_file.h>
+#include <rtsg/audio/sound_input.h>
 #include <rtsg/audio/sound_scene.h>
 
 namespace rtsg {
 
 class ClipLibrary {
   public:
-    /// What MicrophoneSources hear, by their mediaDeviceID; "" for those of other names.
-    using Microphones = std::map<std::string, std::shared_ptr<const SoundBuffer>, std::less<>>;
+    /// A sound that is there, or one that comes while it is heard: at the rate of the library, and of one library.
+    using Given = std::variant<std::shared_ptr<const SoundBuffer>, std::shared_ptr<SoundInput>>;
+    using GivenSounds = std::map<std::string, Given, std::less<>>;
+    /// What the user has said.
+    struct UsersSounds {
+        /// What MicrophoneSources hear, by their mediaDeviceID; "" for those of other names.
+        GivenSounds microphones;
+        /// What StreamAudioSources are, by a streamIdentifier of theirs; "" for those of other names. Others are files.
+        GivenSounds streams;
+    };
 
-    ClipLibrary(int sampleRate, Resources resources, Microphones microphones = {})
-        : sampleRate_(sampleRate), resources_(std::move(resources)), microphones_(std::move(microphones)) {}
+    ClipLibrary(int sampleRate, Resources resources, UsersSounds given = {})
+        : sampleRate_(sampleRate), resources_(std::move(resources)), given_(std::move(given)) {}
 
     /// At the library's rate, with the channels it has; never null.
     std::shared_ptr<const SoundBuffer> get(const SoundVoice& voice);
+    /// Whether the user has said what it hears: that begins when it is first heard, whenever its node began.
+    bool isGiven(const SoundVoice& voice) const { return given(voice) != nullptr; }
+    /// Null unless it comes while it is heard.
+    std::shared_ptr<SoundInput> inputOf(const SoundVoice& voice) const;
     int sampleRate() const { return sampleRate_; }
     const Diagnostics& diagnostics() const { return diagnostics_; }
 
   private:
     std::shared_ptr<const SoundBuffer> read(const SoundVoice& voice);
     Result<SoundBuffer> read(const SoundVoice& voice, const std::string& url);
-    std::shared_ptr<const SoundBuffer> heardBy(const SoundVoice& microphone);
+    const Given* given(const SoundVoice& voice) const;
+    std::shared_ptr<const SoundBuffer> heardBy(const SoundVoice& voice);
     Result<SoundBuffer> converted(const SoundBuffer& sound, std::uint64_t room) const;
     std::shared_ptr<const SoundBuffer> testSignal();
 
     int sampleRate_;
     Resources resources_;
-    Microphones microphones_;
-    std::map<std::string, std::shared_ptr<const SoundBuffer>> heard_;  // by microphones that have been asked for
+    UsersSounds given_;
+    std::map<std::pair<SoundVoice::Kind, std::vector<std::string>>, std::shared_ptr<const SoundBuffer>>
+        heard_;  // of what was given, by kind and names of the voice
     using Key = std::pair<std::vector<std::string>, std::vector<std::filesystem::path>>;
     std::map<Key, std::shared_ptr<const SoundBuffer>> clips_;
     std::uint64_t samplesRead_ = 0;
@@ -60,9 +76,12 @@ class VoicePlayer {
 
   private:
     void load(const SoundVoice& voice, ClipLibrary& clips);
+    void playInput(const SoundVoice& voice, double rate, std::int64_t first, std::span<std::vector<float>> out) const;
     float sampleAt(const SoundVoice& voice, std::size_t channel) const;
 
     std::shared_ptr<const SoundBuffer> clip_;
+    std::shared_ptr<SoundInput> input_;  // instead of a clip
+    bool given_ = false;                 // by the user
     std::vector<std::string> urls_;
     std::vector<std::filesystem::path> folders_;
     const void* buffer_ = nullptr;

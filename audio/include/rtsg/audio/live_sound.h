@@ -7,7 +7,8 @@
 // A thread of its own renders blocks as the device takes them, from the newest state of the world; rooms are traced on
 // one more. Neither waits for the scene, nor the scene for them. Places follow the scene's time; what comes late or
 // early by less than a tenth of a second is heard as if it came evenly. Invariant: a device that got no block in time
-// is an underrun, counted. Threading: start(), stop() and the destructor on the scene's thread; report() from any.
+// is an underrun, counted. Threading: start(), sendEvents(), stop() and the destructor on the scene's thread; report()
+// from any.
 #pragma once
 
 #include <cstdint>
@@ -42,6 +43,9 @@ class LiveSound {
     static Result<std::unique_ptr<LiveSound>> start(SharedWorld& world, const LiveOptions& options);
     ~LiveSound();
 
+    /// Sends what nodes find in the sound, as SoundRenderer::sendEvents() does, since it was last called; waits for
+    /// nothing.
+    void sendEvents();
     LiveReport report() const;
     /// Ends the sound.
     LiveReport stop();

@@ -32,13 +32,13 @@ class Walls;
 /// A node's acoustic material; `defaults` while it is not enabled.
 AcousticMaterial acousticMaterial(const Scene& scene, const Node& acousticProperties, const AcousticMaterial& defaults);
 
-/// One generator of sound: an AudioClip, a BufferAudioSource or an OscillatorSource.
+/// One generator of sound.
 struct SoundVoice {
-    enum class Kind : std::uint8_t { clip, buffer, oscillator, microphone };
+    enum class Kind : std::uint8_t { clip, buffer, oscillator, microphone, stream };
     Kind kind = Kind::clip;
     NodeId node;
     std::string name;                            // DEF, or the type
-    std::vector<std::string> urls;               // clip: the first that can be read counts; microphone: its name
+    std::vector<std::string> urls;               // the first that can be read counts; microphone: its name
     std::vector<std::filesystem::path> folders;  // where they start, see Resources::foldersOf
     Array<float> buffer;                         // buffer: mono
     double bufferRate = 48000;
@@ -90,6 +90,16 @@ struct AudioProcess {
 struct AudioSpectrum {
     NodeId node;
     std::vector<double> decibels;  // of fftSize / 2 bins, see SpectrumAnalyser
+};
+/// By how much a DynamicsCompressor makes its loudest sound softer at present.
+struct AudioReduction {
+    NodeId node;
+    double decibels = 0;  // at most 0; what makes up for it is not counted
+};
+/// What nodes of the audio graph find in the sound that goes through them, once a node.
+struct AudioFindings {
+    std::vector<AudioSpectrum> spectra;
+    std::vector<AudioReduction> reductions;
 };
 
 /// A Sound or SpatialSound node.

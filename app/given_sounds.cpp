@@ -1,0 +1,113 @@
+// Takes what the user says of microphones and streams apart, and opens it.
+#include "given_sounds.h"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <charconv>
+#include <string_view>
+#include <utility>
+
+namespace rtsg::app {
+
+namespace {
+
+struct GivenSource {
+    enum class Kind : std::uint8_t { file, pipe, device };
+    Kind kind = Kind::file;
+    std::string option, id, name;  // name: of the file or the device
+    std::optional<RawSound> raw;
+};
+
+/// s16@48000x1:REST; nothing if it does not begin like that.
+std::optional<RawSound> rawFormat(std::string_view& text, const std::string& option) {
+    const bool whole = text.starts_with("s16@");
+    if (!whole && !text.starts_with("f32@")) return std::nullopt;
+    RawSound raw;
+    raw.sample = whole ? RawSound::Sample::int16 : RawSound::Sample::float32;
+    const std::size_t colon = text.find(':'), cross = text.find('x');
+    const auto number = [&](std::size_t from, std::size_t to, int& value) {
+        const auto [end, problem] = std::from_chars(text.data() + from, text.data() + to, value);
+        return problem == std::errc() && end == text.data() + to && value > 0;
+    };
+    if (colon == std::string_view::npos || cross > colon || !number(4, cross, raw.sampleRate) ||
+        !number(cross + 1, colon, raw.channels) || raw.sampleRate > 1'000'000 || raw.channels > 64)
+        throw UsageError(option, std::string(text) + ": raw sound is s16@RATExCHANNELS:PIPE or f32@RATExCHANNELS:PIPE");
+    text.remove_prefix(colon + 1);
+    return raw;
+}
+
+GivenSource parseSource(const std::string& option, const std::string& given) {
+    GivenSource source;
+    source.option = option;
+    std::string_view text = given;
+    if (const std::size_t split = text.find('='); split != std::string_view::npos) {
+        source.id = text.substr(0, split);
+        text.remove_prefix(split + 1);
+    }
+    if (text == "device" || text.starts_with("device:")) {
+        source.kind = GivenSource::Kind::device;
+        source.name = text.substr(std::min<std::size_t>(text.size(), 7));
+        return source;
+    }
+    source.raw = rawFormat(text, option);
+    source.name = text;
+    if (text.empty()) throw UsageError(option, given + ": a file, a pipe, - or device is missing");
+    struct stat status{};
+    const bool pipe = ::stat(source.name.c_str(), &status) == 0 && !S_ISREG(status.st_mode);
+    if (source.raw || source.name == "-" || pipe) source.kind = GivenSource::Kind::pipe;
+    return source;
+}
+
+std::vector<GivenSource> parseAll(const GivenSoundArguments& arguments) {
+    std::vector<GivenSource> all;
+    for (const std::string& given : arguments.microphones) all.push_back(parseSource("--microphone", given));
+    for (const std::string& given : arguments.streams) all.push_back(parseSource("--stream", given));
+    return all;
+}
+
+ClipLibrary::Given openSource(const GivenSource& source, bool live, double seconds, int sampleRate) {
+    const auto opened = [&](auto result, const std::string& name) {
+        if (!result) throw UsageError(source.option, name + ": " + result.error().text);
+        return std::move(*result);
+    };
+    if (source.kind == GivenSource::Kind::device) {
+        if (!live)
+            throw UsageError(source.option, "a device is heard live: with rtsg listen --live, or --listen device");
+        return opened(SoundInput::openDevice(source.name, sampleRate), "device");
+    }
+    const std::string name = source.name == "-" ? "standard input" : source.name;
+    if (source.kind == GivenSource::Kind::pipe && live)
+        return opened(SoundInput::openPipe(source.name, sampleRate, source.raw), name);
+    SoundBuffer sound = source.kind == GivenSource::Kind::pipe
+                            ? opened(readPipe(source.name, source.raw, seconds, [] { return !interrupted(); }), name)
+                            : opened(readSound(source.name), name);
+    return std::make_shared<const SoundBuffer>(std::move(sound));
+}
+
+}  // namespace
+
+void GivenSoundArguments::addTo(Command& command) {
+    command.addOption("--microphone", microphones,
+                      "[ID=]SOURCE: what MicrophoneSources hear, those with that mediaDeviceID: a sound file, a pipe "
+                      "or - with WAV (raw: s16@RATExCHANNELS:PIPE, f32@...), or device[:NAME], live only");
+    command.addOption("--stream", streams, "[ID=]SOURCE: the same for StreamAudioSources with that streamIdentifier");
+}
+
+void GivenSoundArguments::check(const std::vector<std::string>& inputs) const {
+    std::ptrdiff_t standard = std::ranges::count(inputs, "-");
+    for (const GivenSource& source : parseAll(*this))
+        if (source.kind == GivenSource::Kind::pipe && source.name == "-" && ++standard > 1)
+            throw UsageError(source.option, "standard input is read by something else already");
+}
+
+ClipLibrary::UsersSounds GivenSoundArguments::open(bool live, double seconds, int sampleRate) const {
+    ClipLibrary::UsersSounds sounds;
+    for (const GivenSource& source : parseAll(*this)) {
+        auto& to = source.option == "--stream" ? sounds.streams : sounds.microphones;
+        to[source.id] = openSource(source, live, seconds, sampleRate);
+    }
+    return sounds;
+}
+
+}  // namespace rtsg::app

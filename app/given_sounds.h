@@ -1,0 +1,30 @@
+// --microphone and --stream: what the sources of sound that a scene does not bring along hear, as the user says it.
+//
+// [ID=]SOURCE, where SOURCE is a sound file; a pipe with a name or - (standard input), whose sound is WAV, or raw
+// after s16@RATExCHANNELS: or f32@RATExCHANNELS:; or device, device:NAME. Nothing is opened that was not named here.
+// Live, pipes and devices are heard as their sound comes; else as much of a pipe as is needed is read first. Threading:
+// none.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <rtsg/audio/clip_library.h>
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+struct GivenSoundArguments {
+    std::vector<std::string> microphones, streams;
+
+    void addTo(Command& command);
+    /// What can be said without opening anything. `inputs` of the verb: standard input serves one only. Throws
+    /// UsageError.
+    void check(const std::vector<std::string>& inputs) const;
+    /// `seconds` of pipes are read if it is not live. Throws UsageError for what cannot be opened.
+    ClipLibrary::UsersSounds open(bool live, double seconds, int sampleRate) const;
+};
+
+}  // namespace rtsg::app

@@ -1,0 +1,147 @@
+// What the user says that microphones and streams hear: files, pipes, standard input, devices; live and not.
+#include <sys/stat.h>
+
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <thread>
+
+#include <gmock/gmock.h>
+
+#include <rtsg/audio/sound_file.h>
+
+#include "program.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+
+class GivenSounds : public testing::Test {
+  protected:
+    void SetUp() override {
+        const std::string head = "#X3D V4.0 utf8\nPROFILE Full\nViewpoint { }\nAudioDestination { children ";
+        writeFile(scene_, head + "MicrophoneSource { mediaDeviceID \"left\" } }\n");
+        writeFile(feed_, head + "StreamAudioSource { streamIdentifier \"feed\" } }\n");
+        SoundBuffer ramp{48000, 1, {}};
+        for (int i = 0; i < 9600; ++i) ramp.samples.push_back(static_cast<float>(i % 100) / 200);
+        ASSERT_TRUE(writeWav(folder_ / "ramp.wav", ramp, WavFormat::float32));
+        for (const float sample : ramp.samples) {
+            char bytes[sizeof sample];
+            std::memcpy(bytes, &sample, sizeof sample);
+            raw_.append(bytes, sizeof bytes);
+        }
+    }
+    Outcome listen(std::vector<std::string> more, const std::string& input = {}) {
+        const bool feed = std::ranges::find(more, "--stream") != more.end();
+        std::vector<std::string> arguments{"listen", feed ? feed_ : scene_, "--for", "0.1s"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return Program(arguments, folder_ / "listen", input).wait();
+    }
+    /// Whether a tenth of a second of the ramp was heard, from its beginning.
+    void expectRamp(const std::string& file) {
+        const auto sound = readSound(file);
+        ASSERT_TRUE(sound) << sound.error().text;
+        ASSERT_EQ(sound->frames(), 4800u);
+        for (std::size_t i = 0; i < sound->frames(); ++i)
+            ASSERT_NEAR(sound->samples[2 * i], static_cast<float>(i % 100) / 200, 1e-6) << i;
+    }
+
+    const TempFolder folder_;
+    const std::string scene_ = folder_ / "scene.x3dv", feed_ = folder_ / "feed.x3dv";
+    std::string raw_;
+};
+
+TEST_F(GivenSounds, FilesPipesAndStandardInputAreHeardFromTheirBeginning) {
+    const std::string out = folder_ / "out.wav";
+    const std::string wav = readFile(folder_ / "ramp.wav");
+    const auto hear = [&](std::vector<std::string> given, const std::string& input = {}) {
+        std::filesystem::remove(out);
+        given.insert(given.end(), {"-o", out});
+        const Outcome outcome = listen(given, input);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        expectRamp(out);
+    };
+    hear({"--microphone", "left=" + (folder_ / "ramp.wav")});
+    // It begins when it is heard, not when its node did, decades ago.
+    hear({"--microphone", folder_ / "ramp.wav", "--at", "2026-11-20T12:00:00Z"});
+    hear({"--stream", "feed=" + (folder_ / "ramp.wav")});
+    hear({"--microphone", "-"}, wav);
+    hear({"--stream", "feed=f32@48000x1:-"}, raw_);
+    const std::string pipe = folder_ / "pipe";
+    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+    // Who writes may come later, and goes on for longer than is wanted.
+    std::thread writer([&] {
+        ::signal(SIGPIPE, SIG_IGN);
+        std::ofstream to(pipe, std::ios::binary);
+        to << wav;
+    });
+    hear({"--microphone", "left=" + pipe});
+    writer.join();
+}
+
+TEST_F(GivenSounds, WhatCannotBeHeardIsSaid) {
+    const std::string out = folder_ / "out.wav";
+    const auto says = [&](const std::string& option, const std::string& given, const std::string& text,
+                          const std::string& input = {}) {
+        const Outcome outcome = listen({"-o", out, option, given}, input);
+        EXPECT_EQ(outcome.status, 2) << given;
+        EXPECT_THAT(outcome.err, HasSubstr(text));
+        EXPECT_THAT(outcome.err, HasSubstr(option));
+        EXPECT_FALSE(std::filesystem::exists(out));
+    };
+    says("--microphone", "device", "live");
+    says("--stream", "feed=device:front", "live");
+    says("--microphone", "left=", "missing");
+    says("--microphone", folder_ / "nothing.wav", "nothing.wav");
+    says("--stream", "s16@0x1:-", "raw sound");
+    says("--stream", "f32@48000:-", "raw sound");
+    says("--microphone", "-", "no WAV", "this is text and will never be sound");
+    says("--microphone", "-", "before any sound came");
+    const Outcome twice = listen({"-o", out, "--microphone", "-", "--stream", "-"});
+    EXPECT_EQ(twice.status, 2);
+    EXPECT_THAT(twice.err, HasSubstr("standard input"));
+    ::setenv("ALSOFT_DRIVERS", "null", 1);
+    const Outcome none = listen({"--live", "--microphone", "left=device:front"});
+    ::unsetenv("ALSOFT_DRIVERS");
+    EXPECT_EQ(none.status, 2);
+    EXPECT_THAT(none.err, HasSubstr("'front'"));
+}
+
+/// OpenAL's device that is a file: what is heard live can be read.
+TEST_F(GivenSounds, APipeIsHeardLiveAndNobodyWaitsForIt) {
+    const std::string pipe = folder_ / "pipe", played = folder_ / "played.wav", settings = folder_ / "openal.conf";
+    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+    writeFile(settings, "[general]\ndrivers = wave\nfrequency = 48000\n[wave]\nfile = " + played + "\n");
+    ::setenv("ALSOFT_CONF", settings.c_str(), 1);
+    // Nobody at the other end: it ends as it would without.
+    const Outcome alone = listen({"--live", "--for", "0.3s", "--microphone", "left=" + pipe});
+    EXPECT_EQ(alone.status, 0) << alone.err;
+    Program program({"listen", scene_, "--live", "--for", "2s", "--microphone", "left=f32@48000x1:" + pipe},
+                    folder_ / "live");
+    std::thread writer([&] {
+        ::signal(SIGPIPE, SIG_IGN);
+        std::ofstream to(pipe, std::ios::binary);
+        to << raw_;
+    });
+    const Outcome outcome = program.wait();
+    writer.join();
+    ::unsetenv("ALSOFT_CONF");
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    const auto sound = readSound(played);
+    ASSERT_TRUE(sound) << sound.error().text;
+    // All of it, in a row, wherever it began.
+    const auto channels = static_cast<std::size_t>(sound->channels);
+    std::size_t most = 0, row = 0;
+    for (std::size_t i = 1; i < sound->frames(); ++i) {
+        const float before = sound->samples[(i - 1) * channels], now = sound->samples[i * channels];
+        const float next = before + .005f > .4975f ? 0 : before + .005f;
+        row = std::abs(now - next) < 1e-3f ? row + 1 : 0;
+        most = std::max(most, row);
+    }
+    EXPECT_GE(most, 9500u);
+}
+
+}  // namespace
+}  // namespace rtsg
