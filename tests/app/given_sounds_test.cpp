@@ -8,8 +8,6 @@
 
 #include <gmock/gmock.h>
 
-#include <rtsg/audio/sound_file.h>
-
 #include "program.h"
 
 namespace rtsg {
@@ -18,20 +16,44 @@ namespace {
 using namespace test;
 using testing::HasSubstr;
 
+template <class T>
+std::string bytesOf(T value) {
+    char bytes[sizeof value];
+    std::memcpy(bytes, &value, sizeof value);
+    return {bytes, sizeof bytes};
+}
+
+/// The left of two channels of a WAV of whole numbers in 24 bits, or of floating-point ones.
+std::vector<float> leftOf(const std::string& file) {
+    const std::string text = readFile(file);
+    const std::size_t data = text.find("data");
+    std::vector<float> left;
+    if (data == std::string::npos) return left;
+    const bool floats = static_cast<unsigned char>(text[34]) == 32;
+    for (std::size_t at = data + 8, size = floats ? 4 : 3; at + 2 * size <= text.size(); at += 2 * size) {
+        float value = 0;
+        std::int32_t whole = 0;
+        if (floats)
+            std::memcpy(&value, &text[at], 4);
+        else
+            std::memcpy(reinterpret_cast<char*>(&whole) + 1, &text[at], 3);
+        left.push_back(floats ? value : static_cast<float>(whole / 2147483648.0));
+    }
+    return left;
+}
+
 class GivenSounds : public testing::Test {
   protected:
     void SetUp() override {
         const std::string head = "#X3D V4.0 utf8\nPROFILE Full\nViewpoint { }\nAudioDestination { children ";
         writeFile(scene_, head + "MicrophoneSource { mediaDeviceID \"left\" } }\n");
         writeFile(feed_, head + "StreamAudioSource { streamIdentifier \"feed\" } }\n");
-        SoundBuffer ramp{48000, 1, {}};
-        for (int i = 0; i < 9600; ++i) ramp.samples.push_back(static_cast<float>(i % 100) / 200);
-        ASSERT_TRUE(writeWav(folder_ / "ramp.wav", ramp, WavFormat::float32));
-        for (const float sample : ramp.samples) {
-            char bytes[sizeof sample];
-            std::memcpy(bytes, &sample, sizeof sample);
-            raw_.append(bytes, sizeof bytes);
-        }
+        for (int i = 0; i < 9600; ++i) raw_ += bytesOf(static_cast<float>(i % 100) / 200);
+        writeFile(folder_ / "ramp.wav", "RIFF" + bytesOf<std::uint32_t>(36 + 38400) + "WAVEfmt " +
+                                            bytesOf<std::uint32_t>(16) + bytesOf<std::uint16_t>(3) +
+                                            bytesOf<std::uint16_t>(1) + bytesOf<std::uint32_t>(48000) +
+                                            bytesOf<std::uint32_t>(192000) + bytesOf<std::uint16_t>(4) +
+                                            bytesOf<std::uint16_t>(32) + "data" + bytesOf<std::uint32_t>(38400) + raw_);
     }
     Outcome listen(std::vector<std::string> more, const std::string& input = {}) {
         const bool feed = std::ranges::find(more, "--stream") != more.end();
@@ -41,11 +63,10 @@ class GivenSounds : public testing::Test {
     }
     /// Whether a tenth of a second of the ramp was heard, from its beginning.
     void expectRamp(const std::string& file) {
-        const auto sound = readSound(file);
-        ASSERT_TRUE(sound) << sound.error().text;
-        ASSERT_EQ(sound->frames(), 4800u);
-        for (std::size_t i = 0; i < sound->frames(); ++i)
-            ASSERT_NEAR(sound->samples[2 * i], static_cast<float>(i % 100) / 200, 1e-6) << i;
+        const std::vector<float> left = leftOf(file);
+        ASSERT_EQ(left.size(), 4800u);
+        for (std::size_t i = 0; i < left.size(); ++i)
+            ASSERT_NEAR(left[i], static_cast<float>(i % 100) / 200, 1e-6) << i;
     }
 
     const TempFolder folder_;
@@ -116,7 +137,7 @@ TEST_F(GivenSounds, APipeIsHeardLiveAndNobodyWaitsForIt) {
     writeFile(settings, "[general]\ndrivers = wave\nfrequency = 48000\n[wave]\nfile = " + played + "\n");
     ::setenv("ALSOFT_CONF", settings.c_str(), 1);
     // Nobody at the other end: it ends as it would without.
-    const Outcome alone = listen({"--live", "--for", "0.3s", "--microphone", "left=" + pipe});
+    const Outcome alone = listen({"--live", "--microphone", "left=" + pipe});
     EXPECT_EQ(alone.status, 0) << alone.err;
     Program program({"listen", scene_, "--live", "--for", "2s", "--microphone", "left=f32@48000x1:" + pipe},
                     folder_ / "live");
@@ -129,15 +150,12 @@ TEST_F(GivenSounds, APipeIsHeardLiveAndNobodyWaitsForIt) {
     writer.join();
     ::unsetenv("ALSOFT_CONF");
     EXPECT_EQ(outcome.status, 0) << outcome.err;
-    const auto sound = readSound(played);
-    ASSERT_TRUE(sound) << sound.error().text;
+    const std::vector<float> left = leftOf(played);
     // All of it, in a row, wherever it began.
-    const auto channels = static_cast<std::size_t>(sound->channels);
     std::size_t most = 0, row = 0;
-    for (std::size_t i = 1; i < sound->frames(); ++i) {
-        const float before = sound->samples[(i - 1) * channels], now = sound->samples[i * channels];
-        const float next = before + .005f > .4975f ? 0 : before + .005f;
-        row = std::abs(now - next) < 1e-3f ? row + 1 : 0;
+    for (std::size_t i = 1; i < left.size(); ++i) {
+        const float next = left[i - 1] + .005f > .4975f ? 0 : left[i - 1] + .005f;
+        row = std::abs(left[i] - next) < 1e-3f ? row + 1 : 0;
         most = std::max(most, row);
     }
     EXPECT_GE(most, 9500u);
