@@ -187,6 +187,27 @@ TEST_F(Listen, MicrophonesHearWhatTheUserSaysAndNothingElse) {
     EXPECT_EQ(all.warnings(), 0u);
 }
 
+/// Nodes that began long ago: a microphone and a stream bring what they bring now.
+TEST_F(Listen, WhatTheUserGivesBeginsWhenItIsFirstHeard) {
+    const auto ramp = std::make_shared<SoundBuffer>(SoundBuffer{kRate, 1, {}});
+    for (int i = 0; i < 100; ++i) ramp->samples.push_back(static_cast<float>(i + 1) / 128);
+    for (const std::string node : {"MicrophoneSource { }", "StreamAudioSource { streamIdentifier \"feed\" }"}) {
+        Scene scene;
+        load(scene, "AudioDestination { children " + node + " }\nViewpoint { }\n");
+        scene.newFrame(1000);
+        ListenOptions o = options();
+        o.render.given.microphones[""] = ramp;
+        o.render.given.streams["feed"] = ramp;
+        SharedWorld world(scene);
+        SoundRenderer sound(world, o);
+        scene.newFrame(1000.1);
+        ASSERT_TRUE(sound.renderFrame());
+        for (std::size_t i = 0; i < 200; ++i)
+            ASSERT_NEAR(sound.block()[2 * i], i < 100 ? static_cast<float>(i + 1) / 128 : 0, 1e-6) << node << i;
+        EXPECT_TRUE(sound.finish().diagnostics.all().empty());
+    }
+}
+
 TEST_F(Listen, ImpulseResponsesHaveTheChannelsAskedFor) {
     using Channels = ImpulseResponseOptions::Channels;
     Scene scene;
