@@ -23,7 +23,7 @@ const int kNothingToHear = ::setenv("ALSOFT_DRIVERS", "null", 1);
 
 std::string number(std::uint64_t value, int bytes) {
     std::string text;
-    for (int i = 0; i < bytes; ++i) text += static_cast<char>(value >> 8 * i);
+    for (int i = 0; i < bytes; ++i) text += static_cast<char>(i < 8 ? value >> 8 * i : 0);
     return text;
 }
 std::string chunk(const std::string& tag, const std::string& content, std::uint32_t size) {
