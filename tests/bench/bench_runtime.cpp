@@ -80,6 +80,22 @@ void marching(const Report& report, bool quick) {
             1e3 * bareRuntimeSeconds(joints, turn)});
 }
 
+/// Seconds that the engine takes for a call of such a function, by one program that has `count` of them and no fields.
+double bareCallSeconds(int count) {
+    Scene scene;
+    load(scene, fmt::format("DEF S Script {{ inputOnly SFInt32 go url \"ecmascript: function make(r) {{ var turns = r, "
+                            "value; return function(f) {{ turns += f; value = new SFVec3f(r * Math.cos(turns), f, r * "
+                            "Math.sin(turns)); }}; }} var all = []; for (var i = 0; i < {}; ++i) all.push(make(i)); "
+                            "function go(n) {{ for (var k = 0; k < n; ++k) for (var i = 0; i < all.length; ++i) "
+                            "all[i](k / 60); }}\" }}",
+                            count));
+    const Node& script = scene.node(scene.findName("S"));
+    constexpr std::int32_t rounds = 100;
+    return runtimeFrameSeconds(scene, 5,
+                               [&](int) { (void)scene.sendEvent(script.id(), script.type().find("go"), rounds); }) /
+           (rounds * count);
+}
+
 void scripts(const Report& report, bool quick) {
     const int count = quick ? 100 : 1000;
     std::string text = "DEF C TimeSensor { loop TRUE }\n";
@@ -107,6 +123,8 @@ void scripts(const Report& report, bool quick) {
     report({"runtime", what, "a frame", "ms", frame * 1e3, "", 0, "the arithmetic alone",
             1e3 * bareRuntimeSeconds(static_cast<std::size_t>(count),
                                      [](float x) { return Vec3f(std::cos(x), x, std::sin(x)); })});
+    report({"runtime", what, "a call, with its event, its output and two routes", "us", 1e6 * frame / count, "", 0,
+            "such functions called by one program", 1e6 * bareCallSeconds(count)});
 }
 
 void pushes(const Report& report, bool quick) {

@@ -14,6 +14,9 @@ namespace {
 
 using Root = x3d::RtsgScene;
 
+/// Between two frames. Reading them is in nobody's time.
+constexpr std::size_t kMostRequests = 64;
+
 void append(Array<String>& out, std::uint64_t number) {
     out.push_back(String(std::to_string(number)));
 }
@@ -73,6 +76,9 @@ DocumentRequest nextRequest(RequestReader& in) {
 
 Result<> ScriptPrograms::request(Scene& scene, const DocumentRequest& request) {
     Array<String> waiting = scene.node(scene.root()).get(Root::_requests);
+    std::size_t requests = 0;
+    for (RequestReader in(waiting); !in.atEnd(); ++requests) (void)nextRequest(in);
+    if (requests >= kMostRequests) return fail(fmt::format("{} documents are asked for already", requests));
     append(waiting, request);
     return scene.set(scene.root(), Root::_requests, std::move(waiting));
 }

@@ -9,6 +9,10 @@
 // that is made a bounded share.
 #include <algorithm>
 
+#include <fmt/format.h>
+
+#include <rtsg/core/resource.h>
+
 #include "state.h"
 
 namespace rtsg {
@@ -16,15 +20,29 @@ namespace rtsg {
 namespace {
 
 constexpr std::size_t kFewest = 1000;
+/// A node's shortest text: `Q{}`, of a PROTO.
+constexpr std::size_t kShortestText = 3;
 
 }  // namespace
 
+Result<> Scene::State::mayScriptsMake(std::size_t textBytes) {
+    const std::uint64_t most =
+        (scriptOptions.resources ? scriptOptions.resources->policy() : ResourcePolicy{}).maximumNodes;
+    const std::size_t more = 1 + textBytes / kShortestText;
+    if (scriptMade.size() + more > most) std::erase_if(scriptMade, [&](NodeId id) { return !find(id); });
+    if (scriptMade.size() + more <= most) return {};
+    return fail(fmt::format("scripts may make {} nodes that are there at a time: {} are, and this may be {} more", most,
+                            scriptMade.size(), more));
+}
+
 Result<NodeId> ScriptPrograms::createNode(Scene& scene, std::string_view type, NodeId scope) {
+    if (auto may = scene.state_->mayScriptsMake(); !may) return std::unexpected(may.error());
     // Of a PROTO: with its body.
     return scene.state_->madeByScript([&] { return scene.createNode(type, scope); });
 }
 
 Result<detail::Piece> ScriptPrograms::createPiece(Scene& scene, std::string_view text, NodeId script) {
+    if (auto may = scene.state_->mayScriptsMake(text.size()); !may) return std::unexpected(may.error());
     const Node* node = scene.find(script);
     return scene.state_->madeByScript([&] {
         return detail::makePiece(scene, text, node ? node->scope() : NodeId{},
@@ -34,6 +52,7 @@ Result<detail::Piece> ScriptPrograms::createPiece(Scene& scene, std::string_view
 
 Result<detail::Piece> ScriptPrograms::createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls,
                                                         NodeId script) {
+    if (auto may = scene.state_->mayScriptsMake(); !may) return std::unexpected(may.error());
     return scene.state_->madeByScript(
         [&] { return detail::makePieceOfUrls(scene, script, urls, scene.state_->scriptOptions.resources.get()); });
 }

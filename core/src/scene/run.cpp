@@ -12,6 +12,8 @@ namespace {
 
 /// Sensors are evaluated again while events reach them; a network that never settles is cut off here.
 constexpr int kMaximumRounds = 100;
+/// Of what was warned of, so that it is told once.
+constexpr std::size_t kMostRemembered = 10'000;
 
 }  // namespace
 
@@ -93,7 +95,9 @@ const Viewer& Cascade::viewer(const Node& asker) {
 
 void Cascade::warn(const Node& node, const std::string& text) {
     Scene::State& s = *scene_.state_;
-    if (!s.warned.emplace(node.id(), text).second) return;
+    // Beyond that, each counts again, and is not kept.
+    const bool isFull = s.warned.size() >= kMostRemembered;
+    if (isFull ? s.warned.contains({node.id(), text}) : !s.warned.emplace(node.id(), text).second) return;
     const std::string_view name = scene_.name(node.id());
     s.diagnostics.warning(
         {}, fmt::format("{} {}: {}", node.type().name, name.empty() ? std::to_string(node.id().value) : name, text));

@@ -302,6 +302,8 @@ struct Scene::State {
     static bool isPickSensor(TypeIndex type);
     // ---- what scripts have made (dropped.cpp) ----
     std::vector<NodeId> scriptMade;  // that are still there, ascending
+    /// Errors: scripts have made as many nodes as they may, or one more, or those of so long a text, would be too many.
+    Result<> mayScriptsMake(std::size_t textBytes = 0);
     template <class Make>
     auto madeByScript(const Make& make) {
         const std::uint32_t first = nextId;

@@ -19,6 +19,8 @@ namespace {
 
 /// Scripts that write to each other's fields directly nest; beyond this it is a circle.
 constexpr int kMaximumDepth = 16;
+/// Of what a program says when it fails, and of the promises that one call leaves rejected, as many are reported.
+constexpr std::size_t kLongestMessage = 1000, kMostRejections = 10;
 
 /// The program's text, from the first url that has one; `problem` says why there is none.
 std::string sourceOf(const Scene& scene, const Node& node, const ScriptOptions& options, std::string& problem) {
@@ -52,20 +54,18 @@ std::string_view textOf(const Name& name) {
 
 struct ScriptEngine::State {
     struct Program {
-        std::unique_ptr<JS::PersistentRootedObject> global, controller;  // controller: null if it cannot run
-        std::unique_ptr<JS::PersistentRootedValue> event;                // the controller's function of that name
+        std::unique_ptr<JS::PersistentRootedObject> global;  // all else of it hangs from there
+        bool canRun = false;                                 // has a controller, and has not been ended
         bool eventsPending = false;
         double preparedAt = -kNever;
         bool stale = false;  // its url has changed
         Array<String> url;   // which it came from
         bool hasInitialize = false, hasPrepareEvents = false, hasEventsProcessed = false;
-        std::vector<std::unique_ptr<JS::PersistentRooted<JSString*>>>
-            handlers;  // by field: the function's name, or null
+        std::vector<std::int32_t> handlers;  // by field: what the controller calls the function by, or -1
 
         /// It never runs again; what it holds goes with the next collection.
         void end() {
-            controller.reset();
-            event.reset();
+            canRun = false;
             handlers.clear();
             global.reset();
         }
@@ -105,28 +105,43 @@ struct ScriptEngine::State {
         }
         const unsigned line = lineIn(stack, report.report());
         std::string text = report.toStringResult() ? report.toStringResult().c_str() : "an unknown error";
+        if (text.size() > kLongestMessage) {
+            std::size_t end = kLongestMessage;
+            while ((text[end] & 0xC0) == 0x80) --end;  // not within a character
+            text = text.substr(0, end) + "...";
+        }
         return line > 0 ? fmt::format("line {}: {}", line, text) : text;
     }
 
-    /// The line of the script, where the prelude threw in its name: the first frame that is not the prelude's.
+    /// The line of the script, where the prelude threw in its name: the first frame that is not the prelude's. Nothing
+    /// of the program's runs, whatever it has made of `stack`.
     unsigned lineIn(const JS::ExceptionStack& stack, const JSErrorReport* report) const {
+        JSContext* cx = context();
         if (report->filename && textOf(report->filename) == "script") return report->lineno;
-        JS::RootedValue exception(context(), stack.exception()), text(context());
-        if (!exception.isObject()) return 0;
-        JS::RootedObject object(context(), &exception.toObject());
+        JS::RootedObject thrown(cx, stack.exception().isObject() ? &stack.exception().toObject() : nullptr);
+        JS::RootedObject saved(cx, thrown ? JS::ExceptionStackOrNull(thrown) : nullptr);
+        if (!saved) saved = stack.stack();
+        JS::RootedString text(cx);
+        JS::RootedValue value(cx);
         std::string frames;
-        if (!JS_GetProperty(context(), object, "stack", &text) || !stringFrom(context(), text, frames)) {
-            JS_ClearPendingException(context());
+        if (!saved || !JS::BuildStackString(cx, nullptr, saved, &text)) {
+            JS_ClearPendingException(cx);
+            return 0;
+        }
+        value.setString(text);
+        if (!stringFrom(cx, value, frames)) {
+            JS_ClearPendingException(cx);
             return 0;
         }
         const auto at = frames.find("@script:");
         return at == frames.npos ? 0 : static_cast<unsigned>(std::strtoul(frames.c_str() + at + 8, nullptr, 10));
     }
 
+    enum class Place { program, library };
     /// Runs `body` (returns false with an exception pending) as one call, and then the jobs that it leaves; reports
-    /// what goes wrong.
+    /// what goes wrong. In the realm of the program, or for short of the library, whose functions go into that.
     template <class Body>
-    bool enter(Cascade* cascade, const Node& node, Program& program, const Body& body) {
+    bool enter(Cascade* cascade, const Node& node, Program& program, const Body& body, Place place = Place::program) {
         if (runtime->depth >= kMaximumDepth) {
             if (cascade) cascade->warn(node, "scripts write to each other in a circle: cut off");
             return false;
@@ -137,7 +152,7 @@ struct ScriptEngine::State {
         Call call{scene, cascade, options, scene.now(), global};
         Call* outer = std::exchange(runtime->current, &call);
         if (++runtime->depth == 1) runtime->startWatch(options.timeLimit);
-        JSAutoRealm realm(context(), global);
+        const JSAutoRealm realm(context(), place == Place::program ? global.get() : runtime->library());
         const Jobs::Mark mark = runtime->jobs().mark();
         const bool ok = body();
         const bool goesOn = (ok || report(cascade, id)) && runJobs(cascade, id, global, mark) &&
@@ -187,7 +202,9 @@ struct ScriptEngine::State {
         JSContext* cx = context();
         JS::RootedObject promise(cx);
         JS::RootedValue reason(cx);
-        for (std::size_t taken = 0; (promise = runtime->jobs().nextRejected(mark, taken));) {
+        std::size_t reported = 0;
+        for (std::size_t taken = 0; (promise = runtime->jobs().nextRejected(mark, taken)); ++reported) {
+            if (reported == kMostRejections) return warn(cascade, id, "more promises that nothing handles");
             reason = JS::GetPromiseResult(promise);
             warn(cascade, id, describe(JS::ExceptionStack(cx, reason, nullptr)) + " (a promise that nothing handles)");
         }
@@ -195,21 +212,29 @@ struct ScriptEngine::State {
 
     bool call(const Program& program, const char* function, JS::HandleValueArray arguments,
               JS::MutableHandleValue result) const {
-        JS::RootedObject controller(context(), *program.controller);
+        JS::RootedObject controller(context(),
+                                    &JS::GetReservedSlot(*program.global, Runtime::kControllerSlot).toObject());
         return JS_CallFunctionName(context(), controller, function, arguments, result);
     }
 
-    bool has(const Program& program, const std::string& name) const {
+    bool ask(const Program& program, const char* function, const std::string& name,
+             JS::MutableHandleValue result) const {
         JS::RootedValueArray<1> arguments(context());
         JSString* text = JS_NewStringCopyUTF8N(context(), JS::UTF8Chars(name.data(), name.size()));
         if (!text) return false;
         arguments[0].setString(text);
+        if (call(program, function, arguments, result)) return true;
+        JS_ClearPendingException(context());
+        return false;
+    }
+    bool has(const Program& program, const std::string& name) const {
         JS::RootedValue result(context());
-        if (!call(program, "has", arguments, &result)) {
-            JS_ClearPendingException(context());
-            return false;
-        }
-        return result.isBoolean() && result.toBoolean();
+        return ask(program, "has", name, &result) && result.isBoolean() && result.toBoolean();
+    }
+    /// What event() calls the function of that name by, or -1.
+    std::int32_t handler(const Program& program, const std::string& name) const {
+        JS::RootedValue result(context());
+        return ask(program, "handler", name, &result) && result.isInt32() ? result.toInt32() : -1;
     }
 
     /// The program's controller, then the program itself.
@@ -218,8 +243,8 @@ struct ScriptEngine::State {
         JS::RootedObject global(cx, *program.global), controller(cx, runtime->newController(global));
         JS::RootedValue event(cx), ignored(cx);
         if (!controller || !JS_GetProperty(cx, controller, "event", &event)) return false;
-        program.controller = std::make_unique<JS::PersistentRootedObject>(cx, controller);
-        program.event = std::make_unique<JS::PersistentRootedValue>(cx, event);
+        JS::SetReservedSlot(global, Runtime::kEventSlot, event);
+        program.canRun = true;
         if (!runtime->run(source)) return false;
         // Top-level statements may have assigned to fields.
         return JS_CallFunctionName(cx, controller, "flush", JS::HandleValueArray::empty(), &ignored);
@@ -237,7 +262,7 @@ struct ScriptEngine::State {
         const Node* node = scene.find(id);
         Program program = std::move(found->second);
         programs.erase(found);
-        if (!program.controller || !node || !runtime->onOwnThread()) return;
+        if (!program.canRun || !node || !runtime->onOwnThread()) return;
         enter(nullptr, *node, program, [&] {
             if (!has(program, "shutdown")) return true;
             JS::RootedValueArray<1> arguments(context());
@@ -250,15 +275,16 @@ struct ScriptEngine::State {
     /// The node's program, compiled and initialised; null if it has none that can run.
     Program* ready(Cascade& cascade, const Node& node) {
         // Not while programs run: one may have changed the url of another on the stack.
-        if (const auto old = programs.find(node.id().value);
-            old != programs.end() && (!runtime || runtime->depth == 0)) {
-            if (old->second.stale || hasNewUrl(old->second, node)) shutDown(node.id());
+        if (const auto old = programs.find(node.id().value); old != programs.end()) {
+            const bool isOld = old->second.stale || hasNewUrl(old->second, node);
+            if (!isOld || (runtime && runtime->depth > 0)) return old->second.canRun ? &old->second : nullptr;
+            shutDown(node.id());
         }
         const auto [found, isNew] = programs.try_emplace(node.id().value);
         Program& program = found->second;
         if (isNew) create(cascade, node, program);
         const auto still = programs.find(node.id().value);
-        return still != programs.end() && still->second.controller ? &still->second : nullptr;
+        return still != programs.end() && still->second.canRun ? &still->second : nullptr;
     }
 
     void create(Cascade& cascade, const Node& node, Program& program) {
@@ -286,16 +312,12 @@ struct ScriptEngine::State {
             for (const FieldDef& def : node.type().fields) {
                 std::string name = def.name;
                 if (def.access == Access::inputOutput && has(program, "set_" + def.name)) name = "set_" + def.name;
-                program.handlers.emplace_back();
-                if (def.hidden || !def.writable() || !has(program, name)) continue;
-                JSString* text = JS_AtomizeStringN(context(), name.data(), name.size());
-                if (!text) return false;
-                program.handlers.back() = std::make_unique<JS::PersistentRooted<JSString*>>(context(), text);
+                program.handlers.push_back(def.hidden || !def.writable() ? -1 : handler(program, name));
             }
             program.hasInitialize = has(program, "initialize");
             return true;
         });
-        if (program.controller && program.hasInitialize) run(cascade, node, program, "initialize");
+        if (program.canRun && program.hasInitialize) run(cascade, node, program, "initialize");
     }
 
     /// Calls a function of the program without arguments.
@@ -321,15 +343,12 @@ ScriptEngine::~ScriptEngine() {
     if (state_->runtime && !state_->runtime->onOwnThread())
         for (auto& [id, program] : state_->programs) {
             (void)program.global.release();
-            (void)program.controller.release();
-            (void)program.event.release();
-            (void)new auto(std::move(program.handlers));
         }
 }
 
 void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     State& s = *state_;
-    if (node.type().fields[field].name == "url") {
+    if (field == x3d::Script::url.index) {
         // The cascade wakes the node; onTime loads the new program.
         if (const auto old = s.programs.find(node.id().value); old != s.programs.end()) old->second.stale = true;
         return;
@@ -337,19 +356,19 @@ void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field,
     State::Program* program = s.ready(cascade, node);
     if (!program) return;
     program->eventsPending = true;
-    if (!program->handlers[field]) return;
-    s.enter(&cascade, node, *program, [&] {
+    const std::int32_t handler = program->handlers[field];
+    if (handler < 0) return;
+    const auto call = [&] {
         JSContext* cx = s.context();
         JS::RootedValueArray<4> arguments(cx);
-        arguments[0].setString(*program->handlers[field]);
+        arguments[0].setInt32(handler);
         arguments[1].setInt32(static_cast<int>(value.type()));
         arguments[3].setNumber(cascade.now());
-        JS::RootedValue event(cx, *program->event), ignored(cx);
-        JS::RootedObject library(cx, s.runtime->library());
-        const JSAutoRealm realm(cx, library);
+        JS::RootedValue event(cx, JS::GetReservedSlot(*program->global, Runtime::kEventSlot)), ignored(cx);
         return toScript(cx, value.type(), value.storage(), arguments[2]) &&
                JS::Call(cx, JS::UndefinedHandleValue, event, arguments, &ignored);
-    });
+    };
+    s.enter(&cascade, node, *program, call, State::Place::library);
 }
 
 double ScriptEngine::onTime(Cascade& cascade, const Node& node, ScriptPhase phase) {
@@ -357,21 +376,27 @@ double ScriptEngine::onTime(Cascade& cascade, const Node& node, ScriptPhase phas
     const NodeId id = node.id();
     const auto known = s.programs.find(id.value);
     const bool runs = known != s.programs.end() && !known->second.stale && !State::hasNewUrl(known->second, node);
-    if (phase == ScriptPhase::prepare && !runs) return kNever;
-    State::Program* program = s.ready(cascade, node);
-    if (phase == ScriptPhase::initialize) return runs ? kNever : cascade.now();
+    if (runs && phase == ScriptPhase::initialize) return kNever;
+    if (!runs && phase == ScriptPhase::prepare) return kNever;
+    State::Program* program = runs ? (known->second.canRun ? &known->second : nullptr) : s.ready(cascade, node);
+    if (phase == ScriptPhase::initialize) return cascade.now();
     if (!program) return kNever;
     const bool everyFrame = program->hasPrepareEvents;
+    bool ranNow = !runs;
     if (program->preparedAt != cascade.now() && everyFrame) {
         program->preparedAt = cascade.now();
         s.run(cascade, node, *program, "prepareEvents");
         const auto still = s.programs.find(id.value);
-        if (still == s.programs.end() || !still->second.controller) return kNever;
+        if (still == s.programs.end() || !still->second.canRun) return kNever;
         program = &still->second;
+        ranNow = true;
     }
     if (phase == ScriptPhase::prepare) return cascade.now();
-    if (std::exchange(program->eventsPending, false) && program->hasEventsProcessed)
+    if (std::exchange(program->eventsPending, false) && program->hasEventsProcessed) {
         s.run(cascade, node, *program, "eventsProcessed");
+        ranNow = true;
+    }
+    if (!ranNow) return everyFrame ? cascade.now() : kNever;
     // One that has set its own url starts anew with the next frame.
     const auto still = s.programs.find(id.value);
     const bool restarts = still != s.programs.end() && s.hasNewUrl(still->second, node);
@@ -384,7 +409,7 @@ void ScriptEngine::findHeld(const std::vector<NodeId>& nodes,
     if (!s.runtime || !s.runtime->onOwnThread() || s.runtime->depth > 0) return;
     std::vector<NodeId> asked;
     for (const auto& [id, program] : s.programs)
-        if (program.controller) asked.push_back(NodeId{id});
+        if (program.canRun) asked.push_back(NodeId{id});
     std::ranges::sort(asked);
     const auto ask = [&](NodeId script, const char* function, JS::MutableHandleValue answer) {
         const State::Program& program = s.programs.at(script.value);

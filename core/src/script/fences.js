@@ -118,22 +118,44 @@
     const small = 1 << 20, hasRoom = bytes => !(bytes > small) || reserve(bytes);
     const textOf = value => typeof value === "string" ? value : typeof value === "number" ? String(value) : "";
     const guarded = {String: Object.create(null), Array: Object.create(null), global: Object.create(null)};
-    function guardText(name, bytesOf, prepare = value => value) {
+    function guardText(name, bytesOf, prepare = value => value, check = () => {}) {
         const real = String.prototype[name];
         guarded.String[name] = {[name](...given) {
             if (this === undefined || this === null) return real.apply(this, given);
             const text = String(this);
             if (given.length > 0) given[0] = prepare(given[0]);
             hasRoom(bytesOf(text, ...given));
+            check(text, given[0]);
             return real.apply(text, given);
         }}[name];
     }
     const toNumber = value => +value;
+    // What takes the square of a text's length is one step, too.
+    const refuse = why => { throw new (native.global().RangeError)(why); };
+    const isObject = value => value !== null && (typeof value === "object" || typeof value === "function");
+    /// An object that does not do the work itself is a text.
+    const toText = doer => value => isObject(value) && (doer === undefined || value[doer] === undefined || value[doer] === null) ? `${value}` : value;
+    const mostComparisons = 2 ** 31;
+    function mustBeQuick(text, part) {
+        if (typeof part === "string" && (text.length - part.length + 1) * part.length > mostComparisons)
+            refuse(`looking for ${part.length} characters among ${text.length} takes too long`);
+    }
+    // A run of twice as many holds one that begins at a multiple; a pair of surrogates may be cut at its ends.
+    const manyMarks = 4096, allMarks = /^[\udc00-\udfff]?\p{M}+[\ud800-\udbff]?$/u, isMatch = RegExp.prototype.test;
+    function mustHaveFewMarks(text) {
+        for (let at = 0; at + manyMarks <= text.length; at += manyMarks)
+            if (isMatch.call(allMarks, text.slice(at, at + manyMarks))) refuse(`${manyMarks} combining characters in a row are too many to normalize`);
+    }
+    const nothing = () => 0;
+    for (const name of ["indexOf", "lastIndexOf"]) guardText(name, nothing, toText(), mustBeQuick);
+    guardText("includes", nothing, toText(Symbol.match), mustBeQuick);
+    guardText("replace", nothing, toText(Symbol.replace), mustBeQuick);
     guardText("repeat", (text, count) => 2 * text.length * count, toNumber);
     for (const name of ["padStart", "padEnd"]) guardText(name, (_, to) => 2 * to, toNumber);
-    guardText("split", (text, by) => by === undefined ? 0 : 8 * text.length / Math.max(1, textOf(by).length));
-    guardText("replaceAll", (text, from, to) => 2 * text.length * textOf(to).length / Math.max(1, textOf(from).length));
-    for (const name of ["normalize", "toLowerCase", "toUpperCase", "toLocaleLowerCase", "toLocaleUpperCase"])
+    guardText("split", (text, by) => by === undefined ? 0 : 8 * text.length / Math.max(1, textOf(by).length), toText(Symbol.split), mustBeQuick);
+    guardText("replaceAll", (text, from, to) => 2 * text.length * textOf(to).length / Math.max(1, textOf(from).length), toText(Symbol.replace), mustBeQuick);
+    guardText("normalize", text => 6 * text.length, value => value, mustHaveFewMarks);
+    for (const name of ["toLowerCase", "toUpperCase", "toLocaleLowerCase", "toLocaleUpperCase"])
         guardText(name, text => 6 * text.length);
     for (const [name, longest] of [["encodeURI", 9], ["encodeURIComponent", 9], ["escape", 6]]) {
         const real = globalThis[name];

@@ -75,10 +75,7 @@ bool Memory::within(std::size_t limit) {
 }
 
 bool Memory::withinForNow(std::size_t limit) {
-    if (steadyNow() - lookedAt_ > kLookNanoseconds) return within(limit);
-    if (gauged() <= limit) return true;
-    count();
-    return counted_ <= limit;
+    return steadyNow() - lookedAt_ <= kLookNanoseconds || within(limit);
 }
 
 }  // namespace rtsg::script

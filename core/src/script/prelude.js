@@ -392,14 +392,20 @@
         return result;
     }
 
+    /// The plain form of a field's value.
+    function plain(field, value) {
+        if (field.tuple === undefined || !(value instanceof field.tuple)) return flatten(field.code, value, field.spare);
+        field.tuple.store(value, field.spare, 0);
+        return field.spare;
+    }
     /// What an assignment keeps: later changes of `value` are not meant.
-    function copied(code, value, nodeOf) {
-        const tuple = tuples.get(code);
-        return tuple && value instanceof tuple ? tuple.load(flatten(code, value, spares.get(code)), 0) : revive(code, flatten(code, value), nodeOf);
+    function copied(field, value, nodeOf) {
+        const flat = plain(field, value);
+        return field.tuple === undefined ? revive(field.code, flat, nodeOf) : field.tuple.load(flat, 0);
     }
 
     // ---- nodes, and what prints ----------------------------------------------------------------------------------
-    const inputOnly = 1, ids = new WeakMap();
+    const inputOnly = 1, mostSpare = 64, ids = new WeakMap();
     class SFNode_ {}
     publishClass("SFNode", SFNode_);
     const methods = {
@@ -424,7 +430,11 @@
     // ---- a program: its nodes and their fields ---------------------------------------------------------------------
     /// `self`: the Script's number; `global`: the program's global object.
     function program(self, global) {
-        let touched = new Map(), spareTouched = null;
+        // What this call has touched, in this order; what has been assigned anew since has null in its first place.
+        // Lists keep their length: to shorten one costs as much as a call.
+        let order = [], count = 0, spareOrder = null;
+        // {id, field, value, assigned, at}: one value, and its place in the order or -1. The Script's own by index.
+        const own = [], others = new Map();
         const proxies = new Map(), fieldTables = new Map();
 
         function fieldOf(id, name) {
@@ -434,27 +444,40 @@
             if (!table) fieldTables.set(type, table = new Map());
             let field = table.get(name);
             if (field === undefined) {
-                const packed = native.field(id, name);
-                field = packed < 0 ? null : {index: packed & 0xFFFF, code: packed >> 16 & 0xFF, access: packed >> 24, name};
+                const packed = native.field(id, name), code = packed >> 16 & 0xFF;
+                field = packed < 0 ? null : {index: packed & 0xFFFF, code, access: packed >> 24, name, tuple: tuples.get(code), spare: spares.get(code)};
                 table.set(name, field);
             }
             return field;
         }
+        function cellOf(id, field) {
+            const key = id === self ? field.index : id * 65536 + field.index;
+            let cell = id === self ? own[key] : others.get(key);
+            if (cell === undefined) {
+                cell = {id, field, value: undefined, assigned: false, at: -1};
+                if (id === self) own[key] = cell; else others.set(key, cell);
+            }
+            return cell;
+        }
+        function touch(cell, value, assigned) {
+            cell.value = value;
+            cell.assigned = assigned;
+            cell.at = count;
+            order[count++] = cell;
+        }
         function read(id, field) {
             if (field.access === inputOnly) return undefined;
-            const key = id * 65536 + field.index, known = touched.get(key);
-            if (known) return known.value;
-            const value = revive(field.code, native.read(id, field.index), nodeOf);
-            touched.set(key, {id, field, value, assigned: false});
-            return value;
+            const cell = cellOf(id, field);
+            if (cell.at < 0) touch(cell, revive(field.code, native.read(id, field.index), nodeOf), false);
+            return cell.value;
         }
         function assign(id, field, value) {
             // Its own fields, but for inputs, a program may always write.
             const flaw = id === self && field.access !== inputOnly ? undefined : native.mayWrite(self, id, field.index);
             if (flaw) fail("TypeError", `${field.name}: ${flaw}`);
-            const key = id * 65536 + field.index;
-            touched.delete(key);
-            touched.set(key, {id, field, value: copied(field.code, value, nodeOf), assigned: true});
+            const kept = copied(field, value, nodeOf), cell = cellOf(id, field);
+            if (cell.at >= 0) order[cell.at] = null;
+            touch(cell, kept, true);
         }
         const nodeHandler = {
             get(target, name) {
@@ -483,20 +506,34 @@
             }
             return proxy;
         }
+        function send(id, field, value, assigned) {
+            const flaw = native.write(self, id, field.index, plain(field, value), assigned);
+            if (flaw) fail("TypeError", `${field.name}: ${flaw}`);
+        }
         function flush() {
-            if (touched.size === 0) return;
-            // A write may call this program again: it must not find what is on its way.
-            const pending = touched;
-            touched = spareTouched ?? new Map();
-            spareTouched = null;
-            for (const {id, field, value, assigned} of pending.values()) {
+            if (count === 0) return;
+            // A write may call this program again: it must not find what is on its way. Mostly that is one value.
+            const pending = order, end = count;
+            order = spareOrder ?? [];
+            count = 0;
+            spareOrder = null;
+            if (others.size > 0) others.clear();
+            let first = null, firstValue, firstAssigned = false, rest = null;
+            for (let i = 0; i < end; ++i) {
+                const cell = pending[i];
+                if (cell === null) continue;
+                pending[i] = null;
+                const {value, assigned, field} = cell;
+                cell.at = -1;
+                cell.value = undefined;
                 // Numbers, strings and nodes cannot be changed in place.
                 if (!assigned && (value === null || typeof value !== "object" || field.code === SFNode)) continue;
-                const flaw = native.write(self, id, field.index, flatten(field.code, value, spares.get(field.code)), assigned);
-                if (flaw) fail("TypeError", `${field.name}: ${flaw}`);
+                if (first === null) { first = cell; firstValue = value; firstAssigned = assigned; }
+                else (rest ??= []).push({id: cell.id, field, value, assigned});
             }
-            pending.clear();
-            spareTouched = pending;
+            if (end <= mostSpare) spareOrder = pending;
+            if (first !== null) send(first.id, first.field, firstValue, firstAssigned);
+            if (rest !== null) for (const {id, field, value, assigned} of rest) send(id, field, value, assigned);
         }
         function publish(name, value) {
             Object.defineProperty(global, name, {value, writable: true, configurable: true, enumerable: false});
@@ -514,10 +551,14 @@
 
         // Between two steps in which nothing but a collection of garbage happens: nodes that only their proxies keep.
         let loose = [];
+        const has = name => typeof Object.getOwnPropertyDescriptor(global, name)?.value === "function", handlers = [];
         return {
             /// Lets go of nodes that the scene would like to know of.
             loosen() {
-                touched.clear();
+                for (let i = 0; i < count; ++i) if (order[i] !== null) { order[i].at = -1; order[i].value = undefined; }
+                order = [];
+                count = 0;
+                others.clear();
                 for (const [id, proxy] of proxies)
                     if (!native.exists(id)) proxies.delete(id);
                     else if (native.isLoose(id)) { loose.push([id, new WeakRef(proxy)]); proxies.delete(id); }
@@ -530,7 +571,9 @@
                 loose = [];
                 return Float64Array.from(held, ([id]) => id);
             },
-            has: name => typeof Object.getOwnPropertyDescriptor(global, name)?.value === "function",
+            has,
+            /// What event() calls the function of that name by; -1 if there is none.
+            handler: name => has(name) ? handlers.push(name) - 1 : -1,
             call(name, ...given) {
                 try {
                     global[name](...given);
@@ -538,10 +581,10 @@
                     flush();
                 }
             },
-            /// An event of type `code` for the function `name`.
-            event(name, code, flat, time) {
+            /// An event of type `code` for a handler.
+            event(handler, code, flat, time) {
                 try {
-                    global[name](revive(code, flat, nodeOf), time);
+                    global[handlers[handler]](revive(code, flat, nodeOf), time);
                 } finally {
                     flush();
                 }

@@ -191,19 +191,24 @@ bool elementFrom(JSContext* cx, JS::HandleValue value, Value& out) {
         out = Value(String(text));
         return true;
     } else {
-        std::vector<double> numbers;
         if constexpr (std::is_same_v<T, Image>) {
+            std::vector<double> numbers;
             if (!numbersOf(value, numbers)) return false;
             out = Value(imageFrom(numbers));
         } else {
+            T element{};
             if constexpr (width<T>() == 1) {
                 if (!value.isNumber() && !value.isBoolean()) return false;
-                numbers.push_back(value.isBoolean() ? static_cast<double>(value.toBoolean()) : value.toNumber());
-            } else if (!numbersOf(value, numbers) || numbers.size() != width<T>()) {
-                return false;
+                const double number = value.isBoolean() ? static_cast<double>(value.toBoolean()) : value.toNumber();
+                narrowElements(&number, 1, &element);
+            } else {
+                if (!value.isObject() || !JS_IsFloat64Array(&value.toObject()) ||
+                    JS_GetTypedArrayLength(&value.toObject()) != width<T>())
+                    return false;
+                JS::AutoCheckCannotGC noCollection;
+                bool shared = false;
+                narrowElements(JS_GetFloat64ArrayData(&value.toObject(), &shared, noCollection), 1, &element);
             }
-            T element{};
-            narrowElements(numbers.data(), 1, &element);
             out = Value(element);
         }
         return true;

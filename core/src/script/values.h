@@ -25,6 +25,7 @@
 #include <js/LocaleSensitive.h>
 #include <js/Promise.h>
 #include <js/SourceText.h>
+#include <js/Stack.h>
 #include <js/experimental/JSStencil.h>
 #include <js/experimental/TypedData.h>
 #include <jsapi.h>

@@ -1,6 +1,8 @@
 // What scripts make and drop is freed, what anything still refers to is not, and it is the same in every run.
 #include <gtest/gtest.h>
 
+#include <rtsg/core/resource.h>
+
 #include "core/script/script_scene.h"
 
 namespace rtsg {
@@ -179,6 +181,45 @@ TEST(Dropped, RunsAreEqualBitForBitAndReplicasFollow) {
     run(first);
     run(second);
     EXPECT_EQ(first, second);
+}
+
+TEST(Dropped, ScriptsKeepNoMoreNodesThanThePolicyLets) {
+    ScriptOptions options;
+    ResourcePolicy policy;
+    policy.maximumNodes = 100;
+    options.resources = std::make_shared<const Resources>(std::filesystem::path(), policy);
+    ScriptScene s("outputOnly SFInt32 n", R"(
+        var kept = [], scene = Browser.currentScene;
+        function initialize() {
+            try { for (;;) kept.push(scene.createNode('Group')); } catch (e) { n = kept.length; }
+            for (const make of [() => scene.createNode('Group'), () => Browser.createVrmlFromString('Group { }')])
+                try { make(); } catch (e) { print(e.message); }
+        })",
+                  {}, options);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 100);
+    EXPECT_EQ(made(s.scene, x3d::Group::type), 100u);
+    EXPECT_EQ(s.printed,
+              "scripts may make 100 nodes that are there at a time: 100 are, and this may be 1 more\n"
+              "scripts may make 100 nodes that are there at a time: 100 are, and this may be 4 more\n")
+        << s.problems();
+}
+
+TEST(Dropped, ATextThatMayMakeTooManyNodesIsNotRead) {
+    ScriptOptions options;
+    ResourcePolicy policy;
+    policy.maximumNodes = 100;
+    options.resources = std::make_shared<const Resources>(std::filesystem::path(), policy);
+    ScriptScene s("outputOnly SFInt32 n", R"(
+        function initialize() {
+            n = Browser.createVrmlFromString('Group{}'.repeat(42)).length;
+            Browser.createVrmlFromString('Group{}'.repeat(43));
+        })",
+                  {}, options);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 42);
+    EXPECT_NE(s.problems().find("scripts may make 100 nodes"), std::string::npos) << s.problems();
+    EXPECT_EQ(made(s.scene, x3d::Group::type), 42u);
 }
 
 }  // namespace

@@ -221,6 +221,36 @@ TEST(ScriptFences, GuardedFunctionsAreWhatTheyWere) {
         << s.problems();
 }
 
+TEST(ScriptFences, WhatTakesTheSquareOfALengthIsRefused) {
+    for (const char* call :
+         {"long.indexOf(part)", "long.lastIndexOf(part)", "long.includes(part)", "long.split(part)",
+          "long.replace(part, '')", "long.replaceAll(part, '')", "long.indexOf({toString: () => part})",
+          "long.split({toString: () => part})", "('a' + marks).normalize('NFD')"}) {
+        ScriptScene s("outputOnly SFInt32 n",
+                      std::string("const long = 'a'.repeat(1 << 17), part = 'a'.repeat(1 << 16) + 'b', marks = "
+                                  "'\\\\u0301'.repeat(8192); function initialize() { try { ") +
+                          call + "; n = 1; } catch (e) { n = e instanceof RangeError ? 2 : 3; } }");
+        s.frame();
+        EXPECT_EQ(s.get<std::int32_t>("n"), 2) << call << s.problems();
+    }
+}
+
+TEST(ScriptFences, SearchesAreWhatTheyWere) {
+    ScriptScene s("outputOnly SFString text", R"(
+        function thrown(f) { try { return f(); } catch (e) { return e.name; } }
+        const found = {toString() { return 'bc'; }};
+        function initialize() {
+            text = ['abcbc'.indexOf('bc'), 'abcbc'.indexOf('bc', 2), 'abcbc'.lastIndexOf(found), 'abc'.includes(found),
+                    thrown(() => 'abc'.includes(/b/)), 'undefined'.indexOf(), 'a1'.indexOf(1), 'null'.indexOf(null),
+                    thrown(() => 'a'.indexOf(Symbol())), 'abcbc'.replace(found, '[$&]'), 'abc'.replace(/B/i, x => x + x),
+                    'abcbc'.split(found).length, 'abcbc'.replaceAll(found, (x, at) => at), 'x\\u0301'.normalize('NFC').length,
+                    ('x' + '\\u0301'.repeat(4000)).normalize('NFD').length].join(' ');
+        })");
+    s.frame();
+    EXPECT_EQ(s.get<String>("text").view(), "1 3 3 true TypeError 0 1 0 TypeError a[bc]bc abbc 3 a13 2 4001")
+        << s.problems();
+}
+
 /// What an expression gives, as text.
 std::string fenced(const std::string& expression) {
     ScriptScene s("outputOnly SFString text", "function initialize() { text = String(" + expression + "); }");

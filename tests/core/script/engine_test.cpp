@@ -1,0 +1,138 @@
+// Every way in which a program can hold up the scene, or take what it should not have, ends in a diagnostic; and the
+// scene goes on, with its clock, its routes and the programs of others.
+#include <thread>
+
+#include "core/script/script_scene.h"
+
+namespace rtsg {
+namespace {
+
+using test::limits;
+using test::ScriptScene;
+
+struct Way {
+    const char *name, *program, *diagnostic;
+};
+
+// clang-format off
+const Way kWays[] = {
+    // Looping.
+    {"a loop", "function go() { for (;;); }", "ran longer than 0.1 s; it is not called again"},
+    {"one that catches everything", "function go() { for (;;) try { throw 1; } catch (e) { } finally { continue; } }", "ran longer"},
+    {"at load", "while (true);", "ran longer"},
+    {"in initialize", "function initialize() { while (true); }", "ran longer"},
+    {"in prepareEvents", "function prepareEvents() { while (true); }", "ran longer"},
+    {"in eventsProcessed", "function eventsProcessed() { while (true); }", "ran longer"},
+    {"a generator", "function go() { for (const x of (function* () { for (;;) yield 1; })()); }", "ran longer"},
+    {"a proxy", "function go() { for (const x in new Proxy({}, {ownKeys() { for (;;); }})); }", "ran longer"},
+    {"a getter of a value that is sent", "function go() { out = {get length() { for (;;); }}; }", "ran longer"},
+    {"a conversion", "function go() { new SFVec3f({valueOf() { for (;;); }}); }", "ran longer"},
+    {"comparisons", "function go() { [3, 2, 1].sort(() => { for (;;); }); }", "ran longer"},
+    {"an engine's loop", "function go() { Array.prototype.lastIndexOf.call({length: 2 ** 53 - 1}, 5); }", "ran longer"},
+    {"text of texts", "function go() { let a = [1]; for (let i = 0; i < 60; ++i) a = [a, a]; String(a); }", "ran longer"},
+    {"JSON of objects", "function go() { let a = [1]; for (let i = 0; i < 60; ++i) a = [a, a]; JSON.stringify(a); }", "ran longer"},
+    {"eval", "function go() { eval('for (;;);'); }", "ran longer"},
+    {"printing", "function go() { for (;;) print(''); }", "ran longer"},
+    {"making nodes", "function go() { for (;;) Browser.currentScene.createNode('Group'); }", "ran longer"},
+    {"a search in a long text", "function go() { 'a'.repeat(1 << 22).indexOf('a'.repeat(1 << 21) + 'b'); }", "RangeError: looking for 2097153 characters among 4194304 takes too long"},
+    {"many marks on a letter", "function go() { ('a' + '\\u0301\\u0323'.repeat(500000)).normalize('NFD'); }", "RangeError: 4096 combining characters"},
+    {"backtracking", "function go() { /^(a|a)*$/.test('a'.repeat(5000) + 'b'); }", "InternalError: too much recursion"},
+    // Allocating.
+    {"arrays", "function go() { const a = []; for (;;) a.push(new Array(10000).fill(7)); }", "scripts may hold 32 MiB; it is not called again"},
+    {"texts", "function go() { const a = []; for (let i = 0; ; ++i) a.push('x'.repeat(100000) + i); }", "scripts may hold 32 MiB"},
+    {"objects that hold each other", "function go() { let a = null; for (;;) a = {a}; }", "scripts may hold 32 MiB"},
+    {"one array that is too large", "function go() { new Float64Array(1e9); }", "RangeError: out of memory: 8000000000 bytes"},
+    {"one text that is too large", "function go() { 'x'.repeat(1e9); }", "RangeError"},
+    {"a value of the scene", "function go() { const a = new MFVec3f(); for (;;) a.push(new SFVec3f(1, 2, 3)); }", "it is not called again"},
+    {"promises", "function go() { const a = []; for (;;) a.push(new Promise(() => { })); }", "scripts may hold 32 MiB"},
+    // Recursing.
+    {"a function", "function go() { go(); }", "InternalError: too much recursion"},
+    {"a getter", "const o = {get x() { return this.x; }}; function go() { o.x; }", "InternalError: too much recursion"},
+    {"a text of itself", "const a = {toString() { return '' + this; }}; function go() { print(a); }", "InternalError: too much recursion"},
+    {"a proxy of itself", "const p = new Proxy({}, {get: (t, k, r) => r[k]}); function go() { p.x; }", "InternalError: too much recursion"},
+    {"a program that is nested", "function go() { eval('('.repeat(1e5) + ')'.repeat(1e5)); }", "InternalError: too much recursion"},
+    {"nodes within nodes", "function go() { Browser.createVrmlFromString('Group { children '.repeat(100000)); }", "100000 levels deep"},
+    {"one's own node within itself", "const g = Browser.currentScene.createNode('Group'); function go() { g.children = new MFNode(g); }", "contain itself"},
+    // Throwing.
+    {"an error", "function go() { throw new Error('mine'); }", "line 1: Error: mine"},
+    {"anything", "function go() { throw {toString() { for (;;); }}; }", "uncaught exception: Object"},
+    {"an error that says too much", "function go() { throw new Error('x'.repeat(1e6)); }", "Error: xxx"},
+    {"an error whose stack is a program", "function go() { const e = new TypeError('odd'); Object.defineProperty(e, 'stack', {get() { for (;;); }}); throw e; }", "TypeError: odd"},
+    {"what does not parse", "function go( { }", "SyntaxError"},
+    {"in a conversion", "function go() { out = {get length() { throw new RangeError('late'); }}; }", "RangeError: late"},
+    {"instead of an error's constructor", "TypeError = function() { throw 'none'; }; function go() { out = new SFVec3f(); }", "uncaught exception: none"},
+    // Promising.
+    {"a chain", "function step() { Promise.resolve().then(step); } function go() { step(); }", "ran longer"},
+    {"waiting for ever", "async function go() { for (;;) await null; }", "ran longer"},
+    {"a rejection", "function go() { Promise.reject(new Error('lost')); }", "Error: lost (a promise that nothing handles)"},
+    {"a thousand rejections", "function go() { for (let i = 0; i < 1000; ++i) Promise.reject(i); }", "more promises that nothing handles"},
+    {"rejections made by looking at them", "function odd() { const e = {}; Object.defineProperty(e, 'stack', {get() { Promise.reject(odd()); }}); return e; } function go() { Promise.reject(odd()); }", "Object (a promise that nothing handles)"},
+    {"a thenable that loops", "function go() { Promise.resolve({then() { for (;;); }}); }", "ran longer"},
+    {"a module", "function go() { import('other.js'); }", "import"},
+    // Loading.
+    {"a file that is not there", "function go() { Browser.loadURL(['none.x3dv']); }", "was not loaded"},
+    {"a file that may not be opened", "function go() { Browser.createX3DFromURL(['/etc/hostname']); }", "line 1: Error"},
+    {"more than a frame can", "function go() { for (;;) Browser.loadURL(['none.x3dv']); }", "Error: 64 documents are asked for already"},
+    {"a text that is none", "function go() { Browser.createX3DFromString('}'); }", "unexpected '}'"},
+    {"a program that is not there", "function go() { Browser.currentScene.getNamedNode('S').url = new MFString('none.js'); }", "none.js"},
+    {"itself, again and again", "function initialize() { const s = Browser.currentScene.getNamedNode('S'); s.url = new MFString(s.url[0] + ' '); } function go() { throw 'anew'; }", "anew"},
+};
+// clang-format on
+
+constexpr const char* kOthers = R"(
+DEF C TimeSensor { loop TRUE cycleInterval 8 }
+DEF I PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 8 0 0 ] }
+DEF M Transform { }
+DEF W Script { inputOnly SFFloat set_fraction outputOnly SFFloat out url "ecmascript: function set_fraction(f) { out = 8 * f; }" }
+ROUTE C.fraction_changed TO I.set_fraction
+ROUTE I.value_changed TO M.translation
+ROUTE C.fraction_changed TO W.set_fraction
+)";
+
+void take(const Way& way) {
+    SCOPED_TRACE(way.name);
+    std::string program;
+    for (const char* c = way.program; *c; ++c) program += *c == '\\' ? std::string("\\\\") : std::string(1, *c);
+    ScriptScene s("directOutput TRUE inputOnly SFBool go outputOnly MFFloat out", program, kOthers,
+                  limits(true, .1, std::size_t{32} << 20));
+    for (int i = 0; i < 3; ++i) {
+        s.send("go", true);
+        s.frame();
+    }
+    EXPECT_NE(s.problems().find(way.diagnostic), std::string::npos) << s.problems();
+    EXPECT_LT(s.problems().size(), 20'000u);
+    s.frame();
+    EXPECT_EQ(s.scene.now(), 4);
+    EXPECT_FLOAT_EQ(s.get<Vec3f>("translation", "M").x, 4) << "another node's route";
+    EXPECT_FLOAT_EQ(s.get<float>("out", "W"), 4) << "another's program";
+}
+
+#ifndef __SANITIZE_THREAD__  // SpiderMonkey, as packaged not instrumented, faults in its collector there
+TEST(ScriptEngine, EveryWayToHoldUpTheSceneEndsInADiagnosticAndTheSceneGoesOn) {
+    // The limit of memory is read when the first script of a thread runs.
+    std::thread([] {
+        for (const Way& way : kWays) take(way);
+    }).join();
+}
+#endif
+
+TEST(ScriptEngine, WhatWentWrongIsToldInAFewWords) {
+    ScriptScene s("", "function prepareEvents() { throw new Error('\xC3\xA4'.repeat(1e6)); }");
+    s.frame();
+    ASSERT_EQ(s.scene.diagnostics().all().size(), 1u);
+    const std::string text = s.scene.diagnostics().all()[0].text;
+    EXPECT_LT(text.size(), 1100u);
+    EXPECT_EQ(text.substr(text.size() - 5), "\xC3\xA4...") << "cut between two characters";
+}
+
+TEST(ScriptEngine, AThousandDifferentComplaintsAreCountedAndNotKept) {
+    ScriptScene s("outputOnly SFInt32 n",
+                  "function prepareEvents() { n = n + 1; for (let i = 0; i < 5; ++i) Promise.reject(5 * n + i); }");
+    for (int i = 0; i < 400; ++i) s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 400);
+    EXPECT_EQ(s.scene.diagnostics().all().size() + s.scene.diagnostics().dropped(), 2000u);
+    EXPECT_LE(s.scene.diagnostics().all().size(), 1000u);
+}
+
+}  // namespace
+}  // namespace rtsg
