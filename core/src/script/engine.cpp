@@ -341,9 +341,7 @@ ScriptEngine::ScriptEngine(Scene& scene, const ScriptOptions& options)
 ScriptEngine::~ScriptEngine() {
     // On a foreign thread the roots cannot be given back: they stay with the context, which is left alone too.
     if (state_->runtime && !state_->runtime->onOwnThread())
-        for (auto& [id, program] : state_->programs) {
-            (void)program.global.release();
-        }
+        for (auto& [id, program] : state_->programs) (void)program.global.release();
 }
 
 void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
@@ -356,7 +354,8 @@ void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field,
     State::Program* program = s.ready(cascade, node);
     if (!program) return;
     program->eventsPending = true;
-    const std::int32_t handler = program->handlers[field];
+    // One that is being loaded, and has had another write to it meanwhile, handles nothing yet.
+    const std::int32_t handler = field < program->handlers.size() ? program->handlers[field] : -1;
     if (handler < 0) return;
     const auto call = [&] {
         JSContext* cx = s.context();

@@ -26,7 +26,7 @@ class Memory {
     explicit Memory(JSContext* cx);
     /// Whether what is held stays within `limit` bytes.
     bool within(std::size_t limit);
-    /// As within(), but looks at what the process takes only after some milliseconds: for the end of short calls.
+    /// As within(), but looks only if the last look is some milliseconds ago: for the end of short calls.
     bool withinForNow(std::size_t limit);
 
   private:

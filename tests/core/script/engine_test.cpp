@@ -116,6 +116,19 @@ TEST(ScriptEngine, EveryWayToHoldUpTheSceneEndsInADiagnosticAndTheSceneGoesOn) {
 }
 #endif
 
+TEST(ScriptEngine, AnEventThatComesBackWhileAProgramIsLoadedIsNotHandled) {
+    ScriptScene s("directOutput TRUE inputOnly SFInt32 go outputOnly SFInt32 n",
+                  "Browser.currentScene.getNamedNode('O').step = 1; function go(v) { n = v; }",
+                  "DEF O Script { directOutput TRUE inputOnly SFInt32 step url \"ecmascript: function step(v) { "
+                  "print('step'); Browser.currentScene.getNamedNode('S').go = v; }\" }");
+    s.frame();
+    EXPECT_EQ(s.printed, "step\n") << s.problems();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 0);
+    s.send("go", 7);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 7) << s.problems();
+}
+
 TEST(ScriptEngine, WhatWentWrongIsToldInAFewWords) {
     ScriptScene s("", "function prepareEvents() { throw new Error('\xC3\xA4'.repeat(1e6)); }");
     s.frame();
