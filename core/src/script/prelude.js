@@ -281,7 +281,13 @@
         if (!Object.hasOwn(MF.prototype, key)) Object.defineProperty(MF.prototype, key, Object.getOwnPropertyDescriptor(Array.prototype, key));
     const indexOf = key => typeof key === "string" && /^(?:0|[1-9]\d{0,9})$/.test(key) ? Number(key) : -1;
     const slot = {value: undefined, writable: true, enumerable: true, configurable: true};
-    const put = (array, key, value) => { slot.value = value; Reflect.defineProperty(array, key, slot); };
+    // Nothing of it stays here: a node would seem to be held.
+    function put(array, key, value) {
+        slot.value = value;
+        const done = Reflect.defineProperty(array, key, slot);
+        slot.value = undefined;
+        return done;
+    }
     // The engine's own would look behind the proxy for every element.
     MF.prototype.push = function push(...given) {
         for (const value of given) put(this, this.length, value);
@@ -298,8 +304,7 @@
             return value;
         },
         set(target, key, value, receiver) {
-            slot.value = value;
-            return Reflect.defineProperty(receiver, key, slot);
+            return put(receiver, key, value);
         },
         has: (target, key) => Reflect.has(beyond(), key),
         getPrototypeOf: beyond,

@@ -183,6 +183,20 @@ TEST(Dropped, RunsAreEqualBitForBitAndReplicasFollow) {
     EXPECT_EQ(first, second);
 }
 
+TEST(Dropped, WhatAFieldHeldOnceIsNotHeldByItsProgram) {
+    ScriptScene s("inputOutput SFNode field NULL inputOutput MFNode fields [ ]",
+                  maker("") +
+                      " function initialize() { field = scene.createNode('Group'); "
+                      "fields = new MFNode(scene.createNode('Group'), field); }");
+    s.frame();
+    ASSERT_EQ(made(s.scene, x3d::Group::type), 2u) << s.problems();
+    ASSERT_TRUE(s.scene.setField(s.script(), s.field("S", "field"), Value(NodeId{})));
+    ASSERT_TRUE(s.scene.setField(s.script(), s.field("S", "fields"), Value(Array<NodeId>())));
+    for (int i = 0; i < 5; ++i) s.frame();
+    EXPECT_EQ(made(s.scene, x3d::Group::type), 0u);
+    EXPECT_EQ(s.problems(), "");
+}
+
 TEST(Dropped, ScriptsKeepNoMoreNodesThanThePolicyLets) {
     ScriptOptions options;
     ResourcePolicy policy;
