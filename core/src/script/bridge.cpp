@@ -93,7 +93,8 @@ bool field(JSContext* cx, unsigned count, JS::Value* vp) {
     return true;
 }
 
-/// The author's fields of a Script.
+/// The author's fields of a Script; and its description, which X3D 4.0 gave to every Script: authors of before declared
+/// one, and their programs read it.
 bool fieldNames(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
@@ -102,7 +103,7 @@ bool fieldNames(JSContext* cx, unsigned count, JS::Value* vp) {
     const NodeType& builtin = currentCall(cx).scene.type(x3d::Script::type);
     std::uint32_t next = 0;
     for (const FieldDef& def : node->type().fields) {
-        if (def.hidden || builtin.findExact(def.name) != kNoField) continue;
+        if (def.hidden || (builtin.findExact(def.name) != kNoField && def.name != "description")) continue;
         JS::RootedString name(cx, JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(def.name.data(), def.name.size())));
         if (!name || !JS_SetElement(cx, names, next++, name)) return false;
     }
