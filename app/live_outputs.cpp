@@ -8,6 +8,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/renderers/denoise.h>
+
 namespace rtsg::app {
 
 namespace {
@@ -37,6 +39,7 @@ Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, c
 Result<> LiveOutputs::start(const Resources& resources) {
     if (!arguments_.render.empty()) {
         ImageOptions image = arguments_.picture.parse();
+        if (arguments_.denoise) image.settings.layers = kLayersOfDenoising;
         image.settings.progress = [this](double) { return !abandoned_ && (ending_ || !interrupted()); };
         light_ = std::make_unique<LightRenderer>(world_, LightRenderer::Options(resources, image));
         if (!light_->attached()) return rtsg::fail(light_->failure());
@@ -116,13 +119,18 @@ Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
     if (arguments_.animated() ? k < nextPicture_ || (k != dueAt(state.time) && !none) : !last) return {};
     if (auto ok = light_->renderFrame(state); !ok) return ok;
     if (light_->stats().cancelled) return {};
+    Picture picture = std::exchange(light_->frame(), Picture());
+    if (arguments_.denoise) {
+        if (auto ok = rtsg::denoise(picture); !ok) return ok;
+        picture.layers.clear();
+    }
     const double skipped = arguments_.animated() ? k - nextPicture_ : 0;
     nextPicture_ = k + 1;
     live_.picturesSkipped += static_cast<std::uint64_t>(skipped);
     ++live_.statesPictured;
     report_.pictureStates.push_back(light_->presented());
     report_.pictureTimes.push_back(std::round((state.time - start_) * 1e6) / 1e6);
-    return files_.add(std::exchange(light_->frame(), Picture()), static_cast<std::uint64_t>(skipped));
+    return files_.add(std::move(picture), static_cast<std::uint64_t>(skipped));
 }
 
 Result<> LiveOutputs::hear(const WorldState& state) {

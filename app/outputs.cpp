@@ -148,6 +148,8 @@ void OutputArguments::addTo(Command& command, Options which) {
                     which == Options::ofMirror
                         ? "make pictures and sound of the newest state, states merged, instead of every one"
                         : "run in real time; pictures and sound of the newest state, states merged");
+    command.addFlag("--denoise", denoise,
+                    "of --live pictures by --integrator path: filters what few samples leave of noise; a preview");
     if (which == Options::ofMirror) command.addOption("--record", record, "log of every state");
     command.addOption("--save", save, "the last state as a scene file");
     addForce(command, force);
@@ -164,6 +166,8 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
     picture.parse();
     sound.parse();
     sound.given.check(inputs);
+    if (denoise && (!isLive() || render.empty() || picture.integrator != "path" || picture.error > 0))
+        throw UsageError("--denoise", "is of --live pictures by --integrator path, without --error");
     if (!device.empty() && !onDevice()) throw UsageError("--device", "is of --listen device");
     std::ranges::move(names(), std::back_inserter(more));
     return checkFiles(inputs, more, force);

@@ -65,7 +65,7 @@ struct OutputArguments {
     double picturesPerSecond = 5;
     /// Scene time to make pictures and sound of; set by the verb.
     double seconds = std::numeric_limits<double>::infinity();
-    bool force = false, live = false;
+    bool force = false, live = false, denoise = false;
     PictureArguments picture;
     SoundArguments sound;
 

@@ -220,6 +220,37 @@ TEST_F(LiveOutputsOf, AnAnimationKeepsItsTime) {
               report.at("pictures").get<std::size_t>() + report.at("live").at("pictures_skipped").get<std::size_t>());
 }
 
+/// Of one sample a pixel: noise does not compress, and what is smooth does; and it is for nothing else.
+TEST_F(MadeOutputs, LivePicturesAreDenoisedIfAsked) {
+    writeFile(file,
+              "#X3D V4.0 utf8\nPROFILE Immersive\nNavigationInfo { headlight FALSE } Viewpoint { position 0 0 3 } "
+              "Background { "
+              "skyColor [ 1 1 1, 0 0 0 ] skyAngle 1.57 }\nShape { appearance Appearance { material Material { "
+              "diffuseColor 1 1 1 } "
+              "} geometry Rectangle2D { size 9 9 } }\n");
+    const auto sizeOf = [&](const char* name, std::vector<std::string> more) {
+        std::vector<std::string> words{"run",   file,           "--for",    "0.2s",        "--fps",
+                                       "5",     "--live",       "--render", folder / name, "--size",
+                                       "64x48", "--integrator", "path",     "--spp",       "1"};
+        std::ranges::move(more, std::back_inserter(words));
+        const Outcome outcome = rtsg(words);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return bytes(name).size();
+    };
+    const std::size_t plain = sizeOf("plain.png", {}), filtered = sizeOf("filtered.png", {"--denoise"});
+    EXPECT_GT(filtered, 100u);
+    EXPECT_LT(filtered, plain * 7 / 10);
+    for (const std::vector<std::string>& wrong : {std::vector<std::string>{"--integrator", "path"},
+                                                  {"--live"},
+                                                  {"--live", "--integrator", "path", "--error", ".1"}}) {
+        std::vector<std::string> words{"run", file, "--for", "0.1s", "--render", folder / "w.png", "--denoise"};
+        words.insert(words.end(), wrong.begin(), wrong.end());
+        const Outcome outcome = rtsg(words);
+        EXPECT_EQ(outcome.status, 2);
+        EXPECT_THAT(outcome.err, HasSubstr("--denoise"));
+    }
+}
+
 TEST_F(LiveOutputsOf, WhatFailsEndsTheVerbAndIsSaidOnce) {
     const Outcome outcome = rtsg({"run", file, "--for", "60min", "--fps", "10", "--live", "--render",
                                   folder / "no/such/%d.png", "--size", "8x8", "--json"});
