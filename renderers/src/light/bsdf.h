@@ -12,6 +12,11 @@
 
 namespace rtsg::trace {
 
+/// What a PhysicalMaterial shows of a light's intensity: it follows glTF (KHR_lights_punctual), whose intensity is
+/// irradiance, so that a white one under a light of intensity 1 shows 1/pi of what a white Material does. So do
+/// browsers.
+constexpr float kPhysicalLight = 0.318309886f;
+
 struct BsdfSample {
     Vec3f direction{0, 0, 1};
     Vec3f weight{0};  // value / (pi density): what light from there counts; 0 below the horizon

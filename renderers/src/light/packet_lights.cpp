@@ -2,6 +2,7 @@
 #include <bit>
 #include <cstring>
 
+#include "bsdf.h"
 #include "mesh/simd8.h"
 #include "surface_packet.h"
 #include "volume_march.h"
@@ -268,7 +269,7 @@ V8 metallicRoughness8(const V8& base, F8 metallic, F8 roughness, F8 cosLight, F8
 }
 
 void addPhysical(const TraceLight& light, SurfacePacket& s, const Incoming& in, const std::int32_t* lanes) {
-    const V8 color = broadcast(light.color), ambientLight = broadcast(light.ambient);
+    const V8 color = broadcast(light.color * kPhysicalLight), ambientLight = broadcast(light.ambient);
     for (int at = 0; at < 16; at += 8) {
         I8 use;
         std::memcpy(&use, lanes + at, sizeof use);

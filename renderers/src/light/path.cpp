@@ -233,7 +233,8 @@ class Paths {
         const Frame frame(normal, facing, direction, cosine);
         const float chance = w.chance[surface] / w.total;
         if (found_.mask >> lane & 1u) add(lit, found(found_, lane, own, frame, chance));
-        if (lamp_.mask >> lane & 1u) add(lit, found(lamp_, lane, own, frame, chance));
+        if (lamp_.mask >> lane & 1u)
+            add(lit, found(lamp_, lane, own, frame, chance) * (s.physical >> lane & 1u ? kPhysicalLight : 1.0f));
         if (sky_.mask >> lane & 1u) add(lit, found(sky_, lane, own, frame, chance));
         float pick = random.next() * w.total;
         int way = 0;

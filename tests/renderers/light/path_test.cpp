@@ -246,10 +246,9 @@ TEST(PathTracer, SmoothNormalsKeepTheEnergy) {
 
 // The sampled lobe and the evaluated one are the same: a metal floor under a distant panel and under a light like it.
 TEST(PathTracer, SampledHighlightEqualsTheEvaluatedOne) {
-    // The panel is small as seen from the floor point: radiance L over a solid angle w is a light of intensity L w /
-    // pi.
+    // The panel is small as seen from the floor point: radiance L over a solid angle w is a light of irradiance L w.
     const double distance = 10, half = 0.5, radiance = 1;
-    const double angle = 4 * half * half / (distance * distance), intensity = radiance * angle / 3.14159265;
+    const double angle = 4 * half * half / (distance * distance), intensity = radiance * angle;
     const std::string floor =
         "Viewpoint { position 0 0 2 fieldOfView 0.001 } Shape { appearance Appearance { material PhysicalMaterial { "
         "metallic 1 roughness 0.6 baseColor 0.9 0.9 0.9 } } geometry IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 "
@@ -268,6 +267,33 @@ TEST(PathTracer, SampledHighlightEqualsTheEvaluatedOne) {
     const Mean found = mean(sampled, 2048);
     EXPECT_NEAR(found.color.r, exact.color.r, 4 * found.error + 0.01 * exact.color.r) << found.error;
     EXPECT_LT(found.error, 0.05 * exact.color.r);
+}
+
+TEST(PathTracer, IntensityIsIrradianceForAPhysicalMaterialAndWhatIsShownForAMaterial) {
+    const auto facing = [](const std::string& material, Integrator integrator) {
+        LightScene s("DirectionalLight { } Shape { appearance Appearance { material " + material +
+                         " } geometry Rectangle2D { size 4 4 } }",
+                     9, 9);
+        s.options.settings.integrator = integrator;
+        s.options.settings.colorSpace = ColorSpace::linear;
+        s.options.settings.maxDepth = 1;
+        return s.center();
+    };
+    // glTF 2.0 appendix B, everything head-on: F = .04, D = 1/pi, V = 1/4 for a roughness of 1; diffuse 1/pi.
+    const double physical = (0.96 + 0.04 / 4) / std::numbers::pi;
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        expectColor(facing("PhysicalMaterial { metallic 0 roughness 1 }", integrator), Vec3d(physical), 1e-4);
+        expectColor(facing("Material { diffuseColor 1 1 1 ambientIntensity 0 }", integrator), Vec3d(1), 1e-4);
+    }
+    // Many lights: one is chosen by chance, and stands for all.
+    std::string lamps;
+    for (int i = 0; i < 32; ++i) lamps += fmt::format("PointLight {{ location 0 0 3 intensity {} }} ", 1 / 32.0);
+    LightScene many(lamps +
+                        "Shape { appearance Appearance { material PhysicalMaterial { metallic 0 roughness 1 } } "
+                        "geometry Rectangle2D { size .01 .01 } } Viewpoint { position 0 0 3 fieldOfView .001 }",
+                    9, 9);
+    many.options.settings.integrator = Integrator::path;
+    expectColor(many.center(), Vec3d(physical), 1e-3);
 }
 
 TEST(PathTracer, AgreesWithWhittedWhereNothingBounces) {
