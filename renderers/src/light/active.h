@@ -36,4 +36,14 @@ const PlacedEntry* active(const LightState& state, std::uint16_t layer) {
     return best;
 }
 
+/// What the viewpoint brings counts unless another one is bound (23.3.1); null: there is none.
+inline const Navigation* activeNavigation(const LightState& state, std::uint16_t layer) {
+    const PlacedEntry* placed = active<Navigation>(state, layer);
+    const Navigation* own = placed ? &std::get<Navigation>(placed->what) : nullptr;
+    const PlacedEntry* view = active<View>(state, layer);
+    if (!view) return own;
+    const auto& brought = std::get<View>(view->what).navigation;
+    return brought && (brought->bound || !own || !own->bound) ? &*brought : own;
+}
+
 }  // namespace rtsg::trace

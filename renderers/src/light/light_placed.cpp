@@ -17,6 +17,11 @@ using namespace trace;
 
 namespace {
 
+Navigation readNavigation(const Node& node) {
+    using N = x3d::NavigationInfo;
+    return {node.get(N::headlight), node.get(N::isBound), node.get(N::visibilityLimit)};
+}
+
 View readView(const Scene& scene, const Node& node) {
     View view;
     view.name = scene.name(node.id());
@@ -27,6 +32,8 @@ View readView(const Scene& scene, const Node& node) {
         view.farDistance = node.get(V::farDistance);
         view.description = node.get(V::description).str();
         view.position = Vec3d(node.get(V::position));
+        const Node* brought = scene.effectiveNode(node.get(V::navigationInfo));
+        if (brought && brought->is(x3d::NavigationInfo::type)) view.navigation = readNavigation(*brought);
     };
     if (node.is(x3d::Viewpoint::type)) {
         common(static_cast<const x3d::Viewpoint*>(nullptr));
@@ -119,10 +126,7 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
                     FogEntry{readFog(scene, placed.node, placed.worldFromLocal), node->get(x3d::Fog::isBound)};
             break;
         case PlacedKind::navigation:
-            if (node->is(x3d::NavigationInfo::type))
-                entry->what =
-                    Navigation{node->get(x3d::NavigationInfo::headlight), node->get(x3d::NavigationInfo::isBound),
-                               node->get(x3d::NavigationInfo::visibilityLimit)};
+            if (node->is(x3d::NavigationInfo::type)) entry->what = readNavigation(*node);
             break;
         case PlacedKind::clipPlane:
             if (ClipEntry clip = readClip(*node, placed.worldFromLocal); !clip.planes.empty()) {

@@ -29,6 +29,10 @@ namespace rtsg {
 
 namespace trace {
 
+struct Navigation {
+    bool headlight = true, bound = false;
+    float visibilityLimit = 0;
+};
 /// A Viewpoint, OrthoViewpoint or GeoViewpoint, in its own frame.
 struct View {
     Vec3d position{0, 0, 10};
@@ -38,10 +42,7 @@ struct View {
     bool orthographic = false, bound = false, viewAll = false;
     float farDistance = -1;
     std::string name, description;
-};
-struct Navigation {
-    bool headlight = true, bound = false;
-    float visibilityLimit = 0;
+    std::optional<Navigation> navigation;  // that it brings (23.3.1)
 };
 struct SkyEntry {
     Sky sky;
@@ -120,6 +121,7 @@ class LightTables {
 
     const LightTracer::Counts& counts() const { return counts_; }
     const Diagnostics& diagnostics() const { return said_; }
+    void tellOfDamage();
 
   private:
     static constexpr std::uint32_t kNone = 0xFFFFFFFF;

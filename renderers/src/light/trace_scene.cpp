@@ -192,8 +192,8 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     TraceLight headlight;  // 23.4.4: intensity 1, colour 1 1 1, ambientIntensity 0, along the view
     headlight.color = Vec3f(1);
     headlight.direction = Vec3f(part.headlight);
-    const PlacedEntry* navigation = active<Navigation>(state, layer);
-    const bool lit = !navigation || std::get<Navigation>(navigation->what).headlight;
+    const Navigation* navigation = activeNavigation(state, layer);
+    const bool lit = !navigation || navigation->headlight;
     scene.lightGroups = groupLights<TraceLight>(state, layer, traceLights(state, world, settings));
     scene.environments = groupLights<TraceEnvironment>(state, layer, traceEnvironment);
     if (settings.integrator == Integrator::whitted && !scene.environments.lights.empty())

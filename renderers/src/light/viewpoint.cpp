@@ -67,8 +67,8 @@ Camera trace::cameraOf(const LightState& state, const RayView& world, const Plac
     if (view.viewAll) frameEverything(camera);
     if (view.farDistance > 0)
         camera.visibilityLimit = view.farDistance;
-    else if (const PlacedEntry* navigation = active<Navigation>(state, camera.layer))
-        if (const float limit = std::get<Navigation>(navigation->what).visibilityLimit; limit > 0)
+    else if (const Navigation* navigation = activeNavigation(state, camera.layer))
+        if (const float limit = navigation->visibilityLimit; limit > 0)
             camera.visibilityLimit = limit;
     return camera;
 }

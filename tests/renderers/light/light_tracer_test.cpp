@@ -150,6 +150,31 @@ TEST(LightTracer, AttenuationScalesWithTheLightsFrame) {
     expectColor(near.center(), Vec3d(1 / 16.0), 1e-6);
 }
 
+TEST(LightTracer, FollowsTheNavigationInfoThatAViewpointBrings) {
+    const std::string shape = "Shape { appearance Appearance { material Material { } } geometry Box { } }";
+    // 23.3.1: it is bound with its viewpoint; the one of the document is for viewpoints that bring none.
+    LightScene s(
+        "NavigationInfo { headlight TRUE } DEF A Viewpoint { navigationInfo DEF N NavigationInfo { headlight "
+        "FALSE visibilityLimit 100 } } DEF B Viewpoint { } " +
+        shape);
+    EXPECT_EQ(s.center(), Vec3f(0));
+    ASSERT_TRUE(s.scene.sendEvent(s.node("B"), x3d::Viewpoint::set_bind.index, Value(true)));
+    s.scene.newFrame(1);
+    EXPECT_GT(s.center().r, 0.5f);
+    ASSERT_TRUE(s.scene.sendEvent(s.node("A"), x3d::Viewpoint::set_bind.index, Value(true)));
+    s.scene.newFrame(2);
+    EXPECT_EQ(s.center(), Vec3f(0));
+    ASSERT_TRUE(s.scene.set(s.node("N"), x3d::NavigationInfo::headlight, true));
+    s.scene.newFrame(3);
+    EXPECT_GT(s.center().r, 0.5f);
+    ASSERT_TRUE(s.scene.set(s.node("N"), x3d::NavigationInfo::visibilityLimit, 5.0f));
+    s.scene.newFrame(4);
+    EXPECT_EQ(s.center(), Vec3f(0)) << "the box is 9 m away";
+    ASSERT_TRUE(s.scene.set(s.node("A"), x3d::Viewpoint::navigationInfo, NodeId{}));
+    s.scene.newFrame(5);
+    EXPECT_GT(s.center().r, 0.5f);
+}
+
 TEST(LightTracer, HeadlightShinesUnlessSwitchedOff) {
     const std::string shape = square(100, matte("0.3 0.6 0.9"));
     LightScene on("NavigationInfo { }" + shape);
