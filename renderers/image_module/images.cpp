@@ -8,6 +8,7 @@
 #include <OpenImageIO/imageio.h>
 
 #include "image/image_files.h"
+#include "tiles.h"
 
 namespace rtsg {
 
@@ -81,6 +82,11 @@ std::unique_ptr<OIIO::ImageInput> openFor(const ReadRequest& request, const std:
 
 class Files final : public ImageFiles {
   public:
+    std::string openTiles(ByteSource source, const std::string& name,
+                          std::unique_ptr<TiledPicture>& out) const override {
+        return openTiledPicture(std::move(source), name, out);
+    }
+
     std::string readFile(const std::string& file, const ReadRequest& request, FilePixels& out) const override {
         const auto input = openFor(request, file, nullptr);
         return input ? readInput(*input, request, out) : OIIO::geterror();

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 #include <string>
 #include <utility>
@@ -53,9 +54,43 @@ struct Sheet {
     std::vector<std::pair<std::string, std::string>> notes{};
 };
 
+/// Where the bytes of a file come from; fewer than asked for at the end and after an error. From any thread.
+struct ByteSource {
+    std::uint64_t size = 0;
+    std::function<std::size_t(std::uint64_t offset, void* to, std::size_t length)> read;
+};
+
+/// A picture that stays in its file: tiles of it and of its coarser copies are read when they are looked at, and kept
+/// in one cache of 256 MiB for all such pictures of a process. Threading: any number of threads.
+class TiledPicture {
+  public:
+    static constexpr std::size_t kCacheMegabytes = 256;
+    /// A tile has no more bytes than this: more would not be a part of a picture.
+    static constexpr std::uint64_t kMostTileBytes = std::uint64_t{1} << 24;
+    struct Level {
+        int width = 0, height = 0;
+    };
+    virtual ~TiledPicture() = default;
+    TiledPicture() = default;
+    TiledPicture(const TiledPicture&) = delete;
+    TiledPicture& operator=(const TiledPicture&) = delete;
+
+    std::vector<Level> levels;  // the finest first
+    int channels = 0;           // 1 to 4
+    bool encoded = false;       // not half or float
+    bool eightBits = false;
+    /// A block of a level, `channels` numbers a pixel, rows from the top, alpha not multiplied in. False, with zeros:
+    /// the file cannot be read there; damage() says why from then on. Precondition: the block lies within.
+    virtual bool read(int level, int x, int y, int width, int height, float* pixels) const = 0;
+    virtual std::string damage() const = 0;
+};
+
 class ImageFiles {
   public:
     virtual ~ImageFiles() = default;
+    /// Error: it is not stored in tiles with its coarser copies. `name`: its extension says the format.
+    virtual std::string openTiles(ByteSource source, const std::string& name,
+                                  std::unique_ptr<TiledPicture>& out) const = 0;
     virtual std::string readFile(const std::string& file, const ReadRequest& request, FilePixels& out) const = 0;
     /// `name`: its extension says the format.
     virtual std::string readMemory(std::span<const std::uint8_t> bytes, const std::string& name,
@@ -71,6 +106,6 @@ class ImageFiles {
 Result<const ImageFiles*> imageFiles();
 
 /// What the module exports under this name, which changes whenever this header does.
-#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles4
+#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles5
 
 }  // namespace rtsg

@@ -60,7 +60,7 @@ Harmonics lightBehind(const F& shown) {
     return light;
 }
 
-Vec3f finite(const Vec4f& color) {
+Vec3f usableLight(const Vec4f& color) {
     Vec3f result;
     for (int c = 0; c < 3; ++c) result[c] = std::isfinite(color[c]) ? std::clamp(color[c], 0.0f, 1e20f) : 0.0f;
     return result;
@@ -70,7 +70,7 @@ Vec3f finite(const Vec4f& color) {
 Vec3f lookUp(const SpaceTexture& picture, const Vec3f& direction, float width) {
     // A side of a cube spans a quarter turn, a panorama a half and a whole one.
     const float side = picture.layers().size() == 6 ? kPi / 2 : kPi * std::numbers::sqrt2_v<float>;
-    return finite(picture.sample(direction, width / side, {}, ColorSpace::linear));
+    return usableLight(picture.sample(direction, width / side, {}, ColorSpace::linear));
 }
 
 /// The i-th of `count` points that fill a square evenly (Hammersley's).

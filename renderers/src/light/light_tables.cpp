@@ -25,6 +25,10 @@ bool concernsLight(const InstanceDelta& d) {
 
 }  // namespace
 
+void LightTables::tellOfDamage() {
+    textures_->tellOfDamage(said_);
+}
+
 LightTables::LightTables(std::shared_ptr<TextureStore> textures) : textures_(std::move(textures)) {
     uses_.resize(1);
     materials_.resize(1);

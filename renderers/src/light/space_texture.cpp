@@ -93,6 +93,7 @@ Result<SpaceTexture> SpaceTexture::ofPicture(const std::shared_ptr<const Texture
     for (const Shape& shape : kShapes) {
         const int side = w / shape.columns;
         if (side == 0 || w != side * shape.columns || h != side * shape.rows) continue;
+        if (picture->inTiles()) return fail("a picture of the sides of a cube has to be small enough to be kept");
         for (const Place& place : shape.sides)
             result.layers_.push_back(std::make_shared<const Texture>(
                 picture->part(place.column * side, (shape.rows - 1 - place.row) * side, side, side, place.turned)));

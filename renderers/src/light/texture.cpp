@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 #include <fmt/format.h>
 
+#include <rtsg/core/resource.h>
 #include <rtsg/renderers/picture.h>
 
 #include "image/image_files.h"
@@ -17,6 +19,7 @@ namespace rtsg {
 namespace {
 
 constexpr int kMaxSide = 1 << 15;
+constexpr int kMaxTiledSide = 1 << 17;  // beyond, single floats between 0 and 1 tell pixels apart too badly
 
 const std::array<float, 256>& decodeTable() {
     static const auto table = [] {
@@ -76,21 +79,23 @@ Result<> checkSize(int width, int height, std::size_t pixels) {
 
 /// Bottom row first: SFImage and texture coordinates both start at the lower left.
 ReadRequest request(std::uint64_t maximumPixels, bool layers = false) {
-    return {.asFloats = false,
-            .bottomRowFirst = true,
-            .layers = layers,
-            .straight = true,
-            .check = [maximumPixels](int width, int height, int count, bool bytes) -> std::string {
-                if (const auto ok = checkSize(width, height, SIZE_MAX); !ok) return ok.error().text;
-                if (count > kMaxSide) return "the texture has more than 32768 layers";
-                const auto pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) *
-                                    static_cast<std::uint64_t>(count);
-                if (pixels <= maximumPixels / (bytes ? 1 : 4)) return std::string();
-                return fmt::format(
-                    "{} x {}{} pixels{} are more than {}; --limit pixels=N raises this, to a fourth of N", width,
-                    height, count > 1 ? fmt::format(" x {}", count) : "", bytes ? "" : " of more than 8 bits",
-                    maximumPixels);
-            }};
+    return {
+        .asFloats = false,
+        .bottomRowFirst = true,
+        .layers = layers,
+        .straight = true,
+        .check = [maximumPixels](int width, int height, int count, bool bytes) -> std::string {
+            if (const auto ok = checkSize(width, height, SIZE_MAX); !ok) return ok.error().text;
+            if (count > kMaxSide) return "the texture has more than 32768 layers";
+            const auto pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) *
+                                static_cast<std::uint64_t>(count);
+            if (pixels <= maximumPixels / (bytes ? 1 : 4)) return std::string();
+            return fmt::format(
+                "{} x {}{} pixels{} are more than {}; --limit pixels=N raises this, to a fourth of N, and TIFF and EXR "
+                "files of tiles (maketx makes them) may have more",
+                width, height, count > 1 ? fmt::format(" x {}", count) : "", bytes ? "" : " of more than 8 bits",
+                maximumPixels);
+        }};
 }
 
 }  // namespace
@@ -123,7 +128,7 @@ Result<Texture> Texture::fromBytes(std::span<const std::uint8_t> bytes, int widt
     Texture texture;
     texture.channels_ = channels;
     texture.content_ = content;
-    Level level{width, height, {}, {}};
+    Level level{width, height, 0, {}, {}};
     level.encoded.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
     const std::uint8_t* p = bytes.data();
     for (std::uint32_t& pixel : level.encoded) {
@@ -145,7 +150,8 @@ Result<Texture> Texture::fromFloats(std::vector<Vec4f> pixels, int width, int he
     for (Vec4f& pixel : pixels)
         for (int c = 0; c < 4; ++c)
             if (!std::isfinite(pixel[c])) pixel[c] = 0;
-    texture.finest_ = {width, height, {}, std::move(pixels)};
+    texture.finest_ = {width, height, 0, {}, std::move(pixels)};
+    texture.wide_ = true;
     texture.noteAlpha();
     return texture;
 }
@@ -203,6 +209,59 @@ Result<std::vector<Texture>> Texture::layersFromMemory(std::span<const std::uint
     return result;
 }
 
+Result<Texture> Texture::fromTiles(std::shared_ptr<const Resource> file, const std::string& name, Content content) {
+    const auto files = imageFiles();
+    if (!files) return std::unexpected(files.error());
+    ByteSource source;
+    source.size = file->size();
+    source.read = [file](std::uint64_t offset, void* to, std::size_t length) {
+        const std::string part = file->readAt(offset, length);
+        std::memcpy(to, part.data(), part.size());
+        return part.size();
+    };
+    std::unique_ptr<TiledPicture> picture;
+    if (const std::string error = (*files)->openTiles(std::move(source), name, picture); !error.empty())
+        return fail(error, {}, file->name());
+    Texture texture;
+    texture.channels_ = picture->channels;
+    texture.content_ = content;
+    texture.wide_ = !picture->encoded;
+    texture.hasAlpha_ = texture.hasPartialAlpha_ = picture->channels == 2 || picture->channels == 4;
+    for (const TiledPicture::Level& level : picture->levels) {
+        if (level.width > kMaxTiledSide || level.height > kMaxTiledSide)
+            return fail("the texture is larger than 131072 pixels a side", {}, file->name());
+        const auto number = static_cast<int>(&level - picture->levels.data());
+        const Level made{level.width, level.height, number, {}, {}};
+        if (number == 0) {
+            texture.finest_ = made;
+            continue;
+        }
+        for (Coarse& coarse : *texture.coarse_) coarse.levels.push_back(made);
+    }
+    for (Coarse& coarse : *texture.coarse_) coarse.built = true;
+    texture.tiles_ = std::move(picture);
+    return texture;
+}
+
+std::string Texture::damage() const {
+    return tiles_ ? tiles_->damage() : std::string();
+}
+
+void Texture::readTiles(const Level& level, int x, int y, int columns, int rows, bool decode, Vec4f* out) const {
+    float numbers[16];
+    const int channels = tiles_->channels;
+    (void)tiles_->read(level.number, x, level.height - y - rows, columns, rows, numbers);  // damage() tells
+    for (int i = 0; i < columns * rows; ++i) {
+        const float* from = numbers + std::ptrdiff_t{i} * channels;
+        Vec4f& pixel = out[(rows - 1 - i / columns) * columns + i % columns];
+        pixel = {from[0], from[channels < 3 ? 0 : 1], from[channels < 3 ? 0 : 2],
+                 channels == 2 || channels == 4 ? from[channels - 1] : 1};
+        for (int c = 0; c < 4; ++c)
+            if (!std::isfinite(pixel[c])) pixel[c] = 0;
+        if (decode) pixel = Vec4f(linearFromSrgb(Vec3f(pixel)), pixel.a);
+    }
+}
+
 void Texture::noteAlpha() {
     for (const std::uint32_t pixel : finest_.encoded) {
         hasAlpha_ = hasAlpha_ || pixel >> 24 != 255;
@@ -215,7 +274,7 @@ void Texture::noteAlpha() {
 }
 
 Texture::Level Texture::halved(const Level& fine, bool decode) const {
-    Level coarse{std::max(fine.width / 2, 1), std::max(fine.height / 2, 1), {}, {}};
+    Level coarse{std::max(fine.width / 2, 1), std::max(fine.height / 2, 1), fine.number + 1, {}, {}};
     const auto count = static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(coarse.height);
     if (fine.linear.empty())
         coarse.encoded.resize(count);
@@ -270,6 +329,11 @@ std::size_t Texture::bytes() const {
 }
 
 Vec4f Texture::texel(const Level& level, int x, int y, bool decode) const {
+    if (tiles_) {
+        Vec4f pixel;
+        readTiles(level, x, y, 1, 1, decode, &pixel);
+        return pixel;
+    }
     const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(level.width) + static_cast<std::size_t>(x);
     if (!level.linear.empty()) return level.linear[at];
     const std::uint32_t word = level.encoded[at];
@@ -285,7 +349,7 @@ Vec4f Texture::texel(const Level& level, int x, int y, bool decode) const {
 
 Vec4f Texture::borderColor(const TextureAccess& access, bool decode) const {
     // The numbers that are kept of pictures with more than 8 bits are light.
-    const bool asLight = decode || (content_ == Content::color && !finest_.linear.empty());
+    const bool asLight = decode || (content_ == Content::color && wide_);
     return asLight ? Vec4f(linearFromSrgb(Vec3f(access.border)), access.border.a) : access.border;
 }
 
@@ -305,6 +369,11 @@ Vec4f Texture::sampleLevel(const Level& level, float s, float t, const TextureAc
     const int x1 = wrapIndex(static_cast<int>(left) + 1, level.width, access.wrapS);
     const int y0 = wrapIndex(static_cast<int>(bottom), level.height, access.wrapT);
     const int y1 = wrapIndex(static_cast<int>(bottom) + 1, level.height, access.wrapT);
+    if (tiles_ && x0 >= 0 && y0 >= 0 && x1 == x0 + 1 && y1 == y0 + 1) {
+        Vec4f block[4];
+        readTiles(level, x0, y0, 2, 2, decode, block);
+        return (block[0] * (1 - fx) + block[1] * fx) * (1 - fy) + (block[2] * (1 - fx) + block[3] * fx) * fy;
+    }
     return (at(x0, y0) * (1 - fx) + at(x1, y0) * fx) * (1 - fy) + (at(x0, y1) * (1 - fx) + at(x1, y1) * fx) * fy;
 }
 
@@ -327,10 +396,10 @@ Vec4f Texture::sampleLevels(float s, float t, float footprint, const TextureAcce
 }
 
 Vec4f Texture::sample(float s, float t, float footprint, const TextureAccess& access, ColorSpace space) const {
-    const bool color = content_ == Content::color, wide = !finest_.linear.empty();
-    const Vec4f found = sampleLevels(s, t, footprint, access, color && !wide && space == ColorSpace::linear);
+    const bool color = content_ == Content::color;
+    const Vec4f found = sampleLevels(s, t, footprint, access, color && !wide_ && space == ColorSpace::linear);
     // Pictures with more than 8 bits are kept as light.
-    if (color && wide && space == ColorSpace::display) return {srgbFromLinear(Vec3f(found)), found.a};
+    if (color && wide_ && space == ColorSpace::display) return {srgbFromLinear(Vec3f(found)), found.a};
     return found;
 }
 
@@ -338,7 +407,8 @@ Texture Texture::part(int x, int y, int partWidth, int partHeight, bool turned) 
     Texture result;
     result.channels_ = channels_;
     result.content_ = content_;
-    Level level{partWidth, partHeight, {}, {}};
+    result.wide_ = wide_;
+    Level level{partWidth, partHeight, 0, {}, {}};
     const auto copy = [&](const auto& from, auto& to) {
         if (from.empty()) return;
         to.reserve(static_cast<std::size_t>(partWidth) * static_cast<std::size_t>(partHeight));

@@ -16,6 +16,7 @@ namespace {
 
 /// As the policy counts them: pictures with more than 8 bits a channel take four times the memory.
 std::uint64_t pixelsOf(const Texture& texture) {
+    if (texture.inTiles()) return 0;
     return static_cast<std::uint64_t>(texture.width()) * static_cast<std::uint64_t>(texture.height()) *
            texture.bytesPerPixel() / 4;
 }
@@ -36,6 +37,19 @@ std::string nameByContent(std::string_view bytes) {
     if (bytes.size() > 2 && bytes[0] == 'P' && bytes[1] >= '1' && bytes[1] <= '6') return "picture.pnm";
     if (bytes.size() > 26 && bytes.substr(bytes.size() - 18, 16) == "TRUEVISION-XFILE"sv) return "picture.tga";
     return {};
+}
+
+/// A picture that is stored in tiles, if it has more pixels or bytes than may be kept.
+std::optional<Texture> tiledIfLarger(const std::shared_ptr<Resource>& resource, Texture::Content content,
+                                     const ResourcePolicy& policy) {
+    const std::string name = nameByContent(resource->readAt(0, 32));
+    if (name != "picture.tif" && name != "picture.exr") return std::nullopt;
+    auto texture = Texture::fromTiles(resource, name, content);
+    if (!texture) return std::nullopt;  // the usual way says what is wrong
+    const auto pixels = static_cast<std::uint64_t>(texture->width()) * static_cast<std::uint64_t>(texture->height());
+    const std::uint64_t counted = pixels * (texture->bytesPerPixel() / 4);
+    if (counted <= policy.maximumPixels / 4 && resource->size() <= policy.maximumBytes) return std::nullopt;
+    return std::move(*texture);
 }
 
 /// A picture's file, and what its content is.
@@ -61,11 +75,16 @@ std::optional<PictureBytes> pictureBytes(Resource& resource, std::string& why) {
 
 }  // namespace
 
-std::shared_ptr<const Texture> TextureStore::ofResource(Resource resource, Texture::Content content, std::string& why) {
+std::shared_ptr<const Texture> TextureStore::ofResource(Resource opened, Texture::Content content, std::string& why) {
+    const auto shared = std::make_shared<Resource>(std::move(opened));
+    Resource& resource = *shared;
     const std::string key = (content == Texture::Content::color ? "c" : "d") + resource.path().string();
     const bool isFile = !resource.path().empty();
-    if (isFile)
+    if (isFile) {
         if (const auto found = files_.find(key); found != files_.end()) return found->second;
+        if (auto large = tiledIfLarger(shared, content, resources_.policy()))
+            return files_[key] = std::make_shared<const Texture>(std::move(*large));
+    }
     const std::optional<PictureBytes> file = pictureBytes(resource, why);
     if (!file) return nullptr;
     auto texture = Texture::fromMemory(file->view(), file->name, content, resources_.policy().maximumPixels / 4);
@@ -74,9 +93,17 @@ std::shared_ptr<const Texture> TextureStore::ofResource(Resource resource, Textu
         return nullptr;
     }
     if (!countPixels(pixelsOf(*texture), why)) return nullptr;
-    auto shared = std::make_shared<const Texture>(std::move(*texture));
-    if (isFile) files_[key] = shared;
-    return shared;
+    auto made = std::make_shared<const Texture>(std::move(*texture));
+    if (isFile) files_[key] = made;
+    return made;
+}
+
+void TextureStore::tellOfDamage(Diagnostics& diagnostics) {
+    for (const auto& [key, texture] : files_) {
+        std::string why = texture->damage();
+        if (why.empty() || !damaged_.insert(key).second) continue;
+        diagnostics.warning({}, fmt::format("{}: parts of the picture are black: {}", key.substr(1), why));
+    }
 }
 
 bool TextureStore::countPixels(std::uint64_t more, std::string& why) {

@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/resource.h>
@@ -36,6 +37,8 @@ class TextureStore {
     /// Of a ComposedCubeMapTexture, ImageCubeMapTexture, ComposedTexture3D, ImageTexture3D or PixelTexture3D.
     std::shared_ptr<const SpaceTexture> spaceOfNode(const Scene& scene, const Node& node, Texture::Content content,
                                                     Diagnostics& diagnostics);
+    /// Of pictures that stay in their files: parts that could not be read; once each.
+    void tellOfDamage(Diagnostics& diagnostics);
     /// Drops what no material uses any more, once there is much of it.
     void collect();
     /// Says what a store for these resources has in common with others: those of one name may be one.
@@ -69,6 +72,7 @@ class TextureStore {
     };
     Resources resources_;
     std::unordered_map<std::string, std::shared_ptr<const Texture>> files_;  // by content and path
+    std::unordered_set<std::string> damaged_;                                // keys of files_ that were told of
     struct List {
         std::shared_ptr<const Texture> texture;
         std::string why;  // there is none

@@ -98,6 +98,7 @@ LightTracer::Counts LightTracer::counts() const {
     return impl_->tables.counts();
 }
 const Diagnostics& LightTracer::diagnostics() const {
+    impl_->tables.tellOfDamage();
     return impl_->tables.diagnostics();
 }
 

@@ -40,6 +40,9 @@ struct TextureAccess {
     Vec4f border{0};                          // display values, as the field has them
 };
 
+class Resource;
+class TiledPicture;
+
 class Texture {
   public:
     /// Color: display values (sRGB), decoded by look-ups in linear light. Data: numbers such as normals or roughness,
@@ -68,6 +71,16 @@ class Texture {
                                                          Content content = Content::color,
                                                          std::uint64_t maximumPixels = std::uint64_t{1} << 26);
 
+    /// Of a picture that is too large to be kept: one that is stored in tiles with its coarser copies (TIFF, EXR), as
+    /// maketx writes them, stays in its file. Tiles are read when they are looked at, into a cache of 256 MiB for all
+    /// such textures. Coarser copies are the file's, whatever space they were averaged in; what has an alpha channel is
+    /// taken to have clear parts. Error: it is not stored so. `name`: its extension says the format.
+    static Result<Texture> fromTiles(std::shared_ptr<const Resource> file, const std::string& name,
+                                     Content content = Content::color);
+    bool inTiles() const { return tiles_ != nullptr; }
+    /// Why a part of its file could not be read, and was black; empty if all was. From any thread.
+    std::string damage() const;
+
     int width() const { return finest_.width; }
     int height() const { return finest_.height; }
     int channels() const { return channels_; }
@@ -78,7 +91,7 @@ class Texture {
     /// Of what is there now, coarser copies included.
     std::size_t bytes() const;
     /// Of the finest level: 4, or 16 for pictures with more than 8 bits a channel.
-    unsigned bytesPerPixel() const { return finest_.linear.empty() ? 4 : 16; }
+    unsigned bytesPerPixel() const { return wide_ ? 16 : 4; }
 
     /// `footprint`: side of the pixel's image on the texture, as a share of the texture's own side; picks the level.
     /// 0: the finest. Coordinates that are not finite give the colour at 0, 0. `space` (linear or display) is that of
@@ -92,7 +105,7 @@ class Texture {
 
   private:
     struct Level {
-        int width = 0, height = 0;
+        int width = 0, height = 0, number = 0;
         std::vector<std::uint32_t> encoded;  // R | G << 8 | B << 16 | A << 24
         std::vector<Vec4f> linear;           // instead, for pictures with more than 8 bits
     };
@@ -110,10 +123,14 @@ class Texture {
     const std::vector<Level>& coarse(bool decode) const;
     Level halved(const Level& fine, bool decode) const;
     void noteAlpha();
+    /// Of a tiled picture: two by two pixels at most, into `out`, whose rows go up.
+    void readTiles(const Level& level, int x, int y, int columns, int rows, bool decode, Vec4f* out) const;
 
     Level finest_{};
     std::shared_ptr<std::array<Coarse, 2>> coarse_ = std::make_shared<std::array<Coarse, 2>>();  // as stored, decoded
+    std::shared_ptr<const TiledPicture> tiles_;  // in place of pixels in the levels
     int channels_ = 0;
+    bool wide_ = false;  // kept as light, with more than 8 bits
     Content content_ = Content::color;
     bool hasAlpha_ = false, hasPartialAlpha_ = false;
 };

@@ -1,0 +1,14 @@
+// Pictures that stay in their files, read by tiles through OpenImageIO's cache.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "image/image_files.h"
+
+namespace rtsg {
+
+/// As ImageFiles::openTiles().
+std::string openTiledPicture(ByteSource source, const std::string& name, std::unique_ptr<TiledPicture>& out);
+
+}  // namespace rtsg
