@@ -104,6 +104,14 @@ function prepare(scene, name) {
   return said;
 }
 
+/** The fonts that rtsg takes for X3D's families, for those that X_ITE brings: so that letters can be compared, not fonts. */
+function fontInPlaceOf(asked) {
+  const folder = '/usr/share/fonts/truetype/dejavu';
+  const bold = /Bold|-BI?\./.test(asked), italic = /Italic|-[RB]I\./.test(asked), serif = /Serif/.test(asked), mono = /Mono/.test(asked);
+  const style = (bold ? 'Bold' : '') + (italic ? (serif ? 'Italic' : 'Oblique') : '');
+  return path.join(folder, `DejaVu${serif ? 'Serif' : mono ? 'SansMono' : 'Sans'}${style && '-'}${style}.ttf`);
+}
+
 const kTypes = {'.mjs': 'text/javascript', '.js': 'text/javascript', '.css': 'text/css', '.html': 'text/html', '.x3d': 'model/x3d+xml',
   '.png': 'image/png', '.jpg': 'image/jpeg', '.json': 'model/x3d+json', '.wasm': 'application/wasm'};
 /** /packages/… and /files/…: what is on this machine, with the scenes' documents beside them at STILL-N-….x3d; all else is absent. */
@@ -118,7 +126,8 @@ function startServer() {
     }
     let file = null;
     const still = /\/STILL-(\d+-(whole|empty)\.x3d)$/.exec(at);
-    if (at.startsWith('/packages/')) file = path.join(packages, at.slice('/packages/'.length));
+    if (at.startsWith('/packages/x_ite/dist/assets/fonts/')) file = fontInPlaceOf(at);
+    else if (at.startsWith('/packages/')) file = path.join(packages, at.slice('/packages/'.length));
     else if (still) file = path.join(scratch, still[1]);
     else if (at.startsWith('/files/')) file = at.slice('/files'.length);
     if (!file || !existsSync(file) || !statSync(file).isFile()) {
