@@ -31,6 +31,7 @@ LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments)
 Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                          const Resources& resources) {
     keepResources(world.scene(), resources, arguments.names());
+    if (auto ok = world.cut(arguments.picture.tessellationError()); !ok) return std::unexpected(ok.error());
     std::unique_ptr<LiveOutputs> outputs(new LiveOutputs(world, arguments));
     if (auto ok = outputs->start(resources); !ok) return std::unexpected(ok.error());
     return outputs;
@@ -212,6 +213,7 @@ OutputReport LiveOutputs::report() const {
     if (sound_ && std::isfinite(arguments_.seconds))
         report.missing = missingSound(report.soundSeconds, arguments_.seconds, true);
     report.world = world_.counts();
+    if (arguments_.picture.tessellationError().any()) report.cuts = world_.flattener().cuts();
     report.live = live_;
     return report;
 }

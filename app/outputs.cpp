@@ -53,6 +53,9 @@ void PictureArguments::addTo(Command& command) {
                    "auto: PhysicalMaterial and path in linear light, all else as display values; linear; display")
         ->preset()
         ->oneOf({"auto", "linear", "display"});
+    command.addOption("--tessellation", tessellation,
+                      "how far curved geometry may lie from its surface: .5px of the picture (finer where it is near), "
+                      "or .01m; else 1/400 of its radius");
     command.addOption("--seed", seed, "of the sampling")->preset();
     command.addOption("--threads", threads, "0: as many as cores")->preset();
     command.addOption("--exposure", exposure, "factor on radiance; .exr stays as it is")->preset()->positive();
@@ -88,6 +91,17 @@ ImageOptions PictureArguments::parse() const {
                                                        : Shadows::automatic;
     options.viewpoint = viewpoint;
     return options;
+}
+
+TessellationError PictureArguments::tessellationError() const {
+    if (tessellation.empty()) return {};
+    const std::string_view text = tessellation;
+    float value = 0;
+    const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
+    const std::string_view unit = text.substr(static_cast<std::size_t>(end - text.data()));
+    if (problem != std::errc() || !(value > 0) || !std::isfinite(value) || (unit != "px" && unit != "m"))
+        throw UsageError("--tessellation", "expected pixels or metres above 0, such as .5px or .01m");
+    return unit == "px" ? TessellationError{.pixels = value} : TessellationError{.metres = value};
 }
 
 void SoundArguments::addTo(Command& command) {
@@ -165,6 +179,9 @@ bool OutputArguments::animated() const {
 Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vector<OutputName> more) const {
     picture.parse();
     sound.parse();
+    if (picture.tessellationError().pixels > 0 && !listen.empty())
+        throw UsageError("--tessellation",
+                         "with sound it is in metres: what a picture shows is not to change what is heard");
     sound.given.check(inputs);
     if (denoise && (!isLive() || render.empty() || picture.integrator != "path" || picture.error > 0))
         throw UsageError("--denoise", "is of --live pictures by --integrator path, without --error");
@@ -198,6 +215,22 @@ SharedWorld::Options worldOptions(const Resources& resources) {
     return options;
 }
 
+Result<> WorldOnDemand::cut(const TessellationError& error) {
+    if (world_ && error.any()) return fail("--tessellation: something else needed the scene's geometry first");
+    options_.flattening.error = error;
+    return {};
+}
+
+std::optional<Flattener::Cuts> WorldOnDemand::cuts() const {
+    if (!world_ || !options_.flattening.error.any()) return std::nullopt;
+    return world_->flattener().cuts();
+}
+
+std::string tessellationJson(const Flattener::Cuts& cuts) {
+    return fmt::format(R"(,"tessellation":{{"geometries":{},"triangles":{},"levels":[{}],"too_coarse":{},"made":{}}})",
+                       cuts.geometries, cuts.triangles, fmt::join(cuts.ofLevel, ","), cuts.tooCoarse, cuts.made);
+}
+
 SharedWorld& WorldOnDemand::get() {
     if (!world_) world_ = std::make_unique<SharedWorld>(scene_, options_);
     return *world_;
@@ -226,6 +259,7 @@ std::string OutputReport::json() const {
         pictureStates.size(), soundSeconds, jsonArray(pictureStates), jsonArray(pictureTimes), jsonArray(soundStates),
         mostBehind, overlapped, missing.empty() ? "null" : jsonString(missing), world.flatteners, world.rayWorlds,
         world.commits);
+    if (cuts) text += tessellationJson(*cuts);
     if (live)
         text += fmt::format(
             R"(,"live":{{"states":{},"states_pictured":{},"states_heard":{},"pictures_skipped":{},"device":{}}})",
@@ -305,6 +339,7 @@ Result<> allOf(std::initializer_list<std::function<Result<>()>> steps) {
 Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                  const Resources& resources) {
     keepResources(world.scene(), resources, arguments.names());
+    if (auto ok = world.cut(arguments.picture.tessellationError()); !ok) return std::unexpected(ok.error());
     std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
     outputs->start_ = world.scene().now();
     if (!arguments.render.empty()) {
@@ -438,6 +473,7 @@ Result<> Outputs::finishPictures() {
 OutputReport Outputs::report() const {
     OutputReport report = report_;
     if (world_.built()) report.world = world_.built()->counts();
+    report.cuts = world_.cuts();
     if (!std::isfinite(arguments_.seconds)) return report;
     const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6);
     const auto made = static_cast<double>(report.pictureStates.size());

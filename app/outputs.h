@@ -31,7 +31,8 @@ namespace rtsg::app {
 
 /// --size, --spp and so on; shared by all verbs that make pictures.
 struct PictureArguments {
-    std::string size = "1280x720", viewpoint, integrator = "whitted", shadows = "auto", colorSpace = "auto";
+    std::string size = "1280x720", viewpoint, integrator = "whitted", shadows = "auto", colorSpace = "auto",
+                tessellation;
     int samples = 4, depth = 250;
     unsigned threads = 0;
     std::uint64_t seed = 1;
@@ -40,6 +41,8 @@ struct PictureArguments {
     void addTo(Command& command);
     /// Throws UsageError for what is wrong or not built in.
     ImageOptions parse() const;
+    /// As --tessellation has it; throws UsageError.
+    TessellationError tessellationError() const;
     ToneMap toneMap() const { return {static_cast<float>(exposure)}; }
 };
 
@@ -86,6 +89,9 @@ struct OutputArguments {
 /// How a scene whose urls these are is flattened: with as many instances as their policy lets.
 SharedWorld::Options worldOptions(const Resources& resources);
 
+/// ,"tessellation":… of a JSON object.
+std::string tessellationJson(const Flattener::Cuts& cuts);
+
 /// The present state as a document.
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing);
 
@@ -100,6 +106,7 @@ struct OutputReport {
     std::uint64_t overlapped = 0;  // frames that came while what the one before asked for was still in the making
     std::string missing;           // "7 of 20 pictures, 1.4 of 4 s of sound"; empty if all that was asked for is there
     SharedWorld::Counts world;
+    std::optional<Flattener::Cuts> cuts;  // with --tessellation
     struct Live {
         std::uint64_t states = 0;                           // of the scene, while it was followed
         std::uint64_t statesPictured = 0, statesHeard = 0;  // of them; the others were merged with these
@@ -148,8 +155,12 @@ class WorldOnDemand {
     WorldOnDemand(Scene& scene, const Resources& resources) : scene_(scene), options_(worldOptions(resources)) {}
     Scene& scene() { return scene_; }
     SharedWorld& get();
+    /// How finely what is curved is cut. Error: the world is there, cut otherwise.
+    Result<> cut(const TessellationError& error);
     /// Null if nobody asked for it.
     const SharedWorld* built() const { return world_.get(); }
+    /// Nothing if nobody asked for it, or for another error than usual.
+    std::optional<Flattener::Cuts> cuts() const;
 
   private:
     Scene& scene_;

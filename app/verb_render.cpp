@@ -68,15 +68,16 @@ void addEye(const RenderArguments& options, ImageOptions& image) {
 
 /// `all`: over the frames, the worst of what is missing and of errors, the mean of samples.
 void tellResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
-                const RayWorld::Stats& rays) {
+                const RayWorld::Stats& rays, const std::optional<Flattener::Cuts>& cuts) {
     if (options.json) {
-        const std::string error =
+        std::string more =
             settings.error > 0 ? fmt::format(",\"error\":{:.4g},\"unreached\":{:.4g}", all.error, all.unreached) : "";
+        if (cuts) more += tessellationJson(*cuts);
         fmt::print(
             "{{\"file\":{},\"width\":{},\"height\":{},\"frames\":{},\"spp\":{:.6g},\"seconds\":{:.6f},\"instances\":{},"
             "\"triangles\":{},\"missing\":{:.4g}{}}}\n",
             jsonString(options.out), settings.width, settings.height, options.frames, all.samples, all.seconds,
-            rays.traced, rays.instancedTriangles, all.missing, error);
+            rays.traced, rays.instancedTriangles, all.missing, more);
         return;
     }
     fmt::print("{}: {} x {}, {} frame{}, {:.2f} s of tracing\n", options.out, settings.width, settings.height,
@@ -90,6 +91,7 @@ void tellResult(const RenderArguments& options, const RenderSettings& settings, 
 
 int render(const RenderArguments& options) {
     ImageOptions image = options.picture.parse();
+    (void)options.picture.tessellationError();  // throws
     image.settings.layers = parseLayers(options.layers);
     addEye(options, image);
     const std::string extension = std::filesystem::path(options.out).extension();
@@ -110,6 +112,7 @@ int render(const RenderArguments& options) {
     if (!running.load()) return kBad;
     if (auto ok = running.inject(options.set); !ok) return printError(ok.error().text), kUsage;
     keepResources(running.scene(), running.resources(), outputs);
+    if (auto ok = running.world().cut(options.picture.tessellationError()); !ok) return printError(ok.error()), kBad;
     SharedWorld& world = running.world().get();
     LightRenderer light(world, LightRenderer::Options(running.resources()));
     running.runTo(time);
@@ -146,7 +149,7 @@ int render(const RenderArguments& options) {
                                  : fmt::format("interrupted: {} of {} frames were written", *written, options.frames));
         return kBad;
     }
-    tellResult(options, image.settings, all, world.rays().stats());
+    tellResult(options, image.settings, all, world.rays().stats(), running.world().cuts());
     return kDone;
 }
 

@@ -25,10 +25,12 @@ struct Stage {
     ImageOptions options;
     RenderStats stats;
 
-    explicit Stage(const std::string& body, bool quick) {
+    explicit Stage(const std::string& body, bool quick, const TessellationError& cut = {}) {
         Diagnostics diagnostics;
         (void)loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + body, diagnostics);
-        world = std::make_unique<SharedWorld>(scene);
+        SharedWorld::Options flattened;
+        flattened.flattening.error = cut;
+        world = std::make_unique<SharedWorld>(scene, flattened);
         light = std::make_unique<LightRenderer>(*world);
         scene.newFrame(0);
         options.settings.width = quick ? 320 : 1280, options.settings.height = quick ? 180 : 720;
@@ -279,6 +281,45 @@ void strokes(const Report& report, bool quick) {
             "Embree's curves, rebuilt", embree * 1e3, "", 0});
 }
 
+/// Balls of all sizes, most of them far away, cut by the pixels that their error is seen as.
+void cuts(const Report& report, bool quick) {
+    const int count = quick ? 300 : 10'000;
+    std::mt19937 random(3);
+    std::uniform_real_distribution<float> across(-1, 1), depth(2, 400), radius(.1f, .6f);
+    std::string text = "Viewpoint { position 0 0 0 }\n";
+    for (int i = 0; i < count; ++i) {
+        const float z = depth(random);
+        text += fmt::format(
+            "Transform {{ translation {} {} {} children Shape {{ appearance Appearance {{ material Material {{ }} }} "
+            "geometry Sphere {{ radius {} }} }} }}\n",
+            z * across(random) * .5f, z * across(random) * .3f, -z, radius(random));
+    }
+    Stage plain(text, quick), cut(text, quick, {.pixels = .5f});
+    const double before = plain.picture(), now = cut.picture();
+    const std::string name = fmt::format("{} balls, cut to half a pixel", count);
+    const auto triangles = [](Stage& stage) {
+        return static_cast<double>(stage.world->rays().stats().instancedTriangles);
+    };
+    report({"features", name, "triangles", "", triangles(cut), "as usual", triangles(plain), "", 0});
+    report({"features", name, "the first picture", "s", now, "as usual", before, "", 0});
+    std::vector<double> moves, others;
+    for (int i = 1; i <= (quick ? 3 : 20); ++i) {
+        const auto look = [&](Stage& stage) {
+            const double start = cpuSeconds();
+            stage.options.viewpoint.clear();
+            const Vec3d eye(0, 0, -2.0 * i);
+            LayerSight sight;
+            sight.width = stage.options.settings.width, sight.height = stage.options.settings.height;
+            sight.eye = eye;
+            (void)stage.world->setViewer(eye, {sight});
+            return cpuSeconds() - start;
+        };
+        moves.push_back(look(cut)), others.push_back(look(plain));
+    }
+    report({"features", name, "an eye that moves 2 m, before the picture", "ms", median(moves) * 1e3, "as usual",
+            median(others) * 1e3, "", 0});
+}
+
 /// The flight of a cone of particles and nothing else: no scene, no lives, no colours.
 double bareFlight(std::size_t count, double now, std::vector<Vec3f>& places) {
     const double start = cpuSeconds();
@@ -347,6 +388,7 @@ void particles(const Report& report, bool quick) {
 void features(const Report& report, bool quick) {
     text(report, quick);
     strokes(report, quick);
+    cuts(report, quick);
     particles(report, quick);
     unused(report, quick);
 }

@@ -96,7 +96,10 @@ void Flattener::Impl::sortOut(const Change& change) {
             return;
         case Role::placed:
             if (aspect == Aspect::none || aspect == Aspect::time) return;
-            if (state(node->id()).firstOccurrence != kNone) report(node->id(), delta.placedChanged);
+            if (state(node->id()).firstOccurrence != kNone)
+                report(node->id(), delta.placedChanged);
+            else
+                contents.push_back({node->id(), false});  // another holds it: a viewpoint its NavigationInfo
             if (change.field == role.global) lights.push_back(node->id());
             return;
         case Role::shape:
@@ -284,6 +287,7 @@ void Flattener::Impl::runViewer() {
         for (const std::uint32_t index : levels)
             if (std::exchange(tree[index].isMover, viewer.has_value()) != viewer.has_value()) spreadMotion(index);
         movedLevels = levels;
+        detailsDue = true;
         turnBillboards();
     }
     runLevels();
@@ -370,7 +374,11 @@ std::shared_ptr<const Mesh> Flattener::Impl::makeMesh(NodeId geometry) {
                 return own->second(*scene, geometry);
     if (options.meshes) return options.meshes(*scene, geometry);
     std::shared_ptr<const Mesh> mesh = particleMesh(geometry);
-    if (!mesh) mesh = tessellator.mesh(*scene, geometry, &skins.points());
+    if (!mesh) {
+        const auto detail = details.find(geometry.value);
+        mesh = tessellator.mesh(*scene, geometry, &skins.points(),
+                                detail == details.end() ? std::nullopt : detail->second.level);
+    }
     if (!tessellator.diagnostics().all().empty()) told.append(tessellator.takeDiagnostics(), diagnostics);
     return mesh;
 }
@@ -378,6 +386,7 @@ std::shared_ptr<const Mesh> Flattener::Impl::makeMesh(NodeId geometry) {
 void Flattener::Impl::finish() {
     runScopes();
     followSprites();
+    if (options.error.any()) followDetails();
     for (const NodeId geometry : geometries) {
         NodeState& s = state(geometry);
         s.touched = false;
@@ -387,10 +396,12 @@ void Flattener::Impl::finish() {
                 meshes.erase(geometry.value);
                 screenTexts.erase(geometry.value);
                 sprites.erase(geometry.value);
+                details.erase(geometry.value);
                 tessellator.forget(geometry);
             }
         } else if (!s.meshSent || s.meshStale) {
             std::shared_ptr<const Mesh> mesh = makeMesh(geometry);
+            if (options.error.any()) mesh = atItsLevel(geometry, std::move(mesh));
             std::shared_ptr<const Mesh>& known = meshes[geometry.value];
             // What is in a volume changes without its box.
             const Node* node = mesh && known == mesh ? scene->find(geometry) : nullptr;
@@ -475,7 +486,8 @@ std::size_t Flattener::instanceCount() const {
     return impl_->instances.live;
 }
 bool Flattener::usesPixels() const {
-    return !impl_->regions.empty() || !impl_->screenGroups.empty() || !impl_->screened.empty();
+    return !impl_->regions.empty() || !impl_->screenGroups.empty() || !impl_->screened.empty() ||
+           (impl_->options.error.pixels > 0 && !impl_->details.empty());
 }
 const std::vector<LayerSight>& Flattener::sights() const {
     return impl_->sights;

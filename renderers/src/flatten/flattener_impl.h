@@ -133,6 +133,12 @@ struct Flattener::Impl {
                    !meshSent && !meshStale && !touched;
         }
     };
+    /// Of a geometry that is cut from something curved.
+    struct Detail {
+        std::optional<int> level;  // none: as the Tessellator has it by itself
+        double needed = 0;         // by what was looked at last
+        bool chosen = false;       // in this apply(); the mesh is to follow
+    };
     struct ChildOp {
         NodeId group, child;
         int count;
@@ -184,6 +190,17 @@ struct Flattener::Impl {
     std::optional<Vec3d> eyeOf(NodeId system);
     /// Marks those that the viewer has moved for, or that have moved.
     void followSprites();
+
+    // flattener_detail.cpp: how finely what is curved is cut
+    /// The level at which the geometry's chords are as near as asked for, as a real number.
+    double levelNeeded(const Instance& instance, const Detail& detail, const Mesh& mesh) const;
+    /// The one to cut at, given the one it is cut at; none: nothing is known to go by.
+    std::optional<int> nextLevel(double needed, std::optional<int> now) const;
+    void chooseLevel(NodeId geometry, Detail& detail);
+    /// A new or changed mesh at the level that it is needed at.
+    std::shared_ptr<const Mesh> atItsLevel(NodeId geometry, std::shared_ptr<const Mesh> mesh);
+    /// Marks what another level is due for: all by a new eye, otherwise what has come or moved.
+    void followDetails();
 
     // flattener_tree.cpp: occurrences
     NodeState& state(NodeId id) {
@@ -274,8 +291,11 @@ struct Flattener::Impl {
     bool regionChanged = false;                                       // of the last that localForEye() laid out
     std::unordered_set<std::uint32_t> screenTexts;                    // geometry nodes whose unit is a pixel
     std::unordered_map<std::uint32_t, std::optional<Vec3d>> sprites;  // particles that face an eye, by node, and which
-    std::set<std::uint32_t> screenGroups;                             // occurrences
-    std::set<std::uint32_t> screened;                                 // occurrences of Shapes that have one
+    std::unordered_map<std::uint32_t, Detail> details;                // by geometry node
+    std::uint64_t detailsMade = 0;
+    bool detailsDue = false;               // by a new eye
+    std::set<std::uint32_t> screenGroups;  // occurrences
+    std::set<std::uint32_t> screened;      // occurrences of Shapes that have one
     std::vector<LayerSight> sights;
     std::optional<Vec3d> viewer;
     bool viewerMoved = false;

@@ -36,6 +36,7 @@ Mesh tessellate(const Disk2DParams& params, const TessellationOptions& options) 
     }
     // 14.3.4: equal radii are a circle's line.
     if (params.innerRadius == params.outerRadius) return tessellate(Arc2DParams{0, 0, params.outerRadius}, options);
+    mesh.curveSize = params.outerRadius;
     const int n = options.segmentsAround();
     const float inner = params.innerRadius / params.outerRadius;
     CornerMesh out;
@@ -92,6 +93,7 @@ Mesh tessellate(const ArcClose2DParams& params, const TessellationOptions& optio
     Mesh mesh;
     mesh.solid = params.solid;
     if (!positive(mesh, "radius", params.radius)) return mesh;
+    mesh.curveSize = params.radius;
     if (!std::isfinite(params.startAngle) || !std::isfinite(params.endAngle)) {
         warn(mesh, "startAngle and endAngle are not finite: nothing is drawn");
         return mesh;

@@ -451,6 +451,7 @@ class NurbsReader {
         for (const Vec3d& p : list) *to++ = Vec3f(p);
         line.vertexCount = {static_cast<std::int32_t>(list.size())};
         add(tessellate(line));
+        mesh_.curveSize = static_cast<float>(halfDiagonal(c.points));
     }
     void add(Mesh made) {
         mesh_.diagnostics.append(made.diagnostics);
@@ -587,6 +588,8 @@ class NurbsReader {
         Mesh made;
         mesher.finish(made);
         add(std::move(made));
+        // As of a Sphere: the errors of both directions may add up.
+        mesh_.curveSize = static_cast<float>(2 * halfDiagonal(s.points));
     }
 
     /// The cross section along the trajectory, as an Extrusion has it along its spine (27.4.11).
@@ -612,6 +615,7 @@ class NurbsReader {
         p.ccw = node_.get(S::ccw), p.solid = node_.get(S::solid);
         p.creaseAngle = 3.14f;
         add(tessellate(p));
+        mesh_.curveSize = static_cast<float>(2 * size);
     }
 
     /// The profile turned and stretched by the trajectory (27.4.12): (p.x t.x, p.y, p.x t.y).

@@ -106,6 +106,7 @@ Mesh tessellate(const SphereParams& params, const TessellationOptions& options) 
     Mesh mesh;
     mesh.solid = params.solid;
     if (!positive(mesh, "radius", params.radius)) return mesh;
+    mesh.curveSize = 2 * params.radius;  // across the diagonal of two triangles both directions' errors add up
     const int n = options.segmentsAround();
     const int rings = std::max(n / 2, 2);
     const std::vector<Turn> turn = turns(n);
@@ -157,6 +158,7 @@ Mesh tessellate(const ConeParams& params, const TessellationOptions& options) {
     Mesh mesh;
     mesh.solid = params.solid;
     if (!positive(mesh, "bottomRadius", params.bottomRadius) || !positive(mesh, "height", params.height)) return mesh;
+    mesh.curveSize = params.bottomRadius;
     const int n = options.segmentsAround();
     const std::vector<Turn> turn = turns(n), between = turns(2 * n);
     const float r = params.bottomRadius, y = 0.5f * params.height;
@@ -183,6 +185,7 @@ Mesh tessellate(const CylinderParams& params, const TessellationOptions& options
     Mesh mesh;
     mesh.solid = params.solid;
     if (!positive(mesh, "radius", params.radius) || !positive(mesh, "height", params.height)) return mesh;
+    mesh.curveSize = params.radius;
     const int n = options.segmentsAround();
     const std::vector<Turn> turn = turns(n);
     const float r = params.radius, y = 0.5f * params.height;

@@ -159,7 +159,9 @@ Mesh tessellate(const Arc2DParams& p, const TessellationOptions& options) {
         const double a = p.startAngle + (sweep == turn && i == n ? 0 : sweep * i / n);
         out[i] = p.radius * Vec3f(static_cast<float>(std::cos(a)), static_cast<float>(std::sin(a)), 0);
     }
-    return tessellate(line);
+    Mesh mesh = tessellate(line);
+    mesh.curveSize = p.radius;
+    return mesh;
 }
 
 }  // namespace rtsg

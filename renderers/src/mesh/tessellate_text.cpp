@@ -66,10 +66,9 @@ struct TextMaker::Line {
 };
 
 const GlyphMesh& TextMaker::glyph(const Fonts& fonts, const PlacedGlyph& placed, float tolerance) {
-    if (tolerance != tolerance_) glyphs_.clear();
-    tolerance_ = tolerance;
-    const auto [found, isNew] = glyphs_.try_emplace(std::uint64_t{placed.face} << 32 | placed.glyph);
+    const auto [found, isNew] = glyphs_[tolerance].try_emplace(std::uint64_t{placed.face} << 32 | placed.glyph);
     if (isNew) {
+        ++kept_;
         std::vector<GlyphContour> contours;
         fonts.outline(placed.face, placed.glyph, contours);
         found->second = cutGlyph(contours, tolerance);
@@ -156,7 +155,7 @@ Mesh TextMaker::make(const TextParams& p, const TessellationOptions& options) {
         return mesh;
     }
     const Fonts& from = **loaded;
-    if (glyphs_.size() > kMostGlyphs) glyphs_.clear();
+    if (kept_ > kMostGlyphs) glyphs_.clear(), kept_ = 0;
     const std::vector<Line> lines = layOut(from, p, mesh);
 
     std::size_t points = 0, corners = 0;
@@ -172,6 +171,7 @@ Mesh TextMaker::make(const TextParams& p, const TessellationOptions& options) {
         warn(mesh, fmt::format("its {} triangles are more than {}: it is not drawn", corners / 3, kMostTriangles));
         return mesh;
     }
+    mesh.curveSize = kToleranceOfChord * p.size;
     mesh.positions = Array<Vec3f>::ofSize(points);
     mesh.triangles = Array<std::int32_t>::ofSize(corners);
     mesh.triangleCount = static_cast<std::uint32_t>(corners / 3);

@@ -39,8 +39,8 @@ class TextMaker {
     const GlyphMesh& glyph(const Fonts& fonts, const PlacedGlyph& placed, float tolerance);
     std::vector<Line> layOut(const Fonts& fonts, const TextParams& params, Mesh& mesh);
 
-    std::unordered_map<std::uint64_t, GlyphMesh> glyphs_;  // by face and glyph
-    float tolerance_ = 0;
+    std::unordered_map<float, std::unordered_map<std::uint64_t, GlyphMesh>> glyphs_;  // by tolerance; face and glyph
+    std::size_t kept_ = 0;
 };
 
 /// The fields of a Text and its font style. Precondition: it is a Text.

@@ -14,7 +14,9 @@
 
 namespace rtsg {
 
-Tessellator::Tessellator(TessellationOptions options) : options_(options) {}
+Tessellator::Tessellator(TessellationOptions options) : options_(options) {
+    for (int level = 0; level < kLevels; ++level) levels_[static_cast<std::size_t>(level)] = levelOptions(level);
+}
 Tessellator::~Tessellator() = default;
 Tessellator::Tessellator(Tessellator&&) noexcept = default;
 Tessellator& Tessellator::operator=(Tessellator&&) noexcept = default;
@@ -28,10 +30,18 @@ std::size_t Tessellator::KeyHash::operator()(const Key& key) const {
     return hash;
 }
 
-bool Tessellator::keyOf(const Scene& scene, NodeId geometry, Key& key) {
+TessellationOptions Tessellator::levelOptions(int level) {
+    return {.chordError = .25f / static_cast<float>(1 << 2 * level), .segments = 0};
+}
+
+const TessellationOptions& Tessellator::optionsOf(std::optional<int> level) const {
+    return level ? levels_[static_cast<std::size_t>(*level)] : options_;
+}
+
+bool Tessellator::keyOf(const Scene& scene, NodeId geometry, std::optional<int> level, Key& key) {
     const Node* node = scene.find(geometry);
     if (!node) return false;
-    key = {node->typeIndex().value};
+    key = {node->typeIndex().value, level ? static_cast<std::uint32_t>(*level) + 1 : 0};
     std::size_t at = 2;
     const auto number = [&](Field<float> field) { key[at++] = std::bit_cast<std::uint32_t>(node->get(field)); };
     const auto flag = [&](Field<bool> field) { key[1] = key[1] << 1 | (node->get(field) ? 1u : 0u); };
@@ -81,15 +91,16 @@ bool Tessellator::keyOf(const Scene& scene, NodeId geometry, Key& key) {
     }
 }
 
-std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometry, const detail::PointsOf* points) {
+std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometry, const detail::PointsOf* points,
+                                              std::optional<int> level) {
     Key key;
-    if (!keyOf(scene, geometry, key)) {
+    if (!keyOf(scene, geometry, level, key)) {
         auto mesh = deform(scene, geometry, points);
-        return mesh ? mesh : make(scene, geometry, false);
+        return mesh ? mesh : make(scene, geometry, false, level);
     }
     if (const auto found = shared_.find(key); found != shared_.end())
         if (auto mesh = found->second.lock()) return mesh;
-    auto mesh = make(scene, geometry, key[0] == x3d::Sphere::type.value);
+    auto mesh = make(scene, geometry, key[0] == x3d::Sphere::type.value, level);
     // What has something to say says it with the name of its own node.
     if (mesh && mesh->diagnostics.all().empty()) {
         forgetUnused();
@@ -127,26 +138,29 @@ Diagnostics Tessellator::takeDiagnostics() {
     return std::exchange(diagnostics_, Diagnostics());
 }
 
-std::shared_ptr<const Mesh> Tessellator::make(const Scene& scene, NodeId geometry, bool isSphere) {
+std::shared_ptr<const Mesh> Tessellator::make(const Scene& scene, NodeId geometry, bool isSphere,
+                                              std::optional<int> level) {
     if (isSphere) {
         const Node& node = scene.node(geometry);
         const float radius = node.get(x3d::Sphere::radius);
-        if (!unitSphere_) unitSphere_ = std::make_shared<Mesh>(tessellate(SphereParams{}, options_));
+        auto& unitSphere = unitSpheres_[static_cast<std::size_t>(level.value_or(kLevels))];
+        if (!unitSphere) unitSphere = std::make_shared<Mesh>(tessellate(SphereParams{}, optionsOf(level)));
         if (radius > 0.0f && radius <= 1e18f) {
             // Not make_shared: the weak pointers would keep the memory of the mesh, too.
-            std::shared_ptr<Mesh> scaled(new Mesh(*unitSphere_));
+            std::shared_ptr<Mesh> scaled(new Mesh(*unitSphere));
             scaled->solid = node.get(x3d::Sphere::solid);
             if (radius != 1.0f) {
                 Vec3f* points = scaled->positions.mutableData();
                 for (std::size_t i = 0; i < scaled->positions.size(); ++i) points[i] *= radius;
                 scaled->bounds.min *= radius;
                 scaled->bounds.max *= radius;
+                scaled->curveSize *= radius;
             }
             return scaled;
         }
     }
     if (!text_) text_ = std::make_unique<detail::TextMaker>();
-    auto mesh = detail::tessellateNode(scene, geometry, options_, text_.get());
+    auto mesh = detail::tessellateNode(scene, geometry, optionsOf(level), text_.get());
     if (!mesh) {
         diagnostics_.error(mesh.error().where, mesh.error().text);
         return nullptr;

@@ -6,8 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "mesh/triangle_distance.h"
 #include "ray_view_impl.h"
-#include "triangle_distance.h"
 
 namespace rtsg {
 

@@ -11,7 +11,7 @@
 #include <rtsg/renderers/picking.h>
 
 #include "renderers/ray_support.h"
-#include "world/triangle_distance.h"
+#include "mesh/triangle_distance.h"
 
 namespace rtsg {
 namespace {

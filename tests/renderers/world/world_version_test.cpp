@@ -11,7 +11,7 @@
 
 #include "renderers/world/deform_support.h"
 #include "renderers/world_players.h"
-#include "world/triangle_distance.h"
+#include "mesh/triangle_distance.h"
 
 namespace rtsg {
 namespace {

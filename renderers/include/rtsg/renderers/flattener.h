@@ -24,6 +24,7 @@
 #include <rtsg/core/bus.h>
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/renderers/instance_delta.h>
+#include <rtsg/renderers/tessellate.h>
 
 namespace rtsg {
 
@@ -69,7 +70,20 @@ class Flattener {
         /// Where more paths than this lead to shapes the rest is left out with a diagnostic (sharing can be
         /// exponential).
         std::size_t maxOccurrences = 8'000'000;
+        /// How finely curved geometry is cut. In pixels it goes by the last picture's eye and by the nearest of the
+        /// places where a geometry stands, at a level of Tessellator's: finer at once, coarser when half a level more
+        /// than enough is too fine, so that an eye that sways makes nothing anew. Without an eye, or with meshes of
+        /// one's own: as Tessellator has it by itself. Where a place moves away under an eye at rest it stays as fine.
+        TessellationError error{};
     };
+    /// What Options::error has come to.
+    struct Cuts {
+        std::size_t geometries = 0, triangles = 0;  // of curved ones; each geometry once, wherever it stands
+        std::size_t tooCoarse = 0;                  // of them, those whose finest level is less than was asked for
+        std::array<std::size_t, 8> ofLevel{};       // geometries
+        std::uint64_t made = 0;                     // meshes, since the start
+    };
+    Cuts cuts() const;
 
     Flattener();
     explicit Flattener(Options options);

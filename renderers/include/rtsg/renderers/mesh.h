@@ -162,6 +162,9 @@ struct Mesh {
     bool solid = true;
     /// Its unit is a pixel of the picture wherever it stands: text of a ScreenFontStyle (36.4.4).
     bool inPixels = false;
+    /// What TessellationOptions::chordError was a part of, in the mesh's own unit; 0: it is not cut from anything
+    /// curved.
+    float curveSize = 0;
     /// Of the referenced positions.
     Bounds bounds;
     Diagnostics diagnostics;

@@ -29,6 +29,13 @@ struct TessellationOptions {
     int segmentsAround() const;
 };
 
+/// How far cut geometry may lie from the surface that it stands for, where it is seen: pixels of the picture, or
+/// metres. Both 0: as TessellationOptions has it, whatever its size.
+struct TessellationError {
+    float pixels = 0, metres = 0;
+    bool any() const { return pixels > 0 || metres > 0; }
+};
+
 struct BoxParams {
     Vec3f size{2};
     bool solid = true;

@@ -32,8 +32,14 @@ class Tessellator {
     /// Null when the node is missing or no geometry; empty when it has no triangles. Fits Flattener's MeshSource as
     /// `[&](const Scene& scene, NodeId node) { return tessellator.mesh(scene, node); }`.
     /// `points`, if any, stand for those of coordinate nodes, by NodeId: of skins, say.
+    /// `level`: that of levelOptions(); else the options of the constructor.
     std::shared_ptr<const Mesh> mesh(const Scene& scene, NodeId geometry,
-                                     const std::unordered_map<std::uint32_t, Array<Vec3f>>* points = nullptr);
+                                     const std::unordered_map<std::uint32_t, Array<Vec3f>>* points = nullptr,
+                                     std::optional<int> level = {});
+    /// Levels of detail: a chordError of 1/4 at level 0, a fourth of the one before at each that follows, with twice
+    /// the segments; kLevels of them, the last with 576 segments a circle.
+    static constexpr int kLevels = 8;
+    static TessellationOptions levelOptions(int level);
     /// A ParticleSystem's, whose sprites face `eye` (in its own space); mesh() has them without one. Null: it is none.
     std::shared_ptr<const Mesh> particles(const Scene& scene, NodeId system, std::optional<Vec3d> eye);
     /// Lets go of what is remembered of a node to follow its coordinates.
@@ -51,18 +57,20 @@ class Tessellator {
     struct KeyHash {
         std::size_t operator()(const Key& key) const;
     };
-    static bool keyOf(const Scene& scene, NodeId geometry, Key& key);
+    static bool keyOf(const Scene& scene, NodeId geometry, std::optional<int> level, Key& key);
+    const TessellationOptions& optionsOf(std::optional<int> level) const;
     std::shared_ptr<const Mesh> deform(const Scene& scene, NodeId geometry,
                                        const std::unordered_map<std::uint32_t, Array<Vec3f>>* points);
-    std::shared_ptr<const Mesh> make(const Scene& scene, NodeId geometry, bool isSphere);
+    std::shared_ptr<const Mesh> make(const Scene& scene, NodeId geometry, bool isSphere, std::optional<int> level);
     void forgetUnused();
 
     TessellationOptions options_;
+    std::array<TessellationOptions, kLevels> levels_;
     Diagnostics diagnostics_;
     std::unordered_map<Key, std::weak_ptr<const Mesh>, KeyHash> shared_;
     std::size_t forgetAt_ = 64;
-    std::shared_ptr<const Mesh> unitSphere_;
-    std::unique_ptr<detail::TextMaker> text_;  // made for the first Text
+    std::array<std::shared_ptr<const Mesh>, kLevels + 1> unitSpheres_;  // by level, and of the plain options
+    std::unique_ptr<detail::TextMaker> text_;                           // made for the first Text
     /// Composed geometries by NodeId; null until they are asked for a second time.
     std::unordered_map<std::uint32_t, std::unique_ptr<detail::DeformingSurface>> surfaces_;
 };
