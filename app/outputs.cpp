@@ -56,6 +56,12 @@ void PictureArguments::addTo(Command& command) {
     command.addOption("--tessellation", tessellation,
                       "how far curved geometry may lie from its surface: .5px of the picture (finer where it is near), "
                       "or .01m; else 1/400 of its radius");
+    command
+        .addOption(
+            "--shutter", shutter,
+            "share of the time since the picture before in which the shutter is open, up to this one: what moves, "
+            "and the eye, is blurred")
+        ->range(1e-6, 1.0);
     command.addOption("--seed", seed, "of the sampling")->preset();
     command.addOption("--threads", threads, "0: as many as cores")->preset();
     command.addOption("--exposure", exposure, "factor on radiance; .exr stays as it is")->preset()->positive();
@@ -82,6 +88,9 @@ ImageOptions PictureArguments::parse() const {
     options.settings.samplesPerPixel = samples;
     options.settings.error = static_cast<float>(error);
     if (error > 0 && samples == PictureArguments().samples) options.settings.samplesPerPixel = 16384;
+    if (shutter > 0 && options.settings.samplesPerPixel == 1)
+        throw UsageError("--shutter", "needs more than one sample a pixel: --spp");
+    options.settings.shutter = static_cast<float>(shutter);
     options.settings.maxDepth = depth;
     options.settings.threads = threads;
     options.settings.seed = seed;
@@ -185,6 +194,10 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
     sound.given.check(inputs);
     if (denoise && (!isLive() || render.empty() || picture.integrator != "path" || picture.error > 0))
         throw UsageError("--denoise", "is of --live pictures by --integrator path, without --error");
+    if (denoise && picture.shutter > 0)
+        throw UsageError("--denoise", "goes by sharp layers, and --shutter blurs: there is one of the two");
+    if (picture.shutter > 0 && !animated())
+        throw UsageError("--shutter", "needs pictures in a row, into %04d or a .gif: it is open between two of them");
     if (!device.empty() && !onDevice()) throw UsageError("--device", "is of --listen device");
     std::ranges::move(names(), std::back_inserter(more));
     return checkFiles(inputs, more, force);

@@ -36,7 +36,7 @@ struct PictureArguments {
     int samples = 4, depth = 250;
     unsigned threads = 0;
     std::uint64_t seed = 1;
-    double error = 0, exposure = 1;
+    double error = 0, exposure = 1, shutter = 0;
 
     void addTo(Command& command);
     /// Throws UsageError for what is wrong or not built in.

@@ -32,7 +32,7 @@ struct LayerName {
 };
 constexpr LayerName kLayers[] = {{"depth", kDepth},   {"position", kPosition}, {"normal", kNormal},
                                  {"albedo", kAlbedo}, {"node", kNode},         {"names", kObjects | kMaterials},
-                                 {"all", kAllLayers}};
+                                 {"motion", kMotion}, {"all", kAllLayers}};
 
 /// DataLayers of a list of names. Throws UsageError.
 std::uint32_t parseLayers(std::string_view list) {
@@ -115,6 +115,13 @@ int render(const RenderArguments& options) {
     if (auto ok = running.world().cut(options.picture.tessellationError()); !ok) return printError(ok.error()), kBad;
     SharedWorld& world = running.world().get();
     LightRenderer light(world, LightRenderer::Options(running.resources()));
+    if (image.settings.shutter > 0 || (image.settings.layers & kMotion)) {
+        // The picture before the first one is not made; what things have moved from since must be known all the same.
+        if (const double before = time - 1 / options.fps; before >= 0) {
+            running.runTo(before);
+            if (auto ok = light.remember(image); !ok) return printError(ok.error()), kBad;
+        }
+    }
     running.runTo(time);
     animation.start = running.start() + time;
     animation.runTo = [&](double t) { running.frameAt(t); };
@@ -162,7 +169,7 @@ Verb addRender(Command& program) {
     command->addOption("-o,--output", options->out, "file to write; .exr is linear radiance")->required();
     command->addOption("--layers", options->layers,
                        "of an .exr, besides colour: depth, position, normal, albedo, node (numbers of Shapes), names "
-                       "(Cryptomatte of DEF), by commas; or all");
+                       "(Cryptomatte of DEF), motion (pixels to where it was 1/--fps s before), by commas; or all");
     command->addFlag("--panorama", options->panorama, "all around: longitudes across, latitudes down");
     command->addOption("--stereo", options->stereo, "two eyes' pictures, each of --size: beside or above each other")
         ->preset()

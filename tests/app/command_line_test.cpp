@@ -69,6 +69,8 @@ TEST_F(Usage, WrongUsageIsStatusTwo) {
         {"render", file, "-o", folder / "a.png", "--integrator", "raster"},
         {"render", file, "-o", folder / "a.png", "--integrator", "magic"},
         {"render", file, "-o", folder / "a.png", "--error", "-1"},
+        {"render", file, "-o", folder / "a.png", "--shutter", ".5", "--spp", "1"},
+        {"run", file, "--for", "1s", "--render", folder / "a.png", "--shutter", ".5"},
         {"listen", file},
         {"listen", file, "-o", folder / "a.wav", "--ambisonic", "9"},
         {"listen", file, "-o", folder / "a.wav", "--stereo", "--binaural"},
@@ -95,6 +97,7 @@ TEST_F(Usage, ValuesOutsideAnOptionsRangeAreRefusedByItsName) {
     const std::vector<std::tuple<std::vector<std::string>, std::string, Values>> refused = {
         {render, "--spp", {"0", "1048577", "1.5", "many"}},
         {render, "--error", {"0", "1001", "nan", "inf"}},
+        {render, "--shutter", {"0", "1.1", "-1", "nan"}},
         {render, "--depth", {"-1", "251"}},
         {render, "--integrator", {"magic", ""}},
         {render, "--shadows", {"some"}},

@@ -98,6 +98,32 @@ TEST_F(MadeOutputs, AreTheSameInRunReplayAndMirrorAlsoWhereAnInlineLoads) {
     expectSameFiles("a", "d");
 }
 
+// The box goes .2 m between two pictures. The first one has none before it; a single one is told of a time before.
+TEST_F(MadeOutputs, AShutterBlursThemAlikeWhicheverVerbMakesThem) {
+    const std::vector<std::string> shutter{"--shutter", "1"};
+    make({"run", file}, "sharp");
+    make({"run", file}, "a", shutter);
+    ASSERT_EQ(rtsg({"record", file, "-o", folder / "s.rlog", "--for", "1s", "--fps", "10"}).status, 0);
+    make({"replay", folder / "s.rlog"}, "b", shutter);
+    mirror("c", shutter);
+    expectSameFiles("a", "b");
+    expectSameFiles("a", "c");
+    EXPECT_EQ(bytes("a0.png"), bytes("sharp0.png"));
+    EXPECT_NE(bytes("a1.png"), bytes("sharp1.png"));
+    const auto render = [&](const char* name, std::vector<std::string> more) {
+        more.insert(more.begin(), {"render", file, "-o", folder / name, "--size", "16x9", "--fps", "10"});
+        const Outcome outcome = rtsg(more);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+    };
+    render("d%d.png", {"--frames", "4", "--shutter", "1"});
+    for (const char* picture : {"0.png", "1.png", "2.png", "3.png"})
+        EXPECT_EQ(bytes(std::string("a") + picture), bytes(std::string("d") + picture)) << picture;
+    render("one.png", {"--time", ".25", "--shutter", "1"});
+    render("sharp.png", {"--time", ".25"});
+    EXPECT_NE(bytes("one.png"), bytes("sharp.png"));
+    EXPECT_NE(bytes("one.png"), "");
+}
+
 TEST_F(MadeOutputs, OfATestReplayAreThoseOfTheReplay) {
     const std::string log = folder / "s.rlog";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.9s", "--fps", "10"}).status, 0);
@@ -242,7 +268,8 @@ TEST_F(MadeOutputs, LivePicturesAreDenoisedIfAsked) {
     EXPECT_LT(filtered, plain * 7 / 10);
     for (const std::vector<std::string>& wrong : {std::vector<std::string>{"--integrator", "path"},
                                                   {"--live"},
-                                                  {"--live", "--integrator", "path", "--error", ".1"}}) {
+                                                  {"--live", "--integrator", "path", "--error", ".1"},
+                                                  {"--live", "--integrator", "path", "--shutter", ".5"}}) {
         std::vector<std::string> words{"run", file, "--for", "0.1s", "--render", folder / "w.png", "--denoise"};
         words.insert(words.end(), wrong.begin(), wrong.end());
         const Outcome outcome = rtsg(words);

@@ -54,9 +54,11 @@ class TopView {
     }
     /// The object that traces a slot; kNone: none does.
     std::uint32_t ownerOf(std::uint32_t slot) const { return owners_[slot / kSlotsPerPage][slot % kSlotsPerPage]; }
+    const TreeView& tree() const { return tree_; }
 
   private:
     friend class Top;
+    friend class MovedTop;
     static constexpr std::size_t kObjectsPerPage = 64, kSlotsPerPage = 1024;
 
     const TopObject& object(std::uint32_t i) const { return objects_[i / kObjectsPerPage][i % kObjectsPerPage]; }

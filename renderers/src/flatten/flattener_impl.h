@@ -271,6 +271,8 @@ struct Flattener::Impl {
     bool setMotion(std::uint32_t occurrence);
     /// The same for all below it, and tells of those that differ.
     void spreadMotion(std::uint32_t top);
+    /// Instance::pivot.
+    Vec3f pivotOf(const Occurrence& occurrence);
     std::vector<NodeId> path(std::uint32_t occurrence) const;
 
     Options options;

@@ -221,6 +221,7 @@ bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole
     changed |= std::exchange(instance.motion, motion) != motion;
     const std::uint32_t rigid = bends ? 0 : o.rigid;
     changed |= std::exchange(instance.rigid, rigid) != rigid;
+    instance.pivot = pivotOf(o);
     changed |= change(instance.appearance, appearance, &NodeState::appearanceUses);
     changed |= change(instance.acoustics, acoustics, &NodeState::acousticsUses);
     changed |= std::exchange(instance.castShadow, castShadow) != castShadow;
@@ -263,6 +264,21 @@ bool Flattener::Impl::deforms(NodeId geometry) const {
 }
 
 // ---- what moves together ------------------------------------------------------------------------------------------
+
+Vec3f Flattener::Impl::pivotOf(const Occurrence& o) {
+    if (o.rigid == 0) return Vec3f(0);
+    const Occurrence& mover = tree[o.rigid];
+    const Node& node = scene->node(mover.node);
+    const TypeRole& role = roles.of(node);
+    const Vec3f center =
+        role.hasTransform && role.center != kNoField ? flatten::read<Vec3f>(node, role.center) : Vec3f(0);
+    if (mover.frame == o.frame) return center;
+    const WorldFromLocal &own = frames[o.frame], &its = frames[mover.frame];
+    if (determinantSign(own) == 0) return Vec3f(0);
+    const Vec3d c(center), world = its[0] * c.x + its[1] * c.y + its[2] * c.z + its[3];
+    const Vec3d local = glm::inverse(glm::dmat3(own[0], own[1], own[2])) * (world - own[3]);
+    return Vec3f(local);
+}
 
 bool Flattener::Impl::setMotion(std::uint32_t index) {
     Occurrence& o = tree[index];

@@ -90,7 +90,7 @@ void adaptiveTile(const TraceScene& scene, const Camera& camera, const RenderSet
         round.seed = mixBits(settings.seed * 0x9e3779b97f4a7c15ull + static_cast<std::uint64_t>(number));
         TileResult now;
         now.blocks = blocks;
-        (settings.integrator == Integrator::path ? pathTile : whittedTile)(scene, camera, round, x0, y0, now);
+        traceTile(scene, camera, round, x0, y0, now);
         addUp(now, tile.result);
         if (scene.space == ColorSpace::automatic) addLight(now);
         for (int pixel = 0; pixel < kTilePixels; ++pixel) {

@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+
+#include <glm/gtc/quaternion.hpp>
 
 #include <rtsg/renderers/space_texture.h>
 
@@ -133,6 +136,37 @@ Camera Camera::beside(double offset, double distance) const {
     camera.position += offset * right;
     camera.left -= offset / distance, camera.rightEdge -= offset / distance;
     return camera;
+}
+
+Camera Camera::since(const Camera& before, double t) const {
+    Camera camera = *this;
+    if (before.viewpoint != viewpoint || before.layer != layer || before.orthographic != orthographic ||
+        before.panorama != panorama)
+        return camera;
+    camera.position = glm::mix(before.position, position, t);
+    if (before.right != right || before.up != up || before.forward != forward) {
+        const glm::dmat3 from(before.right, before.up, -before.forward), to(right, up, -forward);
+        const glm::dmat3 axes = glm::mat3_cast(glm::slerp(glm::quat_cast(from), glm::quat_cast(to), t));
+        camera.right = axes[0], camera.up = axes[1], camera.forward = -axes[2];
+    }
+    camera.left = glm::mix(before.left, left, t), camera.rightEdge = glm::mix(before.rightEdge, rightEdge, t);
+    camera.bottom = glm::mix(before.bottom, bottom, t), camera.top = glm::mix(before.top, top, t);
+    camera.focus = glm::mix(before.focus, focus, t);
+    return camera;
+}
+
+Vec2d Camera::place(const Vec3d& world) const {
+    const Vec3d d = world - position;
+    const double across = glm::dot(d, right), upwards = glm::dot(d, up), ahead = glm::dot(d, forward);
+    Vec2d edge(across, upwards);
+    if (panorama) {
+        const double length = glm::length(d);
+        edge = {std::atan2(across, ahead), length > 0 ? std::asin(std::clamp(upwards / length, -1.0, 1.0)) : 0.0};
+    } else if (!orthographic) {
+        if (!(ahead > 0)) return Vec2d(std::numeric_limits<double>::infinity());
+        edge /= ahead;
+    }
+    return {(edge.x - left) / (rightEdge - left), (top - edge.y) / (top - bottom)};
 }
 
 void Camera::frame(const Vec3d& lower, const Vec3d& upper) {

@@ -11,6 +11,7 @@
 #include "adaptive.h"
 #include "data_layers.h"
 #include "environment.h"
+#include "shutter.h"
 
 namespace rtsg::trace {
 
@@ -20,7 +21,7 @@ namespace {
 constexpr float kUneven = 4;
 
 /// Fields may hold numbers whose products leave the range of float; a picture never does.
-Vec4f finite(Vec4f v) {
+Vec4f finitePixel(Vec4f v) {
     for (int c = 0; c < 4; ++c) v[c] = v[c] > 0 ? std::min(v[c], std::numeric_limits<float>::max()) : 0.0f;  // NaN: 0
     return v;
 }
@@ -45,8 +46,7 @@ class Drawing {
         if (settings_.error > 0) {
             adaptiveTile(scene_, camera_, settings_, x0, y0, tile);
         } else {
-            const auto trace = settings_.integrator == Integrator::path ? pathTile : whittedTile;
-            trace(scene_, camera_, settings_, x0, y0, tile.result);
+            traceTile(scene_, camera_, settings_, x0, y0, tile.result);
             tile.samples.fill(static_cast<std::uint32_t>(settings_.samplesPerPixel));
         }
         if (scene_.space == ColorSpace::automatic) addLight(tile.result);
@@ -76,7 +76,7 @@ class Drawing {
             if (x >= settings_.width || y >= settings_.height) continue;
             const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
             const float scale = 1.0f / static_cast<float>(tile.samples[block]);
-            picture_.at(x, y) = finite(tile.result.sum[at] * scale);
+            picture_.at(x, y) = finitePixel(tile.result.sum[at] * scale);
             own.samples += tile.samples[block];
             if (!tile.result.missing.empty()) {
                 const double missing = double{tile.result.missing[at]} * scale;
@@ -157,6 +157,11 @@ Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderS
 Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                  const Part& part, RenderStats& stats) {
     TraceScene scene = makeTraceScene(state, world, camera, settings, part);
+    std::optional<Shutter> shutter;
+    if (settings.shutter > 0 && settings.before) {
+        shutter.emplace(world, camera, settings, scene);
+        shutter->openFor(scene);
+    }
     drawCubes(state, world, camera, settings, part.hidden, scene);
     Sources sources;
     if (settings.integrator == Integrator::path) lookForLight(scene, sources);

@@ -57,6 +57,8 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
         const LayerView& view = views[i];
         RenderSettings own = settings;
         own.width = view.width, own.height = view.height;
+        if (settings.before && !isSameView(view.camera, camera))  // of other eyes nothing is known of the time before
+            own.before = std::make_shared<const PictureBefore>(PictureBefore{settings.before->world, view.camera});
         if (settings.progress)
             own.progress = [&](double done) {
                 return settings.progress((static_cast<double>(i) + done) / static_cast<double>(views.size()));

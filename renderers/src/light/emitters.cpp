@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "shutter.h"
 #include "trace_scene.h"
 
 namespace rtsg::trace {
@@ -39,6 +40,7 @@ Emitters::Emitters(const TraceScene& scene) {
 
 void Emitters::add(const TraceScene& scene, std::uint32_t slot, std::vector<LightTree::Cluster>& clusters) {
     const RayInstance& instance = scene.world->instance(slot);
+    if (scene.shutter && scene.shutter->moves(slot)) return;  // it is not in one place
     if (!instance.mesh || slot >= scene.slots.size()) return;
     const Mesh& mesh = *instance.mesh;
     const Material& front = scene.materials[scene.slots[slot].material].material;

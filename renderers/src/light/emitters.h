@@ -1,6 +1,7 @@
 // Emitters: the triangles that shine, and a tree to choose from by what they can do for a point.
 //
-// Holds those of materials that emit, are opaque and do not mirror; what else shines is found by bounces alone.
+// Holds those of materials that emit, are opaque and do not mirror, and that rest while the shutter is open; what else
+// shines is found by bounces alone.
 // Invariant: an emitter that lights a point at all is chosen there with a probability above 0, and density() is the one
 // that sample() chooses with. Built for one picture, in ray space; it reads the scene's meshes, which must outlive it.
 // Threading: const once built.

@@ -28,6 +28,7 @@ struct LightRenderer::Impl {
     Picture frame;
     Camera camera;
     RenderStats stats;
+    std::shared_ptr<const PictureBefore> before;  // of the next picture, where one is asked for
     Undrawn undrawn;
     Diagnostics said;                        // the tracer's and its own
     std::size_t taken = 0;                   // of the tracer's
@@ -113,15 +114,27 @@ Picture joined(const Picture& first, const Picture& second, bool beside) {
     return both;
 }
 
-/// `draw(camera)`: a picture, and its counts added.
+bool asksForMotion(const RenderSettings& settings) {
+    return settings.shutter > 0 || (settings.layers & kMotion);
+}
+
+/// `draw(camera, settings)`: a picture, and its counts added.
 template <class Draw>
-Result<Picture> eachEye(const Camera& camera, const ImageOptions& options, const Draw& draw) {
-    if (options.stereo == Stereo::none) return draw(camera);
+Result<Picture> eachEye(const Camera& camera, const ImageOptions& options, const RenderSettings& settings,
+                        const Draw& draw) {
+    if (options.stereo == Stereo::none) return draw(camera, settings);
     if (camera.orthographic || camera.panorama) return fail("only perspectives have two eyes");
     const double distance = options.focus > 0 ? options.focus : std::numeric_limits<double>::infinity();
-    auto left = draw(camera.beside(-options.eyeDistance / 2, distance));
+    const auto one = [&](double offset) {
+        RenderSettings own = settings;
+        if (const PictureBefore* before = settings.before.get())
+            own.before = std::make_shared<const PictureBefore>(
+                PictureBefore{before->world, before->camera.beside(offset, distance)});
+        return draw(camera.beside(offset, distance), own);
+    };
+    auto left = one(-options.eyeDistance / 2);
     if (!left) return left;
-    auto right = draw(camera.beside(options.eyeDistance / 2, distance));
+    auto right = one(options.eyeDistance / 2);
     if (!right) return right;
     return joined(*left, *right, options.stereo == Stereo::beside);
 }
@@ -199,14 +212,33 @@ Result<> LightRenderer::make(const ImageOptions& options) {
     s.stats = {};
     RenderSettings settings = options.settings;
     if (!settings.nameOf) settings.nameOf = [&](NodeId id) { return authorsName(world().scene(), id); };
-    const auto draw = [&](const Camera& eye) {
+    if (asksForMotion(settings) && !settings.before) settings.before = s.before;
+    const auto draw = [&](const Camera& eye, const RenderSettings& own) {
         RenderStats drawn;
-        auto picture = s.tracer.render(s.rays, eye, settings, &drawn);
+        auto picture = s.tracer.render(s.rays, eye, own, &drawn);
         addCounts(drawn, s.stats);
         return picture;
     };
-    if (auto ok = take(eachEye(s.camera, options, draw), settings); !ok) return ok;
+    if (auto ok = take(eachEye(s.camera, options, settings, draw), settings); !ok) return ok;
+    if (auto ok = keepBefore(settings); !ok) return ok;
     return renderOwnNodes(kDraw);
+}
+
+Result<> LightRenderer::keepBefore(const RenderSettings& settings) {
+    Impl& s = *impl_;
+    s.before.reset();  // what is held no longer makes room
+    if (!asksForMotion(settings)) return {};
+    const auto state = world().present();
+    if (!state) return std::unexpected(state.error());
+    s.before = std::make_shared<const PictureBefore>(PictureBefore{(*state)->rays, s.camera});
+    return {};
+}
+
+Result<> LightRenderer::remember(const ImageOptions& options) {
+    auto camera = look(options);
+    if (!camera) return std::unexpected(camera.error());
+    impl_->camera = *camera;
+    return keepBefore(options.settings);
 }
 
 Result<> LightRenderer::renderFrame(const WorldState& state) {
@@ -231,13 +263,18 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
         world().lookFrom(s.camera.position);
     }
     s.stats = {};
-    const auto draw = [&](const Camera& eye) {
+    RenderSettings settings = options.settings;
+    if (asksForMotion(settings) && !settings.before) settings.before = s.before;
+    const auto draw = [&](const Camera& eye, const RenderSettings& own) {
         RenderStats drawn;
-        auto picture = LightTracer::render(*tables, *state.rays, eye, options.settings, &drawn);
+        auto picture = LightTracer::render(*tables, *state.rays, eye, own, &drawn);
         addCounts(drawn, s.stats);
         return picture;
     };
-    return take(eachEye(s.camera, options, draw), options.settings);
+    auto picture = eachEye(s.camera, options, settings, draw);
+    s.before =
+        asksForMotion(settings) ? std::make_shared<const PictureBefore>(PictureBefore{state.rays, s.camera}) : nullptr;
+    return take(std::move(picture), options.settings);
 }
 
 Result<> LightRenderer::take(Result<Picture> picture, const RenderSettings& settings) {

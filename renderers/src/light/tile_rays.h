@@ -30,7 +30,8 @@ class TileLoop {
     void run(const Trace& trace) {
         for (int block = 0; block < kTilePixels / 16; ++block) {
             if (!(result_.blocks >> block & 1u)) continue;
-            for (int sample = 0; sample < settings_.samplesPerPixel; ++sample) {
+            const int end = std::min(result_.lastSample, settings_.samplesPerPixel);
+            for (int sample = result_.firstSample; sample < end; ++sample) {
                 RayPacket16 rays;
                 std::uint16_t pixels[16];
                 const std::uint32_t active =

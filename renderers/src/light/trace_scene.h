@@ -168,6 +168,7 @@ class Fogs {
 class Emitters;
 class Lamps;
 class SkyLight;
+class Shutter;
 
 struct TraceScene {
     const RayView* world = nullptr;  // through the lens
@@ -180,6 +181,7 @@ struct TraceScene {
     const Emitters* emitters = nullptr;  // of paths, where anything shines
     const Lamps* lamps = nullptr;        // of paths, where there are many
     const SkyLight* skyLight = nullptr;  // of paths, where the sky is so uneven that it must be looked for
+    const Shutter* shutter = nullptr;    // where something moves while it is open
     MaterialList materials;
     SlotPages slots;
     LightGroups lightGroups;
@@ -247,8 +249,9 @@ constexpr int kTileSide = 16;
 constexpr int kTilePixels = kTileSide * kTileSide;
 
 struct TileResult {
-    std::uint32_t blocks = 0xFFFF;         // in: which of its blocks of four by four pixels are sampled, a bit each
-    std::array<Vec4f, kTilePixels> sum{};  // colour and coverage, not yet divided by the samples
+    std::uint32_t blocks = 0xFFFF;  // in: which of its blocks of four by four pixels are sampled, a bit each
+    int firstSample = 0, lastSample = 1 << 20;  // in: which of a pixel's samples, the last one not included
+    std::array<Vec4f, kTilePixels> sum{};       // colour and coverage, not yet divided by the samples
     /// ColorSpace::automatic: what PhysicalMaterials add to a pixel, as light, and which share of the pixel it is. It
     /// is encoded when it is complete, and then joins `sum`, which holds display values. Empty: nothing.
     std::vector<Vec3f> light, share;
@@ -265,7 +268,11 @@ struct TileResult {
     }
 };
 
-/// Traces one tile whose top left pixel is (x0, y0). Deterministic.
+/// Traces one tile whose top left pixel is (x0, y0), by the integrator that is asked for and through the shutter where
+/// there is one. Deterministic.
+void traceTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+               TileResult& result);
+/// Of one instant, by Whitted's recursion.
 void whittedTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
                  TileResult& result);
 /// The same by path tracing: light that comes from surfaces and sky is gathered too.

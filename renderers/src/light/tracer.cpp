@@ -35,6 +35,11 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
     if (!(camera.lensRadius >= 0) || !(camera.focus > 0) || !std::isfinite(camera.lensRadius + camera.focus))
         return fail(fmt::format("a lens of radius {} focused at {} m cannot be", camera.lensRadius, camera.focus));
     if (camera.lensRadius > 0 && (camera.orthographic || camera.panorama)) return fail("only perspectives have a lens");
+    if (!(settings.shutter >= 0) || settings.shutter > 1)
+        return fail(
+            fmt::format("a shutter is open for 0 to 1 of the time between two pictures, not for {}", settings.shutter));
+    if (settings.shutter > 0 && settings.samplesPerPixel == 1)
+        return fail("a shutter needs more than one sample a pixel, to be open at more than one instant");
     const auto start = std::chrono::steady_clock::now();
     RenderStats drawn;
     Picture picture = state.layers ? drawLayers(state, world, camera, settings, drawn)

@@ -64,6 +64,7 @@ Camera trace::cameraOf(const LightState& state, const RayView& world, const Plac
                  : Camera::perspective(chosen->placed.worldFromLocal, view.position, view.orientation, view.fieldOfView,
                                        aspect);
     camera.layer = chosen->placed.layer;
+    camera.viewpoint = chosen->placed.node;
     if (view.viewAll) frameEverything(camera);
     if (view.farDistance > 0)
         camera.visibilityLimit = view.farDistance;

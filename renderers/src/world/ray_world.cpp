@@ -228,7 +228,7 @@ glm::mat3 normalMatrix(const WorldFromLocal& m) {
     return glm::mat3(cofactor * (size > 0 ? 1 / (size * size) : 0.0));
 }
 
-void RayWorld::Impl::setTransform(RayInstance& instance, const WorldFromLocal& m) {
+void setTransform(RayInstance& instance, const WorldFromLocal& m, const Vec3d& origin) {
     instance.info.worldFromLocal = m;
     instance.sign = determinantSign(m);
     WorldFromLocal inRaySpace = m;
@@ -265,7 +265,7 @@ void RayWorld::Impl::add(const Instance& info) {
     RayInstance& instance = instances.write(slot);
     if (instance.info.id) remove(instance.info.id);
     instance.info = info;
-    setTransform(instance, info.worldFromLocal);
+    setTransform(instance, info.worldFromLocal, origin);
     places[slot] = Place{.movedAt = now, .pending = places[slot].pending};
     link(slot, info.geometry);
     setPending(slot);
@@ -334,7 +334,7 @@ void RayWorld::Impl::move(InstanceId id, const WorldFromLocal& worldFromLocal) {
     if (!isLive(id)) return;
     RayInstance& instance = instances.write(id.slot);
     Place& place = places[id.slot];
-    setTransform(instance, worldFromLocal);
+    setTransform(instance, worldFromLocal, origin);
     place.culled = false;
     place.moves = true;
     ++place.changes;

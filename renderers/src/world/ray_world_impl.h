@@ -120,7 +120,6 @@ struct RayWorld::Impl {
     bool isLive(InstanceId id) const;
     void link(std::uint32_t slot, NodeId geometry);
     void unlink(std::uint32_t slot);
-    void setTransform(RayInstance& instance, const WorldFromLocal& worldFromLocal);
     void setPending(std::uint32_t slot);
     void cull(std::uint32_t slot, std::string reason);
     void commit();
@@ -228,6 +227,8 @@ bvh::Triangles transformedTriangles(const std::shared_ptr<const Mesh>& mesh, con
 bool canEnter(const WorldFromLocal& m);
 /// |M| |M^-1|, largest row sum: by how much a relative error in local coordinates can grow on its way back.
 float errorScale(const WorldFromLocal& m);
+/// Puts an instance there. `origin`: of ray space.
+void setTransform(RayInstance& instance, const WorldFromLocal& worldFromLocal, const Vec3d& origin);
 /// For the directions of normals of unmirrored ones, up to their lengths.
 glm::mat3 normalMatrix(const WorldFromLocal& m);
 struct DoubleBox {

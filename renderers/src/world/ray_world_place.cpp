@@ -115,7 +115,7 @@ void RayWorld::Impl::chooseOrigin() {
     origin = found;
     for (std::size_t slot = 0; slot < instances.size(); ++slot)
         if (instances[slot].info.id)
-            setTransform(instances.write(slot), WorldFromLocal(instances[slot].info.worldFromLocal));
+            setTransform(instances.write(slot), WorldFromLocal(instances[slot].info.worldFromLocal), origin);
 }
 
 void RayWorld::Impl::placePending() {

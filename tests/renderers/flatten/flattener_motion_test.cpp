@@ -120,6 +120,32 @@ TEST(FlattenerMotion, AScriptMovesWhatItRefersToOrAllThereIs) {
     EXPECT_FALSE(m.moves("A") || m.moves("B"));
 }
 
+// The pivot is what stays where it is when the innermost thing that moves turns: its `center`, seen from the shape.
+TEST(FlattenerMotion, PivotsAreWhatStaysWhenTheThingTurns) {
+    Moved m(
+        "DEF U Transform { translation 5 0 0 rotation 1 0 0 .5 children DEF T Transform { center 1 2 3 translation 0 0 "
+        "4 "
+        "children [ DEF A Shape { } Transform { translation 7 0 0 rotation 0 0 1 1.1 scale 2 2 2 children DEF B Shape "
+        "{ } } ] } } DEF F Shape { }");
+    const auto seen = [&](const char* shape) {
+        const Instance& i = m.of(shape);
+        return i.worldFromLocal * Vec4d(i.pivot, 1);
+    };
+    for (int step = 0; step < 3; ++step) {
+        const Vec3d before[] = {seen("A"), seen("B")};
+        ASSERT_TRUE(
+            m.scene.set(m.scene.findName("T"), x3d::Transform::rotation, Rotation{0, 1, 0, .6f * float(step + 1)}));
+        m.scene.seal();
+        if (step > 0) {  // from the first time on it is known to move
+            EXPECT_NEAR(glm::length(seen("A") - before[0]), 0, 1e-5);
+            EXPECT_NEAR(glm::length(seen("B") - before[1]), 0, 1e-5);
+        }
+        EXPECT_NEAR(glm::length(seen("A") - seen("B")), 0, 1e-5) << "of what moves together it is one place";
+        EXPECT_EQ(m.of("A").pivot, Vec3f(1, 2, 3));
+    }
+    EXPECT_EQ(m.of("F").pivot, Vec3f(0));
+}
+
 TEST(FlattenerMotion, WhatDeformsIsNoPartOfABody) {
     Moved m(std::string(kClock) +
             "DEF I CoordinateInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 1 0 0 ] }"

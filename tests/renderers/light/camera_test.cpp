@@ -113,6 +113,35 @@ TEST(Camera, FramingAPointKeepsADistance) {
 }
 
 // 24.2.1: skyAngle from the zenith, groundAngle from the nadir, linear in the angle in between.
+// What ray() shows at a place of the picture lies there again, near or far, for each kind of eye.
+TEST(Camera, PlacesAreWhereRaysGo) {
+    const Camera straight = Camera::perspective(identityTransform(), {1, 2, 3}, {.1f, 1, .2f, .7f}, .9, 1.5),
+                 parallel = Camera::parallel(identityTransform(), {1, 2, 3}, {.1f, 1, .2f, .7f}, {-2, -1, 3, 4}, 1.5);
+    for (const Camera& camera : {straight, parallel, straight.around(), straight.beside(.3, 4)})
+        for (const Vec2d at : {Vec2d(.5, .5), Vec2d(.1, .8), Vec2d(.97, .02)})
+            for (const double distance : {.5, 20.0}) {
+                const Camera::WorldRay ray = camera.ray(at.x, at.y);
+                EXPECT_NEAR(glm::length(camera.place(ray.origin + distance * ray.direction) - at), 0, 1e-12);
+            }
+    EXPECT_TRUE(std::isinf(straight.place(straight.position - straight.forward).x));
+}
+
+TEST(Camera, OnItsWayItTurnsEvenlyAndGoesStraight) {
+    const Camera from = Camera::perspective(identityTransform(), {0, 0, 10}, {0, 1, 0, .2f}, .9, 1),
+                 to = Camera::perspective(identityTransform(), {4, 0, 2}, {0, 1, 0, 1.4f}, .5, 1);
+    const Camera half = to.since(from, .5),
+                 expected = Camera::perspective(identityTransform(), {2, 0, 6}, {0, 1, 0, .8f}, .9, 1);
+    EXPECT_NEAR(glm::length(half.position - expected.position), 0, 1e-12);
+    EXPECT_NEAR(glm::length(half.forward - expected.forward), 0, 1e-6);
+    EXPECT_NEAR(glm::length(half.right - expected.right), 0, 1e-6);
+    EXPECT_NEAR(half.top, (from.top + to.top) / 2, 1e-12);
+    EXPECT_NEAR(glm::length(to.since(from, 0).forward - from.forward), 0, 1e-12);
+    Camera other = from;
+    other.viewpoint = NodeId{7};
+    EXPECT_EQ(to.since(other, 0).position, to.position) << "a cut";
+    EXPECT_EQ(to.since(from.around(), 0).position, to.position);
+}
+
 TEST(Sky, GradientIsLinearInTheAngle) {
     Sky sky;
     sky.skyColors = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};

@@ -37,6 +37,7 @@ struct Camera {
     /// the view is sharp. Of perspectives alone.
     double lensRadius = 0, focus = 1;
     std::uint16_t layer = 0;  // that it looks at: a place in LayerSet.layers, from 1; 0: what is in none
+    NodeId viewpoint;         // whose it is; none: the standard's default one, or an eye of one's own
 
     /// The same eye for a picture of another shape: `aspect` = width / height. What a perspective's smaller angle and
     /// an orthographic camera's middle square show stays.
@@ -55,6 +56,12 @@ struct Camera {
     /// the view lies at the same place in the pictures of all such eyes (infinity: what is infinitely far). The axes
     /// stay parallel. Precondition: a perspective; distance > 0.
     Camera beside(double offset, double distance) const;
+
+    /// The eye on its straight way from `before` (t = 0) to this one (1): it turns evenly, and edges and focus change
+    /// so. This one, if `before` is another viewpoint's or another kind of eye: a cut is no motion.
+    Camera since(const Camera& before, double t) const;
+    /// Where a point is seen: as `x`, `y` of ray(). Infinite for what a perspective has behind it.
+    Vec2d place(const Vec3d& world) const;
 
     /// Moves back, keeping the direction of view, until all of `world` is within the picture and centred in it. Does
     /// nothing when `world` is empty.

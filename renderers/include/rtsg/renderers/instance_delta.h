@@ -79,6 +79,9 @@ struct Instance {
     /// Other than 0: those with the same number hang below the same thing that moves, and as a rule move together,
     /// rigidly. A hint that no result depends on.
     std::uint32_t rigid = 0;
+    /// About which it turns when that thing does, in its own local frame: the thing's origin or its `center`. A hint
+    /// about the way between two states; where it is in either does not depend on it.
+    Vec3f pivot{0};
     /// Null: the default, lines and points of one pixel.
     std::shared_ptr<const StrokeStyle> strokes;
     WorldFromLocal worldFromLocal{1.0};

@@ -69,6 +69,9 @@ class LightRenderer final : public WorldRenderer {
     /// detail are those that the state has, and the next will have them for this eye. Errors: as picture(); node
     /// renderers are registered here, which draw on the scene's thread only.
     Result<> renderFrame(const WorldState& state) override;
+    /// On the scene's thread: the present state counts as the picture before the next one, for RenderSettings::shutter
+    /// and kMotion. Where these are asked for, every picture does so by itself. Errors: as picture().
+    Result<> remember(const ImageOptions& options);
     /// The last picture, empty before the first; camera() is the one it was taken with.
     Picture& frame();
     const Camera& camera() const;
@@ -92,6 +95,7 @@ class LightRenderer final : public WorldRenderer {
     Result<Camera> look(const ImageOptions& options);
     Result<> make(const ImageOptions& options);
     Result<> take(Result<Picture> picture, const RenderSettings& settings);
+    Result<> keepBefore(const RenderSettings& settings);
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };

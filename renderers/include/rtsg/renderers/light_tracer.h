@@ -35,21 +35,30 @@ enum class Integrator : std::uint8_t { whitted, path, raster };
 
 /// Bits of RenderSettings::layers: what a picture tells of its pixels besides their colours, in Picture::layers. It is
 /// of the first surface that lets less than half of what is behind it through, or bends it; where there is none, Z is
-/// infinite and all else 0. depth, position, normal and node are those of the pixel's middle, the others a mean over
-/// samples.
+/// infinite and all else 0. depth, position, normal, node and motion are those of the pixel's middle, the others a mean
+/// over samples; all are of the picture's own instant, whatever its shutter.
 enum DataLayer : std::uint32_t {
-    kDepth = 1,      // "Z": metres along the view, of panoramas from the eye
-    kPosition = 2,   // "P.X", "P.Y", "P.Z": world, metres
-    kNormal = 4,     // "N.X" ...: as it is shaded, in world space, on the eye's side
-    kAlbedo = 8,     // "albedo.R" ...: diffuseColor, baseColor, or what an unlit one shows; with textures, as light
-    kNode = 16,      // "node.id": NodeId of the Shape, an integer
-    kObjects = 32,   // "CryptoObject00.R" ...: Cryptomatte 1.2 of RenderSettings::nameOf(shape)
-    kMaterials = 64  // "CryptoMaterial00.R" ...: of nameOf(appearance)
+    kDepth = 1,       // "Z": metres along the view, of panoramas from the eye
+    kPosition = 2,    // "P.X", "P.Y", "P.Z": world, metres
+    kNormal = 4,      // "N.X" ...: as it is shaded, in world space, on the eye's side
+    kAlbedo = 8,      // "albedo.R" ...: diffuseColor, baseColor, or what an unlit one shows; with textures, as light
+    kNode = 16,       // "node.id": NodeId of the Shape, an integer
+    kObjects = 32,    // "CryptoObject00.R" ...: Cryptomatte 1.2 of RenderSettings::nameOf(shape)
+    kMaterials = 64,  // "CryptoMaterial00.R" ...: of nameOf(appearance)
+    /// "motion.X", "motion.Y": from a pixel's middle to where what it shows was in the picture before, in pixels to the
+    /// right and up; 0 where that is not known. Of what is infinitely far, by the eye's turning.
+    kMotion = 128
 };
-constexpr std::uint32_t kAllLayers = 127;
+constexpr std::uint32_t kAllLayers = 255;
 
 /// What a relative error is relative to, besides a pixel's value: darker differences are not seen.
 constexpr float kErrorFloor = 0.01f;
+
+/// What things have moved from since: the world and the eye of the picture before.
+struct PictureBefore {
+    std::shared_ptr<const WorldVersion> world;  // of the same RayWorld
+    Camera camera;
+};
 
 struct RenderSettings {
     Integrator integrator = Integrator::whitted;
@@ -67,6 +76,12 @@ struct RenderSettings {
     ColorSpace colorSpace = ColorSpace::automatic;
     unsigned threads = 0;      // 0: one a core
     std::uint32_t layers = 0;  // DataLayers
+    /// The share, up to 1, of the time since the picture before in which the shutter was open; it closes at this one's
+    /// instant. What has moved (instances, each as a rigid or evenly stretched thing, and the eye) is blurred along its
+    /// way; lights, lines, points, volumes and what deforms stay where they are in the end. Needs several samples.
+    float shutter = 0;
+    /// Of `shutter` and kMotion; null: nothing has moved. LightRenderer knows its own.
+    std::shared_ptr<const PictureBefore> before;
     /// Of kObjects and kMaterials: asked before the rays are traced, by the thread that asks for the picture. Empty, or
     /// what returns an empty name: the node's number. LightRenderer takes DEF names where it is on the scene's thread.
     std::function<std::string(NodeId)> nameOf;
@@ -137,7 +152,7 @@ class LightTracer final : public InstanceSubscriber {
     static Result<Pick> pick(const Picker& picker, const std::vector<LayerView>& views, double x, double y);
 
     /// Errors: a size or a number of samples that is not positive or is absurd; an error to reach that is negative or
-    /// no number; paths in the display's space.
+    /// no number; paths in the display's space; a shutter with one sample a pixel, or outside of 0 to 1.
     Result<Picture> render(const RayView& world, const Camera& camera, const RenderSettings& settings = {},
                            RenderStats* stats = nullptr) const;
     static Result<Picture> render(const LightState& state, const RayView& world, const Camera& camera,

@@ -139,6 +139,8 @@ class RayView {
     const RayFilter* filter_ = nullptr;
 
   private:
+    friend class Motions;
+    friend class MovedView;
     Hit intersectAll(const Ray& ray, RayKind kind) const;
     Hit intersectFiltered(Ray ray, RayKind kind) const;
     std::uint32_t filterHits(RayPacket16& rays, std::uint32_t hits, const float* tMax, RayKind kind) const;

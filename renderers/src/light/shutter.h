@@ -1,0 +1,44 @@
+// Shutter: a picture's world and eye at the instants at which its samples are taken.
+//
+// Each sample of a tile is of one of these instants, whole: its rays, their shadows and reflections meet the world as
+// it is then. So an instant is to a sample what the scene is to a picture of one, and integrators know nothing of it.
+// The instants are evenly spread over the time in which the shutter is open, and so are a tile's samples over them,
+// from a start of the tile's own. Lights, and what the headlight is, are those of the picture's own instant.
+// Threading: const once made; the scene that it was made of must outlive it.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "trace_scene.h"
+#include "world/moved_view.h"
+
+namespace rtsg::trace {
+
+class Shutter {
+  public:
+    /// `scene`: of the picture's own instant, as makeTraceScene() gives it. Precondition: settings.before.
+    Shutter(const RayView& world, const Camera& camera, const RenderSettings& settings, const TraceScene& scene);
+
+    /// Whether an instance is elsewhere at some of the instants.
+    bool moves(std::uint32_t slot) const { return motions_.moves(slot); }
+    /// Tells the scene of it, unless nothing moves.
+    void openFor(TraceScene& scene) const;
+
+    /// As traceTile().
+    void trace(const TraceScene& scene, const RenderSettings& settings, int x0, int y0, TileResult& result) const;
+
+  private:
+    struct Instant {
+        std::unique_ptr<const MovedView> moved;  // null: nothing but the eye moves
+        std::shared_ptr<const LensedView> world;
+        Camera camera;
+        void showTo(TraceScene& scene, int height) const;
+    };
+    static std::size_t countFor(const Motions& motions, const RenderSettings& settings);
+
+    Motions motions_;
+    std::vector<Instant> instants_;  // empty: nothing moves
+};
+
+}  // namespace rtsg::trace
