@@ -9,6 +9,8 @@
 #include <limits>
 #include <map>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -17,6 +19,7 @@
 
 #include "surface_packet.h"
 #include "tile_rays.h"
+#include "world/moved_view.h"
 
 namespace rtsg::trace {
 
@@ -38,7 +41,8 @@ const std::vector<Kind>& kinds() {
                                  {kAlbedo, {"albedo.R", "albedo.G", "albedo.B"}},
                                  {kNode, {"node.id"}},
                                  {kObjects, {}},
-                                 {kMaterials, {}}};
+                                 {kMaterials, {}},
+                                 {kMotion, {"motion.X", "motion.Y"}}};
         for (Kind& kind : result)
             if (kind.layer == kObjects || kind.layer == kMaterials)
                 for (std::size_t i = 0; i < 2 * kRanks; ++i)
@@ -124,6 +128,7 @@ class LayerTiles {
     LayerTiles(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, Picture& picture)
         : scene_(scene), camera_(camera), settings_(settings) {
         for (std::size_t i = 0; i < std::size(layers_); ++i) layers_[i] = layerOf(picture, kinds()[i].layer);
+        if (settings.before && layers_[7]) lookBack(*settings.before);
         for (const auto& [layer, hashes] : {std::pair(kObjects, &objects_), std::pair(kMaterials, &materials_)}) {
             if (!layerOf(picture, layer)) continue;
             std::map<std::uint32_t, std::uint32_t> known;
@@ -163,6 +168,9 @@ class LayerTiles {
     struct Seen {
         std::uint32_t slot = kNoInstance;
         Vec3f position{0}, normal{0}, albedo{0};
+        Vec3f direction{0};  // of the ray that looked
+        std::uint32_t triangle = 0;
+        float u = 0, v = 0;
     };
 
     /// Returns the lanes that are in the picture.
@@ -175,6 +183,7 @@ class LayerTiles {
         const std::uint32_t active = primaryRays(scene_, camera_, settings, x0, y0, block, sample, rays, pixels);
         for (std::size_t lane = 0; lane < 16; ++lane) {
             seen[lane] = {};
+            seen[lane].direction = {rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]};
             places[lane] =
                 static_cast<std::size_t>(y0 + pixels[lane] / kTileSide) * static_cast<std::size_t>(settings.width) +
                 static_cast<std::size_t>(x0 + pixels[lane] % kTileSide);
@@ -189,8 +198,10 @@ class LayerTiles {
             for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
                 const int lane = std::countr_zero(rest);
                 if (hides(s, lane)) {
-                    seen[static_cast<std::size_t>(lane)] = {s.hits.instance[lane], s.position.get(lane),
-                                                            s.normal.get(lane), s.base.get(lane)};
+                    Seen& found = seen[static_cast<std::size_t>(lane)];
+                    found.slot = s.hits.instance[lane], found.position = s.position.get(lane);
+                    found.normal = s.normal.get(lane), found.albedo = s.base.get(lane);
+                    found.triangle = s.hits.triangle[lane], found.u = s.hits.u[lane], found.v = s.hits.v[lane];
                     continue;
                 }
                 const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
@@ -217,6 +228,7 @@ class LayerTiles {
         return layer ? &layer->values[pixel * layer->channels.size()] : nullptr;
     }
     void writeMiddle(const Seen& seen, std::size_t pixel) const {
+        if (float* motion = place(7, pixel); motion && settings_.before) writeMotion(seen, motion);
         if (seen.slot == kNoInstance) return;
         if (float* z = place(0, pixel))
             *z = camera_.panorama ? glm::length(seen.position - scene_.eye)
@@ -229,6 +241,57 @@ class LayerTiles {
         three(2, seen.normal);
         if (float* node = place(4, pixel))
             *node = std::bit_cast<float>(scene_.world->instance(seen.slot).info.shape.value);
+    }
+    void lookBack(const PictureBefore& before) {
+        eyeBefore_ = camera_.since(before.camera, 0);
+        const RayInstances& all = scene_.world->instances();
+        meshBefore_.resize(all.size());
+        for (std::size_t slot = 0; slot < all.size(); ++slot) {
+            const Mesh* now = all[slot].mesh.get();
+            if (!now || !wasThere(*before.world, all[slot])) continue;
+            // A mesh that deforms keeps its triangles; of another one in its place nothing was anywhere.
+            const Mesh* then = before.world->instance(static_cast<std::uint32_t>(slot)).mesh.get();
+            if (then && then != now && then->positions.size() == now->positions.size() &&
+                then->triangleStride == now->triangleStride && then->triangles == now->triangles)
+                meshBefore_[slot] = then;
+        }
+    }
+    /// From where it is now to where it was.
+    void writeMotion(const Seen& seen, float* motion) const {
+        if (seen.slot == kNoInstance && camera_.orthographic) return;
+        Vec3d now(seen.direction), then = now;
+        if (seen.slot == kNoInstance)
+            now += camera_.position, then += eyeBefore_.position;
+        else
+            std::tie(now, then) = wayOf(seen);
+        Vec2d way = eyeBefore_.place(then) - camera_.place(now);
+        if (camera_.panorama) way.x -= std::round(way.x);
+        if (!std::isfinite(way.x) || !std::isfinite(way.y)) return;
+        motion[0] = static_cast<float>(way.x * settings_.width);
+        motion[1] = static_cast<float>(-way.y * settings_.height);
+    }
+    /// Where the same place of a surface is and was, in world space.
+    std::pair<Vec3d, Vec3d> wayOf(const Seen& seen) const {
+        const RayInstance& now = scene_.world->instance(seen.slot);
+        const Vec3d place = scene_.world->toWorld(seen.position);
+        const RayView& before = *settings_.before->world;
+        if (!wasThere(before, now)) return {place, place};
+        const RayInstance& then = before.instance(seen.slot);
+        const WorldFromLocal &m = now.info.worldFromLocal, &was = then.info.worldFromLocal;
+        const auto applied = [](const WorldFromLocal& t, const Vec3d& p) {
+            return t[0] * p.x + t[1] * p.y + t[2] * p.z + t[3];
+        };
+        if (now.mesh->strokeCount > 0) {
+            if (m == was || now.sign == 0) return {place, place};
+            return {place, applied(was, glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (place - m[3]))};
+        }
+        const auto local = [&](const Mesh& mesh) {
+            return double{1 - seen.u - seen.v} * Vec3d(mesh.vertex(seen.triangle, 0)) +
+                   double{seen.u} * Vec3d(mesh.vertex(seen.triangle, 1)) +
+                   double{seen.v} * Vec3d(mesh.vertex(seen.triangle, 2));
+        };
+        const Mesh* other = meshBefore_[seen.slot];
+        return {applied(m, local(*now.mesh)), applied(was, local(other ? *other : *now.mesh))};
     }
     void mean(const RenderSettings& settings, int x0, int y0, int block) const {
         std::array<Vec3f, 16> albedo{};
@@ -257,7 +320,9 @@ class LayerTiles {
     const TraceScene& scene_;
     const Camera& camera_;
     const RenderSettings& settings_;
-    PictureLayer* layers_[7];                         // as kinds(); null: not asked for
+    PictureLayer* layers_[8];  // as kinds(); null: not asked for
+    Camera eyeBefore_;
+    std::vector<const Mesh*> meshBefore_;             // by slot, of the motion's layer; null: the one that it is now
     std::vector<std::uint32_t> objects_, materials_;  // hashes of names, by slot
 };
 

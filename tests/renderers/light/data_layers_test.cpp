@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <map>
@@ -13,6 +14,8 @@
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
 
 #include "light/data_layers.h"
 #include "renderers/light/light_scene.h"
@@ -234,6 +237,109 @@ TEST(DataLayers, LeaveTheColoursAsTheyAre) {
     std::filesystem::remove(file);
     ASSERT_TRUE(read);
     EXPECT_EQ(read->pixels, plain.pixels);
+}
+
+/// The layer of motion after `change` of a scene whose first picture was there; in pixels to the right and up.
+Exr movedSince(LightScene& s, const std::function<void()>& change, const char* name) {
+    s.options.settings.layers = kMotion | kNode;
+    Exr first = written(s, name);
+    for (const char* channel : {"motion.X", "motion.Y"})
+        for (const float value : first.channels[channel])
+            EXPECT_EQ(value, 0) << "of the first picture nothing is known";
+    change();
+    return written(s, name);
+}
+
+// A plane 10 m away is half a picture wide for each 10 tan(.3927) m: one that has come .5 m to the right and .25 m up
+// was that much to the left and below, everywhere alike; what rests beside it was where it is.
+TEST(DataLayers, MotionOfAPlane) {
+    constexpr int kSide = 40;
+    LightScene s("DEF T Transform { children DEF Plane " + square(2, unlit("1 1 1")) +
+                     "} Transform { translation 0 0 -10 children DEF Wall " + square(40, unlit("1 0 0")) + "}",
+                 kSide, kSide);
+    Exr exr = movedSince(
+        s, [&] { ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Transform::translation, Vec3f(.5f, .25f, 0))); },
+        "plane.exr");
+    const double pixels = kSide / (20 * std::tan(.7854 / 2));
+    int planes = 0;
+    for (int y = 0; y < kSide; ++y)
+        for (int x = 0; x < kSide; ++x) {
+            const bool plane = exr.ids[static_cast<std::size_t>(y * kSide + x)] == s.node("Plane").value;
+            planes += plane;
+            EXPECT_NEAR(exr.at("motion.X", x, y), plane ? -.5 * pixels : 0, 1e-4) << x << " " << y;
+            EXPECT_NEAR(exr.at("motion.Y", x, y), plane ? -.25 * pixels : 0, 1e-4) << x << " " << y;
+        }
+    EXPECT_GT(planes, 50);
+}
+
+// An eye that turns to the left by a sees at angle b what was at b - a: all things alike, however far, and the sky too.
+TEST(DataLayers, MotionOfATurningEye) {
+    constexpr int kSide = 41;
+    constexpr double kTurn = .1;
+    LightScene s("DEF V Viewpoint { } Transform { translation 0 -5 0 children " + square(5, unlit("1 1 1")) + "}",
+                 kSide, kSide);
+    Exr exr = movedSince(
+        s, [&] { ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewpoint::orientation, Rotation{0, 1, 0, float(kTurn)})); },
+        "turn.exr");
+    const double t = std::tan(.7854 / 2);
+    for (int y = 0; y < kSide; ++y)
+        for (int x = 0; x < kSide; ++x) {
+            // The pixel's direction, turned with the eye, in the axes that it had.
+            const double u = (2 * (x + .5) / kSide - 1) * t, v = (1 - 2 * (y + .5) / kSide) * t;
+            const Vec3d d(u * std::cos(kTurn) - std::sin(kTurn), v, -u * std::sin(kTurn) - std::cos(kTurn));
+            EXPECT_NEAR(exr.at("motion.X", x, y), (d.x / -d.z - u) / t * kSide / 2, 2e-4) << x << " " << y;
+            EXPECT_NEAR(exr.at("motion.Y", x, y), (d.y / -d.z - v) / t * kSide / 2, 2e-4) << x << " " << y;
+        }
+}
+
+// A zoom from one field of view to another moves what is seen along lines through the middle.
+TEST(DataLayers, MotionOfAZoom) {
+    constexpr int kSide = 20;
+    LightScene s("DEF V Viewpoint { fieldOfView 1 }" + square(50, unlit("1 1 1")), kSide, kSide);
+    Exr exr =
+        movedSince(s, [&] { ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewpoint::fieldOfView, .5f)); }, "zoom.exr");
+    const double factor = std::tan(.25) / std::tan(.5) - 1;
+    for (int y = 0; y < kSide; ++y)
+        for (int x = 0; x < kSide; ++x) {
+            EXPECT_NEAR(exr.at("motion.X", x, y), (x + .5 - kSide / 2.0) * factor, 1e-4);
+            EXPECT_NEAR(exr.at("motion.Y", x, y), -(y + .5 - kSide / 2.0) * factor, 1e-4);
+        }
+}
+
+// What deforms moves corner by corner: a square that is drawn out to twice its width moves the more, the farther out.
+TEST(DataLayers, MotionOfWhatDeforms) {
+    constexpr int kSide = 40;
+    LightScene s("Shape { appearance Appearance { " + unlit("1 1 1") +
+                     " } geometry IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] coord DEF C Coordinate { point "
+                     "[-1 -1 0, 1 -1 0, 1 1 0, -1 1 0] } } }",
+                 kSide, kSide);
+    Exr exr = movedSince(
+        s,
+        [&] {
+            ASSERT_TRUE(s.scene.set(s.node("C"), x3d::Coordinate::point,
+                                    Array<Vec3f>{{-2, -1, 0}, {2, -1, 0}, {2, 1, 0}, {-2, 1, 0}}));
+        },
+        "deform.exr");
+    EXPECT_NEAR(exr.at("motion.X", 26, 20), -(26.5 - 20) / 2, 1e-3);
+    EXPECT_NEAR(exr.at("motion.X", 14, 20), (20 - 14.5) / 2, 1e-3);
+    EXPECT_NEAR(exr.at("motion.Y", 26, 20), 0, 1e-4);
+    EXPECT_EQ(exr.at("motion.X", 2, 20), 0);
+}
+
+// All around the eye, the short way round.
+TEST(DataLayers, MotionAllAround) {
+    LightScene s("DEF V Viewpoint { position 0 0 0 } Shape { appearance Appearance { " + unlit("1 1 1") +
+                     " } geometry Sphere { solid FALSE radius 5 } }",
+                 40, 20);
+    s.options.panorama = true;
+    Exr exr = movedSince(
+        s, [&] { ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewpoint::orientation, Rotation{0, 1, 0, .3f})); },
+        "around.exr");
+    for (int y = 0; y < 20; ++y)
+        for (int x = 0; x < 40; ++x) {
+            EXPECT_NEAR(exr.at("motion.X", x, y), -.3 / (2 * kPi) * 40, 1e-3) << x << " " << y;
+            EXPECT_NEAR(exr.at("motion.Y", x, y), 0, 1e-3) << x << " " << y;
+        }
 }
 
 TEST(DataLayers, OnlyOpenExrHoldsThem) {
