@@ -13,6 +13,8 @@
 
 #include "bare_embree.h"
 #include "bench.h"
+#include "charts.h"
+#include "cycles.h"
 
 namespace rtsg::bench {
 
@@ -97,6 +99,17 @@ double bareSecondsPerRay() {
     return median(seconds) / static_cast<double>(rays.size());
 }
 
+/// The same room by Cycles: from what some samples reach, as all of its pixels get the same number.
+void besideCycles(const Report& report, const Known& ours, int side, double raysAlone) {
+    const auto cycles = hasCycles() ? cyclesRoom(side, 64) : std::nullopt;
+    std::string name = "room lit by 2 panels, beside Cycles";
+    if (!cycles) name += hasCycles() ? " (blender could not make it)" : " (blender is not installed)";
+    report({"paths", name, "CPU time to 5 % relative error", "s", ours.seconds,
+            cycles ? "Cycles of Blender " + cycles->version : std::string(),
+            cycles ? cycles->seconds * std::pow(cycles->error / kError, 2) : 0, "as many rays through bare Embree",
+            raysAlone});
+}
+
 }  // namespace
 
 void paths(const Report& report, bool quick) {
@@ -109,6 +122,7 @@ void paths(const Report& report, bool quick) {
     const double bouncedSeconds = bounced.seconds * bounced.error * bounced.error / (kError * kError);
     report({"paths", "room lit by 2 panels", "CPU time to 5 % relative error", "s", known.seconds, "bounces alone",
             bouncedSeconds, "as many rays through bare Embree", known.rays * ray});
+    if (!quick) besideCycles(report, known, side, known.rays * ray);
     const Known many = picture(1000, false, side, kError, 1 << 16);
     report({"paths", "room lit by 1,000 lamps", "CPU time to 5 % relative error", "s", many.seconds, "2 panels",
             known.seconds, "as many rays through bare Embree", many.rays * ray});
@@ -116,6 +130,40 @@ void paths(const Report& report, bool quick) {
                 unseen = picture(1000, false, side, kError, 1 << 16, false);
     report({"paths", "room lit by 1,000 lamps out of sight", "CPU time to 5 % relative error", "s", unseen.seconds,
             "one lamp", one.seconds, "as many rays through bare Embree", unseen.rays * ray});
+}
+
+bool chartLight(const ChartSink& sink, bool quick) {
+    const int side = quick ? 24 : 96, most = quick ? 64 : 1024;
+    Chart chart{"light-room",
+                "A room lit by two panels: error against time",
+                fmt::format("{0} x {0} pixels, CPU time of one thread; relative standard error, root mean square over "
+                            "the pixels. Labelled with samples a pixel, or with the error that was asked for.",
+                            side),
+                {"time (s)", true},
+                {"relative error of a pixel", true},
+                {{"path, all pixels alike", {}}, {"path with --error", {}}},
+                {}};
+    for (int samples = 16; samples <= most; samples *= 4) {
+        const Known known = picture(2, false, side, 1e-6, samples);
+        chart.series[0].points.push_back({known.seconds, known.error, std::to_string(samples)});
+    }
+    for (double error = .2; error > (quick ? .1 : .02); error /= 2) {
+        const Known known = picture(2, false, side, error, 1 << 16);
+        chart.series[1].points.push_back({known.seconds, known.error, fmt::format("{:g}", error)});
+    }
+    if (!quick && hasCycles()) {
+        Series cycles{"Cycles, all pixels alike", {}};
+        for (int samples = 16; samples <= most; samples *= 4)
+            if (const auto made = cyclesRoom(side, samples)) {
+                cycles.name = "Cycles of Blender " + made->version + ", all pixels alike";
+                cycles.points.push_back({made->seconds, made->error, std::to_string(samples)});
+            }
+        chart.series.push_back(std::move(cycles));
+    } else if (!quick) {
+        chart.note += " Cycles is not installed.";
+    }
+    sink(chart);
+    return true;
 }
 
 }  // namespace rtsg::bench

@@ -9,6 +9,8 @@ namespace rtsg::bench {
 bool chartFrames(const ChartSink& sink, bool quick);
 /// Error of path-traced pictures against time.
 bool chartRays(const ChartSink& sink, bool quick);
+/// Error of a room's picture against time, with and without an error to reach, beside Cycles where it is installed.
+bool chartLight(const ChartSink& sink, bool quick);
 /// Error of reverberation times against time.
 bool chartSound(const ChartSink& sink, bool quick);
 /// Work of one change against the size of the scene. False: something could not be measured.
