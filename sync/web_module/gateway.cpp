@@ -19,7 +19,7 @@ constexpr int kMostVisits = 256;  // connections that have not become browsers
 constexpr auto kGatewayFarewell = std::chrono::milliseconds(500);
 constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor to give
 constexpr std::size_t kMostNews = 100;
-constexpr std::size_t kMostWishes = 64;  // pictures that wait for the scene
+constexpr std::size_t kMostWishes = 64;  // files that wait for the scene
 
 /// Takes as long for the first wrong letter as for the last.
 bool sameToken(const std::string& given, const std::string& wanted) {
@@ -158,7 +158,7 @@ std::vector<std::string> Gateway::takeNews() {
     return std::exchange(news_, {});
 }
 
-bool Gateway::wish(PictureWish wish, std::weak_ptr<Visit> visit) {
+bool Gateway::wish(FileWish wish, std::weak_ptr<Visit> visit) {
     std::erase_if(wishing_, [](const auto& w) { return w.second.expired(); });
     if (wishing_.size() >= kMostWishes) return false;
     wish.number = ++wishNumber_;
@@ -168,7 +168,7 @@ bool Gateway::wish(PictureWish wish, std::weak_ptr<Visit> visit) {
     return true;
 }
 
-std::vector<PictureWish> Gateway::takeWishes() {
+std::vector<FileWish> Gateway::takeWishes() {
     const std::scoped_lock lock(mutex_);
     return std::exchange(wishes_, {});
 }
@@ -219,6 +219,6 @@ std::unique_ptr<rtsg::WebModule> startWeb(const rtsg::WebSettings& settings, std
 }  // namespace
 
 /// What the program looks up: the function above.
-extern "C" __attribute__((visibility("default"))) rtsg::StartWeb rtsg_start_web_2() {
+extern "C" __attribute__((visibility("default"))) rtsg::StartWeb rtsg_start_web_3() {
     return startWeb;
 }

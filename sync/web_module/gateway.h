@@ -46,7 +46,7 @@ class Gateway : public WebModule {
     std::uint16_t port() const override { return port_; }
     WebCounts counts() const override;
     std::vector<std::string> takeNews() override;
-    std::vector<PictureWish> takeWishes() override;
+    std::vector<FileWish> takeWishes() override;
     void answer(std::uint64_t wish, std::string bytes, std::string type) override;
 
     // For browsers and visits.
@@ -56,7 +56,7 @@ class Gateway : public WebModule {
     net::ssl::context* tls() { return tls_.get(); }
     void* context() { return context_.get(); }
     void news(std::string text);
-    /// Why who asks so may not follow, nor see the scene's pictures; empty if he may.
+    /// Why who asks so may not follow, nor have files that the scene names; empty if he may.
     std::string refusal(const Request& request) const;
     /// The host that the request names is one of ours, so that no other site's name leads here.
     bool knowsHost(const Request& request) const;
@@ -64,7 +64,7 @@ class Gateway : public WebModule {
     void went(Browser* browser);
     void visited(int change) { visits_ += change; }
     /// `visit` is answered by the scene's thread; false when too many wait.
-    bool wish(PictureWish wish, std::weak_ptr<Visit> visit);
+    bool wish(FileWish wish, std::weak_ptr<Visit> visit);
 
     std::atomic<std::uint64_t> requests{0}, refused{0};
 
@@ -91,7 +91,7 @@ class Gateway : public WebModule {
     bool stopping_ = false;
     mutable std::mutex mutex_;
     std::vector<std::string> news_;
-    std::vector<PictureWish> wishes_;
+    std::vector<FileWish> wishes_;
     std::map<std::uint64_t, std::weak_ptr<Visit>> wishing_;  // the thread's own
     std::uint64_t wishNumber_ = 0;
     std::unique_ptr<net::ssl::context> tls_;

@@ -16,7 +16,8 @@ namespace rtsg::web {
 namespace {
 
 constexpr std::size_t kLongestHead = 8 << 10, kLongestBody = 1 << 10;
-constexpr std::string_view kPicture = "/picture/";
+constexpr std::pair<std::string_view, FileWish::Kind> kNamed[] = {{"/picture/", FileWish::Kind::picture},
+                                                                  {"/sound/", FileWish::Kind::sound}};
 
 using Response = http::response<http::string_body>;
 
@@ -34,6 +35,13 @@ Response refused(const Request& request, http::status status, std::string why) {
     response.body() = std::move(why) + "\n";
     response.keep_alive(false);
     return response;
+}
+
+/// The row above for what is asked for below one of these names; null for anything else.
+const std::pair<std::string_view, FileWish::Kind>* namedIn(const Request& request) {
+    for (const auto& row : kNamed)
+        if (request.target().starts_with(beast::string_view(row.first.data(), row.first.size()))) return &row;
+    return nullptr;
 }
 
 /// What the page may load and run: its own files, WebAssembly, and pictures that it makes itself.
@@ -106,12 +114,15 @@ void Visit::read() {
     });
 }
 
-/// `/picture/NODE/INDEX`. Who asks for something else under that name is told that there is none.
+/// `/picture/NODE/INDEX`, and sounds likewise. Who asks for something else under such a name is told that there is
+/// none.
 bool Visit::wish(const Request& request) {
     const std::string target = textOf(request.target());
-    const char* at = target.data() + kPicture.size();
+    const auto& [name, kind] = *namedIn(request);
+    const char* at = target.data() + name.size();
     const char* const end = target.data() + target.size();
-    PictureWish wish;
+    FileWish wish;
+    wish.kind = kind;
     const auto node = std::from_chars(at, end, wish.node);
     if (node.ec != std::errc() || node.ptr == end || *node.ptr != '/') return false;
     const auto index = std::from_chars(node.ptr + 1, end, wish.index);
@@ -125,7 +136,7 @@ void Visit::show(std::string bytes, const std::string& type) {
     Response response(type.empty() ? http::status::not_found : http::status::ok, version_);
     response.set(http::field::content_type, type.empty() ? "text/plain" : type);
     response.set(http::field::cache_control, "no-store");
-    response.body() = type.empty() ? "There is no such picture.\n" : std::move(bytes);
+    response.body() = type.empty() ? "There is no such file.\n" : std::move(bytes);
     response.keep_alive(keepAlive_);
     waiting_.cancel();
     say(std::move(response));
@@ -134,8 +145,8 @@ void Visit::show(std::string bytes, const std::string& type) {
 void Visit::answer(Request request) {
     ++gateway_.requests;
     const bool wantsSocket = beast::websocket::is_upgrade(request);
-    const bool wantsPicture = request.target().starts_with(beast::string_view(kPicture.data(), kPicture.size()));
-    std::string why = wantsSocket || wantsPicture ? gateway_.refusal(request) : "";
+    const bool wantsNamed = namedIn(request) != nullptr;
+    std::string why = wantsSocket || wantsNamed ? gateway_.refusal(request) : "";
     if (wantsSocket && why.empty()) {
         stream_.tcp().expires_never();
         std::make_shared<Browser>(gateway_, std::move(stream_))->begin(std::move(request));
@@ -149,8 +160,8 @@ void Visit::answer(Request request) {
     }
     if (request.method() != http::verb::get && request.method() != http::verb::head)
         return say(refused(request, http::status::method_not_allowed, "Only GET and HEAD are answered."));
-    if (wantsPicture) {
-        if (!wish(request)) return say(refused(request, http::status::not_found, "There is no such picture."));
+    if (wantsNamed) {
+        if (!wish(request)) return say(refused(request, http::status::not_found, "There is no such file."));
         // Kept alive until the scene's thread answers, or for as long as anybody would wait.
         stream_.tcp().expires_after(gateway_.settings().requestTimeout);
         waiting_.expires_after(gateway_.settings().requestTimeout);

@@ -20,7 +20,7 @@ class Visit : public std::enable_shared_from_this<Visit> {
     /// Agrees on encryption where there is any, then reads.
     void begin();
     void read();
-    /// The picture that was asked for; `type` empty: there is none.
+    /// The file that was asked for; `type` empty: there is none.
     void show(std::string bytes, const std::string& type);
 
   private:

@@ -1,11 +1,11 @@
 // The page of `rtsg serve --web` in a headless Chromium: it follows with equal hashes, shows what it follows, lists viewpoints,
-// opens a door and drags things at the origin, comes back after a cut, plays a log, and is readable on a phone.
+// opens a door and drags things at the origin, plays its sounds, comes back after a cut, plays a log, and is readable on a phone.
 //
 // Exit status 0: all well; 1: a check failed; 77: skipped, with the reason, where Chromium or the packages of `./dev web` are
 // not there. Usage: page_test.mjs --program build/rtsg [--shot DIR]
 import assert from 'node:assert/strict';
 import {spawn} from 'node:child_process';
-import {existsSync, mkdtempSync, rmSync} from 'node:fs';
+import {existsSync, mkdtempSync, rmSync, writeFileSync} from 'node:fs';
 import {createRequire} from 'node:module';
 import {tmpdir} from 'node:os';
 import path from 'node:path';
@@ -133,6 +133,48 @@ async function dragTo(page, box, from, to) {
   await page.mouse.down();
   await page.mouse.move(box.x + to[0], box.y + to[1], {steps: 4});
 }
+/** A WAVE file of one channel: `tone(t)` gives the pitch at each moment. */
+function wave(name, seconds, tone) {
+  const rate = 16000, samples = new Int16Array(seconds * rate), head = new DataView(new ArrayBuffer(44));
+  for (let i = 0, phase = 0; i < samples.length; phase += 2 * Math.PI * tone(i++ / rate) / rate) samples[i] = 20000 * Math.sin(phase);
+  const letters = (at, text) => [...text].forEach((c, i) => head.setUint8(at + i, c.charCodeAt(0)));
+  letters(0, 'RIFF');
+  letters(8, 'WAVEfmt ');
+  letters(36, 'data');
+  for (const [at, value] of [[4, 36 + samples.byteLength], [16, 16], [24, rate], [28, 2 * rate], [40, samples.byteLength]]) head.setUint32(at, value, true);
+  for (const [at, value] of [[20, 1], [22, 1], [32, 2], [34, 16]]) head.setUint16(at, value, true);
+  writeFileSync(path.join(scratch, name), new Uint8Array([...new Uint8Array(head.buffer), ...new Uint8Array(samples.buffer)]));
+}
+/** What this page plays: how loud left and right are, and the strongest tone in Hz. */
+async function listen(page) {
+  await page.waitForSelector('#sound:not([hidden])');
+  await page.click('#sound');
+  await page.evaluate(() => {
+    const {context, output} = rtsg.sound, splitter = context.createChannelSplitter(2);
+    output.connect(splitter);
+    window.ears = [0, 1].map((channel) => {
+      const ear = new AnalyserNode(context, {fftSize: 8192, smoothingTimeConstant: 0});
+      splitter.connect(ear, channel);
+      return ear;
+    });
+  });
+  return () => page.evaluate(() => {
+    const [left, right] = ears.map((ear) => {
+      const wave = new Float32Array(ear.fftSize);
+      ear.getFloatTimeDomainData(wave);
+      return Math.hypot(...wave) / Math.sqrt(wave.length);
+    });
+    const levels = new Float32Array(ears[0].frequencyBinCount);
+    ears[left > right ? 0 : 1].getFloatFrequencyData(levels);
+    const tone = levels.indexOf(Math.max(...levels)) * rtsg.sound.context.sampleRate / ears[0].fftSize;
+    return {left, right, tone, elapsed: rtsg.mirror.scene.find('STEPS').get('elapsedTime'), isActive: rtsg.mirror.scene.find('STEPS').get('isActive')};
+  });
+}
+/** The origin is asked to set a time of a node to that of now. */
+const setTime = (page, name, field) => page.evaluate(([n, f]) => {
+  const {scene} = rtsg.mirror, node = scene.find(n);
+  rtsg.mirror.submitEvents([{node: node.id, field: node.type.fields.findIndex((def) => def.name === f), type: 8, value: scene.time}]);
+}, [name, field]);
 const cases = {
   async 'follows, shows and compares'() {
     const server = await serve(door, '--web', '0');
@@ -260,6 +302,46 @@ const cases = {
     await page.close();
     await stop(server);
   },
+  async 'what sounds at the origin sounds here, from where it is'() {
+    wave('tone.wav', 1, () => 440);
+    wave('steps.wav', 60, (t) => 300 + 50 * Math.floor(t));
+    const scene = path.join(scratch, 'sounds.x3dv');
+    writeFileSync(scene, `#X3D V4.0 utf8
+Viewpoint { position 0 0 0 }
+Transform { translation -4 0 0 children Sound { maxFront 50 maxBack 50 minFront 20 minBack 20
+  source DEF TONE AudioClip { url [ "missing.wav" "tone.wav" ] loop TRUE } } }
+Transform { translation 4 0 0 children SpatialSound { children DEF STEPS AudioClip { url "steps.wav" } } }
+Transform { translation 0 0 -5 children Shape { geometry Box { } appearance Appearance { material Material { diffuseColor 1 0 0 } } } }
+`);
+    const server = await serve(scene, '--web', '0', '--upstream', 'events');
+    const page = await open(server.web), hear = await listen(page);
+    const says = async () => JSON.stringify(await hear());
+    await eventually('440 Hz from the left', async () => {
+      const {left, right, tone} = await hear();
+      return left > 0.02 && left > 1.5 * right && Math.abs(tone - 440) < 7;
+    });
+    await setTime(page, 'TONE', 'stopTime');
+    await eventually('it is silent', async () => { const {left, right} = await hear(); return left + right < 1e-4; });
+    await setTime(page, 'STEPS', 'startTime');
+    await eventually('another from the right', async () => { const {left, right} = await hear(); return right > 0.02 && right > 1.5 * left; });
+    // A tone tells what second of the clip is heard; a window of half a second, and a clock that comes in steps, belong to it.
+    const isInStep = ({tone, elapsed, isActive}) => isActive && [elapsed, elapsed - 0.7].some((t) => Math.abs(tone - 300 - 50 * Math.floor(t)) < 7);
+    await eventually('the clip is where the origin has it', async () => isInStep(await hear()));
+    const late = await open(server.web), hearLate = await listen(late);
+    await eventually('who comes late is in the middle', async () => { const found = await hearLate(); return found.elapsed > 1 && isInStep(found); });
+    await late.click('#sound');
+    assert.equal(await late.evaluate(() => rtsg.sound.isOn), false);
+    // Who turns round has on the left what was on the right.
+    await page.bringToFront();
+    await page.evaluate(() => { const {sound} = rtsg, ear = sound.ear; sound.ear = () => { const m = ear(); return m && [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, ...m.slice(12)]; }; });
+    await eventually(`it comes from the left: ${await says()}`, async () => { const {left, right} = await hear(); return left > 0.02 && left > 1.5 * right; });
+    allEqual(await counts(page));
+    assert.deepEqual([page.errors, late.errors], [[], []]);
+    await stop(server);
+    await eventually('the scene has stopped, and its sound', async () => { const {left, right} = await hear(); return left + right < 1e-4; });
+    await page.close();
+    await late.close();
+  },
   async 'who leaves the page lets go'() {
     const server = await serve(toDrag, '--web', '0', '--upstream', 'events');
     const page = await open(server.web, {width: 400}), other = await open(server.web, {picture: false});
@@ -357,6 +439,17 @@ const cases = {
     await page.close();
     await stop(server);
   },
+  // The picture of the README: no check, so that nothing waits for a machine that draws slowly.
+  ...(shots && {async 'the demo on a desk'() {
+    const server = await serve(path.join(root, 'examples/demo/hall.x3dv'), '--web', '0');
+    const page = await open(server.web, {width: 900, height: 560, quality: 'high'});
+    await page.click('#sound');
+    await eventually('a scene that moves is shown', async () => (await counts(page)).states > 60 && parseInt(await page.locator('#rate').textContent(), 10) > 0);
+    await page.screenshot({path: path.join(shots, 'browser.png')});
+    allEqual(await counts(page));
+    await page.close();
+    await stop(server);
+  }}),
 };
 
 let failures = 0;

@@ -2,6 +2,7 @@
 
 import {followWebSocket} from '/src/index.js';
 import {PagePointer} from '/page/pointer.js';
+import {SceneSound} from '/page/sound.js';
 
 const $ = (id) => document.getElementById(id);
 const text = (id, value) => { const e = $(id); if (e.textContent !== value) e.textContent = value; };
@@ -20,6 +21,11 @@ function connection(state, words) {
 }
 function notice(words) { text('notice', words); }
 
+/** Of what a url of a node names. The state is there so that one that has changed is fetched anew. */
+function fileUrl(kind, id, index) {
+  return `/${kind}/${id}/${index}?state=${mirror.scene.state}${token ? `&token=${encodeURIComponent(token)}` : ''}`;
+}
+
 async function load(mirror) {
   let module;
   try {
@@ -30,8 +36,7 @@ async function load(mirror) {
     return;
   }
   view = new module.X3dView($('picture'), mirror.scene, {
-    // The state is there so that a texture whose url has changed is fetched anew.
-    pictureUrl: (id, index) => `/picture/${id}/${index}?state=${mirror.scene.state}${token ? `&token=${encodeURIComponent(token)}` : ''}`,
+    pictureUrl: (id, index) => fileUrl('picture', id, index),
     options: settings.get('quality') === 'low' ? {Antialiased: false, PrimitiveQuality: 'LOW', TextureQuality: 'LOW', ContentScale: 0.5} : {},
   });
   if (mirror.hasState) await rebuild();
@@ -86,7 +91,11 @@ function onState(record, equal, afresh) {
   text('hash', mirror.scene.hash.hex());
   const c = mirror.count;
   text('counts', `${c.equal} of ${c.states} states equal, ${(c.bytes / 1e6).toFixed(1)} MB`);
-  if (afresh) rebuild();
+  if (afresh) {
+    rebuild();
+    sound.restart(mirror.epoch);
+  }
+  sound.update();
 }
 
 /** A WebSocket that is refused does not say why; a picture that is does. */
@@ -108,6 +117,7 @@ const follower = followWebSocket(url, {
   onWelcome() {
     left = false;
     pointer.welcome();
+    sound.pace = 1;
     connection('following');
     if (!mirror.hasState) notice('');
     mirror.control('status');
@@ -128,12 +138,31 @@ const follower = followWebSocket(url, {
 });
 const mirror = follower.mirror;
 const pointer = new PagePointer($('picture'), mirror, (event) => view?.ray(event) ?? null);
+const sound = new SceneSound(mirror.scene, {
+  soundUrl: (id, index) => fileUrl('sound', id, index),
+  ear: () => view?.camera() ?? null,
+  onFound: (any) => { $('sound').hidden = !any; },
+});
 mirror.scene.listener = (changed) => {
+  sound.change(changed);
   if (!view || mirror.afresh) return;
   view.change(changed);
   followView(false);
 };
 load(mirror);
+
+// ---- sound -------------------------------------------------------------------------------------------------------------
+
+$('sound').onclick = async () => {
+  try {
+    await (sound.isOn ? sound.stop() : sound.start());
+  } catch (error) {
+    say(`No sound: ${error.message}.`);
+  }
+  $('sound').setAttribute('aria-pressed', `${sound.isOn}`);
+};
+// Who looks around hears from elsewhere, also in a scene that stands still.
+setInterval(() => sound.update(), 50);
 
 // ---- a log that is played ------------------------------------------------------------------------------------------------
 
@@ -144,6 +173,7 @@ function playerSays(reply) {
   $('player').hidden = false;
   paused = status.paused;
   text('play', paused ? 'Play' : 'Pause');
+  sound.pace = status.rate;
   $('line').max = status.length;
   if (!dragging) $('line').value = status.t;
   text('clock', `${status.t.toFixed(1)} / ${status.length.toFixed(1)} s`);
@@ -163,7 +193,7 @@ function showRate(now = performance.now()) {
   // Nothing for a while: the last one is as old as it is.
   const [first] = arrivals, last = arrivals.at(-1), span = Math.max(last?.at - first?.at, now - last?.at - 500) / 1000;
   if (!(span > 0.2)) return;
-  const here = ((arrivals.length - 1) / span).toFixed(0), there = ((last.state - first.state) / span).toFixed(0);
+  const say = (x) => x.toFixed(x < 9.95 ? 1 : 0), here = say((arrivals.length - 1) / span), there = say((last.state - first.state) / span);
   text('rate', here === there ? here : `${here} of ${there}`);
 }
 setInterval(showRate, 250);
@@ -173,4 +203,4 @@ addEventListener('pagehide', () => {
 });
 
 /** For tests, and for people with a console. */
-window.rtsg = {mirror, follower, pointer, get view() { return view; }};
+window.rtsg = {mirror, follower, pointer, sound, get view() { return view; }};

@@ -195,6 +195,11 @@ export class X3dView {
     if (made) made.set_bind = true;
   }
 
+  /** Where it is seen from: sixteen numbers, the rows right, up, back and position; null while there is no picture. */
+  camera() {
+    const view = this.building ? null : this.browser.getActiveLayer()?.getViewpoint();
+    return view ? Array.from(view.getCameraSpaceMatrix()) : null;
+  }
   /** The ray through a place on the page, as {origin, direction} in world space; null while there is no picture. */
   ray({pageX, pageY}) {
     const layer = this.building ? null : this.browser.getActiveLayer(), view = layer?.getViewpoint();

@@ -63,7 +63,7 @@ Result<StartWeb> loadWeb() {
 #endif
 }
 
-constexpr std::size_t kLargestPicture = std::size_t{32} << 20;
+constexpr std::size_t kLargestNamed = std::size_t{32} << 20;
 
 /// By its content, whatever its name; empty for what browsers do not show.
 std::string pictureType(std::string_view bytes) {
@@ -74,19 +74,37 @@ std::string pictureType(std::string_view bytes) {
     return {};
 }
 
+/// Likewise, of what browsers play: WAVE, Ogg, FLAC, MP4, MP3 (behind its tags, or from a frame of layer III on).
+std::string soundType(std::string_view bytes) {
+    if (bytes.size() < 12) return {};
+    if (bytes.starts_with("RIFF") && bytes.substr(8, 4) == "WAVE") return "audio/wav";
+    if (bytes.starts_with("OggS")) return "audio/ogg";
+    if (bytes.starts_with("fLaC")) return "audio/flac";
+    if (bytes.substr(4, 4) == "ftyp") return "audio/mp4";
+    const bool frame = bytes[0] == '\xFF' && (bytes[1] & '\xE6') == '\xE2';
+    if (frame || bytes.starts_with("ID3")) return "audio/mpeg";
+    return {};
+}
+
+/// Whether a node of this type has files of this kind.
+bool names(const NodeType& type, FileWish::Kind kind) {
+    if (kind == FileWish::Kind::picture) return type.isA("X3DTextureNode");
+    return type.isA("X3DSoundSourceNode") && !type.isA("X3DTextureNode");
+}
+
 /// Only what the scene itself names: a browser says no more than which node.
-std::string pictureOf(const Scene& scene, const Resources& resources, const PictureWish& wish) {
+std::string fileOf(const Scene& scene, const Resources& resources, const FileWish& wish) {
     const Node* node = scene.find(NodeId{wish.node});
-    if (!node || !node->type().isA("X3DTextureNode")) return {};
+    if (!node || !names(node->type(), wish.kind)) return {};
     const FieldIndex field = node->type().find("url");
     if (field == kNoField || node->type().fields[field].type != FieldType::MFString) return {};
     const Value urls = node->value(field);
-    const auto& names = urls.as<Array<String>>();
-    if (wish.index >= names.size()) return {};
-    auto resource = resources.open(scene, *node, field, names[wish.index].view());
+    const auto& all = urls.as<Array<String>>();
+    if (wish.index >= all.size()) return {};
+    auto resource = resources.open(scene, *node, field, all[wish.index].view());
     if (!resource) return {};
     auto bytes = resource->read();
-    return bytes && bytes->size() <= kLargestPicture ? std::move(*bytes) : std::string();
+    return bytes && bytes->size() <= kLargestNamed ? std::move(*bytes) : std::string();
 }
 
 }  // namespace
@@ -138,9 +156,9 @@ WebGatewayStatistics WebGateway::statistics() const {
 }
 
 void WebGateway::service(const Scene& scene, const Resources& resources) {
-    for (const PictureWish& wish : module_->takeWishes()) {
-        std::string bytes = pictureOf(scene, resources, wish);
-        std::string type = pictureType(bytes);
+    for (const FileWish& wish : module_->takeWishes()) {
+        std::string bytes = fileOf(scene, resources, wish);
+        std::string type = wish.kind == FileWish::Kind::picture ? pictureType(bytes) : soundType(bytes);
         module_->answer(wish.number, std::move(bytes), std::move(type));
     }
 }

@@ -29,10 +29,12 @@ struct WebCounts {
     std::uint64_t opened = 0, requests = 0, refused = 0;
 };
 
-/// A picture that a browser wants: the url of this index in the field `url` of a node.
-struct PictureWish {
+/// A file that a browser wants: what the url of this index in the field `url` of a node names.
+struct FileWish {
+    enum class Kind : std::uint8_t { picture, sound };
     std::uint64_t number = 0;
     std::uint32_t node = 0, index = 0;
+    Kind kind = Kind::picture;
 };
 
 class WebModule {
@@ -42,13 +44,13 @@ class WebModule {
     virtual WebCounts counts() const = 0;
     virtual std::vector<std::string> takeNews() = 0;
     /// Each is to be answered; `type` empty: there is none.
-    virtual std::vector<PictureWish> takeWishes() = 0;
+    virtual std::vector<FileWish> takeWishes() = 0;
     virtual void answer(std::uint64_t wish, std::string bytes, std::string type) = 0;
 };
 
 /// Null, and why.
 using StartWeb = std::unique_ptr<WebModule> (*)(const WebSettings&, std::string& problem);
 /// The one symbol of the module: a function without arguments that returns a StartWeb.
-#define RTSG_WEB_SYMBOL "rtsg_start_web_2"
+#define RTSG_WEB_SYMBOL "rtsg_start_web_3"
 
 }  // namespace rtsg

@@ -293,6 +293,7 @@ TEST(WebGateway, ATokenIsAskedForWhereThereIsOne) {
         EXPECT_EQ(served.open(line, target), 101) << target;
     }
     EXPECT_EQ(served.ask("/picture/1/0").status, 403);
+    EXPECT_EQ(served.ask("/sound/1/0").status, 403);
     EXPECT_EQ(served.ask("/picture/1/0?token=open-Sesame_1").status, 404);
     EXPECT_EQ(served.ask("/").status, 200);  // the page itself is no secret
 }
@@ -346,6 +347,51 @@ DEF SOUND AudioClip { url "sign.png" }
           std::string("/picture/1/0"), std::string("/picture/77777/0"), std::string("/picture/"),
           std::string("/picture//")})
         EXPECT_EQ(served.ask(none).status, 404) << none;
+}
+
+// What a file is its content says, and never its name; what a browser may name is a node.
+TEST(WebGateway, SoundsAreThoseThatSourcesOfTheSceneNameWithinTheirFolder) {
+    ServedPage served;
+    const std::string wave("RIFF\x24\0\0\0WAVEfmt and so on", 24);
+    served.write("scene/a.wav", wave);
+    served.write("outside.wav", wave);
+    served.load(R"(#X3D V4.0 utf8
+Sound { source DEF GOOD AudioClip { url [ "missing.wav" "a.wav" ] } }
+Sound { source DEF BAD AudioClip { url [ "../outside.wav" "sign.png" "sign.txt" ] } }
+SpatialSound { children DEF BUFFER BufferAudioSource { url "a.wav" } }
+DEF PICTURE ImageTexture { url "a.wav" }
+DEF FILM MovieTexture { url "a.wav" }
+)");
+    const auto target = [&](const char* name, const std::string& index) {
+        return "/sound/" + std::to_string(served.scene.findName(name).value) + "/" + index;
+    };
+    for (const std::string& there : {target("GOOD", "1?state=3"), target("BUFFER", "0")}) {
+        const Answer good = served.ask(there);
+        EXPECT_EQ(good.status, 200) << there;
+        EXPECT_EQ(good.body, wave);
+        EXPECT_NE(good.head.find("audio/wav"), std::string::npos);
+    }
+    for (const std::string& none :
+         {target("GOOD", "0"), target("GOOD", "2"), target("GOOD", "x"), target("BAD", "0"), target("BAD", "1"),
+          target("BAD", "2"), target("PICTURE", "0"), target("FILM", "0"), std::string("/sound/1/0"),
+          std::string("/sound/"), "/picture/" + target("GOOD", "1").substr(7)})
+        EXPECT_EQ(served.ask(none).status, 404) << none;
+    for (const auto& [head, type] :
+         std::initializer_list<std::pair<std::string, const char*>>{{"OggS and so on", "audio/ogg"},
+                                                                    {"fLaC and so on", "audio/flac"},
+                                                                    {"ID3\x04 and so on", "audio/mpeg"},
+                                                                    {"\xFF\xFB\x90 and so on", "audio/mpeg"},
+                                                                    {std::string("\0\0\0\x1C"
+                                                                                 "ftypM4A and",
+                                                                                 15),
+                                                                     "audio/mp4"},
+                                                                    {"\xFF\xD8\xFF and so on", nullptr},
+                                                                    {"RIFF but WAVY so", nullptr}}) {
+        served.write("scene/a.wav", head);
+        const Answer answer = served.ask(target("GOOD", "1"));
+        EXPECT_EQ(answer.status, type ? 200 : 404) << head;
+        EXPECT_TRUE(!type || answer.head.find(type) != std::string::npos) << answer.head;
+    }
 }
 
 TEST(WebGateway, AClientsMessagesPassBothWays) {

@@ -2,9 +2,9 @@
 //
 // Invariant: it looks into nothing. What comes by a WebSocket goes to the server as a client's messages, and back
 // (PROTOCOL.md, "Browsers"): so credit, merging, requests and limits are those of any mirror. Files are those of the
-// page's folder, and pictures that textures of the scene name. Beyond loopback a token is asked for; on loopback, pages
-// of other origins are refused. HTTP and WebSocket come from Boost.Beast, in a module (librtsg_web.so) that is loaded
-// by start(). Threading: a thread of its own; service() on the scene's, all other functions from any.
+// page's folder, and pictures and sounds that nodes of the scene name. Beyond loopback a token is asked for; on
+// loopback, pages of other origins are refused. HTTP and WebSocket come from Boost.Beast, in a module (librtsg_web.so)
+// that is loaded by start(). Threading: a thread of its own; service() on the scene's, all other functions from any.
 
 // Example:
 //     #include <rtsg/sync/mirror_server.h>
@@ -49,7 +49,7 @@ struct WebGatewayOptions {
     std::filesystem::path certificate, privateKey;
     /// Browsers at once.
     std::size_t maximumConnections = 32;
-    /// For a request to be whole, for its picture to come, and for the answer to be taken; then the connection ends.
+    /// For a request to be whole, for its file to come, and for the answer to be taken; then the connection ends.
     std::chrono::milliseconds requestTimeout{20000};
 };
 
@@ -74,8 +74,9 @@ class WebGateway {
     /// What to open in a browser, the token in it.
     const std::string& url() const { return url_; }
     WebGatewayStatistics statistics() const;
-    /// Gives browsers the pictures that textures of the scene name, as far as `resources` open them: PNG, JPEG, GIF and
-    /// WebP of at most 32 MiB. Call it between frames, on the scene's thread; without it textures have no picture.
+    /// Gives browsers what textures and sound sources of the scene name, as far as `resources` open it: PNG, JPEG, GIF
+    /// and WebP; WAVE, Ogg, FLAC, MP3 and MP4; at most 32 MiB each. Call it between frames, on the scene's thread;
+    /// without it the page has no pictures in its textures, and is silent.
     void service(const Scene& scene, const Resources& resources);
 
     /// What was refused since the last call, at most a hundred sentences.
