@@ -367,6 +367,27 @@ Transform { translation 0 0 -5 children Shape { geometry Box { } appearance Appe
     await page.close();
     await stop(server);
   },
+  async 'what a page has changed it may take back, and bring back'() {
+    const server = await serve(door, '--web', '0', '--upstream', 'edits');
+    const page = await open(server.web, {picture: false});
+    await until(page, () => rtsg.mirror.count.states > 3);
+    const color = () => page.evaluate(() => rtsg.mirror.scene.find('LAMP').get('glow').map((x) => Math.round(x * 10)).join());
+    assert.equal(await color(), '2,10,2');
+    await page.evaluate(() => {
+      const {scene} = rtsg.mirror, node = scene.find('LAMP'), field = node.type.fields.findIndex((f) => f.name === 'glow');
+      rtsg.mirror.submitEdits([{node: node.id, field, type: node.type.fields[field].type, value: [1, 0, 0.5]}]);
+    });
+    await eventually('it is changed', async () => await color() === '10,0,5');
+    await page.evaluate(() => rtsg.mirror.undo());
+    await eventually('it is as it was', async () => await color() === '2,10,2');
+    await page.evaluate(() => rtsg.mirror.redo());
+    await eventually('it is changed again', async () => await color() === '10,0,5');
+    await page.evaluate(() => rtsg.mirror.redo());
+    await until(page, () => document.getElementById('said').textContent.includes('The origin refuses'));
+    allEqual(await counts(page));
+    await page.close();
+    await stop(server);
+  },
   async 'comes back after a cut without a snapshot, and after another run with one'() {
     const log = path.join(scratch, 'session.rlog');
     const server = await serve(door, '--web', '0', '--record', log);

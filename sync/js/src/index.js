@@ -9,4 +9,4 @@ export {Replay, records} from './log.js';
 export {typeName} from './values.js';
 export {Mirror} from './mirror.js';
 export {followWebSocket} from './websocket.js';
-export {Writer, eventRecord, writeValue} from './writer.js';
+export {Writer, editRecord, eventRecord, lockRecord, redoRecord, undoRecord, writeValue} from './writer.js';

@@ -7,7 +7,7 @@ import {readRecord} from './record.js';
 import {readHead} from './types.js';
 import {Decoder} from './decoder.js';
 import {Scene} from './scene.js';
-import {Writer, eventRecord} from './writer.js';
+import {Writer, editRecord, eventRecord, lockRecord, redoRecord, undoRecord} from './writer.js';
 
 const HELLO = 1, ACK = 2, PING = 3, PONG = 4, BYE = 5, SUBMIT = 9, CONTROL = 10, WELCOME = 16, DATA = 17, UNKNOWN = 18,
   REFUSED = 19, VERDICT = 22, REPLY = 23;
@@ -26,8 +26,9 @@ function random64() {
 
 export class Mirror {
   /** `options`: name, window (bytes), lag (ms behind at most, 0: any), rate (bytes a second at most, 0: any), parts (DEF names),
-   * and any of the functions onState(record, equal), onReset(), onWelcome(resumed), onBye(state), onRefused(reason),
-   * onVerdict({request, reason, state}), onReply(text), onTrouble(text). */
+   * and any of the functions
+   * onState(record, equal), onReset(), onWelcome(resumed), onBye(state), onRefused(reason),
+   * onVerdict({request, reason, state, kept}), onReply(text), onTrouble(text). */
   constructor(send, options = {}) {
     this.send = send;
     this.options = {name: 'JavaScript', window: 8 << 20, lag: 250, rate: 0, parts: [], ...options};
@@ -238,6 +239,13 @@ export class Mirror {
 
   /** Input events: [{node, field, type, value}] with numbers of nodes and fields. Returns the request's number. */
   submitEvents(events) { return this.submit(eventRecord(events)); }
+  /** Fields to be set, likewise. */
+  submitEdits(edits) { return this.submit(editRecord(edits)); }
+  /** Takes back what this author asked for last, or brings it back; the verdict's `kept` names what was left as it is, and why. */
+  undo() { return this.submit(undoRecord()); }
+  redo() { return this.submit(redoRecord()); }
+  /** Keeps nodes, by their numbers, from other authors for so many ms, 60,000 at most; 0 lets go. */
+  lock(nodes, lease) { return this.submit(lockRecord(nodes, lease)); }
   submit(bytes) {
     const number = this.nextRequest++;
     const request = {bytes, sentAt: 0};
@@ -255,7 +263,12 @@ export class Mirror {
   verdict(r) {
     if (r.u64() !== this.session) return;
     const request = Number(r.u64()), state = Number(r.u64()), reason = r.text();
-    if (this.requests.delete(request)) this.tell('onVerdict', {request, state, reason});
+    for (let n = r.left ? r.varint() : 0; n > 0; --n) {
+      r.varint();  // the numbers of nodes that it created: nothing here asks for any
+      r.varint();
+    }
+    const kept = r.left ? r.text() : '';
+    if (this.requests.delete(request)) this.tell('onVerdict', {request, state, reason, kept});
   }
   /** Of a log that is played: "pause", "seek 3", ... */
   control(command) {

@@ -1,7 +1,7 @@
 // Writes the primitives of the format, and the few messages and records that a client sends (PROTOCOL.md, "Mirror").
 
 import {xxh64} from './xxh3.js';
-import {fixedSize, typeName} from './values.js';
+import {SFNODE, fixedSize, typeName} from './values.js';
 
 const utf8 = new TextEncoder();
 const kStrings = 10, kImages = 18;  // value types of SFString and SFImage; MF types are one more
@@ -66,14 +66,39 @@ export function writeValue(w, type, value) {
   return w;
 }
 
-/** A frame record of these blocks, as clients send it: its states mean nothing. */
-export function record(blocks) {
+const FRAME = 2, REQUEST = 6;
+const UNDO = 1, REDO = 2, LOCK = 3;
+
+/** A record with these blocks, or what a request has in their place, as clients send it: its states mean nothing. */
+export function record(blocks, kind = FRAME) {
   const w = new Writer();
-  w.raw(utf8.encode('RTSGrec1')).u64(0).u8(2).u8(0).u32(0).u16(0).u64(1).u64(1).f64(0).u64(0).u64(0).raw(blocks);
+  w.raw(utf8.encode('RTSGrec1')).u64(0).u8(kind).u8(0).u32(0).u16(0).u64(1).u64(1).f64(0).u64(0).u64(0).raw(blocks);
   w.view.setUint16(18, blocks.length % 2 ** 16, true);
   w.view.setUint32(20, Math.floor(blocks.length / 2 ** 16), true);
   w.view.setBigUint64(8, xxh64(w.bytes.subarray(16, w.at)), true);
   return w.done();
+}
+
+export const undoRecord = () => record(new Writer().u8(UNDO).done(), REQUEST);
+export const redoRecord = () => record(new Writer().u8(REDO).done(), REQUEST);
+
+/** Keeps nodes for the author for so many ms (60,000 at most); 0 lets go. */
+export function lockRecord(nodes, lease) {
+  const w = new Writer().u8(LOCK).varint(lease).varint(nodes.length);
+  nodes.forEach((node, i) => w.delta(node - (nodes[i - 1] ?? 0)));
+  return record(w.done(), REQUEST);
+}
+
+/** Fields set to values (none that refer to nodes), [{node, field, type, value}], as one record. */
+export function editRecord(edits) {
+  const blocks = new Writer();
+  for (const {node, field, type, value} of edits) {
+    if (type >> 1 === SFNODE >> 1) throw new TypeError(`${typeName(type)} is not sent`);
+    const column = new Writer().u8(0).u8(1).u8(type).varint(field).delta(node);
+    writeValue(column, type, value);
+    blocks.block(4, 1, column);
+  }
+  return record(blocks.done());
 }
 
 /** Input events, [{node, field, type, value}], as one record. */

@@ -162,10 +162,36 @@ test('events go upstream once, and again only without an answer', () => {
   const verdict = message(22).u64(s.session).u64(number).u64(9).text('').varint(0).done();
   s.mirror.receive(verdict, none);
   s.mirror.receive(verdict, none);
-  assert.deepEqual(verdicts, [{request: number, state: 9, reason: ''}]);
+  assert.deepEqual(verdicts, [{request: number, state: 9, reason: '', kept: ''}]);
   assert.throws(() => eventRecord([{node: 1, field: 1, type: 24, value: [1]}]), TypeError);
   s.mirror.submit(new Uint8Array(20000));
   assert.deepEqual(s.said.filter((x) => x.type === SUBMIT && x.size === 20000).map((x) => [x.offset, x.second.length]), [[0, 8192], [8192, 8192], [16384, 3616]]);
+});
+
+test('edits, undo, redo and locks are requests as the page has them', () => {
+  const verdicts = [];
+  const s = new Server({onVerdict: (v) => verdicts.push(v)});
+  s.welcome();
+  s.send(keyframe);
+  const asked = () => readRecord(s.last(SUBMIT).second);
+  s.mirror.submitEdits([{node: 300, field: 200, type: 24, value: [1, 2, 3]}, {node: 5, field: 2, type: 10, value: 'so'}]);
+  assert.equal(asked().kind, 'frame');
+  const p = new Reader(asked().payload);
+  assert.deepEqual([p.u8(), p.varint()], [4, 1]);
+  const first = p.part();
+  assert.deepEqual([first.u8(), first.u8(), first.u8(), first.varint(), first.varint()], [0, 1, 24, 200, 600]);
+  assert.deepEqual([first.f32(), first.f32(), first.f32(), first.left], [1, 2, 3, 0]);
+  assert.deepEqual([p.u8(), p.varint()], [4, 1]);
+  const second = p.part();
+  assert.deepEqual([second.u8(), second.u8(), second.u8(), second.varint(), second.varint(), second.text(), second.left, p.left], [0, 1, 10, 2, 10, 'so', 0, 0]);
+  assert.throws(() => s.mirror.submitEdits([{node: 1, field: 0, type: 13, value: [2]}]), TypeError);
+  for (const [ask, bytes] of [[() => s.mirror.undo(), [1]], [() => s.mirror.redo(), [2]], [() => s.mirror.lock([7, 300, 5], 500), [3, 0xF4, 3, 3, 14, 0xCA, 4, 0xCD, 4]]]) {
+    const number = ask(), r = asked();
+    assert.deepEqual([r.kind, r.from, r.to, [...r.payload], s.last(SUBMIT).request], ['request', 1, 1, bytes, number]);
+  }
+  const number = s.mirror.undo();
+  s.mirror.receive(message(22).u64(s.session).u64(number).u64(12).text('').varint(1).varint(2 ** 31).varint(8).text('DOOR.rotation is another\'s').done(), none);
+  assert.deepEqual(verdicts, [{request: number, state: 12, reason: '', kept: 'DOOR.rotation is another\'s'}]);
 });
 
 test('says goodbye back, answers pings, and asks again after a silence that is not its own', () => {
