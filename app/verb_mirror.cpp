@@ -111,6 +111,7 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
         result.aspects.push_back(static_cast<Aspect>(std::ranges::find(kAspects, name) - std::ranges::begin(kAspects)));
     result.whenSlow = options.whenSlow == "block"    ? MirrorWhenSlow::block
                       : options.whenSlow == "resync" ? MirrorWhenSlow::resync
+                      : options.whenSlow == "near"   ? MirrorWhenSlow::nearFirst
                                                      : MirrorWhenSlow::coalesce;
     return result;
 }
@@ -403,10 +404,11 @@ Verb addMirror(Command& program) {
         ->preset();
     command
         ->addOption("--when-slow", options->whenSlow,
-                    "what to get when too slow: merged frames, every frame while the scene waits (if the server "
-                    "lets it), or a new snapshot")
+                    "what to get when too slow: merged frames; these with views, sounds and what is near the viewer "
+                    "first, the rest waits for at most a second; every frame while the scene waits (if the server lets "
+                    "it); or a new snapshot")
         ->preset()
-        ->oneOf({"merge", "block", "resync"});
+        ->oneOf({"merge", "near", "block", "resync"});
     options->outputs.addTo(*command, OutputArguments::Options::ofMirror);
     command->addFlag("--json", options->json, "the summary as JSON");
     command->footer(

@@ -11,6 +11,7 @@ import {Writer, editRecord, eventRecord, lockRecord, redoRecord, undoRecord} fro
 
 const HELLO = 1, ACK = 2, PING = 3, PONG = 4, BYE = 5, SUBMIT = 9, CONTROL = 10, WELCOME = 16, DATA = 17, UNKNOWN = 18,
   REFUSED = 19, VERDICT = 22, REPLY = 23;
+const NEAR_FIRST = 3;  // when slow
 const kSubmitPart = 8 << 10;
 const kHelloAgain = 500, kPing = 500, kTimeout = 2500, kRequestAgain = 1000;  // ms
 const kMostRecord = 2 ** 30;
@@ -25,13 +26,13 @@ function random64() {
 }
 
 export class Mirror {
-  /** `options`: name, window (bytes), lag (ms behind at most, 0: any), rate (bytes a second at most, 0: any), parts (DEF names),
-   * and any of the functions
+  /** `options`: name, window (bytes), lag (ms behind at most, 0: any), rate (bytes a second at most, 0: any), nearFirst (on a
+   * slow link views, sounds and what is near the viewer come before what is far), parts (DEF names), and any of the functions
    * onState(record, equal), onReset(), onWelcome(resumed), onBye(state), onRefused(reason),
    * onVerdict({request, reason, state, kept}), onReply(text), onTrouble(text). */
   constructor(send, options = {}) {
     this.send = send;
-    this.options = {name: 'JavaScript', window: 8 << 20, lag: 250, rate: 0, parts: [], ...options};
+    this.options = {name: 'JavaScript', window: 8 << 20, lag: 250, rate: 0, nearFirst: false, parts: [], ...options};
     this.scene = new Scene();
     this.decoder = new Decoder();
     this.session = random64();
@@ -59,7 +60,7 @@ export class Mirror {
     if (afresh) this.hasState = false;
     const o = this.options, known = this.hasState;
     const m = message(HELLO).u64(this.session).u64(0).u64(known ? this.epoch : 0).u64(known ? this.scene.state : 0).u64(o.window);
-    m.text(o.name.slice(0, 100)).u64(this.client).u8(0).u32(0).u32(0).texts(o.parts).u8(0).u32(o.lag).u64(o.rate);
+    m.text(o.name.slice(0, 100)).u64(this.client).u8(o.nearFirst ? NEAR_FIRST : 0).u32(0).u32(0).texts(o.parts).u8(0).u32(o.lag).u64(o.rate);
     for (const half of known ? this.serverHash : [0n, 0n]) m.u64(half);
     this.asked = known ? this.scene.state : 0;
     this.send(m.done());

@@ -62,7 +62,8 @@ class Server {
 test('follows, in parts as they come, and acknowledges', () => {
   const s = new Server({name: 'test', lag: 100, parts: ['A']});
   const hello = s.last(HELLO);
-  assert.deepEqual([hello.dictionary, hello.epoch, hello.state, hello.name, hello.lag, hello.parts], [0n, 0n, 0, 'test', 100, ['A']]);
+  assert.deepEqual([hello.dictionary, hello.epoch, hello.state, hello.name, hello.lag, hello.parts, hello.slow], [0n, 0n, 0, 'test', 100, ['A'], 0]);
+  assert.equal(new Server({nearFirst: true}).last(HELLO).slow, 3);
   s.welcome();
   assert.equal(s.last(ACK).bytes, 0);
   s.send(keyframe, 100);

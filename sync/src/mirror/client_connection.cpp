@@ -122,7 +122,7 @@ void MirrorClient::Impl::hello(bool afresh) {
     greeting.wishes.milliFrames = static_cast<std::uint32_t>(std::clamp(options_.framesPerSecond, 0.0, 1e6) * 1000);
     greeting.wishes.parts = options_.parts;
     greeting.wishes.inputs = options_.inputs && options_.latency.count() == 0 && inputTroubles_ < kMostInputTroubles;
-    if (options_.whenSlow == MirrorWhenSlow::coalesce)
+    if (options_.whenSlow == MirrorWhenSlow::coalesce || options_.whenSlow == MirrorWhenSlow::nearFirst)
         greeting.wishes.lag = static_cast<std::uint32_t>(std::clamp<std::int64_t>(options_.maxLag.count(), 0, 1 << 30));
     greeting.wishes.rate = options_.mostBytesPerSecond;
     if (haveState_) greeting.wishes.hash = stateHash_;

@@ -74,7 +74,7 @@ inline std::optional<Message> readPrologue(wire::Reader& in) {
 /// What a client asks for beyond following; all of it may be left out.
 struct Wishes {
     std::uint64_t client = 0;        // names it across connections, for its requests
-    std::uint8_t whenSlow = 0;       // 0 merged frames, 1 hold the scene up, 2 a keyframe instead
+    std::uint8_t whenSlow = 0;       // 0 merged frames, 1 hold the scene up, 2 a keyframe instead, 3 merged, near first
     std::uint32_t milliFrames = 0;   // most frames in 1000 s; 0: all
     std::uint32_t aspects = 0;       // bit n: aspect n; 0: all
     std::vector<std::string> parts;  // DEF names or #numbers of subtrees; none: all

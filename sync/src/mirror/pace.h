@@ -46,6 +46,8 @@ class MirrorPace {
     bool late(std::uint64_t waiting) const {
         return lag_ > 0 && (lifted_ || (rate() > 0 && double(waiting) > rate() * lag_ / 4));
     }
+    /// As many as would not be, as far as that is known.
+    std::uint64_t inTime() const { return static_cast<std::uint64_t>(rate() * lag_ / 4); }
     /// Until a limit of the rate lets something through; 0 if that is not what is waited for.
     Clock::duration wait(Clock::time_point now) const {
         return most_ > 0 && next_ > now ? next_ - now : Clock::duration{};

@@ -109,6 +109,7 @@ class MirrorServer::Io {
         bool noTypes = false;    // takes ours as they are described
         // A question to the shadow: nothing is sent until there is an answer, then frames up to the state it is about.
         bool asking = false;
+        std::uint64_t held = 0;  // not 0: it lacks some of what leads to this state, the one after `state`
         std::optional<MirrorShadow::Answer> answer;
         std::optional<MirrorShadow::Answer> after;  // its turn comes when frames up to its state, merged, are there
         double allowance = 0;                       // questions it may ask
@@ -172,7 +173,8 @@ class MirrorServer::Io {
     SharedRecord asFollowed(Peer& peer, SharedRecord next);
     SharedRecord keyframeFor(Peer& peer);
     SharedRecord frameFor(Peer& peer);
-    void merge(Peer& peer, std::vector<SharedRecord> frames);
+    void merge(Peer& peer, std::vector<SharedRecord> frames, bool all = false);
+    void mergeHeld(Peer& peer);
     SharedRecord frameTowards(Peer& peer, std::uint64_t state);
     SharedRecord codedFor(Peer& peer, SharedRecord record);
     bool sendChunk(Peer& peer);

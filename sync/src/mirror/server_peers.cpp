@@ -178,7 +178,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     peer.window = std::clamp(hello.window, kSmallestWindow, kLargestWindow);
     peer.heard = peer.spoken = peer.allowed = Clock::now();
     peer.allowance = allowance;
-    if (hello.wishes.whenSlow <= static_cast<std::uint8_t>(MirrorWhenSlow::resync))
+    if (hello.wishes.whenSlow <= static_cast<std::uint8_t>(MirrorWhenSlow::nearFirst))
         peer.whenSlow = static_cast<MirrorWhenSlow>(hello.wishes.whenSlow);
     if (hello.wishes.milliFrames > 0)
         peer.interval = std::chrono::duration_cast<Clock::duration>(1000s) / hello.wishes.milliFrames;
@@ -278,7 +278,7 @@ bool MirrorServer::Io::behind(const Peer& peer) const {
 
 /// What waits for it would be older than it wants when it arrives.
 bool MirrorServer::Io::late(const Peer& peer) const {
-    return peer.placed && peer.whenSlow == MirrorWhenSlow::coalesce &&
+    return peer.placed && (peer.whenSlow == MirrorWhenSlow::coalesce || peer.whenSlow == MirrorWhenSlow::nearFirst) &&
            peer.pace.late(historyOf(peer).bytesFrom(peer.state));
 }
 
@@ -298,9 +298,15 @@ SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
     return keyframe;
 }
 
-void MirrorServer::Io::merge(Peer& peer, std::vector<SharedRecord> frames) {
+/// `all`: nothing is to wait that could.
+void MirrorServer::Io::merge(Peer& peer, std::vector<SharedRecord> frames, bool all) {
     MirrorShadow::Question question;
     question.kind = Kind::merge;
+    question.part = peer.part;
+    question.nearFirst = peer.whenSlow == MirrorWhenSlow::nearFirst && (peer.held != 0 || late(peer));
+    question.held = peer.held != 0;
+    question.all = all || leaving_;
+    question.budget = peer.pace.inTime();
     question.peer = peer.identity;
     question.session = peer.session;
     question.frames = std::move(frames);
@@ -308,6 +314,18 @@ void MirrorServer::Io::merge(Peer& peer, std::vector<SharedRecord> frames) {
     peer.asking = true;
     peer.answer.reset();
     shadow_.ask(std::move(question));
+}
+
+/// What waits for the peer, with all that has happened since; up to the state of an answer that waits, if one does.
+void MirrorServer::Io::mergeHeld(Peer& peer) {
+    std::vector<SharedRecord> frames = historyOf(peer).framesFrom(peer.held, kMostMerged);
+    const bool all = peer.answer.has_value();
+    if (all) {
+        const std::uint64_t state = peer.answer->state;
+        std::erase_if(frames, [state](const SharedRecord& frame) { return frame->header.to > state; });
+        peer.after = std::exchange(peer.answer, std::nullopt);
+    }
+    merge(peer, std::move(frames), all);
 }
 
 /// Everything that the peer has not got merged into one, if that is more than a frame; made by the shadow.
@@ -331,12 +349,15 @@ SharedRecord MirrorServer::Io::frameTowards(Peer& peer, std::uint64_t state) {
 
 SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
     if (historyOf(peer).empty() || (peer.asking && !peer.answer)) return nullptr;
-    if (peer.placed && !historyOf(peer).continues(peer.state)) peer.placed = false;
+    if (peer.placed && !historyOf(peer).continues(peer.held != 0 ? peer.held : peer.state)) peer.placed = false;
     SharedRecord next;
     if (!peer.placed) {
         peer.asking = false;
         peer.answer.reset();
+        peer.held = 0;
         next = keyframeFor(peer);
+    } else if (peer.held != 0) {
+        mergeHeld(peer);
     } else if (peer.state != historyOf(peer).newest()) {
         if (peer.answer) {
             next = frameTowards(peer, peer.answer->state);
@@ -367,6 +388,7 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
     MirrorShadow::Answer& answer = *peer.answer;
     const bool merged = answer.kind == Kind::merge;
     const std::uint64_t needed = merged && answer.record ? answer.record->header.from : answer.state;
+    if (peer.held != 0 && !merged) return true;  // what waits comes first
     if (peer.placed && peer.state < needed && historyOf(peer).continues(peer.state)) return true;  // frames come first
     bool there = true;
     if (!answer.record && !answer.message) {
@@ -382,6 +404,7 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
             peer.then.reset();
             peer.sent = 0;
             peer.state = answer.record->header.to;
+            peer.held = answer.holds ? answer.state : 0;
         } else {
             there = sendTo(peer.identity, *answer.message);
         }
@@ -395,7 +418,8 @@ bool MirrorServer::Io::deliverVerdicts(Peer& peer) {
     if (peer.verdicts.size() > kMostVerdicts) peer.verdicts.clear();  // nobody honest has asked for so many
     while (!peer.verdicts.empty()) {
         const mirror::Verdict& verdict = peer.verdicts.front();
-        if (verdict.refusal.empty() && (!peer.placed || peer.sending || peer.state < verdict.state)) break;
+        if (verdict.refusal.empty() && (!peer.placed || peer.sending || peer.held != 0 || peer.state < verdict.state))
+            break;
         verdict.write(message_, peer.session);
         if (!sendTo(peer.identity, message_)) return false;
         peer.verdicts.pop_front();

@@ -23,7 +23,10 @@ namespace {
 
 constexpr std::uint64_t kBatch = std::uint64_t{4} << 20;  // bytes that may wait for a moment of leisure
 constexpr auto kLeisure = 50ms;
-constexpr int kNiceness = 5;  // behind the scene's and the sockets' thread
+constexpr int kNiceness = 5;           // behind the scene's and the sockets' thread
+constexpr std::size_t kMostEased = 8;  // peers for whom what is near goes first; each costs a scene
+constexpr auto kUnusedEased = 10s;
+constexpr int kEasedShare = 20;  // of the time of making one passes before it is made again
 
 }  // namespace
 
@@ -113,7 +116,10 @@ void MirrorShadow::follow() {
         some_.wait_for(lock, kLeisure, [this] {
             return stop_ || waitingBytes_ >= kBatch || (eager_ && !waiting_.empty()) || (!questions_.empty() && !lost_);
         });
-        if (eraHere_ != era_) parts_.clear();
+        if (eraHere_ != era_) {
+            parts_.clear();
+            eased_.clear();
+        }
         eraHere_ = era_;
         while (!waiting_.empty() && !stop_) {
             const SharedRecord record = std::move(waiting_.front());
@@ -208,6 +214,45 @@ SharedRecord MirrorShadow::merge(const std::vector<SharedRecord>& frames) {
     return lastMerged_ = merged;
 }
 
+/// Without a scene of what the peer has all is merged as for others; there is one for the next time then.
+void MirrorShadow::mergeNearFirst(const Scene& scene, const Question& question, Answer& result) {
+    const NearFirst::Clock::time_point now = NearFirst::Clock::now();
+    std::erase_if(eased_,
+                  [&](const auto& e) { return e.first != question.peer && now - e.second.used > kUnusedEased; });
+    const std::uint64_t from = question.frames.empty() ? 0 : question.frames.front()->header.from;
+    const auto found = eased_.find(question.peer);
+    const bool fits = found != eased_.end() && found->second.scene && found->second.session == question.session &&
+                      found->second.scene->waits() == question.held &&
+                      (question.held || found->second.scene->state() == from);
+    if (!fits) {
+        if (question.held) return;
+        result.record = merge(question.frames);
+        if (scene.sequence() != result.state || (found == eased_.end() && eased_.size() >= kMostEased)) return;
+        Eased& eased = eased_[question.peer];
+        eased.scene.reset();
+        if (now < eased.again) return;
+        if (auto made = NearFirst::of(scene)) eased.scene = std::move(*made);
+        eased.session = question.session;
+        eased.used = NearFirst::Clock::now();
+        eased.again = eased.used + kEasedShare * (eased.used - now);
+        return;
+    }
+    std::vector<ChangeSet> sets(question.frames.size());
+    for (std::size_t i = 0; i < sets.size(); ++i)
+        if (!decoder_.decode(question.frames[i]->bytes.bytes(), sets[i])) return;
+    found->second.used = now;
+    NearFirst& eased = *found->second.scene;
+    const auto set = eased.next(sets, scene, question.budget, question.all, now);
+    if (!set) {
+        eased_.erase(found);
+        return;
+    }
+    const std::shared_ptr<EncodedRecord> record = encode(**set);
+    if (!question.frames.empty()) record->published = question.frames.back()->published;
+    result.record = record;
+    result.holds = eased.waits();
+}
+
 MirrorShadow::Answer MirrorShadow::answer(const Scene& whole, const Question& question) {
     const auto part = parts_.find(question.part);
     const Scene& scene = part == parts_.end() ? whole : part->second.scene();
@@ -224,8 +269,11 @@ MirrorShadow::Answer MirrorShadow::answer(const Scene& whole, const Question& qu
         return result;
     }
     if (question.kind == Question::Kind::merge) {
-        result.record = merge(question.frames);
-        result.state = question.frames.back()->header.to;
+        if (!question.frames.empty()) result.state = question.frames.back()->header.to;
+        if (question.nearFirst)
+            mergeNearFirst(scene, question, result);
+        else
+            result.record = merge(question.frames);
         return result;
     }
     wire::Reader in(question.text);

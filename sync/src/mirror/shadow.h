@@ -21,6 +21,7 @@
 
 #include "history.h"
 #include "message.h"
+#include "near_first.h"
 #include "part.h"
 
 namespace rtsg {
@@ -38,6 +39,10 @@ class MirrorShadow {
         std::uint64_t session = 0;         // of the peer
         std::vector<std::byte> text;       // of a peer: its message, whole
         std::vector<SharedRecord> frames;  // to merge
+        /// Of a merge: what is near goes first (near_first.h), about so many bytes; `held`: something waits at the peer
+        /// already; `all`: nothing shall wait any more.
+        bool nearFirst = false, held = false, all = false;
+        std::uint64_t budget = 0;
     };
     /// Either a message or a record, or neither when there is no answer.
     struct Answer {
@@ -47,6 +52,7 @@ class MirrorShadow {
         std::uint64_t session = 0, state = 0;
         SharedRecord record;
         std::shared_ptr<ByteBuffer> message;
+        bool holds = false;  // some of what was merged waits; `state` is the one it leads to when nothing does
     };
 
     MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit);
@@ -71,6 +77,7 @@ class MirrorShadow {
     Answer answer(const Scene& whole, const Question& question);
     SharedRecord keyframe(const Scene& scene);
     SharedRecord merge(const std::vector<SharedRecord>& frames);
+    void mergeNearFirst(const Scene& scene, const Question& question, Answer& result);
     std::shared_ptr<EncodedRecord> encode(const ChangeSet& set);
 
     const std::shared_ptr<RecordPool> pool_;
@@ -93,6 +100,13 @@ class MirrorShadow {
     std::shared_ptr<ChangeSet> set_;
     SharedRecord lastMerged_;
     std::map<std::uint32_t, MirrorPart> parts_;
+    /// Of a peer whose frames were merged not long ago.
+    struct Eased {
+        std::unique_ptr<NearFirst> scene;
+        std::uint64_t session = 0;
+        NearFirst::Clock::time_point used, again;  // again: not before that made anew
+    };
+    std::map<std::string, Eased> eased_;
     std::uint64_t eraHere_ = 0;
     std::thread thread_;
 };

@@ -51,7 +51,7 @@ struct MirrorClientOptions {
     bool inputs = false;
     /// On a link that carries less than the scene makes, frames come merged into one so that what arrives is at most so
     /// old, beside the link's delay and the time that one frame takes. 0: every frame comes, however late, until a
-    /// whole window waits. For MirrorWhenSlow::coalesce.
+    /// whole window waits. For MirrorWhenSlow::coalesce and nearFirst.
     std::chrono::milliseconds maxLag{250};
     /// What the server may send at most, bytes a second; 0: any.
     std::uint64_t mostBytesPerSecond = 0;
