@@ -69,8 +69,7 @@ Camera trace::cameraOf(const LightState& state, const RayView& world, const Plac
     if (view.farDistance > 0)
         camera.visibilityLimit = view.farDistance;
     else if (const Navigation* navigation = activeNavigation(state, camera.layer))
-        if (const float limit = navigation->visibilityLimit; limit > 0)
-            camera.visibilityLimit = limit;
+        if (const float limit = navigation->visibilityLimit; limit > 0) camera.visibilityLimit = limit;
     return camera;
 }
 

@@ -10,8 +10,8 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/picking.h>
 
-#include "renderers/ray_support.h"
 #include "mesh/triangle_distance.h"
+#include "renderers/ray_support.h"
 
 namespace rtsg {
 namespace {

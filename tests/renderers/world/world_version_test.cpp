@@ -9,9 +9,9 @@
 
 #include <gtest/gtest.h>
 
+#include "mesh/triangle_distance.h"
 #include "renderers/world/deform_support.h"
 #include "renderers/world_players.h"
-#include "mesh/triangle_distance.h"
 
 namespace rtsg {
 namespace {
