@@ -40,10 +40,29 @@ std::vector<LayerSight> LightTracer::sights(const std::vector<LayerView>& views,
     return sights;
 }
 
+namespace {
+
+/// Of what is in a layer; in ray space. A viewpoint sees its own alone (35.4.2).
+Bounds boundsOf(const LightState& state, const RayView& world, std::uint16_t layer) {
+    if (!state.layers) return world.bounds();
+    Bounds bounds;
+    for (const RayInstance& instance : world.instances()) {
+        if (!instance.info.id || !instance.info.seen || !instance.mesh || instance.info.layer != layer ||
+            instance.mesh->bounds.empty())
+            continue;
+        const Vec3f corners[] = {instance.mesh->bounds.min, instance.mesh->bounds.max};
+        for (int k = 0; k < 8; ++k)
+            bounds.extend(instance.rayFromLocal * Vec4f(corners[k & 1].x, corners[k >> 1 & 1].y, corners[k >> 2].z, 1));
+    }
+    return bounds;
+}
+
+}  // namespace
+
 Camera trace::cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,
                        double aspect) {
     const auto frameEverything = [&](Camera& camera) {
-        const Bounds bounds = world.bounds();
+        const Bounds bounds = boundsOf(state, world, chosen ? chosen->placed.layer : layer);
         if (!bounds.empty()) camera.frame(world.toWorld(bounds.min), world.toWorld(bounds.max));
     };
     Camera camera;

@@ -145,5 +145,22 @@ TEST(Layers, WhatIsSeenIsPicked) {
     EXPECT_TRUE(outside && !*outside);
 }
 
+TEST(Layers, AViewpointThatViewsAllViewsAllOfItsLayer) {
+    // 35.4.2, 23.3.1: a head-up display is no part of what is looked at.
+    const auto eye = [](const std::string& display) {
+        LightScene s(
+            "LayerSet { activeLayer 1 order [ 1 2 ] layers [ Layer { children [ Viewpoint { viewAll TRUE } Shape { "
+            "geometry Box { } } ] } Layer { children [ OrthoViewpoint { } " +
+            display + " ] } ] }");
+        s.picture();
+        return s.light->camera().position;
+    };
+    const Vec3d alone = eye("");
+    EXPECT_EQ(eye("Transform { translation 300 200 0 children Shape { geometry Box { size 50 50 50 } } }"), alone);
+    EXPECT_NEAR(alone.x, 0, 1e-6);
+    EXPECT_NEAR(alone.y, 0, 1e-6);
+    EXPECT_LT(alone.z, 10);
+}
+
 }  // namespace
 }  // namespace rtsg
