@@ -39,7 +39,7 @@ std::string nameByContent(std::string_view bytes) {
     return {};
 }
 
-/// A picture that is stored in tiles, if it has more pixels or bytes than may be kept.
+/// A picture that is stored in tiles, if it has more pixels than may be kept.
 std::optional<Texture> tiledIfLarger(const std::shared_ptr<Resource>& resource, Texture::Content content,
                                      const ResourcePolicy& policy) {
     const std::string name = nameByContent(resource->readAt(0, 32));
@@ -48,7 +48,7 @@ std::optional<Texture> tiledIfLarger(const std::shared_ptr<Resource>& resource, 
     if (!texture) return std::nullopt;  // the usual way says what is wrong
     const auto pixels = static_cast<std::uint64_t>(texture->width()) * static_cast<std::uint64_t>(texture->height());
     const std::uint64_t counted = pixels * (texture->bytesPerPixel() / 4);
-    if (counted <= policy.maximumPixels / 4 && resource->size() <= policy.maximumBytes) return std::nullopt;
+    if (counted <= policy.maximumPixels / 4) return std::nullopt;
     return std::move(*texture);
 }
 
