@@ -148,15 +148,18 @@ TEST(Shutter, WhatHangsBelowGoesRound) {
 TEST(Shutter, TheEyeMoves) {
     const std::string wall =
         "DEF V Viewpoint { } Transform { translation 20 0 0 children " + square(20, unlit("1 1 1")) + "}";
-    ShutterScene s(wall, 1, 1024);
-    s.picture();
-    ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewpoint::position, Vec3f(2, 0, 10)));
-    const Picture p = s.picture();
-    for (int x = 0; x < kShutterSide; ++x) {
-        double expected = 0;
-        for (int i = 0; i < 100; ++i)
-            expected += std::clamp((columnAt(x, (i + .5) / 100 - .5) + 2) / 2, 0.0, 1.0) / 100;
-        EXPECT_NEAR(p.at(x, 16).r, expected, .012) << x;
+    for (const double lens : {0.0, .1}) {  // with one, whose focus is on the wall
+        ShutterScene s(wall, 1, 1024);
+        s.options.lensRadius = lens, s.options.focus = 10;
+        s.picture();
+        ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewpoint::position, Vec3f(2, 0, 10)));
+        const Picture p = s.picture();
+        for (int x = 0; x < kShutterSide; ++x) {
+            double expected = 0;
+            for (int i = 0; i < 100; ++i)
+                expected += std::clamp((columnAt(x, (i + .5) / 100 - .5) + 2) / 2, 0.0, 1.0) / 100;
+            EXPECT_NEAR(p.at(x, 16).r, expected, .012) << x << " " << lens;
+        }
     }
     ShutterScene turning(wall, 1, 1024);
     turning.picture();
@@ -312,14 +315,16 @@ TEST(Shutter, GoesWithTheOthers) {
     EXPECT_LT(known.stats.error, .025);
 
     ShutterScene eyes(body, 1, 512);
-    eyes.options.stereo = Stereo::beside, eyes.options.focus = 10, eyes.options.eyeDistance = 1;
+    eyes.options.stereo = Stereo::beside, eyes.options.focus = 20, eyes.options.eyeDistance = 1;
     eyes.picture();
     eyes.move("T", {1.5f, 0, 0});
     const Picture both = eyes.picture();
     ASSERT_EQ(both.width, 2 * kShutterSide);
-    for (int x = 0; x < kShutterSide; ++x)  // the plane that they meet in
-        for (const int from : {0, kShutterSide})
-            EXPECT_NEAR(both.at(from + x, 16).r, shareOfTime(x, 1, -2, 1.5), .02) << x;
+    // Half way to the plane in which the eyes meet, half of their distance is left.
+    for (int x = 0; x < kShutterSide; ++x) {
+        EXPECT_NEAR(both.at(x, 16).r, shareOfTime(x, 1, -1.75, 1.75), .02) << x;
+        EXPECT_NEAR(both.at(kShutterSide + x, 16).r, shareOfTime(x, 1, -2.25, 1.25), .02) << x;
+    }
 
     ShutterScene around(
         "Viewpoint { position 0 0 0 } DEF T Transform { rotation 0 1 0 .8 children Transform { translation "
@@ -338,6 +343,28 @@ TEST(Shutter, GoesWithTheOthers) {
         } else if (std::abs(longitude) > .8 + width + .1) {
             EXPECT_EQ(p.at(x, 16).r, 0) << x;
         }
+    }
+}
+
+// In a layer over another what moves is blurred as ever, and the eye of the active one is the one that moves: the
+// other layer's has a place of its own, of which nothing is known before.
+TEST(Shutter, OfLayersTheActiveEyeMoves) {
+    const std::string moves = "DEF T Transform { translation -2 0 0 children " + square(1, unlit("0 1 0")) + "}",
+                      wall = "Transform { translation 40 0 -10 children " + square(40, unlit("1 0 0")) + "}";
+    ShutterScene s("LayerSet { activeLayer 1 order [1 2] layers [ Layer { children [ DEF V Viewpoint { } " + wall +
+                       "] } Layer { children [ DEF W Viewpoint { } " + moves + "] } ] }",
+                   1, 1024);
+    s.picture();
+    s.move("T", {1.5f, 0, 0});
+    ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewpoint::position, Vec3f(2, 0, 10)));
+    ASSERT_TRUE(s.scene.set(s.node("W"), x3d::Viewpoint::position, Vec3f(1, 0, 10)));
+    const Picture p = s.picture();
+    for (int x = 0; x < kShutterSide; ++x) {
+        double wallShare = 0;
+        for (int i = 0; i < 100; ++i) wallShare += std::clamp(columnAt(x, (i + .5) / 100 - .5) + 1, 0.0, 1.0) / 100;
+        const double green = shareOfTime(x, 1, -3, .5);
+        EXPECT_NEAR(p.at(x, 16).g, green, .015) << x;
+        EXPECT_NEAR(p.at(x, 16).r, wallShare * (1 - green), .02) << x << ": the layers are laid over each other";
     }
 }
 
