@@ -272,6 +272,13 @@ TEST(Shutter, WhatRestsCostsNothingAndIsTheSamePicture) {
         "geometry Sphere { } } } PointLight { location 3 3 3 }";
     ShutterScene open(ball, 1, 4), closed(ball, 0, 4);
     for (int i = 0; i < 3; ++i) EXPECT_EQ(open.picture().pixels, closed.picture().pixels) << i;
+    // Nor does an eye that is given another shape by a layer's part of the picture.
+    const std::string part =
+        "LayerSet { activeLayer 1 order [1] layers [ Layer { viewport Viewport { clipBoundary [ 0 .5 "
+        "0 1 ] } children [ Viewpoint { } " +
+        ball + "] } ] }";
+    ShutterScene halfOpen(part, 1, 4), halfClosed(part, 0, 4);
+    for (int i = 0; i < 2; ++i) EXPECT_EQ(halfOpen.picture().pixels, halfClosed.picture().pixels) << i;
     // Nor does a thing that came since move.
     const NodeId more = open.scene.findName("T");
     ASSERT_TRUE(open.scene.set(more, x3d::Transform::children, Array<NodeId>()));
