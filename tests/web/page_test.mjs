@@ -463,10 +463,15 @@ Transform { translation 0 0 -5 children Shape { geometry Box { } appearance Appe
   // The picture of the README: no check, so that nothing waits for a machine that draws slowly.
   ...(shots && {async 'the demo on a desk'() {
     const server = await serve(path.join(root, 'examples/demo/hall.x3dv'), '--web', '0');
-    const page = await open(server.web, {width: 900, height: 560, quality: 'high'});
+    const page = await open(server.web, {width: 820, height: 520});
     await page.click('#sound');
-    await eventually('a scene that moves is shown', async () => (await counts(page)).states > 60 && parseInt(await page.locator('#rate').textContent(), 10) > 0);
-    await page.screenshot({path: path.join(shots, 'browser.png')});
+    await page.evaluate(() => { rtsg.view.browser.setBrowserOption('ContentScale', 1); });
+    const moves = async () => parseFloat(await page.locator('#rate').textContent()) >= 10;
+    await eventually('a scene that moves is shown', async () => {
+      if ((await counts(page)).states < 200 || !await moves()) return false;
+      await page.screenshot({path: path.join(shots, 'browser.png')});
+      return moves();
+    });
     allEqual(await counts(page));
     await page.close();
     await stop(server);

@@ -189,7 +189,8 @@ setInterval(() => { if (!$('player').hidden && mirror.connected) mirror.control(
 /** States a second that came, and if some of them were merged on the way, of how many that the origin went through: over the last
  * two seconds or so, from when each came. */
 function showRate(now = performance.now()) {
-  while (arrivals.length > 2 && arrivals[0].at < now - 2000) arrivals.shift();
+  // One from before stays: after a pause of the page many come at once, and belong to all of it.
+  while (arrivals.length > 2 && arrivals[1].at < now - 2000) arrivals.shift();
   // Nothing for a while: the last one is as old as it is.
   const [first] = arrivals, last = arrivals.at(-1), span = Math.max(last?.at - first?.at, now - last?.at - 500) / 1000;
   if (!(span > 0.2)) return;

@@ -181,39 +181,51 @@ TEST(NearFirst, ThroughRandomEditsNothingIsMissingInTheEnd) {
     }
 }
 
-/// Over a link of 40 kB/s, for a scene that changes a multiple of that.
-TEST(MirrorNearFirst, OnASlowLinkWhatIsNearIsNewerAndInTheEndAllIsEqual) {
-    Scene scene;
+/// Over a link of 40 kB/s, for a scene that changes a multiple of that: the first is before the viewer, the others
+/// farther and farther away.
+struct SlowLink {
+    Scene scene, replica;
     std::vector<NodeId> nodes;
-    for (int i = 0; i < 600; ++i) {
-        nodes.push_back(scene.createNode(x3d::Transform::type));
-        ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children.index, nodes.back()));
-    }
     int frame = 0;
-    const auto step = [&] {
+    std::unique_ptr<MirrorServer> server;
+    std::unique_ptr<MirrorClient> client;
+
+    SlowLink() {
+        for (int i = 0; i < 600; ++i) {
+            nodes.push_back(scene.createNode(x3d::Transform::type));
+            EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children.index, nodes.back()));
+        }
+        step();
+        MirrorServerOptions serverOptions;
+        serverOptions.upstream = MirrorUpstream::edits;
+        server = *MirrorServer::start(scene, test::kAnyPort, serverOptions);
+        MirrorClientOptions options;
+        options.whenSlow = MirrorWhenSlow::nearFirst;
+        options.mostBytesPerSecond = 40'000;
+        options.maxLag = 250ms;
+        client = *MirrorClient::connect(replica, server->endpoint(), options);
+    }
+    void step() {
         ++frame;
-        // The first is before the viewer, the others farther and farther away.
         for (std::size_t i = 0; i < nodes.size(); ++i)
             EXPECT_TRUE(scene.set(nodes[i], x3d::Transform::translation, Vec3f(float(frame), 0, -100 * float(i))));
         scene.newFrame(frame / 60.0);
-    };
-    step();
-    auto server = *MirrorServer::start(scene, test::kAnyPort);
-    MirrorClientOptions options;
-    options.whenSlow = MirrorWhenSlow::nearFirst;
-    options.mostBytesPerSecond = 40'000;
-    options.maxLag = 250ms;
-    Scene replica;
-    auto client = *MirrorClient::connect(replica, server->endpoint(), options);
+        if (server) server->service();
+    }
+    float x(std::size_t i) const { return replica.node(nodes[i]).get(x3d::Transform::translation).x; }
+};
+
+TEST(MirrorNearFirst, OnASlowLinkWhatIsNearIsNewerAndInTheEndAllIsEqual) {
+    SlowLink link;
+    auto& [scene, replica, nodes, frame, server, client] = link;
     ASSERT_TRUE(pollUntilAt(*client, scene));
-    const auto x = [&](std::size_t i) { return replica.node(nodes[i]).get(x3d::Transform::translation).x; };
     int newer = 0;
     std::uint64_t seen = 0;
     ASSERT_TRUE(pollUntil(*client, [&] {
-        step();
+        link.step();
         if (client->statistics().sequence != std::exchange(seen, client->statistics().sequence)) {
-            newer += x(0) > x(599);
-            EXPECT_GE(x(0), x(599));
+            newer += link.x(0) > link.x(599);
+            EXPECT_GE(link.x(0), link.x(599));
         }
         return newer >= 10;
     }));
@@ -225,7 +237,7 @@ TEST(MirrorNearFirst, OnASlowLinkWhatIsNearIsNewerAndInTheEndAllIsEqual) {
     EXPECT_EQ(client->statistics().snapshots, 1u);
     // And when the server leaves.
     for (int i = 0; i < 30; ++i) {
-        step();
+        link.step();
         client->poll(5ms);
     }
     std::thread leaving([&] { server.reset(); });
@@ -233,6 +245,24 @@ TEST(MirrorNearFirst, OnASlowLinkWhatIsNearIsNewerAndInTheEndAllIsEqual) {
     leaving.join();
     EXPECT_EQ(replica.hash() == scene.hash(), client->statistics().sequence == scene.sequence());
     EXPECT_EQ(client->statistics().divergences, 0u);
+}
+
+/// Whoever is told that his wish was carried out has what came of it.
+TEST(MirrorNearFirst, VerdictsComeWithWhatWaits) {
+    SlowLink link;
+    ASSERT_TRUE(pollUntilAt(*link.client, link.scene));
+    for (int round = 1; round <= 2; ++round) {
+        const Vec3f center(0, float(round), 0);
+        ASSERT_TRUE(link.client->submitEdit(link.nodes[599], x3d::Transform::center.index, center));
+        std::vector<MirrorVerdict> verdicts;
+        ASSERT_TRUE(pollUntil(*link.client, [&] {
+            link.step();
+            verdicts = link.client->takeVerdicts();
+            return !verdicts.empty();
+        }));
+        EXPECT_EQ(verdicts[0].refusal, "");
+        EXPECT_EQ(link.replica.node(link.nodes[599]).get(x3d::Transform::center), center);
+    }
 }
 
 }  // namespace
