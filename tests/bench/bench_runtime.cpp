@@ -203,6 +203,44 @@ void followers(const Report& report, bool quick) {
     }
 }
 
+/// Sensor, interpolator and Transform, each `count` times, or with one sensor for all.
+std::string chains(int count, bool oneSensor) {
+    std::string text = "DEF C TimeSensor { loop TRUE }\n";
+    for (int i = 0; i < count; ++i)
+        text += fmt::format(
+            "{1} DEF P{0} PositionInterpolator {{ key [ 0 .5 1 ] keyValue [ 0 0 0, 1 {0} 0, 0 0 0 ] }} DEF T{0} "
+            "Transform {{ }} ROUTE C{2}.fraction_changed TO P{0}.set_fraction ROUTE P{0}.value_changed TO "
+            "T{0}.translation\n",
+            i, oneSensor ? "" : fmt::format("DEF C{0} TimeSensor {{ loop TRUE cycleInterval {1} }}", i, 1 + .001 * i),
+            oneSensor ? "" : std::to_string(i));
+    return text;
+}
+
+/// By the clock on the wall, in turn: what several threads save.
+void threads(const Report& report, bool quick) {
+    for (const auto& [count, oneSensor] : {std::pair{10'000, false}, {10'000, true}, {1000, false}, {100, false}}) {
+        Scene scenes[2];
+        std::vector<double> times[2];
+        for (std::size_t i = 0; i < 2; ++i) {
+            load(scenes[i], chains(count, oneSensor));
+            scenes[i].setThreads(i == 0 ? 1 : 0);
+        }
+        // By turns, but not frame by frame: each finds in the caches what it left there.
+        constexpr int kTurn = 20;
+        for (int turn = 0; turn < (quick ? 4 : 40); ++turn)
+            for (std::size_t i = 0; i < 2; ++i)
+                for (int frame = 0; frame < kTurn; ++frame) {
+                    const double start = wallSeconds();
+                    scenes[i].newFrame(scenes[i].now() + 1 / 60.0);
+                    if (turn > 0) times[i].push_back(wallSeconds() - start);
+                }
+        const std::string what = oneSensor ? fmt::format("1 sensor, {0} interpolators and Transforms", count)
+                                           : fmt::format("{0} chains of sensor, interpolator and Transform", count);
+        report({"runtime", what, "a frame by the clock, threads as the scene takes them", "ms", 1e3 * median(times[1]),
+                "one thread", 1e3 * median(times[0]), "", 0});
+    }
+}
+
 void proximity(const Report& report, bool quick) {
     const int count = quick ? 1000 : 10'000;
     std::string text = "DEF V Viewpoint { position 0 0 10 }\n";
@@ -350,6 +388,7 @@ void runtime(const Report& report, bool quick) {
     pushes(report, quick);
     levels(report, quick);
     followers(report, quick);
+    threads(report, quick);
     proximity(report, quick);
     touches(report, quick);
     listening(report, quick);

@@ -150,7 +150,12 @@ struct Bindable {
 
 template <class N, Kind kind>
 BuiltinBehaviour bindable() {
-    return {N::type, {.onEvent = Bindable<N, kind>::onEvent, .onTime = Bindable<N, kind>::onTime}};
+    // Whatever else comes, a position say, is stored and no more.
+    return {N::type,
+            {.onEvent = Bindable<N, kind>::onEvent,
+             .onTime = Bindable<N, kind>::onTime,
+             .local = true,
+             .beyond = N::set_bind.index}};
 }
 
 /// Takes what is no longer in the layer off the top of a stack, as if it were unbound (7.2.2); who comes to the top is

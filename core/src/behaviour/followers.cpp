@@ -5,8 +5,11 @@
 // chain of first-order filters solved exactly; orientations are filtered as rotation vectors from the destination,
 // which is exact about one axis; colours component by component.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
+#include <vector>
 
 #include <glm/gtc/quaternion.hpp>
 
@@ -125,12 +128,31 @@ Array<E> listOf(const std::vector<E>& elements) {
     return Elements<Array<E>>::make(elements);
 }
 
+/// A list of a length that stays, without memory of its own while it is short: most followers hold one element.
+template <class E>
+class Few {
+  public:
+    explicit Few(std::size_t size) : size_(size) {
+        if (size > kShort) long_.resize(size);
+    }
+    std::size_t size() const { return size_; }
+    E* data() { return size_ > kShort ? long_.data() : short_.data(); }
+    E& operator[](std::size_t i) { return data()[i]; }
+    std::span<const E> span() { return {data(), size_}; }
+
+  private:
+    static constexpr std::size_t kShort = 5;
+    std::size_t size_;
+    std::array<E, kShort> short_{};
+    std::vector<E> long_;
+};
+
 template <class N>
 void setActive(Cascade& cascade, const Node& node, bool active) {
     if (node.get(N::isActive) != active) cascade.emit(node, N::isActive, active);
 }
 template <class N>
-void sendValue(Cascade& cascade, const Node& node, const std::vector<ElementOf<N>>& value) {
+void sendValue(Cascade& cascade, const Node& node, std::span<const ElementOf<N>> value) {
     using T = ValueOf<N>;
     const T& known = node.get(N::value_changed);
     if (Elements<T>::count(known) == value.size()) {
@@ -168,13 +190,20 @@ struct Chaser {
         return all.size() < each || all.empty() ? elements(node.get(N::_base))
                                                 : part<E>(all, all.size() - each, each, {});
     }
-    static std::vector<E> value(const Node& node, double now) {
+    /// Whether the last destination is another than where all began.
+    static bool leadsAway(const Node& node) {
+        const auto& base = node.get(N::_base);
+        const auto& all = node.get(N::_destinations);
+        if (all.size() < base.size() || all.empty()) return false;
+        return !std::equal(base.begin(), base.end(), all.end() - base.size());
+    }
+    static Few<E> value(const Node& node, double now) {
         const auto& base = node.get(N::_base);
         const auto& steps = node.get(N::_destinations);
         const auto& times = node.get(N::_times);
         const double whole = duration(node);
-        std::vector<E> out(base.size());
-        std::vector<double> weight(times.size());
+        Few<E> out(base.size());
+        Few<double> weight(times.size());
         for (std::size_t j = 0; j < times.size(); ++j) weight[j] = response(now - times[j].seconds, whole);
         for (std::size_t i = 0; i < out.size(); ++i) {
             auto from = M::widen(base[i]), at = from;
@@ -243,11 +272,11 @@ struct Chaser {
         begin(cascade, node);
         const auto& times = node.get(N::_times);
         const double now = cascade.now();
-        const bool moves = !times.empty() && now - times.back().seconds < duration(node) &&
-                           (times.size() > 1 || destination(node) != elements(node.get(N::_base)));
+        const bool moves =
+            !times.empty() && now - times.back().seconds < duration(node) && (times.size() > 1 || leadsAway(node));
         if (moves) {
             setActive<N>(cascade, node, true);
-            sendValue<N>(cascade, node, value(node, now));
+            sendValue<N>(cascade, node, value(node, now).span());
             return now;
         }
         const auto goal = destination(node);
@@ -279,29 +308,53 @@ struct Damper {
         const double tau = node.get(N::tau).seconds;
         return tau > 0 && std::isfinite(tau) ? tau : 0;
     }
-    /// What filter `i`, from 1, holds at `now`: its distance from the destination is
-    /// exp(-s) sum over k of s^k / k! times that of filter i - k at the beginning, with s = time / tau.
-    static typename M::Delta distance(const Node& node, std::size_t i, std::size_t element, double s) {
-        const auto& goal = node.get(N::_destination);
-        const auto& filters = node.get(N::_filters);
-        const auto to = M::widen(goal[element]);
-        typename M::Delta sum{};
-        double weight = std::exp(-s);
-        for (std::size_t k = 0; k < i; ++k) {
-            sum += M::from(to, M::widen(filters[(i - 1 - k) * goal.size() + element])) * weight;
-            weight *= s / static_cast<double>(k + 1);
+    /// What the filters held at `_since`, as distances from the destination; and what is left of them later.
+    class Course {
+      public:
+        /// `s`: time since then / tau.
+        Course(const Node& node, double s)
+            : each_(node.get(N::_destination).size()), order_(Damper::order(node)), to_(each_), began_(order_ * each_) {
+            const auto& goal = node.get(N::_destination);
+            const auto& filters = node.get(N::_filters);
+            for (std::size_t e = 0; e < each_; ++e) to_[e] = M::widen(goal[e]);
+            for (std::size_t i = 0; i < std::min(began_.size(), filters.size()); ++i)
+                began_[i] = M::from(to_[i % each_], M::widen(filters[i]));
+            double weight = std::exp(-s);
+            for (std::size_t k = 0; k < weights_.size(); ++k) {
+                weights_[k] = weight;
+                weight *= s / static_cast<double>(k + 1);
+            }
         }
-        return sum;
-    }
+        /// How far filter `i`, from 1, is from the destination:
+        /// exp(-s) sum over k of s^k / k! times how far filter i - k was at the beginning.
+        typename M::Delta distance(std::size_t i, std::size_t element) {
+            typename M::Delta sum{};
+            for (std::size_t k = 0; k < i; ++k) sum += began_[(i - 1 - k) * each_ + element] * weights_[k];
+            return sum;
+        }
+        E held(std::size_t i, std::size_t element) { return M::narrow(M::moved(to_[element], distance(i, element))); }
+        bool isNear(double tolerance) {
+            for (std::size_t e = 0; e < each_; ++e)
+                for (std::size_t i = 1; i <= order_; ++i)
+                    if (!(M::size(distance(i, e)) <= tolerance)) return false;
+            return true;
+        }
+        double longestWay() {
+            double way = 0;
+            for (std::size_t i = 0; i < began_.size(); ++i) way = std::max(way, M::size(began_[i]));
+            return way;
+        }
+
+      private:
+        std::size_t each_, order_;
+        Few<typename M::Wide> to_;
+        Few<typename M::Delta> began_;
+        std::array<double, 5> weights_;
+    };
     static double elapsed(const Node& node, double now) {
         const double tau = node.get(N::_tau).seconds;
         return tau > 0 ? std::max(0.0, now - node.get(N::_since).seconds) / tau
                        : std::numeric_limits<double>::infinity();
-    }
-    static E held(const Node& node, std::size_t i, std::size_t element, double s) {
-        const E& goal = node.get(N::_destination)[element];
-        if (s > 700) return goal;  // exp(-s) is none
-        return M::narrow(M::moved(M::widen(goal), distance(node, i, element, s)));
     }
     static void begin(Cascade& cascade, const Node& node) {
         if (node.get(N::_begun)) return;
@@ -334,48 +387,45 @@ struct Damper {
         std::vector<E> goal = elements(node.get(N::_destination));
         const std::size_t had = goal.size();
         if (isGoal) goal = elements(event.as<T>());
+        const bool isOver = s > kOver;
+        const auto& reached = node.get(N::_destination);
+        Course course(node, isOver ? 0 : s);
         std::vector<E> filters;
         for (std::size_t i = 1; i <= order(node); ++i)
-            for (std::size_t e = 0; e < goal.size(); ++e) filters.push_back(e < had ? held(node, i, e, s) : goal[e]);
+            for (std::size_t e = 0; e < goal.size(); ++e)
+                filters.push_back(e >= had ? goal[e] : isOver ? reached[e] : course.held(i, e));
         cascade.store(node, N::_destination, listOf(goal));
         restart(cascade, node, filters);
     }
+    /// exp(-s) is none beyond.
+    static constexpr double kOver = 700;
     /// How far from the destination is near enough: if the author leaves it open, a hundred-thousandth of the way.
-    static double tolerance(const Node& node) {
+    static double tolerance(const Node& node, Course& course) {
         const double given = node.get(N::tolerance);
-        if (given >= 0) return given;
-        double way = 0;
-        const auto& goal = node.get(N::_destination);
-        const auto& filters = node.get(N::_filters);
-        for (std::size_t i = 0; i < filters.size(); ++i)
-            way = std::max(way, M::size(M::from(M::widen(goal[i % goal.size()]), M::widen(filters[i]))));
-        return way * 1e-5;
+        return given >= 0 ? given : course.longestWay() * 1e-5;
     }
     static double onTime(Cascade& cascade, const Node& node) {
         begin(cascade, node);
         const auto& goal = node.get(N::_destination);
-        const double s = elapsed(node, cascade.now()), near = tolerance(node);
-        bool arrived = true;
-        for (std::size_t e = 0; e < goal.size() && s <= 700 && arrived; ++e)
-            for (std::size_t i = 1; i <= order(node) && arrived; ++i)
-                arrived = M::size(distance(node, i, e, s)) <= near;
-        if (arrived) {
+        const double s = elapsed(node, cascade.now());
+        Course course(node, std::min(s, kOver));
+        if (s > kOver || course.isNear(tolerance(node, course))) {
             if (order(node) > 0 && node.get(N::_filters).size() > 0) reset(cascade, node, elements(goal));
             sendValue<N>(cascade, node, elements(goal));
             setActive<N>(cascade, node, false);
             return kNever;
         }
-        std::vector<E> value(goal.size());
-        for (std::size_t e = 0; e < value.size(); ++e) value[e] = held(node, order(node), e, s);
+        Few<E> value(goal.size());
+        for (std::size_t e = 0; e < value.size(); ++e) value[e] = course.held(order(node), e);
         setActive<N>(cascade, node, true);
-        sendValue<N>(cascade, node, value);
+        sendValue<N>(cascade, node, value.span());
         return cascade.now();
     }
 };
 
 template <template <class> class Follower, class... N>
 void append(std::vector<BuiltinBehaviour>& table) {
-    (table.push_back({N::type, {.onEvent = Follower<N>::onEvent, .onTime = Follower<N>::onTime}}), ...);
+    (table.push_back({N::type, {.onEvent = Follower<N>::onEvent, .onTime = Follower<N>::onTime, .local = true}}), ...);
 }
 
 }  // namespace

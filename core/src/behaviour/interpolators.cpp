@@ -108,7 +108,9 @@ constexpr auto kMixNormal = [](const Vec3f& a, const Vec3f& b, float w) { return
 }  // namespace
 
 void appendInterpolators(std::vector<BuiltinBehaviour>& table) {
-    const auto add = [&](TypeIndex type, auto onEvent) { table.push_back({type, {.onEvent = onEvent}}); };
+    const auto add = [&](TypeIndex type, auto onEvent) {
+        table.push_back({type, {.onEvent = onEvent, .local = true}});
+    };
     add(x3d::ScalarInterpolator::type, interpolateOne<x3d::ScalarInterpolator>);
     add(x3d::PositionInterpolator::type, interpolateOne<x3d::PositionInterpolator>);
     add(x3d::PositionInterpolator2D::type, interpolateOne<x3d::PositionInterpolator2D>);

@@ -205,7 +205,9 @@ void easeInEaseOut(Cascade& cascade, const Node& node, FieldIndex field, EventVa
 }  // namespace
 
 void appendSplines(std::vector<BuiltinBehaviour>& table) {
-    const auto add = [&](TypeIndex type, auto onEvent) { table.push_back({type, {.onEvent = onEvent}}); };
+    const auto add = [&](TypeIndex type, auto onEvent) {
+        table.push_back({type, {.onEvent = onEvent, .local = true}});
+    };
     add(x3d::SplinePositionInterpolator::type, spline<x3d::SplinePositionInterpolator>);
     add(x3d::SplinePositionInterpolator2D::type, spline<x3d::SplinePositionInterpolator2D>);
     add(x3d::SplineScalarInterpolator::type, spline<x3d::SplineScalarInterpolator>);

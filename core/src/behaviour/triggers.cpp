@@ -69,7 +69,9 @@ void sequencer(Cascade& cascade, const Node& node, FieldIndex field, EventValue 
 }  // namespace
 
 void appendTriggers(std::vector<BuiltinBehaviour>& table) {
-    const auto add = [&](TypeIndex type, auto onEvent) { table.push_back({type, {.onEvent = onEvent}}); };
+    const auto add = [&](TypeIndex type, auto onEvent) {
+        table.push_back({type, {.onEvent = onEvent, .local = true}});
+    };
     add(x3d::BooleanFilter::type, booleanFilter);
     add(x3d::BooleanToggle::type, booleanToggle);
     add(x3d::BooleanTrigger::type, booleanTrigger);

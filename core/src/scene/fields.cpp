@@ -30,8 +30,8 @@ bool Node::isDefault(FieldIndex field) const {
 bool Scene::State::isDirty(const Node& node, FieldIndex field) const {
     if (!(node.dirty_ & dirtyBit(field))) return false;
     if (field < kHighField) return true;
-    for (std::uint32_t i = node.dirtySlot_ + 1; i != 0; i = written[i - 1].next)
-        if (written[i - 1].field == field) return true;
+    for (std::uint32_t i = node.dirtySlot_ + 1; i != 0; i = written->at(i - 1).next)
+        if (written->at(i - 1).field == field) return true;
     return false;
 }
 
@@ -47,24 +47,55 @@ Hash128 Scene::State::termBefore(const Node& node, const WrittenField& entry) co
                              slot.size);
 }
 
-Scene::State::WrittenField* Scene::State::entryOf(const Node& node, FieldIndex field) {
+WrittenField* Scene::State::entryOf(const Node& node, FieldIndex field) {
     if (!node.dirty_) return nullptr;
-    for (std::uint32_t i = node.dirtySlot_ + 1; i != 0; i = written[i - 1].next)
-        if (written[i - 1].field == field) return &written[i - 1];
+    for (std::uint32_t i = node.dirtySlot_ + 1; i != 0; i = written->at(i - 1).next)
+        if (WrittenField& entry = written->at(i - 1); entry.field == field) return &entry;
     return nullptr;
 }
 
-Scene::State::WrittenField* Scene::State::knownElsewhere(const Node& node, FieldIndex field) const {
+WrittenField* Scene::State::knownElsewhere(Lane& lane, const Node& node, FieldIndex field) const {
     if (node.dirty_) return nullptr;
-    // Not in the order of the last frame: where the node itself says it was.
-    for (std::size_t i = node.dirtySlot_; i < sealed.size() && sealed[i].node == node.id_;
-         i = sealed[i].next - std::size_t{1})
-        if (sealed[i].field == field) return sealedEnd - (sealed.size() - i);
+    // Not in the order of the last frame, or in another chunk: where the node itself says it was.
+    for (std::uint32_t i = node.dirtySlot_ + 1; i != 0;) {
+        WrittenField* const end = sealed->endFor(i - 1);
+        if (!end) return nullptr;
+        WrittenField& entry = sealed->at(i - 1);
+        if (entry.node != node.id_) return nullptr;
+        if (entry.field == field) {
+            lane.expectedEnd = end;
+            return &entry;
+        }
+        i = entry.next;
+    }
     return nullptr;
+}
+
+void Scene::State::endPiece(Lane& lane) {
+    const WrittenFields::Piece done{lane.pieceBegin, static_cast<std::uint32_t>(lane.nextEntry - lane.pieceBegin)};
+    if (done.count == 0) return;
+    const std::uint32_t slot = lane.slotOf(lane.pieceBegin);
+    if (lane.isBeside)
+        lane.pieces.push_back({done, slot});
+    else
+        written->append(done, slot);
+    lane.pieceBegin = lane.nextEntry;
+}
+
+void Scene::State::moreRoom(Lane& lane) {
+    endPiece(lane);
+    lane.entryRoom = written->takeChunk();
+    lane.nextEntry = lane.pieceBegin = lane.entryRoom.entries;
+    lane.entryEnd = lane.nextEntry + WrittenFields::kChunk;
+}
+
+std::size_t Scene::State::countWritten() {
+    endPiece(*this);
+    return written->size();
 }
 
 void Scene::State::beginWrite(Node& node, FieldIndex field) {
-    beginWrite(node, field, node.type_->slot(field));
+    beginWrite(*this, node, field, node.type_->slot(field));
 }
 
 void Scene::State::dropChildOps(const Node& node, FieldIndex field) {
@@ -96,14 +127,20 @@ void Scene::State::store(Node& node, FieldIndex field, const void* value) {
     copyStorage(slot.type, target, value);
 }
 
-void Scene::State::writeShared(Node& node, FieldIndex field, const void* value) {
-    beginWrite(node, field);
+void Scene::State::writeShared(Lane& lane, Node& node, FieldIndex field, const void* value) {
+    constexpr std::size_t kBytesPerEvent = 256;
+    const FieldSlot& slot = node.type_->slot(field);
+    beginWrite(lane, node, field, slot);
     store(node, field, value);
+    if (slot.size != sizeof(void*)) return;
+    const detail::ArrayHeader* header = nullptr;
+    std::memcpy(&header, node.block() + slot.offset, sizeof(header));
+    if (header) lane.work += header->size * header->elementSize / kBytesPerEvent;
 }
 
 void Scene::State::writeSealed(Node& node, FieldIndex field, const Value& value) {
     const FieldSlot& slot = node.type_->slot(field);
-    WrittenField& entry = newEntry(node, field, slot);
+    WrittenField& entry = newEntry(*this, node, field, slot);
     // A set that names a field twice is none of ours; its second term must not be the first one's.
     if (entry.hashed && !isShared(entry.type)) expected[-1].node = {};
     hash.subtract(termBefore(node, entry));
@@ -116,14 +153,15 @@ void Scene::State::writeSealed(Node& node, FieldIndex field, const Value& value)
 }
 
 void Scene::State::keepTerms() {
-    if (written.empty()) return;
-    written.swap(sealed);
-    // What one large frame took (loading, say) is not kept for the small ones that follow.
-    if (written.capacity() > kEntriesKept && written.size() < written.capacity() / 8)
-        std::vector<WrittenField>().swap(written);
-    written.clear();
-    expected = sealed.data();
-    sealedEnd = expected + sealed.size();
+    if (countWritten() == 0) return;
+    std::swap(written, sealed);
+    written->clear();
+    const auto forget = [](Lane& lane) {
+        lane.entryRoom = {};
+        lane.nextEntry = lane.entryEnd = lane.pieceBegin = lane.expected = lane.expectedEnd = nullptr;
+    };
+    forget(*this);
+    for (const auto& lane : lanes) forget(*lane);
 }
 
 /// Of a value that is shared, or wide. Returns by how much the hash grows.
@@ -136,17 +174,16 @@ Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& 
 }
 
 // All that it calls is made part of it, but for what is marked otherwise: calls are most of what a term costs.
-[[gnu::flatten]] void Scene::State::appendFieldChanges(ChangeSet& set) {
-    if (written.empty()) return;
+[[gnu::flatten]] Scene::State::SealedPart Scene::State::sealPiece(WrittenFields::Piece one, Change* changes) {
     // All in locals: the bytes written below might be anything, for all a compiler knows.
-    const std::size_t count = written.size();
-    WrittenField* const entries = written.data();
+    const std::size_t count = one.count;
+    WrittenField* const entries = one.begin;
+    SealedPart result;
     // Of the type of the last node: most are followed by more of their kind.
     TypeIndex keyedType;
     const FieldKey* keys = nullptr;
     const NodeTable::View table = nodeTable.view();
-    set.changes.reserve(set.changes.size() + count);
-    detail::StateHash sum = hash;
+    detail::StateHash sum;
     // Nodes are looked up so far ahead that a trip to memory is over when their turn comes.
     constexpr std::size_t kAhead = 16;
     Node* ahead[kAhead];
@@ -161,16 +198,26 @@ Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& 
     for (std::size_t i = 0; i < count; ++i) {
         Node* const node = ahead[i % kAhead];
         if (i + kAhead < count) lookUp(i + kAhead);
-        if (!node) continue;
+        Change* const change = changes + i;
+        if (!node) {
+            change->kind = ChangeKind::setField;
+            change->field = kNoField;
+            ++result.voids;
+            continue;
+        }
         WrittenField& entry = entries[i];
         const FieldIndex field = entry.field;
         const NodeType& type = *node->type_;
         const FieldSlot slot = type.slot(field);
-        node->dirty_ = 0;
-        Change* const change = &set.changes.emplace_back();
+        // Another thread may have its other fields.
+        std::atomic_ref(node->dirty_).store(0, std::memory_order_relaxed);
         change->node = entry.node;
         change->field = field;
+        change->kind = ChangeKind::setField;
         change->external = entry.external;
+        change->isConnection = false;
+        change->other = {};
+        change->index = 0;
         if (isShared(slot.type)) {
             sum.add(sealShared(*node, entry, *change));
             continue;
@@ -194,7 +241,57 @@ Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& 
             entry.setTerm(after);
         });
     }
-    hash = sum;
+    result.grown = sum.value();
+    return result;
+}
+
+Scene::State::SealedPart Scene::State::sealFields(std::size_t first, std::size_t count, Change* changes) {
+    SealedPart all;
+    detail::StateHash sum;
+    for (WrittenFields::Piece one : written->pieces()) {
+        if (first >= one.count) {
+            first -= one.count;
+            continue;
+        }
+        if (count == 0) break;
+        one.begin += first;
+        one.count = static_cast<std::uint32_t>(std::min<std::size_t>(one.count - first, count));
+        first = 0;
+        const SealedPart part = sealPiece(one, changes);
+        sum.add(part.grown);
+        all.voids += part.voids;
+        changes += one.count;
+        count -= one.count;
+    }
+    all.grown = sum.value();
+    return all;
+}
+
+void Scene::State::appendFieldChanges(ChangeSet& set, std::size_t behind) {
+    const std::size_t count = countWritten();
+    set.changes.resize(behind + count);
+    if (count == 0) return;
+    Change* const changes = set.changes.data() + behind;
+    std::size_t voids = 0;
+    const auto add = [&](const SealedPart& part) {
+        hash.add(part.grown);
+        voids += part.voids;
+    };
+    constexpr std::size_t kEntriesPerEvent = 4;  // to seal one takes a quarter of what an event takes
+    const std::uint64_t workOfThis = work - std::exchange(workSealed, work);
+    if (Crew* some = crewFor(std::max<std::uint64_t>(count / kEntriesPerEvent, workOfThis))) {
+        const std::size_t each = (count + some->parts() - 1) / some->parts();
+        std::vector<SealedPart> parts(some->parts());
+        some->run([&](unsigned part) {
+            const std::size_t first = std::min(part * each, count);
+            parts[part] = sealFields(first, std::min(each, count - first), changes + first);
+        });
+        std::ranges::for_each(parts, add);
+    } else {
+        add(sealFields(0, count, changes));
+    }
+    const auto isVoid = [](const Change& c) { return c.kind == ChangeKind::setField && c.field == kNoField; };
+    if (voids > 0) std::erase_if(set.changes, isVoid);
     keepTerms();
 }
 
@@ -202,7 +299,7 @@ inline bool Scene::State::setPlain(Node* node, FieldIndex field, FieldType type,
     if (!node || field >= node->type_->fieldCount()) return false;
     const FieldSlot& slot = node->type_->slot(field);
     if (!slot.plain || slot.type != type) return false;
-    beginWrite(*node, field, slot);
+    beginWrite(*this, *node, field, slot);
     copyPlain(node->block() + slot.offset, value, slot.size);
     wake(*node);
     return true;

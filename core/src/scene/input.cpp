@@ -103,14 +103,14 @@ void Scene::State::captureInput(bool running) {
     currentCall = kNoCall;
     appendDefinitions(in.edits, newTypes);
     appendCreations(in.edits);
-    for (const WrittenField& entry : written) {
+    forEachWritten([&](const WrittenField& entry) {
         const Node* node = find(entry.node);
-        if (!node) continue;
+        if (!node) return;
         Change& change = in.edits.emplace_back();
         change.node = entry.node;
         change.field = entry.field;
         change.value = node->value(entry.field);
-    }
+    });
     appendOtherEdits(in.edits);
 }
 
@@ -227,6 +227,7 @@ void Scene::State::playEffects(Cascade& cascade, const BehaviourCall& call) {
 // ---- running a record --------------------------------------------------------------------------------------------
 
 Result<> Scene::State::adoptUses(std::span<const BehaviourUse> list, bool all) {
+    ++linkEdits;  // what may run on other threads may be another
     // What is registered here and not there does nothing, until it is registered there too.
     for (std::size_t i = 0; all && i < uses.size();) {
         const TypeIndex type = uses[i].type;

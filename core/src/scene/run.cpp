@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "fetch_ahead.h"
 #include "writing.h"
 
 namespace rtsg {
@@ -18,7 +19,7 @@ constexpr std::size_t kMostRemembered = 10'000;
 }  // namespace
 
 /// An output field has a new value: its routes and the listener are told once a timestamp, when it is its event's turn.
-inline void Scene::State::send(Node& node, FieldIndex field) {
+inline void Scene::State::send(Lane& lane, Node& node, FieldIndex field) {
     RouteGroup* group = node.links_ ? node.links_->outOf(field) : nullptr;
     if (group) {
         if (std::exchange(group->stamp, stamp) == stamp) return;
@@ -26,23 +27,23 @@ inline void Scene::State::send(Node& node, FieldIndex field) {
     } else if (!listener || !announced.emplace(node.id_, field).second) {
         return;
     }
-    emissions.push_back({node.id_, field, linkEdits, &node, group});
+    lane.emissions.push_back({node.id_, field, linkEdits, &node, group});
 }
 
 // ---- what a behaviour may do ---------------------------------------------------------------------------------
 
 void Cascade::storeStorage(const Node& node, FieldIndex field, const void* value) {
     Scene::State& s = *scene_.state_;
-    s.write(const_cast<Node&>(node), field, value);  // the scene's own, which behaviours may read only
+    s.write(lane_, const_cast<Node&>(node), field, value);  // the scene's own, which behaviours may read only
     if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::store, node.id(), field, value);
 }
 
 void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value) {
     Scene::State& s = *scene_.state_;
     Node& target = const_cast<Node&>(node);  // the scene's own, which behaviours may read only
-    s.write(target, field, value);
+    s.write(lane_, target, field, value);
     if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::emit, node.id(), field, value);
-    s.send(target, field);
+    s.send(lane_, target, field);
 }
 
 Result<> Cascade::output(const Node& node, FieldIndex field, const Value& value) {
@@ -75,31 +76,37 @@ Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
 }
 
 void Cascade::wake(const Node& node) {
-    scene_.state_->wake(node);
+    scene_.state_->wake(lane_, node);
 }
 
 const glm::dmat4& Cascade::worldFromLocal(const Node& node, const Node& asker) {
-    scene_.state_->askedForPlace = true;
+    lane_.askedForPlace = true;
     return scene_.state_->places.worldFromLocal(node.id(), asker.id());
 }
 
 bool Cascade::isShown(const Node& node, const Node& asker) {
-    scene_.state_->askedForPlace = true;
+    lane_.askedForPlace = true;
     return scene_.state_->places.isShown(node.id(), asker.id());
 }
 
 const Viewer& Cascade::viewer(const Node& asker) {
-    scene_.state_->askedForPlace = true;
+    lane_.askedForPlace = true;
     return scene_.state_->places.viewer(asker.id());
 }
 
 void Cascade::warn(const Node& node, const std::string& text) {
-    Scene::State& s = *scene_.state_;
+    if (lane_.isBeside)
+        lane_.complaints.push_back({&node, text});
+    else
+        scene_.state_->warn(node, text);
+}
+
+void Scene::State::warn(const Node& node, const std::string& text) {
     // Beyond that, each counts again, and is not kept.
-    const bool isFull = s.warned.size() >= kMostRemembered;
-    if (isFull ? s.warned.contains({node.id(), text}) : !s.warned.emplace(node.id(), text).second) return;
-    const std::string_view name = scene_.name(node.id());
-    s.diagnostics.warning(
+    const bool isFull = warned.size() >= kMostRemembered;
+    if (isFull ? warned.contains({node.id(), text}) : !warned.emplace(node.id(), text).second) return;
+    const std::string_view name = owner.name(node.id());
+    diagnostics.warning(
         {}, fmt::format("{} {}: {}", node.type().name, name.empty() ? std::to_string(node.id().value) : name, text));
 }
 
@@ -107,18 +114,19 @@ void Cascade::warn(const Node& node, const std::string& text) {
 
 /// An event arrives at an input field. `value` is in block representation and outlives the call.
 void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
+    Lane& lane = cascade.lane_;
     const FieldDef& def = node.type_->fields[field];
     const TypeEntry& entry = types[node.typeIndex_.value];
     if (def.access == Access::inputOutput) {
         if (behavioursEnabled && entry.behaviour.accepts && !accepts(entry.behaviour, node, field, value)) return;
-        write(node, field, value);
-        writingExternally = false;  // what follows from it is derived
-        send(node, field);
+        write(lane, node, field, value);
+        lane.writingExternally = false;  // what follows from it is derived
+        send(lane, node, field);
     } else {
-        writingExternally = false;
+        lane.writingExternally = false;
         if (listener) listener(now, node, field, Value::fromStorage(def.type, value));
         for (const auto& [from, stored] : entry.inputs)
-            if (from == field) write(node, stored, value);
+            if (from == field) write(lane, node, stored, value);
         if (field == entry.addChildren || field == entry.removeChildren)
             deliverChildren(cascade, node, field, value, entry);
         // An inputOnly field of a PROTO instance hands the event on to its body at once: it has no storage.
@@ -128,7 +136,7 @@ void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const
                 if (Node* target = find(r.to.node)) deliver(cascade, *target, r.to.field, value);
         }
     }
-    if (entry.behaviour.onTime) wake(node);
+    if (entry.behaviour.onTime) wake(lane, node);
     if (behavioursEnabled && entry.behaviour.onEvent) onEvent(entry.behaviour, cascade, node, field, value);
 }
 
@@ -153,7 +161,7 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
             changed = true;
         }
     }
-    if (changed) send(node, entry.children);
+    if (changed) send(cascade.lane_, node, entry.children);
 }
 
 void Scene::State::follow(Cascade& cascade, RouteTarget target, const Node& from, FieldIndex field) {
@@ -163,8 +171,8 @@ void Scene::State::follow(Cascade& cascade, RouteTarget target, const Node& from
     const void* value = from.storage(field);
     if (!def.writable() && target.isConnection && def.sends()) {
         // IS from a body's outputOnly to the instance's: the instance sends it.
-        write(*to, target.field, value);
-        send(*to, target.field);
+        write(cascade.lane_, *to, target.field, value);
+        send(cascade.lane_, *to, target.field);
         return;
     }
     if (sf(def.type) == FieldType::SFNode) {
@@ -182,61 +190,76 @@ void Scene::State::follow(Cascade& cascade, RouteTarget target, const Node& from
     deliver(cascade, *to, target.field, value);
 }
 
-void Scene::State::runRoutes(Cascade& cascade) {
-    for (std::size_t next = 0; next < emissions.size(); ++next) {
-        const Emission emission = emissions[next];
-        const FieldIndex field = emission.field;
-        Node* from = emission.at;
-        RouteGroup* group = emission.group;
-        std::uint64_t edits = emission.linkEdits;
-        const auto lookUpAgain = [&] {
-            edits = linkEdits;
-            from = find(emission.node);
-            group = from && from->links_ ? from->links_->outOf(field) : nullptr;
-        };
-        if (edits != linkEdits) lookUpAgain();
-        if (listener && from) {
-            announced.erase({emission.node, field});
-            listener(now, *from, field, from->value(field));
-            lookUpAgain();
-        }
-        if (!group) continue;
-        group->gone = stamp;
-        if (group->listeners > 0) heard.push_back({emission.node, field, from->value(field)});
-        // Routes added while this event is on its way are not retroactive.
-        const std::size_t count = group->targets.items().size();
-        for (std::size_t i = 0; group && i < count && i < group->targets.items().size(); ++i) {
-            follow(cascade, group->targets.items()[i].to, *from, field);
-            if (edits != linkEdits) lookUpAgain();
-        }
+void Scene::State::sendAlong(Cascade& cascade, Emission emission, std::size_t first, std::size_t last) {
+    const FieldIndex field = emission.field;
+    Node* from = emission.at;
+    RouteGroup* group = emission.group;
+    std::uint64_t edits = emission.linkEdits;
+    const auto lookUpAgain = [&] {
+        edits = linkEdits;
+        from = find(emission.node);
+        group = from && from->links_ ? from->links_->outOf(field) : nullptr;
+    };
+    if (edits != linkEdits) lookUpAgain();
+    if (listener && from) {
+        announced.erase({emission.node, field});
+        listener(now, *from, field, from->value(field));
+        lookUpAgain();
     }
-    emissions.clear();
+    if (!group) return;
+    if (first == 0) {
+        group->gone = stamp;
+        if (group->listeners > 0) cascade.lane_.heard.push_back({emission.node, field, from->value(field)});
+    }
+    // Routes added while this event is on its way are not retroactive.
+    const std::size_t count = std::min(last, group->targets.items().size());
+    if (count > first) cascade.lane_.work += count - first;
+    for (std::size_t i = first; group && i < count && i < group->targets.items().size(); ++i) {
+        const auto& targets = group->targets.items();
+        fetchAhead(std::span(targets).first(std::min(count, targets.size())), i);
+        follow(cascade, targets[i].to, *from, field);
+        if (edits != linkEdits) lookUpAgain();
+    }
 }
 
-void Scene::State::tick(Cascade& cascade, const std::vector<NodeId>& nodes) {
-    for (const NodeId id : nodes) {
+void Scene::State::runRoutes(Cascade& cascade) {
+    std::vector<Emission>& waiting = cascade.lane_.emissions;
+    for (std::size_t i = 0; i < waiting.size(); ++i) {
+        fetchAhead(std::span<const Emission>(waiting), i);
+        sendAlong(cascade, waiting[i]);
+    }
+    waiting.clear();
+}
+
+void Scene::State::tick(Cascade& cascade, std::span<const NodeId> nodes) {
+    Lane& lane = cascade.lane_;
+    lane.work += nodes.size();
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+        fetchAhead(nodes, i);
+        const NodeId id = nodes[i];
         Node* node = find(id);
         if (!node) continue;
         const Behaviour& behaviour = types[node->typeIndex_.value].behaviour;
         if (!behaviour.onTime) continue;
         if (behaviour.last && !asksLast) {
-            late.push_back(id);
+            lane.late.push_back(id);
             continue;
         }
-        askedForPlace = false;
-        const double next = onTime(behaviour, cascade, *node);
-        if (next <= now)
-            nextActive.push_back(id);
-        else if (next == kUntilMoved && !askedForPlace)
-            watchers.push_back(id);
-        else if (next == kUntilMoved)
+        lane.askedForPlace = false;
+        const double wanted = onTime(behaviour, cascade, *node);
+        if (wanted <= now)
+            lane.nextActive.push_back(id);
+        else if (wanted == kUntilMoved && !lane.askedForPlace)
+            lane.watchers.push_back(id);
+        else if (wanted == kUntilMoved)
             continue;
-        else if (next < kNever)
-            sleepers.emplace(next, id);
+        else if (wanted < kNever)
+            lane.goToSleep.emplace_back(wanted, id);
     }
 }
 
-void Scene::State::runTime(Cascade& cascade) {
+/// Those whose time it is, and, if anything has moved, those that wait for that.
+void Scene::State::gatherDue() {
     due.assign(active.begin(), active.end());
     while (!sleepers.empty() && sleepers.top().first <= now) {
         due.push_back(sleepers.top().second);
@@ -248,6 +271,10 @@ void Scene::State::runTime(Cascade& cascade) {
         due.insert(due.end(), watchers.begin(), watchers.end());
         watchers.clear();
     }
+}
+
+void Scene::State::runTime(Cascade& cascade) {
+    gatherDue();
     const std::size_t waiting = watchers.size();
     nextActive.clear();
     bool first = true, lastAsked = false;
@@ -264,9 +291,11 @@ void Scene::State::runTime(Cascade& cascade) {
         }
         if (!std::ranges::is_sorted(due)) std::ranges::sort(due);
         due.erase(std::unique(due.begin(), due.end()), due.end());
-        tick(cascade, due);
+        tickAll(cascade, due, static_cast<std::size_t>(round));
         due.clear();
-        runRoutes(cascade);
+        for (const Sleeper& one : goToSleep) sleepers.push(one);
+        goToSleep.clear();
+        runAllRoutes(cascade, static_cast<std::size_t>(round));
         first = asksLast = false;
         if (!woken.empty() || std::exchange(lastAsked, true)) continue;
         // All has come to rest: those that come last, and once a timestamp, as they send one event then.
@@ -362,7 +391,8 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     }
     s.prepareInput(t);
     if (s.recording) s.captureInput(true);
-    Cascade cascade(*this, t, s.started ? s.now : t);
+    s.beginWork();
+    Cascade cascade(*this, t, s.started ? s.now : t, s);
     s.now = t;
     s.started = true;
     s.cascading = true;

@@ -137,12 +137,21 @@ std::uint64_t Scene::sequence() const {
 Hash128 Scene::hash() const {
     // Pending writes are not yet in the running sum.
     detail::StateHash sum = state_->hash;
-    for (const State::WrittenField& entry : state_->written)
-        if (const Node* node = find(entry.node)) {
-            sum.subtract(state_->termBefore(*node, entry));
-            sum.add(state_->termOf(*node, entry.field));
-        }
+    state_->forEachWritten([&](const WrittenField& entry) {
+        const Node* node = find(entry.node);
+        if (!node) return;
+        sum.subtract(state_->termBefore(*node, entry));
+        sum.add(state_->termOf(*node, entry.field));
+    });
     return sum.value();
+}
+void Scene::setThreads(unsigned threads) {
+    State& s = *state_;
+    if (s.refuseForeign() || s.refuseFromWithin()) return;
+    s.threadsAsked = threads;
+    s.crew.reset();
+    s.worth.forget();
+    s.division.clear();
 }
 Diagnostics& Scene::diagnostics() {
     if (state_->onOwnThread()) {
@@ -159,6 +168,7 @@ void Scene::registerBehaviour(TypeIndex type, const Behaviour& behaviour) {
     if (state_->refuseForeign()) return;
     RTSG_CHECK_LT(type.value, state_->types.size());
     state_->types[type.value].behaviour = behaviour;
+    ++state_->linkEdits;  // what may run on other threads is another now
     state_->noteUse(type, behaviour);
     forEachNode([&](const Node& node) {
         if (node.is(type)) state_->wake(node);

@@ -9,6 +9,7 @@
 #include <array>
 #include <atomic>
 #include <bit>
+#include <chrono>
 #include <map>
 #include <queue>
 #include <set>
@@ -19,12 +20,16 @@
 #include <rtsg/core/frame_input.h>
 #include <rtsg/core/scene.h>
 
+#include "crew.h"
+#include "division.h"
+#include "lane.h"
 #include "node_arena.h"
 #include "node_table.h"
 #include "places.h"
 #include "route_list.h"
 #include "script_programs.h"
 #include "state_hash.h"
+#include "worth.h"
 
 namespace rtsg {
 
@@ -115,7 +120,7 @@ struct TypeEntry {
     bool isScript = false;
 };
 
-struct Scene::State {
+struct Scene::State : Scene::Lane {
     explicit State(Scene& scene);
     ~State();
 
@@ -164,36 +169,16 @@ struct Scene::State {
 
     // ---- writing ----
     detail::StateHash hash;
-    /// One field written since the last seal. Sealed ones are kept until the next set: what was written in one frame is
-    /// likely to be written in the next, and then the term of the value before is there already.
-    struct WrittenField {
-        NodeId node;             // none once the node is destroyed or the term used
-        std::uint32_t next = 0;  // index + 1 of the entry of the same node before
-        FieldIndex field = kNoField;
-        FieldType type = FieldType::SFBool;
-        bool external = true;
-        bool hashed = false;  // `before` is the term of the value before, not its bytes
-        std::uint64_t before[2] = {};
-        Hash128 term() const { return {before[0], before[1]}; }
-        void setTerm(Hash128 term) {
-            before[0] = term.low;
-            before[1] = term.high;
-            hashed = true;
-        }
-    };
-    static_assert(sizeof(WrittenField) == 32);
-    std::vector<WrittenField> written, sealed;
-    /// Memory for more entries than this is given back when it is no longer used.
+    WrittenFields writtenTwice[2];
+    WrittenFields *written = &writtenTwice[0], *sealed = &writtenTwice[1];  // this frame's, and the last one's
+    /// Memory for more changes than this is given back when it is no longer used.
     static constexpr std::size_t kEntriesKept = 1u << 14;
-    // In `sealed`: what the next write is if this frame is like the last one, and the end.
-    WrittenField *expected = nullptr, *sealedEnd = nullptr;
     std::uint32_t firstNewId = 1;  // ids from here on were created since the last seal
     bool noting = true;            // false while a sealed set is applied: nothing of it is pending
     std::vector<DefinedType> newTypes;
     std::vector<NodeId> newNodes, destroyedNodes, renamedNodes;
     std::vector<Change> childOps, routeOps, events;
     std::map<std::pair<NodeId, FieldIndex>, std::size_t> childOpCounts;
-    bool writingExternally = true;  // false while the cascade runs
 
     bool isNew(NodeId id) const { return id.value >= firstNewId; }
     bool isDirty(const Node& node, FieldIndex field) const;
@@ -206,13 +191,23 @@ struct Scene::State {
     WrittenField* entryOf(const Node& node, FieldIndex field);
     /// The entry of the last set, not the expected one, for a field about to be written, whose term is the value's;
     /// null if there is none.
-    WrittenField* knownElsewhere(const Node& node, FieldIndex field) const;
+    WrittenField* knownElsewhere(Lane& lane, const Node& node, FieldIndex field) const;
     /// Adds an entry with what is known of the field before it is written: its term, or the bytes it is made of.
-    WrittenField& newEntry(Node& node, FieldIndex field, const FieldSlot& slot);
+    WrittenField& newEntry(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
+    void endPiece(Lane& lane);
+    void moreRoom(Lane& lane);
+    /// As many as calls of newEntry since the last seal. Ends the piece of the scene's lane.
+    std::size_t countWritten();
+    template <class F>
+    void forEachWritten(const F& visit) const {
+        for (const WrittenFields::Piece& one : written->pieces())
+            for (std::uint32_t i = 0; i < one.count; ++i) visit(one.begin[i]);
+        for (const WrittenField* entry = pieceBegin; entry != nextEntry; ++entry) visit(*entry);
+    }
     /// The entries of this set become those that the next one looks for.
     void keepTerms();
     void beginWrite(Node& node, FieldIndex field);
-    void beginWrite(Node& node, FieldIndex field, const FieldSlot& slot);
+    void beginWrite(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
     /// A whole new value makes the insertions and removals noted so far void.
     void dropChildOps(const Node& node, FieldIndex field);
     bool setPlain(Node* node, FieldIndex field, FieldType type, const void* value);
@@ -221,8 +216,16 @@ struct Scene::State {
     void writeSealed(Node& node, FieldIndex field, const Value& value);
     /// Stores only; precondition: beginWrite, or this comes from a sealed set.
     void store(Node& node, FieldIndex field, const void* value);
-    void write(Node& node, FieldIndex field, const void* value);  // writing.h
-    void writeShared(Node& node, FieldIndex field, const void* value);
+    void write(Lane& lane, Node& node, FieldIndex field, const void* value);  // writing.h
+    void write(Node& node, FieldIndex field, const void* value) { write(*this, node, field, value); }
+    void writeShared(Lane& lane, Node& node, FieldIndex field, const void* value);
+    /// Whoever has asked for the place will be asked again.
+    void noteMoved(Lane& lane, NodeId node) {
+        if (lane.isBeside)
+            lane.moved.push_back(node);
+        else
+            places.noteMoved(node);
+    }
     void addParent(Node& child, ParentRef parent);
     void removeParent(Node& child, ParentRef parent);
     /// Would `child` below `parent.field` close a cycle?
@@ -262,7 +265,15 @@ struct Scene::State {
     bool hasPending() const;
     std::shared_ptr<const ChangeSet> seal();
     std::shared_ptr<const std::vector<Authored>> takeAuthors();
-    void appendFieldChanges(ChangeSet& set);
+    /// After the first `behind` changes; what comes later is written over.
+    void appendFieldChanges(ChangeSet& set, std::size_t behind);
+    /// What `count` entries, from the `first` in order on, make of `changes` and the hash.
+    struct SealedPart {
+        Hash128 grown;
+        std::size_t voids = 0;  // changes of what is no longer there, kNoField
+    };
+    SealedPart sealFields(std::size_t first, std::size_t count, Change* changes);
+    SealedPart sealPiece(WrittenFields::Piece one, Change* changes);
     [[gnu::noinline]] Hash128 sealShared(const Node& node, WrittenField& entry, Change& change) const;
     void appendDefinitions(std::vector<Change>& out, std::span<const DefinedType> defined) const;
     void appendCreations(std::vector<Change>& out) const;
@@ -319,30 +330,17 @@ struct Scene::State {
     void destroyDropped();
     /// Of `candidates`, sorted, those that something else refers to.
     std::vector<bool> findReferred(const std::vector<NodeId>& candidates);
-    struct Emission {
-        NodeId node;
-        FieldIndex field;
-        std::uint64_t linkEdits;  // when it was made; the pointers hold as long as that is so
-        Node* at;
-        RouteGroup* group;  // null if only the listener hears of it
-    };
-    std::vector<Emission> emissions;
-    std::vector<Authored> authors;                       // since the last seal
-    std::vector<FieldEvent> heard;                       // since the last seal, of fields that have listeners
-    std::vector<NodeId> active, due, woken, nextActive;  // nodes with onTime; active is sorted
-    std::vector<NodeId> watchers;                        // those that wait until anything has moved
+    std::vector<Authored> authors;    // since the last seal
+    std::vector<NodeId> active, due;  // nodes with onTime; active is sorted
     Places places{owner};
-    bool askedForPlace = false;  // by the onTime that runs
-    std::vector<NodeId> late;    // Behaviour::last, set aside until all others have come to rest
-    bool asksLast = false;       // the time for them has come
+    bool asksLast = false;  // the time for those has come that wait until all others have come to rest
     /// Places, views, and which child is shown.
     static bool isAboutPlaces(const FieldSlot& slot) {
         return slot.aspect == Aspect::transform || slot.aspect == Aspect::view ||
                (slot.aspect == Aspect::structure && slot.type == FieldType::SFInt32);
     }
-    std::uint32_t touched = 0, touchedBefore = 0;  // aspectBit()s of fields written since, and before, the last seal
+    std::uint32_t touchedBefore = 0;  // as `touched`, of before the last seal
     static constexpr std::uint32_t aspectBit(Aspect aspect) { return 1u << static_cast<unsigned>(aspect); }
-    using Sleeper = std::pair<double, NodeId>;
     std::priority_queue<Sleeper, std::vector<Sleeper>, std::greater<>> sleepers;
     EventListener listener;
     std::set<std::pair<NodeId, FieldIndex>> announced;  // outputs that the listener has heard at this timestamp
@@ -395,10 +393,11 @@ struct Scene::State {
     void wakeMoved() {
         if (places.anyMoved()) places.takeConcerned(woken);
     }
-    void wake(const Node& node) {
-        if (behavioursEnabled && types[node.typeIndex_.value].behaviour.onTime) woken.push_back(node.id_);
+    void wake(const Node& node) { wake(*this, node); }
+    void wake(Lane& lane, const Node& node) {
+        if (behavioursEnabled && types[node.typeIndex_.value].behaviour.onTime) lane.woken.push_back(node.id_);
     }
-    void send(Node& node, FieldIndex field);
+    void send(Lane& lane, Node& node, FieldIndex field);
     void deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value);
     void deliverChildren(Cascade& cascade, Node& node, FieldIndex field, const void* value, const TypeEntry& entry);
     /// Whether the nodes are of types that the field takes (4.4.2.2); PROTO instances count as what stands for them.
@@ -407,11 +406,74 @@ struct Scene::State {
     /// Scripts that are new are initialised, all before any prepareEvents(); both before other events (29.2.2, 29.2.3).
     void beginScripts(Cascade& cascade);
     void dropSuperseded(std::vector<QueuedEvent>& queued) const;
+    /// Until nothing is on its way.
     void runRoutes(Cascade& cascade);
+    /// An emission goes along its routes, from the `first` of them on up to before `last`.
+    void sendAlong(Cascade& cascade, Emission emission, std::size_t first = 0, std::size_t last = SIZE_MAX);
     /// An event of `field` reaches the input at the end of one of its routes.
     void follow(Cascade& cascade, RouteTarget target, const Node& from, FieldIndex field);
+    void gatherDue();
     void runTime(Cascade& cascade);
-    void tick(Cascade& cascade, const std::vector<NodeId>& nodes);
+    void tick(Cascade& cascade, std::span<const NodeId> nodes);
+    void fetchNode(NodeId id) const;
+    void fetchLists(NodeId id) const;
+    void fetchAhead(std::span<const NodeId> nodes, std::size_t i) const;
+    void fetchAhead(std::span<const OutgoingRoute> routes, std::size_t i) const;
+    void fetchAhead(std::span<const Emission> waiting, std::size_t i) const;
+    // ---- on several threads (side_by_side.cpp) ----
+    unsigned threadsAsked = 0;
+    static constexpr std::uint64_t kWorthDividing = 4096;  // as Lane::work counts
+    std::uint64_t workSealed = 0;                          // `work` at the last seal
+    std::unique_ptr<Crew> crew;                            // made when it is first needed
+    std::vector<std::unique_ptr<Lane>> lanes;
+    Division division;
+    std::uint64_t dividedAt = 0;  // linkEdits then
+    std::vector<NodeId> sources;  // of the division, ascending
+    unsigned patience = 2, untilDivided = 2, goodTurns = 0;
+    /// What of the emissions at hand goes to one part: whole ones, but for some targets of the first and the last.
+    struct Stretch {
+        unsigned part = 0;
+        std::size_t first = 0, last = 0, firstTarget = 0, endTarget = SIZE_MAX;
+    };
+    std::vector<Stretch> stretches;
+    std::vector<std::vector<std::size_t>> stretchesOf;  // by part
+    /// Of the rounds of the frame before: what they cost. Later rounds are not divided.
+    struct RoundWork {
+        std::uint64_t ticks = 0, routes = 0;
+    };
+    std::array<RoundWork, 3> roundWork;
+    Worth worth;
+    bool helps = true;            // this frame gets help
+    bool isLarge = false;         // it has enough to do for that
+    bool isTimed = false;         // what it costs says something for those that follow
+    std::uint64_t workBegun = 0;  // `work` when it began
+    std::chrono::steady_clock::time_point began;
+    void beginWork();
+    void endWork();
+    /// Null if one thread is to do all.
+    Crew* crewFor(std::uint64_t expectedWork);
+    /// Whether the cascade may be divided now: nobody listens in on it or edits what others read.
+    bool mayDivide() const;
+    bool isLocal(const Behaviour& behaviour) const { return behaviour.local && behaviour.deterministic; }
+    bool areLocal(std::span<const NodeId> nodes) const;
+    /// As tick and runRoutes; `round` as in runTime.
+    void tickAll(Cascade& cascade, std::span<const NodeId> nodes, std::size_t round);
+    void runAllRoutes(Cascade& cascade, std::size_t round);
+    bool tickBeside(Cascade& cascade, std::span<const NodeId> nodes, Crew& some);
+    bool runRoutesBeside(Cascade& cascade, Crew& some);
+    void runStretches(Cascade& cascade, Lane& lane, std::span<const std::size_t> own);
+    /// False if the emissions at hand are not to be divided.
+    bool layOutStretches(unsigned parts);
+    bool extendStretches(std::size_t emission);
+    bool divideAnew(unsigned parts);
+    bool gatherEdges(std::vector<Division::Edge>& edges) const;
+    bool mayReachBeside(const Node& node, FieldIndex field) const;
+    void beginBeside(Lane& lane);
+    void mark(Lane& lane);
+    /// What the lane noted up to its mark of this number, from the one before on, comes next.
+    void takeOver(Lane& lane, std::size_t number);
+    void endBeside(Lane& lane);
+    void warn(const Node& node, const std::string& text);
     std::shared_ptr<ChangeSet> freshSet();
 
     ChangeSet snapshot() const;

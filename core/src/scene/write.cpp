@@ -183,8 +183,9 @@ void Scene::State::destroy(Node& node, bool record) {
 }
 
 bool Scene::State::hasPending() const {
-    return !written.empty() || !newTypes.empty() || !newNodes.empty() || !destroyedNodes.empty() ||
-           !renamedNodes.empty() || !childOps.empty() || !routeOps.empty() || !events.empty();
+    return written->size() > 0 || nextEntry != pieceBegin || !newTypes.empty() || !newNodes.empty() ||
+           !destroyedNodes.empty() || !renamedNodes.empty() || !childOps.empty() || !routeOps.empty() ||
+           !events.empty();
 }
 
 void Scene::State::appendDefinitions(std::vector<Change>& out, std::span<const DefinedType> defined) const {
@@ -244,10 +245,12 @@ std::shared_ptr<ChangeSet> Scene::State::freshSet() {
         if (pooled.use_count() == 1) {
             // Taking it synchronises with the thread that let go of it last; its count alone would not.
             std::shared_ptr<ChangeSet> set = pooled;
-            const std::size_t used = set->changes.size();
+            // Its changes stay until they are written over, which saves making them anew.
+            std::vector<Change> changes;
+            changes.swap(set->changes);
             set->clear();
-            if (set->changes.capacity() > kEntriesKept && used < set->changes.capacity() / 8)
-                std::vector<Change>().swap(set->changes);
+            if (changes.capacity() <= kEntriesKept || changes.size() >= changes.capacity() / 8)
+                set->changes.swap(changes);
             return set;
         }
     constexpr std::size_t kPooled = 16;
@@ -270,9 +273,13 @@ std::shared_ptr<const ChangeSet> Scene::State::seal() {
     if (recording && !input) captureInput(false);
     auto set = freshSet();
     set->types.swap(newTypes);
-    appendDefinitions(set->changes, set->types);
-    appendCreations(set->changes);
-    appendFieldChanges(*set);
+    std::vector<Change> first;
+    appendDefinitions(first, set->types);
+    appendCreations(first);
+    const std::size_t behind = first.size();
+    if (behind > 0) set->changes.swap(first);
+    appendFieldChanges(*set, behind);
+    endWork();
     appendOtherEdits(set->changes);
     if (recording) input->events = events;
     for (Change& change : events) set->changes.push_back(std::move(change));

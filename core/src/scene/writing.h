@@ -29,51 +29,54 @@ inline bool isPlain(FieldType type) {
 
 }  // namespace writing
 
-[[gnu::always_inline]] inline Scene::State::WrittenField& Scene::State::newEntry(Node& node, FieldIndex field,
-                                                                                 const FieldSlot& slot) {
-    WrittenField& entry = written.emplace_back();
+[[gnu::always_inline]] inline WrittenField& Scene::State::newEntry(Lane& lane, Node& node, FieldIndex field,
+                                                                   const FieldSlot& slot) {
+    if (lane.nextEntry == lane.entryEnd) [[unlikely]]
+        moreRoom(lane);
+    WrittenField& entry = *new (lane.nextEntry++) WrittenField;
     entry.node = node.id_;
     entry.field = field;
     entry.type = slot.type;
-    entry.external = writingExternally;
-    touched |= aspectBit(slot.aspect);
-    if (isAboutPlaces(slot)) places.noteMoved(node.id_);
+    entry.external = lane.writingExternally;
+    lane.touched |= aspectBit(slot.aspect);
+    if (isAboutPlaces(slot)) noteMoved(lane, node.id_);
     if (writing::isShared(slot.type)) {
         entry.setTerm(termOf(node, field));
     } else {
-        WrittenField* known = expected;
-        if (known >= sealedEnd || known->node != node.id_ || known->field != field) [[unlikely]]
-            known = knownElsewhere(node, field);
+        WrittenField* known = lane.expected;
+        if (known >= lane.expectedEnd || known->node != node.id_ || known->field != field) [[unlikely]]
+            known = knownElsewhere(lane, node, field);
         if (known) {
             entry.setTerm(known->term());
-            expected = known + 1;
+            lane.expected = known + 1;
         } else {
             copyPlain(entry.before, node.block() + slot.offset, slot.size);
         }
     }
     entry.next = node.dirty_ ? node.dirtySlot_ + 1 : 0;
-    node.dirtySlot_ = static_cast<std::uint32_t>(&entry - written.data());
+    node.dirtySlot_ = lane.slotOf(&entry);
     return entry;
 }
 
-[[gnu::always_inline]] inline void Scene::State::beginWrite(Node& node, FieldIndex field, const FieldSlot& slot) {
+[[gnu::always_inline]] inline void Scene::State::beginWrite(Lane& lane, Node& node, FieldIndex field,
+                                                            const FieldSlot& slot) {
     const std::uint64_t bit = writing::dirtyBit(field);
     if (node.dirty_ & bit)
         if (WrittenField* entry = entryOf(node, field)) {
-            entry->external = writingExternally;
-            if (isAboutPlaces(slot)) places.noteMoved(node.id_);
+            entry->external = lane.writingExternally;
+            if (isAboutPlaces(slot)) noteMoved(lane, node.id_);
             return;
         }
-    newEntry(node, field, slot);
+    newEntry(lane, node, field, slot);
     node.dirty_ |= bit;
     if (!childOpCounts.empty()) [[unlikely]]
         dropChildOps(node, field);
 }
 
-[[gnu::always_inline]] inline void Scene::State::write(Node& node, FieldIndex field, const void* value) {
+[[gnu::always_inline]] inline void Scene::State::write(Lane& lane, Node& node, FieldIndex field, const void* value) {
     const FieldSlot& slot = node.type_->slot(field);
-    if (!writing::isPlain(slot.type)) return writeShared(node, field, value);
-    beginWrite(node, field, slot);
+    if (!writing::isPlain(slot.type)) return writeShared(lane, node, field, value);
+    beginWrite(lane, node, field, slot);
     copyPlain(node.block() + slot.offset, value, slot.size);
 }
 

@@ -1,7 +1,8 @@
 // Behaviour: what a node type does when events reach it or time passes. Only nodes that act have one.
 //
 // A behaviour keeps no state of its own: all of it is in fields (hidden ones if need be), so a snapshot is
-// complete and a replica can take over. Threading: called on the scene's thread, inside newFrame.
+// complete and a replica can take over. Threading: called on the scene's thread, inside newFrame; those that promise to
+// be `local` on others too.
 // Source: ISO/IEC 19775-1 V4.0 4.4.8.3 (execution model); each behaviour cites its clause.
 
 // Example:
@@ -77,9 +78,11 @@ class Cascade {
   private:
     friend class Scene;
     friend class ScriptPrograms;
-    Cascade(Scene& scene, double now, double previous) : scene_(scene), now_(now), previous_(previous) {}
+    Cascade(Scene& scene, double now, double previous, Scene::Lane& lane)
+        : scene_(scene), now_(now), previous_(previous), lane_(lane) {}
     Scene& scene_;
     double now_, previous_;
+    Scene::Lane& lane_;  // where what is done through it is noted
 };
 
 /// The value of an event, for as long as the call lasts.
@@ -117,6 +120,11 @@ struct Behaviour {
     /// (no random numbers, wall clock, files, variables of its own). Others are recorded call by call for replicas
     /// that run the cascade themselves.
     bool deterministic = false;
+    /// True promises that it reads the node, the event and the clock alone, and writes the node alone, by emit() and
+    /// store(): others of the scene may then be called on other threads at the same time (Scene::setThreads).
+    bool local = false;
+    /// Of a local one: the input whose events it does more about. That, and onTime then, are the scene's thread's.
+    FieldIndex beyond = kNoField;
 };
 
 struct BuiltinBehaviour {

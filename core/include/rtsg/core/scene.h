@@ -204,6 +204,9 @@ class Scene {
     /// Whether keys, wheels and pointers move the viewer, as the bound NavigationInfo says (navigation.h); not at
     /// first.
     void setNavigation(bool on);
+    /// How many threads work on a frame where there is work for several, the scene's own among them; 0, as at first:
+    /// one a core, at most 8. Results are the same, bit for bit, whatever the number.
+    void setThreads(unsigned threads);
     /// A frame is under way: the call comes from a behaviour, a script or the event listener.
     bool isInFrame() const;
     double now() const;
@@ -271,6 +274,7 @@ class Scene {
     std::size_t setPlainEach(std::span<const NodeId> ids, FieldIndex field, FieldType type, const void* values);
 
     struct State;
+    struct Lane;
     std::unique_ptr<State> state_;
     std::unique_ptr<Bus> bus_;
 };

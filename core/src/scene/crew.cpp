@@ -1,0 +1,83 @@
+// Hands out parts by a word for each, which says in which turn it was taken last.
+#include "crew.h"
+
+#include <utility>
+
+namespace rtsg {
+
+namespace {
+
+void pause() {
+#if defined(__x86_64__) || defined(__i386__)
+    __builtin_ia32_pause();
+#else
+    std::this_thread::yield();
+#endif
+}
+
+constexpr int kLooks = 2000;
+
+}  // namespace
+
+Crew::Crew(unsigned threads)
+    : parts_(2 * threads), taken_(std::make_unique<std::atomic<std::uint32_t>[]>(std::size_t{2} * threads)) {
+    for (unsigned i = 1; i < threads; ++i) helpers_.emplace_back([this, i] { help(i); });
+}
+
+Crew::~Crew() {
+    stop_.store(true);
+    turn_.fetch_add(1);
+    turn_.notify_all();
+    for (std::thread& helper : helpers_) helper.join();
+}
+
+/// One that is late, in a turn that is over, finds nothing: all its parts have been taken.
+void Crew::takeParts(std::uint32_t turn, unsigned number) {
+    // Each begins elsewhere, and in the same place every time: what it needs may be near it still.
+    for (unsigned i = 0; i < parts_; ++i) {
+        const unsigned part = (2 * number + i) % parts_;
+        std::uint32_t last = turn - 1;
+        if (!taken_[part].compare_exchange_strong(last, turn, std::memory_order_acq_rel)) continue;
+        try {
+            job_(what_, part);
+        } catch (...) {
+            if (!failed_.exchange(true)) failure_ = std::current_exception();
+        }
+        left_.fetch_sub(1, std::memory_order_acq_rel);
+    }
+}
+
+void Crew::help(unsigned number) {
+    for (std::uint32_t seen = 0;;) {
+        std::uint32_t turn = turn_.load(std::memory_order_acquire);
+        for (int i = 0; i < kLooks && turn == seen; ++i) {
+            pause();
+            turn = turn_.load(std::memory_order_acquire);
+        }
+        if (turn == seen) {
+            turn_.wait(seen, std::memory_order_acquire);
+            turn = turn_.load(std::memory_order_acquire);
+        }
+        if (stop_.load()) return;
+        seen = turn;
+        takeParts(turn, number);
+    }
+}
+
+void Crew::runPlain(PlainJob job, const void* what) {
+    job_ = job;
+    what_ = what;
+    left_.store(parts_, std::memory_order_relaxed);
+    const std::uint32_t turn = turn_.load(std::memory_order_relaxed) + 1;
+    turn_.store(turn, std::memory_order_release);
+    turn_.notify_all();
+    takeParts(turn, 0);
+    for (int looks = 0; left_.load(std::memory_order_acquire) != 0; ++looks)
+        if (looks < kLooks)
+            pause();
+        else
+            std::this_thread::yield();
+    if (failed_.exchange(false)) std::rethrow_exception(std::exchange(failure_, nullptr));
+}
+
+}  // namespace rtsg

@@ -1,0 +1,52 @@
+// Crew: threads that stand by to run the parts of a job beside the one that has it.
+//
+// Each part is run once, by whoever gets to it first: with no helper awake, the caller runs them all, so a machine that
+// is busy elsewhere costs little. Helpers look out for the next job for some fifty microseconds before they sleep.
+// Threading: run() and the destructor on one thread; parts on any.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <exception>
+#include <memory>
+#include <thread>
+#include <vector>
+
+namespace rtsg {
+
+class Crew {
+  public:
+    /// The caller's thread among them; `threads` >= 2.
+    explicit Crew(unsigned threads);
+    ~Crew();
+    Crew(const Crew&) = delete;
+    Crew& operator=(const Crew&) = delete;
+
+    unsigned threads() const { return static_cast<unsigned>(helpers_.size()) + 1; }
+    /// More than threads, so that one that begins late takes less.
+    unsigned parts() const { return parts_; }
+    /// Calls job(part) for every part, and returns, or throws what one of them threw, when all have come to an end.
+    template <class Job>
+    void run(const Job& job) {
+        runPlain([](const void* what, unsigned part) { (*static_cast<const Job*>(what))(part); }, &job);
+    }
+
+  private:
+    using PlainJob = void (*)(const void*, unsigned);
+    void runPlain(PlainJob job, const void* what);
+    void help(unsigned number);
+    void takeParts(std::uint32_t turn, unsigned number);
+
+    unsigned parts_;
+    PlainJob job_ = nullptr;
+    const void* what_ = nullptr;
+    std::exception_ptr failure_;
+    std::atomic<bool> failed_{false};
+    std::atomic<std::uint32_t> turn_{0};  // one more with every job
+    std::atomic<unsigned> left_{0};       // parts that have not come to an end
+    std::atomic<bool> stop_{false};
+    std::unique_ptr<std::atomic<std::uint32_t>[]> taken_;  // by part: the last turn in which somebody took it
+    std::vector<std::thread> helpers_;
+};
+
+}  // namespace rtsg

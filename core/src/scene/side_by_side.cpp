@@ -1,0 +1,309 @@
+// Parts of a cascade side by side on several threads. Each part notes what it does in a lane of its own; the notes are
+// put behind each other as one thread would have made them, so nothing tells afterwards how many there were.
+//
+// Time: the nodes that are due are cut into pieces of as many. Routes: the emissions at hand are cut into stretches, by
+// the part to which what hangs behind them belongs (division.h). One thread would take all stretches' emissions in
+// turn, then all that these led to, and so on: so the notes of each such turn are kept apart.
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <thread>
+#include <unordered_set>
+#include <utility>
+
+#include "fetch_ahead.h"
+
+namespace rtsg {
+
+Crew* Scene::State::crewFor(std::uint64_t expectedWork) {
+    if (expectedWork < kWorthDividing) return nullptr;
+    isLarge = true;
+    if (!helps) return nullptr;
+    if (!crew) {
+        constexpr unsigned kMost = 8;
+        const unsigned threads = threadsAsked ? threadsAsked : std::max(1u, std::thread::hardware_concurrency());
+        if (threads < 2) return nullptr;
+        crew = std::make_unique<Crew>(std::min(threads, kMost));
+        for (unsigned i = static_cast<unsigned>(lanes.size()); i < crew->parts(); ++i) {
+            lanes.push_back(std::make_unique<Lane>());
+            lanes.back()->isBeside = true;
+        }
+    }
+    return crew.get();
+}
+
+/// Whoever asks for a number of threads gets them; else it is seen whether they are of any use.
+void Scene::State::beginWork() {
+    isTimed = std::exchange(isLarge, false) && threadsAsked == 0;
+    helps = !isTimed || worth.shouldHelp();
+    if (!isTimed) return;
+    began = std::chrono::steady_clock::now();
+    workBegun = work;
+}
+
+void Scene::State::endWork() {
+    if (!std::exchange(isTimed, false)) return;
+    worth.note(std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count(), work - workBegun);
+}
+
+bool Scene::State::mayDivide() const {
+    return !listener && childOpCounts.empty() && currentCall == kNoCall && playDepth == 0;
+}
+
+void Scene::State::beginBeside(Lane& lane) {
+    lane.writingExternally = writingExternally;
+    lane.touched = 0;
+    lane.work = 0;
+    lane.marks.clear();
+}
+
+void Scene::State::mark(Lane& lane) {
+    endPiece(lane);
+    lane.marks.push_back({lane.pieces.size(), lane.emissions.size(), lane.heard.size(), lane.woken.size(),
+                          lane.moved.size(), lane.complaints.size()});
+}
+
+void Scene::State::takeOver(Lane& lane, std::size_t number) {
+    const Lane::Mark from = number ? lane.marks[number - 1] : Lane::Mark{}, to = lane.marks[number];
+    for (std::size_t i = from.pieces; i < to.pieces; ++i) written->append(lane.pieces[i].piece, lane.pieces[i].slot);
+    for (std::size_t i = from.heard; i < to.heard; ++i) heard.push_back(std::move(lane.heard[i]));
+    for (std::size_t i = from.woken; i < to.woken; ++i) woken.push_back(lane.woken[i]);
+    for (std::size_t i = from.moved; i < to.moved; ++i) places.noteMoved(lane.moved[i]);
+    for (std::size_t i = from.complaints; i < to.complaints; ++i)
+        warn(*lane.complaints[i].node, lane.complaints[i].text);
+}
+
+void Scene::State::endBeside(Lane& lane) {
+    touched |= lane.touched;
+    work += lane.work;
+    lane.pieces.clear();
+    lane.emissions.clear();
+    lane.heard.clear();
+    lane.woken.clear();
+    lane.moved.clear();
+    lane.complaints.clear();
+}
+
+// ---- time -------------------------------------------------------------------------------------------------------
+
+bool Scene::State::areLocal(std::span<const NodeId> nodes) const {
+    for (const NodeId id : nodes) {
+        const Node* node = find(id);
+        if (!node) continue;
+        const Behaviour& behaviour = types[node->typeIndex_.value].behaviour;
+        const bool here = isLocal(behaviour) && behaviour.beyond == kNoField;
+        if (behaviour.onTime && !here && !(behaviour.last && !asksLast)) return false;
+    }
+    return true;
+}
+
+void Scene::State::tickAll(Cascade& cascade, std::span<const NodeId> nodes, std::size_t round) {
+    const std::uint64_t before = work;
+    const bool isEarly = round < roundWork.size();
+    const std::uint64_t likely = isEarly ? std::max<std::uint64_t>(nodes.size(), roundWork[round].ticks) : 0;
+    Crew* some = nodes.size() > 1 && mayDivide() ? crewFor(likely) : nullptr;
+    if (!some || !tickBeside(cascade, nodes, *some)) tick(cascade, nodes);
+    if (isEarly) roundWork[round].ticks = work - before;
+}
+
+bool Scene::State::tickBeside(Cascade& cascade, std::span<const NodeId> nodes, Crew& some) {
+    const std::size_t each = (nodes.size() + some.parts() - 1) / some.parts();
+    const auto share = [&](unsigned part) {
+        const std::size_t first = std::min(part * each, nodes.size());
+        return nodes.subspan(first, std::min(each, nodes.size() - first));
+    };
+    std::atomic<bool> all{true};
+    some.run([&](unsigned part) {
+        if (all.load(std::memory_order_relaxed) && !areLocal(share(part))) all.store(false, std::memory_order_relaxed);
+    });
+    if (!all) return false;
+    endPiece(*this);
+    some.run([&](unsigned part) {
+        Lane& lane = *lanes[part];
+        beginBeside(lane);
+        Cascade own(owner, now, cascade.previous(), lane);
+        tick(own, share(part));
+        mark(lane);
+    });
+    const auto move = [](auto& from, auto& to) {
+        to.insert(to.end(), from.begin(), from.end());
+        from.clear();
+    };
+    for (unsigned part = 0; part < some.parts(); ++part) {
+        Lane& lane = *lanes[part];
+        takeOver(lane, 0);
+        move(lane.emissions, emissions);
+        move(lane.nextActive, nextActive);
+        move(lane.watchers, watchers);
+        move(lane.late, late);
+        move(lane.goToSleep, goToSleep);
+        endBeside(lane);
+    }
+    return true;
+}
+
+// ---- routes -----------------------------------------------------------------------------------------------------
+
+/// Whether an event may be delivered there on another thread.
+bool Scene::State::mayReachBeside(const Node& node, FieldIndex field) const {
+    const TypeEntry& entry = types[node.typeIndex_.value];
+    if (sf(node.type_->slot(field).type) == FieldType::SFNode) return false;
+    if (!entry.behaviour.accepts && !entry.behaviour.onEvent) return true;
+    return isLocal(entry.behaviour) && entry.behaviour.beyond != field;
+}
+
+/// All routes that lead on from `sources`. False if an event would get to what only the scene's thread may do.
+bool Scene::State::gatherEdges(std::vector<Division::Edge>& edges) const {
+    std::unordered_set<std::uint32_t> seen;
+    std::vector<NodeId> waiting;
+    const auto visit = [&](NodeId id) {
+        if (seen.insert(id.value).second) waiting.push_back(id);
+    };
+    for (const NodeId id : sources) visit(id);
+    for (std::size_t i = 0; i < waiting.size(); ++i) {
+        const Node* node = find(waiting[i]);
+        if (!node || !node->links_) continue;
+        for (const RouteGroup& group : node->links_->out)
+            for (const OutgoingRoute& route : group.targets.items()) {
+                const Node* target = route.to.node ? find(route.to.node) : nullptr;
+                if (!target) continue;
+                if (!mayReachBeside(*target, route.to.field)) return false;
+                edges.push_back({node->id_, target->id_});
+                visit(target->id_);
+            }
+    }
+    return true;
+}
+
+bool Scene::State::divideAnew(unsigned parts) {
+    isTimed = false;  // not a frame like others
+    if (dividedAt != linkEdits) sources.clear();
+    for (const Emission& emission : emissions) sources.push_back(emission.node);
+    std::ranges::sort(sources);
+    sources.erase(std::unique(sources.begin(), sources.end()), sources.end());
+    std::erase_if(sources, [&](NodeId id) { return !find(id); });
+    dividedAt = linkEdits;
+    std::vector<Division::Edge> edges;
+    if (gatherEdges(edges) && division.divide(sources, edges, parts)) return true;
+    division.clear();
+    sources.clear();
+    return false;
+}
+
+bool Scene::State::extendStretches(std::size_t number) {
+    const Emission& emission = emissions[number];
+    const auto extend = [&](unsigned part, std::size_t firstTarget, std::size_t endTarget) {
+        if (stretches.empty() || stretches.back().part != part)
+            stretches.push_back({.part = part, .first = number, .firstTarget = firstTarget});
+        stretches.back().last = number;
+        stretches.back().endTarget = endTarget;
+    };
+    const std::uint8_t part = division.partOf(emission.node);
+    if (part == Division::kNone || emission.linkEdits != linkEdits) return false;
+    if (part != Division::kSeveral) {
+        extend(part, 0, SIZE_MAX);
+        return true;
+    }
+    if (!emission.group) return true;
+    const auto& targets = emission.group->targets.items();
+    const auto isNew = [&] { return stretches.empty() || stretches.back().last != number; };
+    for (std::size_t i = 0; i < targets.size(); ++i) {
+        if (!targets[i].to.node) continue;
+        const std::uint8_t one = division.partOf(targets[i].to.node);
+        if (one >= Division::kSeveral) return false;
+        extend(one, isNew() ? 0 : i, i + 1);
+    }
+    if (isNew()) extend(stretches.empty() ? 0 : stretches.back().part, 0, SIZE_MAX);  // for those who listen
+    return true;
+}
+
+bool Scene::State::layOutStretches(unsigned parts) {
+    constexpr unsigned kPatience = 2, kMostPatience = 64, kStretchesPerPart = 16;
+    const auto layOut = [&] {
+        stretches.clear();
+        for (std::size_t i = 0; i < emissions.size(); ++i)
+            if (!extendStretches(i) || stretches.size() > std::size_t{kStretchesPerPart} * parts) return false;
+        return true;
+    };
+    if (dividedAt == linkEdits && layOut()) {
+        if (++goodTurns == kMostPatience) patience = kPatience;
+        return stretches.size() > 1;
+    }
+    // To divide costs about as much as a frame: not each time, where it does not last.
+    goodTurns = 0;
+    if (untilDivided > 0) {
+        --untilDivided;
+        return false;
+    }
+    patience = std::min(2 * patience, kMostPatience);
+    untilDivided = patience;
+    return divideAnew(parts) && layOut() && stretches.size() > 1;
+}
+
+void Scene::State::runStretches(Cascade& cascade, Lane& lane, std::span<const std::size_t> own) {
+    for (const std::size_t i : own) {
+        const Stretch one = stretches[i];
+        const auto whole = std::span<const Emission>(emissions).first(one.last + 1);
+        for (std::size_t e = one.first; e <= one.last; ++e) {
+            fetchAhead(whole, e);
+            sendAlong(cascade, emissions[e], e == one.first ? one.firstTarget : 0,
+                      e == one.last ? one.endTarget : SIZE_MAX);
+        }
+        mark(lane);
+    }
+    // What they led to, each turn after all of the one before.
+    std::size_t sent = 0;
+    for (std::size_t number = 0; sent < lane.emissions.size();) {
+        for (std::size_t k = 0; k < own.size(); ++k, ++number) {
+            const std::size_t end = lane.marks[number].emissions;
+            for (; sent < end; ++sent) {
+                fetchAhead(std::span<const Emission>(lane.emissions).first(end), sent);
+                sendAlong(cascade, lane.emissions[sent]);
+            }
+            mark(lane);
+        }
+    }
+}
+
+bool Scene::State::runRoutesBeside(Cascade& cascade, Crew& some) {
+    if (!layOutStretches(some.parts())) return false;
+    stretchesOf.resize(some.parts());
+    for (auto& own : stretchesOf) own.clear();
+    std::vector<std::size_t> numberOfOwn;
+    for (std::size_t i = 0; i < stretches.size(); ++i) {
+        auto& own = stretchesOf[stretches[i].part];
+        numberOfOwn.push_back(own.size());
+        own.push_back(i);
+    }
+    endPiece(*this);
+    some.run([&](unsigned part) {
+        if (stretchesOf[part].empty()) return;
+        Lane& lane = *lanes[part];
+        beginBeside(lane);
+        Cascade own(owner, now, cascade.previous(), lane);
+        runStretches(own, lane, stretchesOf[part]);
+    });
+    bool any = true;
+    for (std::size_t turn = 0; std::exchange(any, false); ++turn)
+        for (std::size_t i = 0; i < stretches.size(); ++i) {
+            const unsigned part = stretches[i].part;
+            const std::size_t number = turn * stretchesOf[part].size() + numberOfOwn[i];
+            if (number >= lanes[part]->marks.size()) continue;
+            takeOver(*lanes[part], number);
+            any = true;
+        }
+    for (unsigned part = 0; part < some.parts(); ++part)
+        if (!stretchesOf[part].empty()) endBeside(*lanes[part]);
+    emissions.clear();
+    return true;
+}
+
+void Scene::State::runAllRoutes(Cascade& cascade, std::size_t round) {
+    const std::uint64_t before = work;
+    const bool isEarly = round < roundWork.size();
+    Crew* some = isEarly && !emissions.empty() && mayDivide() ? crewFor(roundWork[round].routes) : nullptr;
+    if (!some || !runRoutesBeside(cascade, *some)) runRoutes(cascade);
+    if (isEarly) roundWork[round].routes = work - before;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,52 @@
+// Gives out chunks of entries, and keeps them for the next frame.
+#include "written_fields.h"
+
+#include <algorithm>
+#include <new>
+
+namespace rtsg {
+
+void WrittenFields::grow() {
+    const std::size_t room = std::max<std::size_t>(4, 2 * room_);
+    auto table = std::make_unique<Memory*[]>(room);
+    for (std::size_t i = 0; i < chunks_.size(); ++i) table[i] = chunks_[i].get();
+    table_.store(table.get(), std::memory_order_release);
+    tables_.push_back(std::move(table));
+    room_ = room;
+}
+
+WrittenFields::Chunk WrittenFields::takeChunk() {
+    const std::lock_guard lock(mutex_);
+    if (taken_ == chunks_.size()) {
+        void* bytes = std::aligned_alloc(alignof(Memory), sizeof(Memory) + kChunk * sizeof(WrittenField));
+        if (!bytes) throw std::bad_alloc();
+        chunks_.emplace_back(new (bytes) Memory);
+        if (chunks_.size() > room_)
+            grow();
+        else
+            table_.load(std::memory_order_relaxed)[taken_] = chunks_.back().get();
+    }
+    Memory& chunk = *chunks_[taken_];
+    chunk.used = 0;
+    return {chunk.entries(), taken_++ * kChunk};
+}
+
+void WrittenFields::append(Piece piece, std::uint32_t slot) {
+    if (piece.count == 0) return;
+    Memory& chunk = *chunks_[slot / kChunk];
+    chunk.used = static_cast<std::uint32_t>(piece.begin - chunk.entries()) + piece.count;
+    pieces_.push_back(piece);
+    size_ += piece.count;
+}
+
+void WrittenFields::clear() {
+    // What one large frame took (loading, say) is not kept for the small ones that follow.
+    constexpr std::uint32_t kAlways = 16;
+    if (chunks_.size() > std::max(kAlways, 8 * taken_)) chunks_.resize(std::max(kAlways, taken_));
+    if (tables_.size() > 1) tables_.erase(tables_.begin(), tables_.end() - 1);
+    taken_ = 0;
+    pieces_.clear();
+    size_ = 0;
+}
+
+}  // namespace rtsg
