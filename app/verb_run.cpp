@@ -114,6 +114,7 @@ int runScene(const RunArguments& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime || options.outputs.isLive()};
     if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.outputs.resources, options.start);
+    running.scene().setThreads(options.outputs.picture.threads);
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), options.outputs.names());

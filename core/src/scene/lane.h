@@ -1,5 +1,5 @@
 // Lane: what one thread notes while it works on a frame. The scene's own thread has one that is part of Scene::State;
-// others have theirs for as long as parts of a cascade run side by side (side_by_side.h), and what they noted is put
+// others have theirs for as long as parts of a cascade run side by side (side_by_side.cpp), and what they noted is put
 // behind each other in the order that one thread would have had.
 //
 // Threading: one thread at a time.

@@ -11,7 +11,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "fetch_ahead.h"
+#include "state.h"
 
 namespace rtsg {
 
@@ -243,12 +243,9 @@ bool Scene::State::layOutStretches(unsigned parts) {
 void Scene::State::runStretches(Cascade& cascade, Lane& lane, std::span<const std::size_t> own) {
     for (const std::size_t i : own) {
         const Stretch one = stretches[i];
-        const auto whole = std::span<const Emission>(emissions).first(one.last + 1);
-        for (std::size_t e = one.first; e <= one.last; ++e) {
-            fetchAhead(whole, e);
+        for (std::size_t e = one.first; e <= one.last; ++e)
             sendAlong(cascade, emissions[e], e == one.first ? one.firstTarget : 0,
                       e == one.last ? one.endTarget : SIZE_MAX);
-        }
         mark(lane);
     }
     // What they led to, each turn after all of the one before.
@@ -256,10 +253,7 @@ void Scene::State::runStretches(Cascade& cascade, Lane& lane, std::span<const st
     for (std::size_t number = 0; sent < lane.emissions.size();) {
         for (std::size_t k = 0; k < own.size(); ++k, ++number) {
             const std::size_t end = lane.marks[number].emissions;
-            for (; sent < end; ++sent) {
-                fetchAhead(std::span<const Emission>(lane.emissions).first(end), sent);
-                sendAlong(cascade, lane.emissions[sent]);
-            }
+            for (; sent < end; ++sent) sendAlong(cascade, lane.emissions[sent]);
             mark(lane);
         }
     }

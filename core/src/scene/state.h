@@ -118,6 +118,7 @@ struct TypeEntry {
     /// Inputs that stand for an initializeOnly field (set_coordIndex for coordIndex), and that field.
     std::vector<std::pair<FieldIndex, FieldIndex>> inputs;
     bool isScript = false;
+    bool keepsLists = false;  // what its behaviour remembers is in arrays
 };
 
 struct Scene::State : Scene::Lane {
@@ -415,11 +416,7 @@ struct Scene::State : Scene::Lane {
     void gatherDue();
     void runTime(Cascade& cascade);
     void tick(Cascade& cascade, std::span<const NodeId> nodes);
-    void fetchNode(NodeId id) const;
-    void fetchLists(NodeId id) const;
-    void fetchAhead(std::span<const NodeId> nodes, std::size_t i) const;
-    void fetchAhead(std::span<const OutgoingRoute> routes, std::size_t i) const;
-    void fetchAhead(std::span<const Emission> waiting, std::size_t i) const;
+    void fetchAhead(std::span<const NodeId> nodes) const;
     // ---- on several threads (side_by_side.cpp) ----
     unsigned threadsAsked = 0;
     static constexpr std::uint64_t kWorthDividing = 4096;  // as Lane::work counts

@@ -66,6 +66,7 @@ void Scene::State::addTypeEntry(const NodeType& type) {
     entry.children = type.findExact("children");
     entry.addChildren = type.findExact("addChildren");
     entry.removeChildren = type.findExact("removeChildren");
+    for (const FieldIndex i : type.sharedFields()) entry.keepsLists |= type.fields[i].hidden;
     const bool fromTable = type.kind == NodeType::Kind::builtin || type.kind == NodeType::Kind::user;
     for (std::size_t i = 0; fromTable && i < type.fields.size(); ++i) {
         const FieldDef& def = type.fields[i];

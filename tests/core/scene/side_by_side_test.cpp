@@ -145,7 +145,7 @@ void expectSameThroughout(std::uint32_t seed, bool small, unsigned threads) {
     const RandomCascade random(seed, small);
     Told one(random.text(), 1), several(random.text(), threads);
     std::mt19937 draw(seed);
-    for (int frame = 0; frame < 24; ++frame) {
+    for (int frame = 0; frame < 16; ++frame) {
         // Now and then the application interferes: a field, a new node, a route less.
         const unsigned what = draw() % 8, which = draw();
         for (Told* told : {&one, &several}) {
@@ -167,10 +167,10 @@ void expectSameThroughout(std::uint32_t seed, bool small, unsigned threads) {
 }
 
 TEST(SideBySide, ManyEventsGiveTheSameOnSeveralThreads) {
-    for (std::uint32_t seed = 1; seed <= 12; ++seed) expectSameThroughout(seed, false, 2 + seed % 3);
+    for (std::uint32_t seed = 1; seed <= 6; ++seed) expectSameThroughout(seed, false, 2 + seed % 3);
 }
 TEST(SideBySide, FewEventsBesideALongOneGiveTheSameOnSeveralThreads) {
-    for (std::uint32_t seed = 1; seed <= 24; ++seed) expectSameThroughout(seed, true, 2 + seed % 3);
+    for (std::uint32_t seed = 1; seed <= 16; ++seed) expectSameThroughout(seed, true, 2 + seed % 3);
 }
 
 // ---- what runs where ---------------------------------------------------------------------------------------------
