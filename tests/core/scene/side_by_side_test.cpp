@@ -53,7 +53,9 @@ class RandomCascade {
             add("DEF P{} PositionInterpolator {{ key [ 0 {} 1 ] keyValue [ 0 0 0, {} 1 0{} ] }}\n", i, .1 * below(9), i,
                 below(50) ? ", 0 1 2" : "");
             add("DEF S{} ScalarInterpolator {{ key [ 0 1 ] keyValue [ 0 {} ] }}\n", i, .5 + .5 * below(2));
-            add("DEF D{} {} .3 }}\n", i, below(2) ? "PositionDamper { tau" : "PositionChaser { duration");
+            // Some come to rest between two events, which must wake them.
+            add("DEF D{} {} {} }}\n", i, below(2) ? "PositionDamper { tau" : "PositionChaser { duration",
+                below(2) ? .03 : .3);
             add("DEF T{} Transform {{ children {} }}\n", i,
                 below(20) ? "[]" : "LOD { range 3 children [ Group {} Group {} ] }");
         }
@@ -155,6 +157,17 @@ void expectSameThroughout(std::uint32_t seed, bool small, unsigned threads) {
             if (what == 0) done = scene.set(target, x3d::Transform::center, Vec3f(static_cast<float>(frame)));
             if (what == 1) done = scene.sendEvent(target, x3d::Transform::translation.index, Vec3f(1));
             if (what == 2) (void)scene.createNode(x3d::TimeSensor::type);
+            // What was cut by the routes before must be cut anew.
+            NodeId far = scene.findName(fmt::format("T{}", kPlenty / 3 - 1 - which % 10));
+            if (!far) far = scene.findName(fmt::format("T{}", 9 - which % 10));
+            if (what >= 5 && frame > 8)
+                done = scene.addRoute(scene.findName(fmt::format("P{}", which % 10)),
+                                      x3d::PositionInterpolator::value_changed.index, far,
+                                      x3d::Transform::translation.index);
+            // Now it has a warning that it did not have.
+            if (what == 4)
+                done = scene.set(scene.findName(fmt::format("P{}", which % 10)), x3d::PositionInterpolator::key,
+                                 Array<float>{0, .1f, .2f, .3f, 1 + .1f * static_cast<float>(frame)});
             const auto routes = scene.routesTo(target);
             if (what == 3 && !routes.empty())
                 done = scene.removeRoute(routes[0].fromNode, routes[0].fromField, routes[0].toNode, routes[0].toField);
@@ -190,25 +203,41 @@ void noteWhere(Cascade& cascade, const Node& node, FieldIndex, EventValue) {
     cascade.emit(node, x3d::PositionInterpolator::value_changed, Vec3f(1));
 }
 
-/// One clock and `kPlenty` interpolators whose behaviour notes on which threads it is called; until it is on another
-/// than the scene's, or for so many frames.
-int timesElsewhere(const Behaviour& behaviour, const std::function<void(Scene&)>& meddle = {}, int frames = 12) {
+/// One clock and `kPlenty` interpolators whose behaviour notes on which threads it is called.
+void loadFan(Scene& scene, const Behaviour& behaviour) {
     std::string text = "#X3D V4.0 utf8\nPROFILE Full\nDEF C TimeSensor { loop TRUE }\n";
     for (int i = 0; i < kPlenty; ++i)
         text += fmt::format(
             "DEF P{0} PositionInterpolator {{ }} DEF T{0} Transform {{ }} ROUTE C.fraction_changed TO "
             "P{0}.set_fraction ROUTE P{0}.value_changed TO T{0}.translation\n",
             i);
-    Scene scene;
     Diagnostics diagnostics;
     EXPECT_TRUE(loadText(scene, text, diagnostics));
     scene.registerBehaviour(x3d::PositionInterpolator::type, behaviour);
     scene.setThreads(2);
-    if (meddle) meddle(scene);
+}
+
+/// Until it was on another thread than the scene's, or for so many frames.
+int runUntilElsewhere(Scene& scene, int frames) {
     sceneThread = std::this_thread::get_id();
     elsewhere = 0;
-    for (int frame = 0; frame < frames && elsewhere == 0; ++frame) scene.newFrame(.1 * frame);
+    for (int frame = 0; frame < frames && elsewhere == 0; ++frame) scene.newFrame(scene.now() + .1);
     return elsewhere;
+}
+
+int timesElsewhere(const Behaviour& behaviour, const std::function<void(Scene&)>& meddle = {}, int frames = 12) {
+    Scene scene;
+    loadFan(scene, behaviour);
+    if (meddle) meddle(scene);
+    return runUntilElsewhere(scene, frames);
+}
+
+/// All that the interpolators write becomes one field.
+void joinFan(Scene& scene) {
+    for (int i = 1; i < kPlenty; ++i)
+        EXPECT_TRUE(scene.addRoute(scene.findName(fmt::format("P{}", i)),
+                                   x3d::PositionInterpolator::value_changed.index, scene.findName("T0"),
+                                   x3d::Transform::translation.index));
 }
 
 TEST(SideBySide, WhatPromisesToBeLocalIsCalledOnOtherThreads) {
@@ -220,6 +249,24 @@ TEST(SideBySide, WhatPromisesNothingIsCalledOnTheScenesThreadAlone) {
     EXPECT_EQ(timesElsewhere({.onEvent = noteWhere, .local = true}), 0);
     const FieldIndex fraction = x3d::PositionInterpolator::set_fraction.index;
     EXPECT_EQ(timesElsewhere({.onEvent = noteWhere, .deterministic = true, .local = true, .beyond = fraction}), 0);
+}
+double noteTime(Cascade& cascade, const Node&) {
+    if (std::this_thread::get_id() != sceneThread) ++elsewhere;
+    giveWay();
+    return cascade.now();
+}
+int timesToldElsewhere(const Behaviour& behaviour, int frames) {
+    Scene scene;
+    for (int i = 0; i < kPlenty; ++i) scene.createNode(x3d::TimeSensor::type);
+    scene.registerBehaviour(x3d::TimeSensor::type, behaviour);
+    scene.setThreads(2);
+    return runUntilElsewhere(scene, frames);
+}
+TEST(SideBySide, TimeIsToldOnOtherThreadsToWhatPromisesToBeLocal) {
+    EXPECT_GT(timesToldElsewhere({.onTime = noteTime, .deterministic = true, .local = true}, 1000), 0);
+    EXPECT_EQ(timesToldElsewhere({.onTime = noteTime, .deterministic = true}, 12), 0);
+    EXPECT_EQ(timesToldElsewhere({.onTime = noteTime, .local = true}, 12), 0);
+    EXPECT_EQ(timesToldElsewhere({.onTime = noteTime, .deterministic = true, .local = true, .beyond = 0}, 12), 0);
 }
 TEST(SideBySide, OneThreadIsOne) {
     const Behaviour local{.onEvent = noteWhere, .deterministic = true, .local = true};
@@ -235,18 +282,16 @@ TEST(SideBySide, WhoListensInOnEveryEventIsCalledOnTheScenesThread) {
                              }),
               0);
 }
-/// All that the interpolators write is one field: there is nothing to divide.
 TEST(SideBySide, WhatMeetsInOneNodeStaysTogether) {
     const Behaviour local{.onEvent = noteWhere, .deterministic = true, .local = true};
-    EXPECT_EQ(timesElsewhere(local,
-                             [](Scene& scene) {
-                                 const NodeId one = scene.findName("T0");
-                                 for (int i = 1; i < kPlenty; ++i)
-                                     EXPECT_TRUE(scene.addRoute(scene.findName(fmt::format("P{}", i)),
-                                                                x3d::PositionInterpolator::value_changed.index, one,
-                                                                x3d::Transform::translation.index));
-                             }),
-              0);
+    EXPECT_EQ(timesElsewhere(local, joinFan), 0);
+}
+TEST(SideBySide, WhatNewRoutesJoinIsTogetherFromThenOn) {
+    Scene scene;
+    loadFan(scene, {.onEvent = noteWhere, .deterministic = true, .local = true});
+    EXPECT_GT(runUntilElsewhere(scene, 1000), 0);
+    joinFan(scene);
+    EXPECT_EQ(runUntilElsewhere(scene, 12), 0);
 }
 
 void throwsElsewhere(Cascade&, const Node&, FieldIndex, EventValue) {
