@@ -35,7 +35,7 @@ Crew* Scene::State::crewFor(std::uint64_t expectedWork) {
 /// Whoever asks for a number of threads gets them; else it is seen whether they are of any use.
 void Scene::State::beginWork() {
     isTimed = std::exchange(isLarge, false) && threadsAsked == 0;
-    helps = !isTimed || worth.shouldHelp();
+    helps = threadsAsked != 0 || (isTimed && worth.shouldHelp());
     if (!isTimed) return;
     began = std::chrono::steady_clock::now();
     workBegun = work;

@@ -426,7 +426,7 @@ struct Scene::State : Scene::Lane {
     Division division;
     std::uint64_t dividedAt = 0;  // linkEdits then
     std::vector<NodeId> sources;  // of the division, ascending
-    unsigned patience = 2, untilDivided = 2, goodTurns = 0;
+    unsigned patience = 2, untilDivided = 0, goodTurns = 0;
     /// What of the emissions at hand goes to one part: whole ones, but for some targets of the first and the last.
     struct Stretch {
         unsigned part = 0;
@@ -440,7 +440,7 @@ struct Scene::State : Scene::Lane {
     };
     std::array<RoundWork, 3> roundWork;
     Worth worth;
-    bool helps = true;            // this frame gets help
+    bool helps = false;           // this frame gets help
     bool isLarge = false;         // it has enough to do for that
     bool isTimed = false;         // what it costs says something for those that follow
     std::uint64_t workBegun = 0;  // `work` when it began
