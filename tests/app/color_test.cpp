@@ -107,11 +107,11 @@ TEST_F(Color, WhatIsBeyondWhiteIsCutChannelByChannel) {
               bytes(1, .8, .4));
 }
 
-// glTF's model head-on at roughness 1: (1 - .04) base + .04 / 4.
+// glTF's model head-on at roughness 1: ((1 - .04) base + .04 / 4) / pi of the light's irradiance.
 TEST_F(Color, PhysicalMaterialIsLitAsLightAndEncoded) {
     const std::string scene =
         kDark + "DirectionalLight { }" + wall("material PhysicalMaterial { baseColor .5 .2 1 metallic 0 }");
-    const double r = .96 * .5 + .01, g = .96 * .2 + .01, b = .96 + .01;
+    const double pi = 3.14159265358979, r = (.96 * .5 + .01) / pi, g = (.96 * .2 + .01) / pi, b = (.96 + .01) / pi;
     EXPECT_EQ(seen(scene), bytes(encoded(r), encoded(g), encoded(b)));
     EXPECT_EQ(seen(scene, kLinear), bytes(encoded(r), encoded(g), encoded(b)));
     EXPECT_EQ(seen(scene, kPath), bytes(encoded(r), encoded(g), encoded(b)));

@@ -22,7 +22,7 @@ NOT_RUN = {
     "chart": "measures for minutes",
 }
 # Durations and sizes that show the same in less time.
-SHORTER = {"--for": "1s", "--web": "0", "--seek": "0.5s", "--size": "64x36", "--spp": "1", "--rays": "500", "--frames": "2", "--fps": None}
+SHORTER = {"--for": "1s", "--web": "0", "--seek": "0.5s", "--size": "64x36", "--spp": "2", "--rays": "500", "--frames": "2", "--fps": None}
 SCENES = {"hall.x3dv": "examples/demo/hall.x3dv", "door.x3dv": "examples/door.x3dv", "same_door.x3dv": "examples/door.x3dv", "door.png": "examples/door.png"}
 
 

@@ -403,7 +403,6 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     }
     s.prepareInput(t);
     if (s.recording) s.captureInput(true);
-    s.beginWork();
     Cascade cascade(*this, t, s.started ? s.now : t, s);
     s.now = t;
     s.started = true;

@@ -150,7 +150,6 @@ void Scene::setThreads(unsigned threads) {
     if (s.refuseForeign() || s.refuseFromWithin()) return;
     s.threadsAsked = threads;
     s.crew.reset();
-    s.worth.forget();
     s.division.clear();
 }
 Diagnostics& Scene::diagnostics() {

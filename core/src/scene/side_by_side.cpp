@@ -6,8 +6,6 @@
 // turn, then all that these led to, and so on: so the notes of each such turn are kept apart.
 #include <algorithm>
 #include <atomic>
-#include <chrono>
-#include <thread>
 #include <unordered_set>
 #include <utility>
 
@@ -16,34 +14,16 @@
 namespace rtsg {
 
 Crew* Scene::State::crewFor(std::uint64_t expectedWork) {
-    if (expectedWork < kWorthDividing) return nullptr;
-    isLarge = true;
-    if (!helps) return nullptr;
+    constexpr unsigned kMost = 8;
+    if (threadsAsked < 2 || expectedWork < kWorthDividing) return nullptr;
     if (!crew) {
-        constexpr unsigned kMost = 8;
-        const unsigned threads = threadsAsked ? threadsAsked : std::max(1u, std::thread::hardware_concurrency());
-        if (threads < 2) return nullptr;
-        crew = std::make_unique<Crew>(std::min(threads, kMost));
+        crew = std::make_unique<Crew>(std::min(threadsAsked, kMost));
         for (unsigned i = static_cast<unsigned>(lanes.size()); i < crew->parts(); ++i) {
             lanes.push_back(std::make_unique<Lane>());
             lanes.back()->isBeside = true;
         }
     }
     return crew.get();
-}
-
-/// Whoever asks for a number of threads gets them; else it is seen whether they are of any use.
-void Scene::State::beginWork() {
-    isTimed = std::exchange(isLarge, false) && threadsAsked == 0;
-    helps = threadsAsked != 0 || (isTimed && worth.shouldHelp());
-    if (!isTimed) return;
-    began = std::chrono::steady_clock::now();
-    workBegun = work;
-}
-
-void Scene::State::endWork() {
-    if (!std::exchange(isTimed, false)) return;
-    worth.note(std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count(), work - workBegun);
 }
 
 bool Scene::State::mayDivide() const {
@@ -176,7 +156,6 @@ bool Scene::State::gatherEdges(std::vector<Division::Edge>& edges) const {
 }
 
 bool Scene::State::divideAnew(unsigned parts) {
-    isTimed = false;  // not a frame like others
     if (dividedAt != linkEdits) sources.clear();
     for (const Emission& emission : emissions) sources.push_back(emission.node);
     std::ranges::sort(sources);

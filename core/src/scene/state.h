@@ -9,7 +9,6 @@
 #include <array>
 #include <atomic>
 #include <bit>
-#include <chrono>
 #include <map>
 #include <queue>
 #include <set>
@@ -29,7 +28,6 @@
 #include "route_list.h"
 #include "script_programs.h"
 #include "state_hash.h"
-#include "worth.h"
 
 namespace rtsg {
 
@@ -418,7 +416,7 @@ struct Scene::State : Scene::Lane {
     void tick(Cascade& cascade, std::span<const NodeId> nodes);
     void fetchAhead(std::span<const NodeId> nodes) const;
     // ---- on several threads (side_by_side.cpp) ----
-    unsigned threadsAsked = 0;
+    unsigned threadsAsked = 1;
     static constexpr std::uint64_t kWorthDividing = 4096;  // as Lane::work counts
     std::uint64_t workSealed = 0;                          // `work` at the last seal
     std::unique_ptr<Crew> crew;                            // made when it is first needed
@@ -439,14 +437,6 @@ struct Scene::State : Scene::Lane {
         std::uint64_t ticks = 0, routes = 0;
     };
     std::array<RoundWork, 3> roundWork;
-    Worth worth;
-    bool helps = false;           // this frame gets help
-    bool isLarge = false;         // it has enough to do for that
-    bool isTimed = false;         // what it costs says something for those that follow
-    std::uint64_t workBegun = 0;  // `work` when it began
-    std::chrono::steady_clock::time_point began;
-    void beginWork();
-    void endWork();
     /// Null if one thread is to do all.
     Crew* crewFor(std::uint64_t expectedWork);
     /// Whether the cascade may be divided now: nobody listens in on it or edits what others read.

@@ -89,7 +89,7 @@ ROUTE I.value_changed TO M.translation
 ROUTE C.fraction_changed TO W.set_fraction
 )";
 
-void take(const Way& way) {
+[[maybe_unused]] void take(const Way& way) {
     SCOPED_TRACE(way.name);
     std::string program;
     for (const char* c = way.program; *c; ++c) program += *c == '\\' ? std::string("\\\\") : std::string(1, *c);

@@ -204,8 +204,9 @@ class Scene {
     /// Whether keys, wheels and pointers move the viewer, as the bound NavigationInfo says (navigation.h); not at
     /// first.
     void setNavigation(bool on);
-    /// How many threads, at most 8, work on a frame of thousands of events, the scene's own among them. 0, as at first:
-    /// one a core, as long as frames take less time so. Results are the same, bit for bit, whatever the number.
+    /// How many threads, at most 8, work on a frame of thousands of events, the scene's own among them; 0 and 1, as at
+    /// first: that alone. Results are the same, bit for bit, whatever the number. Several save time where their cores
+    /// are free, and cost time where other programs have these.
     void setThreads(unsigned threads);
     /// A frame is under way: the call comes from a behaviour, a script or the event listener.
     bool isInFrame() const;
