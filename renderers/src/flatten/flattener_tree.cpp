@@ -476,8 +476,9 @@ std::uint32_t Flattener::Impl::limitOf(std::uint32_t index, const Node& node, co
     }
     // 9.4.2: what an Inline brings shines within it, unless the Inline says otherwise.
     for (; tree[group].parent != kNone; group = tree[group].parent) {
-        const Node& around = scene->node(tree[group].node);
-        if (around.is(x3d::Inline::type) && !around.get(x3d::Inline::global)) return group;
+        const Node* around = scene->find(tree[group].node);
+        if (!around) return kNone;  // destroyed by the same set: this occurrence is about to go with it
+        if (around->is(x3d::Inline::type) && !around->get(x3d::Inline::global)) return group;
     }
     return kNone;
 }

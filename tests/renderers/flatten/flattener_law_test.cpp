@@ -3,6 +3,7 @@
 
 #include "flattener_oracle.h"
 #include "renderers/scene_edits.h"
+#include "support/random_edits.h"
 
 namespace rtsg {
 namespace {
@@ -108,6 +109,29 @@ TEST(Flattener, MergedChangeSetsLeadToTheSame) {
             scene.seal();
             if (frame % 7 != 6) continue;
             ASSERT_TRUE(flat.update());
+            expectSame(scene, flat.flattener(), watcher.follower);
+            if (testing::Test::HasFailure()) return;
+        }
+    }
+}
+
+// Edits that also replace lists as wholes and destroy what is deep in the scene, several seals in one set.
+TEST(Flattener, MergedSetsOfAllKindsOfEditsLeadToTheSame) {
+    for (std::uint64_t seed = kSeed; seed < kSeed + 20; ++seed) {
+        SCOPED_TRACE(testing::Message() << "seed " << seed);
+        Scene scene;
+        const NodeId top = scene.createNode(x3d::Group::type);
+        EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, top));
+        test::RandomEdits edits(scene, seed, top);
+        SharedWorld flat(scene, {.flattening = {}, .rays = {}, .delivery = Delivery::polled});
+        Watcher watcher;
+        flat.add(watcher);
+        for (int frame = 0; frame < 200; ++frame) {
+            for (int n = 0; n < 6; ++n) edits.step();
+            scene.seal();
+            if (frame % 37 != 36) continue;
+            ASSERT_TRUE(flat.update());
+            ASSERT_EQ(flat.failure(), "");
             expectSame(scene, flat.flattener(), watcher.follower);
             if (testing::Test::HasFailure()) return;
         }

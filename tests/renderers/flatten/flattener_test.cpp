@@ -49,6 +49,25 @@ TEST_F(FlattenerCase, AMoveTouchesNothingElse) {
     EXPECT_EQ(meshes.made, 101);
 }
 
+// Found by a follower under load: one set in which a light comes into a group, and then what is above the group goes.
+TEST_F(FlattenerCase, ALightMayComeBelowWhatTheSameSetDestroys) {
+    const NodeId above = add(x3d::Group::type, scene.root()), group = add(x3d::Group::type, above);
+    EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, group));
+    addShape(group);
+    EXPECT_EQ(seal().added.size(), 2u);
+    const NodeId light = scene.createNode(x3d::PointLight::type);
+    EXPECT_TRUE(scene.set(light, x3d::PointLight::global, true));
+    Array<NodeId> children = scene.node(group).get(x3d::Group::children);
+    children.push_back(light);
+    EXPECT_TRUE(scene.set(group, x3d::Group::children, std::move(children)));
+    EXPECT_TRUE(scene.set(scene.root(), x3d::RtsgScene::children, Array<NodeId>{group}));
+    EXPECT_TRUE(scene.destroyNode(above));
+    const InstanceDelta& delta = seal();
+    EXPECT_EQ(flat.failure(), "");
+    EXPECT_EQ(delta.removed.size(), 1u);
+    expectSame(scene, flat.flattener(), watcher.follower);
+}
+
 TEST_F(FlattenerCase, SharedNodeHasOneInstanceAPathAndOneMesh) {
     const NodeId shape = addShape(scene.root());
     for (int i = 0; i < 9; ++i) {
