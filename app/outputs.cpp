@@ -53,6 +53,7 @@ void PictureArguments::addTo(Command& command) {
                    "auto: PhysicalMaterial and path in linear light, all else as display values; linear; display")
         ->preset()
         ->oneOf({"auto", "linear", "display"});
+    command.addFlag("--caps", caps, "fill closed bodies where ClipPlanes cut them");
     command.addOption("--tessellation", tessellation,
                       "how far curved geometry may lie from its surface: .5px of the picture (finer where it is near), "
                       "or .01m; else 1/400 of its radius");
@@ -92,6 +93,7 @@ ImageOptions PictureArguments::parse() const {
         throw UsageError("--shutter", "needs more than one sample a pixel: --spp");
     options.settings.shutter = static_cast<float>(shutter);
     options.settings.maxDepth = depth;
+    options.settings.caps = caps;
     options.settings.threads = threads;
     options.settings.seed = seed;
     options.settings.shadows = shadows == "none"       ? Shadows::none

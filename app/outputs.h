@@ -37,6 +37,7 @@ struct PictureArguments {
     unsigned threads = 0;
     std::uint64_t seed = 1;
     double error = 0, exposure = 1, shutter = 0;
+    bool caps = false;
 
     void addTo(Command& command);
     /// Throws UsageError for what is wrong or not built in.

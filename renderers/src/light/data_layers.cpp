@@ -281,7 +281,7 @@ class LayerTiles {
         const auto applied = [](const WorldFromLocal& t, const Vec3d& p) {
             return t[0] * p.x + t[1] * p.y + t[2] * p.z + t[3];
         };
-        if (now.mesh->strokeCount > 0) {
+        if (now.mesh->strokeCount > 0 || seen.triangle == kCap) {
             if (m == was || now.sign == 0) return {place, place};
             return {place, applied(was, glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (place - m[3]))};
         }

@@ -84,7 +84,7 @@ float Emitters::density(std::uint32_t emitter, const Vec3f& point, const Vec3f& 
 }
 
 std::uint32_t Emitters::find(std::uint32_t instance, std::uint32_t triangle) const {
-    if (instance >= firstOf_.size() || firstOf_[instance] == kNone) return kNone;
+    if (instance >= firstOf_.size() || firstOf_[instance] == kNone || triangle == kCap) return kNone;
     return firstOf_[instance] + triangle;
 }
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "world/ray_boxes.h"
+
 namespace rtsg::trace {
 
 namespace {
@@ -12,7 +14,8 @@ namespace {
 class ClipFilter final : public RayFilter {
   public:
     /// Null: nothing is cut.
-    static std::shared_ptr<const RayFilter> of(const LightState& state, const RayView& world) {
+    static std::shared_ptr<const RayFilter> of(const LightState& state, const RayView& world,
+                                               const RenderSettings& settings) {
         std::shared_ptr<ClipFilter> filter;
         for (std::size_t i = 0; i < state.placed.size(); ++i) {
             const PlacedEntry* entry = state.placed[i].get();
@@ -21,9 +24,14 @@ class ClipFilter final : public RayFilter {
             if (!filter) filter = std::make_shared<ClipFilter>(state);
             for (const ClipEntry::Plane& plane : clip->planes) {
                 const double offset = plane.offset + glm::dot(plane.normal, world.origin());
-                filter->planes_[clip->scope].emplace_back(Vec3f(plane.normal), static_cast<float>(offset));
+                const Vec4f cut(Vec3f(plane.normal), static_cast<float>(offset));
+                filter->planes_[clip->scope].push_back(cut);
+                if (settings.caps && clip->capped) filter->caps_.push_back({cut, clip->scope});
             }
         }
+        // While a shutter is open things are elsewhere, too.
+        if (filter && settings.shutter == 0) filter->findBounds(world);
+        if (filter && filter->bounds_.empty()) return nullptr;
         return filter;
     }
     explicit ClipFilter(const LightState& state)
@@ -44,11 +52,55 @@ class ClipFilter final : public RayFilter {
         }
     }
 
+    bool makesCaps() const override { return !caps_.empty(); }
+    bool findNext(const Ray& ray, Crossing& at) const override {
+        Crossing best;
+        best.t = ray.tMax;
+        bool found = false;
+        for (std::uint32_t i = 0; i < caps_.size(); ++i) {
+            const Vec4f& cut = caps_[i].plane;
+            const float along = glm::dot(Vec3f(cut), ray.direction);
+            const float t = -(glm::dot(Vec3f(cut), ray.origin) + cut.w) / along;
+            const bool comes = t > at.t || (t == at.t && i > at.plane && at.plane != Crossing().plane);
+            if (along == 0 || !comes || !(t < best.t)) continue;
+            best = {t, i, -Vec3f(cut)};
+            found = true;
+        }
+        if (found) at = best;
+        return found;
+    }
+    bool isCapped(std::uint32_t slot, std::uint32_t plane, const Vec3f& at) const override {
+        bool cuts = false;
+        for (std::uint32_t scope = scopeOf(slot);; scope = around_[scope]) {
+            cuts = cuts || scope == caps_[plane].scope;
+            for (const Vec4f& other : planes_[scope])
+                if (other != caps_[plane].plane && glm::dot(Vec3f(other), at) + other.w < 0) return false;
+            if (scope == 0) return cuts;
+        }
+    }
+
   private:
+    void findBounds(const RayView& world) {
+        if (!planes_[0].empty()) return;  // all there is
+        Bounds around;
+        for (std::size_t slot = 0; slot < world.instances().size(); ++slot) {
+            const RayInstance& instance = world.instances()[slot];
+            if (!instance.info.id || !instance.mesh || !concerns(static_cast<std::uint32_t>(slot))) continue;
+            if (instance.mesh->strokeCount > 0) return;
+            const Bounds box = boxAround(instance);
+            around.extend(box.min), around.extend(box.max);
+        }
+        bounds_ = around;
+    }
+    struct Cap {
+        Vec4f plane{0};
+        std::uint32_t scope = 0;
+    };
     std::uint32_t scopeOf(std::uint32_t slot) const { return slot < slots_.size() ? slots_[slot].lights : 0; }
     SlotPages slots_;
     std::vector<std::vector<Vec4f>> planes_;  // by scope
     std::vector<std::uint32_t> around_;
+    std::vector<Cap> caps_;
 };
 
 /// Leaves out some instances besides what another filter does.
@@ -60,6 +112,11 @@ class HidingFilter final : public RayFilter {
     bool leavesOut(std::uint32_t slot, const Vec3f& at) const override {
         return isHidden(slot) || (other_ && other_->leavesOut(slot, at));
     }
+    bool makesCaps() const override { return other_ && other_->makesCaps(); }
+    bool findNext(const Ray& ray, Crossing& at) const override { return other_ && other_->findNext(ray, at); }
+    bool isCapped(std::uint32_t slot, std::uint32_t plane, const Vec3f& at) const override {
+        return !isHidden(slot) && other_->isCapped(slot, plane, at);
+    }
 
   private:
     bool isHidden(std::uint32_t slot) const { return slot < hidden_.size() && hidden_[slot]; }
@@ -69,8 +126,9 @@ class HidingFilter final : public RayFilter {
 
 }  // namespace
 
-std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayView& world) {
-    return ClipFilter::of(state, world);
+std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayView& world,
+                                            const RenderSettings& settings) {
+    return ClipFilter::of(state, world, settings);
 }
 
 std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other) {

@@ -11,7 +11,8 @@
 namespace rtsg::trace {
 
 /// What ClipPlanes cut off; null: nothing.
-std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayView& world);
+std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayView& world,
+                                            const RenderSettings& settings);
 
 /// The slots that `hidden` says besides what another filter leaves out, which may be null.
 std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other);

@@ -89,6 +89,7 @@ ClipEntry readClip(const Node& node, const WorldFromLocal& m) {
     std::vector<Vec4d> planes;
     if (node.is(x3d::ClipPlane::type) && node.get(x3d::ClipPlane::enabled)) {
         planes.emplace_back(node.get(x3d::ClipPlane::plane));
+        clip.capped = true;
     } else if (node.is(x3d::Viewport::type)) {
         const auto [left, right, bottom, top] = clipBoundaryOf(node);
         planes = {{1, 0, 0, .5 - double{left}},

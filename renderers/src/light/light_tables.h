@@ -65,6 +65,7 @@ struct ClipEntry {
     };
     std::vector<Plane> planes;
     std::uint32_t scope = 0;  // its number
+    bool capped = false;      // where RenderSettings::caps says so: a ClipPlane, not a viewport
 };
 /// Left, right, bottom and top of a Viewport, as shares of what it divides.
 std::array<float, 4> clipBoundaryOf(const Node& viewport);

@@ -296,24 +296,6 @@ void spread(std::uint32_t mask, std::int32_t* lanes) {
 
 }  // namespace
 
-std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box) {
-    std::uint32_t met = 0;
-    for (int at = 0; at < 16; at += 8) {
-        F8 near = all(0), far = load(rays.tMax + at);
-        const float* origins[] = {rays.originX, rays.originY, rays.originZ};
-        const float* directions[] = {rays.directionX, rays.directionY, rays.directionZ};
-        for (int k = 0; k < 3; ++k) {
-            const F8 o = load(origins[k] + at), d = load(directions[k] + at), tiny = all(1e-20f);
-            const F8 inverse = 1.0f / select((d < tiny) & (d > -tiny), tiny, d);
-            const F8 a = (box.min[k] - o) * inverse, b = (box.max[k] - o) * inverse;
-            near = max(near, min(a, b)), far = min(far, max(a, b));
-        }
-        const I8 hit = near <= far * 1.00001f;
-        for (int lane = 0; lane < 8; ++lane) met |= static_cast<std::uint32_t>(hit[lane] != 0) << (at + lane);
-    }
-    return met;
-}
-
 Vec3f leftOnTheWay(const TraceScene& scene, Ray ray) {
     Vec3f left(1);
     for (int step = 0; step < 64; ++step) {
@@ -321,7 +303,7 @@ Vec3f leftOnTheWay(const TraceScene& scene, Ray ray) {
         if (!hit) return left;
         left *= straightTransmittance(scene, hit);
         if (!(std::max({left.x, left.y, left.z}) > 1 / 1024.0f)) return Vec3f(0);
-        const Vec3f next = RayView::leave(scene.world->point(hit), ray.direction);
+        const Vec3f next = RayView::leave(scene.world->point(hit, ray.origin + hit.t * ray.direction), ray.direction);
         // For a light at a place, t counts in shares of the way that is left.
         if (std::isfinite(ray.tMax)) {
             ray.direction = ray.origin + ray.direction - next;

@@ -29,9 +29,15 @@ Vec3f passes(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
     return straightTransmittance(scene, hit);
 }
 
-/// Follows a ray to its emitter through what is clear; false: something is in the way.
-bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& place, const Vec3f& direction,
-             Hit& hit, Vec3f& left) {
+/// Where the ray that made a hit goes on.
+Vec3f behind(const TraceScene& scene, const Hit& hit, const Ray& ray) {
+    return RayView::leave(scene.world->point(hit, ray.origin + hit.t * ray.direction), ray.direction);
+}
+
+/// Follows a ray, which has made this hit, to its emitter through what is clear; false: something is in the way.
+bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& place, Ray ray, Hit& hit,
+             Vec3f& left) {
+    const Vec3f direction = glm::normalize(ray.direction);
     left = Vec3f(1);
     for (int step = 0; step < 64; ++step) {
         if (!hit) return false;
@@ -39,9 +45,7 @@ bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec
         if (hit.instance >= scene.slots.size()) return false;
         left *= passes(scene, hit, direction);
         if (left == Vec3f(0)) return false;
-        Ray ray;
-        ray.tMin = kLeave, ray.tMax = kReach;
-        ray.origin = RayView::leave(scene.world->point(hit), direction);
+        ray.origin = behind(scene, hit, ray), ray.tMin = kLeave, ray.tMax = kReach;
         ray.direction = place - ray.origin;
         if (!(glm::dot(ray.direction, direction) > 0)) return false;
         hit = scene.world->intersect(ray);
@@ -50,16 +54,14 @@ bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec
 }
 
 /// The same to the sky.
-bool escapes(const TraceScene& scene, const Vec3f& direction, Hit hit, Vec3f& left) {
+bool escapes(const TraceScene& scene, Ray ray, Hit hit, Vec3f& left) {
     left = Vec3f(1);
     for (int step = 0; step < 64; ++step) {
         if (!hit) return true;
         if (hit.instance >= scene.slots.size()) return false;
-        left *= passes(scene, hit, direction);
+        left *= passes(scene, hit, ray.direction);
         if (left == Vec3f(0)) return false;
-        Ray ray;
-        ray.tMin = kLeave;
-        ray.origin = RayView::leave(scene.world->point(hit), direction), ray.direction = direction;
+        ray.origin = behind(scene, hit, ray), ray.tMin = kLeave, ray.tMax = HUGE_VALF;
         hit = scene.world->intersect(ray);
     }
     return false;
@@ -121,7 +123,7 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, PathTask* 
         const Vec3f direction = out.direction.get(lane), from = s.position.get(lane);
         Hit hit = scene.world->hit(rays, lane);
         Vec3f left;
-        if (!reaches(scene, emitters[chosen[lane]], places[lane], direction, hit, left)) {
+        if (!reaches(scene, emitters[chosen[lane]], places[lane], rays.ray(lane), hit, left)) {
             out.mask &= ~(1u << lane);
             continue;
         }
@@ -165,7 +167,7 @@ void lookForSky(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks
         const int lane = std::countr_zero(rest);
         const Vec3f direction = out.direction.get(lane);
         Vec3f left(1);
-        if ((hits >> lane & 1u) && !escapes(scene, direction, scene.world->hit(rays, lane), left)) {
+        if ((hits >> lane & 1u) && !escapes(scene, rays.ray(lane), scene.world->hit(rays, lane), left)) {
             out.mask &= ~(1u << lane);
             continue;
         }

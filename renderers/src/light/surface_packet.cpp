@@ -296,6 +296,7 @@ void gatherNormals(const TraceScene& scene, SurfacePacket& out) {
     std::memcpy(&out.normal, &out.hits, sizeof out.normal);  // normalX, normalY, normalZ
     for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
+        if (out.caps >> lane & 1u) continue;
         common.find(scene, out.hits.instance[lane]);
         const MeshAttribute& normals = common.mesh->normals;
         if (!normals.present()) {
@@ -436,6 +437,7 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             const Hit hit = out.hit(lane);
+            if (out.caps >> lane & 1u) continue;  // the inside has the material's own colours
             const float run = (tasks ? tasks[lane].travelled : 0) + hit.t;
             const float cosine = std::max(std::abs(glm::dot(out.view.get(lane), hit.normal)), 0.05f);
             const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
@@ -459,7 +461,10 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
                    SurfacePacket& out) {
     scene.world->hits(rays, mask, out.hits);
     out.mask = mask;
-    out.special = out.unlit = out.physical = out.shiny = out.linear = 0;
+    out.special = out.unlit = out.physical = out.shiny = out.linear = out.caps = 0;
+    if (scene.filter && scene.filter->makesCaps()) [[unlikely]]
+        for (int lane = 0; lane < 16; ++lane)
+            if ((mask >> lane & 1u) && out.hits.triangle[lane] == kCap) out.caps |= 1u << lane;
     out.pointsFound = false;
     const std::uint32_t first = out.hits.instance[std::countr_zero(mask)];
     std::uint32_t same = 0;
@@ -499,7 +504,7 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
     if (s.pointsFound) return;
     s.pointsFound = true;
     const auto isStroke = [&](int lane) { return scene.world->instance(s.hits.instance[lane]).mesh->strokeCount > 0; };
-    if (!s.oneInstance || isStroke(std::countr_zero(s.mask))) {
+    if (!s.oneInstance || isStroke(std::countr_zero(s.mask)) || s.caps) {
         for (std::uint32_t rest = s.mask; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             if (isStroke(lane)) {
@@ -511,7 +516,7 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
                             Vec3f(.01f * (scene.pixelSpread * s.distance[lane] + scene.pixelSize) + 0x1p-20f * far));
                 continue;
             }
-            const HitPoint point = scene.world->point(s.hit(lane));
+            const HitPoint point = scene.world->point(s.hit(lane), s.position.get(lane));
             s.exact.set(lane, point.position);
             s.error.set(lane, point.error);
         }
@@ -556,6 +561,19 @@ bool letsThrough(const TraceScene& scene, std::uint32_t instance) {
     return mesh.colors.present() && mesh.colors.components() == 4;
 }
 
+namespace {
+
+/// `alpha`: of textures.
+Vec3f throughPlain(const Material& material, float alpha, float opacity) {
+    const float coverage = coverageOf(material, alpha);
+    Vec3f through = coverage * (1 - opacityOf(material, opacity)) * (Vec3f(1) - material.reflectivity);
+    // Two boundaries of a dielectric reflect some of what passes; the bending is not followed.
+    if (material.refractiveIndex > 0) through *= 1 - fresnelDielectric(1, material.refractiveIndex).mean();
+    return Vec3f(1 - coverage) + through;
+}
+
+}  // namespace
+
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
     const SlotShading& slot = slotOf(scene, hit.instance);
     const MaterialEntry& entry = scene.materials[slot.material];
@@ -564,6 +582,7 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
     const bool colored = mesh.colors.present() && mesh.colors.components() == 4;
     if (!letsThrough(scene, hit.instance)) return Vec3f(0);
     const Material& material = entry.material;
+    if (hit.isCap()) return throughPlain(material, 1, material.opacity);
     if (mesh.strokeCount > 0)
         return Vec3f(1 - opacityOf(material, colored ? mesh.color(hit.triangle, hit.u, 0).a : material.opacity));
     float opacity = colored ? mesh.color(hit.triangle, hit.u, hit.v).a : material.opacity, alpha = 1;
@@ -581,11 +600,7 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
                     {instance, slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position, hit.normal},
                     material, material.linear.base, material.linear.specular, opacity)
                     .a;
-    const float coverage = coverageOf(material, alpha);
-    Vec3f through = coverage * (1 - opacityOf(material, opacity)) * (Vec3f(1) - material.reflectivity);
-    // Two boundaries of a dielectric reflect some of what passes; the bending is not followed.
-    if (material.refractiveIndex > 0) through *= 1 - fresnelDielectric(1, material.refractiveIndex).mean();
-    return Vec3f(1 - coverage) + through;
+    return throughPlain(material, alpha, opacity);
 }
 
 Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footprint) {
@@ -594,6 +609,7 @@ Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footpr
     const Material& front = scene.materials[slot.material].material;
     const Material& material = behind && front.back ? *front.back : front;
     const Material::Linear colors = colorsOf(material, true);
+    if (hit.isCap()) return material.model == ShadingModel::unlit ? colors.base : colors.emissive;
     const TextureLookup look{
         instance, slot, hit, footprint, ColorSpace::linear, &scene, scene.world->point(hit).position, hit.normal};
     if (material.model != ShadingModel::unlit) {

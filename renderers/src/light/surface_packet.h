@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "trace_scene.h"
+#include "world/ray_boxes.h"
 
 namespace rtsg::trace {
 
@@ -25,6 +26,7 @@ struct alignas(64) SurfacePacket {
     std::uint32_t physical = 0;  // of the lit ones
     std::uint32_t shiny = 0;     // of the lit ones, phong with a specular part
     std::uint32_t linear = 0;    // colours and radiance are light; of the others display values
+    std::uint32_t caps = 0;      // on a cap
     bool oneInstance = false;    // all lanes
     PacketHits16 hits;
     alignas(64) float distance[16];
@@ -64,9 +66,6 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
 
 /// Fills `exact` and `error`, once.
 void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
-
-/// A bit for each of the rays that meets the box somewhere between its ends, and maybe for others that pass close by.
-std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box);
 
 /// Whether light may pass straight through an instance.
 bool letsThrough(const TraceScene& scene, std::uint32_t instance);

@@ -12,6 +12,7 @@
 #include "environment.h"
 #include "left_out.h"
 #include "volume_march.h"
+#include "world/ray_boxes.h"
 
 namespace rtsg::trace {
 
@@ -61,18 +62,6 @@ bool anyLightWantsShadows(const LightState& state) {
                 if (light.shadows && light.kind != Light::Kind::environment) return true;
             }
     return false;
-}
-
-/// In ray space.
-Bounds boxAround(const RayInstance& instance) {
-    const Bounds& local = instance.mesh->bounds;
-    const glm::mat4x3& m = instance.rayFromLocal;
-    const Vec3f center = m * Vec4f(local.center(), 1), half = .5f * local.size();
-    const Vec3f reach = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
-    const Vec3f slack = (glm::abs(center) + reach) * 0x1p-18f + instance.errorFloor;
-    Bounds box;
-    box.extend(center - reach - slack), box.extend(center + reach + slack);
-    return box;
 }
 
 /// Where light is let through, if that can be told in few boxes.
@@ -162,7 +151,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     const auto height = static_cast<float>((camera.top - camera.bottom) / settings.height);
     (camera.orthographic ? scene.pixelSize : scene.pixelSpread) = height;
     const PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), scene.pixelSpread, scene.pixelSize};
-    scene.filter = clipFilter(state, world);
+    scene.filter = clipFilter(state, world, settings);
     if (state.volumeSlots) {
         findVolumes(state, world, part.hidden, scene.filter, scene);
         for (const TraceVolume& volume : scene.volumes) {

@@ -148,7 +148,7 @@ class Fogs {
         /// The share of its own colour that is left of what a ray meets after `distance`.
         float left(const Mesh& mesh, std::uint32_t triangle, float u, float v, float distance) const {
             if (fog.type == FogType::none) return 1;
-            if (mesh.fogDepths.present()) [[unlikely]]  // 24.4.3: in place of the distance
+            if (mesh.fogDepths.present() && triangle != kCap) [[unlikely]]  // 24.4.3: in place of the distance
                 return 1 - std::clamp(mesh.fogDepths.interpolate(triangle, u, v).x, 0.0f, 1.0f);
             return fogFactor(fog.type, fog.visibilityRange, distance);
         }

@@ -1,8 +1,13 @@
 // Interpolation, areas, volumes and the validity check of a mesh.
 #include <rtsg/renderers/mesh.h>
 
+#include <algorithm>
+#include <array>
+#include <numeric>
 #include <string>
 #include <unordered_set>
+#include <utility>
+#include <vector>
 
 namespace rtsg {
 
@@ -80,6 +85,50 @@ std::string findDefect(const Mesh& mesh) {
     for (const TexCoords& set : mesh.texCoords)
         if (defect.empty()) defect = defectOf(set.values, mesh, "texCoords");
     return defect;
+}
+
+namespace {
+
+/// Corners with numbers that are equal where their places are.
+std::vector<std::uint32_t> placesOf(const Mesh& mesh) {
+    std::vector<std::uint32_t> order(mesh.positions.size()), place(mesh.positions.size());
+    std::iota(order.begin(), order.end(), 0u);
+    const auto key = [&](std::uint32_t i) {
+        const Vec3f p = mesh.positions[i];
+        return std::array{p.x, p.y, p.z};  // -0 equals 0
+    };
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return key(a) < key(b); });
+    for (std::size_t i = 0; i < order.size(); ++i)
+        place[order[i]] = i > 0 && key(order[i]) == key(order[i - 1]) ? place[order[i - 1]] : order[i];
+    return place;
+}
+
+bool hasAllEdgesTwice(const Mesh& mesh) {
+    const std::vector<std::uint32_t> place = placesOf(mesh);
+    std::vector<std::pair<std::uint64_t, int>> edges;  // which, and by one in which direction
+    edges.reserve(std::size_t{3} * mesh.triangleCount);
+    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
+        for (std::uint32_t c = 0; c < 3; ++c) {
+            const std::uint64_t a = place[mesh.vertexIndex(t, c)], b = place[mesh.vertexIndex(t, (c + 1) % 3)];
+            if (a != b) edges.emplace_back(std::min(a, b) << 32 | std::max(a, b), a < b ? 1 : -1);
+        }
+    }
+    std::sort(edges.begin(), edges.end());
+    for (std::size_t i = 0; i < edges.size();) {
+        const std::uint64_t edge = edges[i].first;
+        int sum = 0;
+        for (; i < edges.size() && edges[i].first == edge; ++i) sum += edges[i].second;
+        if (sum != 0) return false;
+    }
+    return !edges.empty();
+}
+
+}  // namespace
+
+bool Mesh::isClosed() const {
+    std::int8_t known = closed_.value.load(std::memory_order_relaxed);
+    if (known < 0) closed_.value.store(known = hasAllEdgesTwice(*this), std::memory_order_relaxed);
+    return known != 0;
 }
 
 double surfaceArea(const Mesh& mesh) {

@@ -1,10 +1,14 @@
-// Queries: what every ray of light, sound and picking goes through. Nothing here allocates or locks.
+// Queries: what every ray of light, sound and picking goes through. Nothing here locks, and only what
+// looks for caps allocates.
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
+#include <vector>
 
 #include "mesh/simd8.h"
+#include "ray_boxes.h"
 #include "ray_view_impl.h"
 
 namespace rtsg {
@@ -35,6 +39,13 @@ inline int findValid(const RayPacket16& rays, std::int32_t* valid) {
     return bad;
 }
 
+/// The lanes that are traced, a bit each.
+inline std::uint32_t lanesOf(const std::int32_t* valid) {
+    std::uint32_t lanes = 0;
+    for (int i = 0; i < 16; ++i) lanes |= static_cast<std::uint32_t>(valid[i] != 0) << i;
+    return lanes;
+}
+
 inline bool acceptable(const Ray& ray) {
     return acceptable(ray.origin.x, ray.origin.y, ray.origin.z, ray.tMin, ray.direction.x, ray.direction.y,
                       ray.direction.z, ray.tMax);
@@ -62,6 +73,13 @@ Hit resolve(const bvh::RawHit& raw, const bvh::TopView& top, const RayInstances&
     return hit;
 }
 
+/// As if the lane of a packet had met it; its tMax is set elsewhere.
+void store(const Hit& hit, RayPacket16& rays, int lane) {
+    rays.u_[lane] = hit.u, rays.v_[lane] = hit.v;
+    rays.normalX_[lane] = hit.normal.x, rays.normalY_[lane] = hit.normal.y, rays.normalZ_[lane] = hit.normal.z;
+    rays.prim_[lane] = hit.triangle, rays.geom_[lane] = hit.instance, rays.inst_[lane] = bvh::StrokeView::kResolved;
+}
+
 }  // namespace
 
 Hit RayView::intersect(const Ray& ray, RayKind kind) const {
@@ -69,7 +87,8 @@ Hit RayView::intersect(const Ray& ray, RayKind kind) const {
         tables_->badRays.fetch_add(1, std::memory_order_relaxed);
         return {};
     }
-    return filter_ ? intersectFiltered(ray, kind) : intersectAll(ray, kind);
+    if (!filter_) return intersectAll(ray, kind);
+    return meetCaps(ray, intersectFiltered(ray, kind), kind);
 }
 
 Hit RayView::intersectAll(const Ray& ray, RayKind kind) const {
@@ -93,11 +112,12 @@ Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
     return {};
 }
 
-std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, const float* tMax, RayKind kind) const {
+std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
+                                  RayKind kind) const {
     // Rays that run together meet few instances: each is asked about once, as long as they meet the same.
     std::uint32_t inst = 0, geom = 0;
     bool known = false, concerned = false;
-    for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
+    for (std::uint32_t rest = hits & asked; rest; rest &= rest - 1) {
         const int i = std::countr_zero(rest);
         if (!known || rays.inst_[i] != inst || rays.geom_[i] != geom) {
             inst = rays.inst_[i], geom = rays.geom_[i];
@@ -120,9 +140,56 @@ std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, const f
             hits &= ~(1u << i);
             continue;
         }
-        rays.u_[i] = next.u, rays.v_[i] = next.v;
-        rays.normalX_[i] = next.normal.x, rays.normalY_[i] = next.normal.y, rays.normalZ_[i] = next.normal.z;
-        rays.prim_[i] = next.triangle, rays.geom_[i] = next.instance, rays.inst_[i] = bvh::StrokeView::kResolved;
+        store(next, rays, i);
+    }
+    return filter_->makesCaps() ? meetCaps(rays, hits, asked, tMax, kind) : hits;
+}
+
+std::uint32_t RayView::bodyAround(const Vec3f& place, const Vec3f& direction, std::uint32_t plane, RayKind kind) const {
+    // Of a closed body whose inside the place is in, a ray from there meets the back first.
+    constexpr int kMost = 10'000;
+    std::vector<std::uint32_t> outside;
+    Ray ray{place, 0, direction};
+    for (int i = 0; i < kMost; ++i) {
+        const Hit hit = resolve(tables_->top.intersect(ray, kind), tables_->top, instances_);
+        if (!hit) return kNoInstance;
+        if (filter_->isCapped(hit.instance, plane, place) && std::ranges::find(outside, hit.instance) == outside.end() &&
+            instances_[hit.instance].mesh->isClosed()) {
+            if (glm::dot(hit.normal, direction) > 0) return hit.instance;
+            outside.push_back(hit.instance);
+        }
+        ray.tMin = std::nextafter(hit.t * (1 + 0x1p-22f), HUGE_VALF);
+        if (!std::isfinite(ray.tMin)) return kNoInstance;
+    }
+    return kNoInstance;
+}
+
+Hit RayView::meetCaps(const Ray& ray, const Hit& hit, RayKind kind) const {
+    if (!filter_->makesCaps()) return hit;
+    Ray before = ray;
+    if (hit) before.tMax = std::min(ray.tMax, hit.t);
+    RayFilter::Crossing crossing;
+    crossing.t = ray.tMin;
+    while (filter_->findNext(before, crossing)) {
+        const Vec3f place = ray.origin + crossing.t * ray.direction;
+        const std::uint32_t slot = bodyAround(place, ray.direction, crossing.plane, kind);
+        if (slot != kNoInstance) return {crossing.t, slot, kCap, 0, 0, crossing.outwards};
+    }
+    return hit;
+}
+
+std::uint32_t RayView::meetCaps(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
+                                RayKind kind) const {
+    for (std::uint32_t rest = asked; rest; rest &= rest - 1) {
+        const int i = std::countr_zero(rest);
+        const Hit before = hits >> i & 1u ? hit(rays, i) : Hit{};
+        Ray ray = rays.ray(i);
+        ray.tMax = tMax[i];
+        const Hit cap = meetCaps(ray, before, kind);
+        if (!cap.isCap()) continue;
+        rays.tMax[i] = cap.t;
+        store(cap, rays, i);
+        hits |= 1u << i;
     }
     return hits;
 }
@@ -144,7 +211,7 @@ bool RayView::occluded(const Ray& ray, RayKind kind) const {
         tables_->badRays.fetch_add(1, std::memory_order_relaxed);
         return false;
     }
-    if (filter_) return static_cast<bool>(intersectFiltered(ray, kind));
+    if (filter_) return static_cast<bool>(meetCaps(ray, intersectFiltered(ray, kind), kind));
     return tables_->top.occluded(ray, kind) || (seesStrokes(kind) && tables_->strokes.occluded(ray, lens_, kind));
 }
 
@@ -152,36 +219,49 @@ std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind)
     alignas(64) std::int32_t valid[16];
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
+    const std::uint32_t asked = filter_ ? meetBox(rays, filter_->bounds()) & lanesOf(valid) : 0;
     float tMax[16];
-    if (filter_) std::memcpy(tMax, rays.tMax, sizeof tMax);
+    if (asked) std::memcpy(tMax, rays.tMax, sizeof tMax);
+    const std::uint32_t hits = intersectAll(rays, valid, coherent, kind);
+    return asked ? filterHits(rays, hits, asked, tMax, kind) : hits;
+}
+
+std::uint32_t RayView::intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
     std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind);
     if (seesStrokes(kind)) hits |= tables_->strokes.intersect(rays, valid, lens_, kind);
-    if (filter_) hits = filterHits(rays, hits, tMax, kind);
     return hits;
+}
+
+std::uint32_t RayView::occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
+    std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind);
+    if (seesStrokes(kind)) blocked |= tables_->strokes.occluded(rays, valid, lens_, kind);
+    return blocked;
 }
 
 std::uint32_t RayView::occluded(RayPacket16& rays, bool coherent, RayKind kind) const {
     alignas(64) std::int32_t valid[16];
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
-    if (filter_) {
-        // What blocks a ray may be left out where it does: of those that something blocks the nearest is looked for,
-        // and what is beyond it if need be.
-        float tMax[16];
-        std::memcpy(tMax, rays.tMax, sizeof tMax);
-        std::uint32_t hits = tables_->top.occluded(rays, valid, coherent, kind);
-        if (seesStrokes(kind)) hits |= tables_->strokes.occluded(rays, valid, lens_, kind);
-        if (!hits) return 0;
-        std::memcpy(rays.tMax, tMax, sizeof tMax);
-        for (int i = 0; i < 16; ++i) valid[i] = hits >> i & 1u ? -1 : 0;
-        hits = tables_->top.intersect(rays, valid, coherent, kind);
-        if (seesStrokes(kind)) hits |= tables_->strokes.intersect(rays, valid, lens_, kind);
-        hits = filterHits(rays, hits, tMax, kind);
-        for (int i = 0; i < 16; ++i) rays.tMax[i] = hits >> i & 1u ? -HUGE_VALF : tMax[i];
-        return hits;
+    std::uint32_t asked = filter_ ? meetBox(rays, filter_->bounds()) & lanesOf(valid) : 0;
+    if (!asked) return occludedByAll(rays, valid, coherent, kind);
+    // What blocks a ray may be left out where it does: of those that something blocks the nearest is looked for, and
+    // what is beyond it if need be. Where there are caps something may be in the way that no ray meets by itself.
+    float tMax[16];
+    std::memcpy(tMax, rays.tMax, sizeof tMax);
+    std::uint32_t blocked = 0;
+    if (filter_->makesCaps())
+        for (int i = 0; i < 16; ++i) valid[i] = asked >> i & 1u ? 0 : valid[i];
+    blocked = occludedByAll(rays, valid, coherent, kind);
+    if (!filter_->makesCaps()) asked &= blocked;
+    blocked &= ~asked;
+    if (!asked) return blocked;
+    for (int i = 0; i < 16; ++i) {
+        valid[i] = -static_cast<std::int32_t>(asked >> i & 1u);
+        if (valid[i]) rays.tMax[i] = tMax[i];
     }
-    std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind);
-    if (seesStrokes(kind)) blocked |= tables_->strokes.occluded(rays, valid, lens_, kind);
+    blocked |= filterHits(rays, intersectAll(rays, valid, coherent, kind), asked, tMax, kind);
+    for (int i = 0; i < 16; ++i)
+        if (asked >> i & 1u) rays.tMax[i] = blocked >> i & 1u ? -HUGE_VALF : tMax[i];
     return blocked;
 }
 
@@ -264,6 +344,14 @@ HitPoint RayView::point(const Hit& hit) const {
     const Vec3f linear = glm::abs(m[0]) * size.x + glm::abs(m[1]) * size.y + glm::abs(m[2]) * size.z;
     result.error = (linear * instance.errorScale + glm::abs(m[3])) * gamma + instance.errorFloor;
     return result;
+}
+
+HitPoint RayView::point(const Hit& hit, const Vec3f& place) const {
+    if (!hit.isCap()) return point(hit);
+    // The plane is known as well as its numbers are rounded, in ray space.
+    constexpr float eps = 0x1p-24f;
+    const float far = std::max(std::max(std::abs(place.x), std::abs(place.y)), std::abs(place.z));
+    return {place, Vec3f(16 * eps * far), hit.normal};
 }
 
 Vec3f RayView::leave(const HitPoint& from, const Vec3f& direction) {

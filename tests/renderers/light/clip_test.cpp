@@ -100,5 +100,129 @@ TEST(ClipPlane, CutsLinesAndIsSeenInMirrors) {
     EXPECT_NEAR(lit(s.picture(), 0) * 200 * 200, 500 + kPi * 12.5, 12);
 }
 
+// ---- caps ---------------------------------------------------------------------------------------------------------
+
+/// A box of this many metres about the origin.
+std::string cube(double side, const std::string& material) {
+    return fmt::format("Shape {{ appearance Appearance {{ {0} }} geometry Box {{ size {1} {1} {1} }} }} ", material,
+                       side);
+}
+
+struct ClipCaps : testing::TestWithParam<Integrator> {
+    /// The eye looks along -z at a square of 4 m.
+    Picture capped(const std::string& content, bool caps = true) {
+        LightScene s(std::string(kEye) + content, 200, 200);
+        s.options.settings.integrator = GetParam();
+        s.options.settings.caps = caps;
+        return s.picture();
+    }
+};
+INSTANTIATE_TEST_SUITE_P(Integrators, ClipCaps, testing::Values(Integrator::whitted, Integrator::path));
+
+TEST_P(ClipCaps, FillClosedBodiesAndNothingElse) {
+    const std::string cut = "ClipPlane { plane 0 0 -1 0 } ";
+    EXPECT_NEAR(lit(capped(cut + cube(2, unlit("1 0 0")), false), 0), 0, 1e-6) << "one looks through backs";
+    EXPECT_NEAR(lit(capped(cut + cube(2, unlit("1 0 0"))), 0), .25, .002);
+    const std::string open =
+        "Shape { appearance Appearance { " + unlit("1 0 0") + " } geometry Cylinder { top FALSE } }";
+    EXPECT_NEAR(lit(capped(cut + open), 0), 0, 1e-6) << "it has no inside";
+    EXPECT_NEAR(lit(capped(cut + square(1, unlit("1 0 0"))), 0), .25, .002) << "which lies on the plane";
+    EXPECT_NEAR(lit(capped("ClipPlane { plane 0 0 -.5 -.75 } " + cube(2, unlit("1 0 0"))), 0), 0, 1e-6)
+        << "nothing is left";
+    EXPECT_NEAR(lit(capped("Group { children [ " + cut + "] } " + cube(2, unlit("1 0 0"))), 0), .25, .002)
+        << "out of its scope, and whole";
+}
+
+TEST_P(ClipCaps, AreLitAsThePlaneLies) {
+    // The light comes along -z and meets the cap at 36.87 degrees: .8 of what it gives head-on.
+    const std::string scene =
+        "DirectionalLight { direction 0 0 -1 } NavigationInfo { headlight FALSE } Transform { "
+        "translation .2 -.1 0 rotation 0 1 0 .6435011 children [ ClipPlane { plane 0 0 -1 0 } " +
+        cube(2, matte(".5 .5 .5")) + " ] }";
+    LightScene s("OrthoViewpoint { fieldOfView [ -.1 -.1 .1 .1 ] } " + scene, 16, 16);
+    s.options.settings.integrator = GetParam();
+    s.options.settings.colorSpace = ColorSpace::linear;
+    s.options.settings.caps = true;
+    EXPECT_NEAR(s.center().r, .8 * linearFromSrgb(Vec3f(.5f)).r, .002);
+}
+
+TEST_P(ClipCaps, OfTheInnermostOfSeveralBodiesIsSeen) {
+    const std::string both = cube(2, unlit("1 0 0")) + cube(1, unlit("0 1 0"));
+    const Picture inBoth = capped("ClipPlane { plane 0 0 -1 0 } " + both);
+    EXPECT_NEAR(lit(inBoth, 1), .0625, .002);
+    EXPECT_NEAR(lit(inBoth, 0), .1875, .002);
+    // A body that is whole stands out of the cap of one around it.
+    const Picture whole = capped("Group { children [ ClipPlane { plane 0 0 -1 0 } " + cube(2, unlit("1 0 0")) + "] } " +
+                                 cube(1, unlit("0 1 0")));
+    EXPECT_NEAR(lit(whole, 1), .0625, .002);
+    EXPECT_NEAR(lit(whole, 0), .1875, .002);
+    // One in front of the plane is no part of the body behind it, and hides the cap.
+    const Picture before =
+        capped("ClipPlane { plane 0 0 -1 0 } " + cube(2, unlit("1 0 0")) +
+               "Group { children [ Transform { translation 0 0 5 children [ " + cube(1, unlit("0 1 0")) + " ] } ] } ");
+    EXPECT_NEAR(lit(before, 1), 0, 1e-6) << "it is cut away itself";
+    EXPECT_NEAR(lit(before, 0), .25, .002);
+}
+
+TEST_P(ClipCaps, LeaveHolesOpen) {
+    // A box with a hollow in one mesh, the hollow's walls facing inwards: one looks at the hollow's far wall.
+    const char* const hollow =
+        "Shape { appearance Appearance { material UnlitMaterial { emissiveColor 1 1 1 } } geometry IndexedFaceSet { "
+        "colorPerVertex FALSE color Color { color [ 1 0 0, 0 1 0 ] } colorIndex [ 0 0 0 0 0 0 1 1 1 1 1 1 ] "
+        "coordIndex [ 0 1 2 3 -1 7 6 5 4 -1 0 4 5 1 -1 1 5 6 2 -1 2 6 7 3 -1 3 7 4 0 -1 "
+        "11 10 9 8 -1 12 13 14 15 -1 9 13 12 8 -1 10 14 13 9 -1 11 15 14 10 -1 8 12 15 11 -1 ] "
+        "coord Coordinate { point [ -1 -1 1, 1 -1 1, 1 1 1, -1 1 1, -1 -1 -1, 1 -1 -1, 1 1 -1, -1 1 -1, "
+        "-.5 -.5 .5, .5 -.5 .5, .5 .5 .5, -.5 .5 .5, -.5 -.5 -.5, .5 -.5 -.5, .5 .5 -.5, -.5 .5 -.5 ] } } } ";
+    const Picture p = capped(std::string("ClipPlane { plane 0 0 -1 0 } ") + hollow);
+    // The cap has the material's colour, white, and not those of faces.
+    EXPECT_NEAR(lit(p, 2), .1875, .002);
+    EXPECT_NEAR(lit(p, 1) - lit(p, 2), .0625, .002) << "the hollow's green wall";
+    EXPECT_NEAR(lit(p, 0), lit(p, 2), 1e-6) << "nothing of the red outside is left in sight";
+}
+
+TEST_P(ClipCaps, AreCutByOtherPlanes) {
+    EXPECT_NEAR(lit(capped("ClipPlane { plane 0 0 -1 0 } ClipPlane { plane 1 0 0 .5 } " + cube(2, unlit("1 0 0"))), 0),
+                .75 * .25, .003);
+    // Two planes leave a sheet of which no face of the box is left in sight.
+    EXPECT_NEAR(lit(capped("ClipPlane { plane 0 0 -1 .1 } ClipPlane { plane 0 0 1 .1 } " + cube(2, unlit("1 0 0"))), 0),
+                .25, .002);
+    // The same plane twice is one.
+    EXPECT_NEAR(
+        lit(capped("ClipPlane { plane 0 0 -1 .1 } ClipPlane { plane 0 0 -1 .1 } " + cube(2, unlit("1 0 0"))), 0), .25,
+        .002);
+}
+
+TEST_P(ClipCaps, ThrowShadowsAndLetLightThrough) {
+    const auto below = [&](bool caps, const std::string& material) {
+        LightScene s(
+            "OrthoViewpoint { position 0 0 -1 fieldOfView [ -1 -1 1 1 ] } NavigationInfo { headlight FALSE } "
+            "DirectionalLight { direction 0 0 -1 } Transform { translation 0 0 -2 children [ " +
+                square(8, matte("1 1 1")) +
+                " ] } Group { children [ ClipPlane { plane 0 0 -1 .1 } ClipPlane { plane 0 0 1 .1 } " +
+                cube(2, material) + " ] }",
+            16, 16);
+        s.options.settings.integrator = GetParam();
+        s.options.settings.caps = caps;
+        return linearFromSrgb(Vec3f(s.center())).r;
+    };
+    EXPECT_GT(below(false, matte("1 1 1")), .9f);
+    EXPECT_EQ(below(true, matte("1 1 1")), 0);
+}
+
+TEST_P(ClipCaps, StayInPlaceFarFromTheOrigin) {
+    const auto there = [&](double far, const std::string& what) {
+        return fmt::format(
+            "OrthoViewpoint {{ fieldOfView [ -2 -2 2 2 ] position {0} {0} {1} }} Transform {{ "
+            "translation {0} {0} {0} children [ ClipPlane {{ plane 0 0 -1 0 }} {2} ] }}",
+            far, far + 10, what);
+    };
+    for (const double far : {0., 1e4, 1e6}) {
+        LightScene s(there(far, cube(2, unlit("1 0 0"))), 100, 100);
+        s.options.settings.integrator = GetParam();
+        s.options.settings.caps = true;
+        EXPECT_NEAR(lit(s.picture(), 0), .25, .01) << far;
+    }
+}
+
 }  // namespace
 }  // namespace rtsg

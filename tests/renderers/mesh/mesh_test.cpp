@@ -29,6 +29,29 @@ TEST(MeshAttribute, BindingsAddressTheirValues) {
     EXPECT_EQ(kept.value(1, 0), Vec4f(1, 2, 3, 4));
 }
 
+TEST(Mesh, IsClosedWhereEveryEdgeIsRunBothWays) {
+    EXPECT_TRUE(tessellate(BoxParams{}).isClosed());
+    EXPECT_TRUE(tessellate(SphereParams{}).isClosed());
+    EXPECT_TRUE(tessellate(ConeParams{}).isClosed());
+    EXPECT_FALSE(tessellate(ConeParams{.bottom = false}).isClosed());
+    EXPECT_FALSE(Mesh().isClosed());
+    Mesh mesh;  // a tetrahedron whose faces share no corner, and whose 0 is -0 now and then
+    const Vec3f a(0), b(1, -0.0f, 0), c(-0.0f, 1, 0), d(0, 0, 1), e(0, 1, 0);
+    mesh.positions = {a, e, b, a, b, d, a, d, c, b, c, d};
+    mesh.triangles = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
+    mesh.triangleCount = 4;
+    EXPECT_TRUE(mesh.isClosed());
+    Mesh open = mesh;
+    open.triangleCount = 3;
+    EXPECT_FALSE(open.isClosed()) << "a copy asks anew";
+    Mesh turned = mesh;
+    turned.triangles = {0, 2, 1, 3, 4, 5, 6, 7, 8, 9, 10, 11};
+    EXPECT_FALSE(turned.isClosed()) << "one face shows its back";
+    mesh.triangles = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 1};
+    mesh.triangleCount = 5;
+    EXPECT_TRUE(Mesh(mesh).isClosed()) << "a triangle without area changes nothing";
+}
+
 TEST(Mesh, GeometricNormalsOfTinyHugeAndEmptyTriangles) {
     for (const float size : {1e-30f, 1e-12f, 1.0f, 1e12f, 9e17f}) {
         Mesh mesh;

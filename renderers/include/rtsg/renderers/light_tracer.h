@@ -74,6 +74,9 @@ struct RenderSettings {
     /// In which space light is computed (docs/color.md). The picture is of the display's space, or linear if that is
     /// asked for. Paths compute in linear light always: automatic means that, display is an error.
     ColorSpace colorSpace = ColorSpace::automatic;
+    /// Whether closed bodies that ClipPlanes cut (11.4.1) are filled there, in their material's own colours; else one
+    /// looks into them.
+    bool caps = false;
     unsigned threads = 0;      // 0: one a core
     std::uint32_t layers = 0;  // DataLayers
     /// The share, up to 1, of the time since the picture before in which the shutter was open; it closes at this one's

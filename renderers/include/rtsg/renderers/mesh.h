@@ -8,6 +8,7 @@
 // Source: paper section 4.2 (utility classes); ISO/IEC 19775-1 V4.0 clauses 11, 13 and 14.
 #pragma once
 
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -188,6 +189,24 @@ struct Mesh {
     Vec4f texCoord(std::uint32_t triangle, float u, float v, std::size_t channel = 0) const;
     /// Opaque white without colours.
     ColorRGBA color(std::uint32_t triangle, float u, float v) const;
+
+    /// Whether it has an inside: every edge of it is run along as often in one direction as in the other. Edges are
+    /// those between places, so that seams of attributes do not count. Found out when it is first asked for, by any
+    /// thread.
+    bool isClosed() const;
+
+  private:
+    /// What isClosed() found, or -1. A copy may be changed before it is shared, and asks anew.
+    struct Answer {
+        std::atomic<std::int8_t> value{-1};
+        Answer() = default;
+        Answer(const Answer&) {}
+        Answer& operator=(const Answer&) {
+            value = -1;
+            return *this;
+        }
+    };
+    mutable Answer closed_;
 };
 
 /// Everything at once, for channel 0. Preconditions: triangle < triangleCount; u, v >= 0; u + v <= 1.

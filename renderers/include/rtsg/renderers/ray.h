@@ -8,6 +8,7 @@
 #include <limits>
 
 #include <rtsg/core/value.h>
+#include <rtsg/renderers/mesh.h>
 
 namespace rtsg {
 
@@ -32,7 +33,10 @@ struct PixelLens {
     explicit operator bool() const { return spread > 0 || size > 0; }
 };
 
-/// Which parts of what there is are left out: what rays meet there they go on from. Threading: const.
+constexpr std::uint32_t kNoInstance = 0xFFFFFFFF;
+
+/// Which parts of what there is are left out: what rays meet there they go on from. Closed bodies may have caps where
+/// planes cut them. Threading: const.
 class RayFilter {
   public:
     virtual ~RayFilter() = default;
@@ -40,19 +44,41 @@ class RayFilter {
     virtual bool concerns(std::uint32_t slot) const = 0;
     /// Whether a place of it, in ray space, is.
     virtual bool leavesOut(std::uint32_t slot, const Vec3f& at) const = 0;
+    /// Ray space; around all that it concerns, so that rays elsewhere need not ask.
+    const Bounds& bounds() const { return bounds_; }
+
+    /// Where a ray goes through a plane that bodies have caps on.
+    struct Crossing {
+        float t = 0;
+        std::uint32_t plane = 0xFFFFFFFF;  // a number of the filter's own
+        Vec3f outwards{0};                 // unit, towards what is left out
+    };
+    virtual bool makesCaps() const { return false; }
+    /// From a crossing of the ray, or its start, on to the next one by t and then by plane; false: there is none before
+    /// tMax.
+    virtual bool findNext(const Ray&, Crossing&) const { return false; }
+    /// Whether a place on a plane belongs to a cap of this instance, if it lies in its body: the plane cuts it, and no
+    /// other leaves the place out.
+    virtual bool isCapped(std::uint32_t, std::uint32_t /*plane*/, const Vec3f& /*at*/) const { return false; }
+
+  protected:
+    Bounds bounds_{Vec3f(-std::numeric_limits<float>::infinity()), Vec3f(std::numeric_limits<float>::infinity())};
 };
 
-constexpr std::uint32_t kNoInstance = 0xFFFFFFFF;
+/// In place of a triangle, of a hit on a cap: where a plane cuts a closed body. It has no colours or textures of its
+/// own.
+constexpr std::uint32_t kCap = 0xFFFFFFFF;
 
 struct Hit {
     float t = std::numeric_limits<float>::infinity();
     std::uint32_t instance = kNoInstance;  // InstanceId::slot, for RayWorld::instance()
-    std::uint32_t triangle = 0;            // index into Mesh's triangles, or its strokes
+    std::uint32_t triangle = 0;            // index into Mesh's triangles, or its strokes; or kCap
     float u = 0, v = 0;                    // weights of the triangle's second and third corner
     /// Unit, in world space, on the side from which the corners run counter-clockwise in the local frame (so a mirrored
     /// instance keeps its outside outside). Of a line or point: back along the ray.
     Vec3f normal{0};
     explicit operator bool() const { return instance != kNoInstance; }
+    bool isCap() const { return triangle == kCap; }
 };
 
 /// Sixteen rays in structure-of-arrays form, and room for their hits. Fill active, origin, direction, tMin, tMax; the

@@ -100,8 +100,10 @@ class RayView {
     const RayInstance& instance(std::uint32_t slot) const { return instances_[slot]; }
     /// Indexed by slot, with holes: a hole's info.id is no instance.
     const RayInstances& instances() const { return instances_; }
-    /// The exact point of a hit and the bound of its rounding error.
+    /// The exact point of a hit and the bound of its rounding error. Precondition: not on a cap.
     HitPoint point(const Hit& hit) const;
+    /// The same, also of caps, which only the ray that met it tells: `place` is about there.
+    HitPoint point(const Hit& hit, const Vec3f& place) const;
     /// Where a ray leaving `from` towards `direction` should start so that it does not hit the surface it leaves.
     static Vec3f leave(const HitPoint& from, const Vec3f& direction);
 
@@ -143,7 +145,14 @@ class RayView {
     friend class MovedView;
     Hit intersectAll(const Ray& ray, RayKind kind) const;
     Hit intersectFiltered(Ray ray, RayKind kind) const;
-    std::uint32_t filterHits(RayPacket16& rays, std::uint32_t hits, const float* tMax, RayKind kind) const;
+    Hit meetCaps(const Ray& ray, const Hit& hit, RayKind kind) const;
+    std::uint32_t meetCaps(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
+                           RayKind kind) const;
+    std::uint32_t bodyAround(const Vec3f& place, const Vec3f& direction, std::uint32_t plane, RayKind kind) const;
+    std::uint32_t intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
+    std::uint32_t occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
+    std::uint32_t filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
+                             RayKind kind) const;
     bool seesStrokes(RayKind kind) const;
     void meetStrokes(const Ray& ray, RayKind kind, Hit& hit) const;
 };

@@ -1,0 +1,39 @@
+// Boxes around instances, and sixteen rays against one, eight at a time.
+#include "ray_boxes.h"
+
+#include "mesh/simd8.h"
+
+namespace rtsg {
+
+using namespace simd;
+
+std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box) {
+    std::uint32_t met = 0;
+    for (int at = 0; at < 16; at += 8) {
+        F8 near = all(0), far = load(rays.tMax + at);
+        const float* origins[] = {rays.originX, rays.originY, rays.originZ};
+        const float* directions[] = {rays.directionX, rays.directionY, rays.directionZ};
+        for (int k = 0; k < 3; ++k) {
+            const F8 o = load(origins[k] + at), d = load(directions[k] + at), tiny = all(1e-20f);
+            const F8 inverse = 1.0f / select((d < tiny) & (d > -tiny), tiny, d);
+            const F8 a = (box.min[k] - o) * inverse, b = (box.max[k] - o) * inverse;
+            near = max(near, min(a, b)), far = min(far, max(a, b));
+        }
+        const I8 hit = near <= far * 1.00001f;
+        for (int lane = 0; lane < 8; ++lane) met |= static_cast<std::uint32_t>(hit[lane] != 0) << (at + lane);
+    }
+    return met;
+}
+
+Bounds boxAround(const RayInstance& instance) {
+    const Bounds& local = instance.mesh->bounds;
+    const glm::mat4x3& m = instance.rayFromLocal;
+    const Vec3f center = m * Vec4f(local.center(), 1), half = .5f * local.size();
+    const Vec3f reach = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
+    const Vec3f slack = (glm::abs(center) + reach) * 0x1p-18f + instance.errorFloor;
+    Bounds box;
+    box.extend(center - reach - slack), box.extend(center + reach + slack);
+    return box;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,16 @@
+// Boxes around instances, and sixteen rays against one.
+#pragma once
+
+#include <cstdint>
+
+#include <rtsg/renderers/ray_view.h>
+
+namespace rtsg {
+
+/// A bit for each of the rays that meets the box somewhere between its ends, and maybe for others that pass close by.
+std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box);
+
+/// Around an instance, in ray space; its lines and points are wider. Precondition: it has a mesh.
+Bounds boxAround(const RayInstance& instance);
+
+}  // namespace rtsg
