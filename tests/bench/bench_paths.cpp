@@ -1,6 +1,9 @@
 // Paths: how long a room lit by panels takes until its picture is known to five percent, and what many lamps cost
 // against one. One thread.
+#include <unistd.h>
+
 #include <cmath>
+#include <filesystem>
 #include <random>
 #include <string>
 #include <vector>
@@ -15,6 +18,7 @@
 #include "bench.h"
 #include "charts.h"
 #include "cycles.h"
+#include "under_sky.h"
 
 namespace rtsg::bench {
 
@@ -110,6 +114,40 @@ void besideCycles(const Report& report, const Known& ours, int side, double rays
             raysAlone});
 }
 
+/// Scenes of `rtsg bench frames` in the open, and the share of their triangles that is enough here.
+struct Outdoors {
+    const char *name, *file;
+    double scale;
+};
+constexpr Outdoors kOutdoors[] = {
+    {"Beetles", "beetles", .1}, {"Venice", "venice", .1}, {"Campus", "campus", .1}, {"City", "city", .01}};
+
+/// Where a scene lies for Cycles, as long as it is asked.
+struct SceneForCycles {
+    std::filesystem::path file =
+        std::filesystem::temp_directory_path() / fmt::format("rtsg_under_sky_{}.bin", ::getpid());
+    explicit SceneForCycles(const UnderSky& scene) { scene.write(file); }
+    SceneForCycles(const SceneForCycles&) = delete;
+    SceneForCycles& operator=(const SceneForCycles&) = delete;
+    ~SceneForCycles() { std::filesystem::remove(file); }
+};
+
+void underSky(const Report& report, int side) {
+    for (const Outdoors& one : kOutdoors) {
+        const UnderSky scene(one.name, one.scale);
+        const UnderSky::Known ours = scene.picture(side, 0, 64);
+        std::string name = fmt::format("{}, {} triangles, under a white sky", one.name, scene.triangles());
+        const auto cycles = hasCycles() ? cyclesScene(SceneForCycles(scene).file, side, 64) : std::nullopt;
+        if (!cycles) name += hasCycles() ? " (blender could not make it)" : " (blender is not installed)";
+        report({"paths", name, "CPU time to 5 % relative error", "s", ours.seconds * std::pow(ours.error / kError, 2),
+                cycles ? "Cycles of Blender " + cycles->version : std::string(),
+                cycles ? cycles->seconds * std::pow(cycles->error / kError, 2) : 0, "", 0});
+        if (cycles)
+            report({"paths", name, "mean of the picture", "1", ours.mean, "Cycles of Blender " + cycles->version,
+                    cycles->mean, "", 0});
+    }
+}
+
 }  // namespace
 
 void paths(const Report& report, bool quick) {
@@ -122,7 +160,10 @@ void paths(const Report& report, bool quick) {
     const double bouncedSeconds = bounced.seconds * bounced.error * bounced.error / (kError * kError);
     report({"paths", "room lit by 2 panels", "CPU time to 5 % relative error", "s", known.seconds, "bounces alone",
             bouncedSeconds, "as many rays through bare Embree", known.rays * ray});
-    if (!quick) besideCycles(report, known, side, known.rays * ray);
+    if (!quick) {
+        besideCycles(report, known, side, known.rays * ray);
+        underSky(report, side);
+    }
     const Known many = picture(1000, false, side, kError, 1 << 16);
     report({"paths", "room lit by 1,000 lamps", "CPU time to 5 % relative error", "s", many.seconds, "2 panels",
             known.seconds, "as many rays through bare Embree", many.rays * ray});
@@ -132,17 +173,59 @@ void paths(const Report& report, bool quick) {
             "one lamp", one.seconds, "as many rays through bare Embree", unseen.rays * ray});
 }
 
+namespace {
+
+Chart lightChart(const std::string& name, const std::string& title, int side) {
+    return {"light-" + name,
+            title,
+            fmt::format("{0} x {0} pixels, CPU time of one thread; relative standard error, root mean square over "
+                        "the pixels. Labelled with samples a pixel, or with the error that was asked for.",
+                        side),
+            {"time (s)", true},
+            {"relative error of a pixel", true},
+            {{"path, all pixels alike", {}}, {"path with --error", {}}},
+            {}};
+}
+
+void chartUnderSky(const ChartSink& sink, const Outdoors& one, bool quick) {
+    const int side = quick ? 24 : 96, most = quick ? 16 : 256;
+    const UnderSky scene(one.name, one.scale * (quick ? .1 : 1));
+    Chart chart = lightChart(
+        one.file, fmt::format("{} under a white sky, {} triangles: error against time", one.name, scene.triangles()),
+        side);
+    chart.note += " With flattening and BVH; whitted, which follows no light between things, is off from the truth.";
+    Picture truth;
+    for (int samples = 4; samples <= most; samples *= 4) {
+        UnderSky::Known known = scene.picture(side, 0, samples);
+        chart.series[0].points.push_back({known.seconds, known.error, std::to_string(samples)});
+        truth = std::move(known.picture);
+    }
+    for (double error = .2; error > (quick ? .1 : .02); error /= 2) {
+        const UnderSky::Known known = scene.picture(side, error, 1 << 14);
+        chart.series[1].points.push_back({known.seconds, known.error, fmt::format("{:g}", error)});
+    }
+    const UnderSky::Known whitted = scene.whitted(side, truth);
+    chart.series.push_back({"whitted", {{whitted.seconds, whitted.error, {}}}});
+    if (!quick && hasCycles()) {
+        Series cycles{"Cycles, all pixels alike", {}};
+        const SceneForCycles given(scene);
+        for (int samples = 4; samples <= most; samples *= 4)
+            if (const auto made = cyclesScene(given.file, side, samples)) {
+                cycles.name = "Cycles of Blender " + made->version + ", all pixels alike";
+                cycles.points.push_back({made->seconds, made->error, std::to_string(samples)});
+            }
+        chart.series.push_back(std::move(cycles));
+    } else if (!quick) {
+        chart.note += " Cycles is not installed.";
+    }
+    sink(chart);
+}
+
+}  // namespace
+
 bool chartLight(const ChartSink& sink, bool quick) {
     const int side = quick ? 24 : 96, most = quick ? 64 : 1024;
-    Chart chart{"light-room",
-                "A room lit by two panels: error against time",
-                fmt::format("{0} x {0} pixels, CPU time of one thread; relative standard error, root mean square over "
-                            "the pixels. Labelled with samples a pixel, or with the error that was asked for.",
-                            side),
-                {"time (s)", true},
-                {"relative error of a pixel", true},
-                {{"path, all pixels alike", {}}, {"path with --error", {}}},
-                {}};
+    Chart chart = lightChart("room", "A room lit by two panels: error against time", side);
     for (int samples = 16; samples <= most; samples *= 4) {
         const Known known = picture(2, false, side, 1e-6, samples);
         chart.series[0].points.push_back({known.seconds, known.error, std::to_string(samples)});
@@ -163,6 +246,7 @@ bool chartLight(const ChartSink& sink, bool quick) {
         chart.note += " Cycles is not installed.";
     }
     sink(chart);
+    for (const Outdoors& one : kOutdoors) chartUnderSky(sink, one, quick);
     return true;
 }
 

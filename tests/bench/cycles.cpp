@@ -15,11 +15,11 @@ namespace rtsg::bench {
 
 namespace {
 
-/// Two pictures of different seeds; how far they are apart tells how far each is from the truth.
-constexpr const char* kRoomInBlender = R"PY(
-import bpy, math, os, sys, tempfile, time
+constexpr const char* kSetUp = R"PY(
+import array, bpy, math, mathutils, os, struct, sys, tempfile, time
 
-side, samples = (int(a) for a in sys.argv[sys.argv.index("--") + 1:])
+given = sys.argv[sys.argv.index("--") + 1:]
+side, samples = int(given[0]), int(given[1])
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
 scene.render.engine = "CYCLES"
@@ -49,6 +49,9 @@ def material(color, **more):
     m.node_tree.links.new(shader.outputs[0], out.inputs[0])
     return m
 
+)PY";
+
+constexpr const char* kRoom = R"PY(
 def box(size, place, m):
     x, y, z = (v / 2 for v in size)
     corners = [(i * x, k * y, l * z) for i in (-1, 1) for k in (-1, 1) for l in (-1, 1)]
@@ -89,6 +92,58 @@ eye.location = (0, 0, 1.9)
 scene.collection.objects.link(eye)
 scene.camera = eye
 
+)PY";
+
+/// What UnderSky::write() wrote.
+constexpr const char* kSky = R"PY(
+def sent(kind, count):
+    values = array.array(kind)
+    values.fromfile(file, count)
+    return values
+
+with open(given[2], "rb") as file:
+    right, up, forward, place = (sent("d", 3) for i in range(4))
+    tangent, meshes = sent("d", 1)[0], []
+    for i in range(sent("I", 1)[0]):
+        corners, triangles = sent("I", 2)
+        mesh = bpy.data.meshes.new("mesh")
+        mesh.vertices.add(corners)
+        mesh.vertices.foreach_set("co", sent("f", 3 * corners))
+        mesh.loops.add(3 * triangles)
+        mesh.loops.foreach_set("vertex_index", sent("I", 3 * triangles))
+        mesh.polygons.add(triangles)
+        mesh.polygons.foreach_set("loop_start", range(0, 3 * triangles, 3))
+        mesh.polygons.foreach_set("loop_total", [3] * triangles)
+        mesh.update()
+        meshes.append(mesh)
+    colors = {}
+    for i in range(sent("I", 1)[0]):
+        mesh, color, matrix = meshes[sent("I", 1)[0]], tuple(sent("f", 3)), sent("d", 12)
+        if color not in colors:
+            colors[color] = material(color)
+        o = bpy.data.objects.new("object", mesh)
+        if not mesh.materials:
+            mesh.materials.append(None)
+        o.material_slots[0].link = "OBJECT"
+        o.material_slots[0].material = colors[color]
+        columns = [list(matrix[3 * k:3 * k + 3]) for k in range(4)]
+        o.matrix_world = mathutils.Matrix([[columns[k][row] for k in range(4)] for row in range(3)] + [[0, 0, 0, 1]])
+        scene.collection.objects.link(o)
+scene.world = bpy.data.worlds.new("sky")
+scene.world.use_nodes = True
+scene.world.node_tree.nodes["Background"].inputs[0].default_value = (1, 1, 1, 1)
+camera = bpy.data.cameras.new("camera")
+camera.angle, camera.clip_start, camera.clip_end = 2 * math.atan(tangent), .001, 1e6
+eye = bpy.data.objects.new("camera", camera)
+eye.matrix_world = mathutils.Matrix(
+    [[right[row], up[row], -forward[row], place[row]] for row in range(3)] + [[0, 0, 0, 1]])
+scene.collection.objects.link(eye)
+scene.camera = eye
+
+)PY";
+
+/// Two pictures of different seeds; how far they are apart tells how far each is from the truth.
+constexpr const char* kRender = R"PY(
 pictures, seconds = [], 0
 with tempfile.TemporaryDirectory() as folder:
     for seed in (1, 2):
@@ -100,13 +155,14 @@ with tempfile.TemporaryDirectory() as folder:
         image = bpy.data.images.load(r.filepath)
         pictures.append(image.pixels[:])
         bpy.data.images.remove(image)
-squares = 0
+squares, sums = 0, [0, 0, 0]
 for at in range(0, side * side * 4, 4):
     a, b = (p[at:at + 3] for p in pictures)
     mean = [(x + y) / 2 for x, y in zip(a, b)]
+    sums = [x + y for x, y in zip(sums, mean)]
     brightest = mean.index(max(mean))
     squares += ((a[brightest] - b[brightest]) / (mean[brightest] + .01)) ** 2 / 2
-print("RTSG", bpy.app.version_string.split()[0], seconds / 2, math.sqrt(squares / (side * side)))
+print("RTSG", bpy.app.version_string.split()[0], seconds / 2, math.sqrt(squares / (side * side)), sum(sums) / (3 * side * side))
 )PY";
 
 }  // namespace
@@ -119,13 +175,16 @@ bool hasCycles() {
     return false;
 }
 
-std::optional<CyclesPicture> cyclesRoom(int side, int samples) {
+namespace {
+
+/// `more`: what the script is given besides.
+std::optional<CyclesPicture> cycles(const char* content, int side, int samples, const std::string& more) {
     const std::filesystem::path script =
         std::filesystem::temp_directory_path() / fmt::format("rtsg_cycles_{}.py", ::getpid());
-    std::ofstream(script) << kRoomInBlender;
+    std::ofstream(script) << kSetUp << content << kRender;
     const std::string command =
-        fmt::format("blender -b --factory-startup -noaudio -t 1 --python-exit-code 1 -P {} -- {} {} 2>/dev/null",
-                    script.string(), side, samples);
+        fmt::format("blender -b --factory-startup -noaudio -t 1 --python-exit-code 1 -P {} -- {} {} {} 2>/dev/null",
+                    script.string(), side, samples, more);
     std::optional<CyclesPicture> result;
     if (std::FILE* output = ::popen(command.c_str(), "r")) {
         char line[1024];
@@ -133,12 +192,23 @@ std::optional<CyclesPicture> cyclesRoom(int side, int samples) {
             std::istringstream words(line);
             std::string first;
             CyclesPicture found;
-            if (words >> first >> found.version >> found.seconds >> found.error && first == "RTSG") result = found;
+            if (words >> first >> found.version >> found.seconds >> found.error >> found.mean && first == "RTSG")
+                result = found;
         }
         ::pclose(output);
     }
     std::filesystem::remove(script);
     return result;
+}
+
+}  // namespace
+
+std::optional<CyclesPicture> cyclesRoom(int side, int samples) {
+    return cycles(kRoom, side, samples, {});
+}
+
+std::optional<CyclesPicture> cyclesScene(const std::filesystem::path& meshes, int side, int samples) {
+    return cycles(kSky, side, samples, "'" + meshes.string() + "'");
 }
 
 }  // namespace rtsg::bench

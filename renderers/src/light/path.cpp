@@ -2,9 +2,10 @@
 // on is chosen at random. A tile's paths advance together, in packets of sixteen.
 //
 // Source: Kajiya 1986; Veach 1997, section 9.2 (what both a bounce and a chosen direction find, counts in shares);
-// Russian roulette as Arvo & Kirk 1990, by the weight that is left. Units: a Lambertian surface of colour c under a
-// light of intensity 1 head-on shows c, as X3D has it; so a surface that sends radiance L in all directions is lit like
-// the sky of colour L.
+// Russian roulette as Arvo & Kirk 1990, by the weight that is left; where the sky lights the scene, by what is left of
+// what the first surface left, near what Vorba & Křivánek 2016 do with an estimate of the pixel. Units: a Lambertian
+// surface of colour c under a light of intensity 1 head-on shows c, as X3D has it; so a surface that sends radiance L
+// in all directions is lit like the sky of colour L.
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -313,9 +314,13 @@ class Paths {
 
     /// Roulette, and the ray: what survives carries the share of what does not, which keeps the mean.
     void follow(PathTask& task, bool straightOn, float t, const Vec3f& out, int lane, PathRandom& random) {
-        const float survival = std::min(largest(task.weight), 1.0f);
-        if (!(survival > 0)) return;
+        const float weight = largest(task.weight);
+        if (!(weight > 0)) return;
         if (!straightOn) {
+            // A pixel is as dark as the first thing on its way. Where bounces are what finds the light, those from
+            // there would be lost as often as it is dark, and with them all that tells the pixel from its neighbours.
+            if (task.depth == 0 && bouncesFindSky_) task.first = weight;
+            const float survival = std::min(weight / task.first, 1.0f);
             if (!(random.next() < survival)) return;
             task.weight /= survival;
         }
@@ -335,7 +340,14 @@ class Paths {
         loop_.push(task);
     }
 
+    /// What comes from far away is met by bounces alone.
+    static bool meetsSky(const TraceScene& scene) {
+        if (scene.skyLight) return false;
+        return !scene.environments.lights.empty() || !scene.evenSky || largest(Vec3f(scene.skyLinear)) > 0;
+    }
+
     const TraceScene& scene_;
+    const bool bouncesFindSky_ = meetsSky(scene_);
     const RenderSettings& settings_;
     TileResult& result_;
     TileLoop loop_;

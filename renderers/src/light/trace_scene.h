@@ -239,6 +239,7 @@ struct PathTask {
     /// found what lies there (the eye, mirrors, glass). Paths only.
     Vec3f normal{0};
     float density = 0;
+    float first = 1;  // what roulette counts as a full weight; paths only
 };
 
 /// tMin of rays that leave a surface. Their start is off it by its error bound, which is 0 where a plane holds a
