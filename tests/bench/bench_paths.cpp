@@ -18,6 +18,7 @@
 #include "bench.h"
 #include "charts.h"
 #include "cycles.h"
+#include "pov_ray.h"
 #include "under_sky.h"
 
 namespace rtsg::bench {
@@ -217,6 +218,21 @@ void chartUnderSky(const ChartSink& sink, const Outdoors& one, bool quick) {
         chart.series.push_back(std::move(cycles));
     } else if (!quick) {
         chart.note += " Cycles is not installed.";
+    }
+    if (!quick && hasPovRay()) {
+        Series povRay{"POV-Ray, radiosity", {}};
+        const auto file = std::filesystem::temp_directory_path() / fmt::format("rtsg_under_sky_{}.pov", ::getpid());
+        scene.writePov(file);
+        for (const int rays : {50, 200, 800})
+            if (const auto made = povRayScene(file, side, rays)) {
+                povRay.name = "POV-Ray " + made->version + ", radiosity";
+                const double error = UnderSky::errorFrom(made->picture, truth);
+                povRay.points.push_back({made->seconds, error, std::to_string(rays)});
+            }
+        std::filesystem::remove(file);
+        chart.series.push_back(std::move(povRay));
+    } else if (!quick) {
+        chart.note += " POV-Ray is not installed.";
     }
     sink(chart);
 }

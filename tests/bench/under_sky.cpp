@@ -150,37 +150,77 @@ UnderSky::Known UnderSky::whitted(int side, const Picture& truth) const {
     return known;
 }
 
-void UnderSky::write(const std::filesystem::path& file) const {
-    SharedWorld world(*scene_);
-    LightRenderer light(world);
+double UnderSky::errorFrom(const Picture& picture, const Picture& truth) {
+    return errorOf(picture, truth, true);
+}
+
+UnderSky::Content UnderSky::content() const {
+    Content content;
+    content.world = std::make_unique<SharedWorld>(*scene_);
+    LightRenderer light(*content.world);
     ImageOptions options;
     options.settings.width = options.settings.height = 1;
     if (!light.picture(options)) throw std::runtime_error("the bench's scene has no eye");
-    const Camera& eye = light.camera();
+    content.eye = light.camera();
+    std::map<const Mesh*, std::size_t> numbers;
+    for (const RayInstance& instance : content.world->rays().instances()) {
+        if (!instance.info.id || !instance.mesh || instance.mesh->empty() || !instance.info.seen) continue;
+        const auto [known, isNew] = numbers.emplace(instance.mesh.get(), content.meshes.size());
+        if (isNew) content.meshes.push_back(instance.mesh.get());
+        content.things.push_back(
+            {known->second, colorOf(*scene_, instance.info.appearance), instance.info.worldFromLocal});
+    }
+    return content;
+}
+
+void UnderSky::write(const std::filesystem::path& file) const {
+    const Content content = this->content();
+    const Camera& eye = content.eye;
     std::ofstream out(file, std::ios::binary);
     for (const Vec3d& v : {eye.right, eye.up, eye.forward, eye.position}) put(out, &v.x, 3);
     put(out, &eye.top, 1);
-    std::map<const Mesh*, std::size_t> numbers;
-    std::vector<const Mesh*> meshes;
-    std::vector<const RayInstance*> instances;
-    for (const RayInstance& instance : world.rays().instances()) {
-        if (!instance.info.id || !instance.mesh || instance.mesh->empty() || !instance.info.seen) continue;
-        instances.push_back(&instance);
-        if (numbers.emplace(instance.mesh.get(), meshes.size()).second) meshes.push_back(instance.mesh.get());
-    }
-    put(out, meshes.size());
-    for (const Mesh* mesh : meshes) {
+    put(out, content.meshes.size());
+    for (const Mesh* mesh : content.meshes) {
         put(out, mesh->positions.size()), put(out, mesh->triangleCount);
         put(out, mesh->positions.data(), mesh->positions.size());
         for (std::uint32_t t = 0; t < mesh->triangleCount; ++t)
             for (std::uint32_t c = 0; c < 3; ++c) put(out, mesh->vertexIndex(t, c));
     }
-    put(out, instances.size());
-    for (const RayInstance* instance : instances) {
-        const Color color = colorOf(*scene_, instance->info.appearance);
-        put(out, numbers.at(instance->mesh.get()));
-        put(out, &color.r, 3);
-        for (int k = 0; k < 4; ++k) put(out, &instance->info.worldFromLocal[k].x, 3);
+    put(out, content.things.size());
+    for (const Thing& thing : content.things) {
+        put(out, thing.mesh);
+        put(out, &thing.color.r, 3);
+        for (int k = 0; k < 4; ++k) put(out, &thing.worldFromLocal[k].x, 3);
+    }
+    if (!out.flush()) throw std::runtime_error("cannot write " + file.string());
+}
+
+void UnderSky::writePov(const std::filesystem::path& file) const {
+    const Content content = this->content();
+    const Camera& eye = content.eye;
+    std::ofstream out(file);
+    const auto vector = [](const Vec3d& v) { return fmt::format("<{}, {}, {}>", v.x, v.y, v.z); };
+    out << "#version 3.7;\nglobal_settings { assumed_gamma 1 ambient_light 0 radiosity { pretrace_start .08 "
+           "pretrace_end .01 count rays nearest_count 8 error_bound .4 recursion_limit 4 brightness 1 } }\n"
+           "background { rgb 1 }\n#default { finish { ambient 0 emission 0 diffuse 1 } }\n"
+        << fmt::format("camera {{ perspective location {} right {} up {} direction {} }}\n", vector(eye.position),
+                       vector(2 * eye.top * eye.right), vector(2 * eye.top * eye.up), vector(eye.forward));
+    for (std::size_t i = 0; i < content.meshes.size(); ++i) {
+        const Mesh& mesh = *content.meshes[i];
+        out << fmt::format("#declare M{} = mesh2 {{ vertex_vectors {{ {}", i, mesh.positions.size());
+        for (const Vec3f& v : mesh.positions) out << ',' << vector(Vec3d(v));
+        out << fmt::format(" }} face_indices {{ {}", mesh.triangleCount);
+        for (std::uint32_t t = 0; t < mesh.triangleCount; ++t)
+            out << fmt::format(",<{}, {}, {}>", mesh.vertexIndex(t, 0), mesh.vertexIndex(t, 1), mesh.vertexIndex(t, 2));
+        out << " } }\n";
+    }
+    for (const Thing& thing : content.things) {
+        out << fmt::format("object {{ M{} matrix <", thing.mesh);
+        for (int k = 0; k < 4; ++k)
+            out << fmt::format("{}{}, {}, {}", k ? ", " : "", thing.worldFromLocal[k].x, thing.worldFromLocal[k].y,
+                               thing.worldFromLocal[k].z);
+        const Vec3f c = linearFromSrgb(Vec3f(thing.color.r, thing.color.g, thing.color.b));
+        out << fmt::format("> pigment {{ rgb {} }} }}\n", vector(Vec3d(c)));
     }
     if (!out.flush()) throw std::runtime_error("cannot write " + file.string());
 }

@@ -7,9 +7,11 @@
 #include <filesystem>
 #include <memory>
 #include <string_view>
+#include <vector>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/light_renderer.h>
+#include <rtsg/renderers/shared_world.h>
 
 namespace rtsg::bench {
 
@@ -33,8 +35,24 @@ class UnderSky {
 
     /// The eye, meshes, and instances with their colours, as the script of cycles.cpp reads them.
     void write(const std::filesystem::path& file) const;
+    /// The same for POV-Ray, which is to be told how many `rays` its radiosity sends from a place.
+    void writePov(const std::filesystem::path& file) const;
+    /// How far a picture is from the truth, measured as Known::error.
+    static double errorFrom(const Picture& picture, const Picture& truth);
 
   private:
+    struct Thing {
+        std::size_t mesh = 0;  // its number
+        Color color{1, 1, 1};  // display value
+        WorldFromLocal worldFromLocal{1.0};
+    };
+    struct Content {
+        std::unique_ptr<SharedWorld> world;  // keeps the meshes
+        Camera eye;
+        std::vector<const Mesh*> meshes;
+        std::vector<Thing> things;
+    };
+    Content content() const;
     Known take(const ImageOptions& options) const;
     std::unique_ptr<Scene> scene_;
     std::size_t triangles_ = 0;
