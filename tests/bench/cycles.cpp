@@ -51,7 +51,7 @@ def material(color, **more):
 
 )PY";
 
-constexpr const char* kRoom = R"PY(
+constexpr const char* kRoomInBlender = R"PY(
 def box(size, place, m):
     x, y, z = (v / 2 for v in size)
     corners = [(i * x, k * y, l * z) for i in (-1, 1) for k in (-1, 1) for l in (-1, 1)]
@@ -95,7 +95,7 @@ scene.camera = eye
 )PY";
 
 /// What UnderSky::write() wrote.
-constexpr const char* kSky = R"PY(
+constexpr const char* kSkyInBlender = R"PY(
 def sent(kind, count):
     values = array.array(kind)
     values.fromfile(file, count)
@@ -204,11 +204,11 @@ std::optional<CyclesPicture> cycles(const char* content, int side, int samples, 
 }  // namespace
 
 std::optional<CyclesPicture> cyclesRoom(int side, int samples) {
-    return cycles(kRoom, side, samples, {});
+    return cycles(kRoomInBlender, side, samples, {});
 }
 
 std::optional<CyclesPicture> cyclesScene(const std::filesystem::path& meshes, int side, int samples) {
-    return cycles(kSky, side, samples, "'" + meshes.string() + "'");
+    return cycles(kSkyInBlender, side, samples, "'" + meshes.string() + "'");
 }
 
 }  // namespace rtsg::bench

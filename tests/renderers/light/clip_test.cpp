@@ -103,7 +103,7 @@ TEST(ClipPlane, CutsLinesAndIsSeenInMirrors) {
 // ---- caps ---------------------------------------------------------------------------------------------------------
 
 /// A box of this many metres about the origin.
-std::string cube(double side, const std::string& material) {
+std::string boxOf(double side, const std::string& material) {
     return fmt::format("Shape {{ appearance Appearance {{ {0} }} geometry Box {{ size {1} {1} {1} }} }} ", material,
                        side);
 }
@@ -121,15 +121,15 @@ INSTANTIATE_TEST_SUITE_P(Integrators, ClipCaps, testing::Values(Integrator::whit
 
 TEST_P(ClipCaps, FillClosedBodiesAndNothingElse) {
     const std::string cut = "ClipPlane { plane 0 0 -1 0 } ";
-    EXPECT_NEAR(lit(capped(cut + cube(2, unlit("1 0 0")), false), 0), 0, 1e-6) << "one looks through backs";
-    EXPECT_NEAR(lit(capped(cut + cube(2, unlit("1 0 0"))), 0), .25, .002);
+    EXPECT_NEAR(lit(capped(cut + boxOf(2, unlit("1 0 0")), false), 0), 0, 1e-6) << "one looks through backs";
+    EXPECT_NEAR(lit(capped(cut + boxOf(2, unlit("1 0 0"))), 0), .25, .002);
     const std::string open =
         "Shape { appearance Appearance { " + unlit("1 0 0") + " } geometry Cylinder { top FALSE } }";
     EXPECT_NEAR(lit(capped(cut + open), 0), 0, 1e-6) << "it has no inside";
     EXPECT_NEAR(lit(capped(cut + square(1, unlit("1 0 0"))), 0), .25, .002) << "which lies on the plane";
-    EXPECT_NEAR(lit(capped("ClipPlane { plane 0 0 -.5 -.75 } " + cube(2, unlit("1 0 0"))), 0), 0, 1e-6)
+    EXPECT_NEAR(lit(capped("ClipPlane { plane 0 0 -.5 -.75 } " + boxOf(2, unlit("1 0 0"))), 0), 0, 1e-6)
         << "nothing is left";
-    EXPECT_NEAR(lit(capped("Group { children [ " + cut + "] } " + cube(2, unlit("1 0 0"))), 0), .25, .002)
+    EXPECT_NEAR(lit(capped("Group { children [ " + cut + "] } " + boxOf(2, unlit("1 0 0"))), 0), .25, .002)
         << "out of its scope, and whole";
 }
 
@@ -138,7 +138,7 @@ TEST_P(ClipCaps, AreLitAsThePlaneLies) {
     const std::string scene =
         "DirectionalLight { direction 0 0 -1 } NavigationInfo { headlight FALSE } Transform { "
         "translation .2 -.1 0 rotation 0 1 0 .6435011 children [ ClipPlane { plane 0 0 -1 0 } " +
-        cube(2, matte(".5 .5 .5")) + " ] }";
+        boxOf(2, matte(".5 .5 .5")) + " ] }";
     LightScene s("OrthoViewpoint { fieldOfView [ -.1 -.1 .1 .1 ] } " + scene, 16, 16);
     s.options.settings.integrator = GetParam();
     s.options.settings.colorSpace = ColorSpace::linear;
@@ -147,19 +147,19 @@ TEST_P(ClipCaps, AreLitAsThePlaneLies) {
 }
 
 TEST_P(ClipCaps, OfTheInnermostOfSeveralBodiesIsSeen) {
-    const std::string both = cube(2, unlit("1 0 0")) + cube(1, unlit("0 1 0"));
+    const std::string both = boxOf(2, unlit("1 0 0")) + boxOf(1, unlit("0 1 0"));
     const Picture inBoth = capped("ClipPlane { plane 0 0 -1 0 } " + both);
     EXPECT_NEAR(lit(inBoth, 1), .0625, .002);
     EXPECT_NEAR(lit(inBoth, 0), .1875, .002);
     // A body that is whole stands out of the cap of one around it.
-    const Picture whole = capped("Group { children [ ClipPlane { plane 0 0 -1 0 } " + cube(2, unlit("1 0 0")) + "] } " +
-                                 cube(1, unlit("0 1 0")));
+    const Picture whole = capped("Group { children [ ClipPlane { plane 0 0 -1 0 } " + boxOf(2, unlit("1 0 0")) +
+                                 "] } " + boxOf(1, unlit("0 1 0")));
     EXPECT_NEAR(lit(whole, 1), .0625, .002);
     EXPECT_NEAR(lit(whole, 0), .1875, .002);
     // One in front of the plane is no part of the body behind it, and hides the cap.
     const Picture before =
-        capped("ClipPlane { plane 0 0 -1 0 } " + cube(2, unlit("1 0 0")) +
-               "Group { children [ Transform { translation 0 0 5 children [ " + cube(1, unlit("0 1 0")) + " ] } ] } ");
+        capped("ClipPlane { plane 0 0 -1 0 } " + boxOf(2, unlit("1 0 0")) +
+               "Group { children [ Transform { translation 0 0 5 children [ " + boxOf(1, unlit("0 1 0")) + " ] } ] } ");
     EXPECT_NEAR(lit(before, 1), 0, 1e-6) << "it is cut away itself";
     EXPECT_NEAR(lit(before, 0), .25, .002);
 }
@@ -181,14 +181,15 @@ TEST_P(ClipCaps, LeaveHolesOpen) {
 }
 
 TEST_P(ClipCaps, AreCutByOtherPlanes) {
-    EXPECT_NEAR(lit(capped("ClipPlane { plane 0 0 -1 0 } ClipPlane { plane 1 0 0 .5 } " + cube(2, unlit("1 0 0"))), 0),
+    EXPECT_NEAR(lit(capped("ClipPlane { plane 0 0 -1 0 } ClipPlane { plane 1 0 0 .5 } " + boxOf(2, unlit("1 0 0"))), 0),
                 .75 * .25, .003);
     // Two planes leave a sheet of which no face of the box is left in sight.
-    EXPECT_NEAR(lit(capped("ClipPlane { plane 0 0 -1 .1 } ClipPlane { plane 0 0 1 .1 } " + cube(2, unlit("1 0 0"))), 0),
-                .25, .002);
+    EXPECT_NEAR(
+        lit(capped("ClipPlane { plane 0 0 -1 .1 } ClipPlane { plane 0 0 1 .1 } " + boxOf(2, unlit("1 0 0"))), 0), .25,
+        .002);
     // The same plane twice is one.
     EXPECT_NEAR(
-        lit(capped("ClipPlane { plane 0 0 -1 .1 } ClipPlane { plane 0 0 -1 .1 } " + cube(2, unlit("1 0 0"))), 0), .25,
+        lit(capped("ClipPlane { plane 0 0 -1 .1 } ClipPlane { plane 0 0 -1 .1 } " + boxOf(2, unlit("1 0 0"))), 0), .25,
         .002);
 }
 
@@ -199,7 +200,7 @@ TEST_P(ClipCaps, ThrowShadowsAndLetLightThrough) {
             "DirectionalLight { direction 0 0 -1 } Transform { translation 0 0 -2 children [ " +
                 square(8, matte("1 1 1")) +
                 " ] } Group { children [ ClipPlane { plane 0 0 -1 .1 } ClipPlane { plane 0 0 1 .1 } " +
-                cube(2, material) + " ] }",
+                boxOf(2, material) + " ] }",
             16, 16);
         s.options.settings.integrator = GetParam();
         s.options.settings.caps = caps;
@@ -217,7 +218,7 @@ TEST_P(ClipCaps, StayInPlaceFarFromTheOrigin) {
             far, far + 10, what);
     };
     for (const double far : {0., 1e4, 1e6}) {
-        LightScene s(there(far, cube(2, unlit("1 0 0"))), 100, 100);
+        LightScene s(there(far, boxOf(2, unlit("1 0 0"))), 100, 100);
         s.options.settings.integrator = GetParam();
         s.options.settings.caps = true;
         EXPECT_NEAR(lit(s.picture(), 0), .25, .01) << far;
