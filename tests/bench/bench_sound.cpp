@@ -114,6 +114,7 @@ void rayRatios(const Report& report, Hall& hall, bool quick) {
     TraceOptions options;
     options.rays = quick ? 320 : 3200;
     options.imageOrder = 0;
+    options.diffractionOrder = 0;  // rays alone
     options.maxSeconds = 2;
     options.air.absorbs = false;
     const RayView& rays = hall.world->rays();
@@ -205,7 +206,7 @@ void figures(const Report& report, Hall& hall, bool quick) {
     for (const std::uint64_t rays : {std::uint64_t{1600}, std::uint64_t{6400}, std::uint64_t{25600}}) {
         options.rays = rays;
         std::vector<double> seconds, parts, cpu, t20, g;
-        for (int run = 0; run < (quick ? 1 : 9); ++run) {
+        for (int run = 0; run < (quick ? 1 : 25); ++run) {
             options.seed = static_cast<std::uint64_t>(run) + 1;
             const double start = wallSeconds(), cpuStart = cpuSeconds();
             const TraceResult result = AcousticTracer(hall.geometry).trace(hall.source, hall.listener, options);

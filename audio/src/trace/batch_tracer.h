@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -274,10 +273,7 @@ class BatchTracer {
     /// Counts what is heard where nothing is in between.
     void askEvents() {
         if (events_.rays.count == 0) return;
-        events_.rays.likelyFree = 4 * hidden_ < looked_;
         const std::uint32_t blocked = geometry_.blockedOf(events_.rays);
-        looked_ += events_.rays.count;
-        hidden_ += std::popcount(blocked);
         for (int i = 0; i < events_.rays.count; ++i)
             if (!(blocked >> i & 1))
                 receive(events_.ear[i], events_.energy[i], events_.factor[i], events_.travelled[i]);
@@ -356,32 +352,32 @@ class BatchTracer {
         const double diffuseSum = sum<N>(diffuse), mirrorSum = sum<N>(mirror), throughSum = sum<N>(through);
         const double all = diffuseSum + mirrorSum + throughSum;
         if (!(all > 0)) return false;
-        if (diffuseSum > 0) lookForListeners(point, facing, diffuse, hit.plane, ray.travelled);
+        if (diffuseSum > 0) lookForListeners(point, facing, diffuse, hit, ray.travelled);
 
         const double choice = random_.uniform() * all;
-        double probability = 0;
+        double share = 0;  // of `all`, and so the chance
         // Rounding may put the choice past the last share; a share of nothing is never chosen.
         if (diffuseSum > 0 && (choice < diffuseSum || mirrorSum + throughSum <= 0)) {
             ray.energy = diffuse;
-            probability = diffuseSum / all;
+            share = diffuseSum;
             ray.direction = cosineDirection(facing, random_);
             ray.last = LastEvent::diffuse;
             ray.onlyMirrors = false;
         } else if (mirrorSum > 0 && (choice < diffuseSum + mirrorSum || throughSum <= 0)) {
             ray.energy = mirror;
-            probability = mirrorSum / all;
+            share = mirrorSum;
             ray.direction -= hit.normal * (2 * cosine);
             ray.last = LastEvent::mirror;
             ++ray.mirrorOrder;
             if (hit.plane < task_.planes.size()) ray.mirrorShare *= task_.planes[hit.plane].mirrors;
         } else {
             ray.energy = through;
-            probability = throughSum / all;
+            share = throughSum;
         }
         ray.origin = point;
         ray.plane = hit.plane;
         ray.facing = glm::dot(ray.direction, facing) < 0 ? -facing : facing;
-        for (double& e : ray.energy) e /= probability;
+        for (double& e : ray.energy) e *= all / share;
         if (largest<N>(ray.energy) < kRouletteStart * initial_) {
             if (random_.uniform() >= kRouletteSurvival) return false;
             for (double& e : ray.energy) e /= kRouletteSurvival;
@@ -391,9 +387,9 @@ class BatchTracer {
 
     /// From a wall that scatters: the one listener, or some of several by chance.
     void lookForListeners(const glm::dvec3& point, const glm::dvec3& normal, const Energy<N>& energy,
-                          std::uint32_t plane, double travelled) {
+                          const AcousticHit& wall, double travelled) {
         const std::size_t count = ears_.size();
-        if (count == 1) return nextEvent(0, 1, point, normal, energy, plane, travelled);
+        if (count == 1) return nextEvent(0, 1, point, normal, energy, wall, travelled);
         looks_.weigh(point, normal);
         // Chances in a row, and a comb across them with teeth at distances of 1: each is met with its chance.
         double comb = random_.uniform();
@@ -402,23 +398,26 @@ class BatchTracer {
             comb += chance;
             if (comb < 1) continue;
             comb -= 1;
-            if (chance > 0) nextEvent(i, 1 / chance, point, normal, energy, plane, travelled);
+            if (chance > 0) nextEvent(i, 1 / chance, point, normal, energy, wall, travelled);
         }
     }
 
     /// Lambert: of the energy scattered at `point` the listener gets cos / (pi d^2), through whatever lets sound pass;
     /// it stands for `weight` such events.
     void nextEvent(std::size_t who, double weight, const glm::dvec3& point, const glm::dvec3& normal, Energy<N> energy,
-                   std::uint32_t plane, double travelled) {
+                   const AcousticHit& wall, double travelled) {
         const glm::dvec3 toListener = ears_[who].position - point;
-        const double distance = glm::length(toListener), cosine = glm::dot(toListener, normal) / distance;
-        if (!(cosine > 0) || travelled + distance >= maxDistance_) return;
+        const double towards = glm::dot(toListener, normal);
+        if (!(towards > 0)) return;
+        const double squared = glm::dot(toListener, toListener), distance = std::sqrt(squared);
+        if (travelled + distance >= maxDistance_) return;
         add<N>(batch_.heard[who].tried, energy, weight);
-        const glm::dvec3 direction = toListener / distance;
-        const double factor = weight * cosine / (std::numbers::pi * distance * distance);
+        const double inverse = 1 / distance;
+        const glm::dvec3 direction = toListener * inverse;
+        const double factor = weight * towards * inverse / (std::numbers::pi * squared);
         if (!task_.transmits) {
             const int at = events_.rays.count;
-            events_.rays.add(point, normal, direction, distance, plane);
+            events_.rays.add(point, normal, direction, distance, wall.plane, wall.clear);
             events_.ear[at] = who;
             events_.energy[at] = energy;
             events_.factor[at] = factor;
@@ -428,6 +427,7 @@ class BatchTracer {
         }
         glm::dvec3 origin = point;
         double left = distance;
+        std::uint32_t plane = wall.plane;
         AcousticHit hit;
         while (geometry_.closest(origin, direction, left, plane, hit)) {
             for (std::size_t b = 0; b < N; ++b) energy[b] *= task_.walls[hit.material].through[b];
@@ -447,7 +447,6 @@ class BatchTracer {
     Random random_;
     double initial_ = 1, shiftU_ = 0, shiftV_ = 0;
     Ray lanes_[AcousticRays::kMost];
-    std::int64_t looked_ = 0, hidden_ = 0;  // walls from which the listener was looked for, and not seen
     /// What is heard of the walls of one step if nothing is in between.
     struct {
         AcousticRays rays;

@@ -464,10 +464,15 @@ void furnish(Room& room, TriangleGeometry& reference) {
     reference.finish();
 }
 
-TEST(WorldGeometry, RaysThatAreAskedAboutTogetherMeetWhatEachMeetsAlone) {
-    Room room;
+/// By planes, or by the triangles alone.
+class AskedTogether : public testing::TestWithParam<bool> {};
+
+TEST_P(AskedTogether, MeetsWhatEachMeetsAlone) {
+    const bool planes = GetParam();
+    Room room({}, {.maxPlanes = planes ? 20'000u : 5u});
     TriangleGeometry reference;
     furnish(room, reference);
+    ASSERT_EQ(room.geometry.planes().empty(), !planes);
     std::mt19937 random(7);
     std::normal_distribution<double> normal;
     const auto direction = [&] { return glm::normalize(glm::dvec3(normal(random), normal(random), normal(random))); };
@@ -489,7 +494,10 @@ TEST(WorldGeometry, RaysThatAreAskedAboutTogetherMeetWhatEachMeetsAlone) {
             const double most = i % 3 ? 1e6 : 1;
             on.add(point, side, leaving, most, hit.plane);
             const glm::dvec3 to = glm::dvec3(-.5, 1.9, 3.5) - point;
-            if (glm::dot(to, side) > 0) back.add(point, side, glm::normalize(to), glm::length(to), hit.plane);
+            EXPECT_EQ(hit.clear > 0, !planes);
+            EXPECT_LT(hit.clear, 1e-4);
+            if (glm::dot(to, side) > 0)
+                back.add(point, side, glm::normalize(to), glm::length(to), hit.plane, hit.clear);
         }
         const std::uint32_t bits = room.geometry.closestOf(on, second), shut = room.geometry.blockedOf(back);
         for (int i = 0; i < on.count; ++i) {
@@ -518,6 +526,37 @@ TEST(WorldGeometry, RaysThatAreAskedAboutTogetherMeetWhatEachMeetsAlone) {
     EXPECT_GT(met, 1500);
     EXPECT_GT(hidden, 40);
     EXPECT_LT(hidden, asked);
+}
+
+INSTANTIATE_TEST_SUITE_P(WorldGeometry, AskedTogether, testing::Bool());
+
+/// Two triangles of one mesh that face each other, one after the other in it, in either order: what leaves one of them
+/// meets the other, and does not meet where it starts.
+TEST(WorldGeometry, WithoutPlanesNoTriangleStandsForItsNeighbour) {
+    for (std::uint32_t first = 0; first < 2; ++first) {
+        auto mesh = std::make_shared<Mesh>();
+        for (const float z : {-5.f, 0.f, 1.f})
+            for (const Vec3f& p : {Vec3f(-1, -1, z), Vec3f(3, -1, z), Vec3f(-1, 3, z)}) mesh->positions.push_back(p);
+        mesh->triangles = first == 0 ? Array<std::int32_t>{3, 4, 5, 6, 7, 8, 0, 1, 2}
+                                     : Array<std::int32_t>{0, 1, 2, 3, 4, 5, 6, 7, 8};
+        mesh->triangleCount = 3;
+        for (const Vec3f& p : mesh->positions) mesh->bounds.extend(p);
+        Room room({}, {.maxPlanes = 1});
+        room.mesh(NodeId{1}, mesh);
+        room.add(NodeId{1}, placed({0, 0, 0}, {1, 1, 1}));
+        room.commit();
+        ASSERT_TRUE(room.geometry.planes().empty());
+        AcousticHit floor, ceiling;
+        ASSERT_TRUE(room.geometry.closest({.1, .2, .5}, {0, 0, -1}, 10, kNoPlane, floor));
+        ASSERT_TRUE(room.geometry.closest({.1, .2, 0}, {0, 0, 1}, 10, floor.plane, ceiling));
+        EXPECT_NEAR(ceiling.distance, 1, 1e-6);
+        AcousticRays rays;
+        rays.add({.1, .2, 0}, {0, 0, 1}, {0, 0, 1}, 10, floor.plane, floor.clear);
+        rays.add({.1, .2, 0}, {0, 0, 1}, {0, 0, 1}, .9, floor.plane, floor.clear);
+        AcousticHits hits;
+        EXPECT_EQ(room.geometry.closestOf(rays, hits), 1u);
+        EXPECT_EQ(room.geometry.blockedOf(rays), 1u);
+    }
 }
 
 TEST(WorldGeometry, WhatIsOpenIsOpenToRaysThatAreAskedAboutTogether) {

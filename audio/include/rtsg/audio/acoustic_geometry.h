@@ -55,6 +55,8 @@ struct AcousticHit {
     glm::dvec3 normal{0, 0, 1};  // unit, on either side
     std::uint32_t plane = kNoPlane;
     std::uint32_t material = 0;
+    /// Metres before the surface from where no ray that leaves it meets it again, for AcousticRays; 0: not known.
+    double clear = 0;
 };
 
 /// An edge round which sound bends: where two surfaces meet, or the rim of one.
@@ -74,11 +76,12 @@ struct AcousticRays {
     /// Unit normal of the surface that a ray starts on, on the side to which it goes; 0 if it starts on none.
     glm::dvec3 facing[kMost];
     double maxDistance[kMost];
+    double clear[kMost];  // of the surface that a ray starts on, AcousticHit::clear
     std::uint32_t except[kMost];
-    bool likelyFree = false;  // of blockedOf(): few of them are; a matter of speed alone
 
     void add(const glm::dvec3& from, const glm::dvec3& side, const glm::dvec3& towards, double most,
-             std::uint32_t plane) {
+             std::uint32_t plane, double clearOf = 0) {
+        clear[count] = clearOf;
         origin[count] = from;
         facing[count] = side;
         direction[count] = towards;

@@ -61,15 +61,9 @@ class WorldGeometry final : public AcousticGeometry {
     std::uint32_t closestOf(const AcousticRays& rays, AcousticHits& hits) const override {
         return closestOfBut({}, rays, hits);
     }
-    std::uint32_t closestOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays,
-                               AcousticHits& hits) const {
-        return askAll(open, rays, false, hits);
-    }
+    std::uint32_t closestOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays, AcousticHits& hits) const;
     std::uint32_t blockedOf(const AcousticRays& rays) const override { return blockedOfBut({}, rays); }
-    std::uint32_t blockedOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays) const {
-        AcousticHits hits;
-        return askAll(open, rays, true, hits);
-    }
+    std::uint32_t blockedOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays) const;
     /// Slots of instances whose box holds the point and measures at most `maxSize` metres from corner to corner, as far
     /// as they are in the way of 32 rays from there.
     std::vector<std::uint32_t> instancesAround(const glm::dvec3& point, double maxSize) const;
@@ -86,13 +80,14 @@ class WorldGeometry final : public AcousticGeometry {
     enum class Judged : std::uint8_t { hit, beyond, doubtful };
     Judged judge(const Hit& found, double rough, std::span<const std::uint32_t> open, const glm::dvec3& origin,
                  const glm::dvec3& direction, double maxDistance, std::uint32_t except, AcousticHit& hit) const;
-    /// `toPlaces`: rays to places that touch nothing, as of blocked(); what meets nothing is believed at once.
-    std::uint32_t askAll(std::span<const std::uint32_t> open, const AcousticRays& rays, bool toPlaces,
-                         AcousticHits& hits) const;
+    void fetch(std::uint32_t mask, const PacketHits16& found) const;
+    void settleDoubts(std::span<const std::uint32_t> open, const AcousticRays& rays, RayPacket16& packet,
+                      std::uint32_t& blocked) const;
+    double clearOf(const Wall& wall, const Hit& found) const;
     double roundingAt(const glm::dvec3& point) const;
     void followMaterials(const PagedArray<AcousticMaterial>& materials);
-    glm::dvec3 exactHit(const Hit& hit, std::uint32_t plane, const glm::dvec3& origin, const glm::dvec3& direction,
-                        double& distance) const;
+    void makeExact(const Hit& found, const Wall& wall, std::uint32_t plane, const glm::dvec3& origin,
+                   const glm::dvec3& direction, AcousticHit& hit) const;
 
     WallsVersion walls_;
     const RayView* rays_ = nullptr;
