@@ -559,23 +559,49 @@ TEST(WorldGeometry, WithoutPlanesNoTriangleStandsForItsNeighbour) {
     }
 }
 
+/// Tiles of which one lies a little deeper are one plane: what leaves it from below the others is not blocked by them,
+/// but by a lid above all.
+TEST(WorldGeometry, TilesThatAreOffTheirPlaneBlockNothingThatStartsOnIt) {
+    for (const bool lid : {false, true}) {
+        Room room;
+        room.mesh(NodeId{1}, unitBox());
+        room.add(NodeId{1}, placed({0, 0, -1}, {1, 1, 1}));
+        room.add(NodeId{1}, placed({0, 0, -1 + 5e-5}, {1, 1, 1}));
+        if (lid) room.add(NodeId{1}, placed({0, 0, 2}, {1, 1, 1}));
+        room.commit();
+        AcousticHit floor;
+        ASSERT_TRUE(room.geometry.closest({.5, .5, 1}, {0, 0, -1}, 10, kNoPlane, floor));
+        EXPECT_EQ(floor.clear, 0);
+        AcousticRays rays;
+        for (const double z : {0., 1e-5, 4e-5})
+            rays.add({.5, .5, z}, {0, 0, 1}, glm::normalize(glm::dvec3(.1, .05, 1)), 10, floor.plane, floor.clear);
+        EXPECT_EQ(room.geometry.blockedOf(rays), lid ? 7u : 0u);
+    }
+}
+
 TEST(WorldGeometry, WhatIsOpenIsOpenToRaysThatAreAskedAboutTogether) {
-    Room room;
-    room.mesh(NodeId{1}, unitBox());
-    room.add(NodeId{1}, placed({-5, -5, -5}, {10, 10, 10}));
-    const InstanceId body = room.add(NodeId{1}, placed({-.5, -.5, -.5}, {1, 1, 1}));
-    room.commit();
-    const OpenedGeometry opened(room.geometry, {body.slot});
-    AcousticRays rays;
-    AcousticHits hits;
-    rays.add({.1, 0, 0}, glm::dvec3(0), {1, 0, 0}, 100, kNoPlane);
-    ASSERT_EQ(room.geometry.closestOf(rays, hits), 1u);
-    EXPECT_NEAR(hits[0].distance, .4, 1e-6);
-    ASSERT_EQ(opened.closestOf(rays, hits), 1u);
-    EXPECT_NEAR(hits[0].distance, 4.9, 1e-6);
-    rays.maxDistance[0] = 3;
-    EXPECT_EQ(opened.blockedOf(rays), 0u);
-    EXPECT_EQ(room.geometry.blockedOf(rays), 1u);
+    for (const bool planes : {true, false}) {
+        Room room({}, {.maxPlanes = planes ? 20'000u : 1u});
+        room.mesh(NodeId{1}, unitBox());
+        room.add(NodeId{1}, placed({-5, -5, -5}, {10, 10, 10}));
+        const InstanceId body = room.add(NodeId{1}, placed({-.5, -.5, -.5}, {1, 1, 1}));
+        room.commit();
+        const OpenedGeometry opened(room.geometry, {body.slot});
+        AcousticRays rays;
+        AcousticHits hits;
+        rays.add({.1, 0, 0}, glm::dvec3(0), {1, 0, 0}, 100, kNoPlane);
+        ASSERT_EQ(room.geometry.closestOf(rays, hits), 1u);
+        EXPECT_NEAR(hits[0].distance, .4, 1e-6);
+        ASSERT_EQ(opened.closestOf(rays, hits), 1u);
+        EXPECT_NEAR(hits[0].distance, 4.9, 1e-6);
+        rays.maxDistance[0] = 3;
+        EXPECT_EQ(opened.blockedOf(rays), 0u);
+        EXPECT_EQ(room.geometry.blockedOf(rays), 1u);
+        // As from a wall of which is known how far before it rays are clear of it.
+        rays.clear[0] = 1e-5;
+        EXPECT_EQ(opened.blockedOf(rays), 0u);
+        EXPECT_EQ(room.geometry.blockedOf(rays), 1u);
+    }
 }
 
 }  // namespace
