@@ -123,6 +123,53 @@ bool read(JSContext* cx, unsigned count, JS::Value* vp) {
     return toScript(cx, node->type().fields[index].type, node->storage(index), args.rval());
 }
 
+constexpr std::size_t kPlaceInReader = 0, kReadInCall = 1;  // what a reader keeps
+
+/// Whether the program whose global object this is has touched the field in its call, or one that shares its bit.
+bool isTouched(JSObject* global, std::int32_t place) {
+    const JS::AutoCheckCannotGC noCollection;
+    bool shared = false;
+    const double* bits =
+        JS_GetFloat64ArrayData(&JS::GetReservedSlot(global, Runtime::kTouchedSlot).toObject(), &shared, noCollection);
+    return (static_cast<std::uint32_t>(*bits) >> place & 1u) != 0;
+}
+
+/// The getter of a program's own field of one number. The engine calls it from what it has compiled, which it does not
+/// do with getters in JavaScript where a program names a global variable.
+bool readOwn(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    JSObject* reader = &args.callee();
+    JSObject* global = JS::GetNonCCWObjectGlobal(reader);
+    const NodeId self{static_cast<std::uint32_t>(JS::GetReservedSlot(global, Runtime::kSelfSlot).toNumber())};
+    const std::int32_t packed = js::GetFunctionNativeReserved(reader, kPlaceInReader).toInt32();
+    const Node* node = currentCall(cx).scene.find(self);
+    if (!node || isTouched(global, packed >> 16)) {
+        const JS::RootedValue inCall(cx, js::GetFunctionNativeReserved(reader, kReadInCall));
+        return JS::Call(cx, JS::UndefinedHandleValue, inCall, JS::HandleValueArray::empty(), args.rval());
+    }
+    const auto field = static_cast<FieldIndex>(packed & 0xFFFF);
+    const FieldType type = node->type().slot(field).type;
+    if (type != FieldType::SFBool) return toScript(cx, type, node->storage(field), args.rval());
+    args.rval().setBoolean(*static_cast<const bool*>(node->storage(field)));
+    return true;
+}
+
+/// reader(field, place, touched, read): what reads an own field of one number, by `read` if `touched` has bit `place`:
+/// then its value is not the scene's.
+bool reader(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const JSAutoRealm inside(cx, currentCall(cx).global);
+    JSFunction* made = js::NewFunctionWithReserved(cx, readOwn, 0, 0, "");
+    if (!made) return false;
+    JSObject* object = JS_GetFunctionObject(made);
+    js::SetFunctionNativeReserved(object, kPlaceInReader,
+                                  JS::Int32Value(args.get(0).toInt32() | args.get(1).toInt32() << 16));
+    js::SetFunctionNativeReserved(object, kReadInCall, args.get(3));
+    JS::SetReservedSlot(currentCall(cx).global, Runtime::kTouchedSlot, args.get(2));
+    args.rval().setObject(*object);
+    return true;
+}
+
 /// Why `script` may not write the field, or nothing.
 std::string writeRefusal(const Call& call, const Node* script, const Node* node, FieldIndex index) {
     if (!call.cascade) return "a script that shuts down can change nothing";
@@ -265,6 +312,7 @@ JSObject* newBridge(JSContext* cx) {
         JS_FN("field", field, 2, 0),
         JS_FN("fieldNames", fieldNames, 1, 0),
         JS_FN("read", read, 2, 0),
+        JS_FN("reader", reader, 4, 0),
         JS_FN("mayWrite", mayWrite, 3, 0),
         JS_FN("write", write, 5, 0),
         JS_FN("named", named, 2, 0),

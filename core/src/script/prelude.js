@@ -13,7 +13,8 @@
     /// Errors and arrays are the running program's own: it can tell them by `instanceof`.
     function fail(kind, text) { throw new (native.global()[kind])(text); }
     const ownArray = list => native.global().Array.from(list);
-    const SFString = 10, SFNode = 12, SFImage = 18, SFRotation = 32, SFMatrix = 34;
+    const isNumber = code => code <= SFTime && !(code & 1);
+    const SFTime = 8, SFString = 10, SFNode = 12, SFImage = 18, SFRotation = 32, SFMatrix = 34;
     const tuples = new Map();  // SF type code -> class
     const arrays = new Map();  // MF type code -> class
     const spares = new Map();  // SF type code -> an array for its components, between two statements
@@ -410,7 +411,7 @@
     }
 
     // ---- nodes, and what prints ----------------------------------------------------------------------------------
-    const inputOnly = 1, mostSpare = 64, ids = new WeakMap();
+    const inputOnly = 1, mostSpare = 64, touchedBits = 24, ids = new WeakMap();
     class SFNode_ {}
     publishClass("SFNode", SFNode_);
     const methods = {
@@ -437,9 +438,11 @@
     function program(self, global) {
         // What this call has touched, in this order; what has been assigned anew since has null in its first place.
         // Lists keep their length: to shorten one costs as much as a call.
-        let order = [], count = 0, spareOrder = null;
+        let order = [], count = 0, spareOrder = null, hasOthers = false;
         // {id, field, value, assigned, at}: one value, and its place in the order or -1. The Script's own by index.
         const own = [], others = new Map();
+        // Which of its own fields have a cell in that order, a bit each, or several that share one: readers look here.
+        const touched = new Float64Array(1);
         const proxies = new Map(), fieldTables = new Map();
 
         function fieldOf(id, name) {
@@ -450,7 +453,8 @@
             let field = table.get(name);
             if (field === undefined) {
                 const packed = native.field(id, name), code = packed >> 16 & 0xFF;
-                field = packed < 0 ? null : {index: packed & 0xFFFF, code, access: packed >> 24, name, tuple: tuples.get(code), spare: spares.get(code)};
+                field = packed < 0 ? null : {index: packed & 0xFFFF, place: (packed & 0xFFFF) % touchedBits, code, access: packed >> 24, name,
+                                               tuple: tuples.get(code), spare: spares.get(code)};
                 table.set(name, field);
             }
             return field;
@@ -461,6 +465,7 @@
             if (cell === undefined) {
                 cell = {id, field, value: undefined, assigned: false, at: -1};
                 if (id === self) own[key] = cell; else others.set(key, cell);
+                hasOthers ||= id !== self;
             }
             return cell;
         }
@@ -469,20 +474,24 @@
             cell.assigned = assigned;
             cell.at = count;
             order[count++] = cell;
+            if (cell.id === self) touched[0] |= 1 << cell.field.place;
         }
-        function read(id, field) {
-            if (field.access === inputOnly) return undefined;
-            const cell = cellOf(id, field);
-            if (cell.at < 0) touch(cell, revive(field.code, native.read(id, field.index), nodeOf), false);
+        function valueOf(cell) {
+            const {at, field} = cell;
+            if (at < 0) touch(cell, revive(field.code, native.read(cell.id, field.index), nodeOf), false);
             return cell.value;
         }
+        function assignTo(cell, value) {
+            const kept = copied(cell.field, value, nodeOf);
+            if (cell.at >= 0) order[cell.at] = null;
+            touch(cell, kept, true);
+        }
+        const read = (id, field) => field.access === inputOnly ? undefined : valueOf(cellOf(id, field));
         function assign(id, field, value) {
             // Its own fields, but for inputs, a program may always write.
             const flaw = id === self && field.access !== inputOnly ? undefined : native.mayWrite(self, id, field.index);
             if (flaw) fail("TypeError", `${field.name}: ${flaw}`);
-            const kept = copied(field, value, nodeOf), cell = cellOf(id, field);
-            if (cell.at >= 0) order[cell.at] = null;
-            touch(cell, kept, true);
+            assignTo(cellOf(id, field), value);
         }
         const nodeHandler = {
             get(target, name) {
@@ -515,14 +524,29 @@
             const flaw = native.write(self, id, field.index, plain(field, value), assigned);
             if (flaw) fail("TypeError", `${field.name}: ${flaw}`);
         }
+        // Numbers, strings and nodes cannot be changed in place.
+        const isSent = (field, value, assigned) => assigned || (value !== null && typeof value === "object" && field.code !== SFNode);
         function flush() {
             if (count === 0) return;
+            if (hasOthers) {
+                others.clear();
+                hasOthers = false;
+            }
+            touched[0] = 0;
+            if (count === 1) {
+                const cell = order[0], {value, assigned, field} = cell;
+                order[0] = null;
+                count = 0;
+                cell.at = -1;
+                cell.value = undefined;
+                if (isSent(field, value, assigned)) send(cell.id, field, value, assigned);
+                return;
+            }
             // A write may call this program again: it must not find what is on its way. Mostly that is one value.
             const pending = order, end = count;
             order = spareOrder ?? [];
             count = 0;
             spareOrder = null;
-            if (others.size > 0) others.clear();
             let first = null, firstValue, firstAssigned = false, rest = null;
             for (let i = 0; i < end; ++i) {
                 const cell = pending[i];
@@ -531,8 +555,7 @@
                 const {value, assigned, field} = cell;
                 cell.at = -1;
                 cell.value = undefined;
-                // Numbers, strings and nodes cannot be changed in place.
-                if (!assigned && (value === null || typeof value !== "object" || field.code === SFNode)) continue;
+                if (!isSent(field, value, assigned)) continue;
                 if (first === null) { first = cell; firstValue = value; firstAssigned = assigned; }
                 else (rest ??= []).push({id: cell.id, field, value, assigned});
             }
@@ -549,8 +572,9 @@
         for (const name of native.fieldNames(self)) {
             const field = fieldOf(self, name);
             if (!field || field.access === inputOnly) continue;
+            const cell = cellOf(self, field), get = () => valueOf(cell);
             Object.defineProperty(global, name, {
-                get: () => read(self, field), set: value => assign(self, field, value), enumerable: true, configurable: true,
+                get: isNumber(field.code) ? native.reader(field.index, field.place, touched, get) : get, set: value => assignTo(cell, value), enumerable: true, configurable: true,
             });
         }
 
@@ -563,6 +587,7 @@
                 for (let i = 0; i < count; ++i) if (order[i] !== null) { order[i].at = -1; order[i].value = undefined; }
                 order = [];
                 count = 0;
+                touched[0] = 0;
                 others.clear();
                 for (const [id, proxy] of proxies)
                     if (!native.exists(id)) proxies.delete(id);

@@ -29,6 +29,7 @@
 #include <js/experimental/JSStencil.h>
 #include <js/experimental/TypedData.h>
 #include <jsapi.h>
+#include <jsfriendapi.h>
 #pragma GCC diagnostic pop
 // Rooted variables are linked into a list while they live; the compiler sees only that their address is kept.
 #pragma GCC diagnostic ignored "-Wdangling-pointer"

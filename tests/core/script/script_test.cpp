@@ -115,6 +115,32 @@ TEST(Script, ChangesInPlaceAreSentAndReadingAloneIsNot) {
     for (const Change& change : set->changes) EXPECT_EQ(change.kind, ChangeKind::event) << "reading wrote something";
 }
 
+TEST(Script, FieldsOfOneNumberAreReadAsTheSceneHasThemUntilTheyAreAssigned) {
+    std::string fields =
+        "inputOnly SFInt32 go inputOutput SFFloat x 0.1 inputOutput SFBool b TRUE initializeOnly SFDouble d 0.1 "
+        "outputOnly SFTime t outputOnly SFString seen ";
+    for (int i = 0; i < 30; ++i) fields += "inputOutput SFInt32 n" + std::to_string(i) + " " + std::to_string(i) + " ";
+    ScriptScene s(fields, R"(
+        function go(v, when) {
+            var all = [typeof b, b, x === Math.fround(0.1), d === 0.1, t === when - 1, n3, n27];
+            n3 += 100; b = !b; x = 0.1; t = when;
+            all.push(typeof b, b, x === 0.1, t === when, n3, n27, n28);
+            n27 = n3; n27 = v;
+            all.push(n3, n27);
+            seen = all.join(' ');
+        })");
+    for (int k = 1; k <= 150; ++k) {  // often enough to be compiled
+        s.send("go", std::int32_t{-k});
+        s.frame();
+        const std::string before = k % 2 ? "true" : "false", after = k % 2 ? "false" : "true";
+        const std::string n3 = std::to_string(3 + 100 * k), n27 = k == 1 ? "27" : std::to_string(1 - k);
+        EXPECT_EQ(s.get<String>("seen").view(),
+                  "boolean " + before + " true true true " + std::to_string(3 + 100 * (k - 1)) + " " + n27 +
+                      " boolean " + after + " true true " + n3 + " " + n27 + " 28 " + n3 + " " + std::to_string(-k));
+    }
+    EXPECT_EQ(s.problems(), "");
+}
+
 TEST(Script, DirectOutputNeedsTheFlag) {
     const std::string program =
         "function initialize() { target.translation = new SFVec3f(1, 2, 3); print(target.translation); }";
