@@ -1,5 +1,6 @@
 // Script nodes: ISO/IEC 19775-1 V4.0 clause 29, ISO/IEC 19777-1. What a program does is checked through the scene
 // alone.
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <thread>
@@ -138,6 +139,18 @@ TEST(Script, FieldsOfOneNumberAreReadAsTheSceneHasThemUntilTheyAreAssigned) {
                   "boolean " + before + " true true true " + std::to_string(3 + 100 * (k - 1)) + " " + n27 +
                       " boolean " + after + " true true " + n3 + " " + n27 + " 28 " + n3 + " " + std::to_string(-k));
     }
+    EXPECT_EQ(s.problems(), "");
+}
+
+TEST(Script, AChangeInPlaceIsSentWhereItIsAllThatACallDoes) {
+    ScriptScene s("inputOnly SFFloat go inputOnly SFFloat look inputOutput SFVec3f at 1 2 3",
+                  "function go(v) { at.y = v; } function look(v) { at; }");
+    s.send("go", 7.0f);
+    s.frame();
+    EXPECT_EQ(s.get<Vec3f>("at"), Vec3f(1, 7, 3));
+    s.send("look", 8.0f);
+    const auto set = s.frame();
+    EXPECT_TRUE(std::ranges::none_of(set->changes, [](const Change& c) { return c.kind == ChangeKind::setField; }));
     EXPECT_EQ(s.problems(), "");
 }
 
