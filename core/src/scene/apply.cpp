@@ -273,6 +273,18 @@ Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
     return {};
 }
 
+namespace {
+
+/// Whether so many plain values come first that a loop of their own pays.
+bool isRun(std::span<const Change> changes) {
+    constexpr std::size_t kPays = 4;
+    return changes.size() >= kPays && std::ranges::all_of(changes.first(kPays), [](const Change& change) {
+               return change.kind == ChangeKind::setField && writing::isPlain(change.value.type());
+           });
+}
+
+}  // namespace
+
 Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<const DefinedType> defined,
                                     bool pending) {
     for (const DefinedType& type : defined) {
@@ -286,7 +298,10 @@ Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<c
     deferCycleCheck = true;
     noting = pending;
     touched = UINT32_MAX;
-    for (const Change& change : changes) {
+    for (std::size_t i = 0; i < changes.size(); ++i) {
+        if (!pending && isRun(changes.subspan(i))) i += writeSealedRun(changes.subspan(i));
+        if (i == changes.size()) break;
+        const Change& change = changes[i];
         // Nodes that go together may still refer to each other: all let go before any is destroyed.
         if (change.kind == ChangeKind::destroyNode && !released) {
             released = true;

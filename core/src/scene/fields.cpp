@@ -152,6 +152,60 @@ void Scene::State::writeSealed(Node& node, FieldIndex field, const Value& value)
     if (isShared(entry.type)) entry.node = {};  // lists change in place: their terms do not last
 }
 
+/// As writeSealed for each. Of a run like this most of what is looked up once serves all, and nodes are fetched ahead.
+[[gnu::flatten]] std::size_t Scene::State::writeSealedRun(std::span<const Change> changes) {
+    const NodeTable::View table = nodeTable.view();
+    const bool wakes = behavioursEnabled;
+    TypeIndex keyedType;
+    const FieldKey* keys = nullptr;
+    detail::StateHash sum;
+    constexpr std::size_t kAhead = 16;
+    Node* ahead[kAhead];
+    const auto lookUp = [&](std::size_t i) {
+        Node* node = table.find(changes[i].node);
+        ahead[i % kAhead] = node;
+        if (!node) return;
+        __builtin_prefetch(node, 1);
+        __builtin_prefetch(reinterpret_cast<const std::byte*>(node) + 64, 1);
+    };
+    for (std::size_t i = 0; i < std::min(kAhead, changes.size()); ++i) lookUp(i);
+    std::size_t done = 0;
+    for (; done < changes.size(); ++done) {
+        const Change& change = changes[done];
+        Node* const node = ahead[done % kAhead];
+        if (done + kAhead < changes.size()) lookUp(done + kAhead);
+        if (!node || change.kind != ChangeKind::setField || !writing::isPlain(change.value.type())) break;
+        const NodeType& type = *node->type_;
+        if (change.field >= type.fieldCount()) break;
+        const FieldSlot slot = type.slot(change.field);
+        if (slot.type != change.value.type() || slot.offset == FieldDef::kNoOffset) break;
+        if (node->typeIndex_ != keyedType || !keys) {
+            keyedType = node->typeIndex_;
+            keys = types[keyedType.value].keys;
+        }
+        const FieldKey key = keys[change.field];
+        WrittenField& entry = newEntry(*this, *node, change.field, slot);
+        if (entry.hashed) expected[-1].node = {};  // as in writeSealed
+        std::byte* const target = node->block() + slot.offset;
+        const std::byte* fallback = type.defaults() + slot.offset;
+        detail::withPlainSize(slot.size, [&]<std::size_t size>() {
+            const auto termOfBytes = [&](const void* bytes) {
+                return detail::plainTermOfSize<size>(change.node, key, bytes, fallback);
+            };
+            // Of the bytes that come, not of those just stored, for which a processor would wait.
+            const void* value = change.value.storage();
+            const Hash128 after = termOfBytes(value);
+            sum.subtract(entry.hashed ? entry.term() : termOfBytes(entry.before));
+            sum.add(after);
+            std::memcpy(target, value, size);
+            entry.setTerm(after);
+        });
+        if (wakes) wake(*node);
+    }
+    hash.add(sum.value());
+    return done;
+}
+
 void Scene::State::keepTerms() {
     if (countWritten() == 0) return;
     std::swap(written, sealed);

@@ -213,6 +213,8 @@ struct Scene::State : Scene::Lane {
     void prefetchPlace(NodeId id) const { nodeTable.prefetch(id); }
     /// Writes what comes from a sealed set: into the hash at once, and not pending.
     void writeSealed(Node& node, FieldIndex field, const Value& value);
+    /// As many from the first on as are plain values of fields that are there; returns how many.
+    std::size_t writeSealedRun(std::span<const Change> changes);
     /// Stores only; precondition: beginWrite, or this comes from a sealed set.
     void store(Node& node, FieldIndex field, const void* value);
     void write(Lane& lane, Node& node, FieldIndex field, const void* value);  // writing.h

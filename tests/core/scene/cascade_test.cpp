@@ -146,12 +146,12 @@ TEST_F(Meddled, AnEventGoesAlongTheRoutesThatAreThereAtItsTurn) {
     EXPECT_EQ(scene_.node(node_[3]).get(x3d::Transform::center), Vec3f(1));
 }
 
-int calls = 0;
+int eventsCounted = 0;
 
 /// An inputOutput field and the one in the body that it IS: what one sends, the other takes, and no more.
 TEST(Cascade, ATwoWayIsConnectionDoesNotEcho) {
     Scene scene;
-    const Behaviour counts{.onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) { ++calls; }};
+    const Behaviour counts{.onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) { ++eventsCounted; }};
     scene.registerBehaviour("Moved", counts);
     Diagnostics diagnostics;
     ASSERT_TRUE(loadText(scene, R"(#X3D V4.0 utf8
@@ -162,14 +162,14 @@ DEF M Moved { })",
     scene.newFrame(0);
     const NodeId moved = scene.findName("M");
     const NodeId body = scene.effectiveNode(moved)->id();
-    calls = 0;
+    eventsCounted = 0;
     ASSERT_TRUE(scene.sendEvent(moved, scene.node(moved).type().find("place"), Vec3f(3)));
     scene.newFrame(1);
-    EXPECT_EQ(calls, 1);
+    EXPECT_EQ(eventsCounted, 1);
     EXPECT_EQ(scene.node(body).get(x3d::Transform::translation), Vec3f(3));
     ASSERT_TRUE(scene.sendEvent(body, x3d::Transform::translation.index, Vec3f(4)));
     scene.newFrame(2);
-    EXPECT_EQ(calls, 2);
+    EXPECT_EQ(eventsCounted, 2);
     EXPECT_EQ(scene.node(moved).value(scene.node(moved).type().find("place")).as<Vec3f>(), Vec3f(4));
 }
 
