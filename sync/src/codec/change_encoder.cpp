@@ -219,6 +219,58 @@ struct ChangeEncoder::Parts {
         c.values.advance(c.elementSize);
     }
 
+    /// Of the plain values of one column that come first; returns how many, 0 if there are none.
+    std::size_t addValuesRun(std::span<const Change> changes) {
+        const Change& first = changes.front();
+        const FieldType type = first.value.type();
+        if (first.kind != ChangeKind::setField || !wire::fixedSize(type) || type == FieldType::SFNode) return 0;
+        Column& c = column(keyOf(first, false), type);
+        if (c.predicted) return 0;
+        switch (c.elementSize) {
+            case 1:
+                return fillColumn<1>(c, changes);
+            case 4:
+                return fillColumn<4>(c, changes);
+            case 8:
+                return fillColumn<8>(c, changes);
+            case 12:
+                return fillColumn<12>(c, changes);
+            case 16:
+                return fillColumn<16>(c, changes);
+            default:
+                return 0;
+        }
+    }
+    /// All in locals: the bytes written might be anything, for all a compiler knows.
+    template <std::size_t size>
+    static std::size_t fillColumn(Column& c, std::span<const Change> changes) {
+        constexpr std::size_t kAtOnce = 256, kLongestStep = 5;
+        const Change& like = changes.front();
+        const FieldType type = like.value.type();
+        std::uint32_t last = c.lastNode;
+        std::size_t i = 0;
+        for (bool more = true; more && i < changes.size();) {
+            std::byte* nodes = c.nodes.room(kAtOnce * kLongestStep);
+            std::byte* values = c.values.room(kAtOnce * size);
+            const std::size_t end = std::min(i + kAtOnce, changes.size());
+            for (; i < end; ++i) {
+                const Change& change = changes[i];
+                more = change.field == like.field && change.kind == ChangeKind::setField &&
+                       change.external == like.external && change.value.type() == type;
+                if (!more) break;
+                nodes = writeVarint(nodes, zigzag(change.node.value, last));
+                last = change.node.value;
+                std::memcpy(values, change.value.storage(), size);
+                values += size;
+            }
+            c.nodes.setEnd(nodes);
+            c.values.setEnd(values);
+        }
+        c.lastNode = last;
+        c.count += i;
+        return i;
+    }
+
     void addLink(const Change& change) {
         Rows& r = rows[wire::kLinks];
         const unsigned external = change.external ? wire::kLinkExternal : 0u;
@@ -446,7 +498,13 @@ void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predict
     parts.predicting = predicting;
     parts.predicted = 0;
     if (set.isSnapshot()) parts.describe(parts.rootType);
-    for (const Change& change : set.changes) {
+    const std::span<const Change> changes(set.changes);
+    for (std::size_t i = 0; i < changes.size();) {
+        if (const std::size_t run = parts.addValuesRun(changes.subspan(i)); run > 0) {
+            i += run;
+            continue;
+        }
+        const Change& change = changes[i++];
         if (change.kind == ChangeKind::setField && sf(change.value.type()) != FieldType::SFNode)
             parts.addValue(change);
         else
