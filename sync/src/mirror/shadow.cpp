@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "questions.h"
+#include "superseded.h"
 
 namespace rtsg {
 
@@ -125,8 +126,9 @@ void MirrorShadow::follow() {
             const SharedRecord record = std::move(waiting_.front());
             waiting_.pop_front();
             waitingBytes_ -= record->bytes.size();
+            const SharedRecord next = waiting_.empty() ? nullptr : waiting_.front();
             lock.unlock();
-            follow(scene, record);
+            if (!skip(*record, next.get())) follow(scene, record);
             lock.lock();
         }
         if (stop_ || questions_.empty() || lost_) continue;
@@ -180,13 +182,24 @@ void MirrorShadow::followParts(const Scene& scene, const ChangeSet* set, std::ui
     }
 }
 
+/// True for a frame that nobody needs for itself, as what comes after it says all of it anew.
+bool MirrorShadow::skip(const EncodedRecord& record, const EncodedRecord* next) {
+    const auto isFrame = [](const RecordHeader& h) { return h.kind == RecordKind::frame && h.from != h.to; };
+    if (!parts_.empty() || !next || !isFrame(record.header) || !isFrame(next->header)) return false;
+    if (!mirror::isSuperseded(record.bytes.bytes(), next->bytes.bytes())) return false;
+    if (!skippedFrom_) skippedFrom_ = record.header.from;
+    return true;
+}
+
 void MirrorShadow::follow(Scene& scene, const SharedRecord& record) {
     if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
+    const std::optional<std::uint64_t> from = std::exchange(skippedFrom_, std::nullopt);
     Result<> ok;
     if (record->header.kind == RecordKind::keyframe && (scene.sequence() != 0 || scene.nodeCount() > 1))
         ok = scene.reset();
-    if (ok && decoder_.decode(record->bytes.bytes(), *set_) && scene.apply(set_))
-        return followParts(scene, set_.get(), record->published);
+    if (ok) ok = decoder_.decode(record->bytes.bytes(), *set_);
+    if (from && record->header.kind == RecordKind::frame) set_->from = *from;
+    if (ok && scene.apply(set_)) return followParts(scene, set_.get(), record->published);
     const std::scoped_lock lock(mutex_);
     lost_ = true;
 }

@@ -12,6 +12,7 @@
 #include <deque>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -70,6 +71,7 @@ class MirrorShadow {
   private:
     void run();
     void follow();
+    bool skip(const EncodedRecord& record, const EncodedRecord* next);
     void follow(Scene& scene, const SharedRecord& record);
     void followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published);
     void openPart(const Scene& scene, const Question& question);
@@ -98,6 +100,7 @@ class MirrorShadow {
     ChangeDecoder decoder_;  // the thread's own from here on
     ChangeEncoder encoder_;
     std::shared_ptr<ChangeSet> set_;
+    std::optional<std::uint64_t> skippedFrom_;  // where the frames that were skipped set out
     SharedRecord lastMerged_;
     std::map<std::uint32_t, MirrorPart> parts_;
     /// Of a peer whose frames were merged not long ago.
