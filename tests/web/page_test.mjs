@@ -358,6 +358,46 @@ Transform { translation 0 0 -5 children Shape { geometry Box { } appearance Appe
     await other.close();
     await stop(server);
   },
+  async 'on a slow link what is near comes first'() {
+    // All have the value of one interpolator, so that whole states of the origin have it twice.
+    const count = 2000, far = Array.from({length: count}, (_, i) => i), scene = path.join(scratch, 'near.x3dv');
+    writeFileSync(scene, `#X3D V4.0 utf8
+Viewpoint { position 0 0 10 }
+DEF CLOCK TimeSensor { loop TRUE cycleInterval 20 }
+DEF WAY PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0 2 0 0 ] }
+DEF NEAR Transform { }
+Transform { translation 0 0 -5000 children [ ${far.map((i) => `DEF FAR${i} Transform { }`).join(' ')} ] }
+ROUTE CLOCK.fraction_changed TO WAY.set_fraction
+ROUTE WAY.value_changed TO NEAR.set_translation
+${far.map((i) => `ROUTE WAY.value_changed TO FAR${i}.set_translation`).join('\n')}
+`);
+    const server = await serve(scene, '--web', '0', '--max-rate', '100kB');
+    const follow = async (settings) => {
+      const page = await open(`${server.web}#${settings}`, {picture: false});
+      await until(page, () => rtsg.mirror.count.states > 3);
+      await page.evaluate(() => {
+        const {mirror} = rtsg, {onState} = mirror.options, x = (name) => mirror.scene.find(name).get('translation')[0];
+        window.apart = window.seen = 0;
+        mirror.options.onState = (...given) => {
+          onState(...given);
+          ++window.seen;
+          if (x('NEAR') !== x('FAR7')) ++window.apart;
+        };
+      });
+      return page;
+    };
+    const page = await follow('');
+    await until(page, () => window.apart > 3);
+    const merged = await follow('slow=merge');
+    await until(merged, () => window.seen > 10);
+    assert.equal(await merged.evaluate(() => window.apart), 0);
+    for (const one of [page, merged]) {
+      allEqual(await counts(one));
+      assert.deepEqual(one.errors, []);
+      await one.close();
+    }
+    await stop(server);
+  },
   async 'a server that takes no requests says so'() {
     const server = await serve(door, '--web', '0');
     const page = await open(server.web, {picture: false});

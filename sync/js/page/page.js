@@ -7,7 +7,7 @@ import {SceneSound} from '/page/sound.js';
 const $ = (id) => document.getElementById(id);
 const text = (id, value) => { const e = $(id); if (e.textContent !== value) e.textContent = value; };
 
-/** Behind the #, which browsers do not send: token, quality=low. */
+/** Behind the #, which browsers do not send: token, quality=low, slow=merge. */
 const settings = new URLSearchParams(location.hash.slice(1));
 const token = settings.get('token') ?? '';
 const url = `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/mirror${token ? `?token=${encodeURIComponent(token)}` : ''}`;
@@ -109,6 +109,7 @@ async function askWhy() {
 
 const follower = followWebSocket(url, {
   name: 'browser',
+  nearFirst: settings.get('slow') !== 'merge',
   onConnection(state) {
     if (state !== 'open' && !left) connection(state);
     if (state === 'open') reached = true;
