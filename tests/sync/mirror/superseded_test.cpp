@@ -1,11 +1,19 @@
 // Frames that the next one says anew: those of plain values of the very same fields, and no others.
 #include "mirror/superseded.h"
 
+#include <chrono>
+#include <thread>
+
+#include <sys/eventfd.h>
+#include <unistd.h>
+
 #include <gtest/gtest.h>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/change_codec.h>
+
+#include "mirror/shadow.h"
 
 namespace rtsg {
 namespace {
@@ -69,6 +77,63 @@ TEST(Superseded, WhatIsNoPlainValueIsKept) {
         EXPECT_FALSE(superseded(frame, other));
         EXPECT_FALSE(superseded(other, other));
     }
+}
+
+/// Posts what a scene publishes, and asks for keyframes.
+struct ShadowOfScene : testing::Test, Subscriber {
+    Scene scene;
+    std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
+    const int wake = ::eventfd(0, EFD_NONBLOCK);
+    MirrorShadow shadow{pool, wake, std::uint64_t{64} << 20};
+    ChangeEncoder encoder;
+    bool allPosted = true;
+
+    ~ShadowOfScene() override { ::close(wake); }
+    Result<> apply(const Scene&, const ChangeSet& changes) override {
+        post(changes);
+        return {};
+    }
+    std::string subscriberName() const override { return "shadow of a scene"; }
+    void post(const ChangeSet& changes) {
+        const std::shared_ptr<EncodedRecord> record = pool->take();
+        encoder.encode(changes, record->bytes);
+        record->header = *parseRecordHeader(record->bytes.bytes());
+        allPosted = shadow.post(record) && allPosted;
+    }
+    /// The hash of a scene made of a keyframe; it has all that was posted before.
+    Hash128 hashOfKeyframe() {
+        shadow.ask({});
+        std::vector<MirrorShadow::Answer> answers;
+        for (int i = 0; i < 6000 && answers.empty(); ++i) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(10));
+            answers = shadow.takeAnswers();
+        }
+        Scene copy;
+        const auto set = std::make_shared<ChangeSet>();
+        ChangeDecoder decoder(builtinTypes());
+        if (answers.empty() || !decoder.decode(answers[0].record->bytes.bytes(), *set) || !copy.apply(set)) return {};
+        EXPECT_EQ(copy.sequence(), scene.sequence());
+        return copy.hash();
+    }
+};
+
+TEST_F(ShadowOfScene, IsWhereTheLastFrameLeadsWhateverItLeavesOut) {
+    std::vector<NodeId> nodes;
+    for (int i = 0; i < 40; ++i) nodes.push_back(scene.createNode(x3d::Transform::type));
+    scene.newFrame(0);
+    const Attachment attachment = scene.bus().attach(*this);
+    for (int frame = 1; frame <= 60; ++frame) {
+        // Now all of them, now every third; and once another node.
+        for (std::size_t i = 0; i < nodes.size(); i += frame % 20 < 13 ? 1 : 3)
+            ASSERT_TRUE(scene.set(nodes[i], x3d::Transform::translation, Vec3f(float(frame), float(i), 0)));
+        if (frame == 30) nodes.push_back(scene.createNode(x3d::Transform::type));
+        scene.newFrame(frame);
+        if (frame % 25 == 0) {
+            EXPECT_EQ(hashOfKeyframe(), scene.hash()) << frame;
+        }
+    }
+    EXPECT_EQ(hashOfKeyframe(), scene.hash());
+    EXPECT_TRUE(allPosted) << "it was given up";
 }
 
 }  // namespace
