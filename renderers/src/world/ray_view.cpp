@@ -153,8 +153,8 @@ std::uint32_t RayView::bodyAround(const Vec3f& place, const Vec3f& direction, st
     for (int i = 0; i < kMost; ++i) {
         const Hit hit = resolve(tables_->top.intersect(ray, kind), tables_->top, instances_);
         if (!hit) return kNoInstance;
-        if (filter_->isCapped(hit.instance, plane, place) && std::ranges::find(outside, hit.instance) == outside.end() &&
-            instances_[hit.instance].mesh->isClosed()) {
+        if (filter_->isCapped(hit.instance, plane, place) &&
+            std::ranges::find(outside, hit.instance) == outside.end() && instances_[hit.instance].mesh->isClosed()) {
             if (glm::dot(hit.normal, direction) > 0) return hit.instance;
             outside.push_back(hit.instance);
         }
