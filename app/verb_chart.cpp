@@ -23,7 +23,9 @@ struct Source {
 constexpr Source kSources[] = {
     {"frames", "the paper's scenes: a frame's cost in each mapping; minutes", bench::chartFrames},
     {"rays", "error of path-traced pictures against time", bench::chartRays},
-    {"light", "error of a room lit by panels against time, beside Cycles where blender is installed",
+    {"light",
+     "error of a room lit by panels, and of scenes under a white sky, against time, beside Cycles and POV-Ray where "
+     "they are installed",
      bench::chartLight},
     {"sound", "error of reverberation times against time", bench::chartSound},
     {"sync", "bytes of a change against error and time by coding and mode; replicas and late joins of a mirror",

@@ -223,7 +223,7 @@ void chartUnderSky(const ChartSink& sink, const Outdoors& one, bool quick) {
         Series povRay{"POV-Ray, radiosity", {}};
         const auto file = std::filesystem::temp_directory_path() / fmt::format("rtsg_under_sky_{}.pov", ::getpid());
         scene.writePov(file);
-        for (const int rays : {50, 200, 800})
+        for (const int rays : {20, 100})
             if (const auto made = povRayScene(file, side, rays)) {
                 povRay.name = "POV-Ray " + made->version + ", radiosity";
                 const double error = UnderSky::errorFrom(made->picture, truth);

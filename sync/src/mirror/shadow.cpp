@@ -184,7 +184,10 @@ void MirrorShadow::followParts(const Scene& scene, const ChangeSet* set, std::ui
 
 /// True for a frame that nobody needs for itself, as what comes after it says all of it anew.
 bool MirrorShadow::skip(const EncodedRecord& record, const EncodedRecord* next) {
-    const auto isFrame = [](const RecordHeader& h) { return h.kind == RecordKind::frame && h.from != h.to; };
+    // What is remembered of one frame for the next ones, predictions take up: such frames are all read.
+    const auto isFrame = [](const RecordHeader& h) {
+        return h.kind == RecordKind::frame && h.from != h.to && h.flags == 0;
+    };
     if (!parts_.empty() || !next || !isFrame(record.header) || !isFrame(next->header)) return false;
     if (!mirror::isSuperseded(record.bytes.bytes(), next->bytes.bytes())) return false;
     if (!skippedFrom_) skippedFrom_ = record.header.from;
