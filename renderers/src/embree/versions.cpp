@@ -35,7 +35,7 @@ void Versions::findHeld() {
     for (const Holder& holder : holders_) {
         if (holder.serial == 0) continue;
         newest_ = std::max(newest_, holder.serial);
-        heldBits_ |= 7u << (holder.epoch * kKinds);
+        heldBits_ |= 15u << (holder.epoch * kKinds);
     }
 }
 

@@ -3,9 +3,9 @@
 // A serial counts the versions made. What is written carries it as its stamp, so a version whose serial is above the
 // stamp may read it: then the writer copies first, and what it takes out of use is kept until nobody can read it.
 // Invariant: at most kMost versions at a time; one pins what it was made of, and nothing that came later.
-// Embree's masks cannot be copied, so they hold three bits (the kinds of rays) for each of ten epochs: a version's rays
-// carry the bits of the epoch in which it was made, and whoever changes a mask leaves the bits of held epochs alone.
-// (Embree reads a mask in one word while we write it: the bits that a reader looks at stay what they are.)
+// Embree's masks cannot be copied, so they hold four bits (the kinds of rays) for each of eight epochs: a version's
+// rays carry the bits of the epoch in which it was made, and whoever changes a mask leaves the bits of held epochs
+// alone. (Embree reads a mask in one word while we write it: the bits that a reader looks at stay what they are.)
 // Threading: everything on the writer's thread, release() on any.
 #pragma once
 
@@ -21,12 +21,12 @@ namespace rtsg::bvh {
 
 class Versions {
   public:
-    static constexpr std::size_t kMost = 9;
-    static constexpr unsigned kEpochs = 10, kKinds = 3;
+    static constexpr std::size_t kMost = 7;
+    static constexpr unsigned kEpochs = 8, kKinds = 4;
     static_assert(kMost < kEpochs && kEpochs * kKinds <= 32, "an epoch is always free, and each has bits of its own");
 
     /// The kinds of rays that a mask lets through, in every epoch.
-    static constexpr std::uint32_t inAllEpochs(std::uint32_t kinds) { return (kinds & 7u) * 0x09249249u; }
+    static constexpr std::uint32_t inAllEpochs(std::uint32_t kinds) { return (kinds & 15u) * 0x11111111u; }
 
     /// How many have been made: the stamp of what is written now.
     std::uint64_t serial() const { return serial_; }

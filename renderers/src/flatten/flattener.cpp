@@ -91,7 +91,7 @@ void Flattener::Impl::sortOut(const Change& change) {
     switch (role.role) {
         case Role::none:
             if (aspect != Aspect::none && aspect != Aspect::time)
-                contents.push_back({node->id(), aspect == Aspect::structure});
+                contents.push_back({node->id(), aspect == Aspect::structure || turnsClear(*node, change.field)});
             if (!regions.empty() && node->is(x3d::Layout::type)) layoutsChanged.push_back(node->id());
             return;
         case Role::placed:
@@ -133,6 +133,16 @@ void Flattener::Impl::sortOut(const Change& change) {
     } else if (role.layout != kNoField && change.field == role.layout) {
         layoutsChanged.push_back(node->id());
     }
+}
+
+/// Whether a material that showed nothing does now, or the other way round.
+bool Flattener::Impl::turnsClear(const Node& node, FieldIndex field) {
+    const bool isTransparency = (node.is(x3d::Material::type) && field == x3d::Material::transparency.index) ||
+                                (node.is(x3d::UnlitMaterial::type) && field == x3d::UnlitMaterial::transparency.index);
+    if (!isTransparency) return false;
+    const bool was = clearMaterials.contains(node.id().value), is = flatten::isClear(node);
+    if (!is) clearMaterials.erase(node.id().value);
+    return was != is;
 }
 
 void Flattener::Impl::reconcileOnce(NodeId group) {
@@ -322,6 +332,15 @@ void Flattener::Impl::report(NodeId node, std::vector<NodeId>& list) {
     if (std::exchange(state(node).reported, stamp) != stamp) list.push_back(node);
 }
 
+namespace {
+
+bool isColored(const Node& geometry) {
+    const FieldIndex color = geometry.type().findExact("color");
+    return color != kNoField && geometry.type().fields[color].type == FieldType::SFNode;
+}
+
+}  // namespace
+
 void Flattener::Impl::walkUp(NodeId changed, bool structural, bool marksSkins) {
     ++walk;
     climbing.assign(1, changed);
@@ -340,9 +359,10 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural, bool marksSkins) {
         if (s.acousticsUses > 0) report(id, delta.acousticsChanged);
         const Node* node = scene->find(id);
         if (!node) continue;
-        // Only another node in a PROTO's or an appearance's place can change what a shape refers to.
-        const bool rebinds =
-            (structural && (roles.of(*node).role == Role::first || node->is(x3d::Appearance::type))) || restyles;
+        // Only another node in a PROTO's or an appearance's place can change what a shape refers to; and other colours,
+        // which may have an alpha, whether it is to be seen.
+        const bool rebinds = restyles || (structural && (roles.of(*node).role == Role::first ||
+                                                         node->is(x3d::Appearance::type) || isColored(*node)));
         for (const ParentRef& parent : scene->parents(id)) {
             const Node& above = scene->node(parent.node);
             if (marksSkins && roles.of(above).ofHumanoid) skins.mark(*scene, parent.node);

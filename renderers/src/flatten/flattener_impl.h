@@ -151,6 +151,7 @@ struct Flattener::Impl {
     void follow(const ChangeSet& changes);
     void sortOut(const Change& change);
     void runChildOps();
+    bool turnsClear(const Node& node, FieldIndex field);
     void reconcileOnce(NodeId group);
     /// Does what other answers about what may change ask for.
     void runMobility();
@@ -291,6 +292,7 @@ struct Flattener::Impl {
     std::vector<std::uint32_t> billboards;                            // occurrences of what turns
     std::unordered_map<std::uint32_t, flatten::Region> regions;       // of occurrences that lay out
     bool regionChanged = false;                                       // of the last that localForEye() laid out
+    std::unordered_set<std::uint32_t> clearMaterials;                 // of shapes that show nothing, maybe gone by now
     std::unordered_set<std::uint32_t> screenTexts;                    // geometry nodes whose unit is a pixel
     std::unordered_map<std::uint32_t, std::optional<Vec3d>> sprites;  // particles that face an eye, by node, and which
     std::unordered_map<std::uint32_t, Detail> details;                // by geometry node

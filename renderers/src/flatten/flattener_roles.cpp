@@ -269,4 +269,26 @@ bool isOfStrokeStyle(const Node& node) {
     return node.is(x3d::LineProperties::type) || node.is(x3d::PointProperties::type);
 }
 
+bool isClear(const Node& material) {
+    return (material.is(x3d::Material::type) && material.get(x3d::Material::transparency) >= 1) ||
+           (material.is(x3d::UnlitMaterial::type) && material.get(x3d::UnlitMaterial::transparency) >= 1);
+}
+
+bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance) {
+    using A = x3d::Appearance;
+    const Node *look = scene.find(appearance), *form = scene.find(geometry);
+    if (!look || !form || !look->is(A::type)) return false;
+    if (look->get(A::backMaterial) || look->get(A::fillProperties)) return false;
+    const Node* material = scene.effectiveNode(look->get(A::material));
+    if (!material || !isClear(*material) || read<NodeId>(*material, material->type().findExact("metadata")))
+        return false;
+    if (const Node* texture = scene.effectiveNode(look->get(A::texture));
+        texture && texture->is(x3d::MultiTexture::type))
+        return false;
+    const FieldIndex color = form->type().findExact("color");
+    if (color == kNoField || form->type().fields[color].type != FieldType::SFNode) return true;
+    const Node* colors = scene.effectiveNode(read<NodeId>(*form, color));
+    return !colors || !colors->is(x3d::ColorRGBA::type);
+}
+
 }  // namespace rtsg::flatten

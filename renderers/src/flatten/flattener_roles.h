@@ -97,6 +97,12 @@ std::shared_ptr<const StrokeStyle> strokeStyle(const Scene& scene, NodeId appear
 /// Whether a node of this type is part of that.
 bool isOfStrokeStyle(const Node& node);
 
+/// Whether a node is a material whose transparency says that it shows nothing.
+bool isClear(const Node& material);
+/// Whether nothing of a shape with them is to be seen: its material isClear(), and nothing stands in for that: colours
+/// with an alpha of their own, several textures, another back, hatches, what a MetadataSet says. Volumes: no.
+bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance);
+
 /// LOD: the level for a viewer at `viewer` (world); 0 without one.
 std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromLocal,
                           const Vec3d* viewer);

@@ -51,7 +51,7 @@ Shutter::Shutter(const RayView& world, const Camera& camera, const RenderSetting
             if (!motions_.empty()) instant.moved = std::make_unique<const MovedView>(world, motions_, t);
             const RayView& then = instant.moved ? *instant.moved : world;
             instant.world = std::make_shared<const LensedView>(then, lensOf(then, instant.camera, settings.height),
-                                                               scene.filter.get());
+                                                               scene.filter.get(), RayKind::eye);
         });
     });
 }

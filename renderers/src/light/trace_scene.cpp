@@ -160,7 +160,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
         }
     }
     if (!part.hidden.empty()) scene.filter = hidingFilter(std::move(part.hidden), scene.filter);
-    scene.lensed = std::make_shared<const LensedView>(world, lens, scene.filter.get());
+    scene.lensed = std::make_shared<const LensedView>(world, lens, scene.filter.get(), RayKind::eye);
     scene.eye = lens.eye, scene.right = Vec3f(camera.right), scene.up = Vec3f(camera.up), scene.forward = lens.forward;
     scene.world = scene.lensed.get();
     scene.materials = MaterialList(state.materials);

@@ -83,6 +83,7 @@ void store(const Hit& hit, RayPacket16& rays, int lane) {
 }  // namespace
 
 Hit RayView::intersect(const Ray& ray, RayKind kind) const {
+    kind = meant(kind);
     if (!acceptable(ray)) [[unlikely]] {
         tables_->badRays.fetch_add(1, std::memory_order_relaxed);
         return {};
@@ -207,6 +208,7 @@ void RayView::meetStrokes(const Ray& ray, RayKind kind, Hit& hit) const {
 }
 
 bool RayView::occluded(const Ray& ray, RayKind kind) const {
+    kind = meant(kind);
     if (!acceptable(ray)) [[unlikely]] {
         tables_->badRays.fetch_add(1, std::memory_order_relaxed);
         return false;
@@ -216,6 +218,7 @@ bool RayView::occluded(const Ray& ray, RayKind kind) const {
 }
 
 std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind) const {
+    kind = meant(kind);
     alignas(64) std::int32_t valid[16];
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
@@ -239,6 +242,7 @@ std::uint32_t RayView::occludedByAll(RayPacket16& rays, const std::int32_t* vali
 }
 
 std::uint32_t RayView::occluded(RayPacket16& rays, bool coherent, RayKind kind) const {
+    kind = meant(kind);
     alignas(64) std::int32_t valid[16];
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);

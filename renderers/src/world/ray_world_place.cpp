@@ -38,10 +38,11 @@ bvh::InstanceTree::Box floatBox(const DoubleBox& box) {
 std::uint32_t RayWorld::Impl::kindsOf(const Instance& info) {
     constexpr auto view = static_cast<std::uint32_t>(RayKind::view),
                    shadow = static_cast<std::uint32_t>(RayKind::shadow),
-                   sound = static_cast<std::uint32_t>(RayKind::sound);
+                   sound = static_cast<std::uint32_t>(RayKind::sound), eye = static_cast<std::uint32_t>(RayKind::eye);
     if (info.volume) return 0;
     std::uint32_t kinds = ~0u;
-    if (!info.seen) kinds &= ~(view | shadow);
+    if (!info.seen) kinds &= ~(view | shadow | eye);
+    if (info.clear) kinds &= ~(shadow | eye);
     if (!info.castShadow) kinds &= ~shadow;
     if (!info.heard) kinds &= ~sound;
     return kinds;

@@ -65,12 +65,12 @@ TEST(Versions, ThereIsAlwaysAnEpochThatNobodyHolds) {
         shifts.push_back(versions.maskShift());
         EXPECT_EQ(versions.hold(), i);
         versions.leaveHeldEpoch();
-        EXPECT_EQ(versions.heldBits() >> versions.maskShift() & 7u, 0u);
+        EXPECT_EQ(versions.heldBits() >> versions.maskShift() & 15u, 0u);
     }
     std::sort(shifts.begin(), shifts.end());
     EXPECT_EQ(std::unique(shifts.begin(), shifts.end()), shifts.end()) << "each has bits of its own";
     EXPECT_EQ(versions.hold(), Versions::kMost) << "no more than that";
-    EXPECT_EQ(versions.heldBits() | 7u << versions.maskShift(), Versions::inAllEpochs(7));
+    EXPECT_EQ(versions.heldBits() | 15u << versions.maskShift(), Versions::inAllEpochs(15));
     versions.release(4);
     EXPECT_TRUE(versions.refresh());
     EXPECT_EQ(versions.hold(), 4u);

@@ -68,6 +68,49 @@ TEST_F(FlattenerCase, ALightMayComeBelowWhatTheSameSetDestroys) {
     expectSame(scene, flat.flattener(), watcher.follower);
 }
 
+TEST_F(FlattenerCase, WhatIsWhollyTransparentIsClear) {
+    const NodeId shape = addShape(scene.root());
+    const NodeId appearance = scene.node(shape).get(x3d::Shape::appearance);
+    const NodeId material = scene.createNode(x3d::Material::type);
+    EXPECT_TRUE(scene.set(appearance, x3d::Appearance::material, material));
+    ASSERT_EQ(seal().added.size(), 1u);
+    const auto rebound = [&](float transparency) {
+        EXPECT_TRUE(scene.set(material, x3d::Material::transparency, transparency));
+        const InstanceDelta& delta = seal();
+        EXPECT_EQ(delta.appearanceChanged.size(), 1u);
+        return delta.rebound.size();
+    };
+    const auto isClear = [&] { return flat.flattener().instances()[0].clear; };
+    EXPECT_FALSE(isClear());
+    EXPECT_EQ(rebound(.99f), 0u) << "it is still to be seen, and nobody need look at shapes";
+    EXPECT_EQ(rebound(1), 1u);
+    EXPECT_TRUE(isClear());
+    EXPECT_EQ(rebound(1.5f), 0u);
+    EXPECT_EQ(rebound(.5f), 1u);
+    EXPECT_FALSE(isClear());
+    EXPECT_EQ(rebound(1), 1u);
+    EXPECT_TRUE(scene.set(appearance, x3d::Appearance::fillProperties, scene.createNode(x3d::FillProperties::type)));
+    seal();
+    EXPECT_FALSE(isClear()) << "hatches show";
+    EXPECT_TRUE(scene.set(appearance, x3d::Appearance::fillProperties, NodeId{}));
+    seal();
+    EXPECT_TRUE(isClear());
+    // Colours with an alpha stand in for the transparency, those without do not.
+    const NodeId faces = scene.createNode(x3d::IndexedFaceSet::type);
+    EXPECT_TRUE(scene.set(shape, x3d::Shape::geometry, faces));
+    seal();
+    EXPECT_TRUE(isClear());
+    EXPECT_TRUE(scene.set(faces, x3d::IndexedFaceSet::color, scene.createNode(x3d::ColorRGBA::type)));
+    seal();
+    EXPECT_FALSE(isClear());
+    EXPECT_TRUE(scene.set(faces, x3d::IndexedFaceSet::color, scene.createNode(x3d::Color::type)));
+    seal();
+    EXPECT_TRUE(isClear());
+    EXPECT_TRUE(scene.set(appearance, x3d::Appearance::material, scene.createNode(x3d::Material::type)));
+    seal();
+    EXPECT_FALSE(isClear());
+}
+
 TEST_F(FlattenerCase, SharedNodeHasOneInstanceAPathAndOneMesh) {
     const NodeId shape = addShape(scene.root());
     for (int i = 0; i < 9; ++i) {

@@ -447,5 +447,36 @@ TEST(LightTracer, ImpossibleSettingsAreErrors) {
     EXPECT_FALSE(s.light->picture(options));
 }
 
+// A pane that nobody sees lies in the plane of what a pointer is to find: it hides nothing, and pointers meet it.
+TEST(LightTracer, WhatIsWhollyTransparentHidesNothingInItsPlane) {
+    const char* const pane =
+        "Shape { appearance Appearance { material DEF PANE Material { transparency 1 } } geometry "
+        "Rectangle2D { size 4 4 } } ";
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path})
+        for (const bool first : {false, true}) {
+            const std::string red = square(1, unlit("1 0 0"));
+            LightScene s("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } " + (first ? pane + red : red + pane), 100, 100);
+            s.options.settings.integrator = integrator;
+            const auto seen = [&](int channel) {
+                double sum = 0;
+                for (const Vec4f& pixel : s.picture().pixels) sum += pixel[channel];
+                return sum / 1e4;
+            };
+            EXPECT_NEAR(seen(0), .25, .002);
+            EXPECT_EQ(seen(1), 0);
+            Ray ray;
+            ray.origin = {1.5f, 1.5f, 10};
+            EXPECT_NEAR(s.world->rays().intersect(ray).t, 10, 1e-6);
+            ASSERT_TRUE(s.scene.set(s.node("PANE"), x3d::Material::transparency, .5f));
+            ASSERT_TRUE(s.scene.set(s.node("PANE"), x3d::Material::emissiveColor, Color{0, 1, 0}));
+            s.scene.newFrame(1);
+            EXPECT_GT(seen(1), .3) << "it can be seen now";
+            ASSERT_TRUE(s.scene.set(s.node("PANE"), x3d::Material::transparency, 1.0f));
+            s.scene.newFrame(2);
+            EXPECT_NEAR(seen(0), .25, .002);
+            EXPECT_EQ(seen(1), 0);
+        }
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -368,7 +368,7 @@ DEF G0 Group { children [ DEF L0 DirectionalLight { global FALSE on FALSE color 
         EXPECT_EQ(center(here), wanted(lit));
         const auto state = world.latest(0ns);
         ASSERT_TRUE(state);
-        if (states.size() < 8) states.push_back(*state), history.push_back(lit);
+        if (states.size() + 1 < RayWorld::kMostVersions) states.push_back(*state), history.push_back(lit);
     }
     for (std::size_t i = 0; i < states.size(); ++i) {
         ASSERT_TRUE(there.renderFrame(*states[i]));

@@ -196,14 +196,16 @@ TEST_P(WorldVersions, KeepTheShadowsOfTheirTime) {
         }
     }
     // Bits that come free are put right before they are used again.
-    versions.erase(versions.begin() + 1, versions.begin() + 8);
-    for (std::uint32_t k = 0; k < 7; ++k) {
+    constexpr std::uint32_t kFreed = RayWorld::kMostVersions - 2;
+    versions.erase(versions.begin() + 1, versions.begin() + 1 + kFreed);
+    for (std::uint32_t k = 0; k < kFreed; ++k) {
         InstanceDelta delta;
         delta.rebound.push_back(row.world.instance(20 + k).info);
         delta.rebound.back().castShadow = false;
         row.world.apply(delta);
         for (std::uint32_t i = 0; i < 30; ++i)
-            EXPECT_EQ(row.world.occluded(Row::down(i)), i >= 9 && (i < 20 || i > 20 + k)) << k << ", " << i;
+            EXPECT_EQ(row.world.occluded(Row::down(i)), i >= RayWorld::kMostVersions && (i < 20 || i > 20 + k))
+                << k << ", " << i;
         versions.push_back(row.world.freeze());
     }
     for (std::uint32_t i = 0; i < 30; ++i) EXPECT_TRUE(versions[0]->occluded(Row::down(i)));

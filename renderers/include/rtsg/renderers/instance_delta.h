@@ -73,6 +73,8 @@ struct Instance {
     /// The box of an X3DVolumeDataNode, which is its own geometry and appearance: pointers meet it, light what is in
     /// it.
     bool volume = false;
+    /// Nothing of it is to be seen, whatever the light: its material is wholly transparent. Pointers and sound meet it.
+    bool clear = false;
     /// Whether eyes see it, and whether sound meets it. Both, unless a level of detail is chosen for an eye: sound
     /// meets the first level, whatever is seen. One of the two is true.
     bool seen = true, heard = true;

@@ -20,8 +20,10 @@ struct Ray {
     float tMax = std::numeric_limits<float>::infinity();
 };
 
-/// What a ray stands for. A Shape whose castShadow is FALSE lets shadow rays through, and those only.
-enum class RayKind : std::uint32_t { view = 1, shadow = 2, sound = 4 };
+/// What a ray stands for. A Shape whose castShadow is FALSE lets shadow rays through, and those only; one that is
+/// wholly transparent (Instance::clear) those of eyes and shadows. What asks what is there, such as a pointer, is a
+/// view.
+enum class RayKind : std::uint32_t { view = 1, shadow = 2, sound = 4, eye = 8 };
 
 /// How wide a pixel is, and seen from where. Lines and points are some pixels wide, so rays meet them only where this
 /// is known: at a point p of one it is as wide as its pixels are at p's depth. One seen through a mirror, or whose

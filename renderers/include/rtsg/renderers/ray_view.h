@@ -139,8 +139,10 @@ class RayView {
     std::uint64_t version_ = 0;
     PixelLens lens_;
     const RayFilter* filter_ = nullptr;
+    RayKind views_ = RayKind::view;
 
   private:
+    RayKind meant(RayKind kind) const { return kind == RayKind::view ? views_ : kind; }
     friend class Motions;
     friend class MovedView;
     Hit intersectAll(const Ray& ray, RayKind kind) const;
@@ -160,8 +162,11 @@ class RayView {
 /// A view in which lines and points are met, too, and what a filter leaves out is not. The others must outlive it.
 class LensedView final : public RayView {
   public:
-    LensedView(const RayView& view, const PixelLens& lens, const RayFilter* filter = nullptr) : RayView(view) {
-        lens_ = lens, filter_ = filter;
+    /// `views`: what rays of the kind view are here.
+    LensedView(const RayView& view, const PixelLens& lens, const RayFilter* filter = nullptr,
+               RayKind views = RayKind::view)
+        : RayView(view) {
+        lens_ = lens, filter_ = filter, views_ = views;
     }
 };
 

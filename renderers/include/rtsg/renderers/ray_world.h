@@ -102,7 +102,7 @@ class RayWorld : public RayView {
     /// Costs a list of pages (8 bytes for each 4 to 8 kB of tables); and while it is held, the first change of each
     /// page the copy of that page. On apply()'s thread.
     std::shared_ptr<const WorldVersion> freeze();
-    static constexpr std::size_t kMostVersions = 9;
+    static constexpr std::size_t kMostVersions = 7;
 
     Stats stats() const;
     /// Looks at every mesh and instance.
