@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdlib>
 #include <ctime>
 #include <fstream>
+#include <sstream>
 
 #include <malloc.h>
 #include <unistd.h>
@@ -27,6 +29,14 @@ double cpuSeconds() {
 double threadSeconds() {
     return clockSeconds(CLOCK_THREAD_CPUTIME_ID);
 }
+bool isInstalled(const std::string& program) {
+    const char* path = std::getenv("PATH");
+    std::istringstream folders(path ? path : "");
+    for (std::string folder; std::getline(folders, folder, ':');)
+        if (::access((folder + '/' + program).c_str(), X_OK) == 0) return true;
+    return false;
+}
+
 double wallSeconds() {
     return clockSeconds(CLOCK_MONOTONIC);
 }

@@ -49,6 +49,8 @@ double threadSeconds();
 /// What reading cpuSeconds() or threadSeconds() costs, which every figure taken with it contains once.
 double cpuClockSeconds();
 double median(std::vector<double> values);
+/// Whether PATH has this program.
+bool isInstalled(const std::string& program);
 /// Of this process, after what is free was given back.
 double residentBytes();
 /// CPU seconds to parse every number in `text` with std::from_chars: the least a reader of text takes.

@@ -71,12 +71,7 @@ Known picture(int lamps, bool mirrors, int side, double error, int most, bool se
     SharedWorld world(scene);
     LightRenderer light(world);
     scene.newFrame(0);
-    ImageOptions options;
-    options.settings.integrator = Integrator::path;
-    options.settings.width = options.settings.height = side;
-    options.settings.threads = 1;
-    options.settings.error = static_cast<float>(error);
-    options.settings.samplesPerPixel = most;
+    const ImageOptions options = pathOptions(side, error, most);
     RenderStats stats;
     const double start = cpuSeconds();
     keep(light.picture(options, &stats));

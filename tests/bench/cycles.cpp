@@ -4,12 +4,13 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include <fmt/format.h>
+
+#include "bench.h"
 
 namespace rtsg::bench {
 
@@ -168,11 +169,7 @@ print("RTSG", bpy.app.version_string.split()[0], seconds / 2, math.sqrt(squares 
 }  // namespace
 
 bool hasCycles() {
-    const char* path = std::getenv("PATH");
-    std::istringstream folders(path ? path : "");
-    for (std::string folder; std::getline(folders, folder, ':');)
-        if (::access((folder + "/blender").c_str(), X_OK) == 0) return true;
-    return false;
+    return isInstalled("blender");
 }
 
 namespace {

@@ -14,6 +14,8 @@
 
 #include <fmt/format.h>
 
+#include "bench.h"
+
 namespace rtsg::bench {
 
 namespace {
@@ -57,11 +59,7 @@ std::optional<Picture> readPpm(const std::filesystem::path& file) {
 }  // namespace
 
 bool hasPovRay() {
-    const char* path = std::getenv("PATH");
-    std::istringstream folders(path ? path : "");
-    for (std::string folder; std::getline(folders, folder, ':');)
-        if (::access((folder + "/povray").c_str(), X_OK) == 0) return true;
-    return false;
+    return isInstalled("povray");
 }
 
 std::optional<PovRayPicture> povRayScene(const std::filesystem::path& scene, int side, int count) {

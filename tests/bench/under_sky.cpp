@@ -124,13 +124,18 @@ UnderSky::Known UnderSky::take(const ImageOptions& options) const {
     return known;
 }
 
-UnderSky::Known UnderSky::picture(int side, double error, int most) const {
+ImageOptions pathOptions(int side, double error, int most) {
     ImageOptions options;
     options.settings.integrator = Integrator::path;
     options.settings.width = options.settings.height = side;
     options.settings.threads = 1;
     options.settings.error = static_cast<float>(error);
     options.settings.samplesPerPixel = most;
+    return options;
+}
+
+UnderSky::Known UnderSky::picture(int side, double error, int most) const {
+    ImageOptions options = pathOptions(side, error, most);
     Known known = take(options);
     options.settings.seed = 2;
     const Known other = take(options);

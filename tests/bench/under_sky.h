@@ -15,6 +15,9 @@
 
 namespace rtsg::bench {
 
+/// A square picture by paths on one thread, sampled until `error` or, of each pixel if that is 0, with `most` samples.
+ImageOptions pathOptions(int side, double error, int most);
+
 class UnderSky {
   public:
     /// The scene of that name, with this share of its triangles. Throws std::runtime_error where it cannot be made.

@@ -30,7 +30,7 @@ class LoadSession {
         CommandList commands;
         Diagnostics diagnostics;
         bool reported = false;
-        Environment* library = nullptr;  // its PROTOs, once asked for
+        Environment* prototypes = nullptr;  // its PROTOs, once asked for
     };
 
     /// The file behind `url`, seen from the folder `from`. What the policy refuses, a missing file or one without

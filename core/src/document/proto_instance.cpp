@@ -160,10 +160,10 @@ bool SceneBuilder::State::defineProtoType(ProtoDeclaration& declaration, const s
 }
 
 Environment* SceneBuilder::State::libraryOf(LoadSession::File& file) {
-    if (file.library) return file.library;
-    file.library = session.newEnvironment();
+    if (file.prototypes) return file.prototypes;
+    file.prototypes = session.newEnvironment();
     reportFile(file);
-    NameScope& library = pushScope({}, file.library, &file.source);
+    NameScope& library = pushScope({}, file.prototypes, &file.source);
     library.isDocument = true;
     library.declarationsOnly = true;
     library.prefix = file.source.path.stem().string() + '#';
@@ -171,7 +171,7 @@ Environment* SceneBuilder::State::libraryOf(LoadSession::File& file) {
     replayFile(file);
     pop();
     popScope();
-    return file.library;
+    return file.prototypes;
 }
 
 void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {

@@ -9,7 +9,7 @@
 (function (native) {
     "use strict";
 
-    const names = Object.create(null), library = native.library;
+    const names = Object.create(null), library = native.common;
     /// Errors and arrays are the running program's own: it can tell them by `instanceof`.
     function fail(kind, text) { throw new (native.global()[kind])(text); }
     const ownArray = list => native.global().Array.from(list);

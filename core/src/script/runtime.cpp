@@ -173,7 +173,7 @@ bool Runtime::startLibrary() {
     if (!bridge) return false;
     JS::RootedValue bridgeValue(cx, JS::ObjectValue(*bridge)), names(cx), fenced(cx);
     if (!evaluateOwn("browser", kBrowser, bridgeValue, &browser) ||
-        !JS_DefineProperty(cx, bridge, "library", browser, 0))
+        !JS_DefineProperty(cx, bridge, "common", browser, 0))
         return false;
     // The prelude comes last: it freezes what all of them are made of.
     if (!evaluateOwn("fences", kFences, bridgeValue, &fences) || !JS_GetProperty(cx, fences, "byName", &fenced) ||

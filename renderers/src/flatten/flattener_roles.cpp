@@ -278,6 +278,7 @@ bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance) {
     using A = x3d::Appearance;
     const Node *look = scene.find(appearance), *form = scene.find(geometry);
     if (!look || !form || !look->is(A::type)) return false;
+    if (form->typeIndex().value >= builtinTypes().size()) return false;  // whatever a user's own type makes of it
     if (look->get(A::backMaterial) || look->get(A::fillProperties)) return false;
     const Node* material = scene.effectiveNode(look->get(A::material));
     if (!material || !isClear(*material) || read<NodeId>(*material, material->type().findExact("metadata")))

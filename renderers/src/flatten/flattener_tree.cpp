@@ -225,7 +225,7 @@ bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole
     changed |= change(instance.appearance, appearance, &NodeState::appearanceUses);
     changed |= change(instance.acoustics, acoustics, &NodeState::acousticsUses);
     changed |= std::exchange(instance.castShadow, castShadow) != castShadow;
-    const bool clear = !role.isVolume && flatten::showsNothing(*scene, geometry, appearance);
+    const bool clear = !role.ownsGeometry() && flatten::showsNothing(*scene, geometry, appearance);
     changed |= std::exchange(instance.clear, clear) != clear;
     if (clear)
         clearMaterials.insert(scene->effectiveNode(scene->node(appearance).get(x3d::Appearance::material))->id().value);

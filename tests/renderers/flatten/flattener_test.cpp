@@ -111,6 +111,17 @@ TEST_F(FlattenerCase, WhatIsWhollyTransparentIsClear) {
     EXPECT_FALSE(isClear());
 }
 
+// Their colours, which may have an alpha, are in a ramp of their own.
+TEST_F(FlattenerCase, ParticlesAreNeverClear) {
+    const NodeId particles = add(x3d::ParticleSystem::type, scene.root());
+    const NodeId appearance = scene.createNode(x3d::Appearance::type), material = scene.createNode(x3d::Material::type);
+    EXPECT_TRUE(scene.set(material, x3d::Material::transparency, 1.0f));
+    EXPECT_TRUE(scene.set(appearance, x3d::Appearance::material, material));
+    EXPECT_TRUE(scene.set(particles, x3d::ParticleSystem::appearance, appearance));
+    ASSERT_EQ(seal().added.size(), 1u);
+    EXPECT_FALSE(flat.flattener().instances()[0].clear);
+}
+
 TEST_F(FlattenerCase, SharedNodeHasOneInstanceAPathAndOneMesh) {
     const NodeId shape = addShape(scene.root());
     for (int i = 0; i < 9; ++i) {
