@@ -79,6 +79,7 @@ constexpr Bench kBenches[] = {
     {"join", "sync", "a late joiner's verified replica, and what it costs the scene", synced<bench::mirrorJoin>},
     {"resume", "sync", "from the return of a link to a replica in step", synced<bench::mirrorResume>},
     {"peers", "sync", "many replicas, and a part of them stopped", synced<bench::mirrorPeers>},
+    {"crowd", "sync", "256 replicas at 60 frames a second; 1,024 beside a bare PUB socket", synced<bench::mirrorCrowd>},
     {"log", "sync", "a log: written, scanned, replayed, sought in; what it costs the scene", synced<bench::log>},
 };
 

@@ -13,6 +13,7 @@ bool sync(const SyncSizes& sizes, const Report& report) {
     ok = mirrorJoin(sizes, report) && ok;
     ok = mirrorResume(sizes, report) && ok;
     ok = mirrorPeers(sizes, report) && ok;
+    ok = mirrorCrowd(sizes, report) && ok;
     return log(sizes, report) && ok;
 }
 

@@ -14,6 +14,7 @@
 #include <rtsg/sync/mirror_server.h>
 
 #include "bench_sync_raw.h"
+#include "followers_sync.h"
 #include "moving.h"
 #include "support/tcp_proxy.h"
 
@@ -23,7 +24,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
-constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
 
 double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
@@ -53,114 +53,6 @@ bool pollTo(MirrorClient& client, std::uint64_t target) {
     return true;
 }
 
-/// A replica on a thread of its own.
-class Follower {
-  public:
-    explicit Follower(std::string endpoint, MirrorClientOptions options = {})
-        : endpoint_(std::move(endpoint)), options_(std::move(options)), thread_([this] { run(); }) {}
-    ~Follower() {
-        stop_ = true;
-        pause(false);
-        thread_.join();
-    }
-    std::uint64_t reached() const { return reached_; }
-    bool waitFor(std::uint64_t state, std::chrono::seconds patience = 60s) const {
-        const auto end = Clock::now() + patience;
-        while (reached_ < state && Clock::now() < end) std::this_thread::yield();
-        return reached_ >= state;
-    }
-    /// Stops reading, as a process does that is stopped.
-    void pause(bool paused) {
-        paused_ = paused;
-        paused_.notify_one();
-    }
-    /// Once stopped.
-    MirrorStatistics finish() {
-        stop_ = true;
-        thread_.join();
-        thread_ = std::thread([] {});
-        return statistics_;
-    }
-
-  private:
-    void run() {
-        Scene replica;
-        auto client = MirrorClient::connect(replica, endpoint_, options_);
-        if (!client) return;
-        while (!stop_) {
-            paused_.wait(true);
-            (*client)->poll(20ms);
-            reached_ = (*client)->statistics().equal ? (*client)->statistics().sequence : 0;
-        }
-        statistics_ = (*client)->statistics();
-    }
-    std::string endpoint_;
-    MirrorClientOptions options_;
-    std::atomic<bool> stop_{false}, paused_{false};
-    std::atomic<std::uint64_t> reached_{0};
-    MirrorStatistics statistics_;
-    std::thread thread_;
-};
-
-struct Flow {
-    double changesPerSecond = 0, bytesPerFrame = 0, framesPerSecond = 0;
-    bool good = false;
-};
-
-/// All transforms move in every frame; `followers` of them are waited for, at most 16 frames under way.
-Flow flow(const SyncSizes& sizes, const std::string& endpoint, int transforms, int frames, int followers,
-          int stopped = 0, const MirrorClientOptions& clients = {}) {
-    Moving origin(transforms);
-    MirrorServerOptions options;
-    options.maximumPeers = static_cast<std::size_t>(followers + stopped);
-    options.peerTimeout = 60s;
-    (void)sizes;
-    auto server = MirrorServer::start(origin.scene, endpoint, options);
-    if (!server) return {};
-    std::vector<std::unique_ptr<Follower>> all;
-    for (int i = 0; i < followers + stopped; ++i)
-        all.push_back(std::make_unique<Follower>((*server)->endpoint(), clients));
-    for (const auto& f : all)
-        if (!f->waitFor(origin.scene.sequence())) return {};
-    for (int i = followers; i < followers + stopped; ++i) all[static_cast<std::size_t>(i)]->pause(true);
-    const auto slowest = [&] {
-        std::uint64_t least = UINT64_MAX;
-        for (int i = 0; i < followers; ++i) least = std::min(least, all[static_cast<std::size_t>(i)]->reached());
-        return least;
-    };
-    const auto end = Clock::now() + 120s;
-    const std::uint64_t bytesBefore = (*server)->statistics().bytes;
-    // Who waits leaves the cores to those who work: a thousandth of what the frames under way take.
-    const auto waitFor = [&](std::uint64_t state) {
-        while (slowest() < state && Clock::now() < end) std::this_thread::sleep_for(10us);
-    };
-    const auto show = [&](int first, int last) {
-        for (int i = first; i <= last; ++i) {
-            origin.frame(i);
-            waitFor(origin.scene.sequence() - std::min<std::uint64_t>(16, origin.scene.sequence()));
-        }
-    };
-    // Those who are stopped take what their window allows; what they cost from then on is the question.
-    const int before = followers > 1 ? 100 : 0;
-    show(1, before);
-    waitFor(origin.scene.sequence());
-    const auto start = Clock::now();
-    show(before + 1, before + frames);
-    waitFor(origin.scene.sequence());
-    const double seconds = secondsSince(start);
-    Flow result;
-    result.good = slowest() == origin.scene.sequence();
-    result.changesPerSecond = double(transforms) * frames / seconds;
-    result.framesPerSecond = frames / seconds;
-    result.bytesPerFrame =
-        double((*server)->statistics().bytes - bytesBefore) / frames / std::max(1, followers + stopped);
-    // Those who were stopped go on and end in the same state.
-    for (const auto& f : all) f->pause(false);
-    for (const auto& f : all) result.good = f->waitFor(origin.scene.sequence()) && result.good;
-    for (const auto& f : all) result.good = f->finish().divergences == 0 && result.good;
-    return result;
-}
-
 std::string ipcEndpoint() {
     return "ipc:///tmp/rtsg-bench-" + std::to_string(::getpid());
 }
@@ -176,7 +68,7 @@ bool mirrorThroughput(const SyncSizes& sizes, const Report& report) {
         Flow best;
         double raw = 0;
         for (int round = 0; round < 3; ++round) {  // the machine may be busy with other things
-            const Flow now = flow(sizes, endpoint, sizes.transforms, sizes.frames, 1);
+            const Flow now = flow(endpoint, sizes.transforms, sizes.frames, 1);
             if (!now.good) return false;
             if (now.changesPerSecond > best.changesPerSecond) best = now;
             raw = std::max(raw, rawThroughput(endpoint, static_cast<std::size_t>(now.bytesPerFrame), sizes.frames));
@@ -334,27 +226,6 @@ bool mirrorResume(const SyncSizes& sizes, const Report& report) {
     return statistics.snapshots == 1 && statistics.divergences == 0;
 }
 
-bool mirrorPeers(const SyncSizes& sizes, const Report& report) {
-    const int transforms = std::max(100, sizes.transforms / 10), frames = std::max(20, sizes.frames / 2);
-    const int stopped = sizes.peers / 4, running = sizes.peers - stopped;
-    double best = 0, hindered = 0;
-    for (int round = 0; round < 3; ++round) {
-        MirrorClientOptions clients;
-        clients.window = std::uint64_t{256} << 10;
-        const Flow all = flow(sizes, kAnyPort, transforms, frames, running, 0, clients);
-        const Flow some = flow(sizes, kAnyPort, transforms, frames, running, stopped, clients);
-        if (!all.good || !some.good) return false;
-        best = std::max(best, all.framesPerSecond);
-        hindered = std::max(hindered, some.framesPerSecond);
-    }
-    const std::string name = std::to_string(running) + " peers";
-    report({"sync", name, "frames of " + std::to_string(transforms) + " transforms", "1/s", best, "", 0, "", 0});
-    report({"sync", name + " and " + std::to_string(stopped) + " stopped", "frames, as a share of without those", "%",
-            100 * hindered / best, "if those stopped cost as much as the others", 100. * running / sizes.peers,
-            "nothing lost", 100});
-    return true;
-}
-
 bool chartMirror(const ChartSink& sink, bool quick) {
     Chart peers{.name = "sync-replicas",
                 .title = "Replicas against throughput",
@@ -368,7 +239,7 @@ bool chartMirror(const ChartSink& sink, bool quick) {
     SyncSizes sizes;
     for (const int count : {1, 2, 4, 8, 16, 32, 64}) {
         if (quick && count > 8) break;
-        const Flow f = flow(sizes, kAnyPort, 1000, quick ? 50 : 200, count);
+        const Flow f = flow(kAnyPort, 1000, quick ? 50 : 200, count);
         if (!f.good) return false;
         peers.series[0].points.push_back({double(count), f.changesPerSecond * count, ""});
     }

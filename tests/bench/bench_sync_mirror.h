@@ -19,6 +19,9 @@ bool mirrorJoin(const SyncSizes& sizes, const Report& report);
 bool mirrorResume(const SyncSizes& sizes, const Report& report);
 /// Frames a second to many replicas, and with a part of them stopped.
 bool mirrorPeers(const SyncSizes& sizes, const Report& report);
+/// Frames of 13 kB a second to four times as many, each with the origin's hash; milliseconds until sixteen times as
+/// many have a frame, beside a bare PUB socket with the same bytes, and seconds until they have joined.
+bool mirrorCrowd(const SyncSizes& sizes, const Report& report);
 
 /// Replicas against throughput, late joins against the size of the scene.
 bool chartMirror(const ChartSink& sink, bool quick);

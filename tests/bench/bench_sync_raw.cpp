@@ -6,9 +6,12 @@
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 #include <thread>
 
 #include <zmq.h>
+
+#include "bench.h"
 
 namespace rtsg::bench {
 
@@ -83,7 +86,100 @@ double since(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
+/// A SUB socket on a thread of its own, as a process of its own would have it.
+class Listener {
+  public:
+    explicit Listener(std::string endpoint) : endpoint_(std::move(endpoint)), thread_([this] { run(); }) {}
+    ~Listener() {
+        stop_ = true;
+        thread_.join();
+    }
+    int received() const { return received_; }
+    std::int64_t receivedAt() const { return at_; }
+
+  private:
+    void run() {
+        void *context = zmq_ctx_new(), *socket = zmq_socket(context, ZMQ_SUB);
+        const int none = 0, wait = 100;
+        zmq_setsockopt(socket, ZMQ_RCVHWM, &none, sizeof(none));
+        zmq_setsockopt(socket, ZMQ_LINGER, &none, sizeof(none));
+        zmq_setsockopt(socket, ZMQ_RCVTIMEO, &wait, sizeof(wait));
+        zmq_setsockopt(socket, ZMQ_SUBSCRIBE, "", 0);
+        zmq_connect(socket, endpoint_.c_str());
+        while (!stop_) {
+            zmq_msg_t message;
+            zmq_msg_init(&message);
+            if (zmq_msg_recv(&message, socket, 0) >= 0) {
+                const auto* bytes = static_cast<const unsigned char*>(zmq_msg_data(&message));
+                unsigned sum = 0;
+                for (std::size_t i = 0; i < zmq_msg_size(&message); i += 64) sum += bytes[i];
+                keep(sum);
+                at_ = Clock::now().time_since_epoch().count();
+                ++received_;
+            }
+            zmq_msg_close(&message);
+        }
+        zmq_close(socket);
+        zmq_ctx_term(context);
+    }
+    std::string endpoint_;
+    std::atomic<bool> stop_{false};
+    std::atomic<int> received_{0};
+    std::atomic<std::int64_t> at_{0};
+    std::thread thread_;
+};
+
+/// Until the n-th has heard `messages[n]` of them; false after a minute.
+bool waitForAll(const std::vector<std::unique_ptr<Listener>>& all, const std::vector<int>& messages) {
+    const auto start = Clock::now();
+    for (std::size_t k = 0; k < all.size(); ++k)
+        while (all[k]->received() < messages[k]) {
+            if (since(start) > 60) return false;
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
+    return true;
+}
+
 }  // namespace
+
+std::vector<double> rawPublishing(std::size_t size, int peers, int messages) {
+    void *context = zmq_ctx_new(), *socket = zmq_socket(context, ZMQ_PUB);
+    const int none = 0, backlog = 4096;
+    zmq_setsockopt(socket, ZMQ_SNDHWM, &none, sizeof(none));
+    zmq_setsockopt(socket, ZMQ_LINGER, &none, sizeof(none));
+    zmq_setsockopt(socket, ZMQ_BACKLOG, &backlog, sizeof(backlog));
+    zmq_bind(socket, "tcp://127.0.0.1:*");
+    char bound[256];
+    std::size_t length = sizeof(bound);
+    zmq_getsockopt(socket, ZMQ_LAST_ENDPOINT, bound, &length);
+    std::vector<double> times;
+    {
+        std::vector<std::unique_ptr<Listener>> all;
+        for (int i = 0; i < peers; ++i) all.push_back(std::make_unique<Listener>(bound));
+        const std::vector<char> payload(size, 'x');
+        const auto hears = [](const auto& one) { return one->received() > 0; };
+        // Subscriptions arrive when they do.
+        for (int i = 0; i < 600 && !std::ranges::all_of(all, hears); ++i) {
+            zmq_send(socket, payload.data(), payload.size(), 0);
+            std::this_thread::sleep_for(std::chrono::milliseconds(100));
+        }
+        bool good = std::ranges::all_of(all, hears);
+        std::this_thread::sleep_for(std::chrono::milliseconds(500));
+        for (int i = 0; i < messages && good; ++i) {
+            std::vector<int> next;
+            for (const auto& one : all) next.push_back(one->received() + 1);
+            const std::int64_t start = Clock::now().time_since_epoch().count();
+            zmq_send(socket, payload.data(), payload.size(), 0);
+            good = waitForAll(all, next);
+            for (const auto& one : all) times.push_back(static_cast<double>(one->receivedAt() - start) * 1e-9);
+        }
+        if (!good) times.clear();
+    }
+    zmq_close(socket);
+    zmq_ctx_term(context);
+    std::ranges::sort(times);
+    return times;
+}
 
 double rawThroughput(const std::string& endpoint, std::size_t size, int messages, int underWay) {
     Pair pair(endpoint);

@@ -1,0 +1,113 @@
+// Many mirrors of one scene: what flows, how late it is, how long they take to come in.
+#include <algorithm>
+#include <memory>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include <rtsg/sync/mirror_server.h>
+
+#include "bench_sync_mirror.h"
+#include "bench_sync_raw.h"
+#include "followers_sync.h"
+#include "moving.h"
+
+namespace rtsg::bench {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr int kTransforms = 1050;  // whose moves are a frame of 13 kB
+constexpr int kOneAtATime = 20;    // frames whose delay is measured
+
+double quantile(const std::vector<double>& sorted, double q) {
+    return sorted[static_cast<std::size_t>(q * double(sorted.size() - 1))];
+}
+
+/// Seconds from newFrame() to each replica's verified state, one frame at a time, sorted; and what a frame took.
+struct Delays {
+    std::vector<double> seconds;
+    double joining = 0, bytesPerFrame = 0;
+};
+Delays delays(int peers) {
+    Delays result;
+    Moving origin(kTransforms);
+    MirrorServerOptions options;
+    options.maximumPeers = static_cast<std::size_t>(peers);
+    options.peerTimeout = 60s;
+    auto server = MirrorServer::start(origin.scene, kAnyPort, options);
+    if (!server) return {};
+    const double start = wallSeconds();
+    std::vector<std::unique_ptr<Follower>> all;
+    for (int i = 0; i < peers; ++i) all.push_back(std::make_unique<Follower>((*server)->endpoint()));
+    // Who waits leaves the cores to those who work.
+    const auto arrived = [&](std::uint64_t state) {
+        const double until = wallSeconds() + 60;
+        for (const auto& f : all)
+            while (f->reached() < state) {
+                if (wallSeconds() > until) return false;
+                std::this_thread::sleep_for(1ms);
+            }
+        return true;
+    };
+    if (!arrived(origin.scene.sequence())) return {};
+    result.joining = wallSeconds() - start;
+    std::this_thread::sleep_for(500ms);
+    const std::uint64_t before = (*server)->statistics().bytes;
+    for (int i = 1; i <= kOneAtATime; ++i) {
+        const std::int64_t made = std::chrono::steady_clock::now().time_since_epoch().count();
+        origin.frame(i);
+        if (!arrived(origin.scene.sequence())) return {};
+        for (const auto& f : all) result.seconds.push_back(static_cast<double>(f->reachedAt() - made) * 1e-9);
+    }
+    result.bytesPerFrame = double((*server)->statistics().bytes - before) / kOneAtATime / peers;
+    for (const auto& f : all)
+        if (f->finish().divergences != 0) return {};
+    std::ranges::sort(result.seconds);
+    return result;
+}
+
+}  // namespace
+
+bool mirrorPeers(const SyncSizes& sizes, const Report& report) {
+    const int transforms = std::max(100, sizes.transforms / 10), frames = std::max(20, sizes.frames / 2);
+    const int stopped = sizes.peers / 4, running = sizes.peers - stopped;
+    double best = 0, hindered = 0;
+    for (int round = 0; round < 3; ++round) {
+        MirrorClientOptions clients;
+        clients.window = std::uint64_t{256} << 10;
+        const Flow all = flow(kAnyPort, transforms, frames, running, 0, clients);
+        const Flow some = flow(kAnyPort, transforms, frames, running, stopped, clients);
+        if (!all.good || !some.good) return false;
+        best = std::max(best, all.framesPerSecond);
+        hindered = std::max(hindered, some.framesPerSecond);
+    }
+    const std::string name = std::to_string(running) + " peers";
+    report({"sync", name, "frames of " + std::to_string(transforms) + " transforms", "1/s", best, "", 0, "", 0});
+    report({"sync", name + " and " + std::to_string(stopped) + " stopped", "frames, as a share of without those", "%",
+            100 * hindered / best, "if those stopped cost as much as the others", 100. * running / sizes.peers,
+            "nothing lost", 100});
+    return true;
+}
+
+bool mirrorCrowd(const SyncSizes& sizes, const Report& report) {
+    const int some = sizes.peers * 4, many = sizes.peers * 16;
+    const Flow flowing = flow(kAnyPort, kTransforms, std::max(20, sizes.frames / 2), some);
+    if (!flowing.good) return false;
+    report({"sync", fmt::format("{} peers", some), "frames of 13 kB", "1/s", flowing.framesPerSecond,
+            "asked for of 256", 60, "", 0});
+    const Delays crowd = delays(many);
+    if (crowd.seconds.empty()) return false;
+    const std::vector<double> bare = rawPublishing(static_cast<std::size_t>(crowd.bytesPerFrame), many, kOneAtATime);
+    if (bare.empty()) return false;
+    const std::string name = fmt::format("{} peers", many);
+    report({"sync", name, "a frame's delay, median", "ms", 1e3 * quantile(crowd.seconds, .5), "", 0,
+            "bare PUB, same bytes", 1e3 * quantile(bare, .5)});
+    report({"sync", name, "a frame's delay, p99", "ms", 1e3 * quantile(crowd.seconds, .99), "", 0,
+            "bare PUB, same bytes", 1e3 * quantile(bare, .99)});
+    report({"sync", name, "all have joined", "s", crowd.joining, "asked for of 1,000", 2, "", 0});
+    return true;
+}
+
+}  // namespace rtsg::bench

@@ -1,0 +1,53 @@
+// Replicas on threads of their own, and what flows to many of them: for the benches of the mirror.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <thread>
+
+#include <rtsg/sync/mirror_client.h>
+
+namespace rtsg::bench {
+
+inline constexpr const char* kAnyPort = "tcp://127.0.0.1:*";
+
+/// A replica on a thread of its own.
+class Follower {
+  public:
+    explicit Follower(std::string endpoint, MirrorClientOptions options = {});
+    ~Follower();
+    /// The state it is in, with the origin's hash; 0 before, and where the hash differs.
+    std::uint64_t reached() const { return reached_; }
+    /// When it came there: nanoseconds of the steady clock.
+    std::int64_t reachedAt() const { return at_; }
+    bool waitFor(std::uint64_t state, std::chrono::seconds patience = std::chrono::seconds(60)) const;
+    /// Stops reading, as a process does that is stopped.
+    void pause(bool paused);
+    /// Once stopped.
+    MirrorStatistics finish();
+
+  private:
+    void run();
+
+    std::string endpoint_;
+    MirrorClientOptions options_;
+    std::atomic<bool> stop_{false}, paused_{false};
+    std::atomic<std::uint64_t> reached_{0};
+    std::atomic<std::int64_t> at_{0};
+    MirrorStatistics statistics_;
+    std::thread thread_;
+};
+
+struct Flow {
+    double changesPerSecond = 0, bytesPerFrame = 0, framesPerSecond = 0;
+    bool good = false;
+};
+
+/// All transforms move in every frame; `followers` of them are waited for, at most 16 frames under way. `stopped` more
+/// stop reading meanwhile. good: all of them ended with the origin's hash, and none ever had another.
+Flow flow(const std::string& endpoint, int transforms, int frames, int followers, int stopped = 0,
+          const MirrorClientOptions& clients = {});
+
+}  // namespace rtsg::bench
