@@ -21,17 +21,16 @@ using namespace std::chrono_literals;
 constexpr int kTransforms = 1050;  // whose moves are a frame of 13 kB
 constexpr int kOneAtATime = 20;    // frames whose delay is measured
 
-double quantile(const std::vector<double>& sorted, double q) {
+double quantileOf(const std::vector<double>& sorted, double q) {
     return sorted[static_cast<std::size_t>(q * double(sorted.size() - 1))];
 }
 
-/// Seconds from newFrame() to each replica's verified state, one frame at a time, sorted; and what a frame took.
-struct Delays {
-    std::vector<double> seconds;
+/// From newFrame() to each replica's verified state, one frame at a time.
+struct Crowd : Delays {
     double joining = 0, bytesPerFrame = 0;
 };
-Delays delays(int peers) {
-    Delays result;
+Crowd crowdOf(int peers) {
+    Crowd result;
     Moving origin(kTransforms);
     MirrorServerOptions options;
     options.maximumPeers = static_cast<std::size_t>(peers);
@@ -55,13 +54,16 @@ Delays delays(int peers) {
     result.joining = wallSeconds() - start;
     std::this_thread::sleep_for(500ms);
     const std::uint64_t before = (*server)->statistics().bytes;
+    const double cpuBefore = cpuSeconds();
     for (int i = 1; i <= kOneAtATime; ++i) {
         const std::int64_t made = std::chrono::steady_clock::now().time_since_epoch().count();
         origin.frame(i);
         if (!arrived(origin.scene.sequence())) return {};
         for (const auto& f : all) result.seconds.push_back(static_cast<double>(f->reachedAt() - made) * 1e-9);
     }
+    result.cpuSeconds = (cpuSeconds() - cpuBefore) / kOneAtATime / peers;
     result.bytesPerFrame = double((*server)->statistics().bytes - before) / kOneAtATime / peers;
+    for (const auto& f : all) f->stop();
     for (const auto& f : all)
         if (f->finish().divergences != 0) return {};
     std::ranges::sort(result.seconds);
@@ -97,15 +99,17 @@ bool mirrorCrowd(const SyncSizes& sizes, const Report& report) {
     if (!flowing.good) return false;
     report({"sync", fmt::format("{} peers", some), "frames of 13 kB", "1/s", flowing.framesPerSecond,
             "asked for of 256", 60, "", 0});
-    const Delays crowd = delays(many);
+    const Crowd crowd = crowdOf(many);
     if (crowd.seconds.empty()) return false;
-    const std::vector<double> bare = rawPublishing(static_cast<std::size_t>(crowd.bytesPerFrame), many, kOneAtATime);
-    if (bare.empty()) return false;
+    const Delays bare = rawPublishing(static_cast<std::size_t>(crowd.bytesPerFrame), many, kOneAtATime);
+    if (bare.seconds.empty()) return false;
     const std::string name = fmt::format("{} peers", many);
-    report({"sync", name, "a frame's delay, median", "ms", 1e3 * quantile(crowd.seconds, .5), "", 0,
-            "bare PUB, same bytes", 1e3 * quantile(bare, .5)});
-    report({"sync", name, "a frame's delay, p99", "ms", 1e3 * quantile(crowd.seconds, .99), "", 0,
-            "bare PUB, same bytes", 1e3 * quantile(bare, .99)});
+    report({"sync", name, "a frame's delay, median", "ms", 1e3 * quantileOf(crowd.seconds, .5), "", 0,
+            "bare PUB, same bytes", 1e3 * quantileOf(bare.seconds, .5)});
+    report({"sync", name, "a frame's delay, p99", "ms", 1e3 * quantileOf(crowd.seconds, .99), "", 0,
+            "bare PUB, same bytes", 1e3 * quantileOf(bare.seconds, .99)});
+    report({"sync", name, "a frame's CPU time for each, both ends", "us", 1e6 * crowd.cpuSeconds, "", 0,
+            "bare PUB, same bytes", 1e6 * bare.cpuSeconds});
     report({"sync", name, "all have joined", "s", crowd.joining, "asked for of 1,000", 2, "", 0});
     return true;
 }

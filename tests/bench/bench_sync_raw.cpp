@@ -87,13 +87,14 @@ double since(Clock::time_point start) {
 }
 
 /// A SUB socket on a thread of its own, as a process of its own would have it.
-class Listener {
+class Subscription {
   public:
-    explicit Listener(std::string endpoint) : endpoint_(std::move(endpoint)), thread_([this] { run(); }) {}
-    ~Listener() {
-        stop_ = true;
+    explicit Subscription(std::string endpoint) : endpoint_(std::move(endpoint)), thread_([this] { run(); }) {}
+    ~Subscription() {
+        stop();
         thread_.join();
     }
+    void stop() { stop_ = true; }
     int received() const { return received_; }
     std::int64_t receivedAt() const { return at_; }
 
@@ -130,7 +131,7 @@ class Listener {
 };
 
 /// Until the n-th has heard `messages[n]` of them; false after a minute.
-bool waitForAll(const std::vector<std::unique_ptr<Listener>>& all, const std::vector<int>& messages) {
+bool waitForAll(const std::vector<std::unique_ptr<Subscription>>& all, const std::vector<int>& messages) {
     const auto start = Clock::now();
     for (std::size_t k = 0; k < all.size(); ++k)
         while (all[k]->received() < messages[k]) {
@@ -142,7 +143,7 @@ bool waitForAll(const std::vector<std::unique_ptr<Listener>>& all, const std::ve
 
 }  // namespace
 
-std::vector<double> rawPublishing(std::size_t size, int peers, int messages) {
+Delays rawPublishing(std::size_t size, int peers, int messages) {
     void *context = zmq_ctx_new(), *socket = zmq_socket(context, ZMQ_PUB);
     const int none = 0, backlog = 4096;
     zmq_setsockopt(socket, ZMQ_SNDHWM, &none, sizeof(none));
@@ -152,10 +153,10 @@ std::vector<double> rawPublishing(std::size_t size, int peers, int messages) {
     char bound[256];
     std::size_t length = sizeof(bound);
     zmq_getsockopt(socket, ZMQ_LAST_ENDPOINT, bound, &length);
-    std::vector<double> times;
+    Delays result;
     {
-        std::vector<std::unique_ptr<Listener>> all;
-        for (int i = 0; i < peers; ++i) all.push_back(std::make_unique<Listener>(bound));
+        std::vector<std::unique_ptr<Subscription>> all;
+        for (int i = 0; i < peers; ++i) all.push_back(std::make_unique<Subscription>(bound));
         const std::vector<char> payload(size, 'x');
         const auto hears = [](const auto& one) { return one->received() > 0; };
         // Subscriptions arrive when they do.
@@ -165,20 +166,23 @@ std::vector<double> rawPublishing(std::size_t size, int peers, int messages) {
         }
         bool good = std::ranges::all_of(all, hears);
         std::this_thread::sleep_for(std::chrono::milliseconds(500));
+        const double before = cpuSeconds();
         for (int i = 0; i < messages && good; ++i) {
             std::vector<int> next;
             for (const auto& one : all) next.push_back(one->received() + 1);
             const std::int64_t start = Clock::now().time_since_epoch().count();
             zmq_send(socket, payload.data(), payload.size(), 0);
             good = waitForAll(all, next);
-            for (const auto& one : all) times.push_back(static_cast<double>(one->receivedAt() - start) * 1e-9);
+            for (const auto& one : all) result.seconds.push_back(static_cast<double>(one->receivedAt() - start) * 1e-9);
         }
-        if (!good) times.clear();
+        result.cpuSeconds = (cpuSeconds() - before) / messages / peers;
+        if (!good) result.seconds.clear();
+        for (const auto& one : all) one->stop();
     }
     zmq_close(socket);
     zmq_ctx_term(context);
-    std::ranges::sort(times);
-    return times;
+    std::ranges::sort(result.seconds);
+    return result;
 }
 
 double rawThroughput(const std::string& endpoint, std::size_t size, int messages, int underWay) {

@@ -19,9 +19,13 @@ Follower::Follower(std::string endpoint, MirrorClientOptions options)
     : endpoint_(std::move(endpoint)), options_(std::move(options)), thread_([this] { run(); }) {}
 
 Follower::~Follower() {
+    stop();
+    thread_.join();
+}
+
+void Follower::stop() {
     stop_ = true;
     pause(false);
-    thread_.join();
 }
 
 bool Follower::waitFor(std::uint64_t state, std::chrono::seconds patience) const {
@@ -36,7 +40,7 @@ void Follower::pause(bool paused) {
 }
 
 MirrorStatistics Follower::finish() {
-    stop_ = true;
+    stop();
     thread_.join();
     thread_ = std::thread([] {});
     return statistics_;
@@ -48,7 +52,7 @@ void Follower::run() {
     if (!client) return;
     while (!stop_) {
         paused_.wait(true);
-        const bool news = (*client)->poll(20ms) > 0;
+        const bool news = (*client)->poll(200ms) > 0;  // until something has come
         if (news) at_ = Clock::now().time_since_epoch().count();
         reached_ = (*client)->statistics().equal ? (*client)->statistics().sequence : 0;
     }
@@ -103,6 +107,7 @@ Flow flow(const std::string& endpoint, int transforms, int frames, int followers
     // Those who were stopped go on and end in the same state.
     for (const auto& f : all) f->pause(false);
     for (const auto& f : all) result.good = f->waitFor(origin.scene.sequence()) && result.good;
+    for (const auto& f : all) f->stop();
     for (const auto& f : all) result.good = f->finish().divergences == 0 && result.good;
     return result;
 }

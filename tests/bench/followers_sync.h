@@ -25,7 +25,9 @@ class Follower {
     bool waitFor(std::uint64_t state, std::chrono::seconds patience = std::chrono::seconds(60)) const;
     /// Stops reading, as a process does that is stopped.
     void pause(bool paused);
-    /// Once stopped.
+    /// Tells the thread to end; does not wait for it.
+    void stop();
+    /// Once it has ended.
     MirrorStatistics finish();
 
   private:

@@ -20,10 +20,12 @@ constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms that an attemp
 constexpr auto kAttemptsFor = 2s;                           // with one such time
 constexpr auto kHelloAgain = 500ms;                         // without an answer
 constexpr auto kLongestTurn = 20ms;                         // of poll() beyond its timeout, while frames keep coming
-constexpr auto kPing = 500ms;
+constexpr auto kPing = 500ms;                               // until all samples that the clock keeps are there
+constexpr auto kPingLater = 1000ms;                         // then
 constexpr auto kQuiet = 400ms;       // beyond a heartbeat: then the server counts as lost, though it may come back
 constexpr auto kPingAtFirst = 20ms;  // until there are a few samples of the clock
-constexpr std::uint64_t kFewSamples = 8;
+constexpr std::uint64_t kFewSamples = 8, kAllSamples = 32;
+constexpr int kPortion = 64;        // messages at a time: time passes while a long run of frames is applied
 constexpr auto kRequestAgain = 1s;  // without a verdict
 constexpr auto kAnswerWithin = 3s;  // to a question about hashes
 
@@ -94,6 +96,9 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
     if (zmq_socket_monitor(socket_.get(), "inproc://connection", events) != 0 ||
         zmq_connect(monitor_.get(), "inproc://connection") != 0)
         return std::unexpected(zmqFailure("cannot watch the connection"));
+    std::size_t size = sizeof(events_);
+    zmq_getsockopt(monitor_.get(), ZMQ_FD, &events_, &size);
+    watchConnection();  // nobody is woken by it who has not found it empty before
     if (zmq_connect(socket_.get(), endpoint.c_str()) != 0)
         return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", endpoint)));
     session_ = randomNumber();
@@ -207,34 +212,45 @@ void MirrorClient::Impl::reconnect(Clock::time_point now) {
 }
 
 void MirrorClient::Impl::pingNow(Clock::time_point now) {
-    if (now - pinged_ < (clock_.samples() < kFewSamples ? kPingAtFirst : Clock::duration(kPing))) return;
+    const std::uint64_t known = clock_.samples();
+    const Clock::duration every = known < kFewSamples ? kPingAtFirst : known < kAllSamples ? kPing : kPingLater;
+    if (now - pinged_ < every) return;
     pinged_ = now;
     const std::uint64_t token[] = {mirror::clockNow()};
     mirror::write(message_, Message::ping, token);
     send();
 }
 
+/// At most so long for something to come, and whether it has. Every look at a ZeroMQ socket costs system calls, so
+/// there is one look before messages are read, and the monitor's is at its descriptor: that socket is read until it is
+/// empty and nothing is ever sent on it, so that the descriptor is ready whenever an event has come since.
+bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
+    zmq_pollitem_t items[] = {{socket_.get(), 0, ZMQ_POLLIN, 0}, {nullptr, events_, ZMQ_POLLIN, 0}};
+    zmq_poll(items, 2, untilDue(most).count());
+    if (items[1].revents) watchConnection();
+    return items[0].revents || items[1].revents;
+}
+
 std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
     applied_ = 0;
     const Clock::time_point start = Clock::now();
     const auto longest = std::max<Clock::duration>(timeout, kLongestTurn);
+    Clock::duration spent{};
     while (true) {
-        watchConnection();
-        bool any = false;
-        // In portions: time passes while a long run of frames is applied.
-        for (int i = 0; i < 64 && receiveOne(); ++i) any = true;
+        auto most = std::clamp<std::chrono::milliseconds>(std::chrono::ceil<std::chrono::milliseconds>(timeout - spent),
+                                                          0ms, 100ms);
+        if (cut_ || (helloPending_ && linked())) most = 0ms;  // there is something to be done
+        int messages = 0;
+        if (wait(most))
+            while (messages < kPortion && receiveOne()) ++messages;
         // Everything that came before an event of the connection was there when the event was read.
-        if (!any && cut_) connectionLost();
-        keepInTouch(!any);
+        if (messages == 0 && cut_) connectionLost();
+        keepInTouch(messages == 0);
         playDue();
         if (received_ != acknowledged_) acknowledge();
-        const auto spent = Clock::now() - start;
-        if (any && spent < longest) continue;
+        spent = Clock::now() - start;
+        if (messages == kPortion && spent < longest) continue;
         if (applied_ > 0 || spent >= timeout) break;
-        const auto left = std::chrono::ceil<std::chrono::milliseconds>(timeout - spent);
-        const auto most = std::clamp<std::chrono::milliseconds>(left, 1ms, 100ms);
-        zmq_pollitem_t items[] = {{socket_.get(), 0, ZMQ_POLLIN, 0}, {monitor_.get(), 0, ZMQ_POLLIN, 0}};
-        zmq_poll(items, 2, untilDue(most).count());
     }
     statistics_.sequence = state_;
     statistics_.originSequence = std::max({originAt_, newestHeard_, state_});

@@ -67,6 +67,7 @@ class MirrorClient::Impl {
     void keepInTouch(bool idle);
     void reconnect(Clock::time_point now);
     void pingNow(Clock::time_point now);
+    bool wait(std::chrono::milliseconds most);
     bool receiveOne();
     void receive(mirror::Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second);
     void hearOrigin(wire::Reader& in);
@@ -100,6 +101,7 @@ class MirrorClient::Impl {
     std::string endpoint_;
     ZmqContext context_;
     ZmqSocket socket_, monitor_;
+    int events_ = -1;  // the monitor's descriptor
     mutable ChangeDecoder decoder_;
     ChangeEncoder encoder_;
     InputDecoder inputDecoder_;

@@ -17,7 +17,7 @@ namespace rtsg {
 namespace {
 
 constexpr auto kLookEvery = std::chrono::milliseconds(5), kLookAgain = std::chrono::milliseconds(1);
-constexpr auto kLookCosts = std::chrono::microseconds(20);  // a connection: so that looking takes some percent at most
+constexpr auto kLookCosts = std::chrono::microseconds(60);  // a connection: so that looking takes some percent at most
 
 /// Bytes received on a TCP connection, less those that wait in the system; nothing for what is none.
 std::optional<std::uint64_t> bytesRead(int descriptor) {
@@ -46,6 +46,7 @@ void ConnectionWatch::look(Clock::time_point now) {
     fresh_ = true;
     suspicious_ = false;
     for (auto& [descriptor, connection] : connections_) {
+        if (connection.delivered) continue;  // a message has come: nothing to be found on it this time
         const std::optional<std::uint64_t> come = bytesRead(descriptor);
         connection.come = come.value_or(0);
         connection.counted = come.has_value();

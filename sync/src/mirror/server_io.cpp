@@ -25,9 +25,11 @@ constexpr int kBacklog = 4096;                                        // connect
 constexpr int kLinger = 200;                                          // ms
 constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;           // for what peers have not been sent
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
-constexpr auto kLookAround = 20ms, kLookAgain = 1ms;                  // for connections that send no whole message
-constexpr auto kUnusedPart = 10s;                                     // until a part without peers is let go
-constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;      // bytes of frames, at least
+constexpr auto kTick = 10ms, kSettle = 5ms, kLongestSleep = 1000ms;
+constexpr std::size_t kFew = 16;                                  // peers
+constexpr auto kLookAround = 20ms, kLookAgain = 1ms;              // for connections that send no whole message
+constexpr auto kUnusedPart = 10s;                                 // until a part without peers is let go
+constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;  // bytes of frames, at least
 
 }  // namespace
 
@@ -128,24 +130,63 @@ void MirrorServer::Io::turn() {
     const bool drained = receive();
     for (std::size_t shut = gate_.connections().shutEndless(drained); shut > 0; --shut)
         garbage("a message without end: its connection was ended");
-    tick(Clock::now());
-    for (auto peer = peers_.begin(); peer != peers_.end();) peer = pump(peer->second) ? ++peer : peers_.erase(peer);
+    const Clock::time_point now = Clock::now();
+    if (now - ticked_ >= kTick || shared_->originLost != toldLost_) tick(now);
+    // A thousand peers answer one after the other: what one of them says is no reason to look at all others.
+    if (std::exchange(news_, false) || now >= allDue_)
+        pumpAll(now);
+    else
+        pumpHeard();
+    heard_.clear();
+    settle(now);
+}
+
+void MirrorServer::Io::pumpAll(Clock::time_point now) {
+    allDue_ = now + kLongestSleep;
+    for (auto peer = peers_.begin(); peer != peers_.end();) {
+        const bool there = pump(peer->second);
+        if (there) allDue_ = std::min(allDue_, dueFor(peer->second, now));
+        peer = there ? ++peer : peers_.erase(peer);
+    }
+}
+
+void MirrorServer::Io::pumpHeard() {
+    for (const std::string& identity : heard_) {
+        const auto peer = peers_.find(identity);
+        if (peer == peers_.end()) continue;
+        if (!pump(peer->second))
+            peers_.erase(peer);
+        else
+            allDue_ = std::min(allDue_, dueFor(peer->second, Clock::now()));
+    }
+}
+
+/// Statistics go through all peers: seldom where these are many, unless the scene waits for one of them.
+void MirrorServer::Io::settle(Clock::time_point now) {
+    unsettled_ = true;
+    if (!heldUp_ && peers_.size() > kFew && now - settled_ < kSettle) return;
+    unsettled_ = false;
+    settled_ = now;
     publishStatistics();
 }
 
+MirrorServer::Io::Clock::time_point MirrorServer::Io::dueFor(const Peer& peer, Clock::time_point now) const {
+    Clock::time_point due = Clock::time_point::max();
+    if (!peer.placed) due = now + 20ms;
+    if (const auto wait = peer.pace.wait(now); wait.count() > 0) due = std::min(due, now + wait);
+    if (peer.interval.count() > 0 && peer.placed && peer.state != historyOf(peer).newest())
+        due = std::min(due, peer.due);
+    return due;
+}
+
 std::chrono::milliseconds MirrorServer::Io::patience() const {
+    const Clock::time_point now = Clock::now();
     auto result = std::max(1ms, shared_->options.heartbeat / 2);
     if (gate_.connections().any())
         result = std::min(result, gate_.connections().suspicious() ? kLookAgain : kLookAround);
-    const Clock::time_point now = Clock::now();
-    for (const auto& [identity, peer] : peers_) {
-        if (!peer.placed) result = std::min(result, 20ms);
-        if (const auto wait = peer.pace.wait(now); wait.count() > 0)
-            result = std::min(result, std::max(1ms, std::chrono::ceil<std::chrono::milliseconds>(wait)));
-        if (peer.interval.count() > 0 && peer.placed && peer.state != historyOf(peer).newest())
-            result = std::min(result, std::max(1ms, std::chrono::ceil<std::chrono::milliseconds>(peer.due - now)));
-    }
-    return result;
+    if (news_) return 0ms;
+    const Clock::time_point due = unsettled_ ? std::min(allDue_, settled_ + kSettle) : allDue_;
+    return std::clamp(std::chrono::ceil<std::chrono::milliseconds>(due - now), 1ms, result);
 }
 
 bool MirrorServer::Io::hasBeenSentAll(const Peer& peer) const {
@@ -226,6 +267,7 @@ void MirrorServer::Io::takeInbox() {
         else if (!shadow_.post(record))
             shared_->wantSnapshot = true;
     }
+    news_ |= !items.empty() || !verdicts.empty();
     if (!items.empty()) keepKeyframeNear(0);
     for (mirror::Verdict& verdict : verdicts) {
         ++statistics_.requests;
@@ -255,6 +297,7 @@ void MirrorServer::Io::keepKeyframeNear(std::uint32_t part) {
 void MirrorServer::Io::takeAnswers() {
     shadow_.checkAlive();
     for (MirrorShadow::Answer& answer : shadow_.takeAnswers()) {
+        news_ = true;
         if (answer.kind == Kind::keyframe || answer.kind == Kind::frame) {
             const auto stream = streams_.find(answer.part);
             if (stream == streams_.end()) continue;
@@ -307,6 +350,7 @@ void MirrorServer::Io::dropStream(std::uint32_t part) {
 }
 
 void MirrorServer::Io::tick(Clock::time_point now) {
+    ticked_ = now;
     const bool lost = shared_->originLost, news = std::exchange(toldLost_, lost) != lost;
     for (const auto& [identity, peer] : peers_) streamOf(peer).used = now;
     for (auto s = std::next(streams_.begin()); s != streams_.end();) {
@@ -376,7 +420,7 @@ void MirrorServer::Io::publishStatistics() {
         peers_, [](const auto& p) { return p.second.part == 0 && !p.second.inputs && p.second.interval.count() == 0; });
     const std::scoped_lock lock(shared_->mutex);
     shared_->statistics = statistics_;
-    shared_->heldUp = heldUp;
+    shared_->heldUp = heldUp_ = heldUp;
     if (!heldUp) shared_->caughtUp.notify_all();
 }
 

@@ -153,6 +153,12 @@ class MirrorServer::Io {
     void noticeWhoLeft();
     /// How long the thread may sleep.
     std::chrono::milliseconds patience() const;
+    /// When something is to be done for the peer though nothing comes from it nor for it.
+    Clock::time_point dueFor(const Peer& peer, Clock::time_point now) const;
+    /// Sends what may be sent: to everybody, or to those who have been heard in this turn.
+    void pumpAll(Clock::time_point now);
+    void pumpHeard();
+    void settle(Clock::time_point now);
     void askForKeyframe(std::uint32_t part);
     void keepKeyframeNear(std::uint32_t part);
     /// The number of the stream with these parts and aspects; nothing when there are as many as there may be.
@@ -193,8 +199,13 @@ class MirrorServer::Io {
     mirror::RequestLedger ledger_;
     std::set<std::uint64_t> submitters_;  // clients that are here and sent requests
     Peers peers_;
-    bool toldLost_ = false;  // what peers have been told of the origin
-    bool leaving_ = false;   // only what peers have read, and their answers to goodbyes, count
+    bool toldLost_ = false;           // what peers have been told of the origin
+    bool leaving_ = false;            // only what peers have read, and their answers to goodbyes, count
+    bool news_ = true;                // for everybody: frames, answers, verdicts
+    std::vector<std::string> heard_;  // peers, in this turn
+    Clock::time_point allDue_{}, ticked_{}, settled_{};
+    bool unsettled_ = false;  // something has happened since the statistics were published
+    bool heldUp_ = false;     // as published
     MirrorServerStatistics statistics_;
     ByteBuffer message_, head_;
     std::uint64_t dictionaryHash_ = 0;

@@ -38,7 +38,9 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
     if (*type == Message::hello) {
         mirror::Hello greeting;
         if (!greeting.read(in)) return garbage("a malformed hello");
-        return hello(identity, greeting, user);
+        hello(identity, greeting, user);
+        heard_.push_back(identity);
+        return;
     }
     if (*type < Message::ack || *type > Message::control)
         return garbage(fmt::format("a message of unknown type {}", static_cast<unsigned>(*type)));
@@ -53,6 +55,7 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
         return;
     }
     handleOf(found->second, *type, in, bytes, body);
+    heard_.push_back(identity);
 }
 
 void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std::span<const std::byte> bytes,
