@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "value/utf8.h"
+
 namespace rtsg::script {
 
 namespace {
@@ -257,9 +259,12 @@ bool arrayFrom(JSContext* cx, JS::HandleValue value, Value& out) {
 bool stringFrom(JSContext* cx, JS::HandleValue value, std::string& out) {
     JS::RootedString text(cx, JS::ToString(cx, value));
     if (!text) return false;
-    const JS::UniqueChars bytes = JS_EncodeStringToUTF8(cx, text);
-    if (!bytes) return false;
-    out = bytes.get();
+    JSLinearString* characters = JS_EnsureLinearString(cx, text);
+    if (!characters) return false;
+    out.resize(JS::GetDeflatedUTF8StringLength(characters));
+    JS::DeflateStringToUTF8Buffer(characters, out);
+    std::size_t zeros = 0;  // which no text of a scene has, as none that was read has one
+    if (out.find('\0') != out.npos) out = detail::replaceInvalidUtf8(out, zeros);
     return true;
 }
 

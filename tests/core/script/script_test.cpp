@@ -100,6 +100,31 @@ TEST(Script, EveryFieldTypeGoesThroughUnchanged) {
     }
 }
 
+TEST(Script, TextsAreNotCutAtWhatNoTextMayHave) {
+    // U+0000, two and four bytes of UTF-8, half of a pair, which is no character.
+    ScriptScene s("outputOnly SFString one outputOnly MFString all inputOnly SFString back outputOnly SFInt32 length",
+                  R"(
+        function initialize() {
+            one = 'a' + String.fromCharCode(0) + 'b';
+            all = new MFString(String.fromCharCode(0), String.fromCharCode(0xE9, 0xD83D, 0xDE00), String.fromCharCode(0xD83D));
+        }
+        function back(text) { length = text.length; })");
+    s.frame();
+    EXPECT_EQ(s.get<String>("one").view(),
+              "a\xEF\xBF\xBD"
+              "b");
+    const auto all = s.get<Array<String>>("all");
+    ASSERT_EQ(all.size(), 3u);
+    EXPECT_EQ(all[0].view(), "\xEF\xBF\xBD");
+    EXPECT_EQ(all[1].view(), "\xC3\xA9\xF0\x9F\x98\x80");
+    EXPECT_EQ(all[2].view(), "\xEF\xBF\xBD");
+    s.send("back", String("a\xEF\xBF\xBD"
+                          "b"));
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("length"), 3);
+    EXPECT_EQ(s.problems(), "");
+}
+
 TEST(Script, ChangesInPlaceAreSentAndReadingAloneIsNot) {
     ScriptScene s("inputOnly SFTime move inputOnly SFTime look outputOnly MFVec3f points outputOnly SFColor tint", R"(
         function initialize() { points = new MFVec3f(new SFVec3f(1, 2, 3), new SFVec3f(4, 5, 6)); }
