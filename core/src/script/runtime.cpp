@@ -21,12 +21,15 @@ std::int64_t ownTime() {
 }
 
 std::atomic<int> contexts = 0;
+std::atomic<bool> processEnds = false;
 
-/// Started once, ended with the process, unless a context was left behind on a thread that is gone.
+/// Started once, ended with the process: its own threads have to be gone before the library's memory is. A scene that
+/// lives as long as the process, as a static one does, may end after that; then the last of these ends it.
 bool startEngine() {
     struct Library {
         bool started = JS_Init();
         ~Library() {
+            processEnds = true;
             if (started && contexts == 0) JS_ShutDown();
         }
     };
@@ -119,6 +122,7 @@ Runtime::~Runtime() {
         for (auto* root : {&library_, &prelude_, &names_, &fences_, &fenced_}) (void)root->release();
         (void)new auto(std::move(compiled_));
         (void)memory_.release();
+        --contexts;
         return;
     }
     jobs_.reset();
@@ -126,7 +130,7 @@ Runtime::~Runtime() {
     for (auto* root : {&library_, &prelude_, &names_, &fences_, &fenced_}) root->reset();
     compiled_.clear();
     JS_DestroyContext(context_);
-    --contexts;
+    if (--contexts == 0 && processEnds) JS_ShutDown();
 }
 
 void Runtime::startWatch(double seconds) {

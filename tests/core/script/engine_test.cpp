@@ -1,5 +1,6 @@
 // Every way in which a program can hold up the scene, or take what it should not have, ends in a diagnostic; and the
 // scene goes on, with its clock, its routes and the programs of others.
+#include <cstdlib>
 #include <thread>
 
 #include "core/script/script_scene.h"
@@ -147,6 +148,23 @@ TEST(ScriptEngine, AThousandDifferentComplaintsAreCountedAndNotKept) {
     EXPECT_EQ(s.get<std::int32_t>("n"), 400);
     EXPECT_EQ(s.scene.diagnostics().all().size() + s.scene.diagnostics().dropped(), 2000u);
     EXPECT_LE(s.scene.diagnostics().all().size(), 1000u);
+}
+
+/// It ends after the engine's own static data, whose threads must be gone before the engine's memory is.
+TEST(ScriptEngineDeathTest, ASceneMayLiveAsLongAsTheProcess) {
+    GTEST_FLAG_SET(death_test_style, "threadsafe");
+    const auto run = [] {
+        static Scene scene;
+        Diagnostics diagnostics("test");
+        const bool loaded = loadText(scene,
+                                     "#X3D V4.0 utf8\nPROFILE Full\nDEF S Script { outputOnly SFInt32 n url "
+                                     "\"ecmascript: function initialize() { n = 1; } function shutdown() {}\" }\n",
+                                     diagnostics);
+        scene.newFrame(1);
+        const Node& script = scene.node(scene.findName("S"));
+        std::exit(loaded && script.value(script.type().find("n")).as<std::int32_t>() == 1 ? 0 : 1);
+    };
+    EXPECT_EXIT(run(), testing::ExitedWithCode(0), "");
 }
 
 }  // namespace
