@@ -1,8 +1,10 @@
-// Rounds of samples, their means' spread, and when a block has enough.
+// Groups of samples, their means' spread, and when a block has enough.
 #include "adaptive.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <vector>
 
 #include "sample_points.h"
 
@@ -13,27 +15,38 @@ namespace {
 /// Of the block's mean variance in a pixel's.
 constexpr double kOthersShare = 0.2;
 
-/// Sums over the rounds of the rounds' means, by pixel.
-struct Moments {
-    std::array<Vec3d, kTilePixels> sum{}, squares{};
-};
-
-/// Standard errors of a pixel's mean after this many rounds.
-Vec3d standardError(const Moments& m, int pixel, int rounds) {
-    const auto at = static_cast<std::size_t>(pixel);
-    Vec3d result;
-    for (int c = 0; c < 3; ++c) {
-        const double mean = m.sum[at][c] / rounds;
-        const double variance = std::max(m.squares[at][c] / rounds - mean * mean, 0.0) * rounds / (rounds - 1);
-        result[c] = std::sqrt(variance / rounds);
+/// Sums over the samples of each group, by pixel.
+class Moments {
+  public:
+    explicit Moments(int groups) : groups_(groups), sums_(static_cast<std::size_t>(groups) * kTilePixels, Vec3d(0)) {}
+    void add(int group, int pixel, const Vec3d& sum) { sums_[index(group, pixel)] += sum; }
+    /// Of the groups' means, given how many samples each group of the pixel has.
+    Vec3d mean(int pixel, int samples) const {
+        Vec3d sum(0);
+        for (int g = 0; g < groups_; ++g) sum += sums_[index(g, pixel)];
+        return sum / (double(groups_) * samples);
     }
-    return result;
-}
+    /// The standard error of that.
+    Vec3d error(int pixel, int samples) const {
+        const Vec3d middle = mean(pixel, samples);
+        Vec3d squares(0);
+        for (int g = 0; g < groups_; ++g) {
+            const Vec3d off = sums_[index(g, pixel)] / double(samples) - middle;
+            squares += off * off;
+        }
+        return glm::sqrt(squares / (double(groups_) * (groups_ - 1)));
+    }
+    double relativeError(int pixel, int samples) const {
+        const Vec3d middle = mean(pixel, samples), e = error(pixel, samples);
+        return std::max({e.x, e.y, e.z}) / (std::max({middle.x, middle.y, middle.z, 0.0}) + double{kErrorFloor});
+    }
 
-double relative(const Moments& m, int pixel, int rounds, const Vec3d& error) {
-    const Vec3d mean = m.sum[static_cast<std::size_t>(pixel)] / double(rounds);
-    return std::max({error.x, error.y, error.z}) / (std::max({mean.x, mean.y, mean.z, 0.0}) + double{kErrorFloor});
-}
+  private:
+    static std::size_t index(int group, int pixel) { return static_cast<std::size_t>(group * kTilePixels + pixel); }
+
+    int groups_;
+    std::vector<Vec3d> sums_;
+};
 
 void addUp(const TileResult& round, TileResult& all) {
     for (std::size_t i = 0; i < kTilePixels; ++i) all.sum[i] += round.sum[i];
@@ -63,68 +76,117 @@ void addLight(TileResult& tile) {
     }
 }
 
-void adaptiveTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-                  AdaptiveTile& tile) {
-    Moments moments;
-    std::array<int, kBlocks> rounds{};
-    const auto inside = [&](int pixel) {
-        return x0 + pixel % kTileSide < settings.width && y0 + pixel / kTileSide < settings.height;
-    };
-    const auto isEnough = [&](int block) {
-        const auto b = static_cast<std::size_t>(block);
-        if (rounds[b] < kLeastRounds) return false;
+namespace {
+
+/// One tile's sampling.
+class Sampling {
+  public:
+    Sampling(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+             AdaptiveTile& tile)
+        : scene_(scene),
+          camera_(camera),
+          settings_(settings),
+          x0_(x0),
+          y0_(y0),
+          most_(std::max(settings.samplesPerPixel, 2 * kLeastOfGroup)),
+          groups_(std::min(kGroups, most_ / kLeastOfGroup)),
+          moments_(groups_),
+          tile_(tile) {}
+
+    void run() {
+        std::uint32_t blocks = (1u << kBlocks) - 1;
+        for (int samples = 0; blocks;) {
+            // An eighth more each time: more often costs coherence, more seldom samples that were not needed.
+            const auto eighth = static_cast<int>(std::bit_floor(static_cast<unsigned>(samples)) / 8);
+            const int next = std::min(samples + std::max(kLeastOfGroup, eighth), most_ / groups_);
+            if (next == samples) break;
+            for (int group = 0; group < groups_; ++group) sample(group, blocks, samples, next);
+            samples = next;
+            for (int block = 0; block < kBlocks; ++block) {
+                if (!(blocks >> block & 1u)) continue;
+                samples_[static_cast<std::size_t>(block)] = samples;
+                if (isEnough(block)) blocks &= ~(1u << block);
+            }
+        }
+        tile_.ranOut = blocks;
+        tell();
+    }
+
+  private:
+    bool inside(int pixel) const {
+        return x0_ + pixel % kTileSide < settings_.width && y0_ + pixel / kTileSide < settings_.height;
+    }
+    int samplesOf(int pixel) const { return samples_[static_cast<std::size_t>(blockOf(pixel))]; }
+
+    void sample(int group, std::uint32_t blocks, int first, int last) {
+        RenderSettings own = settings_;
+        own.seed = mixBits(settings_.seed * 0x9e3779b97f4a7c15ull + static_cast<std::uint64_t>(group));
+        TileResult now;
+        now.blocks = blocks;
+        if (scene_.shutter) {  // whose instants are spread over all samples that are asked for
+            own.seed = mixBits(own.seed + static_cast<std::uint64_t>(first));
+            own.samplesPerPixel = last - first;
+        } else {
+            own.samplesPerPixel = most_ / groups_;
+            now.firstSample = first, now.lastSample = last;
+        }
+        traceTile(scene_, camera_, own, x0_, y0_, now);
+        addUp(now, tile_.result);
+        if (scene_.space == ColorSpace::automatic) addLight(now);
+        for (int pixel = 0; pixel < kTilePixels; ++pixel) {
+            if (!(blocks >> blockOf(pixel) & 1u)) continue;
+            Vec3d sum(now.sum[static_cast<std::size_t>(pixel)]);
+            for (int c = 0; c < 3; ++c) sum[c] = std::isfinite(sum[c]) ? sum[c] : 0.0;
+            moments_.add(group, pixel, sum);
+        }
+    }
+
+    bool isEnough(int block) const {
         double squares = 0;
         int pixels = 0;
         for (int pixel = 0; pixel < kTilePixels; ++pixel) {
             if (blockOf(pixel) != block || !inside(pixel)) continue;
-            const double e = relative(moments, pixel, rounds[b], standardError(moments, pixel, rounds[b]));
+            const double e = moments_.relativeError(pixel, samplesOf(pixel));
             squares += e * e, ++pixels;
         }
-        return squares <= double{settings.error} * double{settings.error} * pixels;
-    };
-    RenderSettings round = settings;
-    const int most = std::max(settings.samplesPerPixel / kRoundSamples, 2);
-    round.samplesPerPixel = kRoundSamples;
-    std::uint32_t blocks = (1u << kBlocks) - 1;
-    for (int number = 0; blocks && number < most; ++number) {
-        round.seed = mixBits(settings.seed * 0x9e3779b97f4a7c15ull + static_cast<std::uint64_t>(number));
-        TileResult now;
-        now.blocks = blocks;
-        traceTile(scene, camera, round, x0, y0, now);
-        addUp(now, tile.result);
-        if (scene.space == ColorSpace::automatic) addLight(now);
+        return squares <= double{settings_.error} * double{settings_.error} * pixels;
+    }
+
+    void tell() const {
+        std::array<Vec3d, kBlocks> squares{};
+        std::array<int, kBlocks> pixels{};
         for (int pixel = 0; pixel < kTilePixels; ++pixel) {
-            if (!(blocks >> blockOf(pixel) & 1u)) continue;
-            const auto at = static_cast<std::size_t>(pixel);
-            Vec3d mean = Vec3d(now.sum[at]) / double{kRoundSamples};
-            for (int c = 0; c < 3; ++c) mean[c] = std::isfinite(mean[c]) ? mean[c] : 0.0;
-            moments.sum[at] += mean, moments.squares[at] += mean * mean;
+            if (!inside(pixel)) continue;
+            const auto block = static_cast<std::size_t>(blockOf(pixel));
+            const Vec3d error = moments_.error(pixel, samplesOf(pixel));
+            squares[block] += error * error, ++pixels[block];
         }
-        for (int block = 0; block < kBlocks; ++block) {
-            if (!(blocks >> block & 1u)) continue;
-            ++rounds[static_cast<std::size_t>(block)];
-            if (isEnough(block)) blocks &= ~(1u << block);
+        for (int pixel = 0; pixel < kTilePixels; ++pixel) {
+            const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
+            const Vec3d error = moments_.error(pixel, samplesOf(pixel));
+            // What has not met the bright and rare yet is too dark and seems too sure: its neighbours know better.
+            const Vec3d others = squares[block] / double(std::max(pixels[block], 1));
+            const Vec3d careful = glm::sqrt(glm::mix(error * error, others, kOthersShare));
+            tile_.interval[at] = Vec3f(careful * studentQuantile(groups_ - 1));
+            tile_.error[at] = static_cast<float>(moments_.relativeError(pixel, samplesOf(pixel)));
+            tile_.samples[block] = static_cast<std::uint32_t>(samplesOf(pixel) * groups_);
         }
     }
-    tile.ranOut = blocks;
-    std::array<Vec3d, kBlocks> squares{};
-    std::array<int, kBlocks> pixels{};
-    for (int pixel = 0; pixel < kTilePixels; ++pixel) {
-        if (!inside(pixel)) continue;
-        const auto block = static_cast<std::size_t>(blockOf(pixel));
-        const Vec3d error = standardError(moments, pixel, rounds[block]);
-        squares[block] += error * error, ++pixels[block];
-    }
-    for (int pixel = 0; pixel < kTilePixels; ++pixel) {
-        const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
-        const Vec3d error = standardError(moments, pixel, rounds[block]);
-        // What has not met the bright and rare yet is too dark and seems too sure: its neighbours know better.
-        const Vec3d others = squares[block] / double(std::max(pixels[block], 1));
-        const Vec3d careful = glm::sqrt(glm::mix(error * error, others, kOthersShare));
-        tile.interval[at] = Vec3f(careful * studentQuantile(rounds[block] - 1));
-        tile.error[at] = static_cast<float>(relative(moments, pixel, rounds[block], error));
-        tile.samples[block] = static_cast<std::uint32_t>(rounds[block] * kRoundSamples);
-    }
+
+    const TraceScene& scene_;
+    const Camera& camera_;
+    const RenderSettings& settings_;
+    const int x0_, y0_, most_, groups_;
+    Moments moments_;
+    std::array<int, kBlocks> samples_{};  // of each group
+    AdaptiveTile& tile_;
+};
+
+}  // namespace
+
+void adaptiveTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+                  AdaptiveTile& tile) {
+    Sampling(scene, camera, settings, x0, y0, tile).run();
 }
 
 }  // namespace rtsg::trace

@@ -1,8 +1,10 @@
 // Tiles sampled until their pixels are known well enough.
 //
-// Samples come in rounds, each scrambled on its own, so that the rounds' means are independent of each other and tell
-// the error of their mean. A block of four by four pixels goes on until the errors of all of it are small enough
-// together: none ends because of its own luck alone, which keeps intervals honest.
+// A pixel's samples are of a few groups, each a sequence of its own that is scrambled on its own: the groups' means are
+// independent of each other and tell the error of their mean, of points that are better than random ones too (L'Ecuyer
+// 2018, "Randomized quasi-Monte Carlo", section 3). All groups grow alike. A block of four by four pixels goes on until
+// the errors of all of it are small enough together: none ends because of its own luck alone, which keeps intervals
+// honest.
 // Units: errors are standard errors over (value + kErrorFloor), of the brightest channel. Threading: as tiles.
 #pragma once
 
@@ -11,8 +13,8 @@
 namespace rtsg::trace {
 
 constexpr int kBlocks = 16;       // of a tile, four by four pixels each
-constexpr int kRoundSamples = 4;  // samples a pixel and round
-constexpr int kLeastRounds = 7;   // before a block may end
+constexpr int kGroups = 8;        // of a pixel's samples; where fewer than kGroups * kLeastOfGroup are allowed, less
+constexpr int kLeastOfGroup = 4;  // samples
 
 /// 97.5 % quantile of Student's distribution.
 double studentQuantile(int degreesOfFreedom);
