@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/renderers/parallel_for.h>
@@ -121,8 +122,12 @@ namespace {
 
 /// Mirror images as far as they are worth it: all of the paths that keep the shares tried, from the largest on, as long
 /// as these are few; else as many orders as are allowed.
-ImageSourceOptions imagesWorth(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                               const TraceOptions& options, double seconds) {
+struct WorthyImages {
+    ImageSourceOptions options;
+    ImageCandidates candidates;
+};
+WorthyImages imagesWorth(const AcousticGeometry& geometry, const glm::dvec3& source, const TraceOptions& options,
+                         double seconds) {
     constexpr std::size_t kFew = 4000;
     constexpr double kShares[] = {3e-2, 3e-3, 3e-4, 3e-5, 3e-6, 1e-7};
     ImageSourceOptions asked;
@@ -130,17 +135,20 @@ ImageSourceOptions imagesWorth(const AcousticGeometry& geometry, const glm::dvec
     asked.maxCandidates = options.maxImageCandidates;
     asked.maxDistance = seconds * options.air.speedOfSound;
     asked.pattern = options.pattern;
-    if (options.imageOrder < TraceOptions().imageOrder) return asked;
-    bool found = false;
-    for (const double tried : kShares) {
-        const CandidateCount count = countImageCandidates(
-            geometry, source, listener, tried, found ? std::min(kFew, asked.maxCandidates) : asked.maxCandidates);
-        if (!count.complete) break;
-        asked.minShare = tried;
-        found = true;
-        if (count.candidates > kFew / 4) break;
-    }
-    return asked;
+    std::optional<ImageCandidates> best;
+    if (options.imageOrder >= TraceOptions().imageOrder)
+        for (const double tried : kShares) {
+            ImageSourceOptions some = asked;
+            some.minShare = tried;
+            if (best) some.maxCandidates = std::min(kFew, asked.maxCandidates);
+            ImageCandidates candidates(geometry, source, some);
+            if (!candidates.found().complete) break;
+            asked.minShare = tried;
+            best = std::move(candidates);
+            if (best->found().candidates > kFew / 4) break;
+        }
+    if (!best) best.emplace(geometry, source, asked);
+    return {asked, std::move(*best)};
 }
 
 /// Whether a ray need not know bands apart.
@@ -244,6 +252,20 @@ Fate fateOf(const std::vector<Batch<N>>& batches, const Bands& attenuation) {
     return fate;
 }
 
+/// Finds the images of listeners with which walls that scatter are connected: few, as each of these walls chooses from
+/// all. Ways through walls that let sound pass have no end of their own, so that none are looked for there.
+void connect(const AcousticGeometry& geometry, const TraceOptions& options, std::vector<Ear>& ears) {
+    constexpr std::size_t kMostOfOne = 64, kMostOfAll = 128;
+    const auto materials = geometry.materials();
+    if (options.connectedOrder <= 0 || std::any_of(materials.begin(), materials.end(), [](const AcousticMaterial& m) {
+            return std::any_of(m.transmission.begin(), m.transmission.end(), [](double share) { return share > 0; });
+        }))
+        return;
+    for (Ear& ear : ears)
+        ear.images = ListenerImages(geometry, ear.position, options.connectedOrder,
+                                    std::min(kMostOfOne, kMostOfAll / ears.size()));
+}
+
 /// More rays into the batches of the results of a group.
 template <std::size_t N>
 void refineAs(const AcousticGeometry& geometry, const Group& group, const TraceOptions& options, std::uint64_t each) {
@@ -251,6 +273,7 @@ void refineAs(const AcousticGeometry& geometry, const Group& group, const TraceO
     std::vector<Ear> ears;
     for (std::size_t k = 0; k < group.results.size(); ++k)
         ears.emplace_back(group.listeners[k], *group.results[k], options.air.speedOfSound);
+    connect(geometry, options, ears);
     const Task<N> task(geometry, group.source, std::move(ears), options, first.seconds);
     std::vector<Batch<N>> fresh(first.batches.size());
     const std::uint64_t before = first.rays;
@@ -284,11 +307,11 @@ void refineGroup(const AcousticGeometry& geometry, const Group& group, const Tra
 
 /// All of a result but for what rays bring.
 void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                 const TraceOptions& options, const ImageSourceOptions& worth, double seconds, TraceResult& result) {
+                 const TraceOptions& options, const WorthyImages& worth, double seconds, TraceResult& result) {
     result.seconds = seconds;
-    result.imageShare = worth.minShare;
-    ImageSources images =
-        findImageSources(geometry, source, listener, worth, options.air.speedOfSound, airAttenuation(options.air));
+    result.imageShare = worth.options.minShare;
+    ImageSources images = findImageSources(geometry, worth.candidates, listener, worth.options,
+                                           options.air.speedOfSound, airAttenuation(options.air));
     result.arrivals = std::move(images.arrivals);
     if (options.diffractionOrder > 0)
         result.edgePairs = addDiffraction(geometry, source, listener, options, seconds, result.arrivals);
@@ -315,8 +338,7 @@ std::vector<TraceResult> AcousticTracer::trace(const glm::dvec3& source, std::sp
                 ? options.maxSeconds
                 : std::clamp(decaySeconds(*geometry_, group.source, options) + 2 * farthest / options.air.speedOfSound,
                              1.0, kMost);
-        const ImageSourceOptions worth =
-            imagesWorth(*geometry_, group.source, group.listeners.front(), options, seconds);
+        const WorthyImages worth = imagesWorth(*geometry_, group.source, options, seconds);
         for (std::size_t k = 0; k < group.results.size(); ++k)
             startResult(*geometry_, group.source, group.listeners[k], options, worth, seconds, *group.results[k]);
         refineGroup(*geometry_, group, options, options.rays);

@@ -1,10 +1,11 @@
 // BatchTracer: follows the rays of one batch through a geometry, for one listener or for several at once.
 //
-// Several listeners share the rays, and with them nearly all of the time. From a wall that scatters one alone is always
-// looked for; of several each is with a chance that grows with what it might hear, and what is heard is divided by that
-// chance: the expectation stays, and a ray takes hardly longer than for one. Energies are kept in N bands: 8, or 1
-// where walls and sources are alike in all bands. What air takes depends on the way alone and is left to whoever reads
-// the histogram. Source: see acoustic_tracer.h. Threading: one thread an object.
+// From a wall that scatters one of the listeners and their images (trace/listener_images.h) is looked for by chance, or
+// where there are no images the one listener always. Of several without images each is looked for with a chance that
+// grows with what it might hear. What is heard is divided by the chance: the expectation stays, and a ray takes hardly
+// longer for several. Energies are kept in N bands: 8, or 1 where walls and sources are alike in all bands. What air
+// takes depends on the way alone and is left to whoever reads the histogram. Source: see acoustic_tracer.h; Veach 1997,
+// chapters 9 and 10, on connections. Threading: one thread an object.
 #pragma once
 
 #include <algorithm>
@@ -21,6 +22,8 @@
 
 #include <rtsg/audio/acoustic_tracer.h>
 
+#include "listener_choice.h"
+#include "listener_images.h"
 #include "places.h"
 #include "signal/random.h"
 
@@ -107,6 +110,7 @@ struct Ear {
     double startMetres;
     int imageOrder;
     double imageShare;
+    ListenerImages images;  // what is scattered and then mirrored on one of their ways is looked for there
 
     Ear(const glm::dvec3& at, const TraceResult& result, double speedOfSound)
         : position(at),
@@ -200,6 +204,14 @@ class BatchTracer {
           random_(seed),
           looks_(ears_) {
         batch_.heard.resize(ears_.size());
+        if (std::any_of(ears_.begin(), ears_.end(), [](const Ear& ear) { return !ear.images.all().empty(); }))
+            for (std::size_t i = 0; i < ears_.size(); ++i) {
+                choice_.add({ears_[i].position, i, ListenerImages::kNone}, 1);
+                for (std::uint32_t k = 0; k < ears_[i].images.all().size(); ++k)
+                    choice_.add({ears_[i].images.all()[k].position, i, k}, ears_[i].images.all()[k].share);
+            }
+        earlyLooks_ = std::max(1.0, 0.4 * std::sqrt(static_cast<double>(ears_.size())));
+        laterLooks_ = kLaterLooks * earlyLooks_;
     }
 
     /// Sixteen rays are under way at a time, so that they can be asked about together.
@@ -210,7 +222,10 @@ class BatchTracer {
         std::uint64_t sent = 0;
         for (int count = 0;;) {
             while (count < AcousticRays::kMost && sent < rays) count += start(lanes_[count], sent++);
-            if (count == 0) return askEvents();
+            if (count == 0) {
+                while (connections_.rays.count > 0) followConnections();
+                return askEvents();
+            }
             step(count);
             for (int i = 0; i < count;)
                 if (lanes_[i].ended)
@@ -221,9 +236,38 @@ class BatchTracer {
     }
 
   private:
-    /// Share of a ray's energy at which Russian roulette begins, and the chance to survive it.
-    static constexpr double kRouletteStart = 1e-6;
-    static constexpr double kRouletteSurvival = 0.2;
+    /// Share of a ray's energy at which Russian roulette begins: T20 and T30 need little of what comes later.
+    static constexpr double kRouletteStart = 1e-4;
+    /// So many walls look for a listener or an image of it each time, those that a ray meets later less often: what
+    /// comes from one after the other is much alike.
+    static constexpr int kEarly = 3;
+    static constexpr double kLaterLooks = 0.3;
+
+    /// From a wall that scatters to the image of a listener.
+    struct Connection {
+        Energy<N> energy;
+        double factor, travelled;  // once it arrives
+        std::size_t ear;
+        std::uint32_t image;
+        MirrorSequence mirrors;  // so far
+    };
+    void arrive(const Connection& way, const glm::dvec3& point, const glm::dvec3& facing, const AcousticHit& hit) {
+        const glm::dvec3 toListener = ears_[way.ear].position - point;
+        const double distance = glm::length(toListener);
+        if (!(distance > 0)) return receive(way.ear, way.energy, way.factor, way.travelled);
+        ask(way.ear, way.energy, way.factor, way.travelled, point, facing, toListener / distance, distance, hit);
+    }
+    /// Whether nothing is in between will be asked, with others.
+    void ask(std::size_t who, const Energy<N>& energy, double factor, double travelled, const glm::dvec3& point,
+             const glm::dvec3& facing, const glm::dvec3& direction, double distance, const AcousticHit& wall) {
+        const int at = events_.rays.count;
+        events_.rays.add(point, facing, direction, distance, wall.plane, wall.clear);
+        events_.ear[at] = who;
+        events_.energy[at] = energy;
+        events_.factor[at] = factor;
+        events_.travelled[at] = travelled;
+        if (events_.rays.count == AcousticRays::kMost) askEvents();
+    }
 
     enum class LastEvent : std::uint8_t { emitted, diffuse, mirror };
 
@@ -235,9 +279,12 @@ class BatchTracer {
         std::uint32_t plane = kNoPlane;
         LastEvent last = LastEvent::emitted;
         int mirrorOrder = 0;     // reflections while all were mirror-like
+        MirrorSequence mirrors;  // since the last reflection that was not mirror-like
         double mirrorShare = 1;  // at most, of energy that they left
         bool onlyMirrors = true;
-        glm::dvec3 facing{0};  // of the surface at `origin`, towards `direction`
+        glm::dvec3 facing{0};              // of the surface at `origin`, towards `direction`
+        int walls = 0;                     // that it met, as far as they scatter
+        double roulette = kRouletteStart;  // share of what a ray starts with at which it is played next
         bool ended = false;
     };
 
@@ -267,7 +314,7 @@ class BatchTracer {
             lanes_[i].ended =
                 !goOn(lanes_[i], (met >> i & 1) != 0, rays.maxDistance[i], hits[static_cast<std::size_t>(i)]);
         // Of several listeners few are looked for in a step: such questions wait for others.
-        if (ears_.size() == 1) askEvents();
+        if (ears_.size() == 1 && choice_.size() == 0) askEvents();
     }
 
     /// Counts what is heard where nothing is in between.
@@ -299,9 +346,11 @@ class BatchTracer {
         return false;
     }
 
-    /// Of a ray that a mirror sent here: not where it is one of the images.
+    /// Of a ray that a mirror sent here: not where it is one of the images of the source, nor where images of the
+    /// listener were looked for.
     static bool countsInBall(const Ray& ray, const Ear& ear) {
-        return !(ray.onlyMirrors && ray.mirrorOrder <= ear.imageOrder && ray.mirrorShare >= ear.imageShare);
+        if (!ray.onlyMirrors) return ear.images.of(ray.mirrors) == ListenerImages::kNone;
+        return !(ray.mirrorOrder <= ear.imageOrder && ray.mirrorShare >= ear.imageShare);
     }
 
     /// Mean intensity over the ball is energy times chord over volume.
@@ -352,7 +401,7 @@ class BatchTracer {
         const double diffuseSum = sum<N>(diffuse), mirrorSum = sum<N>(mirror), throughSum = sum<N>(through);
         const double all = diffuseSum + mirrorSum + throughSum;
         if (!(all > 0)) return false;
-        if (diffuseSum > 0) lookForListeners(point, facing, diffuse, hit, ray.travelled);
+        if (diffuseSum > 0) lookForListeners(point, facing, diffuse, hit, ray.travelled, ray.walls++ < kEarly);
 
         const double choice = random_.uniform() * all;
         double share = 0;  // of `all`, and so the chance
@@ -363,12 +412,14 @@ class BatchTracer {
             ray.direction = cosineDirection(facing, random_);
             ray.last = LastEvent::diffuse;
             ray.onlyMirrors = false;
+            ray.mirrors = {};
         } else if (mirrorSum > 0 && (choice < diffuseSum + mirrorSum || throughSum <= 0)) {
             ray.energy = mirror;
             share = mirrorSum;
             ray.direction -= hit.normal * (2 * cosine);
             ray.last = LastEvent::mirror;
             ++ray.mirrorOrder;
+            ray.mirrors.append(hit.plane);
             if (hit.plane < task_.planes.size()) ray.mirrorShare *= task_.planes[hit.plane].mirrors;
         } else {
             ray.energy = through;
@@ -378,17 +429,25 @@ class BatchTracer {
         ray.plane = hit.plane;
         ray.facing = glm::dot(ray.direction, facing) < 0 ? -facing : facing;
         for (double& e : ray.energy) e *= all / share;
-        if (largest<N>(ray.energy) < kRouletteStart * initial_) {
-            if (random_.uniform() >= kRouletteSurvival) return false;
-            for (double& e : ray.energy) e /= kRouletteSurvival;
-        }
+        return largest<N>(ray.energy) >= ray.roulette * initial_ || survives(ray);
+    }
+
+    /// Russian roulette: half of the rays go on with twice the energy, each time that their own has fallen to a
+    /// quarter. So their number falls with the root of the energy that is left.
+    bool survives(Ray& ray) {
+        do {
+            if (random_.uniform() >= 0.5) return false;
+            for (double& e : ray.energy) e *= 2;
+            ray.roulette /= 2;
+        } while (largest<N>(ray.energy) < ray.roulette * initial_);
         return true;
     }
 
-    /// From a wall that scatters: the one listener, or some of several by chance.
+    /// From a wall that scatters: some of the listeners and their images, or the one listener, or some of several.
     void lookForListeners(const glm::dvec3& point, const glm::dvec3& normal, const Energy<N>& energy,
-                          const AcousticHit& wall, double travelled) {
+                          const AcousticHit& wall, double travelled, bool early) {
         const std::size_t count = ears_.size();
+        if (choice_.size() > 0) return connectSome(point, normal, energy, wall, travelled, early);
         if (count == 1) return nextEvent(0, 1, point, normal, energy, wall, travelled);
         looks_.weigh(point, normal);
         // Chances in a row, and a comb across them with teeth at distances of 1: each is met with its chance.
@@ -416,13 +475,7 @@ class BatchTracer {
         const glm::dvec3 direction = toListener * inverse;
         const double factor = weight * towards * inverse / (std::numbers::pi * squared);
         if (!task_.transmits) {
-            const int at = events_.rays.count;
-            events_.rays.add(point, normal, direction, distance, wall.plane, wall.clear);
-            events_.ear[at] = who;
-            events_.energy[at] = energy;
-            events_.factor[at] = factor;
-            events_.travelled[at] = travelled + distance;
-            if (events_.rays.count == AcousticRays::kMost) askEvents();
+            ask(who, energy, factor, travelled + distance, point, normal, direction, distance, wall);
             return;
         }
         glm::dvec3 origin = point;
@@ -437,6 +490,72 @@ class BatchTracer {
             plane = hit.plane;
         }
         receive(who, energy, factor, travelled + distance);
+    }
+
+    /// Looks for some of the listeners and their images, each by chance in proportion to what it might hear.
+    void connectSome(const glm::dvec3& point, const glm::dvec3& normal, const Energy<N>& energy,
+                     const AcousticHit& wall, double travelled, bool early) {
+        const double looks = early ? earlyLooks_ : laterLooks_;
+        for (int left = static_cast<int>(looks + random_.uniform()); left > 0; --left) {
+            std::size_t which = 0;
+            const double chance = choice_.choose(point, normal, random_.uniform(), which) * looks;
+            if (!(chance > 0)) return;
+            const ListenerChoice::Target& target = choice_.target(which);
+            if (target.image == ListenerImages::kNone)
+                nextEvent(target.ear, 1 / chance, point, normal, energy, wall, travelled);
+            else
+                connect(target, 1 / chance, point, normal, energy, wall, travelled);
+        }
+    }
+
+    /// Starts on the way to a listener's image; it stands for `weight` such ways.
+    void connect(const ListenerChoice::Target& target, double weight, const glm::dvec3& point, const glm::dvec3& normal,
+                 const Energy<N>& energy, const AcousticHit& wall, double travelled) {
+        const glm::dvec3 toImage = target.position - point;
+        const double towards = glm::dot(toImage, normal);
+        if (!(towards > 0)) return;
+        const double squared = glm::dot(toImage, toImage), distance = std::sqrt(squared);
+        if (travelled + distance >= maxDistance_) return;
+        add<N>(batch_.heard[target.ear].tried, energy, weight);
+        const int at = connections_.rays.count;
+        connections_.rays.add(point, normal, toImage / distance, distance, wall.plane, wall.clear);
+        connections_.of[at] = {energy,
+                               weight * towards / (distance * std::numbers::pi * squared),
+                               travelled + distance,
+                               target.ear,
+                               target.image,
+                               {}};
+        while (connections_.rays.count == AcousticRays::kMost) followConnections();
+    }
+
+    /// Each way to an image to its next mirror. If those so far are a way to the image, the listener is next.
+    void followConnections() {
+        AcousticHits hits;
+        AcousticRays& rays = connections_.rays;
+        const std::uint32_t met = geometry_.closestOf(rays, hits);
+        const int count = std::exchange(rays.count, 0);
+        for (int i = 0; i < count; ++i) {
+            if (!(met >> i & 1)) continue;
+            Connection way = connections_.of[i];
+            const AcousticHit& hit = hits[static_cast<std::size_t>(i)];
+            const Shares<N>& wall = task_.walls[hit.material];
+            for (std::size_t b = 0; b < N; ++b) way.energy[b] *= wall.mirror[b];
+            if (!(largest<N>(way.energy) > 0)) continue;
+            const glm::dvec3 point = rays.origin[i] + rays.direction[i] * hit.distance;
+            const double cosine = glm::dot(rays.direction[i], hit.normal);
+            const glm::dvec3 direction = rays.direction[i] - hit.normal * (2 * cosine);
+            const glm::dvec3 facing = cosine > 0 ? -hit.normal : hit.normal;
+            const double left = rays.maxDistance[i] - hit.distance;
+            way.mirrors.append(hit.plane);
+            if (ears_[way.ear].images.of(way.mirrors) == way.image) {
+                arrive(way, point, facing, hit);
+            } else if (!way.mirrors.full()) {
+                // No farther than those that were read already.
+                const int at = rays.count;
+                rays.add(point, facing, direction, left, hit.plane, hit.clear);
+                connections_.of[at] = way;
+            }
+        }
     }
 
     const Task<N>& task_;
@@ -455,6 +574,12 @@ class BatchTracer {
         double factor[AcousticRays::kMost], travelled[AcousticRays::kMost];
     } events_;
     ListenerChances looks_;
+    struct {
+        AcousticRays rays;
+        Connection of[AcousticRays::kMost];
+    } connections_;
+    ListenerChoice choice_;
+    double earlyLooks_, laterLooks_;  // of one wall, for all listeners together
 };
 
 }  // namespace rtsg::trace

@@ -279,23 +279,38 @@ Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& from, cons
     return share;
 }
 
-CandidateCount countImageCandidates(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to,
-                                    double minShare, std::size_t maxCandidates) {
-    ImageSourceOptions options;
-    options.maxOrder = 1000;
-    options.maxCandidates = maxCandidates;
-    options.minShare = minShare;
-    CandidateSet candidates;
-    candidates.insert(offWalls(geometry, from, to), glm::dmat3(1.0), kNoPlane, 1, 0);
-    ImageSources result;
-    findCandidates(geometry, options, candidates, result);
-    return {candidates.all.size(), result.complete};
+struct ImageCandidates::Impl {
+    CandidateSet set;
+    ImageSources found;
+};
+
+ImageCandidates::ImageCandidates(const AcousticGeometry& geometry, const glm::dvec3& source,
+                                 const ImageSourceOptions& options)
+    : impl_(std::make_unique<Impl>()) {
+    impl_->set.insert(source, glm::dmat3(1.0), kNoPlane, 1, 0);
+    findCandidates(geometry, options, impl_->set, impl_->found);
+    impl_->found.candidates = impl_->set.all.size();
+}
+ImageCandidates::ImageCandidates(ImageCandidates&&) noexcept = default;
+ImageCandidates& ImageCandidates::operator=(ImageCandidates&&) noexcept = default;
+ImageCandidates::~ImageCandidates() = default;
+
+const ImageSources& ImageCandidates::found() const {
+    return impl_->found;
 }
 
 ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to,
                               const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation) {
-    ImageSources result;
-    const glm::dvec3 source = offWalls(geometry, from, to), listener = offWalls(geometry, to, from);
+    const glm::dvec3 source = offWalls(geometry, from, to);
+    return findImageSources(geometry, ImageCandidates(geometry, source, options), to, options, speedOfSound,
+                            attenuation);
+}
+
+ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandidates& candidates, const glm::dvec3& to,
+                              const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation) {
+    ImageSources result = candidates.found();
+    const std::vector<Candidate>& all = candidates.impl().set.all;
+    const glm::dvec3 source = all.front().position, listener = offWalls(geometry, to, source);
     const auto keep = [&](Path path, const glm::dvec3& image) {
         const double distance = glm::distance(image, listener);
         if (distance > options.maxDistance) return;
@@ -316,20 +331,16 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3
     direct.departure = distance > 0 ? (listener - source) / distance : glm::dvec3(0, 0, -1);
     if (direct.arrival.energy != Bands{}) keep(direct, source);
 
-    CandidateSet candidates;
-    candidates.insert(source, glm::dmat3(1.0), kNoPlane, 1, 0);
-    findCandidates(geometry, options, candidates, result);
-    result.candidates = candidates.all.size();
     const glm::dvec3 beside = aside(geometry, listener);
-    std::vector<std::vector<Path>> paths(candidates.all.size());
+    std::vector<std::vector<Path>> paths(all.size());
     constexpr std::size_t kChunk = 64;
     parallelFor((paths.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
         const std::size_t end = std::min(paths.size(), (chunk + 1) * kChunk);
         for (std::size_t i = std::max<std::size_t>(1, chunk * kChunk); i < end; ++i)
-            Retracer(geometry, source, candidates.all[i], result.order, options.minShare, paths[i]).run(beside);
+            Retracer(geometry, source, all[i], result.order, options.minShare, paths[i]).run(beside);
     });
     for (std::size_t i = 1; i < paths.size(); ++i)
-        for (const Path& path : paths[i]) keep(path, candidates.all[i].position);
+        for (const Path& path : paths[i]) keep(path, all[i].position);
     std::stable_sort(result.arrivals.begin(), result.arrivals.end(),
                      [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });
     return result;

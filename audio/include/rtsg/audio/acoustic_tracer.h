@@ -1,16 +1,17 @@
 // AcousticTracer: from a source, a listener and an AcousticGeometry to an Echogram with confidence intervals.
 //
-// Every path is counted once, by exactly one of three estimators, so the expectation does not depend on the options:
+// Every path is counted once, by exactly one of these estimators, so the expectation does not depend on the options:
 //   mirror reflections only, up to the image order and down to the image share (and direct sound), through walls or
 //   not:                                                    image sources, exact
 //   straight, but round one edge or two:                    the uniform theory of diffraction
-//   the last reflection is diffuse:                         next-event estimation to the listener, a point
-//   all others (mirror last after diffuse or above the image order):   track length in a ball around the listener
+//   the last reflection is diffuse, or some mirrors after it lead to a known image of the listener:
+//                                                           next-event estimation to the listener or its image, points
+//   all others (more mirrors, or ways to images that are not known):   track length in a ball around the listener
 // The ball yields the mean over what of it is seen from the listener. Rays end by Russian roulette, never by a
-// threshold. Places on walls: see trace/places.h. Energy that leaves the geometry is counted as escaped. Below the
-// Schroeder frequency of a room, rays are not a model of it: phase is not kept. Several listeners share the rays of a
-// source: each result is right by itself, but chance does not move them independently. Threading: const; batches
-// run in parallel, results are the same for any number of threads.
+// threshold. Places on walls: see trace/places.h. Energy that leaves the geometry is counted as escaped. Below its
+// Schroeder frequency rays are no model of a room: phase is not kept. Several listeners share the rays of a source:
+// each result is right, but chance does not move them independently. Threading: const; batches run in parallel,
+// results are the same for any number of threads.
 #pragma once
 
 #include <cstdint>
@@ -32,6 +33,9 @@ struct TraceOptions {
     /// echoes above all), but of walls that scatter they have little.
     int imageOrder = 1000;
     std::size_t maxImageCandidates = 60'000;
+    /// What is scattered and then mirrored so many times at most, 0 to 3, is connected with the images of the listener
+    /// that are worth most; all else that is mirrored is left to the ball.
+    int connectedOrder = 3;
     std::uint64_t rays = 20'000;
     /// Independent parts that the rays are divided into, for the confidence intervals; at least 2.
     int batches = 16;

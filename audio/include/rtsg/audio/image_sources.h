@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include <glm/glm.hpp>
@@ -50,13 +51,28 @@ struct ImageSources {
 ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                               const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation);
 
-struct CandidateCount {
-    std::size_t candidates = 0;
-    bool complete = false;  // all that keep the share, within the number allowed
+/// Where images of a source may be, for any number of listeners. Threading: const once made.
+class ImageCandidates {
+  public:
+    /// `source` touches no wall; of the options all but `maxDistance` and `pattern` count.
+    ImageCandidates(const AcousticGeometry& geometry, const glm::dvec3& source, const ImageSourceOptions& options);
+    ImageCandidates(ImageCandidates&&) noexcept;
+    ImageCandidates& operator=(ImageCandidates&&) noexcept;
+    ~ImageCandidates();
+
+    /// Of what findImageSources() says of them: without arrivals.
+    const ImageSources& found() const;
+
+    struct Impl;
+    const Impl& impl() const { return *impl_; }
+
+  private:
+    std::unique_ptr<Impl> impl_;
 };
-/// How many candidates findImageSources would check for paths that keep this share of the energy at best.
-CandidateCount countImageCandidates(const AcousticGeometry& geometry, const glm::dvec3& source,
-                                    const glm::dvec3& listener, double minShare, std::size_t maxCandidates);
+/// As above, with candidates that were found before with the same geometry and options.
+ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandidates& candidates,
+                              const glm::dvec3& listener, const ImageSourceOptions& options, double speedOfSound,
+                              const Bands& attenuation);
 
 /// Share of the energy per band that is left on the straight way: 1 in the open, 0 behind a wall that lets nothing
 /// through.

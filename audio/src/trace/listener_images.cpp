@@ -1,0 +1,124 @@
+// Mirrors rays from a listener to find those of its images that matter.
+#include "listener_images.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <utility>
+
+#include "places.h"
+
+namespace rtsg::trace {
+namespace {
+
+/// A way from the listener outwards.
+struct MirroredRay {
+    glm::dvec3 origin, direction, facing{0};
+    glm::dvec3 image;      // of the listener, by what it met
+    glm::dmat3 turn{1.0};  // of the listener on its way there
+    Bands share = allBands(1);
+    std::array<std::uint32_t, MirrorSequence::kMost> met{};
+    std::uint32_t plane = kNoPlane;
+};
+
+/// What several ways lead to that turn and move the listener alike.
+struct FoundImage {
+    glm::dvec3 position;
+    glm::dmat3 turn;
+    double share, worth;  // worth: share times rays
+    std::vector<MirrorSequence> ways;
+};
+
+class ImageFinder {
+  public:
+    std::vector<FoundImage> found;
+
+    /// Notes what a ray met last.
+    void add(const MirroredRay& ray, int order) {
+        MirrorSequence planes;
+        for (int i = order; i-- > 0;) planes.append(ray.met[static_cast<std::size_t>(i)]);
+        const double share = *std::max_element(ray.share.begin(), ray.share.end());
+        FoundImage& image = imageOf(ray, order);
+        image.share = std::max(image.share, share);
+        image.worth += share;
+        if (std::find(image.ways.begin(), image.ways.end(), planes) == image.ways.end()) image.ways.push_back(planes);
+    }
+
+  private:
+    FoundImage& imageOf(const MirroredRay& ray, int order) {
+        // Walls are given in single precision.
+        const double same = 2e-6 * (1 + order) * (1 + glm::distance(ray.image, ray.origin));
+        for (FoundImage& image : found) {
+            if (glm::distance(image.position, ray.image) > same) continue;
+            bool alike = true;
+            for (int i = 0; i < 3; ++i) alike = alike && glm::distance(image.turn[i], ray.turn[i]) < 1e-3;
+            if (alike) return image;
+        }
+        return found.emplace_back(FoundImage{ray.image, ray.turn, 0, 0, {}});
+    }
+};
+
+/// Mirrors a ray in what it met; whether it goes on.
+bool mirrorIn(const AcousticGeometry& geometry, const AcousticHit& hit, int order, MirroredRay& ray) {
+    const auto planes = geometry.planes();
+    if (hit.plane >= planes.size()) return false;
+    const AcousticMaterial& material = geometry.materials()[hit.material];
+    double most = 0;
+    for (std::size_t b = 0; b < kBandCount; ++b) most = std::max(most, ray.share[b] *= material.mirrored(b));
+    if (!(most > 0)) return false;
+    const ReflectingPlane& plane = planes[hit.plane];
+    const double cosine = glm::dot(ray.direction, plane.normal);
+    ray.origin += ray.direction * hit.distance;
+    ray.direction -= plane.normal * (2 * cosine);
+    ray.facing = cosine > 0 ? -plane.normal : plane.normal;
+    ray.image -= plane.normal * (2 * plane.signedDistance(ray.image));
+    ray.turn = (glm::dmat3(1.0) - 2.0 * glm::outerProduct(plane.normal, plane.normal)) * ray.turn;
+    ray.plane = ray.met[static_cast<std::size_t>(order - 1)] = hit.plane;
+    return true;
+}
+
+}  // namespace
+
+ListenerImages::ListenerImages(const AcousticGeometry& geometry, const glm::dvec3& listener, int maxOrder,
+                               std::size_t most) {
+    constexpr int kRays = 512;
+    if (geometry.planes().empty()) return;
+    ImageFinder finder;
+    for (int first = 0; first < kRays; first += AcousticRays::kMost) {
+        std::vector<MirroredRay> rays;
+        for (int i = first; i < first + AcousticRays::kMost; ++i)
+            rays.push_back({.origin = listener, .direction = evenDirection(i, kRays), .image = listener});
+        for (int order = 1; order <= std::min(maxOrder, MirrorSequence::kMost) && !rays.empty(); ++order) {
+            AcousticRays asked;
+            AcousticHits hits;
+            for (const MirroredRay& ray : rays) asked.add(ray.origin, ray.facing, ray.direction, 1e6, ray.plane);
+            const std::uint32_t met = geometry.closestOf(asked, hits);
+            std::vector<MirroredRay> next;
+            for (std::size_t i = 0; i < rays.size(); ++i)
+                if ((met >> i & 1) != 0 && mirrorIn(geometry, hits[i], order, rays[i])) {
+                    finder.add(rays[i], order);
+                    next.push_back(rays[i]);
+                }
+            rays = std::move(next);
+        }
+    }
+    std::stable_sort(finder.found.begin(), finder.found.end(),
+                     [](const FoundImage& a, const FoundImage& b) { return a.worth > b.worth; });
+    if (finder.found.size() > most) finder.found.resize(most);
+    std::size_t ways = 0;
+    for (const FoundImage& image : finder.found) ways += image.ways.size();
+    if (ways == 0) return;
+    slots_.resize(std::bit_ceil(2 * ways));
+    for (const FoundImage& image : finder.found) {
+        for (const MirrorSequence& way : image.ways) remember(way, static_cast<std::uint32_t>(images_.size()));
+        images_.push_back({image.position, image.share});
+    }
+}
+
+void ListenerImages::remember(const MirrorSequence& planes, std::uint32_t image) {
+    std::size_t at = hash(planes) & (slots_.size() - 1);
+    while (slots_[at].image != kNone) at = (at + 1) & (slots_.size() - 1);
+    slots_[at] = {planes, image};
+}
+
+}  // namespace rtsg::trace
