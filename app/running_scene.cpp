@@ -32,6 +32,10 @@ class LateQueries final : public SpaceQueries {
         return queries().crossings(origin, direction, length);
     }
     std::vector<ShapeBox> boxes() override { return queries().boxes(); }
+    std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) override {
+        return queries().meetings(center, radius, test);
+    }
+    std::vector<Vec3d> corners(const Node& geometry) override { return queries().corners(geometry); }
 
   private:
     WorldQueries& queries() {

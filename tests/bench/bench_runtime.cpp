@@ -271,6 +271,8 @@ struct OneShape final : SpaceQueries {
     std::vector<std::vector<NodeId>> within(const Vec3d&, double) override { return {}; }
     std::vector<Crossing> crossings(const Vec3d&, const Vec3d&, double) override { return {}; }
     std::vector<ShapeBox> boxes() override { return {}; }
+    std::vector<Meeting> meetings(const Vec3d&, double, TriangleTest&) override { return {}; }
+    std::vector<Vec3d> corners(const Node&) override { return {}; }
 };
 
 void touches(const Report& report, bool quick) {

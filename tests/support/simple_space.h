@@ -1,8 +1,9 @@
 // Where Boxes and Spheres are, for tests of pointers without a renderer: every Shape is looked at for every ray, in
-// double precision, with transforms multiplied here.
+// double precision, with transforms multiplied here. For tests of triangles also TriangleSets.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <glm/gtc/matrix_transform.hpp>
@@ -81,11 +82,92 @@ class SimpleSpace final : public SpaceQueries {
             if (geometry.is(x3d::Box::type)) half = glm::dvec3(geometry.get(x3d::Box::size)) * .5;
             if (geometry.is(x3d::Sphere::type)) half = glm::dvec3(double(geometry.get(x3d::Sphere::radius)));
             if (half.x > 0) all.push_back({world, -half, half, path});
+            if (!geometry.is(x3d::TriangleSet::type)) return;
+            ShapeBox box{world, Vec3d(INFINITY), Vec3d(-INFINITY), path};
+            for (const Vec3d& p : corners(geometry)) box.low = glm::min(box.low, p), box.high = glm::max(box.high, p);
+            if (box.low.x <= box.high.x) all.push_back(box);
         });
         return all;
     }
 
+    /// Spheres have none here.
+    std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) override {
+        std::vector<Meeting> all;
+        visitShapes([&](const std::vector<NodeId>& path, const glm::dmat4& world, const Node& geometry) {
+            if (!test.concerns(path)) return;
+            Meeting meeting{{world, Vec3d(INFINITY), Vec3d(-INFINITY), path}, INFINITY};
+            bool met = false;
+            for (const std::array<Vec3d, 3>& local : trianglesOf(geometry)) {
+                std::array<Vec3d, 3> triangle;
+                for (std::size_t i = 0; i < 3; ++i) {
+                    triangle[i] = world * glm::dvec4(local[i], 1);
+                    meeting.box.low = glm::min(meeting.box.low, local[i]);
+                    meeting.box.high = glm::max(meeting.box.high, local[i]);
+                }
+                const double distance = distanceTo(triangle, center);
+                meeting.distance = std::min(meeting.distance, distance);
+                met = met || (distance <= radius && test.meets(triangle));
+            }
+            if (met) all.push_back(meeting);
+        });
+        return all;
+    }
+
+    std::vector<Vec3d> corners(const Node& geometry) override {
+        std::vector<Vec3d> points;
+        if (const Node* coord = coordOf(geometry))
+            for (const Vec3f& p : coord->get(x3d::Coordinate::point)) points.emplace_back(p);
+        return points;
+    }
+
+    /// By the smallest of a fine net of points, and of finer ones round it: the distance is convex.
+    static double distanceTo(const std::array<Vec3d, 3>& t, const Vec3d& point) {
+        glm::dvec2 at(.5), low(0), high(1);
+        double best = INFINITY;
+        for (int round = 0; round < 12; ++round) {
+            for (int i = 0; i <= 12; ++i)
+                for (int j = 0; j <= 12; ++j) {
+                    const glm::dvec2 place = low + (high - low) * glm::dvec2(i / 12., j / 12.);
+                    const double u = place.x * (1 - place.y), v = place.y;
+                    const double d = glm::distance(t[0] + u * (t[1] - t[0]) + v * (t[2] - t[0]), point);
+                    if (d < best) best = d, at = place;
+                }
+            const glm::dvec2 part = (high - low) * .2;
+            low = glm::clamp(at - part, glm::dvec2(0), glm::dvec2(1));
+            high = glm::clamp(at + part, glm::dvec2(0), glm::dvec2(1));
+        }
+        return best;
+    }
+
   private:
+    const Node* coordOf(const Node& geometry) const {
+        const FieldIndex field = geometry.type().findExact("coord");
+        const Node* coord = field == kNoField ? nullptr : scene_.find(geometry.get(Field<NodeId>{field}));
+        return coord && coord->is(x3d::Coordinate::type) ? coord : nullptr;
+    }
+    std::vector<std::array<Vec3d, 3>> trianglesOf(const Node& geometry) const {
+        std::vector<std::array<Vec3d, 3>> all;
+        if (geometry.is(x3d::Box::type)) {
+            const glm::dvec3 half = glm::dvec3(geometry.get(x3d::Box::size)) * .5;
+            for (int i = 0; i < 3; ++i)
+                for (const double side : {-1.0, 1.0}) {
+                    glm::dvec3 corner[4];
+                    for (int k = 0; k < 4; ++k) {
+                        corner[k][i] = side * half[i];
+                        corner[k][(i + 1) % 3] = (k == 1 || k == 2 ? 1 : -1) * half[(i + 1) % 3];
+                        corner[k][(i + 2) % 3] = (k > 1 ? 1 : -1) * half[(i + 2) % 3];
+                    }
+                    all.push_back({corner[0], corner[1], corner[2]});
+                    all.push_back({corner[0], corner[2], corner[3]});
+                }
+        } else if (const Node* coord = geometry.is(x3d::TriangleSet::type) ? coordOf(geometry) : nullptr) {
+            const auto& points = coord->get(x3d::Coordinate::point);
+            for (std::size_t i = 0; i + 2 < points.size(); i += 3)
+                all.push_back({Vec3d(points[i]), Vec3d(points[i + 1]), Vec3d(points[i + 2])});
+        }
+        return all;
+    }
+
     template <class F>
     void visitShapes(const F& visit) {
         std::vector<NodeId> path;

@@ -241,7 +241,9 @@ Bearing bearingThrough(const Scene& scene, double x, double y, double aspect) {
 }
 
 void Scene::setSpaceQueries(SpaceQueries* queries) {
-    if (!state_->refuseForeign()) state_->queries = queries;
+    if (state_->refuseForeign()) return;
+    state_->queries = queries;
+    state_->pickCorners.clear();
 }
 void Scene::setNavigation(bool on) {
     if (!state_->refuseForeign()) state_->navigates = on;

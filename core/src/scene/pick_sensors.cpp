@@ -1,6 +1,7 @@
 // What pick sensors meet (ISO/IEC 19775-1 V4.0, clause 38), found out when a frame begins (38.2.2) of what the frame
 // before has left, and told as events of the root: replicas and replays need no geometry.
 //
+// Primitives are solid whatever sides of them are drawn (38.4.4), a volume is the convex hull of its geometry (38.4.5).
 // Where the clause says nothing: a sensor stands where its first path leads; "BOUNDS" is about the boxes of the two
 // geometries, each along the axes of its own coordinates, "GEOMETRY" about surfaces; what is picked is told in order of
 // its distance by "ALL", too, and "ANY" is the closest; points are in the sensor's coordinates.
@@ -9,6 +10,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <span>
 #include <type_traits>
 
 #include <fmt/format.h>
@@ -16,6 +18,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "box_overlap.h"
+#include "convex_body.h"
 #include "pick_report.h"
 #include "state.h"
 
@@ -25,6 +28,7 @@ namespace {
 
 constexpr std::size_t kMostElements = 65'536;     // segments or points of one sensor
 constexpr std::size_t kMostSurfaces = 1'000'000;  // that all sensors together meet in a frame
+constexpr std::size_t kMostTests = 20'000'000;    // of triangles against points of a body, all sensors, in a frame
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 using Path = std::vector<NodeId>;
@@ -86,8 +90,13 @@ struct Box {
     bool empty() const { return !(low.x <= high.x && low.y <= high.y && low.z <= high.z); }
 };
 
-/// In the geometry's own coordinates. Empty if nobody here knows.
-Box boundsOf(const Scene& scene, const Node& geometry) {
+bool isPrimitive(const Node& geometry) {
+    return geometry.is(x3d::Box::type) || geometry.is(x3d::Cone::type) || geometry.is(x3d::Cylinder::type) ||
+           geometry.is(x3d::Sphere::type);
+}
+
+/// In the geometry's own coordinates; of what is no primitive, about `corners`, which may be none.
+Box boundsOf(const Node& geometry, std::span<const Vec3d> corners) {
     const auto about = [](const Vec3d& half) { return Box{-half, half}; };
     if (geometry.is(x3d::Box::type)) return about(Vec3d(geometry.get(x3d::Box::size)) * .5);
     if (geometry.is(x3d::Sphere::type)) return about(Vec3d(double(geometry.get(x3d::Sphere::radius))));
@@ -100,11 +109,21 @@ Box boundsOf(const Scene& scene, const Node& geometry) {
         return about({r, geometry.get(x3d::Cylinder::height) * .5, r});
     }
     Box box;
-    for (const Vec3d& p : coordinatesOf(scene, geometry)) {
+    for (const Vec3d& p : corners) {
         box.low = glm::min(box.low, p);
         box.high = glm::max(box.high, p);
     }
     return box;
+}
+
+/// Precondition: as of boundsOf(); its box is not empty.
+ConvexBody bodyOf(const Node& geometry, const Box& bounds, std::span<const Vec3d> corners) {
+    const Vec3d half = bounds.high;
+    if (geometry.is(x3d::Box::type)) return ConvexBody::box(half);
+    if (geometry.is(x3d::Sphere::type)) return ConvexBody::sphere(half.x);
+    if (geometry.is(x3d::Cone::type)) return ConvexBody::cone(half.x, half.y);
+    if (geometry.is(x3d::Cylinder::type)) return ConvexBody::cylinder(half.x, half.y);
+    return ConvexBody::hull({corners.begin(), corners.end()});
 }
 
 // ---- what may be picked ----------------------------------------------------------------------------------------
@@ -126,13 +145,19 @@ struct Picked {
     std::vector<std::pair<double, PickedSurface>> surfaces;
 };
 
+/// What the sensors of a frame share.
+struct Round {
+    SpaceQueries& queries;
+    std::map<NodeId, std::vector<Vec3d>>& corners;             // as Scene::State::pickCorners
+    std::optional<std::vector<ShapeBox>> boxes{};              // of all Shapes, once somebody has needed them
+    std::size_t surfaces = kMostSurfaces, tests = kMostTests;  // how many more there may be
+};
+
 template <class N>
-class Picking {
+class Picking final : private TriangleTest {
   public:
-    /// `boxes`: of all Shapes, once somebody has needed them. `room`: how many surfaces more may be met.
-    Picking(const Scene& scene, const Node& sensor, SpaceQueries& queries, std::optional<std::vector<ShapeBox>>& boxes,
-            std::size_t& room, std::vector<std::string>& warnings)
-        : scene_(scene), sensor_(sensor), queries_(queries), boxes_(boxes), room_(room), warnings_(warnings) {}
+    Picking(const Scene& scene, const Node& sensor, Round& round, std::vector<std::string>& warnings)
+        : scene_(scene), sensor_(sensor), round_(round), warnings_(warnings) {}
 
     PickReport go() {
         PickReport report{sensor_.id(), {}, {}};
@@ -149,7 +174,7 @@ class Picking {
         else if (std::is_same_v<N, x3d::LinePickSensor> && exact)
             pickByLines(*geometry);
         else
-            pickByBox(*geometry, exact);
+            pickByBody(*geometry, exact);
         sortInto(report);
         return report;
     }
@@ -159,10 +184,7 @@ class Picking {
         if (std::is_same_v<N, x3d::PointPickSensor>) return geometry.is(x3d::PointSet::type);
         if (std::is_same_v<N, x3d::LinePickSensor>)
             return geometry.is(x3d::LineSet::type) || geometry.is(x3d::IndexedLineSet::type);
-        if (std::is_same_v<N, x3d::PrimitivePickSensor>)
-            return geometry.is(x3d::Box::type) || geometry.is(x3d::Cone::type) || geometry.is(x3d::Cylinder::type) ||
-                   geometry.is(x3d::Sphere::type);
-        return true;
+        return !std::is_same_v<N, x3d::PrimitivePickSensor> || isPrimitive(geometry);
     }
     bool accepts(const Node& geometry) {
         if (!isOf(geometry)) warnings_.push_back(fmt::format("picks nothing by a {}", geometry.type().name));
@@ -275,25 +297,73 @@ class Picking {
         return paths;
     }
 
-    void pickByBox(const Node& geometry, bool exact) {
+    /// Of a volume those of what it is drawn as; of lines and points all that they might use.
+    std::span<const Vec3d> cornersOf(const Node& geometry) {
+        if (isPrimitive(geometry)) return {};
+        if (!std::is_same_v<N, x3d::VolumePickSensor>) return coordinates_ = coordinatesOf(scene_, geometry);
+        const auto [known, isNew] = round_.corners.try_emplace(geometry.id());
+        if (isNew) known->second = round_.queries.corners(geometry);
+        std::erase_if(known->second, [](const Vec3d& p) { return !isFinite(p); });
+        limit(known->second);
+        return known->second;
+    }
+
+    void pickByBody(const Node& geometry, bool exact) {
         if (!accepts(geometry)) return;
-        const Box own = boundsOf(scene_, geometry);
+        const std::span<const Vec3d> corners = cornersOf(geometry);
+        const Box own = boundsOf(geometry, corners);
         if (own.empty()) {
-            if (!isOf(geometry) || std::is_same_v<N, x3d::VolumePickSensor>)
-                warnings_.push_back(fmt::format("the bounds of its {} are not known", geometry.type().name));
+            if (std::is_same_v<N, x3d::VolumePickSensor>)
+                warnings_.push_back(fmt::format("picks nothing by its {}, which has no corners", geometry.type().name));
             return;
         }
-        if (exact) warnings_.emplace_back("is tested by its bounding box, not by its geometry");
-        const Vec3d middle = (own.low + own.high) * .5, center = toWorld(middle);
+        const Vec3d middle = (own.low + own.high) * .5;
+        // 38.4.4: of a cone the closest is that to its vertex.
+        const bool fromApex = std::is_same_v<N, x3d::PrimitivePickSensor> && geometry.is(x3d::Cone::type);
+        const Vec3d origin = toWorld(fromApex ? Vec3d(0, own.high.y, 0) : middle);
+        const auto take = [&](const ShapeBox& box, const double* nearest) {
+            Picked* one = pickedAt(box.path);
+            if (!one) return;
+            const Vec3d at(box.worldFromShape * glm::dvec4((box.low + box.high) * .5, 1));
+            one->distance = nearest ? *nearest : glm::distance(origin, at);
+        };
+        if (exact) {
+            body_ = bodyOf(geometry, own, corners);
+            double radius = 0;
+            for (const double x : {own.low.x, own.high.x})
+                for (const double y : {own.low.y, own.high.y})
+                    for (const double z : {own.low.z, own.high.z})
+                        radius = std::max(radius, glm::distance(origin, toWorld({x, y, z})));
+            if (!isFinite(origin) || !std::isfinite(radius)) return;
+            radius *= 1 + 1e-6;  // what touches a corner of the body, too
+            // 38.4.5: volumes sort by the middles of the boxes.
+            for (const Meeting& one : round_.queries.meetings(origin, radius, *this))
+                take(one.box, std::is_same_v<N, x3d::VolumePickSensor> ? nullptr : &one.distance);
+            return;
+        }
         for (const ShapeBox& box : boxes()) {
             const glm::dmat4 local = sensorFromWorld_ * box.worldFromShape;
             const Vec3d half = (box.high - box.low) * .5, at(local * glm::dvec4((box.low + box.high) * .5, 1));
             const glm::dvec3 edges[3] = {glm::dvec3(local[0]) * half.x, glm::dvec3(local[1]) * half.y,
                                          glm::dvec3(local[2]) * half.z};
-            if (!isFinite(at) || !boxesMeet((own.high - own.low) * .5, at - middle, edges)) continue;
-            if (Picked* one = pickedAt(box.path))
-                one->distance = glm::distance(center, Vec3d(worldFromSensor_ * glm::dvec4(at, 1)));
+            if (isFinite(at) && boxesMeet((own.high - own.low) * .5, at - middle, edges)) take(box, nullptr);
         }
+    }
+    bool concerns(const Path& path) override { return pickedAt(path) != nullptr; }
+    bool meets(const std::array<Vec3d, 3>& corners) override {
+        const std::size_t cost = body_->pointCount();
+        if (round_.tests < cost) {
+            warnings_.push_back(
+                fmt::format("pick sensors test more than {} triangles in a frame, each as often as a volume has "
+                            "corners: what is beyond is left out",
+                            kMostTests));
+            round_.tests = 0;
+            return false;
+        }
+        round_.tests -= cost;
+        ConvexBody::Triangle local;
+        for (std::size_t i = 0; i < 3; ++i) local[i] = Vec3d(sensorFromWorld_ * glm::dvec4(corners[i], 1));
+        return body_->meets(local);
     }
 
     void sortInto(PickReport& report) {
@@ -312,27 +382,27 @@ class Picking {
     }
 
     std::vector<Crossing> crossings(const Vec3d& from, const Vec3d& along, double length) {
-        if (room_ == 0) return {};
-        auto found = queries_.crossings(from, along, length);
-        room_ -= std::min(room_, found.size() + 1);
-        if (room_ == 0)
+        if (round_.surfaces == 0) return {};
+        auto found = round_.queries.crossings(from, along, length);
+        round_.surfaces -= std::min(round_.surfaces, found.size() + 1);
+        if (round_.surfaces == 0)
             warnings_.push_back(fmt::format(
                 "pick sensors meet more than {} surfaces in a frame: what is beyond is left out", kMostSurfaces));
         return found;
     }
 
     const std::vector<ShapeBox>& boxes() {
-        if (!boxes_) boxes_ = queries_.boxes();
-        return *boxes_;
+        if (!round_.boxes) round_.boxes = round_.queries.boxes();
+        return *round_.boxes;
     }
     Vec3d toWorld(const Vec3d& p) const { return Vec3d(worldFromSensor_ * glm::dvec4(p, 1)); }
 
     const Scene& scene_;
     const Node& sensor_;
-    SpaceQueries& queries_;
-    std::optional<std::vector<ShapeBox>>& boxes_;
-    std::size_t& room_;
+    Round& round_;
     std::vector<std::string>& warnings_;
+    std::vector<Vec3d> coordinates_;
+    std::optional<ConvexBody> body_;
     glm::dmat4 worldFromSensor_{1}, sensorFromWorld_{1};
     std::map<Path, Picked> picked_;  // what is not to be picked without geometry
 };
@@ -369,16 +439,17 @@ void Scene::State::pick() {
     constexpr std::uint32_t kConcerned = aspectBit(Aspect::structure) | aspectBit(Aspect::transform) |
                                          aspectBit(Aspect::view) | aspectBit(Aspect::geometry) |
                                          aspectBit(Aspect::none);
+    constexpr std::uint32_t kShapes = aspectBit(Aspect::structure) | aspectBit(Aspect::geometry);
+    if (((touched | touchedBefore) & kShapes) != 0) pickCorners.clear();
     if (!queries || pickSensors.empty() || ((touched | touchedBefore) & kConcerned) == 0) return;
     // Whoever is asked may edit to bring itself up to date: before anything is held on to.
     (void)queries->crossings({}, {0, 0, -1}, 0);
-    std::optional<std::vector<ShapeBox>> boxes;
-    std::size_t room = kMostSurfaces;
+    Round round{*queries, pickCorners};
     const auto evaluate = [&]<class N>(const Node& node) {
         if (!node.get(N::enabled)) return;
         std::vector<std::string> warnings;
         PickReport report{node.id(), {}, {}};
-        if (isInScene(owner, node.id())) report = Picking<N>(owner, node, *queries, boxes, room, warnings).go();
+        if (isInScene(owner, node.id())) report = Picking<N>(owner, node, round, warnings).go();
         for (const std::string& text : warnings)
             if (warned.emplace(node.id(), text).second)
                 diagnostics.warning({}, fmt::format("{} {}: {}", node.type().name, nameFor(owner, node), text));

@@ -298,7 +298,9 @@ struct Scene::State : Scene::Lane {
     static constexpr std::size_t kPointerRow = 9;  // of RtsgScene::_pointers: device, buttons, kind, bearing
     SpaceQueries* queries = nullptr;
     std::size_t collisionNodes = 0;
-    std::vector<NodeId> pickSensors;         // ascending
+    std::vector<NodeId> pickSensors;  // ascending
+    /// Of geometry that pick sensors pick by, until any geometry changes.
+    std::map<NodeId, std::vector<Vec3d>> pickCorners;
     std::vector<QueuedEvent> deferredInput;  // for the frame after this one
     /// Before a frame at `t` begins: what of the queue it takes, what pointers and the avatar meet, and where the
     /// viewer goes.

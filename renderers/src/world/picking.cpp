@@ -95,27 +95,31 @@ class VolumeBoxes final : public RayView {
   public:
     explicit VolumeBoxes(const RayView& view) : RayView(view) {}
 
-    /// Calls `visit(slot, triangle, weights, distance)` for each of their triangles that the ray meets.
+    /// Calls `visit(slot, triangle)` for each of their triangles.
     template <class Visit>
-    void cross(const Vec3d& from, const Vec3d& unit, const RayFilter* filter, const Visit& visit) const {
+    void visit(const Visit& visit) const {
         for (const std::uint32_t slot : tables_->volumes) {
             const RayInstance& box = instances_[slot];
             if (!box.mesh || !box.info.seen || box.sign == 0 || !rtsg::isFinite(box.info.worldFromLocal)) continue;
-            for (std::uint32_t i = 0; i < box.mesh->triangleCount; ++i) {
-                const exact::Triangle t = triangleOf(box, i);
-                const Vec3d ab = t.b - t.a, ac = t.c - t.a, h = glm::cross(unit, ac), s = from - t.a,
-                            q = glm::cross(s, ab);
-                const double det = glm::dot(ab, h);
-                if (det == 0) continue;
-                const exact::Weights w{glm::dot(s, h) / det, glm::dot(unit, q) / det};
-                const double distance = glm::dot(ac, q) / det;
-                constexpr double kEdge = 1e-12;  // so that no ray slips between two triangles
-                if (!(w.u >= -kEdge && w.v >= -kEdge && w.u + w.v <= 1 + kEdge && distance >= 0)) continue;
-                const Vec3f at = fromWorld(from + distance * unit);
-                if (filter && filter->concerns(slot) && filter->leavesOut(slot, at)) continue;
-                visit(slot, i, w, distance);
-            }
+            for (std::uint32_t i = 0; i < box.mesh->triangleCount; ++i) visit(slot, i);
         }
+    }
+    /// Calls `meet(slot, triangle, weights, distance)` for each of their triangles that the ray meets.
+    template <class Meet>
+    void cross(const Vec3d& from, const Vec3d& unit, const RayFilter* filter, const Meet& meet) const {
+        visit([&](std::uint32_t slot, std::uint32_t i) {
+            const exact::Triangle t = triangleOf(instances_[slot], i);
+            const Vec3d ab = t.b - t.a, ac = t.c - t.a, h = glm::cross(unit, ac), s = from - t.a, q = glm::cross(s, ab);
+            const double det = glm::dot(ab, h);
+            if (det == 0) return;
+            const exact::Weights w{glm::dot(s, h) / det, glm::dot(unit, q) / det};
+            const double distance = glm::dot(ac, q) / det;
+            constexpr double kEdge = 1e-12;  // so that no ray slips between two triangles
+            if (!(w.u >= -kEdge && w.v >= -kEdge && w.u + w.v <= 1 + kEdge && distance >= 0)) return;
+            const Vec3f at = fromWorld(from + distance * unit);
+            if (filter && filter->concerns(slot) && filter->leavesOut(slot, at)) return;
+            meet(slot, i, w, distance);
+        });
     }
 };
 
@@ -262,6 +266,40 @@ Result<std::vector<Pick>> Picker::overlaps(const Vec3d& center, double radius) c
     world_->visitNear(world_->fromWorld(center), search, std::ref(visit));
     std::vector<Pick> picks;
     for (const auto& [slot, candidate] : bySlot) picks.push_back(finish(candidate));
+    std::ranges::stable_sort(picks, {}, &Pick::distance);
+    return picks;
+}
+
+Result<std::vector<Pick>> Picker::overlaps(const Vec3d& center, double radius,
+                                           const std::function<bool(const InstanceId&)>& concerns,
+                                           const std::function<bool(const std::array<Vec3d, 3>&)>& meets) const {
+    if (auto ok = checkPoint(*world_, center, "the centre"); !ok) return std::unexpected(ok.error());
+    if (!(radius >= 0) || !std::isfinite(radius)) return fail("the radius is negative or not finite");
+    struct Found {
+        bool concerned = false, met = false;
+        Candidate nearest;
+    };
+    std::map<std::uint32_t, Found> bySlot;
+    const float search = searchRadius(*world_, center, radius);
+    const auto visit = [&](std::uint32_t slot, std::uint32_t triangle) {
+        const auto [entry, isNew] = bySlot.try_emplace(slot);
+        Found& found = entry->second;
+        if (isNew) found.concerned = concerns(world_->instance(slot).info.id);
+        if (!found.concerned) return search;
+        const exact::Triangle t = triangleOf(world_->instance(slot), triangle);
+        const exact::Weights w = exact::nearest(center, t);
+        const Vec3d at = t.at(w.u, w.v);
+        const double distance = glm::distance(at, center);
+        if (distance > radius) return search;
+        if (distance < found.nearest.distance) found.nearest = {slot, triangle, w, distance, at, center - at, false};
+        if (!found.met) found.met = meets({t.a, t.b, t.c});
+        return search;
+    };
+    world_->visitNear(world_->fromWorld(center), search, std::ref(visit));
+    VolumeBoxes(*world_).visit(visit);
+    std::vector<Pick> picks;
+    for (const auto& [slot, found] : bySlot)
+        if (found.met) picks.push_back(finish(found.nearest));
     std::ranges::stable_sort(picks, {}, &Pick::distance);
     return picks;
 }

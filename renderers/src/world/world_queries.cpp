@@ -4,6 +4,7 @@
 #include <rtsg/core/scene.h>
 
 #include <rtsg/renderers/picking.h>
+#include <rtsg/renderers/tessellate.h>
 
 namespace rtsg {
 
@@ -69,19 +70,54 @@ std::vector<Crossing> WorldQueries::crossings(const Vec3d& origin, const Vec3d& 
     return all;
 }
 
+namespace {
+
+/// Nothing: it has no size.
+std::optional<ShapeBox> boxOf(const RayInstance& instance, std::vector<NodeId> path) {
+    if (!instance.mesh || instance.mesh->bounds.empty()) return {};
+    const Bounds& bounds = instance.mesh->bounds;
+    return ShapeBox{glm::dmat4(instance.info.worldFromLocal), Vec3d(bounds.min), Vec3d(bounds.max), std::move(path)};
+}
+
+}  // namespace
+
 std::vector<ShapeBox> WorldQueries::boxes() {
     std::vector<ShapeBox> all;
     if (!follow()) return all;
     const Flattener& flattener = world_.flattener();
     for (const Instance& instance : flattener.instances()) {
         if (!instance.id || !instance.seen) continue;
-        const auto& mesh = world_.rays().instance(instance.id.slot).mesh;
-        if (!mesh || mesh->bounds.empty()) continue;
-        const Bounds& bounds = mesh->bounds;
-        all.push_back(
-            {glm::dmat4(instance.worldFromLocal), Vec3d(bounds.min), Vec3d(bounds.max), flattener.path(instance.id)});
+        if (auto box = boxOf(world_.rays().instance(instance.id.slot), flattener.path(instance.id)))
+            all.push_back(std::move(*box));
     }
     return all;
+}
+
+std::vector<Meeting> WorldQueries::meetings(const Vec3d& center, double radius, TriangleTest& test) {
+    std::vector<Meeting> all;
+    if (!follow()) return all;
+    const Flattener& flattener = world_.flattener();
+    const auto picks = Picker(world_.rays(), flattener)
+                           .overlaps(
+                               center, radius, [&](const InstanceId& id) { return test.concerns(flattener.path(id)); },
+                               [&](const std::array<Vec3d, 3>& triangle) { return test.meets(triangle); });
+    if (!picks) return all;
+    for (const Pick& pick : *picks)
+        if (auto box = boxOf(world_.rays().instance(pick.instance.slot), pick.path))
+            all.push_back({std::move(*box), pick.distance});
+    return all;
+}
+
+std::vector<Vec3d> WorldQueries::corners(const Node& geometry) {
+    std::vector<Vec3d> points;
+    const auto mesh = tessellate(world_.scene(), geometry.id());
+    if (!mesh || !*mesh) return points;
+    std::vector<bool> used((*mesh)->positions.size());
+    for (std::uint32_t i = 0; i < (*mesh)->triangleCount + (*mesh)->strokeCount; ++i)
+        for (const std::uint32_t corner : {0u, 1u, 2u}) used[(*mesh)->vertexIndex(i, corner)] = true;
+    for (std::size_t i = 0; i < used.size(); ++i)
+        if (used[i]) points.emplace_back((*mesh)->positions[i]);
+    return points;
 }
 
 }  // namespace rtsg

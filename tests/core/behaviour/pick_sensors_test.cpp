@@ -11,6 +11,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "scene/pick_report.h"
+#include "support/convex_gauge.h"
 #include "support/simple_space.h"
 
 namespace rtsg {
@@ -148,23 +149,25 @@ TEST(PickSensors, WhatAPeerClaimsDoesNoHarmAndIsCorrectedWhereSomebodyCanLook) {
 TEST(PickSensors, SayWhatTheyCannotPickBy) {
     PickScene s(
         "DEF B Shape { geometry Box { } } DEF P LinePickSensor { pickTarget USE B pickingGeometry PointSet { } } "
-        "DEF Q PrimitivePickSensor { intersectionType \"GEOMETRY\" pickTarget USE B pickingGeometry Sphere { } "
-        "} DEF V VolumePickSensor { pickTarget USE B pickingGeometry Extrusion { } }");
+        "DEF Q PrimitivePickSensor { pickTarget USE B pickingGeometry PointSet { } "
+        "} DEF V VolumePickSensor { intersectionType \"GEOMETRY\" pickTarget USE B pickingGeometry IndexedFaceSet { } "
+        "}");
     s.scene.newFrame(0);
     s.scene.newFrame(1);
     std::string all;
     for (const Diagnostic& d : s.scene.diagnostics().all()) all += d.text + '\n';
     EXPECT_EQ(all,
               "LinePickSensor P: picks nothing by a PointSet\n"
-              "PrimitivePickSensor Q: is tested by its bounding box, not by its geometry\n"
-              "VolumePickSensor V: the bounds of its Extrusion are not known\n");
+              "PrimitivePickSensor Q: picks nothing by a PointSet\n"
+              "VolumePickSensor V: picks nothing by its IndexedFaceSet, which has no corners\n");
     EXPECT_FALSE(s.node("P").get(x3d::LinePickSensor::isActive));
-    EXPECT_TRUE(s.node("Q").get(x3d::PrimitivePickSensor::isActive));
+    EXPECT_FALSE(s.node("Q").get(x3d::PrimitivePickSensor::isActive));
+    EXPECT_FALSE(s.node("V").get(x3d::VolumePickSensor::isActive));
 }
 
 TEST(PickSensors, WhereNothingChangesNothingIsAsked) {
     struct Counting final : SpaceQueries {
-        std::size_t asked = 0;
+        std::size_t asked = 0, hulls = 0;
         std::optional<PointerHit> firstHit(const Vec3d&, const Vec3d&) override { return std::nullopt; }
         std::vector<std::vector<NodeId>> within(const Vec3d&, double) override { return {}; }
         std::vector<Crossing> crossings(const Vec3d&, const Vec3d&, double) override {
@@ -172,16 +175,108 @@ TEST(PickSensors, WhereNothingChangesNothingIsAsked) {
             return {};
         }
         std::vector<ShapeBox> boxes() override { return {}; }
+        std::vector<Meeting> meetings(const Vec3d&, double, TriangleTest&) override {
+            ++asked;
+            return {};
+        }
+        std::vector<Vec3d> corners(const Node&) override {
+            ++hulls;
+            return {Vec3d(0), Vec3d(1)};
+        }
     } counting;
     PickScene s(
         "DEF B Shape { geometry Box { } } LinePickSensor { intersectionType \"GEOMETRY\" pickTarget USE B "
-        "pickingGeometry LineSet { vertexCount 2 coord Coordinate { point [ 0 0 0, 0 0 9 ] } } }");
+        "pickingGeometry LineSet { vertexCount 2 coord Coordinate { point [ 0 0 0, 0 0 9 ] } } } "
+        "PrimitivePickSensor { intersectionType \"GEOMETRY\" pickTarget USE B pickingGeometry Box { } } "
+        "DEF T Transform { children VolumePickSensor { intersectionType \"GEOMETRY\" pickTarget USE B "
+        "pickingGeometry IndexedFaceSet { } } }");
     s.scene.setSpaceQueries(&counting);
     for (int t = 0; t < 3; ++t) s.scene.newFrame(t);
-    const std::size_t before = counting.asked;
+    const std::size_t before = counting.asked, hulls = counting.hulls;
     EXPECT_GT(before, 0u);
     for (int t = 3; t < 100; ++t) s.scene.newFrame(t);
     EXPECT_EQ(counting.asked, before);
+    EXPECT_GT(hulls, 0u);
+    // Whoever moves looks again; what its geometry is has not changed.
+    ASSERT_TRUE(s.scene.set(s.scene.findName("T"), x3d::Transform::translation, Vec3f(1, 0, 0)));
+    for (int t = 100; t < 103; ++t) s.scene.newFrame(t);
+    EXPECT_GT(counting.asked, before);
+    EXPECT_EQ(counting.hulls, hulls);
+}
+
+/// A body below any transform, and what of some triangles it meets in which order, by searches in the body's
+/// coordinates.
+TEST(PickSensors, BodiesMeetTrianglesWhereANestedSearchSays) {
+    constexpr unsigned kSeed = 7;
+    SCOPED_TRACE(kSeed);
+    std::mt19937 random(kSeed);
+    std::uniform_real_distribution<double> any(-2, 2), positive(.4, 2);
+    const auto place = [&] { return Vec3d(Vec3f(Vec3d(any(random), any(random), any(random)))); };
+    const auto length = [&] { return double(float(positive(random))); };
+    std::size_t met = 0, missed = 0;
+    for (int i = 0; i < 100; ++i) {
+        const Vec3d scale(length(), length(), length()), axis = glm::normalize(place()), move = place();
+        const double angle = any(random), a = length(), b = length(), c = length();
+        const glm::dmat4 world = glm::translate(glm::dmat4(1), move) * glm::rotate(glm::dmat4(1), angle, axis) *
+                                 glm::scale(glm::dmat4(1), scale);
+        const glm::dmat4 local = glm::inverse(world);
+        std::string geometry, sensor = "PrimitivePickSensor";
+        test::Gauge gauge;
+        Vec3d from(0);
+        std::vector<Vec3d> hull;
+        std::string hullText;
+        for (int k = 0; k < 7; ++k) hull.push_back(place()), hullText += textOf(hull.back()) + ", ";
+        if (i % 5 == 0)
+            geometry = "Box { size " + textOf({a, b, c}) + " }", gauge = test::boxGauge(Vec3d(a, b, c) * .5);
+        if (i % 5 == 1) geometry = "Sphere { radius " + std::to_string(a) + " }", gauge = test::sphereGauge(a);
+        const std::string height = " height " + std::to_string(b) + " }";
+        if (i % 5 == 2)
+            geometry = "Cylinder { radius " + std::to_string(a) + height, gauge = test::cylinderGauge(a, b / 2);
+        if (i % 5 == 3)
+            geometry = "Cone { bottomRadius " + std::to_string(a) + height, gauge = test::coneGauge(a, b / 2),
+            from.y = b / 2;
+        if (i % 5 == 4)
+            geometry = "IndexedFaceSet { coord Coordinate { point [ " + hullText + " ] } }",
+            gauge = test::hullGauge(hull), sensor = "VolumePickSensor";
+        std::string shapes;
+        std::vector<std::pair<double, std::string>> expected;
+        for (int k = 0; k < 12; ++k) {
+            const std::array<Vec3d, 3> t{place() * 2.0, place() * 2.0, place() * 2.0};
+            std::array<Vec3d, 3> inBody;
+            for (std::size_t v = 0; v < 3; ++v) inBody[v] = local * glm::dvec4(t[v], 1);
+            const double depth = test::leastOnTriangle(gauge, inBody);
+            if (std::abs(depth) < 1e-4) continue;  // texts have six digits
+            (depth < 0 ? met : missed) += 1;
+            const std::string name = "S" + std::to_string(k);
+            shapes += "DEF " + name + " Shape { geometry TriangleSet { coord Coordinate { point [ " + textOf(t[0]) +
+                      ", " + textOf(t[1]) + ", " + textOf(t[2]) + " ] } } } ";
+            if (depth > 0) continue;
+            const Vec3d low = glm::min(glm::min(t[0], t[1]), t[2]), high = glm::max(glm::max(t[0], t[1]), t[2]);
+            Vec3d least(INFINITY), most(-INFINITY);
+            for (const Vec3d& p : hull) least = glm::min(least, p), most = glm::max(most, p);
+            const Vec3d origin = world * glm::dvec4(i % 5 == 4 ? (least + most) * .5 : from, 1);
+            const double distance =
+                i % 5 == 4 ? glm::distance(origin, (low + high) * .5) : test::SimpleSpace::distanceTo(t, origin);
+            expected.emplace_back(distance, name);
+        }
+        std::ranges::sort(expected);
+        std::ostringstream transform;
+        transform.precision(17);
+        transform << "Transform { translation " << textOf(move) << " rotation " << textOf(axis) << ' ' << angle
+                  << " scale " << textOf(scale) << " children ";
+        PickScene s("DEF G Group { children [ " + shapes + "] } " + transform.str() + "DEF P " + sensor +
+                    " { intersectionType \"GEOMETRY\" sortOrder \"ALL_SORTED\" pickTarget USE G pickingGeometry " +
+                    geometry + " } }");
+        s.scene.newFrame(0);
+        std::string told, wanted;
+        for (const NodeId id : i % 5 == 4 ? s.node("P").get(x3d::VolumePickSensor::pickedGeometry)
+                                          : s.node("P").get(x3d::PrimitivePickSensor::pickedGeometry))
+            told += std::string(s.scene.name(id)) + " ";
+        for (const auto& [distance, name] : expected) wanted += name + " ";
+        EXPECT_EQ(told, wanted) << i << ' ' << geometry;
+    }
+    EXPECT_GT(met, 200u);
+    EXPECT_GT(missed, 200u);
 }
 
 }  // namespace

@@ -12,6 +12,8 @@
 
 #include "support/simple_space.h"
 
+#include "support/convex_gauge.h"
+
 namespace rtsg {
 namespace {
 
@@ -169,6 +171,74 @@ TEST(WorldQueries, PickSensorsMeetTheWorldsGeometry) {
     w.scene.newFrame(1);
     EXPECT_FALSE(line.get(L::isActive));
     EXPECT_EQ(points.get(x3d::PointPickSensor::pickedPoint), (Array<Vec3f>{{2, 2, 2}}));
+}
+
+/// Bodies that move among shapes of all kinds, some mirrored, merged or used twice, pick what a look at every triangle
+/// picks.
+TEST(WorldQueries, BodiesPickWhatALookAtEveryTriangleDoes) {
+    constexpr unsigned kSeed = 12;
+    SCOPED_TRACE(kSeed);
+    std::mt19937 random(kSeed);
+    std::uniform_real_distribution<double> any(-4, 4), positive(.4, 1.6);
+    const char* const kinds[] = {"Box { }",
+                                 "Sphere { }",
+                                 "Cone { }",
+                                 "Cylinder { height 1 }",
+                                 "Extrusion { spine [ 0 0 0, 0 1 0, 1 2 0 ] }",
+                                 "DEF E ElevationGrid { xDimension 3 zDimension 3 height [ 0 1 0, 1 2 1, 0 1 0 ] }"};
+    std::ostringstream text;
+    for (int i = 0; i < 30; ++i)
+        text << "Transform { translation " << any(random) << ' ' << any(random) << ' ' << any(random)
+             << " rotation .6 0 .8 " << any(random) << " scale " << (i % 4 ? 1 : -1) * positive(random) << ' '
+             << positive(random) << " 1 children DEF S" << i << " Shape { geometry "
+             << (i == 29 ? "USE E" : kinds[i % 6]) << " } } ";
+    PointedWorld w(
+        "DEF G Group { children [ " + text.str() +
+        " ] } DEF M Transform { scale 1 1.5 .8 rotation 1 0 0 .7 children [ "
+        "DEF P PrimitivePickSensor { intersectionType \"GEOMETRY\" sortOrder \"ALL\" pickTarget USE G "
+        "pickingGeometry Cone { bottomRadius 1.2 height 2.4 } } "
+        "DEF V VolumePickSensor { intersectionType \"GEOMETRY\" sortOrder \"ALL\" pickTarget USE G "
+        "pickingGeometry Extrusion { crossSection [ 1 1, 1 -1, -1 -1, -1 1, 1 1 ] spine [ 0 -1 0, 0 1 0 ] } } ] }");
+    w.scene.setSpaceQueries(&w.queries);
+    std::vector<Vec3d> cuboid;
+    for (int k = 0; k < 8; ++k) cuboid.emplace_back(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1);
+    const test::Gauge gauges[] = {test::coneGauge(double(1.2f), double(2.4f) / 2), test::hullGauge(cuboid)};
+    const glm::dmat4 turn =
+        glm::scale(glm::rotate(glm::dmat4(1), double(.7f), Vec3d(1, 0, 0)), Vec3d(1, double(1.5f), double(.8f)));
+    std::size_t met = 0;
+    for (int f = 0; f < 12; ++f) {
+        const Vec3f to(float(any(random)), float(any(random)), float(any(random)));
+        ASSERT_TRUE(w.scene.set(w.scene.findName("M"), x3d::Transform::translation, to));
+        w.scene.newFrame(2 * f);
+        w.scene.newFrame(2 * f + 1);
+        const glm::dmat4 local = glm::inverse(glm::translate(glm::dmat4(1), Vec3d(to)) * turn);
+        for (const bool volume : {false, true}) {
+            const Node& sensor = w.scene.node(w.scene.findName(volume ? "V" : "P"));
+            const auto& told = volume ? sensor.get(x3d::VolumePickSensor::pickedGeometry)
+                                      : sensor.get(x3d::PrimitivePickSensor::pickedGeometry);
+            for (const Instance& instance : w.world.flattener().instances()) {
+                if (!instance.id) continue;
+                const Mesh& mesh = *w.world.rays().instance(instance.id.slot).mesh;
+                double depth = INFINITY;
+                for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
+                    std::array<glm::dvec3, 3> triangle;
+                    for (std::uint32_t c = 0; c < 3; ++c)
+                        triangle[c] = local * glm::dmat4(instance.worldFromLocal) * glm::dvec4(mesh.vertex(t, c), 1);
+                    const Vec3d low = glm::min(glm::min(triangle[0], triangle[1]), triangle[2]);
+                    const Vec3d high = glm::max(glm::max(triangle[0], triangle[1]), triangle[2]);
+                    if (glm::any(glm::greaterThan(low, Vec3d(1.3))) || glm::any(glm::lessThan(high, Vec3d(-1.3))))
+                        continue;
+                    depth = std::min(depth, test::leastOnTriangle(gauges[volume], triangle));
+                    if (depth < -1e-5) break;
+                }
+                if (std::abs(depth) < 1e-5) continue;
+                const bool picked = std::ranges::find(told, instance.shape) != told.end();
+                EXPECT_EQ(picked, depth < 0) << f << ' ' << w.scene.name(instance.shape) << ' ' << depth;
+                met += picked ? 1 : 0;
+            }
+        }
+    }
+    EXPECT_GT(met, 20u);
 }
 
 TEST(WorldQueries, APlaceInThePictureIsTheBearingThatPicturesHave) {

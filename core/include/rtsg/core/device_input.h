@@ -9,6 +9,7 @@
 // Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 clauses 20, 21, 23.4.2, 38.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -19,6 +20,7 @@
 
 namespace rtsg {
 
+class Node;
 class Scene;
 
 /// What a ray met first.
@@ -122,6 +124,22 @@ struct ShapeBox {
     std::vector<NodeId> path;  // from a root node to the Shape
 };
 
+/// Asks triangles one by one; SpaceQueries::meetings() says of which Shapes.
+class TriangleTest {
+  public:
+    virtual ~TriangleTest() = default;
+    /// `path`: from a root node to a Shape. False: none of its triangles is asked about.
+    virtual bool concerns(const std::vector<NodeId>& path) = 0;
+    /// Corners in world space, finite; there may be no area between them.
+    virtual bool meets(const std::array<Vec3d, 3>& corners) = 0;
+};
+
+/// A Shape of which a test has met a triangle.
+struct Meeting {
+    ShapeBox box;
+    double distance = 0;  // metres from the centre that was asked about to the Shape's nearest point
+};
+
 /// Who knows where geometry is. Asked by the scene at the beginning of a frame, never while one runs.
 class SpaceQueries {
   public:
@@ -141,6 +159,12 @@ class SpaceQueries {
     virtual std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) = 0;
     /// Of all Shapes, in no order.
     virtual std::vector<ShapeBox> boxes() = 0;
+    /// The Shapes that `test` concerns and that have a triangle within `radius` metres of `center` which it meets, in
+    /// no order; each asked about, triangle by triangle, until one is met. No points and no lines.
+    virtual std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) = 0;
+    /// The corners of a geometry's triangles, lines and points, in its own coordinates; it need not be part of what is
+    /// drawn. Each as often as it may be; none of what has none.
+    virtual std::vector<Vec3d> corners(const Node& geometry) = 0;
 };
 
 }  // namespace rtsg

@@ -8,6 +8,8 @@
 // ISO/IEC 19775-1 V4.0 20.2 (what picking tells), 23.4.2 (Collision's proxies are not asked: the geometry is).
 #pragma once
 
+#include <array>
+#include <functional>
 #include <limits>
 #include <vector>
 
@@ -59,6 +61,11 @@ class Picker {
     /// Every instance that comes within `radius` of `center`, each with its nearest point, nearest first.
     /// Error: as above, or the radius is negative or not finite.
     Result<std::vector<Pick>> overlaps(const Vec3d& center, double radius) const;
+    /// Of those that `concerns` says yes to, asked once each, the ones of which `meets` says yes to a triangle within
+    /// `radius` (corners in world space), asked until it does; boxes of volumes are among them. As overlaps().
+    Result<std::vector<Pick>> overlaps(const Vec3d& center, double radius,
+                                       const std::function<bool(const InstanceId&)>& concerns,
+                                       const std::function<bool(const std::array<Vec3d, 3>&)>& meets) const;
     /// Moves a ball by `displacement` until it first touches a surface. Error: as above, or the displacement is not
     /// finite. A ball of radius 0 is a ray of that length; a displacement of 0 tells whether it overlaps now.
     Result<Pick> sweep(const Vec3d& center, double radius, const Vec3d& displacement) const;

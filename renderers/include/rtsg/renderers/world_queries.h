@@ -37,6 +37,9 @@ class WorldQueries final : public SpaceQueries {
     std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override;
     std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override;
     std::vector<ShapeBox> boxes() override;
+    /// Triangles as they stand in the world, in double precision; a level of detail is the one that was seen last.
+    std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) override;
+    std::vector<Vec3d> corners(const Node& geometry) override;
 
   private:
     bool follow();
