@@ -2,11 +2,13 @@
 // among a hundred thousand as among ten.
 //
 // A removed route leaves a hole (an entry without a node), so that places stay; holes go once they are half of the
-// list.
+// list. Most ends have one route: FewRoutes holds that in place, so that an event that follows it reads no list.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
+#include <memory>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
@@ -70,6 +72,40 @@ class RouteList {
     std::vector<T> items_;
     std::size_t holes_ = 0;
     std::unordered_multimap<T, std::size_t, Hash> places_;  // empty while there are few
+};
+
+/// The first route in place, the list of all once there have been two.
+template <class T>
+class FewRoutes {
+  public:
+    /// With holes. Valid until a route comes or goes.
+    std::span<const T> items() const {
+        if (many_) return many_->items();
+        return {&one_, one_ == T() ? std::size_t{0} : 1};
+    }
+    bool empty() const { return many_ ? many_->empty() : one_ == T(); }
+    bool contains(const T& item) const { return many_ ? many_->contains(item) : one_ == item; }
+    void add(const T& item) {
+        if (!many_ && one_ == T()) {
+            one_ = item;
+            return;
+        }
+        if (!many_) {
+            many_ = std::make_unique<RouteList<T>>();
+            many_->add(one_);
+        }
+        many_->add(item);
+    }
+    bool remove(const T& item) {
+        if (many_) return many_->remove(item);
+        if (!(one_ == item)) return false;
+        one_ = T();
+        return true;
+    }
+
+  private:
+    std::unique_ptr<RouteList<T>> many_;  // stays, so that places do
+    T one_;                               // while there is no list
 };
 
 }  // namespace rtsg

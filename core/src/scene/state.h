@@ -45,10 +45,31 @@ struct OutgoingRoute {
 
 struct RouteGroup {
     FieldIndex field = kNoField;
-    std::uint64_t stamp = 0;  // timestamp at which the field last sent: at most one event each (4.4.8.3)
-    RouteList<OutgoingRoute> targets;
     std::uint32_t listeners = 0;  // who wants to hear of its events besides; the group stays for them
+    std::uint64_t stamp = 0;      // timestamp at which the field last sent: at most one event each (4.4.8.3)
     std::uint64_t gone = 0;       // at which its event went along the routes: it says the last value until then
+    FewRoutes<OutgoingRoute> targets;
+};
+
+/// A node's groups, the first of them in place, so that with one route all that an event needs is in a cache line.
+class RouteGroups {
+  public:
+    RouteGroups() = default;
+    RouteGroups(const RouteGroups&) = delete;
+    RouteGroups& operator=(const RouteGroups&) = delete;
+    RouteGroup* begin() { return first_; }
+    RouteGroup* end() { return first_ + count_; }
+    const RouteGroup* begin() const { return first_; }
+    const RouteGroup* end() const { return first_ + count_; }
+    bool empty() const { return count_ == 0; }
+    RouteGroup& add(FieldIndex field);
+    void erase(RouteGroup* group);
+
+  private:
+    RouteGroup* first_ = &own_;
+    std::uint32_t count_ = 0, room_ = 1;
+    RouteGroup own_;
+    std::unique_ptr<RouteGroup[]> more_;  // all of them, once there have been two
 };
 
 struct IncomingRoute {
@@ -68,7 +89,7 @@ class ParentList {
   public:
     void add(ParentRef parent);
     bool remove(ParentRef parent);
-    bool empty() const { return few_.empty() && many_.empty(); }
+    bool empty() const { return few_.empty() && !many_; }
     /// Precondition: !empty().
     ParentRef takeAny();
     void appendTo(std::vector<ParentRef>& out) const;
@@ -80,14 +101,15 @@ class ParentList {
         return {NodeId{static_cast<std::uint32_t>(k >> 16)}, static_cast<FieldIndex>(k & 0xFFFF)};
     }
     std::vector<ParentRef> few_;
-    std::unordered_map<std::uint64_t, std::uint32_t> many_;  // to the number of times; used instead of few_
+    using Counts = std::unordered_map<std::uint64_t, std::uint32_t>;
+    std::unique_ptr<Counts> many_;  // to the number of times; used instead of few_, never empty
 };
 
 struct Node::Links {
+    RouteGroups out;
+    FewRoutes<IncomingRoute> in;
     String name;
     ParentList parents;
-    std::vector<RouteGroup> out;
-    RouteList<IncomingRoute> in;
     bool empty() const { return name.empty() && parents.empty() && out.empty() && in.empty(); }
     /// Null if nobody hears of the field.
     RouteGroup* outOf(FieldIndex field) {
@@ -98,8 +120,7 @@ struct Node::Links {
     /// Made if there is none.
     RouteGroup& makeOut(FieldIndex field) {
         if (RouteGroup* group = outOf(field)) return *group;
-        out.emplace_back().field = field;
-        return out.back();
+        return out.add(field);
     }
     bool hasRoutes() const {
         return !in.empty() || std::ranges::any_of(out, [](const RouteGroup& group) { return !group.targets.empty(); });
