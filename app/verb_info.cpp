@@ -63,6 +63,7 @@ void countTriangles(Scene& scene, const Resources& resources, Counts& c) {
     for (const auto& geometry : all.geometries)
         if (geometry.mesh) triangles[geometry.node] = geometry.mesh->triangleCount;
     for (const Instance& instance : all.added) {
+        if (instance.boundingBox) continue;
         ++c.instances;
         c.triangles += triangles[instance.geometry];
     }

@@ -289,6 +289,7 @@ struct McapExport::Impl : InstanceSubscriber {
             mark(added.moved, list, slot);
         };
         for (const Instance& i : delta.added) {
+            if (i.boundingBox) continue;
             add(shapes, movedShapes, i.id.slot, {nameFor(scene, flattener.path(i.id)), Place(i.worldFromLocal), i, {}});
             mark(shapes.at(i.id.slot).changed, changedShapes, i.id.slot);
             use(i);
@@ -297,6 +298,7 @@ struct McapExport::Impl : InstanceSubscriber {
             add(placed, movedPlaced, p.id.slot,
                 {nameFor(scene, flattener.placedPath(p.id)), Place(p.worldFromLocal), {}, {}});
         for (const Instance& i : delta.rebound) {
+            if (i.boundingBox) continue;
             Thing& thing = shapes.at(i.id.slot);
             unuse(thing.instance);
             thing.instance = i;
@@ -304,7 +306,9 @@ struct McapExport::Impl : InstanceSubscriber {
             mark(thing.changed, changedShapes, i.id.slot);
         }
         for (const auto& moved : delta.moved) {
-            Thing& thing = shapes.at(moved.id.slot);
+            const auto shape = shapes.find(moved.id.slot);
+            if (shape == shapes.end()) continue;  // a bounding box
+            Thing& thing = shape->second;
             const Place place(moved.worldFromLocal);
             if (!place.sameShape(thing.place)) mark(thing.changed, changedShapes, moved.id.slot);
             thing.place = place;

@@ -15,6 +15,7 @@ class Edits {
     Edits(Scene& scene, std::uint64_t seed) : scene_(scene), random_(seed) {}
 
     void step() {
+        if (showsBoxes_ && !nodes_.empty() && boxRandom_() % 6 == 0) showBox(nodes_[boxRandom_() % nodes_.size()]);
         switch (nodes_.size() < 400 ? 0 : pick(12)) {
             case 0:
             case 1:
@@ -52,8 +53,18 @@ class Edits {
         }
     }
     const std::vector<NodeId>& nodes() const { return nodes_; }
+    /// Bounding boxes come and go, too; the other edits stay the same.
+    void showBoxes() { showsBoxes_ = true; }
 
   private:
+    void showBox(NodeId id) {
+        const NodeType& type = scene_.node(id).type();
+        const FieldIndex display = type.findExact("bboxDisplay"), size = type.findExact("bboxSize");
+        if (display == kNoField) return;
+        (void)scene_.setField(id, display, boxRandom_() % 2 == 0);
+        const auto depth = static_cast<float>(boxRandom_() % 3);
+        if (boxRandom_() % 6 == 0) (void)scene_.setField(id, size, Vec3f(1, .5f, depth));
+    }
     std::size_t pick(std::size_t n) { return random_() % n; }
     float number() { return static_cast<float>(static_cast<int>(pick(2001)) - 1000) / 256.0f; }
     NodeId any() { return nodes_[pick(nodes_.size())]; }
@@ -166,7 +177,8 @@ class Edits {
         return {};
     }
     Scene& scene_;
-    std::mt19937_64 random_;
+    std::mt19937_64 random_, boxRandom_{19775};
+    bool showsBoxes_ = false;
     std::vector<NodeId> nodes_;
 };
 

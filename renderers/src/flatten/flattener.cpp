@@ -88,6 +88,11 @@ void Flattener::Impl::sortOut(const Change& change) {
     const TypeRole& role = roles.of(*node);
     const Aspect aspect = node->type().fields[change.field].aspect;
     if (role.ofHumanoid && aspect != Aspect::none) skins.mark(*scene, node->id());
+    if (role.bboxDisplay != kNoField &&
+        (change.field == role.bboxDisplay || change.field == role.bboxSize || change.field == role.bboxCenter)) {
+        noteBoxes(node->id());
+        return;
+    }
     switch (role.role) {
         case Role::none:
             if (aspect != Aspect::none && aspect != Aspect::time)
@@ -254,6 +259,7 @@ void Flattener::Impl::runShapes() {
         oldOccurrences(id, found);
         for (const std::uint32_t index : found) {
             Occurrence& o = tree[index];
+            touchBoxes(index);
             const bool hidden =
                 tree[o.parent].hidden || (role.visible != kNoField && !flatten::read<bool>(node, role.visible));
             if (std::exchange(o.hidden, hidden) != hidden) {
@@ -405,6 +411,7 @@ std::shared_ptr<const Mesh> Flattener::Impl::makeMesh(NodeId geometry) {
 
 void Flattener::Impl::finish() {
     runScopes();
+    followBoxes();
     followSprites();
     if (options.error.any()) followDetails();
     for (const NodeId geometry : geometries) {
@@ -436,6 +443,7 @@ void Flattener::Impl::finish() {
     }
     geometries.clear();
     if (!rescreened.empty()) runScreened();
+    placeBoxes();
     instances.report(delta.removed, delta.added, delta.moved, delta.rebound);
     placed.report(delta.placedRemoved, delta.placedAdded, delta.placedMoved, delta.placedRebound);
     scene = nullptr;

@@ -17,6 +17,7 @@
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/tessellator.h>
 
+#include "bounding_boxes.h"
 #include "flattener_roles.h"
 #include "layout.h"
 #include "mesh/told_once.h"
@@ -139,6 +140,34 @@ struct Flattener::Impl {
         double needed = 0;         // by what was looked at last
         bool chosen = false;       // in this apply(); the mesh is to follow
     };
+    /// One that bboxDisplay shows, by the occurrence that has it.
+    struct DisplayedBox {
+        std::optional<Bounds> authored;  // in the space of its content; none: it goes around the leaves below
+        std::uint32_t around = kNone;    // the next one outwards that has leaves
+        std::uint32_t depth = 0, slot = kNone;
+        bool whole = false;           // to be put together anew
+        flatten::WorldBox content;    // as the one around it knows it
+        flatten::WorldBox next = {};  // with what has changed since
+    };
+    /// A shape below one that has leaves.
+    struct BoxLeaf {
+        std::uint32_t box = kNone;  // the innermost
+        NodeId geometry;
+        std::shared_ptr<const Mesh> mesh;
+        glm::dmat3 linear{0.0};
+        flatten::WorldBox turned, world;  // the mesh through `linear`, and at its place
+    };
+    struct Boxes {
+        std::map<std::uint32_t, DisplayedBox> shown;
+        std::unordered_map<std::uint32_t, BoxLeaf> leaves;
+        std::set<std::pair<NodeId, std::uint32_t>> leavesOf;  // by geometry
+        std::size_t instances = 0;
+        NodeId geometry;  // that their edges were sent as; none: they are not
+        // In this apply(): occurrences that may have one, and where anything else may have changed.
+        std::vector<std::uint32_t> noted, touched;
+        std::vector<std::uint32_t> stale;                         // leaves
+        std::set<std::pair<std::uint32_t, std::uint32_t>> due{};  // boxes, deeper ones first
+    };
     struct ChildOp {
         NodeId group, child;
         int count;
@@ -202,6 +231,31 @@ struct Flattener::Impl {
     std::shared_ptr<const Mesh> atItsLevel(NodeId geometry, std::shared_ptr<const Mesh> mesh);
     /// Marks what another level is due for: all by a new eye, otherwise what has come or moved.
     void followDetails();
+
+    // flattener_boxes.cpp: bounding boxes that are displayed
+    void noteBoxes(NodeId changed);
+    /// Something about this occurrence is not as it was. Nothing where no box is displayed.
+    void touchBoxes(std::uint32_t index) {
+        if (!boxes.shown.empty()) boxes.touched.push_back(index);
+    }
+    /// Who has one and what is in it; before meshes are made.
+    void followBoxes();
+    /// How large they are; when meshes are there.
+    void placeBoxes();
+    bool displaysBox(std::uint32_t index);
+    void makeBox(std::uint32_t index);
+    void dropBox(std::uint32_t index);
+    /// The innermost from this occurrence outwards that has leaves.
+    std::uint32_t boxAround(std::uint32_t index) const;
+    void handLeaves(std::uint32_t top, std::uint32_t box);
+    void setLeaf(std::uint32_t index, std::uint32_t box);
+    void forgetLeaf(std::uint32_t index);
+    void followLeaf(std::uint32_t index);
+    void measureLeaf(std::uint32_t index);
+    /// Of something in the box.
+    void changeBox(std::uint32_t index, const flatten::WorldBox& was, const flatten::WorldBox& now);
+    flatten::WorldBox boxOfContent(std::uint32_t top) const;
+    void showBox(std::uint32_t index, DisplayedBox& box);
 
     // flattener_tree.cpp: occurrences
     NodeState& state(NodeId id) {
@@ -297,7 +351,8 @@ struct Flattener::Impl {
     std::unordered_map<std::uint32_t, std::optional<Vec3d>> sprites;  // particles that face an eye, by node, and which
     std::unordered_map<std::uint32_t, Detail> details;                // by geometry node
     std::uint64_t detailsMade = 0;
-    bool detailsDue = false;               // by a new eye
+    bool detailsDue = false;  // by a new eye
+    Boxes boxes;
     std::set<std::uint32_t> screenGroups;  // occurrences
     std::set<std::uint32_t> screened;      // occurrences of Shapes that have one
     std::vector<LayerSight> sights;

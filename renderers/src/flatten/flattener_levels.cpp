@@ -54,6 +54,7 @@ void Flattener::Impl::spreadSenses(std::uint32_t level) {
         else
             o.seen = parent.seen, o.heard = parent.heard;
         if (o.seen == seen && o.heard == heard) continue;
+        touchBoxes(index);
         if (o.role == Role::level) {
             reconciling.push_back(index);
             continue;

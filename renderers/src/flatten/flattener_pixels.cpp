@@ -98,6 +98,7 @@ void Flattener::Impl::followScreened(std::uint32_t index) {
         freeFrames.push_back(o.frame);
         o.frame = tree[o.parent].frame;
     }
+    touchBoxes(index);
     if (o.slot == kNone) return;
     instances.records[o.slot].worldFromLocal = frames[o.frame];
     instances.records[o.slot].heard = isHeard(o);

@@ -113,6 +113,11 @@ TypeRole RoleTable::work(const NodeType& type) {
             role.children[role.childFields++] = role.viewport;
     }
     if (role.childFields == 0 && role.role != Role::shape && role.role != Role::placed) role.role = Role::none;
+    if (role.role != Role::none && role.role != Role::placed && role.role != Role::first) {
+        role.bboxDisplay = findTyped(type, "bboxDisplay", FieldType::SFBool);
+        role.bboxCenter = findTyped(type, "bboxCenter", FieldType::SFVec3f);
+        role.bboxSize = findTyped(type, "bboxSize", FieldType::SFVec3f);
+    }
     return role;
 }
 

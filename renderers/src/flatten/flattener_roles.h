@@ -40,6 +40,7 @@ struct TypeRole {
     FieldIndex translation = kNoField, rotation = kNoField, scale = kNoField, scaleOrientation = kNoField,
                center = kNoField, axis = kNoField, layout = kNoField, viewport = kNoField;
     FieldIndex geometry = kNoField, appearance = kNoField, castShadow = kNoField;
+    FieldIndex bboxDisplay = kNoField, bboxCenter = kNoField, bboxSize = kNoField;  // of what can show its box
 
     bool isChildField(FieldIndex field) const {
         return field == children[0] || field == children[1] || field == children[2];

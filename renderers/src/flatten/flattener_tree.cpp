@@ -78,6 +78,8 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
     }
     o.isMover = isMover(node, role);
     setMotion(index);
+    if (role.bboxDisplay != kNoField && flatten::read<bool>(node, role.bboxDisplay)) boxes.noted.push_back(index);
+    if (role.role == Role::shape) touchBoxes(index);
     return index;
 }
 
@@ -338,6 +340,7 @@ void Flattener::Impl::pruneContent(std::uint32_t top) {
 
 void Flattener::Impl::release(std::uint32_t index) {
     Occurrence& o = tree[index];
+    touchBoxes(index);
     if (o.role == Role::shape) {
         dropInstance(index);
         if (o.ownsFrame) screened.erase(index);
@@ -443,6 +446,7 @@ void Flattener::Impl::updateFrames(std::uint32_t top) {
         walking.pop_back();
         Occurrence& o = tree[index];
         o.updated = stamp;
+        touchBoxes(index);
         if (o.ownsFrame) {
             const Node& node = scene->node(o.node);
             WorldFromLocal local, world = frames[tree[o.parent].frame];
@@ -514,6 +518,7 @@ void Flattener::Impl::runScopes() {
         const std::uint32_t scope = tree[group].localLights > 0 ? group : around;
         if (tree[group].scope == scope) continue;
         tree[group].scope = scope;
+        touchBoxes(group);
         if (scope == group) delta.scopes.push_back({scopeOf(group), scopeOf(around)});
         walking.clear();
         for (std::uint32_t c = tree[group].firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
@@ -526,6 +531,7 @@ void Flattener::Impl::runScopes() {
                 continue;
             }
             o.scope = scope;
+            touchBoxes(index);
             if (o.role == Role::shape && o.slot != kNone) {
                 instances.records[o.slot].scope = scopeOf(scope);
                 instances.markRebound(o.slot, stamp);

@@ -9,6 +9,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/tessellate.h>
 
+#include "flatten/bounding_boxes.h"
 #include "flatten/flattener_roles.h"
 #include "flatten/layout.h"
 
@@ -39,16 +40,25 @@ struct FullTraversalRenderer::Impl {
     struct Geometry {
         std::vector<Shot> shots;
         std::uint64_t checked = 0, seen = 0;
-        bool inPixels = false;
+        std::shared_ptr<const Mesh> mesh;
+        bool inPixels() const { return mesh && mesh->inPixels; }
+    };
+    /// A box that is displayed by a node whose content is being visited.
+    struct OpenBox {
+        NodeId owner;
+        std::size_t depth;  // in the stack
+        std::optional<Bounds> authored;
+        flatten::WorldBox content;
     };
 
     Impl(const RayWorld::Options& options, MeshSource source) : meshes(std::move(source)), world(options) {}
 
     Result<> enter(FullTraversalRenderer& renderer, const Node& node);
-    void leave() { stack.pop_back(); }
+    void leave();
     void layOut(const Node& node, const TypeRole& role, Level& level);
     void toPixels(Level& level) const;
     void shape(const Node& node, const TypeRole& role, const Level& level);
+    void note(Instance now, std::uint64_t key);
     void checkGeometry(NodeId id);
     void take(NodeId id, std::vector<Shot>& shots) const;
 
@@ -57,6 +67,7 @@ struct FullTraversalRenderer::Impl {
     InstanceDelta delta;
     flatten::RoleTable roles;
     std::vector<Level> stack;
+    std::vector<OpenBox> open;
     std::unordered_map<std::uint64_t, Known> known;  // by path
     std::unordered_map<std::uint32_t, Geometry> geometries;
     std::vector<std::uint32_t> freeSlots, freedSlots;
@@ -85,8 +96,10 @@ Result<> FullTraversalRenderer::Impl::enter(FullTraversalRenderer& renderer, con
     Level level = stack.back();
     level.key = mix(level.key, node.id().value);
     if (role.visible != kNoField && !flatten::read<bool>(node, role.visible)) level.hidden = true;
+    if (role.bboxDisplay != kNoField && flatten::read<bool>(node, role.bboxDisplay))
+        open.push_back({node.id(), stack.size(), flatten::authoredBox(node, role), {}});
     if (role.role == Role::shape) {
-        if (!level.hidden) shape(node, role, level);
+        shape(node, role, level);
         stack.push_back(level);
         return {};
     }
@@ -110,6 +123,23 @@ Result<> FullTraversalRenderer::Impl::enter(FullTraversalRenderer& renderer, con
     return {};
 }
 
+void FullTraversalRenderer::Impl::leave() {
+    const Level level = stack.back();
+    stack.pop_back();
+    if (open.empty() || open.back().depth != stack.size()) return;
+    const OpenBox box = std::move(open.back());
+    open.pop_back();
+    const std::optional<WorldFromLocal> place =
+        flatten::placeOfEdges(box.authored ? flatten::worldBox(*box.authored, level.worldFromLocal) : box.content);
+    if (!place) return;
+    Instance now = flatten::edgesInstance(*scene, box.owner, *place);
+    now.layer = level.layer;
+    Geometry& edges = geometries[now.geometry.value];
+    if (std::exchange(edges.seen, frame) == 0) delta.geometries.push_back({now.geometry, flatten::boxEdges()});
+    constexpr std::uint64_t kBox = 0xB0B0;  // no child's number leads to the same key
+    note(now, mix(level.key, kBox << 32));
+}
+
 void FullTraversalRenderer::Impl::layOut(const Node& node, const TypeRole& role, Level& level) {
     const bool outermost = node.is(x3d::LayoutLayer::type);
     if (!outermost && !level.region) return;
@@ -131,6 +161,7 @@ void FullTraversalRenderer::Impl::toPixels(Level& level) const {
 }
 
 void FullTraversalRenderer::Impl::shape(const Node& node, const TypeRole& role, const Level& level) {
+    if (level.hidden && std::ranges::all_of(open, [](const OpenBox& b) { return b.authored.has_value(); })) return;
     Instance now;
     now.shape = node.id();
     now.geometry = flatten::geometryOf(*scene, roles, node);
@@ -141,12 +172,20 @@ void FullTraversalRenderer::Impl::shape(const Node& node, const TypeRole& role, 
     now.layer = level.layer;
     now.worldFromLocal = level.worldFromLocal;
     if (now.geometry) checkGeometry(now.geometry);
-    if (now.geometry && geometries[now.geometry.value].inPixels) {
+    const Geometry* geometry = now.geometry ? &geometries[now.geometry.value] : nullptr;
+    if (geometry && geometry->inPixels()) {
         Level own = level;
         toPixels(own);
         now.worldFromLocal = own.worldFromLocal;
     }
-    std::uint64_t key = level.key;
+    if (geometry && geometry->mesh && !(level.hidden && geometry->inPixels()) && !open.empty()) {
+        const flatten::WorldBox box = flatten::worldBox(*geometry->mesh, now.worldFromLocal);
+        for (OpenBox& around : open) around.content.extend(box);
+    }
+    if (!level.hidden) note(now, level.key);
+}
+
+void FullTraversalRenderer::Impl::note(Instance now, std::uint64_t key) {
     Known* known_ = &known[key];
     while (known_->seen == frame) known_ = &known[key = mix(key, 1)];  // the same path twice: a child listed twice
     const bool isNew = known_->seen == 0;
@@ -214,7 +253,7 @@ void FullTraversalRenderer::Impl::checkGeometry(NodeId id) {
         mesh = meshes(*scene, id);
     else if (auto made = tessellate(*scene, id))
         mesh = *std::move(made);
-    geometry.inPixels = mesh && mesh->inPixels;
+    geometry.mesh = mesh;
     delta.geometries.push_back({id, std::move(mesh)});
 }
 

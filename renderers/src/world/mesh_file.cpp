@@ -27,7 +27,7 @@ struct Shapes {
         const InstanceDelta& delta = flattener.apply(scene, scene.snapshot());
         for (const auto& geometry : delta.geometries) meshes[geometry.node.value] = geometry.mesh;
         for (const Instance& instance : flattener.instances()) {
-            if (!instance.id || !instance.seen || instance.volume) continue;
+            if (!instance.id || !instance.seen || instance.volume || instance.boundingBox) continue;
             const auto found = meshes.find(instance.geometry.value);
             if (found == meshes.end() || !found->second || found->second->empty()) continue;
             instances.push_back(&instance);

@@ -40,6 +40,7 @@ std::uint32_t RayWorld::Impl::kindsOf(const Instance& info) {
                    shadow = static_cast<std::uint32_t>(RayKind::shadow),
                    sound = static_cast<std::uint32_t>(RayKind::sound), eye = static_cast<std::uint32_t>(RayKind::eye);
     if (info.volume) return 0;
+    if (info.boundingBox) return eye;
     std::uint32_t kinds = ~0u;
     if (!info.seen) kinds &= ~(view | shadow | eye);
     if (info.clear) kinds &= ~(shadow | eye);

@@ -86,7 +86,7 @@ std::vector<ShapeBox> WorldQueries::boxes() {
     if (!follow()) return all;
     const Flattener& flattener = world_.flattener();
     for (const Instance& instance : flattener.instances()) {
-        if (!instance.id || !instance.seen) continue;
+        if (!instance.id || !instance.seen || instance.boundingBox) continue;
         if (auto box = boxOf(world_.rays().instance(instance.id.slot), flattener.path(instance.id)))
             all.push_back(std::move(*box));
     }

@@ -36,10 +36,30 @@ struct FlatPlaced {
     glm::dmat4 world{1.0};
 };
 
+/// One that bboxDisplay shows: around the corners of all triangles below, or as its author has it.
+struct FlatBox {
+    NodeId owner;
+    int layer = 0;
+    bool authored = false, seen = true;
+    Vec3d min{HUGE_VAL}, max{-HUGE_VAL};
+    double magnitude = 1;  // of the numbers that it was made of
+    void extend(const glm::dmat4& world, Vec3f point) {
+        const Vec3d at = world * Vec4d(Vec3d(point), 1);
+        min = glm::min(min, at), max = glm::max(max, at);
+        for (int c = 0; c < 4; ++c)
+            for (int r = 0; r < 3; ++r) magnitude = std::max(magnitude, std::abs(world[c][r]));
+    }
+    double largest() const { return std::max({max.x - min.x, max.y - min.y, max.z - min.z}); }
+};
+using MeshesByNode = std::map<std::uint32_t, std::shared_ptr<const Mesh>>;
+
 class Oracle {
   public:
-    explicit Oracle(const Scene& scene, std::optional<Vec3d> viewer = {}) : scene_(scene), viewer_(viewer) {}
+    explicit Oracle(const Scene& scene, std::optional<Vec3d> viewer = {}, const MeshesByNode* meshes = nullptr)
+        : scene_(scene), viewer_(viewer), meshes_(meshes) {}
     std::multimap<std::vector<NodeId>, Flat> shapes;
+    std::multimap<std::vector<NodeId>, FlatBox> boxes;
+    std::set<std::uint32_t> inBoxes;  // geometries, hidden ones too
     std::multimap<std::vector<NodeId>, FlatPlaced> placed;
 
     void run() {
@@ -180,6 +200,7 @@ class Oracle {
                const Lights& lights) {
         const Node& n = scene_.node(id);
         path.push_back(id);
+        const bool framed = displaysBox(n);
         hidden = hidden || !visible(n);
         if (n.is(x3d::Transform::type))
             world = world * matrix(n.get(x3d::Transform::translation), n.get(x3d::Transform::center),
@@ -193,6 +214,8 @@ class Oracle {
             world = world * matrix(n.get(x3d::HAnimSite::translation), n.get(x3d::HAnimSite::center),
                                    n.get(x3d::HAnimSite::rotation), n.get(x3d::HAnimSite::scale),
                                    n.get(x3d::HAnimSite::scaleOrientation));
+        if (framed) openBox(n, layer, senses.seen, world);
+        if (n.is(x3d::Shape::type)) fillBoxes(n.get(x3d::Shape::geometry), world, senses.seen);
         if (n.is(x3d::Shape::type) && !hidden) {
             Flat flat;
             flat.shape = id;
@@ -212,9 +235,38 @@ class Oracle {
         if (n.is(x3d::Viewpoint::type) && senses.seen) placed.emplace(path, FlatPlaced{id, PlacedKind::view, world});
         if (n.is(x3d::Sound::type) && senses.heard) placed.emplace(path, FlatPlaced{id, PlacedKind::sound, world});
         children(id, world, path, hidden, senses, layer, lights);
+        if (!framed) return;
+        if (const FlatBox& box = open_.back(); box.seen && box.largest() > 0) boxes.emplace(path, box);
+        open_.pop_back();
+    }
+    static bool displaysBox(const Node& n) {
+        const FieldIndex f = n.type().findExact("bboxDisplay");
+        return f != kNoField && *static_cast<const bool*>(n.storage(f));
+    }
+    void openBox(const Node& n, int layer, bool seen, const glm::dmat4& world) {
+        FlatBox box;
+        box.owner = n.id(), box.layer = layer, box.seen = seen;
+        const Vec3f size = *static_cast<const Vec3f*>(n.storage(n.type().findExact("bboxSize"))),
+                    center = *static_cast<const Vec3f*>(n.storage(n.type().findExact("bboxCenter")));
+        box.authored = size.x >= 0 && size.y >= 0 && size.z >= 0;  // other sizes are none
+        for (int k = 0; box.authored && k < 8; ++k)
+            box.extend(world, center + .5f * size * Vec3f(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1));
+        open_.push_back(box);
+    }
+    void fillBoxes(NodeId geometry, const glm::dmat4& world, bool seen) {
+        for (FlatBox& box : open_) {
+            if (!geometry || box.authored) continue;
+            inBoxes.insert(geometry.value);
+            if (!meshes_ || !seen || !meshes_->contains(geometry.value)) continue;
+            const Mesh& mesh = *meshes_->at(geometry.value);
+            for (std::uint32_t t = 0; t < mesh.triangleCount; ++t)
+                for (std::uint32_t c = 0; c < 3; ++c) box.extend(world, mesh.vertex(t, c));
+        }
     }
     const Scene& scene_;
     std::optional<Vec3d> viewer_;
+    const MeshesByNode* meshes_;
+    std::vector<FlatBox> open_;
 };
 
 inline double difference(const glm::dmat4& a, const WorldFromLocal& b) {
@@ -231,7 +283,7 @@ inline double difference(const glm::dmat4& a, const WorldFromLocal& b) {
 struct Follower {
     std::map<std::uint32_t, Instance> instances;
     std::map<std::uint32_t, Placed> placed;
-    std::map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
+    MeshesByNode meshes;
     std::map<std::uint32_t, std::uint32_t> scopes;
     std::set<InstanceId> everInstances, everPlaced;
 
@@ -272,13 +324,29 @@ struct Follower {
     }
 };
 
+inline void expectBox(const Instance& instance, const FlatBox& box, NodeId root) {
+    EXPECT_EQ(instance.shape, box.owner);
+    EXPECT_EQ(instance.geometry, root);
+    EXPECT_EQ(instance.layer, box.layer);
+    EXPECT_FALSE(instance.appearance || instance.acoustics || instance.heard || instance.castShadow);
+    EXPECT_TRUE(instance.seen);
+    const WorldFromLocal& m = instance.worldFromLocal;
+    const double slack = 1e-11 * box.magnitude;
+    for (int k = 0; k < 3; ++k) {
+        EXPECT_NEAR(m[3][k], (box.min[k] + box.max[k]) / 2, slack);
+        EXPECT_NEAR(m[k][k], std::max(box.max[k] - box.min[k], 0x1p-20 * box.largest()), slack);
+        for (int other = 0; other < 3; ++other) EXPECT_TRUE(other == k || m[k][other] == 0) << "it is turned";
+    }
+}
+
 inline void expectSame(const Scene& scene, const Flattener& flattener, const Follower& follower,
                        std::optional<Vec3d> viewer = {}) {
-    Oracle oracle(scene, viewer);
+    Oracle oracle(scene, viewer, &follower.meshes);
     oracle.run();
-    EXPECT_EQ(flattener.instanceCount(), oracle.shapes.size());
-    EXPECT_EQ(follower.instances.size(), oracle.shapes.size());
-    std::set<std::uint32_t> geometries;
+    EXPECT_EQ(flattener.instanceCount(), oracle.shapes.size() + oracle.boxes.size());
+    EXPECT_EQ(follower.instances.size(), oracle.shapes.size() + oracle.boxes.size());
+    std::set<std::uint32_t> geometries = oracle.inBoxes;
+    if (!oracle.boxes.empty()) geometries.insert(scene.root().value);
     std::map<std::uint32_t, std::vector<NodeId>> localLights;  // by placed slot
     for (const auto& [slot, p] : follower.placed) {
         const auto path = flattener.placedPath(p.id);
@@ -295,6 +363,13 @@ inline void expectSame(const Scene& scene, const Flattener& flattener, const Fol
         const auto path = flattener.path(instance.id);
         EXPECT_EQ(flattener.instances()[slot].id, instance.id);
         ASSERT_FALSE(path.empty());
+        if (instance.boundingBox) {
+            const auto box = oracle.boxes.find(path);
+            ASSERT_NE(box, oracle.boxes.end());
+            expectBox(instance, box->second, scene.root());
+            oracle.boxes.erase(box);
+            continue;
+        }
         const auto found = oracle.shapes.find(path);
         ASSERT_NE(found, oracle.shapes.end());
         const Flat& flat = found->second;
@@ -336,6 +411,18 @@ struct Meshes {
         return [this](const Scene&, NodeId) {
             ++made;
             return std::make_shared<const Mesh>();
+        };
+    }
+    /// The same with a triangle each, another one each time.
+    MeshSource triangles() {
+        return [this](const Scene&, NodeId geometry) {
+            const auto mesh = std::make_shared<Mesh>();
+            const auto size = 1 + .25f * static_cast<float>((geometry.value + static_cast<unsigned>(++made)) % 16);
+            mesh->positions = {Vec3f(0, 0, -size), Vec3f(size, 0, 0), Vec3f(.5f, -size, 1)};
+            mesh->triangles = {0, 1, 2};
+            mesh->triangleCount = 1;
+            for (const Vec3f& p : mesh->positions) mesh->bounds.extend(p);
+            return mesh;
         };
     }
 };

@@ -209,6 +209,7 @@ TEST(FullTraversal, AgreesWithTheIncrementalWorld) {
         SCOPED_TRACE(testing::Message() << "seed " << seed);
         Scene scene;
         test::Edits edits(scene, seed);
+        if (seed % 2) edits.showBoxes();
         SharedWorld flat(scene);
         const RayWorld& rays = flat.rays();
         FullTraversalRenderer baseline;
@@ -240,6 +241,7 @@ TEST(FullTraversal, AgreesWithTheIncrementalWorld) {
 TEST(FullTraversal, FindsNothingWhereNothingChanged) {
     Scene scene;
     test::Edits edits(scene, kRendererSeed);
+    edits.showBoxes();
     for (int i = 0; i < 600; ++i) edits.step();
     FullTraversalRenderer baseline;
     ASSERT_TRUE(baseline.attachToScene(scene));

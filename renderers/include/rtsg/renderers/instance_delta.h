@@ -1,12 +1,12 @@
 // InstanceDelta: what one ChangeSet did to the instances and to the other things a scene places in the world.
 //
-// Invariant: one instance per path from the root to a Shape (DEF/USE makes identity the path, not the node). Applying
-// every delta in order gives what flattening from scratch gives, up to the numbering of the slots. A slot that a delta
-// frees is handed out again by a later delta at the earliest, under another generation.
-// Order: handle scopes, geometries, removed, added, rebound, moved, geometriesRemoved. An instance is in at most one of
-// removed, added and (moved or rebound or both).
-// Threading: plain data, self-contained: shape and place need no scene to be read (materials do).
-// Source: ISO/IEC 19775-1 V4.0 4.3.5 (transformation hierarchy), 17.2.2 (scope of lights); paper section 5.1.
+// Invariant: one instance per path from the root to a Shape (DEF/USE makes identity the path, not the node), and one
+// per path to what displays its bounding box. Applying every delta in order gives what flattening from scratch gives,
+// up to the numbering of the slots. A slot that a delta frees is handed out again by a later delta at the earliest,
+// under another generation. Order: handle scopes, geometries, removed, added, rebound, moved, geometriesRemoved. An
+// instance is in at most one of removed, added and (moved or rebound or both). Threading: plain data, self-contained:
+// shape and place need no scene to be read (materials do). Source: ISO/IEC 19775-1 V4.0 4.3.5 (transformation
+// hierarchy), 17.2.2 (scope of lights); paper section 5.1.
 #pragma once
 
 #include <cstdint>
@@ -59,7 +59,8 @@ struct StrokeStyle {
     friend bool operator==(const StrokeStyle&, const StrokeStyle&) = default;
 };
 
-/// A Shape at the end of one path. Geometry may be NULL; `appearance` too (then X3D's default: unlit white).
+/// A Shape at the end of one path, or the box that something on it displays. Geometry may be NULL; `appearance` too
+/// (then X3D's default: unlit white).
 struct Instance {
     InstanceId id;
     NodeId shape;
@@ -84,6 +85,9 @@ struct Instance {
     /// About which it turns when that thing does, in its own local frame: the thing's origin or its `center`. A hint
     /// about the way between two states; where it is in either does not depend on it.
     Vec3f pivot{0};
+    /// The edges of a box that bboxDisplay shows, in the world's directions: eyes meet them, and nothing else. `shape`
+    /// is the X3DBoundedObject; `geometry`, the same for all of them, is the scene's root.
+    bool boundingBox = false;
     /// Null: the default, lines and points of one pixel.
     std::shared_ptr<const StrokeStyle> strokes;
     WorldFromLocal worldFromLocal{1.0};
@@ -139,8 +143,9 @@ struct InstanceDelta {
     std::vector<Moved> moved;
     std::vector<Instance> rebound;  // another geometry, appearance, scope, castShadow...: anything but the transform
 
-    std::vector<Geometry> geometries;       // first used now, or changed in itself or in a node below (Coordinate...)
-    std::vector<NodeId> geometriesRemoved;  // no instance refers to them any more
+    std::vector<Geometry> geometries;  // first used now, or changed in itself or in a node below (Coordinate...)
+    std::vector<NodeId>
+        geometriesRemoved;  // no instance refers to them any more, nor hidden content of a displayed box
     /// Nodes some instance refers to with a change in any field, or in any node below (Material, ImageTexture...).
     std::vector<NodeId> appearanceChanged;
     std::vector<NodeId> acousticsChanged;
