@@ -23,8 +23,8 @@ std::vector<std::array<Vec3d, 2>> edgesOf(const Vec3d& center, const Vec3d& size
             if (!(k & axis)) edges.push_back({corner(k), corner(k | axis)});
     return edges;
 }
-/// Pixels that are lit at all.
-double lit(const Picture& p) {
+/// All of it, in white pixels.
+double lightOf(const Picture& p) {
     double sum = 0;
     for (const Vec4f& pixel : p.pixels) sum += pixel.g;
     return sum;
@@ -59,7 +59,7 @@ void expectEdges(const Picture& p, const Vec3d& center, const Vec3d& size) {
         }
     }
     for (std::size_t i = 0; i < p.pixels.size(); ++i) EXPECT_TRUE(near[i] || p.pixels[i].g == 0) << i;
-    EXPECT_NEAR(lit(p), length, .04 * length) << "what edges share near corners is lit once";
+    EXPECT_NEAR(lightOf(p), length, .04 * length) << "what edges share near corners is lit once";
 }
 
 TEST(BoundingBoxesInPictures, AreTwelveLinesAlongTheWorldsAxes) {
@@ -87,9 +87,9 @@ TEST(BoundingBoxesInPictures, LongAndFlatOnesAreAsThin) {
                   .3);
     }
     const double around = 2 * glm::length(projected({2.5, 0, 0}) - projected({-2.5, 0, 0}));
-    EXPECT_NEAR(lit(p), around * 1.1, .05 * around) << "its front and back are nearly one";
+    EXPECT_NEAR(lightOf(p), around * 1.1, .05 * around) << "its front and back are nearly one";
     BoxPicture flat("Shape { visible FALSE bboxDisplay TRUE geometry Rectangle2D { size 5 .5 } }");
-    EXPECT_NEAR(lit(flat.picture()), around * 1.1, .03 * around);
+    EXPECT_NEAR(lightOf(flat.picture()), around * 1.1, .03 * around);
 }
 
 // Opaque content hides the edges behind it and leaves its own: of a ball in its box those in front are seen whole.
@@ -106,9 +106,14 @@ TEST(BoundingBoxesInPictures, AreHiddenByWhatIsBeforeThem) {
 
 TEST(BoundingBoxesInPictures, ShowInMirrorsAndCastNoShadow) {
     const std::string box =
-        "Transform { visible FALSE translation 0 0 12 bboxDisplay TRUE children Shape { geometry Box { } } }";
-    BoxPicture mirrored(box + square(6, kMirror));
-    EXPECT_GT(lit(mirrored.picture()), 50) << "behind the eye, and so in the mirror alone";
+        "Transform { visible FALSE translation 0 0 40 bboxDisplay TRUE children Shape { geometry Box { size 8 8 8 } } "
+        "}";
+    BoxPicture mirrored(box + square(6, mirror("1")));
+    // Behind the eye, and so in the mirror alone; its lines are as wide as some 30 m from the eye, and 50 m off.
+    double length = 0;
+    for (const auto& [from, to] : edgesOf({0, 0, -40}, {8, 8, 8}))
+        length += glm::length(projected(to) - projected(from));
+    EXPECT_NEAR(lightOf(mirrored.picture()), .6 * length, .05 * length);
     const std::string lamp = "DirectionalLight { direction 0 0 -1 global TRUE } " + square(9, matte("1 1 1"));
     BoxPicture plain(lamp), withBox(box + lamp);
     const Picture a = plain.picture(), b = withBox.picture();

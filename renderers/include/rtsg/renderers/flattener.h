@@ -3,7 +3,7 @@
 // Invariant: after apply() the occurrences are those that building from the scene anew would give; the work follows
 // the changes and what lies below the changed nodes, never the scene. Nothing recurses: nesting may be of any depth.
 // What is rendered: Shapes below groups, the chosen child of Switch and LOD, the first node of a PROTO's or the whole
-// of an Inline's body, Collision's children without the proxy. Billboards turn to the viewer if there is one, and
+// of an Inline's body, Collision's children without the proxy; boxes that bboxDisplay shows. Billboards turn to the viewer if there is one, and
 // shapes below them are not heard; LayoutLayers, LayoutGroups, ScreenGroups and text in points likewise follow the
 // picture.
 // Threading: one thread, the scene's; the deltas may go to any other.
@@ -116,7 +116,7 @@ class Flattener {
     bool usesPixels() const;
     /// As setViewer() had them.
     const std::vector<LayerSight>& sights() const;
-    /// From a root node to the Shape, both included.
+    /// From a root node to the Shape, or to what displays its bounding box; both included.
     std::vector<NodeId> path(InstanceId instance) const;
     std::vector<NodeId> placedPath(InstanceId placed) const;
     ScopeId scopeParent(ScopeId scope) const;
