@@ -127,7 +127,7 @@ void FullTraversalRenderer::Impl::leave() {
     const Level level = stack.back();
     stack.pop_back();
     if (open.empty() || open.back().depth != stack.size()) return;
-    const OpenBox box = std::move(open.back());
+    const OpenBox box = open.back();
     open.pop_back();
     const std::optional<WorldFromLocal> place =
         flatten::placeOfEdges(box.authored ? flatten::worldBox(*box.authored, level.worldFromLocal) : box.content);
