@@ -15,7 +15,8 @@ constexpr std::uint64_t kSeed = 20090616;
 // Law 2: incremental equals from scratch.
 TEST(Flattener, FollowsRandomEditsAsIfFlattenedAnew) {
     std::size_t boxes = 0;
-    for (std::uint64_t seed = kSeed; seed < kSeed + 20; ++seed) {
+    const std::uint64_t seeds = std::getenv("RTSG_LONG") != nullptr ? 1000 : 20;
+    for (std::uint64_t seed = kSeed; seed < kSeed + seeds; ++seed) {
         SCOPED_TRACE(testing::Message() << "seed " << seed);
         Scene scene;
         Edits edits(scene, seed);

@@ -170,14 +170,24 @@ class Oracle {
     void children(NodeId id, const glm::dmat4& world, std::vector<NodeId> path, bool hidden, Senses senses, int layer,
                   Lights lights) {
         const Node& n = scene_.node(id);
+        const auto shineOn = [&](NodeId c) {
+            auto p = path;
+            p.push_back(c);
+            lights.insert(p);
+        };
         if (n.is(x3d::LayerSet::type)) {
             const auto& layers = n.get(x3d::LayerSet::layers);
+            std::vector<NodeId> shown;
             for (const int i : n.get(x3d::LayerSet::order))
-                if (i > 0 && i <= static_cast<int>(layers.size())) {
-                    const NodeId layerNode = layers[static_cast<std::size_t>(i - 1)];
-                    const auto* first = std::find(layers.begin(), layers.end(), layerNode);
-                    visit(layerNode, world, path, hidden, senses, static_cast<int>(first - layers.begin()) + 1, lights);
-                }
+                if (i > 0 && i <= static_cast<int>(layers.size()))
+                    shown.push_back(layers[static_cast<std::size_t>(i - 1)]);
+            // The edits put in what is no Layer, too, as no document can: it counts as a child of a group does.
+            for (const NodeId c : shown)
+                if (!hidden && senses.seen && isLocalLight(scene_.node(c))) shineOn(c);
+            for (const NodeId c : shown) {
+                const auto* first = std::find(layers.begin(), layers.end(), c);
+                visit(c, world, path, hidden, senses, static_cast<int>(first - layers.begin()) + 1, lights);
+            }
             return;
         }
         std::vector<std::pair<NodeId, Senses>> list;
@@ -188,11 +198,7 @@ class Oracle {
         // Lights at the top shine everywhere, which is not a scope to be told apart.
         if (id != scene_.root() && !hidden)
             for (const auto& [c, sensed] : list)
-                if (c && sensed.seen && isLocalLight(scene_.node(c))) {
-                    auto p = path;
-                    p.push_back(c);
-                    lights.insert(p);
-                }
+                if (c && sensed.seen && isLocalLight(scene_.node(c))) shineOn(c);
         for (const auto& [c, sensed] : list)
             if (c) visit(c, world, path, hidden, sensed, layer, lights);
     }
