@@ -143,15 +143,19 @@ Verb addBench(Command& program) {
                 const bool chosen = !options->frames.scenes.empty() || options->frames.scale < 1;
                 if (!options->folder.empty()) return writeScenes(options->frames, options->folder);
                 bool good = true;
+                const auto ended = [&good](const char* name, bool well) {
+                    if (!well) printError(fmt::format("bench {}: what it measures is wrong or late", name));
+                    good = well && good;
+                };
                 for (const Bench& b : kBenches) {
                     if (options->list)
                         fmt::print("{:<12} {:<6} {}\n", b.name, b.group, b.about);
                     else if (chosen && b.run == frames)
-                        good = bench::frames(options->frames, printLine) && good;
+                        ended("frames", bench::frames(options->frames, printLine));
                     else if ((options->names.empty() && !b.onlyByName && !chosen) ||
                              std::ranges::find(options->names, b.name) != options->names.end() ||
                              (std::ranges::find(options->names, b.group) != options->names.end() && !b.onlyByName))
-                        good = b.run(printLine, options->quick) && good;
+                        ended(b.name, b.run(printLine, options->quick));
                 }
                 return static_cast<int>(good ? kDone : kBad);
             }};

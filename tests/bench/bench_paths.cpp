@@ -183,6 +183,15 @@ Chart lightChart(const std::string& name, const std::string& title, int side) {
             {}};
 }
 
+/// Another program's, of which it is said when it made no picture.
+void addOther(Chart& chart, Series series, const char* program) {
+    if (series.points.empty()) {
+        chart.note += fmt::format(" {} is installed and could not make it.", program);
+        return;
+    }
+    chart.series.push_back(std::move(series));
+}
+
 void chartUnderSky(const ChartSink& sink, const Outdoors& one, bool quick) {
     const int side = quick ? 24 : 96, most = quick ? 16 : 256;
     const UnderSky scene(one.name, one.scale * (quick ? .1 : 1));
@@ -210,7 +219,7 @@ void chartUnderSky(const ChartSink& sink, const Outdoors& one, bool quick) {
                 cycles.name = "Cycles of Blender " + made->version + ", all pixels alike";
                 cycles.points.push_back({made->seconds, made->error, std::to_string(samples)});
             }
-        chart.series.push_back(std::move(cycles));
+        addOther(chart, std::move(cycles), "Cycles");
     } else if (!quick) {
         chart.note += " Cycles is not installed.";
     }
@@ -225,7 +234,7 @@ void chartUnderSky(const ChartSink& sink, const Outdoors& one, bool quick) {
                 povRay.points.push_back({made->seconds, error, std::to_string(rays)});
             }
         std::filesystem::remove(file);
-        chart.series.push_back(std::move(povRay));
+        addOther(chart, std::move(povRay), "POV-Ray");
     } else if (!quick) {
         chart.note += " POV-Ray is not installed.";
     }
@@ -245,6 +254,13 @@ bool chartLight(const ChartSink& sink, bool quick) {
         const Known known = picture(2, false, side, error, 1 << 16);
         chart.series[1].points.push_back({known.seconds, known.error, fmt::format("{:g}", error)});
     }
+    // Panels that only a bounce may find.
+    Series bounces{"path without asking for lights", {}};
+    for (int samples = 16; samples <= most; samples *= 4) {
+        const Known known = picture(2, true, side, 1e-6, samples);
+        bounces.points.push_back({known.seconds, known.error, std::to_string(samples)});
+    }
+    chart.series.push_back(std::move(bounces));
     if (!quick && hasCycles()) {
         Series cycles{"Cycles, all pixels alike", {}};
         for (int samples = 16; samples <= most; samples *= 4)
@@ -252,7 +268,7 @@ bool chartLight(const ChartSink& sink, bool quick) {
                 cycles.name = "Cycles of Blender " + made->version + ", all pixels alike";
                 cycles.points.push_back({made->seconds, made->error, std::to_string(samples)});
             }
-        chart.series.push_back(std::move(cycles));
+        addOther(chart, std::move(cycles), "Cycles");
     } else if (!quick) {
         chart.note += " Cycles is not installed.";
     }
