@@ -318,7 +318,10 @@ struct Damper {
             const auto& filters = node.get(N::_filters);
             for (std::size_t e = 0; e < each_; ++e) to_[e] = M::widen(goal[e]);
             for (std::size_t i = 0; i < std::min(began_.size(), filters.size()); ++i)
-                began_[i] = M::from(to_[i % each_], M::widen(filters[i]));
+                // Of one that was at rest all filters hold the same.
+                began_[i] = i >= each_ && filters[i] == filters[i - each_]
+                                ? began_[i - each_]
+                                : M::from(to_[i % each_], M::widen(filters[i]));
             double weight = std::exp(-s);
             for (std::size_t k = 0; k < weights_.size(); ++k) {
                 weights_[k] = weight;

@@ -236,10 +236,12 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
     const Clock::time_point start = Clock::now();
     const auto longest = std::max<Clock::duration>(timeout, kLongestTurn);
     Clock::duration spent{};
+    bool more = false;
     while (true) {
         auto most = std::clamp<std::chrono::milliseconds>(std::chrono::ceil<std::chrono::milliseconds>(timeout - spent),
                                                           0ms, 100ms);
-        if (cut_ || (helloPending_ && linked())) most = 0ms;  // there is something to be done
+        // There is something to be done, or what came may go on, as a keyframe and the frames behind it.
+        if (more || cut_ || (helloPending_ && linked())) most = 0ms;
         int messages = 0;
         if (wait(most))
             while (messages < kPortion && receiveOne()) ++messages;
@@ -249,7 +251,8 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
         playDue();
         if (received_ != acknowledged_) acknowledge();
         spent = Clock::now() - start;
-        if (messages == kPortion && spent < longest) continue;
+        more = messages > 0 && spent < longest;
+        if (more) continue;
         if (applied_ > 0 || spent >= timeout) break;
     }
     statistics_.sequence = state_;
