@@ -98,7 +98,8 @@ class Sampling {
         for (int samples = 0; blocks;) {
             // An eighth more each time: more often costs coherence, more seldom samples that were not needed.
             const auto eighth = static_cast<int>(std::bit_floor(static_cast<unsigned>(samples)) / 8);
-            const int next = std::min(samples + std::max(kLeastOfGroup, eighth), most_ / groups_);
+            const int step = samples == 0 ? kLeastOfGroup : std::max(kStepOfGroup, eighth);
+            const int next = std::min(samples + step, most_ / groups_);
             if (next == samples) break;
             for (int group = 0; group < groups_; ++group) sample(group, blocks, samples, next);
             samples = next;
