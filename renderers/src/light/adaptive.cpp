@@ -42,7 +42,9 @@ class Moments {
     }
 
   private:
-    static std::size_t index(int group, int pixel) { return static_cast<std::size_t>(group * kTilePixels + pixel); }
+    static std::size_t index(int group, int pixel) {
+        return static_cast<std::size_t>(group) * kTilePixels + static_cast<std::size_t>(pixel);
+    }
 
     int groups_;
     std::vector<Vec3d> sums_;
