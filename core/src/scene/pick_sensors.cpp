@@ -302,8 +302,10 @@ class Picking final : private TriangleTest {
         if (isPrimitive(geometry)) return {};
         if (!std::is_same_v<N, x3d::VolumePickSensor>) return coordinates_ = coordinatesOf(scene_, geometry);
         const auto [known, isNew] = round_.corners.try_emplace(geometry.id());
-        if (isNew) known->second = round_.queries.corners(geometry);
-        std::erase_if(known->second, [](const Vec3d& p) { return !isFinite(p); });
+        if (isNew) {
+            known->second = round_.queries.corners(geometry);
+            std::erase_if(known->second, [](const Vec3d& p) { return !isFinite(p); });
+        }
         limit(known->second);
         return known->second;
     }

@@ -100,25 +100,32 @@ std::uint32_t Flattener::Impl::boxAround(std::uint32_t index) const {
     return kNone;
 }
 
-/// To another box: the leaves from here down to the next boxes, and these.
-void Flattener::Impl::handLeaves(std::uint32_t top, std::uint32_t box) {
+template <class OnBox, class OnShape>
+void Flattener::Impl::visitContent(std::uint32_t top, const OnBox& onBox, const OnShape& onShape) const {
     std::vector<std::uint32_t> way{top};
     while (!way.empty()) {
         const std::uint32_t index = way.back();
         way.pop_back();
-        if (index != top)
-            if (const auto inner = boxes.shown.find(index); inner != boxes.shown.end() && !inner->second.authored) {
-                inner->second.around = box;
-                continue;
-            }
-        if (tree[index].role == Role::shape) {
-            if (box == kNone)
-                forgetLeaf(index);
-            else
-                setLeaf(index, box);
+        const auto inner = index == top ? boxes.shown.end() : boxes.shown.find(index);
+        if (inner != boxes.shown.end() && !inner->second.authored) {
+            onBox(index);
+            continue;
         }
+        if (tree[index].role == Role::shape) onShape(index);
         for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) way.push_back(c);
     }
+}
+
+/// To another box.
+void Flattener::Impl::handLeaves(std::uint32_t top, std::uint32_t box) {
+    visitContent(
+        top, [&](std::uint32_t inner) { boxes.shown.at(inner).around = box; },
+        [&](std::uint32_t leaf) {
+            if (box == kNone)
+                forgetLeaf(leaf);
+            else
+                setLeaf(leaf, box);
+        });
 }
 
 // ---- what is in them ----------------------------------------------------------------------------------------------
@@ -196,18 +203,11 @@ void Flattener::Impl::changeBox(std::uint32_t index, const WorldBox& was, const 
 
 WorldBox Flattener::Impl::boxOfContent(std::uint32_t top) const {
     WorldBox all;
-    std::vector<std::uint32_t> way{top};
-    while (!way.empty()) {
-        const std::uint32_t index = way.back();
-        way.pop_back();
-        if (index != top)
-            if (const auto inner = boxes.shown.find(index); inner != boxes.shown.end() && !inner->second.authored) {
-                all.extend(inner->second.content);
-                continue;
-            }
-        if (const auto leaf = boxes.leaves.find(index); leaf != boxes.leaves.end()) all.extend(leaf->second.world);
-        for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) way.push_back(c);
-    }
+    visitContent(
+        top, [&](std::uint32_t inner) { all.extend(boxes.shown.at(inner).content); },
+        [&](std::uint32_t shape) {
+            if (const auto leaf = boxes.leaves.find(shape); leaf != boxes.leaves.end()) all.extend(leaf->second.world);
+        });
     return all;
 }
 

@@ -247,6 +247,9 @@ struct Flattener::Impl {
     void dropBox(std::uint32_t index);
     /// The innermost from this occurrence outwards that has leaves.
     std::uint32_t boxAround(std::uint32_t index) const;
+    /// The shapes from here down to the next boxes that have leaves, and these.
+    template <class OnBox, class OnShape>
+    void visitContent(std::uint32_t top, const OnBox& onBox, const OnShape& onShape) const;
     void handLeaves(std::uint32_t top, std::uint32_t box);
     void setLeaf(std::uint32_t index, std::uint32_t box);
     void forgetLeaf(std::uint32_t index);

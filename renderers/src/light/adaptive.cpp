@@ -92,6 +92,7 @@ class Sampling {
           y0_(y0),
           most_(std::max(settings.samplesPerPixel, 2 * kLeastOfGroup)),
           groups_(std::min(kGroups, most_ / kLeastOfGroup)),
+          leastStep_(scene.shutter ? kLeastOfGroup : kStepOfGroup),
           moments_(groups_),
           tile_(tile) {}
 
@@ -100,8 +101,8 @@ class Sampling {
         for (int samples = 0; blocks;) {
             // An eighth more each time: more often costs coherence, more seldom samples that were not needed.
             const auto eighth = static_cast<int>(std::bit_floor(static_cast<unsigned>(samples)) / 8);
-            const int step = samples == 0 ? kLeastOfGroup : std::max(kStepOfGroup, eighth);
-            const int next = std::min(samples + step, most_ / groups_);
+            const int limit = most_ / groups_, step = samples == 0 ? kLeastOfGroup : std::max(leastStep_, eighth);
+            const int next = limit - (samples + step) < leastStep_ ? limit : samples + step;
             if (next == samples) break;
             for (int group = 0; group < groups_; ++group) sample(group, blocks, samples, next);
             samples = next;
@@ -126,7 +127,7 @@ class Sampling {
         own.seed = mixBits(settings_.seed * 0x9e3779b97f4a7c15ull + static_cast<std::uint64_t>(group));
         TileResult now;
         now.blocks = blocks;
-        if (scene_.shutter) {  // whose instants are spread over all samples that are asked for
+        if (scene_.shutter) {
             own.seed = mixBits(own.seed + static_cast<std::uint64_t>(first));
             own.samplesPerPixel = last - first;
         } else {
@@ -180,6 +181,9 @@ class Sampling {
     const Camera& camera_;
     const RenderSettings& settings_;
     const int x0_, y0_, most_, groups_;
+    /// Samples of a shutter's instants are spread over all that are asked for at once, and a single one is in the
+    /// middle of its pixel: there each step is a sequence of its own, and not too short.
+    const int leastStep_;
     Moments moments_;
     std::array<int, kBlocks> samples_{};  // of each group
     AdaptiveTile& tile_;

@@ -75,7 +75,7 @@ Result<std::unique_ptr<McapWriter>> McapWriter::create(const std::filesystem::pa
     bytes.append(kMagic.data(), kMagic.size());
     putRecord(bytes, Op::header, [&] {
         putText(bytes, "");
-        putText(bytes, writer->options_.library);
+        putText(bytes, "rtsg");  // who writes
     });
     if (auto ok = writer->put(bytes); !ok) return std::unexpected(ok.error());
     return writer;

@@ -25,8 +25,9 @@ constexpr int kBacklog = 4096;                                        // connect
 constexpr int kLinger = 200;                                          // ms
 constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;           // for what peers have not been sent
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
-constexpr auto kTick = 10ms, kSettle = 5ms, kLongestSleep = 1000ms;
-constexpr std::size_t kFew = 16;                                  // peers
+constexpr auto kTick = 10ms, kLongestSleep = 1000ms;              // between looks at all peers, at least and at most
+constexpr auto kSettle = 5ms;                                     // between statistics of more peers
+constexpr std::size_t kFew = 16;                                  // than these
 constexpr auto kLookAround = 20ms, kLookAgain = 1ms;              // for connections that send no whole message
 constexpr auto kUnusedPart = 10s;                                 // until a part without peers is let go
 constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;  // bytes of frames, at least
@@ -133,12 +134,17 @@ void MirrorServer::Io::turn() {
     const Clock::time_point now = Clock::now();
     if (now - ticked_ >= kTick || shared_->originLost != toldLost_) tick(now);
     // A thousand peers answer one after the other: what one of them says is no reason to look at all others.
-    if (std::exchange(news_, false) || now >= allDue_)
+    const bool everybody = std::exchange(news_, false) || now >= allDue_;
+    if (everybody)
         pumpAll(now);
     else
-        pumpHeard();
+        pumpHeard(now);
     heard_.clear();
-    settle(now);
+    // Statistics go through all peers: of what single ones say seldom, unless the scene waits for one of them.
+    unsettled_ = !everybody && !heldUp_ && peers_.size() > kFew && now - settled_ < kSettle;
+    if (unsettled_) return;
+    settled_ = now;
+    publishStatistics();
 }
 
 void MirrorServer::Io::pumpAll(Clock::time_point now) {
@@ -150,24 +156,15 @@ void MirrorServer::Io::pumpAll(Clock::time_point now) {
     }
 }
 
-void MirrorServer::Io::pumpHeard() {
+void MirrorServer::Io::pumpHeard(Clock::time_point now) {
     for (const std::string& identity : heard_) {
         const auto peer = peers_.find(identity);
         if (peer == peers_.end()) continue;
         if (!pump(peer->second))
             peers_.erase(peer);
         else
-            allDue_ = std::min(allDue_, dueFor(peer->second, Clock::now()));
+            allDue_ = std::min(allDue_, dueFor(peer->second, now));
     }
-}
-
-/// Statistics go through all peers: seldom where these are many, unless the scene waits for one of them.
-void MirrorServer::Io::settle(Clock::time_point now) {
-    unsettled_ = true;
-    if (!heldUp_ && peers_.size() > kFew && now - settled_ < kSettle) return;
-    unsettled_ = false;
-    settled_ = now;
-    publishStatistics();
 }
 
 MirrorServer::Io::Clock::time_point MirrorServer::Io::dueFor(const Peer& peer, Clock::time_point now) const {

@@ -143,6 +143,7 @@ class MirrorServer::Io {
     void handleOf(Peer& peer, mirror::Message type, wire::Reader& in, std::span<const std::byte> bytes,
                   const ZmqMessage& body);
     void hello(const std::string& identity, const mirror::Hello& hello, const std::string& user);
+    void noteHeard(const std::string& identity);
     std::string authorOf(const mirror::Hello& hello, const std::string& user) const;
     void question(Peer& peer, std::span<const std::byte> bytes);
     void submission(Peer& peer, wire::Reader& in, const ZmqMessage& body);
@@ -157,8 +158,7 @@ class MirrorServer::Io {
     Clock::time_point dueFor(const Peer& peer, Clock::time_point now) const;
     /// Sends what may be sent: to everybody, or to those who have been heard in this turn.
     void pumpAll(Clock::time_point now);
-    void pumpHeard();
-    void settle(Clock::time_point now);
+    void pumpHeard(Clock::time_point now);
     void askForKeyframe(std::uint32_t part);
     void keepKeyframeNear(std::uint32_t part);
     /// The number of the stream with these parts and aspects; nothing when there are as many as there may be.

@@ -39,8 +39,7 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
         mirror::Hello greeting;
         if (!greeting.read(in)) return garbage("a malformed hello");
         hello(identity, greeting, user);
-        heard_.push_back(identity);
-        return;
+        return noteHeard(identity);
     }
     if (*type < Message::ack || *type > Message::control)
         return garbage(fmt::format("a message of unknown type {}", static_cast<unsigned>(*type)));
@@ -55,7 +54,12 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
         return;
     }
     handleOf(found->second, *type, in, bytes, body);
-    heard_.push_back(identity);
+    noteHeard(identity);
+}
+
+/// Once for all that a peer has sent in a row.
+void MirrorServer::Io::noteHeard(const std::string& identity) {
+    if (heard_.empty() || heard_.back() != identity) heard_.push_back(identity);
 }
 
 void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std::span<const std::byte> bytes,

@@ -8,15 +8,13 @@
 
 #include <rtsg/audio/acoustic_tracer.h>
 
+#include "audio/trace/trace_options.h"
 #include "audio/triangle_geometry.h"
 
 namespace rtsg {
 namespace {
 
-using test::kListener;
-using test::kSource;
-using test::Shoebox;
-using test::TriangleGeometry;
+using namespace test;
 using trace::ListenerImages;
 using trace::MirrorSequence;
 
@@ -79,14 +77,8 @@ TEST(ListenerImages, AreKnownByTheirPlanesInTheOrderOfSound) {
 }
 
 TraceOptions imagesOptions(std::uint64_t rays, std::uint64_t seed, int connectedOrder) {
-    TraceOptions result;
-    result.rays = rays;
-    result.imageOrder = 3;
-    result.batches = 16;
-    result.maxSeconds = 2;
-    result.seed = seed;
+    TraceOptions result = shortTrace(rays, seed, 3);
     result.connectedOrder = connectedOrder;
-    result.air.absorbs = false;
     return result;
 }
 

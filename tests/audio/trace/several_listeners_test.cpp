@@ -6,24 +6,15 @@
 
 #include <rtsg/audio/acoustic_tracer.h>
 
+#include "audio/trace/trace_options.h"
 #include "audio/triangle_geometry.h"
 
 namespace rtsg {
 namespace {
 
 using test::Shoebox;
+using test::shortTrace;
 using test::TriangleGeometry;
-
-TraceOptions listenersOptions(std::uint64_t rays, std::uint64_t seed) {
-    TraceOptions result;
-    result.rays = rays;
-    result.imageOrder = 2;
-    result.batches = 16;
-    result.maxSeconds = 2;
-    result.seed = seed;
-    result.air.absorbs = false;
-    return result;
-}
 
 double lateEnergy(const TraceResult& result) {
     double sum = 0;
@@ -57,7 +48,7 @@ TEST(SeveralListeners, ADiffusePlaneSendsEachWhatTheIntegralSays) {
     constexpr int kRuns = 300;
     std::vector<double> sum(listeners.size()), squares(listeners.size());
     for (int run = 0; run < kRuns; ++run) {
-        const auto results = AcousticTracer(plane).trace({0, 0, 2}, listeners, listenersOptions(320, 1 + run));
+        const auto results = AcousticTracer(plane).trace({0, 0, 2}, listeners, shortTrace(320, 1 + run, 2));
         ASSERT_EQ(results.size(), listeners.size());
         for (std::size_t i = 0; i < results.size(); ++i) {
             const double late = lateEnergy(results[i]);
@@ -85,9 +76,9 @@ TEST(SeveralListeners, HearWhatEachHearsAlone) {
         const AcousticTracer tracer(room);
         const glm::dvec3 source{1, 1, 1.5};
         const std::vector<glm::dvec3> listeners{{4, 3, 1.5}, {1, 4, 1.2}, {5.5, .4, .3}, {5, 4.5, 2}, {3, 2, 1}};
-        const auto shared = tracer.trace(source, listeners, listenersOptions(9600, 3));
+        const auto shared = tracer.trace(source, listeners, shortTrace(9600, 3, 2));
         for (std::size_t i = 0; i < listeners.size(); ++i) {
-            const TraceResult alone = tracer.trace(source, listeners[i], listenersOptions(9600, 4));
+            const TraceResult alone = tracer.trace(source, listeners[i], shortTrace(9600, 4, 2));
             ASSERT_EQ(shared[i].arrivals.size(), alone.arrivals.size());
             EXPECT_EQ(shared[i].receiverRadius, alone.receiverRadius);
             EXPECT_NEAR(shared[i].absorbed[4], 1, .01);
@@ -110,19 +101,19 @@ TEST(SeveralListeners, RepeatRefineAndLeaveNobodyElseOut) {
     const std::vector<glm::dvec3> listeners{{4, 3, 1.5}, {2, 4, 1}};
     const double nan = std::numeric_limits<double>::quiet_NaN();
     const std::vector<glm::dvec3> more{{4, 3, 1.5}, {nan, 0, 0}, {2, 4, 1}, {2e6, 0, 0}};
-    auto a = tracer.trace(source, listeners, listenersOptions(480, 2));
-    const auto b = tracer.trace(source, more, listenersOptions(480, 2));
+    auto a = tracer.trace(source, listeners, shortTrace(480, 2, 2));
+    const auto b = tracer.trace(source, more, shortTrace(480, 2, 2));
     ASSERT_EQ(b.size(), 4u);
     EXPECT_EQ(a[0].echogram().total(), b[0].echogram().total());
     EXPECT_EQ(a[1].echogram().total(), b[2].echogram().total());
     EXPECT_TRUE(b[1].batches.empty());
     EXPECT_TRUE(b[3].arrivals.empty());
     const double before = std::max(largestError(a[0].metrics()), largestError(a[1].metrics()));
-    const double reached = tracer.refineTo(a, source, listeners, listenersOptions(480, 2), before / 2, 1'000'000);
+    const double reached = tracer.refineTo(a, source, listeners, shortTrace(480, 2, 2), before / 2, 1'000'000);
     EXPECT_LE(reached, before / 2);
     EXPECT_EQ(reached, std::max(largestError(a[0].metrics()), largestError(a[1].metrics())));
     EXPECT_EQ(a[0].rays, a[1].rays);
-    EXPECT_TRUE(tracer.trace(source, std::span<const glm::dvec3>(), listenersOptions(480, 2)).empty());
+    EXPECT_TRUE(tracer.trace(source, std::span<const glm::dvec3>(), shortTrace(480, 2, 2)).empty());
 }
 
 /// A source on a screen is before it for one listener and behind it for another.
@@ -131,7 +122,7 @@ TEST(SeveralListeners, ASourceOnAScreenIsOnTheSideOfEach) {
     screen.addQuad({-4, -4, 0}, {4, -4, 0}, {4, 4, 0}, {-4, 4, 0}, screen.addMaterial(.1, .9));
     screen.finish();
     const std::vector<glm::dvec3> listeners{{0, 0, 3}, {0, 0, -3}, {1, 0, 2}};
-    TraceOptions o = listenersOptions(320, 1);
+    TraceOptions o = shortTrace(320, 1, 2);
     o.diffractionOrder = 0;
     const auto results = AcousticTracer(screen).trace({.1, .2, 0}, listeners, o);
     for (const TraceResult& result : results) {

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <string>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <rtsg/core/x3d.h>
@@ -320,6 +321,17 @@ TEST(Shutter, GoesWithTheOthers) {
     ASSERT_FALSE(sampled.interval.empty());
     for (int x = 0; x < kShutterSide; ++x) EXPECT_NEAR(sampled.at(x, 16).r, shareOfTime(x, 1, -2, 1.5), .05) << x;
     EXPECT_LT(known.stats.error, .025);
+
+    // What rests beside it is as smooth as without a shutter: of a pixel that it covers a third of, a third.
+    const double edge = columnAt(24) - kShutterHalf / kShutterSide + 2 * kShutterHalf / kShutterSide / 3;
+    ShutterScene still("DEF T Transform { translation -2 3 0 children " + square(.5, unlit("1 1 1")) +
+                           "} Transform { translation " + fmt::format("{} 0 0", edge - 1) + " children " +
+                           square(1, unlit("1 1 1")) + "}",
+                       1, 1 << 14);
+    still.options.settings.error = .01f;
+    still.picture();
+    still.move("T", {1.5f, 3, 0});
+    EXPECT_NEAR(still.picture().at(24, 16).r, 1. / 3, .015);
 
     ShutterScene eyes(body, 1, 512);
     eyes.options.stereo = Stereo::beside, eyes.options.focus = 20, eyes.options.eyeDistance = 1;

@@ -3,10 +3,11 @@
 // Invariant: one instance per path from the root to a Shape (DEF/USE makes identity the path, not the node), and one
 // per path to what displays its bounding box. Applying every delta in order gives what flattening from scratch gives,
 // up to the numbering of the slots. A slot that a delta frees is handed out again by a later delta at the earliest,
-// under another generation. Order: handle scopes, geometries, removed, added, rebound, moved, geometriesRemoved. An
-// instance is in at most one of removed, added and (moved or rebound or both). Threading: plain data, self-contained:
-// shape and place need no scene to be read (materials do). Source: ISO/IEC 19775-1 V4.0 4.3.5 (transformation
-// hierarchy), 17.2.2 (scope of lights); paper section 5.1.
+// under another generation.
+// Order: handle scopes, geometries, removed, added, rebound, moved, geometriesRemoved. An instance is in at most one of
+// removed, added and (moved or rebound or both).
+// Threading: plain data, self-contained: shape and place need no scene to be read (materials do).
+// Source: ISO/IEC 19775-1 V4.0 4.3.5 (transformation hierarchy), 17.2.2 (scope of lights); paper section 5.1.
 #pragma once
 
 #include <cstdint>
@@ -144,8 +145,8 @@ struct InstanceDelta {
     std::vector<Instance> rebound;  // another geometry, appearance, scope, castShadow...: anything but the transform
 
     std::vector<Geometry> geometries;  // first used now, or changed in itself or in a node below (Coordinate...)
-    std::vector<NodeId>
-        geometriesRemoved;  // no instance refers to them any more, nor hidden content of a displayed box
+    /// No instance refers to them any more, nor hidden content of a displayed box.
+    std::vector<NodeId> geometriesRemoved;
     /// Nodes some instance refers to with a change in any field, or in any node below (Material, ImageTexture...).
     std::vector<NodeId> appearanceChanged;
     std::vector<NodeId> acousticsChanged;

@@ -23,7 +23,6 @@ namespace rtsg {
 struct McapOptions {
     std::uint64_t chunkBytes = std::uint64_t{1} << 20;
     bool compress = true;  // chunks by zstd
-    std::string library = "rtsg";
     Existing existing = Existing::replace;
 };
 
