@@ -389,7 +389,7 @@ McapExport::~McapExport() = default;
 Result<std::unique_ptr<McapExport>> McapExport::attach(SharedWorld& world, const std::string& file,
                                                        McapOptions options) {
     auto impl = std::make_unique<Impl>(world);
-    auto writer = McapWriter::create(file, std::move(options));
+    auto writer = McapWriter::create(file, options);
     if (!writer) return std::unexpected(writer.error());
     impl->writer = std::move(*writer);
     const auto topic = [&](std::uint16_t& number, const char* name, const char* schemaName, const std::string& schema) {

@@ -61,13 +61,12 @@ std::uint32_t crc(std::uint32_t before, std::span<const std::byte> bytes) {
 
 }  // namespace
 
-McapWriter::McapWriter(std::filesystem::path file, McapOptions options)
-    : file_(std::move(file)), options_(std::move(options)) {}
+McapWriter::McapWriter(std::filesystem::path file, McapOptions options) : file_(std::move(file)), options_(options) {}
 
 McapWriter::~McapWriter() = default;
 
 Result<std::unique_ptr<McapWriter>> McapWriter::create(const std::filesystem::path& file, McapOptions options) {
-    std::unique_ptr<McapWriter> writer(new McapWriter(file, std::move(options)));
+    std::unique_ptr<McapWriter> writer(new McapWriter(file, options));
     auto out = OutputFile::create(file, writer->options_.existing);
     if (!out) return std::unexpected(out.error());
     writer->out_ = std::move(*out);
