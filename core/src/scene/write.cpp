@@ -1,5 +1,6 @@
 // Children, destruction; and sealing what was written into a ChangeSet.
 #include <algorithm>
+#include <array>
 #include <tuple>
 
 #include "writing.h"
@@ -125,8 +126,8 @@ void Scene::State::detachEverything(Node& node) {
         Node& parent = *find(p.node);
         const FieldDef& def = parent.type_->fields[p.field];
         if (def.type == FieldType::SFNode) {
-            const NodeId none;
-            write(parent, p.field, &none);
+            const std::array<NodeId, 4> none{};  // with room for any plain value: compilers see all sizes being copied
+            write(parent, p.field, none.data());
         } else {
             removeChildAt(parent, p.field, lastPlace(childrenAt(parent.storage(p.field)), node.id_));
         }
