@@ -96,6 +96,8 @@ Result<> Scene::State::applyCreation(const Change& c, bool pending) {
     constexpr std::uint32_t kMaximumLeap = 1u << 30;
     if (c.node.value - std::min(c.node.value, nextId) > kMaximumLeap)
         return fail(fmt::format("node id {} is out of sequence", c.node.value));
+    // A number that comes again belongs to another node, whose values are the defaults.
+    if (c.node.value < nextId) forgetTerms();
     Node& created = allocate(c.node, TypeIndex{static_cast<std::uint16_t>(c.index)}, c.other);
     hash.add(detail::nodeTerm(created.id_, types[c.index].nameHash, c.other));
     if (pending) newNodes.push_back(created.id_);
@@ -249,6 +251,7 @@ Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
         Hash128 sum;
         forEachNode([&](const Node& node) { sum = sum + hashOfNode(*this, node); });
         s.hash = detail::StateHash(sum);
+        s.forgetTerms();
     }
     s.sequence = set->to;
     s.now = set->time;

@@ -138,18 +138,55 @@ void Scene::State::writeShared(Lane& lane, Node& node, FieldIndex field, const v
     if (header) lane.work += header->size * header->elementSize / kBytesPerEvent;
 }
 
+/// Adds the entry of a field about to be written, of a set that is applied. In such a set no field is marked as
+/// written: entries of one node are in a list, in which this sees whether a field comes again.
+[[gnu::always_inline]] inline WrittenField& Scene::State::newSealedEntry(Node& node, FieldIndex field,
+                                                                         const FieldSlot& slot) {
+    const std::uint32_t before = node.dirtySlot_;  // where the node's last entry was, in this set or an older one
+    WrittenField& entry = newEntry(*this, node, field, slot);
+    if (before < slotOf(&entry) && written->at(before).node == node.id_) {
+        entry.next = before + 1;
+        if (!namesTwice && isNamedBefore(entry)) [[unlikely]]
+            doubtTerms(node, entry);
+    }
+    return entry;
+}
+
+/// True as well where the list is so long that to go through it for every field in it would take too long.
+bool Scene::State::isNamedBefore(const WrittenField& entry) const {
+    constexpr int kMost = 64;
+    int steps = 0;
+    for (std::uint32_t i = entry.next; i != 0; i = written->at(i - 1).next)
+        if (written->at(i - 1).field == entry.field || ++steps == kMost) return true;
+    return false;
+}
+
+void Scene::State::doubtTerms(const Node& node, WrittenField& entry) {
+    namesTwice = true;
+    forgetTerms();
+    const FieldSlot& slot = node.type_->slot(entry.field);
+    copyPlain(entry.before, node.block() + slot.offset, slot.size);
+    entry.hashed = false;
+}
+
 void Scene::State::writeSealed(Node& node, FieldIndex field, const Value& value) {
     const FieldSlot& slot = node.type_->slot(field);
-    WrittenField& entry = newEntry(*this, node, field, slot);
-    // A set that names a field twice is none of ours; its second term must not be the first one's.
-    if (entry.hashed && !isShared(entry.type)) expected[-1].node = {};
+    if (isShared(slot.type)) {
+        const std::uint32_t place = node.dirtySlot_;
+        WrittenField& entry = newEntry(*this, node, field, slot);
+        hash.subtract(entry.term());
+        store(node, field, value.storage());
+        hash.add(termOf(node, field));
+        entry.node = {};  // lists change in place: their terms do not last
+        node.dirtySlot_ = place;
+        return;
+    }
+    WrittenField& entry = newSealedEntry(node, field, slot);
     hash.subtract(termBefore(node, entry));
     store(node, field, value.storage());
-    entry.setTerm(isShared(entry.type) ? termOf(node, field)
-                                       : detail::plainTerm(node.id_, keyOf(node, field), node.block() + slot.offset,
-                                                           node.type_->defaults() + slot.offset, slot.size));
+    entry.setTerm(detail::plainTerm(node.id_, keyOf(node, field), node.block() + slot.offset,
+                                    node.type_->defaults() + slot.offset, slot.size));
     hash.add(entry.term());
-    if (isShared(entry.type)) entry.node = {};  // lists change in place: their terms do not last
 }
 
 /// As writeSealed for each. Of a run like this most of what is looked up once serves all, and nodes are fetched ahead.
@@ -184,8 +221,7 @@ void Scene::State::writeSealed(Node& node, FieldIndex field, const Value& value)
             keys = types[keyedType.value].keys;
         }
         const FieldKey key = keys[change.field];
-        WrittenField& entry = newEntry(*this, *node, change.field, slot);
-        if (entry.hashed) expected[-1].node = {};  // as in writeSealed
+        WrittenField& entry = newSealedEntry(*node, change.field, slot);
         std::byte* const target = node->block() + slot.offset;
         const std::byte* fallback = type.defaults() + slot.offset;
         detail::withPlainSize(slot.size, [&]<std::size_t size>() {
@@ -210,12 +246,19 @@ void Scene::State::keepTerms() {
     if (countWritten() == 0) return;
     std::swap(written, sealed);
     written->clear();
+    if (std::exchange(namesTwice, false)) sealed->clear();
     const auto forget = [](Lane& lane) {
         lane.entryRoom = {};
         lane.nextEntry = lane.entryEnd = lane.pieceBegin = lane.expected = lane.expectedEnd = nullptr;
     };
     forget(*this);
     for (const auto& lane : lanes) forget(*lane);
+}
+
+void Scene::State::forgetTerms() {
+    if (sealed->size() == 0) return;
+    sealed->clear();
+    expected = expectedEnd = nullptr;
 }
 
 /// Of a value that is shared, or wide. Returns by how much the hash grows.

@@ -226,6 +226,12 @@ struct Scene::State : Scene::Lane {
     }
     /// The entries of this set become those that the next one looks for.
     void keepTerms();
+    /// None is there to be found: what has a number may no longer be what had it when the last set was sealed.
+    void forgetTerms();
+    bool namesTwice = false;  // the set that is applied names a field twice, or may: none of its terms is to be found
+    WrittenField& newSealedEntry(Node& node, FieldIndex field, const FieldSlot& slot);
+    bool isNamedBefore(const WrittenField& entry) const;
+    void doubtTerms(const Node& node, WrittenField& entry);
     void beginWrite(Node& node, FieldIndex field);
     void beginWrite(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
     /// A whole new value makes the insertions and removals noted so far void.

@@ -57,15 +57,15 @@ struct RunsOfValues : testing::Test {
 
 TEST_F(RunsOfValues, GiveTheirValuesAndTheHashOfThese) {
     std::mt19937 random(7);
-    constexpr int kRounds = 20;
+    constexpr int kRounds = 40;
     for (int round = 0; round < kRounds; ++round) {
+        const bool oftenEach = round % 8 == 5;  // a field several times, which no scene of ours would send
         std::vector<Change> changes;
         std::map<std::pair<NodeId, FieldIndex>, Value> last;
         for (int i = 0; i < 300; ++i) {
             const Change change = someValue(random);
             const bool isNew = last.insert_or_assign({change.node, change.field}, change.value).second;
-            // A field twice, which no scene of ours would send, at the end alone.
-            if (isNew || round == kRounds - 1)
+            if (isNew || oftenEach)
                 changes.push_back(change);
             else
                 std::ranges::find_if(changes, [&](const Change& c) {
@@ -75,6 +75,46 @@ TEST_F(RunsOfValues, GiveTheirValuesAndTheHashOfThese) {
         ASSERT_TRUE(scene.apply(setAfter(scene, changes)));
         for (const auto& [place, value] : last) EXPECT_EQ(scene.node(place.first).value(place.second), value);
         EXPECT_EQ(scene.hash(), hashAnew(scene)) << round;
+    }
+}
+
+/// What the set before left as the term of a value is the last one's, in a run of values and alone.
+TEST_F(RunsOfValues, OfAFieldThatComesTwiceTheLastValueCountsInTheNextSet) {
+    const auto at = [](NodeId node, float x) {
+        return changeTo(node, x3d::Transform::translation.index, Vec3f(x, 0, 0));
+    };
+    const auto turned = [](NodeId node, float angle) {
+        return changeTo(node, x3d::Transform::rotation.index, Rotation{0, 0, 1, angle});
+    };
+    const NodeId a = nodes[0], b = nodes[1], c = nodes[2];
+    const std::vector<std::vector<Change>> sets = {
+        {at(a, 1), at(b, 1), at(b, 2)},
+        {at(a, 2), at(b, 3)},
+        {at(a, 1), at(b, 1), turned(b, 1), at(c, 1), at(b, 2), turned(b, 2)},
+        {at(a, 2), at(b, 3), turned(b, 3), at(c, 2)},
+        {at(b, 5), at(a, 6), at(b, 6), turned(a, 7), at(a, 7), turned(b, 8), turned(a, 1)},
+        {at(b, 5), at(a, 6), turned(a, 7), at(a, 7), turned(b, 8), turned(a, 1)},
+        {at(a, 1), at(b, 1)},
+    };
+    for (const auto& changes : sets) {
+        ASSERT_TRUE(scene.apply(setAfter(scene, changes)));
+        ASSERT_EQ(scene.hash(), hashAnew(scene)) << "state " << scene.sequence();
+    }
+}
+
+/// Those who watch a part of a world lose nodes and get them again.
+TEST_F(RunsOfValues, ANodeThatComesAgainUnderItsNumberHasTheTermsOfItsDefaults) {
+    Change destruction, creation;
+    destruction.node = creation.node = nodes[0];
+    destruction.kind = ChangeKind::destroyNode;
+    creation.kind = ChangeKind::createNode;
+    creation.index = x3d::Transform::type.value;
+    const auto at = [&](float x) { return changeTo(nodes[0], x3d::Transform::translation.index, Vec3f(x, 0, 0)); };
+    for (const std::vector<Change>& changes :
+         {std::vector{at(1)}, std::vector{destruction}, std::vector{creation, at(2)}, std::vector{at(3), destruction},
+          std::vector{creation}, std::vector{at(4)}}) {
+        ASSERT_TRUE(scene.apply(setAfter(scene, changes)));
+        ASSERT_EQ(scene.hash(), hashAnew(scene)) << "state " << scene.sequence();
     }
 }
 

@@ -6,6 +6,9 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/partial_hash.h>
+#include <rtsg/core/x3d.h>
+
 #include "random_sets.h"
 
 namespace rtsg {
@@ -147,6 +150,33 @@ ByteBuffer resealed(std::span<const std::byte> record, RecordHeader header) {
     result.append(record);
     sealRecord(result, header);
     return result;
+}
+
+/// No scene of ours sends such a record, but nothing forbids it to a peer.
+TEST(ChangeCodec, AReplicaOfARecordThatNamesAFieldTwiceHasTheHashOfItsContents) {
+    ChangeEncoder encoder;
+    ChangeDecoder decoder({});
+    Scene replica;
+    const NodeId a = replica.createNode(x3d::Transform::type), b = replica.createNode(x3d::Transform::type);
+    replica.seal();
+    const auto at = [](NodeId node, float x) {
+        return valueChange(node.value, x3d::Transform::translation.index, Vec3f(x, 0, 0));
+    };
+    for (const auto& changes : {std::vector{at(a, 1), at(b, 1), at(b, 2)}, std::vector{at(a, 2), at(b, 3)}}) {
+        ChangeSet set;
+        set.from = replica.sequence();
+        set.to = set.from + 1;
+        set.changes = changes;
+        ByteBuffer record;
+        encoder.encode(set, record);
+        const auto decoded = std::make_shared<ChangeSet>();
+        ASSERT_TRUE(decoder.decode(record.bytes(), *decoded));
+        ASSERT_TRUE(replica.apply(decoded));
+        Hash128 sum;
+        replica.forEachNode([&](const Node& node) { sum = sum + hashOfNode(replica, node); });
+        EXPECT_EQ(replica.hash(), sum);
+    }
+    EXPECT_EQ(replica.node(b).value(x3d::Transform::translation.index), Value(Vec3f(3, 0, 0)));
 }
 
 TEST(ChangeCodec, EveryTruncationAndBitFlipOfARecordIsDetected) {
