@@ -16,6 +16,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
+#include "trigonometry.h"
 
 namespace rtsg::behaviours {
 
@@ -59,28 +60,37 @@ template <>
 struct Motion<Rotation> {
     using Wide = glm::dquat;
     using Delta = glm::dvec3;
-    static Wide turned(const glm::dvec3& axis, double angle) {
-        const double length = glm::length(axis);
+    /// By `angle` about an axis of this length.
+    static Wide turned(const glm::dvec3& axis, double length, double angle) {
         if (!(length > 0)) return {1, 0, 0, 0};
-        const glm::dvec3 v = axis * (std::sin(angle / 2) / length);
-        return {std::cos(angle / 2), v.x, v.y, v.z};
+        const SineCosine half = sineCosine(angle / 2);
+        const glm::dvec3 v = axis * (half.sine / length);
+        return {half.cosine, v.x, v.y, v.z};
     }
-    static Wide widen(const Rotation& r) { return turned({r.x, r.y, r.z}, r.angle); }
+    static Wide widen(const Rotation& r) {
+        const glm::dvec3 axis(r.x, r.y, r.z);
+        const double square = glm::dot(axis, axis);
+        return turned(axis, square == 1 ? 1 : std::sqrt(square), r.angle);
+    }
+    /// Of a quaternion of any length, so that none needs to be normalised.
     static Rotation narrow(Wide q) {
         if (q.w < 0) q = -q;
         const double s = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z);
         if (!(s > 0)) return {0, 0, 1, 0};
         return {static_cast<float>(q.x / s), static_cast<float>(q.y / s), static_cast<float>(q.z / s),
-                static_cast<float>(2 * std::atan2(s, q.w))};
+                static_cast<float>(2 * quadrantAngle(s, q.w))};
     }
     static Delta from(const Wide& a, const Wide& b) {
         Wide q = glm::conjugate(a) * b;
         if (q.w < 0) q = -q;  // the shorter way
         const glm::dvec3 v(q.x, q.y, q.z);
         const double s = glm::length(v);
-        return s > 0 ? v * (2 * std::atan2(s, q.w) / s) : glm::dvec3(0);
+        return s > 0 ? v * (2 * quadrantAngle(s, q.w) / s) : glm::dvec3(0);
     }
-    static Wide moved(const Wide& a, const Delta& d) { return glm::normalize(a * turned(d, glm::length(d))); }
+    static Wide moved(const Wide& a, const Delta& d) {
+        const double angle = glm::length(d);
+        return a * turned(d, angle, angle);
+    }
     static double size(const Delta& d) { return glm::length(d); }
 };
 
@@ -133,7 +143,10 @@ template <class E>
 class Few {
   public:
     explicit Few(std::size_t size) : size_(size) {
-        if (size > kShort) long_.resize(size);
+        if (size > kShort)
+            long_.resize(size);
+        else
+            std::fill_n(short_.begin(), size, E{});
     }
     std::size_t size() const { return size_; }
     E* data() { return size_ > kShort ? long_.data() : short_.data(); }
@@ -143,7 +156,7 @@ class Few {
   private:
     static constexpr std::size_t kShort = 5;
     std::size_t size_;
-    std::array<E, kShort> short_{};
+    std::array<E, kShort> short_;
     std::vector<E> long_;
 };
 
@@ -323,7 +336,7 @@ struct Damper {
                                 ? began_[i - each_]
                                 : M::from(to_[i % each_], M::widen(filters[i]));
             double weight = std::exp(-s);
-            for (std::size_t k = 0; k < weights_.size(); ++k) {
+            for (std::size_t k = 0; k < order_; ++k) {
                 weights_[k] = weight;
                 weight *= s / static_cast<double>(k + 1);
             }
