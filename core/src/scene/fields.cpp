@@ -143,7 +143,7 @@ void Scene::State::writeShared(Lane& lane, Node& node, FieldIndex field, const v
 [[gnu::always_inline]] inline WrittenField& Scene::State::newSealedEntry(Node& node, FieldIndex field,
                                                                          const FieldSlot& slot) {
     const std::uint32_t before = node.dirtySlot_;  // where the node's last entry was, in this set or an older one
-    WrittenField& entry = newEntry(*this, node, field, slot);
+    WrittenField& entry = newPlainEntry(*this, node, field, slot);
     if (before < slotOf(&entry) && written->at(before).node == node.id_) {
         entry.next = before + 1;
         if (!namesTwice && isNamedBefore(entry)) [[unlikely]]
@@ -396,7 +396,7 @@ inline bool Scene::State::setPlain(Node* node, FieldIndex field, FieldType type,
     if (!node || field >= node->type_->fieldCount()) return false;
     const FieldSlot& slot = node->type_->slot(field);
     if (!slot.plain || slot.type != type) return false;
-    beginWrite(*this, *node, field, slot);
+    beginWrite<true>(*this, *node, field, slot);
     copyPlain(node->block() + slot.offset, value, slot.size);
     wake(*node);
     return true;

@@ -26,8 +26,10 @@ class Places {
 
     /// A place, a view or a parent of the node has changed.
     void noteMoved(NodeId node) {
-        if (node.value < isWatched_.size() && isWatched_[node.value]) moved_.push_back(node);
+        if (isWatched(node)) moved_.push_back(node);
     }
+    /// Whether a place that somebody has asked for hangs on the node.
+    bool isWatched(NodeId node) const { return node.value < isWatched_.size() && isWatched_[node.value]; }
     /// Who asked for what has changed since the last call, each once; in no order.
     void takeConcerned(std::vector<NodeId>& out);
     /// Who waits, some of them more than once.
@@ -67,7 +69,7 @@ class Places {
     const Scene& scene_;
     std::unordered_map<std::uint32_t, Place> places_;
     std::unordered_map<std::uint32_t, Passers> passers_;
-    std::vector<bool> isWatched_;  // by NodeId
+    std::vector<std::uint8_t> isWatched_;  // by NodeId; bytes, as it is looked at with every move
     std::vector<NodeId> moved_;
     Viewer viewer_;
     bool viewerKnown_ = false;

@@ -18,7 +18,7 @@ constexpr std::size_t kMostRemembered = 10'000;
 }  // namespace
 
 /// An output field has a new value: its routes and the listener are told once a timestamp, when it is its event's turn.
-inline void Scene::State::send(Lane& lane, Node& node, FieldIndex field) {
+[[gnu::always_inline]] inline void Scene::State::send(Lane& lane, Node& node, FieldIndex field) {
     RouteGroup* group = node.links_ ? node.links_->outOf(field) : nullptr;
     if (group) {
         if (std::exchange(group->stamp, stamp) == stamp) return;
@@ -164,7 +164,8 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
     if (changed) send(cascade.lane_, node, entry.children);
 }
 
-void Scene::State::follow(Cascade& cascade, RouteTarget target, const Node& from, FieldIndex field) {
+[[gnu::always_inline]] inline void Scene::State::follow(Cascade& cascade, RouteTarget target, const Node& from,
+                                                        FieldIndex field) {
     Node* to = find(target.node);
     if (!to) return;
     const FieldDef& def = to->type_->fields[target.field];
@@ -190,34 +191,43 @@ void Scene::State::follow(Cascade& cascade, RouteTarget target, const Node& from
     deliver(cascade, *to, target.field, value);
 }
 
-void Scene::State::sendAlong(Cascade& cascade, Emission emission, std::size_t first, std::size_t last) {
+[[gnu::always_inline]] inline void Scene::State::sendEach(Cascade& cascade, const Emission& emission, std::size_t first,
+                                                          std::size_t last) {
+    // Copies: what it leads to goes into the list that it is in.
+    const NodeId sender = emission.node;
     const FieldIndex field = emission.field;
     Node* from = emission.at;
     RouteGroup* group = emission.group;
     std::uint64_t edits = emission.linkEdits;
     const auto lookUpAgain = [&] {
         edits = linkEdits;
-        from = find(emission.node);
+        from = find(sender);
         group = from && from->links_ ? from->links_->outOf(field) : nullptr;
     };
     if (edits != linkEdits) lookUpAgain();
     if (listener && from) {
-        announced.erase({emission.node, field});
+        announced.erase({sender, field});
         listener(now, *from, field, from->value(field));
         lookUpAgain();
     }
     if (!group) return;
     if (first == 0) {
         group->gone = stamp;
-        if (group->listeners > 0) cascade.lane_.heard.push_back({emission.node, field, from->value(field)});
+        if (group->listeners > 0) cascade.lane_.heard.push_back({sender, field, from->value(field)});
     }
     // Routes added while this event is on its way are not retroactive.
     const std::size_t count = std::min(last, group->targets.items().size());
     if (count > first) cascade.lane_.work += count - first;
-    for (std::size_t i = first; group && i < count && i < group->targets.items().size(); ++i) {
-        follow(cascade, group->targets.items()[i].to, *from, field);
+    for (std::size_t i = first; group && i < count; ++i) {
+        const std::span<const OutgoingRoute> targets = group->targets.items();
+        if (i >= targets.size()) break;
+        follow(cascade, targets[i].to, *from, field);
         if (edits != linkEdits) lookUpAgain();
     }
+}
+
+void Scene::State::sendAlong(Cascade& cascade, Emission emission, std::size_t first, std::size_t last) {
+    sendEach(cascade, emission, first, last);
 }
 
 void Scene::State::runRoutes(Cascade& cascade) {
@@ -226,7 +236,7 @@ void Scene::State::runRoutes(Cascade& cascade) {
     constexpr std::size_t kAhead = 6;
     for (std::size_t next = 0; next < waiting.size(); ++next) {
         if (next + kAhead < waiting.size()) __builtin_prefetch(waiting[next + kAhead].group, 1);
-        sendAlong(cascade, waiting[next]);
+        sendEach(cascade, waiting[next], 0, SIZE_MAX);
     }
     waiting.clear();
 }
@@ -283,9 +293,7 @@ void Scene::State::gatherDue() {
         due.push_back(sleepers.top().second);
         sleepers.pop();
     }
-    constexpr std::uint32_t kPlaces =
-        aspectBit(Aspect::structure) | aspectBit(Aspect::transform) | aspectBit(Aspect::view);
-    if ((touched | std::exchange(touchedBefore, 0u)) & kPlaces) {
+    if ((touched | std::exchange(touchedBefore, 0u)) & kPlaceAspects) {
         due.insert(due.end(), watchers.begin(), watchers.end());
         watchers.clear();
     }

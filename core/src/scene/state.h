@@ -214,6 +214,8 @@ struct Scene::State : Scene::Lane {
     WrittenField* knownElsewhere(Lane& lane, const Node& node, FieldIndex field) const;
     /// Adds an entry with what is known of the field before it is written: its term, or the bytes it is made of.
     WrittenField& newEntry(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
+    /// The same for a field of plain bytes.
+    WrittenField& newPlainEntry(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
     void endPiece(Lane& lane);
     void moreRoom(Lane& lane);
     /// As many as calls of newEntry since the last seal. Ends the piece of the scene's lane.
@@ -233,7 +235,14 @@ struct Scene::State : Scene::Lane {
     bool isNamedBefore(const WrittenField& entry) const;
     void doubtTerms(const Node& node, WrittenField& entry);
     void beginWrite(Node& node, FieldIndex field);
+    /// `isPlain`: it is known to be a field of plain bytes.
+    template <bool isPlain = false>
     void beginWrite(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
+    void noteAspect(Lane& lane, NodeId node, const FieldSlot& slot) {
+        const std::uint32_t bit = aspectBit(slot.aspect);
+        lane.touched |= bit;
+        if ((bit & kPlaceAspects) && isAboutPlaces(slot)) noteMoved(lane, node);
+    }
     /// A whole new value makes the insertions and removals noted so far void.
     void dropChildOps(const Node& node, FieldIndex field);
     bool setPlain(Node* node, FieldIndex field, FieldType type, const void* value);
@@ -249,6 +258,7 @@ struct Scene::State : Scene::Lane {
     void writeShared(Lane& lane, Node& node, FieldIndex field, const void* value);
     /// Whoever has asked for the place will be asked again.
     void noteMoved(Lane& lane, NodeId node) {
+        if (!places.isWatched(node)) return;
         if (lane.isBeside)
             lane.moved.push_back(node);
         else
@@ -371,6 +381,9 @@ struct Scene::State : Scene::Lane {
     }
     std::uint32_t touchedBefore = 0;  // as `touched`, of before the last seal
     static constexpr std::uint32_t aspectBit(Aspect aspect) { return 1u << static_cast<unsigned>(aspect); }
+    static constexpr std::uint32_t kPlaceAspects = 1u << static_cast<unsigned>(Aspect::structure) |
+                                                   1u << static_cast<unsigned>(Aspect::transform) |
+                                                   1u << static_cast<unsigned>(Aspect::view);
     std::priority_queue<Sleeper, std::vector<Sleeper>, std::greater<>> sleepers;
     EventListener listener;
     std::set<std::pair<NodeId, FieldIndex>> announced;  // outputs that the listener has heard at this timestamp
@@ -440,6 +453,8 @@ struct Scene::State : Scene::Lane {
     void runRoutes(Cascade& cascade);
     /// An emission goes along its routes, from the `first` of them on up to before `last`.
     void sendAlong(Cascade& cascade, Emission emission, std::size_t first = 0, std::size_t last = SIZE_MAX);
+    /// The same in line.
+    void sendEach(Cascade& cascade, const Emission& emission, std::size_t first, std::size_t last);
     /// An event of `field` reaches the input at the end of one of its routes.
     void follow(Cascade& cascade, RouteTarget target, const Node& from, FieldIndex field);
     void gatherDue();

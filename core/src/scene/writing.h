@@ -29,35 +29,50 @@ inline bool isPlain(FieldType type) {
 
 }  // namespace writing
 
-[[gnu::always_inline]] inline WrittenField& Scene::State::newEntry(Lane& lane, Node& node, FieldIndex field,
-                                                                   const FieldSlot& slot) {
+[[gnu::always_inline]] inline WrittenField& Scene::State::newPlainEntry(Lane& lane, Node& node, FieldIndex field,
+                                                                        const FieldSlot& slot) {
     if (lane.nextEntry == lane.entryEnd) [[unlikely]]
         moreRoom(lane);
-    WrittenField& entry = *new (lane.nextEntry++) WrittenField;
-    entry.node = node.id_;
-    entry.field = field;
-    entry.type = slot.type;
-    entry.external = lane.writingExternally;
-    lane.touched |= aspectBit(slot.aspect);
-    if (isAboutPlaces(slot)) noteMoved(lane, node.id_);
-    if (writing::isShared(slot.type)) {
-        entry.setTerm(termOf(node, field));
+    noteAspect(lane, node.id_, slot);
+    WrittenField* known = lane.expected;
+    if (known >= lane.expectedEnd || known->node != node.id_ || known->field != field) [[unlikely]]
+        known = knownElsewhere(lane, node, field);
+    std::uint64_t before[2] = {};
+    if (known) {
+        before[0] = known->before[0];
+        before[1] = known->before[1];
+        lane.expected = known + 1;
     } else {
-        WrittenField* known = lane.expected;
-        if (known >= lane.expectedEnd || known->node != node.id_ || known->field != field) [[unlikely]]
-            known = knownElsewhere(lane, node, field);
-        if (known) {
-            entry.setTerm(known->term());
-            lane.expected = known + 1;
-        } else {
-            copyPlain(entry.before, node.block() + slot.offset, slot.size);
-        }
+        copyPlain(before, node.block() + slot.offset, slot.size);
     }
-    entry.next = node.dirty_ ? node.dirtySlot_ + 1 : 0;
+    WrittenField& entry = *new (lane.nextEntry++) WrittenField{.node = node.id_,
+                                                               .next = node.dirty_ ? node.dirtySlot_ + 1 : 0,
+                                                               .field = field,
+                                                               .type = slot.type,
+                                                               .external = lane.writingExternally,
+                                                               .hashed = known != nullptr,
+                                                               .before = {before[0], before[1]}};
     node.dirtySlot_ = lane.slotOf(&entry);
     return entry;
 }
 
+[[gnu::always_inline]] inline WrittenField& Scene::State::newEntry(Lane& lane, Node& node, FieldIndex field,
+                                                                   const FieldSlot& slot) {
+    if (!writing::isShared(slot.type)) return newPlainEntry(lane, node, field, slot);
+    if (lane.nextEntry == lane.entryEnd) [[unlikely]]
+        moreRoom(lane);
+    noteAspect(lane, node.id_, slot);
+    WrittenField& entry = *new (lane.nextEntry++) WrittenField{.node = node.id_,
+                                                               .next = node.dirty_ ? node.dirtySlot_ + 1 : 0,
+                                                               .field = field,
+                                                               .type = slot.type,
+                                                               .external = lane.writingExternally};
+    entry.setTerm(termOf(node, field));
+    node.dirtySlot_ = lane.slotOf(&entry);
+    return entry;
+}
+
+template <bool isPlain>
 [[gnu::always_inline]] inline void Scene::State::beginWrite(Lane& lane, Node& node, FieldIndex field,
                                                             const FieldSlot& slot) {
     const std::uint64_t bit = writing::dirtyBit(field);
@@ -67,7 +82,10 @@ inline bool isPlain(FieldType type) {
             if (isAboutPlaces(slot)) noteMoved(lane, node.id_);
             return;
         }
-    newEntry(lane, node, field, slot);
+    if constexpr (isPlain)
+        newPlainEntry(lane, node, field, slot);
+    else
+        newEntry(lane, node, field, slot);
     node.dirty_ |= bit;
     if (!childOpCounts.empty()) [[unlikely]]
         dropChildOps(node, field);
@@ -76,7 +94,7 @@ inline bool isPlain(FieldType type) {
 [[gnu::always_inline]] inline void Scene::State::write(Lane& lane, Node& node, FieldIndex field, const void* value) {
     const FieldSlot& slot = node.type_->slot(field);
     if (!writing::isPlain(slot.type)) return writeShared(lane, node, field, value);
-    beginWrite(lane, node, field, slot);
+    beginWrite<true>(lane, node, field, slot);
     copyPlain(node.block() + slot.offset, value, slot.size);
 }
 
