@@ -1,6 +1,9 @@
 // The run-time of X3D: scripts, levels of detail, routes, sensors and followers by the thousand.
+#include <array>
+#include <atomic>
 #include <cmath>
 #include <filesystem>
+#include <thread>
 
 #include <unistd.h>
 
@@ -8,6 +11,7 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include <rtsg/core/device_input.h>
+#include <rtsg/core/hash_terms.h>
 #include <rtsg/core/listeners.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
@@ -216,6 +220,47 @@ std::string chains(int count, bool oneSensor) {
     return text;
 }
 
+/// Seconds by the clock for a bare loop over as much memory as so many chains take, which hashes as much as five
+/// changes each cost: by one thread, and by two that meet as often as those of a frame. What two can save here.
+std::array<double, 2> bareThreadSeconds(std::size_t count) {
+    constexpr std::size_t kWords = 140, kChanges = 5, kHashes = 8, kMeetings = 4;
+    std::vector<std::uint64_t> memory(count * kWords);
+    const auto run = [&](std::size_t first, std::size_t last) {
+        for (std::size_t i = first; i < last; ++i) {
+            std::uint64_t* const own = memory.data() + i * kWords;
+            for (std::size_t k = 0; k < kHashes * kChanges; ++k) own[k] = hashOfBytes(own + k, 12, i).low;
+            for (std::size_t k = kHashes * kChanges; k < kWords; ++k) ++own[k];
+        }
+    };
+    std::atomic<std::uint32_t> begun{0}, done{0};
+    std::atomic<bool> stop{false};
+    const std::size_t half = count / 2;
+    std::jthread other([&] {
+        for (std::uint32_t seen = 0; !stop;) {
+            if (begun == seen) continue;
+            const std::size_t part = seen++ % kMeetings;
+            run(half + part * half / kMeetings, half + (part + 1) * half / kMeetings);
+            done = seen;
+        }
+    });
+    std::vector<double> times[2];
+    for (int i = 0; i < 200; ++i) {
+        double start = wallSeconds();
+        run(0, 2 * half);
+        times[0].push_back(wallSeconds() - start);
+        start = wallSeconds();
+        for (std::size_t part = 0; part < kMeetings; ++part) {
+            const std::uint32_t turn = ++begun;
+            run(part * half / kMeetings, (part + 1) * half / kMeetings);
+            while (done != turn) continue;
+        }
+        times[1].push_back(wallSeconds() - start);
+    }
+    stop = true;
+    keep(memory.data());
+    return {median(times[0]), median(times[1])};
+}
+
 /// By the clock on the wall, in turn: what several threads save.
 void threads(const Report& report, bool quick) {
     for (const auto& [count, oneSensor] : {std::pair{10'000, false}, {10'000, true}, {1000, false}, {100, false}}) {
@@ -238,6 +283,10 @@ void threads(const Report& report, bool quick) {
                                            : fmt::format("{0} chains of sensor, interpolator and Transform", count);
         report({"runtime", what, "a frame by the clock, two threads", "ms", 1e3 * median(times[1]), "one thread",
                 1e3 * median(times[0]), "", 0});
+        if (oneSensor) continue;
+        const auto [alone, both] = bareThreadSeconds(static_cast<std::size_t>(count));
+        report({"runtime", what, "bare loops over as much memory, two threads", "ms", 1e3 * both, "one thread",
+                1e3 * alone, "", 0});
     }
 }
 

@@ -151,6 +151,7 @@ void Scene::setThreads(unsigned threads) {
     s.threadsAsked = threads;
     s.crew.reset();
     s.division.clear();
+    s.laidOut.clear();
 }
 Diagnostics& Scene::diagnostics() {
     if (state_->onOwnThread()) {

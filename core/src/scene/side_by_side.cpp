@@ -166,6 +166,7 @@ bool Scene::State::divideAnew(unsigned parts) {
     if (gatherEdges(edges) && division.divide(sources, edges, parts)) return true;
     division.clear();
     sources.clear();
+    laidOut.clear();
     return false;
 }
 
@@ -196,15 +197,24 @@ bool Scene::State::extendStretches(std::size_t number) {
     return true;
 }
 
+bool Scene::State::areLaidOut() const {
+    const auto isSame = [&](const Emission& a, const Emission& b) {
+        return a.node == b.node && a.group == b.group && a.linkEdits == linkEdits;
+    };
+    return std::ranges::equal(emissions, laidOut, isSame);
+}
+
 bool Scene::State::layOutStretches(unsigned parts) {
     constexpr unsigned kPatience = 2, kMostPatience = 64, kStretchesPerPart = 16;
     const auto layOut = [&] {
         stretches.clear();
+        laidOut.clear();
         for (std::size_t i = 0; i < emissions.size(); ++i)
             if (!extendStretches(i) || stretches.size() > std::size_t{kStretchesPerPart} * parts) return false;
+        laidOut = emissions;
         return true;
     };
-    if (dividedAt == linkEdits && layOut()) {
+    if (dividedAt == linkEdits && (areLaidOut() || layOut())) {
         if (++goodTurns == kMostPatience) patience = kPatience;
         return stretches.size() > 1;
     }

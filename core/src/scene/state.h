@@ -477,6 +477,8 @@ struct Scene::State : Scene::Lane {
         std::size_t first = 0, last = 0, firstTarget = 0, endTarget = SIZE_MAX;
     };
     std::vector<Stretch> stretches;
+    std::vector<Emission> laidOut;  // those that `stretches` are of: most frames send what the last one sent
+    bool areLaidOut() const;
     std::vector<std::vector<std::size_t>> stretchesOf;  // by part
     /// Of the rounds of the frame before: what they cost. Later rounds are not divided.
     struct RoundWork {

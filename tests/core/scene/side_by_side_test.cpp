@@ -186,6 +186,34 @@ TEST(SideBySide, FewEventsBesideALongOneGiveTheSameOnSeveralThreads) {
     for (std::uint32_t seed = 1; seed <= 16; ++seed) expectSameThroughout(seed, true, 2 + seed % 3);
 }
 
+/// Frames that send what the one before sent are divided as that one was; others, and other numbers of threads, anew.
+TEST(SideBySide, FramesThatSendTheSameAndOthersGiveTheSameOnSeveralThreads) {
+    std::string text = "#X3D V4.0 utf8\nPROFILE Full\n";
+    for (int i = 0; i < kPlenty; ++i)
+        text += fmt::format(
+            "DEF C{0} TimeSensor {{ loop TRUE }} DEF P{0} PositionInterpolator {{ key [ 0 1 ] keyValue [ 0 0 0, {0} 1 "
+            "0 ] }} DEF T{0} Transform {{ }} ROUTE C{0}.fraction_changed TO P{0}.set_fraction ROUTE P{0}.value_changed "
+            "TO T{0}.translation\n",
+            i);
+    Told one(text, 1), several(text, 2);
+    std::mt19937 draw(5);
+    for (int frame = 0; frame < 24; ++frame) {
+        constexpr unsigned kThreads[] = {2, 4, 2, 3};
+        if (frame % 3 == 2) several.scene.setThreads(kThreads[frame / 3 % 4]);
+        if (frame % 4 == 3)
+            for (int i = 0; i < 1 + static_cast<int>(draw() % 500); ++i) {
+                const std::string clock = fmt::format("C{}", draw() % kPlenty);
+                for (Told* told : {&one, &several}) {
+                    const NodeId id = told->scene.findName(clock);
+                    const bool enabled = told->scene.node(id).get(x3d::TimeSensor::enabled);
+                    EXPECT_TRUE(told->scene.set(id, x3d::TimeSensor::enabled, !enabled));
+                }
+            }
+        ASSERT_NO_FATAL_FAILURE(expectSameFrame(one, several, .03 * frame)) << "frame " << frame;
+    }
+    EXPECT_EQ(one.scene.dump(), several.scene.dump());
+}
+
 // ---- what runs where ---------------------------------------------------------------------------------------------
 
 std::atomic<int> elsewhere{0};
