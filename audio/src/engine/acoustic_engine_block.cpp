@@ -284,7 +284,7 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const HeardLevel& to,
 
 Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
     const SoundNode& sound = *emitter.sound;
-    const double end = static_cast<double>(samples) + static_cast<double>(options.blockSize);
+    const double start = static_cast<double>(samples), end = start + static_cast<double>(options.blockSize);
     state.motion.advance(end);
     play(sound, state, block);
     if (auto made = makeInputs(state, block.dry.size()); !made) return made;
@@ -318,6 +318,11 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
         renderLate(state, to, block);
     }
     noteSilence(state, block);
+    // What plays nothing as yet may be let out before it does.
+    if (state.seal && state.quiet == 0) {
+        noteSeal(emitter, state.tracedSource, state.tracedListener, start / options.sampleRate, std::move(*state.seal));
+        state.seal.reset();
+    }
     state.level = to;
     return {};
 }
@@ -361,6 +366,7 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
         } else {
             if (mixer)
                 for (const EmitterInput& input : state.inputs) freeSources.push_back(input.mixerSource);
+            toldSealed.erase(it->first);
             it = states.erase(it);
         }
     }

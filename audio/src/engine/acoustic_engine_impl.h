@@ -88,6 +88,8 @@ struct AcousticEngine::Impl {
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                const ListenerPose& listener);
     void takeResponse(TracedResponse traced);
+    void noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener, double seconds,
+                  Seal seal);
 
     AcousticOptions options;
     std::size_t channels;
@@ -109,6 +111,8 @@ struct AcousticEngine::Impl {
     std::size_t toSkip = 0;       // of the mixer's latency, still to be dropped
     std::vector<float> ready;     // interleaved, rendered but not yet asked for
     HeardResponses heard;
+    std::vector<SealedSource> sealed;
+    std::map<InstanceId, bool> toldSealed;  // of those that are: whether the source is inside
     // Of sound that does not wait.
     std::shared_ptr<const AcousticState> liveState;
     std::shared_ptr<const RayView> liveRays;

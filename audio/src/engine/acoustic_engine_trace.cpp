@@ -110,6 +110,30 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     state.responseFrames = std::max(state.responseFrames, traced.frames);
     state.reached = traced.reached;
     state.tracing = false;
+    state.seal = std::move(traced.seal);
+    if (!state.seal) toldSealed.erase(traced.emitter);
+}
+
+void AcousticEngine::Impl::noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener,
+                                    double seconds, Seal seal) {
+    constexpr std::size_t kMost = 1000;
+    const auto [told, fresh] = toldSealed.try_emplace(emitter.id, seal.sourceInside);
+    if (!fresh && told->second == seal.sourceInside) return;
+    told->second = seal.sourceInside;
+    if (sealed.size() < kMost)
+        sealed.push_back({emitter.name, emitter.sound->node, source, listener, seconds, std::move(seal)});
+}
+
+const std::vector<SealedSource>& AcousticEngine::sealed() const {
+    return impl_->sealed;
+}
+
+void AcousticEngine::note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds,
+                          std::optional<Seal> seal) {
+    if (seal)
+        impl_->noteSeal(emitter, emitter.position(), listener, seconds, std::move(*seal));
+    else
+        impl_->toldSealed.erase(emitter.id);
 }
 
 }  // namespace rtsg

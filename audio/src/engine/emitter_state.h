@@ -4,11 +4,13 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <rtsg/audio/acoustic_box.h>
 #include <rtsg/audio/clip_library.h>
 #include <rtsg/audio/convolver.h>
+#include <rtsg/audio/world_geometry.h>
 
 #include "scene/process_player.h"
 #include "signal/delay_line.h"
@@ -58,6 +60,7 @@ struct EmitterState {
     AcousticBox reached;  // by its paths
     bool stale = false;   // something changed there since
     std::size_t responseFrames = 0;
+    std::optional<Seal> seal;  // nothing arrived, and why; until it was told
     /// Gone from the scene; what it sent is still on its way for this many samples.
     bool gone = false;
     std::size_t fading = 0;

@@ -8,6 +8,7 @@
 
 #include "signal/thread_priority.h"
 #include "trace/reach.h"
+#include "trace/sealed_result.h"
 
 namespace rtsg {
 
@@ -19,7 +20,8 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
     TracedResponse result;
     result.emitter = job.emitter;
     result.error = std::numeric_limits<double>::quiet_NaN();
-    if (job.error > 0)
+    result.seal = sealOf(traced, room, job.source, job.listener);
+    if (job.error > 0 && !result.seal)
         result.error = tracer.refineTo(traced, job.source, job.listener, job.tracing, job.error, job.maxRays);
     const ImpulseResponse ir = makeImpulseResponse(traced.echogram(), job.response);
     for (const std::vector<float>& channel : ir.channels)

@@ -43,7 +43,8 @@ struct TracedResponse {
     AcousticBox reached;  // by its paths
     std::uint64_t rays = 0;
     std::size_t images = 0;
-    double error = 0;  // NaN unless asked for
+    double error = 0;          // NaN unless asked for
+    std::optional<Seal> seal;  // nothing arrived, and why
 };
 
 TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry);

@@ -16,6 +16,7 @@
 #include <rtsg/core/scene.h>
 
 #include "audio_events.h"
+#include "sealed_text.h"
 #include "signal/thread_priority.h"
 
 namespace rtsg {
@@ -194,6 +195,7 @@ LiveReport LiveSound::stop() {
     tellOf(impl_->options.render.given.streams, "stream", report.diagnostics);
     report.diagnostics.append(impl_->tables.scene().diagnostics());
     report.diagnostics.append(impl_->engine->diagnostics());
+    tellSealed(impl_->world.scene(), impl_->engine->sealed(), impl_->options.render.startTime, report.diagnostics);
     return report;
 }
 

@@ -12,7 +12,9 @@
 #include <rtsg/core/x3d.h>
 
 #include "audio_events.h"
+#include "sealed_text.h"
 #include "trace/places.h"
+#include "trace/sealed_result.h"
 
 namespace rtsg {
 namespace {
@@ -148,8 +150,14 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
     TraceOptions tracing = s.options.trace;
     tracing.air = s.renderer->air();
     std::vector<TraceResult> traces = tracer.trace(position, listeners, tracing);
+    std::vector<std::optional<Seal>> seals;
+    bool allSealed = true;
+    for (std::size_t i = 0; i < listeners.size(); ++i) {
+        seals.push_back(sealOf(traces[i], room, position, listeners[i]));
+        allSealed = allSealed && seals.back();
+    }
     bool cancelled = false;
-    if (s.options.error > 0)
+    if (s.options.error > 0 && !allSealed)
         tracer.refineTo(traces, position, listeners, tracing, s.options.error, s.options.maxRays,
                         [&] { return !(cancelled = s.options.progress && !s.options.progress(0)); });
     if (cancelled) return fail("cancelled");
@@ -160,6 +168,7 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
         source.trace = std::move(traces[i]);
         source.metrics = source.trace.metrics();
         source.schroederHz = schroederFrequency(room, position, listeners[i], source.metrics.value.t20[4]);
+        s.renderer->note(emitter, listeners[i], world().scene().now(), std::move(seals[i]));
     }
     return heard;
 }
@@ -237,6 +246,7 @@ ListenReport SoundRenderer::finish() {
     if (!s.renderer) return std::exchange(s.report, ListenReport());
     s.report.heard = s.renderer->heard();
     s.report.diagnostics.append(s.renderer->diagnostics());
+    tellSealed(world().scene(), s.renderer->sealed(), s.start, s.report.diagnostics);
     if (s.renderer->scene().emitters().empty()) s.report.diagnostics.warning({}, "the scene has no sounds");
     return std::exchange(s.report, ListenReport());
 }

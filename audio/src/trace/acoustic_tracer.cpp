@@ -24,6 +24,13 @@ void mix(Bands& mean, const Bands& fresh, double weight) {
 
 }  // namespace
 
+bool TraceResult::silent() const {
+    return arrivals.empty() && std::all_of(batches.begin(), batches.end(), [](const EnergyHistogram& batch) {
+               return std::all_of(batch.bins.begin(), batch.bins.end(),
+                                  [](const Bands& bin) { return bin == Bands{}; });
+           });
+}
+
 Echogram TraceResult::echogram() const {
     Echogram result;
     result.arrivals = arrivals;

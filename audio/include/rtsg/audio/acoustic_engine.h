@@ -14,6 +14,8 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include <rtsg/audio/acoustic_tables.h>
@@ -88,6 +90,15 @@ struct HeardResponses {
     double error = std::numeric_limits<double>::quiet_NaN();
 };
 
+/// A source of which nothing is heard because no way leads from it to the listener.
+struct SealedSource {
+    std::string name;  // of the emitter
+    NodeId sound;
+    glm::dvec3 source{0}, listener{0};
+    double seconds = 0;  // scene time
+    Seal seal;
+};
+
 class AcousticEngine {
   public:
     static Result<std::unique_ptr<AcousticEngine>> create(const AcousticOptions& options);
@@ -117,6 +128,12 @@ class AcousticEngine {
     AudioFindings analyse();
     /// What could not be heard so far, once each.
     const Diagnostics& diagnostics() const;
+    /// The sources that played while they were sealed off from the listener, in the order in which that was found: each
+    /// once, and again whenever it is sealed anew, or from the other side; the first thousand.
+    const std::vector<SealedSource>& sealed() const;
+    /// Notes what a trace for figures found, by the same rule: `seal` is what keeps the emitter from the listener, or
+    /// none.
+    void note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds, std::optional<Seal> seal);
 
   private:
     struct Impl;

@@ -41,6 +41,10 @@ class AcousticRenderer final : public InstanceSubscriber {
     /// Responses traced so far.
     std::uint64_t traces() const { return heard().responses; }
     Diagnostics diagnostics() const;
+    const std::vector<SealedSource>& sealed() const { return engine_->sealed(); }
+    void note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds, std::optional<Seal> seal) {
+        engine_->note(emitter, listener, seconds, std::move(seal));
+    }
 
   private:
     AcousticRenderer(const RayWorld& world, const Options& options, std::unique_ptr<AcousticEngine> engine);

@@ -75,6 +75,8 @@ struct TraceResult {
     /// Shares of the emitted energy: absorbed by surfaces and air, gone to infinity, still on its way at maxSeconds.
     Bands absorbed{}, escaped{}, truncated{};
 
+    /// Whether nothing arrived at all.
+    bool silent() const;
     Echogram echogram() const;
     /// Without the times whose decay the end of the echogram cuts: T30, T20 and EDT are NaN when more than -45, -35,
     /// -20 dB of a band's energy was still on its way then.

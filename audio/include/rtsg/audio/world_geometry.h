@@ -12,6 +12,8 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include <rtsg/audio/acoustic_box.h>
@@ -23,6 +25,20 @@ namespace rtsg {
 
 class EdgeTable;
 class WallPlanes;
+
+/// What keeps a source and a listener apart, so that nothing is heard.
+struct Seal {
+    struct Shape {
+        NodeId shape, geometry;
+        AcousticBox box;  // in the world
+    };
+    bool sourceInside = true;  // else the listener is, and the source is not
+    /// Each of `shapes` is closed and has one of the two inside; else no way was found from there by some thousand
+    /// rays that scatter.
+    bool proven = false;
+    std::vector<Shape> shapes;  // around the inner one: the smallest first, or the three that were met most
+    std::size_t more = 0;       // others that were met
+};
 
 class WorldGeometry final : public AcousticGeometry {
   public:
@@ -67,6 +83,10 @@ class WorldGeometry final : public AcousticGeometry {
     /// Slots of instances whose box holds the point and measures at most `maxSize` metres from corner to corner, as far
     /// as they are in the way of 32 rays from there.
     std::vector<std::uint32_t> instancesAround(const glm::dvec3& point, double maxSize) const;
+    /// Why nothing of what is sent at one place comes to the other; none if a way between them was found, or both are
+    /// in the open. Shapes that let sound pass, and those in `open` (slots), are not there. Takes some thousand rays.
+    std::optional<Seal> sealBetween(std::span<const std::uint32_t> open, const glm::dvec3& source,
+                                    const glm::dvec3& listener) const;
     /// Whether the box of an instance, in its own frame, holds a point.
     bool boxHolds(std::uint32_t slot, const glm::dvec3& point) const;
     double distanceToSurface(const glm::dvec3& point) const override;
@@ -84,6 +104,11 @@ class WorldGeometry final : public AcousticGeometry {
     void settleDoubts(std::span<const std::uint32_t> open, const AcousticRays& rays, RayPacket16& packet,
                       std::uint32_t& blocked) const;
     double clearOf(const Wall& wall, const Hit& found) const;
+    struct Flood;
+    Flood floodFrom(std::span<const std::uint32_t> open, const glm::dvec3& from, const glm::dvec3& to) const;
+    bool meets(std::span<const std::uint32_t> open, const glm::dvec3& from, const glm::dvec3& direction, double length,
+               Hit& hit) const;
+    Seal::Shape shapeOf(std::uint32_t slot) const;
     double roundingAt(const glm::dvec3& point) const;
     void followMaterials(const PagedArray<AcousticMaterial>& materials);
     void makeExact(const Hit& found, const Wall& wall, std::uint32_t plane, const glm::dvec3& origin,
@@ -126,6 +151,10 @@ class OpenedGeometry final : public AcousticGeometry {
         whole_->surfacesNear(point, radius, visit);
     }
     void visitEdges(const EdgeVisitor& visit) const override { whole_->visitEdgesBut(open_, visit); }
+    /// As WorldGeometry's.
+    std::optional<Seal> sealBetween(const glm::dvec3& source, const glm::dvec3& listener) const {
+        return whole_->sealBetween(open_, source, listener);
+    }
 
   private:
     const WorldGeometry* whole_;

@@ -1,0 +1,23 @@
+// What becomes of a result when no way leads from the source to the listener. Threading: pure functions.
+#pragma once
+
+#include <optional>
+
+#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/world_geometry.h>
+
+namespace rtsg {
+
+/// Why nothing arrived; none if something did, or might. What came through a proven seal, by rounding in a corner of
+/// it, is taken out. Asks nothing where sound comes straight, by a mirror or round an edge.
+inline std::optional<Seal> sealOf(TraceResult& result, const OpenedGeometry& room, const glm::dvec3& source,
+                                  const glm::dvec3& listener) {
+    if (!result.arrivals.empty()) return std::nullopt;
+    std::optional<Seal> seal = room.sealBetween(source, listener);
+    if (seal && seal->proven)
+        for (EnergyHistogram& batch : result.batches) batch.bins.clear();
+    if (seal && !result.silent()) seal.reset();
+    return seal;
+}
+
+}  // namespace rtsg

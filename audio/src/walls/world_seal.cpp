@@ -1,0 +1,151 @@
+// Finds what keeps a source and a listener apart: closed shapes with one of them inside, or a place that no ray leaves.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include <rtsg/audio/world_geometry.h>
+
+#include "signal/random.h"
+
+namespace rtsg {
+namespace {
+
+/// Of a height in [-1, 1] and a turn.
+glm::dvec3 onUnitSphere(double z, double turn) {
+    const double r = std::sqrt(std::max(0.0, 1 - z * z)), phi = 2 * std::numbers::pi * turn;
+    return {r * std::cos(phi), r * std::sin(phi), z};
+}
+
+/// How often a closed mesh runs round a place, by the solid angles of its triangles (van Oosterom and Strackee 1983);
+/// what is no whole number where the place is on it, or nothing is known.
+double windingNumber(const Wall& wall, const glm::dvec3& place) {
+    const WorldFromLocal& m = wall.worldFromLocal;
+    const glm::dmat3 linear(m[0], m[1], m[2]);
+    if (!(std::abs(glm::determinant(linear)) > 0)) return .5;
+    const glm::dvec3 local = glm::inverse(linear) * (place - m[3]);
+    double sum = 0;
+    for (std::uint32_t t = 0; t < wall.mesh->triangleCount; ++t) {
+        glm::dvec3 to[3];
+        double away[3];
+        for (std::uint32_t c = 0; c < 3; ++c) {
+            to[c] = glm::dvec3(wall.mesh->vertex(t, c)) - local;
+            away[c] = glm::length(to[c]);
+        }
+        const double volume = glm::dot(to[0], glm::cross(to[1], to[2]));
+        sum += 2 * std::atan2(volume, away[0] * away[1] * away[2] + glm::dot(to[0], to[1]) * away[2] +
+                                          glm::dot(to[1], to[2]) * away[0] + glm::dot(to[2], to[0]) * away[1]);
+    }
+    return sum / (4 * std::numbers::pi);
+}
+
+}  // namespace
+
+/// Where some rays came to that went out from a place and were scattered by what they met.
+struct WorldGeometry::Flood {
+    bool escaped = false, arrived = false;
+    std::map<std::uint32_t, int> met;  // slots, and how often
+};
+
+/// The nearest surface that lets no sound pass.
+bool WorldGeometry::meets(std::span<const std::uint32_t> open, const glm::dvec3& from, const glm::dvec3& direction,
+                          double length, Hit& hit) const {
+    Ray ray;
+    ray.origin = rays_->fromWorld(from);
+    ray.direction = Vec3f(direction);
+    ray.tMax = static_cast<float>(std::min(length, 1e9));
+    for (int layer = 0; layer < 256 && ray.tMin < ray.tMax; ++layer) {
+        hit = rays_->intersect(ray, RayKind::sound);
+        if (!hit) return false;
+        const Bands& passes = materials_[walls_.walls[hit.instance].material].transmission;
+        if (std::find(open.begin(), open.end(), hit.instance) == open.end() &&
+            std::none_of(passes.begin(), passes.end(), [](double share) { return share > 0; }))
+            return true;
+        ray.tMin = std::nextafter(std::max(hit.t, 1e-30f), std::numeric_limits<float>::infinity());
+    }
+    return false;
+}
+
+WorldGeometry::Flood WorldGeometry::floodFrom(std::span<const std::uint32_t> open, const glm::dvec3& from,
+                                              const glm::dvec3& to) const {
+    constexpr int kWalks = 64, kSteps = 64;
+    // Each ray starts a little before the end of the one that came there, and so never behind a wall.
+    constexpr double kBack = 1e-3;
+    Flood flood;
+    Random random(0x5EA1);
+    const auto seen = [&](const glm::dvec3& place) {
+        Hit hit;
+        const double distance = glm::distance(place, to);
+        return !(distance > 0) || !meets(open, place, (to - place) / distance, distance * (1 - 1e-6), hit);
+    };
+    flood.arrived = seen(from);
+    for (int walk = 0; walk < kWalks && !flood.arrived && !flood.escaped; ++walk) {
+        glm::dvec3 origin = from, direction = onUnitSphere(1 - (2.0 * walk + 1) / kWalks, walk / std::numbers::phi);
+        for (int step = 0; step < kSteps && !flood.arrived; ++step) {
+            Hit hit;
+            if (!meets(open, origin, direction, std::numeric_limits<double>::infinity(), hit)) {
+                flood.escaped = true;
+                break;
+            }
+            ++flood.met[hit.instance];
+            origin += direction * (static_cast<double>(hit.t) * (1 - kBack));
+            const glm::dvec3 normal = glm::normalize(glm::dvec3(hit.normal)),
+                             even = onUnitSphere(2 * random.uniform() - 1, random.uniform());
+            // Lambert's law: an even place on a sphere that touches the surface.
+            direction = glm::normalize((glm::dot(normal, direction) > 0 ? -normal : normal) * (1 + 1e-9) + even);
+            flood.arrived = seen(origin);
+        }
+    }
+    return flood;
+}
+
+Seal::Shape WorldGeometry::shapeOf(std::uint32_t slot) const {
+    const Wall& wall = walls_.walls[slot];
+    Seal::Shape shape{rays_->instance(slot).info.shape, rays_->instance(slot).info.geometry, {}};
+    const Bounds& local = wall.mesh->bounds;
+    for (int i = 0; i < 8; ++i)
+        shape.box.extend(wall.worldFromLocal * glm::dvec4(i & 1 ? local.max.x : local.min.x,
+                                                          i & 2 ? local.max.y : local.min.y,
+                                                          i & 4 ? local.max.z : local.min.z, 1.0));
+    return shape;
+}
+
+std::optional<Seal> WorldGeometry::sealBetween(std::span<const std::uint32_t> open, const glm::dvec3& source,
+                                               const glm::dvec3& listener) const {
+    // Written so that what is no number is nowhere.
+    if (!rays_ || !(glm::distance(source, listener) < 1e6)) return std::nullopt;
+    const Flood out = floodFrom(open, source, listener);
+    if (out.arrived) return std::nullopt;
+    const Flood in = floodFrom(open, listener, source);
+    if (in.arrived || (out.escaped && in.escaped)) return std::nullopt;
+    for (const bool sourceInside : {true, false}) {
+        const Flood& inner = sourceInside ? out : in;
+        if (inner.escaped) continue;
+        Seal seal{.sourceInside = sourceInside, .proven = true, .shapes = {}};
+        for (const auto& [slot, times] : inner.met) {
+            const Wall& wall = walls_.walls[slot];
+            if (!wall.mesh || !wall.mesh->isClosed()) continue;
+            const double a = windingNumber(wall, source), b = windingNumber(wall, listener);
+            const double inside = std::abs(sourceInside ? a : b), outside = std::abs(sourceInside ? b : a);
+            // Nothing that is whole is .01 off.
+            if (std::abs(a - std::round(a)) < .01 && std::abs(b - std::round(b)) < .01 && inside > outside + .5)
+                seal.shapes.push_back(shapeOf(slot));
+        }
+        if (seal.shapes.empty()) continue;
+        const auto size = [](const Seal::Shape& shape) { return glm::length(shape.box.high - shape.box.low); };
+        std::stable_sort(seal.shapes.begin(), seal.shapes.end(),
+                         [&](const Seal::Shape& a, const Seal::Shape& b) { return size(a) < size(b); });
+        return seal;
+    }
+    constexpr std::size_t kNamed = 3;
+    Seal seal{.sourceInside = !out.escaped, .proven = false, .shapes = {}};
+    const Flood& inner = seal.sourceInside ? out : in;
+    std::vector<std::pair<int, std::uint32_t>> most;
+    for (const auto& [slot, times] : inner.met) most.emplace_back(-times, slot);
+    std::sort(most.begin(), most.end());
+    for (std::size_t i = 0; i < std::min(kNamed, most.size()); ++i) seal.shapes.push_back(shapeOf(most[i].second));
+    seal.more = most.size() - seal.shapes.size();
+    return seal;
+}
+
+}  // namespace rtsg

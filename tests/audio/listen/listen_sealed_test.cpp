@@ -1,0 +1,188 @@
+// Sources that no way leads from to the listener: told once each time, with what is in between; and no false alarms.
+#include <chrono>
+#include <cstdlib>
+#include <thread>
+
+#include <rtsg/audio/live_sound.h>
+
+#include "listen_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+constexpr const char* kTone =
+    " Sound { location 0 0 0 minBack 90 minFront 90 maxBack 200 maxFront 200 source "
+    "OscillatorSource { frequency 440 } }\n";
+
+class ListenSealed : public Listen {
+  protected:
+    static std::string shape(const std::string& def, const std::string& geometry, const std::string& at) {
+        return "DEF At" + def + " Transform { translation " + at + " children DEF " + def + " Shape { geometry " +
+               geometry + " appearance Appearance { acousticProperties DEF Of" + def +
+               " AcousticProperties { absorption .1 diffuse .45 specular .45 } } } }\n";
+    }
+    static std::string view(const std::string& at) { return "DEF Eye Viewpoint { position " + at + " }\n"; }
+    static std::vector<std::string> told(const ListenReport& report) {
+        std::vector<std::string> texts;
+        for (const Diagnostic& d : report.diagnostics.all()) {
+            EXPECT_EQ(d.code.text(), "sealed") << d.format();
+            texts.push_back(d.text);
+        }
+        return texts;
+    }
+    /// What is told when a scene is listened to; `at` is called before each frame.
+    std::vector<std::string> heard(
+        const std::string& body, const std::function<void(Scene&, double)>& at = [](Scene&, double) {},
+        double seconds = .1) {
+        Scene scene;
+        load(scene, body);
+        ListenOptions o = options();
+        o.seconds = seconds;
+        o.render.trace.rays = 200;
+        o.render.retraceSeconds = .05;
+        o.runTo = [&](double t) {
+            at(scene, t);
+            scene.newFrame(t);
+        };
+        const auto report = listen(scene, o);
+        EXPECT_TRUE(report);
+        return report ? told(*report) : std::vector<std::string>{};
+    }
+    static void move(Scene& scene, const std::string& def, const Vec3f& to) {
+        EXPECT_TRUE(scene.set(scene.findName(def), x3d::Transform::translation, to));
+    }
+};
+
+TEST_F(ListenSealed, ASourceInAClosedBodyIsToldOnceWithBodyAndPlaces) {
+    for (const char* body : {"Cylinder { radius 1.5 height 2 }", "Sphere { radius 1.5 }", "Box { size 2 2 3 }",
+                             "Cone { bottomRadius 3 height 4 }"}) {
+        const auto texts = heard(shape("Drum", body, "0 0 0") + shape("Thing", "Box { size 1 1 1 }", "5 0 0") +
+                                 "DEF Voice" + kTone + view("0 0 9"));
+        ASSERT_EQ(texts.size(), 1u) << body;
+        EXPECT_TRUE(texts[0].starts_with("Voice is silent: Voice at 0 0 0 is sealed in Drum (")) << texts[0];
+        EXPECT_TRUE(texts[0].ends_with(" m about 0 0 0), and the listener at 0 0 9 is outside")) << texts[0];
+    }
+}
+
+TEST_F(ListenSealed, AListenerInAClosedBodyIsToldToo) {
+    const auto texts = heard(shape("Booth", "Box { size 2 2 3 }", "0 0 9") + "DEF Voice" + kTone + view("0 0 9"));
+    ASSERT_EQ(texts.size(), 1u);
+    EXPECT_EQ(texts[0],
+              "Voice is silent: the listener at 0 0 9 is sealed in Booth (Box, 2 x 2 x 3 m about 0 0 9), and Voice at "
+              "0 0 0 is outside");
+}
+
+TEST_F(ListenSealed, WallsOfSeveralShapesAreNamedAndNotCalledClosed) {
+    const std::string walls =
+        shape("Floor", "Box { size 4.4 .2 4.4 }", "0 -2 0") + shape("Roof", "Box { size 4.4 .2 4.4 }", "0 2 0") +
+        shape("West", "Box { size .2 4.4 4.4 }", "-2 0 0") + shape("East", "Box { size .2 4.4 4.4 }", "2 0 0") +
+        shape("North", "Box { size 4.4 4.4 .2 }", "0 0 -2");
+    const std::string south = shape("South", "Box { size 4.4 4.4 .2 }", "0 0 2"),
+                      rest = "DEF Voice" + std::string(kTone) + view("0 0 9");
+    EXPECT_TRUE(heard(walls + rest).empty());
+    const auto texts = heard(walls + south + rest);
+    ASSERT_EQ(texts.size(), 1u);
+    EXPECT_TRUE(texts[0].starts_with("Voice is silent: no way was found from Voice at 0 0 0, which is shut in by "));
+    EXPECT_NE(texts[0].find(" and 3 more, to the listener at 0 0 9"), std::string::npos) << texts[0];
+}
+
+/// Both in one room; a small body about the source; far, quiet or switched off; in the shadow of a wall in the open; a
+/// body that lets sound pass, has a hole, or is none that sound meets.
+TEST_F(ListenSealed, NothingIsToldWhereSomethingMightBeHeard) {
+    const std::string voice = "DEF Voice" + std::string(kTone), eye = view("0 0 9"),
+                      drum = shape("Drum", "Cylinder { radius 1.5 height 2 }", "0 0 0");
+    EXPECT_TRUE(heard(shape("Hall", "Box { size 30 30 30 }", "0 0 0") + voice + eye).empty());
+    EXPECT_TRUE(heard(shape("Body", "Box { size 1 1 1 }", "0 0 0") + voice + eye).empty());
+    EXPECT_TRUE(heard(shape("Wall", "Box { size 60 60 .1 }", "0 0 5") + voice + eye).empty());
+    EXPECT_TRUE(heard(shape("Drum", "Cylinder { radius 1.5 height 2 top FALSE }", "0 0 0") + voice + eye).empty());
+    EXPECT_TRUE(heard(drum + "DEF Voice Sound { maxFront 5 maxBack 5 source OscillatorSource { } }\n" + eye).empty());
+    EXPECT_TRUE(
+        heard(drum + "DEF Voice Sound { minFront 90 minBack 90 enabled FALSE source OscillatorSource { } }\n" + eye)
+            .empty());
+    EXPECT_TRUE(heard("Shape { geometry Cylinder { radius 1.5 height 2 } appearance Appearance { acousticProperties "
+                      "AcousticProperties { absorption .1 refraction .2 } } }\n" +
+                      voice + eye)
+                    .empty());
+}
+
+/// In two rooms with a doorway: hidden, and heard by way of walls alone.
+TEST_F(ListenSealed, RoundTwoCornersIsNotSealed) {
+    const std::string rooms = shape("Hall", "Box { size 20 4 20 }", "0 0 5") +
+                              shape("Left", "Box { size 13 4 .2 }", "-3.5 0 3") +
+                              shape("Right", "Box { size 13 4 .2 }", "3.5 0 7");
+    EXPECT_TRUE(heard(rooms + "DEF Voice" + kTone + view("0 0 9")).empty());
+}
+
+TEST_F(ListenSealed, IsToldAgainOnlyWhenItIsSealedAgain) {
+    const std::string body =
+        shape("Drum", "Cylinder { radius 1.5 height 2 }", "0 0 0") + "DEF Voice" + kTone + view("0 0 9");
+    const auto at = [](Scene& scene, double t) {
+        // Away from .2 s to .4 s; in between it turns, which seals nothing anew.
+        move(scene, "AtDrum", Vec3f(t > .2 && t < .4 ? 20.0f : 0.0f, t > .1 ? .1f : 0.0f, 0));
+    };
+    const auto texts = heard(body, at, .6);
+    ASSERT_EQ(texts.size(), 2u);
+    EXPECT_TRUE(texts[0].starts_with("Voice is silent: ")) << texts[0];
+    // What a frame says holds for the sound since the one before.
+    EXPECT_TRUE(texts[1].starts_with("Voice is silent from 0.3") || texts[1].starts_with("Voice is silent from 0.4"))
+        << texts[1];
+}
+
+TEST_F(ListenSealed, WhatPlaysOnlyOnceItIsOutIsNotTold) {
+    const std::string body = shape("Drum", "Cylinder { radius 1.5 height 2 }", "0 0 0") +
+                             "DEF Voice Sound { minBack 90 minFront 90 maxBack 200 maxFront 200 source DEF Tone "
+                             "OscillatorSource { startTime .2 } }\n" +
+                             view("0 0 9");
+    EXPECT_TRUE(heard(
+                    body,
+                    [](Scene& scene, double t) {
+                        if (t > .1) move(scene, "AtDrum", Vec3f(20, 0, 0));
+                    },
+                    .3)
+                    .empty());
+    EXPECT_EQ(heard(body, [](Scene&, double) {}, .3).size(), 1u);
+}
+
+TEST_F(ListenSealed, FiguresThatDoNotExistAreToldAndNothingLeaksIntoThem) {
+    Scene scene;
+    load(scene, shape("Drum", "Cylinder { radius 1 height 2 }", "0 0 0") + "DEF Voice" + kTone + view("0 0 9"));
+    ListenOptions o = options();
+    o.metrics = true;
+    o.seconds = .1;
+    o.trace.rays = 20'000;
+    o.error = .5;
+    const auto report = listen(scene, o);
+    ASSERT_TRUE(report);
+    EXPECT_EQ(told(*report).size(), 1u);
+    ASSERT_EQ(report->sources.size(), 1u);
+    EXPECT_TRUE(report->sources[0].trace.silent());
+    EXPECT_TRUE(std::isnan(report->sources[0].metrics.value.g[4]));
+    EXPECT_LT(report->rays, 21'000u);  // no more of them for nothing
+}
+
+TEST_F(ListenSealed, LiveSoundTellsWhenItStops) {
+    ::setenv("ALSOFT_DRIVERS", "null", 1);
+    Scene scene;
+    load(scene, shape("Drum", "Cylinder { radius 1.5 height 2 }", "0 0 0") + "DEF Voice" + kTone + view("0 0 9"));
+    SharedWorld world(scene);
+    auto sound = LiveSound::start(world, {});
+    if (!sound) GTEST_SKIP() << sound.error().text;
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    double t = 0;
+    // The response comes from another thread, and what it says a block later.
+    for (std::uint64_t blocks = 0; std::chrono::steady_clock::now() < end;) {
+        scene.newFrame(t += .01);
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        const LiveReport now = (*sound)->report();
+        if (now.heard.responses == 0) blocks = now.blocks;
+        if (now.blocks > blocks + 8) break;
+    }
+    const LiveReport report = (*sound)->stop();
+    ASSERT_EQ(report.diagnostics.all().size(), 1u);
+    EXPECT_EQ(report.diagnostics.all()[0].code.text(), "sealed");
+}
+
+}  // namespace
+}  // namespace rtsg
