@@ -183,14 +183,52 @@ double largestError(const MetricsEstimate& m) {
     return worst;
 }
 
-double studentT95(int degreesOfFreedom) {
-    if (degreesOfFreedom < 1) return kNan;
+double studentT95(double degreesOfFreedom) {
+    if (!(degreesOfFreedom >= 1)) return kNan;
     constexpr std::array<double, 10> kSmall{12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228};
-    if (degreesOfFreedom <= 10) return kSmall[static_cast<std::size_t>(degreesOfFreedom - 1)];
-    // Cornish-Fisher expansion about the normal quantile: good to 1e-3 from eleven degrees on.
-    const double z = 1.959964, n = degreesOfFreedom, z3 = z * z * z, z5 = z3 * z * z;
-    return z + (z3 + z) / (4 * n) + (5 * z5 + 16 * z3 + 3 * z) / (96 * n * n);
+    const auto whole = [&](double n) {
+        if (n <= 10) return kSmall[static_cast<std::size_t>(n) - 1];
+        // Cornish-Fisher expansion about the normal quantile: good to 1e-3 from eleven degrees on.
+        const double z = 1.959964, z3 = z * z * z, z5 = z3 * z * z;
+        return z + (z3 + z) / (4 * n) + (5 * z5 + 16 * z3 + 3 * z) / (96 * n * n);
+    };
+    const double low = std::floor(degreesOfFreedom), high = low + 1;
+    if (low == degreesOfFreedom || low > 1e6) return whole(low);
+    // In between its logarithm is all but linear in 1 / n: 3 % off below two degrees, .5 % above.
+    const double share = (1 / low - 1 / degreesOfFreedom) / (1 / low - 1 / high);
+    return whole(low) * std::pow(whole(high) / whole(low), share);
 }
+
+namespace {
+
+/// Degrees of freedom of the variance of `values`, which are no better known than that: of n values from a normal
+/// distribution n - 1, and fewer where some are far from the others. By what the variance itself varies, 2 / (n - 1)
+/// and the kurtosis over n (Satterthwaite 1946; O'Neill 2014, "Some useful moment results in sampling problems").
+double varianceFreedom(std::span<const double> values) {
+    const auto n = static_cast<double>(values.size());
+    double mean = 0, squares = 0, fourths = 0;
+    for (const double value : values) mean += value / n;
+    for (const double value : values) {
+        const double square = (value - mean) * (value - mean);
+        squares += square;
+        fourths += square * square;
+    }
+    if (n < 4 || !(squares > 0)) return n - 1;
+    const double excess = n * fourths / (squares * squares) - 3;
+    const double unbiased = (n - 1) / ((n - 2) * (n - 3)) * ((n + 1) * excess + 6);
+    return 2 / (2 / (n - 1) + std::max(0.0, unbiased) / n);
+}
+
+/// From the delete-one jackknife over batches.
+double halfWidth95(std::span<const double> without) {
+    const auto n = static_cast<double>(without.size());
+    double mean = 0, squares = 0;
+    for (const double value : without) mean += value / n;
+    for (const double value : without) squares += (value - mean) * (value - mean);
+    return studentT95(varianceFreedom(without)) * std::sqrt(squares * (n - 1) / n);
+}
+
+}  // namespace
 
 MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches) {
     const std::size_t count = batches.size();
@@ -219,14 +257,11 @@ MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<
             for (double& energy : bin) energy = std::max(0.0, energy / static_cast<double>(count - 1));
         without[i] = metricsOnGrid(rest, kCoarseGridSeconds);
     });
-    const double t = studentT95(static_cast<int>(count) - 1);
+    std::vector<double> values(count);
     for (auto figure : kFigures)
         for (std::size_t b = 0; b < kBandCount; ++b) {
-            double mean = 0, squares = 0;
-            for (const RoomMetrics& m : without) mean += (m.*figure)[b] / static_cast<double>(count);
-            for (const RoomMetrics& m : without) squares += ((m.*figure)[b] - mean) * ((m.*figure)[b] - mean);
-            (result.ci95.*figure)[b] =
-                t * std::sqrt(squares * static_cast<double>(count - 1) / static_cast<double>(count));
+            for (std::size_t i = 0; i < count; ++i) values[i] = (without[i].*figure)[b];
+            (result.ci95.*figure)[b] = halfWidth95(values);
         }
     return result;
 }

@@ -1,6 +1,8 @@
 // Room-acoustic figures of impulse responses whose figures are known in closed form.
 #include <cmath>
+#include <functional>
 #include <random>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -134,6 +136,47 @@ TEST(RoomMetrics, StudentQuantiles) {
     EXPECT_NEAR(studentT95(1), 12.706, 1e-3);
     EXPECT_NEAR(studentT95(15), 2.131, 2e-3);
     EXPECT_NEAR(studentT95(30), 2.042, 2e-3);
+    // By bisection of the integral of its density.
+    EXPECT_NEAR(studentT95(1.5), 6.0167, .03 * 6);
+    EXPECT_NEAR(studentT95(2.5), 3.5747, .005 * 3.6);
+    EXPECT_NEAR(studentT95(10.5), 2.2138, 2e-3);
+    EXPECT_NEAR(studentT95(1e9), 1.96, 1e-3);
+    EXPECT_TRUE(std::isnan(studentT95(.5)));
+}
+
+/// Decays whose batches have each an energy of their own, of mean 1; of how many the interval of G covers the truth,
+/// and how wide intervals are on average.
+std::pair<double, double> coverage(const std::function<double()>& energy, int batches) {
+    constexpr int kTrials = 1500;
+    const EnergyHistogram truth = exponential(.5, 1, 20);
+    double covered = 0, width = 0;
+    for (int trial = 0; trial < kTrials; ++trial) {
+        std::vector<EnergyHistogram> parts(static_cast<std::size_t>(batches), truth);
+        for (EnergyHistogram& part : parts) {
+            const double factor = energy();
+            for (Bands& bin : part.bins)
+                for (double& value : bin) value *= factor;
+        }
+        const MetricsEstimate m = estimateMetrics({}, parts);
+        covered += std::abs(m.value.g[0] - 10 * std::log10(4 * M_PI * 100)) <= m.ci95.g[0] ? 1.0 / kTrials : 0;
+        width += m.ci95.g[0] / kTrials;
+    }
+    return {covered, width};
+}
+
+/// Where few batches hold most of the energy the spread among them is itself hardly known. With n - 1 degrees of
+/// freedom the intervals of the last would cover the truth .917 of the time.
+TEST(RoomMetrics, IntervalsKnowOfBatchesThatStandOut) {
+    std::mt19937_64 random(7);
+    std::normal_distribution<double> even(1, .2);
+    std::gamma_distribution<double> uneven(2, .5), rare(.2, 5);
+    const auto [normal, width] = coverage([&] { return even(random); }, 16);
+    // Binomial with n = 1500: .0056 is one standard deviation.
+    EXPECT_NEAR(normal, .953, .015);
+    // 20 % of a mean of 16 by Student's t, in decibels: hardly more for the normal ones.
+    EXPECT_NEAR(width, 2.131 * .2 / 4 * 10 / std::log(10.0), .02);
+    EXPECT_NEAR(coverage([&] { return uneven(random); }, 16).first, .952, .015);
+    EXPECT_NEAR(coverage([&] { return rare(random); }, 16).first, .946, .015);
 }
 
 TEST(Air, IsoTable) {

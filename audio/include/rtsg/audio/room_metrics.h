@@ -33,7 +33,8 @@ struct MetricsEstimate {
 };
 
 /// `batches` are independent, equally long estimates of the late part, each on its own an unbiased one. The value is
-/// that of their mean; the interval comes from the delete-one jackknife over batches with Student's t.
+/// that of their mean; the interval comes from the delete-one jackknife over batches with Student's t, of fewer degrees
+/// of freedom where single batches stand out.
 MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches);
 
 /// Schroeder's curve of one band: decibels of the energy that comes later than k * `gridSeconds` after the first
@@ -44,7 +45,7 @@ std::vector<double> decayCurveDb(const Echogram& echogram, std::size_t band, dou
 /// figures that exist.
 double largestError(const MetricsEstimate& estimate);
 
-/// Two-sided 95 % quantile of Student's t.
-double studentT95(int degreesOfFreedom);
+/// Two-sided 95 % quantile of Student's t; NaN below one degree of freedom.
+double studentT95(double degreesOfFreedom);
 
 }  // namespace rtsg

@@ -1,0 +1,71 @@
+// How often the intervals of a traced room's figures hold what the room has, over rooms, scatterings and rays.
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/renderers/parallel_for.h>
+
+#include "audio/trace/trace_options.h"
+#include "audio/triangle_geometry.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+constexpr Bands RoomMetrics::* kAll[] = {&RoomMetrics::edt, &RoomMetrics::t20, &RoomMetrics::t30, &RoomMetrics::c50,
+                                         &RoomMetrics::c80, &RoomMetrics::d50, &RoomMetrics::ts,  &RoomMetrics::g};
+constexpr const char* kNames[] = {"EDT", "T20", "T30", "C50", "C80", "D50", "Ts", "G"};
+
+struct Covered {
+    double runs = 0, times[8] = {};
+};
+
+/// Of traces by other seeds, of the figures of all of them together, whose own error is small beside each interval.
+void cover(const TriangleGeometry& room, std::uint64_t rays, int runs, double seconds, Covered& covered) {
+    std::vector<TraceResult> results(static_cast<std::size_t>(runs));
+    parallelFor(results.size(), [&](std::size_t i) {
+        TraceOptions o = shortTrace(rays, 1 + i, TraceOptions().imageOrder);
+        o.maxSeconds = seconds;
+        results[i] = AcousticTracer(room).trace(kSource, kListener, o);
+    });
+    Echogram all = results.front().echogram();
+    all.late.bins.clear();
+    for (const TraceResult& result : results) all.late.accumulate(result.echogram().late, 1.0 / runs);
+    const RoomMetrics truth = roomMetrics(all);
+    covered.runs += runs;
+    for (const TraceResult& result : results) {
+        const MetricsEstimate m = result.metrics();
+        for (std::size_t f = 0; f < 8; ++f)
+            covered.times[f] += std::abs((m.value.*kAll[f])[0] - (truth.*kAll[f])[0]) <= (m.ci95.*kAll[f])[0] ? 1 : 0;
+    }
+}
+
+/// Of few rays in rooms where hardly anything is scattered no more can be asked: most of what counts comes by chance to
+/// few of them.
+TEST(IntervalCoverage, IsWhatIntervalsSayInRoomsThatScatterLittleAndMuchByFewAndManyRays) {
+    Shoebox uneven = Shoebox::uniform({6, 5, 3}, .1, .3);
+    uneven.absorption[4] = uneven.absorption[5] = .5;
+    Covered few, many;
+    const auto take = [&](const Shoebox& box, double seconds) {
+        const TriangleGeometry room = box.geometry();
+        cover(room, 400, 90, seconds, few);
+        cover(room, 2400, 24, seconds, many);
+    };
+    take(Shoebox::uniform({6, 5, 3}, .1, .5), 1.4);
+    take(Shoebox::uniform({6, 5, 3}, .1, .1), 1.5);
+    take(Shoebox::uniform({6, 5, 3}, .3, 1), .6);
+    take(uneven, .9);
+    for (std::size_t f = 0; f < 8; ++f) {
+        // Binomial with p = .95: one standard deviation is .0115 of few rays, .022 of many, .010 of all.
+        EXPECT_NEAR(few.times[f] / few.runs, .95, .035) << kNames[f];
+        EXPECT_NEAR(many.times[f] / many.runs, .95, .066) << kNames[f];
+        EXPECT_NEAR((few.times[f] + many.times[f]) / (few.runs + many.runs), .95, .03) << kNames[f];
+        RecordProperty(kNames[f], std::to_string(few.times[f] / few.runs));
+    }
+}
+
+}  // namespace
+}  // namespace rtsg
