@@ -1,9 +1,11 @@
 // Mirrors a source in the planes of a room and keeps the images whose path really leads to the listener.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
-#include <unordered_map>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include <rtsg/audio/image_sources.h>
 #include <rtsg/renderers/parallel_for.h>
@@ -55,9 +57,7 @@ class CandidateSet {
         for (double x = low.x; x <= high.x; ++x)
             for (double y = low.y; y <= high.y; ++y)
                 for (double z = low.z; z <= high.z; ++z) {
-                    const auto bucket = buckets_.find(key({x, y, z}));
-                    if (bucket == buckets_.end()) continue;
-                    for (std::uint32_t i = bucket->second; i != kNoPlane; i = next_[i])
+                    for (std::uint32_t i = newestIn(key({x, y, z})).newest; i != kNoPlane; i = next_[i])
                         if (glm::distance(all[i].position, p) < same && alike(turn, all[i].turn)) {
                             if (all[i].lastPlane != lastPlane) all[i].severalWays = true;
                             all[i].share = std::max(all[i].share, share);
@@ -66,9 +66,10 @@ class CandidateSet {
                 }
         const auto index = static_cast<std::uint32_t>(all.size());
         all.push_back({p, glm::mat3(turn), lastPlane, share});
-        next_.push_back(kNoPlane);
-        const auto [bucket, fresh] = buckets_.try_emplace(key(glm::floor(p / kCell)), index);
-        if (!fresh) next_.back() = std::exchange(bucket->second, index);
+        if (2 * all.size() > buckets_.size()) grow();
+        Bucket& bucket = newestIn(key(glm::floor(p / kCell)));
+        bucket.cell = key(glm::floor(p / kCell));
+        next_.push_back(std::exchange(bucket.newest, index));
         return true;
     }
 
@@ -82,8 +83,27 @@ class CandidateSet {
         return result;
     }
 
-    std::unordered_map<std::uint64_t, std::uint32_t> buckets_;
-    std::vector<std::uint32_t> next_;
+    /// Of a cell: the last of its candidates; none as long as it is free.
+    struct Bucket {
+        std::uint64_t cell = 0;
+        std::uint32_t newest = kNoPlane;
+    };
+    /// That of a cell, or the free one where it belongs.
+    Bucket& newestIn(std::uint64_t cell) {
+        for (std::size_t at = cell;; ++at) {
+            Bucket& bucket = buckets_[at & (buckets_.size() - 1)];
+            if (bucket.cell == cell || bucket.newest == kNoPlane) return bucket;
+        }
+    }
+    void grow() {
+        std::vector<Bucket> before(2 * buckets_.size());
+        before.swap(buckets_);
+        for (const Bucket& bucket : before)
+            if (bucket.newest != kNoPlane) newestIn(bucket.cell) = bucket;
+    }
+
+    std::vector<Bucket> buckets_{64};
+    std::vector<std::uint32_t> next_;  // of the same cell
 };
 
 /// Whether sound of an image at `p` that passes through the surfaces of `through` can reach those of `next`: both
@@ -106,50 +126,65 @@ struct Path {
 };
 
 /// Follows the way from a listener towards an image: mirrored by walls, and straight on through those that let sound
-/// pass. What ends in the source after the image's motion is a path.
+/// pass. What ends in the source after the image's motion is a path. Who asks what the way meets tells step().
 class Retracer {
   public:
+    struct State {
+        glm::dvec3 origin{0}, direction{0};
+        glm::dmat3 turn{1.0};
+        Bands energy = allBands(1);
+        double left = 0;  // metres to go
+        std::uint32_t plane = kNoPlane;
+        int order = 0;
+    };
+
     Retracer(const AcousticGeometry& geometry, const glm::dvec3& source, const Candidate& image, int maxOrder,
              double minShare, std::vector<Path>& found)
-        : geometry_(geometry),
+        : geometry_(&geometry),
           source_(source),
-          image_(image),
+          image_(&image),
           maxOrder_(maxOrder),
           minShare_(minShare),
-          found_(found) {}
+          found_(&found) {}
 
-    void run(const glm::dvec3& listener) {
-        const glm::dvec3 toImage = image_.position - listener;
+    /// Whether there is a way to go.
+    bool start(const glm::dvec3& listener) {
+        const glm::dvec3 toImage = image_->position - listener;
         distance_ = glm::length(toImage);
-        if (!(distance_ > 0)) return;
-        State state{listener, toImage / distance_, glm::dmat3(1.0), allBands(1), distance_, kNoPlane, 0};
-        follow(state);
+        if (!(distance_ > 0)) return false;
+        state_ = {.origin = listener, .direction = toImage / distance_, .left = distance_};
+        return true;
+    }
+    const State& state() const { return state_; }
+    /// How far to look.
+    double reach() const { return reach(state_); }
+    /// Goes on to what was met, as closest() says; false once the way has come to its end. The last of it, where walls
+    /// may be nearer to the source than rays in a row leave them, is gone at once.
+    bool step(bool met, const AcousticHit& hit) {
+        if (step(state_, met, hit) != Step::on) return false;
+        if (state_.left > kLast) return true;
+        follow(state_);
+        return false;
     }
 
   private:
-    struct State {
-        glm::dvec3 origin, direction;
-        glm::dmat3 turn;
-        Bands energy;
-        double left;  // metres to go
-        std::uint32_t plane;
-        int order;
-    };
+    enum class Step : std::uint8_t { on, arrived, lost };
 
+    double reach(const State& state) const { return state.left + tolerance(state.order, distance_); }
     bool worthFollowing(const Bands& energy, double least) {
         return *std::max_element(energy.begin(), energy.end()) > least && ++steps_ <= kMostSteps;
     }
 
     /// Whether it ends in the source after the image's motion; notes the path if so.
     bool ends(const State& state, double slack) {
-        if (!alike(state.turn, image_.turn) ||
+        if (!alike(state.turn, image_->turn) ||
             glm::distance(state.origin + state.direction * state.left, source_) > slack)
             return false;
         Path path{{}, -state.direction};
         path.arrival.energy = state.energy;
         path.arrival.order = static_cast<std::uint32_t>(state.order);
         // Without a reflection it is direct sound.
-        if (state.order > 0) found_.push_back(path);
+        if (state.order > 0) found_->push_back(path);
         return true;
     }
 
@@ -157,43 +192,77 @@ class Retracer {
     bool follow(State& state) {
         for (;;) {
             AcousticHit hit;
-            const double slack = tolerance(state.order, distance_);
-            const bool met = geometry_.closest(state.origin, state.direction, state.left + slack, state.plane, hit);
-            // Where the source is nearer to walls than the path is exact, it may end before or behind each of them: the
-            // turn tells which is meant.
-            const bool atEnd = !met || hit.distance > state.left - slack;
-            if (atEnd && ends(state, slack)) return true;
-            if (!met) return false;
-            const AcousticMaterial& material = geometry_.materials()[hit.material];
-            State through = state;
-            for (std::size_t b = 0; b < kBandCount; ++b) {
-                if (!atEnd) through.energy[b] *= material.transmission[b];
-                state.energy[b] *= material.mirrored(b);
-            }
-            const glm::dvec3 point = state.origin + state.direction * hit.distance;
-            for (State* next : {&through, &state}) {
-                next->origin = point;
-                next->left -= hit.distance;
-                next->plane = hit.plane;
-            }
-            if (worthFollowing(through.energy, minShare_) && follow(through) && atEnd) return true;
-            if (state.order == maxOrder_ || !worthFollowing(state.energy, 0)) return false;
-            state.direction -= hit.normal * (2 * glm::dot(state.direction, hit.normal));
-            state.turn = state.turn * mirroring(hit.normal);
-            ++state.order;
+            const bool met = geometry_->closest(state.origin, state.direction, reach(state), state.plane, hit);
+            if (const Step next = step(state, met, hit); next != Step::on) return next == Step::arrived;
         }
+    }
+
+    Step step(State& state, bool met, const AcousticHit& hit) {
+        const double slack = tolerance(state.order, distance_);
+        // Where the source is nearer to walls than the path is exact, it may end before or behind each of them: the
+        // turn tells which is meant.
+        const bool atEnd = !met || hit.distance > state.left - slack;
+        if (atEnd && ends(state, slack)) return Step::arrived;
+        if (!met) return Step::lost;
+        const AcousticMaterial& material = geometry_->materials()[hit.material];
+        const glm::dvec3 point = state.origin + state.direction * hit.distance;
+        Bands beyond = state.energy;
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            if (!atEnd) beyond[b] *= material.transmission[b];
+            state.energy[b] *= material.mirrored(b);
+        }
+        state.origin = point;
+        state.left -= hit.distance;
+        state.plane = hit.plane;
+        if (worthFollowing(beyond, minShare_)) {
+            State through = state;
+            through.energy = beyond;
+            if (follow(through) && atEnd) return Step::arrived;
+        }
+        if (state.order == maxOrder_ || !worthFollowing(state.energy, 0)) return Step::lost;
+        state.direction -= hit.normal * (2 * glm::dot(state.direction, hit.normal));
+        state.turn = state.turn * mirroring(hit.normal);
+        ++state.order;
+        return Step::on;
     }
 
     /// Each wall that lets sound pass doubles the ways.
     static constexpr int kMostSteps = 20'000;
-    const AcousticGeometry& geometry_;
-    const glm::dvec3& source_;
-    const Candidate& image_;
+    static constexpr double kLast = .01;  // metres
+    const AcousticGeometry* geometry_;
+    glm::dvec3 source_;
+    const Candidate* image_;
     int maxOrder_;
     double minShare_, distance_ = 0;
-    std::vector<Path>& found_;
+    std::vector<Path>* found_;
     int steps_ = 0;
+    State state_;
 };
+
+/// Follows the ways to some images, sixteen at a time.
+void retrace(const AcousticGeometry& geometry, std::span<Retracer> ways, const glm::dvec3& listener) {
+    std::array<Retracer*, AcousticRays::kMost> lanes{};
+    std::size_t count = 0, next = 0;
+    for (;;) {
+        while (count < lanes.size() && next < ways.size()) {
+            lanes[count] = &ways[next++];
+            if (lanes[count]->start(listener)) ++count;
+        }
+        if (count == 0) return;
+        AcousticRays rays;
+        for (std::size_t i = 0; i < count; ++i) {
+            const Retracer::State& state = lanes[i]->state();
+            // Not from a place off the wall, which would meet the edges of others elsewhere.
+            rays.add(state.origin, glm::dvec3(0), state.direction, lanes[i]->reach(), state.plane);
+        }
+        AcousticHits hits;
+        const std::uint32_t met = geometry.closestOf(rays, hits);
+        std::size_t left = 0;
+        for (std::size_t i = 0; i < count; ++i)
+            if (lanes[i]->step((met >> i & 1) != 0, hits[i])) lanes[left++] = lanes[i];
+        count = left;
+    }
+}
 
 /// A place a little aside of the listener, with nothing in between.
 glm::dvec3 aside(const AcousticGeometry& geometry, const glm::dvec3& listener) {
@@ -336,8 +405,11 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
     constexpr std::size_t kChunk = 64;
     parallelFor((paths.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
         const std::size_t end = std::min(paths.size(), (chunk + 1) * kChunk);
+        std::vector<Retracer> ways;
+        ways.reserve(kChunk);
         for (std::size_t i = std::max<std::size_t>(1, chunk * kChunk); i < end; ++i)
-            Retracer(geometry, source, all[i], result.order, options.minShare, paths[i]).run(beside);
+            ways.emplace_back(geometry, source, all[i], result.order, options.minShare, paths[i]);
+        retrace(geometry, ways, beside);
     });
     for (std::size_t i = 1; i < paths.size(); ++i)
         for (const Path& path : paths[i]) keep(path, all[i].position);

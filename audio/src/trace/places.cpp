@@ -63,14 +63,18 @@ glm::dvec3 evenDirection(int i, int count) {
 Surroundings surroundings(const AcousticGeometry& geometry, const glm::dvec3& listener, double openDistance,
                           int directions) {
     Surroundings result;
-    for (int i = 0; i < directions; ++i) {
-        AcousticHit hit;
-        double distance = openDistance;
-        if (geometry.closest(listener, evenDirection(i, directions), 1e6, kNoPlane, hit))
-            distance = hit.distance;
-        else
-            result.closed = false;
-        result.volume += 4 * std::numbers::pi / 3 * distance * distance * distance / directions;
+    for (int first = 0; first < directions; first += AcousticRays::kMost) {
+        AcousticRays rays;
+        for (int i = first; i < std::min(directions, first + AcousticRays::kMost); ++i)
+            rays.add(listener, glm::dvec3(0), evenDirection(i, directions), 1e6, kNoPlane);
+        AcousticHits hits;
+        const std::uint32_t met = geometry.closestOf(rays, hits);
+        for (int i = 0; i < rays.count; ++i) {
+            const bool shut = (met >> i & 1) != 0;
+            const double distance = shut ? hits[static_cast<std::size_t>(i)].distance : openDistance;
+            result.closed = result.closed && shut;
+            result.volume += 4 * std::numbers::pi / 3 * distance * distance * distance / directions;
+        }
     }
     result.nearest = geometry.distanceToSurface(listener);
     return result;

@@ -225,6 +225,11 @@ std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, c
         ray.direction = Vec3f(rays.direction[i]);
         ray.tMax = static_cast<float>(std::min(rays.maxDistance[i] * (1 + 0x1p-20) + 2 * rounding, 1e9));
         packet.set(i, ray);
+        if (!onSurface && rays.except[i] < planes_->planes().size()) {
+            // The surface that it starts on is met after `rounding`, and a little later or earlier.
+            const double cosine = std::abs(glm::dot(planes_->planes()[rays.except[i]].normal, rays.direction[i]));
+            packet.tMin[i] = std::min(static_cast<float>(rounding * (1 + 0.5 / cosine)), packet.tMax[i]);
+        }
     }
     const std::uint32_t mask = rays_->intersect(packet, false, RayKind::sound);
     rays_->hits(packet, mask, found);
@@ -238,7 +243,7 @@ std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, c
                           found.u[i],     found.v[i],        {found.normalX[i], found.normalY[i], found.normalZ[i]}};
             judged = judge(one, static_cast<double>(one.t) - early[i], open, rays.origin[i], rays.direction[i],
                            rays.maxDistance[i], rays.except[i], hit);
-        } else if (rays.facing[i] == glm::dvec3(0)) {
+        } else if (rays.facing[i] == glm::dvec3(0) && packet.tMin[i] == 0) {
             judged = Judged::beyond;
         }
         if (judged == Judged::doubtful &&
