@@ -68,45 +68,74 @@ namespace {
 
 constexpr double kMost = 60;  // seconds of an echogram that is as long as it need be
 
+/// A ray that is followed until its energy is gone.
+struct FadingRay {
+    static constexpr int kMostReflections = 4000;
+    static constexpr double kGone = 3e-7, kShort = 10;
+
+    glm::dvec3 origin, direction, facing{0};
+    Random random;
+    std::uint32_t plane = kNoPlane;
+    Bands energy = allBands(1);
+    double metres = 0;
+    int reflections = 0;
+
+    bool goesOn(double speedOfSound) const {
+        // What is slow to fade in a small room would take rays without end.
+        const bool tooSlow = reflections > kMostReflections && metres > kShort * speedOfSound;
+        return largest<kBandCount>(energy) > kGone && metres < kMost * speedOfSound && !tooSlow;
+    }
+    void meet(const AcousticHit& hit, const AcousticMaterial& material, const Bands& attenuation) {
+        double scattered = 0, mirrored = 0, through = 0;
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            scattered += energy[b] * material.reflected(b) * material.scattering[b];
+            mirrored += energy[b] * material.mirrored(b);
+            through += energy[b] * material.transmission[b];
+            energy[b] *= (1 - material.absorption[b]) * std::exp(-attenuation[b] * hit.distance);
+        }
+        ++reflections;
+        metres += hit.distance;
+        origin += direction * hit.distance;
+        plane = hit.plane;
+        const double choice = random.uniform() * (scattered + mirrored + through);
+        const double cosine = glm::dot(direction, hit.normal);
+        facing = cosine > 0 ? -hit.normal : hit.normal;
+        if (choice < scattered)
+            direction = cosineDirection(facing, random);
+        else if (choice < scattered + mirrored)
+            direction -= hit.normal * (2 * cosine);
+        else
+            facing = -facing;
+    }
+};
+
 /// How long it takes until 65 dB of what a source emits are gone in all bands: the longest that any of some rays needs.
 double decaySeconds(const AcousticGeometry& geometry, const glm::dvec3& source, const TraceOptions& options) {
-    constexpr int kRays = 64, kMostReflections = 4000;
-    constexpr double kGone = 3e-7, kShort = 10;
+    constexpr int kRays = 64;
+    const double speed = options.air.speedOfSound;
     const Bands attenuation = airAttenuation(options.air);
-    Random random(Random::mix(options.seed, 0xDECA));
     double longest = 0;
-    for (int i = 0; i < kRays; ++i) {
-        glm::dvec3 origin = source, direction = evenDirection(i, kRays);
-        std::uint32_t plane = kNoPlane;
-        Bands energy = allBands(1);
-        double metres = 0;
-        for (int reflection = 0; largest<kBandCount>(energy) > kGone && metres < kMost * options.air.speedOfSound;
-             ++reflection) {
-            AcousticHit hit;
-            // What is slow to fade in a small room would take rays without end.
-            if (reflection > kMostReflections && metres > kShort * options.air.speedOfSound) break;
-            if (!geometry.closest(origin, direction, 1e6, plane, hit)) break;
-            const AcousticMaterial& material = geometry.materials()[hit.material];
-            double scattered = 0, mirrored = 0, through = 0;
-            for (std::size_t b = 0; b < kBandCount; ++b) {
-                scattered += energy[b] * material.reflected(b) * material.scattering[b];
-                mirrored += energy[b] * material.mirrored(b);
-                through += energy[b] * material.transmission[b];
-                energy[b] *= (1 - material.absorption[b]) * std::exp(-attenuation[b] * hit.distance);
-            }
-            metres += hit.distance;
-            origin += direction * hit.distance;
-            plane = hit.plane;
-            const double choice = random.uniform() * (scattered + mirrored + through);
-            const double cosine = glm::dot(direction, hit.normal);
-            if (choice < scattered)
-                direction = cosineDirection(cosine > 0 ? -hit.normal : hit.normal, random);
-            else if (choice < scattered + mirrored)
-                direction -= hit.normal * (2 * cosine);
+    std::vector<FadingRay> lanes;
+    for (int sent = 0; sent < kRays || !lanes.empty();) {
+        for (; lanes.size() < AcousticRays::kMost && sent < kRays; ++sent)
+            lanes.push_back({.origin = source,
+                             .direction = evenDirection(sent, kRays),
+                             .random = Random(Random::mix(options.seed, 0xDECA + static_cast<std::uint64_t>(sent)))});
+        AcousticRays rays;
+        for (const FadingRay& ray : lanes) rays.add(ray.origin, ray.facing, ray.direction, 1e6, ray.plane);
+        AcousticHits hits;
+        const std::uint32_t met = geometry.closestOf(rays, hits);
+        std::size_t left = 0;
+        for (std::size_t i = 0; i < lanes.size(); ++i) {
+            FadingRay& ray = lanes[i];
+            const bool shut = (met >> i & 1) != 0;
+            if (shut) ray.meet(hits[i], geometry.materials()[hits[i].material], attenuation);
+            longest = std::max(longest, ray.metres);
+            if (shut && ray.goesOn(speed)) lanes[left++] = ray;
         }
-        longest = std::max(longest, metres / options.air.speedOfSound);
+        lanes.erase(lanes.begin() + static_cast<std::ptrdiff_t>(left), lanes.end());
     }
-    return longest;
+    return longest / speed;
 }
 
 /// The ball around the listener in which rays are counted.
