@@ -148,6 +148,7 @@ ListenOptions SoundArguments::parse() const {
         if (!head) throw UsageError(head.error().text);
         options.render.hrtf = std::move(*head);
     }
+    options.render.document = document;
     options.render.air = air;
     if (noAir) options.render.air.absorbs = false;
     if (length > 0) options.trace.maxSeconds = options.render.trace.maxSeconds = length;

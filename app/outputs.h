@@ -57,6 +57,7 @@ struct SoundArguments {
     bool noAir = false;
     std::string sofa;
     GivenSoundArguments given;
+    std::string document;  // the scene's file, if there is one; set by the verb
 
     void addTo(Command& command);
     /// Without what is given: GivenSoundArguments::open().

@@ -40,6 +40,7 @@ int listenLive(const ListenArguments& options) {
     if (!running.load()) return kBad;
     LiveOptions live;
     live.render = options.sound.parse().render;
+    live.render.document = options.scene;
     live.render.resources = running.resources();
     live.render.given = options.sound.given.open(true, parseSeconds(options.duration), live.render.sampleRate);
     live.device = options.device;
@@ -113,6 +114,7 @@ int listenTo(const ListenArguments& options) {
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     keepResources(running.scene(), running.resources(), outputs);
+    listening.render.document = options.scene;
     listening.render.resources = running.resources();
     listening.render.given = options.sound.given.open(false, listening.seconds, listening.render.sampleRate);
     listening.runTo = [&](double t) { running.frameAt(t); };

@@ -74,6 +74,7 @@ class RunMade {
     bool follow(std::uint64_t frame) {
         if (!arguments_.any()) return true;
         if (frame == 0) {
+            arguments_.sound.document = running_.file();
             auto attached = makeOutputs(running_.world(), arguments_, running_.resources());
             if (!attached) {
                 printError(attached.error());

@@ -195,7 +195,8 @@ LiveReport LiveSound::stop() {
     tellOf(impl_->options.render.given.streams, "stream", report.diagnostics);
     report.diagnostics.append(impl_->tables.scene().diagnostics());
     report.diagnostics.append(impl_->engine->diagnostics());
-    tellSealed(impl_->world.scene(), impl_->engine->sealed(), impl_->options.render.startTime, report.diagnostics);
+    tellSealed(impl_->world.scene(), impl_->engine->sealed(), impl_->options.render.startTime,
+               impl_->options.render.document, report.diagnostics);
     return report;
 }
 

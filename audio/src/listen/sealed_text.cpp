@@ -1,9 +1,13 @@
 // Puts into words what keeps a source and the listener apart.
 #include "sealed_text.h"
 
+#include <optional>
 #include <string>
+#include <unordered_map>
 
 #include <fmt/format.h>
+
+#include <rtsg/core/loader.h>
 
 #include "scene/sound_fields.h"
 
@@ -13,6 +17,49 @@ namespace {
 std::string placeOf(const glm::dvec3& p) {
     return fmt::format("{:.4g} {:.4g} {:.4g}", p.x, p.y, p.z);
 }
+
+/// Where a document has its nodes: by type and DEF name, and those without one by type if they are the only ones.
+class NodePlaces final : public DocumentHandler {
+  public:
+    explicit NodePlaces(const std::filesystem::path& document) {
+        Diagnostics known;  // told when the scene was read
+        static_cast<void>(readDocumentFile(document, *this, known));
+    }
+    std::optional<SourceLocation> find(std::string_view type, std::string_view def) const {
+        const auto found = places_.find(key(type, def));
+        if (found == places_.end() || found->second.line == 0) return std::nullopt;
+        return found->second;
+    }
+
+    void beginNode(std::string_view type, std::string_view def, std::string_view, SourceLocation where) override {
+        const auto [known, fresh] = places_.try_emplace(key(type, def), where);
+        if (!fresh && def.empty()) known->second = {};
+    }
+    void beginDocument(const DocumentHeader&) override {}
+    void endDocument() override {}
+    void component(std::string_view, int, SourceLocation) override {}
+    void meta(std::string_view, std::string_view, SourceLocation) override {}
+    void unit(std::string_view, std::string_view, double, SourceLocation) override {}
+    void endNode(SourceLocation) override {}
+    void useNode(std::string_view, std::string_view, SourceLocation) override {}
+    void setField(std::string_view, Value, SourceLocation) override {}
+    void declareField(const FieldDeclaration&, std::optional<Value>, SourceLocation) override {}
+    void isConnection(std::string_view, std::string_view, SourceLocation) override {}
+    void beginProto(std::string_view, SourceLocation) override {}
+    void beginProtoBody(SourceLocation) override {}
+    void endProto(SourceLocation) override {}
+    void externProto(std::string_view, const std::vector<FieldDeclaration>&, const std::vector<std::string>&,
+                     SourceLocation) override {}
+    void route(std::string_view, std::string_view, std::string_view, std::string_view, SourceLocation) override {}
+    void importNode(std::string_view, std::string_view, std::string_view, SourceLocation) override {}
+    void exportNode(std::string_view, std::string_view, SourceLocation) override {}
+
+  private:
+    static std::string key(std::string_view type, std::string_view def) {
+        return std::string(type).append(" ").append(def);
+    }
+    std::unordered_map<std::string, SourceLocation> places_;
+};
 
 /// The name that an author gave it, or what it is made of; and where it is.
 std::string shapeText(const Scene& scene, const Seal::Shape& shape) {
@@ -28,7 +75,10 @@ std::string shapeText(const Scene& scene, const Seal::Shape& shape) {
 
 }  // namespace
 
-void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double start, Diagnostics& diagnostics) {
+void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double start,
+                const std::filesystem::path& document, Diagnostics& diagnostics) {
+    std::optional<NodePlaces> places;
+    if (!sealed.empty() && !document.empty() && document != "-") places.emplace(document);
     for (const SealedSource& found : sealed) {
         const Seal& seal = found.seal;
         std::string shapes;
@@ -43,13 +93,17 @@ void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double
                           &outer = seal.sourceInside ? listener : source;
         const std::string since =
             found.seconds > start ? fmt::format(" from {:.2f} s on", found.seconds - start) : std::string();
-        diagnostics.warning({},
-                            seal.proven
-                                ? fmt::format("{} is silent{}: {} is sealed in {}, and {} is outside", found.name,
+        Diagnostic told{Severity::warning, {}, {}, {}, DiagnosticCode("sealed")};
+        told.text = seal.proven ? fmt::format("{} is silent{}: {} is sealed in {}, and {} is outside", found.name,
                                               since, inner, shapes, outer)
                                 : fmt::format("{} is silent{}: no way was found from {}, which is shut in by {}, to {}",
-                                              found.name, since, inner, shapes, outer),
-                            DiagnosticCode("sealed"));
+                                              found.name, since, inner, shapes, outer);
+        const Node* node = places ? scene.find(found.sound) : nullptr;
+        if (const auto where = node ? places->find(node->type().name, scene.name(found.sound)) : std::nullopt) {
+            told.file = document.string();
+            told.where = *where;
+        }
+        diagnostics.add(std::move(told));
     }
 }
 

@@ -246,7 +246,7 @@ ListenReport SoundRenderer::finish() {
     if (!s.renderer) return std::exchange(s.report, ListenReport());
     s.report.heard = s.renderer->heard();
     s.report.diagnostics.append(s.renderer->diagnostics());
-    tellSealed(world().scene(), s.renderer->sealed(), s.start, s.report.diagnostics);
+    tellSealed(world().scene(), s.renderer->sealed(), s.start, s.options.render.document, s.report.diagnostics);
     if (s.renderer->scene().emitters().empty()) s.report.diagnostics.warning({}, "the scene has no sounds");
     return std::exchange(s.report, ListenReport());
 }

@@ -1,6 +1,7 @@
 // Sources that no way leads from to the listener: told once each time, with what is in between; and no false alarms.
 #include <chrono>
 #include <cstdlib>
+#include <fstream>
 #include <thread>
 
 #include <rtsg/audio/live_sound.h>
@@ -160,6 +161,27 @@ TEST_F(ListenSealed, FiguresThatDoNotExistAreToldAndNothingLeaksIntoThem) {
     EXPECT_TRUE(report->sources[0].trace.silent());
     EXPECT_TRUE(std::isnan(report->sources[0].metrics.value.g[4]));
     EXPECT_LT(report->rays, 21'000u);  // no more of them for nothing
+}
+
+TEST_F(ListenSealed, TheSourceHasItsLineInTheDocument) {
+    for (const bool named : {true, false}) {
+        const std::string text = "#X3D V4.0 utf8\nPROFILE Full\n" +
+                                 shape("Drum", "Cylinder { radius 1.5 height 2 }", "0 0 0") + "# about\n  " +
+                                 (named ? "DEF Voice" : "") + kTone + view("0 0 9");
+        const std::filesystem::path file = folder_ / "drum.x3dv";
+        std::ofstream(file) << text;
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadFile(scene, file, diagnostics));
+        ListenOptions o = options();
+        o.seconds = .1;
+        o.render.document = file;
+        const auto report = listen(scene, o);
+        ASSERT_TRUE(report);
+        ASSERT_EQ(report->diagnostics.all().size(), 1u);
+        EXPECT_EQ(report->diagnostics.all()[0].file, file.string());
+        EXPECT_EQ(report->diagnostics.all()[0].where.line, 5u) << named;
+    }
 }
 
 TEST_F(ListenSealed, LiveSoundTellsWhenItStops) {
