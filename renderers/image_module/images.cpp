@@ -2,12 +2,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <memory>
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
 #include "image/image_files.h"
+#include "ktx2.h"
 #include "tiles.h"
 
 namespace rtsg {
@@ -80,6 +82,31 @@ std::unique_ptr<OIIO::ImageInput> openFor(const ReadRequest& request, const std:
     return OIIO::ImageInput::open(name, nullptr, memory);
 }
 
+/// A picture of blocks, as it is.
+std::string readBlocks(std::span<const std::uint8_t> dds, FilePixels& out) {
+    OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(dds.data()), dds.size());
+    const auto input = OIIO::ImageInput::open("blocks.dds", nullptr, &reader);
+    return input ? readInput(*input, {.check = {}}, out) : OIIO::geterror();
+}
+
+/// The whole of a file that is of KTX 2.0 by its first bytes; otherwise nothing.
+std::vector<std::uint8_t> bytesOfKtx2(const std::string& name) {
+    std::ifstream file(name, std::ios::binary);
+    std::vector<std::uint8_t> bytes(12);
+    const auto read = [&](std::size_t at) {
+        file.read(reinterpret_cast<char*>(bytes.data() + at), static_cast<std::streamsize>(bytes.size() - at));
+        bytes.resize(at + static_cast<std::size_t>(file.gcount()));
+    };
+    read(0);
+    if (!isKtx2(bytes)) return {};
+    constexpr std::size_t step = 1 << 20;
+    for (std::size_t at = bytes.size(); file; at = bytes.size()) {
+        bytes.resize(at + step);
+        read(at);
+    }
+    return bytes;
+}
+
 class Files final : public ImageFiles {
   public:
     std::string openTiles(ByteSource source, const std::string& name,
@@ -88,12 +115,15 @@ class Files final : public ImageFiles {
     }
 
     std::string readFile(const std::string& file, const ReadRequest& request, FilePixels& out) const override {
+        if (const std::vector<std::uint8_t> bytes = bytesOfKtx2(file); !bytes.empty())
+            return readKtx2(bytes, request, readBlocks, out);
         const auto input = openFor(request, file, nullptr);
         return input ? readInput(*input, request, out) : OIIO::geterror();
     }
 
     std::string readMemory(std::span<const std::uint8_t> bytes, const std::string& name, const ReadRequest& request,
                            FilePixels& out) const override {
+        if (isKtx2(bytes)) return readKtx2(bytes, request, readBlocks, out);
         OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(bytes.data()), bytes.size());
         const auto input = openFor(request, name, &reader);
         return input ? readInput(*input, request, out) : OIIO::geterror();

@@ -51,8 +51,12 @@ void GltfMaterials::writeTexture(const json& reference, const char* field) {
     const std::string def = "texture" + std::to_string(*index);
     if (textureGiven_.contains(*index)) return out_.useNode(def, field, {});
     const json* texture = file_.item("textures", *index);
-    const json* image =
-        texture ? file_.item("images", GltfFile::index(*texture, "source").value_or(kNoIndex)) : nullptr;
+    auto source = texture ? GltfFile::index(*texture, "source") : std::nullopt;
+    // A KTX2 file alone: whoever shows it says whether its pixels are read.
+    if (texture && !source)
+        source =
+            GltfFile::index(GltfFile::object(GltfFile::object(*texture, "extensions"), "KHR_texture_basisu"), "source");
+    const json* image = texture ? file_.item("images", source.value_or(kNoIndex)) : nullptr;
     if (!image) return file_.warn("a texture of the glTF file has no picture; it is left out");
     std::string url = GltfFile::text(*image, "uri");
     if (url.empty()) {

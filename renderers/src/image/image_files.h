@@ -31,6 +31,7 @@ struct ReadRequest {
     bool asFloats = false, bottomRowFirst = false;
     bool layers = false;    // a file with several layers is read whole, otherwise refused
     bool straight = false;  // colours as they are under an alpha of 0, and not multiplied with it elsewhere
+    bool data = false;      // numbers, no colours: bytes stay bytes even where the file says that they are light
     /// Asked before memory is taken for pixels: a sentence refuses them.
     std::function<std::string(int width, int height, int layers, bool eightBits)> check;
 };
@@ -106,6 +107,6 @@ class ImageFiles {
 Result<const ImageFiles*> imageFiles();
 
 /// What the module exports under this name, which changes whenever this header does.
-#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles5
+#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles6
 
 }  // namespace rtsg

@@ -78,12 +78,13 @@ Result<> checkSize(int width, int height, std::size_t pixels) {
 }
 
 /// Bottom row first: SFImage and texture coordinates both start at the lower left.
-ReadRequest request(std::uint64_t maximumPixels, bool layers = false) {
+ReadRequest request(std::uint64_t maximumPixels, Texture::Content content, bool layers = false) {
     return {
         .asFloats = false,
         .bottomRowFirst = true,
         .layers = layers,
         .straight = true,
+        .data = content == Texture::Content::data,
         .check = [maximumPixels](int width, int height, int count, bool bytes) -> std::string {
             if (const auto ok = checkSize(width, height, SIZE_MAX); !ok) return ok.error().text;
             if (count > kMaxSide) return "the texture has more than 32768 layers";
@@ -175,7 +176,8 @@ Result<Texture> Texture::fromFile(const std::filesystem::path& file, Content con
     const auto files = imageFiles();
     if (!files) return std::unexpected(files.error());
     FilePixels pixels;
-    if (const std::string error = (*files)->readFile(file.string(), request(maximumPixels), pixels); !error.empty())
+    if (const std::string error = (*files)->readFile(file.string(), request(maximumPixels, content), pixels);
+        !error.empty())
         return fail(error, {}, file.string());
     auto result = textureFromPixels(pixels, content);
     if (!result) result.error().file = file.string();
@@ -187,7 +189,8 @@ Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const st
     const auto files = imageFiles();
     if (!files) return std::unexpected(files.error());
     FilePixels pixels;
-    if (const std::string error = (*files)->readMemory(file, name, request(maximumPixels), pixels); !error.empty())
+    if (const std::string error = (*files)->readMemory(file, name, request(maximumPixels, content), pixels);
+        !error.empty())
         return fail(error, {}, name);
     return textureFromPixels(pixels, content);
 }
@@ -197,7 +200,7 @@ Result<std::vector<Texture>> Texture::layersFromMemory(std::span<const std::uint
     const auto files = imageFiles();
     if (!files) return std::unexpected(files.error());
     FilePixels pixels;
-    if (const std::string error = (*files)->readMemory(file, name, request(maximumPixels, true), pixels);
+    if (const std::string error = (*files)->readMemory(file, name, request(maximumPixels, content, true), pixels);
         !error.empty())
         return fail(error, {}, name);
     std::vector<Texture> result;

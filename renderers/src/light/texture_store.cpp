@@ -33,6 +33,7 @@ std::string nameByContent(std::string_view bytes) {
     if (bytes.starts_with("\x76\x2F\x31\x01"sv)) return "picture.exr";
     if (bytes.starts_with("#?RADIANCE"sv) || bytes.starts_with("#?RGBE"sv)) return "picture.hdr";
     if (bytes.starts_with("DDS "sv)) return "picture.dds";
+    if (bytes.starts_with("\xABKTX 20\xBB\r\n\x1A\n"sv)) return "picture.ktx2";
     if (bytes.size() > 12 && bytes.starts_with("RIFF"sv) && bytes.substr(8, 4) == "WEBP"sv) return "picture.webp";
     if (bytes.size() > 2 && bytes[0] == 'P' && bytes[1] >= '1' && bytes[1] <= '6') return "picture.pnm";
     if (bytes.size() > 26 && bytes.substr(bytes.size() - 18, 16) == "TRUEVISION-XFILE"sv) return "picture.tga";

@@ -322,6 +322,16 @@ TEST(ImportGltf, WhatDoesNotFitIsNamedAndNothingIsReadBeyondIt) {
     EXPECT_THAT(
         spoiled("{\"asset\"", "{\"extensionsUsed\":[\"KHR_lights_punctual\",\"EXT_a\",\"EXT_b\"],\"asset\"").problems,
         HasSubstr("the glTF file uses EXT_a, EXT_b, which is not read"));
+    // A picture in KTX2 is taken where there is no other: whoever shows it says whether it is read.
+    const char* basis = "{\"extensionsRequired\":[\"KHR_texture_basisu\"],\"asset\"";
+    const char* image = "\"image/png\"";
+    std::string alone = good;
+    alone.replace(alone.find("{\"asset\""), 8, basis).replace(alone.find(image), 11, "\"image/ktx2\"");
+    const std::string source = "\"textures\":[{\"source\":0";
+    alone.replace(alone.find(source), source.size(),
+                  "\"textures\":[{\"extensions\":{\"KHR_texture_basisu\":{\"source\":0}}");
+    EXPECT_EQ(Imported(alone).problems, "");
+    EXPECT_THAT(Imported(alone).commands, HasSubstr("set url MFString [\"data:image/ktx2;base64,iVBORw==\"]"));
     Gltf holed;
     const float nan = std::numeric_limits<float>::quiet_NaN();
     std::memcpy(holed.buffer.data() + 4, &nan, sizeof(nan));

@@ -9,6 +9,7 @@
 namespace rtsg {
 namespace {
 
+using test::expectColor;
 using test::LightScene;
 
 /// A classic material's field whose colour is `light` once it is decoded.

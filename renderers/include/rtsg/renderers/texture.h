@@ -57,7 +57,7 @@ class Texture {
     static Result<Texture> fromFloats(std::vector<Vec4f> pixels, int width, int height, int channels = 4,
                                       Content content = Content::data);
     static Result<Texture> fromImage(const Image& image, Content content = Content::color);
-    /// Anything that OpenImageIO reads; half, float and 16-bit pictures keep their range. Refuses more than
+    /// Anything that OpenImageIO reads, and KTX2; half, float and 16-bit pictures keep their range. Refuses more than
     /// `maximumPixels` before it takes memory for them: up to 10 bytes a pixel while reading; pictures with more than 8
     /// bits a channel take, and count, four times as much.
     static Result<Texture> fromFile(const std::filesystem::path& file, Content content = Content::color,
