@@ -3,6 +3,7 @@
 #include <rtsg/core/scene_exporter.h>
 
 #include "filter_parts.h"
+#include "inline_lights.h"
 
 namespace rtsg::detail {
 
@@ -51,9 +52,22 @@ class Flatten final : private SceneOfDocument, public Filter {
         version_ = header.version;
         Filter::beginDocument(header);
     }
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
+        if (type == "Inline" && protos_ == 0) inlines_.push_back(where);
+        Filter::beginNode(type, def, field, where);
+    }
+    void beginProto(std::string_view name, SourceLocation where) override {
+        ++protos_;
+        Filter::beginProto(name, where);
+    }
+    void endProto(SourceLocation where) override {
+        --protos_;
+        Filter::endProto(where);
+    }
     void endDocument() override {
         Filter::endDocument();
         builder.finish();
+        if (options_.expandInlines) keepInlineLights(scene, inlines_, diagnostics_);
         WithVersion last(next_, version_);
         SceneExporter(scene, diagnostics_, options_).write(last);
     }
@@ -63,6 +77,8 @@ class Flatten final : private SceneOfDocument, public Filter {
     Diagnostics& diagnostics_;
     const ExportOptions options_;
     std::string version_;
+    std::vector<SourceLocation> inlines_;  // of the document itself, in its order
+    std::size_t protos_ = 0;
 };
 
 }  // namespace

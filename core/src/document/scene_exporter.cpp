@@ -85,6 +85,12 @@ struct SceneExporter::State {
     static bool isInline(const Node& node) {
         return node.type().kind == NodeType::Kind::builtin && node.type().name == "Inline";
     }
+    /// Whether what becomes a Group keeps the field.
+    static bool groupHas(const FieldDef& def) {
+        static const NodeType& group = *findBuiltinType("Group");
+        const FieldIndex same = group.findExact(def.name);
+        return same != kNoField && !def.hidden && !group.fields[same].hidden && group.fields[same].type == def.type;
+    }
     static const Array<NodeId>& content(const Node& node) {
         static const Array<NodeId> none;
         const FieldIndex body = node.type().body();
@@ -254,24 +260,21 @@ void SceneExporter::State::walkFrom(NodeId rootNode, std::string_view rootField,
         }
         const auto field = static_cast<FieldIndex>(at.field);
         const FieldDef& def = type.fields[field];
-        if (isExpanded(*at.node)) {  // an Inline: its content, and nothing else
-            const Array<NodeId>& inside = content(*at.node);
-            const NodeId parent = at.node->id();
-            if (at.child < inside.size())
-                begin(inside[at.child++], "children", parent);
-            else
-                at.field = type.fields.size();
-            continue;
-        }
-        if (at.child == 0 && handler) fieldStart(*at.node, field, *handler);
-        if (sf(def.type) != FieldType::SFNode || !isOwnField(def)) {
+        // Of an Inline its content, and what a Group has as well.
+        const bool isContent = isExpanded(*at.node) && field == type.body();
+        if (isExpanded(*at.node) && !isContent && !groupHas(def)) {
             ++at.field;
             continue;
         }
-        const Array<NodeId> children = childrenOf(*at.node, field);
+        if (at.child == 0 && handler) fieldStart(*at.node, field, *handler);
+        if (!isContent && (sf(def.type) != FieldType::SFNode || !isOwnField(def))) {
+            ++at.field;
+            continue;
+        }
+        const Array<NodeId> children = isContent ? content(*at.node) : childrenOf(*at.node, field);
         if (at.child < children.size()) {
             const NodeId parent = at.node->id();
-            begin(children[at.child++], def.name, parent);  // may move `at`
+            begin(children[at.child++], isContent ? "children" : def.name, parent);  // may move `at`
         } else {
             ++at.field;
             at.child = 0;
@@ -315,7 +318,11 @@ void SceneExporter::State::findEnds(NodeId id, FieldIndex field, bool from,
         if (!isInstance(known->type()) || !isExpanded(*known)) {
             // initializeOnly fields behind an IS take no events.
             const FieldDef& def = known->type().fields[at];
-            const bool passes = node == id || (from ? def.sends() : def.writable());
+            const bool passes =
+                (node == id || (from ? def.sends() : def.writable())) && (!isExpanded(*known) || groupHas(def));
+            if (!passes && node == id && isExpanded(*known))
+                diagnostics.warning(
+                    {}, fmt::format("a route of {}'s {} is left out: a Group has none", nameOf(node), def.name));
             if (seen.contains(node.value) && passes) ends.emplace_back(node, at);
             continue;
         }

@@ -11,6 +11,7 @@
 #include <rtsg/core/writer.h>
 
 #include "core/scene_check.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -18,7 +19,8 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-std::string flattened(const std::string& name, const std::string& text, const std::filesystem::path& file = {}) {
+std::string flattened(const std::string& name, const std::string& text, const std::filesystem::path& file = {},
+                      const std::string& told = "") {
     std::string out;
     Diagnostics diagnostics("test");
     const auto writer = makeWriter(Encoding::classicVrml, [&](std::string_view piece) { out += piece; }, diagnostics);
@@ -27,7 +29,9 @@ std::string flattened(const std::string& name, const std::string& text, const st
     if (!file.empty()) context.resources = Resources::ofFile(file);
     const auto filter = makeFilter(name, *writer, context);
     readDocument("#X3D V3.3 utf8\nPROFILE Immersive\n" + text, **filter, diagnostics);
-    EXPECT_EQ(test::allText(diagnostics), "");
+    EXPECT_THAT(test::allText(diagnostics),
+                told.empty() ? testing::Eq("") : testing::Matcher<std::string>(HasSubstr(told)));
+    EXPECT_EQ(diagnostics.all().size(), told.empty() ? 0u : 1u) << test::allText(diagnostics);
     return out;
 }
 
@@ -114,6 +118,74 @@ TEST(FlattenInlines, TheirContentComesInWithNamesOfItsOwn) {
     EXPECT_THAT(text, HasSubstr("ROUTE T.translation TO T_2.translation\n"));
     EXPECT_THAT(text, HasSubstr("ROUTE C.cycleTime TO C.stopTime\n"));
     EXPECT_THAT(text, HasSubstr("ROUTE C_2.cycleTime TO C_2.stopTime\n"));
+}
+
+/// A folder with documents, for each `text` that stands alone.
+class InlinedLights : public testing::Test {
+  protected:
+    std::string flat(const std::string& part, const std::string& text, const std::string& told = "") const {
+        write("part.x3dv", part);
+        return flattened("flatten-inlines", text, folder_.path() / "main.x3dv", told);
+    }
+    void write(const char* name, const std::string& text) const {
+        std::ofstream(folder_.path() / name) << "#X3D V4.0 utf8\nPROFILE Immersive\n" << text;
+    }
+
+  private:
+    const test::TempFolder folder_;
+};
+
+// 9.4.2: the lights of an Inline whose `global` is FALSE do not shine beyond it; local lights of a Group do likewise.
+TEST_F(InlinedLights, BecomeLocalWhereThatIsEqual) {
+    const auto count = [](const std::string& text, const char* what) {
+        std::size_t n = 0;
+        for (std::size_t at = text.find(what); at != text.npos; at = text.find(what, at + 1)) ++n;
+        return n;
+    };
+    const char* beside = "Shape { }\nInline { url \"part.x3dv\" }";
+    const std::string direct = flat("PointLight { } SpotLight { global FALSE } Shape { }", beside);
+    EXPECT_THAT(direct, HasSubstr("PointLight {\n      global FALSE"));
+    // A Transform that holds all that is lit.
+    const std::string deep = flat("Viewpoint { } Transform { children [ SpotLight { } Shape { } ] }", beside);
+    EXPECT_THAT(deep, HasSubstr("global FALSE"));
+    // An inner Inline that lets its lights out, into the outer one, which holds nothing else.
+    write("lamp.x3dv", "PointLight { } Shape { }");
+    EXPECT_THAT(flat("Inline { global TRUE url \"lamp.x3dv\" }", beside), HasSubstr("global FALSE"));
+    // Where the Inline lets them out, or nothing is elsewhere, they stay.
+    EXPECT_EQ(count(flat("PointLight { } Shape { }", "Shape { } Inline { global TRUE url \"part.x3dv\" }"), "global"),
+              0u);
+    const std::string alone = "Group { children Inline { url \"part.x3dv\" } }";
+    EXPECT_EQ(count(flat("Transform { children PointLight { } } Shape { }", alone), "global"), 0u);
+    // Twice the same Inline: each lights its own.
+    const std::string twice = "Transform { children DEF I Inline { url \"part.x3dv\" } } Transform { children USE I }";
+    EXPECT_EQ(count(flat("DirectionalLight { global TRUE } Shape { }", twice), "global FALSE"), 0u)
+        << "FALSE is a DirectionalLight's default";
+    EXPECT_EQ(count(flat("DirectionalLight { global TRUE } Shape { }", twice), "global TRUE"), 0u);
+}
+
+TEST_F(InlinedLights, AreToldOnceWithTheLineWhereThereIsNoWay) {
+    const char* beside = "Shape { }\nDEF I Inline { url \"part.x3dv\" }";
+    const std::string told = "test:4:1: warning: PointLight L of the Inline I shines beyond it now";
+    EXPECT_THAT(flat("Transform { children [ DEF L PointLight { } PointLight { } ] } Shape { }", beside, told),
+                Not(HasSubstr("global")));
+    // Its `global` is set by events; it is used twice; it is a prototype's.
+    flat("DEF L PointLight { } Shape { } DEF B BooleanFilter { } ROUTE B.inputTrue TO L.global", beside, told);
+    flat("Transform { children DEF L PointLight { } } Transform { children [ USE L Shape { } ] }", beside, told);
+    write("lamp.x3dv", "Transform { children DEF L PointLight { } } Shape { }");
+    flat("Shape { } Inline { url \"lamp.x3dv\" }", beside, "test:4:1: warning: PointLight L of the Inline I");
+}
+
+TEST_F(InlinedLights, AGroupKeepsWhatItHasOfAnInline) {
+    const std::string text =
+        flat("Shape { }",
+             "DEF I Inline { visible FALSE bboxSize 1 2 3 url \"part.x3dv\" metadata MetadataSet { "
+             "} } DEF B BooleanFilter { } ROUTE B.inputTrue TO I.visible");
+    for (const char* kept : {"visible FALSE", "bboxSize 1 2 3", "MetadataSet", "ROUTE B.inputTrue TO I.visible"})
+        EXPECT_THAT(text, HasSubstr(kept));
+    EXPECT_THAT(
+        flat("Shape { }", "DEF I Inline { url \"part.x3dv\" } DEF B BooleanFilter { } ROUTE B.inputTrue TO I.load",
+             "a route of I's load is left out"),
+        Not(HasSubstr("ROUTE")));
 }
 
 }  // namespace

@@ -7,6 +7,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/core/filter.h>
+#include <rtsg/core/writer.h>
 #include <rtsg/core/x3d.h>
 
 #include "light/light_tables.h"
@@ -243,6 +245,95 @@ TEST(LightTables, AnInlineLimitsTheLightsItBrings) {
     set(inner, true);
     ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children.index, outer));
     EXPECT_EQ(lit(), "111");
+}
+
+/// Documents of squares, lights, groups and Inlines at random; an Inline's document is written into a folder.
+class RandomInlines {
+  public:
+    RandomInlines(const TempFolder& folder, unsigned seed) : folder_(folder), random_(seed) {}
+
+    std::string nodes(int depth) {
+        std::string text;
+        const int count = 1 + below(3);
+        for (int i = 0; i < count; ++i) text += node(depth);
+        return text;
+    }
+
+  private:
+    int below(int n) { return static_cast<int>(random_() % static_cast<unsigned>(n)); }
+    std::string node(int depth) {
+        const int kind = below(depth > 0 ? 8 : 4);
+        if (kind < 2)
+            return fmt::format("Transform {{ translation {} {} 0 children {} }}\n", below(5) - 2, below(5) - 2,
+                               square(.4, matte("1 1 1")));
+        if (kind < 4)
+            return fmt::format("PointLight {{ location {} {} 2 intensity .{} ambientIntensity 0 global {} }}\n",
+                               below(5) - 2, below(5) - 2, 1 + below(4), below(3) > 0 ? "TRUE" : "FALSE");
+        if (kind < 5) return "Group { children [ " + nodes(depth - 1) + " ] }\n";
+        if (kind < 6)
+            return fmt::format("Transform {{ translation 0 0 .{} children [ {} ] }}\n", below(9), nodes(depth - 1));
+        const std::string name = fmt::format("part{}.x3dv", ++files_);
+        const std::string text = nodes(depth - 1);
+        std::ofstream(folder_.path() / name) << "#X3D V4.0 utf8\nPROFILE Immersive\n" << text;
+        return fmt::format("Inline {{ global {} url \"{}\" }}\n", below(4) == 0 ? "TRUE" : "FALSE", name);
+    }
+
+    const TempFolder& folder_;
+    std::mt19937 random_;
+    int files_ = 0;
+};
+
+// Without a word, Groups in place of Inlines are lit as these were.
+TEST(LightTables, WhatFlattenInlinesSaysNothingOfIsLitTheSame) {
+    int silent = 0, told = 0, dark = 0;
+    for (unsigned seed = 0; seed < 300; ++seed) {
+        const TempFolder own;
+        const std::filesystem::path main = own.path() / "main.x3dv";
+        const std::string body =
+            "#X3D V4.0 utf8\nPROFILE Immersive\nOrthoViewpoint { fieldOfView [ -3 -3 3 3 ] } "
+            "NavigationInfo { headlight FALSE }\n" +
+            RandomInlines(own, seed).nodes(4);
+        std::ofstream(main) << body;
+        std::string flat;
+        Diagnostics problems("main.x3dv");
+        const auto writer = makeWriter(Encoding::classicVrml, [&](std::string_view piece) { flat += piece; }, problems);
+        FilterContext context{problems};
+        context.file = main;
+        context.resources = Resources::ofFile(main);
+        const auto filter = makeFilter("flatten-inlines", *writer, context);
+        ASSERT_TRUE(filter);
+        readDocument(body, **filter, problems);
+        ASSERT_EQ(flat.find("Inline"), flat.npos);
+        if (!problems.all().empty()) {
+            EXPECT_NE(problems.all()[0].text.find("shines beyond"), std::string::npos) << problems.all()[0].format();
+            ++told;
+            continue;
+        }
+        ++silent;
+        std::ofstream(own.path() / "flat.x3dv") << flat;
+        const auto picture = [&](const char* file) {
+            Scene scene;
+            Diagnostics diagnostics;
+            EXPECT_TRUE(loadFile(scene, own.path() / file, diagnostics));
+            SharedWorld world(scene);
+            LightRenderer light(world);
+            scene.newFrame(0);
+            ImageOptions image;
+            image.settings.width = image.settings.height = 30;
+            auto result = light.picture(image);
+            EXPECT_TRUE(result);
+            return std::move(*result);
+        };
+        const Picture before = picture("main.x3dv"), after = picture("flat.x3dv");
+        bool any = false;
+        for (std::size_t i = 0; i < before.pixels.size(); ++i) {
+            ASSERT_LT(glm::distance(Vec3f(before.pixels[i]), Vec3f(after.pixels[i])), 1e-5f) << seed << "\n" << flat;
+            any = any || before.pixels[i].r > 0;
+        }
+        dark += any ? 0 : 1;
+    }
+    EXPECT_GT(silent - dark, 60);
+    EXPECT_GT(told, 10);
 }
 
 }  // namespace
