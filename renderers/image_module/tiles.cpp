@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstdlib>
 #include <functional>
 #include <mutex>
+#include <vector>
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imagecache.h>
@@ -73,18 +75,22 @@ class Tiles final : public TiledPicture {
     }
 
     bool read(int level, int x, int y, int width, int height, float* pixels) const override {
-        const bool done = cache()->get_pixels(handle_, nullptr, 0, level, x, x + width, y, y + height, 0, 1, 0,
-                                              channels, OIIO::TypeDesc::FLOAT, pixels);
         const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-        if (!done) {
-            std::fill_n(pixels, count * static_cast<std::size_t>(channels), 0.0f);
+        bool done = true;
+        const Grid& grid = grids_[static_cast<std::size_t>(level)];
+        for (int row = y / grid.height; done && row <= (y + height - 1) / grid.height; ++row)
+            for (int column = x / grid.width; done && column <= (x + width - 1) / grid.width; ++column)
+                done = isSound(level, column, row);
+        if (done && !fetch(level, x, y, width, height, pixels)) {
             const std::lock_guard lock(mutex_);
-            std::string why = cache()->geterror();
-            if (damage_.empty()) damage_ = why.empty() ? "a tile cannot be read" : std::move(why);
-            return false;
+            noteDamage();
+            done = false;
         }
-        if (multiplied_) divide(pixels, count);
-        return true;
+        if (!done)
+            std::fill_n(pixels, count * static_cast<std::size_t>(channels), 0.0f);
+        else if (multiplied_)
+            divide(pixels, count);
+        return done;
     }
 
     std::string damage() const override {
@@ -93,6 +99,59 @@ class Tiles final : public TiledPicture {
     }
 
   private:
+    /// The tiles of a level.
+    struct Grid {
+        int width = 0, height = 0, columns = 0;
+        std::size_t first = 0;  // of all
+    };
+    enum : std::uint8_t { unknown, sound, damaged };
+    struct Free {
+        void operator()(std::uint8_t* memory) const { std::free(memory); }
+    };
+
+    bool fetch(int level, int x, int y, int width, int height, float* pixels) const {
+        return cache()->get_pixels(handle_, nullptr, 0, level, x, x + width, y, y + height, 0, 1, 0, channels,
+                                   OIIO::TypeDesc::FLOAT, pixels);
+    }
+
+    /// The cache says once that a tile cannot be read, and gives what is in its memory from then on: so the first look
+    /// at each tile is one thread's, and what it finds is kept.
+    bool isSound(int level, int column, int row) const {
+        const Grid& grid = grids_[static_cast<std::size_t>(level)];
+        const std::size_t index = grid.first + static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
+                                  static_cast<std::size_t>(column);
+        const std::atomic_ref state(states_[index]);
+        if (const std::uint8_t known = state.load(std::memory_order_acquire); known != unknown) return known == sound;
+        const std::lock_guard lock(mutex_);
+        if (const std::uint8_t known = state.load(std::memory_order_relaxed); known != unknown) return known == sound;
+        float pixel[4];
+        const bool done = fetch(level, column * grid.width, row * grid.height, 1, 1, pixel);
+        if (!done) noteDamage();
+        state.store(done ? sound : damaged, std::memory_order_release);
+        return done;
+    }
+
+    /// Precondition: the mutex is held.
+    void noteDamage() const {
+        std::string why = cache()->geterror();
+        if (damage_.empty()) damage_ = why.empty() ? "a tile cannot be read" : std::move(why);
+    }
+
+    /// Zeros, of which the system provides those that are written. False: too many.
+    bool makeStates() {
+        std::size_t count = 0;
+        for (std::size_t i = 0; i < levels.size(); ++i) {
+            Grid& grid = grids_[i];
+            grid.columns = (levels[i].width - 1) / grid.width + 1;
+            grid.first = count;
+            count += static_cast<std::size_t>(grid.columns) *
+                     static_cast<std::size_t>((levels[i].height - 1) / grid.height + 1);
+        }
+        constexpr std::size_t most = std::size_t{1} << 28;
+        if (count <= most) states_.reset(static_cast<std::uint8_t*>(std::calloc(count, 1)));
+        return states_ != nullptr;
+    }
+
     /// Takes what the file says of itself and of its coarser copies.
     std::string look(const std::string& name) {
         const auto input = OIIO::ImageInput::open(name, nullptr, proxy_.get());
@@ -111,6 +170,7 @@ class Tiles final : public TiledPicture {
                                static_cast<std::uint64_t>(std::max(spec.tile_height, 0)) * spec.pixel_bytes();
             if (bytes == 0 || bytes > kMostTileBytes) return "the picture's tiles are larger than 16 MiB";
             levels.push_back({spec.width, spec.height});
+            grids_.push_back({spec.tile_width, spec.tile_height});
         }
         (void)input->geterror();
         const auto halves = [](const Level& fine, const Level& coarse) {
@@ -119,7 +179,7 @@ class Tiles final : public TiledPicture {
         if (levels.size() < 2 || std::ranges::adjacent_find(levels, std::not_fn(halves)) != levels.end() ||
             levels.back().width * levels.back().height != 1)
             return "the picture is stored without its coarser copies down to one pixel";
-        return {};
+        return makeStates() ? std::string() : "the picture has too many tiles";
     }
 
     void divide(float* pixels, std::size_t count) const {
@@ -132,6 +192,8 @@ class Tiles final : public TiledPicture {
     std::string name_;
     std::unique_ptr<SourceProxy> proxy_;
     OIIO::ImageCache::ImageHandle* handle_ = nullptr;
+    std::vector<Grid> grids_;                       // of each level
+    std::unique_ptr<std::uint8_t[], Free> states_;  // of each tile
     int alpha_ = -1;
     bool multiplied_ = false;
     mutable std::mutex mutex_;

@@ -93,6 +93,7 @@ constexpr Feature kFeatures[] = {
      "Shape { geometry NurbsPatchSurface { uDimension 3 vDimension 3 solid FALSE controlPoint Coordinate { point [ 0 0 "
      "0, 1 0 0, "
      "2 0 0, 0 1 0, 1 1 1, 2 1 0, 0 2 0, 1 2 0, 2 2 0 ] } } }"},
+    {"bboxDisplay", "Group { bboxDisplay TRUE children Shape { geometry Box { } } }"},
     {"TextureCoordinateGenerator",
      "Shape { appearance Appearance { texture PixelTexture { image 1 1 1 255 } } geometry IndexedFaceSet { coordIndex "
      "[ 0 1 2 ] "
