@@ -88,7 +88,7 @@ void Flattener::Impl::sortOut(const Change& change) {
     const TypeRole& role = roles.of(*node);
     const Aspect aspect = node->type().fields[change.field].aspect;
     if (role.ofHumanoid && aspect != Aspect::none) skins.mark(*scene, node->id());
-    if (role.bboxDisplay != kNoField && aspect != Aspect::transform &&
+    if (aspect != Aspect::transform && role.bboxDisplay != kNoField &&
         (change.field == role.bboxDisplay || change.field == role.bboxSize || change.field == role.bboxCenter)) {
         noteBoxes(node->id());
         return;

@@ -57,6 +57,16 @@ void Flattener::Impl::followBoxes() {
     boxes.touched.clear();
 }
 
+void Flattener::Impl::touchBoxesBelow(std::uint32_t top) {
+    walking.assign(1, top);
+    while (!walking.empty()) {
+        const std::uint32_t index = walking.back();
+        walking.pop_back();
+        boxes.touched.push_back(index);
+        for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
+    }
+}
+
 bool Flattener::Impl::displaysBox(std::uint32_t index) {
     const Occurrence& o = tree[index];
     if (!o.node || o.role == Role::placed) return false;

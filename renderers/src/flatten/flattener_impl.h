@@ -238,6 +238,7 @@ struct Flattener::Impl {
     void touchBoxes(std::uint32_t index) {
         if (!boxes.shown.empty()) boxes.touched.push_back(index);
     }
+    void touchBoxesBelow(std::uint32_t top);
     /// Who has one and what is in it; before meshes are made.
     void followBoxes();
     /// How large they are; when meshes are there.

@@ -446,7 +446,6 @@ void Flattener::Impl::updateFrames(std::uint32_t top) {
         walking.pop_back();
         Occurrence& o = tree[index];
         o.updated = stamp;
-        touchBoxes(index);
         if (o.ownsFrame) {
             const Node& node = scene->node(o.node);
             WorldFromLocal local, world = frames[tree[o.parent].frame];
@@ -468,6 +467,7 @@ void Flattener::Impl::updateFrames(std::uint32_t top) {
         }
         for (std::uint32_t c = o.firstChild; c != kNone; c = tree[c].next) walking.push_back(c);
     }
+    if (!boxes.shown.empty()) touchBoxesBelow(top);  // not in the loop, which most scenes take without
     if (!tree[top].isMover && !std::exchange(tree[top].wasSeen, true)) spreadMotion(top);
 }
 
