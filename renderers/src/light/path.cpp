@@ -27,6 +27,8 @@ namespace {
 // Roulette ends paths; these only keep light between perfect mirrors from running for ever. What they cut off is
 // counted.
 constexpr int kMaxPasses = 10'000, kMaxBounces = 10'000;
+/// Of a path's odds, when its number has too few bits left to decide by.
+constexpr float kRedraw = 0x1p-10f;
 
 float largest(const Vec3f& v) {
     return std::max({v.x, v.y, v.z});
@@ -321,7 +323,10 @@ class Paths {
             // there would be lost as often as it is dark, and with them all that tells the pixel from its neighbours.
             if (task.depth == 0 && bouncesFindSky_) task.first = weight;
             const float survival = std::min(weight / task.first, 1.0f);
-            if (!(random.next() < survival)) return;
+            // One number decides for the whole path. As a pixel's are spread evenly, so are the lengths of its paths.
+            if (!(task.odds > kRedraw)) task.odds = 1, task.fate = random.next();
+            task.odds *= survival;
+            if (!(task.fate < task.odds)) return;
             task.weight /= survival;
         }
         const bool enough = straightOn ? task.passes >= kMaxPasses : task.depth >= kMaxBounces;

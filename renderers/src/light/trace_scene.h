@@ -240,6 +240,8 @@ struct PathTask {
     Vec3f normal{0};
     float density = 0;
     float first = 1;  // what roulette counts as a full weight; paths only
+    float odds = 0;   // of having come so far since `fate` was drawn; 0: it has not been; paths only
+    float fate = 0;   // in [0, 1): the path ends where its odds are not above this; paths only
 };
 
 /// tMin of rays that leave a surface. Their start is off it by its error bound, which is 0 where a plane holds a

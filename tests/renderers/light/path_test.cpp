@@ -70,6 +70,23 @@ TEST(PathTracer, FurnaceOfALampInABall) {
     expectMean(mean(s, 64), 0.5 / (1 - 0.5), 0.02);
 }
 
+// There each surface shows half, and sends half of the paths on: a pixel's sixteen end where a sixteenth's parts of the
+// unit interval say, but for the last one. Of paths that each throw a coin of their own the spread would be .18.
+TEST(PathTracer, LengthsOfAPixelsPathsAreEven) {
+    LightScene s(
+        fmt::format(
+            "Viewpoint {{ position 0 0 0.4 }} PointLight {{ location 0 0 0 }} Shape {{ appearance Appearance {{ "
+            "material Material {{ diffuseColor {0} {0} {0} }} }} geometry Sphere {{ solid FALSE }} }}",
+            field(0.5)),
+        32, 32);
+    s.options.settings.integrator = Integrator::path;
+    s.options.settings.samplesPerPixel = 16;
+    const Picture picture = s.picture();
+    double squares = 0;
+    for (const Vec4f& pixel : picture.pixels) squares += std::pow(double{pixel.g} - 1, 2);
+    EXPECT_LT(std::sqrt(squares / static_cast<double>(picture.pixels.size())), 0.06);
+}
+
 // E = pi L F: a 2 x 2 m panel one metre above a floor point; F = .5541264 below its middle, .2077571 below a corner.
 TEST(PathTracer, IrradianceOfAPanelIsItsFormFactor) {
     const struct {
