@@ -26,6 +26,16 @@ float emission(const Material& material, const Mesh& mesh) {
     return mesh.colors.present() ? 1.0f : largest(material.linear.base);
 }
 
+/// Whether it emits the same everywhere.
+bool isEven(const Material& material, const Mesh& mesh) {
+    if (material.model != ShadingModel::unlit) return !material.texture(TextureRole::emissive);
+    return !mesh.colors.present() && !material.texture(TextureRole::base);
+}
+/// Precondition: isEven().
+Vec3f evenRadiance(const Material& material) {
+    return material.model == ShadingModel::unlit ? material.linear.base : material.linear.emissive;
+}
+
 }  // namespace
 
 Emitters::Emitters(const TraceScene& scene) {
@@ -50,6 +60,8 @@ void Emitters::add(const TraceScene& scene, std::uint32_t slot, std::vector<Ligh
     firstOf_.resize(scene.world->instances().size(), kNone);
     firstOf_[slot] = static_cast<std::uint32_t>(emitters_.size());
     const bool bothSides = !mesh.solid;
+    const Material& behind = front.back ? *front.back : front;
+    const bool even = isEven(front, mesh) && isEven(behind, mesh);
     for (std::uint32_t triangle = 0; triangle < mesh.triangleCount; ++triangle) {
         Emitter e;
         const auto place = [&](std::uint32_t corner) {
@@ -62,6 +74,8 @@ void Emitters::add(const TraceScene& scene, std::uint32_t slot, std::vector<Ligh
         e.area = good ? static_cast<float>(twice / 2) : 0.0f;
         if (good) e.normal = Vec3f(normal / twice) * static_cast<float>(instance.sign);
         e.instance = slot, e.triangle = triangle, e.bothSides = bothSides;
+        e.even = even;
+        if (even) e.front = evenRadiance(front), e.behind = evenRadiance(behind);
         emitters_.push_back(e);
         const float power = glow * e.area * (bothSides ? 2.0f : 1.0f);
         LightTree::Cluster cluster;

@@ -28,6 +28,8 @@ class Emitters {
         float area = 0;                 // m^2
         std::uint32_t instance = 0, triangle = 0;
         bool bothSides = false;
+        bool even = false;          // sends the same from everywhere:
+        Vec3f front{0}, behind{0};  // radiance from the normal's side, and from the other one
     };
     struct Choice {
         std::uint32_t emitter = kNone;

@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "bsdf.h"
-#include "mesh/simd8.h"
+#include "lanes.h"
 #include "surface_packet.h"
 #include "volume_march.h"
 
@@ -24,16 +24,6 @@ struct alignas(64) Incoming {
     alignas(64) float distance[16];
     Lanes3 visible;  // share that shadows leave
 };
-
-V8 loadV(const Lanes3& lanes, int at) {
-    return {load(lanes.x + at), load(lanes.y + at), load(lanes.z + at)};
-}
-void storeV(Lanes3& lanes, int at, const V8& v) {
-    store(lanes.x + at, v.x), store(lanes.y + at, v.y), store(lanes.z + at, v.z);
-}
-V8 broadcast(const Vec3f& v) {
-    return {all(v.x), all(v.y), all(v.z)};
-}
 
 /// Where points lie before a projector, and where in its picture.
 struct InProjection {
@@ -111,29 +101,6 @@ bool gather(const TraceLight& light, const SurfacePacket& s, Incoming& in) {
         lit |= factor > 0.0f;
     }
     return any(lit);
-}
-
-/// One representable number further in the direction of `step`, where that is not 0.
-F8 beyond(F8 x, F8 step) {
-    const I8 i = bits(x);
-    // Away from zero counts up, towards zero down; zero itself goes to the least number of the step's sign.
-    const I8 outwards = ((x > 0.0f) & (step > 0.0f)) | ((x < 0.0f) & (step < 0.0f));
-    const I8 atZero = x == 0.0f;
-    I8 moved = i + (outwards ? I8{} + 1 : I8{} - 1);
-    const I8 least =
-        (bits(step) & (I8{} + std::int32_t(0x80000000))) | 0x00800000;  // not denormal: Embree flushes those
-    moved = atZero ? least : moved;
-    return select(step == 0.0f, x, fromBits(moved));
-}
-
-/// As RayView::leave.
-V8 leave8(const SurfacePacket& s, int at, const V8& towards) {
-    const V8 n{load(s.hits.normalX + at), load(s.hits.normalY + at), load(s.hits.normalZ + at)}, e = loadV(s.error, at);
-    const auto absolute = [](F8 x) { return max(x, -x); };
-    const F8 far = absolute(n.x) * e.x + absolute(n.y) * e.y + absolute(n.z) * e.z;
-    const V8 offset = n * select(dot(towards, n) < 0.0f, -far, far);
-    const V8 start = loadV(s.exact, at) + offset;
-    return {beyond(start.x, offset.x), beyond(start.y, offset.y), beyond(start.z, offset.z)};
 }
 
 /// The rays of `tested` that may meet something clear.

@@ -12,6 +12,8 @@
 #include <numbers>
 
 #include "bsdf.h"
+#include "lanes.h"
+#include "packet_random.h"
 #include "path_emitters.h"
 #include "probe.h"
 #include "sample_points.h"
@@ -21,6 +23,8 @@
 #include "volume_march.h"
 
 namespace rtsg::trace {
+
+using namespace simd;
 
 namespace {
 
@@ -40,6 +44,46 @@ void basis(const Vec3f& n, Vec3f& s, Vec3f& t) {
     s = {1 + sign * n.x * n.x * a, sign * b, -sign * n.x};
     t = {b, sign + n.y * n.y * a, -n.y};
 }
+void basis(const V8& n, V8& s, V8& t) {
+    const F8 sign = select(bits(n.z) < 0, all(-1), all(1)), a = -1 / (sign + n.z), b = n.x * n.y * a;
+    s = {1 + sign * n.x * n.x * a, sign * b, -sign * n.x};
+    t = {b, sign + n.y * n.y * a, -n.y};
+}
+
+F8 largest(const V8& v) {
+    return max(max(v.x, v.y), v.z);
+}
+
+/// What sixteen paths draw at a surface, beyond what looks for light.
+struct alignas(64) Draws {
+    float way[16]{}, lobe[16]{}, u[16]{}, v[16]{}, fate[16]{};
+    std::uint64_t next[16]{};  // PathRandom's state behind it
+
+    void draw(PacketRandom& random, std::uint32_t mask) {
+        random.next(way), random.next(lobe), random.nextPair(u, v), random.next(fate);
+        for (; mask; mask &= mask - 1) next[std::countr_zero(mask)] = random.state(std::countr_zero(mask));
+    }
+};
+
+/// What a packet's tasks bring along.
+struct alignas(64) Brought {
+    Lanes3 weight{};
+    float first[16]{}, odds[16]{}, fate[16]{};
+    std::uint32_t fresh = 0;   // lanes straight from the eye
+    std::uint32_t inside = 0;  // in what absorbs
+
+    void read(const PathTask* tasks, std::uint32_t mask) {
+        fresh = inside = 0;
+        for (; mask; mask &= mask - 1) {
+            const int lane = std::countr_zero(mask);
+            const PathTask& task = tasks[lane];
+            weight.set(lane, task.weight);
+            first[lane] = task.first, odds[lane] = task.odds, fate[lane] = task.fate;
+            fresh |= static_cast<std::uint32_t>(task.depth == 0) << lane;
+            inside |= static_cast<std::uint32_t>(task.absorption != Vec3f(0)) << lane;
+        }
+    }
+};
 
 class Paths {
   public:
@@ -75,7 +119,9 @@ class Paths {
                         PathRandom(settings_.seed, loop_.x(tasks[lane].pixel), loop_.y(tasks[lane].pixel), sample)
                             .state();
                 }
-                lookForLight(tasks);
+                PacketRandom random(tasks, 0xFFFF);
+                lookForLight(tasks, random);
+                draws_.draw(random, 0xFFFF);
                 for (int lane = 0; lane < 16; ++lane) bounce(-probe.normal, tasks[lane], lane);
             }
             loop_.finish(
@@ -132,8 +178,12 @@ class Paths {
         }
         if (!hits) return;
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
-        lookForLight(tasks);
-        for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
+        PacketRandom random(tasks, hits);
+        lookForLight(tasks, random);
+        draws_.draw(random, hits);
+        const std::uint32_t matte = findMatte(tasks);
+        if (matte) bounceMatte(tasks, matte);
+        for (std::uint32_t rest = hits & ~matte; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             bounce({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, tasks[lane], lane);
         }
@@ -152,15 +202,108 @@ class Paths {
     }
 
     /// All that is asked directly.
-    void lookForLight(PathTask* tasks) {
+    void lookForLight(const PathTask* tasks, PacketRandom& random) {
         addLights(scene_, surfaces_, result_.shadowRays);
         findPoints(scene_, surfaces_);
         found_.mask = 0;
-        if (scene_.emitters) lookForEmitters(scene_, surfaces_, tasks, found_, result_.shadowRays);
+        if (scene_.emitters) lookForEmitters(scene_, surfaces_, tasks, random, found_, result_.shadowRays);
         lamp_.mask = 0;
-        if (scene_.lamps) lookForLamps(scene_, surfaces_, tasks, lamp_, result_.shadowRays);
+        if (scene_.lamps) lookForLamps(scene_, surfaces_, random, lamp_, result_.shadowRays);
         sky_.mask = 0;
-        if (scene_.skyLight) lookForSky(scene_, surfaces_, tasks, sky_, result_.shadowRays);
+        if (scene_.skyLight) lookForSky(scene_, surfaces_, random, sky_, result_.shadowRays);
+    }
+
+    /// The lanes whose surfaces do nothing but scatter evenly, in clear air: nearly all of most scenes.
+    std::uint32_t findMatte(const PathTask* tasks) {
+        const SurfacePacket& s = surfaces_;
+        std::uint32_t lanes = s.mask & ~(s.special | s.unlit | s.physical | s.shiny);
+        if (scene_.fogs.any() || !lanes) return 0;
+        brought_.read(tasks, lanes);
+        for (int at = 0; at < 16; at += 8) {
+            const I8 whole = (load(s.coverage + at) == 1.0f) & (load(s.opacity + at) == 1.0f);
+            lanes &= laneBits(whole) << at | 0xFFu << (8 - at);
+        }
+        return lanes & ~brought_.inside;
+    }
+
+    /// bounce() for these.
+    void bounceMatte(const PathTask* tasks, std::uint32_t lanes) {
+        const SurfacePacket& s = surfaces_;
+        Lanes3 shown, direction, start, weight;
+        alignas(64) float density[16], odds[16], fate[16], first[16];
+        std::uint32_t alive = 0;
+        for (int at = 0; at < 16; at += 8) {
+            if (!(lanes >> at & 0xFFu)) continue;
+            const V8 normal = loadV(s.normal, at), facing = facing8(s, at), base = loadV(s.base, at);
+            const V8 before = loadV(brought_.weight, at);
+            V8 lit{};
+            if (found_.mask >> at & 0xFFu) lit = lit + foundMatte(found_, at, normal, facing);
+            if (lamp_.mask >> at & 0xFFu) lit = lit + foundMatte(lamp_, at, normal, facing);
+            if (sky_.mask >> at & 0xFFu) lit = lit + foundMatte(sky_, at, normal, facing);
+            storeV(shown, at, before * (loadV(s.radiance, at) + base * lit));
+
+            const F8 u = load(draws_.u + at), radius = simd::sqrt(u), height = simd::sqrt(1 - u);
+            F8 sine, cosine;
+            sinCosTurns(load(draws_.v + at), sine, cosine);
+            V8 x, y;
+            basis(normal, x, y);
+            V8 out = x * (radius * cosine) + y * (radius * sine) + normal * height;
+            const F8 above = dot(out, facing);
+            out = out - facing * select(above < 0.0f, 2 * above, all(0));
+
+            const V8 after = before * base;
+            const F8 most = largest(after);
+            F8 full = load(brought_.first + at);
+            if (bouncesFindSky_) full = select(lanesFrom(brought_.fresh, at), most, full);
+            const F8 survival = min(most / full, all(1)), old = load(brought_.odds + at);
+            const I8 draw = old <= kRedraw;
+            const F8 left = select(draw, all(1), old) * survival;
+            const F8 number = select(draw, load(draws_.fate + at), load(brought_.fate + at));
+            alive |= laneBits((most > 0.0f) & (number < left)) << at;
+            storeV(weight, at, after * (1 / survival));
+            store(odds + at, left), store(fate + at, number), store(first + at, full);
+            store(density + at, height * (1 / std::numbers::pi_v<float>));
+            storeV(direction, at, out);
+            storeV(start, at, leave8(s, at, out));
+        }
+        for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            const PathTask& task = tasks[lane];
+            Vec3f light = shown.get(lane);
+            if (task.density > 0 && scene_.emitters && s.emissive.get(lane) != Vec3f(0))
+                light += task.weight * (radiance(lane, task) - s.radiance.get(lane));
+            result_.sum[task.pixel] += Vec4f(light, 0);
+            cover(task, 1);
+            if (!(alive >> lane & 1u)) continue;
+            if (task.depth >= kMaxBounces) {
+                result_.addMissing(task.pixel, largest(weight.get(lane)));
+                continue;
+            }
+            PathTask& next = loop_.push();
+            next.origin = start.get(lane), next.direction = direction.get(lane), next.weight = weight.get(lane);
+            next.travelled = task.travelled + s.distance[lane];
+            next.pixel = task.pixel, next.passes = task.passes;
+            next.depth = static_cast<std::uint16_t>(task.depth + 1);
+            next.lights = s.lights[lane], next.linear = task.linear;
+            next.random = draws_.next[lane];
+            next.normal = s.normal.get(lane), next.density = density[lane];
+            next.first = first[lane], next.odds = odds[lane], next.fate = fate[lane];
+        }
+    }
+
+    /// found() over the colour of a surface that scatters evenly.
+    static V8 foundMatte(const EmitterLight& from, int at, const V8& normal, const V8& facing) {
+        constexpr float kPerPi = 1 / std::numbers::pi_v<float>;
+        const V8 direction = loadV(from.direction, at), light = loadV(from.light, at);
+        const F8 density = load(from.density + at), straight = dot(direction, normal);
+        const F8 mirrored = straight - 2 * dot(direction, facing) * dot(facing, normal);
+        const auto share = [&](F8 cosine) {
+            const F8 shows = max(cosine, all(0)) * kPerPi, ratio = shows / density;
+            return shows / (1 + ratio * ratio);
+        };
+        F8 sum = share(straight);
+        sum += select(density < std::numeric_limits<float>::infinity(), share(mirrored), all(0));
+        return select(lanesFrom(from.mask, at), light * sum, V8{});
     }
 
     /// The ways on from a surface, of which one is taken.
@@ -215,7 +358,6 @@ class Paths {
         const bool back = s.back >> lane & 1u;
         const Vec3f normal = s.normal.get(lane), facing = back ? -s.outside(lane) : s.outside(lane);
         const float t = s.distance[lane], coverage = s.coverage[lane];
-        PathRandom random(task.random);
         if (task.absorption != Vec3f(0)) task.weight *= glm::exp(-task.absorption * t);
         const float cosine = std::clamp(glm::dot(normal, -direction), 1e-4f, 1.0f);
         const Bsdf own = bsdf(lane);
@@ -239,7 +381,7 @@ class Paths {
         if (lamp_.mask >> lane & 1u)
             add(lit, found(lamp_, lane, own, frame, chance) * (s.physical >> lane & 1u ? kPhysicalLight : 1.0f));
         if (sky_.mask >> lane & 1u) add(lit, found(sky_, lane, own, frame, chance));
-        float pick = random.next() * w.total;
+        float pick = draws_.way[lane] * w.total;
         int way = 0;
         while (way < kWays - 1 && pick >= w.chance[way]) pick -= w.chance[way++];
         if (!(w.chance[way] > 0)) return;
@@ -254,13 +396,13 @@ class Paths {
             out = *bent;
             task.absorption = back ? Vec3f(0) : material.absorption;
         } else if (way == surface) {
-            const BsdfSample sample = scatter(own, frame, random, out);
+            const BsdfSample sample = scatter(own, frame, lane, out);
             share = w.solid * (w.total / w.chance[way]) * sample.weight;
             task.normal = normal, task.density = chance * sample.density;
         }
         if (way == mirror || way == enter) task.density = 0;
         task.weight *= share;
-        follow(task, way == straight, t, out, lane, random);
+        follow(task, way == straight, t, out, lane);
     }
 
     /// The directions around a surface's shading normal, and the view in them.
@@ -278,10 +420,8 @@ class Paths {
     };
 
     /// A direction that the surface's own colours send light on from, and what light from there counts.
-    static BsdfSample scatter(const Bsdf& own, const Frame& frame, PathRandom& random, Vec3f& out) {
-        const float choice = random.next();
-        const Vec2f place = random.nextPair();
-        const BsdfSample sample = own.sample(frame.view, choice, place.x, place.y);
+    BsdfSample scatter(const Bsdf& own, const Frame& frame, int lane, Vec3f& out) const {
+        const BsdfSample sample = own.sample(frame.view, draws_.lobe[lane], draws_.u[lane], draws_.v[lane]);
         out = sample.direction.x * frame.x + sample.direction.y * frame.y + sample.direction.z * frame.z;
         if (glm::dot(out, frame.facing) < 0) out = frame.mirrored(out);
         return sample;
@@ -315,7 +455,7 @@ class Paths {
     }
 
     /// Roulette, and the ray: what survives carries the share of what does not, which keeps the mean.
-    void follow(PathTask& task, bool straightOn, float t, const Vec3f& out, int lane, PathRandom& random) {
+    void follow(PathTask& task, bool straightOn, float t, const Vec3f& out, int lane) {
         const float weight = largest(task.weight);
         if (!(weight > 0)) return;
         if (!straightOn) {
@@ -324,7 +464,7 @@ class Paths {
             if (task.depth == 0 && bouncesFindSky_) task.first = weight;
             const float survival = std::min(weight / task.first, 1.0f);
             // One number decides for the whole path. As a pixel's are spread evenly, so are the lengths of its paths.
-            if (!(task.odds > kRedraw)) task.odds = 1, task.fate = random.next();
+            if (!(task.odds > kRedraw)) task.odds = 1, task.fate = draws_.fate[lane];
             task.odds *= survival;
             if (!(task.fate < task.odds)) return;
             task.weight /= survival;
@@ -341,7 +481,7 @@ class Paths {
         task.travelled += t;
         task.direction = out;
         task.origin = RayWorld::leave(surfaces_.point(lane), out);
-        task.random = random.state();
+        task.random = draws_.next[lane];
         loop_.push(task);
     }
 
@@ -358,6 +498,8 @@ class Paths {
     TileLoop loop_;
     SurfacePacket surfaces_{};  // unused lanes stay finite
     EmitterLight found_{}, lamp_{}, sky_{};
+    Draws draws_;
+    Brought brought_;
 };
 
 }  // namespace

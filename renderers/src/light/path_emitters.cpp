@@ -8,11 +8,13 @@
 #include <numbers>
 
 #include "lamps.h"
-#include "sample_points.h"
+#include "lanes.h"
 #include "sky_light.h"
 #include "volume_march.h"
 
 namespace rtsg::trace {
+
+using namespace simd;
 
 namespace {
 
@@ -80,78 +82,124 @@ bool isAbove(const SurfacePacket& s, int lane, const Vec3f& direction) {
 
 }  // namespace
 
-void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks, EmitterLight& out,
-                     std::uint64_t& shadowRays) {
-    out.mask = 0;
-    const Emitters& emitters = *scene.emitters;
-    RayPacket16 rays;
-    Vec3f places[16];
-    std::uint32_t chosen[16];
-    for (int lane = 0; lane < 16; ++lane) {
-        rays.skip(lane);
-        if (!isLit(s, lane)) continue;
-        PathRandom random(tasks[lane].random);
-        const float u = random.next();
-        const Vec2f at = random.nextPair();
-        tasks[lane].random = random.state();
-        const Vec3f normal = s.normal.get(lane);
-        const Emitters::Choice choice = emitters.sample(s.position.get(lane), normal, u);
-        if (choice.emitter == Emitters::kNone) continue;
-        const Emitters::Emitter& e = emitters[choice.emitter];
-        const float side = std::sqrt(at.x);
-        const Vec3f place = e.corner + (1 - side) * e.ab + (at.y * side) * e.ac;
-        const Vec3f start = RayView::leave(s.point(lane), place - s.position.get(lane)), way = place - start;
-        const float squared = glm::dot(way, way), distance = std::sqrt(squared);
-        if (!(distance > 1e-12f)) continue;
-        const Vec3f direction = way / distance;
-        if (!isAbove(s, lane, direction)) continue;
-        const float cosine = -glm::dot(e.normal, direction);
-        if (!(cosine > 0) && !e.bothSides) continue;
-        const float density = choice.probability * squared / (e.area * std::abs(cosine));
-        if (!(density > 0) || !std::isfinite(density)) continue;
-        out.density[lane] = density;
-        out.direction.set(lane, direction);
-        places[lane] = place, chosen[lane] = choice.emitter;
-        rays.set(lane, {start, kLeave, way, kReach});
-        out.mask |= 1u << lane;
+namespace {
+
+/// What was chosen for each lane.
+struct ChosenEmitters {
+    Lanes3 corner, ab, ac, normal;
+    alignas(64) float perArea[16];  // how likely a place of it was chosen, 1 / m^2
+    std::uint32_t emitter[16];
+    std::uint32_t mask = 0, bothSides = 0;
+    Lanes3 place;
+
+    void set(int lane, std::uint32_t number, const Emitters::Emitter& e, float probability) {
+        corner.set(lane, e.corner), ab.set(lane, e.ab), ac.set(lane, e.ac), normal.set(lane, e.normal);
+        perArea[lane] = probability / e.area;
+        emitter[lane] = number;
+        mask |= 1u << lane;
+        if (e.bothSides) bothSides |= 1u << lane;
     }
-    if (!out.mask) return;
-    shadowRays += static_cast<std::uint64_t>(std::popcount(out.mask));
-    out.mask &= scene.world->intersect(rays);
-    for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
-        const int lane = std::countr_zero(rest);
-        const Vec3f direction = out.direction.get(lane), from = s.position.get(lane);
-        Hit hit = scene.world->hit(rays, lane);
-        Vec3f left;
-        if (!reaches(scene, emitters[chosen[lane]], places[lane], rays.ray(lane), hit, left)) {
-            out.mask &= ~(1u << lane);
-            continue;
-        }
-        const float distance = glm::length(places[lane] - from),
-                    run = tasks[lane].travelled + s.distance[lane] + distance;
-        left *= volumesLeft(scene, {from, kLeave, places[lane] - from, 1});
-        const float cosine = std::max(std::abs(glm::dot(direction, hit.normal)), 0.05f);
-        const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
-        left *= emitted(scene, hit, glm::dot(direction, hit.normal) > 0, footprint);
-        if (tasks[lane].absorption != Vec3f(0)) left *= glm::exp(-tasks[lane].absorption * distance);
-        if (scene.fogs.any())
-            left *= scene.fogs.of(scene.slots[hit.instance].lights)
-                        .left(*scene.world->instance(hit.instance).mesh, hit.triangle, hit.u, hit.v, distance);
-        out.light.set(lane, left / out.density[lane]);
+};
+
+/// Rays to places of what was chosen, `u` and `v` telling where; which of them are worth a look is in out.mask.
+void aim(const SurfacePacket& s, ChosenEmitters& chosen, const float* u, const float* v, RayPacket16& rays,
+         EmitterLight& out) {
+    for (int at = 0; at < 16; at += 8) {
+        const F8 side = simd::sqrt(load(u + at));
+        const V8 place =
+            loadV(chosen.corner, at) + loadV(chosen.ab, at) * (1 - side) + loadV(chosen.ac, at) * (load(v + at) * side);
+        const V8 start = leave8(s, at, place - loadV(s.position, at)), way = place - start;
+        const F8 squared = dot(way, way), distance = simd::sqrt(squared);
+        const V8 direction = way * (1 / max(distance, all(1e-30f)));
+        const F8 cosine = -dot(loadV(chosen.normal, at), direction);
+        const F8 density = load(chosen.perArea + at) * squared / absolute(cosine);
+        const I8 good = lanesFrom(chosen.mask, at) & (distance > 1e-12f) & (dot(direction, facing8(s, at)) > 0.0f) &
+                        (dot(direction, loadV(s.normal, at)) > 0.0f) &
+                        ((cosine > 0.0f) | lanesFrom(chosen.bothSides, at)) & (density > 0.0f) &
+                        (density <= std::numeric_limits<float>::max());
+        storeV(chosen.place, at, place);
+        storeV(out.direction, at, direction);
+        store(out.density + at, density);
+        store(rays.originX + at, start.x), store(rays.originY + at, start.y), store(rays.originZ + at, start.z);
+        store(rays.directionX + at, way.x), store(rays.directionY + at, way.y), store(rays.directionZ + at, way.z);
+        store(rays.tMin + at, all(kLeave)), store(rays.tMax + at, all(kReach));
+        std::memcpy(rays.active + at, &good, sizeof good);
+        out.mask |= laneBits(good) << at;
     }
 }
 
-void lookForSky(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks, EmitterLight& out,
+/// What comes to a lane from its emitter, if anything, the long way: through what is clear, from textures, in haze.
+bool arrives(const TraceScene& scene, const SurfacePacket& s, int lane, const PathTask& task,
+             const Emitters::Emitter& target, const Vec3f& place, const RayPacket16& rays, const Vec3f& direction,
+             Vec3f& light) {
+    const Vec3f from = s.position.get(lane);
+    Hit hit = scene.world->hit(rays, lane);
+    Vec3f left;
+    if (!reaches(scene, target, place, rays.ray(lane), hit, left)) return false;
+    const float distance = glm::length(place - from), run = task.travelled + s.distance[lane] + distance;
+    left *= volumesLeft(scene, {from, kLeave, place - from, 1});
+    const float cosine = std::max(std::abs(glm::dot(direction, hit.normal)), 0.05f);
+    const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
+    left *= emitted(scene, hit, glm::dot(direction, hit.normal) > 0, footprint);
+    if (task.absorption != Vec3f(0)) left *= glm::exp(-task.absorption * distance);
+    if (scene.fogs.any())
+        left *= scene.fogs.of(scene.slots[hit.instance].lights)
+                    .left(*scene.world->instance(hit.instance).mesh, hit.triangle, hit.u, hit.v, distance);
+    light = left;
+    return true;
+}
+
+}  // namespace
+
+void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, const PathTask* tasks, PacketRandom& random,
+                     EmitterLight& out, std::uint64_t& shadowRays) {
+    out.mask = 0;
+    const Emitters& emitters = *scene.emitters;
+    alignas(64) float which[16]{}, u[16]{}, v[16]{};
+    random.next(which), random.nextPair(u, v);
+    ChosenEmitters chosen{};
+    for (int lane = 0; lane < 16; ++lane) {
+        if (!isLit(s, lane)) continue;
+        const Emitters::Choice choice = emitters.sample(s.position.get(lane), s.normal.get(lane), which[lane]);
+        if (choice.emitter != Emitters::kNone)
+            chosen.set(lane, choice.emitter, emitters[choice.emitter], choice.probability);
+    }
+    if (!chosen.mask) return;
+    RayPacket16 rays;
+    aim(s, chosen, u, v, rays, out);
+    if (!out.mask) return;
+    shadowRays += static_cast<std::uint64_t>(std::popcount(out.mask));
+    out.mask &= scene.world->intersect(rays);
+    if (!out.mask) return;
+    PacketHits16 met;
+    scene.world->hits(rays, out.mask, met);
+    const bool clearAir = scene.volumes.empty() && !scene.fogs.any();
+    for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const Emitters::Emitter& e = emitters[chosen.emitter[lane]];
+        const Vec3f direction = out.direction.get(lane);
+        Vec3f light;
+        if (e.even && clearAir && met.instance[lane] == e.instance && met.triangle[lane] == e.triangle &&
+            tasks[lane].absorption == Vec3f(0)) {
+            light = glm::dot(direction, e.normal) > 0 ? e.behind : e.front;
+        } else if (!arrives(scene, s, lane, tasks[lane], e, chosen.place.get(lane), rays, direction, light)) {
+            out.mask &= ~(1u << lane);
+            continue;
+        }
+        out.light.set(lane, light / out.density[lane]);
+    }
+}
+
+void lookForSky(const TraceScene& scene, const SurfacePacket& s, PacketRandom& random, EmitterLight& out,
                 std::uint64_t& shadowRays) {
     out.mask = 0;
+    alignas(64) float u[16]{}, v[16]{};
+    random.nextPair(u, v);
     RayPacket16 rays;
     for (int lane = 0; lane < 16; ++lane) {
         rays.skip(lane);
         if (!isLit(s, lane)) continue;
-        PathRandom random(tasks[lane].random);
-        const Vec2f at = random.nextPair();
-        tasks[lane].random = random.state();
-        const SkyLight::Choice choice = scene.skyLight->sample(at.x, at.y);
+        const SkyLight::Choice choice = scene.skyLight->sample(u[lane], v[lane]);
         if (!(choice.density > 0) || !isAbove(s, lane, choice.direction)) continue;
         out.density[lane] = choice.density;
         out.direction.set(lane, choice.direction);
@@ -176,16 +224,15 @@ void lookForSky(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks
     }
 }
 
-void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PathTask* tasks, EmitterLight& out,
+void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom& random, EmitterLight& out,
                   std::uint64_t& shadowRays) {
     out.mask = 0;
+    alignas(64) float which[16]{};
+    random.next(which);
     for (int lane = 0; lane < 16; ++lane) {
         if (!isLit(s, lane)) continue;
-        PathRandom random(tasks[lane].random);
-        const float u = random.next();
-        tasks[lane].random = random.state();
         const Vec3f from = s.position.get(lane);
-        const Lamps::Choice choice = scene.lamps->sample(from, s.normal.get(lane), u);
+        const Lamps::Choice choice = scene.lamps->sample(from, s.normal.get(lane), which[lane]);
         if (!choice.light) continue;
         const TraceLight& light = *choice.light;
         const float distance = glm::length(light.position - from), local = distance * light.localFromWorld;

@@ -24,7 +24,10 @@ inline std::uint64_t mixBits(std::uint64_t x) {  // splitmix64's finaliser
     return x ^ x >> 31;
 }
 
-inline std::uint32_t reverseBits(std::uint32_t x) {
+// The next three: `Bits` is std::uint32_t, or a vector of such.
+
+template <class Bits>
+Bits reverseBits(Bits x) {
     x = x << 16 | x >> 16;
     x = (x & 0x00ff00ffu) << 8 | (x & 0xff00ff00u) >> 8;
     x = (x & 0x0f0f0f0fu) << 4 | (x & 0xf0f0f0f0u) >> 4;
@@ -33,7 +36,8 @@ inline std::uint32_t reverseBits(std::uint32_t x) {
 }
 
 /// Flips each bit by a hash of the lower ones: Owen's scrambling of numbers whose bits are in reverse order.
-inline std::uint32_t scrambleUpwards(std::uint32_t x, std::uint32_t seed) {
+template <class Bits>
+Bits scrambleUpwards(Bits x, std::uint32_t seed) {
     x ^= x * 0x3d20adeau;
     x += seed;
     x *= (seed >> 16) | 1u;
@@ -42,7 +46,8 @@ inline std::uint32_t scrambleUpwards(std::uint32_t x, std::uint32_t seed) {
 }
 
 /// Sobol's second dimension of an index, its bits in reverse order: Pascal's triangle modulo 2.
-inline std::uint32_t sobolSecondReversed(std::uint32_t index) {
+template <class Bits>
+Bits sobolSecondReversed(Bits index) {
     index ^= (index & 0xaaaaaaaau) >> 1;
     index ^= (index & 0xccccccccu) >> 2;
     index ^= (index & 0xf0f0f0f0u) >> 4;
@@ -91,6 +96,24 @@ class PathRandom {
     }
     std::uint64_t state() const { return state_; }
 
+    // What PacketRandom makes the same numbers of, for several samples at a time.
+    std::uint32_t index() const { return static_cast<std::uint32_t>(state_ >> kCallBits); }
+    /// Whether the other one's next calls are the same ones of the same sequence.
+    bool drawsAs(const PathRandom& other) const { return ((state_ ^ other.state_) & (kSequence | kCalls)) == 0; }
+    /// The same calls for another sample.
+    PathRandom ofIndex(std::uint32_t index) const {
+        return PathRandom((state_ & (kSequence | kCalls)) | std::uint64_t{index} << kCallBits);
+    }
+    /// Of the sequence and the number of the call, not of the sample. Behind the last call, it is another sequence.
+    std::uint64_t nextSeed() {
+        const std::uint64_t seed = mixBits((state_ & kSequence) | (state_ & kCalls));
+        if ((state_ & kCalls) == kCalls)
+            state_ = (state_ & ~kSequence & ~kCalls) | (mixBits(state_ & kSequence) & kSequence);
+        else
+            ++state_;
+        return seed;
+    }
+
   private:
     static constexpr unsigned kCallBits = 12, kIndexBits = 32, kSampleBits = 20;
     static constexpr std::uint64_t kSequence = ~std::uint64_t{0} << (kCallBits + kIndexBits),
@@ -103,19 +126,9 @@ class PathRandom {
                        mixBits(static_cast<std::uint64_t>(y) << 32 | static_cast<std::uint32_t>(x)));
     }
 
-    /// Of the sequence and the number of the call, not of the sample. Behind the last call, it is another sequence.
-    std::uint64_t nextSeed() {
-        const std::uint64_t seed = mixBits((state_ & kSequence) | (state_ & kCalls));
-        if ((state_ & kCalls) == kCalls)
-            state_ = (state_ & ~kSequence & ~kCalls) | (mixBits(state_ & kSequence) & kSequence);
-        else
-            ++state_;
-        return seed;
-    }
     /// The sample's number in an order of its own, in which each block of 2^k samples is one still.
     std::uint32_t shuffled(std::uint64_t seed) const {
-        const auto index = static_cast<std::uint32_t>(state_ >> kCallBits);
-        return reverseBits(scrambleUpwards(reverseBits(index), static_cast<std::uint32_t>(seed)));
+        return reverseBits(scrambleUpwards(reverseBits(index()), static_cast<std::uint32_t>(seed)));
     }
     static float fraction(std::uint32_t reversed) { return static_cast<float>(reverseBits(reversed) >> 8) * 0x1p-24f; }
     std::uint64_t state_;

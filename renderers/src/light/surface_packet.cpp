@@ -7,7 +7,7 @@
 
 #include "bsdf.h"
 #include "generated_coordinates.h"
-#include "mesh/simd8.h"
+#include "lanes.h"
 
 namespace rtsg::trace {
 
@@ -265,12 +265,6 @@ struct Common {
     }
 };
 
-V8 loadV(const Lanes3& lanes, int at) {
-    return {load(lanes.x + at), load(lanes.y + at), load(lanes.z + at)};
-}
-void storeV(Lanes3& lanes, int at, const V8& v) {
-    store(lanes.x + at, v.x), store(lanes.y + at, v.y), store(lanes.z + at, v.z);
-}
 void fill(float* lanes, float value) {
     store(lanes, all(value)), store(lanes + 8, all(value));
 }
@@ -487,14 +481,17 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
         rest &= ~lanes;
     }
     if (!scene.energyLimited) return;
-    for (std::uint32_t rest = mask & ~out.unlit; rest; rest &= rest - 1) {
+    for (int at = 0; at < 16; at += 8) {
+        const V8 base = loadV(out.base, at), most{min(base.x, all(1)), min(base.y, all(1)), min(base.z, all(1))};
+        storeV(out.base, at, select(lanesFrom(out.unlit, at), base, most));
+    }
+    for (std::uint32_t rest = mask & (out.physical | out.shiny); rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         const Vec3f base = out.base.get(lane);
         if (out.physical >> lane & 1u) {
             const float cosine = glm::dot(out.normal.get(lane), out.view.get(lane));
             out.base.set(lane, energyLimited(base, out.metallic[lane], out.roughness[lane], cosine));
         } else {
-            out.base.set(lane, glm::min(base, Vec3f(1)));
             out.specular.set(lane, energyLimited(base, out.specular.get(lane), out.exponent[lane]));
         }
     }
@@ -538,7 +535,6 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
     for (int at = 0; at < 16; at += 8) {
         const F8 u = load(s.hits.u + at), v = load(s.hits.v + at), w = 1.0f - u - v;
         const V8 a = loadV(corner[0], at) * w, b = loadV(corner[1], at) * u, c = loadV(corner[2], at) * v;
-        const auto absolute = [](F8 x) { return max(x, -x); };
         const V8 local = a + b + c;
         const V8 size{absolute(a.x) + absolute(b.x) + absolute(c.x), absolute(a.y) + absolute(b.y) + absolute(c.y),
                       absolute(a.z) + absolute(b.z) + absolute(c.z)};

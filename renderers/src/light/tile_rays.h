@@ -50,6 +50,8 @@ class TileLoop {
         drain(trace);
     }
     void push(const PathTask& task) { next_.push_back(task); }
+    /// A new one, to be filled in.
+    PathTask& push() { return next_.emplace_back(); }
 
     int x(std::uint16_t pixel) const { return x0_ + pixel % kTileSide; }
     int y(std::uint16_t pixel) const { return y0_ + pixel / kTileSide; }

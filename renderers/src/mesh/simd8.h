@@ -1,7 +1,7 @@
 // Eight floats at a time, in the compiler's own vector types: no library, no intrinsics but the square root.
 //
-// Masks are all-ones or zero per lane. Accuracy of the functions: below 3e-7 relative (log2Of: absolute) on their
-// domains. Source: series and Abramowitz & Stegun 4.4.46 (arc cosine).
+// Masks are all-ones or zero per lane. Accuracy of the functions: below 3e-7 relative (log2Of and sines:
+// absolute) on their domains. Source: series and Abramowitz & Stegun 4.4.46 (arc cosine).
 #pragma once
 
 #include <cmath>
@@ -41,6 +41,10 @@ inline F8 max(F8 a, F8 b) {
     return a > b ? a : b;
 }
 
+inline F8 absolute(F8 x) {
+    return max(x, -x);
+}
+
 inline F8 sqrt(F8 v) {
 #ifdef __AVX__
     __m256 r;
@@ -62,6 +66,19 @@ inline bool any(I8 mask) {
     for (int i = 0; i < 8; ++i)
         if (mask[i]) return true;
     return false;
+#endif
+}
+
+/// A bit a lane.
+inline std::uint32_t laneBits(I8 mask) {
+#ifdef __AVX__
+    __m256 r;
+    std::memcpy(&r, &mask, sizeof r);
+    return static_cast<std::uint32_t>(_mm256_movemask_ps(r));
+#else
+    std::uint32_t result = 0;
+    for (int i = 0; i < 8; ++i) result |= static_cast<std::uint32_t>(mask[i] != 0) << i;
+    return result;
 #endif
 }
 
@@ -122,9 +139,24 @@ inline F8 acosOf(F8 x) {
     return select(negative, 3.14159265359f - r, r);
 }
 
+/// Sine and cosine of so many turns, [0, 1).
+inline void sinCosTurns(F8 turns, F8& sine, F8& cosine) {
+    // What is left of the nearest quarter, up to pi / 4 either way: Taylor's series.
+    const I8 quarter = __builtin_convertvector(turns * 4.0f + 0.5f, I8);
+    const F8 x = (turns - __builtin_convertvector(quarter, F8) * 0.25f) * 6.28318530718f, q = x * x;
+    const F8 s = x * (1.0f + q * (-1 / 6.0f + q * (1 / 120.0f + q * (-1 / 5040.0f + q * (1 / 362880.0f)))));
+    const F8 c = 1.0f + q * (-0.5f + q * (1 / 24.0f + q * (-1 / 720.0f + q * (1 / 40320.0f + q * (-1 / 3628800.0f)))));
+    const I8 odd = (quarter & 1) != 0, sineDown = (quarter & 2) != 0, cosineDown = ((quarter + 1) & 2) != 0;
+    sine = select(odd, c, s), cosine = select(odd, s, c);
+    sine = select(sineDown, -sine, sine), cosine = select(cosineDown, -cosine, cosine);
+}
+
 struct V8 {
     F8 x, y, z;
 };
+inline V8 select(I8 mask, const V8& a, const V8& b) {
+    return {select(mask, a.x, b.x), select(mask, a.y, b.y), select(mask, a.z, b.z)};
+}
 inline F8 dot(const V8& a, const V8& b) {
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
@@ -133,6 +165,9 @@ inline V8 operator+(const V8& a, const V8& b) {
 }
 inline V8 operator-(const V8& a, const V8& b) {
     return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+inline V8 operator*(const V8& a, const V8& b) {
+    return {a.x * b.x, a.y * b.y, a.z * b.z};
 }
 inline V8 operator*(const V8& a, F8 s) {
     return {a.x * s, a.y * s, a.z * s};

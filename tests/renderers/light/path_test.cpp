@@ -87,6 +87,34 @@ TEST(PathTracer, LengthsOfAPixelsPathsAreEven) {
     EXPECT_LT(std::sqrt(squares / static_cast<double>(picture.pixels.size())), 0.06);
 }
 
+// Most surfaces are followed eight at a time, those with a highlight one by one; here that is too weak to be seen.
+TEST(PathTracer, SurfacesSideBySideShowWhatTheyShowOneByOne) {
+    const auto room = [](const char* specular) {
+        return fmt::format(
+            "Viewpoint {{ position 0 0 1.4 }} Background {{ skyColor .2 .3 .4 }} PointLight {{ location .5 .5 0 }} "
+            "Shape {{ appearance DEF A Appearance {{ material Material {{ diffuseColor .8 .7 .6 specularColor {0} {0} "
+            "{0} }} }} geometry Box {{ size 3 3 3 solid FALSE }} }} Transform {{ translation -.4 -.3 0 children Shape "
+            "{{ appearance USE A geometry Sphere {{ radius .4 }} }} }} Transform {{ translation 0 1.2 0 scale .5 1 .5 "
+            "children Shape {{ appearance Appearance {{ material Material {{ diffuseColor 0 0 0 emissiveColor 1 1 1 }} "
+            "}} geometry IndexedFaceSet {{ coordIndex [0 1 2 3 -1] coord Coordinate {{ point [-1 0 -1, 1 0 -1, 1 0 1, "
+            "-1 0 1] }} }} }} }}",
+            specular);
+    };
+    Picture pictures[2];
+    for (const int i : {0, 1}) {
+        LightScene s(room(i ? "1e-9" : "0"), 32, 32);
+        s.options.settings.integrator = Integrator::path;
+        s.options.settings.samplesPerPixel = 16;
+        pictures[i] = s.picture();
+    }
+    int apart = 0;
+    for (std::size_t i = 0; i < pictures[0].pixels.size(); ++i)
+        for (int c = 0; c < 4; ++c)
+            apart += std::abs(pictures[0].pixels[i][c] - pictures[1].pixels[i][c]) > 1e-4f * pictures[1].pixels[i][c];
+    EXPECT_GT(pictures[0].pixels[0].g, 0.1f);
+    EXPECT_LE(apart, 40);  // of 4096: where rounding sends a ray past an edge
+}
+
 // E = pi L F: a 2 x 2 m panel one metre above a floor point; F = .5541264 below its middle, .2077571 below a corner.
 TEST(PathTracer, IrradianceOfAPanelIsItsFormFactor) {
     const struct {

@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "light/packet_random.h"
 #include "light_scene.h"
 
 namespace rtsg {
@@ -48,6 +49,34 @@ bool isNet(const std::vector<Vec2f>& pairs) {
         if (cells.size() != count) return false;
     }
     return true;
+}
+
+// Together, one by one where the calls before were others, and past the last call of a sequence.
+TEST(PacketRandom, GivesEachLaneWhatItsPathRandomGives) {
+    constexpr std::uint32_t kMask = 0xEEF7;
+    for (const int before : {0, 3, 4094})
+        for (const bool apart : {false, true}) {
+            trace::PathTask tasks[16];
+            std::vector<PathRandom> alone;
+            for (int lane = 0; lane < 16; ++lane) {
+                PathRandom random = PathRandom::ofPicture(5, 40 + lane, 17, 3 * lane, 100);
+                for (int call = 0; call < before + (apart && lane == 9); ++call) random.next();
+                tasks[lane].random = random.state();
+                alone.push_back(random);
+            }
+            trace::PacketRandom packet(tasks, kMask);
+            for (int call = 0; call < 5; ++call) {
+                alignas(64) float one[16], u[16], v[16];
+                packet.next(one), packet.nextPair(u, v);
+                for (int lane = 0; lane < 16; ++lane) {
+                    if (!(kMask >> lane & 1u)) continue;
+                    PathRandom& random = alone[static_cast<std::size_t>(lane)];
+                    EXPECT_EQ(one[lane], random.next()) << before << apart << ' ' << lane;
+                    EXPECT_EQ(Vec2f(u[lane], v[lane]), random.nextPair()) << before << apart << ' ' << lane;
+                    EXPECT_EQ(packet.state(lane), random.state());
+                }
+            }
+        }
 }
 
 TEST(PathRandom, SamplesOfAPixelAreANetInEveryCall) {

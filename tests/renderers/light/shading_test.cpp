@@ -173,6 +173,8 @@ TEST(Simd, FunctionsAreAccurate) {
         F8 x, e;
         for (int k = 0; k < 8; ++k) x[k] = unit(random), e[k] = unit(random) * 128;
         const F8 p = power(x, e), l = log2Of(x), a = acosOf(2 * x - 1.0f), q = exp2Of(-e), r = simd::sqrt(x);
+        F8 sine, cosine;
+        sinCosTurns(x, sine, cosine);
         for (int k = 0; k < 8; ++k) {
             const double exact = std::pow(double{x[k]}, double{e[k]});
             ASSERT_NEAR(p[k], exact, 2e-5 * exact + 1e-7) << x[k] << '^' << e[k] << " seed " << seed;
@@ -181,6 +183,9 @@ TEST(Simd, FunctionsAreAccurate) {
             ASSERT_NEAR(a[k], std::acos(double{argument}), 1e-6);
             ASSERT_NEAR(q[k], std::exp2(-double{e[k]}), 1e-6 * std::exp2(-double{e[k]}) + 1e-37);
             ASSERT_NEAR(r[k], std::sqrt(double{x[k]}), 1e-7);
+            const double angle = 2 * std::numbers::pi * double{x[k]};
+            ASSERT_NEAR(sine[k], std::sin(angle), 3e-7) << x[k];
+            ASSERT_NEAR(cosine[k], std::cos(angle), 3e-7) << x[k];
         }
     }
     const F8 zero = power(F8{0, 0, 1, 1, 0.5f, 0, 1, 0}, F8{0, 5, 0, 128, 0, 128, 64, 1});

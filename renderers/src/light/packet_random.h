@@ -1,0 +1,93 @@
+// PacketRandom: the numbers that sixteen paths draw together, eight at a time.
+//
+// Invariant: each lane gets, bit for bit, what its PathRandom gives; all make every call, whether they need it or not,
+// so that they stay together. Those that have not made the same calls before draw one by one. Threading: one of a tile.
+#pragma once
+
+#include <bit>
+
+#include "mesh/simd8.h"
+#include "sample_points.h"
+#include "trace_scene.h"
+
+namespace rtsg::trace {
+
+class PacketRandom {
+  public:
+    /// Goes on where the tasks of the lanes in `mask` are.
+    PacketRandom(const PathTask* tasks, std::uint32_t mask) : mask_(mask) {
+        for (std::uint32_t rest = mask; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            states_[lane] = tasks[lane].random;
+            const PathRandom one(states_[lane]);
+            if (rest == mask) common_ = one;
+            together_ &= common_.drawsAs(one);
+            reversed_[lane] = one.index();
+        }
+        for (int at = 0; at < 16; at += 8) store(at, reversed_, reverseBits(load(at, reversed_)));
+    }
+
+    /// `numbers`: sixteen.
+    void next(float* numbers) {
+        if (!together_) [[unlikely]]
+            return each([&](int lane, PathRandom& random) { numbers[lane] = random.next(); });
+        const std::uint64_t seed = common_.nextSeed();
+        for (int at = 0; at < 16; at += 8)
+            simd::store(numbers + at, fraction(scrambleUpwards(shuffled(at, seed), high(seed))));
+    }
+    void nextPair(float* u, float* v) {
+        if (!together_) [[unlikely]]
+            return each([&](int lane, PathRandom& random) {
+                const Vec2f pair = random.nextPair();
+                u[lane] = pair.x, v[lane] = pair.y;
+            });
+        const std::uint64_t seed = common_.nextSeed(), other = mixBits(seed);
+        for (int at = 0; at < 16; at += 8) {
+            const U8 index = shuffled(at, seed);
+            simd::store(u + at, fraction(scrambleUpwards(index, high(seed))));
+            simd::store(v + at, fraction(scrambleUpwards(sobolSecondReversed(index), low(other))));
+        }
+    }
+    /// Where a lane goes on.
+    std::uint64_t state(int lane) const {
+        return together_ ? common_.ofIndex(PathRandom(states_[lane]).index()).state() : states_[lane];
+    }
+
+  private:
+    using U8 = std::uint32_t __attribute__((vector_size(32)));
+
+    static U8 load(int at, const std::uint32_t* from) {
+        U8 r;
+        std::memcpy(&r, from + at, sizeof r);
+        return r;
+    }
+    static void store(int at, std::uint32_t* to, U8 v) { std::memcpy(to + at, &v, sizeof v); }
+    static std::uint32_t low(std::uint64_t x) { return static_cast<std::uint32_t>(x); }
+    static std::uint32_t high(std::uint64_t x) { return static_cast<std::uint32_t>(x >> 32); }
+    static simd::F8 fraction(U8 reversed) {
+        const U8 bits = reverseBits(reversed) >> 8;
+        simd::I8 whole;
+        std::memcpy(&whole, &bits, sizeof whole);
+        return __builtin_convertvector(whole, simd::F8) * 0x1p-24f;
+    }
+    U8 shuffled(int at, std::uint64_t seed) const {
+        return reverseBits(scrambleUpwards(load(at, reversed_), low(seed)));
+    }
+    template <class Draw>
+    void each(const Draw& draw) {
+        for (std::uint32_t rest = mask_; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            PathRandom random(states_[lane]);
+            draw(lane, random);
+            states_[lane] = random.state();
+        }
+    }
+
+    std::uint32_t mask_;
+    bool together_ = true;
+    PathRandom common_{0};
+    std::uint64_t states_[16]{};
+    alignas(64) std::uint32_t reversed_[16]{};  // the samples' numbers, bits in reverse order
+};
+
+}  // namespace rtsg::trace
