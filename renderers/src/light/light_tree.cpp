@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 
 #include "mesh/simd8.h"
@@ -21,7 +22,11 @@ F8 sinOf(F8 cosine) {
 
 LightTree::LightTree(std::span<const Cluster> things, float least) : ways_(things.size()), least_(least) {
     for (std::uint32_t thing = 0; thing < things.size(); ++thing)
-        if (things[thing].power > 0) order_.push_back(thing);
+        if (things[thing].power > 0) {
+            order_.push_back(thing);
+            const Vec3f& falloff = things[thing].falloff;
+            squaresOnly_ = squaresOnly_ && falloff.x == 0 && falloff.y == 0;
+        }
     if (order_.empty()) return;
     nodes_.emplace_back();
     build(things, 0, order_.size(), 0, 0, 0);
@@ -66,6 +71,7 @@ void LightTree::Node::set(std::size_t child, const Cluster& cluster) {
     const Vec3f center = cluster.bounds.center(), diagonal = cluster.bounds.size() * 0.5f;
     centerX[child] = center.x, centerY[child] = center.y, centerZ[child] = center.z;
     radiusSquared[child] = glm::dot(diagonal, diagonal) * 1.0001f;
+    radius[child] = std::sqrt(radiusSquared[child]);
     axisX[child] = cluster.axis.x, axisY[child] = cluster.axis.y, axisZ[child] = cluster.axis.z;
     cosCone[child] = cluster.cosCone, power[child] = cluster.power;
     constant[child] = cluster.falloff.x, linear[child] = cluster.falloff.y, square[child] = cluster.falloff.z;
@@ -127,13 +133,15 @@ LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t
 /// Estimates of the light from there that are 0 only where nothing can come. A cosine is cut at 1, as if of the most
 /// favourable direction, after the sine of the sphere around a cluster, as the point sees it, is added: cos a + sin b
 /// is 0 where the angle a is a right one and b more, as the cosine of a - b would be, for one root less.
-float LightTree::importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each) const {
+/// `above`: a bit for each that is not 0.
+inline float LightTree::importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each,
+                                   std::uint32_t& above) const {
     constexpr float kLeast = 1e-12f;  // m^2
     constexpr float kSlack = 1e-4f;   // of the rounded cosines
     const F8 radiusSquared = load(node.radiusSquared), power = load(node.power);
     const V8 towards{load(node.centerX) - point.x, load(node.centerY) - point.y, load(node.centerZ) - point.z};
     const F8 distanceSquared = dot(towards, towards), inverse = 1 / max(distanceSquared, all(kLeast));
-    const F8 perMetre = simd::sqrt(inverse), reach = simd::sqrt(radiusSquared) * perMetre + kSlack;
+    const F8 perMetre = simd::sqrt(inverse), reach = load(node.radius) * perMetre + kSlack;
     const F8 lit = dot(towards, V8{all(normal.x), all(normal.y), all(normal.z)}) * perMetre + reach;
     const F8 cosAxis = dot(towards, V8{load(node.axisX), load(node.axisY), load(node.axisZ)}) * -perMetre;
     const F8 cosCone = load(node.cosCone);
@@ -142,11 +150,12 @@ float LightTree::importance(const Node& node, const Vec3f& point, const Vec3f& n
     const auto cut = [](F8 cosine) { return min(max(cosine, all(0)), all(1)); };
     // From inside a cluster it seems as far as its edge is.
     const F8 farSquared = max(distanceSquared, radiusSquared);
-    const F8 falloff =
-        load(node.constant) + load(node.linear) * simd::sqrt(farSquared) + load(node.square) * farSquared;
+    F8 falloff = load(node.square) * farSquared;
+    if (!squaresOnly_) falloff += load(node.constant) + load(node.linear) * simd::sqrt(farSquared);
     const F8 seen = select(distanceSquared > radiusSquared, cut(lit) * cut(shines), all(1));
     const F8 result = min(power * seen / max(falloff, all(least_)), all(1e36f));  // so that no sum is infinite
     store(each, result);
+    above = laneBits(result > 0.0f);
     return ((each[0] + each[4]) + (each[2] + each[6])) + ((each[1] + each[5]) + (each[3] + each[7]));
 }
 
@@ -156,12 +165,12 @@ LightTree::Choice LightTree::sample(const Vec3f& point, const Vec3f& normal, flo
     for (std::uint32_t at = 0;;) {
         const Node& node = nodes_[at];
         alignas(32) float each[kWide];
-        const float sum = importance(node, point, normal, each);
+        std::uint32_t above = 0;
+        const float sum = importance(node, point, normal, each, above);
         if (!(sum > 0)) return {};
         float left = u * sum;
-        std::size_t child = 0, last = 0;
-        for (std::size_t i = 0; i < kWide; ++i)
-            if (each[i] > 0) last = i;
+        std::size_t child = 0;
+        const auto last = static_cast<std::size_t>(std::bit_width(above)) - 1;
         while (child < last && !(left < each[child])) left -= each[child++];
         u = std::min(std::max(left, 0.0f) / each[child], 0x1.fffffep-1f);
         probability *= each[child] / sum;
@@ -176,7 +185,8 @@ float LightTree::probability(std::uint32_t thing, const Vec3f& point, const Vec3
     for (std::uint64_t way = ways_[thing];; way >>= 3) {
         const Node& node = nodes_[at];
         alignas(32) float each[kWide];
-        const float sum = importance(node, point, normal, each);
+        std::uint32_t above = 0;
+        const float sum = importance(node, point, normal, each, above);
         if (!(sum > 0)) return 0;
         const std::size_t child = way & 7u;
         probability *= each[child] / sum;

@@ -45,7 +45,7 @@ class LightTree {
     static constexpr std::size_t kWide = 8;
     /// Up to eight clusters side by side; those that are not there have no power.
     struct alignas(32) Node {
-        float centerX[kWide]{}, centerY[kWide]{}, centerZ[kWide]{}, radiusSquared[kWide]{};
+        float centerX[kWide]{}, centerY[kWide]{}, centerZ[kWide]{}, radius[kWide]{}, radiusSquared[kWide]{};
         float axisX[kWide]{}, axisY[kWide]{}, axisZ[kWide]{};
         float cosCone[kWide]{}, sinCone[kWide]{}, power[kWide]{};
         float constant[kWide]{}, linear[kWide]{}, square[kWide]{};
@@ -58,12 +58,14 @@ class LightTree {
     Cluster build(std::span<const Cluster> things, std::size_t first, std::size_t last, std::uint32_t node,
                   std::uint32_t depth, std::uint64_t way);
     /// Of all eight; returns their sum.
-    float importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each) const;
+    float importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each,
+                     std::uint32_t& above) const;
 
     std::vector<std::uint64_t> ways_;   // by thing: three bits a node, from the root on: which child
     std::vector<std::uint32_t> order_;  // while building
     std::vector<Node> nodes_;
     float least_ = 1e-12f;
+    bool squaresOnly_ = true;  // the light of each falls off with the square of the distance and nothing else
 };
 
 }  // namespace rtsg::trace

@@ -497,42 +497,23 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
     }
 }
 
-void findPoints(const TraceScene& scene, SurfacePacket& s) {
-    if (s.pointsFound) return;
-    s.pointsFound = true;
-    const auto isStroke = [&](int lane) { return scene.world->instance(s.hits.instance[lane]).mesh->strokeCount > 0; };
-    if (!s.oneInstance || isStroke(std::countr_zero(s.mask)) || s.caps) {
-        for (std::uint32_t rest = s.mask; rest; rest &= rest - 1) {
-            const int lane = std::countr_zero(rest);
-            if (isStroke(lane)) {
-                // Where the ray came in; a hundredth of a pixel further on it does not come in again.
-                const Vec3f at = s.position.get(lane);
-                const float far = std::max({std::abs(at.x), std::abs(at.y), std::abs(at.z), s.distance[lane]});
-                s.exact.set(lane, at);
-                s.error.set(lane,
-                            Vec3f(.01f * (scene.pixelSpread * s.distance[lane] + scene.pixelSize) + 0x1p-20f * far));
-                continue;
-            }
-            const HitPoint point = scene.world->point(s.hit(lane), s.position.get(lane));
-            s.exact.set(lane, point.position);
-            s.error.set(lane, point.error);
-        }
-        return;
-    }
-    // As RayWorld::point, eight lanes at a time.
-    const RayInstance& instance = scene.world->instance(s.hits.instance[std::countr_zero(s.mask)]);
+namespace {
+
+/// As RayWorld::point, for lanes of one instance.
+void findPointsOf(const RayInstance& instance, std::uint32_t lanes, SurfacePacket& s) {
     const Mesh& mesh = *instance.mesh;
     const Vec3f* positions = mesh.positions.data();
     const std::int32_t* triangles = mesh.triangles.data();
     Lanes3 corner[3];
     for (int lane = 0; lane < 16; ++lane) {
-        const bool use = s.mask >> lane & 1u;
+        const bool use = lanes >> lane & 1u;
         const std::int32_t* triangle = triangles + (use ? std::size_t{s.hits.triangle[lane]} * mesh.triangleStride : 0);
         for (int c = 0; c < 3; ++c) corner[c].set(lane, positions[triangle[c]]);
     }
     constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
     const glm::mat4x3& m = instance.rayFromLocal;
     for (int at = 0; at < 16; at += 8) {
+        if (!(lanes >> at & 0xFFu)) continue;
         const F8 u = load(s.hits.u + at), v = load(s.hits.v + at), w = 1.0f - u - v;
         const V8 a = loadV(corner[0], at) * w, b = loadV(corner[1], at) * u, c = loadV(corner[2], at) * v;
         const V8 local = a + b + c;
@@ -546,8 +527,48 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
                        gamma +
                    instance.errorFloor[r];
         };
-        storeV(s.exact, at, {row(0), row(1), row(2)});
-        storeV(s.error, at, {bound(0), bound(1), bound(2)});
+        const I8 use = lanesFrom(lanes, at);
+        storeV(s.exact, at, select(use, {row(0), row(1), row(2)}, loadV(s.exact, at)));
+        storeV(s.error, at, select(use, {bound(0), bound(1), bound(2)}, loadV(s.error, at)));
+    }
+}
+
+}  // namespace
+
+void findPoints(const TraceScene& scene, SurfacePacket& s) {
+    if (s.pointsFound) return;
+    s.pointsFound = true;
+    const auto isStroke = [&](int lane) { return scene.world->instance(s.hits.instance[lane]).mesh->strokeCount > 0; };
+    constexpr int kFew = 3;  // lanes that are as soon done one by one
+    std::uint32_t alone = s.caps;
+    for (std::uint32_t rest = s.mask & ~s.caps; rest;) {
+        const int first = std::countr_zero(rest);
+        std::uint32_t lanes = rest;
+        if (!s.oneInstance) {
+            lanes = 0;
+            for (int lane = 0; lane < 16; ++lane)
+                lanes |= static_cast<std::uint32_t>(s.hits.instance[lane] == s.hits.instance[first]) << lane;
+            lanes &= rest;
+        }
+        rest &= ~lanes;
+        if (isStroke(first) || std::popcount(lanes) <= kFew)
+            alone |= lanes;
+        else
+            findPointsOf(scene.world->instance(s.hits.instance[first]), lanes, s);
+    }
+    for (std::uint32_t rest = alone; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        if (isStroke(lane)) {
+            // Where the ray came in; a hundredth of a pixel further on it does not come in again.
+            const Vec3f at = s.position.get(lane);
+            const float far = std::max({std::abs(at.x), std::abs(at.y), std::abs(at.z), s.distance[lane]});
+            s.exact.set(lane, at);
+            s.error.set(lane, Vec3f(.01f * (scene.pixelSpread * s.distance[lane] + scene.pixelSize) + 0x1p-20f * far));
+            continue;
+        }
+        const HitPoint point = scene.world->point(s.hit(lane), s.position.get(lane));
+        s.exact.set(lane, point.position);
+        s.error.set(lane, point.error);
     }
 }
 

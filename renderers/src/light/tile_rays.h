@@ -22,7 +22,15 @@ class TileLoop {
   public:
     TileLoop(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
              TileResult& result)
-        : scene_(scene), camera_(camera), settings_(settings), x0_(x0), y0_(y0), result_(result) {}
+        : scene_(scene), camera_(camera), settings_(settings), x0_(x0), y0_(y0), result_(result) {
+        swapQueues();
+    }
+    TileLoop(const TileLoop&) = delete;
+    TileLoop& operator=(const TileLoop&) = delete;
+    ~TileLoop() {
+        now_.clear(), next_.clear();
+        swapQueues();
+    }
 
     /// `trace(rays, tasks, pixels, sample)` is given packets in which at least one ray is active. `tasks` is null for
     /// primary rays, else one for each active lane; of what it is asked to follow, push() is told.
@@ -58,6 +66,12 @@ class TileLoop {
 
   private:
     static constexpr std::size_t kDrain = 8192;  // queued rays, so that many samples need no more memory than few
+
+    /// The queues' memory stays with the thread: to get it anew for each tile costs more than to trace some.
+    void swapQueues() {
+        thread_local std::vector<PathTask> now, next;
+        now_.swap(now), next_.swap(next);
+    }
 
     template <class Trace>
     void drain(const Trace& trace) {
