@@ -37,7 +37,7 @@ void Cascade::storeStorage(const Node& node, FieldIndex field, const void* value
     if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::store, node.id(), field, value);
 }
 
-void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value) {
+[[gnu::aligned(64)]] void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value) {
     Scene::State& s = *scene_.state_;
     Node& target = const_cast<Node&>(node);  // the scene's own, which behaviours may read only
     s.write(lane_, target, field, value);
@@ -112,7 +112,7 @@ void Scene::State::warn(const Node& node, const std::string& text) {
 // ---- propagation ---------------------------------------------------------------------------------------------
 
 /// An event arrives at an input field. `value` is in block representation and outlives the call.
-void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
+[[gnu::aligned(64)]] void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
     Lane& lane = cascade.lane_;
     const FieldDef& def = node.type_->fields[field];
     const TypeEntry& entry = types[node.typeIndex_.value];
@@ -230,7 +230,9 @@ void Scene::State::sendAlong(Cascade& cascade, Emission emission, std::size_t fi
     sendEach(cascade, emission, first, last);
 }
 
-void Scene::State::runRoutes(Cascade& cascade) {
+// Every event runs through this, emitStorage and deliver: from the start of a cache line on, as elsewhere they take up
+// to half as long again.
+[[gnu::aligned(64)]] void Scene::State::runRoutes(Cascade& cascade) {
     std::vector<Emission>& waiting = cascade.lane_.emissions;
     // What is read of a node's routes is one cache line, which comes while the events before it are on their way.
     constexpr std::size_t kAhead = 6;
