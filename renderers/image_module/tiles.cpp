@@ -2,6 +2,7 @@
 #include "tiles.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstdlib>
 #include <functional>
@@ -82,7 +83,6 @@ class Tiles final : public TiledPicture {
             for (int column = x / grid.width; done && column <= (x + width - 1) / grid.width; ++column)
                 done = isSound(level, column, row);
         if (done && !fetch(level, x, y, width, height, pixels)) {
-            const std::lock_guard lock(mutex_);
             noteDamage();
             done = false;
         }
@@ -122,7 +122,7 @@ class Tiles final : public TiledPicture {
                                   static_cast<std::size_t>(column);
         const std::atomic_ref state(states_[index]);
         if (const std::uint8_t known = state.load(std::memory_order_acquire); known != unknown) return known == sound;
-        const std::lock_guard lock(mutex_);
+        const std::lock_guard lock(looking_[index % looking_.size()]);
         if (const std::uint8_t known = state.load(std::memory_order_relaxed); known != unknown) return known == sound;
         float pixel[4];
         const bool done = fetch(level, column * grid.width, row * grid.height, 1, 1, pixel);
@@ -131,8 +131,8 @@ class Tiles final : public TiledPicture {
         return done;
     }
 
-    /// Precondition: the mutex is held.
     void noteDamage() const {
+        const std::lock_guard lock(mutex_);
         std::string why = cache()->geterror();
         if (damage_.empty()) damage_ = why.empty() ? "a tile cannot be read" : std::move(why);
     }
@@ -196,6 +196,7 @@ class Tiles final : public TiledPicture {
     std::unique_ptr<std::uint8_t[], Free> states_;  // of each tile
     int alpha_ = -1;
     bool multiplied_ = false;
+    mutable std::array<std::mutex, 16> looking_;  // of each a part of the tiles, so that threads read several at once
     mutable std::mutex mutex_;
     mutable std::string damage_;
 };

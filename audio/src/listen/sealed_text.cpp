@@ -19,7 +19,7 @@ std::string placeOf(const glm::dvec3& p) {
 }
 
 /// Where a document has its nodes: by type and DEF name, and those without one by type if they are the only ones.
-class NodePlaces final : public DocumentHandler {
+class NodePlaces final : public NullHandler {
   public:
     explicit NodePlaces(const std::filesystem::path& document) {
         Diagnostics known;  // told when the scene was read
@@ -35,24 +35,6 @@ class NodePlaces final : public DocumentHandler {
         const auto [known, fresh] = places_.try_emplace(key(type, def), where);
         if (!fresh && def.empty()) known->second = {};
     }
-    void beginDocument(const DocumentHeader&) override {}
-    void endDocument() override {}
-    void component(std::string_view, int, SourceLocation) override {}
-    void meta(std::string_view, std::string_view, SourceLocation) override {}
-    void unit(std::string_view, std::string_view, double, SourceLocation) override {}
-    void endNode(SourceLocation) override {}
-    void useNode(std::string_view, std::string_view, SourceLocation) override {}
-    void setField(std::string_view, Value, SourceLocation) override {}
-    void declareField(const FieldDeclaration&, std::optional<Value>, SourceLocation) override {}
-    void isConnection(std::string_view, std::string_view, SourceLocation) override {}
-    void beginProto(std::string_view, SourceLocation) override {}
-    void beginProtoBody(SourceLocation) override {}
-    void endProto(SourceLocation) override {}
-    void externProto(std::string_view, const std::vector<FieldDeclaration>&, const std::vector<std::string>&,
-                     SourceLocation) override {}
-    void route(std::string_view, std::string_view, std::string_view, std::string_view, SourceLocation) override {}
-    void importNode(std::string_view, std::string_view, std::string_view, SourceLocation) override {}
-    void exportNode(std::string_view, std::string_view, SourceLocation) override {}
 
   private:
     static std::string key(std::string_view type, std::string_view def) {

@@ -1,4 +1,4 @@
-// What the readers share: progress, checks of values against the spec table, and a handler that swallows commands.
+// What the readers share: progress, and checks of values against the spec table.
 //
 // Threading: one thread a document.
 #pragma once
@@ -45,30 +45,6 @@ std::string valueComplaint(const FieldDef& field, const Value& value);
 
 /// A comment without white space at either end, and with the line ends of this system.
 std::string tidyComment(std::string_view text);
-
-/// Takes everything and does nothing.
-class NullHandler final : public DocumentHandler {
-  public:
-    void beginDocument(const DocumentHeader&) override {}
-    void endDocument() override {}
-    void component(std::string_view, int, SourceLocation) override {}
-    void meta(std::string_view, std::string_view, SourceLocation) override {}
-    void unit(std::string_view, std::string_view, double, SourceLocation) override {}
-    void beginNode(std::string_view, std::string_view, std::string_view, SourceLocation) override {}
-    void endNode(SourceLocation) override {}
-    void useNode(std::string_view, std::string_view, SourceLocation) override {}
-    void setField(std::string_view, Value, SourceLocation) override {}
-    void declareField(const FieldDeclaration&, std::optional<Value>, SourceLocation) override {}
-    void isConnection(std::string_view, std::string_view, SourceLocation) override {}
-    void beginProto(std::string_view, SourceLocation) override {}
-    void beginProtoBody(SourceLocation) override {}
-    void endProto(SourceLocation) override {}
-    void externProto(std::string_view, const std::vector<FieldDeclaration>&, const std::vector<std::string>&,
-                     SourceLocation) override {}
-    void route(std::string_view, std::string_view, std::string_view, std::string_view, SourceLocation) override {}
-    void importNode(std::string_view, std::string_view, std::string_view, SourceLocation) override {}
-    void exportNode(std::string_view, std::string_view, SourceLocation) override {}
-};
 
 /// Reads one document of the encoding; false if it had to stop early.
 bool readClassic(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options);

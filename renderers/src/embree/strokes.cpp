@@ -143,7 +143,7 @@ struct Slabs {
                 far = min(far, t);
         }
         near *= TreeView::kCloser;
-        return moveMask(near <= far * TreeView::kFarther);
+        return simd::laneBits(near <= far * TreeView::kFarther);
     }
 };
 
@@ -333,8 +333,8 @@ class LeafEnds {
         const V8 apart = across + way * u;
         const F8 rounding = 0x1p-18f * (sqrt(dot(a, a)) + sqrt(dot(b, b)) + glm::length(cone.origin));
         const F8 radius = cone.reach.x + cone.growth.x * max(last, all(0)) + rounding;
-        return moveMask((dot(apart, apart) <= radius * radius) & (last + radius >= cone.start) &
-                        (min(ta, tb) - radius <= cone.end));
+        return simd::laneBits((dot(apart, apart) <= radius * radius) & (last + radius >= cone.start) &
+                              (min(ta, tb) - radius <= cone.end));
     }
 
   private:

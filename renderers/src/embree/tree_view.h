@@ -20,18 +20,6 @@
 
 namespace rtsg::bvh {
 
-/// A bit per lane that is set.
-inline std::uint32_t moveMask(simd::I8 mask) {
-#ifdef __AVX__
-    __m256 r;
-    std::memcpy(&r, &mask, sizeof r);
-    return static_cast<std::uint32_t>(_mm256_movemask_ps(r));
-#else
-    std::uint32_t bits = 0;
-    for (int i = 0; i < 8; ++i) bits |= static_cast<std::uint32_t>(mask[i] < 0) << i;
-    return bits;
-#endif
-}
 inline float smallest(simd::F8 v) {
     v = simd::min(v, __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3));
     v = simd::min(v, __builtin_shufflevector(v, v, 2, 3, 0, 1, 6, 7, 4, 5));
@@ -146,7 +134,7 @@ void TreeView::traverse(const Ray& ray, Leaf leaf) const {
                                                      (simd::load(n.bounds[1 - sy][1]) - oy) * ry),
                                            simd::min((simd::load(n.bounds[1 - sz][2]) - oz) * rz, simd::all(tMax))) *
                                  kFarther;
-            std::uint32_t mask = moveMask(near <= far);
+            std::uint32_t mask = simd::laneBits(near <= far);
             if (mask) {
                 alignas(32) float nears[8];
                 simd::store(nears, near);
@@ -227,7 +215,7 @@ struct TreeView::Packet {
             }
         }
     }
-    bool anyActive() const { return moveMask(active[0] | active[1]) != 0; }
+    bool anyActive() const { return simd::laneBits(active[0] | active[1]) != 0; }
     /// What meetAll() needs.
     void findInterval(const RayPacket16& rays) {
         for (int k = 0; k < 3; ++k) {
@@ -268,7 +256,7 @@ struct TreeView::Packet {
             far = simd::min(far, b * simd::select(b >= zero, rHigh, rLow));
         }
         near *= simd::all(kCloser);
-        return moveMask(near <= far * simd::all(kFarther));
+        return simd::laneBits(near <= far * simd::all(kFarther));
     }
     /// Which rays meet the box of one child; the nearest distance of those, or infinity.
     float meet(const Node& n, std::uint32_t i, const float* tMax, std::int32_t* lanes) const {

@@ -77,7 +77,7 @@ inline std::uint32_t laneBits(I8 mask) {
     return static_cast<std::uint32_t>(_mm256_movemask_ps(r));
 #else
     std::uint32_t result = 0;
-    for (int i = 0; i < 8; ++i) result |= static_cast<std::uint32_t>(mask[i] != 0) << i;
+    for (int i = 0; i < 8; ++i) result |= static_cast<std::uint32_t>(mask[i] < 0) << i;
     return result;
 #endif
 }

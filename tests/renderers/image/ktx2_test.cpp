@@ -181,6 +181,9 @@ TEST(Ktx2, OrientationSwizzleAndAlphaCount) {
     const auto straight = textureOf(Ktx2File{.flags = 1, .levels = {{octets({20, 40, 51, 51}), 0}}}.bytes());
     ASSERT_TRUE(straight);
     expectBytes(bytesAt(*straight, 0, 0), {100, 200, 255, 51}, "premultiplied");
+    const auto grey = textureOf(Ktx2File{.format = 16, .flags = 1, .levels = {{octets({20, 51}), 0}}}.bytes());
+    ASSERT_TRUE(grey);
+    expectBytes(bytesAt(*grey, 0, 0), {100, 100, 100, 51}, "premultiplied grey");
 }
 
 // ---- blocks of 4 x 4, decoded by hand -----------------------------------------------------------------------------

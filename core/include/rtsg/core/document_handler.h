@@ -111,4 +111,28 @@ class DocumentHandler {
 inline void DocumentHandler::comment(std::string_view, SourceLocation) {}
 inline void DocumentHandler::documentation(const Documentation&, SourceLocation) {}
 
+/// Takes everything and does nothing: for those who care for some of it.
+class NullHandler : public DocumentHandler {
+  public:
+    void beginDocument(const DocumentHeader&) override {}
+    void endDocument() override {}
+    void component(std::string_view, int, SourceLocation) override {}
+    void meta(std::string_view, std::string_view, SourceLocation) override {}
+    void unit(std::string_view, std::string_view, double, SourceLocation) override {}
+    void beginNode(std::string_view, std::string_view, std::string_view, SourceLocation) override {}
+    void endNode(SourceLocation) override {}
+    void useNode(std::string_view, std::string_view, SourceLocation) override {}
+    void setField(std::string_view, Value, SourceLocation) override {}
+    void declareField(const FieldDeclaration&, std::optional<Value>, SourceLocation) override {}
+    void isConnection(std::string_view, std::string_view, SourceLocation) override {}
+    void beginProto(std::string_view, SourceLocation) override {}
+    void beginProtoBody(SourceLocation) override {}
+    void endProto(SourceLocation) override {}
+    void externProto(std::string_view, const std::vector<FieldDeclaration>&, const std::vector<std::string>&,
+                     SourceLocation) override {}
+    void route(std::string_view, std::string_view, std::string_view, std::string_view, SourceLocation) override {}
+    void importNode(std::string_view, std::string_view, std::string_view, SourceLocation) override {}
+    void exportNode(std::string_view, std::string_view, SourceLocation) override {}
+};
+
 }  // namespace rtsg
