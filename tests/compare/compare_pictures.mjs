@@ -80,6 +80,12 @@ function eachNode(value, edit) {
 }
 const kShapes = new Set(['Shape', 'ParticleSystem', 'VolumeData', 'SegmentedVolumeData', 'IsoSurfaceVolumeData', 'CADFace']);
 
+/** Whether a file that an Inline names, from `folder`, may bring a viewpoint: it holds the word, or it cannot be looked into. */
+function mayHaveViewpoint(inline, folder) {
+  const files = (inline['@url'] ?? []).map((url) => path.resolve(folder, url)).filter(existsSync);
+  return !files.length || files.some((file) => !/\.(x3d|x3dv|wrl|json)$/.test(file) || /Viewpoint|Inline/.test(readFileSync(file, 'utf8')));
+}
+
 /** The scene as it stands, and without its shapes, as XML in `scratch`; what went wrong. */
 function prepare(scene, name) {
   const json = path.join(scratch, `${name}.json`);
@@ -93,7 +99,9 @@ function prepare(scene, name) {
       if (kind === 'empty' && kShapes.has(type)) fields['@visible'] = false;
     });
     let seen = false;
-    eachNode(document, (type) => { seen ||= /^(Ortho|Geo)?Viewpoint$/.test(type) || type === 'Inline'; });
+    eachNode(document, (type, fields) => {
+      seen ||= /^(Ortho|Geo)?Viewpoint$/.test(type) || type === 'Inline' && mayHaveViewpoint(fields, path.dirname(scene));
+    });
     if (!seen) (document.X3D.Scene['-children'] ??= []).unshift({Viewpoint: {}});
     if (document.X3D) document.X3D['@version'] = '4.0', document.X3D['@profile'] = 'Full';
     writeFileSync(json, JSON.stringify(document));

@@ -48,9 +48,10 @@ ListenerPose poseFrom(const WorldFromLocal& m, const Vec3d& position, const Rota
     const Camera camera = Camera::perspective(m, position, orientation, 0.785, 1);
     ListenerPose pose;
     pose.position = camera.position;
-    pose.right = camera.right;
-    pose.up = camera.up;
-    pose.back = -camera.forward;
+    const glm::dmat3 axes = camera.axes();
+    pose.right = axes[0];
+    pose.up = axes[1];
+    pose.back = axes[2];
     const glm::dvec3 sum = pose.position + pose.right + pose.up + pose.back;
     return std::isfinite(sum.x + sum.y + sum.z) ? pose : ListenerPose{};
 }

@@ -42,8 +42,8 @@ double pixelAcross(const LayerSight& sight, double distance) {
     if (sight.kind == LayerSight::Kind::parallel) return sight.pixel();
     if (sight.kind == LayerSight::Kind::around) return sight.pixel() * distance;
     // Off the middle by an angle, a length across the ray takes 1 / cos^2 as many pixels as in the middle.
-    const double x = std::max(std::abs(sight.edges[0]), std::abs(sight.edges[1]));
-    const double y = std::max(std::abs(sight.edges[2]), std::abs(sight.edges[3]));
+    const double x = glm::length(sight.right) * std::max(std::abs(sight.edges[0]), std::abs(sight.edges[1]));
+    const double y = glm::length(sight.up) * std::max(std::abs(sight.edges[2]), std::abs(sight.edges[3]));
     return sight.pixel() * distance / (1 + x * x + y * y);
 }
 

@@ -28,6 +28,11 @@ Vec3d linear(const WorldFromLocal& m, const Vec3d& v) {
     return m[0] * v.x + m[1] * v.y + m[2] * v.z;
 }
 
+bool areEven(const glm::dmat3& axes, const Vec3d& right, const Vec3d& up) {
+    constexpr double kRounding = 1e-6;  // of a picture's width: no pixel shows it
+    return glm::distance(right, axes[0]) < kRounding && glm::distance(up, axes[1]) < kRounding;
+}
+
 /// Position and axes from a local frame; keeps the defaults where a transform is singular.
 Camera placed(const WorldFromLocal& worldFromLocal, const Vec3d& position, const Rotation& orientation) {
     Camera camera;
@@ -40,6 +45,11 @@ Camera placed(const WorldFromLocal& worldFromLocal, const Vec3d& position, const
     camera.right = axes[0];
     camera.up = axes[1];
     camera.forward = -axes[2];
+    const double ahead = glm::length(turned[2]);
+    const Vec3d right = turned[0] / ahead, up = turned[1] / ahead;
+    constexpr double kFlat = 1e-9;  // a space this flat has no inverse worth the name
+    if (!areEven(axes, right, up) && std::abs(glm::determinant(glm::dmat3(right, up, camera.forward))) > kFlat)
+        camera.right = right, camera.up = up;
     return camera;
 }
 
@@ -97,7 +107,9 @@ Camera Camera::parallel(const WorldFromLocal& worldFromLocal, const Vec3d& posit
     Camera camera = placed(worldFromLocal, position, orientation);
     camera.orthographic = true;
     const glm::dmat3 linearPart(worldFromLocal[0], worldFromLocal[1], worldFromLocal[2]);
-    double scale = std::cbrt(std::abs(glm::determinant(linearPart)));
+    double scale = areEven(camera.axes(), camera.right, camera.up)
+                       ? std::cbrt(std::abs(glm::determinant(linearPart)))
+                       : glm::length(linear(worldFromLocal, rotate(orientation, {0, 0, 1})));
     if (!(scale > 0) || !std::isfinite(scale)) scale = 1;
     const double centerX = scale * (extent[0] + extent[2]) / 2, centerY = scale * (extent[1] + extent[3]) / 2;
     double halfX = scale * std::abs(extent[2] - extent[0]) / 2, halfY = scale * std::abs(extent[3] - extent[1]) / 2;
@@ -126,6 +138,8 @@ Camera Camera::around() const {
     Camera camera = *this;
     camera.panorama = true, camera.orthographic = false;
     camera.lensRadius = 0;
+    const glm::dmat3 turned = axes();
+    camera.right = turned[0], camera.up = turned[1];
     camera.rightEdge = std::numbers::pi, camera.left = -camera.rightEdge;
     camera.top = std::numbers::pi / 2, camera.bottom = -camera.top;
     return camera;
@@ -133,8 +147,9 @@ Camera Camera::around() const {
 
 Camera Camera::beside(double offset, double distance) const {
     Camera camera = *this;
-    camera.position += offset * right;
-    camera.left -= offset / distance, camera.rightEdge -= offset / distance;
+    const double steps = areEven(axes(), right, up) ? offset : offset / glm::length(right);
+    camera.position += steps * right;
+    camera.left -= steps / distance, camera.rightEdge -= steps / distance;
     return camera;
 }
 
@@ -145,9 +160,13 @@ Camera Camera::since(const Camera& before, double t) const {
         return camera;
     camera.position = glm::mix(before.position, position, t);
     if (before.right != right || before.up != up || before.forward != forward) {
-        const glm::dmat3 from(before.right, before.up, -before.forward), to(right, up, -forward);
-        const glm::dmat3 axes = glm::mat3_cast(glm::slerp(glm::quat_cast(from), glm::quat_cast(to), t));
-        camera.right = axes[0], camera.up = axes[1], camera.forward = -axes[2];
+        const glm::dmat3 from = before.axes(), to = axes();
+        const glm::dmat3 turned = glm::mat3_cast(glm::slerp(glm::quat_cast(from), glm::quat_cast(to), t));
+        camera.right = turned[0], camera.up = turned[1], camera.forward = -turned[2];
+        if (!areEven(from, before.right, before.up) || !areEven(to, right, up)) {
+            camera.right = turned * glm::mix(glm::transpose(from) * before.right, glm::transpose(to) * right, t);
+            camera.up = turned * glm::mix(glm::transpose(from) * before.up, glm::transpose(to) * up, t);
+        }
     }
     camera.left = glm::mix(before.left, left, t), camera.rightEdge = glm::mix(before.rightEdge, rightEdge, t);
     camera.bottom = glm::mix(before.bottom, bottom, t), camera.top = glm::mix(before.top, top, t);
@@ -157,7 +176,8 @@ Camera Camera::since(const Camera& before, double t) const {
 
 Vec2d Camera::place(const Vec3d& world) const {
     const Vec3d d = world - position;
-    const double across = glm::dot(d, right), upwards = glm::dot(d, up), ahead = glm::dot(d, forward);
+    const Vec3d gone = steps() * d;
+    const double across = gone.x, upwards = gone.y, ahead = gone.z;
     Vec2d edge(across, upwards);
     if (panorama) {
         const double length = glm::length(d);
@@ -175,11 +195,12 @@ void Camera::frame(const Vec3d& lower, const Vec3d& upper) {
     const double radius = std::max(0.5 * glm::length(upper - lower), 1e-9);
     const double margin = 1.05;
     double distance = 0, halfX = 0, halfY = 0;
+    const glm::dmat3 inSteps = steps();
     for (int corner = 0; corner < 8; ++corner) {
         const Vec3d offset((corner & 1 ? upper.x : lower.x) - center.x, (corner & 2 ? upper.y : lower.y) - center.y,
                            (corner & 4 ? upper.z : lower.z) - center.z);
-        const double x = std::abs(glm::dot(offset, right)) * margin, y = std::abs(glm::dot(offset, up)) * margin;
-        const double towards = -glm::dot(offset, forward);
+        const Vec3d gone = inSteps * offset;
+        const double x = std::abs(gone.x) * margin, y = std::abs(gone.y) * margin, towards = -gone.z;
         halfX = std::max(halfX, x), halfY = std::max(halfY, y);
         if (!orthographic) distance = std::max({distance, towards + x / rightEdge, towards + y / top});
     }
@@ -191,6 +212,20 @@ void Camera::frame(const Vec3d& lower, const Vec3d& upper) {
     }
     // A single point or a flat scene seen edge-on must not end up at the eye.
     position = center - forward * std::max(distance, 1.01 * radius);
+}
+
+glm::dmat3 Camera::axes() const {
+    return turningOf({right, up, -forward, Vec3d(0)});
+}
+
+glm::dmat3 Camera::steps() const {
+    const glm::dmat3 along(right, up, forward);
+    return areEven(axes(), right, up) ? glm::transpose(along) : glm::inverse(along);
+}
+
+double Camera::pixel(int rows) const {
+    const double high = (top - bottom) / rows;
+    return areEven(axes(), right, up) ? high : high * glm::length(up);
 }
 
 Camera::WorldRay Camera::ray(double x, double y) const {

@@ -139,7 +139,7 @@ bool arrives(const TraceScene& scene, const SurfacePacket& s, int lane, const Pa
     const float distance = glm::length(place - from), run = task.travelled + s.distance[lane] + distance;
     left *= volumesLeft(scene, {from, kLeave, place - from, 1});
     const float cosine = std::max(std::abs(glm::dot(direction, hit.normal)), 0.05f);
-    const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
+    const float footprint = scene.sampleWidth(run) / std::sqrt(cosine);
     left *= emitted(scene, hit, glm::dot(direction, hit.normal) > 0, footprint);
     if (task.absorption != Vec3f(0)) left *= glm::exp(-task.absorption * distance);
     if (scene.fogs.any())

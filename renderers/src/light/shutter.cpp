@@ -25,7 +25,7 @@ bool areSame(const Camera& a, const Camera& b) {
 }
 
 PixelLens lensOf(const RayView& world, const Camera& camera, int height) {
-    const auto pixel = static_cast<float>((camera.top - camera.bottom) / height);
+    const auto pixel = static_cast<float>(camera.pixel(height));
     return {world.fromWorld(camera.position), Vec3f(camera.forward), camera.orthographic ? 0 : pixel,
             camera.orthographic ? pixel : 0};
 }
@@ -67,7 +67,7 @@ void Shutter::Instant::showTo(TraceScene& scene, int height) const {
     scene.world = world.get();
     const PixelLens lens = lensOf(*world, camera, height);
     scene.eye = lens.eye, scene.forward = lens.forward;
-    scene.right = Vec3f(camera.right), scene.up = Vec3f(camera.up);
+    scene.placeInPicture(camera);
     scene.pixelSpread = lens.spread, scene.pixelSize = lens.size;
 }
 

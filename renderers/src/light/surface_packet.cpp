@@ -434,7 +434,7 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
             if (out.caps >> lane & 1u) continue;  // the inside has the material's own colours
             const float run = (tasks ? tasks[lane].travelled : 0) + hit.t;
             const float cosine = std::max(std::abs(glm::dot(out.view.get(lane), hit.normal)), 0.05f);
-            const float footprint = (scene.pixelSpread * run + scene.pixelSize) / std::sqrt(cosine);
+            const float footprint = scene.sampleWidth(run) / std::sqrt(cosine);
             const ColorSpace space = out.linear >> lane & 1u ? ColorSpace::linear : ColorSpace::display;
             applyDetail({*common.instance, *common.slot, hit, footprint, space, &scene, out.position.get(lane),
                          out.normal.get(lane)},

@@ -35,7 +35,8 @@ Vec2f onDisk(Vec2f square) {
 /// Through other places of the lens than its middle; in a picture of one sample a pixel all go through that.
 void throughLens(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
                  int sample, const std::uint16_t* pixels, RayPacket16& rays) {
-    const Vec3f right(camera.right), up(camera.up), forward(camera.forward);
+    const glm::dmat3 axes = camera.axes();  // a lens is round
+    const Vec3f right(axes[0]), up(axes[1]), forward(camera.forward);
     const auto focus = static_cast<float>(camera.focus), radius = static_cast<float>(camera.lensRadius);
     for (int lane = 0; lane < 16; ++lane) {
         if (!rays.active[lane]) continue;

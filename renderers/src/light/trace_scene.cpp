@@ -2,6 +2,7 @@
 #include "trace_scene.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <tuple>
 
@@ -139,6 +140,11 @@ auto traceLights(const LightState& state, const RayView& world, const RenderSett
 
 }  // namespace
 
+void TraceScene::placeInPicture(const Camera& camera) {
+    const glm::dmat3 rows = glm::transpose(camera.steps()) * (camera.pixel(1) / (camera.top - camera.bottom));
+    right = Vec3f(rows[0]), up = Vec3f(rows[1]);
+}
+
 TraceScene makeTraceScene(const LightState& state, const RayView& world, const Camera& camera,
                           const RenderSettings& settings, Part part) {
     static const Sky black, clear = [] {
@@ -148,8 +154,10 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     }();
     const std::uint16_t layer = camera.layer;
     TraceScene scene;
-    const auto height = static_cast<float>((camera.top - camera.bottom) / settings.height);
+    const auto height = static_cast<float>(camera.pixel(settings.height));
     (camera.orthographic ? scene.pixelSize : scene.pixelSpread) = height;
+    constexpr int kMostSharing = 64;  // more samples than these see no more of a texture: an eighth of a pixel is all
+    scene.sampleShare = 1 / std::sqrt(static_cast<float>(std::clamp(settings.samplesPerPixel, 1, kMostSharing)));
     const PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), scene.pixelSpread, scene.pixelSize};
     scene.filter = clipFilter(state, world, settings);
     if (state.volumeSlots) {
@@ -161,7 +169,8 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     }
     if (!part.hidden.empty()) scene.filter = hidingFilter(std::move(part.hidden), scene.filter);
     scene.lensed = std::make_shared<const LensedView>(world, lens, scene.filter.get(), RayKind::eye);
-    scene.eye = lens.eye, scene.right = Vec3f(camera.right), scene.up = Vec3f(camera.up), scene.forward = lens.forward;
+    scene.eye = lens.eye, scene.forward = lens.forward;
+    scene.placeInPicture(camera);
     scene.world = scene.lensed.get();
     scene.materials = MaterialList(state.materials);
     scene.slots = SlotPages(state.slots);

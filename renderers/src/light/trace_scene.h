@@ -177,7 +177,9 @@ struct TraceScene {
     std::vector<TraceVolume> volumes;         // whose boxes no ray meets
     Bounds volumeBounds;                      // around them, ray space
     std::shared_ptr<const RayFilter> volumeFilter;
-    Vec3f eye{0}, right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};
+    Vec3f eye{0}, forward{0, 0, -1};
+    Vec3f right{1, 0, 0}, up{0, 1, 0};  // times an offset from the eye: pixels' heights for 1 ahead
+    void placeInPicture(const Camera& camera);
     const Emitters* emitters = nullptr;  // of paths, where anything shines
     const Lamps* lamps = nullptr;        // of paths, where there are many
     const SkyLight* skyLight = nullptr;  // of paths, where the sky is so uneven that it must be looked for
@@ -201,6 +203,11 @@ struct TraceScene {
     std::vector<std::pair<NodeId, SpaceTexture>> generated;
     float pixelSpread = 0;  // radians a pixel is wide in the middle of the picture, or
     float pixelSize = 0;    // metres, for an orthographic camera
+    /// Of a pixel's width: what one of its samples stands for. Were textures read as wide as the pixel by each of its
+    /// samples, they would be blurred twice.
+    float sampleShare = 1;
+    /// How wide that is (metres) where rays have come `run` metres far.
+    float sampleWidth(float run) const { return sampleShare * (pixelSpread * run + pixelSize); }
 
     Vec4f skyColor(const Vec3f& direction, bool linear) const {
         if (evenSky) return linear ? skyLinear : skyDisplay;

@@ -87,7 +87,7 @@ Result<Pick> LightTracer::pick(const Picker& picker, const std::vector<LayerView
         if (!(across >= 0 && across <= 1 && down >= 0 && down <= 1)) continue;
         const Camera& camera = view->camera;
         const Camera::WorldRay ray = camera.ray(across, down);
-        const double height = (camera.top - camera.bottom) / view->height;
+        const double height = camera.pixel(view->height);
         auto found = picker.ray(ray.origin, ray.direction, camera.layer, camera.visibilityLimit,
                                 camera.orthographic ? Picker::kPixel : height);
         if (!found || *found) return found;

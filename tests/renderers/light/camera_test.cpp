@@ -49,17 +49,72 @@ TEST(Camera, OrientationAndTransformsCompose) {
     expectNear(camera.position, {10, 21, 30}, 1e-9);
 }
 
-TEST(Camera, StaysRightHandedUnderScaleShearAndMirroring) {
+// 23.3.1: a viewpoint lies in the transformation hierarchy, so what its rays meet is what its rays would meet in its
+// own space, taken through the same transform.
+TEST(Camera, RaysGoTheWayOfTheTransformsAboveThem) {
+    const WorldFromLocal transforms[] = {{{2, 0, 0}, {0, 5, 0}, {0, 0, 0.1}, {1, 2, 3}},
+                                         {{-1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}},
+                                         {{1, 0, 0}, {0.7, 1, 0}, {0.2, 0.3, 1}, {-4, 0, 0}},
+                                         {{0.234, 0, 0}, {0, 234, 0}, {0, 0, 12.23}, {0, 0, 0}},
+                                         {{1e-7, 0, 0}, {0, 2e-7, 0}, {0, 0, 1e-7}, {0, 0, 0}}};
+    const Vec3d position(1, -2, 3);
+    const Rotation turn{1, 1, 0, 0.5f};
+    const std::array<double, 4> extent{-1, -2, 3, 1};
+    for (const WorldFromLocal& m : transforms)
+        for (const bool parallel : {false, true}) {
+            const auto eye = [&](const WorldFromLocal& at) {
+                return parallel ? Camera::parallel(at, position, turn, extent, 1.5)
+                                : Camera::perspective(at, position, turn, 0.9, 1.5);
+            };
+            const Camera own = eye(identityTransform()), camera = eye(m);
+            for (const Vec2d at : {Vec2d(.5, .5), Vec2d(0, 0), Vec2d(.9, .2)}) {
+                const Camera::WorldRay local = own.ray(at.x, at.y), ray = camera.ray(at.x, at.y);
+                const glm::dmat3 linear(m[0], m[1], m[2]);
+                expectNear(ray.origin, linear * local.origin + m[3], 1e-9);
+                expectNear(ray.direction, glm::normalize(linear * local.direction), 1e-9);
+                EXPECT_NEAR(glm::length(camera.place(ray.origin + 7.0 * ray.direction) - at), 0, 1e-8);
+            }
+        }
+}
+
+TEST(Camera, AxesStayOrthonormalUnderScaleShearAndMirroring) {
     const WorldFromLocal transforms[] = {
         {{2, 0, 0}, {0, 5, 0}, {0, 0, 0.1}, {0, 0, 0}},     {{-1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}},
         {{1, 0, 0}, {0.7, 1, 0}, {0.2, 0.3, 1}, {0, 0, 0}}, {{1, 0, 0}, {0, 0, 0}, {0, 0, 1}, {0, 0, 0}},
         {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}},       {{1e-20, 0, 0}, {0, 1e-20, 0}, {0, 0, 1e-20}, {0, 0, 0}}};
     for (const WorldFromLocal& m : transforms) {
-        const Camera camera = Camera::perspective(m, {0, 0, 0}, {1, 1, 0, 0.5f}, 1, 1);
-        expectNear(glm::cross(camera.right, camera.up), -camera.forward, 1e-9);
+        const Camera camera = Camera::perspective(m, {0, 0, 0}, {1, 1, 0, 0.5f}, 1, 1), all = camera.around();
+        const glm::dmat3 axes = camera.axes();
+        expectNear(glm::cross(axes[0], axes[1]), axes[2], 1e-9);
+        expectNear(axes[2], -camera.forward, 1e-12);
         EXPECT_NEAR(glm::length(camera.forward), 1, 1e-12);
-        EXPECT_NEAR(glm::dot(camera.right, camera.up), 0, 1e-12);
+        EXPECT_NEAR(glm::dot(axes[0], axes[1]), 0, 1e-12);
+        expectNear(glm::cross(all.right, all.up), -all.forward, 1e-9);
+        EXPECT_NEAR(glm::length(camera.ray(.1, .7).direction), 1, 1e-9);
     }
+}
+
+// What is flat has no space to look from: the view is turned, and nothing more.
+TEST(Camera, WhatIsFlatIsSeenWithoutItsScale) {
+    const WorldFromLocal flat{{1, 0, 0}, {0, 0, 0}, {0, 0, 1}, {0, 0, 0}};
+    const Camera camera = Camera::perspective(flat, {0, 0, 0}, {}, 1, 1);
+    EXPECT_EQ(camera.right, Vec3d(1, 0, 0));
+    EXPECT_EQ(camera.up, Vec3d(0, 1, 0));
+}
+
+TEST(Camera, PixelsAreAsHighAsTheirSpace) {
+    const Camera even = Camera::perspective(identityTransform(), {0, 0, 0}, {}, 1, 1),
+                 high = Camera::perspective({{1, 0, 0}, {0, 3, 0}, {0, 0, 1}, {0, 0, 0}}, {0, 0, 0}, {}, 1, 1);
+    EXPECT_NEAR(even.pixel(100), 2 * std::tan(.5) / 100, 1e-12);
+    EXPECT_NEAR(high.pixel(100), 3 * even.pixel(100), 1e-12);
+}
+
+// Between two frames the stretch changes evenly, as edges do.
+TEST(Camera, OnItsWayItsStretchChangesToo) {
+    const Camera from = Camera::perspective({{1, 0, 0}, {0, 3, 0}, {0, 0, 1}, {0, 0, 0}}, {0, 0, 0}, {}, 1, 1),
+                 to = Camera::perspective({{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}}, {0, 0, 0}, {}, 1, 1);
+    expectNear(to.since(from, .25).up, {0, 2.5, 0}, 1e-12);
+    expectNear(to.since(from, .25).right, {1, 0, 0}, 1e-12);
 }
 
 TEST(Camera, BadAnglesAndAxesAreSurvived) {
@@ -116,8 +171,11 @@ TEST(Camera, FramingAPointKeepsADistance) {
 // What ray() shows at a place of the picture lies there again, near or far, for each kind of eye.
 TEST(Camera, PlacesAreWhereRaysGo) {
     const Camera straight = Camera::perspective(identityTransform(), {1, 2, 3}, {.1f, 1, .2f, .7f}, .9, 1.5),
-                 parallel = Camera::parallel(identityTransform(), {1, 2, 3}, {.1f, 1, .2f, .7f}, {-2, -1, 3, 4}, 1.5);
-    for (const Camera& camera : {straight, parallel, straight.around(), straight.beside(.3, 4)})
+                 parallel = Camera::parallel(identityTransform(), {1, 2, 3}, {.1f, 1, .2f, .7f}, {-2, -1, 3, 4}, 1.5),
+                 stretched =
+                     Camera::perspective({{2, 0, 0}, {.3, 1, 0}, {.1, 0, 1}, {0, 0, 0}}, {1, 2, 3}, {}, .9, 1.5);
+    for (const Camera& camera :
+         {straight, parallel, straight.around(), straight.beside(.3, 4), stretched.beside(.3, 4)})
         for (const Vec2d at : {Vec2d(.5, .5), Vec2d(.1, .8), Vec2d(.97, .02)})
             for (const double distance : {.5, 20.0}) {
                 const Camera::WorldRay ray = camera.ray(at.x, at.y);

@@ -23,6 +23,32 @@ Vec3d place(const Picture& p, int x, int y) {
     return {v[0], v[1], v[2]};
 }
 
+// 23.3.1: what stands below the same transform as the viewpoint is seen as if the transform were not there, however it
+// scales, shears or mirrors; by both kinds of eyes, with its depths as the transform has made them.
+TEST(Eye, ViewpointsBelowUnevenScalesSeeTheirOwnSpace) {
+    const std::string things =
+        "Shape { appearance Appearance { material UnlitMaterial { emissiveColor 1 0 0 } } geometry Box { size 2 1 1 } "
+        "} "
+        "Transform { translation 1.2 .9 -2 children Shape { appearance Appearance { material UnlitMaterial { "
+        "emissiveColor 0 1 0 } } geometry Sphere { } } }";
+    for (const std::string eye : {"Viewpoint { position .4 1 5 orientation 1 0 0 -.2 } ",
+                                  "OrthoViewpoint { position .4 1 5 fieldOfView [-2 -2 2 2] } "})
+        for (const std::string transform :
+             {"translation 7 3 -2 scale .25 4 2", "rotation 1 2 .5 .8 scale 3 1 .2 scaleOrientation 0 1 1 .6",
+              "scale -1 1 1"}) {
+            LightScene plain(eye + things, 48, 36),
+                below("Transform { " + transform + " children [ " + eye + things + " ] }", 48, 36);
+            const Picture a = plain.picture(), b = below.picture();
+            int other = 0, seen = 0;
+            for (std::size_t i = 0; i < a.pixels.size(); ++i) {
+                other += a.pixels[i] != b.pixels[i];
+                seen += a.pixels[i].r + a.pixels[i].g > 0;
+            }
+            EXPECT_GT(seen, 100) << eye << transform;
+            EXPECT_LE(other, 8) << eye << transform << ": more than rays that graze an edge";
+        }
+}
+
 // Inside a ball, a pixel shows what lies at its longitude and latitude, forward in the middle.
 TEST(Eye, APanoramaShowsAllDirections) {
     LightScene s(

@@ -102,5 +102,19 @@ TEST(LightTextures, PixelTexturesOfAFewPixelsShowThem) {
     EXPECT_NEAR(seen(wide, ""), .7, .02) << "s = .3 is 4.8 pixels: .3 past the middle of the last white one";
 }
 
+// Stripes as wide as the pixels that they fill, each of four texels. Read a whole pixel wide by each of its 16 samples
+// a pixel would get a quarter of its light from its neighbours; read a quarter wide, a sixteenth.
+TEST(LightTextures, SamplesOfAPixelShareItsWidth) {
+    std::string stripes = "128 1 1";
+    for (int i = 0; i < 128; ++i) stripes += (i / 4) % 2 ? " 255" : " 0";
+    LightScene s("Viewpoint { position 0 0 10 fieldOfView 0.199337 }" +
+                     square(1, "material UnlitMaterial { } texture PixelTexture { image " + stripes + " }"),
+                 32, 32);
+    s.options.settings.samplesPerPixel = 16;
+    const Picture p = s.picture();
+    EXPECT_NEAR(p.at(10, 16).r, 0, .09);
+    EXPECT_NEAR(p.at(11, 16).r, 1, .09);
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -1,9 +1,11 @@
 // Camera and Sky: where the picture is seen from, and what is seen where nothing is hit.
 //
-// Invariant: right, up and forward are orthonormal and right-handed (right x up = -forward) whatever scale, shear or
-// mirroring the transforms above the viewpoint hold; positions stay in double until rays are made.
-// Threading: plain data, const members re-entrant.
-// Source: ISO/IEC 19775-1 V4.0 23.3.1, 23.4.5 (OrthoViewpoint), 23.4.6 (Viewpoint), 24.2.1, 24.3.1 (backgrounds).
+// Invariant: forward is a unit vector. right and up are orthonormal with it and right-handed (right x up = -forward),
+// unless what is above the viewpoint scales unevenly, shears or mirrors: then they are what one step to the right and
+// up in the viewpoint's own space has become, so that what stands below the same transforms is seen as if those were
+// not there (23.3.1: viewpoints lie in the transformation hierarchy; X_ITE and X3DOM draw it so). Positions stay in
+// double until rays are made. Threading: plain data, const members re-entrant. Source: ISO/IEC 19775-1
+// V4.0 23.3.1, 23.4.5 (OrthoViewpoint), 23.4.6 (Viewpoint), 24.2.1, 24.3.1 (backgrounds).
 #pragma once
 
 #include <array>
@@ -25,7 +27,7 @@ ViewingAngles viewingAngles(double fieldOfView, double aspect);
 
 struct Camera {
     Vec3d position{0, 0, 10};
-    Vec3d right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};
+    Vec3d right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};  // right, up: of the picture, for 1 ahead
     bool orthographic = false;
     /// All directions: longitudes across and latitudes down, forward in the middle.
     bool panorama = false;
@@ -60,6 +62,12 @@ struct Camera {
     /// The eye on its straight way from `before` (t = 0) to this one (1): it turns evenly, and edges and focus change
     /// so. This one, if `before` is another viewpoint's or another kind of eye: a cut is no motion.
     Camera since(const Camera& before, double t) const;
+    /// Right, up and back as a turned viewer has them: orthonormal, whatever is scaled.
+    glm::dmat3 axes() const;
+    /// Takes a vector of the world to how many of `right`, `up` and `forward` it is made of.
+    glm::dmat3 steps() const;
+    /// How high a pixel of a picture of that many rows is in its middle: for 1 ahead, of a parallel one in metres.
+    double pixel(int rows) const;
     /// Where a point is seen: as `x`, `y` of ray(). Infinite for what a perspective has behind it.
     Vec2d place(const Vec3d& world) const;
 
