@@ -34,7 +34,7 @@ TEST(Eye, ViewpointsBelowUnevenScalesSeeTheirOwnSpace) {
     for (const std::string eye : {"Viewpoint { position .4 1 5 orientation 1 0 0 -.2 } ",
                                   "OrthoViewpoint { position .4 1 5 fieldOfView [-2 -2 2 2] } "})
         for (const std::string transform :
-             {"translation 7 3 -2 scale .25 4 2", "rotation 1 2 .5 .8 scale 3 1 .2 scaleOrientation 0 1 1 .6",
+             {"translation 7 3 -2 scale .25 4 2", "rotation .6 0 .8 .8 scale 3 1 .2 scaleOrientation 0 .6 .8 .6",
               "scale -1 1 1"}) {
             LightScene plain(eye + things, 48, 36),
                 below("Transform { " + transform + " children [ " + eye + things + " ] }", 48, 36);
@@ -45,7 +45,7 @@ TEST(Eye, ViewpointsBelowUnevenScalesSeeTheirOwnSpace) {
                 seen += a.pixels[i].r + a.pixels[i].g > 0;
             }
             EXPECT_GT(seen, 100) << eye << transform;
-            EXPECT_LE(other, 8) << eye << transform << ": more than rays that graze an edge";
+            EXPECT_LE(other, 20) << eye << transform << ": more than rays that graze an edge";
         }
 }
 
